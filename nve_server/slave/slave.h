@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/vec3.h"
+#include "common/link/messages.h"
+
+namespace telenano::slave {
+
+/// What the slave's port is told, once per accepted command.
+struct SlaveInput {
+  Vec3 tip_target_pos_w_nm = Vec3::Zero();  ///< commanded end of the virtual coupling
+  Vec3 tip_target_vel_w_nm_s = Vec3::Zero();
+  bool follow = true;    ///< false: hold the present commanded position (clutch open, deadman released)
+  bool retract = false;  ///< withdraw to a safe height whatever is commanded
+};
+
+struct SlaveOutput {
+  Vec3 force_w_nn = Vec3::Zero();    ///< on the tip, through the coupling
+  Vec3 tip_pos_w_nm = Vec3::Zero();  ///< apex
+  double deflection_nm = 0;          ///< up positive
+  link::ContactState contact_state = link::ContactState::kFree;
+  std::uint32_t fault_bits = 0;
+  double energy_in_aj = 0;   ///< cumulative, monotone
+  double energy_out_aj = 0;  ///< cumulative, monotone
+  std::int64_t measurement_age_ns = 0;
+};
+
+/// What a station may know of a slave before it moves; all of it goes into Welcome.
+struct SlaveLimits {
+  Vec3 workspace_min_w_nm = Vec3::Zero();
+  Vec3 workspace_max_w_nm = Vec3::Zero();
+  Vec3 start_pos_w_nm = Vec3::Zero();
+  double surface_z_w_nm = 0;
+  double force_max_nn = 0;
+  double coupling_stiffness_n_m = 0;
+  double coupling_damping_n_s_m = 0;
+  std::uint32_t rate_max_hz = 8000;
+};
+
+/// Seam: whatever touches the sample: the nanoscale virtual environment, or a real AFM.
+class Slave {
+ public:
+  virtual ~Slave() = default;
+  /// Moves the port by one command, `dt_s` after the last. Never throws, waits or allocates; an output with a fault
+  /// bit is still safe to render.
+  virtual void step(const SlaveInput& input, double dt_s, SlaveOutput& output) noexcept = 0;
+  virtual const SlaveLimits& limits() const noexcept = 0;
+};
+
+}  // namespace telenano::slave
