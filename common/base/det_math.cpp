@@ -1,0 +1,170 @@
+#include "common/base/det_math.h"
+
+#include <cmath>
+#include <cstdint>
+#include <initializer_list>
+#include <limits>
+
+namespace telenano {
+namespace {
+
+// pi/2 in three parts of 33 bits each, so that n*part is exact for n < 2^20 (Cody & Waite, "Software Manual for the
+// Elementary Functions", 1980; the splitting of fdlibm's e_rem_pio2.c).
+constexpr double kPio2A = 1.57079632673412561417e+00;
+constexpr double kPio2B = 6.07710050630396597660e-11;
+constexpr double kPio2C = 2.02226624871116645580e-21;
+constexpr double kPio2CTail = 8.47842766036889956997e-32;
+constexpr double kTwoOverPi = 6.36619772367581382433e-01;
+constexpr double kHalfPi = 1.57079632679489655800e+00;
+
+// Taylor series of sin and cos on [-pi/4, pi/4]; the first term left out is below 2^-55 of the result. `lo` is the part
+// of the reduced argument that did not fit into `hi`.
+double sin_kernel(double hi, double lo) noexcept {
+  const double z = hi * hi;
+  double p = -7.6471637318198164759e-13;
+  p = p * z + 1.6059043836821614599e-10;
+  p = p * z - 2.5052108385441718775e-08;
+  p = p * z + 2.7557319223985890653e-06;
+  p = p * z - 1.9841269841269841270e-04;
+  p = p * z + 8.3333333333333333333e-03;
+  p = p * z - 1.6666666666666666667e-01;
+  return hi + (hi * z * p + lo * (1.0 - 0.5 * z));
+}
+
+double cos_kernel(double hi, double lo) noexcept {
+  const double z = hi * hi;
+  double p = 4.7794773323873852974e-14;
+  p = p * z - 1.1470745597729724714e-11;
+  p = p * z + 2.0876756987868098979e-09;
+  p = p * z - 2.7557319223985890653e-07;
+  p = p * z + 2.4801587301587301587e-05;
+  p = p * z - 1.3888888888888888889e-03;
+  p = p * z + 4.1666666666666666667e-02;
+  const double half = 0.5 * z;
+  const double w = 1.0 - half;
+  return w + (((1.0 - w) - half) + (z * z * p - hi * lo));
+}
+
+}  // namespace
+
+SinCos det_sin_cos(double x) noexcept {
+  if (!(std::fabs(x) <= 1e6)) return {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
+  const double n = std::floor(x * kTwoOverPi + 0.5);
+  const double a = x - n * kPio2A;  // exact
+  // The next two parts leave rounding errors; keep them (two-sum, Knuth).
+  const double w = n * kPio2B;
+  double hi = a - w;
+  double lo = (a - hi) - w;
+  const double w2 = n * kPio2C + n * kPio2CTail;
+  const double hi2 = hi + (lo - w2);
+  lo = (hi - hi2) + (lo - w2);
+  hi = hi2;
+  const double s = sin_kernel(hi, lo);
+  const double c = cos_kernel(hi, lo);
+  switch (static_cast<std::int64_t>(n) & 3) {
+    case 0: return {s, c};
+    case 1: return {c, -s};
+    case 2: return {-s, -c};
+    default: return {-c, s};
+  }
+}
+
+double det_exp(double x) noexcept {
+  if (std::isnan(x)) return x;
+  if (x > 709.78) return std::numeric_limits<double>::infinity();
+  if (x < -745.0) return 0.0;
+  // x = n ln2 + r, ln2 in two parts, the first with 32 trailing zero bits.
+  constexpr double kLn2Hi = 6.93147180369123816490e-01;
+  constexpr double kLn2Lo = 1.90821492927058770002e-10;
+  const double n = std::floor(x * 1.44269504088896338700 + 0.5);
+  const double hi = x - n * kLn2Hi;
+  const double r = hi - n * kLn2Lo;
+  const double tail = (hi - r) - n * kLn2Lo;
+  double p = 1.0 / 6227020800.0;
+  for (const double inverse : {1.0 / 479001600.0, 1.0 / 39916800.0, 1.0 / 3628800.0, 1.0 / 362880.0, 1.0 / 40320.0,
+                               1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5}) {
+    p = p * r + inverse;
+  }
+  const double y = 1.0 + (r + (r * r * p + tail));
+  // Scale by 2^n in two steps so that subnormal results come out right.
+  const int k = static_cast<int>(n);
+  return std::ldexp(std::ldexp(y, k / 2), k - k / 2);
+}
+
+double det_log(double x) noexcept {
+  if (std::isnan(x) || x < 0) return std::numeric_limits<double>::quiet_NaN();
+  if (x == 0) return -std::numeric_limits<double>::infinity();
+  if (std::isinf(x)) return x;
+  int e = 0;
+  double m = std::frexp(x, &e);
+  if (m < 0.70710678118654752440) {
+    m *= 2;
+    --e;
+  }
+  // log m = 2 atanh(s), s = (m-1)/(m+1), |s| < 0.1716.
+  const double f = m - 1.0;
+  const double s = f / (2.0 + f);
+  const double z = s * s;
+  double p = 0;
+  for (int k = 23; k >= 3; k -= 2) p = (p + 1.0 / k) * z;
+  constexpr double kLn2Hi = 6.93147180369123816490e-01;
+  constexpr double kLn2Lo = 1.90821492927058770002e-10;
+  // 2s = f - s f exactly, which keeps f's leading bits.
+  const double correction = s * (2.0 * p - f);
+  return e * kLn2Hi + (f + (correction + e * kLn2Lo));
+}
+
+double det_cbrt(double x) noexcept {
+  if (x == 0 || !std::isfinite(x)) return x;
+  int e = 0;
+  double m = std::frexp(std::fabs(x), &e);  // [0.5, 1)
+  int shift = e % 3;
+  if (shift > 0) shift -= 3;
+  m = std::ldexp(m, shift);  // [0.0625, 1), and e - shift is a multiple of 3
+  // A chord of the cube root, within 0.08 of it; each Newton step then squares the relative error.
+  double y = 0.39685 + (m - 0.0625) * 0.64336;
+  for (int k = 0; k < 6; ++k) y -= (y - m / (y * y)) / 3.0;
+  return std::copysign(std::ldexp(y, (e - shift) / 3), x);
+}
+
+double det_atan(double x) noexcept {
+  if (std::isnan(x)) return x;
+  const double a = std::fabs(x);
+  // Reduce to |t| <= tan(pi/16) by the addition theorem, then Taylor.
+  double base = 0;
+  double base_lo = 0;
+  double t = a;
+  if (a > 2.41421356237309504880) {
+    base = kHalfPi;
+    base_lo = 6.12323399573676603587e-17;
+    t = -1.0 / a;
+  } else if (a > 0.41421356237309504880) {
+    base = 7.85398163397448278999e-01;
+    base_lo = 3.06161699786838301793e-17;
+    t = (a - 1.0) / (a + 1.0);
+  }
+  double base2 = 0;
+  if (std::fabs(t) > 0.19891236737965800691) {
+    constexpr double kTanPio8 = 0.41421356237309504880;
+    const double sign = std::copysign(1.0, t);
+    t = (t - sign * kTanPio8) / (1.0 + sign * t * kTanPio8);
+    base2 = sign * 0.39269908169872415481;
+  }
+  const double z = t * t;
+  double p = 0;
+  for (int k = 25; k >= 3; k -= 2) {
+    const double term = 1.0 / k;
+    p = (p + ((k / 2) % 2 == 0 ? term : -term)) * z;
+  }
+  const double y = base + (base2 + (t + (t * p + base_lo)));
+  return std::copysign(y, x);
+}
+
+double det_acos(double x) noexcept {
+  if (!(std::fabs(x) <= 1.0)) return std::numeric_limits<double>::quiet_NaN();
+  // acos x = 2 atan sqrt((1-x)/(1+x)): well conditioned at both ends.
+  if (x == -1.0) return 3.14159265358979311600;
+  return 2.0 * det_atan(std::sqrt((1.0 - x) / (1.0 + x)));
+}
+
+}  // namespace telenano
