@@ -43,6 +43,7 @@ constexpr std::array kColumns{
     TELENANO_COLUMN(energy_bound_j, "J", "bound of the ledger's error caused by the encoder's quantum"),
     TELENANO_COLUMN(energy_in_j, "J", "energy that the hand has put into the port so far, monotone"),
     TELENANO_COLUMN(energy_out_j, "J", "energy that the port has given to the hand so far, monotone"),
+    TELENANO_COLUMN(ledger_j, "J", "energy in the control method's own book; the clamp bounds the force by it"),
     TELENANO_COLUMN(slave_energy_in_aj, "aJ", "energy put into the slave's port so far, monotone in an epoch"),
     TELENANO_COLUMN(slave_energy_out_aj, "aJ", "energy given back by the slave's port so far, monotone in an epoch"),
     TELENANO_COLUMN(deflection_nm, "nm", "deflection of the cantilever, up positive"),

@@ -52,6 +52,7 @@ struct Sample {
   double energy_bound_j = 0;
   double energy_in_j = 0;
   double energy_out_j = 0;
+  double ledger_j = 0;
   double slave_energy_in_aj = 0;
   double slave_energy_out_aj = 0;
   double deflection_nm = 0;
