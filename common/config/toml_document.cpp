@@ -56,8 +56,8 @@ struct TomlTable::Node {
   std::string where(const toml::node* at) const {
     std::string text = shared->path;
     const auto line = at != nullptr ? at->source().begin.line : table->source().begin.line;
-    if (line != 0) text += ":" + std::to_string(line);
-    return text + ": ";
+    if (line != 0) text.append(":").append(std::to_string(line));
+    return text.append(": ");
   }
   std::string in_table() const { return name.empty() ? " at the top level" : " in [" + name + "]"; }
 
@@ -128,7 +128,7 @@ struct TomlTable::Node {
 
   static std::string list(const std::vector<std::string>& choices) {
     std::string text = "one of";
-    for (std::size_t i = 0; i < choices.size(); ++i) text += (i == 0 ? " '" : ", '") + choices[i] + "'";
+    for (std::size_t i = 0; i < choices.size(); ++i) text.append(i == 0 ? " '" : ", '").append(choices[i]).append("'");
     return text;
   }
 
