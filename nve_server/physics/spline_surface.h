@@ -2,20 +2,11 @@
 
 #include <vector>
 
+#include "nve_server/physics/height_grid.h"
+#include "nve_server/physics/sample_tops.h"
 #include "nve_server/physics/surface.h"
 
 namespace telenano::physics {
-
-/// Heights on a uniform grid, frame W: z(column, row) at x = x_first + column·dx, y = y_first + row·dy (row 0 lowest).
-struct HeightGrid {
-  int columns = 0;
-  int rows = 0;
-  double dx_nm = 1;
-  double dy_nm = 1;
-  double x_first_nm = 0;
-  double y_first_nm = 0;
-  std::vector<double> z_nm;  ///< row-major, rows·columns
-};
 
 /// Value and derivatives of the height field at a point, nm and its powers.
 struct HeightJet {
@@ -42,8 +33,8 @@ class SplineSurface final : public Surface {
 
   SurfaceContact nearest(const Vec3& centre_w_nm, Search search, FootMemory& memory) const noexcept override;
   double height_nm(double x_nm, double y_nm) const noexcept override;
-  double lowest_nm() const noexcept override { return lowest_nm_; }
-  double highest_nm() const noexcept override { return highest_nm_; }
+  double lowest_nm() const noexcept override { return tops_.lowest_nm(); }
+  double highest_nm() const noexcept override { return tops_.highest_nm(); }
   bool is_flat() const noexcept override { return false; }
 
   double x_first_nm() const noexcept { return x_first_; }
@@ -52,21 +43,16 @@ class SplineSurface final : public Surface {
   double y_last_nm() const noexcept { return y_last_; }
 
  private:
-  friend class NearestPoint;
+  struct Foot;
+  Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm) const noexcept;
 
   int columns_, rows_;
   double dx_, dy_, inv_dx_, inv_dy_;
   double x_first_, y_first_, x_last_, y_last_;
-  int stride_;                        // of the coefficients: columns + 3, one before and two after
+  int stride_;                        // of the coefficients: columns + 2, one more at either end
   std::vector<double> coefficients_;  // padded, so that a cell's 4×4 are always there
-  double lowest_nm_, highest_nm_;     // of the samples
 
-  // For the global search: the samples, and the highest sample of each block of kBlock×kBlock of them and of each
-  // block of kBlock×kBlock blocks.
-  static constexpr int kBlock = 4;
-  std::vector<double> samples_;
-  int block_columns_, block_rows_, super_columns_, super_rows_;
-  std::vector<double> block_top_, super_top_;
+  SampleTops tops_;  // for the global search
 };
 
 }  // namespace telenano::physics

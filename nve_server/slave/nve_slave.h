@@ -42,17 +42,27 @@ class NveSlave final : public Slave {
   const Trace& trace() const noexcept { return trace_; }
 
  private:
-  struct Port;
-  bool solve(const Vec3& commanded_w_nm, double dt_s, Port& port) const noexcept;
-  bool solve_within_force_limit(const Vec3& commanded_w_nm, double dt_s, Port& port, bool& held_back) const noexcept;
+  // What one trial of the port's end may change; kept only if it is accepted.
+  struct Port {
+    Vec3 commanded_w_nm = Vec3::Zero();
+    Vec3 extension_w_nm = Vec3::Zero();
+    physics::TipState tip;
+    physics::TipSolution solution;
+    double stored_aj = 0;
+  };
+  bool solve(const Vec3& commanded_w_nm, double dt_s, const Port& from, Port& to) const noexcept;
+  bool solve_within_force_limit(const Vec3& commanded_w_nm, double dt_s, const Port& from, Port& to,
+                                bool& held_back) const noexcept;
   void book(const Port& before, const Port& after, double dt_s) noexcept;
-  double stored_energy_aj(const physics::TipSolution& tip, const Vec3& extension_w_nm) const noexcept;
+  void publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept;
 
   std::shared_ptr<const scene::Scene> scene_;
   SlaveLimits limits_;
-  physics::TipState tip_state_;
+  bool flat_;
+  Port port_;
   Trace trace_;
-  SlaveOutput last_;
+  double energy_in_aj_ = 0;
+  double energy_out_aj_ = 0;
 };
 
 }  // namespace telenano::slave
