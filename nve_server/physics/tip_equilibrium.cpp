@@ -1,5 +1,6 @@
 #include "nve_server/physics/tip_equilibrium.h"
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
