@@ -60,7 +60,7 @@ double contact_crossing(const MaugisDugdale& curve, double eta, double guess) no
         last = 0;
       }
     }
-    if (next == u || hi - lo <= 1e-15 * hi) return next;
+    if (next == u) return next;
     u = next;
   }
   return u;
@@ -112,7 +112,7 @@ Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, do
   h.reversible = q < c0 && product(q) < target;
   if (h.reversible) {
     h.inside = curve.noncontact(noncontact_crossing(curve, eta, q));
-  } else if (product(c0) < target) {
+  } else if (q < c0 && product(c0) < target) {
     h.inside = curve.noncontact(noncontact_crossing(curve, eta, c0));
   } else {
     h.inside = curve.contact(contact_crossing(curve, eta, guess));

@@ -220,7 +220,8 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
   Step step(base_overlap_nm / s.overlap_nm, compliance_nm_nn * (s.force_nn / s.overlap_nm),
             parameters_.van_der_waals, cache);
   step.run(out, state.branch);
-  if (!std::isfinite(out.force_nn) || !std::isfinite(out.potential_aj)) {  // scales beyond the range of numbers
+  if (!std::isfinite(out.force_nn) ||
+      !std::isfinite(out.potential_aj)) {  // scales beyond the range of numbers
     cache = TipSampleCache{};
     Equilibrium none;
     none.status = SolveStatus::kNonFinite;

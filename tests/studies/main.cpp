@@ -5,6 +5,7 @@
 
 #include "common/base/error.h"
 #include "common/base/version.h"
+#include "tests/studies/contact_command.h"
 #include "tests/studies/session_command.h"
 
 int main(int argc, char** argv) {
@@ -13,7 +14,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   int exit_code = 0;
   try {
-    telenano::lab::add_session_command(app, exit_code);
+    telenano::studies::add_contact_command(app);
+    telenano::studies::add_session_command(app, exit_code);
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {
     return app.exit(help);

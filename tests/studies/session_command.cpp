@@ -7,7 +7,7 @@
 #include "common/control/method.h"
 #include "tests/support/virtual_session.h"
 
-namespace telenano::lab {
+namespace telenano::studies {
 namespace {
 
 struct Options {
@@ -99,4 +99,4 @@ void add_session_command(CLI::App& app, int& exit_code) {
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }
 
-}  // namespace telenano::lab
+}  // namespace telenano::studies

@@ -2,9 +2,9 @@
 
 #include <CLI/CLI.hpp>
 
-namespace telenano::lab {
+namespace telenano::studies {
 
 /// Adds `session`: a whole session in virtual time, one CSV row a tick.
 void add_session_command(CLI::App& app, int& exit_code);
 
-}  // namespace telenano::lab
+}  // namespace telenano::studies
