@@ -4,24 +4,16 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nve_server/physics/feet_in_use.h"
+
 namespace telenano::physics {
 namespace {
 
 constexpr int kMaxIterations = 40;
 constexpr double kStepDone = 1e-9;       // nm
-constexpr double kGlobalAgain = 1e-3;    // nm that the apex may move before the nearest foot is asked for again
+constexpr double kDeeper = 1e-9;         // nm by which another foot must be deeper to be taken in
 constexpr double kTurnMax = 0.9;         // of F C N; at 1 the tip slides off sideways
 constexpr double kLongestStepRadii = 0.5;
-
-// Largest eigenvalue of F·N: the foot's principal curvatures, as seen from the centre.
-double turning(double force_nn, const SurfaceContact& contact) noexcept {
-  const double d = contact.distance_nm;
-  const double first = 1.0 + contact.curvature_1_per_nm * d;
-  const double second = 1.0 + contact.curvature_2_per_nm * d;
-  const double turn_1 = first > 1e-6 ? contact.curvature_1_per_nm / first : 0.0;
-  const double turn_2 = second > 1e-6 ? contact.curvature_2_per_nm / second : 0.0;
-  return std::max(force_nn * turn_1, force_nn * turn_2);
-}
 
 void describe(const Equilibrium& eq, TipSolution& solution) noexcept {
   solution.status = eq.status;
@@ -84,66 +76,83 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c, T
 
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
   const double c_max = c.maxCoeff();
-  FootMemory foot = state.foot;
   Vec3 p = predict(free_end, c, state);
-  Vec3 searched_at = p;
-  bool searched = false;
+  FeetInUse feet;
+  if (state.foot_count == 0) {
+    FootMemory memory;
+    const SurfaceContact contact = surface_->nearest(p + to_centre, Search::kGlobal, memory);
+    feet.add(memory, contact, 1.0);
+  } else {
+    for (int i = 0; i < state.foot_count; ++i) {
+      FootMemory memory = state.feet[i].memory;
+      const SurfaceContact contact = surface_->nearest(p + to_centre, Search::kLocal, memory);
+      feet.add(memory, contact, state.feet[i].share);
+    }
+  }
   double force = state.force_nn;
 
   for (int iteration = 1; iteration <= kMaxIterations; ++iteration) {
-    const Search search = searched ? Search::kLocal : Search::kGlobal;
-    const SurfaceContact contact = surface_->nearest(p + to_centre, search, foot);
-    if (!searched) searched_at = p;
-    searched = true;
-    const Vec3& n = contact.normal_w;
-    const EffectiveRadius radius = effective_radius(tip_radius_nm_, contact);
+    feet.measure(tip_radius_nm_);
+    if (!(force > 0.0)) feet.keep_deepest();
 
-    // A = (1 − F C N)⁻¹, see the header.
+    // A = (1 − F C N)⁻¹ and S = A C, see the header.
+    const double turn = c_max * feet.turning(force);
     Mat3 a = Mat3::Identity();
-    const double turn = c_max * turning(force, contact);
     if (force * c_max != 0.0) {
       const double kept = turn > kTurnMax ? kTurnMax / turn : 1.0;
-      a = (Mat3::Identity() - (kept * force) * c.asDiagonal() * contact.normal_turn_per_nm).inverse();
+      a = (Mat3::Identity() - (kept * force) * c.asDiagonal() * feet.normal_turn()).inverse();
     }
-    const Vec3 give = a * c.cwiseProduct(n);  // how the apex moves for 1 nN
+    const Mat3 s = a * c.asDiagonal();
     const Vec3 unloaded = a * (free_end - p);
-    const double overlap = tip_radius_nm_ - contact.distance_nm;
+    const FeetInUse::Reduced reduced = feet.reduce(s, unloaded);
+
     TipSampleState law_state = state.law;
-    const Equilibrium eq =
-        law_.advance(overlap - n.dot(unloaded), std::max(0.0, n.dot(give)), radius.radius_nm, law_state);
+    const Equilibrium eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, feet.radius_nm(), law_state);
     if (eq.status != SolveStatus::kOk) {
       solution.status = eq.status;
       return solution;
     }
     force = eq.force_nn;
-    Vec3 step = unloaded + give * force;
+    if (feet.share(reduced, force)) continue;  // a foot was dropped: the others alone
+
+    const Vec3 normal = feet.normal();
+    Vec3 step = unloaded + s * normal * force;
     const double length = step.norm();
     if (!std::isfinite(length)) {
       solution.status = SolveStatus::kNonFinite;
       return solution;
     }
     if (turn >= 1.0) solution.slid = true;
+
     if (length < kStepDone) {
-      if ((p - searched_at).squaredNorm() > kGlobalAgain * kGlobalAgain) {
-        searched = false;
+      // Balanced on these feet; is there a deeper one?
+      FootMemory memory = feet.memory(0);
+      const SurfaceContact nearest = surface_->nearest(p + to_centre, Search::kGlobal, memory);
+      if (tip_radius_nm_ - nearest.distance_nm > feet.overlap_nm() + kDeeper) {
+        if (!(force > 0.0)) feet.clear();
+        if (!feet.add(memory, nearest, 0.0)) feet.replace_least(memory, nearest);
         continue;
       }
       describe(eq, solution);
-      solution.normal_w = n;
-      solution.force_w_nn = force * n;
+      solution.normal_w = normal;
+      solution.force_w_nn = force * normal;
       solution.apex_w_nm = free_end + c.cwiseProduct(solution.force_w_nn);
-      solution.radius_nm = radius.radius_nm;
-      solution.radius_clamped = radius.clamped;
-      solution.outside = contact.outside;
+      solution.radius_nm = feet.radius_nm();
+      solution.radius_clamped = feet.radius_clamped();
+      solution.outside = feet.outside();
+      solution.feet = feet.count();
       solution.iterations = iteration;
       state.law = law_state;
-      state.foot = foot;
+      feet.store(state);
       remember(solution, free_end, state);
       return solution;
     }
     const double longest = kLongestStepRadii * tip_radius_nm_;
     if (length > longest) step *= longest / length;
     p += step;
+    for (int i = 0; i < feet.count(); ++i) {
+      feet.update(i, surface_->nearest(p + to_centre, Search::kLocal, feet.memory(i)));
+    }
   }
   solution.status = SolveStatus::kNotConverged;
   solution.iterations = kMaxIterations;
