@@ -24,7 +24,9 @@ namespace {
 std::atomic<bool> g_stop{false};
 static_assert(std::atomic<bool>::is_always_lock_free);
 
-void on_signal(int) { g_stop.store(true, std::memory_order_relaxed); }
+void on_signal(int) {
+  g_stop.store(true, std::memory_order_relaxed);
+}
 
 void catch_signals() {
   struct sigaction action {};
@@ -74,7 +76,8 @@ class StatusPrinter {
       if (sessions > 0 || exchanges != last_exchanges) {
         log_->info("sessions {}  exchanges/s {:.0f}  drops {}  opened {}  timed out {}", sessions,
                    static_cast<double>(exchanges - last_exchanges) / static_cast<double>(kPeriod.count()),
-                   status_.drops.load(std::memory_order_relaxed), status_.opened.load(std::memory_order_relaxed),
+                   status_.drops.load(std::memory_order_relaxed),
+                   status_.opened.load(std::memory_order_relaxed),
                    status_.timed_out.load(std::memory_order_relaxed));
       }
       last_exchanges = exchanges;
@@ -108,9 +111,11 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
   server::Server server(config, load_scene(options.scene));
 
-  auto log = std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  auto log =
+      std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
-  if (!net::is_loopback(address)) log->warn("{} is not loopback: datagrams travel in the clear", options.listen);
+  if (!net::is_loopback(address))
+    log->warn("{} is not loopback: datagrams travel in the clear", options.listen);
   g_stop = false;
   catch_signals();
   log->info("serving {} on {}", options.scene, net::to_string(socket.local()));
@@ -130,7 +135,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
     const auto cause = static_cast<link::DropCause>(i);
     if (server.drops()[cause] == 0) continue;
-    drops += std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " + std::to_string(server.drops()[cause]);
+    drops += std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " +
+             std::to_string(server.drops()[cause]);
   }
   log->info("stopped: {} exchanges in {} sessions ({} resumed); dropped: {}", server.counters().exchanges,
             server.counters().opened, server.counters().resumed, drops.empty() ? "none" : drops);
@@ -142,7 +148,8 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
   command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
-  command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")->capture_default_str();
+  command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
+      ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
@@ -152,7 +159,8 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
-  command->add_flag("--busy-poll", options->busy_poll, "Spin instead of sleeping: quickest answers, one core busy");
+  command->add_flag("--busy-poll", options->busy_poll,
+                    "Spin instead of sleeping: quickest answers, one core busy");
   command->callback([options, load = std::move(load_scene), &exit_code] {
     serve(*options, load);
     exit_code = 0;
