@@ -6,6 +6,7 @@
 #include "common/base/error.h"
 #include "common/base/version.h"
 #include "tests/studies/contact_command.h"
+#include "tests/studies/report/report_command.h"
 #include "tests/studies/session_command.h"
 
 int main(int argc, char** argv) {
@@ -15,6 +16,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   try {
     telenano::studies::add_contact_command(app);
+    telenano::studies::add_report_command(app);
     telenano::studies::add_session_command(app, exit_code);
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {
