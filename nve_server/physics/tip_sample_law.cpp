@@ -71,13 +71,16 @@ class Step {
 
   void solve_inside(double z) noexcept {
     double guess = cache_.u;
+    double curvature = 0;
     if (cache_.compliance == compliance_ && cache_.rate > 0) {
       const double first = (z - cache_.z) / cache_.rate;
       const double second = -0.5 * cache_.curvature * first * first / cache_.rate;
-      if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first))
+      if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first)) {
         guess += first + second;
+        if (std::fabs(first) < 0.03 * guess) curvature = cache_.curvature;
+      }
     }
-    solution_ = cache_.curve.solve(z, held_, guess);
+    solution_ = cache_.curve.solve(z, held_, guess, curvature);
   }
 
   void remember(const MaugisPoint& p) noexcept {
