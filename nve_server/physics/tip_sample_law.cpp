@@ -150,7 +150,7 @@ class Step {
     out.status =
         solution_.status == CurveStatus::kNotConverged ? SolveStatus::kNotConverged : SolveStatus::kOk;
     out.branch = p.contact ? Branch::kContact : Branch::kNonContact;
-    out.overlap_nm = (compliance_ == 0 ? z_ : p.overlap) * s.overlap_nm;
+    out.overlap_nm = p.overlap * s.overlap_nm;
     out.force_nn = p.load * s.force_nn;
     const double slope = p.overlap_rate > 0 ? p.load_rate / p.overlap_rate : -kSteepest;
     out.stiffness_n_m = std::max(slope, -kSteepest) * (s.force_nn / s.overlap_nm);
@@ -163,11 +163,10 @@ class Step {
     const ContactScales& s = cache_.scales;
     if (!van_der_waals_) {
       out.branch = Branch::kFree;
-      out.overlap_nm = z_ * s.overlap_nm;
       return;
     }
     out.branch = Branch::kVanDerWaals;
-    out.overlap_nm = (compliance_ == 0 ? z_ : outside_.overlap) * s.overlap_nm;
+    out.overlap_nm = outside_.overlap * s.overlap_nm;
     out.force_nn = outside_.load * s.force_nn;
     out.stiffness_n_m = outside_.slope * (s.force_nn / s.overlap_nm);
     out.potential_aj = outside_.energy * s.energy_aj;
@@ -253,6 +252,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     none.status = SolveStatus::kNonFinite;
     return none;
   }
+  if (compliance == 0 || out.branch == Branch::kFree) out.overlap_nm = base_overlap_nm;
   out.dissipated_aj = step.dissipated() * s.energy_aj;
   out.jumps = step.jumps();
   state.branch = out.branch;
