@@ -32,6 +32,7 @@ struct TipState {
   Vec3 normal_w = Vec3::UnitZ();
   double force_nn = 0;
   double stiffness_n_m = 0;
+  double radius_nm = 0;
 };
 
 struct TipSolution {
