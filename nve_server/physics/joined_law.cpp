@@ -117,7 +117,8 @@ Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, do
   } else {
     h.inside = curve.contact(contact_crossing(curve, eta, guess));
   }
-  h.gap = 1.0 - eta * h.inside.overlap;
+  // The gap of the same force: at large lambda 1 - eta Delta has lost digits.
+  h.gap = std::sqrt(-2.0 / h.inside.load);
   h.energy_offset = -2.0 / (eta * h.gap) - h.inside.energy;
   return h;
 }

@@ -26,6 +26,7 @@ double atan_to_one(double x) noexcept {
                                                   0.64350110879328437,
                                                   0.71882999962162453,
                                                   0.78539816339744828};
+  if (!(x >= 0 && x <= 1)) return std::numeric_limits<double>::quiet_NaN();
   const int i = static_cast<int>(8.0 * x + 0.5);
   const double centre = 0.125 * i;
   const double t = (x - centre) / (1.0 + x * centre);

@@ -12,6 +12,7 @@
 namespace telenano::physics {
 namespace {
 
+constexpr double kLargest = 1e30;   // dimensionless arguments beyond this are as good as infinite
 constexpr double kSteepest = 1e12;  // stands for the infinite slope at a fold, so that callers stay finite
 
 /// One step in dimensionless terms.
@@ -217,8 +218,13 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
   TipSampleCache& cache = state.cache;
   prepare(radius_nm, cache);
   const ContactScales& s = cache.scales;
-  Step step(base_overlap_nm / s.overlap_nm, compliance_nm_nn * (s.force_nn / s.overlap_nm),
-            parameters_.van_der_waals, cache);
+  const double z = base_overlap_nm / s.overlap_nm;
+  const double compliance = compliance_nm_nn * (s.force_nn / s.overlap_nm);
+  if (!(std::fabs(z) < kLargest && compliance < kLargest && s.lambda < kLargest && s.lambda > 1.0 / kLargest)) {
+    out.status = SolveStatus::kNonFinite;
+    return out;
+  }
+  Step step(z, compliance, parameters_.van_der_waals, cache);
   step.run(out, state.branch);
   if (!std::isfinite(out.force_nn) ||
       !std::isfinite(out.potential_aj)) {  // scales beyond the range of numbers
