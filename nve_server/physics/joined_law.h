@@ -12,11 +12,11 @@ namespace telenano::physics {
 /// Handover  Both laws carry the whole adhesion w, so they must not be added. Coming in, the tip follows van
 /// der Waals until
 ///           it meets the stable Maugis–Dugdale curve: the force is continuous.
-///           - lambda >~ 0.71: at its fold, Maugis–Dugdale attracts more than van der Waals. They cross once,
+///           - lambda > 0.717: at its fold, Maugis–Dugdale attracts more than van der Waals. They cross once,
 ///           at Delta_in
 ///             (d = 0.19-0.20 nm for the usual samples); going out the tip stays on Maugis–Dugdale to the
 ///             fold and jumps.
-///           - lambda <~ 0.71: van der Waals attracts more at the fold. The outer one of the two crossings is
+///           - lambda < 0.717: van der Waals attracts more at the fold. The outer one of the two crossings is
 ///           then used both
 ///             ways and no energy is lost there. (Staying on to the fold would create energy.)
 /// Energy    U is continuous at the handover, so inside U = U_MD + energy_offset; the jump at the fold then
@@ -58,8 +58,8 @@ class OutsideLaw {
   double eta_;
 };
 
-/// Beyond this gap no handover lies for any lambda (it falls from 2.17 at lambda = 0.71 to 1.59 at 0,
-/// and 1.22 at infinity).
+/// Beyond this gap no handover lies for any lambda (1.59 at 0, rising to 2.18 at 0.717; then 1.14, rising
+/// to 1.22 at infinity). and 1.22 at infinity).
 inline constexpr double kNoHandoverGap = 2.25;
 
 /// `guess` is a contact parameter near the handover (0: none).

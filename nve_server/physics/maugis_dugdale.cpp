@@ -26,6 +26,7 @@ double atan_to_one(double x) noexcept {
                                                   0.64350110879328437,
                                                   0.71882999962162453,
                                                   0.78539816339744828};
+  if (!(x >= 0 && x <= 1)) return std::numeric_limits<double>::quiet_NaN();
   const int i = static_cast<int>(8.0 * x + 0.5);
   const double centre = 0.125 * i;
   const double t = (x - centre) / (1.0 + x * centre);
@@ -134,17 +135,6 @@ double contact_energy(double lambda, const MaugisPoint& p, const Angle& g) noexc
   const double c3 = c * c * c;
   return a * (a * a * (0.4 * a * a - d) + 0.75 * d * d) - c * c +
          lambda * c3 * ((4.0 / 3.0) * lambda * x * x * (1.0 - x / 3.0) + 0.5 * (c * v1 + lambda * v2));
-}
-
-/// To first order from a state to another closer to it than the square root of a rounding error.
-void shift(MaugisPoint& p, double du) noexcept {
-  if (du == 0) return;
-  const double d_overlap = p.overlap_rate * du;
-  p.energy += (p.load + 0.5 * p.load_rate * du) * d_overlap;
-  p.overlap += d_overlap;
-  p.load += p.load_rate * du;
-  p.contact_radius += p.contact_radius_rate * du;
-  p.parameter += du;
 }
 
 }  // namespace
@@ -292,10 +282,10 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
     // The next Newton step would be about step^2 times what this one was to the last one's square.
     const double size = std::fabs(step);
     const bool last = std::fabs(residual) <= kEpsilon * scale ||
-                      (size < 1e-8 * u && size * size * size <= 0.1 * kEpsilon * u * last_step * last_step);
+                      (size < 1e-7 * u && size * size * size <= kEpsilon * u * last_step * last_step);
     if (last) {
       p.energy = contact_energy(lambda_, p, g);
-      shift(p, std::max(step, -u));
+      p.shift(std::max(step, -u));
       return out;
     }
     if (residual < 0) {

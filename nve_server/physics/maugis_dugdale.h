@@ -48,6 +48,15 @@ struct MaugisPoint {
   double energy = 0;               ///< integral of P dDelta along the curve from C = 0
 
   double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
+  /// Moves by a small `ds` along the curve, to first order (the energy to second).
+  void shift(double ds) noexcept {
+    if (ds == 0) return;
+    energy += (load + 0.5 * load_rate * ds) * (overlap_rate * ds);
+    overlap += overlap_rate * ds;
+    load += load_rate * ds;
+    contact_radius += contact_radius_rate * ds;
+    parameter += ds;
+  }
   double held_rate(const Held& h) const noexcept { return h.overlap * overlap_rate + h.load * load_rate; }
 };
 
