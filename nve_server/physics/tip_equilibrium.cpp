@@ -148,13 +148,28 @@ TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance&
 }
 
 TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c, TipState& state) const noexcept {
-  TipSolution solution;
   if (!is_finite(free_end)) {
-    solution.status = SolveStatus::kNonFinite;
-    return solution;
+    TipSolution none;
+    none.status = SolveStatus::kNonFinite;
+    return none;
   }
   if (surface_->is_flat()) return advance_flat(free_end, c, state);
+  TipSolution solution = advance_curved(free_end, c, state);
+  if (solution.status == SolveStatus::kNotConverged && state.foot_count != 0) {
+    // The remembered feet may be what leads astray: once more from the nearest one.
+    TipState afresh = state;
+    afresh.foot_count = 0;
+    const int spent = solution.iterations;
+    solution = advance_curved(free_end, c, afresh);
+    solution.iterations += spent;
+    if (solution.status == SolveStatus::kOk) state = afresh;
+  }
+  return solution;
+}
 
+TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Compliance& c,
+                                           TipState& state) const noexcept {
+  TipSolution solution;
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
   const double c_max = c.maxCoeff();
   Vec3 p = predict(free_end, c, state);

@@ -98,6 +98,8 @@ class TipEquilibrium {
  private:
   TipSolution advance_flat(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                            TipState& state) const noexcept;
+  TipSolution advance_curved(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
+                             TipState& state) const noexcept;
 
   std::shared_ptr<const Surface> surface_;
   TipSampleLaw law_;
