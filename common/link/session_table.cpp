@@ -25,6 +25,11 @@ std::size_t SessionTable::active() const noexcept {
       sessions_.begin(), sessions_.end(), [](const Session& s) { return s.state == SlotState::kActive; }));
 }
 
+std::size_t SessionTable::occupied() const noexcept {
+  return static_cast<std::size_t>(std::count_if(
+      sessions_.begin(), sessions_.end(), [](const Session& s) { return s.state != SlotState::kFree; }));
+}
+
 std::size_t SessionTable::find(std::uint64_t session_id) const noexcept {
   const std::size_t slot = session_id & 0xff;
   if (slot >= sessions_.size() || session_id == 0 || sessions_[slot].session_id != session_id) return kNone;

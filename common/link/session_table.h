@@ -64,6 +64,7 @@ class SessionTable {
   Session& operator[](std::size_t slot) noexcept { return sessions_[slot]; }
   const Session& operator[](std::size_t slot) const noexcept { return sessions_[slot]; }
   std::size_t active() const noexcept;
+  std::size_t occupied() const noexcept;  ///< active, silent or ending
   const SessionTableConfig& config() const noexcept { return config_; }
 
   std::size_t find(std::uint64_t session_id) const noexcept;

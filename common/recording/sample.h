@@ -6,9 +6,10 @@
 #include <span>
 #include <type_traits>
 
-/// One row of a recording: everything that the station knew and did in one tick. Plain data, so that the loop can
-/// copy it into a queue in a few nanoseconds; the table `sample_columns()` says what each field is, and datasets, their
-/// attributes, the reader and the report are all made from that table. Frames W (sample) and H (handle), see names.
+/// One row of a recording: everything that the station knew and did in one tick. Plain data, so that the loop
+/// can copy it into a queue in a few nanoseconds; the table `sample_columns()` says what each field is, and
+/// datasets, their attributes, the reader and the report are all made from that table. Frames W (sample) and
+/// H (handle), see names.
 namespace telenano::recording {
 
 using Xyz = std::array<double, 3>;
@@ -52,6 +53,7 @@ struct Sample {
   double energy_bound_j = 0;
   double energy_in_j = 0;
   double energy_out_j = 0;
+  double ledger_j = 0;
   double slave_energy_in_aj = 0;
   double slave_energy_out_aj = 0;
   double deflection_nm = 0;
@@ -83,7 +85,8 @@ static_assert(std::is_trivially_copyable_v<Sample> && std::is_standard_layout_v<
 
 enum class ColumnType : std::uint8_t { kFloat64, kInt64, kUint32 };
 
-/// How one field of Sample is stored: dataset /samples/<name>, `components` wide, with attributes unit, description.
+/// How one field of Sample is stored: dataset /samples/<name>, `components` wide, with attributes unit,
+/// description.
 struct Column {
   const char* name;
   const char* unit;  ///< "1" for a pure number
@@ -99,8 +102,8 @@ struct Column {
 /// Every field of Sample, in order, without a gap.
 std::span<const Column> sample_columns() noexcept;
 
-/// Something that happened at one moment: a fault, a mode change, a reconnect. Codes belong to the program that writes
-/// them; the text explains. Texts longer than the field are cut.
+/// Something that happened at one moment: a fault, a mode change, a reconnect. Codes belong to the program
+/// that writes them; the text explains. Texts longer than the field are cut.
 struct Event {
   std::int64_t tick = 0;
   double time_s = 0;

@@ -9,15 +9,17 @@
 
 namespace telenano::rt {
 
-/// The newest value of one writer, for any number of readers (a viewer, a progress line). A sequence lock: the writer
-/// never waits for anybody, not even for a reader that was suspended half way; a reader copies again when the writer
-/// overtook it. The payload lies in relaxed atomic words, so that the race is defined behaviour, not merely benign.
+/// The newest value of one writer, for any number of readers (a viewer, a progress line). A sequence lock:
+/// the writer never waits for anybody, not even for a reader that was suspended half way; a reader copies
+/// again when the writer overtook it. The payload lies in relaxed atomic words, so that the race is defined
+/// behaviour, not merely benign.
 ///
-/// Memory order, after Boehm, "Can seqlocks get along with programming language memory models?" (2012): the writer makes
-/// the sequence odd, then stores the words with release order (each keeps the odd sequence before it), then stores the
-/// even sequence with release order; the reader loads the words with acquire order (each keeps the second look at the
-/// sequence after it). A reader that sees any word of a newer write therefore also sees a changed sequence. On x86 all
-/// of these are plain moves, and ThreadSanitizer understands them, which it does not do with fences.
+/// Memory order, after Boehm, "Can seqlocks get along with programming language memory models?" (2012): the
+/// writer makes the sequence odd, then stores the words with release order (each keeps the odd sequence
+/// before it), then stores the even sequence with release order; the reader loads the words with acquire
+/// order (each keeps the second look at the sequence after it). A reader that sees any word of a newer write
+/// therefore also sees a changed sequence. On x86 all of these are plain moves, and ThreadSanitizer
+/// understands them, which it does not do with fences.
 template <class T>
 class LatestValue {
   static_assert(std::is_trivially_copyable_v<T> && std::is_default_constructible_v<T>);

@@ -9,9 +9,10 @@
 
 namespace telenano::rt {
 
-/// Counts of non-negative nanoseconds in logarithmic bins: 16 to the octave, so a percentile is right to 1/16 of its
-/// value (exactly, below 16 ns), from 0 to 2^40 ns (18 minutes; more goes into the last bin). Fixed memory (5 kB), one
-/// addition for a value. Not shared between threads: copy it through a LatestValue or read it after the loop.
+/// Counts of non-negative nanoseconds in logarithmic bins: 16 to the octave, so a percentile is right to 1/16
+/// of its value (exactly, below 16 ns), from 0 to 2^40 ns (18 minutes; more goes into the last bin). Fixed
+/// memory (5 kB), one addition for a value. Not shared between threads: copy it through a LatestValue or read
+/// it after the loop.
 class LogHistogram {
  public:
   void add(std::int64_t value_ns) noexcept {
@@ -26,8 +27,8 @@ class LogHistogram {
   std::int64_t max_ns() const noexcept { return max_ns_; }
   double mean_ns() const noexcept { return count_ == 0 ? 0.0 : sum_ns_ / static_cast<double>(count_); }
 
-  /// Smallest bin border (never above the maximum) that at least the fraction `q` of all values do not exceed.
-  /// 0 when there is no value.
+  /// Smallest bin border (never above the maximum) that at least the fraction `q` of all values do not
+  /// exceed. 0 when there is no value.
   std::int64_t percentile_ns(double q) const noexcept {
     const double wanted = std::clamp(q, 0.0, 1.0) * static_cast<double>(count_);
     std::uint64_t seen = 0;

@@ -9,7 +9,9 @@
 namespace telenano::rt {
 namespace {
 
-std::int64_t now_ns() noexcept { return SteadyClock{}.now_ns(); }
+std::int64_t now_ns() noexcept {
+  return SteadyClock{}.now_ns();
+}
 
 void relax() noexcept {
 #if defined(__x86_64__)

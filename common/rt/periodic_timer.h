@@ -15,9 +15,9 @@ struct Tick {
   std::int64_t missed = 0;       ///< deadlines that passed without a tick just before this one
 };
 
-/// The arithmetic of absolute deadlines at start + i * period, without any clock: no drift, and after a delay the
-/// deadlines that have passed are skipped and counted, never run in a burst (a burst would command old positions in no
-/// time, which is a velocity step at the hand).
+/// The arithmetic of absolute deadlines at start + i * period, without any clock: no drift, and after a delay
+/// the deadlines that have passed are skipped and counted, never run in a burst (a burst would command old
+/// positions in no time, which is a velocity step at the hand).
 class TickSchedule {
  public:
   TickSchedule(std::int64_t start_ns, std::int64_t period_ns) noexcept
@@ -47,8 +47,9 @@ class TickSchedule {
 
 struct PeriodicTimerConfig {
   std::int64_t period_ns = 1'000'000;
-  /// The last stretch before a deadline is spent spinning: it hides the wake-up latency of a sleeping core. 0 sleeps
-  /// all the way. Keep it well below the period: a real-time thread that never sleeps is stopped 50 ms each second.
+  /// The last stretch before a deadline is spent spinning: it hides the wake-up latency of a sleeping core. 0
+  /// sleeps all the way. Keep it well below the period: a real-time thread that never sleeps is stopped 50 ms
+  /// each second.
   std::int64_t spin_ns = 60'000;
 };
 
@@ -59,16 +60,16 @@ struct PeriodicTimerStats {
   LogHistogram lateness;       ///< of every tick run
 };
 
-/// Wakes the calling thread at absolute deadlines of the monotonic clock: sleeps, then spins. One thread. The first
-/// deadline is one period after the construction, or after restart().
+/// Wakes the calling thread at absolute deadlines of the monotonic clock: sleeps, then spins. One thread. The
+/// first deadline is one period after the construction, or after restart().
 ///
 /// for (;;) { const Tick tick = timer.wait(); step(); }
 class PeriodicTimer {
  public:
   explicit PeriodicTimer(const PeriodicTimerConfig& config) noexcept;
 
-  /// Counts from now on: call it when there was reason to pause (a handshake, a person), so that the pause is neither
-  /// lateness nor missed ticks. Index starts again from 0.
+  /// Counts from now on: call it when there was reason to pause (a handshake, a person), so that the pause is
+  /// neither lateness nor missed ticks. Index starts again from 0.
   void restart() noexcept;
 
   /// Waits for the next deadline (not at all when it has passed). Not ended by signals: at most one period.

@@ -45,7 +45,8 @@ void take_priority(int priority, RealtimeReport& report) {
   report.fifo = error == 0;
   if (error != 0) {
     advise(report, "SCHED_FIFO " + std::to_string(param.sched_priority) + ": " + std::strerror(error) +
-                       "; allow it with 'rtprio' in /etc/security/limits.conf, LimitRTPRIO= in systemd, or CAP_SYS_NICE");
+                       "; allow it with 'rtprio' in /etc/security/limits.conf, LimitRTPRIO= in systemd, or "
+                       "CAP_SYS_NICE");
   }
 }
 
@@ -68,9 +69,10 @@ void lock_memory(RealtimeReport& report) {
   // Under a finite limit, MCL_FUTURE would make later allocations fail; lock what there is, if it fits.
   report.memory_locked = ::mlockall(unlimited ? MCL_CURRENT | MCL_FUTURE : MCL_CURRENT) == 0;
   if (!report.memory_locked) {
-    advise(report, std::string("mlockall: ") + std::strerror(errno) +
-                       "; allow it with 'memlock unlimited' in /etc/security/limits.conf, LimitMEMLOCK=infinity in "
-                       "systemd, or CAP_IPC_LOCK");
+    advise(report,
+           std::string("mlockall: ") + std::strerror(errno) +
+               "; allow it with 'memlock unlimited' in /etc/security/limits.conf, LimitMEMLOCK=infinity in "
+               "systemd, or CAP_IPC_LOCK");
   }
   ::mallopt(M_TRIM_THRESHOLD, -1);  // memory once touched stays ours
 }
@@ -110,7 +112,8 @@ CpuAwake::~CpuAwake() {
 RealtimeReport enter_realtime(const RealtimeConfig& config) {
   RealtimeReport report;
   if (config.timer_slack_ns > 0) {
-    report.timer_slack = ::prctl(PR_SET_TIMERSLACK, static_cast<unsigned long>(config.timer_slack_ns), 0, 0, 0) == 0;
+    report.timer_slack =
+        ::prctl(PR_SET_TIMERSLACK, static_cast<unsigned long>(config.timer_slack_ns), 0, 0, 0) == 0;
   }
   if (config.lock_memory) lock_memory(report);
   prefault_stack(config.prefault_stack_bytes);

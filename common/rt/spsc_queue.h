@@ -9,12 +9,12 @@
 
 namespace telenano::rt {
 
-/// Bounded queue from exactly one producer thread to exactly one consumer thread. Neither side ever waits: a push into
-/// a full queue drops the new element and counts it. All memory is taken by the constructor.
+/// Bounded queue from exactly one producer thread to exactly one consumer thread. Neither side ever waits: a
+/// push into a full queue drops the new element and counts it. All memory is taken by the constructor.
 ///
-/// Indices grow for ever (2^64 at 4 kHz is 10^8 years) and are masked on access, so full and empty need no spare slot.
-/// Each side keeps a private copy of the other's index and reads the shared one only when the copy says full or empty:
-/// the usual push touches no cache line that the consumer writes.
+/// Indices grow for ever (2^64 at 4 kHz is 10^8 years) and are masked on access, so full and empty need no
+/// spare slot. Each side keeps a private copy of the other's index and reads the shared one only when the
+/// copy says full or empty: the usual push touches no cache line that the consumer writes.
 template <class T>
 class SpscQueue {
   static_assert(std::is_trivially_copyable_v<T>, "elements are copied while the other side runs");

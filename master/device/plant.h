@@ -27,14 +27,15 @@ struct PlantConfig {
   double position_quantum_m = 1e-5;            ///< of the encoder; 0 = none
   Vec3 workspace_half_m{0.080, 0.080, 0.055};  ///< inelastic stops; a box around the Ø160 × 110 mm cylinder
 
-  // Arm of an operator who holds the handle firmly: second-order impedance of the relaxed to firm human arm,
-  // mass 1–2 kg, stiffness 100–500 N/m, near-critical damping [Hogan 1985; Dolan, Friedman & Nagurka 1993;
-  // Tsuji 1995], behind a much stiffer grip.
+  // Arm of an operator who holds the handle firmly. Measured arms are second-order systems of about 0.5–2 kg,
+  // 100–500 N/m and near-critical damping [Hogan 1985; Dolan, Friedman & Nagurka 1993; Tsuji et al. 1995; van Beek et al.
+  // 2015], behind a grip that is an order of magnitude stiffer [structure: Fu & Cavusoglu 2012]. The values are a choice
+  // within these ranges, not a measurement.
   double arm_mass_kg = 1.5;
   double arm_stiffness_n_m = 400.0;
   double arm_damping_n_s_m = 34.3;  ///< ζ = 0.7
   double grip_stiffness_n_m = 3000.0;
-  double grip_damping_n_s_m = 10.0;
+  double grip_damping_n_s_m = 5.0;
 
   /// Throws UserError naming the key, its value and the range.
   void validate() const;

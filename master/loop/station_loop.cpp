@@ -93,7 +93,7 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   const link::SequenceWindow& replies = session_.replies();
   sample.lost = static_cast<std::int64_t>(replies.lost());
   sample.reordered = static_cast<std::int64_t>(replies.reordered());
-  sample.duplicates = static_cast<std::int64_t>(replies.duplicates());
+  sample.duplicates = static_cast<std::int64_t>(replies.duplicate());
   sample.dropped = static_cast<std::int64_t>(session_.drops().total());
 
   using namespace recording;

@@ -82,7 +82,12 @@ OutsidePoint OutsideLaw::solve(double z, double compliance) const noexcept {
   // [0, 1/3]. Newton on v sqrt(1 + v) = sqrt(m) is as good at the jump to contact (m = 0) as far away.
   const double b = 1.0 - eta_ * z;
   if (compliance == 0) return at_gap(b);
-  const double m = 4.0 / 27.0 - 2.0 * compliance * eta_ / (b * b * b);
+  if (!(b > 0)) return at_gap(jump_gap(compliance));
+  const double k = 2.0 * compliance * eta_ / (b * b * b);
+  if (k < 1e-4) {  // far away: y/B = 1 - k - 2 k^2 - 7 k^3 - 30 k^4 ..., the rest below 2e-18
+    return at_gap(b * (1.0 - k * (1.0 + k * (2.0 + k * (7.0 + 30.0 * k)))));
+  }
+  const double m = 4.0 / 27.0 - k;
   if (!(m > 0)) return at_gap(jump_gap(compliance));
   const double root = std::sqrt(m);
   double v = root * (1.0 - 0.4 * root);

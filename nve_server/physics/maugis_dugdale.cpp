@@ -217,7 +217,8 @@ MaugisPoint MaugisDugdale::fold(const Held& held) const noexcept {
   return contact(hi);
 }
 
-CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess) const noexcept {
+CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess,
+                                   double curvature) const noexcept {
   double fold_radius = 0;
   if (z <= held.overlap * onset_overlap_ + held.load * onset_load_ &&
       fold_before_contact(held, &fold_radius)) {
@@ -227,7 +228,7 @@ CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess) con
     if (discriminant < 0) return {CurveStatus::kNoState, noncontact(fold_radius), 0};
     return {CurveStatus::kOk, noncontact(std::min((p + std::sqrt(discriminant)) / e, onset_radius_)), 0};
   }
-  return solve_contact(z, held, guess);
+  return solve_contact(z, held, guess, curvature);
 }
 
 double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
@@ -242,12 +243,14 @@ double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
   return (2.0 / 3.0) * a * lambda_ * lambda_ + cubic * cubic / (1.0 + cubic);
 }
 
-CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double guess) const noexcept {
+CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double guess,
+                                           double curvature) const noexcept {
   CurveSolution out;
   double lo = 0;
   double hi = kInfinity;
   double u = guess > 0 ? guess : cold_guess(z, held);
   double last_step = 0;
+  const double bend = curvature != 0 ? std::fabs(curvature) : kInfinity;
   bool fold_known = false;
   for (out.evaluations = 1; out.evaluations <= 100; ++out.evaluations) {
     const Angle g = angle_of(u);
@@ -279,10 +282,12 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
     double step = -residual / rate;
     const double scale = held.overlap * (p.contact_radius * p.contact_radius + std::fabs(p.overlap)) +
                          held.load * std::fabs(p.load);
-    // The next Newton step would be about step^2 times what this one was to the last one's square.
     const double size = std::fabs(step);
-    const bool last = std::fabs(residual) <= kEpsilon * scale ||
-                      (size < 1e-7 * u && size * size * size <= kEpsilon * u * last_step * last_step);
+    // The error after this step: half the curvature times its square, the curvature being known to the caller
+    // or from how this step compares with the last one.
+    const double left =
+        last_step != 0 ? size * size * size / (last_step * last_step) : size * size * bend / rate;
+    const bool last = std::fabs(residual) <= kEpsilon * scale || (size < 1e-7 * u && left <= kEpsilon * u);
     if (last) {
       p.energy = contact_energy(lambda_, p, g);
       p.shift(std::max(step, -u));

@@ -71,13 +71,16 @@ class Step {
 
   void solve_inside(double z) noexcept {
     double guess = cache_.u;
+    double curvature = 0;
     if (cache_.compliance == compliance_ && cache_.rate > 0) {
       const double first = (z - cache_.z) / cache_.rate;
       const double second = -0.5 * cache_.curvature * first * first / cache_.rate;
-      if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first))
+      if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first)) {
         guess += first + second;
+        if (std::fabs(first) < 0.03 * guess) curvature = cache_.curvature;
+      }
     }
-    solution_ = cache_.curve.solve(z, held_, guess);
+    solution_ = cache_.curve.solve(z, held_, guess, curvature);
   }
 
   void remember(const MaugisPoint& p) noexcept {
@@ -147,7 +150,7 @@ class Step {
     out.status =
         solution_.status == CurveStatus::kNotConverged ? SolveStatus::kNotConverged : SolveStatus::kOk;
     out.branch = p.contact ? Branch::kContact : Branch::kNonContact;
-    out.overlap_nm = (compliance_ == 0 ? z_ : p.overlap) * s.overlap_nm;
+    out.overlap_nm = p.overlap * s.overlap_nm;
     out.force_nn = p.load * s.force_nn;
     const double slope = p.overlap_rate > 0 ? p.load_rate / p.overlap_rate : -kSteepest;
     out.stiffness_n_m = std::max(slope, -kSteepest) * (s.force_nn / s.overlap_nm);
@@ -160,11 +163,10 @@ class Step {
     const ContactScales& s = cache_.scales;
     if (!van_der_waals_) {
       out.branch = Branch::kFree;
-      out.overlap_nm = z_ * s.overlap_nm;
       return;
     }
     out.branch = Branch::kVanDerWaals;
-    out.overlap_nm = (compliance_ == 0 ? z_ : outside_.overlap) * s.overlap_nm;
+    out.overlap_nm = outside_.overlap * s.overlap_nm;
     out.force_nn = outside_.load * s.force_nn;
     out.stiffness_n_m = outside_.slope * (s.force_nn / s.overlap_nm);
     out.potential_aj = outside_.energy * s.energy_aj;
@@ -250,6 +252,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     none.status = SolveStatus::kNonFinite;
     return none;
   }
+  if (compliance == 0 || out.branch == Branch::kFree) out.overlap_nm = base_overlap_nm;
   out.dissipated_aj = step.dissipated() * s.energy_aj;
   out.jumps = step.jumps();
   state.branch = out.branch;

@@ -43,7 +43,8 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
       publish(server, status);
-      next_poll_ns = now_ns + options.poll_period_ns;
+      next_poll_ns =
+          now_ns + (server.sessions().occupied() > 0 ? options.poll_period_ns : options.idle_period_ns);
     }
     if (drained && !options.busy_poll) wait(next_poll_ns - now_ns);
   }

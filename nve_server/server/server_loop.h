@@ -22,7 +22,9 @@ struct LoopStatus {
 
 struct LoopOptions {
   bool busy_poll = false;                   ///< spin instead of sleeping: shortest answer, one core at 100 %
-  std::int64_t poll_period_ns = 1'000'000;  ///< of the time-outs
+  std::int64_t poll_period_ns = 1'000'000;  ///< of time-outs and retracting slaves
+  std::int64_t idle_period_ns =
+      50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
 };
 
 /// Drains the socket into the server and sends its answers until `stop` is set; then says Bye to every

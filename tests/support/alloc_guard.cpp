@@ -19,8 +19,8 @@ thread_local std::uint64_t frees = 0;
 
 #if TELENANO_COUNTS_ALLOCATIONS
 
-// glibc's own entry points under the names that stay when malloc is replaced. The C++ operators call malloc, so
-// replacing these few counts everything.
+// glibc's own entry points under the names that stay when malloc is replaced. The C++ operators call malloc,
+// so replacing these few counts everything.
 extern "C" {
 
 void* __libc_malloc(std::size_t size);
@@ -75,10 +75,16 @@ namespace telenano::support {
 
 AllocGuard::AllocGuard() noexcept : allocations_at_start_(::allocations), frees_at_start_(::frees) {}
 
-std::uint64_t AllocGuard::allocations() const noexcept { return ::allocations - allocations_at_start_; }
+std::uint64_t AllocGuard::allocations() const noexcept {
+  return ::allocations - allocations_at_start_;
+}
 
-std::uint64_t AllocGuard::frees() const noexcept { return ::frees - frees_at_start_; }
+std::uint64_t AllocGuard::frees() const noexcept {
+  return ::frees - frees_at_start_;
+}
 
-bool AllocGuard::active() noexcept { return TELENANO_COUNTS_ALLOCATIONS != 0; }
+bool AllocGuard::active() noexcept {
+  return TELENANO_COUNTS_ALLOCATIONS != 0;
+}
 
 }  // namespace telenano::support

@@ -4,9 +4,10 @@
 
 namespace telenano::support {
 
-/// Counts what the calling thread takes from the heap while the guard lives: operator new, malloc, calloc, realloc and
-/// the aligned forms, whoever calls them. Frees are counted apart. Linking telenano_support_alloc replaces malloc in the
-/// whole program; under a sanitizer, which has its own malloc, nothing is counted and active() is false.
+/// Counts what the calling thread takes from the heap while the guard lives: operator new, malloc, calloc,
+/// realloc and the aligned forms, whoever calls them. Frees are counted apart. Linking telenano_support_alloc
+/// replaces malloc in the whole program; under a sanitizer, which has its own malloc, nothing is counted and
+/// active() is false.
 ///
 ///   const AllocGuard guard;
 ///   station.step(...);

@@ -109,9 +109,10 @@ TEST(VirtualSession, NoAllocationAfterWarmUp) {
   config.to_server.loss = 0.02;
   VirtualSession session(config);
   session.run(200);
-  AllocGuard guard;
+  if (!AllocGuard::active()) GTEST_SKIP() << "a sanitizer owns malloc";
+  const AllocGuard guard;
   session.run(2000);
-  EXPECT_EQ(guard.count(), 0u);
+  EXPECT_EQ(guard.allocations(), 0u);
 }
 
 TEST(VirtualSession, EnergyBookEqualsTheRowsOwnSum) {
@@ -182,10 +183,11 @@ TEST(VirtualSession, LossOutageAndRestartMakeNoForceStepAndNoDrift) {
 }
 
 TEST(VirtualSession, SiliconOxideOscillatesWithoutControlAndIsCalmWithTheDefault) {
-  // KS figs. 13 and 14. The scaling asks for several times the stiffness that is passive at 1 kHz with a sample of delay.
+  // KS figs. 13 and 14. The scaling asks for 16 000 N/m, 16 times what is passive at
+  // 1 kHz with a sample of delay (b = 2 N s/m).
   const auto peak_to_peak_mm = [](control::Method method) {
     auto config = config_for("flat_silicon_oxide", device::Task::kIndent, 6);
-    config.station.scaling.force = 2e8;
+    config.station.scaling.force = 1.2e9;
     config.station.allow_unsafe_scaling = true;
     config.station.method = method;
     VirtualSession session(config);

@@ -9,6 +9,7 @@
 
 #include "common/base/error.h"
 #include "nve_server/physics/van_der_waals.h"
+#include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 
 namespace telenano::physics {
@@ -42,7 +43,7 @@ TEST(TipSampleLaw, SamplesOfTheSourcePaper) {
       EXPECT_EQ(e.branch, Branch::kContact);
       EXPECT_NEAR(e.force_nn, s.force_1nm, 5e-6 * std::fabs(s.force_1nm));
       EXPECT_EQ(e.overlap_nm, state.overlap_nm);
-      EXPECT_NEAR(e.overlap_nm, 1.0, 4e-16);
+      EXPECT_EQ(e.overlap_nm, 1.0);
     }
   }
 }
@@ -312,6 +313,15 @@ TEST(TipSampleLaw, NonFiniteInputGivesNoForceAndKeepsTheState) {
   const Equilibrium huge = law.advance(1e300, 1e300, 1e300, state);
   EXPECT_EQ(huge.force_nn, 0);
   EXPECT_EQ(law.advance(0.5, 0.1, 20, state).status, SolveStatus::kOk);
+}
+
+TEST(TipSampleLaw, TakesNothingFromTheHeap) {
+  if (!support::AllocGuard::active()) GTEST_SKIP() << "allocations are not counted in this build";
+  const TipSampleLaw law(silicon_on(2, 0.066, 0.4, true));
+  const support::AllocGuard guard;
+  TipSampleState state;
+  for (int i = 0; i < 1000; ++i) law.advance(i % 7 - 4.0, 0.02, 10 + i % 3, state);
+  EXPECT_EQ(guard.allocations(), 0u);
 }
 
 TEST(TipSampleLaw, RejectsImpossibleMaterials) {

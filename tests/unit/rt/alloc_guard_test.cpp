@@ -11,7 +11,9 @@
 namespace telenano::support {
 namespace {
 
-void keep(const void* memory) { asm volatile("" : : "g"(memory) : "memory"); }
+void keep(const void* memory) {
+  asm volatile("" : : "g"(memory) : "memory");
+}
 
 class AllocGuardTest : public ::testing::Test {
  protected:

@@ -19,8 +19,8 @@ TEST(LogHistogram, BinsTileTheWholeRange) {
   EXPECT_EQ(LogHistogram::bin_of(~std::uint64_t{0}), LogHistogram::kBins - 1);
 }
 
-/// Oracle: the sorted values themselves. A bin is 1/16 of its lower border wide, so the percentile may be that much
-/// too large, and never too small.
+/// Oracle: the sorted values themselves. A bin is 1/16 of its lower border wide, so the percentile may be
+/// that much too large, and never too small.
 TEST(LogHistogram, PercentilesAreWithinASixteenth) {
   std::mt19937_64 random(1);
   std::lognormal_distribution<double> lateness(9.0, 1.5);
