@@ -55,16 +55,16 @@ SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double 
     double b = j.zx * j.zy + r * j.zxy;
     double c = 1.0 + j.zy * j.zy + r * j.zyy;
     double det = a * c - b * b;
-    const bool newton = a > 0.0 && det > 1e-3 * (a * a + c * c + 2.0 * b * b);
+    const bool newton = a > 0.0 && det > 1e-5 * (a * a + c * c + 2.0 * b * b);
+    foot.m11 = a;
+    foot.m12 = b;
+    foot.m22 = c;
     if (!newton) {
       a = 1.0 + j.zx * j.zx;
       b = j.zx * j.zy;
       c = 1.0 + j.zy * j.zy;
       det = a * c - b * b;
     }
-    foot.m11 = a;
-    foot.m12 = b;
-    foot.m22 = c;
     double sx = -(c * gx - b * gy) / det;
     double sy = -(a * gy - b * gx) / det;
     const double length_sq = sx * sx + sy * sy;
