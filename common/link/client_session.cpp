@@ -1,0 +1,253 @@
+#include "common/link/client_session.h"
+
+#include <algorithm>
+
+#include "common/base/random.h"
+
+namespace telenano::link {
+
+const char* name(ClientState state) noexcept {
+  switch (state) {
+    case ClientState::kIdle:
+      return "idle";
+    case ClientState::kHelloSent:
+      return "hello_sent";
+    case ClientState::kChallenged:
+      return "challenged";
+    case ClientState::kEstablished:
+      return "established";
+    case ClientState::kLost:
+      return "lost";
+    case ClientState::kClosed:
+      return "closed";
+    case ClientState::kRefused:
+      return "refused";
+  }
+  return "?";
+}
+
+ClientSession::ClientSession(const ClientConfig& config)
+    : config_(config), resume_token_(config.resume_token) {}
+
+void ClientSession::set_state(ClientState state, std::int64_t now_ns) noexcept {
+  if (state == state_) return;
+  state_ = state;
+  state_since_ns_ = now_ns;
+}
+
+void ClientSession::new_attempt(std::int64_t now_ns) noexcept {
+  std::uint64_t mix = config_.nonce_seed + nonce_counter_++ * 0xd1342543de82ef95ull;
+  do {
+    nonce_ = Random::splitmix64(mix);
+  } while (nonce_ == 0);
+  cookie_ = 0;
+  hellos_sent_ = 0;
+  attempt_start_ns_ = now_ns;
+  next_hello_ns_ = now_ns;
+  backoff_ns_ = config_.hello_first_ns;
+}
+
+void ClientSession::start(std::int64_t now_ns) noexcept {
+  session_alive_ = false;
+  new_attempt(now_ns);
+  set_state(ClientState::kHelloSent, now_ns);
+}
+
+std::int64_t ClientSession::silence_limit_ns() const noexcept {
+  // A long way must not look like silence: before the first reply the handshake bounds the round trip from
+  // above.
+  const double explained_ns =
+      stats_.samples() > 0 ? std::max(stats_.timeout_ns(), 1.5 * static_cast<double>(stats_.rtt_last_ns()))
+                           : static_cast<double>(handshake_ns_);
+  return std::max(config_.silence_ns, static_cast<std::int64_t>(2 * explained_ns));
+}
+
+std::size_t ClientSession::poll(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
+  switch (state_) {
+    case ClientState::kIdle:
+    case ClientState::kClosed:
+    case ClientState::kRefused:
+      return 0;
+    case ClientState::kEstablished:
+      if (now_ns - last_news_ns_ <= silence_limit_ns()) return 0;
+      new_attempt(now_ns);
+      set_state(ClientState::kLost, now_ns);
+      break;
+    case ClientState::kHelloSent:
+    case ClientState::kChallenged:
+    case ClientState::kLost:
+      break;
+  }
+  if (now_ns < next_hello_ns_) return 0;
+  Hello hello;
+  hello.version_min = config_.version_min;
+  hello.version_max = config_.version_max;
+  hello.feature_bits = config_.feature_bits;
+  hello.nonce = nonce_;
+  hello.cookie = cookie_;
+  hello.resume_token = resume_token_;
+  hello.rate_hz = config_.rate_hz;
+  ++hellos_sent_;
+  next_hello_ns_ = now_ns + backoff_ns_;
+  backoff_ns_ = std::min(2 * backoff_ns_, config_.hello_last_ns);
+  return codec_.encode(hello, out);
+}
+
+ClientEvent ClientSession::drop(DropCause cause) noexcept {
+  drops_.add(cause);
+  return ClientEvent::kDropped;
+}
+
+ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
+  const DropCause cause = codec_.decode(bytes, incoming_);
+  if (cause != DropCause::kNone) return drop(cause);
+  switch (incoming_.type) {
+    case MessageType::kChallenge:
+      return on_challenge(incoming_.challenge, now_ns);
+    case MessageType::kWelcome:
+      return on_welcome(incoming_.welcome, now_ns);
+    case MessageType::kRefuse:
+      return on_refuse(incoming_.refuse, now_ns);
+    case MessageType::kReply:
+      return on_reply(incoming_.reply, now_ns);
+    case MessageType::kBye:
+      return on_bye(incoming_.bye, now_ns);
+    case MessageType::kHello:
+    case MessageType::kCommand:
+    case MessageType::kNone:
+      break;
+  }
+  return drop(DropCause::kUnknownType);  // only a station may send these
+}
+
+ClientEvent ClientSession::on_challenge(const Challenge& challenge, std::int64_t now_ns) noexcept {
+  const bool asking =
+      state_ == ClientState::kHelloSent || state_ == ClientState::kChallenged || state_ == ClientState::kLost;
+  if (!asking) return drop(DropCause::kUnexpected);
+  if (challenge.nonce != nonce_) return drop(DropCause::kUnauthenticated);
+  if (challenge.cookie == cookie_) return drop(DropCause::kDuplicate);
+  if (cookie_ ==
+      0) {  // answer the first at once, later ones (an expired cookie) with the back-off: no ping-pong
+    next_hello_ns_ = now_ns;
+    backoff_ns_ = config_.hello_first_ns;
+  }
+  cookie_ = challenge.cookie;
+  if (state_ == ClientState::kHelloSent) set_state(ClientState::kChallenged, now_ns);
+  return ClientEvent::kChallenge;
+}
+
+ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_ns) noexcept {
+  if (sessions_ > 0 && welcome.session_id == welcome_.session_id) return drop(DropCause::kDuplicate);
+  if (nonce_ == 0 || state_ == ClientState::kIdle || state_ == ClientState::kClosed ||
+      state_ == ClientState::kRefused) {
+    return drop(DropCause::kUnexpected);
+  }
+  if (welcome.nonce != nonce_) return drop(DropCause::kUnauthenticated);
+  if (welcome.version < config_.version_min || welcome.version > config_.version_max) {
+    return drop(DropCause::kWrongVersion);
+  }
+  if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
+    epoch_changed_ = true;
+    stats_.reset();  // another server, perhaps: another clock
+  }
+  if (sessions_ == 0 || welcome.epoch != welcome_.epoch) slave_energy_.reset();
+  welcome_ = welcome;
+  ++sessions_;
+  session_alive_ = true;
+  resume_token_ = welcome.resume_token;
+  handshake_ns_ = now_ns - attempt_start_ns_;
+  nonce_ = 0;
+  cookie_ = 0;
+  command_sequence_ = 0;
+  has_energy_base_ = false;
+  has_reply_ = false;
+  replies_.reset();
+  last_news_ns_ = now_ns;
+  set_state(ClientState::kEstablished, now_ns);
+  return ClientEvent::kWelcome;
+}
+
+ClientEvent ClientSession::on_refuse(const Refuse& refuse, std::int64_t now_ns) noexcept {
+  const bool asking =
+      state_ == ClientState::kHelloSent || state_ == ClientState::kChallenged || state_ == ClientState::kLost;
+  if (!asking) return drop(DropCause::kUnexpected);
+  if (refuse.nonce != nonce_) return drop(DropCause::kUnauthenticated);
+  refuse_ = refuse;
+  const bool passing = refuse.reason == RefuseReason::kFull || refuse.reason == RefuseReason::kShuttingDown;
+  if (passing && sessions_ > 0) {
+    // There was a session, and a person holds the handle: keep asking, slowly.
+    backoff_ns_ = config_.hello_last_ns;
+    next_hello_ns_ = now_ns + backoff_ns_;
+  } else {
+    session_alive_ = false;
+    set_state(ClientState::kRefused, now_ns);
+  }
+  return ClientEvent::kRefused;
+}
+
+ClientEvent ClientSession::on_bye(const Bye& bye, std::int64_t now_ns) noexcept {
+  if (!session_alive_) return drop(DropCause::kUnexpected);
+  if (bye.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
+  bye_reason_ = bye.reason;
+  session_alive_ = false;
+  if (bye.reason == ByeReason::kDone || bye.reason == ByeReason::kStopped) {
+    set_state(ClientState::kClosed, now_ns);
+    return ClientEvent::kBye;
+  }
+  if (state_ != ClientState::kLost) {
+    if (nonce_ == 0) {
+      new_attempt(now_ns);
+    } else {
+      next_hello_ns_ = now_ns;  // an attempt from before is still open: its Welcome may be on the way
+    }
+    if (bye.reason == ByeReason::kShuttingDown) next_hello_ns_ = now_ns + config_.hello_first_ns;
+    set_state(ClientState::kLost, now_ns);
+  }
+  return ClientEvent::kBye;
+}
+
+ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noexcept {
+  if (!session_alive_) return drop(DropCause::kUnexpected);
+  if (reply.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
+  if (reply.epoch != welcome_.epoch) return drop(DropCause::kWrongEpoch);
+  if (reply.command_sequence > command_sequence_) return drop(DropCause::kOutOfRange);
+  const DropCause cause = replies_.accept(reply.sequence);
+  if (cause != DropCause::kNone) return drop(cause);
+  reply_ = reply;
+  has_reply_ = true;
+  reply_time_ns_ = last_news_ns_ = now_ns;
+  slave_energy_.update(reply.energy_in_aj, reply.energy_out_aj);
+  stats_.on_reply(reply, now_ns);
+  if (state_ == ClientState::kLost) set_state(ClientState::kEstablished, now_ns);
+  return ClientEvent::kReply;
+}
+
+std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
+                                        std::span<std::uint8_t> out) noexcept {
+  if (!session_alive_) return 0;
+  if (!has_energy_base_) {
+    has_energy_base_ = true;
+    energy_base_in_j_ = command.energy_in_j;
+    energy_base_out_j_ = command.energy_out_j;
+  }
+  command.session_id = welcome_.session_id;
+  command.sequence = ++command_sequence_;
+  command.send_time_ns = static_cast<std::uint64_t>(now_ns);
+  command.newest_reply = replies_.newest();
+  command.epoch = welcome_.epoch;
+  command.energy_in_j = std::max(0.0, command.energy_in_j - energy_base_in_j_);
+  command.energy_out_j = std::max(0.0, command.energy_out_j - energy_base_out_j_);
+  return codec_.encode(command, out);
+}
+
+std::size_t ClientSession::make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept {
+  if (sessions_ == 0) {
+    state_ = ClientState::kClosed;
+    return 0;
+  }
+  session_alive_ = false;
+  state_ = ClientState::kClosed;
+  return codec_.encode(Bye{welcome_.session_id, reason}, out);
+}
+
+}  // namespace telenano::link

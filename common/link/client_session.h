@@ -1,0 +1,146 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "common/link/codec.h"
+#include "common/link/drop_cause.h"
+#include "common/link/link_stats.h"
+#include "common/link/messages.h"
+#include "common/link/received_energy.h"
+#include "common/link/sequence_window.h"
+
+namespace telenano::link {
+
+struct ClientConfig {
+  std::uint32_t rate_hz = 1000;
+  std::uint32_t version_min = kProtocolVersion;
+  std::uint32_t version_max = kProtocolVersion;
+  std::uint64_t feature_bits = 0;
+  std::uint64_t nonce_seed = 1;    ///< random in a program, fixed in a test
+  std::uint64_t resume_token = 0;  ///< of an earlier run; 0 = none
+  std::int64_t hello_first_ns =
+      100'000'000;  ///< wait for an answer before the second Hello; doubles each time
+  std::int64_t hello_last_ns = 1'000'000'000;  ///< up to this
+  /// Without a new reply for this long (or, if longer, twice what the link's round trips explain) the server
+  /// counts as lost and the session is resumed.
+  std::int64_t silence_ns = 200'000'000;
+};
+
+/// idle → hello_sent → challenged → established ⇄ lost → …; closed and refused are final until start().
+enum class ClientState : std::uint8_t {
+  kIdle,
+  kHelloSent,
+  kChallenged,
+  kEstablished,
+  kLost,
+  kClosed,
+  kRefused
+};
+
+const char* name(ClientState state) noexcept;
+
+enum class ClientEvent : std::uint8_t { kNone, kDropped, kReply, kChallenge, kWelcome, kRefused, kBye };
+
+/// The station's end of a session, sans-IO: datagrams and times go in, datagrams come out, in every tick:
+///
+///   while (socket has a datagram)              session.on_datagram(bytes, now_ns);
+///   if (n = session.poll(now_ns, out))         send(out.first(n));          // handshake, at most one a call
+///   if (n = session.make_command(c, now, out)) send(out.first(n));          // 0 while there is no session
+///
+/// A silent, restarted or replaced server needs no help: the session goes to kLost, says Hello with its
+/// resume token, and comes back to kEstablished, in the same epoch if the slave is still the same one.
+/// Nothing allocates after construction, nothing throws.
+class ClientSession {
+ public:
+  explicit ClientSession(const ClientConfig& config);
+
+  void start(std::int64_t now_ns) noexcept;
+  /// What the handshake has to send now: bytes written to `out` (512 needed), 0 = nothing.
+  std::size_t poll(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
+  ClientEvent on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept;
+  /// The caller sets flags, velocity, position and its running energy totals (which may not go down); the
+  /// session sets the rest, and encodes. On return `command` is what was sent: energies count from this
+  /// session's Welcome.
+  std::size_t make_command(Command& command, std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
+  /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
+  std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;
+
+  ClientState state() const noexcept { return state_; }
+  /// May commands be sent? In kLost too, unless the server has said that the session is gone.
+  bool has_session() const noexcept { return session_alive_; }
+  const Welcome& welcome() const noexcept { return welcome_; }
+  std::uint64_t sessions() const noexcept { return sessions_; }  ///< Welcomes accepted since the construction
+  /// Set by a Welcome whose epoch is not the last one's: the slave and its energy book are new ones.
+  bool epoch_changed() const noexcept { return epoch_changed_; }
+  void clear_epoch_changed() noexcept { epoch_changed_ = false; }
+
+  bool has_reply() const noexcept { return has_reply_; }  ///< of this session id
+  const Reply& reply() const noexcept { return reply_; }  ///< the newest one accepted
+  std::int64_t reply_time_ns() const noexcept {
+    return reply_time_ns_;
+  }  ///< when it came: the force's age counts from here
+  const ReceivedEnergy& slave_energy_aj() const noexcept { return slave_energy_; }
+
+  const Refuse& refuse() const noexcept { return refuse_; }      ///< valid in kRefused
+  ByeReason bye_reason() const noexcept { return bye_reason_; }  ///< of the last Bye received
+  std::int64_t state_since_ns() const noexcept { return state_since_ns_; }
+  std::uint32_t hellos_sent() const noexcept { return hellos_sent_; }  ///< of the present attempt
+
+  const SequenceWindow& replies() const noexcept { return replies_; }
+  const LinkStats& stats() const noexcept { return stats_; }
+  const DropCounters& drops() const noexcept { return drops_; }
+  std::uint64_t commands_sent() const noexcept { return command_sequence_; }  ///< of this session id
+
+ private:
+  void set_state(ClientState state, std::int64_t now_ns) noexcept;
+  void new_attempt(std::int64_t now_ns) noexcept;
+  std::int64_t silence_limit_ns() const noexcept;
+  ClientEvent drop(DropCause cause) noexcept;
+  ClientEvent on_challenge(const Challenge& challenge, std::int64_t now_ns) noexcept;
+  ClientEvent on_welcome(const Welcome& welcome, std::int64_t now_ns) noexcept;
+  ClientEvent on_refuse(const Refuse& refuse, std::int64_t now_ns) noexcept;
+  ClientEvent on_reply(const Reply& reply, std::int64_t now_ns) noexcept;
+  ClientEvent on_bye(const Bye& bye, std::int64_t now_ns) noexcept;
+
+  ClientConfig config_;
+  Codec codec_;
+  Incoming incoming_;
+  ClientState state_ = ClientState::kIdle;
+  std::int64_t state_since_ns_ = 0;
+
+  // The handshake under way; nonce 0 = none.
+  std::uint64_t nonce_counter_ = 0;
+  std::uint64_t nonce_ = 0;
+  std::uint64_t cookie_ = 0;
+  std::uint64_t resume_token_ = 0;
+  std::uint32_t hellos_sent_ = 0;
+  std::int64_t attempt_start_ns_ = 0;
+  std::int64_t next_hello_ns_ = 0;
+  std::int64_t backoff_ns_ = 0;
+
+  // The session.
+  bool session_alive_ = false;
+  Welcome welcome_;
+  std::uint64_t sessions_ = 0;
+  bool epoch_changed_ = false;
+  std::int64_t handshake_ns_ = 0;  ///< an upper bound of the round trip, before there are replies
+  std::uint64_t command_sequence_ = 0;
+  bool has_energy_base_ = false;
+  double energy_base_in_j_ = 0;
+  double energy_base_out_j_ = 0;
+  bool has_reply_ = false;
+  Reply reply_;
+  std::int64_t reply_time_ns_ = 0;
+  std::int64_t last_news_ns_ = 0;
+  SequenceWindow replies_;
+  ReceivedEnergy slave_energy_;
+  Refuse refuse_;
+  ByeReason bye_reason_ = ByeReason::kDone;
+
+  LinkStats stats_;
+  DropCounters drops_;
+};
+
+}  // namespace telenano::link

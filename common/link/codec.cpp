@@ -1,0 +1,337 @@
+#include "common/link/codec.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "common/link/wire_scan.h"
+#include "proto/telenano.pb.h"
+
+namespace telenano::link {
+
+struct Codec::Messages {
+  wire::Hello hello;
+  wire::Challenge challenge;
+  wire::Welcome welcome;
+  wire::Refuse refuse;
+  wire::Command command;
+  wire::Reply reply;
+  wire::Bye bye;
+};
+
+Codec::Codec() : messages_(std::make_unique<Messages>()) {
+  // The one field that lives on the heap: take its memory now; Clear() keeps it.
+  messages_->welcome.set_scene_name(std::string(kSceneNameBytes, ' '));
+  messages_->welcome.Clear();
+}
+
+Codec::~Codec() = default;
+
+namespace {
+
+template <class Wire>
+std::size_t write(MessageType type, const Wire& wire, std::span<std::uint8_t> out) noexcept {
+  const std::size_t payload_bytes = wire.ByteSizeLong();
+  const std::size_t total = kHeaderBytes + payload_bytes;
+  if (out.size() < total) return 0;
+  write_header(out.first<kHeaderBytes>(), type, payload_bytes);
+  wire.SerializeWithCachedSizesToArray(out.data() + kHeaderBytes);
+  return total;
+}
+
+/// Sum of the differences x - x: 0 if every one is finite, NaN otherwise. One branch for the whole message.
+template <class... Doubles>
+bool all_finite(Doubles... values) noexcept {
+  return ((values - values) + ... + 0.0) == 0.0;
+}
+
+bool all_finite(const Vec3& v) noexcept {
+  return all_finite(v.x(), v.y(), v.z());
+}
+
+}  // namespace
+
+std::size_t Codec::encode(const Hello& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->hello;
+  w.set_version_min(m.version_min);
+  w.set_version_max(m.version_max);
+  w.set_feature_bits(m.feature_bits);
+  w.set_nonce(m.nonce);
+  w.set_cookie(m.cookie);
+  w.set_resume_token(m.resume_token);
+  w.set_rate_hz(m.rate_hz);
+  if (out.size() < kMaxDatagramBytes) return 0;
+  const std::size_t fields = w.ByteSizeLong();
+  write_header(out.first<kHeaderBytes>(), MessageType::kHello, kMaxPayloadBytes);
+  w.SerializeWithCachedSizesToArray(out.data() + kHeaderBytes);
+  // Padding by hand (field 15, length in two bytes, zeros), so that no string is needed for it.
+  std::uint8_t* const tail = out.data() + kHeaderBytes + fields;
+  const std::size_t zeros = kMaxPayloadBytes - fields - 3;
+  tail[0] = (15u << 3) | 2u;
+  tail[1] = static_cast<std::uint8_t>((zeros & 0x7fu) | 0x80u);
+  tail[2] = static_cast<std::uint8_t>(zeros >> 7);
+  std::memset(tail + 3, 0, zeros);
+  return kMaxDatagramBytes;
+}
+
+std::size_t Codec::encode(const Challenge& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->challenge;
+  w.set_nonce(m.nonce);
+  w.set_cookie(m.cookie);
+  return write(MessageType::kChallenge, w, out);
+}
+
+std::size_t Codec::encode(const Welcome& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->welcome;
+  w.set_version(m.version);
+  w.set_feature_bits(m.feature_bits);
+  w.set_nonce(m.nonce);
+  w.set_session_id(m.session_id);
+  w.set_resume_token(m.resume_token);
+  w.set_epoch(m.epoch);
+  w.set_timeout_ms(m.timeout_ms);
+  w.set_slave_rate_max_hz(m.slave_rate_max_hz);
+  const auto& text = m.scene_name.text;
+  w.mutable_scene_name()->assign(
+      text.data(), static_cast<std::size_t>(std::find(text.begin(), text.end(), '\0') - text.begin()));
+  w.set_scene_hash(m.scene_hash);
+  w.set_workspace_min_w_x_nm(m.workspace_min_w_nm.x());
+  w.set_workspace_min_w_y_nm(m.workspace_min_w_nm.y());
+  w.set_workspace_min_w_z_nm(m.workspace_min_w_nm.z());
+  w.set_workspace_max_w_x_nm(m.workspace_max_w_nm.x());
+  w.set_workspace_max_w_y_nm(m.workspace_max_w_nm.y());
+  w.set_workspace_max_w_z_nm(m.workspace_max_w_nm.z());
+  w.set_start_pos_w_x_nm(m.start_pos_w_nm.x());
+  w.set_start_pos_w_y_nm(m.start_pos_w_nm.y());
+  w.set_start_pos_w_z_nm(m.start_pos_w_nm.z());
+  w.set_surface_z_w_nm(m.surface_z_w_nm);
+  w.set_force_max_nn(m.force_max_nn);
+  w.set_coupling_stiffness_n_m(m.coupling_stiffness_n_m);
+  w.set_coupling_damping_n_s_m(m.coupling_damping_n_s_m);
+  w.set_stiffness_min_n_m(m.stiffness_min_n_m);
+  return write(MessageType::kWelcome, w, out);
+}
+
+std::size_t Codec::encode(const Refuse& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->refuse;
+  w.set_nonce(m.nonce);
+  w.set_reason(static_cast<std::uint32_t>(m.reason));
+  w.set_version_min(m.version_min);
+  w.set_version_max(m.version_max);
+  return write(MessageType::kRefuse, w, out);
+}
+
+std::size_t Codec::encode(const Command& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->command;
+  w.set_session_id(m.session_id);
+  w.set_sequence(m.sequence);
+  w.set_send_time_ns(m.send_time_ns);
+  w.set_newest_reply(m.newest_reply);
+  w.set_epoch(m.epoch);
+  w.set_flags(m.flags);
+  w.set_tip_vel_w_x_nm_s(m.tip_vel_w_nm_s.x());
+  w.set_tip_vel_w_y_nm_s(m.tip_vel_w_nm_s.y());
+  w.set_tip_vel_w_z_nm_s(m.tip_vel_w_nm_s.z());
+  w.set_tip_pos_w_x_nm(m.tip_pos_w_nm.x());
+  w.set_tip_pos_w_y_nm(m.tip_pos_w_nm.y());
+  w.set_tip_pos_w_z_nm(m.tip_pos_w_nm.z());
+  w.set_energy_in_j(m.energy_in_j);
+  w.set_energy_out_j(m.energy_out_j);
+  return write(MessageType::kCommand, w, out);
+}
+
+std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->reply;
+  w.set_session_id(m.session_id);
+  w.set_sequence(m.sequence);
+  w.set_command_sequence(m.command_sequence);
+  w.set_command_send_time_ns(m.command_send_time_ns);
+  w.set_server_time_ns(m.server_time_ns);
+  w.set_hold_time_ns(m.hold_time_ns);
+  w.set_measurement_age_ns(m.measurement_age_ns);
+  w.set_epoch(m.epoch);
+  w.set_contact_state(static_cast<std::uint32_t>(m.contact_state));
+  w.set_fault_bits(m.fault_bits);
+  w.set_force_w_x_nn(m.force_w_nn.x());
+  w.set_force_w_y_nn(m.force_w_nn.y());
+  w.set_force_w_z_nn(m.force_w_nn.z());
+  w.set_tip_pos_w_x_nm(m.tip_pos_w_nm.x());
+  w.set_tip_pos_w_y_nm(m.tip_pos_w_nm.y());
+  w.set_tip_pos_w_z_nm(m.tip_pos_w_nm.z());
+  w.set_deflection_nm(m.deflection_nm);
+  w.set_energy_in_aj(m.energy_in_aj);
+  w.set_energy_out_aj(m.energy_out_aj);
+  return write(MessageType::kReply, w, out);
+}
+
+std::size_t Codec::encode(const Bye& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->bye;
+  w.set_session_id(m.session_id);
+  w.set_reason(static_cast<std::uint32_t>(m.reason));
+  return write(MessageType::kBye, w, out);
+}
+
+namespace {
+
+// What a message may say beyond its form. Monotony and sessions are the business of the state machines.
+
+DropCause read(const wire::Hello& w, Hello& m) noexcept {
+  m.version_min = w.version_min();
+  m.version_max = w.version_max();
+  m.feature_bits = w.feature_bits();
+  m.nonce = w.nonce();
+  m.cookie = w.cookie();
+  m.resume_token = w.resume_token();
+  m.rate_hz = w.rate_hz();
+  if (m.version_min == 0 || m.version_min > m.version_max || m.nonce == 0) return DropCause::kOutOfRange;
+  return DropCause::kNone;
+}
+
+DropCause read(const wire::Challenge& w, Challenge& m) noexcept {
+  m.nonce = w.nonce();
+  m.cookie = w.cookie();
+  return m.nonce == 0 || m.cookie == 0 ? DropCause::kOutOfRange : DropCause::kNone;
+}
+
+DropCause read(const wire::Welcome& w, Welcome& m) noexcept {
+  m.version = w.version();
+  m.feature_bits = w.feature_bits();
+  m.nonce = w.nonce();
+  m.session_id = w.session_id();
+  m.resume_token = w.resume_token();
+  m.epoch = w.epoch();
+  m.timeout_ms = w.timeout_ms();
+  m.slave_rate_max_hz = w.slave_rate_max_hz();
+  m.scene_name = {};
+  std::copy_n(w.scene_name().data(), std::min(w.scene_name().size(), kSceneNameBytes),
+              m.scene_name.text.begin());
+  m.scene_hash = w.scene_hash();
+  m.workspace_min_w_nm = {w.workspace_min_w_x_nm(), w.workspace_min_w_y_nm(), w.workspace_min_w_z_nm()};
+  m.workspace_max_w_nm = {w.workspace_max_w_x_nm(), w.workspace_max_w_y_nm(), w.workspace_max_w_z_nm()};
+  m.start_pos_w_nm = {w.start_pos_w_x_nm(), w.start_pos_w_y_nm(), w.start_pos_w_z_nm()};
+  m.surface_z_w_nm = w.surface_z_w_nm();
+  m.force_max_nn = w.force_max_nn();
+  m.coupling_stiffness_n_m = w.coupling_stiffness_n_m();
+  m.coupling_damping_n_s_m = w.coupling_damping_n_s_m();
+  m.stiffness_min_n_m = w.stiffness_min_n_m();
+  if (!all_finite(m.workspace_min_w_nm) || !all_finite(m.workspace_max_w_nm) ||
+      !all_finite(m.start_pos_w_nm) ||
+      !all_finite(m.surface_z_w_nm, m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m,
+                  m.stiffness_min_n_m)) {
+    return DropCause::kNonFinite;
+  }
+  const bool box = (m.workspace_min_w_nm.array() <= m.workspace_max_w_nm.array()).all();
+  const bool limits = m.force_max_nn >= 0 && m.coupling_stiffness_n_m >= 0 && m.coupling_damping_n_s_m >= 0;
+  const bool ids = m.version != 0 && m.nonce != 0 && m.session_id != 0 && m.epoch != 0 && m.timeout_ms != 0;
+  return box && limits && ids ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::Refuse& w, Refuse& m) noexcept {
+  m.nonce = w.nonce();
+  m.reason = static_cast<RefuseReason>(w.reason());
+  m.version_min = w.version_min();
+  m.version_max = w.version_max();
+  if (w.reason() < 1 || w.reason() > static_cast<std::uint32_t>(RefuseReason::kShuttingDown))
+    return DropCause::kOutOfRange;
+  if (m.version_min == 0 || m.version_min > m.version_max || m.nonce == 0) return DropCause::kOutOfRange;
+  return DropCause::kNone;
+}
+
+DropCause read(const wire::Command& w, Command& m) noexcept {
+  m.session_id = w.session_id();
+  m.sequence = w.sequence();
+  m.send_time_ns = w.send_time_ns();
+  m.newest_reply = w.newest_reply();
+  m.epoch = w.epoch();
+  m.flags = w.flags();
+  m.tip_vel_w_nm_s = {w.tip_vel_w_x_nm_s(), w.tip_vel_w_y_nm_s(), w.tip_vel_w_z_nm_s()};
+  m.tip_pos_w_nm = {w.tip_pos_w_x_nm(), w.tip_pos_w_y_nm(), w.tip_pos_w_z_nm()};
+  m.energy_in_j = w.energy_in_j();
+  m.energy_out_j = w.energy_out_j();
+  if (!all_finite(m.tip_vel_w_nm_s.x(), m.tip_vel_w_nm_s.y(), m.tip_vel_w_nm_s.z(), m.tip_pos_w_nm.x(),
+                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.energy_in_j, m.energy_out_j)) {
+    return DropCause::kNonFinite;
+  }
+  const bool energies = m.energy_in_j >= 0 && m.energy_out_j >= 0;
+  return m.sequence != 0 && energies ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::Reply& w, Reply& m) noexcept {
+  m.session_id = w.session_id();
+  m.sequence = w.sequence();
+  m.command_sequence = w.command_sequence();
+  m.command_send_time_ns = w.command_send_time_ns();
+  m.server_time_ns = w.server_time_ns();
+  m.hold_time_ns = w.hold_time_ns();
+  m.measurement_age_ns = w.measurement_age_ns();
+  m.epoch = w.epoch();
+  m.contact_state = static_cast<ContactState>(w.contact_state());
+  m.fault_bits = w.fault_bits();
+  m.force_w_nn = {w.force_w_x_nn(), w.force_w_y_nn(), w.force_w_z_nn()};
+  m.tip_pos_w_nm = {w.tip_pos_w_x_nm(), w.tip_pos_w_y_nm(), w.tip_pos_w_z_nm()};
+  m.deflection_nm = w.deflection_nm();
+  m.energy_in_aj = w.energy_in_aj();
+  m.energy_out_aj = w.energy_out_aj();
+  if (!all_finite(m.force_w_nn.x(), m.force_w_nn.y(), m.force_w_nn.z(), m.tip_pos_w_nm.x(),
+                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.deflection_nm, m.energy_in_aj, m.energy_out_aj)) {
+    return DropCause::kNonFinite;
+  }
+  const bool contact = w.contact_state() <= static_cast<std::uint32_t>(ContactState::kContact);
+  const bool energies = m.energy_in_aj >= 0 && m.energy_out_aj >= 0;
+  return m.sequence != 0 && m.command_sequence != 0 && contact && energies ? DropCause::kNone
+                                                                           : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::Bye& w, Bye& m) noexcept {
+  m.session_id = w.session_id();
+  m.reason = static_cast<ByeReason>(w.reason());
+  const bool known = w.reason() >= 1 && w.reason() <= static_cast<std::uint32_t>(ByeReason::kUnknownSession);
+  return known && m.session_id != 0 ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+template <class Wire, class Message>
+DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
+  if (!wire.ParseFromArray(frame.payload.data(), static_cast<int>(frame.payload.size()))) {
+    return DropCause::kMalformedField;
+  }
+  return read(wire, message);
+}
+
+}  // namespace
+
+DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept {
+  incoming.type = MessageType::kNone;
+  WireFrame frame;
+  DropCause cause = scan(datagram, frame);
+  if (cause != DropCause::kNone) return cause;
+  switch (frame.type) {
+    case MessageType::kHello:
+      cause = parse(frame, messages_->hello, incoming.hello);
+      break;
+    case MessageType::kChallenge:
+      cause = parse(frame, messages_->challenge, incoming.challenge);
+      break;
+    case MessageType::kWelcome:
+      cause = parse(frame, messages_->welcome, incoming.welcome);
+      break;
+    case MessageType::kRefuse:
+      cause = parse(frame, messages_->refuse, incoming.refuse);
+      break;
+    case MessageType::kCommand:
+      cause = parse(frame, messages_->command, incoming.command);
+      break;
+    case MessageType::kReply:
+      cause = parse(frame, messages_->reply, incoming.reply);
+      break;
+    case MessageType::kBye:
+      cause = parse(frame, messages_->bye, incoming.bye);
+      break;
+    case MessageType::kNone:
+      cause = DropCause::kUnknownType;
+      break;
+  }
+  if (cause == DropCause::kNone) incoming.type = frame.type;
+  return cause;
+}
+
+}  // namespace telenano::link

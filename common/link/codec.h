@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+
+#include "common/link/drop_cause.h"
+#include "common/link/messages.h"
+
+namespace telenano::link {
+
+/// One decoded message: `type` says which member was filled; the others keep old values.
+struct Incoming {
+  MessageType type = MessageType::kNone;
+  Hello hello;
+  Challenge challenge;
+  Welcome welcome;
+  Refuse refuse;
+  Command command;
+  Reply reply;
+  Bye bye;
+};
+
+/// Between structs and datagrams; the only place that sees Protobuf. Its messages are made once and reused:
+/// nothing is allocated after construction. One codec a thread.
+///
+/// encode: writes the whole datagram (header and message) to the front of `out` and returns its size; 0 if
+/// `out` is too short (512 bytes are always enough). decode: never trusts the bytes. Answers kNone and fills
+/// `incoming`, or says why not and leaves type = kNone.
+class Codec {
+ public:
+  Codec();
+  ~Codec();
+  Codec(const Codec&) = delete;
+  Codec& operator=(const Codec&) = delete;
+
+  std::size_t encode(const Hello& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const Challenge& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const Welcome& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const Refuse& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const Command& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const Reply& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const Bye& message, std::span<std::uint8_t> out) noexcept;
+
+  DropCause decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept;
+
+ private:
+  struct Messages;
+  std::unique_ptr<Messages> messages_;
+};
+
+}  // namespace telenano::link

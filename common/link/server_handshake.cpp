@@ -1,0 +1,85 @@
+#include "common/link/server_handshake.h"
+
+#include <algorithm>
+#include <array>
+
+namespace telenano::link {
+
+ServerHandshake::ServerHandshake(const ServerHandshakeConfig& config) noexcept
+    : config_(config),
+      challenges_(config.challenges_per_s, std::max(1.0, config.challenges_per_s / 10)),
+      openings_(config.openings_per_s, std::max(1.0, config.openings_per_s)) {
+  const std::uint64_t labels[] = {1, 2};
+  cookie_key_ = {siphash_words(config.secret, {labels, 1}), siphash_words(config.secret, {labels + 1, 1})};
+}
+
+std::uint64_t ServerHandshake::cookie(const PeerKey& peer, std::uint64_t nonce,
+                                      std::int64_t time_slot) const noexcept {
+  std::array<std::uint64_t, 5> words{};
+  for (std::size_t i = 0; i < peer.bytes.size(); ++i) {
+    words[i / 8] |= static_cast<std::uint64_t>(peer.bytes[i]) << (8 * (i % 8));
+  }
+  words[3] = nonce;
+  words[4] = static_cast<std::uint64_t>(time_slot);
+  return std::max<std::uint64_t>(siphash_words(cookie_key_, words), 1);  // 0 means "none yet"
+}
+
+HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
+                                       SessionTable& table, bool shutting_down) noexcept {
+  using Kind = HelloVerdict::Kind;
+  HelloVerdict verdict;
+  const auto refuse = [&](RefuseReason reason, DropCause cause) {
+    verdict.kind = Kind::kRefuse;
+    verdict.cause = cause;
+    verdict.refuse = {hello.nonce, reason, kProtocolVersion, kProtocolVersion};
+    return verdict;
+  };
+  const auto drop = [&](DropCause cause) {
+    verdict.kind = Kind::kDrop;
+    verdict.cause = cause;
+    return verdict;
+  };
+
+  const std::int64_t time_slot = now_ns / kCookieSlotNs;
+  const bool proven = hello.cookie != 0 && (hello.cookie == cookie(peer, hello.nonce, time_slot) ||
+                                            hello.cookie == cookie(peer, hello.nonce, time_slot - 1));
+  // Strangers share a bounded rate of answers; it does not starve those who have shown a cookie.
+  if (!proven && !challenges_.take(now_ns)) return drop(DropCause::kRateLimited);
+  if (hello.version_min > kProtocolVersion || hello.version_max < kProtocolVersion) {
+    return refuse(RefuseReason::kVersion, DropCause::kWrongVersion);
+  }
+  if (shutting_down) return refuse(RefuseReason::kShuttingDown, DropCause::kUnexpected);
+  if (!proven) {
+    verdict.kind = Kind::kChallenge;
+    verdict.cause = hello.cookie == 0 ? DropCause::kNone : DropCause::kUnauthenticated;
+    verdict.challenge = {hello.nonce, cookie(peer, hello.nonce, time_slot)};
+    return verdict;
+  }
+  if (hello.rate_hz == 0 || hello.rate_hz > config_.rate_max_hz)
+    return refuse(RefuseReason::kRate, DropCause::kOutOfRange);
+
+  bool newest = false;
+  const std::size_t known = table.find_nonce(peer, hello.nonce, newest);
+  if (known != SessionTable::kNone) {
+    if (!newest || table[known].state == SlotState::kEnding) return drop(DropCause::kDuplicate);
+    if (table[known].state == SlotState::kActive) {
+      verdict.kind = Kind::kAgain;
+      verdict.slot = known;
+      return verdict;
+    }
+  }
+  const std::size_t old = table.find_token(hello.resume_token);
+  if (old != SessionTable::kNone) {
+    table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
+    verdict.kind = Kind::kResume;
+    verdict.slot = old;
+    return verdict;
+  }
+  if (!openings_.take(now_ns)) return drop(DropCause::kRateLimited);
+  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns);
+  if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
+  verdict.kind = Kind::kOpen;
+  return verdict;
+}
+
+}  // namespace telenano::link

@@ -1,0 +1,162 @@
+#include "common/link/session_table.h"
+
+#include <algorithm>
+
+namespace telenano::link {
+
+SessionTable::SessionTable(const SessionTableConfig& config, const SipKey& secret) : config_(config) {
+  const std::uint64_t labels[] = {3, 4, 5};
+  secret_ = {siphash_words(secret, {labels, 1}), siphash_words(secret, {labels + 1, 1})};
+  // A restarted server starts somewhere else, so that a station notices that the slave is a new one.
+  next_epoch_ = static_cast<std::uint32_t>(siphash_words(secret, {labels + 2, 1}));
+  sessions_.resize(std::clamp<std::size_t>(config.capacity, 1, 256));
+}
+
+std::uint64_t SessionTable::secret_number() noexcept {
+  for (;;) {
+    const std::uint64_t word = ++counter_;
+    const std::uint64_t number = siphash_words(secret_, {&word, 1});
+    if (number > 0xff) return number;
+  }
+}
+
+std::size_t SessionTable::active() const noexcept {
+  return static_cast<std::size_t>(std::count_if(
+      sessions_.begin(), sessions_.end(), [](const Session& s) { return s.state == SlotState::kActive; }));
+}
+
+std::size_t SessionTable::occupied() const noexcept {
+  return static_cast<std::size_t>(std::count_if(
+      sessions_.begin(), sessions_.end(), [](const Session& s) { return s.state != SlotState::kFree; }));
+}
+
+std::size_t SessionTable::find(std::uint64_t session_id) const noexcept {
+  const std::size_t slot = session_id & 0xff;
+  if (slot >= sessions_.size() || session_id == 0 || sessions_[slot].session_id != session_id) return kNone;
+  return slot;
+}
+
+std::size_t SessionTable::find_token(std::uint64_t resume_token) const noexcept {
+  if (resume_token == 0) return kNone;
+  for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
+    const Session& s = sessions_[slot];
+    const bool resumable = s.state == SlotState::kActive || s.state == SlotState::kSilent;
+    if (resumable && s.resume_token == resume_token) return slot;
+  }
+  return kNone;
+}
+
+std::size_t SessionTable::find_nonce(const PeerKey& peer, std::uint64_t nonce, bool& newest) const noexcept {
+  for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
+    const Session& s = sessions_[slot];
+    if (s.state == SlotState::kFree || !(s.peer == peer)) continue;
+    const auto it = std::find(s.nonces.begin(), s.nonces.end(), nonce);
+    if (it == s.nonces.end()) continue;
+    newest = it == s.nonces.begin();
+    return slot;
+  }
+  return kNone;
+}
+
+void SessionTable::start(Session& session, std::size_t slot, const PeerKey& peer, std::uint64_t nonce,
+                         std::uint32_t rate_hz, std::int64_t now_ns) noexcept {
+  session.state = SlotState::kActive;
+  session.session_id = (secret_number() & ~0xffull) | slot;
+  session.rate_hz = std::max<std::uint32_t>(rate_hz, 1);
+  session.peer = peer;
+  std::shift_right(session.nonces.begin(), session.nonces.end(), 1);
+  session.nonces[0] = nonce;
+  session.commands.reset();
+  session.last_send_time_ns = 0;
+  session.reply_sequence = 0;
+  session.newest_reply = 0;
+  session.last_heard_ns = session.state_since_ns = now_ns;
+  session.station_energy.reset();
+}
+
+std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
+                               std::int64_t now_ns) noexcept {
+  std::size_t best = kNone;
+  for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
+    const Session& s = sessions_[slot];
+    if (s.state == SlotState::kFree) {
+      best = slot;
+      break;
+    }
+    if (s.state == SlotState::kActive) continue;
+    if (best == kNone || s.state_since_ns < sessions_[best].state_since_ns) best = slot;
+  }
+  if (best == kNone) return kNone;
+  Session& session = sessions_[best];
+  session = {};
+  session.resume_token = secret_number();
+  if (next_epoch_ == 0) next_epoch_ = 1;
+  session.epoch = next_epoch_++;
+  start(session, best, peer, nonce, rate_hz, now_ns);
+  return best;
+}
+
+void SessionTable::resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
+                          std::int64_t now_ns) noexcept {
+  start(sessions_[slot], slot, peer, nonce, rate_hz, now_ns);
+}
+
+void SessionTable::end(std::size_t slot, std::int64_t now_ns) noexcept {
+  sessions_[slot].state = SlotState::kEnding;
+  sessions_[slot].state_since_ns = now_ns;
+}
+
+DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std::int64_t now_ns,
+                               std::size_t& slot) noexcept {
+  slot = find(command.session_id);
+  if (slot == kNone) return DropCause::kUnknownSession;
+  Session& s = sessions_[slot];
+  if (!(s.peer == peer)) return DropCause::kUnauthenticated;
+  if (s.state != SlotState::kActive) return DropCause::kUnexpected;
+  if (command.epoch != s.epoch) return DropCause::kWrongEpoch;
+  if (command.newest_reply > s.reply_sequence) return DropCause::kOutOfRange;
+  const std::uint64_t before = s.commands.newest();
+  const DropCause cause = s.commands.accept(command.sequence);
+  if (cause != DropCause::kNone) return cause;
+
+  // Spacing by the station's clock: the network's jitter is not in it. Where that clock makes no sense, count
+  // ticks.
+  const auto elapsed_ns = static_cast<std::int64_t>(command.send_time_ns - s.last_send_time_ns);
+  const double ticks = static_cast<double>(before == 0 ? 1 : command.sequence - before);
+  const bool clock_usable = before != 0 && elapsed_ns > 0 && elapsed_ns < 10'000'000'000;
+  s.spacing_s = clock_usable ? 1e-9 * static_cast<double>(elapsed_ns) : ticks / s.rate_hz;
+  s.last_send_time_ns = command.send_time_ns;
+  s.newest_reply = std::max(s.newest_reply, command.newest_reply);
+  s.station_energy.update(command.energy_in_j, command.energy_out_j);
+  s.used = true;
+  s.last_heard_ns = now_ns;
+  return DropCause::kNone;
+}
+
+SlotState SessionTable::expire_one(Session& s, std::int64_t now_ns) noexcept {
+  switch (s.state) {
+    case SlotState::kFree:
+      break;
+    case SlotState::kActive:
+      if (now_ns - s.last_heard_ns > config_.timeout_ns) {
+        // Nothing to resume if not one command came: a Hello repeated by the network, or a station that gave
+        // up.
+        if (!s.used) {
+          s = {};
+        } else {
+          s.state = SlotState::kSilent;
+          s.state_since_ns = now_ns;
+        }
+      }
+      break;
+    case SlotState::kSilent:
+      if (now_ns - s.state_since_ns > config_.resume_ns) s = {};
+      break;
+    case SlotState::kEnding:
+      if (now_ns - s.state_since_ns > config_.ending_ns) s = {};
+      break;
+  }
+  return s.state;
+}
+
+}  // namespace telenano::link

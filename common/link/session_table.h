@@ -1,0 +1,115 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "common/link/drop_cause.h"
+#include "common/link/messages.h"
+#include "common/link/received_energy.h"
+#include "common/link/sequence_window.h"
+#include "common/link/siphash.h"
+
+namespace telenano::link {
+
+/// Where a peer is, as opaque bytes (16 of address, 2 of port): this layer only compares and hashes it.
+struct PeerKey {
+  std::array<std::uint8_t, 18> bytes{};
+  friend bool operator==(const PeerKey&, const PeerKey&) = default;
+};
+
+/// free → active (Welcome) → silent (time-out; resumable) → free, and active → ending (Bye; not resumable) →
+/// free.
+enum class SlotState : std::uint8_t { kFree, kActive, kSilent, kEnding };
+
+/// One session of the server. `epoch` and `resume_token` belong to the slave and stay over a resume;
+/// everything else starts anew with each session id.
+struct Session {
+  SlotState state = SlotState::kFree;
+  std::uint64_t session_id = 0;
+  std::uint64_t resume_token = 0;
+  std::uint32_t epoch = 0;
+  std::uint32_t rate_hz = 0;
+  PeerKey peer;
+  std::array<std::uint64_t, 4> nonces{};  ///< of the Hellos that opened and resumed it, newest first
+  SequenceWindow commands;
+  std::uint64_t last_send_time_ns = 0;  ///< of the newest command, station clock
+  double spacing_s = 0;                 ///< between the two newest commands, by the station's clock
+  std::uint64_t reply_sequence = 0;     ///< of the last reply sent
+  std::uint64_t newest_reply = 0;       ///< that the station has seen
+  bool used = false;                    ///< a command has come, under this id or one before
+  std::int64_t last_heard_ns = 0;
+  std::int64_t state_since_ns = 0;
+  ReceivedEnergy station_energy;  ///< J, since the Welcome of this session id
+};
+
+struct SessionTableConfig {
+  std::size_t capacity = 64;                ///< 1 … 256
+  std::int64_t timeout_ns = 2'000'000'000;  ///< silence after which a session is silent (its slave retracts)
+  std::int64_t resume_ns = 30'000'000'000;  ///< how long a silent one can be resumed
+  std::int64_t ending_ns =
+      2'000'000'000;  ///< how long an ended one keeps its slot, so that its slave can retract
+};
+
+/// The server's sessions: a fixed number of slots, found by session id in constant time (the slot's index is
+/// the id's low byte; the other 56 bits cannot be guessed).
+class SessionTable {
+ public:
+  static constexpr std::size_t kNone = SIZE_MAX;
+
+  SessionTable(const SessionTableConfig& config, const SipKey& secret);
+
+  std::size_t capacity() const noexcept { return sessions_.size(); }
+  Session& operator[](std::size_t slot) noexcept { return sessions_[slot]; }
+  const Session& operator[](std::size_t slot) const noexcept { return sessions_[slot]; }
+  std::size_t active() const noexcept;
+  std::size_t occupied() const noexcept;  ///< active, silent or ending
+  const SessionTableConfig& config() const noexcept { return config_; }
+
+  std::size_t find(std::uint64_t session_id) const noexcept;
+  std::size_t find_token(std::uint64_t resume_token) const noexcept;
+  /// The session that the same Hello has opened before (its Welcome was lost); `newest` tells whether by its
+  /// latest.
+  std::size_t find_nonce(const PeerKey& peer, std::uint64_t nonce, bool& newest) const noexcept;
+
+  /// A new session in a free slot, else in place of the one that has been silent or ending longest; kNone:
+  /// all active.
+  std::size_t open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
+                   std::int64_t now_ns) noexcept;
+  /// The same slave and book under a new session id, perhaps from another address.
+  void resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
+              std::int64_t now_ns) noexcept;
+  void end(std::size_t slot,
+           std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
+  void release(std::size_t slot) noexcept { sessions_[slot] = {}; }
+
+  /// Is this command of a known session, from its address, of its epoch, and newer than all before? If so,
+  /// books it: sequence, energies, time. `slot` is set as soon as the session is known.
+  DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns,
+                   std::size_t& slot) noexcept;
+
+  /// Applies the time-outs. Calls `changed(slot, state)` for every session that becomes silent or free.
+  template <class Changed>
+  void expire(std::int64_t now_ns, Changed&& changed) noexcept {
+    for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
+      const SlotState before = sessions_[slot].state;
+      const SlotState after = expire_one(sessions_[slot], now_ns);
+      if (after != before) changed(slot, after);
+    }
+  }
+
+ private:
+  void start(Session& session, std::size_t slot, const PeerKey& peer, std::uint64_t nonce,
+             std::uint32_t rate_hz, std::int64_t now_ns) noexcept;
+  SlotState expire_one(Session& session, std::int64_t now_ns) noexcept;
+  std::uint64_t secret_number() noexcept;
+
+  SessionTableConfig config_;
+  SipKey secret_;
+  std::uint64_t counter_ = 0;
+  std::uint32_t next_epoch_;
+  std::vector<Session> sessions_;
+};
+
+}  // namespace telenano::link

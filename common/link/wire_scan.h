@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "common/link/drop_cause.h"
+#include "common/link/messages.h"
+
+namespace telenano::link {
+
+/// The 8 bytes before every message: 'T' 'L' 'N' 'O', version, type, payload length (little-endian).
+inline constexpr std::size_t kHeaderBytes = 8;
+inline constexpr std::size_t kMaxPayloadBytes = kMaxDatagramBytes - kHeaderBytes;
+
+struct WireFrame {
+  MessageType type = MessageType::kNone;
+  std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
+};
+
+void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
+                  std::size_t payload_bytes) noexcept;
+
+/// Checks a datagram down to the last tag before Protobuf sees it: header, total length, and that every field
+/// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field
+/// would make Protobuf allocate twice, and a hostile peer decides what comes.
+DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept;
+
+}  // namespace telenano::link

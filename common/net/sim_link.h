@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "common/net/datagram.h"
+
+namespace telenano::net {
+
+/// One direction of a simulated link. Everything is drawn from a seed.
+struct SimPath {
+  std::int64_t delay_ns = 0;
+  std::int64_t jitter_ns =
+      0;  ///< added to the delay: standard deviation of a half-normal, exponential mean, or width
+  enum class Jitter : std::uint8_t { kUniform, kHalfNormal, kExponential } jitter = Jitter::kUniform;
+  bool in_order = true;        ///< a late one delays those behind it (a queue); false: jitter reorders
+  double loss = 0;             ///< mean probability
+  double burst_datagrams = 1;  ///< mean length of a run of losses; 1 = independent, more = Gilbert–Elliott
+  double duplicate = 0;        ///< probability of coming twice
+  double reorder = 0;          ///< probability of being held back by reorder_ns, past those sent later
+  std::int64_t reorder_ns = 2'000'000;
+  bool down = false;  ///< an outage: everything sent is lost
+};
+
+struct SimCounts {
+  std::uint64_t sent = 0;
+  std::uint64_t delivered = 0;
+  std::uint64_t lost = 0;  ///< by loss, outage or a full queue
+  std::uint64_t duplicated = 0;
+  std::uint64_t reordered = 0;  ///< held back
+};
+
+/// Two ends of a link in virtual time: whole sessions run through it as fast as the machine can, with the
+/// same Datagram seam as UDP. One thread. `capacity` datagrams (of at most 512 bytes, as the protocol's) may
+/// be on the way in each direction; nothing is allocated after construction.
+class SimLink {
+ public:
+  SimLink(const SimPath& a_to_b, const SimPath& b_to_a, std::uint64_t seed, std::size_t capacity = 4096);
+  ~SimLink();
+  SimLink(const SimLink&) = delete;
+  SimLink& operator=(const SimLink&) = delete;
+
+  void advance_to(std::int64_t now_ns) noexcept;  ///< never goes back
+  std::int64_t now_ns() const noexcept;
+  /// Earliest arrival of anything on the way; INT64_MAX if there is nothing.
+  std::int64_t next_arrival_ns() const noexcept;
+
+  Datagram& a() noexcept;
+  Datagram& b() noexcept;
+  Address address_a() const noexcept;
+  Address address_b() const noexcept;
+  void set_address_a(const Address& address) noexcept;  ///< a roams: what b sees from now on
+  SimPath& path_a_to_b() noexcept;                      ///< may be changed while running
+  SimPath& path_b_to_a() noexcept;
+  const SimCounts& counts_a_to_b() const noexcept;
+  const SimCounts& counts_b_to_a() const noexcept;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace telenano::net

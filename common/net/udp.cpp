@@ -1,0 +1,230 @@
+#include "common/net/udp.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <utility>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/udp.hpp>
+#include <boost/asio/ip/v6_only.hpp>
+
+#include "common/base/error.h"
+
+namespace telenano::net {
+namespace {
+
+using boost::asio::ip::udp;
+namespace asio = boost::asio;
+
+// A burst of 64 stations at 4 kHz during a 20 ms stall of the loop is about 5000 datagrams; the kernel
+// charges some 800 bytes for each.
+constexpr int kSocketBufferBytes = 4 << 20;
+
+constexpr std::array<std::uint8_t, 12> kV4Prefix = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
+
+bool is_v4(const Address& a) noexcept {
+  return std::equal(kV4Prefix.begin(), kV4Prefix.end(), a.ip.begin());
+}
+
+Address from_asio(const udp::endpoint& endpoint) {
+  Address address;
+  address.port = endpoint.port();
+  if (endpoint.address().is_v4()) {
+    std::copy(kV4Prefix.begin(), kV4Prefix.end(), address.ip.begin());
+    const auto bytes = endpoint.address().to_v4().to_bytes();
+    std::copy(bytes.begin(), bytes.end(), address.ip.begin() + 12);
+  } else {
+    const auto bytes = endpoint.address().to_v6().to_bytes();
+    std::copy(bytes.begin(), bytes.end(), address.ip.begin());
+  }
+  return address;
+}
+
+udp::endpoint to_asio(const Address& a) {
+  if (is_v4(a)) {
+    asio::ip::address_v4::bytes_type bytes{};
+    std::copy(a.ip.begin() + 12, a.ip.end(), bytes.begin());
+    return {asio::ip::address_v4(bytes), a.port};
+  }
+  asio::ip::address_v6::bytes_type bytes{};
+  std::copy(a.ip.begin(), a.ip.end(), bytes.begin());
+  return {asio::ip::address_v6(bytes), a.port};
+}
+
+[[noreturn]] void bad_address(const std::string& text, const std::string& what, const std::string& why) {
+  throw UserError(what + " '" + text + "': " + why +
+                  "; expected HOST:PORT, e.g. 127.0.0.1:5100 or [::1]:5100");
+}
+
+}  // namespace
+
+Address parse_address(const std::string& text, const std::string& what) {
+  const auto colon = text.rfind(':');
+  if (colon == std::string::npos) bad_address(text, what, "no port");
+  std::string host = text.substr(0, colon);
+  const std::string port_text = text.substr(colon + 1);
+  unsigned port = 0;
+  const char* const end = port_text.data() + port_text.size();
+  const auto parsed = std::from_chars(port_text.data(), end, port);
+  if (port_text.empty() || parsed.ec != std::errc() || parsed.ptr != end || port > 65535) {
+    bad_address(text, what, "port '" + port_text + "' is not a number from 0 to 65535");
+  }
+  const bool bracketed = host.size() >= 2 && host.front() == '[' && host.back() == ']';
+  if (bracketed) host = host.substr(1, host.size() - 2);
+  if (!bracketed && host.find(':') != std::string::npos)
+    bad_address(text, what, "an IPv6 address needs brackets");
+  if (host.empty() && !bracketed) host = "0.0.0.0";
+  if (host.empty()) bad_address(text, what, "no host");
+
+  boost::system::error_code error;
+  const auto literal = asio::ip::make_address(host, error);
+  if (!error) return from_asio({literal, static_cast<std::uint16_t>(port)});
+  asio::io_context context;
+  udp::resolver resolver(context);
+  const auto results = resolver.resolve(host, port_text, asio::ip::resolver_base::numeric_service, error);
+  if (error || results.empty())
+    bad_address(text, what, "cannot find host '" + host + "' (" + error.message() + ")");
+  for (const auto& entry : results) {  // most stations and servers listen on IPv4 only
+    if (entry.endpoint().address().is_v4()) return from_asio(entry.endpoint());
+  }
+  return from_asio(results.begin()->endpoint());
+}
+
+std::string to_string(const Address& address) {
+  const udp::endpoint endpoint = to_asio(address);
+  const std::string host = endpoint.address().to_string();
+  return (is_v4(address) ? host : "[" + host + "]") + ":" + std::to_string(address.port);
+}
+
+bool is_loopback(const Address& address) noexcept {
+  if (is_v4(address)) return address.ip[12] == 127;
+  constexpr std::array<std::uint8_t, 16> kV6Loopback = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
+  return address.ip == kV6Loopback;
+}
+
+/// Asio makes, sets up and closes the socket. Sending and receiving are the plain system calls on its handle:
+/// Asio's synchronous path costs about 1 µs more a datagram, and there is nothing to port.
+struct Udp::Impl {
+  asio::io_context context;
+  udp::socket socket{context};
+  int handle = -1;
+  // The last peer's address as the kernel wants it: nearly always the next one's too.
+  Address cached;
+  sockaddr_storage cached_name{};
+  socklen_t cached_length = 0;
+
+  void open(const Address& local) {
+    const udp::endpoint endpoint = to_asio(local);
+    boost::system::error_code error;
+    socket.open(endpoint.protocol(), error);
+    if (error) throw UserError("cannot open a UDP socket for " + to_string(local) + ": " + error.message());
+    boost::system::error_code ignored;  // smaller buffers or IPv6 without IPv4 still work
+    socket.set_option(asio::socket_base::receive_buffer_size(kSocketBufferBytes), ignored);
+    socket.set_option(asio::socket_base::send_buffer_size(kSocketBufferBytes), ignored);
+    if (endpoint.address().is_v6()) socket.set_option(asio::ip::v6_only(false), ignored);
+    socket.bind(endpoint, error);
+    if (error == asio::error::address_in_use) {
+      throw UserError("UDP port " + std::to_string(local.port) + " on " + to_string(local) +
+                      " is in use: stop the program that holds it (ss -ulpn) or choose another port");
+    }
+    if (error == asio::error::access_denied) {
+      throw UserError("no permission to use UDP port " + std::to_string(local.port) +
+                      ": choose a port from 1024 to 65535");
+    }
+    if (error)
+      throw UserError("cannot listen on " + to_string(local) + ": " + error.message() +
+                      "; expected an address of this machine");
+    socket.non_blocking(true, error);
+    handle = socket.native_handle();
+  }
+
+  void cache(const Address& to) noexcept {
+    if (cached_length != 0 && to == cached) return;
+    const udp::endpoint endpoint = to_asio(to);
+    std::memcpy(&cached_name, endpoint.data(), endpoint.size());
+    cached_length = static_cast<socklen_t>(endpoint.size());
+    cached = to;
+  }
+
+  void remember(const sockaddr_storage& name, socklen_t length, Address& from) noexcept {
+    if (length == cached_length && std::memcmp(&name, &cached_name, length) == 0) {
+      from = cached;
+      return;
+    }
+    udp::endpoint endpoint;
+    std::memcpy(endpoint.data(), &name, std::min<std::size_t>(length, endpoint.capacity()));
+    from = from_asio(endpoint);
+    cached_name = name;
+    cached_length = length;
+    cached = from;
+  }
+};
+
+Udp::Udp(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Udp::Udp(Udp&&) noexcept = default;
+Udp& Udp::operator=(Udp&&) noexcept = default;
+Udp::~Udp() = default;
+
+Udp Udp::listen(const Address& local) {
+  auto impl = std::make_unique<Impl>();
+  impl->open(local);
+  return Udp(std::move(impl));
+}
+
+Udp Udp::open_for(const Address& peer) {
+  Address any;
+  if (is_v4(peer)) std::copy(kV4Prefix.begin(), kV4Prefix.end(), any.ip.begin());
+  return listen(any);
+}
+
+SendStatus Udp::send(std::span<const std::uint8_t> bytes, const Address& to) noexcept {
+  impl_->cache(to);
+  for (int tries = 0; tries < 3; ++tries) {
+    const ssize_t n = ::sendto(impl_->handle, bytes.data(), bytes.size(), MSG_NOSIGNAL,
+                               reinterpret_cast<const sockaddr*>(&impl_->cached_name), impl_->cached_length);
+    if (n >= 0) return SendStatus::kSent;
+    if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) return SendStatus::kWouldBlock;
+    // A port that was unreachable a moment ago (ICMP) is reported here, for an earlier datagram: try this
+    // one.
+    if (errno != EINTR && errno != ECONNREFUSED) break;
+  }
+  return SendStatus::kFailed;
+}
+
+bool Udp::receive(std::span<std::uint8_t> buffer, Received& received) noexcept {
+  for (int tries = 0; tries < 8; ++tries) {
+    sockaddr_storage name;
+    socklen_t length = sizeof name;
+    // MSG_TRUNC: the true size of a datagram that is cut, so that the receiver can tell.
+    const ssize_t n = ::recvfrom(impl_->handle, buffer.data(), buffer.size(), MSG_TRUNC,
+                                 reinterpret_cast<sockaddr*>(&name), &length);
+    if (n >= 0) {
+      received.size = static_cast<std::size_t>(n);
+      impl_->remember(name, length, received.from);
+      return true;
+    }
+    if (errno != EINTR && errno != ECONNREFUSED && errno != EHOSTUNREACH && errno != ENETUNREACH)
+      return false;
+  }
+  return false;
+}
+
+bool Udp::wait_readable(std::int64_t timeout_ns) noexcept {
+  pollfd entry{impl_->handle, POLLIN, 0};
+  const std::int64_t ns = std::max<std::int64_t>(timeout_ns, 0);
+  const timespec timeout{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
+  return ::ppoll(&entry, 1, &timeout, nullptr) > 0;
+}
+
+Address Udp::local() const noexcept {
+  boost::system::error_code error;
+  const auto endpoint = impl_->socket.local_endpoint(error);
+  return error ? Address{} : from_asio(endpoint);
+}
+
+}  // namespace telenano::net

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "common/net/datagram.h"
+
+namespace telenano::net {
+
+/// "127.0.0.1:5100", "[::1]:5100", "host.lab:5100", ":5100" (every address of this machine). Throws
+/// UserError, naming `what` (e.g. "--listen"), if it cannot be understood or resolved.
+Address parse_address(const std::string& text, const std::string& what);
+std::string to_string(const Address& address);
+/// Datagrams to and from this machine only?
+bool is_loopback(const Address& address) noexcept;
+
+/// A UDP socket that never waits in send() and receive(). IPv4 and IPv6.
+class Udp final : public Datagram {
+ public:
+  /// Bound to `local` (the server's end). Throws UserError if the port is taken or the address is not this
+  /// machine's.
+  static Udp listen(const Address& local);
+  /// Bound to any free port, for talking to `peer` (the station's end).
+  static Udp open_for(const Address& peer);
+
+  Udp(Udp&&) noexcept;
+  Udp& operator=(Udp&&) noexcept;
+  ~Udp() override;
+
+  SendStatus send(std::span<const std::uint8_t> bytes, const Address& to) noexcept override;
+  bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override;
+  /// Sleeps until a datagram is there (true), or the time has passed or a signal has come (false).
+  bool wait_readable(std::int64_t timeout_ns) noexcept;
+  Address local() const noexcept;
+
+ private:
+  struct Impl;
+  explicit Udp(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace telenano::net

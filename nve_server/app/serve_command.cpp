@@ -1,0 +1,171 @@
+#include "nve_server/app/serve_command.h"
+
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <time.h>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <csignal>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <thread>
+#include <utility>
+
+#include "common/net/udp.h"
+#include "nve_server/server/server_loop.h"
+
+namespace telenano::app {
+namespace {
+
+// Signal handlers can reach nothing else.
+std::atomic<bool> g_stop{false};
+static_assert(std::atomic<bool>::is_always_lock_free);
+
+void on_signal(int) {
+  g_stop.store(true, std::memory_order_relaxed);
+}
+
+void catch_signals() {
+  struct sigaction action {};
+  action.sa_handler = on_signal;  // no SA_RESTART: a sleeping wait returns at once
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+class MonotonicClock final : public rt::Clock {
+ public:
+  std::int64_t now_ns() const noexcept override {
+    timespec t{};
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return static_cast<std::int64_t>(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
+  }
+};
+
+link::SipKey fresh_secret() {
+  std::random_device device;  // the kernel's generator
+  const auto word = [&] { return (static_cast<std::uint64_t>(device()) << 32) | device(); };
+  return {word(), word()};
+}
+
+/// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
+class StatusPrinter {
+ public:
+  StatusPrinter(const server::LoopStatus& status, std::shared_ptr<spdlog::logger> log)
+      : status_(status), log_(std::move(log)), thread_([this] { run(); }) {}
+  ~StatusPrinter() {
+    {
+      const std::lock_guard lock(mutex_);
+      done_ = true;
+    }
+    wake_.notify_all();
+    thread_.join();
+  }
+
+ private:
+  static constexpr std::chrono::seconds kPeriod{5};
+
+  void run() {
+    std::uint64_t last_exchanges = 0;
+    std::unique_lock lock(mutex_);
+    while (!wake_.wait_for(lock, kPeriod, [this] { return done_; })) {
+      const std::uint64_t exchanges = status_.exchanges.load(std::memory_order_relaxed);
+      const std::uint64_t sessions = status_.sessions.load(std::memory_order_relaxed);
+      if (sessions > 0 || exchanges != last_exchanges) {
+        log_->info("sessions {}  exchanges/s {:.0f}  drops {}  opened {}  timed out {}", sessions,
+                   static_cast<double>(exchanges - last_exchanges) / static_cast<double>(kPeriod.count()),
+                   status_.drops.load(std::memory_order_relaxed),
+                   status_.opened.load(std::memory_order_relaxed),
+                   status_.timed_out.load(std::memory_order_relaxed));
+      }
+      last_exchanges = exchanges;
+    }
+  }
+
+  const server::LoopStatus& status_;
+  std::shared_ptr<spdlog::logger> log_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool done_ = false;
+  std::thread thread_;
+};
+
+struct ServeOptions {
+  std::string scene;
+  std::string listen = "127.0.0.1:5100";
+  std::size_t max_sessions = 64;
+  int timeout_ms = 2000;
+  int resume_s = 30;
+  bool busy_poll = false;
+};
+
+void serve(const ServeOptions& options, const SceneLoader& load_scene) {
+  const net::Address address = net::parse_address(options.listen, "--listen");
+  net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
+  server::ServerConfig config;
+  config.secret = fresh_secret();
+  config.table.capacity = options.max_sessions;
+  config.table.timeout_ns = options.timeout_ms * std::int64_t{1'000'000};
+  config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
+  server::Server server(config, load_scene(options.scene));
+
+  auto log =
+      std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  log->set_pattern("%H:%M:%S %n: %v");
+  if (!net::is_loopback(address))
+    log->warn("{} is not loopback: datagrams travel in the clear", options.listen);
+  g_stop = false;
+  catch_signals();
+  log->info("serving {} on {}", options.scene, net::to_string(socket.local()));
+
+  const MonotonicClock clock;
+  server::LoopStatus status;
+  {
+    const StatusPrinter printer(status, log);
+    server::LoopOptions loop_options;
+    loop_options.busy_poll = options.busy_poll;
+    server::run_loop(
+        server, socket, clock, [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, g_stop,
+        loop_options, status);
+  }
+
+  std::string drops;
+  for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
+    const auto cause = static_cast<link::DropCause>(i);
+    if (server.drops()[cause] == 0) continue;
+    drops += std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " +
+             std::to_string(server.drops()[cause]);
+  }
+  log->info("stopped: {} exchanges in {} sessions ({} resumed); dropped: {}", server.counters().exchanges,
+            server.counters().opened, server.counters().resumed, drops.empty() ? "none" : drops);
+}
+
+}  // namespace
+
+CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
+  auto options = std::make_shared<ServeOptions>();
+  CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
+  command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
+  command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
+      ->capture_default_str();
+  command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 256));
+  command->add_option("--timeout-ms", options->timeout_ms, "Silence after which a session's slave retracts")
+      ->capture_default_str()
+      ->check(CLI::Range(10, 60000));
+  command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 3600));
+  command->add_flag("--busy-poll", options->busy_poll,
+                    "Spin instead of sleeping: quickest answers, one core busy");
+  command->callback([options, load = std::move(load_scene), &exit_code] {
+    serve(*options, load);
+    exit_code = 0;
+  });
+  return command;
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "nve_server/server/server.h"
+
+namespace telenano::app {
+
+/// Loads the scene that a file describes; throws UserError with one line that names file, key and what is
+/// expected.
+using SceneLoader = std::function<server::ServedScene(const std::string& scene_path)>;
+
+/// Adds `serve --scene FILE --listen HOST:PORT …`. When the command is given, it runs inside app.parse()
+/// until SIGINT or SIGTERM, says Bye to its sessions and leaves 0 in `exit_code`; UserError and RunError go
+/// through to the caller.
+CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code);
+
+}  // namespace telenano::app

@@ -1,0 +1,110 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "common/link/codec.h"
+#include "common/link/drop_cause.h"
+#include "common/link/server_handshake.h"
+#include "common/link/session_table.h"
+#include "common/net/datagram.h"
+#include "common/rt/clock.h"
+#include "nve_server/slave/slave.h"
+
+namespace telenano::server {
+
+/// What is served: every session gets a slave of its own, with its own state.
+struct ServedScene {
+  link::SceneName name;
+  std::uint64_t hash = 0;
+  /// Called once when the server is made and once for each further session, between its Hello and its
+  /// Welcome: never within an established exchange, but in the same loop; so let slaves share what is costly
+  /// to load.
+  std::function<std::unique_ptr<slave::Slave>()> make_slave;
+};
+
+/// "flakes" → {'f','l',…,0}; cut to what fits.
+link::SceneName scene_name(const std::string& text) noexcept;
+
+struct ServerConfig {
+  link::SipKey secret;  ///< 128 fresh random bits at each start: cookies, session ids, tokens and epochs
+                        ///< follow from it
+  link::SessionTableConfig table;
+  double challenges_per_s = 20000;
+  double openings_per_s = 64;
+  double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
+};
+
+struct ServerCounters {
+  std::uint64_t datagrams = 0;
+  std::uint64_t exchanges = 0;  ///< commands answered
+  std::uint64_t opened = 0;
+  std::uint64_t resumed = 0;
+  std::uint64_t timed_out = 0;
+  std::uint64_t ended = 0;  ///< by Bye
+};
+
+/// The server without its socket: datagrams and times go in, answers come out. The same object serves real
+/// UDP and whole sessions in virtual time.
+///
+/// An established exchange is: scan, decode, find the session, check address, epoch and sequence, step the
+/// slave by the time between the commands, encode. It neither allocates, throws, waits nor logs. Every
+/// datagram that is not used is counted under one cause.
+class Server {
+ public:
+  Server(const ServerConfig& config, ServedScene scene);
+
+  /// Returns the bytes of the answer to `from` in `out` (512 needed), 0 = none; to an address that has not
+  /// been proven never more than came in. With `clock` the reply carries the time taken here as hold time;
+  /// without, it counts as none.
+  std::size_t on_datagram(std::span<const std::uint8_t> bytes, const net::Address& from, std::int64_t now_ns,
+                          std::span<std::uint8_t> out, const rt::Clock* clock = nullptr) noexcept;
+
+  /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
+  void poll(std::int64_t now_ns) noexcept;
+
+  /// Shutting down: from now on Hellos are refused; call until it returns 0, sending each Bye to `to`.
+  std::size_t next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
+
+  const link::DropCounters& drops() const noexcept { return drops_; }
+  const ServerCounters& counters() const noexcept { return counters_; }
+  const link::SessionTable& sessions() const noexcept { return table_; }
+
+ private:
+  struct Port {
+    std::unique_ptr<slave::Slave> slave;
+    slave::SlaveOutput output;
+    net::Address address;
+    std::int64_t last_step_ns = 0;
+  };
+
+  std::size_t drop(link::DropCause cause) noexcept;
+  std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
+                       std::span<std::uint8_t> out) noexcept;
+  std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
+                         std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
+  void on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept;
+  std::size_t welcome(std::size_t slot, std::uint64_t nonce, std::span<std::uint8_t> out) noexcept;
+  bool make_port(std::size_t slot, std::int64_t now_ns) noexcept;
+  void retract(std::size_t slot, std::int64_t now_ns) noexcept;
+
+  ServerConfig config_;
+  ServedScene scene_;
+  std::unique_ptr<slave::Slave>
+      spare_;  ///< made first: its limits hold for all, and the first session does not wait
+  slave::SlaveLimits limits_;
+  link::SessionTable table_;
+  link::ServerHandshake handshake_;
+  link::Codec codec_;
+  link::Incoming incoming_;
+  std::vector<Port> ports_;
+  bool shutting_down_ = false;
+  link::DropCounters drops_;
+  ServerCounters counters_;
+};
+
+}  // namespace telenano::server

@@ -1,0 +1,56 @@
+#include "nve_server/server/server_loop.h"
+
+#include <array>
+
+#include "common/link/messages.h"
+
+namespace telenano::server {
+namespace {
+
+void publish(const Server& server, LoopStatus& status) noexcept {
+  constexpr auto kRelaxed = std::memory_order_relaxed;
+  status.sessions.store(server.sessions().active(), kRelaxed);
+  status.exchanges.store(server.counters().exchanges, kRelaxed);
+  status.drops.store(server.drops().total(), kRelaxed);
+  status.opened.store(server.counters().opened, kRelaxed);
+  status.timed_out.store(server.counters().timed_out, kRelaxed);
+}
+
+}  // namespace
+
+void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
+              const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
+              const LoopOptions& options, LoopStatus& status) {
+  // One byte more than the largest datagram, so that an oversize one is seen as such.
+  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> in{};
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+  net::Received received;
+  std::int64_t next_poll_ns = clock.now_ns();
+  while (!stop.load(std::memory_order_relaxed)) {
+    // At most a batch before the time-outs are looked at again, so that a flood cannot keep them waiting.
+    bool drained = false;
+    for (int i = 0; i < 256 && !drained; ++i) {
+      if (!socket.receive(in, received)) {
+        drained = true;
+        break;
+      }
+      const std::size_t size = received.size < in.size() ? received.size : in.size();
+      const std::size_t n = server.on_datagram({in.data(), size}, received.from, clock.now_ns(), out, &clock);
+      // A full send queue loses the answer, as the network may: the next one says more.
+      if (n > 0) socket.send({out.data(), n}, received.from);
+    }
+    const std::int64_t now_ns = clock.now_ns();
+    if (now_ns >= next_poll_ns) {
+      server.poll(now_ns);
+      publish(server, status);
+      next_poll_ns =
+          now_ns + (server.sessions().occupied() > 0 ? options.poll_period_ns : options.idle_period_ns);
+    }
+    if (drained && !options.busy_poll) wait(next_poll_ns - now_ns);
+  }
+  net::Address to;
+  while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
+  publish(server, status);
+}
+
+}  // namespace telenano::server

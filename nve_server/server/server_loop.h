@@ -1,0 +1,36 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+
+#include "common/net/datagram.h"
+#include "common/rt/clock.h"
+#include "nve_server/server/server.h"
+
+namespace telenano::server {
+
+/// What the loop tells the rest of the program. Single words, read without locks; no snapshot of all at one
+/// instant.
+struct LoopStatus {
+  std::atomic<std::uint64_t> sessions{0};
+  std::atomic<std::uint64_t> exchanges{0};
+  std::atomic<std::uint64_t> drops{0};
+  std::atomic<std::uint64_t> opened{0};
+  std::atomic<std::uint64_t> timed_out{0};
+};
+
+struct LoopOptions {
+  bool busy_poll = false;                   ///< spin instead of sleeping: shortest answer, one core at 100 %
+  std::int64_t poll_period_ns = 1'000'000;  ///< of time-outs and retracting slaves
+  std::int64_t idle_period_ns =
+      50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
+};
+
+/// Drains the socket into the server and sends its answers until `stop` is set; then says Bye to every
+/// session. `wait(timeout_ns)` sleeps until a datagram may be there.
+void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
+              const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
+              const LoopOptions& options, LoopStatus& status);
+
+}  // namespace telenano::server

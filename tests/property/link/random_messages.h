@@ -1,0 +1,127 @@
+#pragma once
+
+#include <bit>
+#include <cmath>
+
+#include "common/base/random.h"
+#include "common/link/messages.h"
+
+namespace telenano::link {
+
+/// Any finite double: half of the draws from all bit patterns (subnormals, both zeros, huge), half of
+/// ordinary size.
+inline double any_finite(Random& random) {
+  if (random.chance(0.1)) return random.chance(0.5) ? 0.0 : -0.0;
+  if (random.chance(0.5)) return random.normal() * 1000;
+  for (;;) {
+    const double x = std::bit_cast<double>(random.bits());
+    if (std::isfinite(x)) return x;
+  }
+}
+
+inline Vec3 any_vec(Random& random) {
+  return {any_finite(random), any_finite(random), any_finite(random)};
+}
+/// Any word; often 0, which proto3 leaves out, or all ones.
+inline std::uint64_t any_u64(Random& random) {
+  const double u = random.uniform();
+  return u < 0.1 ? 0 : u < 0.2 ? UINT64_MAX : random.bits() >> random.below(64);
+}
+inline std::uint32_t any_u32(Random& random) {
+  return static_cast<std::uint32_t>(any_u64(random));
+}
+inline std::uint64_t some_u64(Random& random) {
+  return any_u64(random) | 1;
+}  // not 0
+
+inline Hello any_hello(Random& random) {
+  Hello m;
+  m.version_min = 1 + static_cast<std::uint32_t>(random.below(100));
+  m.version_max = m.version_min + static_cast<std::uint32_t>(random.below(100));
+  m.feature_bits = any_u64(random);
+  m.nonce = some_u64(random);
+  m.cookie = any_u64(random);
+  m.resume_token = any_u64(random);
+  m.rate_hz = any_u32(random);
+  return m;
+}
+
+inline Challenge any_challenge(Random& random) {
+  return {some_u64(random), some_u64(random)};
+}
+
+inline Welcome any_welcome(Random& random) {
+  Welcome m;
+  m.version = any_u32(random) | 1;
+  m.feature_bits = any_u64(random);
+  m.nonce = some_u64(random);
+  m.session_id = some_u64(random);
+  m.resume_token = any_u64(random);
+  m.epoch = any_u32(random) | 1;
+  m.timeout_ms = any_u32(random) | 1;
+  m.slave_rate_max_hz = any_u32(random);
+  const std::uint64_t n = random.below(kSceneNameBytes + 1);
+  for (std::size_t i = 0; i < n; ++i) m.scene_name.text[i] = static_cast<char>('a' + random.below(26));
+  m.scene_hash = any_u64(random);
+  const Vec3 a = any_vec(random);
+  const Vec3 b = any_vec(random);
+  m.workspace_min_w_nm = a.cwiseMin(b);
+  m.workspace_max_w_nm = a.cwiseMax(b);
+  m.start_pos_w_nm = any_vec(random);
+  m.surface_z_w_nm = any_finite(random);
+  m.force_max_nn = std::fabs(any_finite(random));
+  m.coupling_stiffness_n_m = std::fabs(any_finite(random));
+  m.coupling_damping_n_s_m = std::fabs(any_finite(random));
+  m.stiffness_min_n_m = any_finite(random);
+  return m;
+}
+
+inline Refuse any_refuse(Random& random) {
+  Refuse m;
+  m.nonce = some_u64(random);
+  m.reason = static_cast<RefuseReason>(1 + random.below(4));
+  m.version_min = 1 + static_cast<std::uint32_t>(random.below(100));
+  m.version_max = m.version_min + static_cast<std::uint32_t>(random.below(100));
+  return m;
+}
+
+inline Command any_command(Random& random) {
+  Command m;
+  m.session_id = any_u64(random);
+  m.sequence = some_u64(random);
+  m.send_time_ns = any_u64(random);
+  m.newest_reply = any_u64(random);
+  m.epoch = any_u32(random);
+  m.flags = any_u32(random);
+  m.tip_vel_w_nm_s = any_vec(random);
+  m.tip_pos_w_nm = any_vec(random);
+  m.energy_in_j = std::fabs(any_finite(random));
+  m.energy_out_j = std::fabs(any_finite(random));
+  return m;
+}
+
+inline Reply any_reply(Random& random) {
+  Reply m;
+  m.session_id = any_u64(random);
+  m.sequence = some_u64(random);
+  m.command_sequence = some_u64(random);
+  m.command_send_time_ns = any_u64(random);
+  m.server_time_ns = any_u64(random);
+  m.hold_time_ns = any_u64(random);
+  m.measurement_age_ns = any_u64(random);
+  m.epoch = any_u32(random);
+  m.contact_state = static_cast<ContactState>(random.below(4));
+  m.fault_bits = any_u32(random);
+  m.force_w_nn = any_vec(random);
+  m.tip_pos_w_nm = any_vec(random);
+  m.deflection_nm = any_finite(random);
+  m.energy_in_aj = std::fabs(any_finite(random));
+  m.energy_out_aj = std::fabs(any_finite(random));
+  return m;
+}
+
+inline Bye any_bye(Random& random) {
+  return {some_u64(random), static_cast<ByeReason>(1 + random.below(5))};
+}
+
+}  // namespace telenano::link

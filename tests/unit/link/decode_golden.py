@@ -1,0 +1,80 @@
+#!/usr/bin/env python3
+"""A second implementation of the wire form, from PROTOCOL.md alone: no Protobuf, no code shared with the codec.
+
+decode_golden.py FOLDER decodes FOLDER/*.bin and checks a few values that a person can look up in golden_messages.h.
+"""
+import pathlib
+import struct
+import sys
+
+TYPES = {1: "hello", 2: "challenge", 3: "welcome", 4: "refuse", 5: "command", 6: "reply", 7: "bye"}
+# Field list of each type in PROTOCOL.md's order: q = fixed64, i = fixed32, d = double, b = bytes.
+FIELDS = {
+    "hello": "iiqqqqi",
+    "challenge": "qq",
+    "welcome": "iqqqqiiibq" + "d" * 14,
+    "refuse": "qiii",
+    "command": "qqqqii" + "d" * 8,
+    "reply": "qqqqqqqiii" + "d" * 9,
+    "bye": "qi",
+}
+WIRE = {"q": 1, "d": 1, "b": 2, "i": 5}
+FORMAT = {"q": "<Q", "d": "<d", "i": "<I"}
+
+
+def varint(data, at):
+    value = shift = 0
+    while True:
+        byte = data[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        shift += 7
+        if byte < 0x80:
+            return value, at
+
+
+def decode(datagram):
+    assert len(datagram) <= 512 and datagram[:4] == b"TLNO" and datagram[4] == 1
+    name = TYPES[datagram[5]]
+    (length,) = struct.unpack_from("<H", datagram, 6)
+    assert len(datagram) == 8 + length, "length"
+    payload, at, values = datagram[8:], 0, {}
+    while at < len(payload):
+        tag, at = varint(payload, at)
+        number, wire = tag >> 3, tag & 7
+        if name == "hello" and number == 15:
+            size, at = varint(payload, at)
+            assert wire == 2 and at + size == len(payload) and not any(payload[at:])
+            break
+        kind = FIELDS[name][number - 1]
+        assert wire == WIRE[kind] and number not in values
+        if kind == "b":
+            size, at = varint(payload, at)
+            values[number] = payload[at:at + size]
+        else:
+            size = struct.calcsize(FORMAT[kind])
+            (values[number],) = struct.unpack_from(FORMAT[kind], payload, at)
+        at += size
+    assert at == len(payload) or name == "hello"
+    return name, values
+
+
+def main():
+    folder = pathlib.Path(sys.argv[1])
+    decoded = {}
+    for path in sorted(folder.glob("*.bin")):
+        name, values = decode(path.read_bytes())
+        assert name == path.stem, path
+        decoded[name] = values
+    assert set(decoded) == set(TYPES.values()), decoded.keys()
+    assert len((folder / "hello.bin").read_bytes()) == 512
+    assert decoded["hello"][7] == 4000
+    assert decoded["welcome"][9] == b"flakes" and decoded["welcome"][24] == -0.375
+    assert decoded["command"][2] == 1001 and decoded["command"][12] == 3.5 and decoded["command"][13] == 0.03125
+    assert decoded["reply"][13] == 12.75 and decoded["reply"][19] == 1024.25 and decoded["reply"][9] == 3
+    assert decoded["bye"] == {1: 0x4142434445464740, 2: 1}
+    print("decoded", len(decoded), "golden datagrams")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,167 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/link/codec.h"
+
+namespace telenano::link {
+
+/// The messages behind proto/golden/*.bin: every field set, each to another value, exact in binary.
+struct GoldenMessages {
+  Hello hello{1, 1, 0x0102030405060708, 0x1112131415161718, 0x2122232425262728, 0x3132333435363738, 4000};
+  Challenge challenge{0x1112131415161718, 0x2122232425262728};
+  Welcome welcome = make_welcome();
+  Refuse refuse{0x1112131415161718, RefuseReason::kVersion, 1, 1};
+  Command command = make_command();
+  Reply reply = make_reply();
+  Bye bye{0x4142434445464740, ByeReason::kDone};
+
+  static Welcome make_welcome() {
+    Welcome m;
+    m.version = 1;
+    m.feature_bits = 0;
+    m.nonce = 0x1112131415161718;
+    m.session_id = 0x4142434445464740;
+    m.resume_token = 0x3132333435363738;
+    m.epoch = 7;
+    m.timeout_ms = 2000;
+    m.slave_rate_max_hz = 8000;
+    const std::string name = "flakes";
+    std::copy(name.begin(), name.end(), m.scene_name.text.begin());
+    m.scene_hash = 0x5152535455565758;
+    m.workspace_min_w_nm = {-300, -300.5, -50};
+    m.workspace_max_w_nm = {300, 300.5, 500};
+    m.start_pos_w_nm = {1.5, -2.5, 80};
+    m.surface_z_w_nm = 12.25;
+    m.force_max_nn = 1000;
+    m.coupling_stiffness_n_m = 0.75;
+    m.coupling_damping_n_s_m = 0.0625;
+    m.stiffness_min_n_m = -0.375;
+    return m;
+  }
+  static Command make_command() {
+    Command m;
+    m.session_id = 0x4142434445464740;
+    m.sequence = 1001;
+    m.send_time_ns = 123456789012345;
+    m.newest_reply = 990;
+    m.epoch = 7;
+    m.flags = kFlagClutch | kFlagDeadman;
+    m.tip_vel_w_nm_s = {10, -20, 30.5};
+    m.tip_pos_w_nm = {1.125, -2.25, 3.5};
+    m.energy_in_j = 0.03125;
+    m.energy_out_j = 0.015625;
+    return m;
+  }
+  static Reply make_reply() {
+    Reply m;
+    m.session_id = 0x4142434445464740;
+    m.sequence = 999;
+    m.command_sequence = 1001;
+    m.command_send_time_ns = 123456789012345;
+    m.server_time_ns = 987654321;
+    m.hold_time_ns = 1500;
+    m.measurement_age_ns = 250;
+    m.epoch = 7;
+    m.contact_state = ContactState::kContact;
+    m.fault_bits = kFaultWorkspace;
+    m.force_w_nn = {0.5, -0.25, 12.75};
+    m.tip_pos_w_nm = {1.0, -2.0, 3.25};
+    m.deflection_nm = 6.375;
+    m.energy_in_aj = 4096.5;
+    m.energy_out_aj = 1024.25;
+    return m;
+  }
+
+  /// The seven as datagrams, in the order of their type numbers.
+  std::vector<std::vector<std::uint8_t>> encoded() const {
+    Codec codec;
+    std::vector<std::vector<std::uint8_t>> all;
+    const auto add = [&](const auto& message) {
+      std::array<std::uint8_t, kMaxDatagramBytes> out{};
+      const std::size_t n = codec.encode(message, out);
+      all.emplace_back(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n));
+    };
+    add(hello);
+    add(challenge);
+    add(welcome);
+    add(refuse);
+    add(command);
+    add(reply);
+    add(bye);
+    return all;
+  }
+};
+
+inline constexpr std::array<const char*, 7> kGoldenNames = {"hello",   "challenge", "welcome", "refuse",
+                                                            "command", "reply",     "bye"};
+
+inline bool same(const Hello& a, const Hello& b) {
+  return a.version_min == b.version_min && a.version_max == b.version_max &&
+         a.feature_bits == b.feature_bits && a.nonce == b.nonce && a.cookie == b.cookie &&
+         a.resume_token == b.resume_token && a.rate_hz == b.rate_hz;
+}
+inline bool same(const Challenge& a, const Challenge& b) {
+  return a.nonce == b.nonce && a.cookie == b.cookie;
+}
+inline bool same(const Welcome& a, const Welcome& b) {
+  return a.version == b.version && a.feature_bits == b.feature_bits && a.nonce == b.nonce &&
+         a.session_id == b.session_id && a.resume_token == b.resume_token && a.epoch == b.epoch &&
+         a.timeout_ms == b.timeout_ms && a.slave_rate_max_hz == b.slave_rate_max_hz &&
+         a.scene_name == b.scene_name && a.scene_hash == b.scene_hash &&
+         a.workspace_min_w_nm == b.workspace_min_w_nm && a.workspace_max_w_nm == b.workspace_max_w_nm &&
+         a.start_pos_w_nm == b.start_pos_w_nm && a.surface_z_w_nm == b.surface_z_w_nm &&
+         a.force_max_nn == b.force_max_nn && a.coupling_stiffness_n_m == b.coupling_stiffness_n_m &&
+         a.coupling_damping_n_s_m == b.coupling_damping_n_s_m && a.stiffness_min_n_m == b.stiffness_min_n_m;
+}
+inline bool same(const Refuse& a, const Refuse& b) {
+  return a.nonce == b.nonce && a.reason == b.reason && a.version_min == b.version_min &&
+         a.version_max == b.version_max;
+}
+inline bool same(const Command& a, const Command& b) {
+  return a.session_id == b.session_id && a.sequence == b.sequence && a.send_time_ns == b.send_time_ns &&
+         a.newest_reply == b.newest_reply && a.epoch == b.epoch && a.flags == b.flags &&
+         a.tip_vel_w_nm_s == b.tip_vel_w_nm_s && a.tip_pos_w_nm == b.tip_pos_w_nm &&
+         a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j;
+}
+inline bool same(const Reply& a, const Reply& b) {
+  return a.session_id == b.session_id && a.sequence == b.sequence &&
+         a.command_sequence == b.command_sequence && a.command_send_time_ns == b.command_send_time_ns &&
+         a.server_time_ns == b.server_time_ns && a.hold_time_ns == b.hold_time_ns &&
+         a.measurement_age_ns == b.measurement_age_ns && a.epoch == b.epoch &&
+         a.contact_state == b.contact_state && a.fault_bits == b.fault_bits && a.force_w_nn == b.force_w_nn &&
+         a.tip_pos_w_nm == b.tip_pos_w_nm && a.deflection_nm == b.deflection_nm &&
+         a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj;
+}
+inline bool same(const Bye& a, const Bye& b) {
+  return a.session_id == b.session_id && a.reason == b.reason;
+}
+
+/// Is what was decoded the golden message of its type?
+inline bool matches(const Incoming& in, const GoldenMessages& golden) {
+  switch (in.type) {
+    case MessageType::kHello:
+      return same(in.hello, golden.hello);
+    case MessageType::kChallenge:
+      return same(in.challenge, golden.challenge);
+    case MessageType::kWelcome:
+      return same(in.welcome, golden.welcome);
+    case MessageType::kRefuse:
+      return same(in.refuse, golden.refuse);
+    case MessageType::kCommand:
+      return same(in.command, golden.command);
+    case MessageType::kReply:
+      return same(in.reply, golden.reply);
+    case MessageType::kBye:
+      return same(in.bye, golden.bye);
+    case MessageType::kNone:
+      return false;
+  }
+  return false;
+}
+
+}  // namespace telenano::link

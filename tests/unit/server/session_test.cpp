@@ -1,0 +1,376 @@
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "virtual_session.h"
+
+namespace telenano::server {
+namespace {
+
+using link::ClientState;
+using link::DropCause;
+
+net::SimPath path(double ms) {
+  net::SimPath p;
+  p.delay_ns = static_cast<std::int64_t>(ms * 1e6);
+  return p;
+}
+
+TEST(Session, IsEstablishedThroughACookieAndExchanges) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  VirtualSession s(&server, {}, path(5), path(5), 1);
+  s.client.start(0);
+  s.ticks(15);
+  EXPECT_EQ(s.client.state(), ClientState::kChallenged);
+  EXPECT_EQ(server.sessions().active(), 0u) << "no state before the cookie comes back";
+  s.ticks(100);
+  ASSERT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_EQ(s.client.welcome().scene_name, scene_name("spring floor"));
+  EXPECT_EQ(s.client.welcome().start_pos_w_nm.z(), 50);
+  EXPECT_EQ(s.client.reply().force_w_nn.z(), 3);  // 3 nm into 1 nN/nm
+  EXPECT_EQ(s.client.reply().tip_pos_w_nm, Vec3(1, 2, -3));
+  EXPECT_EQ(s.client.slave_energy_aj().in(), 4.5);  // ½·1·3²
+  EXPECT_EQ(server.drops().total(), 0u);
+  EXPECT_EQ(s.client.drops().total(), 0u);
+  // Round trip: 5 + 5 ms, and the answer is made at once.
+  EXPECT_EQ(s.client.stats().rtt_min_ns(), 10'000'000);
+  EXPECT_NEAR(s.client.stats().rtt_ns(), 10e6, 1);
+  EXPECT_NEAR(slave->last_dt_s, 1e-3, 1e-12);
+}
+
+TEST(Session, ComesUpUnderHeavyLossAndReordering) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    Server server(test_config(), spring_scene());
+    net::SimPath bad = path(10);
+    bad.jitter_ns = 10'000'000;
+    bad.in_order = false;
+    bad.loss = 0.4;
+    bad.duplicate = 0.2;
+    bad.reorder = 0.2;
+    link::ClientConfig config;
+    config.nonce_seed = seed;
+    VirtualSession s(&server, config, bad, bad, seed);
+    s.client.start(0);
+    s.ticks(10000);
+    EXPECT_TRUE(s.client.has_session()) << seed;
+    // 36 % of the round trips succeed: the handshake takes two of them at back-offs of 0.1 to 1 s.
+    EXPECT_GT(s.client.replies().newest(), 300u) << seed;
+    EXPECT_EQ(s.client.slave_energy_aj().in(), 4.5) << seed;
+    // A repeated Hello opens no second session, unless every Welcome was lost for the 2 s that an unused one
+    // is kept.
+    EXPECT_EQ(server.sessions().active(), 1u) << seed;
+    EXPECT_LE(server.counters().opened, 4u) << seed;
+  }
+}
+
+TEST(Session, SlaveSeesEachCommandOnceAndNewestOnly) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  net::SimPath bad = path(10);
+  bad.duplicate = 0.3;
+  bad.reorder = 0.3;
+  bad.reorder_ns = 3'500'000;
+  VirtualSession s(&server, {}, bad, bad, 3);
+  s.client.start(0);
+  s.ticks(5000);
+  const auto& window = server.sessions()[0].commands;
+  EXPECT_GT(window.reordered(), 500u);
+  EXPECT_GT(window.duplicate(), 1000u);
+  EXPECT_EQ(slave->steps, server.counters().exchanges);
+  // All came, so all are either stepped, or late (after a newer one) and dropped.
+  EXPECT_EQ(window.lost() + window.received(), window.newest());
+  EXPECT_EQ(server.drops()[DropCause::kStale], window.reordered());
+  EXPECT_EQ(server.drops()[DropCause::kDuplicate], window.duplicate());
+  // The time given to the slave is the station's, whatever the network did to the order: newest command minus
+  // first.
+  EXPECT_NEAR(slave->total_dt_s, 1e-3 * static_cast<double>(window.newest()), 1e-3 * 4);
+}
+
+TEST(Session, TwoAtOnceHaveSlavesOfTheirOwn) {
+  int made = 0;
+  Server server(test_config(), spring_scene(nullptr, &made));
+  link::ClientConfig config_a;
+  link::ClientConfig config_b;
+  config_b.nonce_seed = 99;
+  VirtualSession a(&server, config_a, path(2), path(2), 1);
+  VirtualSession b(&server, config_b, path(3), path(3), 2);
+  net::Address other = b.link.address_a();
+  other.port = 40001;
+  b.link.set_address_a(other);
+  b.command.tip_pos_w_nm = {0, 0, -7};
+  a.client.start(0);
+  b.client.start(0);
+  for (int i = 0; i < 200; ++i) {
+    a.tick();
+    b.tick();
+  }
+  EXPECT_EQ(server.sessions().active(), 2u);
+  EXPECT_EQ(made, 2);
+  EXPECT_EQ(a.client.reply().force_w_nn.z(), 3);
+  EXPECT_EQ(b.client.reply().force_w_nn.z(), 7);
+  EXPECT_NE(a.client.welcome().epoch, b.client.welcome().epoch);
+  EXPECT_EQ(server.drops().total(), 0u);
+}
+
+TEST(Session, IsResumedAfterAShortOutageInTheSameBook) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(5), path(5), 1);
+  s.client.start(0);
+  s.ticks(500);
+  const auto epoch = s.client.welcome().epoch;
+  s.link.path_a_to_b().down = s.link.path_b_to_a().down = true;
+  s.ticks(600);
+  EXPECT_EQ(s.client.state(), ClientState::kLost);
+  s.link.path_a_to_b().down = s.link.path_b_to_a().down = false;
+  s.ticks(1500);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_EQ(s.client.welcome().epoch, epoch);
+  EXPECT_FALSE(s.client.epoch_changed());
+  EXPECT_EQ(s.client.slave_energy_aj().in(), 4.5) << "no energy lost or credited twice";
+  EXPECT_EQ(server.counters().opened, 1u);
+}
+
+TEST(Session, RetractsOnTimeOutAndIsResumedWhereTheTipIs) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  VirtualSession s(&server, {}, path(5), path(5), 1);
+  s.client.start(0);
+  s.ticks(500);
+  const auto epoch = s.client.welcome().epoch;
+  const auto before = s.client.sessions();
+  s.link.path_a_to_b().down = true;
+  s.ticks(1990);
+  EXPECT_EQ(slave->retracts, 0u);
+  s.ticks(30);
+  EXPECT_GT(slave->retracts, 0u) << "2 s after the last command";
+  EXPECT_EQ(server.counters().timed_out, 1u);
+  s.ticks(2000);
+  s.link.path_a_to_b().down = false;
+  s.on_event = [&](link::ClientEvent event) {
+    if (event != link::ClientEvent::kWelcome) return;
+    EXPECT_EQ(s.client.welcome().start_pos_w_nm, Vec3(1, 2, 100));
+  };
+  s.ticks(1500);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_EQ(s.client.sessions(), before + 1);
+  EXPECT_EQ(s.client.welcome().epoch, epoch);
+}
+
+TEST(Session, IsForgottenAfterThirtySecondsAndStartsANewEpoch) {
+  int made = 0;
+  Server server(test_config(), spring_scene(nullptr, &made));
+  VirtualSession s(&server, {}, path(5), path(5), 1);
+  s.client.start(0);
+  s.ticks(500);
+  s.link.path_a_to_b().down = true;
+  s.ticks(33000);
+  EXPECT_EQ(server.sessions().occupied(), 0u);
+  s.link.path_a_to_b().down = false;
+  s.ticks(1500);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_TRUE(s.client.epoch_changed());
+  EXPECT_EQ(made, 2);
+}
+
+TEST(Session, SurvivesARestartOfTheServerWithANewEpoch) {
+  Server first(test_config(1), spring_scene());
+  VirtualSession s(&first, {}, path(5), path(5), 1);
+  s.client.start(0);
+  s.ticks(500);
+  s.server = nullptr;
+  s.ticks(100);
+  Server second(test_config(2), spring_scene());
+  s.server = &second;
+  const std::int64_t back_ns = s.now_ns;
+  while (!s.client.epoch_changed() && s.now_ns < back_ns + 1'000'000'000) s.tick();
+  // It is told by a Bye that its session is unknown: Bye, Hello, Challenge, Hello, Welcome at 10 ms a round
+  // trip.
+  EXPECT_LT(s.now_ns - back_ns, 45'000'000);
+  s.ticks(100);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_EQ(s.client.reply().force_w_nn.z(), 3);
+  EXPECT_EQ(s.client.slave_energy_aj().in(), 4.5) << "the new book alone, not the old one's maximum";
+}
+
+TEST(Session, DoesNotThinkALongWayIsSilence) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(500), path(500), 1);
+  bool lost = false;
+  s.before_end_of_tick = [&] { lost |= s.client.state() == ClientState::kLost; };
+  s.client.start(0);
+  s.ticks(10000);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_FALSE(lost);
+  EXPECT_EQ(s.client.sessions(), 1u);
+  EXPECT_EQ(server.counters().opened, 1u);
+}
+
+TEST(Session, RoamsToAnotherAddressWithItsToken) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(5), path(5), 1);
+  s.client.start(0);
+  s.ticks(500);
+  const auto epoch = s.client.welcome().epoch;
+  net::Address elsewhere = s.link.address_a();
+  elsewhere.ip[15] = 77;
+  s.link.set_address_a(elsewhere);
+  s.ticks(50);
+  EXPECT_GT(server.drops()[DropCause::kUnauthenticated], 0u);
+  s.ticks(1000);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_EQ(s.client.welcome().epoch, epoch);
+  EXPECT_EQ(server.counters().resumed, 1u);
+}
+
+TEST(Session, OfAnUnknownVersionIsRefusedWithTheRangeSpoken) {
+  Server server(test_config(), spring_scene());
+  link::ClientConfig config;
+  config.version_min = 2;
+  config.version_max = 5;
+  VirtualSession s(&server, config, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(20);
+  EXPECT_EQ(s.client.state(), ClientState::kRefused);
+  EXPECT_EQ(s.client.refuse().reason, link::RefuseReason::kVersion);
+  EXPECT_EQ(s.client.refuse().version_min, 1u);
+  EXPECT_EQ(s.client.refuse().version_max, 1u);
+  EXPECT_EQ(server.drops()[DropCause::kWrongVersion], 1u);
+}
+
+TEST(Session, IsRefusedWhenTooFastOrFull) {
+  ServerConfig config = test_config();
+  config.table.capacity = 1;
+  Server server(config, spring_scene());
+  link::ClientConfig fast;
+  fast.rate_hz = 9000;
+  VirtualSession f(&server, fast, path(1), path(1), 1);
+  f.client.start(0);
+  f.ticks(20);
+  EXPECT_EQ(f.client.state(), ClientState::kRefused);
+  EXPECT_EQ(f.client.refuse().reason, link::RefuseReason::kRate);
+
+  VirtualSession a(&server, {}, path(1), path(1), 1);
+  a.client.start(0);
+  a.ticks(20);
+  EXPECT_EQ(a.client.state(), ClientState::kEstablished);
+  link::ClientConfig other;
+  other.nonce_seed = 5;
+  VirtualSession b(&server, other, path(1), path(1), 2);
+  b.client.start(0);
+  b.ticks(20);
+  EXPECT_EQ(b.client.state(), ClientState::kRefused);
+  EXPECT_EQ(b.client.refuse().reason, link::RefuseReason::kFull);
+}
+
+TEST(Session, ByeEndsItRetractsAndFreesTheSlot) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(100);
+  for (int i = 0; i < 2; ++i) {
+    const std::size_t n = s.client.make_bye(link::ByeReason::kDone, s.buffer);
+    ASSERT_GT(n, 0u);
+    s.link.a().send({s.buffer.data(), n}, {});
+  }
+  s.ticks(100);
+  EXPECT_EQ(s.client.state(), ClientState::kClosed);
+  EXPECT_EQ(server.counters().ended, 1u);
+  EXPECT_GT(slave->retracts, 50u);
+  s.ticks(2100);
+  EXPECT_EQ(server.sessions().occupied(), 0u);
+}
+
+TEST(Session, ShuttingDownSaysByeAndTheStationKeepsAsking) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(100);
+  net::Address to;
+  const std::size_t n = server.next_bye(s.now_ns, s.answer, to);
+  ASSERT_GT(n, 0u);
+  EXPECT_EQ(to, s.link.address_a());
+  s.link.b().send({s.answer.data(), n}, to);
+  EXPECT_EQ(server.next_bye(s.now_ns, s.answer, to), 0u);
+  s.ticks(300);
+  EXPECT_EQ(s.client.state(), ClientState::kLost);
+  EXPECT_EQ(s.client.refuse().reason, link::RefuseReason::kShuttingDown);
+  Server next(test_config(5), spring_scene());
+  s.server = &next;
+  s.ticks(1500);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+}
+
+TEST(Session, StopRetractsAndAnOpenClutchHolds) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(100);
+  s.command.flags = link::kFlagClutch;  // deadman released
+  s.command.tip_pos_w_nm = {0, 0, -40};
+  s.ticks(10);
+  EXPECT_EQ(s.client.reply().force_w_nn.z(), 3) << "held where it was";
+  s.command.flags = link::kFlagClutch | link::kFlagDeadman | link::kFlagStop;
+  s.ticks(10);
+  EXPECT_GT(slave->retracts, 0u);
+  EXPECT_TRUE(s.client.reply().fault_bits & link::kFaultRetracted);
+}
+
+TEST(Session, ASlaveThatGoesWrongIsNotFelt) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(100);
+  slave->broken_nn = std::numeric_limits<double>::quiet_NaN();
+  s.ticks(10);
+  EXPECT_EQ(s.client.reply().force_w_nn, Vec3(0, 0, 0));
+  EXPECT_TRUE(s.client.reply().fault_bits & link::kFaultNonFinite);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+}
+
+TEST(Session, SpacingIsBoundedWhateverTheClockSays) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(100);
+  link::Codec codec;
+  link::Command c = s.command;
+  c.session_id = s.client.welcome().session_id;
+  c.epoch = s.client.welcome().epoch;
+  c.sequence = 1000;
+  const auto send = [&](std::uint64_t send_time_ns) {
+    c.send_time_ns = send_time_ns;
+    ++c.sequence;
+    const std::size_t n = codec.encode(c, s.buffer);
+    EXPECT_GT(server.on_datagram({s.buffer.data(), n}, s.link.address_a(), s.now_ns, s.answer), 0u);
+    return slave->last_dt_s;
+  };
+  send(5'000'000'000);
+  EXPECT_DOUBLE_EQ(send(5'002'000'000), 0.002);
+  EXPECT_DOUBLE_EQ(send(5'002'000'001), 1e-6);
+  EXPECT_DOUBLE_EQ(send(9'002'000'001), 0.1);
+  EXPECT_DOUBLE_EQ(send(3), 1e-3) << "backwards: one nominal tick";
+  EXPECT_DOUBLE_EQ(send(UINT64_MAX), 1e-3);
+}
+
+TEST(Session, EnergyOfTheStationCountsFromItsWelcome) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.command.energy_in_j = 5;
+  s.command.energy_out_j = 2;
+  s.ticks(100);
+  EXPECT_EQ(server.sessions()[0].station_energy.in(), 0);
+  s.command.energy_in_j = 5.5;
+  s.command.energy_out_j = 2.25;
+  s.ticks(100);
+  EXPECT_EQ(server.sessions()[0].station_energy.in(), 0.5);
+  EXPECT_EQ(server.sessions()[0].station_energy.out(), 0.25);
+}
+
+}  // namespace
+}  // namespace telenano::server

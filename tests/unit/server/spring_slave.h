@@ -1,0 +1,75 @@
+#pragma once
+
+#include <algorithm>
+#include <memory>
+
+#include "nve_server/server/server.h"
+
+namespace telenano::server {
+
+/// A slave that a test can compute by hand: an elastic floor at z = 0 under a massless tip, 1 N/m (= 1
+/// nN/nm), no coupling. Counts what it is told.
+class SpringSlave final : public slave::Slave {
+ public:
+  SpringSlave() {
+    limits_.workspace_min_w_nm = {-300, -300, -50};
+    limits_.workspace_max_w_nm = {300, 300, 500};
+    limits_.start_pos_w_nm = {0, 0, 50};
+    limits_.force_max_nn = 1000;
+    limits_.coupling_stiffness_n_m = 1;
+  }
+
+  void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {
+    ++steps;
+    last_input = input;
+    last_dt_s = dt_s;
+    total_dt_s += dt_s;
+    if (input.retract) {
+      ++retracts;
+      pos_w_nm_.z() = std::min(pos_w_nm_.z() + 1000 * dt_s, 100.0);
+    } else if (input.follow) {
+      pos_w_nm_ = input.tip_target_pos_w_nm;
+    }
+    const double force_nn = std::max(0.0, -pos_w_nm_.z());
+    const double stored_aj = 0.5 * force_nn * force_nn;  // nN·nm = aJ; k = 1
+    (stored_aj > stored_aj_ ? in_aj_ : out_aj_) += std::abs(stored_aj - stored_aj_);
+    stored_aj_ = stored_aj;
+    output.force_w_nn = {0, 0, force_nn + broken_nn};
+    output.tip_pos_w_nm = pos_w_nm_;
+    output.contact_state = force_nn > 0 ? link::ContactState::kContact : link::ContactState::kFree;
+    output.fault_bits = input.retract ? std::uint32_t{link::kFaultRetracted} : 0u;
+    output.energy_in_aj = in_aj_;
+    output.energy_out_aj = out_aj_;
+  }
+  const slave::SlaveLimits& limits() const noexcept override { return limits_; }
+
+  std::uint64_t steps = 0;
+  std::uint64_t retracts = 0;
+  slave::SlaveInput last_input;
+  double last_dt_s = 0;
+  double total_dt_s = 0;
+  double broken_nn = 0;  ///< NaN: a slave gone wrong
+
+ private:
+  slave::SlaveLimits limits_;
+  Vec3 pos_w_nm_ = Vec3::Zero();
+  double in_aj_ = 0;
+  double out_aj_ = 0;
+  double stored_aj_ = 0;
+};
+
+/// `last` is set to the slave made last, for looking into it.
+inline ServedScene spring_scene(SpringSlave** last = nullptr, int* made = nullptr) {
+  ServedScene scene;
+  scene.name = scene_name("spring floor");
+  scene.hash = 0x1234;
+  scene.make_slave = [last, made]() -> std::unique_ptr<slave::Slave> {
+    auto slave = std::make_unique<SpringSlave>();
+    if (last != nullptr) *last = slave.get();
+    if (made != nullptr) ++*made;
+    return slave;
+  };
+  return scene;
+}
+
+}  // namespace telenano::server
