@@ -100,8 +100,8 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   const bool believable_force =
       is_finite(input.applied_force_h_n) &&
       input.applied_force_h_n.cwiseAbs().maxCoeff() <= kBelievableForce * device_force_max_n_;
-  if (!believable_pos) latched_ |= kFaultHandPos;
-  if (!believable_force) latched_ |= kFaultAppliedForce;
+  if (!believable_pos) latched_ |= kFaultHandPosNonFinite;
+  if (!believable_force) latched_ |= kFaultAppliedNonFinite;
   // What cannot be measured cannot be booked; the stop holds the force at zero until a person has looked.
   if (!believable_pos || !believable_force) return;
   controller_.observe(input.applied_force_h_n, input.hand_pos_h_m, dt_s);

@@ -20,14 +20,14 @@ const char* mode_name(Mode mode) noexcept;
 
 /// Named faults; several may be set at once.
 enum StationFaults : std::uint32_t {
-  kFaultStopPressed = 1u << 0,     ///< latched
-  kFaultVelocityTrip = 1u << 1,    ///< latched
-  kFaultHandPos = 1u << 2,         ///< latched: not finite or not believable (a jump of a metre)
-  kFaultAppliedForce = 1u << 3,    ///< latched: not finite or not believable (twice what the device can do)
-  kFaultDeviceFailed = 1u << 4,    ///< latched
-  kFaultReplyNonFinite = 1u << 5,  ///< that reply is ignored and the force ramps up again from zero
-  kFaultForceNonFinite = 1u << 6,  ///< latched: own computation went wrong
-  kFaultStale = 1u << 7,           ///< no new reply for longer than the hold time
+  kFaultStopPressed = 1u << 0,       ///< latched
+  kFaultVelocityTrip = 1u << 1,      ///< latched
+  kFaultHandPosNonFinite = 1u << 2,  ///< latched: not finite or not believable (a jump of a metre)
+  kFaultAppliedNonFinite = 1u << 3,  ///< latched: not finite or not believable (twice what the device can do)
+  kFaultDeviceFailed = 1u << 4,      ///< latched
+  kFaultReplyNonFinite = 1u << 5,    ///< that reply is ignored and the force ramps up again from zero
+  kFaultForceNonFinite = 1u << 6,    ///< latched: own computation went wrong
+  kFaultStale = 1u << 7,             ///< no new reply for longer than the hold time
   kFaultBadTick = 1u << 8,  ///< a tick without a positive, finite length: nothing was done but zero force
 };
 /// Name of the lowest fault bit set; "none" if none.

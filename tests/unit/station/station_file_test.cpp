@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "common/base/error.h"
-#include "master/app/station_config.h"
+#include "master/app/station_file.h"
 
 namespace telenano::app {
 namespace {
@@ -35,8 +35,8 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(a.engage_ramp_s, b.engage_ramp_s);
   EXPECT_EQ(a.require_deadman, b.require_deadman);
   EXPECT_EQ(a.device_damping_n_s_m, b.device_damping_n_s_m);
-  const auto& p = file.simulated_device;
-  const auto& q = defaults.simulated_device;
+  const auto& p = file.plant;
+  const auto& q = defaults.plant;
   EXPECT_EQ(p.device_mass_kg, q.device_mass_kg);
   EXPECT_EQ(p.device_damping_n_s_m, q.device_damping_n_s_m);
   EXPECT_EQ(p.coulomb_friction_n, q.coulomb_friction_n);
@@ -65,11 +65,25 @@ TEST(StationFile, ReadsWhatItIsTold) {
       "damping_n_s_m = 1.5\n",
       "a.toml");
   EXPECT_EQ(file.station.rate_hz, 2000);
-  EXPECT_EQ(file.simulated_device.period_s, 0.0005);
+  EXPECT_EQ(file.plant.period_s, 0.0005);
   EXPECT_EQ(file.station.scaling.force, 1e6);
   EXPECT_EQ(file.station.method, control::Method::kKs);
-  EXPECT_EQ(file.simulated_device.arm_mass_kg, 2);
+  EXPECT_EQ(file.plant.arm_mass_kg, 2);
   EXPECT_EQ(file.station.device_damping_n_s_m, 1.5);
+}
+
+/// A recording's list of settings, read as a station file again, says the same.
+TEST(StationFile, DescribesEverySettingByItsKey) {
+  const StationFile file = parse_station_file("rate_hz = 500\n[scaling]\nforce = 1e6\n", "a.toml");
+  for (const auto& [key, value] : describe(file.station, file.plant)) {
+    if (key == "allow_unsafe_scaling") continue;  // a flag only
+    const auto dot = key.find('.');
+    const std::string quoted = key == "control.method" ? '"' + value + '"' : value;
+    const std::string line = dot == std::string::npos
+                                 ? key + " = " + quoted
+                                 : '[' + key.substr(0, dot) + "]\n" + key.substr(dot + 1) + " = " + quoted;
+    EXPECT_EQ(refusal(line), "") << line;
+  }
 }
 
 TEST(StationFile, RefusesMistakesInOneLineThatNamesFileAndKey) {

@@ -1,5 +1,7 @@
-#include "master/app/station_config.h"
+#include "master/app/station_file.h"
 
+#include <array>
+#include <cstdio>
 #include <utility>
 
 #include "common/config/toml_document.h"
@@ -73,7 +75,7 @@ void read_task(const TomlTable& table, device::TaskOptions& task) {
 
 StationFile read(const config::TomlDocument& document) {
   StationFile file;
-  file.content = document.content();
+  file.text = document.content();
   const TomlTable root = document.root();
   file.station.rate_hz = root.number_or("rate_hz", between(10, 8000), file.station.rate_hz);
   if (const auto table = root.optional_table("scaling")) read_scaling(*table, file.station.scaling);
@@ -84,9 +86,9 @@ StationFile read(const config::TomlDocument& document) {
     if (damping) file.station.device_damping_n_s_m = *damping;
   }
   if (const auto table = root.optional_table("simulated_device")) {
-    read_simulated_device(*table, file.simulated_device);
+    read_simulated_device(*table, file.plant);
   }
-  if (const auto table = root.optional_table("hand")) read_hand(*table, file.simulated_device);
+  if (const auto table = root.optional_table("hand")) read_hand(*table, file.plant);
   if (const auto table = root.optional_table("task")) read_task(*table, file.task);
   document.finish();
   finish_station_file(file, document.path());
@@ -103,10 +105,47 @@ StationFile parse_station_file(std::string content, const std::string& name) {
   return read(config::TomlDocument::parse(std::move(content), name));
 }
 
+std::vector<std::pair<std::string, std::string>> describe(const station::StationConfig& station,
+                                                          const device::PlantConfig& plant) {
+  std::vector<std::pair<std::string, std::string>> list;
+  const auto add = [&](const char* key, double value) {
+    std::array<char, 40> text{};
+    std::snprintf(text.data(), text.size(), "%.17g", value);
+    list.emplace_back(key, text.data());
+  };
+  add("rate_hz", station.rate_hz);
+  add("scaling.velocity", station.scaling.velocity);
+  add("scaling.force", station.scaling.force);
+  list.emplace_back("control.method", control::method_name(station.method));
+  add("control.allowance_j", station.allowance_j);
+  add("control.guaranteed_velocity_m_s", station.guaranteed_velocity_m_s);
+  add("limits.trip_velocity_m_s", station.trip_velocity_m_s);
+  add("limits.force_safety", station.force_safety);
+  add("limits.slew_n_s", station.slew_n_s);
+  add("limits.stale_hold_s", station.stale_hold_s);
+  add("limits.stale_zero_s", station.stale_zero_s);
+  add("limits.engage_ramp_s", station.engage_ramp_s);
+  list.emplace_back("limits.require_deadman", station.require_deadman ? "true" : "false");
+  list.emplace_back("allow_unsafe_scaling", station.allow_unsafe_scaling ? "true" : "false");
+  if (station.device_damping_n_s_m >= 0) add("device.damping_n_s_m", station.device_damping_n_s_m);
+  add("simulated_device.mass_kg", plant.device_mass_kg);
+  add("simulated_device.damping_n_s_m", plant.device_damping_n_s_m);
+  add("simulated_device.coulomb_friction_n", plant.coulomb_friction_n);
+  add("simulated_device.force_max_n", plant.force_max_n);
+  add("simulated_device.force_quantum_n", plant.force_quantum_n);
+  add("simulated_device.position_quantum_m", plant.position_quantum_m);
+  add("hand.arm_mass_kg", plant.arm_mass_kg);
+  add("hand.arm_stiffness_n_m", plant.arm_stiffness_n_m);
+  add("hand.arm_damping_n_s_m", plant.arm_damping_n_s_m);
+  add("hand.grip_stiffness_n_m", plant.grip_stiffness_n_m);
+  add("hand.grip_damping_n_s_m", plant.grip_damping_n_s_m);
+  return list;
+}
+
 void finish_station_file(StationFile& file, const std::string& source) {
   file.station.validate(source);
-  file.simulated_device.period_s = 1 / file.station.rate_hz;
-  file.simulated_device.validate();
+  file.plant.period_s = 1 / file.station.rate_hz;
+  file.plant.validate();
 }
 
 }  // namespace telenano::app
