@@ -355,10 +355,13 @@ Figure FigureMaker::with_and_without(const RunData& without, const RunData& with
   Figure figure{
       "control_" + without.slug + "_" + with.slug, "With and without control",
       fmt::format(
-          "The same motion and the same sample at the same scaling. Left, {}: the hand is shaken by a "
-          "force that returns more energy than was put in. Right, {}: damper and clamp keep the "
-          "ledger from going on falling, and the contact is calm. Each row shares its scale.",
-          without.label, with.label),
+          "The same motion on the same sample at the same scaling; each row shares its scale. Left, {}: the "
+          "applied force changes by {:.2g} N a tick (RMS) and the ledger falls to {:.3g} mJ. Right, {}: "
+          "{:.2g} N "
+          "a tick and {:.3g} mJ at the least; damper or clamp act in {:.0f} % of the ticks.",
+          without.label, without.summary.force_step_rms_n, 1e3 * without.summary.energy_least_j, with.label,
+          with.summary.force_step_rms_n, 1e3 * with.summary.energy_least_j,
+          100 * with.summary.controller_duty),
       ""};
   std::string script = "set multiplot\nset xzeroaxis lc rgb '#999999' lt 1\n";
   double left = 0.085;
