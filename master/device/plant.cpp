@@ -11,6 +11,13 @@ namespace {
 
 constexpr int kN = AxisPlant::kStates;
 constexpr int kMaxEvents = 64;  // in one period; a passive axis needs a few
+// Sub-steps in one period, tried ones included: an event costs about three for each level, so this is dozens of events.
+// Beyond it the axis is held for the rest of the period, which is passive and ends in bounded time whatever comes.
+constexpr int kMaxTries = 6000;
+// A stuck handle lets go when friction is exceeded by this part of it. Exactly at the threshold the acceleration would be
+// rounding noise (1e-14 N of a few newtons cancelling) and its sign meaningless; 1e-8 of the friction is far above the noise
+// and far below what can be felt.
+constexpr double kReleaseMargin = 1e-8;
 using WideMatrix = std::array<long double, kN * kN>;
 
 WideMatrix multiply(const WideMatrix& a, const WideMatrix& b) {
@@ -154,8 +161,9 @@ AxisPlant::Phase AxisPlant::phase_for(const State& state, double force_n) const 
   const bool at_lower = state[0] <= -stop_m_;
   if (friction == 0 && !at_upper && !at_lower) return Phase::kFree;
   const double net_n = held_force_n(state, force_n);
-  if (net_n > friction && !at_upper) return friction == 0 ? Phase::kFree : Phase::kForward;
-  if (net_n < -friction && !at_lower) return friction == 0 ? Phase::kFree : Phase::kBackward;
+  const double holds_n = friction * (1 + kReleaseMargin);
+  if (net_n > holds_n && !at_upper) return friction == 0 ? Phase::kFree : Phase::kForward;
+  if (net_n < -holds_n && !at_lower) return friction == 0 ? Phase::kFree : Phase::kBackward;
   return Phase::kStuck;
 }
 
@@ -163,8 +171,8 @@ bool AxisPlant::stays(Phase phase, const State& from, const State& to, double fo
                       double step_s) const noexcept {
   if (phase == Phase::kStuck) {
     const double net_n = held_force_n(to, force_n);
-    return (net_n <= config_.coulomb_friction_n || to[0] >= stop_m_) &&
-           (net_n >= -config_.coulomb_friction_n || to[0] <= -stop_m_);
+    const double holds_n = config_.coulomb_friction_n * (1 + kReleaseMargin);
+    return (net_n <= holds_n || to[0] >= stop_m_) && (net_n >= -holds_n || to[0] <= -stop_m_);
   }
   if (std::fabs(to[0]) > stop_m_) return false;
   if (phase == Phase::kFree) return true;
@@ -183,13 +191,19 @@ void AxisPlant::advance(double force_n, double intended_pos_m) noexcept {
   std::uint64_t remaining = std::uint64_t{1} << (kLevels - 1);  // in units of the smallest step
   int level = 0;
   int events = 0;
+  int tries = 0;
   while (remaining > 0) {
     while ((std::uint64_t{1} << (kLevels - 1 - level)) > remaining) ++level;
     state_[6] = force_n - friction_n(phase);
     State next = apply(phase == Phase::kStuck ? stuck_[level] : moving_[level], state_);
     const double step_s = config_.period_s / static_cast<double>(std::uint64_t{1} << level);
     const bool last_level = level == kLevels - 1;
-    const bool ok = events >= kMaxEvents || stays(phase, state_, next, force_n, step_s);
+    if (++tries == kMaxTries) {
+      phase = Phase::kStuck;
+      state_[1] = 0;
+      continue;
+    }
+    const bool ok = events >= kMaxEvents || tries > kMaxTries || stays(phase, state_, next, force_n, step_s);
     if (!ok && !last_level) {
       ++level;
       continue;
