@@ -2,23 +2,58 @@
 
 #include <cstdint>
 
+#include "nve_server/physics/joined_law.h"
+#include "nve_server/physics/maugis_dugdale.h"
+
 namespace telenano::physics {
 
 enum class Branch : std::uint8_t { kFree, kVanDerWaals, kNonContact, kContact };
 
 /// One sphere on one locally spherical sample: what the force law needs, in nm, nN, GPa, N/m.
 struct TipSampleParameters {
-  double contact_modulus_gpa = 0;  ///< K = 4E*/3
-  double work_of_adhesion_n_m = 0;  ///< w
+  double contact_modulus_gpa = 0;          ///< K = 4E*/3
+  double work_of_adhesion_n_m = 0;         ///< w
   double equilibrium_distance_nm = 0.165;  ///< z0 of Maugis–Dugdale = a0 of van der Waals
-  bool van_der_waals = true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
+  bool van_der_waals =
+      true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
 };
 
-/// What must be remembered between steps: which of the stable states the tip is in, and a warm start.
+/// What turns the dimensionless law into nm, nN, aJ at one radius.
+struct ContactScales {
+  double length_nm = 0;   ///< u_a = (pi w R^2/K)^(1/3), of contact radii
+  double overlap_nm = 0;  ///< u_delta = (pi^2 w^2 R/K^2)^(1/3)
+  double force_nn = 0;    ///< u_F = pi w R
+  double energy_aj = 0;   ///< u_F u_delta
+  double lambda = 0;      ///< 2 sigma0 (R/(pi w K^2))^(1/3)
+};
+
+/// What need not be computed again while radius and compliance stay; private to the law.
+struct TipSampleCache {
+  double radius_nm = -1;
+  ContactScales scales;
+  MaugisDugdale curve{1.0};
+  OutsideLaw outside{1.0};
+  bool has_handover = false;
+  Handover handover;
+  // The last two handovers in contact, to extrapolate u/lambda^2 from.
+  double handover_lambda[2] = {0, 0};
+  double handover_ratio[2] = {0, 0};
+  // The last two states in contact, to extrapolate from.
+  double lambda = 0;
+  double compliance = -1;
+  double z = 0;
+  double u = 0;
+  double rate = 0;       // dZ/du
+  double curvature = 0;  // d2Z/du2
+};
+
+/// What must be remembered between steps: which of the stable states the tip is in, and a warm start. A state
+/// belongs to one law; start a new one when the parameters change.
 struct TipSampleState {
   Branch branch = Branch::kFree;
   double overlap_nm = -1e9;
   double warm = 0;  ///< private to the law (the curve's parameter)
+  TipSampleCache cache;
 };
 
 enum class SolveStatus : std::uint8_t { kOk, kNotConverged, kNonFinite };
@@ -36,16 +71,43 @@ struct Equilibrium {
   int jumps = 0;
 };
 
-/// Van der Waals joined to Maugis–Dugdale, with memory of the branch.
+/// Van der Waals joined to Maugis–Dugdale (joined_law.h), with memory of the branch.
+///
+/// The tip has at most two stable states at a base position: outside (free, or van der Waals) and inside (the
+/// stable segment of the Maugis–Dugdale curve). It stays in the one where it is until that one ends: outside
+/// at the jump to contact or at the handover, inside at the fold of Z = delta + F/k or at the handover; then
+/// it goes over to the other at the same base position (overdamped: what the potential loses there is
+/// dissipated). Hence over any path at constant radius
+///   integral of F dZ = change of (U + F^2/(2k)) + dissipated,
+/// and one long step gives the same as many short ones. When radius or compliance change between two steps
+/// the branch is carried over; if it no longer exists there the tip goes over to the other.
 class TipSampleLaw {
  public:
+  /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive.
   explicit TipSampleLaw(const TipSampleParameters& parameters);
 
-  /// Moves the base quasi-statically from where the state was to `base_overlap_nm` (the overlap that there would be
-  /// without any force) against a spring of compliance `compliance_nm_nn` (0 = rigid: displacement control) at the local
-  /// radius `radius_nm`, resolving every jump on the way. F = (base_overlap − delta) / compliance. No allocation.
+  /// Moves the base quasi-statically from where the state was to `base_overlap_nm` (the overlap that there
+  /// would be without any force) against a spring of compliance `compliance_nm_nn` (0 = rigid: displacement
+  /// control) at the local radius `radius_nm`, resolving every jump on the way. F = (base_overlap − delta) /
+  /// compliance. No allocation. A non-finite or impossible argument gives kNonFinite with no force and leaves
+  /// the state as it was.
   Equilibrium advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
                       TipSampleState& state) const noexcept;
+
+  const TipSampleParameters& parameters() const noexcept { return parameters_; }
+  ContactScales scales(double radius_nm) const noexcept;
+  double lambda(double radius_nm) const noexcept { return scales(radius_nm).lambda; }
+  /// Largest attraction of the Maugis–Dugdale contact under load control, positive. For set-up, not for
+  /// loops.
+  double pull_off_nn(double radius_nm) const noexcept;
+
+ private:
+  void prepare(double radius_nm, TipSampleCache& cache) const noexcept;
+
+  TipSampleParameters parameters_;
+
+  double cbrt_;  // (pi w/K)^(1/3)
+  double sigma0_over_w_;
 };
 
 }  // namespace telenano::physics

@@ -1,0 +1,8 @@
+#pragma once
+
+namespace telenano {
+
+extern const char* const kVersion;    ///< of the project, e.g. "0.1.0"
+extern const char* const kGitCommit;  ///< of the configured source tree, "unknown" outside a checkout
+
+}  // namespace telenano

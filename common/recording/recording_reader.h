@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/recording/sample.h"
+
+namespace telenano::recording {
+
+/// Reads a recording as it is: closed, still being written, or left behind by a killed process. Only complete
+/// rows are shown: columns of unequal length are cut to the shortest, and to what the writer had confirmed.
+/// Every error is a UserError of one line that names the file.
+class RecordingReader {
+ public:
+  explicit RecordingReader(const std::filesystem::path& path);
+  ~RecordingReader();
+  RecordingReader(RecordingReader&&) noexcept;
+  RecordingReader& operator=(RecordingReader&&) noexcept;
+
+  const std::filesystem::path& path() const noexcept;
+  std::size_t rows() const noexcept;
+  /// False when the file is still being written or its writer was killed.
+  bool closed() const noexcept;
+  /// True when the writer did not end in good order, whether the file has been recovered since or not.
+  bool cut_short() const noexcept;
+  std::uint64_t rows_dropped() const noexcept;  ///< as the writer counted
+
+  bool has(const std::string& column) const;
+  std::vector<std::string> columns() const;
+  std::string unit(const std::string& column) const;
+  std::string description(const std::string& column) const;
+  /// One component of one column. Integers beyond 2^53 are rounded.
+  std::vector<double> read(const std::string& column, std::size_t component = 0) const;
+  std::vector<Event> events() const;
+
+  /// Text of a key of /configuration; empty when there is none.
+  std::string configuration(const std::string& key) const;
+  std::vector<std::pair<std::string, std::string>> configuration() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace telenano::recording

@@ -1,0 +1,98 @@
+#include "common/recording/sample.h"
+
+namespace telenano::recording {
+namespace {
+
+template <class Field>
+constexpr ColumnType column_type() {
+  using Element = std::remove_all_extents_t<Field>;
+  if constexpr (std::is_same_v<Element, std::int64_t>) {
+    return ColumnType::kInt64;
+  } else if constexpr (std::is_same_v<Element, std::uint32_t>) {
+    return ColumnType::kUint32;
+  } else {
+    static_assert(std::is_same_v<Element, double> || std::is_same_v<Element, Xyz>);
+    return ColumnType::kFloat64;
+  }
+}
+
+template <class Field>
+constexpr std::uint8_t column_components() {
+  return std::is_same_v<Field, Xyz> ? 3 : 1;
+}
+
+#define TELENANO_COLUMN(field, unit, description)                               \
+  Column {                                                                      \
+#field, unit, description, column_type < decltype(Sample::field)>(),        \
+        column_components < decltype(Sample::field)>(), offsetof(Sample, field) \
+  }
+
+constexpr std::array kColumns{
+    TELENANO_COLUMN(tick, "1", "tick of the station loop, from 0; a gap is a missed tick or a dropped row"),
+    TELENANO_COLUMN(time_s, "s", "time since the start of the session, at the start of the tick"),
+    TELENANO_COLUMN(hand_pos_h_m, "m", "hand position as the encoder sees it, frame H"),
+    TELENANO_COLUMN(tip_target_w_nm, "nm", "commanded end of the virtual coupling, frame W"),
+    TELENANO_COLUMN(tip_pos_w_nm, "nm", "actual tip apex from the newest reply, frame W"),
+    TELENANO_COLUMN(force_w_nn, "nN", "force on the tip from the newest reply, frame W; +z is repulsion"),
+    TELENANO_COLUMN(hand_force_scaled_h_n, "N", "force on the hand as scaled from the reply, before control"),
+    TELENANO_COLUMN(hand_force_commanded_h_n, "N",
+                    "force sent to the device, after damper, limits and clamp"),
+    TELENANO_COLUMN(hand_force_applied_h_n, "N",
+                    "force that the device says it applies, held until the next tick"),
+    TELENANO_COLUMN(damper_n_s_m, "N*s/m",
+                    "adaptive damping injected by the passivity controller in this tick"),
+    TELENANO_COLUMN(clamp_n, "N", "largest force that the energy clamp allowed in this tick"),
+    TELENANO_COLUMN(energy_j, "J", "the energy ledger: energy that the hand has put in and not yet got back"),
+    TELENANO_COLUMN(energy_bound_j, "J", "bound of the ledger's error caused by the encoder's quantum"),
+    TELENANO_COLUMN(energy_in_j, "J", "energy that the hand has put into the port so far, monotone"),
+    TELENANO_COLUMN(energy_out_j, "J", "energy that the port has given to the hand so far, monotone"),
+    TELENANO_COLUMN(ledger_j, "J", "energy in the control method's own book; the clamp bounds the force by it"),
+    TELENANO_COLUMN(slave_energy_in_aj, "aJ",
+                    "energy put into the slave's port so far, monotone in an epoch"),
+    TELENANO_COLUMN(slave_energy_out_aj, "aJ",
+                    "energy given back by the slave's port so far, monotone in an epoch"),
+    TELENANO_COLUMN(deflection_nm, "nm", "deflection of the cantilever, up positive"),
+    TELENANO_COLUMN(velocity_scale, "1", "tip motion over hand motion, both in metres"),
+    TELENANO_COLUMN(force_scale, "1", "hand force over tip force, both in newtons"),
+    TELENANO_COLUMN(reply_sequence, "1", "sequence number of the newest reply accepted"),
+    TELENANO_COLUMN(reply_age_ms, "ms", "time since the newest reply was accepted"),
+    TELENANO_COLUMN(measurement_age_ms, "ms", "age of the force when the reply was sent"),
+    TELENANO_COLUMN(rtt_us, "us",
+                    "round trip of the newest reply, without the server's hold time; 0 = none yet"),
+    TELENANO_COLUMN(lost, "1", "replies lost so far"),
+    TELENANO_COLUMN(reordered, "1", "replies that came after a newer one so far"),
+    TELENANO_COLUMN(duplicates, "1", "replies that came twice so far"),
+    TELENANO_COLUMN(dropped, "1", "datagrams dropped so far for any other cause"),
+    TELENANO_COLUMN(lateness_us, "us", "how late this tick started"),
+    TELENANO_COLUMN(step_us, "us", "how long the previous tick worked"),
+    TELENANO_COLUMN(overruns, "1", "ticks missed so far because an earlier one took too long"),
+    TELENANO_COLUMN(contact_state, "1", "0 free, 1 van der Waals, 2 non-contact (adhesive neck), 3 contact"),
+    TELENANO_COLUMN(fault_bits, "1", "faults of the slave, bits of the protocol's Reply"),
+    TELENANO_COLUMN(station_mode, "1", "mode of the station, see /configuration"),
+    TELENANO_COLUMN(
+        limit_flags, "1",
+        "what held the force back: 1 damper, 2 clamp, 4 force limit, 8 slew, 16 stale force, 32 velocity, "
+        "64 workspace, 128 ramp, 256 stop, 512 non-finite"),
+    TELENANO_COLUMN(station_faults, "1", "latched faults of the station, see /configuration"),
+    TELENANO_COLUMN(buttons, "1", "buttons of the device: 1 clutch, 2 deadman, 4 stop"),
+};
+
+#undef TELENANO_COLUMN
+
+constexpr bool covers_the_whole_sample() {
+  std::size_t at = 0;
+  for (const Column& column : kColumns) {
+    if (column.offset != at) return false;
+    at += (column.type == ColumnType::kUint32 ? 4u : 8u) * column.components;
+  }
+  return at == sizeof(Sample);
+}
+static_assert(covers_the_whole_sample(), "a field of Sample is missing from the table, or out of order");
+
+}  // namespace
+
+std::span<const Column> sample_columns() noexcept {
+  return kColumns;
+}
+
+}  // namespace telenano::recording

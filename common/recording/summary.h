@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/recording/recording_reader.h"
+
+namespace telenano::recording {
+
+struct Percentiles {
+  double p50 = 0;
+  double p99 = 0;
+  double max = 0;
+};
+
+/// What a person wants to know of a session first. Made from the columns of a recording.
+struct Summary {
+  std::uint64_t rows = 0;
+  std::uint64_t rows_dropped = 0;  ///< by the recorder
+  double duration_s = 0;
+  bool cut_short = false;  ///< the writer did not end in good order
+
+  double pull_off_force_nn = 0;  ///< largest attraction along W z, >= 0
+  double peak_repulsion_nn = 0;  ///< largest repulsion along W z, >= 0
+  /// How far the tip went below the surface. Surface: `surface_z_w_nm` of /configuration when it is there and
+  /// the tip stayed within 1 nm laterally, otherwise the height at which each contact began.
+  double greatest_depth_nm = 0;
+  double contact_fraction = 0;     ///< of all ticks, non-contact (adhesive neck) included
+  double peak_hand_force_n = 0;    ///< applied
+  double peak_scaled_force_n = 0;  ///< before control: what the hand would have felt
+  double force_step_rms_n = 0;     ///< change of the applied force from tick to tick
+
+  Percentiles rtt_us;  ///< over replies, not ticks
+  std::int64_t replies = 0;
+  std::int64_t lost = 0;
+  std::int64_t reordered = 0;
+  std::int64_t duplicates = 0;
+  std::int64_t dropped = 0;
+  double loss_fraction = 0;
+
+  double energy_end_j = 0;    ///< ledger, at the end
+  double energy_least_j = 0;  ///< ledger, its lowest
+  double energy_in_j = 0;
+  double energy_out_j = 0;
+  double slave_energy_net_aj = 0;  ///< put into the slave's port and not given back
+
+  double controller_duty = 0;  ///< fraction of ticks in which damper or clamp acted
+  double damper_duty = 0;
+  double clamp_duty = 0;
+  double damper_max_n_s_m = 0;
+  double force_limit_duty = 0;    ///< force or slew limit
+  std::uint64_t stale_ticks = 0;  ///< ticks rendered from an old reply, held or ramped
+
+  Percentiles lateness_us;
+  std::int64_t overruns = 0;
+  std::int64_t missed_ticks = 0;  ///< gaps in the tick numbers
+  std::uint32_t fault_bits = 0;   ///< all that were ever set
+  std::uint32_t station_faults = 0;
+};
+
+Summary summarise(const RecordingReader& reader);
+
+/// The same as pairs of name and value with unit, in reading order: for tables.
+std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& summary);
+
+/// As lines of text for a terminal, each indented by two blanks.
+std::string summary_text(const Summary& summary);
+
+}  // namespace telenano::recording

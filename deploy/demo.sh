@@ -1,0 +1,85 @@
+#!/usr/bin/env bash
+# Takes a fresh Debian 12 all the way to a recorded session: installs what is missing, configures, builds, then runs a
+# server and a station as two processes over loopback UDP, with a simulated Omega and a simulated hand: the three tasks of
+# Kim & Sitti on a real AFM scan, then silicon oxide at a scaling that oscillates without control. Ends with a report.
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+usage() {
+  cat <<'H'
+usage: deploy/demo.sh [--no-install] [--out DIR]
+  --no-install   do not call apt; fail if something is missing
+  --out DIR      where recordings and report go (default: demo-out; an earlier demo there is replaced)
+H
+}
+parse_common_flags "$@"
+out=$project/demo-out
+while [ ${#rest[@]} -gt 0 ]; do
+  case ${rest[0]} in
+    --out) [ ${#rest[@]} -ge 2 ] || { usage >&2; exit 2; }; out=$(realpath -m "${rest[1]}"); rest=("${rest[@]:2}") ;;
+    *) printf 'error: unknown argument %s\n' "${rest[0]}" >&2; usage >&2; exit 2 ;;
+  esac
+done
+[ "$install" = no ] || install_missing "${build_packages[@]}"
+configure_and_build telenano-nve telenano-master telenano-lab
+
+bin=$project/build/release/bin scenes=$project/deploy/scenes
+mkdir -p "$out/recordings"
+rm -f "$out"/recordings/*.h5 "$out"/*.csv "$out"/*.log
+rm -rf "$out/report"
+
+server=
+stop_server() { [ -z "$server" ] || { kill -TERM "$server" 2>/dev/null && wait "$server" 2>/dev/null; server=; } || true; }
+trap stop_server EXIT
+start_server() { # scene; sets $address
+  local port
+  for port in $(seq 5100 5119); do
+    "$bin/telenano-nve" serve --scene "$scenes/$1" --listen "127.0.0.1:$port" 2>>"$out/server.log" & server=$!
+    address=127.0.0.1:$port
+    local i
+    for i in $(seq 50); do
+      kill -0 "$server" 2>/dev/null || break
+      if grep -q "serving .*127.0.0.1:$port" "$out/server.log"; then return 0; fi
+      sleep 0.1
+    done
+    if kill -0 "$server" 2>/dev/null; then die "the server did not say that it serves; see $out/server.log"; fi
+    wait "$server" || true; server=
+    tail -n 1 "$out/server.log" | grep -q "in use" || { tail -n 3 "$out/server.log" >&2; die "the server did not start; see $out/server.log"; }
+  done
+  die "no free port in 5100-5119"
+}
+
+run() { # label, then arguments of telenano-master run
+  local label=$1; shift
+  say "$label"
+  "$bin/telenano-master" run --server "$address" --device sim --rate 1000 "$@"
+}
+
+say "Server: a real AFM scan (flakes on a flat substrate, 600 x 600 nm)"
+start_server flakes.toml
+run "Task (a): hold 10-20 nm above the surface"  --task position --record "$out/recordings/position.h5"
+run "Task (b): just in contact"                  --task contact  --record "$out/recordings/contact.h5"
+run "Task (c): below the surface"                --task indent   --record "$out/recordings/indent.h5"
+run "Scanning lines in light contact"            --task scan     --record "$out/recordings/scan.h5"
+stop_server
+
+say "Server: flat silicon oxide, at a scaling that oscillates without control"
+start_server flat_silicon_oxide.toml
+# The force scale asks the device to show 16 times the stiffness that it can show passively at 1 kHz with one sample of
+# delay; the force limit stays on.
+unsafe=(--force-scale 1.2e9 --allow-unsafe-scaling --task indent)
+run "Without control (KS fig. 13)"               --method none     "${unsafe[@]}" --record "$out/recordings/sio2_none.h5"
+run "KS's controller as published"               --method ks       "${unsafe[@]}" --record "$out/recordings/sio2_ks.h5"
+run "The default, ks-clamp (KS fig. 14)"         --method ks-clamp "${unsafe[@]}" --record "$out/recordings/sio2_ks_clamp.h5"
+stop_server
+
+say "Force against distance on silicon oxide, approach and retract (KS fig. 6)"
+"$bin/telenano-nve" curve --scene "$scenes/flat_silicon_oxide.toml" --from-nm 20 --to-nm -5 --step-nm 0.01 >"$out/curve.csv"
+
+say "Report"
+r=$out/recordings
+"$bin/telenano-lab" report --out "$out/report" --title "Telenano demo" --curve "$out/curve.csv" \
+  --run "Task (a): position=$r/position.h5" --run "Task (b): contact=$r/contact.h5" \
+  --run "Task (c): indent=$r/indent.h5" --run "Scan=$r/scan.h5" \
+  --run "Silicon oxide, no control=$r/sio2_none.h5" --run "Silicon oxide, ks=$r/sio2_ks.h5" \
+  --run "Silicon oxide, ks-clamp=$r/sio2_ks_clamp.h5" \
+  --pair "none=$r/sio2_none.h5" --pair "ks=$r/sio2_ks.h5" --pair "ks-clamp=$r/sio2_ks_clamp.h5"
+say "Open $out/report/index.html"

@@ -1,0 +1,50 @@
+# Shared by deploy/*.sh: installs what is missing, configures, builds. Sourced, not run.
+set -euo pipefail
+project=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+jobs=${TELENANO_JOBS:-$(nproc)}
+
+say() { printf '\033[1m== %s\033[0m\n' "$*" >&2; }
+die() { printf 'error: %s\n' "$*" >&2; exit "${2:-1}"; }
+
+# Debian 12 packages: what the build needs, what the plots and tests need. Only missing ones are installed.
+build_packages=(g++ cmake ninja-build pkg-config git ca-certificates libboost-dev libprotobuf-dev protobuf-compiler
+  libeigen3-dev libhdf5-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev libgtest-dev libbenchmark-dev
+  gnuplot-nox)
+test_packages=(python3 python3-h5py)
+
+install_missing() {
+  local missing=() p
+  for p in "$@"; do
+    dpkg-query -W -f='${Status}' "$p" 2>/dev/null | grep -q 'ok installed' || missing+=("$p")
+  done
+  [ ${#missing[@]} -gt 0 ] || return 0
+  say "Installing ${#missing[@]} Debian packages: ${missing[*]}"
+  local as_root=()
+  if [ "$(id -u)" != 0 ]; then
+    command -v sudo >/dev/null || die "these packages are missing and there is no sudo; as root run: apt-get install ${missing[*]}" 2
+    as_root=(sudo)
+  fi
+  "${as_root[@]}" apt-get update -qq
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+}
+
+configure_and_build() {
+  cd "$project"
+  say "Configuring (CMake preset release)"
+  cmake --preset release >build-configure.log 2>&1 || { tail -n 30 build-configure.log >&2; die "CMake failed; the whole output is in $project/build-configure.log"; }
+  rm -f build-configure.log
+  say "Building with $jobs jobs"
+  cmake --build --preset release --parallel "$jobs" -- "$@"
+}
+
+parse_common_flags() { # sets install=yes|no, leaves the rest in rest[]
+  install=yes; rest=()
+  local a
+  for a in "$@"; do
+    case $a in
+      --no-install) install=no ;;
+      -h|--help) usage; exit 0 ;;
+      *) rest+=("$a") ;;
+    esac
+  done
+}

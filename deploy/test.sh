@@ -1,0 +1,16 @@
+#!/usr/bin/env bash
+# Takes a fresh Debian 12 all the way to a tested build: installs what is missing, configures, builds, runs the tests.
+source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
+usage() {
+  cat <<'H'
+usage: deploy/test.sh [--no-install] [CTEST ARGUMENT ...]
+  --no-install   do not call apt; fail if something is missing
+  other words go to CTest, for example:  deploy/test.sh -L unit      deploy/test.sh -R MaugisDugdale
+H
+}
+parse_common_flags "$@"
+[ "$install" = no ] || install_missing "${build_packages[@]}" "${test_packages[@]}"
+configure_and_build
+say "Running the tests"
+cd "$project/build/release"
+exec ctest --output-on-failure --no-tests=error -j "$jobs" "${rest[@]}"

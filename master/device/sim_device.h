@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "master/device/haptic_device.h"
+#include "master/device/intended_motion.h"
+#include "master/device/plant.h"
+
+namespace telenano::device {
+
+struct SimDeviceConfig {
+  PlantConfig plant{};
+  Vec3 start_pos_h_m = Vec3::Zero();  ///< of the hand when the session starts
+  double metres_per_nm = 1e-3;        ///< hand over tip: 1/(α_v·1e9)
+  double start_height_nm = 40;  ///< of the tip above the surface there, the motion's z at the hand's start
+  bool deadman_held = true;
+};
+
+/// Simulated omega.3 with a simulated operator's hand. Its owner advances it once a tick, in virtual or real
+/// time: read(), station step, write_force(), advance(). A tick of another length than the plant's period is
+/// made of whole periods; the rest is carried to the next tick.
+class SimDevice final : public HapticDevice {
+ public:
+  /// Throws UserError, e.g. if the motion leaves the device's workspace.
+  SimDevice(const SimDeviceConfig& config, const IntendedMotion& motion);
+
+  const DeviceInfo& info() const noexcept override { return info_; }
+  void read(DeviceReading& reading) noexcept override;
+  Vec3 write_force(const Vec3& hand_force_h_n) noexcept override;
+
+  /// Lets `dt_ns` of time pass with the force held. The intended motion moves only while started.
+  void advance(std::int64_t dt_ns) noexcept;
+
+  /// The intended motion starts (the session is up and engaged); before that the operator holds still.
+  void start_motion() noexcept { started_ = true; }
+  bool motion_started() const noexcept { return started_; }
+  double motion_time_s() const noexcept { return static_cast<double>(motion_ns_) * 1e-9; }
+  bool motion_done() const noexcept { return motion_time_s() >= motion_.duration_s(); }
+  void set_buttons(std::uint32_t buttons) noexcept { buttons_ = buttons; }
+
+  const Plant& plant() const noexcept { return plant_; }  ///< the truth, for tests and studies
+  Vec3 intended_hand_pos_h_m(double time_s) const noexcept;
+
+ private:
+  SimDeviceConfig config_;
+  IntendedMotion motion_;
+  Plant plant_;
+  DeviceInfo info_;
+  Vec3 applied_h_n_ = Vec3::Zero();
+  std::uint32_t buttons_ = 0;
+  bool started_ = false;
+  std::int64_t period_ns_ = 0;
+  std::int64_t carried_ns_ = 0;
+  std::int64_t motion_ns_ = 0;
+};
+
+}  // namespace telenano::device

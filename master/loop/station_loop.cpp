@@ -1,0 +1,116 @@
+#include "master/loop/station_loop.h"
+
+#include <span>
+
+namespace telenano::loop {
+
+StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
+                         link::ClientSession& session, station::Station& station) noexcept
+    : device_(device), socket_(socket), server_(server), session_(session), station_(station) {}
+
+void StationLoop::send(std::size_t size) noexcept {
+  if (size == 0) return;
+  if (socket_.send(std::span(buffer_).first(size), server_) != net::SendStatus::kSent) ++send_failures_;
+}
+
+void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& sample) noexcept {
+  if (ticks_ == 0) start_ns_ = now_ns;
+
+  bool replied = false;
+  net::Received received;
+  while (socket_.receive(buffer_, received)) {
+    if (!(received.from == server_)) continue;  // somebody else's
+    const std::size_t size = received.size < buffer_.size() ? received.size : buffer_.size();
+    replied |= session_.on_datagram(std::span(buffer_).first(size), now_ns) == link::ClientEvent::kReply;
+  }
+  if (session_.sessions() != sessions_begun_) {
+    sessions_begun_ = session_.sessions();
+    station_.begin_session(session_.welcome());
+  }
+
+  device::DeviceReading reading;
+  device_.read(reading);
+  input_.time_ns = now_ns;
+  input_.device_status = reading.status;
+  input_.hand_pos_h_m = reading.hand_pos_h_m;
+  input_.buttons = reading.buttons | extra_buttons_;
+  input_.applied_force_h_n = applied_h_n_;
+  input_.session_up = session_.has_session();
+  input_.reply = replied && session_.has_reply() ? &session_.reply() : nullptr;
+  station_.step(input_, dt_s, output_);
+  applied_h_n_ = device_.write_force(output_.hand_force_h_n);
+
+  send(session_.poll(now_ns, buffer_));
+  send(session_.make_command(output_.command, now_ns, buffer_));
+
+  fill(now_ns, applied_h_n_, sample);
+  ++ticks_;
+}
+
+void StationLoop::say_bye(link::ByeReason reason) noexcept {
+  const std::size_t size = session_.make_bye(reason, buffer_);
+  for (int i = 0; i < 3; ++i) send(size);
+}
+
+void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept {
+  using recording::xyz;
+  const station::StationTrace& t = output_.trace;
+  sample.tick = ticks_;
+  sample.time_s = static_cast<double>(now_ns - start_ns_) * 1e-9;
+  sample.hand_pos_h_m = xyz(t.hand_pos_h_m);
+  sample.tip_target_w_nm = xyz(t.tip_target_pos_w_nm);
+  sample.tip_pos_w_nm = xyz(t.tip_pos_w_nm);
+  sample.force_w_nn = xyz(t.tip_force_w_nn);
+  sample.hand_force_scaled_h_n = xyz(t.scaled_force_h_n);
+  sample.hand_force_commanded_h_n = xyz(t.commanded_force_h_n);
+  sample.hand_force_applied_h_n = xyz(applied_h_n);
+  sample.damper_n_s_m = t.damper_n_s_m;
+  sample.clamp_n = t.force_bound_n;
+  sample.energy_j = t.energy_j;
+  sample.energy_bound_j = t.quantisation_bound_j;
+  sample.energy_in_j = t.energy_in_j;
+  sample.energy_out_j = t.energy_out_j;
+  sample.ledger_j = t.ledger_j;
+  sample.deflection_nm = t.deflection_nm;
+  sample.velocity_scale = station_.config().scaling.velocity;
+  sample.force_scale = station_.config().scaling.force;
+  sample.contact_state = t.contact_state;
+  sample.fault_bits = t.slave_faults;
+  sample.station_mode = static_cast<std::uint32_t>(t.mode);
+  sample.station_faults = t.faults;
+  sample.buttons = input_.buttons;
+  sample.reply_sequence = static_cast<std::int64_t>(t.reply_sequence);
+  sample.reply_age_ms = t.stale_s * 1e3;
+
+  if (session_.has_reply()) {
+    const link::Reply& reply = session_.reply();
+    sample.slave_energy_in_aj = reply.energy_in_aj;
+    sample.slave_energy_out_aj = reply.energy_out_aj;
+    sample.measurement_age_ms = static_cast<double>(reply.measurement_age_ns) * 1e-6;
+  }
+  const link::LinkStats& stats = session_.stats();
+  sample.rtt_us = static_cast<double>(stats.rtt_last_ns()) * 1e-3;
+  const link::SequenceWindow& replies = session_.replies();
+  sample.lost = static_cast<std::int64_t>(replies.lost());
+  sample.reordered = static_cast<std::int64_t>(replies.reordered());
+  sample.duplicates = static_cast<std::int64_t>(replies.duplicate());
+  sample.dropped = static_cast<std::int64_t>(session_.drops().total());
+
+  using namespace recording;
+  std::uint32_t flags = 0;
+  if (t.damper_n_s_m > 0) flags |= kLimitDamper;
+  if (t.clamped) flags |= kLimitClamp;
+  if (t.limited) flags |= kLimitForce;
+  if (t.slewed) flags |= kLimitSlew;
+  if ((t.faults & station::kFaultStale) != 0) flags |= kLimitStale;
+  if ((t.faults & station::kFaultVelocityTrip) != 0) flags |= kLimitVelocity;
+  if ((t.slave_faults & link::kFaultWorkspace) != 0) flags |= kLimitWorkspace;
+  if (t.ramp < 1) flags |= kLimitRamp;
+  if (t.mode == station::Mode::kStopped) flags |= kLimitStop;
+  constexpr std::uint32_t kNonFinite = station::kFaultHandPosNonFinite | station::kFaultAppliedNonFinite |
+                                       station::kFaultReplyNonFinite | station::kFaultForceNonFinite;
+  if ((t.faults & kNonFinite) != 0) flags |= kLimitNonFinite;
+  sample.limit_flags = flags;
+}
+
+}  // namespace telenano::loop

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/link/client_session.h"
+#include "common/net/datagram.h"
+#include "common/recording/sample.h"
+#include "master/device/haptic_device.h"
+#include "master/station/station.h"
+
+namespace telenano::loop {
+
+/// The body of the station's loop: one tick of device, session and station. It sees only seams (HapticDevice, Datagram)
+/// and is told the time, so the same object runs under a real-time timer and in virtual time over a simulated link.
+///
+/// A tick, in this order:
+///   receive every waiting datagram → read the hand → Station::step → write the force → send handshake or command.
+/// A command sent in tick k is answered before tick k+1 if the link is fast: one sample of delay, which planning counts.
+/// Nothing allocates, waits or throws.
+class StationLoop {
+ public:
+  StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
+              link::ClientSession& session, station::Station& station) noexcept;
+
+  /// `dt_s` since the last tick. Fills `sample` (timing fields of the loop's owner excepted). The sample's applied force
+  /// acts from this tick to the next.
+  void tick(std::int64_t now_ns, double dt_s, recording::Sample& sample) noexcept;
+
+  /// Sends Bye, three times since nobody answers it.
+  void say_bye(link::ByeReason reason) noexcept;
+
+  void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
+  const station::StationTrace& trace() const noexcept { return output_.trace; }
+  std::uint64_t send_failures() const noexcept { return send_failures_; }
+
+ private:
+  void send(std::size_t size) noexcept;
+  void fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept;
+
+  device::HapticDevice& device_;
+  net::Datagram& socket_;
+  net::Address server_;
+  link::ClientSession& session_;
+  station::Station& station_;
+  station::StationInput input_;
+  station::StationOutput output_;
+  std::uint64_t sessions_begun_ = 0;
+  std::uint32_t extra_buttons_ = 0;
+  std::int64_t ticks_ = 0;
+  std::int64_t start_ns_ = 0;
+  std::uint64_t send_failures_ = 0;
+  Vec3 applied_h_n_ = Vec3::Zero();
+  std::array<std::uint8_t, link::kMaxDatagramBytes> buffer_{};
+};
+
+}  // namespace telenano::loop

@@ -1,0 +1,141 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/vec3.h"
+#include "common/control/passivity_controller.h"
+#include "common/link/messages.h"
+#include "master/device/haptic_device.h"
+#include "master/station/force_limits.h"
+#include "master/station/station_config.h"
+#include "master/station/workspace_mapping.h"
+
+namespace telenano::station {
+
+/// idle: no session. ready: a session, not engaged. engaged: the tip follows, forces are shown. held: replies
+/// have stopped coming while engaged, force is zero, the tip target is frozen until they come again. stopped:
+/// latched.
+enum class Mode : std::uint8_t { kIdle, kReady, kEngaged, kHeld, kStopped };
+const char* mode_name(Mode mode) noexcept;
+
+/// Named faults; several may be set at once.
+enum StationFaults : std::uint32_t {
+  kFaultStopPressed = 1u << 0,       ///< latched
+  kFaultVelocityTrip = 1u << 1,      ///< latched
+  kFaultHandPosNonFinite = 1u << 2,  ///< latched: not finite or not believable (a jump of a metre)
+  kFaultAppliedNonFinite = 1u << 3,  ///< latched: not finite or not believable (twice what the device can do)
+  kFaultDeviceFailed = 1u << 4,      ///< latched
+  kFaultReplyNonFinite = 1u << 5,    ///< that reply is ignored and the force ramps up again from zero
+  kFaultForceNonFinite = 1u << 6,    ///< latched: own computation went wrong
+  kFaultStale = 1u << 7,             ///< no new reply for longer than the hold time
+  kFaultBadTick = 1u << 8,  ///< a tick without a positive, finite length: nothing was done but zero force
+};
+/// Name of the lowest fault bit set; "none" if none.
+const char* fault_name(std::uint32_t faults) noexcept;
+
+struct StationInput {
+  std::int64_t time_ns = 0;  ///< of this tick, any origin
+  device::DeviceStatus device_status = device::DeviceStatus::kOk;
+  Vec3 hand_pos_h_m = Vec3::Zero();  ///< as the encoder sees it
+  std::uint32_t buttons = 0;         ///< device::ButtonBits; clutch pressed = disengaged (hand re-centres)
+  Vec3 applied_force_h_n = Vec3::Zero();  ///< what write_force() returned for the interval that just ended
+  bool session_up = false;
+  const link::Reply* reply = nullptr;  ///< newest accepted since the last tick; null if none came
+};
+
+/// What one tick did, for recording and display. Plain data.
+struct StationTrace {
+  std::int64_t time_ns = 0;
+  Mode mode = Mode::kIdle;
+  std::uint32_t faults = 0;  ///< now
+  Vec3 hand_pos_h_m = Vec3::Zero();
+  Vec3 hand_vel_h_m_s = Vec3::Zero();  ///< Δx/T of the encoder, unfiltered
+  Vec3 tip_target_pos_w_nm = Vec3::Zero();
+  Vec3 tip_pos_w_nm = Vec3::Zero();    ///< from the newest reply
+  Vec3 tip_force_w_nn = Vec3::Zero();  ///< from the newest reply
+  double deflection_nm = 0;
+  std::uint32_t contact_state = 0;  ///< link::ContactState
+  std::uint32_t slave_faults = 0;
+  Vec3 applied_force_h_n = Vec3::Zero();  ///< in the interval that just ended
+  Vec3 scaled_force_h_n = Vec3::Zero();   ///< α_F F_tip, before everything
+  Vec3 damper_force_h_n = Vec3::Zero();
+  Vec3 commanded_force_h_n = Vec3::Zero();  ///< after everything
+  double damper_n_s_m = 0;                  ///< γ
+  double force_bound_n = 0;                 ///< of the energy clamp; infinite without one
+  double ramp = 0;                          ///< 0 … 1
+  bool clamped = false;                     ///< the energy clamp cut the force
+  bool limited = false;                     ///< the force limit cut it
+  bool slewed = false;                      ///< the slew limit cut it
+  double energy_j = 0;                      ///< of the observer, put in by the hand
+  double energy_in_j = 0;
+  double energy_out_j = 0;
+  double quantisation_bound_j = 0;  ///< of energy_j
+  double ledger_j = 0;              ///< of the method
+  double slave_energy_in_j = 0;     ///< slave port, scaled to hand joules
+  double slave_energy_out_j = 0;
+  double stale_s = 0;  ///< since the last new reply
+  std::uint64_t reply_sequence = 0;
+};
+
+struct StationOutput {
+  Vec3 hand_force_h_n = Vec3::Zero();  ///< to send to the device now
+  link::Command command{};  ///< velocity, position, energies, flags, newest_reply; the link fills the rest
+  StationTrace trace{};
+};
+
+/// The whole of the station's step: pure, no clock, no allocation, no exception.
+///
+/// Forces, in this order: α_F F_tip + damper, times the ramp; slew; force limit; energy clamp; stop and
+/// non-finite → 0. Each later one has the higher priority and can only take force away, so the earlier ones
+/// cannot undo it.
+class Station {
+ public:
+  Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave);
+
+  /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
+  /// makes a force step; the book goes on (a new session grants no new allowance).
+  void begin_session(const link::Welcome& welcome) noexcept;
+
+  void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
+
+  /// Only a person may call this, after looking. Does nothing unless stopped; the force ramps up from zero.
+  void clear_stop() noexcept;
+
+  Mode mode() const noexcept { return mode_; }
+  std::uint32_t latched_faults() const noexcept { return latched_; }
+  const StationConfig& config() const noexcept { return config_; }
+  double force_limit_n() const noexcept { return force_limit_n_; }
+  const control::PassivityController& controller() const noexcept { return controller_; }
+
+ private:
+  void accept_reply(const StationInput& input) noexcept;
+  void watch(const StationInput& input, double dt_s) noexcept;
+  void choose_mode(const StationInput& input) noexcept;
+  void update_ramp(double dt_s) noexcept;
+  Vec3 limited_force(double dt_s, StationTrace& trace) noexcept;
+  void fill(const StationInput& input, double dt_s, StationOutput& output) noexcept;
+
+  StationConfig config_;
+  double device_force_max_n_ = 0;
+  double force_limit_n_ = 0;
+  control::PassivityController controller_;
+  WorkspaceMapping mapping_;
+  Mode mode_ = Mode::kIdle;
+  std::uint32_t latched_ = 0;
+  std::uint32_t faults_ = 0;
+  bool has_hand_pos_ = false;
+  Vec3 hand_pos_h_m_ = Vec3::Zero();
+  Vec3 hand_step_h_m_ = Vec3::Zero();
+  bool has_reply_ = false;
+  link::Reply reply_{};
+  Vec3 tip_force_h_n_ = Vec3::Zero();  ///< of that reply, scaled
+  std::uint64_t newest_sequence_ = 0;
+  std::int64_t last_reply_ns_ = 0;
+  double stale_s_ = 0;
+  double ramp_ = 0;
+  Vec3 last_target_w_nm_ = Vec3::Zero();
+  Vec3 commanded_force_h_n_ = Vec3::Zero();
+  Vec3 applied_force_h_n_ = Vec3::Zero();
+};
+
+}  // namespace telenano::station

@@ -1,0 +1,78 @@
+#include "master/station/station_config.h"
+
+#include <array>
+#include <cmath>
+#include <cstdio>
+
+#include "common/base/error.h"
+
+namespace telenano::station {
+namespace {
+
+std::string number(double value) {
+  std::array<char, 40> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
+}  // namespace
+
+void StationConfig::validate(const std::string& source) const {
+  const auto require = [&](bool good, const char* key, double value, const std::string& range) {
+    if (!good) throw UserError(source + ": " + key + " = " + number(value) + ", expected " + range);
+  };
+  const auto between = [](double value, double low, double high) { return value >= low && value <= high; };
+  require(between(rate_hz, 10, 8000), "rate_hz", rate_hz, "10 to 8000");
+  require(between(scaling.velocity, 1e-12, 1), "scaling.velocity", scaling.velocity, "1e-12 to 1");
+  require(between(scaling.force, 1, 1e12), "scaling.force", scaling.force, "1 to 1e12");
+  if (!control::method_available(method)) {
+    throw UserError(source + ": control.method = " + std::string(control::method_name(method)) +
+                    ", expected none, ks or ks-clamp");
+  }
+  require(between(allowance_j, 1e-6, 1), "control.allowance_j", allowance_j, "1e-6 to 1");
+  require(between(guaranteed_velocity_m_s, 0.01, 5), "control.guaranteed_velocity_m_s",
+          guaranteed_velocity_m_s, "0.01 to 5");
+  require(between(trip_velocity_m_s, 0.01, guaranteed_velocity_m_s), "limits.trip_velocity_m_s",
+          trip_velocity_m_s, "0.01 to control.guaranteed_velocity_m_s = " + number(guaranteed_velocity_m_s));
+  require(between(force_safety, 0.01, 1), "limits.force_safety", force_safety, "0.01 to 1");
+  require(between(slew_n_s, 1, 1e6), "limits.slew_n_s", slew_n_s, "1 to 1e6");
+  require(between(stale_hold_s, 0, 0.020), "limits.stale_hold_s", stale_hold_s, "0 to 0.02");
+  require(stale_zero_s > stale_hold_s && stale_zero_s <= 0.100, "limits.stale_zero_s", stale_zero_s,
+          "more than limits.stale_hold_s = " + number(stale_hold_s) + ", at most 0.1");
+  require(between(engage_ramp_s, 0.01, 10), "limits.engage_ramp_s", engage_ramp_s, "0.01 to 10");
+  require(device_damping_n_s_m < 0 || between(device_damping_n_s_m, 0, 1000), "device.damping_n_s_m",
+          device_damping_n_s_m, "0 to 1000, or negative for what the device reports");
+}
+
+ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo& device,
+                           const SlavePort& slave, int delay_samples) {
+  control::ScalingPlant plant;
+  plant.device_damping_n_s_m =
+      config.device_damping_n_s_m < 0 ? device.damping_n_s_m : config.device_damping_n_s_m;
+  plant.coupling_stiffness_n_m = slave.coupling_stiffness_n_m;
+  plant.coupling_damping_n_s_m = slave.coupling_damping_n_s_m;
+  plant.period_s = 1 / config.rate_hz;
+  plant.delay_samples = delay_samples;
+  ScalingCheck check;
+  check.impedance = config.scaling.impedance();
+  check.exact_bound = control::exact_impedance_bound(plant);
+  check.llewellyn_bound = control::llewellyn_impedance_bound(plant);
+  check.device_force_scale =
+      control::device_force_scale_bound(config.force_safety, device.force_max_n, slave.force_max_nn);
+  check.shown_stiffness_n_m = check.impedance * slave.coupling_stiffness_n_m;
+  check.safe = check.impedance <= check.exact_bound;
+  check.saturates = config.scaling.force > check.device_force_scale;
+  check.text =
+      "velocity scale x force scale = " + number(check.impedance) + (check.safe ? " <= " : " > ") +
+      number(check.exact_bound) + ", the exact sampled-data bound (device damping " +
+      number(plant.device_damping_n_s_m) + " N s/m, coupling " + number(slave.coupling_stiffness_n_m) +
+      " N/m and " + number(slave.coupling_damping_n_s_m) + " N s/m, " + number(config.rate_hz) + " Hz, " +
+      std::to_string(delay_samples) + " samples of delay)" +
+      (check.safe ? ": safe"
+                  : ": not safe; lower scaling.force to " +
+                        number(check.exact_bound > 0 ? check.exact_bound / config.scaling.velocity : 0) +
+                        " or pass --allow-unsafe-scaling");
+  return check;
+}
+
+}  // namespace telenano::station

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <string>
+
+#include "common/control/method.h"
+#include "common/control/scaling.h"
+#include "master/device/haptic_device.h"
+
+namespace telenano::station {
+
+/// Everything that a person may set at the station. Plain values with documented defaults; SI units.
+struct StationConfig {
+  double rate_hz = 1000;
+  control::Scaling scaling{};  ///< α_v = 1e-6 (1 mm is 1 nm), α_F = 2e7 (50 nN is 1 N)
+  control::Method method = control::Method::kKsClamp;
+
+  double allowance_j = 0.010;            ///< E₀, energy that may ever be extracted beyond what is put in
+  double guaranteed_velocity_m_s = 0.5;  ///< v_max of the energy clamp
+  double trip_velocity_m_s = 0.5;        ///< latched stop above it; at most guaranteed_velocity_m_s
+  double force_safety = 0.8;             ///< ε: the force limit is ε f̂_a
+  double slew_n_s = 4000;                ///< of increases and reversals of |f|
+  double stale_hold_s = 0.020;           ///< the last force is held so long after the last new reply
+  double stale_zero_s = 0.100;           ///< and has become zero after so long
+  double engage_ramp_s = 0.200;          ///< from no force to the full one, on engage, resume and reconnect
+  double device_damping_n_s_m = -1;      ///< certain damping of the device; negative: as the device reports
+
+  bool require_deadman = true;        ///< the deadman button must be held to move and feel
+  bool allow_unsafe_scaling = false;  ///< run beyond the exact bound (the force limit stays)
+
+  /// Throws UserError: one line with the key, its value and the expected range. `source` names the file or
+  /// the flags.
+  void validate(const std::string& source = "station configuration") const;
+};
+
+/// What the bounds of control/scaling say about this station, device and slave.
+struct ScalingCheck {
+  double impedance = 0;        ///< α_v α_F asked for
+  double exact_bound = 0;      ///< of α_v α_F, for this delay
+  double llewellyn_bound = 0;  ///< as published, for comparison: too permissive
+  double device_force_scale =
+      0;  ///< largest α_F that does not saturate the device at the slave's force limit
+  double shown_stiffness_n_m = 0;  ///< α_v α_F k_c
+  bool safe = false;               ///< impedance ≤ exact_bound
+  bool saturates = false;          ///< α_F > device_force_scale: legal, the force limit cuts the peaks
+  std::string text;                ///< for a person, one line
+};
+
+/// What the slave's port is, for planning.
+struct SlavePort {
+  double coupling_stiffness_n_m = 0;
+  double coupling_damping_n_s_m = 0;
+  double force_max_nn = 0;
+};
+
+/// `delay_samples`: samples between a position read and the force that answers it, 0 in the same tick.
+ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo& device,
+                           const SlavePort& slave, int delay_samples);
+
+}  // namespace telenano::station

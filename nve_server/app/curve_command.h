@@ -1,0 +1,10 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace telenano::app {
+
+/// `telenano-nve curve`: the force–distance curve of a scene as CSV.
+void add_curve_command(CLI::App& app);
+
+}  // namespace telenano::app

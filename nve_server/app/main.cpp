@@ -1,0 +1,51 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <memory>
+#include <string>
+
+#include "common/base/error.h"
+#include "common/base/version.h"
+#include "nve_server/app/check_command.h"
+#include "nve_server/app/curve_command.h"
+#include "nve_server/app/serve_command.h"
+#include "nve_server/scene/scene.h"
+#include "nve_server/slave/nve_slave.h"
+
+namespace {
+
+telenano::server::ServedScene serve_scene(const std::string& path) {
+  const auto scene = telenano::scene::load_scene(path);
+  telenano::server::ServedScene served;
+  served.name = telenano::server::scene_name(scene->name);
+  served.hash = scene->hash;
+  served.make_slave = [scene] { return std::make_unique<telenano::slave::NveSlave>(scene); };
+  return served;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Telenano's nanoscale virtual environment: what the tip feels", "telenano-nve");
+  app.set_version_flag("--version", std::string("telenano-nve ") + telenano::kVersion);
+  app.require_subcommand(1);
+  int exit_code = 0;
+  try {
+    telenano::app::add_serve_command(app, serve_scene, exit_code);
+    telenano::app::add_curve_command(app);
+    telenano::app::add_check_command(app);
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "telenano-nve: %s (see telenano-nve --help)\n", error.what());
+    return 2;
+  } catch (const telenano::UserError& error) {
+    std::fprintf(stderr, "telenano-nve: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "telenano-nve: %s\n", error.what());
+    return 1;
+  }
+  return exit_code;
+}

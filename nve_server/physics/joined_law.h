@@ -1,0 +1,68 @@
+#pragma once
+
+#include "nve_server/physics/maugis_dugdale.h"
+
+namespace telenano::physics {
+
+/// Van der Waals attraction outside joined to Maugis–Dugdale inside, without dimensions, for one lambda.
+///
+/// Formula   Outside P = -2/y^2, U = -2/(eta y), with the gap y = d/a0 = 1 - eta Delta; eta = u_delta/a0 =
+///           (9 sqrt(3) pi/32) lambda since the Dugdale range is h0 = (9 sqrt(3)/16) a0. The joined law so
+///           depends on lambda alone. Inside the stable curve of maugis_dugdale.h.
+/// Handover  Both laws carry the whole adhesion w, so they must not be added. Coming in, the tip follows van
+/// der Waals until
+///           it meets the stable Maugis–Dugdale curve: the force is continuous.
+///           - lambda > 0.717: at its fold, Maugis–Dugdale attracts more than van der Waals. They cross once,
+///           at Delta_in
+///             (d = 0.19-0.20 nm for the usual samples); going out the tip stays on Maugis–Dugdale to the
+///             fold and jumps.
+///           - lambda < 0.717: van der Waals attracts more at the fold. The outer one of the two crossings is
+///           then used both
+///             ways and no energy is lost there. (Staying on to the fold would create energy.)
+/// Energy    U is continuous at the handover, so inside U = U_MD + energy_offset; the jump at the fold then
+/// loses
+///           U_inside - U_outside >= 0.
+/// Errors    Model, not numerics: between handover and fold neither law is exact; the joined one keeps w, the
+/// pull-off of
+///           Maugis–Dugdale and the far field of van der Waals.
+struct OutsidePoint {
+  double gap = 0;  ///< y = d/a0
+  double overlap = 0;
+  double load = 0;
+  double slope = 0;  ///< dP/dDelta
+  double energy = 0;
+};
+
+struct Handover {
+  bool reversible = false;
+  MaugisPoint inside;  ///< the state on the curve
+  double gap = 0;      ///< y there
+  double energy_offset = 0;
+};
+
+/// The law outside.
+class OutsideLaw {
+ public:
+  explicit OutsideLaw(double lambda) noexcept;
+
+  double eta() const noexcept { return eta_; }
+  OutsidePoint at_gap(double y) const noexcept;
+  /// Has the base at z a stable state outside on a spring of compliance c? (Jump to contact: y^3 = 4 c eta.)
+  bool stable(double z, double compliance) const noexcept;
+  /// It, or the one at the jump to contact if there is none.
+  OutsidePoint solve(double z, double compliance) const noexcept;
+  /// Gap at which a spring of compliance c jumps to contact.
+  double jump_gap(double compliance) const noexcept;
+
+ private:
+  double eta_;
+};
+
+/// Beyond this gap no handover lies for any lambda (1.59 at 0, rising to 2.18 at 0.717; then 1.14, rising
+/// to 1.22 at infinity). and 1.22 at infinity).
+inline constexpr double kNoHandoverGap = 2.25;
+
+/// `guess` is a contact parameter near the handover (0: none).
+Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, double guess = 0) noexcept;
+
+}  // namespace telenano::physics

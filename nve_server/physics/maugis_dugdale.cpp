@@ -1,0 +1,318 @@
+#include "nve_server/physics/maugis_dugdale.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "common/base/constants.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kHalfPi = 1.57079632679489655800;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// atan on [0, 1]: nearest eighth by the addition theorem, then Taylor, |t| <= 1/16; the first term left out
+/// is 2e-18.
+double atan_to_one(double x) noexcept {
+  constexpr std::array<double, 9> kAtanEighths = {0.0,
+                                                  0.12435499454676144,
+                                                  0.24497866312686414,
+                                                  0.35877067027057222,
+                                                  0.46364760900080609,
+                                                  0.55859931534356244,
+                                                  0.64350110879328437,
+                                                  0.71882999962162453,
+                                                  0.78539816339744828};
+  if (!(x >= 0 && x <= 1)) return std::numeric_limits<double>::quiet_NaN();
+  const int i = static_cast<int>(8.0 * x + 0.5);
+  const double centre = 0.125 * i;
+  const double t = (x - centre) / (1.0 + x * centre);
+  const double y = t * t;
+  const double y2 = y * y;
+  const double p =
+      (-1.0 / 3 + y * (1.0 / 5)) + y2 * ((-1.0 / 7 + y * (1.0 / 9)) + y2 * (-1.0 / 11 + y * (1.0 / 13)));
+  return kAtanEighths[static_cast<std::size_t>(i)] + (t + t * y * p);
+}
+
+/// What the contact formulas share at one u. With T = tan theta = 1/sqrt(u), atan(T)/T = 1 - T^2/3 + e2 T^4:
+/// all that cancels at small theta (large lambda, deep contact) is kept in e2, from its series below T = 0.2.
+struct Angle {
+  double theta, sin, cos;
+  double f1, f2;
+  bool small;
+  double t2, w, e, e2;  // small only: T^2, sqrt(1 + T^2), 1 - theta/T, e2
+};
+
+Angle angle_of(double u) noexcept {
+  Angle g{};
+  g.small = u >= 25.0;
+  if (g.small) {
+    const double y = 1.0 / u;
+    const double t = std::sqrt(y);
+    const double y2 = y * y;
+    const double y4 = y2 * y2;
+    // sum (-y)^k/(2k+5); y <= 0.04 and twelve terms leave out less than 1e-17 of it.
+    g.e2 = ((1.0 / 5 - y * (1.0 / 7)) + y2 * (1.0 / 9 - y * (1.0 / 11))) +
+           y4 * (((1.0 / 13 - y * (1.0 / 15)) + y2 * (1.0 / 17 - y * (1.0 / 19))) +
+                 y4 * ((1.0 / 21 - y * (1.0 / 23)) + y2 * (1.0 / 25 - y * (1.0 / 27))));
+    g.e = y * (1.0 / 3 - y * g.e2);
+    g.t2 = y;
+    g.w = std::sqrt(1.0 + y);
+    g.theta = t * (1.0 - g.e);
+    g.cos = 1.0 / g.w;
+    g.sin = t * g.cos;
+    g.f1 = t * (y + g.e * (1.0 - y)) * (g.cos * g.cos);
+    g.f2 = y * g.cos * ((1.0 - g.e) - 1.0 / (1.0 + g.w));
+  } else {
+    const double root = std::sqrt(u);
+    g.sin = 1.0 / std::sqrt(1.0 + u);
+    g.cos = root * g.sin;
+    g.theta = u > 1.0 ? atan_to_one(1.0 / root) : kHalfPi - atan_to_one(root);
+    g.f1 = g.sin * g.cos - g.theta * (g.cos * g.cos - g.sin * g.sin);
+    g.f2 = g.sin * (g.theta - g.sin / (1.0 + g.cos));
+  }
+  return g;
+}
+
+/// State and rates at u, without the energy.
+MaugisPoint state_at(double lambda, double u, const Angle& g) noexcept {
+  const double third = (4.0 / 3.0) * lambda;
+  const double b = third * lambda * g.f2;
+  const double r = std::sqrt(b * b + 2.0 * lambda * g.f1);
+  const double c = 2.0 / (b + r);
+  const double a = c * g.cos;
+  const double cs = c * g.sin;
+  const double arc = g.theta + g.sin * g.cos;
+  const double lc = lambda * c;
+  MaugisPoint p;
+  p.contact = true;
+  p.parameter = u;
+  p.outer_radius = c;
+  p.contact_radius = a;
+  p.load = a * a * a - lc * c * arc;
+  p.overlap = a * a - third * cs;
+  // dC/dtheta = cos(theta) G; every rate has the same factor, so that d/du = -(sin^3/2) (d/dtheta)/cos stays
+  // finite at the onset.
+  const double slope_c = -g.theta * c * (2.0 * lambda * cs + third * lambda) / r;
+  const double slope_a = g.cos * g.cos * slope_c - cs;
+  const double factor = -0.5 * g.sin * g.sin * g.sin;
+  p.overlap_rate = factor * (2.0 * c * slope_a - third * (slope_c * g.sin + c));
+  p.load_rate = factor * (3.0 * a * c * slope_a - 2.0 * lc * (slope_c * arc + a));
+  p.contact_radius_rate = factor * slope_a / g.cos;
+  return p;
+}
+
+/// Elastic energy E* int_0^c g^2 dt of g(t) = delta - t^2/R inside a and -(2 sigma0/E*) sqrt(c^2 - t^2) in
+/// the annulus, less the surface energy w pi c^2, plus sigma0 times the volume of the gap in the annulus:
+///   U = (2/5) A^5 - A^3 D + (3/4) A D^2 - C^2 + (4/3) lambda^2 C^3 x^2 (1 - x/3) + (lambda/2) C^3 (C v1 +
+///   lambda v2), D = (4/3) lambda C sin, x = 1 - cos, v1 = sin cos/2 + cos^3 sin - theta (2 cos^2 - 1/2), v2
+///   = (8/3) (theta sin + cos + cos^3/3 - 4/3).
+/// The integrals are elementary; their terms of order 1 cancel by hand to v1 = (8/15) theta^5 + ..., v2 =
+/// (4/9) theta^4
+/// + ..., which are evaluated from e2 for small theta, so that nothing is lost at large lambda.
+double contact_energy(double lambda, const MaugisPoint& p, const Angle& g) noexcept {
+  const double k = g.cos;
+  const double k2 = k * k;
+  double x = 0, v1 = 0, v2 = 0;
+  if (g.small) {
+    const double y = g.t2;
+    const double t = std::sqrt(y);
+    const double w1 = 1.0 / (1.0 + g.w);
+    x = y * k * w1;
+    v1 = 0.5 * t * y * y * ((5.0 / 3 - y / 3) - g.e2 * (3.0 + y * (2.0 - y))) * (k2 * k2);
+    v2 = (8.0 / 3.0) * (y * k * (y * w1 * w1 - g.e) + x * x * (1.0 - x / 3.0));
+  } else {
+    x = g.sin * g.sin / (1.0 + k);
+    v1 = g.sin * k * (0.5 + k2) - g.theta * (2.0 * k2 - 0.5);
+    v2 = (8.0 / 3.0) * (g.theta * g.sin - x * (2.0 - x * (1.0 - x / 3.0)));
+  }
+  const double a = p.contact_radius;
+  const double c = p.outer_radius;
+  const double d = (4.0 / 3.0) * lambda * c * g.sin;
+  const double c3 = c * c * c;
+  return a * (a * a * (0.4 * a * a - d) + 0.75 * d * d) - c * c +
+         lambda * c3 * ((4.0 / 3.0) * lambda * x * x * (1.0 - x / 3.0) + 0.5 * (c * v1 + lambda * v2));
+}
+
+}  // namespace
+
+MaugisDugdale::MaugisDugdale(double lambda) noexcept
+    : lambda_(lambda), h0_(2.0 / (kPi * lambda)), q_((8.0 / (3.0 * kPi)) * lambda) {
+  const double b = (4.0 / 3.0) * (kHalfPi - 1.0) * lambda * lambda;
+  onset_radius_ = 2.0 / (b + std::sqrt(b * b + kPi * lambda));
+  onset_overlap_ = onset_radius_ * (0.5 * onset_radius_ - q_) - h0_;
+  onset_load_ = -kHalfPi * lambda * onset_radius_ * onset_radius_;
+}
+
+MaugisPoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
+  const double c = outer_radius;
+  MaugisPoint p;
+  p.parameter = c - onset_radius_;
+  p.outer_radius = c;
+  p.overlap = c * (0.5 * c - q_) - h0_;
+  p.load = -kHalfPi * lambda_ * c * c;
+  p.overlap_rate = c - q_;
+  p.load_rate = -kPi * lambda_ * c;
+  p.energy = -kHalfPi * lambda_ * c * c * c * (0.25 * c - q_ / 3.0);
+  return p;
+}
+
+MaugisPoint MaugisDugdale::contact(double u) const noexcept {
+  const Angle g = angle_of(u);
+  MaugisPoint p = state_at(lambda_, u, g);
+  p.energy = contact_energy(lambda_, p, g);
+  return p;
+}
+
+bool MaugisDugdale::fold_before_contact(const Held& held, double* outer_radius) const noexcept {
+  // dZ/dC = overlap (C - q) - load pi lambda C
+  const double e = held.overlap - kPi * lambda_ * held.load;
+  if (!(e > 0)) return false;
+  *outer_radius = held.overlap * q_ / e;
+  return *outer_radius < onset_radius_;
+}
+
+MaugisPoint MaugisDugdale::fold(const Held& held) const noexcept {
+  double c = 0;
+  if (fold_before_contact(held, &c)) return noncontact(c);
+  const auto rate = [&](double u) { return state_at(lambda_, u, angle_of(u)).held_rate(held); };
+  double lo = 0;
+  double rate_lo = rate(lo);
+  if (rate_lo >= 0) return contact(0);
+  double hi = lambda_ * lambda_ + 0.01;  // JKR: 0.37 lambda^2 (overlap held) to 0.76 lambda^2 (load held)
+  double rate_hi = rate(hi);
+  for (int i = 0; i < 60 && !(rate_hi > 0); ++i) {
+    lo = hi;
+    rate_lo = rate_hi;
+    hi *= 2;
+    rate_hi = rate(hi);
+  }
+  // Illinois: regula falsi that halves the end that stays. 1e-11 of u is far more than needed: Z is
+  // stationary here.
+  int side = 0;
+  for (int i = 0; i < 100 && hi - lo > 1e-11 * hi; ++i) {
+    double u = (lo * rate_hi - hi * rate_lo) / (rate_hi - rate_lo);
+    if (!(u > lo && u < hi)) u = 0.5 * (lo + hi);
+    const double r = rate(u);
+    if (r == 0) return contact(u);
+    if (r > 0) {
+      if (hi - u < 1e-13 * hi) {
+        hi = u;
+        break;
+      }
+      hi = u;
+      rate_hi = r;
+      if (side == 1) rate_lo *= 0.5;
+      side = 1;
+    } else {
+      lo = u;
+      rate_lo = r;
+      if (side == -1) rate_hi *= 0.5;
+      side = -1;
+    }
+  }
+  return contact(hi);
+}
+
+CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess,
+                                   double curvature) const noexcept {
+  double fold_radius = 0;
+  if (z <= held.overlap * onset_overlap_ + held.load * onset_load_ &&
+      fold_before_contact(held, &fold_radius)) {
+    const double e = held.overlap - kPi * lambda_ * held.load;
+    const double p = held.overlap * q_;
+    const double discriminant = p * p + 2.0 * e * (z + held.overlap * h0_);
+    if (discriminant < 0) return {CurveStatus::kNoState, noncontact(fold_radius), 0};
+    return {CurveStatus::kOk, noncontact(std::min((p + std::sqrt(discriminant)) / e, onset_radius_)), 0};
+  }
+  return solve_contact(z, held, guess, curvature);
+}
+
+double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
+  // A from Z ~ overlap A^2 + load A^3 (no adhesion), then C ~ A in the equation of the annulus, whose two
+  // terms alone would give theta^2 = 3/(2 A)/lambda^2 and theta^3 = 3/(2 lambda A^2).
+  const double target = std::max(z, 0.0) + held.overlap + 1.5 * held.load;
+  double a = 1.0 + (held.overlap > 0 ? std::sqrt(target / held.overlap) : target);
+  for (int i = 0; i < 8; ++i) {
+    a -= (a * a * (held.overlap + held.load * a) - target) / (a * (2.0 * held.overlap + 3.0 * held.load * a));
+  }
+  const double cubic = (2.0 / 3.0) * lambda_ * a * a;
+  return (2.0 / 3.0) * a * lambda_ * lambda_ + cubic * cubic / (1.0 + cubic);
+}
+
+CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double guess,
+                                           double curvature) const noexcept {
+  CurveSolution out;
+  double lo = 0;
+  double hi = kInfinity;
+  double u = guess > 0 ? guess : cold_guess(z, held);
+  double last_step = 0;
+  const double bend = curvature != 0 ? std::fabs(curvature) : kInfinity;
+  bool fold_known = false;
+  for (out.evaluations = 1; out.evaluations <= 100; ++out.evaluations) {
+    const Angle g = angle_of(u);
+    out.point = state_at(lambda_, u, g);
+    MaugisPoint& p = out.point;
+    const double rate = p.held_rate(held);
+    if (!(p.overlap_rate > 0 && rate > 0)) {
+      // Beyond the fold. Is there a state at all? Then start from the parabola at the fold.
+      if (fold_known) {  // at the fold to rounding
+        p.energy = contact_energy(lambda_, p, g);
+        return out;
+      }
+      const MaugisPoint end = fold(held);
+      fold_known = true;
+      const double above = z - end.held(held);
+      if (above <= 0) {
+        out.point = end;
+        if (above < 0) out.status = CurveStatus::kNoState;
+        return out;
+      }
+      lo = end.parameter;
+      const double near = lo + 1e-4 * std::max(lo, 1e-4);
+      const double second = contact(near).held_rate(held) / (near - lo);
+      u = lo + std::sqrt(2.0 * above / second);
+      last_step = 0;
+      continue;
+    }
+    const double residual = p.held(held) - z;
+    double step = -residual / rate;
+    const double scale = held.overlap * (p.contact_radius * p.contact_radius + std::fabs(p.overlap)) +
+                         held.load * std::fabs(p.load);
+    const double size = std::fabs(step);
+    // The error after this step: half the curvature times its square, the curvature being known to the caller
+    // or from how this step compares with the last one.
+    const double left =
+        last_step != 0 ? size * size * size / (last_step * last_step) : size * size * bend / rate;
+    const bool last = std::fabs(residual) <= kEpsilon * scale || (size < 1e-7 * u && left <= kEpsilon * u);
+    if (last) {
+      p.energy = contact_energy(lambda_, p, g);
+      p.shift(std::max(step, -u));
+      return out;
+    }
+    if (residual < 0) {
+      lo = std::max(lo, u);
+    } else {
+      hi = std::min(hi, u);
+    }
+    double next = u + step;
+    if (step > 2.0 * u + 1e-3 && hi == kInfinity) {
+      next = std::min(next, std::max(cold_guess(z, held), 3.0 * u + 1e-3));
+    }
+    if (!(next < hi)) next = 0.5 * (u + hi);
+    if (next < lo || next <= 0) next = 0.5 * (u + lo);
+    if (next == u) {
+      p.energy = contact_energy(lambda_, p, g);
+      return out;
+    }
+    last_step = next == u + step ? step : 0;
+    u = next;
+  }
+  out.status = CurveStatus::kNotConverged;
+  return out;
+}
+
+}  // namespace telenano::physics

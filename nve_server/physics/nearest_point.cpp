@@ -1,0 +1,177 @@
+// The nearest point of a spline surface to a sphere's centre.
+//
+// Foot (x, y) minimises f = ½|S − c|², S = (x, y, z(x, y)). With r = z − c_z:
+//   g = (x − c_x + r z_x, y − c_y + r z_y),   M = [[1 + z_x² + r z_xx, z_x z_y + r z_xy], [·, 1 + z_y² + r z_yy]].
+// Newton's step −M⁻¹g where M is positive definite, else Gauss–Newton's (r dropped from M, always positive); never longer
+// than kMaxStepCells cells, halved until f falls (Armijo).
+//
+// The distance to a rough surface has many minima: the one that was followed need not be the least. A global search asks
+// SampleTops for any sample, away from the feet already known, that is nearer than the best foot plus a margin for what
+// lies between samples (a summit of radius ρ between four samples is nearer than all of them by up to h²/4·(1/d + 1/ρ)),
+// and descends from there.
+#include <algorithm>
+#include <cmath>
+
+#include "nve_server/physics/spline_surface.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kMaxStepCells = 2.0;
+constexpr int kMaxIterations = 60;
+constexpr int kMaxFeet = 5;            // basins visited by one global search
+constexpr double kKnownCells = 2.5;    // a sample this near to a known foot belongs to its basin
+constexpr double kStepDone = 1e-6;     // cells: Newton's next error is about its square
+constexpr double kStepTrusted = 1e-4;  // cells: f can no longer resolve the gain
+
+}  // namespace
+
+struct SplineSurface::Foot {
+  double x = 0, y = 0;
+  HeightJet jet;
+  double m11 = 1, m12 = 0, m22 = 1;  // M
+  double distance_sq = 0;
+  bool converged = false;
+};
+
+SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double y) const noexcept {
+  const double cell = std::max(dx_, dy_);
+  Foot foot;
+  foot.x = x;
+  foot.y = y;
+  foot.jet = jet(x, y);
+  double f = 0;
+  const auto value = [&centre](double px, double py, double pz) {
+    const double ex = px - centre.x(), ey = py - centre.y(), ez = pz - centre.z();
+    return 0.5 * (ex * ex + ey * ey + ez * ez);
+  };
+  f = value(foot.x, foot.y, foot.jet.z);
+  for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    const HeightJet& j = foot.jet;
+    const double r = j.z - centre.z();
+    const double gx = foot.x - centre.x() + r * j.zx;
+    const double gy = foot.y - centre.y() + r * j.zy;
+    double a = 1.0 + j.zx * j.zx + r * j.zxx;
+    double b = j.zx * j.zy + r * j.zxy;
+    double c = 1.0 + j.zy * j.zy + r * j.zyy;
+    double det = a * c - b * b;
+    const bool newton = a > 0.0 && det > 1e-5 * (a * a + c * c + 2.0 * b * b);
+    foot.m11 = a;
+    foot.m12 = b;
+    foot.m22 = c;
+    if (!newton) {
+      a = 1.0 + j.zx * j.zx;
+      b = j.zx * j.zy;
+      c = 1.0 + j.zy * j.zy;
+      det = a * c - b * b;
+    }
+    double sx = -(c * gx - b * gy) / det;
+    double sy = -(a * gy - b * gx) / det;
+    const double length_sq = sx * sx + sy * sy;
+    if (!std::isfinite(length_sq)) return foot;
+    if (length_sq < kStepDone * kStepDone * cell * cell) {
+      // The last step is too short to need another evaluation: a Taylor step is exact to its square.
+      foot.x += sx;
+      foot.y += sy;
+      foot.jet.z += j.zx * sx + j.zy * sy;
+      foot.jet.zx += j.zxx * sx + j.zxy * sy;
+      foot.jet.zy += j.zxy * sx + j.zyy * sy;
+      foot.converged = true;
+      break;
+    }
+    const double longest = kMaxStepCells * cell;
+    if (length_sq > longest * longest) {
+      const double scale = longest / std::sqrt(length_sq);
+      sx *= scale;
+      sy *= scale;
+    }
+    const bool trusted = newton && length_sq < kStepTrusted * kStepTrusted * cell * cell;
+    const double slope = gx * sx + gy * sy;
+    double scale = 1.0;
+    bool moved = false;
+    for (int halving = 0; halving < 12; ++halving, scale *= 0.5) {
+      const double px = foot.x + scale * sx;
+      const double py = foot.y + scale * sy;
+      const HeightJet trial = jet(px, py);
+      const double trial_f = value(px, py, trial.z);
+      if (!trusted && !(trial_f <= f + 1e-4 * scale * slope)) continue;
+      foot.x = px;
+      foot.y = py;
+      foot.jet = trial;
+      f = trial_f;
+      moved = true;
+      break;
+    }
+    if (!moved) break;
+  }
+  foot.distance_sq = 2.0 * value(foot.x, foot.y, foot.jet.z);
+  return foot;
+}
+
+SurfaceContact SplineSurface::nearest(const Vec3& centre, Search search, FootMemory& memory) const noexcept {
+  double start_x = centre.x();
+  double start_y = centre.y();
+  if (memory.warm) {
+    // A foot farther away, sideways alone, than the deepest point below the centre is cannot be the nearest.
+    const double ex = memory.x_nm - centre.x(), ey = memory.y_nm - centre.y();
+    const double deepest = std::max(centre.z() - lowest_nm(), std::max(dx_, dy_));
+    if (ex * ex + ey * ey < deepest * deepest) {
+      start_x = memory.x_nm;
+      start_y = memory.y_nm;
+    }
+  }
+  Foot foot = descend(centre, start_x, start_y);
+
+  // From within the sample every side is near: only the foot that was followed says where the tip came from.
+  if (search == Search::kGlobal && centre.z() > foot.jet.z) {
+    const double cell = std::max(dx_, dy_);
+    SampleTops::Disc known[kMaxFeet];
+    int count = 0;
+    known[count++] = {foot.x, foot.y, kKnownCells * cell};
+    while (count < kMaxFeet) {
+      const double distance = std::sqrt(foot.distance_sq);
+      const double margin = 0.25 * cell * cell / std::max(distance, cell) + 0.05 * cell;
+      const SampleTops::Sample sample = tops_.nearest(centre, distance + margin, known, count);
+      if (!sample.found) break;
+      const Foot other = descend(centre, sample.x_nm, sample.y_nm);
+      if (other.distance_sq < foot.distance_sq) foot = other;
+      known[count++] = {sample.x_nm, sample.y_nm, kKnownCells * cell};
+    }
+  }
+  memory.x_nm = foot.x;
+  memory.y_nm = foot.y;
+  memory.warm = true;
+
+  const HeightJet& j = foot.jet;
+  const double w_sq = 1.0 + j.zx * j.zx + j.zy * j.zy;
+  const double w = std::sqrt(w_sq);
+  SurfaceContact contact;
+  contact.foot_w_nm = Vec3(foot.x, foot.y, j.z);
+  contact.normal_w = Vec3(-j.zx / w, -j.zy / w, 1.0 / w);
+  contact.distance_nm = (centre - contact.foot_w_nm).dot(contact.normal_w);
+  contact.outside = !inside(foot.x, foot.y);
+  contact.converged = foot.converged;
+  const double mean = -0.5 *
+                      ((1.0 + j.zy * j.zy) * j.zxx - 2.0 * j.zx * j.zy * j.zxy + (1.0 + j.zx * j.zx) * j.zyy) /
+                      (w_sq * w);
+  const double gauss = (j.zxx * j.zyy - j.zxy * j.zxy) / (w_sq * w_sq);
+  const double spread = std::sqrt(std::max(0.0, mean * mean - gauss));
+  contact.curvature_1_per_nm = mean + spread;
+  contact.curvature_2_per_nm = mean - spread;
+
+  // c − S = d n and dS = T M⁻¹ Tᵀ dc (T the tangents S_x, S_y) give ∂n/∂c = (1 − n nᵀ − T M⁻¹ Tᵀ)/d.
+  const double d = contact.distance_nm;
+  const double det = foot.m11 * foot.m22 - foot.m12 * foot.m12;
+  if (foot.converged && d * d > 1e-6 && det > 0.0) {
+    const Vec3 tx(1.0, 0.0, j.zx);
+    const Vec3 ty(0.0, 1.0, j.zy);
+    const Vec3 ux = (foot.m22 * tx - foot.m12 * ty) / det;
+    const Vec3 uy = (foot.m11 * ty - foot.m12 * tx) / det;
+    contact.normal_turn_per_nm = (Mat3::Identity() - contact.normal_w * contact.normal_w.transpose() -
+                                  tx * ux.transpose() - ty * uy.transpose()) /
+                                 d;
+  }
+  return contact;
+}
+
+}  // namespace telenano::physics

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <functional>
+
+#include "nve_server/scene/scene.h"
+
+namespace telenano::scene {
+
+/// Which way, how far and how finely the base of the cantilever moves, over (x, y) along W z.
+struct CurvePlan {
+  double x_nm = 0;
+  double y_nm = 0;
+  double from_nm = 20;
+  double to_nm = -5;
+  double step_nm = 0.01;
+};
+
+struct CurveRow {
+  bool approach = true;
+  double base_z_nm = 0;  ///< apex with the cantilever undeflected, above the surface at (x, y)
+  double tip_z_nm = 0;   ///< base + deflection
+  double overlap_nm = 0;
+  double force_nn = 0;  ///< W z, repulsive positive
+  double deflection_nm = 0;
+  physics::Branch branch = physics::Branch::kFree;
+  double work_aj = 0;  ///< done by the base since the first row
+};
+
+/// Throws UserError unless the plan is sane and lies in the scene: finite, from > to, 2 to 1e7 steps, (x, y) inside.
+void check_plan(const Scene& scene, const CurvePlan& plan);
+
+/// A force–distance curve: approach from `from` to `to`, then retract, the row at `to` in both. Cantilever and contact
+/// alone; the coupling takes no part. Jumps between rows are resolved. Quasi-static.
+///
+/// work_aj. Flat sample: Δ(U_tip–sample + U_cantilever) + dissipated, exact at any step size. Curved: the force does not
+/// include the part that comes from R_eff changing as the foot wanders (tip_equilibrium.h), so the work is the
+/// integral of the force itself, trapezium by trapezium of at most 0.05 nm; a jump's step is by energy.
+///
+/// Throws RunError if there is no balance.
+void run_curve(const Scene& scene, const CurvePlan& plan, const std::function<void(const CurveRow&)>& row);
+
+const char* branch_name(physics::Branch branch) noexcept;
+
+}  // namespace telenano::scene

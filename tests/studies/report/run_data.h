@@ -1,0 +1,55 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/recording/summary.h"
+
+namespace telenano::studies {
+
+/// A stretch of one recording in which the tip was driven one way: down (approach) or up (retract).
+struct Leg {
+  bool approach = true;
+  std::size_t begin = 0;
+  std::size_t end = 0;  ///< one past the last row
+};
+
+/// What the figures need of one recording, in the units of their axes.
+struct RunData {
+  std::string label;
+  std::string slug;  ///< the label as a file name
+  std::filesystem::path path;
+  recording::Summary summary;
+  std::vector<std::pair<std::string, std::string>> configuration;
+
+  double surface_z_w_nm = 0;  ///< heights are above it
+  bool surface_known = false;
+
+  std::vector<double> time_s;  ///< from 0
+  std::vector<double> hand_z_mm;
+  std::vector<double> target_height_nm;
+  std::vector<double> tip_height_nm;
+  std::vector<double> lateral_nm;  ///< distance from the start, in the plane
+  std::vector<double> tip_force_nn;
+  std::vector<double> scaled_force_n;   ///< along H z, before control
+  std::vector<double> applied_force_n;  ///< along H z
+  std::vector<double> energy_mj;
+  std::vector<double> damper_n_s_m;
+  std::vector<double> slave_energy_aj;  ///< put in and not given back
+  std::vector<double> rtt_us;           ///< one a reply
+
+  std::vector<Leg> legs;
+  std::vector<std::pair<double, double>> contacts;  ///< from, to, in seconds; at most 60
+};
+
+/// Throws UserError for a file that is not a recording or holds no row.
+RunData load_run(const std::string& label, const std::filesystem::path& path);
+
+/// Turning points of `height` that are further than `threshold` apart make the legs; those in which the tip
+/// moved more sideways than up or down are left out.
+std::vector<Leg> find_legs(const std::vector<double>& height, const std::vector<double>& lateral,
+                           double threshold);
+
+}  // namespace telenano::studies

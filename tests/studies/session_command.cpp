@@ -1,0 +1,102 @@
+#include "tests/studies/session_command.h"
+
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "common/control/method.h"
+#include "tests/support/virtual_session.h"
+
+namespace telenano::studies {
+namespace {
+
+struct Options {
+  std::string scene;
+  std::string task = "indent";
+  std::string method = "ks-clamp";
+  station::StationConfig station{};
+  device::TaskOptions task_options{};
+  double delay_ms = 0;
+  double jitter_ms = 0;
+  double loss = 0;
+  double burst = 1;
+  std::uint64_t seed = 1;
+};
+
+void print_header() {
+  bool first = true;
+  for (const recording::Column& column : recording::sample_columns()) {
+    for (int i = 0; i < column.components; ++i) {
+      std::printf("%s%s%s", first ? "" : ",", column.name, column.components > 1 ? (i == 0 ? "_x" : i == 1 ? "_y" : "_z") : "");
+      first = false;
+    }
+  }
+  std::printf("\n");
+}
+
+void print_row(const recording::Sample& sample) {
+  const auto* bytes = reinterpret_cast<const unsigned char*>(&sample);
+  bool first = true;
+  for (const recording::Column& column : recording::sample_columns()) {
+    for (int i = 0; i < column.components; ++i) {
+      const unsigned char* at = bytes + column.offset + static_cast<std::size_t>(i) * column.element_bytes();
+      if (!first) std::printf(",");
+      first = false;
+      switch (column.type) {
+        case recording::ColumnType::kFloat64: std::printf("%.9g", *reinterpret_cast<const double*>(at)); break;
+        case recording::ColumnType::kInt64:
+          std::printf("%lld", static_cast<long long>(*reinterpret_cast<const std::int64_t*>(at)));
+          break;
+        case recording::ColumnType::kUint32: std::printf("%u", *reinterpret_cast<const std::uint32_t*>(at)); break;
+      }
+    }
+  }
+  std::printf("\n");
+}
+
+int run(Options options) {
+  options.station.method = control::parse_method(options.method);
+  options.station.allow_unsafe_scaling = true;
+  options.station.validate("command line");
+  support::VirtualSessionConfig config;
+  config.scene = scene::load_scene(options.scene);
+  config.station = options.station;
+  config.task = device::parse_task(options.task);
+  config.task_options = options.task_options;
+  config.seed = options.seed;
+  for (net::SimPath* path : {&config.to_server, &config.to_station}) {
+    path->delay_ns = static_cast<std::int64_t>(options.delay_ms * 0.5e6);
+    path->jitter_ns = static_cast<std::int64_t>(options.jitter_ms * 0.5e6);
+    path->loss = options.loss;
+    path->burst_datagrams = options.burst;
+  }
+  support::VirtualSession session(config);
+  print_header();
+  session.run(10'000'000, print_row);
+  return 0;
+}
+
+}  // namespace
+
+void add_session_command(CLI::App& app, int& exit_code) {
+  auto options = std::make_shared<Options>();
+  CLI::App* const command =
+      app.add_subcommand("session", "A whole session in virtual time (device, hand, station, link, server): CSV, one row a tick");
+  command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
+  command->add_option("--task", options->task, "position | contact | indent | scan")->capture_default_str();
+  command->add_option("--method", options->method, "none | ks | ks-clamp")->capture_default_str();
+  command->add_option("--rate", options->station.rate_hz, "Hz of the station")->capture_default_str()->check(CLI::Range(100.0, 8000.0));
+  command->add_option("--velocity-scale", options->station.scaling.velocity, "alpha_v")->capture_default_str();
+  command->add_option("--force-scale", options->station.scaling.force, "alpha_F")->capture_default_str();
+  command->add_option("--allowance-j", options->station.allowance_j, "E0 of the energy clamp")->capture_default_str();
+  command->add_option("--duration-s", options->task_options.duration_s, "Length of the task")->capture_default_str()->check(CLI::Range(0.5, 3600.0));
+  command->add_option("--depth-nm", options->task_options.depth_nm, "Intended depth of indent")->capture_default_str();
+  command->add_option("--rtt-ms", options->delay_ms, "Round-trip delay of the link")->capture_default_str()->check(CLI::Range(0.0, 5000.0));
+  command->add_option("--jitter-ms", options->jitter_ms, "Added delay, uniform up to this, both ways together")->capture_default_str()->check(CLI::Range(0.0, 5000.0));
+  command->add_option("--loss", options->loss, "Probability of loss, each way")->capture_default_str()->check(CLI::Range(0.0, 1.0));
+  command->add_option("--burst", options->burst, "Mean length of a run of losses, datagrams")->capture_default_str()->check(CLI::Range(1.0, 1e6));
+  command->add_option("--seed", options->seed, "Same seed, same bits")->capture_default_str();
+  command->callback([options, &exit_code] { exit_code = run(*options); });
+}
+
+}  // namespace telenano::studies

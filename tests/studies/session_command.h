@@ -1,0 +1,10 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace telenano::studies {
+
+/// Adds `session`: a whole session in virtual time, one CSV row a tick.
+void add_session_command(CLI::App& app, int& exit_code);
+
+}  // namespace telenano::studies

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "common/link/client_session.h"
+#include "common/net/sim_link.h"
+#include "common/recording/sample.h"
+#include "common/rt/clock.h"
+#include "master/device/sim_device.h"
+#include "master/loop/station_loop.h"
+#include "master/station/station.h"
+#include "nve_server/scene/scene.h"
+#include "nve_server/server/server.h"
+
+namespace telenano::support {
+
+struct VirtualSessionConfig {
+  std::shared_ptr<const scene::Scene> scene;
+  station::StationConfig station{};
+  device::Task task = device::Task::kIndent;
+  device::TaskOptions task_options{};
+  device::PlantConfig plant{};
+  net::SimPath to_server{};
+  net::SimPath to_station{};
+  std::uint64_t seed = 1;
+};
+
+/// A whole session in virtual time: the same device, station, session and server objects as the programs, over a
+/// simulated link. The station ticks at its rate; the server answers each datagram at the moment at which it arrives.
+class VirtualSession {
+ public:
+  explicit VirtualSession(const VirtualSessionConfig& config);
+
+  /// One tick of the station and all that the server does until the next one. Returns its row.
+  const recording::Sample& step();
+  /// Steps until the task is over (or max_ticks); calls `each` after every step.
+  std::int64_t run(std::int64_t max_ticks, const std::function<void(const recording::Sample&)>& each = {});
+
+  /// The server process dies and another one starts in its place, knowing nothing.
+  void restart_server();
+
+  bool done() const noexcept { return device_->motion_done(); }
+  device::SimDevice& device() noexcept { return *device_; }
+  station::Station& station() noexcept { return *station_; }
+  link::ClientSession& client() noexcept { return client_; }
+  server::Server& server() noexcept { return *server_; }
+  net::SimLink& link() noexcept { return link_; }
+  loop::StationLoop& loop() noexcept { return *loop_; }
+  double period_s() const noexcept { return static_cast<double>(period_ns_) * 1e-9; }
+
+ private:
+  void make_server();
+  void serve_until(std::int64_t until_ns);
+
+  VirtualSessionConfig config_;
+  net::SimLink link_;
+  rt::VirtualClock clock_;
+  std::unique_ptr<server::Server> server_;
+  std::uint64_t servers_made_ = 0;
+  link::ClientSession client_;
+  std::unique_ptr<device::SimDevice> device_;
+  std::unique_ptr<station::Station> station_;
+  std::unique_ptr<loop::StationLoop> loop_;
+  recording::Sample sample_;
+  std::int64_t period_ns_ = 0;
+  std::int64_t now_ns_ = 0;
+};
+
+}  // namespace telenano::support

@@ -1,0 +1,153 @@
+// The house's include rules, checked on the source files themselves: who may include whom, and which library is seen
+// through which door. A rule is a row; a new folder must be given a row before it may have files.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Include {
+  std::string file;    // relative to the project's root
+  std::string target;  // as written between <> or ""
+};
+
+const fs::path kRoot = TELENANO_SOURCE_DIR;
+const std::vector<std::string> kTrees = {"common", "master", "nve_server"};
+
+std::string folder_of(const std::string& path) { return fs::path(path).parent_path().generic_string(); }
+
+std::vector<Include> includes_of(const fs::path& tree) {
+  std::vector<Include> all;
+  for (const auto& entry : fs::recursive_directory_iterator(kRoot / tree)) {
+    const auto extension = entry.path().extension();
+    if (extension != ".h" && extension != ".cpp") continue;
+    std::ifstream in(entry.path());
+    for (std::string line; std::getline(in, line);) {
+      const auto start = line.find_first_not_of(" \t");
+      if (start == std::string::npos || line.compare(start, 8, "#include") != 0) continue;
+      const auto open = line.find_first_of("<\"", start);
+      const auto close = line.find_first_of(">\"", open + 1);
+      if (open == std::string::npos || close == std::string::npos) continue;
+      all.push_back({fs::relative(entry.path(), kRoot).generic_string(), line.substr(open + 1, close - open - 1)});
+    }
+  }
+  return all;
+}
+
+// Folder -> project folders that it may include besides itself.
+const std::map<std::string, std::set<std::string>> kMayInclude = {
+    {"common/base", {}},
+    {"common/config", {"common/base"}},
+    {"common/rt", {"common/base"}},
+    {"common/control", {"common/base"}},
+    {"common/link", {"common/base"}},
+    {"common/net", {"common/base"}},
+    {"common/recording", {"common/base", "common/rt"}},
+    {"master/device", {"common/base", "common/control"}},
+    {"master/station", {"common/base", "common/control", "common/link", "master/device"}},
+    {"master/loop",
+     {"common/base", "common/link", "common/net", "common/recording", "master/device", "master/station"}},
+    {"master/app",
+     {"common/base", "common/config", "common/rt", "common/control", "common/link", "common/net", "common/recording",
+      "master/device", "master/station", "master/loop"}},
+    {"nve_server/physics", {"common/base"}},
+    {"nve_server/scene", {"common/base", "common/config", "nve_server/physics"}},
+    {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
+    {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
+    {"nve_server/app",
+     {"common/base", "common/config", "common/rt", "common/link", "common/net", "nve_server/physics",
+      "nve_server/scene", "nve_server/slave", "nve_server/server"}},
+};
+
+// Header prefix -> the files (path prefixes) that may see it.
+const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
+    {"google/protobuf", {"common/link/codec"}},
+    {"telenano.pb.h", {"common/link/codec"}},
+    {"proto/telenano.pb.h", {"common/link/codec"}},
+    {"boost/asio", {"common/net/udp"}},
+    {"hdf5", {"common/recording/"}},
+    {"H5", {"common/recording/"}},
+    {"toml++", {"common/config/"}},
+    {"CLI/", {"master/app/", "nve_server/app/"}},
+    {"spdlog", {"master/app/", "nve_server/app/", "nve_server/server/server_loop"}},
+};
+
+// Pure folders: no clock, thread, file, socket or log.
+const std::set<std::string> kPure = {"common/base", "common/control", "common/link", "master/station", "nve_server/physics"};
+const std::set<std::string> kImpure = {"chrono",       "thread",       "mutex",      "condition_variable", "fstream",
+                                       "iostream",     "filesystem",   "cstdio",     "stdio.h",            "time.h",
+                                       "ctime",        "unistd.h",     "sys/time.h", "sys/socket.h",       "pthread.h",
+                                       "sys/mman.h",   "sched.h",      "future",     "semaphore",          "fmt/core.h",
+                                       "fmt/format.h", "netinet/in.h", "random"};
+
+TEST(IncludeRules, FoldersIncludeOnlyWhatTheyMay) {
+  for (const auto& tree : kTrees) {
+    for (const auto& [file, target] : includes_of(tree)) {
+      const std::string from = folder_of(file);
+      ASSERT_TRUE(kMayInclude.contains(from)) << file << ": folder " << from << " has no row in kMayInclude";
+      const std::string to = folder_of(target);
+      if (!kMayInclude.contains(to) || to == from) continue;
+      EXPECT_TRUE(kMayInclude.at(from).contains(to)) << file << " includes " << target;
+    }
+  }
+}
+
+TEST(IncludeRules, MasterAndServerNeverMeet) {
+  for (const auto& [file, target] : includes_of("master")) EXPECT_FALSE(target.starts_with("nve_server/")) << file;
+  for (const auto& [file, target] : includes_of("nve_server")) EXPECT_FALSE(target.starts_with("master/")) << file;
+}
+
+TEST(IncludeRules, OneLibraryOneDoor) {
+  for (const auto& tree : kTrees) {
+    for (const auto& [file, target] : includes_of(tree)) {
+      for (const auto& [prefix, doors] : kDoors) {
+        if (!target.starts_with(prefix)) continue;
+        EXPECT_TRUE(std::any_of(doors.begin(), doors.end(), [&](const auto& door) { return file.starts_with(door); }))
+            << file << " includes " << target;
+      }
+    }
+  }
+}
+
+TEST(IncludeRules, PureFoldersSeeNoClockThreadFileSocketOrLog) {
+  for (const auto& tree : kTrees) {
+    for (const auto& [file, target] : includes_of(tree)) {
+      if (!kPure.contains(folder_of(file))) continue;
+      EXPECT_FALSE(kImpure.contains(target)) << file << " includes <" << target << ">";
+    }
+  }
+}
+
+TEST(IncludeRules, SessionCodeUsesNoElementaryFunctionThatDependsOnTheMachine) {
+  // glibc chooses code with or without fused multiply-add at run time; these must come from common/base/det_math.
+  const std::vector<std::string> forbidden = {"std::sin(", "std::cos(",  "std::tan(",  "std::exp(",  "std::log(",
+                                              "std::pow(", "std::cbrt(", "std::atan(", "std::acos(", "std::asin(",
+                                              "std::hypot(", "std::atan2(", "std::sinh(", "std::cosh(", "std::fma("};
+  const std::vector<std::string> folders = {"common/base",        "common/control", "common/link",     "common/net",
+                                            "nve_server/physics", "nve_server/slave", "nve_server/server", "nve_server/scene",
+                                            "master/device", "master/station"};
+  for (const auto& folder : folders) {
+    for (const auto& entry : fs::directory_iterator(kRoot / folder)) {
+      const auto extension = entry.path().extension();
+      if (extension != ".h" && extension != ".cpp") continue;
+      std::ifstream in(entry.path());
+      int number = 0;
+      for (std::string line; std::getline(in, line);) {
+        ++number;
+        if (const auto comment = line.find("//"); comment != std::string::npos) line.resize(comment);
+        for (const auto& name : forbidden)
+          EXPECT_EQ(line.find(name), std::string::npos) << entry.path() << ":" << number << " calls " << name << ")";
+      }
+    }
+  }
+}
+
+}  // namespace

@@ -1,0 +1,89 @@
+#include "nve_server/physics/joined_law.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "nve_server/physics/van_der_waals.h"
+
+namespace telenano::physics {
+namespace {
+
+TEST(VanDerWaals, MatchesDmtPullOffAtCutOffAndItsOwnPotential) {
+  const VanDerWaals law = VanDerWaals::from_adhesion(0.1, 0.165);
+  EXPECT_NEAR(law.force_nn(20, 0.165), -2 * M_PI * 0.1 * 20, 1e-13);
+  for (const double d : {0.165, 0.3, 2.0, 50.0}) {
+    // U(overlap), overlap = -d: F = -dU/d(gap)... of an energy stored: F = dU/d(overlap). Central difference,
+    // error h^2.
+    const double h = 1e-4 * d;
+    EXPECT_NEAR(law.force_nn(20, d), (law.energy_aj(20, d - h) - law.energy_aj(20, d + h)) / (2 * h),
+                2e-8 * std::fabs(law.force_nn(20, d)));
+    EXPECT_NEAR(law.stiffness_n_m(20, d), (law.force_nn(20, d - h) - law.force_nn(20, d + h)) / (2 * h),
+                3e-8 * std::fabs(law.stiffness_n_m(20, d)));
+  }
+}
+
+TEST(OutsideLaw, SolvesItsBalanceUpToTheJump) {
+  for (const double lambda : {1e-3, 0.7, 30.0, 1.2e4}) {
+    const OutsideLaw law(lambda);
+    for (const double c : {0.0, 1e-6, 1e-2, 1.0, 1e4}) {
+      // Base position at the jump to contact: B = 1.5 y.
+      const double edge = (1.0 - 1.5 * law.jump_gap(c)) / law.eta();
+      for (const double distance : {1e-12, 1e-6, 1e-2, 1.0, 1e3, 1e8}) {
+        const double z = edge - distance * (1.0 + std::fabs(edge));
+        if (1.0 - law.eta() * z < 1.0) continue;
+        ASSERT_TRUE(law.stable(z, c));
+        const OutsidePoint p = law.solve(z, c);
+        // Roundings of Z, and of Delta = (1 - y)/eta, which cancels for y near 1.
+        EXPECT_NEAR(p.overlap + c * p.load, z, 1e-14 * (std::fabs(z) + 1.0 / law.eta() + c))
+            << lambda << ' ' << c;
+        EXPECT_GE(p.gap, law.jump_gap(c) * (1 - 1e-7));
+        EXPECT_GE(1.0 + c * p.slope, -1e-7);
+      }
+      if (c > 0) {
+        EXPECT_FALSE(law.stable(edge + 1e-6 * (1.0 + std::fabs(edge)), c));
+      }
+    }
+  }
+}
+
+TEST(Handover, ForceIsContinuousAndTheGapIsThePublishedOne) {
+  for (double lambda = 1e-3; lambda < 1.3e4; lambda *= 1.07) {
+    const MaugisDugdale curve(lambda);
+    const OutsideLaw outside(lambda);
+    const Handover h = find_handover(curve, outside);
+    EXPECT_NEAR(h.inside.load, outside.at_gap(h.gap).load, 1e-12) << lambda;
+    EXPECT_LT(h.gap, kNoHandoverGap);
+    const MaugisPoint fold = curve.fold({1, 0});
+    const OutsidePoint outside_fold = outside.at_gap(1.0 - outside.eta() * fold.overlap);
+    EXPECT_EQ(h.reversible, outside_fold.load < fold.load) << lambda;
+    EXPECT_GE(h.inside.overlap, fold.overlap);
+    // Between fold and handover Maugis–Dugdale is the more attractive one wherever there is hysteresis, less
+    // so in the reversible case: the handover is the first crossing from the proper side.
+    for (int i = 1; i < 20; ++i) {
+      const double delta = fold.overlap + 0.05 * i * (h.inside.overlap - fold.overlap);
+      const double inside = curve.solve(delta, {1, 0}).point.load;
+      const double out = outside.at_gap(1.0 - outside.eta() * delta).load;
+      if (h.reversible) {
+        EXPECT_GT(inside, out) << lambda;
+      } else {
+        EXPECT_LT(inside, out) << lambda;
+      }
+    }
+    if (!h.reversible) {
+      EXPECT_GT(fold.energy + h.energy_offset, outside_fold.energy) << lambda;
+    }
+    // Warm start gives the same crossing.
+    const Handover warm = find_handover(curve, outside, 0.5 * h.inside.parameter);
+    EXPECT_NEAR(warm.gap, h.gap, 1e-12);  // twice the error of the force
+    EXPECT_NEAR(warm.energy_offset, h.energy_offset, 1e-12 * std::fabs(h.energy_offset) + 1e-12);
+  }
+  for (const double lambda : {0.73676, 4.04149, 408.71}) {
+    const double gap_nm = 0.165 * find_handover(MaugisDugdale(lambda), OutsideLaw(lambda)).gap;
+    EXPECT_GT(gap_nm, 0.185) << lambda;
+    EXPECT_LT(gap_nm, 0.205) << lambda;
+  }
+}
+
+}  // namespace
+}  // namespace telenano::physics
