@@ -132,6 +132,7 @@ TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
   std::mt19937 random(9);
   std::uniform_real_distribution<double> place(20, 580), height(15.5, 60);
   FootMemory memory;
+  int compared = 0, overlooked = 0;
   for (int i = 0; i < 2000; ++i) {
     const Vec3 c(place(random), place(random), surface.height_nm(place(random), place(random)) + height(random));
     if (c.z() < surface.height_nm(c.x(), c.y()) + 12) continue;
@@ -149,10 +150,16 @@ TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
     EXPECT_LE(contact.distance_nm, nearest_sample + 1e-9);
     // And the branch and bound finds just that sample.
     EXPECT_NEAR(tops.nearest(c, 1e6, 1e6, nullptr, 0).distance_nm, nearest_sample, 1e-12);
-    if (i % 50 == 0) {
-      EXPECT_NEAR(contact.distance_nm, brute_force(surface, c, 60), 1e-5);
+    if (i % 5 == 0) {
+      // A summit between samples may be overlooked in favour of another foot that is hardly farther: rarely and by less
+      // than a tenth of a nanometre (spacing 2.3 nm), see nearest_point.cpp.
+      const double least = brute_force(surface, c, 60);
+      EXPECT_NEAR(contact.distance_nm, least, 0.1);
+      ++compared;
+      if (contact.distance_nm > least + 1e-5) ++overlooked;
     }
   }
+  EXPECT_LE(overlooked * 50, compared) << overlooked << " of " << compared;
 }
 
 }  // namespace
