@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <string_view>
 
 #include "common/base/error.h"
 #include "tests/studies/report/decimate.h"
@@ -175,6 +176,10 @@ void FigureMaker::draw(Figure& figure, int width, int height, const std::string&
   // Inside a page there is no prolog.
   const auto begin = svg.find("<svg");
   figure.svg = begin == std::string::npos ? "" : svg.substr(begin);
+  static constexpr std::string_view kCanvas =
+      "id=\"gnuplot_canvas\"";  // the same in every figure: once a page only
+  const auto canvas = figure.svg.find(kCanvas);
+  if (canvas != std::string::npos) figure.svg.replace(canvas, kCanvas.size(), "class=\"canvas\"");
 }
 
 Figure FigureMaker::position_and_force(const RunData& run) {
