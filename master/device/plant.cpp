@@ -159,22 +159,23 @@ AxisPlant::Phase AxisPlant::phase_for(const State& state, double force_n) const 
   return Phase::kStuck;
 }
 
-bool AxisPlant::stays(Phase phase, const State& from, const State& to, double force_n,
-                      double step_s) const noexcept {
+AxisPlant::Verdict AxisPlant::judge(Phase phase, const State& from, const State& to, double force_n,
+                                    double step_s) const noexcept {
   if (phase == Phase::kStuck) {
     const double net_n = held_force_n(to, force_n);
-    return (net_n <= config_.coulomb_friction_n || to[0] >= stop_m_) &&
-           (net_n >= -config_.coulomb_friction_n || to[0] <= -stop_m_);
+    const bool holds = (net_n <= config_.coulomb_friction_n || to[0] >= stop_m_) &&
+                       (net_n >= -config_.coulomb_friction_n || to[0] <= -stop_m_);
+    return holds ? Verdict::kGood : Verdict::kCrossed;
   }
-  if (std::fabs(to[0]) > stop_m_) return false;
-  if (phase == Phase::kFree) return true;
+  if (std::fabs(to[0]) > stop_m_) return Verdict::kCrossed;
+  if (phase == Phase::kFree) return Verdict::kGood;
   const double sign = phase == Phase::kForward ? 1.0 : -1.0;
-  if (!(sign * to[1] > 0)) return false;
+  if (!(sign * to[1] > 0)) return Verdict::kCrossed;
   // The velocity may dip through zero and come back within the step: then its acceleration changes from
   // against to along the motion, and v cannot fall faster than it begins to.
   const double a_from = sign * acceleration(from);
-  if (a_from < 0 && sign * from[1] + a_from * step_s <= 0 && sign * acceleration(to) > 0) return false;
-  return true;
+  const bool may_dip = a_from < 0 && sign * from[1] + a_from * step_s <= 0 && sign * acceleration(to) > 0;
+  return may_dip ? Verdict::kMayDip : Verdict::kGood;
 }
 
 void AxisPlant::advance(double force_n, double intended_pos_m) noexcept {
@@ -183,25 +184,48 @@ void AxisPlant::advance(double force_n, double intended_pos_m) noexcept {
   std::uint64_t remaining = std::uint64_t{1} << (kLevels - 1);  // in units of the smallest step
   int level = 0;
   int events = 0;
+  int accepted = 0;  // in a row at this level
+  bool parent_crossed =
+      false;  // the step of twice the size was refused for an event, and would have led to `beyond`
+  State beyond{};
   while (remaining > 0) {
-    while ((std::uint64_t{1} << (kLevels - 1 - level)) > remaining) ++level;
+    for (; (std::uint64_t{1} << (kLevels - 1 - level)) > remaining; ++level) {
+      accepted = 0;
+      parent_crossed = false;
+    }
     state_[6] = force_n - friction_n(phase);
     State next = apply(phase == Phase::kStuck ? stuck_[level] : moving_[level], state_);
+    ++evaluations_;
     const double step_s = config_.period_s / static_cast<double>(std::uint64_t{1} << level);
-    const bool last_level = level == kLevels - 1;
-    const bool ok = events >= kMaxEvents || stays(phase, state_, next, force_n, step_s);
-    if (!ok && !last_level) {
+    const Verdict verdict =
+        events >= kMaxEvents ? Verdict::kGood : judge(phase, state_, next, force_n, step_s);
+    if (verdict != Verdict::kGood && level < kLevels - 1) {
+      parent_crossed = verdict == Verdict::kCrossed;
+      if (parent_crossed) beyond = next;
+      accepted = 0;
       ++level;
       continue;
     }
     remaining -= std::uint64_t{1} << (kLevels - 1 - level);
-    if (!ok) {  // the event lies in this smallest step
+    bool event = verdict != Verdict::kGood;  // it lies in this smallest step
+    if (!event && ++accepted == 2) {
+      // Two halves of a refused step are good: either whatever made it small is past, or the crossing is so
+      // shallow that rounding hides it from small steps. Then it is here, and the larger step knows its far
+      // side.
+      accepted = 0;
+      event = parent_crossed;
+      if (event) next = beyond;
+      if (!event && level > 0) --level;
+    }
+    if (event) {
       ++events;
       ++events_;
       if (std::fabs(next[0]) > stop_m_) next[0] = next[0] > 0 ? stop_m_ : -stop_m_;
       next[1] = 0;
       phase = events >= kMaxEvents ? Phase::kStuck : phase_for(next, force_n);
       level = 0;
+      accepted = 0;
+      parent_crossed = false;
     }
     state_ = next;
   }

@@ -28,9 +28,9 @@ struct PlantConfig {
   Vec3 workspace_half_m{0.080, 0.080, 0.055};  ///< inelastic stops; a box around the Ø160 × 110 mm cylinder
 
   // Arm of an operator who holds the handle firmly. Measured arms are second-order systems of about 0.5–2 kg,
-  // 100–500 N/m and near-critical damping [Hogan 1985; Dolan, Friedman & Nagurka 1993; Tsuji et al. 1995; van Beek et al.
-  // 2015], behind a grip that is an order of magnitude stiffer [structure: Fu & Cavusoglu 2012]. The values are a choice
-  // within these ranges, not a measurement.
+  // 100–500 N/m and near-critical damping [Hogan 1985; Dolan, Friedman & Nagurka 1993; Tsuji et al. 1995; van
+  // Beek et al. 2015], behind a grip that is an order of magnitude stiffer [structure: Fu & Cavusoglu 2012].
+  // The values are a choice within these ranges, not a measurement.
   double arm_mass_kg = 1.5;
   double arm_stiffness_n_m = 400.0;
   double arm_damping_n_s_m = 34.3;  ///< ζ = 0.7
@@ -70,17 +70,22 @@ class AxisPlant {
   /// Kinetic and elastic energy of device, grip and arm.
   double stored_j() const noexcept;
   std::uint64_t events() const noexcept { return events_; }
+  std::uint64_t evaluations() const noexcept {
+    return evaluations_;
+  }  ///< of a sub-step, what time is spent on
 
  private:
   static constexpr int kLevels = 33;  // T/2⁰ … T/2³²
   using Matrix = std::array<double, kStates * kStates>;
   enum class Phase : std::uint8_t { kFree, kForward, kBackward, kStuck };
+  enum class Verdict : std::uint8_t { kGood, kCrossed, kMayDip };  // of a sub-step that assumes one phase
 
   static State apply(const Matrix& matrix, const State& state) noexcept;
   double acceleration(const State& state) const noexcept;
   double held_force_n(const State& state, double force_n) const noexcept;
   Phase phase_for(const State& state, double force_n) const noexcept;
-  bool stays(Phase phase, const State& from, const State& to, double force_n, double step_s) const noexcept;
+  Verdict judge(Phase phase, const State& from, const State& to, double force_n,
+                double step_s) const noexcept;
   double friction_n(Phase phase) const noexcept;
 
   PlantConfig config_;
@@ -89,6 +94,7 @@ class AxisPlant {
   std::array<Matrix, kLevels> stuck_;
   State state_{};
   std::uint64_t events_ = 0;
+  std::uint64_t evaluations_ = 0;
 };
 
 /// Three axes and the device's electronics.
