@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <complex>
 #include <random>
@@ -108,6 +109,72 @@ TEST_P(AgainstOracle, AgreesIncludingFrictionEvents) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Friction, AgainstOracle, ::testing::Values(0.0, 0.02, 0.5, 2.5));
+
+/// Forces tuned so that the velocity just grazes zero within a sample, on either side, to the last digit: the
+/// search for the event must neither miss it nor crawl for the rest of the sample.
+TEST(AxisPlant, AGrazedReversalIsFoundAndCheap) {
+  PlantConfig config;
+  config.coulomb_friction_n = 0.02;
+  config.grip_stiffness_n_m = 20'000;  // faster than any hand, so that the velocity dips within a sample
+  config.device_mass_kg = 0.02;
+  std::uint64_t most = 0;
+  for (int exponent = 0; exponent < 50; exponent += 7) {
+    double low = 0, high = 5;  // the braking force: does not reverse, reverses
+    const auto run = [&](double force_n) {
+      AxisPlant axis(config, 1);
+      axis.reset(0);
+      for (int k = 0; k < 5; ++k) axis.advance(1, 0);
+      const auto events = axis.events(), before = axis.evaluations();
+      axis.advance(-force_n, 0);
+      most = std::max(most, axis.evaluations() - before);
+      return axis.events() > events;
+    };
+    for (int i = 0; i < exponent; ++i) (run(0.5 * (low + high)) ? high : low) = 0.5 * (low + high);
+  }
+  EXPECT_LT(most, 500u);
+}
+
+TEST(AxisPlant, EveryPeriodIsCheapWhateverTheForce) {
+  std::mt19937_64 random(9);
+  std::normal_distribution<double> normal;
+  std::uint64_t most = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    PlantConfig config;
+    config.coulomb_friction_n = 0.02 * std::exp(normal(random));
+    AxisPlant axis(config, 0.01);
+    axis.reset(0);
+    for (int k = 0; k < 3'000; ++k) {
+      const auto before = axis.evaluations();
+      // Forces that just about hold the handle still make most grazes.
+      axis.advance(-200 * axis.vel_m_s() + 0.05 * normal(random), 0.001 * std::sin(0.02 * k));
+      most = std::max(most, axis.evaluations() - before);
+    }
+  }
+  EXPECT_LT(most, 500u);
+}
+
+/// The hand creeps so slowly that within the smallest step its position does not change by one bit: the
+/// release from friction must still be found, and at once.
+TEST(AxisPlant, AReleaseTooSlowForTheSmallestStepIsFoundAndCheap) {
+  std::uint64_t most = 0;
+  for (double creep_m : {1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12}) {
+    PlantConfig config;
+    AxisPlant axis(config, 0.055);
+    axis.reset(-0.0215);
+    double intended_m = -0.0215;
+    for (int k = 0; k < 20'000; ++k) {
+      // Close to the threshold quickly, then over it at a creep, back and forth.
+      intended_m += (k < 50 ? 1e-6 : (k / 5'000 % 2 ? -creep_m : creep_m));
+      const auto before = axis.evaluations();
+      axis.advance(0, intended_m);
+      most = std::max(most, axis.evaluations() - before);
+    }
+    if (creep_m >= 1e-8) {
+      EXPECT_GT(axis.events(), 0u) << creep_m;
+    }
+  }
+  EXPECT_LT(most, 500u);
+}
 
 TEST(AxisPlant, IsPassive) {
   std::mt19937_64 random(5);
