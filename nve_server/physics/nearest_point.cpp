@@ -22,7 +22,7 @@ namespace {
 constexpr double kMaxStepCells = 2.0;
 constexpr int kMaxIterations = 60;
 constexpr int kMaxBasins = 8;            // basins visited by one global search
-constexpr double kKnownCells = 1.5;    // a sample this near to a known foot belongs to its basin
+constexpr double kKnownCells = 2.0;    // a sample this near to a known foot belongs to its basin
 constexpr double kStepDone = 1e-6;     // cells: Newton's next error is about its square
 constexpr double kStepTrusted = 1e-4;  // cells: f can no longer resolve the gain
 

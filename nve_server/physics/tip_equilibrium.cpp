@@ -12,7 +12,7 @@ namespace {
 constexpr int kMaxIterations = 80;
 constexpr double kStepDone = 2e-8;       // nm: the law's own error, 1e-9 of some 100 nN, through the softest spring
 constexpr double kSwingLeast = 1e-5;     // nm: shorter swings are rounding
-constexpr double kRadiusDone = 1e-9;     // of the force
+constexpr double kRadiusDone = 1e-6;     // of the force, which follows the radius
 constexpr int kRadiusUpdates = 6;
 constexpr double kDeeper = 1e-9;         // nm by which another foot must be deeper to be taken in
 constexpr double kTurnMax = 0.9;         // of F C N; at 1 the tip slides off sideways
@@ -47,10 +47,10 @@ void remember(const TipSolution& solution, const Vec3& free_end_w_nm, TipState& 
 class RadiusIteration {
  public:
   explicit RadiusIteration(double from_nm) noexcept : given_(from_nm) {}
-  double next(double found_nm) noexcept {
+  double next(double found_nm, double force_nn) noexcept {
     if (given_ <= 0.0) {
       given_ = found_nm;
-    } else if (count_ < kRadiusUpdates) {
+    } else if (!settled(found_nm, force_nn)) {
       const double change = found_nm - given_;
       if (change * last_change_ < 0.0) weight_ *= 0.5;
       given_ += weight_ * change;
@@ -208,7 +208,7 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
 
     if (feet.count() != feet_before) swing.forget();
     feet_before = feet.count();
-    const double radius_nm = radius.next(feet.radius_nm());
+    const double radius_nm = radius.next(feet.radius_nm(), force);
     TipSampleState law_state = state.law;
     const Equilibrium eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, law_state);
     if (eq.status != SolveStatus::kOk) {
