@@ -202,6 +202,8 @@ void AxisPlant::advance(double force_n, double intended_pos_m) noexcept {
       next[1] = 0;
       phase = events >= kMaxEvents ? Phase::kStuck : phase_for(next, force_n);
       level = 0;
+    } else if (level > 0) {
+      --level;  // a step that was cut for a mere suspicion must not leave the rest of the period to crawl
     }
     state_ = next;
   }

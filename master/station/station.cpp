@@ -7,6 +7,11 @@
 namespace telenano::station {
 namespace {
 
+// A measurement beyond these is no measurement: booked, it would buy or cost energy for the rest of the
+// session.
+constexpr double kBelievableStepM = 1.0;  // of the hand in a tick
+constexpr double kBelievableForce = 2.0;  // times what the device can do
+
 control::PassivityConfig passivity_config(const StationConfig& config, const device::DeviceInfo& device,
                                           const SlavePort& slave) noexcept {
   control::PassivityConfig passivity;
@@ -48,8 +53,8 @@ const char* mode_name(Mode mode) noexcept {
 const char* fault_name(std::uint32_t faults) noexcept {
   static constexpr const char* kNames[] = {"stop pressed",
                                            "hand faster than the velocity trip",
-                                           "hand position not finite",
-                                           "applied force not finite",
+                                           "hand position not finite or not believable",
+                                           "applied force not finite or not believable",
                                            "device failed",
                                            "reply not finite",
                                            "computed force not finite",
@@ -63,6 +68,7 @@ const char* fault_name(std::uint32_t faults) noexcept {
 
 Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave)
     : config_((config.validate(), config)),
+      device_force_max_n_(device.force_max_n),
       force_limit_n_(config.force_safety * device.force_max_n),
       controller_(passivity_config(config, device, slave)),
       mapping_(config.scaling) {}
@@ -88,10 +94,16 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   hand_step_h_m_.setZero();
   if (input.buttons & device::kButtonStop) latched_ |= kFaultStopPressed;
   if (input.device_status == device::DeviceStatus::kFailed) latched_ |= kFaultDeviceFailed;
-  if (!is_finite(input.hand_pos_h_m)) latched_ |= kFaultHandPosNonFinite;
-  if (!is_finite(input.applied_force_h_n)) latched_ |= kFaultAppliedNonFinite;
+  const bool believable_pos =
+      is_finite(input.hand_pos_h_m) &&
+      (!has_hand_pos_ || (input.hand_pos_h_m - hand_pos_h_m_).cwiseAbs().maxCoeff() <= kBelievableStepM);
+  const bool believable_force =
+      is_finite(input.applied_force_h_n) &&
+      input.applied_force_h_n.cwiseAbs().maxCoeff() <= kBelievableForce * device_force_max_n_;
+  if (!believable_pos) latched_ |= kFaultHandPosNonFinite;
+  if (!believable_force) latched_ |= kFaultAppliedNonFinite;
   // What cannot be measured cannot be booked; the stop holds the force at zero until a person has looked.
-  if (!is_finite(input.hand_pos_h_m) || !is_finite(input.applied_force_h_n)) return;
+  if (!believable_pos || !believable_force) return;
   controller_.observe(input.applied_force_h_n, input.hand_pos_h_m, dt_s);
   applied_force_h_n_ = input.applied_force_h_n;
   if (has_hand_pos_) hand_step_h_m_ = input.hand_pos_h_m - hand_pos_h_m_;

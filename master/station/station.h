@@ -22,8 +22,8 @@ const char* mode_name(Mode mode) noexcept;
 enum StationFaults : std::uint32_t {
   kFaultStopPressed = 1u << 0,       ///< latched
   kFaultVelocityTrip = 1u << 1,      ///< latched
-  kFaultHandPosNonFinite = 1u << 2,  ///< latched: the device cannot be trusted
-  kFaultAppliedNonFinite = 1u << 3,  ///< latched: the device cannot be trusted
+  kFaultHandPosNonFinite = 1u << 2,  ///< latched: not finite or not believable (a jump of a metre)
+  kFaultAppliedNonFinite = 1u << 3,  ///< latched: not finite or not believable (twice what the device can do)
   kFaultDeviceFailed = 1u << 4,      ///< latched
   kFaultReplyNonFinite = 1u << 5,    ///< that reply is ignored and the force ramps up again from zero
   kFaultForceNonFinite = 1u << 6,    ///< latched: own computation went wrong
@@ -116,6 +116,7 @@ class Station {
   void fill(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
   StationConfig config_;
+  double device_force_max_n_ = 0;
   double force_limit_n_ = 0;
   control::PassivityController controller_;
   WorkspaceMapping mapping_;

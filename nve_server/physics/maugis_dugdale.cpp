@@ -190,29 +190,23 @@ MaugisPoint MaugisDugdale::fold(const Held& held) const noexcept {
     hi *= 2;
     rate_hi = rate(hi);
   }
-  // Illinois: regula falsi that halves the end that stays. 1e-11 of u is far more than needed: Z is
-  // stationary here.
-  int side = 0;
-  for (int i = 0; i < 100 && hi - lo > 1e-11 * hi; ++i) {
+  // Regula falsi of Anderson and Bjorck (BIT 13, 1973): the end that stays is weighted down by the success of
+  // the last step. Z is stationary here, so that 1e-9 of u, less after the last step, is far below rounding.
+  double last = hi;
+  int moved = 0;
+  for (int i = 0; i < 100; ++i) {
     double u = (lo * rate_hi - hi * rate_lo) / (rate_hi - rate_lo);
     if (!(u > lo && u < hi)) u = 0.5 * (lo + hi);
+    if (std::fabs(u - last) <= 1e-9 * u) return contact(u);
+    last = u;
     const double r = rate(u);
+    const bool upper = r > 0;
+    const double weight = 1.0 - r / (upper ? rate_hi : rate_lo);
+    (upper ? hi : lo) = u;
+    (upper ? rate_hi : rate_lo) = r;
+    if (moved == (upper ? 1 : -1)) (upper ? rate_lo : rate_hi) *= weight > 0 ? weight : 0.5;
+    moved = upper ? 1 : -1;
     if (r == 0) return contact(u);
-    if (r > 0) {
-      if (hi - u < 1e-13 * hi) {
-        hi = u;
-        break;
-      }
-      hi = u;
-      rate_hi = r;
-      if (side == 1) rate_lo *= 0.5;
-      side = 1;
-    } else {
-      lo = u;
-      rate_lo = r;
-      if (side == -1) rate_hi *= 0.5;
-      side = -1;
-    }
   }
   return contact(hi);
 }

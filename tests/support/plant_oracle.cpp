@@ -154,8 +154,9 @@ long double PlantOracle::stored_j() const {
   const auto& c = config_;
   const long double grip = arm_pos_m_ - device_pos_m_;
   const long double arm = intended_m_ - arm_pos_m_;
-  return 0.5L * (c.device_mass_kg * device_vel_m_s_ * device_vel_m_s_ + c.arm_mass_kg * arm_vel_m_s_ * arm_vel_m_s_ +
-                 c.grip_stiffness_n_m * grip * grip + c.arm_stiffness_n_m * arm * arm);
+  return 0.5L *
+         (c.device_mass_kg * device_vel_m_s_ * device_vel_m_s_ + c.arm_mass_kg * arm_vel_m_s_ * arm_vel_m_s_ +
+          c.grip_stiffness_n_m * grip * grip + c.arm_stiffness_n_m * arm * arm);
 }
 
 }  // namespace telenano::support

@@ -2,9 +2,10 @@
 
 #include <array>
 
-/// Independent integrator of one axis of device, friction, grip and arm, for tests only. It shares nothing with the
-/// product: long double power series of the solution in each sub-step (recurrence from the differential equation, no
-/// matrix exponential), friction events found on the series itself, energies as exact integrals of the series' products.
+/// Independent integrator of one axis of device, friction, grip and arm, for tests only. It shares nothing
+/// with the product: long double power series of the solution in each sub-step (recurrence from the
+/// differential equation, no matrix exponential), friction events found on the series itself, energies as
+/// exact integrals of the series' products.
 namespace telenano::support {
 
 struct PlantOracleConfig {
@@ -32,11 +33,11 @@ class PlantOracle {
   long double stored_j() const;
 
   // Integrals since reset:
-  long double force_work_j = 0;      ///< ∫ F v dt, done by the commanded force on the device
-  long double intent_work_j = 0;     ///< ∫ (arm spring and damper) u̇ dt, done by the operator's intention
-  long double device_loss_j = 0;     ///< ∫ b v² dt
-  long double friction_loss_j = 0;   ///< ∫ f_c |v| dt
-  long double arm_loss_j = 0;        ///< grip and arm dampers
+  long double force_work_j = 0;     ///< ∫ F v dt, done by the commanded force on the device
+  long double intent_work_j = 0;    ///< ∫ (arm spring and damper) u̇ dt, done by the operator's intention
+  long double device_loss_j = 0;    ///< ∫ b v² dt
+  long double friction_loss_j = 0;  ///< ∫ f_c |v| dt
+  long double arm_loss_j = 0;       ///< grip and arm dampers
   int reversals = 0;
 
  private:
@@ -49,7 +50,8 @@ class PlantOracle {
   Solution solve(int sign, long double force_n, long double intended_vel) const;
   int direction(long double force_n) const;
   long double net_held_n(const Solution& solution, long double t, long double force_n) const;
-  void accept(const Solution& solution, int sign, long double t, long double force_n, long double intended_vel);
+  void accept(const Solution& solution, int sign, long double t, long double force_n,
+              long double intended_vel);
 
   PlantOracleConfig config_;
   long double device_pos_m_ = 0, device_vel_m_s_ = 0, arm_pos_m_ = 0, arm_vel_m_s_ = 0, intended_m_ = 0;

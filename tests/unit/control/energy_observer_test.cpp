@@ -25,8 +25,9 @@ struct MutantObserver {
   }
 };
 
-/// Wall of 1000 N/m on both sides of zero, moved 10 mm at 2 Hz for 10 s. The truth: ∫ of the held force times the
-/// continuous velocity, by 5-point Gauss–Legendre in each interval (exact to rounding for so slow a sine).
+/// Wall of 1000 N/m on both sides of zero, moved 10 mm at 2 Hz for 10 s. The truth: ∫ of the held force times
+/// the continuous velocity, by 5-point Gauss–Legendre in each interval (exact to rounding for so slow a
+/// sine).
 struct MovedWall {
   double truth_j = 0;
   double exchanged_j = 0;
@@ -56,7 +57,8 @@ MovedWall moved_wall() {
     };
     for (int i = 0; i < 3; ++i) {
       const long double offset = kNode[i] * 0.5e-3L;
-      moved += kWeight[i] * 0.5e-3L * (i == 0 ? velocity(middle) : velocity(middle - offset) + velocity(middle + offset));
+      moved += kWeight[i] * 0.5e-3L *
+               (i == 0 ? velocity(middle) : velocity(middle - offset) + velocity(middle + offset));
     }
     truth_j -= force_n * moved;
   }
@@ -101,10 +103,12 @@ TEST(EnergyObserver, AgreesWithAnIndependentPlantInAClosedLoop) {
   ASSERT_GT(exact.exchanged_j(), 0.01);
   ASSERT_GT(plant.reversals, 5);
   EXPECT_NEAR(exact.energy_j(), truth_j, 1e-12 * exact.exchanged_j());
-  EXPECT_NEAR(quantised.energy_j(), truth_j, 1e-12 * quantised.exchanged_j() + quantised.quantisation_bound_j());
-  // The oracle's books balance by themselves: work done on the plant = stored + lost. Long double, 2e4 sub-steps.
-  const long double balance = plant.force_work_j + plant.intent_work_j - plant.stored_j() - plant.device_loss_j -
-                              plant.friction_loss_j - plant.arm_loss_j;
+  EXPECT_NEAR(quantised.energy_j(), truth_j,
+              1e-12 * quantised.exchanged_j() + quantised.quantisation_bound_j());
+  // The oracle's books balance by themselves: work done on the plant = stored + lost. Long double, 2e4
+  // sub-steps.
+  const long double balance = plant.force_work_j + plant.intent_work_j - plant.stored_j() -
+                              plant.device_loss_j - plant.friction_loss_j - plant.arm_loss_j;
   EXPECT_LT(std::fabs(static_cast<double>(balance)), 1e-14);
 }
 
@@ -119,7 +123,8 @@ TEST(EnergyObserver, QuantisationErrorStaysWithinItsBound) {
     for (int k = 0; k < 500; ++k) {
       for (int axis = 0; axis < 3; ++axis) pos_m[axis] += 2e-5 * uniform(random);
       Vec3 seen_m;
-      for (int axis = 0; axis < 3; ++axis) seen_m[axis] = std::floor(pos_m[axis] / quantum_m + 0.5) * quantum_m;
+      for (int axis = 0; axis < 3; ++axis)
+        seen_m[axis] = std::floor(pos_m[axis] / quantum_m + 0.5) * quantum_m;
       exact.update(force_n, pos_m);
       quantised.update(force_n, seen_m);
       for (int axis = 0; axis < 3; ++axis) {
@@ -145,7 +150,8 @@ TEST(EnergyObserver, SplitsMonotonically) {
     in_j = observer.energy_in_j();
     out_j = observer.energy_out_j();
   }
-  EXPECT_NEAR(in_j - out_j, observer.energy_j(), 1e-13 * observer.exchanged_j());  // a few roundings of the terms
+  EXPECT_NEAR(in_j - out_j, observer.energy_j(),
+              1e-13 * observer.exchanged_j());  // a few roundings of the terms
 }
 
 TEST(CompensatedSum, LosesNothingOfAMillionSmallTerms) {
@@ -153,8 +159,8 @@ TEST(CompensatedSum, LosesNothingOfAMillionSmallTerms) {
   sum.add(1e6);
   for (int i = 0; i < 1'000'000; ++i) sum.add(1e-10);
   sum.add(-1e6);
-  // The carry adds a million terms itself: at worst 1e6·ulp(1e-4)/2. Plain summation loses all of it (ulp of 1e6
-  // is 1.2e-10).
+  // The carry adds a million terms itself: at worst 1e6·ulp(1e-4)/2. Plain summation loses all of it (ulp of
+  // 1e6 is 1.2e-10).
   EXPECT_NEAR(sum.value(), 1e-4, 1e-14);
 }
 

@@ -42,10 +42,10 @@ TEST(Ks, FollowsThePublishedEquationsStepByStep) {
   controller.observe(Vec3::Zero(), Vec3::Zero(), kT);
   controller.observe(Vec3(2, 0, 0), Vec3(1e-3, 0, 0), kT);  // the port pushes 2 N over 1 mm: E(1) = −2 mJ
   EXPECT_NEAR(controller.ledger_j(), -2e-3, 1e-18);
-  EXPECT_EQ(controller.damper_n_s_m(), 0);  // acts on E(k−1), which was 0
+  EXPECT_EQ(controller.damper_n_s_m(), 0);                    // acts on E(k−1), which was 0
   controller.observe(Vec3(1, 0, 0), Vec3(1.5e-3, 0, 0), kT);  // E(2) = −2 − 0.5 + 2 (credited at once)
   EXPECT_NEAR(controller.damper_n_s_m(), 2e-3 * kT / (0.5e-3 * 0.5e-3), 1e-9);  // −E T/Δx² = 8 N·s/m, no cap
-  EXPECT_NEAR(controller.damper_force_h_n().x(), -2e-3 / 0.5e-3, 1e-9);        // against the motion
+  EXPECT_NEAR(controller.damper_force_h_n().x(), -2e-3 / 0.5e-3, 1e-9);         // against the motion
   EXPECT_NEAR(controller.ledger_j(), -0.5e-3, 1e-15);
   // The damper's work in the next interval is in the applied force and is booked a second time.
   controller.observe(Vec3(-4, 0, 0), Vec3(2.0e-3, 0, 0), kT);

@@ -19,9 +19,11 @@ ScalingPlant plant(double b, double gamma, double k_c, double b_c, int delay) {
   return p;
 }
 
-/// The formula of the header, typed once more with library functions, on a fine grid: never below the true minimum.
+/// The formula of the header, typed once more with library functions, on a fine grid: never below the true
+/// minimum.
 double brute_force(const ScalingPlant& p) {
-  const long double spring = p.coupling_stiffness_n_m * p.period_s / 2, sum = p.coupling_damping_n_s_m + spring;
+  const long double spring = p.coupling_stiffness_n_m * p.period_s / 2,
+                    sum = p.coupling_damping_n_s_m + spring;
   long double best = std::numeric_limits<long double>::infinity();
   constexpr int kPoints = 200'000;
   for (int i = 1; i <= kPoints; ++i) {
@@ -41,7 +43,8 @@ TEST(ExactBound, HasItsClosedFormWithoutDelay) {
     for (double b_c : {0.0, 1e-4, 0.01, 1.0}) {
       const double expected = (2 - gamma) / (b_c + 40 * 1e-3 / 2);
       // The minimum is at θ = π, an end of the grid, so it is met exactly up to rounding.
-      EXPECT_NEAR(exact_impedance_bound(plant(2, gamma, 40, b_c, 0)), expected, 1e-12 * expected) << gamma << ' ' << b_c;
+      EXPECT_NEAR(exact_impedance_bound(plant(2, gamma, 40, b_c, 0)), expected, 1e-12 * expected)
+          << gamma << ' ' << b_c;
     }
   }
 }
@@ -78,8 +81,10 @@ TEST(LlewellynBound, HasItsClosedForm) {
 
 TEST(LlewellynBound, IsFourToSeventeenTimesTooPermissive) {
   for (double b_c : {0.0, 0.001, 0.02, 0.1, 1.0}) {
-    const double ratio0 = llewellyn_impedance_bound(plant(2, 0, 40, b_c, 0)) / exact_impedance_bound(plant(2, 0, 40, b_c, 0));
-    const double ratio1 = llewellyn_impedance_bound(plant(2, 1, 40, b_c, 0)) / exact_impedance_bound(plant(2, 1, 40, b_c, 0));
+    const double ratio0 =
+        llewellyn_impedance_bound(plant(2, 0, 40, b_c, 0)) / exact_impedance_bound(plant(2, 0, 40, b_c, 0));
+    const double ratio1 =
+        llewellyn_impedance_bound(plant(2, 1, 40, b_c, 0)) / exact_impedance_bound(plant(2, 1, 40, b_c, 0));
     EXPECT_GE(ratio0, 3.99);
     EXPECT_LE(ratio0, 8.01);
     EXPECT_GE(ratio1, 11.8);

@@ -13,8 +13,8 @@ namespace telenano::device {
 namespace {
 
 support::PlantOracleConfig oracle_of(const PlantConfig& c) {
-  return {c.device_mass_kg, c.device_damping_n_s_m, c.coulomb_friction_n, c.arm_mass_kg,
-          c.arm_stiffness_n_m, c.arm_damping_n_s_m, c.grip_stiffness_n_m, c.grip_damping_n_s_m};
+  return {c.device_mass_kg,    c.device_damping_n_s_m, c.coulomb_friction_n, c.arm_mass_kg,
+          c.arm_stiffness_n_m, c.arm_damping_n_s_m,    c.grip_stiffness_n_m, c.grip_damping_n_s_m};
 }
 
 /// A force that excites everything: a square wave, a chirp and noise, the same numbers for both.
@@ -43,7 +43,8 @@ TEST(AxisPlant, FreeDeviceFollowsItsClosedForm) {
 
 TEST(AxisPlant, ArmFollowsTheClosedFormOfADampedOscillator) {
   PlantConfig config;
-  config.coulomb_friction_n = 100;  // the handle is stuck at 0: the arm alone moves, between grip and intention
+  config.coulomb_friction_n =
+      100;  // the handle is stuck at 0: the arm alone moves, between grip and intention
   AxisPlant axis(config, 10);
   axis.reset(0);
   const double m = config.arm_mass_kg, k = config.grip_stiffness_n_m + config.arm_stiffness_n_m;
@@ -94,13 +95,14 @@ TEST_P(AgainstOracle, AgreesIncludingFrictionEvents) {
     axis.advance(force_n, intended_m);
     oracle.advance(force_n, intended_m, 1e-3L);
     worst_pos_m = std::fmax(worst_pos_m, std::fabs(axis.pos_m() - static_cast<double>(oracle.pos_m())));
-    worst_vel_m_s = std::fmax(worst_vel_m_s, std::fabs(axis.vel_m_s() - static_cast<double>(oracle.vel_m_s())));
+    worst_vel_m_s =
+        std::fmax(worst_vel_m_s, std::fabs(axis.vel_m_s() - static_cast<double>(oracle.vel_m_s())));
   }
   if (GetParam() > 0) {
     EXPECT_GT(axis.events(), 100u);
   }
-  // Events are located to T/2³² = 0.23 ps; with up to 60 m/s² that is 1.4e-11 m/s at one reversal, which passivity
-  // forgets again. Without friction only rounding is left.
+  // Events are located to T/2³² = 0.23 ps; with up to 60 m/s² that is 1.4e-11 m/s at one reversal, which
+  // passivity forgets again. Without friction only rounding is left.
   EXPECT_LT(worst_vel_m_s, GetParam() > 0 ? 1e-10 : 1e-14);
   EXPECT_LT(worst_pos_m, GetParam() > 0 ? 1e-12 : 1e-16);
 }
@@ -119,7 +121,8 @@ TEST(AxisPlant, IsPassive) {
       for (int k = 0; k < 20'000; ++k) {
         const double before_m = axis.pos_m();
         // Hill climbing: always with the motion, the most that a controller could put in, then against it.
-        const double force_n = (k / 500) % 2 ? std::copysign(5.0, axis.vel_m_s() + 1e-9) : force_at(k, random);
+        const double force_n =
+            (k / 500) % 2 ? std::copysign(5.0, axis.vel_m_s() + 1e-9) : force_at(k, random);
         axis.advance(force_n, 0);  // the operator holds still: the intention does no work
         const double work_j = force_n * (axis.pos_m() - before_m);
         put_in_j += work_j;

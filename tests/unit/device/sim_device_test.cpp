@@ -18,7 +18,8 @@ TEST(SimDevice, HandFollowsTheIntentionFromItsStart) {
   device.start_motion();
   for (int k = 0; k < 3000; ++k) device.advance(1'000'000);
   EXPECT_NEAR(device.motion_time_s(), 3, 1e-12);
-  // From 40 to 20 nm above the surface at 1 mm/nm; friction 0.02 N against the arm's 400 N/m leaves up to 0.06 mm.
+  // From 40 to 20 nm above the surface at 1 mm/nm; friction 0.02 N against the arm's 400 N/m leaves up to
+  // 0.06 mm.
   EXPECT_NEAR(device.plant().pos_m().z(), -0.020, 1e-4);
 }
 

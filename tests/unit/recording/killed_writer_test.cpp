@@ -125,7 +125,7 @@ int read_with_h5py(const std::filesystem::path& path, std::size_t rows) {
       "    v = d[...]\n"
       "    assert len(v) == n\n"
       "assert list(f['samples/tick'][...]) == list(range(n))\n"
-      "assert f['progress'][0] == n and f['progress'][3] == 1\n"
+      "assert f['progress'][0] == n and f['progress'][3] == 2\n"
       "assert len(f['events'][...]) == f['progress'][1]\n"
       "assert len(f['configuration'].attrs['scene_text']) == 100000\n";
   const std::filesystem::path script_path = path.string() + ".py";
@@ -173,6 +173,7 @@ TEST_F(ViolentEndTest, KilledAtRandomMomentsLosesAtMostTheLastSecond) {
     EXPECT_EQ(recovered.events, events);
     const RecordingReader reader(path_);
     EXPECT_TRUE(reader.closed());
+    EXPECT_TRUE(reader.cut_short());
     EXPECT_EQ(reader.rows(), rows);
     EXPECT_EQ(reader.configuration("title"), "numbered rows");
     expect_rows_right(reader);

@@ -177,7 +177,11 @@ TEST(Session, SurvivesARestartOfTheServerWithANewEpoch) {
   Server first(test_config(1), spring_scene());
   VirtualSession s(&first, {}, path(5), path(5), 1);
   s.client.start(0);
-  s.ticks(500);
+  s.ticks(250);
+  s.command.tip_pos_w_nm.z() = -20;
+  s.ticks(250);
+  EXPECT_EQ(s.client.slave_energy_aj().in(), 200);  // ½·1·20²
+  s.command.tip_pos_w_nm.z() = -3;
   s.server = nullptr;
   s.ticks(100);
   Server second(test_config(2), spring_scene());

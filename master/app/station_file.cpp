@@ -1,0 +1,151 @@
+#include "master/app/station_file.h"
+
+#include <array>
+#include <cstdio>
+#include <utility>
+
+#include "common/config/toml_document.h"
+
+namespace telenano::app {
+namespace {
+
+using config::at_least;
+using config::between;
+using config::positive;
+using config::TomlTable;
+
+void read_scaling(const TomlTable& table, control::Scaling& scaling) {
+  scaling.velocity = table.number_or("velocity", between(1e-12, 1), scaling.velocity);
+  scaling.force = table.number_or("force", between(1, 1e12), scaling.force);
+}
+
+void read_control(const TomlTable& table, station::StationConfig& station) {
+  const std::string method = table.text_or("method", control::method_name(station.method));
+  try {
+    station.method = control::parse_method(method);
+  } catch (const std::exception& error) {
+    table.fail("method", error.what());
+  }
+  station.allowance_j = table.number_or("allowance_j", between(1e-6, 1), station.allowance_j);
+  station.guaranteed_velocity_m_s =
+      table.number_or("guaranteed_velocity_m_s", between(0.01, 5), station.guaranteed_velocity_m_s);
+}
+
+void read_limits(const TomlTable& table, station::StationConfig& station) {
+  station.trip_velocity_m_s =
+      table.number_or("trip_velocity_m_s", between(0.01, 5), station.trip_velocity_m_s);
+  station.force_safety = table.number_or("force_safety", between(0.01, 1), station.force_safety);
+  station.slew_n_s = table.number_or("slew_n_s", between(1, 1e6), station.slew_n_s);
+  station.stale_hold_s = table.number_or("stale_hold_s", between(0, 0.020), station.stale_hold_s);
+  station.stale_zero_s = table.number_or("stale_zero_s", positive(0.100), station.stale_zero_s);
+  station.engage_ramp_s = table.number_or("engage_ramp_s", between(0.01, 10), station.engage_ramp_s);
+  station.require_deadman = table.boolean_or("require_deadman", station.require_deadman);
+}
+
+void read_simulated_device(const TomlTable& table, device::PlantConfig& plant) {
+  plant.device_mass_kg = table.number_or("mass_kg", between(1e-3, 100), plant.device_mass_kg);
+  plant.device_damping_n_s_m = table.number_or("damping_n_s_m", between(0, 1000), plant.device_damping_n_s_m);
+  plant.coulomb_friction_n = table.number_or("coulomb_friction_n", between(0, 100), plant.coulomb_friction_n);
+  plant.force_max_n = table.number_or("force_max_n", between(0.01, 1000), plant.force_max_n);
+  plant.force_quantum_n = table.number_or("force_quantum_n", between(0, 1), plant.force_quantum_n);
+  plant.position_quantum_m =
+      table.number_or("position_quantum_m", between(0, 1e-3), plant.position_quantum_m);
+}
+
+void read_hand(const TomlTable& table, device::PlantConfig& plant) {
+  plant.arm_mass_kg = table.number_or("arm_mass_kg", between(1e-3, 1000), plant.arm_mass_kg);
+  plant.arm_stiffness_n_m = table.number_or("arm_stiffness_n_m", between(0, 1e5), plant.arm_stiffness_n_m);
+  plant.arm_damping_n_s_m = table.number_or("arm_damping_n_s_m", between(0, 1e4), plant.arm_damping_n_s_m);
+  plant.grip_stiffness_n_m = table.number_or("grip_stiffness_n_m", between(0, 1e6), plant.grip_stiffness_n_m);
+  plant.grip_damping_n_s_m = table.number_or("grip_damping_n_s_m", between(0, 1e4), plant.grip_damping_n_s_m);
+}
+
+void read_task(const TomlTable& table, device::TaskOptions& task) {
+  const auto height = between(0, 1e6);
+  task.duration_s = table.number_or("duration_s", between(0.1, 86'400), task.duration_s);
+  task.hover_low_nm = table.number_or("hover_low_nm", height, task.hover_low_nm);
+  task.hover_high_nm = table.number_or("hover_high_nm", height, task.hover_high_nm);
+  if (task.hover_high_nm < task.hover_low_nm) table.fail("hover_high_nm", "expected at least hover_low_nm");
+  task.depth_nm = table.number_or("depth_nm", height, task.depth_nm);
+  task.contact_depth_nm = table.number_or("contact_depth_nm", between(-1e6, 1e6), task.contact_depth_nm);
+  task.retract_nm = table.number_or("retract_nm", height, task.retract_nm);
+  task.scan_size_nm = table.number_or("scan_size_nm", height, task.scan_size_nm);
+  task.scan_lines = static_cast<int>(table.integer_or("scan_lines", 1, 10'000, task.scan_lines));
+}
+
+StationFile read(const config::TomlDocument& document) {
+  StationFile file;
+  file.text = document.content();
+  const TomlTable root = document.root();
+  file.station.rate_hz = root.number_or("rate_hz", between(10, 8000), file.station.rate_hz);
+  if (const auto table = root.optional_table("scaling")) read_scaling(*table, file.station.scaling);
+  if (const auto table = root.optional_table("control")) read_control(*table, file.station);
+  if (const auto table = root.optional_table("limits")) read_limits(*table, file.station);
+  if (const auto table = root.optional_table("device")) {
+    const auto damping = table->optional_number("damping_n_s_m", between(0, 1000));
+    if (damping) file.station.device_damping_n_s_m = *damping;
+  }
+  if (const auto table = root.optional_table("simulated_device")) {
+    read_simulated_device(*table, file.plant);
+  }
+  if (const auto table = root.optional_table("hand")) read_hand(*table, file.plant);
+  if (const auto table = root.optional_table("task")) read_task(*table, file.task);
+  document.finish();
+  finish_station_file(file, document.path());
+  return file;
+}
+
+}  // namespace
+
+StationFile load_station_file(const std::string& path) {
+  return read(config::TomlDocument::load(path));
+}
+
+StationFile parse_station_file(std::string content, const std::string& name) {
+  return read(config::TomlDocument::parse(std::move(content), name));
+}
+
+std::vector<std::pair<std::string, std::string>> describe(const station::StationConfig& station,
+                                                          const device::PlantConfig& plant) {
+  std::vector<std::pair<std::string, std::string>> list;
+  const auto add = [&](const char* key, double value) {
+    std::array<char, 40> text{};
+    std::snprintf(text.data(), text.size(), "%.17g", value);
+    list.emplace_back(key, text.data());
+  };
+  add("rate_hz", station.rate_hz);
+  add("scaling.velocity", station.scaling.velocity);
+  add("scaling.force", station.scaling.force);
+  list.emplace_back("control.method", control::method_name(station.method));
+  add("control.allowance_j", station.allowance_j);
+  add("control.guaranteed_velocity_m_s", station.guaranteed_velocity_m_s);
+  add("limits.trip_velocity_m_s", station.trip_velocity_m_s);
+  add("limits.force_safety", station.force_safety);
+  add("limits.slew_n_s", station.slew_n_s);
+  add("limits.stale_hold_s", station.stale_hold_s);
+  add("limits.stale_zero_s", station.stale_zero_s);
+  add("limits.engage_ramp_s", station.engage_ramp_s);
+  list.emplace_back("limits.require_deadman", station.require_deadman ? "true" : "false");
+  list.emplace_back("allow_unsafe_scaling", station.allow_unsafe_scaling ? "true" : "false");
+  if (station.device_damping_n_s_m >= 0) add("device.damping_n_s_m", station.device_damping_n_s_m);
+  add("simulated_device.mass_kg", plant.device_mass_kg);
+  add("simulated_device.damping_n_s_m", plant.device_damping_n_s_m);
+  add("simulated_device.coulomb_friction_n", plant.coulomb_friction_n);
+  add("simulated_device.force_max_n", plant.force_max_n);
+  add("simulated_device.force_quantum_n", plant.force_quantum_n);
+  add("simulated_device.position_quantum_m", plant.position_quantum_m);
+  add("hand.arm_mass_kg", plant.arm_mass_kg);
+  add("hand.arm_stiffness_n_m", plant.arm_stiffness_n_m);
+  add("hand.arm_damping_n_s_m", plant.arm_damping_n_s_m);
+  add("hand.grip_stiffness_n_m", plant.grip_stiffness_n_m);
+  add("hand.grip_damping_n_s_m", plant.grip_damping_n_s_m);
+  return list;
+}
+
+void finish_station_file(StationFile& file, const std::string& source) {
+  file.station.validate(source);
+  file.plant.period_s = 1 / file.station.rate_hz;
+  file.plant.validate();
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "master/device/intended_motion.h"
+#include "master/device/plant.h"
+#include "master/station/station_config.h"
+
+namespace telenano::app {
+
+/// Everything that deploy/station.toml may say; what it leaves out keeps its default.
+struct StationFile {
+  station::StationConfig station{};
+  device::PlantConfig
+      plant{};  ///< of the simulated device and its operator's hand; its period follows station.rate_hz
+  device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
+  std::string text;            ///< of the file, for the recording
+};
+
+/// Throws UserError: one line with file, line, key and expected range; unknown keys are refused.
+StationFile load_station_file(const std::string& path);
+StationFile parse_station_file(std::string content, const std::string& name);
+
+/// Every setting by its name in the file, so that a recording explains itself.
+std::vector<std::pair<std::string, std::string>> describe(const station::StationConfig& station,
+                                                          const device::PlantConfig& plant);
+
+/// After flags have changed it: checks the whole and makes the simulated device follow the rate.
+void finish_station_file(StationFile& file, const std::string& source);
+
+}  // namespace telenano::app

@@ -1,0 +1,89 @@
+#include "master/station/station_config.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "common/base/error.h"
+#include "tests/unit/station/station_rig.h"
+
+namespace telenano::station {
+namespace {
+
+std::string refusal(const StationConfig& config) {
+  try {
+    config.validate("station.toml");
+  } catch (const UserError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(StationConfig, DefaultsAreValid) {
+  EXPECT_EQ(refusal({}), "");
+}
+
+TEST(StationConfig, NamesSourceKeyValueAndRange) {
+  StationConfig config;
+  config.rate_hz = 9000;
+  EXPECT_EQ(refusal(config), "station.toml: rate_hz = 9000, expected 10 to 8000");
+  config = {};
+  config.trip_velocity_m_s = 0.6;
+  EXPECT_EQ(
+      refusal(config),
+      "station.toml: limits.trip_velocity_m_s = 0.6, expected 0.01 to control.guaranteed_velocity_m_s = 0.5");
+}
+
+TEST(StationConfig, RefusesEveryBadValue) {
+  const double bad[] = {NAN, INFINITY, -INFINITY, -1.0, 1e30};
+  double StationConfig::*const fields[] = {&StationConfig::rate_hz,
+                                           &StationConfig::allowance_j,
+                                           &StationConfig::guaranteed_velocity_m_s,
+                                           &StationConfig::trip_velocity_m_s,
+                                           &StationConfig::force_safety,
+                                           &StationConfig::slew_n_s,
+                                           &StationConfig::stale_hold_s,
+                                           &StationConfig::stale_zero_s,
+                                           &StationConfig::engage_ramp_s};
+  for (double value : bad) {
+    for (auto field : fields) {
+      StationConfig config;
+      config.*field = value;
+      EXPECT_NE(refusal(config), "") << value;
+    }
+    StationConfig config;
+    config.scaling.force = value;
+    EXPECT_NE(refusal(config), "");
+    config = {};
+    config.scaling.velocity = value;
+    EXPECT_NE(refusal(config), "");
+  }
+  StationConfig config;
+  config.device_damping_n_s_m = NAN;
+  EXPECT_NE(refusal(config), "");
+  config = {};
+  config.method = control::Method::kTank;
+  EXPECT_NE(refusal(config), "");
+}
+
+TEST(CheckScaling, RefusesBeyondTheExactBoundAndSaysWhatWouldDo) {
+  StationConfig config;  // α_v α_F = 20
+  const auto device = StationRig::device();
+  const SlavePort slave{40, 0, 500};
+  const ScalingCheck near = check_scaling(config, device, slave, 0);
+  EXPECT_NEAR(near.exact_bound, 100, 1e-9);      // b/(k_c T/2)
+  EXPECT_NEAR(near.llewellyn_bound, 400, 1e-6);  // 8b/(k_c T)
+  EXPECT_NEAR(near.shown_stiffness_n_m, 800, 1e-9);
+  EXPECT_NEAR(near.device_force_scale, 0.8 * 12 / 500e-9, 1);
+  EXPECT_TRUE(near.safe);
+  EXPECT_TRUE(near.saturates);
+  const ScalingCheck far = check_scaling(config, device, slave, 4);
+  EXPECT_NEAR(far.exact_bound, 4, 1e-6);  // 2b/((d+1)² T k_c)
+  EXPECT_FALSE(far.safe);
+  EXPECT_NE(far.text.find("--allow-unsafe-scaling"), std::string::npos);
+  EXPECT_NE(far.text.find("4e+06"), std::string::npos) << far.text;  // the α_F that would be safe
+  EXPECT_EQ(far.text.find('\n'), std::string::npos);
+}
+
+}  // namespace
+}  // namespace telenano::station

@@ -1,0 +1,119 @@
+#include <gtest/gtest.h>
+
+#include "common/base/error.h"
+#include "master/app/station_file.h"
+
+namespace telenano::app {
+namespace {
+
+std::string refusal(const std::string& content) {
+  try {
+    parse_station_file(content, "station.toml");
+  } catch (const UserError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// The shipped file documents the defaults: reading it changes nothing.
+TEST(StationFile, TheShippedFileStatesTheDefaults) {
+  const StationFile file = load_station_file(TELENANO_SOURCE_DIR "/deploy/station.toml");
+  const StationFile defaults = parse_station_file("", "empty.toml");
+  const auto& a = file.station;
+  const auto& b = defaults.station;
+  EXPECT_EQ(a.rate_hz, b.rate_hz);
+  EXPECT_EQ(a.scaling.velocity, b.scaling.velocity);
+  EXPECT_EQ(a.scaling.force, b.scaling.force);
+  EXPECT_EQ(a.method, b.method);
+  EXPECT_EQ(a.allowance_j, b.allowance_j);
+  EXPECT_EQ(a.guaranteed_velocity_m_s, b.guaranteed_velocity_m_s);
+  EXPECT_EQ(a.trip_velocity_m_s, b.trip_velocity_m_s);
+  EXPECT_EQ(a.force_safety, b.force_safety);
+  EXPECT_EQ(a.slew_n_s, b.slew_n_s);
+  EXPECT_EQ(a.stale_hold_s, b.stale_hold_s);
+  EXPECT_EQ(a.stale_zero_s, b.stale_zero_s);
+  EXPECT_EQ(a.engage_ramp_s, b.engage_ramp_s);
+  EXPECT_EQ(a.require_deadman, b.require_deadman);
+  EXPECT_EQ(a.device_damping_n_s_m, b.device_damping_n_s_m);
+  const auto& p = file.plant;
+  const auto& q = defaults.plant;
+  EXPECT_EQ(p.device_mass_kg, q.device_mass_kg);
+  EXPECT_EQ(p.device_damping_n_s_m, q.device_damping_n_s_m);
+  EXPECT_EQ(p.coulomb_friction_n, q.coulomb_friction_n);
+  EXPECT_EQ(p.force_max_n, q.force_max_n);
+  EXPECT_EQ(p.force_quantum_n, q.force_quantum_n);
+  EXPECT_EQ(p.position_quantum_m, q.position_quantum_m);
+  EXPECT_EQ(p.arm_mass_kg, q.arm_mass_kg);
+  EXPECT_EQ(p.arm_stiffness_n_m, q.arm_stiffness_n_m);
+  EXPECT_EQ(p.arm_damping_n_s_m, q.arm_damping_n_s_m);
+  EXPECT_EQ(p.grip_stiffness_n_m, q.grip_stiffness_n_m);
+  EXPECT_EQ(p.grip_damping_n_s_m, q.grip_damping_n_s_m);
+  EXPECT_EQ(file.task.duration_s, defaults.task.duration_s);
+  EXPECT_EQ(file.task.hover_low_nm, defaults.task.hover_low_nm);
+  EXPECT_EQ(file.task.hover_high_nm, defaults.task.hover_high_nm);
+  EXPECT_EQ(file.task.depth_nm, defaults.task.depth_nm);
+  EXPECT_EQ(file.task.contact_depth_nm, defaults.task.contact_depth_nm);
+  EXPECT_EQ(file.task.retract_nm, defaults.task.retract_nm);
+  EXPECT_EQ(file.task.scan_size_nm, defaults.task.scan_size_nm);
+  EXPECT_EQ(file.task.scan_lines, defaults.task.scan_lines);
+}
+
+TEST(StationFile, ReadsWhatItIsTold) {
+  const StationFile file = parse_station_file(
+      "rate_hz = 2000\n[scaling]\nforce = 1e6\n[control]\nmethod = \"ks\"\n[hand]\narm_mass_kg = "
+      "2\n[device]\n"
+      "damping_n_s_m = 1.5\n",
+      "a.toml");
+  EXPECT_EQ(file.station.rate_hz, 2000);
+  EXPECT_EQ(file.plant.period_s, 0.0005);
+  EXPECT_EQ(file.station.scaling.force, 1e6);
+  EXPECT_EQ(file.station.method, control::Method::kKs);
+  EXPECT_EQ(file.plant.arm_mass_kg, 2);
+  EXPECT_EQ(file.station.device_damping_n_s_m, 1.5);
+}
+
+/// A recording's list of settings, read as a station file again, says the same.
+TEST(StationFile, DescribesEverySettingByItsKey) {
+  const StationFile file = parse_station_file("rate_hz = 500\n[scaling]\nforce = 1e6\n", "a.toml");
+  for (const auto& [key, value] : describe(file.station, file.plant)) {
+    if (key == "allow_unsafe_scaling") continue;  // a flag only
+    const auto dot = key.find('.');
+    const std::string quoted = key == "control.method" ? '"' + value + '"' : value;
+    const std::string line = dot == std::string::npos
+                                 ? key + " = " + quoted
+                                 : '[' + key.substr(0, dot) + "]\n" + key.substr(dot + 1) + " = " + quoted;
+    EXPECT_EQ(refusal(line), "") << line;
+  }
+}
+
+TEST(StationFile, RefusesMistakesInOneLineThatNamesFileAndKey) {
+  const struct {
+    const char* content;
+    const char* key;
+  } cases[] = {
+      {"rate_hz = 0\n", "rate_hz"},
+      {"rate_hz = nan\n", "rate_hz"},
+      {"rate_hz = \"fast\"\n", "rate_hz"},
+      {"rate_khz = 1\n", "rate_khz"},
+      {"[scaling]\nforce = -1\n", "force"},
+      {"[control]\nmethod = \"tank\"\n", "reserved"},
+      {"[control]\nmethod = \"KS\"\n", "unknown"},
+      {"[limits]\ntrip_velocity_m_s = 1.0\n", "trip_velocity_m_s"},
+      {"[limits]\nstale_zero_s = 0.01\n", "stale_zero_s"},
+      {"[limits]\nslew_n = 5\n", "slew_n"},
+      {"[task]\nhover_low_nm = 30\n", "hover_high_nm"},
+      {"[simulated_device]\nmass_kg = 0\n", "mass_kg"},
+      {"[hands]\narm_mass_kg = 1\n", "hands"},
+      {"rate_hz = \n", "station.toml"},
+  };
+  for (const auto& bad : cases) {
+    const std::string what = refusal(bad.content);
+    EXPECT_NE(what.find("station.toml"), std::string::npos) << bad.content << " -> " << what;
+    EXPECT_NE(what.find(bad.key), std::string::npos) << bad.content << " -> " << what;
+    EXPECT_EQ(what.find('\n'), std::string::npos) << what;
+  }
+  EXPECT_THROW(load_station_file("no/such.toml"), UserError);
+}
+
+}  // namespace
+}  // namespace telenano::app
