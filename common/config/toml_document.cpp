@@ -54,7 +54,7 @@ std::string Range::text() const {
 struct TomlTable::Node {
   std::shared_ptr<Shared> shared;
   const toml::table* table = nullptr;
-  std::string name;                   // "" for the root, "sample", "task[1]"
+  std::string name;                     // "" for the root, "sample", "task[1]"
   mutable std::set<std::string> known;  // every key asked for, present or not
   mutable std::vector<std::shared_ptr<const Node>> children;
 
@@ -67,8 +67,9 @@ struct TomlTable::Node {
   std::string in_table() const { return name.empty() ? " at the top level" : " in [" + name + "]"; }
 
   [[noreturn]] void unknown(const std::string& key, const toml::node& at) const {
-    std::string line = where(&at) + "unknown " + (at.is_table() || at.is_array_of_tables() ? "table" : "key") +
-                       " '" + key + "'" + in_table();
+    std::string line = where(&at) + "unknown " +
+                       (at.is_table() || at.is_array_of_tables() ? "table" : "key") + " '" + key + "'" +
+                       in_table();
     const std::string near = nearest_name(key, {known.begin(), known.end()});
     if (!near.empty()) line += "; did you mean '" + near + "'?";
     throw UserError(line);
@@ -84,15 +85,17 @@ struct TomlTable::Node {
     if (const toml::node* node = find(key)) return *node;
     for (const auto& [name_in_file, value] : *table) {
       const std::string written(name_in_file.str());
-      if (known.count(written) == 0 && nearest_name(written, {std::string(key)}) == key) unknown(written, value);
+      if (known.count(written) == 0 && nearest_name(written, {std::string(key)}) == key)
+        unknown(written, value);
     }
-    throw UserError(where(nullptr) + "missing key '" + std::string(key) + "'" + in_table() + " (expected " + expected +
-                    ")");
+    throw UserError(where(nullptr) + "missing key '" + std::string(key) + "'" + in_table() + " (expected " +
+                    expected + ")");
   }
 
   [[noreturn]] void wrong(std::string_view key, const toml::node& at, const std::string& found,
                           const std::string& expected) const {
-    throw UserError(where(&at) + "'" + std::string(key) + "'" + in_table() + " is " + found + ", expected " + expected);
+    throw UserError(where(&at) + "'" + std::string(key) + "'" + in_table() + " is " + found + ", expected " +
+                    expected);
   }
 
   double as_number(std::string_view key, const toml::node& node, const Range& range) const {
@@ -103,7 +106,8 @@ struct TomlTable::Node {
     return value;
   }
 
-  std::int64_t as_integer(std::string_view key, const toml::node& node, std::int64_t min, std::int64_t max) const {
+  std::int64_t as_integer(std::string_view key, const toml::node& node, std::int64_t min,
+                          std::int64_t max) const {
     const std::string expected = "an integer in [" + std::to_string(min) + ", " + std::to_string(max) + "]";
     if (!node.is_integer()) wrong(key, node, kind(node), expected);
     const std::int64_t value = *node.value<std::int64_t>();
@@ -116,7 +120,8 @@ struct TomlTable::Node {
     return *node.value<std::string>();
   }
 
-  std::string as_choice(std::string_view key, const toml::node& node, const std::vector<std::string>& choices) const {
+  std::string as_choice(std::string_view key, const toml::node& node,
+                        const std::vector<std::string>& choices) const {
     const std::string expected = list(choices);
     if (!node.is_string()) wrong(key, node, kind(node), expected);
     const std::string value = *node.value<std::string>();
@@ -133,24 +138,34 @@ struct TomlTable::Node {
 
   static std::string list(const std::vector<std::string>& choices) {
     std::string text = "one of";
-    for (std::size_t i = 0; i < choices.size(); ++i) text.append(i == 0 ? " '" : ", '").append(choices[i]).append("'");
+    for (std::size_t i = 0; i < choices.size(); ++i)
+      text.append(i == 0 ? " '" : ", '").append(choices[i]).append("'");
     return text;
   }
 
   static std::string kind(const toml::node& node) {
     switch (node.type()) {
-      case toml::node_type::table: return "a table";
-      case toml::node_type::array: return "an array";
-      case toml::node_type::string: return "a text";
-      case toml::node_type::integer: return "an integer";
-      case toml::node_type::floating_point: return "a decimal number";
-      case toml::node_type::boolean: return "true or false";
-      default: return "a date or time";
+      case toml::node_type::table:
+        return "a table";
+      case toml::node_type::array:
+        return "an array";
+      case toml::node_type::string:
+        return "a text";
+      case toml::node_type::integer:
+        return "an integer";
+      case toml::node_type::floating_point:
+        return "a decimal number";
+      case toml::node_type::boolean:
+        return "true or false";
+      default:
+        return "a date or time";
     }
   }
 };
 
-bool TomlTable::has(std::string_view key) const { return node_->find(key) != nullptr; }
+bool TomlTable::has(std::string_view key) const {
+  return node_->find(key) != nullptr;
+}
 
 double TomlTable::number(std::string_view key, const Range& range) const {
   return node_->as_number(key, node_->need(key, number_in(range)), range);
@@ -276,8 +291,8 @@ std::vector<TomlTable> TomlTable::tables(std::string_view key) const {
 }
 
 void TomlTable::fail(std::string_view key, const std::string& message) const {
-  throw UserError(node_->where(node_->table->get(key)) + "'" + std::string(key) + "'" + node_->in_table() + ": " +
-                  message);
+  throw UserError(node_->where(node_->table->get(key)) + "'" + std::string(key) + "'" + node_->in_table() +
+                  ": " + message);
 }
 
 TomlDocument TomlDocument::load(const std::string& path) {

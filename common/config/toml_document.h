@@ -8,12 +8,14 @@
 #include <string_view>
 #include <vector>
 
-/// The only door to toml++. A configuration is read key by key, each with the range that makes sense; whatever is wrong
-/// becomes one line naming file, line, key and expected range (UserError). Two traps of toml++ are closed here: it takes
-/// nan and inf for numbers, and it never reports a key that nobody asked for.
+/// The only door to toml++. A configuration is read key by key, each with the range that makes sense;
+/// whatever is wrong becomes one line naming file, line, key and expected range (UserError). Two traps of
+/// toml++ are closed here: it takes nan and inf for numbers, and it never reports a key that nobody asked
+/// for.
 namespace telenano::config {
 
-/// Closed at both ends unless an end is marked open. Infinite ends are no limit; values themselves are always finite.
+/// Closed at both ends unless an end is marked open. Infinite ends are no limit; values themselves are always
+/// finite.
 struct Range {
   double min = -std::numeric_limits<double>::infinity();
   double max = std::numeric_limits<double>::infinity();
@@ -23,14 +25,20 @@ struct Range {
   bool contains(double x) const noexcept;
   std::string text() const;  ///< e.g. "(-1, 0.5]", "> 0"
 };
-inline Range positive(double max = std::numeric_limits<double>::infinity()) { return {0.0, max, true, false}; }
-inline Range at_least(double min) { return {min, std::numeric_limits<double>::infinity(), false, false}; }
-inline Range between(double min, double max) { return {min, max, false, false}; }
+inline Range positive(double max = std::numeric_limits<double>::infinity()) {
+  return {0.0, max, true, false};
+}
+inline Range at_least(double min) {
+  return {min, std::numeric_limits<double>::infinity(), false, false};
+}
+inline Range between(double min, double max) {
+  return {min, max, false, false};
+}
 
 class TomlDocument;
 
-/// A table of the document: a light handle, valid while a copy of its document lives. Asking for a key, present or not,
-/// makes it known: what stays unknown is reported by TomlDocument::finish().
+/// A table of the document: a light handle, valid while a copy of its document lives. Asking for a key,
+/// present or not, makes it known: what stays unknown is reported by TomlDocument::finish().
 class TomlTable {
  public:
   bool has(std::string_view key) const;
@@ -39,7 +47,8 @@ class TomlTable {
   double number_or(std::string_view key, const Range& range, double fallback) const;
   std::optional<double> optional_number(std::string_view key, const Range& range) const;
   std::int64_t integer(std::string_view key, std::int64_t min, std::int64_t max) const;
-  std::int64_t integer_or(std::string_view key, std::int64_t min, std::int64_t max, std::int64_t fallback) const;
+  std::int64_t integer_or(std::string_view key, std::int64_t min, std::int64_t max,
+                          std::int64_t fallback) const;
   bool boolean(std::string_view key) const;
   bool boolean_or(std::string_view key, bool fallback) const;
   std::string text(std::string_view key) const;

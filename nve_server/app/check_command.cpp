@@ -22,8 +22,8 @@ void print_material(const char* what, const scene::Material& m) {
 }
 
 struct ContactSizes {
-  double unloaded_nm = 0;     // at zero load, coming out of contact
-  double at_limit_nm = 0;     // at the force limit
+  double unloaded_nm = 0;  // at zero load, coming out of contact
+  double at_limit_nm = 0;  // at the force limit
   double overlap_at_limit_nm = 0;
 };
 
@@ -90,7 +90,8 @@ void run(const std::string& path) {
   const double radius = probe.tip_radius_nm;
   const bool flat = scene->surface->is_flat();
 
-  std::printf("%-14s %s (%s), hash %016" PRIx64 "\n", "scene", scene->name.c_str(), path.c_str(), scene->hash);
+  std::printf("%-14s %s (%s), hash %016" PRIx64 "\n", "scene", scene->name.c_str(), path.c_str(),
+              scene->hash);
   print_material("sample", scene->sample);
   print_material("tip", probe.tip);
   std::printf("%-14s %g nm radius, ", "probe", radius);
@@ -102,12 +103,12 @@ void run(const std::string& path) {
   if (flat) {
     std::printf("%-14s the plane z = 0\n", "surface");
   } else {
-    std::printf("%-14s %s, heights %.4g to %.4g nm\n", "surface", scene->scan_path.c_str(), scene->surface->lowest_nm(),
-                scene->surface->highest_nm());
+    std::printf("%-14s %s, heights %.4g to %.4g nm\n", "surface", scene->scan_path.c_str(),
+                scene->surface->lowest_nm(), scene->surface->highest_nm());
   }
 
-  std::printf("\n%-14s Maugis-Dugdale contact%s%s%s\n", "in",
-              scene->van_der_waals ? ", van der Waals" : "", probe.rigid ? "" : ", cantilever",
+  std::printf("\n%-14s Maugis-Dugdale contact%s%s%s\n", "in", scene->van_der_waals ? ", van der Waals" : "",
+              probe.rigid ? "" : ", cantilever",
               flat ? "" : ", bicubic spline, nearest point, local curvature");
   if (scene->coupling.damping_n_s_m > 0) std::printf("%-14s coupling damper\n", "");
   std::printf("%-14s", "left out");
@@ -125,9 +126,9 @@ void run(const std::string& path) {
               scene->coupling.stiffness_n_m, 1.0 / port.z(), scene->coupling.damping_n_s_m);
   std::printf("%-14s force %g nN, speed %g nm/s, rate %u Hz, time-out %u ms\n", "limits", limits.force_max_nn,
               limits.speed_max_nm_s, limits.rate_max_hz, scene->session_timeout_ms);
-  std::printf("%-14s [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] nm\n", "workspace", limits.workspace_min_w_nm.x(),
-              limits.workspace_max_w_nm.x(), limits.workspace_min_w_nm.y(), limits.workspace_max_w_nm.y(),
-              limits.workspace_min_w_nm.z(), limits.workspace_max_w_nm.z());
+  std::printf("%-14s [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] nm\n", "workspace",
+              limits.workspace_min_w_nm.x(), limits.workspace_max_w_nm.x(), limits.workspace_min_w_nm.y(),
+              limits.workspace_max_w_nm.y(), limits.workspace_min_w_nm.z(), limits.workspace_max_w_nm.z());
   std::printf("%-14s (%.6g, %.6g, %.6g) nm, touching at z = %.6g nm\n", "start", scene->start_apex_w_nm.x(),
               scene->start_apex_w_nm.y(), scene->start_apex_w_nm.z(), scene->start_touch_w_nm);
 
@@ -137,21 +138,23 @@ void run(const std::string& path) {
   std::fflush(stdout);
   if (std::max(sizes.unloaded_nm, sizes.at_limit_nm) > kHalfSpaceRatio * radius) {
     std::fprintf(stderr,
-                 "telenano-nve: warning: %s: contact radius over tip radius reaches %.3g > 0.5: half-space contact theory "
+                 "telenano-nve: warning: %s: contact radius over tip radius reaches %.3g > 0.5: half-space "
+                 "contact theory "
                  "is formal there\n",
                  path.c_str(), std::max(sizes.unloaded_nm, sizes.at_limit_nm) / radius);
   }
 
   const Timing free = time_step(scene, 10.0);
   const Timing touching = time_step(scene, -5.0);
-  std::printf("%-14s 10 nm above: p50 %.0f ns, p99 %.0f ns; pressed 5 nm: p50 %.0f ns, p99 %.0f ns\n", "time a step",
-              free.p50_ns, free.p99_ns, touching.p50_ns, touching.p99_ns);
+  std::printf("%-14s 10 nm above: p50 %.0f ns, p99 %.0f ns; pressed 5 nm: p50 %.0f ns, p99 %.0f ns\n",
+              "time a step", free.p50_ns, free.p99_ns, touching.p50_ns, touching.p99_ns);
 }
 
 }  // namespace
 
 void add_check_command(CLI::App& app) {
-  CLI::App* command = app.add_subcommand("check", "what a scene computes, what it leaves out, what a step costs");
+  CLI::App* command =
+      app.add_subcommand("check", "what a scene computes, what it leaves out, what a step costs");
   auto path = std::make_shared<std::string>();
   command->add_option("--scene", *path, "scene description (TOML)")->required()->type_name("FILE");
   command->callback([path] { run(*path); });

@@ -20,9 +20,9 @@ void run(const Options& options) {
   scene::check_plan(*scene, options.plan);
   std::puts("direction,base_z_nm,tip_z_nm,overlap_nm,force_nn,deflection_nm,branch,work_aj");
   scene::run_curve(*scene, options.plan, [](const scene::CurveRow& row) {
-    std::printf("%s,%.15g,%.15g,%.15g,%.15g,%.15g,%s,%.15g\n", row.approach ? "approach" : "retract", row.base_z_nm,
-                row.tip_z_nm, row.overlap_nm, row.force_nn, row.deflection_nm, scene::branch_name(row.branch),
-                row.work_aj);
+    std::printf("%s,%.15g,%.15g,%.15g,%.15g,%.15g,%s,%.15g\n", row.approach ? "approach" : "retract",
+                row.base_z_nm, row.tip_z_nm, row.overlap_nm, row.force_nn, row.deflection_nm,
+                scene::branch_name(row.branch), row.work_aj);
   });
   if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) throw RunError("cannot write to standard output");
 }
@@ -30,7 +30,8 @@ void run(const Options& options) {
 }  // namespace
 
 void add_curve_command(CLI::App& app) {
-  CLI::App* command = app.add_subcommand("curve", "force-distance curve of a scene as CSV on standard output");
+  CLI::App* command =
+      app.add_subcommand("curve", "force-distance curve of a scene as CSV on standard output");
   auto options = std::make_shared<Options>();
   command->add_option("--scene", options->scene, "scene description (TOML)")->required()->type_name("FILE");
   command->add_option("--x-nm", options->plan.x_nm, "where, frame W")->required();
@@ -41,10 +42,13 @@ void add_curve_command(CLI::App& app) {
   command->add_option("--step-nm", options->plan.step_nm, "between rows; jumps are resolved between them")
       ->capture_default_str();
   command->footer(
-      "Columns: direction approach|retract; base_z_nm height of the tip apex with the cantilever undeflected, above\n"
-      "the surface at (x, y), along W z; tip_z_nm = base + deflection; overlap_nm largest normal overlap, negative = gap;\n"
+      "Columns: direction approach|retract; base_z_nm height of the tip apex with the cantilever "
+      "undeflected, above\n"
+      "the surface at (x, y), along W z; tip_z_nm = base + deflection; overlap_nm largest normal overlap, "
+      "negative = gap;\n"
       "force_nn W-z force on the tip, repulsive positive; deflection_nm = force/k_z, up positive; branch\n"
-      "free|vdw|noncontact|contact; work_aj work done by the base since the first row. The virtual coupling takes no part.");
+      "free|vdw|noncontact|contact; work_aj work done by the base since the first row. The virtual coupling "
+      "takes no part.");
   command->callback([options] { run(*options); });
 }
 

@@ -6,8 +6,8 @@
 namespace telenano::physics {
 namespace {
 
-constexpr double kMerge = 0.05;          // nm between two feet that have become one
-constexpr double kSameNormal = 1e-8;     // of the compliance: equalising it would take a huge force
+constexpr double kMerge = 0.05;       // nm between two feet that have become one
+constexpr double kSameNormal = 1e-8;  // of the compliance: equalising it would take a huge force
 constexpr double kNegativeShare = -1e-9;
 
 }  // namespace

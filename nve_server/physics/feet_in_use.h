@@ -7,8 +7,8 @@
 
 namespace telenano::physics {
 
-/// The feet that the tip leans on during one balance (tip_equilibrium.h, Corners): at most kMaxFeet, their shares of the
-/// force, and the linear algebra that makes their overlaps equal.
+/// The feet that the tip leans on during one balance (tip_equilibrium.h, Corners): at most kMaxFeet, their
+/// shares of the force, and the linear algebra that makes their overlaps equal.
 class FeetInUse {
  public:
   int count() const noexcept { return count_; }

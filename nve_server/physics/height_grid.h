@@ -4,7 +4,8 @@
 
 namespace telenano::physics {
 
-/// Heights on a uniform grid, frame W: z(column, row) at x = x_first + column·dx, y = y_first + row·dy (row 0 lowest).
+/// Heights on a uniform grid, frame W: z(column, row) at x = x_first + column·dx, y = y_first + row·dy (row 0
+/// lowest).
 struct HeightGrid {
   int columns = 0;
   int rows = 0;

@@ -1,16 +1,18 @@
 // The nearest point of a spline surface to a sphere's centre.
 //
 // Foot (x, y) minimises f = ½|S − c|², S = (x, y, z(x, y)). With r = z − c_z:
-//   g = (x − c_x + r z_x, y − c_y + r z_y),   M = [[1 + z_x² + r z_xx, z_x z_y + r z_xy], [·, 1 + z_y² + r z_yy]].
-// Newton's step −M⁻¹g where M is positive definite, else Gauss–Newton's (r dropped from M, always positive); never longer
-// than kMaxStepCells cells, halved until f falls (Armijo).
+//   g = (x − c_x + r z_x, y − c_y + r z_y),   M = [[1 + z_x² + r z_xx, z_x z_y + r z_xy], [·, 1 + z_y² + r
+//   z_yy]].
+// Newton's step −M⁻¹g where M is positive definite, else Gauss–Newton's (r dropped from M, always positive);
+// never longer than kMaxStepCells cells, halved until f falls (Armijo).
 //
-// The distance to a rough surface has many minima: the one that was followed need not be the least. A global search asks
-// SampleTops for any sample that is nearer than the best foot — or, away from the feet already known, nearer than that
-// plus a margin for what lies between samples (a summit of radius ρ between four samples is nearer than all of them by up to h²/4·(1/d + 1/ρ)),
-// and descends from there. So no foot is farther than any sample; a summit between samples, sharper than the margin allows
-// for, may still be overlooked for a foot elsewhere that is hardly farther (real scan, spacing 2.3 nm: one case in two
-// hundred, by 0.04 nm).
+// The distance to a rough surface has many minima: the one that was followed need not be the least. A global
+// search asks SampleTops for any sample that is nearer than the best foot — or, away from the feet already
+// known, nearer than that plus a margin for what lies between samples (a summit of radius ρ between four
+// samples is nearer than all of them by up to h²/4·(1/d + 1/ρ)), and descends from there. So no foot is
+// farther than any sample; a summit between samples, sharper than the margin allows for, may still be
+// overlooked for a foot elsewhere that is hardly farther (real scan, spacing 2.3 nm: one case in two hundred,
+// by 0.04 nm).
 #include <algorithm>
 #include <cmath>
 
@@ -21,8 +23,8 @@ namespace {
 
 constexpr double kMaxStepCells = 2.0;
 constexpr int kMaxIterations = 60;
-constexpr int kMaxBasins = 8;            // basins visited by one global search
-constexpr double kKnownCells = 1.5;    // a sample this near to a known foot belongs to its basin
+constexpr int kMaxBasins = 8;          // basins visited by one global search
+constexpr double kKnownCells = 2.0;    // a sample this near to a known foot belongs to its basin
 constexpr double kStepDone = 1e-6;     // cells: Newton's next error is about its square
 constexpr double kStepTrusted = 1e-4;  // cells: f can no longer resolve the gain
 
@@ -133,7 +135,8 @@ SurfaceContact SplineSurface::nearest(const Vec3& centre, Search search, FootMem
     while (count < kMaxBasins) {
       const double distance = std::sqrt(foot.distance_sq);
       const double margin = 0.25 * cell * cell / std::max(distance, cell) + 0.1 * cell;
-      const SampleTops::Sample sample = tops_.nearest(centre, distance + margin, distance * (1.0 - 1e-12), known, count);
+      const SampleTops::Sample sample =
+          tops_.nearest(centre, distance + margin, distance * (1.0 - 1e-12), known, count);
       if (!sample.found) break;
       const Foot other = descend(centre, sample.x_nm, sample.y_nm);
       if (other.distance_sq < foot.distance_sq) foot = other;
@@ -153,9 +156,9 @@ SurfaceContact SplineSurface::nearest(const Vec3& centre, Search search, FootMem
   contact.distance_nm = (centre - contact.foot_w_nm).dot(contact.normal_w);
   contact.outside = !inside(foot.x, foot.y);
   contact.converged = foot.converged;
-  const double mean = -0.5 *
-                      ((1.0 + j.zy * j.zy) * j.zxx - 2.0 * j.zx * j.zy * j.zxy + (1.0 + j.zx * j.zx) * j.zyy) /
-                      (w_sq * w);
+  const double mean =
+      -0.5 * ((1.0 + j.zy * j.zy) * j.zxx - 2.0 * j.zx * j.zy * j.zxy + (1.0 + j.zx * j.zx) * j.zyy) /
+      (w_sq * w);
   const double gauss = (j.zxx * j.zyy - j.zxy * j.zxy) / (w_sq * w_sq);
   const double spread = std::sqrt(std::max(0.0, mean * mean - gauss));
   contact.curvature_1_per_nm = mean + spread;

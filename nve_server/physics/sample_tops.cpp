@@ -6,12 +6,15 @@
 namespace telenano::physics {
 namespace {
 
-int blocks_of(int count, int block) { return (count + block - 1) / block; }
+int blocks_of(int count, int block) {
+  return (count + block - 1) / block;
+}
 
 // Highest of each block×block group of `in`.
 std::vector<double> tops(const std::vector<double>& in, int columns, int rows, int block) {
   const int block_columns = blocks_of(columns, block);
-  std::vector<double> out(static_cast<std::size_t>(block_columns) * static_cast<std::size_t>(blocks_of(rows, block)));
+  std::vector<double> out(static_cast<std::size_t>(block_columns) *
+                          static_cast<std::size_t>(blocks_of(rows, block)));
   for (std::size_t b = 0; b < out.size(); ++b) {
     const int first_column = static_cast<int>(b) % block_columns * block;
     const int first_row = static_cast<int>(b) / block_columns * block;
@@ -32,7 +35,9 @@ double outside_sq(double x, double lo, double hi) {
   return d * d;
 }
 
-double above_sq(double z, double top) { return z > top ? (z - top) * (z - top) : 0.0; }
+double above_sq(double z, double top) {
+  return z > top ? (z - top) * (z - top) : 0.0;
+}
 
 struct IndexRange {
   int first;
@@ -85,12 +90,14 @@ SampleTops::Sample SampleTops::nearest(const Vec3& point, double limit_nm, doubl
   constexpr int kSuper = kBlock * kBlock;
   for (int super_row = rows.first / kSuper; super_row <= rows.last / kSuper; ++super_row) {
     for (int super_column = columns.first / kSuper; super_column <= columns.last / kSuper; ++super_column) {
-      const double super_top = super_top_[static_cast<std::size_t>(super_row) * super_columns_ + super_column];
+      const double super_top =
+          super_top_[static_cast<std::size_t>(super_row) * super_columns_ + super_column];
       if (bound_sq(super_column * kSuper, super_row * kSuper, kSuper, super_top) >= best_sq) continue;
       const int last_block_row = std::min(super_row * kBlock + kBlock - 1, rows.last / kBlock);
       const int last_block_column = std::min(super_column * kBlock + kBlock - 1, columns.last / kBlock);
       for (int br = std::max(super_row * kBlock, rows.first / kBlock); br <= last_block_row; ++br) {
-        for (int bc = std::max(super_column * kBlock, columns.first / kBlock); bc <= last_block_column; ++bc) {
+        for (int bc = std::max(super_column * kBlock, columns.first / kBlock); bc <= last_block_column;
+             ++bc) {
           const double top = block_top_[static_cast<std::size_t>(br) * block_columns_ + bc];
           if (bound_sq(bc * kBlock, br * kBlock, kBlock, top) >= best_sq) continue;
           const int row_end = std::min(br * kBlock + kBlock, grid_.rows);

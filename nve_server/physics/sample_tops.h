@@ -7,9 +7,10 @@
 
 namespace telenano::physics {
 
-/// Finds the sample of a height grid that is nearest to a point, by branch and bound: the samples in blocks of 4×4, those
-/// in blocks of 4×4 blocks, each block bounded from below by its highest sample. Cost: about 100 ns when the point is a
-/// tip radius above a fairly flat surface, since nothing that is farther than the known foot is ever opened.
+/// Finds the sample of a height grid that is nearest to a point, by branch and bound: the samples in blocks
+/// of 4×4, those in blocks of 4×4 blocks, each block bounded from below by its highest sample. Cost: about
+/// 100 ns when the point is a tip radius above a fairly flat surface, since nothing that is farther than the
+/// known foot is ever opened.
 class SampleTops {
  public:
   explicit SampleTops(const HeightGrid& grid);
@@ -27,7 +28,8 @@ class SampleTops {
     double distance_nm = 0;
   };
 
-  /// The nearest sample that is nearer than `limit_nm`, or than `known_nm` <= limit_nm if it lies in one of the discs.
+  /// The nearest sample that is nearer than `limit_nm`, or than `known_nm` <= limit_nm if it lies in one of
+  /// the discs.
   Sample nearest(const Vec3& point_w_nm, double limit_nm, double known_nm, const Disc* discs,
                  int disc_count) const noexcept;
 

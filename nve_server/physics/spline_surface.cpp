@@ -6,9 +6,9 @@
 namespace telenano::physics {
 namespace {
 
-// In place: samples -> B-spline coefficients of one line, mirrored ends. The system (c_{i−1} + 4c_i + c_{i+1})/6 = f_i
-// is diagonally dominant, so elimination without pivoting (Thomas) is stable; with mirrored ends its first and last rows
-// are 4c_0 + 2c_1 = 6f_0 and 2c_{n−2} + 4c_{n−1} = 6f_{n−1}.
+// In place: samples -> B-spline coefficients of one line, mirrored ends. The system (c_{i−1} + 4c_i +
+// c_{i+1})/6 = f_i is diagonally dominant, so elimination without pivoting (Thomas) is stable; with mirrored
+// ends its first and last rows are 4c_0 + 2c_1 = 6f_0 and 2c_{n−2} + 4c_{n−1} = 6f_{n−1}.
 void interpolate_line(std::vector<double>& line, std::vector<double>& upper) {
   const std::size_t n = line.size();
   upper[0] = 0.5;
@@ -33,8 +33,8 @@ Weights weights(double u) {
   const double v = 1.0 - u;
   const double u2 = u * u;
   const double sixth = 1.0 / 6.0;
-  return {{sixth * v * v * v, sixth * ((3.0 * u - 6.0) * u2 + 4.0), sixth * (((-3.0 * u + 3.0) * u + 3.0) * u + 1.0),
-           sixth * u2 * u},
+  return {{sixth * v * v * v, sixth * ((3.0 * u - 6.0) * u2 + 4.0),
+           sixth * (((-3.0 * u + 3.0) * u + 3.0) * u + 1.0), sixth * u2 * u},
           {-0.5 * v * v, (1.5 * u - 2.0) * u, (-1.5 * u + 1.0) * u + 0.5, 0.5 * u2},
           {v, 3.0 * u - 2.0, 1.0 - 3.0 * u, u}};
 }
@@ -95,7 +95,8 @@ HeightJet SplineSurface::jet(double x_nm, double y_nm) const noexcept {
   const Weights wy = weights(along - row);
 
   double value[4], slope[4], bend[4];
-  const double* c = &coefficients_[static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column)];
+  const double* c =
+      &coefficients_[static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column)];
   for (int r = 0; r < 4; ++r, c += stride_) {
     value[r] = c[0] * wx.value[0] + c[1] * wx.value[1] + c[2] * wx.value[2] + c[3] * wx.value[3];
     slope[r] = c[0] * wx.slope[0] + c[1] * wx.slope[1] + c[2] * wx.slope[2] + c[3] * wx.slope[3];
@@ -121,6 +122,8 @@ HeightJet SplineSurface::jet(double x_nm, double y_nm) const noexcept {
   return jet;
 }
 
-double SplineSurface::height_nm(double x_nm, double y_nm) const noexcept { return jet(x_nm, y_nm).z; }
+double SplineSurface::height_nm(double x_nm, double y_nm) const noexcept {
+  return jet(x_nm, y_nm).z;
+}
 
 }  // namespace telenano::physics

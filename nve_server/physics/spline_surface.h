@@ -18,11 +18,13 @@ struct HeightJet {
 /// Bicubic B-spline through the heights of a grid: C², so normals are smooth and curvatures continuous.
 ///
 ///   z(x, y) = Σ_ij c_ij β³(x/dx − i) β³(y/dy − j),  with c from the interpolation condition
-///   (c_{i−1} + 4c_i + c_{i+1})/6 = f_i along rows, then columns, the coefficients mirrored about the first and the last
-///   sample (Unser, IEEE Signal Processing Magazine 16(6):22, 1999). Mirrored ends have no slope across the rim, so that
-///   continuing the rim's height outwards, as is done beyond the grid, keeps the field C¹.
+///   (c_{i−1} + 4c_i + c_{i+1})/6 = f_i along rows, then columns, the coefficients mirrored about the first
+///   and the last sample (Unser, IEEE Signal Processing Magazine 16(6):22, 1999). Mirrored ends have no slope
+///   across the rim, so that continuing the rim's height outwards, as is done beyond the grid, keeps the
+///   field C¹.
 ///
-/// Fourth-order accurate for smooth heights. The field between samples overshoots a step by up to about 14 % of it.
+/// Fourth-order accurate for smooth heights. The field between samples overshoots a step by up to about 14 %
+/// of it.
 class SplineSurface final : public Surface {
  public:
   /// Needs at least 2×2 finite samples and positive spacing.

@@ -7,18 +7,20 @@ namespace telenano::physics {
 
 /// Where a sphere would touch: everything that the force law and the equilibrium need of the surface.
 ///
-/// `distance` is from the sphere's centre to the nearest point of the surface along its normal, negative when the centre
-/// is below; overlap = tip radius − distance. `normal` points out of the sample. Curvatures of a summit are positive.
+/// `distance` is from the sphere's centre to the nearest point of the surface along its normal, negative when
+/// the centre is below; overlap = tip radius − distance. `normal` points out of the sample. Curvatures of a
+/// summit are positive.
 struct SurfaceContact {
   double distance_nm = 0;
   Vec3 foot_w_nm = Vec3::Zero();
   Vec3 normal_w = Vec3::UnitZ();
   double curvature_1_per_nm = 0;  ///< principal, curvature_1 >= curvature_2
   double curvature_2_per_nm = 0;
-  /// How the normal turns as the centre moves, ∂n/∂c = Hessian of the distance (symmetric, 1/nm): 0 on a flat sample.
+  /// How the normal turns as the centre moves, ∂n/∂c = Hessian of the distance (symmetric, 1/nm): 0 on a flat
+  /// sample.
   Mat3 normal_turn_per_nm = Mat3::Zero();
-  bool outside = false;    ///< the foot lies on the continuation beyond the rim of the scan
-  bool converged = true;   ///< false: the foot is only as good as the search grid
+  bool outside = false;   ///< the foot lies on the continuation beyond the rim of the scan
+  bool converged = true;  ///< false: the foot is only as good as the search grid
 };
 
 /// Where the last search ended, so that the next starts there. Private to the surface.
@@ -31,7 +33,8 @@ struct FootMemory {
 /// How much of the surface is searched.
 enum class Search {
   kLocal,   ///< follow the foot of the memory: cheapest, may miss a nearer one elsewhere
-  kGlobal,  ///< the nearest foot of all: what an accepted step must use, so that no motion passes through a flake
+  kGlobal,  ///< the nearest foot of all: what an accepted step must use, so that no motion passes through a
+            ///< flake
 };
 
 /// Seam: a height field without overhangs.
@@ -40,7 +43,8 @@ class Surface {
   virtual ~Surface() = default;
 
   /// The nearest point to a sphere's centre. No allocation, no throw.
-  virtual SurfaceContact nearest(const Vec3& centre_w_nm, Search search, FootMemory& memory) const noexcept = 0;
+  virtual SurfaceContact nearest(const Vec3& centre_w_nm, Search search,
+                                 FootMemory& memory) const noexcept = 0;
   virtual double height_nm(double x_nm, double y_nm) const noexcept = 0;
 
   virtual double lowest_nm() const noexcept = 0;
@@ -49,12 +53,13 @@ class Surface {
   virtual bool is_flat() const noexcept = 0;
 };
 
-/// Radius of the sphere on a flat that is locally the same gap as this tip on this surface: the Gaussian curvature of
-/// the gap's paraboloid decides the contact's size, 1/R_eff = √((1/R + κ₁)(1/R + κ₂)). Exact for Hertz contact on a
-/// sphere (κ₁ = κ₂); for unequal curvatures the ellipse is replaced by the circle of its geometric mean.
+/// Radius of the sphere on a flat that is locally the same gap as this tip on this surface: the Gaussian
+/// curvature of the gap's paraboloid decides the contact's size, 1/R_eff = √((1/R + κ₁)(1/R + κ₂)). Exact for
+/// Hertz contact on a sphere (κ₁ = κ₂); for unequal curvatures the ellipse is replaced by the circle of its
+/// geometric mean.
 ///
-/// Valid while both factors are positive: a tip wider than the pit it stands in touches elsewhere first. Each factor is
-/// kept above kMinRelativeCurvature/R, so R_eff <= R / kMinRelativeCurvature; `clamped` says so.
+/// Valid while both factors are positive: a tip wider than the pit it stands in touches elsewhere first. Each
+/// factor is kept above kMinRelativeCurvature/R, so R_eff <= R / kMinRelativeCurvature; `clamped` says so.
 struct EffectiveRadius {
   double radius_nm = 0;
   bool clamped = false;

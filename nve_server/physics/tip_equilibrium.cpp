@@ -10,12 +10,13 @@ namespace telenano::physics {
 namespace {
 
 constexpr int kMaxIterations = 80;
-constexpr double kStepDone = 2e-8;       // nm: the law's own error, 1e-9 of some 100 nN, through the softest spring
-constexpr double kSwingLeast = 1e-5;     // nm: shorter swings are rounding
-constexpr double kRadiusDone = 1e-9;     // of the force
+constexpr double kStepDone =
+    2e-8;  // nm: the law's own error, 1e-9 of some 100 nN, through the softest spring
+constexpr double kSwingLeast = 1e-5;  // nm: shorter swings are rounding
+constexpr double kRadiusDone = 1e-6;  // of the force, which follows the radius
 constexpr int kRadiusUpdates = 6;
-constexpr double kDeeper = 1e-9;         // nm by which another foot must be deeper to be taken in
-constexpr double kTurnMax = 0.9;         // of F C N; at 1 the tip slides off sideways
+constexpr double kDeeper = 1e-9;  // nm by which another foot must be deeper to be taken in
+constexpr double kTurnMax = 0.9;  // of F C N; at 1 the tip slides off sideways
 constexpr double kLongestStepRadii = 0.5;
 
 void describe(const Equilibrium& eq, TipSolution& solution) noexcept {
@@ -40,17 +41,17 @@ void remember(const TipSolution& solution, const Vec3& free_end_w_nm, TipState& 
   state.stiffness_n_m = solution.stiffness_n_m;
 }
 
-// The radius that the law is given, drawn to that of the foot. On a rough surface the foot wanders far for a small
-// motion of the tip, most of all in a pit nearly as narrow as the tip, and the radius with it: giving the law each new foot's
-// radius can swing for ever. So the radius goes half of the way when it turns round, and after kRadiusUpdates it stays;
-// the next step goes on from there.
+// The radius that the law is given, drawn to that of the foot. On a rough surface the foot wanders far for a
+// small motion of the tip, most of all in a pit nearly as narrow as the tip, and the radius with it: giving
+// the law each new foot's radius can swing for ever. So the radius goes half of the way when it turns round,
+// and after kRadiusUpdates it stays; the next step goes on from there.
 class RadiusIteration {
  public:
   explicit RadiusIteration(double from_nm) noexcept : given_(from_nm) {}
-  double next(double found_nm) noexcept {
+  double next(double found_nm, double force_nn) noexcept {
     if (given_ <= 0.0) {
       given_ = found_nm;
-    } else if (count_ < kRadiusUpdates) {
+    } else if (!settled(found_nm, force_nn)) {
       const double change = found_nm - given_;
       if (change * last_change_ < 0.0) weight_ *= 0.5;
       given_ += weight_ * change;
@@ -60,8 +61,8 @@ class RadiusIteration {
     return given_;
   }
   bool settled(double found_nm, double force_nn) const noexcept {
-    return count_ >= kRadiusUpdates ||
-           std::abs(found_nm - given_) * std::abs(force_nn) < kRadiusDone * given_ * (1.0 + std::abs(force_nn));
+    return count_ >= kRadiusUpdates || std::abs(found_nm - given_) * std::abs(force_nn) <
+                                           kRadiusDone * given_ * (1.0 + std::abs(force_nn));
   }
 
  private:
@@ -71,10 +72,11 @@ class RadiusIteration {
   double last_change_ = 0.0;
 };
 
-// Newton's method between two places that send it to each other: in a pit nearly as narrow as the tip the foot swings from
-// one side to the other within a fraction of a nanometre, and with it the normal, and from neither side does Newton
-// see the steep stretch between. So when a step turns back on the one before, the place between is sought (by halving) where
-// it does not, and Newton goes on from there, with that place's own, steep, slope.
+// Newton's method between two places that send it to each other: in a pit nearly as narrow as the tip the
+// foot swings from one side to the other within a fraction of a nanometre, and with it the normal, and from
+// neither side does Newton see the steep stretch between. So when a step turns back on the one before, the
+// place between is sought (by halving) where it does not, and Newton goes on from there, with that place's
+// own, steep, slope.
 class Swing {
  public:
   // Takes the step found at p; changes it to where to go instead. True while a swing is being searched.
@@ -130,10 +132,12 @@ Vec3 predict(const Vec3& free_end, const Compliance& c, const TipState& state) n
 
 }  // namespace
 
-TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law, double tip_radius_nm)
+TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law,
+                               double tip_radius_nm)
     : surface_(std::move(surface)), law_(law), tip_radius_nm_(tip_radius_nm) {}
 
-TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c, TipState& state) const noexcept {
+TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c,
+                                         TipState& state) const noexcept {
   TipSolution solution;
   TipSampleState law_state = state.law;
   describe(law_.advance(-free_end.z(), c.z(), tip_radius_nm_, law_state), solution);
@@ -147,7 +151,8 @@ TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance&
   return solution;
 }
 
-TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c, TipState& state) const noexcept {
+TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
+                                    TipState& state) const noexcept {
   if (!is_finite(free_end)) {
     TipSolution none;
     none.status = SolveStatus::kNonFinite;
@@ -208,7 +213,7 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
 
     if (feet.count() != feet_before) swing.forget();
     feet_before = feet.count();
-    const double radius_nm = radius.next(feet.radius_nm());
+    const double radius_nm = radius.next(feet.radius_nm(), force);
     TipSampleState law_state = state.law;
     const Equilibrium eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, law_state);
     if (eq.status != SolveStatus::kOk) {
@@ -277,8 +282,8 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
 }
 
 double TipEquilibrium::touch_height_nm(double x_nm, double y_nm) const noexcept {
-  // Going down by the distance that is certainly free never passes the surface; near it each step takes the gap times
-  // (1 − n_z) of the last, so that even a 60° flank needs some 40 steps.
+  // Going down by the distance that is certainly free never passes the surface; near it each step takes the
+  // gap times (1 − n_z) of the last, so that even a 60° flank needs some 40 steps.
   FootMemory foot;
   double centre_z = surface_->highest_nm() + 2.0 * tip_radius_nm_;
   for (int i = 0; i < 1000; ++i) {

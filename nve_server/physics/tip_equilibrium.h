@@ -9,8 +9,8 @@
 
 namespace telenano::physics {
 
-/// The springs between the free end and the tip's apex, diagonal in W, nm/nN: 0 = rigid. The virtual coupling is equal
-/// in all directions, the cantilever adds its compliance along z.
+/// The springs between the free end and the tip's apex, diagonal in W, nm/nN: 0 = rigid. The virtual coupling
+/// is equal in all directions, the cantilever adds its compliance along z.
 using Compliance = Vec3;
 
 inline constexpr int kMaxFeet = 3;  ///< a sphere in a pit stands on three points
@@ -40,14 +40,14 @@ struct TipSolution {
   Branch branch = Branch::kFree;
   Vec3 apex_w_nm = Vec3::Zero();
   Vec3 force_w_nn = Vec3::Zero();  ///< on the tip
-  Vec3 normal_w = Vec3::UnitZ();  ///< Σ share·normal: shorter than 1 when leaning on several feet
-  double normal_force_nn = 0;     ///< repulsive positive
+  Vec3 normal_w = Vec3::UnitZ();   ///< Σ share·normal: shorter than 1 when leaning on several feet
+  double normal_force_nn = 0;      ///< repulsive positive
   double overlap_nm = 0;
   double radius_nm = 0;  ///< effective
   double contact_radius_nm = 0;
-  double stiffness_n_m = 0;     ///< of the tip–sample law, along the normal
-  double potential_aj = 0;      ///< of the tip–sample law
-  double dissipated_aj = 0;     ///< in the jumps of this step
+  double stiffness_n_m = 0;  ///< of the tip–sample law, along the normal
+  double potential_aj = 0;   ///< of the tip–sample law
+  double dissipated_aj = 0;  ///< in the jumps of this step
   int jumps = 0;
   int iterations = 0;
   int feet = 0;                 ///< that the tip leans on
@@ -60,33 +60,37 @@ struct TipSolution {
 ///
 ///   apex p = x_free + C n F,   F = law(overlap δ, R_eff),   δ = R − distance(p + R e_z)
 ///
-/// C the compliance, n the surface's normal at the foot. For a given foot the balance along n is scalar: the law is
-/// advanced against the compliance c_n = nᵀCn, branches and jumps included. The foot, normal and radius follow from p.
+/// C the compliance, n the surface's normal at the foot. For a given foot the balance along n is scalar: the
+/// law is advanced against the compliance c_n = nᵀCn, branches and jumps included. The foot, normal and
+/// radius follow from p.
 ///
-/// Flat sample: nothing turns, the scalar balance is the answer. Otherwise Newton's method with the law kept whole: the
-/// turning normal n(p) ≈ n + N(p − p_k) (N = ∂n/∂p) changes the compliance to S = A C, A = (1 − F C N)⁻¹, and the base
-/// overlap to δ_k − nᵀA(x_free − p_k). Where F C N comes near 1 the tip is about to slide off a summit sideways: A is
-/// then bounded and the iteration walks downhill to the next balance. Each trial starts from a copy of the law's memory,
-/// which moves on once a step.
+/// Flat sample: nothing turns, the scalar balance is the answer. Otherwise Newton's method with the law kept
+/// whole: the turning normal n(p) ≈ n + N(p − p_k) (N = ∂n/∂p) changes the compliance to S = A C, A = (1 − F
+/// C N)⁻¹, and the base overlap to δ_k − nᵀA(x_free − p_k). Where F C N comes near 1 the tip is about to
+/// slide off a summit sideways: A is then bounded and the iteration walks downhill to the next balance. Each
+/// trial starts from a copy of the law's memory, which moves on once a step.
 ///
-/// Corners. The law acts on the largest overlap of the whole surface, δ = max_i δ_i over the feet i: a potential of the
-/// position, U(δ), so that no path draws energy from it. Where the tip is pressed (F > 0) into an edge, a groove or a pit,
-/// two or three feet share the largest overlap, and the force is F Σ α_i n_i with shares α_i >= 0, Σ α_i = 1 (the
-/// subgradient of max δ_i): the shares follow from δ_i = δ_0, one linear equation a foot,
+/// Corners. The law acts on the largest overlap of the whole surface, δ = max_i δ_i over the feet i: a
+/// potential of the position, U(δ), so that no path draws energy from it. Where the tip is pressed (F > 0)
+/// into an edge, a groove or a pit, two or three feet share the largest overlap, and the force is F Σ α_i n_i
+/// with shares α_i >= 0, Σ α_i = 1 (the subgradient of max δ_i): the shares follow from δ_i = δ_0, one linear
+/// equation a foot,
 ///   MᵀSM β = δ_i − δ_0 − Mᵀ(A(x_free − p_k) + S n_0 F),   M = (n_i − n_0),  β_i = α_i F,
-/// which reduces the compliance that the law sees. Feet with a negative share are dropped, a deeper one is taken in
-/// (active set); the last word has a search of the whole surface. Attracted (F <= 0), the tip takes one side.
-/// So the bound on several contacts: force and energy are those of **one** contact at the largest overlap, divided among
-/// the feet, never more; in truth each foot would carry its own (up to three times the sum, in a pit).
+/// which reduces the compliance that the law sees. Feet with a negative share are dropped, a deeper one is
+/// taken in (active set); the last word has a search of the whole surface. Attracted (F <= 0), the tip takes
+/// one side. So the bound on several contacts: force and energy are those of **one** contact at the largest
+/// overlap, divided among the feet, never more; in truth each foot would carry its own (up to three times the
+/// sum, in a pit).
 ///
-/// Limits: besides, the force is along the normals, without the lateral part that the change of R_eff along the surface
-/// has in the potential.
+/// Limits: besides, the force is along the normals, without the lateral part that the change of R_eff along
+/// the surface has in the potential.
 class TipEquilibrium {
  public:
   TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law, double tip_radius_nm);
 
   /// Moves the free end to `free_end_w_nm`. Unless the status is kOk, `state` is left as it was.
-  TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, TipState& state) const noexcept;
+  TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
+                      TipState& state) const noexcept;
 
   /// Height of the apex at which the sphere, coming straight down on (x, y), first touches the surface.
   double touch_height_nm(double x_nm, double y_nm) const noexcept;

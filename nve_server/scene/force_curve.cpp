@@ -64,8 +64,8 @@ class CurveWalk {
     solution_ = scene_.equilibrium->advance(Vec3(x_, y_, surface_z_ + base_z_nm), compliance_, state_);
     if (solution_.status != physics::SolveStatus::kOk) {
       std::ostringstream text;
-      text << scene_.path << ": no balance of tip and cantilever at base height " << base_z_nm << " nm over (" << x_
-           << ", " << y_ << ") nm";
+      text << scene_.path << ": no balance of tip and cantilever at base height " << base_z_nm << " nm over ("
+           << x_ << ", " << y_ << ") nm";
       throw RunError(text.str());
     }
     if (started_) {
@@ -95,10 +95,14 @@ class CurveWalk {
 
 const char* branch_name(physics::Branch branch) noexcept {
   switch (branch) {
-    case physics::Branch::kVanDerWaals: return "vdw";
-    case physics::Branch::kNonContact: return "noncontact";
-    case physics::Branch::kContact: return "contact";
-    case physics::Branch::kFree: break;
+    case physics::Branch::kVanDerWaals:
+      return "vdw";
+    case physics::Branch::kNonContact:
+      return "noncontact";
+    case physics::Branch::kContact:
+      return "contact";
+    case physics::Branch::kFree:
+      break;
   }
   return "free";
 }
@@ -112,16 +116,19 @@ void check_plan(const Scene& scene, const CurvePlan& plan) {
   require(plan.to_nm >= -1e5 && plan.to_nm < plan.from_nm, "--to-nm", plan.to_nm,
           "a height in [-1e5, from-nm), since approach goes down");
   const double span = plan.from_nm - plan.to_nm;
-  require(plan.step_nm > 0 && plan.step_nm <= span && span / plan.step_nm <= kRowsMax, "--step-nm", plan.step_nm,
-          "more than 0, at most from-nm - to-nm, and no more than 1e7 rows");
+  require(plan.step_nm > 0 && plan.step_nm <= span && span / plan.step_nm <= kRowsMax, "--step-nm",
+          plan.step_nm, "more than 0, at most from-nm - to-nm, and no more than 1e7 rows");
 }
 
 void run_curve(const Scene& scene, const CurvePlan& plan, const std::function<void(const CurveRow&)>& row) {
   check_plan(scene, plan);
-  // Row i at from − i·step, not by adding up steps, and the last row at `to` itself: 1e-9 of a step is rounding.
+  // Row i at from − i·step, not by adding up steps, and the last row at `to` itself: 1e-9 of a step is
+  // rounding.
   const double span = plan.from_nm - plan.to_nm;
   const auto last = static_cast<long>(std::ceil(span / plan.step_nm - 1e-9));
-  const auto height = [&](long i) { return i == last ? plan.to_nm : plan.from_nm - plan.step_nm * static_cast<double>(i); };
+  const auto height = [&](long i) {
+    return i == last ? plan.to_nm : plan.from_nm - plan.step_nm * static_cast<double>(i);
+  };
   CurveWalk walk(scene, plan);
   for (long i = 0; i <= last; ++i) {
     walk.move_to(height(i));

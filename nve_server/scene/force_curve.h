@@ -26,15 +26,17 @@ struct CurveRow {
   double work_aj = 0;  ///< done by the base since the first row
 };
 
-/// Throws UserError unless the plan is sane and lies in the scene: finite, from > to, 2 to 1e7 steps, (x, y) inside.
+/// Throws UserError unless the plan is sane and lies in the scene: finite, from > to, 2 to 1e7 steps, (x, y)
+/// inside.
 void check_plan(const Scene& scene, const CurvePlan& plan);
 
-/// A force–distance curve: approach from `from` to `to`, then retract, the row at `to` in both. Cantilever and contact
-/// alone; the coupling takes no part. Jumps between rows are resolved. Quasi-static.
+/// A force–distance curve: approach from `from` to `to`, then retract, the row at `to` in both. Cantilever
+/// and contact alone; the coupling takes no part. Jumps between rows are resolved. Quasi-static.
 ///
-/// work_aj. Flat sample: Δ(U_tip–sample + U_cantilever) + dissipated, exact at any step size. Curved: the force does not
-/// include the part that comes from R_eff changing as the foot wanders (tip_equilibrium.h), so the work is the
-/// integral of the force itself, trapezium by trapezium of at most 0.05 nm; a jump's step is by energy.
+/// work_aj. Flat sample: Δ(U_tip–sample + U_cantilever) + dissipated, exact at any step size. Curved: the
+/// force does not include the part that comes from R_eff changing as the foot wanders (tip_equilibrium.h), so
+/// the work is the integral of the force itself, trapezium by trapezium of at most 0.05 nm; a jump's step is
+/// by energy.
 ///
 /// Throws RunError if there is no balance.
 void run_curve(const Scene& scene, const CurvePlan& plan, const std::function<void(const CurveRow&)>& row);

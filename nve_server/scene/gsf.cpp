@@ -27,7 +27,9 @@ constexpr double kExtentMin_m = 1e-10;
 constexpr double kExtentMax_m = 1e-3;
 constexpr double kHeightMax_nm = 1e5;
 
-[[noreturn]] void fail(const std::string& name, const std::string& message) { throw UserError(name + ": " + message); }
+[[noreturn]] void fail(const std::string& name, const std::string& message) {
+  throw UserError(name + ": " + message);
+}
 
 std::string_view trimmed(std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t\r");
@@ -65,7 +67,8 @@ double extent_m(const Header& header, const char* key, const std::string& name) 
   double value = 0;
   const std::string& text = entry->second;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size() || !(value >= kExtentMin_m && value <= kExtentMax_m)) {
+  if (error != std::errc() || end != text.data() + text.size() ||
+      !(value >= kExtentMin_m && value <= kExtentMax_m)) {
     fail(name, std::string(key) + " is " + shown(text) + expected);
   }
   return value;
@@ -89,7 +92,8 @@ Header parse_header(std::string_view text, const std::string& name) {
     const std::string_view line = text.substr(0, end);
     const std::size_t equals = line.find('=');
     if (equals == std::string_view::npos) {
-      fail(name, "header line " + std::to_string(line_number) + " is " + shown(line) + ", expected 'name = value'");
+      fail(name,
+           "header line " + std::to_string(line_number) + " is " + shown(line) + ", expected 'name = value'");
     }
     header[std::string(trimmed(line.substr(0, equals)))] = std::string(trimmed(line.substr(equals + 1)));
     text.remove_prefix(end + 1);

@@ -15,15 +15,15 @@ struct Scan {
   double lowest_before_shift_nm = 0;
 };
 
-/// Reads a .gsf: `Gwyddion Simple Field 1.0\n`, lines `name = value\n`, 1 to 4 NULs up to a multiple of four bytes, then
-/// XRes·YRes float32, little-endian, rows from top to bottom.
+/// Reads a .gsf: `Gwyddion Simple Field 1.0\n`, lines `name = value\n`, 1 to 4 NULs up to a multiple of four
+/// bytes, then XRes·YRes float32, little-endian, rows from top to bottom.
 ///
-/// Frame W: x to the right, y up the image, the origin at the lower left corner of the scanned area. A sample stands for
-/// the middle of its pixel: x = (column + ½)·XReal/XRes. XOffset and YOffset say where the scan lay under the
-/// microscope and are left out. Heights are shifted so that the lowest sample is at z = 0.
+/// Frame W: x to the right, y up the image, the origin at the lower left corner of the scanned area. A sample
+/// stands for the middle of its pixel: x = (column + ½)·XReal/XRes. XOffset and YOffset say where the scan
+/// lay under the microscope and are left out. Heights are shifted so that the lowest sample is at z = 0.
 ///
-/// Both units must be m; XReal and YReal must be given (the format's default of 1 m is no scan). Throws UserError: one
-/// line naming file, key and expected range. `content` receives the bytes, for hashing.
+/// Both units must be m; XReal and YReal must be given (the format's default of 1 m is no scan). Throws
+/// UserError: one line naming file, key and expected range. `content` receives the bytes, for hashing.
 Scan read_gsf(const std::string& path, std::string* content = nullptr);
 Scan parse_gsf(const std::string& bytes, const std::string& name);
 

@@ -43,8 +43,9 @@ Probe read_probe(const TomlTable& table) {
   const auto beam = table.optional_table("beam");
   const int given = (probe.rigid ? 1 : 0) + (stiffness ? 1 : 0) + (beam ? 1 : 0);
   if (given != 1) {
-    table.fail("stiffness_n_m", given == 0 ? "missing; expected one of stiffness_n_m, [probe.beam] or rigid = true"
-                                           : "give only one of stiffness_n_m, [probe.beam] and rigid = true");
+    table.fail("stiffness_n_m", given == 0
+                                    ? "missing; expected one of stiffness_n_m, [probe.beam] or rigid = true"
+                                    : "give only one of stiffness_n_m, [probe.beam] and rigid = true");
   }
   if (probe.rigid) {
     probe.origin = "rigid";
@@ -62,7 +63,8 @@ Probe read_probe(const TomlTable& table) {
     probe.stiffness_n_m = 1e3 * modulus_gpa * width_um * slenderness * slenderness * slenderness / 4.0;
     if (!kStiffness_n_m.contains(probe.stiffness_n_m)) {
       std::ostringstream text;
-      text << "gives a stiffness of " << probe.stiffness_n_m << " N/m, expected one " << kStiffness_n_m.text();
+      text << "gives a stiffness of " << probe.stiffness_n_m << " N/m, expected one "
+           << kStiffness_n_m.text();
       table.fail("beam", text.str());
     }
   }
@@ -102,8 +104,8 @@ Plane build_surface(const config::TomlDocument& document, const TomlTable& limit
   scene.scan_title = scan.title;
   auto surface = std::make_shared<physics::SplineSurface>(scan.grid);
   scene.surface = surface;
-  const double half_extent =
-      0.5 * std::min(surface->x_last_nm() - surface->x_first_nm(), surface->y_last_nm() - surface->y_first_nm());
+  const double half_extent = 0.5 * std::min(surface->x_last_nm() - surface->x_first_nm(),
+                                            surface->y_last_nm() - surface->y_first_nm());
   const double margin = limits.number_or("margin_nm", {0.0, half_extent, false, true}, 0.1 * half_extent);
   return {surface->x_first_nm() + margin, surface->x_last_nm() - margin, surface->y_first_nm() + margin,
           surface->y_last_nm() - margin};
@@ -112,11 +114,13 @@ Plane build_surface(const config::TomlDocument& document, const TomlTable& limit
 void read_limits(const TomlTable& table, const Plane& plane, Scene& scene) {
   Limits& limits = scene.limits;
   limits.force_max_nn = table.number("force_max_nn", positive(1e6));
-  // A tip that may not bear its own adhesion could never let go. 2πwR bounds the pull-off of every theory (DMT).
+  // A tip that may not bear its own adhesion could never let go. 2πwR bounds the pull-off of every theory
+  // (DMT).
   const double adhesion = 2.0 * kPi * scene.law_parameters.work_of_adhesion_n_m * scene.probe.tip_radius_nm;
   if (!(limits.force_max_nn > adhesion)) {
     std::ostringstream text;
-    text << "is " << limits.force_max_nn << ", expected more than the adhesion of this tip, " << adhesion << " nN";
+    text << "is " << limits.force_max_nn << ", expected more than the adhesion of this tip, " << adhesion
+         << " nN";
     table.fail("force_max_nn", text.str());
   }
   limits.speed_max_nm_s = table.number_or("speed_max_nm_s", between(1.0, 1e7), 1e5);
@@ -130,8 +134,10 @@ void read_limits(const TomlTable& table, const Plane& plane, Scene& scene) {
 
 void read_start(const TomlTable& table, Scene& scene) {
   const Limits& limits = scene.limits;
-  const double x = table.number("x_nm", between(limits.workspace_min_w_nm.x(), limits.workspace_max_w_nm.x()));
-  const double y = table.number("y_nm", between(limits.workspace_min_w_nm.y(), limits.workspace_max_w_nm.y()));
+  const double x =
+      table.number("x_nm", between(limits.workspace_min_w_nm.x(), limits.workspace_max_w_nm.x()));
+  const double y =
+      table.number("y_nm", between(limits.workspace_min_w_nm.y(), limits.workspace_max_w_nm.y()));
   scene.start_touch_w_nm = scene.equilibrium->touch_height_nm(x, y);
   const double room = limits.workspace_max_w_nm.z() - scene.start_touch_w_nm;
   const double height = table.number("height_nm", {0.5, room, false, false});

@@ -69,8 +69,8 @@ struct Scene {
   physics::Compliance probe_compliance_nm_nn() const;
 };
 
-/// Reads and checks a description (TOML) and its scan, and builds the pipeline. Throws UserError: one line naming file,
-/// line, key and expected range.
+/// Reads and checks a description (TOML) and its scan, and builds the pipeline. Throws UserError: one line
+/// naming file, line, key and expected range.
 std::shared_ptr<const Scene> load_scene(const std::string& path);
 
 }  // namespace telenano::scene

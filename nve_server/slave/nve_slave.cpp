@@ -17,10 +17,14 @@ constexpr double kForceLimitSlack = 1e-3;  // the tip is held between (1 − sla
 
 link::ContactState contact_state(physics::Branch branch) noexcept {
   switch (branch) {
-    case physics::Branch::kVanDerWaals: return link::ContactState::kVanDerWaals;
-    case physics::Branch::kNonContact: return link::ContactState::kNonContact;
-    case physics::Branch::kContact: return link::ContactState::kContact;
-    case physics::Branch::kFree: break;
+    case physics::Branch::kVanDerWaals:
+      return link::ContactState::kVanDerWaals;
+    case physics::Branch::kNonContact:
+      return link::ContactState::kNonContact;
+    case physics::Branch::kContact:
+      return link::ContactState::kContact;
+    case physics::Branch::kFree:
+      break;
   }
   return link::ContactState::kFree;
 }
@@ -32,8 +36,8 @@ SlaveLimits limits_of(const scene::Scene& scene) {
   limits.start_pos_w_nm = scene.start_apex_w_nm;
   limits.surface_z_w_nm = scene.start_touch_w_nm;
   limits.force_max_nn = scene.limits.force_max_nn;
-  // A wall is felt along its normal. On a flat sample that is W z, coupling and cantilever in series; a steep flank of
-  // a scan may face sideways, where the cantilever does not yield.
+  // A wall is felt along its normal. On a flat sample that is W z, coupling and cantilever in series; a steep
+  // flank of a scan may face sideways, where the cantilever does not yield.
   limits.coupling_stiffness_n_m = scene.surface->is_flat() ? 1.0 / scene.port_compliance_nm_nn().z()
                                                            : 1.0 / scene.port_compliance_nm_nn().x();
   limits.coupling_damping_n_s_m = scene.coupling.damping_n_s_m;
@@ -73,8 +77,9 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, double dt_s, cons
                                         bool& held_back) const noexcept {
   const double limit = scene_->limits.force_max_nn;
   if (!solve(commanded, dt_s, from, to)) return false;
-  // The end goes back along the normal to where the force is the limit, and is free to follow the target sideways.
-  // Springs and contact in series say how far; the law is close to a line there, so a few trials do.
+  // The end goes back along the normal to where the force is the limit, and is free to follow the target
+  // sideways. Springs and contact in series say how far; the law is close to a line there, so a few trials
+  // do.
   Vec3 end = commanded;
   for (int trial = 0; to.solution.normal_force_nn > limit; ++trial) {
     held_back = true;
@@ -91,8 +96,8 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, double dt_s, cons
 }
 
 void NveSlave::book(const Port& before, const Port& after, double dt_s) noexcept {
-  const double damper = scene_->coupling.damping_n_s_m *
-                        (after.extension_w_nm - before.extension_w_nm).squaredNorm() / dt_s;
+  const double damper =
+      scene_->coupling.damping_n_s_m * (after.extension_w_nm - before.extension_w_nm).squaredNorm() / dt_s;
   const double dissipated = after.solution.dissipated_aj + damper;
   double charge = after.stored_aj - before.stored_aj + dissipated;
   trace_.dissipated_aj += dissipated;
@@ -127,7 +132,8 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
     speed = scene_->limits.retract_speed_nm_s;
     faults |= link::kFaultRetracted;
   } else if (input.follow) {
-    goal = input.tip_target_pos_w_nm.cwiseMax(limits_.workspace_min_w_nm).cwiseMin(limits_.workspace_max_w_nm);
+    goal =
+        input.tip_target_pos_w_nm.cwiseMax(limits_.workspace_min_w_nm).cwiseMin(limits_.workspace_max_w_nm);
     if (goal != input.tip_target_pos_w_nm) faults |= link::kFaultWorkspace;
   }
   Vec3 move = goal - port_.commanded_w_nm;
@@ -146,7 +152,8 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
   const double sub_dt_s = dt_s / substeps;
   const Vec3 target = port_.commanded_w_nm + move;
   for (int left = substeps; left > 0; --left) {
-    const Vec3 next = left == 1 ? target : Vec3(port_.commanded_w_nm + (target - port_.commanded_w_nm) / left);
+    const Vec3 next =
+        left == 1 ? target : Vec3(port_.commanded_w_nm + (target - port_.commanded_w_nm) / left);
     Port after;
     bool held_back = false;
     if (!solve_within_force_limit(next, sub_dt_s, port_, after, held_back)) {

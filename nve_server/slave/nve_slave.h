@@ -10,17 +10,18 @@ namespace telenano::slave {
 
 /// The nanoscale virtual environment behind the slave's port.
 ///
-/// A step moves the commanded end towards the target — never faster than the speed limit, never out of the workspace,
-/// never deeper than where the normal force is force_max — and solves coupling, cantilever and contact together
-/// (physics::TipEquilibrium). The damper of the coupling is taken by backward Euler:
+/// A step moves the commanded end towards the target — never faster than the speed limit, never out of the
+/// workspace, never deeper than where the normal force is force_max — and solves coupling, cantilever and
+/// contact together (physics::TipEquilibrium). The damper of the coupling is taken by backward Euler:
 ///   k_c e + b_c (e − e_prev)/dt + F = 0, e = commanded end − cantilever's base,
-/// so that e's spring has the compliance 1/(k_c + b_c/dt) and the free end is shifted by −e_prev·(b_c/dt)/(k_c + b_c/dt).
+/// so that e's spring has the compliance 1/(k_c + b_c/dt) and the free end is shifted by
+/// −e_prev·(b_c/dt)/(k_c + b_c/dt).
 ///
-/// Energy book: each step charges the port with Δ(U_tip–sample + U_cantilever + U_coupling) + dissipated, dissipated =
-/// jumps of the branch + b_c|Δe|²/dt; the positive steps sum to energy_in, the negative ones to energy_out. U is a
-/// function of the state, so that no path, however sampled, draws more than was put in.
-/// A tip that slides off a summit loses energy that is not in the law's jumps: such a step is charged no less than the
-/// trapezium of force and commanded displacement.
+/// Energy book: each step charges the port with Δ(U_tip–sample + U_cantilever + U_coupling) + dissipated,
+/// dissipated = jumps of the branch + b_c|Δe|²/dt; the positive steps sum to energy_in, the negative ones to
+/// energy_out. U is a function of the state, so that no path, however sampled, draws more than was put in. A
+/// tip that slides off a summit loses energy that is not in the law's jumps: such a step is charged no less
+/// than the trapezium of force and commanded displacement.
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);

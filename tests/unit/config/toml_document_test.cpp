@@ -50,7 +50,9 @@ struct BadCase {
 };
 
 TEST(TomlDocument, EveryMistakeIsOneLineNamingFileLineKeyAndRange) {
-  const auto modulus = [](const TomlTable& t) { t.table("sample").number("youngs_modulus_gpa", positive(2000)); };
+  const auto modulus = [](const TomlTable& t) {
+    t.table("sample").number("youngs_modulus_gpa", positive(2000));
+  };
   const BadCase cases[] = {
       {"[sample]\nyoungs_modulus_gpa = -1\n", modulus,
        "f.toml:2: 'youngs_modulus_gpa' in [sample] is -1, expected a number in (0, 2000]"},
@@ -65,19 +67,24 @@ TEST(TomlDocument, EveryMistakeIsOneLineNamingFileLineKeyAndRange) {
       {"[sample]\n", modulus,
        "f.toml:1: missing key 'youngs_modulus_gpa' in [sample] (expected a number in (0, 2000])"},
       {"x = 1\n", modulus, "f.toml:1: missing key 'sample' at the top level (expected a table [sample])"},
-      {"sample = 1\n", modulus, "f.toml:1: 'sample' at the top level is an integer, expected a table [sample]"},
+      {"sample = 1\n", modulus,
+       "f.toml:1: 'sample' at the top level is an integer, expected a table [sample]"},
       {"n = 2.5\n", [](const TomlTable& t) { t.integer("n", 0, 9); },
        "f.toml:1: 'n' at the top level is a decimal number, expected an integer in [0, 9]"},
       {"n = 10\n", [](const TomlTable& t) { t.integer("n", 0, 9); },
        "f.toml:1: 'n' at the top level is 10, expected an integer in [0, 9]"},
       {"b = 1\n", [](const TomlTable& t) { t.boolean("b"); },
        "f.toml:1: 'b' at the top level is an integer, expected true or false"},
-      {"k = 'flut'\n", [](const TomlTable& t) { t.choice("k", {"flat", "scan"}); },
+      {"k = 'flut'\n",
+       [](const TomlTable& t) {
+         t.choice("k", {"flat", "scan"});
+       },
        "f.toml:1: 'k' at the top level is 'flut', expected one of 'flat', 'scan'"},
       {"l = [1, nan]\n", [](const TomlTable& t) { t.numbers("l", Range{}, 2, 2); },
        "f.toml:1: 'l[1]' at the top level is nan, expected a finite number"},
       {"l = [1]\n", [](const TomlTable& t) { t.numbers("l", Range{}, 2, 2); },
-       "f.toml:1: 'l' at the top level is an array of 1, expected an array of 2 numbers, each a finite number"},
+       "f.toml:1: 'l' at the top level is an array of 1, expected an array of 2 numbers, each a finite "
+       "number"},
       {"[t]\n", [](const TomlTable& t) { t.tables("t"); },
        "f.toml:1: 't' at the top level is a table, expected tables [[t]]"},
   };
@@ -88,7 +95,8 @@ TEST(TomlDocument, EveryMistakeIsOneLineNamingFileLineKeyAndRange) {
 }
 
 TEST(TomlDocument, ReportsWhatNobodyAskedFor) {
-  const TomlDocument document = TomlDocument::parse("a = 1\n[t]\nb = 1\n[t.u]\nc = 1\nstiffnes_n_m = 2\n", "f.toml");
+  const TomlDocument document =
+      TomlDocument::parse("a = 1\n[t]\nb = 1\n[t.u]\nc = 1\nstiffnes_n_m = 2\n", "f.toml");
   EXPECT_EQ(error_of([&] { document.finish(); }), "f.toml:1: unknown key 'a' at the top level");
   document.root().has("a");
   EXPECT_EQ(error_of([&] { document.finish(); }), "f.toml:2: unknown table 't' at the top level");

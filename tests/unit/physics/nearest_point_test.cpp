@@ -50,8 +50,8 @@ TEST(NearestPoint, FlatIsClosedForm) {
   EXPECT_EQ(effective_radius(20, contact).radius_nm, 20.0);
 }
 
-// A plane z = 0.3x − 0.2y + 5: the spline is that plane away from the mirrored ends, whose influence falls by 0.268 a sample
-// (0.268^30 = 7e-18 of a slope of 0.3).
+// A plane z = 0.3x − 0.2y + 5: the spline is that plane away from the mirrored ends, whose influence falls by
+// 0.268 a sample (0.268^30 = 7e-18 of a slope of 0.3).
 TEST(NearestPoint, TiltedPlaneIsClosedForm) {
   const SplineSurface surface = sampled(101, 1.0, [](double x, double y) { return 0.3 * x - 0.2 * y + 5; });
   const Vec3 n = Vec3(-0.3, 0.2, 1).normalized();
@@ -62,7 +62,8 @@ TEST(NearestPoint, TiltedPlaneIsClosedForm) {
     const SurfaceContact contact = surface.nearest(c, Search::kGlobal, memory);
     EXPECT_NEAR(contact.distance_nm, 12 + t, 1e-11);
     EXPECT_LT((contact.normal_w - n).norm(), 1e-11);
-    EXPECT_LT((contact.foot_w_nm - foot).norm(), 1e-9);  // Newton's last step, 1e-6 cells, squared, and rounding
+    EXPECT_LT((contact.foot_w_nm - foot).norm(),
+              1e-9);  // Newton's last step, 1e-6 cells, squared, and rounding
     EXPECT_NEAR(contact.curvature_1_per_nm, 0, 1e-11);
     EXPECT_LT(contact.normal_turn_per_nm.norm(), 1e-10);
     EXPECT_TRUE(contact.converged);
@@ -104,7 +105,8 @@ TEST(NearestPoint, TurnOfTheNormalAgreesWithFiniteDifferences) {
       const Vec3 d = h * Vec3::Unit(axis);
       const Vec3 up = surface.nearest(c + d, Search::kLocal, from).normal_w;
       const Vec3 down = surface.nearest(c - d, Search::kLocal, from).normal_w;
-      // Central difference: h² and rounding of the foot, 1e-10/1e-4; a third derivative that jumps adds first order in h.
+      // Central difference: h² and rounding of the foot, 1e-10/1e-4; a third derivative that jumps adds first
+      // order in h.
       EXPECT_LT((contact.normal_turn_per_nm.col(axis) - (up - down) / (2 * h)).norm(), 2e-5);
     }
   }
@@ -112,15 +114,16 @@ TEST(NearestPoint, TurnOfTheNormalAgreesWithFiniteDifferences) {
 
 // Corrugation with several feet in reach of the sphere: the global search must find the least.
 TEST(NearestPoint, AgreesWithBruteForceOnACorrugation) {
-  const SplineSurface surface =
-      sampled(121, 1.0, [](double x, double y) { return 4 * std::sin(0.35 * x) + 2 * std::cos(0.5 * y) + 6; });
+  const SplineSurface surface = sampled(
+      121, 1.0, [](double x, double y) { return 4 * std::sin(0.35 * x) + 2 * std::cos(0.5 * y) + 6; });
   std::mt19937 random(8);
   std::uniform_real_distribution<double> place(40, 80), height(14, 45);
   for (int i = 0; i < 40; ++i) {
     const Vec3 c(place(random), place(random), height(random));
     FootMemory memory;  // cold
     const double found = surface.nearest(c, Search::kGlobal, memory).distance_nm;
-    EXPECT_NEAR(found, brute_force(surface, c, 30), 1e-6);  // brute force resolves 30·0.03·0.15^6/20 nm, squared
+    EXPECT_NEAR(found, brute_force(surface, c, 30),
+                1e-6);  // brute force resolves 30·0.03·0.15^6/20 nm, squared
   }
 }
 
@@ -134,15 +137,16 @@ TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
   FootMemory memory;
   int compared = 0, overlooked = 0;
   for (int i = 0; i < 2000; ++i) {
-    const Vec3 c(place(random), place(random), surface.height_nm(place(random), place(random)) + height(random));
+    const Vec3 c(place(random), place(random),
+                 surface.height_nm(place(random), place(random)) + height(random));
     if (c.z() < surface.height_nm(c.x(), c.y()) + 12) continue;
     const SurfaceContact contact = surface.nearest(c, Search::kGlobal, memory);
     EXPECT_TRUE(contact.converged);
     double nearest_sample = 1e300;
     for (int row = 0; row < 256; ++row) {
       for (int column = 0; column < 256; ++column) {
-        const Vec3 p(scan.grid.x_first_nm + column * scan.grid.dx_nm, scan.grid.y_first_nm + row * scan.grid.dy_nm,
-                     scan.grid.z_nm[row * 256 + column]);
+        const Vec3 p(scan.grid.x_first_nm + column * scan.grid.dx_nm,
+                     scan.grid.y_first_nm + row * scan.grid.dy_nm, scan.grid.z_nm[row * 256 + column]);
         nearest_sample = std::min(nearest_sample, (p - c).squaredNorm());
       }
     }
@@ -151,8 +155,8 @@ TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
     // And the branch and bound finds just that sample.
     EXPECT_NEAR(tops.nearest(c, 1e6, 1e6, nullptr, 0).distance_nm, nearest_sample, 1e-12);
     if (i % 5 == 0) {
-      // A summit between samples may be overlooked in favour of another foot that is hardly farther: rarely and by less
-      // than a tenth of a nanometre (spacing 2.3 nm), see nearest_point.cpp.
+      // A summit between samples may be overlooked in favour of another foot that is hardly farther: rarely
+      // and by less than a tenth of a nanometre (spacing 2.3 nm), see nearest_point.cpp.
       const double least = brute_force(surface, c, 60);
       EXPECT_NEAR(contact.distance_nm, least, 0.1);
       ++compared;

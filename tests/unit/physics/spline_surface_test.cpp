@@ -22,7 +22,8 @@ TEST(SplineSurface, PassesThroughItsSamples) {
   for (int row = 0; row < grid.rows; ++row) {
     for (int column = 0; column < grid.columns; ++column) {
       // Rounding of some 30 operations on heights of 10 nm.
-      EXPECT_NEAR(surface.height_nm(1.0 + 2.0 * column, -3.0 + 1.5 * row), grid.z_nm[row * 7 + column], 1e-12);
+      EXPECT_NEAR(surface.height_nm(1.0 + 2.0 * column, -3.0 + 1.5 * row), grid.z_nm[row * 7 + column],
+                  1e-12);
     }
   }
 }
@@ -35,7 +36,8 @@ double bspline(double x) {
   return 2.0 / 3 - a * a + a * a * a / 2;
 }
 
-// The same spline by another way: one dense system over all coefficients, mirrored ones folded in, solved by LU.
+// The same spline by another way: one dense system over all coefficients, mirrored ones folded in, solved by
+// LU.
 TEST(SplineSurface, AgreesWithADenseSolve) {
   for (const auto& [columns, rows] : {std::pair{6, 5}, {2, 2}, {2, 7}}) {
     const HeightGrid grid = random_grid(columns, rows, 2);
@@ -52,8 +54,7 @@ TEST(SplineSurface, AgreesWithADenseSolve) {
         }
       }
     }
-    const Eigen::VectorXd c =
-        a.fullPivLu().solve(Eigen::Map<const Eigen::VectorXd>(grid.z_nm.data(), n));
+    const Eigen::VectorXd c = a.fullPivLu().solve(Eigen::Map<const Eigen::VectorXd>(grid.z_nm.data(), n));
     const SplineSurface surface(grid);
     for (double u = 0; u <= columns - 1; u += 0.173) {
       for (double v = 0; v <= rows - 1; v += 0.219) {
@@ -82,8 +83,8 @@ TEST(SplineSurface, DerivativesAgreeWithFiniteDifferences) {
       return HeightJet{(b.z - a.z) / (2 * h), (b.zx - a.zx) / (2 * h), (b.zy - a.zy) / (2 * h), 0, 0, 0};
     };
     const HeightJet in_x = difference(h, 0), in_y = difference(0, h);
-    // Central differences: h²/6 × third derivative (up to 30 nm/nm³ here) = 5e-8, rounding 1e-15·10/1e-4 = 1e-10; first
-    // order in h (×30) where a cell border, with its jump of the third derivative, lies between.
+    // Central differences: h²/6 × third derivative (up to 30 nm/nm³ here) = 5e-8, rounding 1e-15·10/1e-4 =
+    // 1e-10; first order in h (×30) where a cell border, with its jump of the third derivative, lies between.
     EXPECT_NEAR(j.zx, in_x.z, 1e-6);
     EXPECT_NEAR(j.zy, in_y.z, 1e-6);
     EXPECT_NEAR(j.zxx, in_x.zx, 5e-3);

@@ -14,9 +14,12 @@ namespace {
 
 constexpr double kRadius = 20;
 
-TipSampleLaw silicon_oxide() { return TipSampleLaw({70.0329, 0.4, 0.165, true}); }
+TipSampleLaw silicon_oxide() {
+  return TipSampleLaw({70.0329, 0.4, 0.165, true});
+}
 
-std::shared_ptr<const Surface> sampled(int n, double spacing, const std::function<double(double, double)>& height) {
+std::shared_ptr<const Surface> sampled(int n, double spacing,
+                                       const std::function<double(double, double)>& height) {
   HeightGrid grid{n, n, spacing, spacing, 0, 0, {}};
   for (int row = 0; row < n; ++row) {
     for (int column = 0; column < n; ++column) grid.z_nm.push_back(height(column * spacing, row * spacing));
@@ -39,7 +42,8 @@ TEST(TipEquilibrium, BalancesOnACorrugation) {
     ASSERT_EQ(s.status, SolveStatus::kOk) << i;
     EXPECT_LT((s.apex_w_nm - end - c.cwiseProduct(s.force_w_nn)).norm(), 1e-12);
     EXPECT_LT((s.force_w_nn - s.normal_force_nn * s.normal_w).norm(), 1e-12);
-    // The foot seen afresh from the apex: overlap to the step's tolerance (2e-8 nm, second order in it for the normal).
+    // The foot seen afresh from the apex: overlap to the step's tolerance (2e-8 nm, second order in it for
+    // the normal).
     FootMemory memory;
     const SurfaceContact contact =
         surface->nearest(s.apex_w_nm + Vec3(0, 0, kRadius), Search::kGlobal, memory);
@@ -52,8 +56,8 @@ TEST(TipEquilibrium, BalancesOnACorrugation) {
   EXPECT_GT(touched, 500);
 }
 
-// The same balance by another way: on a plane of any tilt the problem is the flat one along the normal with the compliance
-// nᵀCn, and the force is that of the law.
+// The same balance by another way: on a plane of any tilt the problem is the flat one along the normal with
+// the compliance nᵀCn, and the force is that of the law.
 TEST(TipEquilibrium, TiltedPlaneIsTheFlatProblemAlongItsNormal) {
   const auto surface = sampled(161, 1.0, [](double x, double y) { return 0.25 * x + 0.1 * y; });
   const TipSampleLaw law = silicon_oxide();
@@ -63,7 +67,8 @@ TEST(TipEquilibrium, TiltedPlaneIsTheFlatProblemAlongItsNormal) {
   TipState state;
   TipSampleState flat_state;
   for (double depth = -6; depth < 2; depth += 0.01) {
-    const Vec3 end = Vec3(80, 80, 28) + Vec3(0, 0, kRadius) / n.z() * 1.0 - Vec3(0, 0, kRadius) - depth * Vec3(0, 0, 1);
+    const Vec3 end =
+        Vec3(80, 80, 28) + Vec3(0, 0, kRadius) / n.z() * 1.0 - Vec3(0, 0, kRadius) - depth * Vec3(0, 0, 1);
     const TipSolution s = equilibrium.advance(end, c, state);
     const double base = kRadius - n.dot(end + Vec3(0, 0, kRadius) - Vec3(80, 80, 28));
     const Equilibrium flat = law.advance(base, n.dot(c.cwiseProduct(n)), kRadius, flat_state);
@@ -75,7 +80,8 @@ TEST(TipEquilibrium, TiltedPlaneIsTheFlatProblemAlongItsNormal) {
   }
 }
 
-// A groove narrower than the tip: pressed straight down by symmetry, it leans on both flanks, sideways forces cancel.
+// A groove narrower than the tip: pressed straight down by symmetry, it leans on both flanks, sideways forces
+// cancel.
 TEST(TipEquilibrium, LeansOnBothFlanksOfAGroove) {
   const auto surface =
       sampled(161, 1.0, [](double x, double) { return 10 * (1 - 1 / (1 + (x - 80) * (x - 80) / 36)); });
@@ -101,7 +107,8 @@ TEST(TipEquilibrium, NonFiniteEndIsRefusedAndChangesNothing) {
   TipState state;
   equilibrium.advance(Vec3(0, 0, 1), Compliance(0, 0, 0.1), state);
   const Vec3 before = state.apex_w_nm;
-  EXPECT_EQ(equilibrium.advance(Vec3(0, NAN, 0), Compliance(0, 0, 0.1), state).status, SolveStatus::kNonFinite);
+  EXPECT_EQ(equilibrium.advance(Vec3(0, NAN, 0), Compliance(0, 0, 0.1), state).status,
+            SolveStatus::kNonFinite);
   EXPECT_EQ(state.apex_w_nm, before);
 }
 

@@ -43,9 +43,9 @@ TEST(ForceCurve, ColumnsAgreeWithEachOther) {
   }
 }
 
-// Work = ∮F dz, which is −∫ of the force column by the trapezium rule plus what a jump does at constant base, which is
-// nothing: the base does not move in a jump. The rule's error is O(step²) but O(step·ΔF) where a jump falls between two
-// rows: 1e-3 nm × 60 nN a jump.
+// Work = ∮F dz, which is −∫ of the force column by the trapezium rule plus what a jump does at constant base,
+// which is nothing: the base does not move in a jump. The rule's error is O(step²) but O(step·ΔF) where a
+// jump falls between two rows: 1e-3 nm × 60 nN a jump.
 TEST(ForceCurve, WorkIsTheIntegralOfTheForceAndTheLoopLosesEnergy) {
   for (const char* name : {"flat_silicon_oxide", "flat_polystyrene", "flat_pdms"}) {
     const auto scene = deployed(name);
@@ -67,8 +67,8 @@ TEST(ForceCurve, StepSizeDoesNotChangeWhatIsThere) {
     const std::size_t j = i < coarse.size() / 2 ? i * 100 : fine.size() - 1 - (coarse.size() - 1 - i) * 100;
     ASSERT_NEAR(fine[j].base_z_nm, coarse[i].base_z_nm, 1e-9);
     EXPECT_EQ(fine[j].branch, coarse[i].branch) << coarse[i].base_z_nm;
-    // Jumps are resolved between rows, so a hundred steps and one end in the same state; 2e-7: both have the law's error,
-    // 1e-9 of some 100 nN, and rows that differ by rounding of their base.
+    // Jumps are resolved between rows, so a hundred steps and one end in the same state; 2e-7: both have the
+    // law's error, 1e-9 of some 100 nN, and rows that differ by rounding of their base.
     EXPECT_NEAR(fine[j].force_nn, coarse[i].force_nn, 2e-7) << coarse[i].base_z_nm;
     EXPECT_NEAR(fine[j].work_aj, coarse[i].work_aj, 1e-5) << coarse[i].base_z_nm;
   }

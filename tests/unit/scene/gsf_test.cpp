@@ -62,27 +62,34 @@ TEST(Gsf, EveryMistakeIsOneLine) {
     fields.replace(fields.find(from), from.size(), to);
     return gsf(fields);
   };
-  EXPECT_EQ(error_of("P5 3 2"), "s.gsf: is no Gwyddion Simple Field: the first line must be 'Gwyddion Simple Field 1.0'");
-  EXPECT_EQ(error_of(""), "s.gsf: is no Gwyddion Simple Field: the first line must be 'Gwyddion Simple Field 1.0'");
+  EXPECT_EQ(error_of("P5 3 2"),
+            "s.gsf: is no Gwyddion Simple Field: the first line must be 'Gwyddion Simple Field 1.0'");
+  EXPECT_EQ(error_of(""),
+            "s.gsf: is no Gwyddion Simple Field: the first line must be 'Gwyddion Simple Field 1.0'");
   EXPECT_EQ(error_of("Gwyddion Simple Field 1.0\nXRes = 3\n"),
             "s.gsf: the header has no end: expected a NUL byte within the first 65536 bytes");
   EXPECT_EQ(error_of(with("XRes = 3\n", "")), "s.gsf: missing key XRes, expected an integer in [2, 8192]");
   EXPECT_EQ(error_of(with("XRes = 3", "XRes = 1")), "s.gsf: XRes is '1', expected an integer in [2, 8192]");
   EXPECT_EQ(error_of(with("XRes = 3", "XRes = 99999999999")),
             "s.gsf: XRes is '99999999999', expected an integer in [2, 8192]");
-  EXPECT_EQ(error_of(with("YRes = 2", "YRes = 2.5")), "s.gsf: YRes is '2.5', expected an integer in [2, 8192]");
+  EXPECT_EQ(error_of(with("YRes = 2", "YRes = 2.5")),
+            "s.gsf: YRes is '2.5', expected an integer in [2, 8192]");
   EXPECT_EQ(error_of(with("XYUnits = m", "XYUnits = um")), "s.gsf: XYUnits is 'um', expected 'm'");
   EXPECT_EQ(error_of(with("ZUnits = m\n", "")), "s.gsf: missing key ZUnits, expected 'm'");
-  EXPECT_EQ(error_of(with("XReal = 3e-08\n", "")), "s.gsf: missing key XReal, expected a length in [1e-10, 1e-3] m");
-  EXPECT_EQ(error_of(with("XReal = 3e-08", "XReal = 30")), "s.gsf: XReal is '30', expected a length in [1e-10, 1e-3] m");
+  EXPECT_EQ(error_of(with("XReal = 3e-08\n", "")),
+            "s.gsf: missing key XReal, expected a length in [1e-10, 1e-3] m");
+  EXPECT_EQ(error_of(with("XReal = 3e-08", "XReal = 30")),
+            "s.gsf: XReal is '30', expected a length in [1e-10, 1e-3] m");
   EXPECT_EQ(error_of(with("YReal = 1e-08", "YReal = nan")),
             "s.gsf: YReal is 'nan', expected a length in [1e-10, 1e-3] m");
-  EXPECT_EQ(error_of(with("XRes = 3", "XRes 3")), "s.gsf: header line 2 is 'XRes 3', expected 'name = value'");
+  EXPECT_EQ(error_of(with("XRes = 3", "XRes 3")),
+            "s.gsf: header line 2 is 'XRes 3', expected 'name = value'");
   EXPECT_EQ(error_of(good.substr(0, good.size() - 1)),
             "s.gsf: is truncated: " + std::to_string(good.size() - 1) + " bytes, expected " +
                 std::to_string(good.size()) + " for 3 x 2 samples");
   EXPECT_EQ(error_of(good + "x"), "s.gsf: has bytes after the data: " + std::to_string(good.size() + 1) +
-                                      " bytes, expected " + std::to_string(good.size()) + " for 3 x 2 samples");
+                                      " bytes, expected " + std::to_string(good.size()) +
+                                      " for 3 x 2 samples");
   std::vector<float> holes = kHeights;
   holes[1] = std::numeric_limits<float>::quiet_NaN();
   holes[4] = std::numeric_limits<float>::infinity();

@@ -37,8 +37,9 @@ height_nm = 20.0
 class SceneFile : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("telenano_scene_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
+    folder_ =
+        std::filesystem::temp_directory_path() /
+        ("telenano_scene_" + std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
@@ -57,7 +58,8 @@ class SceneFile : public ::testing::Test {
     } catch (const UserError& error) {
       std::string text = error.what();
       const std::string prefix = folder_.string() + "/";
-      for (auto at = text.find(prefix); at != std::string::npos; at = text.find(prefix)) text.erase(at, prefix.size());
+      for (auto at = text.find(prefix); at != std::string::npos; at = text.find(prefix))
+        text.erase(at, prefix.size());
       return text;
     }
     return "no error";
@@ -70,7 +72,8 @@ TEST_F(SceneFile, BuildsWhatItAsksForAndNoMore) {
   EXPECT_TRUE(scene->surface->is_flat());
   EXPECT_TRUE(scene->van_der_waals);
   // K = 4E*/3 with 1/E* = (1 − 0.27²)(1/70 + 1/160): closed form, to rounding.
-  EXPECT_NEAR(scene->law_parameters.contact_modulus_gpa, 4.0 / 3.0 / ((1 - 0.0729) * (1 / 70.0 + 1 / 160.0)), 1e-12);
+  EXPECT_NEAR(scene->law_parameters.contact_modulus_gpa, 4.0 / 3.0 / ((1 - 0.0729) * (1 / 70.0 + 1 / 160.0)),
+              1e-12);
   EXPECT_NEAR(scene->law_parameters.work_of_adhesion_n_m, 0.4, 1e-15);
   EXPECT_NEAR(scene->port_compliance_nm_nn().z(), 1 / 20.0 + 1 / 40.0, 1e-15);
   EXPECT_NEAR(scene->port_compliance_nm_nn().x(), 1 / 20.0, 1e-15);
@@ -101,16 +104,20 @@ TEST_F(SceneFile, EveryMistakeIsOneLine) {
   EXPECT_EQ(error_of("kind = \"flat\"", "kind = \"flat\"\nfile = \"none.gsf\""),
             "s.toml:8: unknown key 'file' in [surface]");
   EXPECT_EQ(error_of("stiffness_n_m = 40.0\n", ""),
-            "s.toml:8: 'stiffness_n_m' in [probe]: missing; expected one of stiffness_n_m, [probe.beam] or rigid = true");
-  EXPECT_EQ(error_of("stiffness_n_m = 40.0\n", "stiffness_n_m = 40.0\nrigid = true\n"),
-            "s.toml:10: 'stiffness_n_m' in [probe]: give only one of stiffness_n_m, [probe.beam] and rigid = true");
+            "s.toml:8: 'stiffness_n_m' in [probe]: missing; expected one of stiffness_n_m, [probe.beam] or "
+            "rigid = true");
+  EXPECT_EQ(
+      error_of("stiffness_n_m = 40.0\n", "stiffness_n_m = 40.0\nrigid = true\n"),
+      "s.toml:10: 'stiffness_n_m' in [probe]: give only one of stiffness_n_m, [probe.beam] and rigid = true");
   EXPECT_EQ(error_of("force_max_nn = 500.0", "force_max_nn = 40.0"),
-            "s.toml:18: 'force_max_nn' in [limits]: is 40, expected more than the adhesion of this tip, 50.2655 nN");
+            "s.toml:18: 'force_max_nn' in [limits]: is 40, expected more than the adhesion of this tip, "
+            "50.2655 nN");
   EXPECT_EQ(error_of("x_nm = 0.0", "x_nm = 1000.0"),
             "s.toml:20: 'x_nm' in [start] is 1000, expected a number in [-500, 500]");
   EXPECT_EQ(error_of("height_nm = 20.0", "height_nm = -1.0"),
             "s.toml:22: 'height_nm' in [start] is -1, expected a number in [0.5, 100]");
-  EXPECT_EQ(error_of("name = \"test\"", "name = \"\""), "s.toml:1: 'name' at the top level: expected 1 to 47 bytes");
+  EXPECT_EQ(error_of("name = \"test\"", "name = \"\""),
+            "s.toml:1: 'name' at the top level: expected 1 to 47 bytes");
   EXPECT_EQ(error_of("name = \"test\"", "name = \"test\"\ncolour = 1"),
             "s.toml:2: unknown key 'colour' at the top level");
 }
@@ -132,15 +139,18 @@ TEST(DeployedScenes, AllLoad) {
   EXPECT_GE(count, 4);
 }
 
-// λ and pull-off of the source paper's samples under a silicon tip of 20 nm (reference figures of six digits).
+// λ and pull-off of the source paper's samples under a silicon tip of 20 nm (reference figures of six
+// digits).
 TEST(DeployedScenes, FlatSamplesHaveTheReferenceFigures) {
   const struct {
     const char* name;
     double lambda, pull_off_nn;
-  } samples[] = {
-      {"flat_silicon_oxide", 0.73676, 41.4015}, {"flat_polystyrene", 4.04149, 21.7946}, {"flat_pdms", 408.71, 12.5034}};
+  } samples[] = {{"flat_silicon_oxide", 0.73676, 41.4015},
+                 {"flat_polystyrene", 4.04149, 21.7946},
+                 {"flat_pdms", 408.71, 12.5034}};
   for (const auto& sample : samples) {
-    const auto scene = load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + sample.name + ".toml");
+    const auto scene =
+        load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + sample.name + ".toml");
     const auto& law = scene->equilibrium->law();
     EXPECT_NEAR(law.lambda(20.0), sample.lambda, 1e-5 * sample.lambda);
     EXPECT_NEAR(law.pull_off_nn(20.0), sample.pull_off_nn, 1e-5 * sample.pull_off_nn);

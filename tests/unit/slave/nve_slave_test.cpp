@@ -17,7 +17,8 @@ std::shared_ptr<const scene::Scene> deployed(const char* name) {
 }
 
 // The same scene with other numbers, for tests only.
-std::shared_ptr<const scene::Scene> changed(const char* name, const std::function<void(scene::Scene&)>& change) {
+std::shared_ptr<const scene::Scene> changed(const char* name,
+                                            const std::function<void(scene::Scene&)>& change) {
   auto scene = std::make_shared<scene::Scene>(*deployed(name));
   change(*scene);
   return scene;
@@ -53,8 +54,9 @@ TEST(NveSlave, CouplingCantileverAndContactBalance) {
   EXPECT_GT(out.force_w_nn.z(), 50);
 }
 
-// Book of energy against an independent integral: work of the commanded end = −∫F·dx by the trapezium rule. In a jump the
-// end does not move, but the rule sees the force change over one step: error up to ΔF·step/2 a jump = 60 nN × 1e-3 nm.
+// Book of energy against an independent integral: work of the commanded end = −∫F·dx by the trapezium rule.
+// In a jump the end does not move, but the rule sees the force change over one step: error up to ΔF·step/2 a
+// jump = 60 nN × 1e-3 nm.
 TEST(NveSlave, ChargesTheWorkOfTheCommandedEndOnAFlat) {
   for (const char* name : {"flat_silicon_oxide", "flat_polystyrene", "flat_pdms"}) {
     NveSlave slave(deployed(name));
@@ -78,7 +80,8 @@ TEST(NveSlave, ChargesTheWorkOfTheCommandedEndOnAFlat) {
   }
 }
 
-// Whatever the path, the book is stored energy plus losses, and losses never shrink: no path draws energy from the scene.
+// Whatever the path, the book is stored energy plus losses, and losses never shrink: no path draws energy
+// from the scene.
 TEST(NveSlave, NoPathDrawsEnergy) {
   for (const char* name : {"flat_silicon_oxide", "flakes"}) {
     NveSlave slave(deployed(name));
@@ -94,7 +97,8 @@ TEST(NveSlave, NoPathDrawsEnergy) {
       const SlaveOutput out = go(slave, target);
       const double booked = out.energy_in_aj - out.energy_out_aj;
       // Rounding of the sums: 1e-16 × some 1e5 aJ each.
-      ASSERT_NEAR(booked, slave.trace().stored_aj - stored_at_start + slave.trace().dissipated_aj, 1e-8 * out.energy_in_aj + 1e-9);
+      ASSERT_NEAR(booked, slave.trace().stored_aj - stored_at_start + slave.trace().dissipated_aj,
+                  1e-8 * out.energy_in_aj + 1e-9);
       ASSERT_GE(slave.trace().dissipated_aj, dissipated);
       dissipated = slave.trace().dissipated_aj;
     }
@@ -102,7 +106,8 @@ TEST(NveSlave, NoPathDrawsEnergy) {
   }
 }
 
-// Damper alone, far from the surface: nothing to hold against, so it takes nothing. In contact: backward Euler's loss.
+// Damper alone, far from the surface: nothing to hold against, so it takes nothing. In contact: backward
+// Euler's loss.
 TEST(NveSlave, DamperOfTheCouplingLosesEnergy) {
   const auto damped = changed("flat_silicon_oxide", [](scene::Scene& s) { s.coupling.damping_n_s_m = 0.05; });
   NveSlave slave(damped);
