@@ -22,6 +22,11 @@ struct Shared {
   toml::table root;
 };
 
+std::string number_in(const Range& range) {
+  const std::string text = range.text();
+  return text.front() == 'a' ? text : "a number " + text;
+}
+
 std::string format_number(double x) {
   std::ostringstream out;
   out.precision(12);
@@ -91,7 +96,7 @@ struct TomlTable::Node {
   }
 
   double as_number(std::string_view key, const toml::node& node, const Range& range) const {
-    const std::string expected = "a number " + range.text();
+    const std::string expected = number_in(range);
     if (!node.is_integer() && !node.is_floating_point()) wrong(key, node, kind(node), expected);
     const double value = *node.value<double>();
     if (!range.contains(value)) wrong(key, node, format_number(value), expected);
@@ -148,7 +153,7 @@ struct TomlTable::Node {
 bool TomlTable::has(std::string_view key) const { return node_->find(key) != nullptr; }
 
 double TomlTable::number(std::string_view key, const Range& range) const {
-  return node_->as_number(key, node_->need(key, "a number " + range.text()), range);
+  return node_->as_number(key, node_->need(key, number_in(range)), range);
 }
 
 std::optional<double> TomlTable::optional_number(std::string_view key, const Range& range) const {

@@ -37,6 +37,7 @@ void prepare_hdf5() {
 std::string hdf5_reason() {
   std::string reason;
   H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, keep_reason, &reason);
+  H5Eclear2(H5E_DEFAULT);  // its texts would outlive the thread
   return reason.empty() ? "unknown HDF5 error" : reason;
 }
 

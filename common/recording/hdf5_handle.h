@@ -51,7 +51,7 @@ struct Progress {
   std::int64_t rows = 0;
   std::int64_t events = 0;
   std::int64_t rows_dropped = 0;
-  std::int64_t closed = 0;  ///< 1 once the writer ended in good order
+  std::int64_t closed = 0;  ///< 1 once the writer ended in good order, 2 once recovery mended the file
 };
 inline constexpr std::size_t kProgressFields = 4;
 

@@ -33,7 +33,7 @@ struct Configuration {
 struct RecorderOptions {
   std::filesystem::path path{};
   bool overwrite = false;          ///< an existing file is refused otherwise
-  std::size_t queue_rows = 16384;  ///< rows that may wait while the disk is busy: 4 s at 4 kHz, 9 MB
+  std::size_t queue_rows = 16384;  ///< rows that may wait while the disk is busy: 4 s at 4 kHz, 6 MB
   std::size_t queue_events = 1024;
   double flush_period_s = 0.25;  ///< at most this much, twice, is lost when the process is killed
   /// Told once, from the recorder's thread, when writing fails (a full disk): one line. The loop is not

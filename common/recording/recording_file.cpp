@@ -47,7 +47,8 @@ RecordingFile::RecordingFile(const std::filesystem::path& path, bool overwrite,
     : name_(path.string()) {
   prepare_hdf5();
   std::error_code ignored;
-  if (std::filesystem::exists(path, ignored)) {
+  const bool existed = std::filesystem::exists(path, ignored);
+  if (existed) {
     if (std::filesystem::is_directory(path, ignored))
       throw UserError(name_ + ": is a directory; a file name is expected");
     if (!overwrite) throw UserError(name_ + ": exists already; choose another name or allow overwriting");
@@ -62,12 +63,20 @@ RecordingFile::RecordingFile(const std::filesystem::path& path, bool overwrite,
   H5Pset_libver_bounds(access.get(), H5F_LIBVER_LATEST, H5F_LIBVER_LATEST);  // what SWMR needs
   const unsigned mode = overwrite ? H5F_ACC_TRUNC : H5F_ACC_EXCL;
   file_ = Handle(H5Fcreate(name_.c_str(), mode, H5P_DEFAULT, access.get()), H5Fclose);
-  if (!file_) throw UserError(name_ + ": cannot be created: " + hdf5_reason());
+  const auto forget_stump = [&] {  // a name without a recording would only be in the way of the next attempt
+    if (!existed && std::filesystem::is_regular_file(path, ignored)) std::filesystem::remove(path, ignored);
+  };
+  if (!file_) {
+    const std::string reason = hdf5_reason();
+    forget_stump();
+    throw UserError(name_ + ": cannot be created: " + reason);
+  }
   lock_fd_ = lock_recording(name_.c_str());
   try {
     create(configuration);
   } catch (...) {
     abandon();
+    forget_stump();
     throw;
   }
 }
@@ -148,7 +157,8 @@ void RecordingFile::create_datasets() {
   good = good && progress &&
          write_text_attribute(
              progress.get(), "description",
-             "confirmed by the writer: rows of /samples, rows of /events, rows dropped, 1 if closed");
+             "confirmed by the writer: rows of /samples, rows of /events, rows dropped, 1 if closed or 2 if "
+             "recovered");
   if (!good) throw UserError(name_ + ": cannot be written: " + hdf5_reason());
 }
 

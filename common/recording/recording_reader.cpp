@@ -41,6 +41,7 @@ class RecordingReader::Impl {
     Progress progress;
     if (!read_progress(file_.get(), progress)) broken("has no readable /progress");
     closed_ = plain_ && progress.closed != 0;
+    cut_short_ = progress.closed != 1;
     rows_dropped_ = static_cast<std::uint64_t>(std::max<std::int64_t>(progress.rows_dropped, 0));
     list_columns();
     // A recovered file has been cut to its confirmed rows already, so the same rule serves every file.
@@ -53,6 +54,7 @@ class RecordingReader::Impl {
   const std::filesystem::path& path() const { return path_; }
   std::size_t rows() const { return rows_; }
   bool closed() const { return closed_; }
+  bool cut_short() const { return cut_short_; }
   std::uint64_t rows_dropped() const { return rows_dropped_; }
   const std::vector<std::string>& columns() const { return columns_; }
   bool has(const std::string& column) const {
@@ -174,6 +176,7 @@ class RecordingReader::Impl {
   Handle file_;
   bool plain_ = false;
   bool closed_ = false;
+  bool cut_short_ = true;
   std::uint64_t rows_dropped_ = 0;
   std::size_t rows_ = 0;
   std::size_t events_ = 0;
@@ -190,6 +193,9 @@ const std::filesystem::path& RecordingReader::path() const noexcept {
 }
 std::size_t RecordingReader::rows() const noexcept {
   return impl_->rows();
+}
+bool RecordingReader::cut_short() const noexcept {
+  return impl_->cut_short();
 }
 bool RecordingReader::closed() const noexcept {
   return impl_->closed();

@@ -25,6 +25,8 @@ class RecordingReader {
   std::size_t rows() const noexcept;
   /// False when the file is still being written or its writer was killed.
   bool closed() const noexcept;
+  /// True when the writer did not end in good order, whether the file has been recovered since or not.
+  bool cut_short() const noexcept;
   std::uint64_t rows_dropped() const noexcept;  ///< as the writer counted
 
   bool has(const std::string& column) const;

@@ -92,7 +92,7 @@ Recovered recover(const std::filesystem::path& path) {
     read_progress(file.get(), progress);
     const std::array<std::int64_t, kProgressFields> fields{static_cast<std::int64_t>(result.rows),
                                                            static_cast<std::int64_t>(result.events),
-                                                           progress.rows_dropped, 1};
+                                                           progress.rows_dropped, 2};
     const Handle dataset(H5Dopen2(file.get(), kProgressDataset, H5P_DEFAULT), H5Dclose);
     if (H5Dwrite(dataset.get(), H5T_NATIVE_INT64, H5S_ALL, H5S_ALL, H5P_DEFAULT, fields.data()) < 0) {
       throw RunError(name + ": cannot be recovered: " + hdf5_reason());

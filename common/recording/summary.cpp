@@ -168,7 +168,7 @@ Summary summarise(const RecordingReader& reader) {
   Summary summary;
   summary.rows = reader.rows();
   summary.rows_dropped = reader.rows_dropped();
-  summary.closed = reader.closed();
+  summary.cut_short = reader.cut_short();
   if (summary.rows == 0) return summary;
   const Values time = read(reader, "time_s");
   summary.duration_s = time.back() - time.front();
@@ -183,7 +183,7 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   std::vector<std::pair<std::string, std::string>> lines;
   const auto add = [&](const char* name, std::string value) { lines.emplace_back(name, std::move(value)); };
   add("duration", text("%.2f s, %llu ticks%s", s.duration_s, static_cast<unsigned long long>(s.rows),
-                       s.closed ? "" : " (cut short)"));
+                       s.cut_short ? " (cut short)" : ""));
   add("pull-off force", text("%.4g nN", s.pull_off_force_nn));
   add("peak repulsion", text("%.4g nN", s.peak_repulsion_nn));
   add("greatest depth", text("%.3g nm", s.greatest_depth_nm));

@@ -20,7 +20,7 @@ struct Summary {
   std::uint64_t rows = 0;
   std::uint64_t rows_dropped = 0;  ///< by the recorder
   double duration_s = 0;
-  bool closed = true;  ///< false: the recording was cut short
+  bool cut_short = false;  ///< the writer did not end in good order
 
   double pull_off_force_nn = 0;  ///< largest attraction along W z, >= 0
   double peak_repulsion_nn = 0;  ///< largest repulsion along W z, >= 0

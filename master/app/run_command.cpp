@@ -92,16 +92,19 @@ std::uint64_t random_seed() {
   return (static_cast<std::uint64_t>(device()) << 32) | device();
 }
 
-station::StationConfig station_config(const RunOptions& options, StationFile& file) {
-  file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
+// The file, then the flags, which win.
+StationFile station_file(const RunOptions& options) {
+  StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   station::StationConfig& config = file.station;
   if (options.rate_hz) config.rate_hz = *options.rate_hz;
   if (options.method) config.method = control::parse_method(*options.method);
   if (options.velocity_scale) config.scaling.velocity = *options.velocity_scale;
   if (options.force_scale) config.scaling.force = *options.force_scale;
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
-  config.validate(options.config_file.empty() ? "command line" : options.config_file);
-  return config;
+  if (options.duration_s) file.task.duration_s = *options.duration_s;
+  if (options.depth_nm) file.task.depth_nm = *options.depth_nm;
+  finish_station_file(file, options.config_file.empty() ? "command line" : options.config_file);
+  return file;
 }
 
 // Handshake before there is a station: the slave's limits come with the Welcome.
@@ -151,24 +154,20 @@ void connect(link::ClientSession& session, net::Udp& socket, const net::Address&
   }
 }
 
-device::IntendedMotion intended_motion(const RunOptions& options, double start_height_nm) {
+device::IntendedMotion intended_motion(const RunOptions& options, device::TaskOptions task_options, double start_height_nm) {
   const device::Task task = device::parse_task(options.task);
   if (task == device::Task::kScript) {
     if (options.script.empty()) throw UserError("--task script needs --script FILE (CSV: t_s,x_nm,y_nm,z_nm)");
     return device::IntendedMotion::from_csv_file(options.script);
   }
-  device::TaskOptions task_options;
   task_options.start_height_nm = start_height_nm;
   task_options.retract_nm = std::max(task_options.retract_nm, start_height_nm);
-  if (options.duration_s) task_options.duration_s = *options.duration_s;
-  if (options.depth_nm) task_options.depth_nm = *options.depth_nm;
   return device::IntendedMotion::for_task(task, task_options);
 }
 
 device::SimDeviceConfig sim_device_config(const StationFile& file, double start_height_nm) {
   device::SimDeviceConfig config;
   config.plant = file.plant;
-  config.plant.period_s = 1.0 / file.station.rate_hz;
   config.metres_per_nm = file.station.scaling.hand_displacement_m(Vec3::UnitX()).x();
   config.start_height_nm = start_height_nm;
   return config;
@@ -193,8 +192,8 @@ int run(const RunOptions& options) {
     throw UserError(fmt::format("--device {}: unknown device; this build has: sim", options.device));
   }
   catch_signals();
-  StationFile file;
-  const station::StationConfig config = station_config(options, file);
+  const StationFile file = station_file(options);
+  const station::StationConfig& config = file.station;
   const net::Address server = net::parse_address(options.server, "--server");
   if (!net::is_loopback(server)) {
     throw UserError(fmt::format("--server {}: sessions off loopback would travel in the clear, and this version cannot "
@@ -210,7 +209,7 @@ int run(const RunOptions& options) {
 
   const link::Welcome welcome = session.welcome();
   const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
-  const device::IntendedMotion motion = intended_motion(options, start_height_nm);
+  const device::IntendedMotion motion = intended_motion(options, file.task, start_height_nm);
   device::SimDevice device(sim_device_config(file, start_height_nm), motion);
   const station::SlavePort port{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m, welcome.force_max_nn};
   // A command of tick k is answered for tick k+1: one sample of delay.

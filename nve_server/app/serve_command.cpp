@@ -2,7 +2,6 @@
 
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
-#include <time.h>
 
 #include <atomic>
 #include <chrono>
@@ -15,6 +14,7 @@
 #include <utility>
 
 #include "common/net/udp.h"
+#include "common/rt/steady_clock.h"
 #include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
@@ -34,15 +34,6 @@ void catch_signals() {
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
 }
-
-class MonotonicClock final : public rt::Clock {
- public:
-  std::int64_t now_ns() const noexcept override {
-    timespec t{};
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return static_cast<std::int64_t>(t.tv_sec) * 1'000'000'000 + t.tv_nsec;
-  }
-};
 
 link::SipKey fresh_secret() {
   std::random_device device;  // the kernel's generator
@@ -120,7 +111,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   catch_signals();
   log->info("serving {} on {}", options.scene, net::to_string(socket.local()));
 
-  const MonotonicClock clock;
+  const rt::SteadyClock clock;
   server::LoopStatus status;
   {
     const StatusPrinter printer(status, log);

@@ -18,6 +18,13 @@ bool FeetInUse::add(const FootMemory& memory, const SurfaceContact& contact, dou
   return true;
 }
 
+bool FeetInUse::add_if_new(const FootMemory& memory, const SurfaceContact& contact) noexcept {
+  for (int i = 0; i < count_; ++i) {
+    if ((feet_[i].contact.foot_w_nm - contact.foot_w_nm).squaredNorm() <= kMerge * kMerge) return false;
+  }
+  return add(memory, contact, 0.0);
+}
+
 void FeetInUse::replace_least(const FootMemory& memory, const SurfaceContact& contact) noexcept {
   int least = 0;
   for (int i = 1; i < count_; ++i) {

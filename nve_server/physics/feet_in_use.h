@@ -16,6 +16,8 @@ class FeetInUse {
   void clear() noexcept { count_ = 0; }
   /// False if there is no room.
   bool add(const FootMemory& memory, const SurfaceContact& contact, double share) noexcept;
+  /// False if it is one of those in use already, or there is no room.
+  bool add_if_new(const FootMemory& memory, const SurfaceContact& contact) noexcept;
   void replace_least(const FootMemory& memory, const SurfaceContact& contact) noexcept;
   void update(int i, const SurfaceContact& contact) noexcept { feet_[i].contact = contact; }
   void keep_deepest() noexcept;

@@ -30,40 +30,36 @@ double noncontact_crossing(const MaugisDugdale& curve, double eta, double start)
 }
 
 /// r(u) = y - sqrt(-2/P) = 0 in contact; r > 0 where Maugis–Dugdale attracts more (u too small).
-double contact_crossing(const MaugisDugdale& curve, double eta, double guess) noexcept {
+MaugisPoint contact_crossing(const MaugisDugdale& curve, double eta, double guess) noexcept {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double lo = 0;
-  double hi = std::numeric_limits<double>::infinity();
+  double hi = kInfinity;
   double u = guess > 0 ? guess : 0.92 * curve.lambda() * curve.lambda();
-  double last = 0;
+  MaugisPoint p;
   for (int i = 0; i < 100; ++i) {
-    const MaugisPoint p = curve.contact(u);
-    double next = 0;
+    p = curve.contact(u);
+    double next = -1;
     if (!(p.load < 0)) {
       hi = u;
-      next = 0.5 * (lo + hi);
     } else if (!(p.overlap_rate > 0)) {
       lo = u;
-      next = hi < std::numeric_limits<double>::infinity() ? 0.5 * (lo + hi) : 2.0 * u + 1e-6;
     } else {
       const double root = std::sqrt(-2.0 / p.load);
       const double r = (1.0 - eta * p.overlap) - root;
-      const double rate = -eta * p.overlap_rate + 0.5 * root * p.load_rate / p.load;
-      (r > 0 ? lo : hi) = u;
-      if (r == 0) return u;
-      next = u - r / rate;
-      const double size = std::fabs(next - u);
-      if (size <= 1e-15 * u || (size < 1e-8 * u && size * size * size <= 1e-17 * u * last * last))
-        return next;
-      last = size;
-      if (!(next > lo && next < hi)) {
-        next = hi < std::numeric_limits<double>::infinity() ? 0.5 * (lo + hi) : 2.0 * u + 1e-6;
-        last = 0;
+      const double step = -r / (-eta * p.overlap_rate + 0.5 * root * p.load_rate / p.load);
+      // To first order: what is left out is 1e-16 of the point.
+      if (std::fabs(step) <= 1e-8 * u) {
+        p.shift(step);
+        return p;
       }
+      (r > 0 ? lo : hi) = u;
+      next = u + step;
     }
-    if (next == u) return next;
+    if (!(next > lo && next < hi)) next = hi < kInfinity ? 0.5 * (lo + hi) : 2.0 * u + 1e-6;
+    if (next == u) return p;
     u = next;
   }
-  return u;
+  return p;
 }
 
 }  // namespace
@@ -86,7 +82,12 @@ OutsidePoint OutsideLaw::solve(double z, double compliance) const noexcept {
   // [0, 1/3]. Newton on v sqrt(1 + v) = sqrt(m) is as good at the jump to contact (m = 0) as far away.
   const double b = 1.0 - eta_ * z;
   if (compliance == 0) return at_gap(b);
-  const double m = 4.0 / 27.0 - 2.0 * compliance * eta_ / (b * b * b);
+  if (!(b > 0)) return at_gap(jump_gap(compliance));
+  const double k = 2.0 * compliance * eta_ / (b * b * b);
+  if (k < 1e-4) {  // far away: y/B = 1 - k - 2 k^2 - 7 k^3 - 30 k^4 ..., the rest below 2e-18
+    return at_gap(b * (1.0 - k * (1.0 + k * (2.0 + k * (7.0 + 30.0 * k)))));
+  }
+  const double m = 4.0 / 27.0 - k;
   if (!(m > 0)) return at_gap(jump_gap(compliance));
   const double root = std::sqrt(m);
   double v = root * (1.0 - 0.4 * root);
@@ -115,9 +116,10 @@ Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, do
   } else if (q < c0 && product(c0) < target) {
     h.inside = curve.noncontact(noncontact_crossing(curve, eta, c0));
   } else {
-    h.inside = curve.contact(contact_crossing(curve, eta, guess));
+    h.inside = contact_crossing(curve, eta, guess);
   }
-  h.gap = 1.0 - eta * h.inside.overlap;
+  // The gap of the same force: at large lambda 1 - eta Delta has lost digits.
+  h.gap = std::sqrt(-2.0 / h.inside.load);
   h.energy_offset = -2.0 / (eta * h.gap) - h.inside.energy;
   return h;
 }

@@ -26,6 +26,7 @@ double atan_to_one(double x) noexcept {
                                                   0.64350110879328437,
                                                   0.71882999962162453,
                                                   0.78539816339744828};
+  if (!(x >= 0 && x <= 1)) return std::numeric_limits<double>::quiet_NaN();
   const int i = static_cast<int>(8.0 * x + 0.5);
   const double centre = 0.125 * i;
   const double t = (x - centre) / (1.0 + x * centre);
@@ -136,17 +137,6 @@ double contact_energy(double lambda, const MaugisPoint& p, const Angle& g) noexc
          lambda * c3 * ((4.0 / 3.0) * lambda * x * x * (1.0 - x / 3.0) + 0.5 * (c * v1 + lambda * v2));
 }
 
-/// To first order from a state to another closer to it than the square root of a rounding error.
-void shift(MaugisPoint& p, double du) noexcept {
-  if (du == 0) return;
-  const double d_overlap = p.overlap_rate * du;
-  p.energy += (p.load + 0.5 * p.load_rate * du) * d_overlap;
-  p.overlap += d_overlap;
-  p.load += p.load_rate * du;
-  p.contact_radius += p.contact_radius_rate * du;
-  p.parameter += du;
-}
-
 }  // namespace
 
 MaugisDugdale::MaugisDugdale(double lambda) noexcept
@@ -200,34 +190,29 @@ MaugisPoint MaugisDugdale::fold(const Held& held) const noexcept {
     hi *= 2;
     rate_hi = rate(hi);
   }
-  // Illinois: regula falsi that halves the end that stays. 1e-11 of u is far more than needed: Z is
-  // stationary here.
-  int side = 0;
-  for (int i = 0; i < 100 && hi - lo > 1e-11 * hi; ++i) {
+  // Regula falsi of Anderson and Bjorck (BIT 13, 1973): the end that stays is weighted down by the success of
+  // the last step. Z is stationary here, so that 1e-9 of u, less after the last step, is far below rounding.
+  double last = hi;
+  int moved = 0;
+  for (int i = 0; i < 100; ++i) {
     double u = (lo * rate_hi - hi * rate_lo) / (rate_hi - rate_lo);
     if (!(u > lo && u < hi)) u = 0.5 * (lo + hi);
+    if (std::fabs(u - last) <= 1e-9 * u) return contact(u);
+    last = u;
     const double r = rate(u);
+    const bool upper = r > 0;
+    const double weight = 1.0 - r / (upper ? rate_hi : rate_lo);
+    (upper ? hi : lo) = u;
+    (upper ? rate_hi : rate_lo) = r;
+    if (moved == (upper ? 1 : -1)) (upper ? rate_lo : rate_hi) *= weight > 0 ? weight : 0.5;
+    moved = upper ? 1 : -1;
     if (r == 0) return contact(u);
-    if (r > 0) {
-      if (hi - u < 1e-13 * hi) {
-        hi = u;
-        break;
-      }
-      hi = u;
-      rate_hi = r;
-      if (side == 1) rate_lo *= 0.5;
-      side = 1;
-    } else {
-      lo = u;
-      rate_lo = r;
-      if (side == -1) rate_hi *= 0.5;
-      side = -1;
-    }
   }
   return contact(hi);
 }
 
-CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess) const noexcept {
+CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess,
+                                   double curvature) const noexcept {
   double fold_radius = 0;
   if (z <= held.overlap * onset_overlap_ + held.load * onset_load_ &&
       fold_before_contact(held, &fold_radius)) {
@@ -237,7 +222,7 @@ CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess) con
     if (discriminant < 0) return {CurveStatus::kNoState, noncontact(fold_radius), 0};
     return {CurveStatus::kOk, noncontact(std::min((p + std::sqrt(discriminant)) / e, onset_radius_)), 0};
   }
-  return solve_contact(z, held, guess);
+  return solve_contact(z, held, guess, curvature);
 }
 
 double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
@@ -252,12 +237,14 @@ double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
   return (2.0 / 3.0) * a * lambda_ * lambda_ + cubic * cubic / (1.0 + cubic);
 }
 
-CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double guess) const noexcept {
+CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double guess,
+                                           double curvature) const noexcept {
   CurveSolution out;
   double lo = 0;
   double hi = kInfinity;
   double u = guess > 0 ? guess : cold_guess(z, held);
   double last_step = 0;
+  const double bend = curvature != 0 ? std::fabs(curvature) : kInfinity;
   bool fold_known = false;
   for (out.evaluations = 1; out.evaluations <= 100; ++out.evaluations) {
     const Angle g = angle_of(u);
@@ -289,13 +276,15 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
     double step = -residual / rate;
     const double scale = held.overlap * (p.contact_radius * p.contact_radius + std::fabs(p.overlap)) +
                          held.load * std::fabs(p.load);
-    // The next Newton step would be about step^2 times what this one was to the last one's square.
     const double size = std::fabs(step);
-    const bool last = std::fabs(residual) <= kEpsilon * scale ||
-                      (size < 1e-8 * u && size * size * size <= 0.1 * kEpsilon * u * last_step * last_step);
+    // The error after this step: half the curvature times its square, the curvature being known to the caller
+    // or from how this step compares with the last one.
+    const double left =
+        last_step != 0 ? size * size * size / (last_step * last_step) : size * size * bend / rate;
+    const bool last = std::fabs(residual) <= kEpsilon * scale || (size < 1e-7 * u && left <= kEpsilon * u);
     if (last) {
       p.energy = contact_energy(lambda_, p, g);
-      shift(p, std::max(step, -u));
+      p.shift(std::max(step, -u));
       return out;
     }
     if (residual < 0) {

@@ -23,8 +23,13 @@ namespace telenano::physics {
 /// compliance c
 ///           holds. dP/dDelta grows monotonically along the stable curve, so the stable states form one
 ///           segment, from the fold of Z to deep contact, and Z is convex and monotone on it.
-/// Validity  lambda 1e-3 ... 1.2e4, Delta to 1e4: forces within 1e-13 or so of the exact law (relative to
-///           |P| + |pull-off|), away from the folds, where the slope multiplies the rounding of Delta.
+/// Validity  lambda 1e-3 ... 1.2e4, Delta to 1e4 and beyond (a/R < 0.5 for the half-space theory to hold,
+/// which is for the
+///           caller to check).
+/// Errors    Against 50 digits: force within 1e-10 (|P| + |pull-off|) down to 1e-11 above a fold and some
+/// 1e-14 away from it,
+///           energy within 1e-13 max(|U|, |U(onset)|, 1). dP/dDelta is exact to some 1e-8 (taken one small
+///           Newton step away).
 /// Source    D. Maugis, J. Colloid Interface Sci. 150 (1992) 243-269.
 
 /// What is held: Z = overlap * Delta + load * P. {1, c} a spring of compliance c, {1, 0} the overlap, {0, 1}
@@ -48,6 +53,15 @@ struct MaugisPoint {
   double energy = 0;               ///< integral of P dDelta along the curve from C = 0
 
   double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
+  /// Moves by a small `ds` along the curve, to first order (the energy to second).
+  void shift(double ds) noexcept {
+    if (ds == 0) return;
+    energy += (load + 0.5 * load_rate * ds) * (overlap_rate * ds);
+    overlap += overlap_rate * ds;
+    load += load_rate * ds;
+    contact_radius += contact_radius_rate * ds;
+    parameter += ds;
+  }
   double held_rate(const Held& h) const noexcept { return h.overlap * overlap_rate + h.load * load_rate; }
 };
 
@@ -79,11 +93,13 @@ class MaugisDugdale {
   MaugisPoint fold(const Held& held) const noexcept;
 
   /// The stable state that holds Z. `guess` is a contact parameter to start from; 0 or less: none.
-  CurveSolution solve(double z, const Held& held, double guess = 0) const noexcept;
+  /// `curvature` is an estimate of d2Z/du2 near the guess (0: none), which lets a good guess be accepted
+  /// after one evaluation.
+  CurveSolution solve(double z, const Held& held, double guess = 0, double curvature = 0) const noexcept;
 
  private:
   bool fold_before_contact(const Held& held, double* outer_radius) const noexcept;
-  CurveSolution solve_contact(double z, const Held& held, double guess) const noexcept;
+  CurveSolution solve_contact(double z, const Held& held, double guess, double curvature) const noexcept;
   double cold_guess(double z, const Held& held) const noexcept;
 
   double lambda_;

@@ -63,10 +63,11 @@ SampleTops::SampleTops(const HeightGrid& grid)
       block_top_(tops(grid.z_nm, grid.columns, grid.rows, kBlock)),
       super_top_(tops(block_top_, block_columns_, block_rows_, kBlock)) {}
 
-SampleTops::Sample SampleTops::nearest(const Vec3& point, double limit_nm, const Disc* discs,
+SampleTops::Sample SampleTops::nearest(const Vec3& point, double limit_nm, double known_nm, const Disc* discs,
                                        int disc_count) const noexcept {
   Sample best;
   double best_sq = limit_nm * limit_nm;
+  const double known_sq = known_nm * known_nm;
   const double reach_sq = best_sq - above_sq(point.z(), highest_);
   if (!(reach_sq > 0.0)) return best;
   const double reach = std::sqrt(reach_sq);
@@ -103,7 +104,7 @@ SampleTops::Sample SampleTops::nearest(const Vec3& point, double limit_nm, const
               const double sq = x * x + y * y + height * height;
               if (sq >= best_sq) continue;
               bool known = false;
-              for (int i = 0; i < disc_count; ++i) {
+              for (int i = 0; i < disc_count && sq >= known_sq; ++i) {
                 const double ex = x_of(column) - discs[i].x_nm;
                 const double ey = y_of(row) - discs[i].y_nm;
                 known = known || ex * ex + ey * ey < discs[i].radius_nm * discs[i].radius_nm;

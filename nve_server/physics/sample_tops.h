@@ -14,7 +14,7 @@ class SampleTops {
  public:
   explicit SampleTops(const HeightGrid& grid);
 
-  /// A part of the plane in which no answer is wanted: around a foot that is known already.
+  /// A part of the plane around a foot that is known already.
   struct Disc {
     double x_nm = 0;
     double y_nm = 0;
@@ -27,8 +27,9 @@ class SampleTops {
     double distance_nm = 0;
   };
 
-  /// The nearest sample that is nearer than `limit_nm` and in none of the discs.
-  Sample nearest(const Vec3& point_w_nm, double limit_nm, const Disc* discs, int disc_count) const noexcept;
+  /// The nearest sample that is nearer than `limit_nm`, or than `known_nm` <= limit_nm if it lies in one of the discs.
+  Sample nearest(const Vec3& point_w_nm, double limit_nm, double known_nm, const Disc* discs,
+                 int disc_count) const noexcept;
 
   double highest_nm() const noexcept { return highest_; }
   double lowest_nm() const noexcept { return lowest_; }

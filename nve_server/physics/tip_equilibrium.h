@@ -32,6 +32,7 @@ struct TipState {
   Vec3 normal_w = Vec3::UnitZ();
   double force_nn = 0;
   double stiffness_n_m = 0;
+  double radius_nm = 0;
 };
 
 struct TipSolution {
@@ -97,6 +98,8 @@ class TipEquilibrium {
  private:
   TipSolution advance_flat(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                            TipState& state) const noexcept;
+  TipSolution advance_curved(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
+                             TipState& state) const noexcept;
 
   std::shared_ptr<const Surface> surface_;
   TipSampleLaw law_;

@@ -12,6 +12,7 @@
 namespace telenano::physics {
 namespace {
 
+constexpr double kLargest = 1e30;   // dimensionless arguments beyond this are as good as infinite
 constexpr double kSteepest = 1e12;  // stands for the infinite slope at a fold, so that callers stay finite
 
 /// One step in dimensionless terms.
@@ -39,10 +40,19 @@ class Step {
 
  private:
   const Handover& handover() noexcept {
-    if (!cache_.has_handover) {
-      cache_.handover = find_handover(cache_.curve, cache_.outside, cache_.handover_guess);
-      cache_.has_handover = true;
-    }
+    if (cache_.has_handover) return cache_.handover;
+    const double lambda = cache_.curve.lambda();
+    double* at = cache_.handover_lambda;
+    double* ratio = cache_.handover_ratio;
+    double guess = ratio[0];
+    if (ratio[1] > 0 && at[0] != at[1]) guess += (ratio[0] - ratio[1]) / (at[0] - at[1]) * (lambda - at[0]);
+    if (!(std::fabs(lambda - at[0]) < 0.1 * at[0])) guess = 0;
+    cache_.handover = find_handover(cache_.curve, cache_.outside, guess * lambda * lambda);
+    cache_.has_handover = true;
+    at[1] = at[0];
+    ratio[1] = ratio[0];
+    at[0] = lambda;
+    ratio[0] = cache_.handover.inside.contact ? cache_.handover.inside.parameter / (lambda * lambda) : 0;
     return cache_.handover;
   }
 
@@ -61,11 +71,29 @@ class Step {
 
   void solve_inside(double z) noexcept {
     double guess = cache_.u;
+    double curvature = 0;
     if (cache_.compliance == compliance_ && cache_.rate > 0) {
-      const double step = (z - cache_.z) / cache_.rate;
-      if (std::fabs(step) < 0.5 * guess) guess += step;
+      const double first = (z - cache_.z) / cache_.rate;
+      const double second = -0.5 * cache_.curvature * first * first / cache_.rate;
+      if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first)) {
+        guess += first + second;
+        if (std::fabs(first) < 0.03 * guess) curvature = cache_.curvature;
+      }
     }
-    solution_ = cache_.curve.solve(z, held_, guess);
+    solution_ = cache_.curve.solve(z, held_, guess, curvature);
+  }
+
+  void remember(const MaugisPoint& p) noexcept {
+    const double rate = p.contact ? p.held_rate(held_) : 0;
+    const double u = p.contact ? p.parameter : 0;
+    const bool comparable = cache_.compliance == compliance_ && cache_.rate > 0 && rate > 0 &&
+                            cache_.lambda == cache_.curve.lambda() && u != cache_.u;
+    cache_.curvature = comparable ? (rate - cache_.rate) / (u - cache_.u) : 0;
+    cache_.lambda = cache_.curve.lambda();
+    cache_.compliance = compliance_;
+    cache_.z = z_;
+    cache_.u = u;
+    cache_.rate = rate;
   }
 
   /// False when the tip goes in; it is then solved inside at z.
@@ -122,27 +150,23 @@ class Step {
     out.status =
         solution_.status == CurveStatus::kNotConverged ? SolveStatus::kNotConverged : SolveStatus::kOk;
     out.branch = p.contact ? Branch::kContact : Branch::kNonContact;
-    out.overlap_nm = (compliance_ == 0 ? z_ : p.overlap) * s.overlap_nm;
+    out.overlap_nm = p.overlap * s.overlap_nm;
     out.force_nn = p.load * s.force_nn;
     const double slope = p.overlap_rate > 0 ? p.load_rate / p.overlap_rate : -kSteepest;
     out.stiffness_n_m = std::max(slope, -kSteepest) * (s.force_nn / s.overlap_nm);
     out.contact_radius_nm = p.contact_radius * s.length_nm;
     out.potential_aj = (p.energy + offset()) * s.energy_aj;
-    cache_.compliance = compliance_;
-    cache_.z = z_;
-    cache_.u = p.contact ? p.parameter : 0;
-    cache_.rate = p.contact ? p.held_rate(held_) : 0;
+    remember(p);
   }
 
   void write_outside(Equilibrium& out) noexcept {
     const ContactScales& s = cache_.scales;
     if (!van_der_waals_) {
       out.branch = Branch::kFree;
-      out.overlap_nm = z_ * s.overlap_nm;
       return;
     }
     out.branch = Branch::kVanDerWaals;
-    out.overlap_nm = (compliance_ == 0 ? z_ : outside_.overlap) * s.overlap_nm;
+    out.overlap_nm = outside_.overlap * s.overlap_nm;
     out.force_nn = outside_.load * s.force_nn;
     out.stiffness_n_m = outside_.slope * (s.force_nn / s.overlap_nm);
     out.potential_aj = outside_.energy * s.energy_aj;
@@ -194,15 +218,10 @@ double TipSampleLaw::pull_off_nn(double radius_nm) const noexcept {
 
 void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexcept {
   if (cache.radius_nm == radius_nm) return;
-  const double before = cache.scales.lambda;
   cache.radius_nm = radius_nm;
   cache.scales = scales(radius_nm);
   cache.curve = MaugisDugdale(cache.scales.lambda);
   cache.outside = OutsideLaw(cache.scales.lambda);
-  const double ratio = before > 0 ? cache.scales.lambda / before : 0;
-  if (cache.has_handover)
-    cache.handover_guess = cache.handover.inside.contact ? cache.handover.inside.parameter : 0;
-  cache.handover_guess *= ratio * ratio;
   cache.has_handover = false;
 }
 
@@ -217,8 +236,14 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
   TipSampleCache& cache = state.cache;
   prepare(radius_nm, cache);
   const ContactScales& s = cache.scales;
-  Step step(base_overlap_nm / s.overlap_nm, compliance_nm_nn * (s.force_nn / s.overlap_nm),
-            parameters_.van_der_waals, cache);
+  const double z = base_overlap_nm / s.overlap_nm;
+  const double compliance = compliance_nm_nn * (s.force_nn / s.overlap_nm);
+  if (!(std::fabs(z) < kLargest && compliance < kLargest && s.lambda < kLargest &&
+        s.lambda > 1.0 / kLargest)) {
+    out.status = SolveStatus::kNonFinite;
+    return out;
+  }
+  Step step(z, compliance, parameters_.van_der_waals, cache);
   step.run(out, state.branch);
   if (!std::isfinite(out.force_nn) ||
       !std::isfinite(out.potential_aj)) {  // scales beyond the range of numbers
@@ -227,6 +252,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     none.status = SolveStatus::kNonFinite;
     return none;
   }
+  if (compliance == 0 || out.branch == Branch::kFree) out.overlap_nm = base_overlap_nm;
   out.dissipated_aj = step.dissipated() * s.energy_aj;
   out.jumps = step.jumps();
   state.branch = out.branch;

@@ -35,12 +35,16 @@ struct TipSampleCache {
   OutsideLaw outside{1.0};
   bool has_handover = false;
   Handover handover;
-  double handover_guess = 0;  ///< of the last lambda, scaled to this one
-  // Last state inside, to extrapolate from.
+  // The last two handovers in contact, to extrapolate u/lambda^2 from.
+  double handover_lambda[2] = {0, 0};
+  double handover_ratio[2] = {0, 0};
+  // The last two states in contact, to extrapolate from.
+  double lambda = 0;
   double compliance = -1;
   double z = 0;
   double u = 0;
-  double rate = 0;
+  double rate = 0;       // dZ/du
+  double curvature = 0;  // d2Z/du2
 };
 
 /// What must be remembered between steps: which of the stable states the tip is in, and a warm start. A state

@@ -1,12 +1,17 @@
 // What an exchange costs without its socket, next to the floor: copying packed structs.
 #include <benchmark/benchmark.h>
 
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
 #include <array>
 #include <cstring>
 
 #include "common/link/codec.h"
 #include "common/link/wire_scan.h"
 #include "common/net/sim_link.h"
+#include "common/net/udp.h"
 #include "nve_server/server/server.h"
 #include "tests/unit/link/golden_messages.h"
 #include "tests/unit/server/virtual_session.h"
@@ -95,6 +100,76 @@ void server_exchange(benchmark::State& state) {
   if (server.drops().total() != 0) state.SkipWithError("dropped");
 }
 BENCHMARK(server_exchange);
+
+// Over loopback UDP, both ends on one thread: four system calls an exchange and no wake-ups, so that what the
+// product adds to the floor is not lost in the scheduler's noise. The floor moves the same bytes by plain
+// calls.
+struct LoopbackPair {
+  net::Udp server = net::Udp::listen(net::parse_address("127.0.0.1:0", "bench"));
+  net::Udp client = net::Udp::open_for(server.local());
+  net::Address at = server.local();
+};
+
+void floor_udp_one_thread(benchmark::State& state) {
+  const int server = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK, 0);
+  const int client = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK, 0);
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t length = sizeof at;
+  if (bind(server, reinterpret_cast<sockaddr*>(&at), sizeof at) != 0) state.SkipWithError("bind");
+  getsockname(server, reinterpret_cast<sockaddr*>(&at), &length);
+  const auto golden = link::GoldenMessages{}.encoded();
+  const auto& command = golden[4];
+  const auto& reply = golden[5];
+  Buffer buffer{};
+  for (auto _ : state) {
+    sockaddr_in from{};
+    socklen_t n = sizeof from;
+    sendto(client, command.data(), command.size(), 0, reinterpret_cast<sockaddr*>(&at), sizeof at);
+    benchmark::DoNotOptimize(
+        recvfrom(server, buffer.data(), buffer.size(), 0, reinterpret_cast<sockaddr*>(&from), &n));
+    sendto(server, reply.data(), reply.size(), 0, reinterpret_cast<sockaddr*>(&from), n);
+    benchmark::DoNotOptimize(
+        recvfrom(client, buffer.data(), buffer.size(), 0, reinterpret_cast<sockaddr*>(&from), &n));
+  }
+  close(server);
+  close(client);
+}
+BENCHMARK(floor_udp_one_thread);
+
+void exchange_udp_one_thread(benchmark::State& state) {
+  LoopbackPair pair;
+  server::Server server(server::test_config(), server::spring_scene());
+  link::ClientSession client({});
+  client.start(0);
+  Buffer buffer{};
+  Buffer out{};
+  net::Received received;
+  std::int64_t now_ns = 0;
+  std::uint64_t replies = 0;
+  const auto exchange = [&] {
+    now_ns += 1'000'000;
+    if (const std::size_t n = client.poll(now_ns, buffer)) pair.client.send({buffer.data(), n}, pair.at);
+    link::Command c = server::VirtualSession::engaged();
+    if (const std::size_t n = client.make_command(c, now_ns, buffer))
+      pair.client.send({buffer.data(), n}, pair.at);
+    if (pair.server.receive(buffer, received)) {
+      const std::size_t n = server.on_datagram({buffer.data(), received.size}, received.from, now_ns, out);
+      if (n > 0) pair.server.send({out.data(), n}, received.from);
+    }
+    if (pair.client.receive(buffer, received)) {
+      replies +=
+          client.on_datagram({buffer.data(), received.size}, now_ns) == link::ClientEvent::kReply ? 1 : 0;
+    }
+  };
+  for (int i = 0; i < 10; ++i) exchange();
+  const std::uint64_t before = replies;
+  for (auto _ : state) exchange();
+  if (replies - before != static_cast<std::uint64_t>(state.iterations()))
+    state.SkipWithError("an exchange was lost");
+}
+BENCHMARK(exchange_udp_one_thread);
 
 void whole_tick_over_sim_link(benchmark::State& state) {
   server::Server server(server::test_config(), server::spring_scene());

@@ -48,8 +48,11 @@ class WorkIntegral {
     const double mid = 0.5 * (from + to);
     TipSampleState at_mid = state;
     law_.advance(mid, compliance_, radius_nm_, at_mid);
+    TipSampleState at_end = at_mid;
+    law_.advance(to, compliance_, radius_nm_, at_end);
+    const bool smooth = state.branch == at_end.branch && at_mid.branch == at_end.branch;
     const double halves = gauss(from, mid, state) + gauss(mid, to, at_mid);
-    if (depth >= 48 || (depth > 3 && std::fabs(whole - halves) <= tolerance)) return halves;
+    if (depth >= 48 || (depth > 7 && smooth && std::fabs(whole - halves) <= tolerance)) return halves;
     return run(from, mid, state, tolerance, depth + 1) + run(mid, to, at_mid, tolerance, depth + 1);
   }
 

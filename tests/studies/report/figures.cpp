@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 #include <map>
+#include <string_view>
 
 #include "common/base/error.h"
 #include "tests/studies/report/decimate.h"
@@ -32,7 +33,7 @@ set encoding utf8
 set border 3 lc rgb '#666666' lw 1
 set tics nomirror out scale 0.6 textcolor rgb '#333333'
 set grid lc rgb '#E4E4E4' lt 1 lw 1
-set key top right Right samplen 1.6 spacing 1.15 opaque fc rgb '#FFFFFF' noenhanced textcolor rgb '#222222'
+set key top right Right samplen 1.6 spacing 1.15 noenhanced textcolor rgb '#222222'
 set style data lines
 set style fill solid 0.5 noborder
 set bmargin 0
@@ -89,7 +90,7 @@ std::string column_of_panels(const std::vector<Panel>& panels, double left, doub
                              const std::string& title) {
   constexpr double kTop = 0.94;
   constexpr double kBottom = 0.09;
-  constexpr double kGap = 0.03;
+  constexpr double kGap = 0.05;
   const double n = static_cast<double>(panels.size());
   const double height = (kTop - kBottom - kGap * (n - 1)) / n;
   std::string script = fmt::format(
@@ -102,6 +103,9 @@ std::string column_of_panels(const std::vector<Panel>& panels, double left, doub
                   : "unset title\n";
     script += i + 1 == panels.size() ? "set format x '%g'\nset xlabel 'time (s)' offset 0,0.3\n"
                                      : "set format x ''\nunset xlabel\n";
+    // One curve is named by its axis; several have a legend above the panel, where it hides nothing.
+    script += panels[i].curves.size() > 1 ? "set key at graph 1, graph 1.02 bottom right horizontal\n"
+                                          : "unset key\n";
     script += fmt::format("set ylabel {} offset 0.5,0\n{}", quoted(panels[i].y_label), panels[i].settings);
     std::string curves;
     for (const std::string& one : panels[i].curves) curves += (curves.empty() ? "" : ", \\\n  ") + one;
@@ -110,10 +114,11 @@ std::string column_of_panels(const std::vector<Panel>& panels, double left, doub
   return script;
 }
 
-/// A range for an axis that holds all of the values, zero, and a little air.
-std::string y_range(std::initializer_list<const std::vector<double>*> all) {
-  double low = 0;
-  double high = 0;
+/// A range for an axis that holds all of the values and a little air, with about four tics. `with_zero` where
+/// zero means something.
+std::string y_range(std::initializer_list<const std::vector<double>*> all, bool with_zero = true) {
+  double low = with_zero ? 0.0 : HUGE_VAL;
+  double high = with_zero ? 0.0 : -HUGE_VAL;
   for (const auto* values : all) {
     for (const double value : *values) {
       if (!std::isfinite(value)) continue;
@@ -121,9 +126,14 @@ std::string y_range(std::initializer_list<const std::vector<double>*> all) {
       high = std::max(high, value);
     }
   }
-  if (high - low <= 0) high = low + 1;
+  if (low > high) low = high = 0;
+  if (high - low <= 1e-12 * std::max(std::abs(low), std::abs(high))) high = low + 1;
   const double air = 0.06 * (high - low);
-  return fmt::format("set yrange [{:.6g}:{:.6g}]\n", low - air, high + air);
+  const double raw_step = (high - low) / 4;
+  const double decade = std::pow(10.0, std::floor(std::log10(raw_step)));
+  const double mantissa = raw_step / decade;
+  const double step = decade * (mantissa <= 1 ? 1 : mantissa <= 2 ? 2 : mantissa <= 5 ? 5 : 10);
+  return fmt::format("set yrange [{:.6g}:{:.6g}]\nset ytics {:.6g}\n", low - air, high + air, step);
 }
 
 }  // namespace
@@ -166,6 +176,10 @@ void FigureMaker::draw(Figure& figure, int width, int height, const std::string&
   // Inside a page there is no prolog.
   const auto begin = svg.find("<svg");
   figure.svg = begin == std::string::npos ? "" : svg.substr(begin);
+  static constexpr std::string_view kCanvas =
+      "id=\"gnuplot_canvas\"";  // the same in every figure: once a page only
+  const auto canvas = figure.svg.find(kCanvas);
+  if (canvas != std::string::npos) figure.svg.replace(canvas, kCanvas.size(), "class=\"canvas\"");
 }
 
 Figure FigureMaker::position_and_force(const RunData& run) {
@@ -185,7 +199,7 @@ Figure FigureMaker::position_and_force(const RunData& run) {
   const std::string lateral = series("lateral_nm", run.lateral_nm);
   std::vector<Panel> panels;
   panels.push_back({run.surface_known ? "height (nm)" : "z (nm)", heights,
-                    y_range({&run.target_height_nm, &run.tip_height_nm})});
+                    y_range({&run.target_height_nm, &run.tip_height_nm}, run.surface_known)});
   if (*std::max_element(run.lateral_nm.begin(), run.lateral_nm.end()) > 1.0) {
     panels.push_back({"lateral (nm)",
                       {curve(lateral, kPurple, 1.4, "in the plane, from the start")},
@@ -227,7 +241,7 @@ Figure FigureMaker::force_distance(const RunData& run) {
                                   run.tip_force_nn.begin() + static_cast<std::ptrdiff_t>(leg.end));
       // The legs share the budget of points.
       for (const Point& point :
-           decimate(x, y, std::max<std::size_t>(2000 / std::max<std::size_t>(count, 1), 40))) {
+           decimate(x, y, std::max<std::size_t>(1300 / std::max<std::size_t>(count, 1), 40))) {
         out << fmt::format("{:.7g},{:.7g}\n", point.x, point.y);
       }
       out << '\n';  // a blank line lifts the pen
@@ -238,18 +252,19 @@ Figure FigureMaker::force_distance(const RunData& run) {
   };
   const std::string above = run.surface_known ? "height above the surface (nm)" : "z (nm)";
   const auto panel = [&](const char* name, const std::vector<double>& height, const std::string& label) {
-    return fmt::format("set xlabel {}\nset title {} font ',13'\nplot {}, \\\n  {}\n", quoted(above),
-                       quoted(label), curve(write_legs(name, height, true), kBlue, 1.6, "approach"),
+    return fmt::format("set xlabel {}\nset title {} noenhanced font ',13'\nplot {}, \\\n  {}\n",
+                       quoted(above), quoted(label),
+                       curve(write_legs(name, height, true), kBlue, 1.6, "approach"),
                        curve(write_legs(name, height, false), kRed, 1.6, "retract"));
   };
   std::string script =
-      "set multiplot\nset tmargin at screen 0.91\nset bmargin at screen 0.14\nset xzeroaxis lc rgb "
+      "set multiplot\nset tmargin at screen 0.90\nset bmargin at screen 0.14\nset xzeroaxis lc rgb "
       "'#999999' lt 1\nset ylabel 'force on the tip (nN)'\n" +
       y_range({&run.tip_force_nn});
   script += "set lmargin at screen 0.09\nset rmargin at screen 0.50\n" +
-            panel("target_height_nm", run.target_height_nm, "against the commanded height");
+            panel("target_height_nm", run.target_height_nm, run.label + ": against the commanded height");
   script += "unset ylabel\nset lmargin at screen 0.57\nset rmargin at screen 0.98\n" +
-            panel("tip_height_nm", run.tip_height_nm, "against the height of the apex");
+            panel("tip_height_nm", run.tip_height_nm, run.label + ": against the height of the apex");
   if (run.legs.empty()) {
     script +=
         "set label 1 'no approach and no retract in this run' at screen 0.5, screen 0.5 center\nreplot\n";
@@ -295,6 +310,8 @@ Figure FigureMaker::round_trips(const std::vector<RunData>& runs) {
       ""};
   std::string curves;
   std::size_t colour = 0;
+  double least = HUGE_VAL;
+  double most = 0;
   for (const RunData& run : runs) {
     std::map<int, std::size_t> bins;
     for (const double rtt : run.rtt_us) ++bins[static_cast<int>(std::floor(20 * std::log10(rtt)))];
@@ -313,21 +330,29 @@ Figure FigureMaker::round_trips(const std::vector<RunData>& runs) {
       }
     }
     if (!out.flush()) throw RunError((folder_ / file).string() + ": cannot be written");
-    const std::string title = fmt::format("{}: p50 {:.0f} us, p99 {:.0f} us", run.label,
+    const std::string title = fmt::format("{}: p50 {:.0f} µs, p99 {:.0f} µs", run.label,
                                           run.summary.rtt_us.p50, run.summary.rtt_us.p99);
-    curves += fmt::format(
-        "{}'{}' using 1:2 with fillsteps fs transparent solid 0.15 noborder lc rgb '{}' notitle, \\\n  "
-        "'{}' using 1:2 with steps lc rgb '{}' lw 1.8 title {}",
-        curves.empty() ? "" : ", \\\n  ", file, kRunColours[colour % kRunColours.size()], file,
-        kRunColours[colour % kRunColours.size()], quoted(title));
+    curves += fmt::format("{}'{}' using 1:2 with steps lc rgb '{}' lw 1.8 title {}",
+                          curves.empty() ? "" : ", \\\n  ", file, kRunColours[colour % kRunColours.size()],
+                          quoted(title));
+    for (const double rtt : run.rtt_us) {
+      least = std::min(least, rtt);
+      most = std::max(most, rtt);
+    }
     ++colour;
   }
+  if (least > most) least = most = 100;
+  std::string tics;
+  for (double decade = 1; decade < 1e9; decade *= 10) {
+    for (const int digit : {1, 2, 5}) tics += fmt::format("{}{:g}", tics.empty() ? "" : ", ", digit * decade);
+  }
   draw(figure, 900, 400,
-       "set lmargin at screen 0.09\nset rmargin at screen 0.98\nset tmargin at screen 0.96\nset bmargin at "
-       "screen "
-       "0.14\nset logscale xy\nset format y '10^{%L}'\nset xlabel 'round trip (us)'\nset ylabel 'fraction of "
-       "replies'\nplot " +
-           curves + "\n");
+       fmt::format(
+           "set lmargin at screen 0.09\nset rmargin at screen 0.98\nset tmargin at screen 0.96\n"
+           "set bmargin at screen 0.14\nset logscale xy\nset format y '10^{{%L}}'\n"
+           "set xtics ({})\nset xrange [{:.4g}:{:.4g}]\nset yrange [*:2]\nset xlabel 'round trip (µs)'\n"
+           "set ylabel 'fraction of replies'\nplot {}\n",
+           tics, 0.7 * least, 1.5 * most, curves));
   return figure;
 }
 
@@ -335,12 +360,15 @@ Figure FigureMaker::with_and_without(const RunData& without, const RunData& with
   Figure figure{
       "control_" + without.slug + "_" + with.slug, "With and without control",
       fmt::format(
-          "The same motion and the same sample at the same scaling. Left, {}: the hand is shaken by a "
-          "force that returns more energy than was put in. Right, {}: damper and clamp keep the "
-          "ledger from going on falling, and the contact is calm. Each row shares its scale.",
-          without.label, with.label),
+          "The same motion on the same sample at the same scaling; each row shares its scale. Left, {}: the "
+          "applied force changes by {:.2g} N a tick (RMS) and the ledger falls to {:.3g} mJ. Right, {}: "
+          "{:.2g} N "
+          "a tick and {:.3g} mJ at the least; damper or clamp act in {:.0f} % of the ticks.",
+          without.label, without.summary.force_step_rms_n, 1e3 * without.summary.energy_least_j, with.label,
+          with.summary.force_step_rms_n, 1e3 * with.summary.energy_least_j,
+          100 * with.summary.controller_duty),
       ""};
-  std::string script = "set multiplot\nset xzeroaxis lc rgb '#999999' lt 1\nset key samplen 1.2\n";
+  std::string script = "set multiplot\nset xzeroaxis lc rgb '#999999' lt 1\n";
   double left = 0.085;
   for (const RunData* run : {&without, &with}) {
     const auto series = [&](const char* name, const std::vector<double>& y) {
@@ -349,7 +377,7 @@ Figure FigureMaker::with_and_without(const RunData& without, const RunData& with
     const std::vector<Panel> panels{
         {"hand z (mm)",
          {curve(series("hand_z_mm", run->hand_z_mm), kBlue, 1.2, "hand")},
-         y_range({&without.hand_z_mm, &with.hand_z_mm})},
+         y_range({&without.hand_z_mm, &with.hand_z_mm}, false)},
         {"hand force (N)",
          {curve(series("applied_force_n", run->applied_force_n), kRed, 1.0, "applied")},
          y_range({&without.applied_force_n, &with.applied_force_n})},

@@ -146,11 +146,14 @@ TEST(Codec, NamesTheCauseOfEachDrop) {
 }
 
 TEST(Codec, RefusesALongSceneName) {
-  Bytes file = golden_files()[2];
-  const auto at = std::search(file.begin(), file.end(), std::begin("flakes"), std::end("flakes") - 1);
-  ASSERT_NE(at, file.end());
-  file.insert(at, 43, 'x');  // 49 bytes
-  *(at - 1 + 0) = 49;
+  const Bytes golden = golden_files()[2];
+  const std::string name = "flakes";
+  const auto found = std::search(golden.begin(), golden.end(), name.begin(), name.end());
+  ASSERT_NE(found, golden.end());
+  const std::ptrdiff_t at = found - golden.begin();
+  Bytes file = golden;
+  file.insert(file.begin() + at, 43, 'x');  // 49 bytes, and so says the length before them
+  file[static_cast<std::size_t>(at) - 1] = 49;
   const std::size_t payload = file.size() - kHeaderBytes;
   file[6] = static_cast<std::uint8_t>(payload & 0xff);
   file[7] = static_cast<std::uint8_t>(payload >> 8);

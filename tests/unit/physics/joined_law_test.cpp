@@ -75,7 +75,7 @@ TEST(Handover, ForceIsContinuousAndTheGapIsThePublishedOne) {
     }
     // Warm start gives the same crossing.
     const Handover warm = find_handover(curve, outside, 0.5 * h.inside.parameter);
-    EXPECT_NEAR(warm.gap, h.gap, 1e-12);
+    EXPECT_NEAR(warm.gap, h.gap, 1e-12);  // twice the error of the force
     EXPECT_NEAR(warm.energy_offset, h.energy_offset, 1e-12 * std::fabs(h.energy_offset) + 1e-12);
   }
   for (const double lambda : {0.73676, 4.04149, 408.71}) {

@@ -9,6 +9,7 @@
 
 #include "common/base/error.h"
 #include "nve_server/physics/van_der_waals.h"
+#include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 
 namespace telenano::physics {
@@ -34,15 +35,15 @@ TEST(TipSampleLaw, SamplesOfTheSourcePaper) {
   for (const Sample& s : kSamples) {
     for (const bool vdw : {false, true}) {
       const TipSampleLaw law(silicon_on(s.e_gpa, s.gamma, s.nu, vdw));
-      EXPECT_NEAR(law.lambda(kRadius), s.lambda, 6e-6 * s.lambda);
+      EXPECT_NEAR(law.lambda(kRadius), s.lambda, 1.2e-5 * s.lambda);
       EXPECT_NEAR(law.pull_off_nn(kRadius), s.pull_off, 6e-5);
       TipSampleState state;
       const Equilibrium e = law.advance(1.0, 0.0, kRadius, state);
       EXPECT_EQ(e.status, SolveStatus::kOk);
       EXPECT_EQ(e.branch, Branch::kContact);
-      EXPECT_NEAR(e.force_nn, s.force_1nm, 2e-6 * std::fabs(s.force_1nm));
+      EXPECT_NEAR(e.force_nn, s.force_1nm, 5e-6 * std::fabs(s.force_1nm));
       EXPECT_EQ(e.overlap_nm, state.overlap_nm);
-      EXPECT_NEAR(e.overlap_nm, 1.0, 4e-16);
+      EXPECT_EQ(e.overlap_nm, 1.0);
     }
   }
 }
@@ -152,37 +153,40 @@ TEST(TipSampleLaw, SpringFollowsAnOverdampedTip) {
         const double span = (vdw ? 8 * 0.165 : 1.1 * 0.165) + (6 + 4 * soft) * s.overlap_nm;
         const double h = 2e-5 * span;
         TipSampleState creep, state;
-        double tip = -2 * span;
+        double tip = -span;
         law.advance(tip, 0, kRadius, creep);
-        double crept = 0, dissipated = 0;
-        for (int k = 0; k <= 400; ++k) {
-          const double base = span * (k <= 200 ? -1.0 + 0.0075 * k : 0.5 - 0.0075 * (k - 200));
+        constexpr int kSteps = 2000;
+        const double base_step = 1.5 * span / kSteps;
+        double crept = 0, dissipated = 0, allowed = 0;
+        for (int k = 0; k <= 2 * kSteps; ++k) {
+          const double base = -span + base_step * (k <= kSteps ? k : 2 * kSteps - k);
           // One direction only until the net force turns: the first equilibrium met.
           double net = (base - tip) / c - law.advance(tip, 0, kRadius, creep).force_nn;
           const double direction = net > 0 ? 1 : -1;
-          double moved = 0;
+          const double start = tip;
+          double lost = 0;
           while (net * direction > 0) {
             tip += direction * h;
-            crept += net * direction * h;
-            moved += h;
-            net = (base - tip) / c - law.advance(tip, 0, kRadius, creep).force_nn;
+            const Equilibrium rigid = law.advance(tip, 0, kRadius, creep);
+            // The rigid law's own jumps of force (snap-in, fold) lose energy too.
+            lost += net * direction * h + rigid.dissipated_aj;
+            net = (base - tip) / c - rigid.force_nn;
           }
           const Equilibrium e = law.advance(base, c, kRadius, state);
           dissipated += e.dissipated_aj;
-          // Both on the same side of every jump but perhaps the one just passed.
-          if (std::fabs(e.overlap_nm - tip) > 3 * h) {
-            TipSampleState neighbour = state;
-            const double ahead = base + (k < 200 ? 1 : -1) * 0.0075 * span;
-            EXPECT_GT(std::fabs(law.advance(ahead, c, kRadius, neighbour).overlap_nm - e.overlap_nm), 2 * h)
-                << "lambda " << lambda << " vdw " << vdw << " c " << soft << " base " << base << " tip "
-                << tip << " vs " << e.overlap_nm << " moved " << moved;
+          if (std::fabs(tip - start) > 20 * base_step || e.jumps > 0) {
+            crept += lost;
+            // The creeping tip jumps up to one base step late, with that much more spring force all the way.
+            allowed += 2 * base_step / c * std::fabs(tip - start) + 0.02 * lost;
           }
+          // Near the ends of a state its overlap has a vertical tangent; a step of the base aside tells.
+          TipSampleState aside = state;
+          const double other =
+              law.advance(base + (k < kSteps ? base_step : -base_step), c, kRadius, aside).overlap_nm;
+          EXPECT_LT(std::fabs(e.overlap_nm - tip), 2 * h + 2 * std::fabs(other - e.overlap_nm))
+              << "lambda " << lambda << " vdw " << vdw << " c " << soft << " base " << base;
         }
-        // Creeping between the samples also loses something: F' (base step)^2/2 a sample, first order in the
-        // step.
-        EXPECT_GT(crept, dissipated - 0.02 * s.energy_aj);
-        EXPECT_LT(crept, dissipated * 1.2 + 0.6 * s.energy_aj * (1 + soft))
-            << lambda << ' ' << vdw << ' ' << soft;
+        EXPECT_NEAR(crept, dissipated, allowed + 1e-3 * s.energy_aj) << lambda << ' ' << vdw << ' ' << soft;
       }
     }
   }
@@ -309,6 +313,15 @@ TEST(TipSampleLaw, NonFiniteInputGivesNoForceAndKeepsTheState) {
   const Equilibrium huge = law.advance(1e300, 1e300, 1e300, state);
   EXPECT_EQ(huge.force_nn, 0);
   EXPECT_EQ(law.advance(0.5, 0.1, 20, state).status, SolveStatus::kOk);
+}
+
+TEST(TipSampleLaw, TakesNothingFromTheHeap) {
+  if (!support::AllocGuard::active()) GTEST_SKIP() << "allocations are not counted in this build";
+  const TipSampleLaw law(silicon_on(2, 0.066, 0.4, true));
+  const support::AllocGuard guard;
+  TipSampleState state;
+  for (int i = 0; i < 1000; ++i) law.advance(i % 7 - 4.0, 0.02, 10 + i % 3, state);
+  EXPECT_EQ(guard.allocations(), 0u);
 }
 
 TEST(TipSampleLaw, RejectsImpossibleMaterials) {

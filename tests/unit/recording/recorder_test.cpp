@@ -62,6 +62,7 @@ TEST_F(RecorderTest, EveryFieldComesBackUnderItsNameWithItsUnit) {
   const RecordingReader reader(file());
   ASSERT_EQ(reader.rows(), static_cast<std::size_t>(kRows));
   EXPECT_TRUE(reader.closed());
+  EXPECT_FALSE(reader.cut_short());
   EXPECT_EQ(reader.columns().size(), sample_columns().size());
   std::size_t field = 0;
   for (const Column& column : sample_columns()) {

@@ -113,7 +113,7 @@ TEST(Session, TwoAtOnceHaveSlavesOfTheirOwn) {
   EXPECT_EQ(server.drops().total(), 0u);
 }
 
-TEST(Session, IsResumedAfterAShortOutageInTheSameBook) {
+TEST(Session, GoesOnAfterAShortOutageInTheSameBook) {
   Server server(test_config(), spring_scene());
   VirtualSession s(&server, {}, path(5), path(5), 1);
   s.client.start(0);
@@ -129,6 +129,7 @@ TEST(Session, IsResumedAfterAShortOutageInTheSameBook) {
   EXPECT_FALSE(s.client.epoch_changed());
   EXPECT_EQ(s.client.slave_energy_aj().in(), 4.5) << "no energy lost or credited twice";
   EXPECT_EQ(server.counters().opened, 1u);
+  EXPECT_EQ(s.client.sessions(), 1u) << "the first reply is enough, no new handshake";
 }
 
 TEST(Session, RetractsOnTimeOutAndIsResumedWhereTheTipIs) {
@@ -177,7 +178,11 @@ TEST(Session, SurvivesARestartOfTheServerWithANewEpoch) {
   Server first(test_config(1), spring_scene());
   VirtualSession s(&first, {}, path(5), path(5), 1);
   s.client.start(0);
-  s.ticks(500);
+  s.ticks(250);
+  s.command.tip_pos_w_nm.z() = -20;
+  s.ticks(250);
+  EXPECT_EQ(s.client.slave_energy_aj().in(), 200);  // ½·1·20²
+  s.command.tip_pos_w_nm.z() = -3;
   s.server = nullptr;
   s.ticks(100);
   Server second(test_config(2), spring_scene());
@@ -207,8 +212,10 @@ TEST(Session, DoesNotThinkALongWayIsSilence) {
 }
 
 TEST(Session, RoamsToAnotherAddressWithItsToken) {
-  Server server(test_config(), spring_scene());
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
   VirtualSession s(&server, {}, path(5), path(5), 1);
+  slave->yield_nm_nn = 0.5;
   s.client.start(0);
   s.ticks(500);
   const auto epoch = s.client.welcome().epoch;
@@ -221,6 +228,9 @@ TEST(Session, RoamsToAnotherAddressWithItsToken) {
   EXPECT_EQ(s.client.state(), ClientState::kEstablished);
   EXPECT_EQ(s.client.welcome().epoch, epoch);
   EXPECT_EQ(server.counters().resumed, 1u);
+  EXPECT_EQ(s.client.reply().tip_pos_w_nm.z(), -1.5);
+  EXPECT_EQ(s.client.welcome().start_pos_w_nm, Vec3(1, 2, -3))
+      << "the command, not the tip: no step of the force";
 }
 
 TEST(Session, OfAnUnknownVersionIsRefusedWithTheRangeSpoken) {

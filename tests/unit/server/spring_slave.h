@@ -35,7 +35,7 @@ class SpringSlave final : public slave::Slave {
     (stored_aj > stored_aj_ ? in_aj_ : out_aj_) += std::abs(stored_aj - stored_aj_);
     stored_aj_ = stored_aj;
     output.force_w_nn = {0, 0, force_nn + broken_nn};
-    output.tip_pos_w_nm = pos_w_nm_;
+    output.tip_pos_w_nm = pos_w_nm_ + Vec3(0, 0, yield_nm_nn * force_nn);
     output.contact_state = force_nn > 0 ? link::ContactState::kContact : link::ContactState::kFree;
     output.fault_bits = input.retract ? std::uint32_t{link::kFaultRetracted} : 0u;
     output.energy_in_aj = in_aj_;
@@ -48,7 +48,8 @@ class SpringSlave final : public slave::Slave {
   slave::SlaveInput last_input;
   double last_dt_s = 0;
   double total_dt_s = 0;
-  double broken_nn = 0;  ///< NaN: a slave gone wrong
+  double broken_nn = 0;    ///< NaN: a slave gone wrong
+  double yield_nm_nn = 0;  ///< how far the tip stays behind its command
 
  private:
   slave::SlaveLimits limits_;

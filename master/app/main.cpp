@@ -1,0 +1,35 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <string>
+
+#include "common/base/error.h"
+#include "common/base/version.h"
+#include "master/app/recover_command.h"
+#include "master/app/run_command.h"
+
+int main(int argc, char** argv) {
+  CLI::App app("Telenano's master station: the hand's side of a session", "telenano-master");
+  app.set_version_flag("--version", std::string("telenano-master ") + telenano::kVersion);
+  app.require_subcommand(1);
+  std::string command_line = "telenano-master";
+  for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
+  int exit_code = 0;
+  try {
+    telenano::app::add_run_command(app, command_line, exit_code);
+    telenano::app::add_recover_command(app);
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    std::fprintf(stderr, "telenano-master: %s (see telenano-master --help)\n", error.what());
+    return 2;
+  } catch (const telenano::UserError& error) {
+    std::fprintf(stderr, "telenano-master: %s\n", error.what());
+    return 2;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "telenano-master: %s\n", error.what());
+    return 1;
+  }
+  return exit_code;
+}

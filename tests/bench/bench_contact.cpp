@@ -1,0 +1,113 @@
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <vector>
+
+#include "nve_server/physics/tip_sample_law.h"
+#include "tests/support/contact_paths.h"
+
+// Time of one TipSampleLaw::advance. Paths are smooth oscillations as a hand makes them: about a hundredth of
+// the depth a step, which is fast for 1 kHz.
+
+namespace {
+
+using telenano::physics::Equilibrium;
+using telenano::physics::MaugisDugdale;
+using telenano::physics::TipSampleLaw;
+using telenano::physics::TipSampleState;
+using telenano::testing::material_of;
+using telenano::testing::silicon_on;
+
+constexpr int kPath = 4096;
+
+std::vector<double> oscillation(double low, double high) {
+  std::vector<double> path;
+  for (int i = 0; i < kPath; ++i)
+    path.push_back(0.5 * (low + high) + 0.5 * (high - low) * std::sin(0.0123 * i));
+  return path;
+}
+
+/// Material 0..2: silicon oxide, polystyrene, PDMS under a silicon tip of 20 nm.
+TipSampleLaw law_of(std::int64_t material) {
+  constexpr double kSamples[3][3] = {{70, 0.2, 0.27}, {2, 0.066, 0.4}, {0.001, 0.022, 0.5}};
+  const double* s = kSamples[material];
+  return TipSampleLaw(silicon_on(s[0], s[1], s[2], true));
+}
+
+void walk(benchmark::State& bench, double low, double high, double stiffness, bool radius_changes) {
+  const TipSampleLaw law = law_of(bench.range(0));
+  const double unit = law.scales(20).overlap_nm;
+  const std::vector<double> path = oscillation(low * unit, high * unit);
+  const std::vector<double> radius = oscillation(18, 22);
+  TipSampleState state;
+  law.advance(high * unit, 1 / stiffness, 20, state);
+  std::size_t i = 0;
+  for (auto _ : bench) {
+    const Equilibrium e = law.advance(path[i], 1 / stiffness, radius_changes ? radius[i] : 20, state);
+    benchmark::DoNotOptimize(e);
+    i = (i + 1) % kPath;
+  }
+}
+
+void warm_in_contact(benchmark::State& bench) {
+  walk(bench, 0.5, 8, 42, false);
+}
+void warm_in_contact_changing_radius(benchmark::State& bench) {
+  walk(bench, 0.5, 8, 42, true);
+}
+void warm_with_snap_in_and_pull_off(benchmark::State& bench) {
+  walk(bench, -40, 5, 42, false);
+}
+void warm_everything_changes(benchmark::State& bench) {
+  walk(bench, -40, 5, 42, true);
+}
+void outside(benchmark::State& bench) {
+  walk(bench, -400, -40, 42, false);
+}
+
+void cold_in_contact(benchmark::State& bench) {
+  const TipSampleLaw law = law_of(bench.range(0));
+  const MaugisDugdale curve(law.lambda(20));
+  const std::vector<double> path = oscillation(0.5, 8);
+  std::size_t i = 0;
+  for (auto _ : bench) {
+    benchmark::DoNotOptimize(curve.solve(path[i], {1.0, 0.0}).point);
+    i = (i + 1) % kPath;
+  }
+}
+
+/// A fresh state, one long step into contact: scales, handover, jump and solution.
+void from_nothing(benchmark::State& bench) {
+  const TipSampleLaw law = law_of(bench.range(0));
+  const double unit = law.scales(20).overlap_nm;
+  for (auto _ : bench) {
+    TipSampleState state;
+    benchmark::DoNotOptimize(law.advance(2 * unit, 1.0 / 42, 20, state));
+  }
+}
+
+void one_curve_evaluation(benchmark::State& bench) {
+  const MaugisDugdale curve(law_of(bench.range(0)).lambda(20));
+  double u = 1.5 * (1 + curve.lambda() * curve.lambda());
+  for (auto _ : bench) {
+    benchmark::DoNotOptimize(u);
+    benchmark::DoNotOptimize(curve.contact(u));
+  }
+}
+
+void fold(benchmark::State& bench) {
+  const MaugisDugdale curve(law_of(bench.range(0)).lambda(20));
+  for (auto _ : bench) benchmark::DoNotOptimize(curve.fold({1.0, 0.3}));
+}
+
+BENCHMARK(warm_in_contact)->DenseRange(0, 2);
+BENCHMARK(warm_in_contact_changing_radius)->DenseRange(0, 2);
+BENCHMARK(warm_with_snap_in_and_pull_off)->DenseRange(0, 2);
+BENCHMARK(warm_everything_changes)->DenseRange(0, 2);
+BENCHMARK(outside)->DenseRange(0, 2);
+BENCHMARK(cold_in_contact)->DenseRange(0, 2);
+BENCHMARK(from_nothing)->DenseRange(0, 2);
+BENCHMARK(one_curve_evaluation)->DenseRange(0, 2);
+BENCHMARK(fold)->DenseRange(0, 2);
+
+}  // namespace

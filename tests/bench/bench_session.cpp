@@ -1,0 +1,121 @@
+// What one tick costs: the station's step, the server's exchange without its socket, and the whole loop in virtual time.
+// Floors: 5 us for each of the first two, 300 000 ticks/s a core for the third.
+#include <benchmark/benchmark.h>
+
+#include <array>
+#include <span>
+#include <string>
+
+#include "common/link/client_session.h"
+#include "nve_server/slave/nve_slave.h"
+#include "tests/support/virtual_session.h"
+
+namespace telenano {
+namespace {
+
+std::shared_ptr<const scene::Scene> scene_of(const std::string& name) {
+  return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
+}
+
+void whole_session(benchmark::State& state, const std::string& scene_name, device::Task task) {
+  support::VirtualSessionConfig config;
+  config.scene = scene_of(scene_name);
+  config.task = task;
+  config.task_options.duration_s = 1e6 * 1e-3;  // long: the benchmark decides when it ends
+  auto session = std::make_unique<support::VirtualSession>(config);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(session->step());
+    if (session->done()) {
+      state.PauseTiming();
+      session = std::make_unique<support::VirtualSession>(config);
+      state.ResumeTiming();
+    }
+  }
+  state.SetItemsProcessed(state.iterations());
+}
+BENCHMARK_CAPTURE(whole_session, flat_indent, "flat_silicon_oxide", device::Task::kIndent);
+BENCHMARK_CAPTURE(whole_session, scan_in_contact, "flakes", device::Task::kScan);
+
+void station_step(benchmark::State& state) {
+  device::DeviceInfo device;
+  device.force_max_n = 12;
+  device.position_quantum_m = 1e-5;
+  device.damping_n_s_m = 2;
+  device.workspace_radius_m = 0.08;
+  station::Station station(station::StationConfig{}, device, station::SlavePort{13.3, 0, 500});
+  link::Welcome welcome;
+  welcome.workspace_min_w_nm = Vec3(0, 0, -50);
+  welcome.workspace_max_w_nm = Vec3(600, 600, 200);
+  welcome.start_pos_w_nm = Vec3(300, 300, 20);
+  station.begin_session(welcome);
+  station::StationInput input;
+  station::StationOutput output;
+  link::Reply reply;
+  input.session_up = true;
+  input.buttons = device::kButtonDeadman;
+  for (auto _ : state) {
+    input.time_ns += 1'000'000;
+    reply.sequence += 1;
+    reply.force_w_nn = Vec3(0.1, -0.2, static_cast<double>(reply.sequence % 100));
+    input.reply = &reply;
+    input.hand_pos_h_m.z() = 1e-5 * static_cast<double>(reply.sequence % 50);
+    input.applied_force_h_n = output.hand_force_h_n;
+    station.step(input, 1e-3, output);
+    benchmark::DoNotOptimize(output);
+  }
+}
+BENCHMARK(station_step);
+
+// Encoded command in, encoded reply out: scan, decode, look up, step the slave, encode. The tip goes up and down through
+// the contact by 20 nm, 50 nm to the side and back.
+void server_exchange(benchmark::State& state, const std::string& scene_name) {
+  const auto scene = scene_of(scene_name);
+  server::ServerConfig config;
+  config.secret = link::SipKey{1, 2};
+  server::Server server(config, server::ServedScene{server::scene_name(scene->name), scene->hash, [scene] {
+                                                      return std::make_unique<slave::NveSlave>(scene);
+                                                    }});
+  link::ClientSession client(link::ClientConfig{});
+  net::Address station;
+  station.port = 4000;
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out, in;
+  std::int64_t now_ns = 1'000'000;
+  client.start(now_ns);
+  for (int i = 0; i < 10 && client.state() != link::ClientState::kEstablished; ++i) {
+    const std::size_t n = client.poll(now_ns, out);
+    const std::size_t m = server.on_datagram(std::span(out).first(n), station, now_ns, in);
+    if (m > 0) client.on_datagram(std::span(in).first(m), now_ns);
+    now_ns += 200'000'000;
+  }
+  if (client.state() != link::ClientState::kEstablished) {
+    state.SkipWithError("no session");
+    return;
+  }
+  link::Command command;
+  const Vec3 start = client.welcome().start_pos_w_nm;
+  std::int64_t k = 0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    const double phase = static_cast<double>(k % 4000) / 2000;  // 0 … 2
+    const double up = phase < 1 ? phase : 2 - phase;
+    command.flags = link::kFlagClutch | link::kFlagDeadman;
+    command.tip_pos_w_nm = start + Vec3(50 * up, 20 * up, -26 * up);
+    const std::size_t n = client.make_command(command, now_ns, out);
+    state.ResumeTiming();
+    const std::size_t m = server.on_datagram(std::span(out).first(n), station, now_ns, in);
+    benchmark::DoNotOptimize(m);
+    state.PauseTiming();
+    if (m == 0) state.SkipWithError("no reply");
+    client.on_datagram(std::span(in).first(m), now_ns + 1000);
+    ++k;
+    now_ns += 1'000'000;
+    state.ResumeTiming();
+  }
+}
+BENCHMARK_CAPTURE(server_exchange, flat, "flat_silicon_oxide")->Iterations(20000);
+BENCHMARK_CAPTURE(server_exchange, scan, "flakes")->Iterations(20000);
+
+}  // namespace
+}  // namespace telenano
+
+BENCHMARK_MAIN();

@@ -1,0 +1,118 @@
+#include "nve_server/physics/tip_equilibrium.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include "nve_server/physics/flat_surface.h"
+#include "nve_server/physics/spline_surface.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kRadius = 20;
+
+TipSampleLaw silicon_oxide() { return TipSampleLaw({70.0329, 0.4, 0.165, true}); }
+
+std::shared_ptr<const Surface> sampled(int n, double spacing, const std::function<double(double, double)>& height) {
+  HeightGrid grid{n, n, spacing, spacing, 0, 0, {}};
+  for (int row = 0; row < n; ++row) {
+    for (int column = 0; column < n; ++column) grid.z_nm.push_back(height(column * spacing, row * spacing));
+  }
+  return std::make_shared<SplineSurface>(grid);
+}
+
+// A balance, from its definition: springs and contact pull alike, and the force is the law's at that overlap.
+TEST(TipEquilibrium, BalancesOnACorrugation) {
+  const auto surface =
+      sampled(121, 1.0, [](double x, double y) { return 2 * std::sin(0.2 * x) + 1.5 * std::cos(0.17 * y); });
+  const TipEquilibrium equilibrium(surface, silicon_oxide(), kRadius);
+  const Compliance c(0.05, 0.05, 0.075);
+  TipState state;
+  int touched = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const double t = i * 1e-3;
+    const Vec3 end(40 + 8 * t, 60 + 3 * t, 8 - 4 * t);
+    const TipSolution s = equilibrium.advance(end, c, state);
+    ASSERT_EQ(s.status, SolveStatus::kOk) << i;
+    EXPECT_LT((s.apex_w_nm - end - c.cwiseProduct(s.force_w_nn)).norm(), 1e-12);
+    EXPECT_LT((s.force_w_nn - s.normal_force_nn * s.normal_w).norm(), 1e-12);
+    // The foot seen afresh from the apex: overlap to the step's tolerance (2e-8 nm, second order in it for the normal).
+    FootMemory memory;
+    const SurfaceContact contact =
+        surface->nearest(s.apex_w_nm + Vec3(0, 0, kRadius), Search::kGlobal, memory);
+    EXPECT_NEAR(kRadius - contact.distance_nm, s.overlap_nm, 1e-7) << i;
+    if (s.feet == 1) {
+      EXPECT_LT((contact.normal_w - s.normal_w).norm(), 1e-6) << i;
+      if (s.branch == Branch::kContact) ++touched;
+    }
+  }
+  EXPECT_GT(touched, 500);
+}
+
+// The same balance by another way: on a plane of any tilt the problem is the flat one along the normal with the compliance
+// nᵀCn, and the force is that of the law.
+TEST(TipEquilibrium, TiltedPlaneIsTheFlatProblemAlongItsNormal) {
+  const auto surface = sampled(161, 1.0, [](double x, double y) { return 0.25 * x + 0.1 * y; });
+  const TipSampleLaw law = silicon_oxide();
+  const TipEquilibrium equilibrium(surface, law, kRadius);
+  const Vec3 n = Vec3(-0.25, -0.1, 1).normalized();
+  const Compliance c(0.05, 0.05, 0.075);
+  TipState state;
+  TipSampleState flat_state;
+  for (double depth = -6; depth < 2; depth += 0.01) {
+    const Vec3 end = Vec3(80, 80, 28) + Vec3(0, 0, kRadius) / n.z() * 1.0 - Vec3(0, 0, kRadius) - depth * Vec3(0, 0, 1);
+    const TipSolution s = equilibrium.advance(end, c, state);
+    const double base = kRadius - n.dot(end + Vec3(0, 0, kRadius) - Vec3(80, 80, 28));
+    const Equilibrium flat = law.advance(base, n.dot(c.cwiseProduct(n)), kRadius, flat_state);
+    ASSERT_EQ(s.status, SolveStatus::kOk);
+    // The law's 1e-9 of some 100 nN, twice.
+    EXPECT_NEAR(s.normal_force_nn, flat.force_nn, 4e-7) << depth;
+    EXPECT_NEAR(s.overlap_nm, flat.overlap_nm, 1e-7) << depth;
+    EXPECT_EQ(s.branch, flat.branch) << depth;
+  }
+}
+
+// A groove narrower than the tip: pressed straight down by symmetry, it leans on both flanks, sideways forces cancel.
+TEST(TipEquilibrium, LeansOnBothFlanksOfAGroove) {
+  const auto surface =
+      sampled(161, 1.0, [](double x, double) { return 10 * (1 - 1 / (1 + (x - 80) * (x - 80) / 36)); });
+  const TipEquilibrium equilibrium(surface, silicon_oxide(), kRadius);
+  const Compliance c(0.05, 0.05, 0.075);
+  TipState state;
+  const double touch = equilibrium.touch_height_nm(80, 80);
+  EXPECT_GT(touch, 0.5);  // does not reach the bottom
+  TipSolution s;
+  for (double z = touch + 5; z > touch - 10; z -= 0.05) {
+    // Not quite in the middle: the springs pull it aside, the flanks hold.
+    s = equilibrium.advance(Vec3(80.2, 80, z), c, state);
+    ASSERT_EQ(s.status, SolveStatus::kOk) << z;
+  }
+  EXPECT_EQ(s.feet, 2);
+  EXPECT_GT(s.force_w_nn.z(), 50.0);
+  EXPECT_LT(std::abs(s.apex_w_nm.x() - 80), 0.2);
+  EXPECT_LT(s.normal_w.norm(), 0.999);
+}
+
+TEST(TipEquilibrium, NonFiniteEndIsRefusedAndChangesNothing) {
+  const TipEquilibrium equilibrium(std::make_shared<FlatSurface>(), silicon_oxide(), kRadius);
+  TipState state;
+  equilibrium.advance(Vec3(0, 0, 1), Compliance(0, 0, 0.1), state);
+  const Vec3 before = state.apex_w_nm;
+  EXPECT_EQ(equilibrium.advance(Vec3(0, NAN, 0), Compliance(0, 0, 0.1), state).status, SolveStatus::kNonFinite);
+  EXPECT_EQ(state.apex_w_nm, before);
+}
+
+TEST(TipEquilibrium, TouchHeightIsWhereTheSphereFirstTouches) {
+  const TipEquilibrium flat(std::make_shared<FlatSurface>(), silicon_oxide(), kRadius);
+  EXPECT_NEAR(flat.touch_height_nm(3, 4), 0.0, 1e-9);
+  const auto surface = sampled(161, 1.0, [](double x, double) { return 0.5 * x; });
+  const TipEquilibrium tilted(surface, silicon_oxide(), kRadius);
+  // Sphere on a plane of slope s: the apex is R(√(1 + s²) − 1) above the plane.
+  EXPECT_NEAR(tilted.touch_height_nm(80, 80), 40 + kRadius * (std::sqrt(1.25) - 1), 1e-8);
+}
+
+}  // namespace
+}  // namespace telenano::physics
