@@ -306,7 +306,7 @@ int run(const RunOptions& options) {
       p.lost = sample.lost;
       p.energy_j = sample.energy_j;
       p.mode = sample.station_mode;
-      p.silent_s = sample.reply_age_ms * 1e-3;
+      p.silent_s = std::min(sample.reply_age_ms * 1e-3, sample.time_s);  // before the first reply: since the start
       latest.store(p);
 
       if (stop_ticks > 20) {  // the stop has reached the server, the hand is free

@@ -1,8 +1,8 @@
 #include "master/station/station_config.h"
 
 #include <array>
+#include <charconv>
 #include <cmath>
-#include <cstdio>
 
 #include "common/base/error.h"
 
@@ -11,8 +11,8 @@ namespace {
 
 std::string number(double value) {
   std::array<char, 40> text{};
-  std::snprintf(text.data(), text.size(), "%.6g", value);
-  return text.data();
+  const auto end = std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::general, 6).ptr;
+  return {text.data(), end};
 }
 
 }  // namespace

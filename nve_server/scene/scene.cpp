@@ -7,7 +7,6 @@
 #include "common/base/constants.h"
 #include "common/base/error.h"
 #include "common/config/toml_document.h"
-#include "common/link/messages.h"
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/physics/spline_surface.h"
 #include "nve_server/scene/fnv1a.h"
@@ -15,6 +14,9 @@
 
 namespace telenano::scene {
 namespace {
+
+// What a Welcome can carry, with a closing zero.
+constexpr std::size_t kNameBytesMax = 47;
 
 using config::between;
 using config::positive;
@@ -160,8 +162,8 @@ std::shared_ptr<const Scene> load_scene(const std::string& path) {
   auto scene = std::make_shared<Scene>();
   scene->path = path;
   scene->name = root.text("name");
-  if (scene->name.empty() || scene->name.size() >= link::kSceneNameBytes) {
-    root.fail("name", "expected 1 to " + std::to_string(link::kSceneNameBytes - 1) + " bytes");
+  if (scene->name.empty() || scene->name.size() > kNameBytesMax) {
+    root.fail("name", "expected 1 to " + std::to_string(kNameBytesMax) + " bytes");
   }
   scene->sample = read_material(root.table("sample"));
   scene->probe = read_probe(root.table("probe"));
