@@ -24,9 +24,26 @@ std::int64_t nanoseconds(double us) noexcept {
   return us > 0 ? static_cast<std::int64_t>(std::min(us, 1e12) * 1e3) : 0;
 }
 
+/// The values of a bin are taken to be spread evenly over it, so that a narrow distribution is not reported
+/// at the border of its bin.
+double percentile_us(const rt::LogHistogram& histogram, double q) noexcept {
+  const double wanted = q * static_cast<double>(histogram.count());
+  double below = 0;
+  for (std::size_t bin = 0; bin < rt::LogHistogram::kBins; ++bin) {
+    const auto here = static_cast<double>(histogram.bin_count(bin));
+    if (here > 0 && below + here >= wanted) {
+      const double low = bin == 0 ? 0.0 : static_cast<double>(rt::LogHistogram::upper_ns(bin - 1));
+      const double high = static_cast<double>(std::min(rt::LogHistogram::upper_ns(bin), histogram.max_ns()));
+      return (low + (high - low) * (wanted - below) / here) * 1e-3;
+    }
+    below += here;
+  }
+  return static_cast<double>(histogram.max_ns()) * 1e-3;
+}
+
 Percentiles percentiles_us(const rt::LogHistogram& histogram) noexcept {
-  const auto us = [](std::int64_t ns) { return static_cast<double>(ns) * 1e-3; };
-  return {us(histogram.percentile_ns(0.5)), us(histogram.percentile_ns(0.99)), us(histogram.max_ns())};
+  return {percentile_us(histogram, 0.5), percentile_us(histogram, 0.99),
+          static_cast<double>(histogram.max_ns()) * 1e-3};
 }
 
 }  // namespace

@@ -257,6 +257,11 @@ int run(const RunOptions& options) {
                                                            welcome.start_pos_w_nm.y(), welcome.start_pos_w_nm.z()));
     about.extra.emplace_back("coupling_stiffness_n_m", fmt::format("{:.17g}", welcome.coupling_stiffness_n_m));
     about.extra.emplace_back("coupling_damping_n_s_m", fmt::format("{:.17g}", welcome.coupling_damping_n_s_m));
+    std::string fault_names;  // of the bits of station_faults, the lowest first
+    for (std::uint32_t bit = 0; std::strcmp(station::fault_name(1u << bit), "none") != 0; ++bit) {
+      fault_names += fmt::format("{}{}", bit == 0 ? "" : "; ", station::fault_name(1u << bit));
+    }
+    about.extra.emplace_back("station_fault_names", fault_names);
     recording::RecorderOptions recorder_options;
     recorder_options.path = options.record;
     recorder_options.overwrite = options.overwrite;
