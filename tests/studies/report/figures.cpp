@@ -30,12 +30,17 @@ std::string slurp(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
-constexpr double kJump =
-    0.15;  // of the range of force in one tick: drawn dashed, nothing was measured between
+// Of the range of force in one tick: drawn dashed, since nothing was measured between.
+constexpr double kJump = 0.15;
 
-/// NaN is less than nothing and more than nothing: it never is an extreme unless it comes first.
-bool less_or_nan(double a, double b) {
-  return std::isnan(a) ? false : std::isnan(b) ? false : a < b;
+double range_of(const std::vector<double>& values) {
+  double low = HUGE_VAL;
+  double high = -HUGE_VAL;
+  for (const double value : values) {
+    low = std::min(low, value);
+    high = std::max(high, value);
+  }
+  return std::max(0.0, high - low);
 }
 
 /// The heights at which there is a force, and half as much again: far away is only zero.
@@ -136,14 +141,16 @@ Figure FigureMaker::position_and_force(const RunData& run) {
                       {curve(lateral, kPurple, 1.4, "in the plane, from the start")},
                       y_range({&run.lateral_nm})});
   }
-  panels.push_back({"tip force (nN)",
-                    {curve(series("tip_force_nn", run.tip_force_nn), kGreen, 1.4, "on the tip, z")},
-                    y_range({&run.tip_force_nn})});
+  const AxisUnit tip_unit = readable({&run.tip_force_nn}, {"nN"}, "pN");
+  const AxisUnit hand_unit = readable({&run.scaled_force_n, &run.applied_force_n}, {"N"}, "mN");
+  panels.push_back({fmt::format("tip force ({})", tip_unit.name),
+                    {curve(series("tip_force_nn", run.tip_force_nn), kGreen, 1.4, "on the tip, z", tip_unit)},
+                    y_range({&run.tip_force_nn}, true, tip_unit)});
   panels.push_back(
-      {"hand force (N)",
-       {curve(series("scaled_force_n", run.scaled_force_n), kGrey, 2.2, "scaled, before control"),
-        curve(series("applied_force_n", run.applied_force_n), kRed, 1.2, "applied")},
-       y_range({&run.scaled_force_n, &run.applied_force_n})});
+      {fmt::format("hand force ({})", hand_unit.name),
+       {curve(series("scaled_force_n", run.scaled_force_n), kGrey, 2.2, "scaled, before control", hand_unit),
+        curve(series("applied_force_n", run.applied_force_n), kRed, 1.2, "applied", hand_unit)},
+       y_range({&run.scaled_force_n, &run.applied_force_n}, true, hand_unit)});
   draw(figure, 900, 220 * static_cast<int>(panels.size()),
        contact_shades(run) + "set multiplot\n" +
            column_of_panels(panels, {.x_range = whole_range(run)}, run.label) + "unset multiplot\n");
@@ -154,20 +161,20 @@ Figure FigureMaker::force_distance(const RunData& run) {
   Figure figure{
       "distance_" + run.slug, "Force against distance",
       fmt::format("{}: force on the tip against the commanded height (left, what an AFM draws: the jumps are "
-                  "snap-in and pull-off) and against the actual height of the apex (right). Repulsion is "
+                  "snap-in and pull-off, dashed where one tick holds them) and against the actual height of "
+                  "the apex (right). Repulsion is "
                   "positive; the lowest point of the way back is the pull-off force.",
                   run.label),
       ""};
-  const auto [least, most] =
-      std::minmax_element(run.tip_force_nn.begin(), run.tip_force_nn.end(), less_or_nan);
-  const double jump_nn = kJump * (*most - *least);
+  const double jump_nn = kJump * range_of(run.tip_force_nn);
+  const AxisUnit unit = readable({&run.tip_force_nn}, {"nN"}, "pN");
   const auto write_legs = [&](const char* name, const std::vector<double>& height, bool approach) {
     const auto count = static_cast<std::size_t>(std::count_if(
         run.legs.begin(), run.legs.end(), [&](const Leg& leg) { return leg.approach == approach; }));
     // The legs share the budget of points.
     const std::size_t stretches = std::max<std::size_t>(1300 / std::max<std::size_t>(count, 1), 40);
     std::vector<std::vector<Point>> pieces;
-    std::vector<std::vector<Point>> jumps;
+    std::vector<std::vector<Point>> leaps;
     for (const Leg& leg : run.legs) {
       if (leg.approach != approach) continue;
       std::size_t begin = leg.begin;
@@ -176,7 +183,7 @@ Figure FigureMaker::force_distance(const RunData& run) {
         const bool jump =
             i < leg.end && !hole && std::abs(run.tip_force_nn[i] - run.tip_force_nn[i - 1]) > jump_nn;
         if (jump)
-          jumps.push_back({{height[i - 1], run.tip_force_nn[i - 1]}, {height[i], run.tip_force_nn[i]}});
+          leaps.push_back({{height[i - 1], run.tip_force_nn[i - 1]}, {height[i], run.tip_force_nn[i]}});
         if (i < leg.end && !hole && !jump) continue;
         const auto part = [&](const std::vector<double>& v) {
           return std::vector<double>(v.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -189,10 +196,8 @@ Figure FigureMaker::force_distance(const RunData& run) {
     const std::string base = fmt::format("{}.{}_{}", figure.id, name, approach ? "approach" : "retract");
     const std::string head = fmt::format("{},tip_force_nn", name);
     const char* const colour = approach ? kBlue : kRed;
-    return curve(write_pieces(base, head, pieces), colour, 1.6, approach ? "approach" : "retract") +
-           ", \\\n  " +
-           fmt::format("'{}' using 1:2 lc rgb '{}' lw 1.0 dt (5,4) notitle",
-                       write_pieces(base + "_jumps", head, jumps), colour);
+    return curve(write_pieces(base, head, pieces), colour, 1.6, approach ? "approach" : "retract", unit) +
+           ", \\\n  " + jumps(write_pieces(base + "_jumps", head, leaps), colour, unit);
   };
   const std::string above = run.surface_known ? "height above the surface (nm)" : "z (nm)";
   const auto panel = [&](const char* name, const std::vector<double>& height, const std::string& label) {
@@ -202,8 +207,9 @@ Figure FigureMaker::force_distance(const RunData& run) {
   };
   std::string script =
       "set multiplot\nset tmargin at screen 0.90\nset bmargin at screen 0.14\nset xzeroaxis lc rgb "
-      "'#999999' lt 1\nset ylabel 'force on the tip (nN)'\n" +
-      y_range({&run.tip_force_nn});
+      "'#999999' lt 1\nset key bottom right\n" +
+      fmt::format("set ylabel 'force on the tip ({})'\n", unit.name) +
+      y_range({&run.tip_force_nn}, true, unit);
   script += "set lmargin at screen 0.09\nset rmargin at screen 0.50\n" +
             panel("target_height_nm", run.target_height_nm, run.label + ": against the commanded height");
   script += "unset ylabel\nset lmargin at screen 0.57\nset rmargin at screen 0.98\n" +
@@ -221,10 +227,11 @@ Figure FigureMaker::energy_and_damper(const RunData& run) {
       "energy_" + run.slug, "Energy and damper",
       fmt::format(
           "{}: the ledger of the station's port (what the hand has put in and not got back; below zero "
-          "the port would be active), the damping that the passivity controller injects, and the "
+          "the port would be active), the damping that the passivity controller injects (at most {:.3g} N "
+          "s/m; rare peaks leave the axis), and the "
           "energy that stays at the tip: adhesion and cantilever while it touches, dissipation "
           "afterwards.",
-          run.label),
+          run.label, run.summary.damper_max_n_s_m),
       ""};
   const auto series = [&](const char* name, const std::vector<double>& y) {
     return write_series(figure.id + "." + name, run, name, y, kStretches);
@@ -235,7 +242,7 @@ Figure FigureMaker::energy_and_damper(const RunData& run) {
        y_range({&run.energy_mj})},
       {"damper (N s/m)",
        {curve(series("damper_n_s_m", run.damper_n_s_m), kPurple, 1.2, "injected")},
-       y_range({&run.damper_n_s_m})},
+       y_range_without_peaks(run.damper_n_s_m)},
       {"tip energy (aJ)",
        {curve(series("slave_energy_aj", run.slave_energy_aj), kGreen, 1.4, "in minus out")},
        y_range({&run.slave_energy_aj})}};

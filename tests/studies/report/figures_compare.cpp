@@ -103,7 +103,8 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
   figure.caption =
       "The same motion on the same sample at the same scaling, and every row on the same axes (Kim and "
       "Sitti's figures "
-      "13 and 14). Shaded: the tip touches the sample. ";
+      "13 and 14). Lowest row: what damper, clamp and force limit changed of the force. Rare peaks of the "
+      "damper leave its axis. Shaded: the tip touches the sample. ";
   std::vector<double> hand;
   std::vector<double> force;
   std::vector<double> energy;
@@ -115,8 +116,8 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
     figure.caption += fmt::format(
         "{}: the applied force changes by {:.2g} N a tick (RMS), the ledger is {:.3g} mJ at the least, "
         "damper or clamp "
-        "act in {:.0f} % of the ticks. ",
-        run.label, s.force_step_rms_n, 1e3 * s.energy_least_j, 100 * s.controller_duty);
+        "act in {:.0f} % of the ticks, the largest damper is {:.3g} N s/m. ",
+        run.label, s.force_step_rms_n, 1e3 * s.energy_least_j, 100 * s.controller_duty, s.damper_max_n_s_m);
     const auto join = [](std::vector<double>& all, const std::vector<double>& more) {
       all.insert(all.end(), more.begin(), more.end());
     };
@@ -152,8 +153,8 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
          y_range({&energy})},
         {"damper (N s/m)",
          {curve(series("damper_n_s_m", run.damper_n_s_m), kPurple, 0.9, "injected")},
-         y_range({&damper})},
-        {"changed by (N)",
+         y_range_without_peaks(damper)},
+        {"control, limits (N)",
          {curve(series("change_n", change_of_force(run)), kPurple, 0.9, "applied less scaled")},
          y_range({&changed})}};
     const double left = kLeft + static_cast<double>(i) * (width + kGap);
@@ -195,13 +196,13 @@ Figure FigureMaker::force_curve(const CurveData& data) {
   std::string curves;
   const auto add_way = [&](const CurveWay& way, const char* name, const char* colour) {
     std::vector<std::vector<Point>> pieces(1);
-    std::vector<std::vector<Point>> jumps;
+    std::vector<std::vector<Point>> leaps;
     std::size_t next_jump = 0;
     for (std::size_t i = 0; i < way.force_nn.size(); ++i) {
       const Point point{way.base_z_nm[i], way.force_nn[i]};
       pieces.back().push_back(point);
       if (next_jump < way.jumps.size() && way.jumps[next_jump] == i) {
-        jumps.push_back({point, {way.base_z_nm[i + 1], way.force_nn[i + 1]}});
+        leaps.push_back({point, {way.base_z_nm[i + 1], way.force_nn[i + 1]}});
         pieces.emplace_back();
         ++next_jump;
       }
@@ -234,8 +235,7 @@ Figure FigureMaker::force_curve(const CurveData& data) {
     const std::string base = std::string("curve.") + name;
     curves += (curves.empty() ? "" : ", \\\n  ") +
               curve(write_pieces(base, "base_z_nm,force_nn", pieces), colour, 1.8, name) + ", \\\n  " +
-              fmt::format("'{}' using 1:2 lc rgb '{}' lw 1.2 dt (6,4) notitle",
-                          write_pieces(base + "_jumps", "base_z_nm,force_nn", jumps), colour);
+              jumps(write_pieces(base + "_jumps", "base_z_nm,force_nn", leaps), colour);
   };
   add_way(data.approach, "approach", kBlue);
   add_way(data.retract, "retract", kRed);

@@ -39,8 +39,30 @@ std::string quoted(const std::string& text) {
   return result + "'";
 }
 
-std::string curve(const std::string& file, const char* colour, double width, const std::string& title) {
-  return fmt::format("'{}' using 1:2 lc rgb '{}' lw {} title {}", file, colour, width, quoted(title));
+AxisUnit readable(std::initializer_list<const std::vector<double>*> all, AxisUnit large, const char* small) {
+  double most = 0;
+  for (const auto* values : all) {
+    for (const double value : *values) most = std::max(most, std::abs(value));
+  }
+  return most > 0 && most < 0.1 ? AxisUnit{small, large.factor * 1e3} : large;
+}
+
+namespace {
+
+std::string source(const std::string& file, const AxisUnit& unit) {
+  return fmt::format("'{}' using 1:{}", file,
+                     unit.factor == 1 ? std::string("2") : fmt::format("($2*{:g})", unit.factor));
+}
+
+}  // namespace
+
+std::string curve(const std::string& file, const char* colour, double width, const std::string& title,
+                  const AxisUnit& unit) {
+  return fmt::format("{} lc rgb '{}' lw {} title {}", source(file, unit), colour, width, quoted(title));
+}
+
+std::string jumps(const std::string& file, const char* colour, const AxisUnit& unit) {
+  return fmt::format("{} lc rgb '{}' lw 1.2 dt (6,4) notitle", source(file, unit), colour);
 }
 
 std::string y_range(double low, double high) {
@@ -53,7 +75,8 @@ std::string y_range(double low, double high) {
   return fmt::format("set yrange [{:.6g}:{:.6g}]\nset ytics {:.6g}\n", low - air, high + air, step);
 }
 
-std::string y_range(std::initializer_list<const std::vector<double>*> all, bool with_zero) {
+std::string y_range(std::initializer_list<const std::vector<double>*> all, bool with_zero,
+                    const AxisUnit& unit) {
   double low = with_zero ? 0.0 : HUGE_VAL;
   double high = with_zero ? 0.0 : -HUGE_VAL;
   for (const auto* values : all) {
@@ -63,7 +86,15 @@ std::string y_range(std::initializer_list<const std::vector<double>*> all, bool 
       high = std::max(high, value);
     }
   }
-  return low > high ? y_range(0, 1) : y_range(low, high);
+  return low > high ? y_range(0, 1) : y_range(low * unit.factor, high * unit.factor);
+}
+
+std::string y_range_without_peaks(std::vector<double> values) {
+  if (values.empty()) return y_range(0, 1);
+  const double most = *std::max_element(values.begin(), values.end());
+  const auto rank = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 997 / 1000);
+  std::nth_element(values.begin(), rank, values.end());
+  return y_range(0, *rank > 0 ? std::min(most, 1.3 * *rank) : most);
 }
 
 std::string column_of_panels(const std::vector<Panel>& panels, const ColumnPlace& place,

@@ -23,11 +23,26 @@ std::string style(const std::string& id, int width, int height);
 /// A text inside gnuplot's single quotes.
 std::string quoted(const std::string& text);
 
-std::string curve(const std::string& file, const char* colour, double width, const std::string& title);
+/// A unit that keeps the numbers of an axis readable; the CSV files stay in the unit of their head line.
+struct AxisUnit {
+  const char* name;
+  double factor = 1;
+};
+/// `large`, or the unit a thousand times smaller when the values want it.
+AxisUnit readable(std::initializer_list<const std::vector<double>*> all, AxisUnit large, const char* small);
+
+std::string curve(const std::string& file, const char* colour, double width, const std::string& title,
+                  const AxisUnit& unit = {""});
+
+/// Jumps, of which only the ends were measured or computed: dashed, and not in the legend.
+std::string jumps(const std::string& file, const char* colour, const AxisUnit& unit = {""});
 
 /// A range for an axis that holds all of the values and a little air, with about four tics. `with_zero` where
 /// zero means something.
-std::string y_range(std::initializer_list<const std::vector<double>*> all, bool with_zero = true);
+std::string y_range(std::initializer_list<const std::vector<double>*> all, bool with_zero = true,
+                    const AxisUnit& unit = {""});
+/// From zero to what all but a few in a thousand stay below: for values with rare high peaks.
+std::string y_range_without_peaks(std::vector<double> values);
 std::string y_range(double low, double high);
 
 /// One panel of a column of panels that share the time axis.

@@ -67,7 +67,8 @@ std::vector<Leg> find_legs(const Values& height, const Values& lateral, double t
     double sideways = 0;
     for (std::size_t i = begin; i <= end; ++i)
       sideways = std::max(sideways, std::abs(lateral[i] - lateral[begin]));
-    if (std::abs(rise) >= threshold && std::abs(rise) > sideways) legs.push_back({rise < 0, begin, end + 1});
+    if (std::abs(rise) >= threshold && sideways < 0.25 * std::abs(rise))
+      legs.push_back({rise < 0, begin, end + 1});
   };
   // Zigzag: an extreme counts once the height has come back from it by the threshold.
   std::size_t begin = 0;

@@ -58,7 +58,7 @@ std::string slug_of(const std::string& label);
 RunData load_run(const std::string& label, const std::filesystem::path& path);
 
 /// Turning points of `height` that are further than `threshold` apart make the legs; those in which the tip
-/// moved more sideways than up or down are left out.
+/// moved sideways, by more than a quarter of the rise, are left out.
 std::vector<Leg> find_legs(const std::vector<double>& height, const std::vector<double>& lateral,
                            double threshold);
 
