@@ -65,12 +65,12 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   add("reordered / duplicate / other drops",
       text("%lld / %lld / %lld", static_cast<long long>(s.reordered), static_cast<long long>(s.duplicates),
            static_cast<long long>(s.dropped)));
-  add("energy ledger, least / end", text("%.3g / %.3g mJ", 1e3 * s.energy_least_j, 1e3 * s.energy_end_j));
+  add("energy ledger, least / end", text("%.4g / %.4g mJ", 1e3 * s.energy_least_j, 1e3 * s.energy_end_j));
   add("energy in / out at the hand", text("%.4g / %.4g mJ", 1e3 * s.energy_in_j, 1e3 * s.energy_out_j));
   add("energy left at the tip", text("%.4g aJ", s.slave_energy_net_aj));
   add("controller duty", text("%.1f %% (damper %.1f %%, clamp %.1f %%)", 100 * s.controller_duty,
                               100 * s.damper_duty, 100 * s.clamp_duty));
-  add("largest damper", text("%.3g N s/m", s.damper_max_n_s_m));
+  add("largest damper", text("%.4g N s/m", s.damper_max_n_s_m));
   add("force or slew limit", text("%.1f %% of the time", 100 * s.force_limit_duty));
   add("stale force", text("%llu ticks", static_cast<unsigned long long>(s.stale_ticks)));
   add("lateness p50 / p99 / max",

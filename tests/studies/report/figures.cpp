@@ -236,16 +236,18 @@ Figure FigureMaker::energy_and_damper(const RunData& run) {
   const auto series = [&](const char* name, const std::vector<double>& y) {
     return write_series(figure.id + "." + name, run, name, y, kStretches);
   };
+  const AxisUnit unit = readable({&run.energy_mj}, {"mJ"}, "µJ");
+  const AxisUnit tip_unit = readable({&run.slave_energy_aj}, {"aJ"}, "zJ");
   const std::vector<Panel> panels{
-      {"energy (mJ)",
-       {curve(series("energy_mj", run.energy_mj), kBlue, 1.4, "ledger")},
-       y_range({&run.energy_mj})},
+      {fmt::format("energy ({})", unit.name),
+       {curve(series("energy_mj", run.energy_mj), kInk, 1.4, "ledger", unit)},
+       y_range({&run.energy_mj}, true, unit)},
       {"damper (N s/m)",
        {curve(series("damper_n_s_m", run.damper_n_s_m), kPurple, 1.2, "injected")},
        y_range_without_peaks(run.damper_n_s_m)},
-      {"tip energy (aJ)",
-       {curve(series("slave_energy_aj", run.slave_energy_aj), kGreen, 1.4, "in minus out")},
-       y_range({&run.slave_energy_aj})}};
+      {fmt::format("tip energy ({})", tip_unit.name),
+       {curve(series("slave_energy_aj", run.slave_energy_aj), kGreen, 1.4, "in minus out", tip_unit)},
+       y_range({&run.slave_energy_aj}, true, tip_unit)}};
   draw(figure, 900, 600,
        contact_shades(run) + "set multiplot\nset xzeroaxis lc rgb '#999999' lt 1\n" +
            column_of_panels(panels, {.x_range = whole_range(run)}, run.label) + "unset multiplot\n");

@@ -114,9 +114,9 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
   for (const RunData& run : runs) {
     const auto& s = run.summary;
     figure.caption += fmt::format(
-        "{}: the applied force changes by {:.2g} N a tick (RMS), the ledger is {:.3g} mJ at the least, "
+        "{}: the applied force changes by {:.2g} N a tick (RMS), the ledger is {:.4g} mJ at the least, "
         "damper or clamp "
-        "act in {:.0f} % of the ticks, the largest damper is {:.3g} N s/m. ",
+        "act in {:.0f} % of the ticks, the largest damper is {:.4g} N s/m. ",
         run.label, s.force_step_rms_n, 1e3 * s.energy_least_j, 100 * s.controller_duty, s.damper_max_n_s_m);
     const auto join = [](std::vector<double>& all, const std::vector<double>& more) {
       all.insert(all.end(), more.begin(), more.end());
@@ -149,7 +149,7 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
          {curve(series("applied_force_n", run.applied_force_n), kRed, 0.9, "applied")},
          y_range({&force})},
         {"energy ledger (mJ)",
-         {curve(series("energy_mj", run.energy_mj), kGreen, 1.3, "ledger")},
+         {curve(series("energy_mj", run.energy_mj), kInk, 1.3, "ledger")},
          y_range({&energy})},
         {"damper (N s/m)",
          {curve(series("damper_n_s_m", run.damper_n_s_m), kPurple, 0.9, "injected")},
@@ -178,7 +178,7 @@ Figure FigureMaker::force_curve(const CurveData& data) {
   figure.caption =
       "Force on the tip against the height of the cantilever's base, there and back: what an AFM draws (Kim "
       "and Sitti's "
-      "figure 6). Left: the whole way. Right: around the jumps. Dashed: jumps at a fixed base. ";
+      "figure 6). Left: the whole way. Right: around the jumps. Dashed: jumps, from one row to the next. ";
   figure.caption += fmt::format("Pull-off force {:.3g} nN; ", data.pull_off_force_nn);
   if (data.snaps_in) figure.caption += fmt::format("snap-in at {:.3g} nm, ", data.snap_in_base_nm);
   if (data.lets_go) figure.caption += fmt::format("pull-off at {:.3g} nm; ", data.pull_off_base_nm);

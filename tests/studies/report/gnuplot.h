@@ -13,6 +13,7 @@ namespace telenano::studies {
 inline constexpr const char* kBlue = "#0072B2";    ///< where: tip or hand; approach
 inline constexpr const char* kRed = "#D55E00";     ///< force at the hand; retract
 inline constexpr const char* kGreen = "#009E73";   ///< force and energy at the tip
+inline constexpr const char* kInk = "#222222";     ///< the ledger of the hand's port
 inline constexpr const char* kPurple = "#AA4488";  ///< what control does
 inline constexpr const char* kPale = "#9BB8CC";    ///< commanded
 inline constexpr const char* kGrey = "#B5B5B5";    ///< before control

@@ -22,7 +22,7 @@ Sample row(std::int64_t i) {
   s.tick = i + 1;
   s.time_s = 1e-3 * static_cast<double>(i);
   const double x = static_cast<double>(i - 500);
-  s.contact_state = i >= 300 && i < 800 ? 3 : 1;
+  s.contact_state = i >= 300 && i < 800 ? (i < 310 ? 2 : 3) : 1;  // a neck first
   s.tip_target_w_nm = {10, 20, 100 + 1e-4 * x * x - 4};
   s.tip_pos_w_nm = s.tip_target_w_nm;
   s.force_w_nn = {0, 0, i == 500 ? 30.0 : i == 799 ? -25.0 : i == 299 ? -26.0 : 0.0};
