@@ -51,7 +51,7 @@ RecordingFile::RecordingFile(const std::filesystem::path& path, bool overwrite,
   if (existed) {
     if (std::filesystem::is_directory(path, ignored))
       throw UserError(name_ + ": is a directory; a file name is expected");
-    if (!overwrite) throw UserError(name_ + ": exists already; choose another name or allow overwriting");
+    if (!overwrite) throw UserError(name_ + ": exists already; choose another name or pass --overwrite");
     if (std::filesystem::is_regular_file(path, ignored)) {
       const int fd = lock_recording(name_.c_str());
       if (fd < 0)

@@ -16,9 +16,11 @@ void add_recover_command(CLI::App& app) {
   const auto files = std::make_shared<std::vector<std::string>>();
   command->add_option("FILE", *files, "recordings")->required();
   command->callback([files] {
-    std::printf("file,rows,events,rows_cut,state\n");
+    bool first = true;
     for (const std::string& file : *files) {
       const recording::Recovered result = recording::recover(file);
+      if (first) std::printf("file,rows,events,rows_cut,state\n");
+      first = false;
       std::printf("%s,%llu,%llu,%llu,%s\n", file.c_str(), static_cast<unsigned long long>(result.rows),
                   static_cast<unsigned long long>(result.events),
                   static_cast<unsigned long long>(result.rows_cut),

@@ -68,10 +68,27 @@ void catch_signals() {
   action.sa_handler = [](int) { g_stop.store(true, std::memory_order_relaxed); };
   sigaction(SIGINT, &action, nullptr);
   sigaction(SIGTERM, &action, nullptr);
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a failed write, told in one line, not an end
+}
+
+// CLI11's ranges let "nan" through: no comparison fails with it.
+void require_numbers(const RunOptions& options) {
+  const auto require = [](const char* flag, double value) {
+    if (!std::isfinite(value)) throw UserError(fmt::format("{}: {} is no finite number; see --help for its range", flag, value));
+  };
+  require("--rate", options.rate_hz.value_or(0));
+  require("--duration-s", options.duration_s.value_or(0));
+  require("--depth-nm", options.depth_nm.value_or(0));
+  require("--connect-timeout-s", options.connect_timeout_s);
+  require("--give-up-s", options.give_up_s);
 }
 
 // Why the loop ended.
 enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone };
+
+// Codes of events in a recording besides the station's modes, 0 to 4. Stored in files: never renumber.
+constexpr std::uint32_t kEventSilent = 100;
+constexpr std::uint32_t kEventSession = 101;  // value: the epoch of the slave's energy book
 
 // What the loop tells the progress line.
 struct Progress {
@@ -173,6 +190,28 @@ device::SimDeviceConfig sim_device_config(const StationFile& file, double start_
   return config;
 }
 
+// Says goodbye for a session that ends before its loop begins, so that the server need not wait for its time-out.
+class Farewell {
+ public:
+  Farewell(link::ClientSession& session, net::Udp& socket, const net::Address& server)
+      : session_(session), socket_(socket), server_(server) {}
+  ~Farewell() {
+    if (!needed_) return;
+    std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
+    const std::size_t size = session_.make_bye(link::ByeReason::kStopped, buffer);
+    for (int i = 0; i < 3 && size > 0; ++i) socket_.send(std::span<const std::uint8_t>(buffer).first(size), server_);
+  }
+  Farewell(const Farewell&) = delete;
+  Farewell& operator=(const Farewell&) = delete;
+  void leave_to_loop() noexcept { needed_ = false; }
+
+ private:
+  link::ClientSession& session_;
+  net::Udp& socket_;
+  net::Address server_;
+  bool needed_ = true;
+};
+
 void print_progress(const Progress& p, bool terminal) {
   std::string line = fmt::format("{:5.1f}/{:.1f} s  {:<8} tip {:8.2f} nm  force {:8.2f} nN  hand {:6.2f} N  energy {:7.2f} mJ  "
                                  "RTT {:5.0f} us  lost {}",
@@ -204,8 +243,10 @@ int run(const RunOptions& options) {
     throw UserError(fmt::format("--device {}: unknown device; this build has: sim", options.device));
   }
   catch_signals();
+  require_numbers(options);
   const StationFile file = station_file(options);
   const station::StationConfig& config = file.station;
+  intended_motion(options, file.task, 0);  // a bad task or script is found before a server is asked
   const net::Address server = net::parse_address(options.server, "--server");
   if (!net::is_loopback(server)) {
     throw UserError(fmt::format("--server {}: sessions off loopback would travel in the clear, and this version cannot "
@@ -218,6 +259,7 @@ int run(const RunOptions& options) {
   client_config.nonce_seed = random_seed();
   link::ClientSession session(client_config);
   connect(session, socket, server, options);
+  Farewell farewell(session, socket, server);
 
   const link::Welcome welcome = session.welcome();
   const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
@@ -227,15 +269,10 @@ int run(const RunOptions& options) {
   // A command of tick k is answered for tick k+1: one sample of delay.
   const station::ScalingCheck check = station::check_scaling(config, device.info(), port, 1);
   if (!check.safe && !config.allow_unsafe_scaling) {
-    throw UserError(check.text + "; lower --force-scale or --velocity-scale, or insist with --allow-unsafe-scaling");
+    throw UserError(check.text + "; " + check.advice);
   }
   const std::string scene_name(welcome.scene_name.text.data(),
                                strnlen(welcome.scene_name.text.data(), welcome.scene_name.text.size()));
-  if (!options.quiet) {
-    fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, scene_name,
-               control::method_name(config.method), check.text);
-  }
-
   std::unique_ptr<recording::Recorder> recorder;
   if (!options.record.empty()) {
     recording::Configuration about;
@@ -265,12 +302,17 @@ int run(const RunOptions& options) {
     recording::RecorderOptions recorder_options;
     recorder_options.path = options.record;
     recorder_options.overwrite = options.overwrite;
-    recorder_options.on_failure = [](const std::string& text) {
-      fmt::print(stderr, "\nwarning: recording stopped, the session goes on: {}\n", text);
+    recorder_options.on_failure = [new_line = isatty(STDERR_FILENO) != 0 && !options.quiet](const std::string& text) {
+      fmt::print(stderr, "{}telenano-master: warning: {}; the session goes on\n", new_line ? "\n" : "",
+                 text);
     };
     recorder = std::make_unique<recording::Recorder>(recorder_options, about);
   }
 
+  if (!options.quiet) {
+    fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, scene_name,
+               control::method_name(config.method), check.text);
+  }
   station::Station station(config, device.info(), port);
   loop::StationLoop loop(device, socket, server, session, station);
   recording::SummaryBuilder summary({config.rate_hz, welcome.surface_z_w_nm});
@@ -291,6 +333,8 @@ int run(const RunOptions& options) {
     std::int64_t after_task_ticks = 0;
     bool silent_noted = false;
     station::Mode last_mode = station::Mode::kIdle;
+    std::uint64_t last_sessions = session.sessions();
+    std::uint32_t last_epoch = session.welcome().epoch;
     for (;;) {
       const rt::Tick tick = timer.wait();
       const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
@@ -311,6 +355,14 @@ int run(const RunOptions& options) {
           recorder->push(recording::make_event(sample.tick, sample.time_s, static_cast<std::uint32_t>(station.mode()),
                                                station::mode_name(station.mode()), sample.station_faults));
           last_mode = station.mode();
+        }
+        if (session.sessions() != last_sessions) {
+          const std::uint32_t epoch = session.welcome().epoch;
+          recorder->push(recording::make_event(sample.tick, sample.time_s, kEventSession,
+                                               epoch == last_epoch ? "session resumed" : "session resumed in a new epoch",
+                                               epoch));
+          last_sessions = session.sessions();
+          last_epoch = epoch;
         }
       }
       Progress p;
@@ -340,7 +392,7 @@ int run(const RunOptions& options) {
         break;
       }
       if (p.silent_s > 0.1 && !silent_noted && recorder) {
-        recorder->push(recording::make_event(sample.tick, sample.time_s, 100, "server silent"));
+        recorder->push(recording::make_event(sample.tick, sample.time_s, kEventSilent, "server silent"));
       }
       silent_noted = p.silent_s > 0.1;
     }
@@ -350,6 +402,7 @@ int run(const RunOptions& options) {
     finished = true;
   };
 
+  farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
   {
@@ -416,6 +469,10 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));
   command->add_flag("--quiet", options->quiet, "No progress, only the summary");
+  command->footer(
+      "Exit code: 0 the task is done, or stopped by a signal; 1 failed while running: no server, server silent for too\n"
+      "long, the station stopped itself, recording incomplete (a full disk does not end the session); 2 wrong usage or\n"
+      "configuration, nothing was written.");
   command->callback([options, &exit_code] { exit_code = run(*options); });
   return command;
 }

@@ -21,7 +21,8 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   while (socket_.receive(buffer_, received)) {
     if (!(received.from == server_)) continue;  // somebody else's
     const std::size_t size = received.size < buffer_.size() ? received.size : buffer_.size();
-    replied |= session_.on_datagram(std::span(buffer_).first(size), now_ns) == link::ClientEvent::kReply;
+    const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), now_ns - received.age_ns);
+    replied |= event == link::ClientEvent::kReply;
   }
   if (session_.sessions() != sessions_begun_) {
     sessions_begun_ = session_.sessions();

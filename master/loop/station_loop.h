@@ -51,7 +51,7 @@ class StationLoop {
   std::int64_t start_ns_ = 0;
   std::uint64_t send_failures_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
-  std::array<std::uint8_t, link::kMaxDatagramBytes> buffer_{};
+  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer_{};  ///< one more, so that an oversize one is seen as such
 };
 
 }  // namespace telenano::loop

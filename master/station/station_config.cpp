@@ -15,6 +15,16 @@ std::string number(double value) {
   return {text.data(), end};
 }
 
+/// To four digits, never up, so that a bound typed in as it was printed is kept: rounding adds at most 5e-4 of it.
+std::string rounded_down(double value) {
+  std::array<char, 40> text{};
+  const double less = value * (1 - 5e-4);
+  return {text.data(),
+          std::to_chars(text.data(), text.data() + text.size(), less, std::chars_format::general, 4).ptr};
+}
+
+constexpr double kForceScaleMin = 1;
+
 }  // namespace
 
 void StationConfig::validate(const std::string& source) const {
@@ -24,7 +34,7 @@ void StationConfig::validate(const std::string& source) const {
   const auto between = [](double value, double low, double high) { return value >= low && value <= high; };
   require(between(rate_hz, 10, 8000), "rate_hz", rate_hz, "10 to 8000");
   require(between(scaling.velocity, 1e-12, 1), "scaling.velocity", scaling.velocity, "1e-12 to 1");
-  require(between(scaling.force, 1, 1e12), "scaling.force", scaling.force, "1 to 1e12");
+  require(between(scaling.force, kForceScaleMin, 1e12), "scaling.force", scaling.force, "1 to 1e12");
   if (!control::method_available(method)) {
     throw UserError(source + ": control.method = " + std::string(control::method_name(method)) +
                     ", expected none, ks or ks-clamp");
@@ -62,16 +72,20 @@ ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo
   check.shown_stiffness_n_m = check.impedance * slave.coupling_stiffness_n_m;
   check.safe = check.impedance <= check.exact_bound;
   check.saturates = config.scaling.force > check.device_force_scale;
-  check.text =
-      "velocity scale x force scale = " + number(check.impedance) + (check.safe ? " <= " : " > ") +
-      number(check.exact_bound) + ", the exact sampled-data bound (device damping " +
-      number(plant.device_damping_n_s_m) + " N s/m, coupling " + number(slave.coupling_stiffness_n_m) +
-      " N/m and " + number(slave.coupling_damping_n_s_m) + " N s/m, " + number(config.rate_hz) + " Hz, " +
-      std::to_string(delay_samples) + " samples of delay)" +
-      (check.safe ? ": safe"
-                  : ": not safe; lower scaling.force to " +
-                        number(check.exact_bound > 0 ? check.exact_bound / config.scaling.velocity : 0) +
-                        " or pass --allow-unsafe-scaling");
+  check.text = "velocity scale " + number(config.scaling.velocity) + " x force scale " +
+               number(config.scaling.force) + " = " + number(check.impedance) +
+               (check.safe ? ", within the " : ", more than the ") + number(check.exact_bound) +
+               " that this device shows passively (damping " + number(plant.device_damping_n_s_m) +
+               " N s/m, coupling " + number(slave.coupling_stiffness_n_m) + " N/m and " +
+               number(slave.coupling_damping_n_s_m) + " N s/m, " + number(config.rate_hz) + " Hz, " +
+               std::to_string(delay_samples) + (delay_samples == 1 ? " sample" : " samples") + " of delay)";
+  if (!check.safe) {
+    const double force_scale = check.exact_bound / config.scaling.velocity;
+    check.advice = force_scale > 2 * kForceScaleMin
+                       ? "lower --force-scale (scaling.force) to " + rounded_down(force_scale) + " or less"
+                       : std::string("lower --velocity-scale (scaling.velocity)");
+    check.advice += ", or insist with --allow-unsafe-scaling";
+  }
   return check;
 }
 

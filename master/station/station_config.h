@@ -42,7 +42,8 @@ struct ScalingCheck {
   double shown_stiffness_n_m = 0;  ///< α_v α_F k_c
   bool safe = false;               ///< impedance ≤ exact_bound
   bool saturates = false;          ///< α_F > device_force_scale: legal, the force limit cuts the peaks
-  std::string text;                ///< for a person, one line
+  std::string text;                ///< for a person, one line: what was asked for and what is possible
+  std::string advice;              ///< when not safe: what to do about it
 };
 
 /// What the slave's port is, for planning.

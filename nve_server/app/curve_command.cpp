@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "common/base/error.h"
 #include "nve_server/scene/force_curve.h"
@@ -12,14 +13,19 @@ namespace {
 
 struct Options {
   std::string scene;
+  std::optional<double> x_nm;  // left out: the scene's start
+  std::optional<double> y_nm;
   scene::CurvePlan plan;
 };
 
 void run(const Options& options) {
   const auto scene = scene::load_scene(options.scene);
-  scene::check_plan(*scene, options.plan);
+  scene::CurvePlan plan = options.plan;
+  plan.x_nm = options.x_nm.value_or(scene->start_apex_w_nm.x());
+  plan.y_nm = options.y_nm.value_or(scene->start_apex_w_nm.y());
+  scene::check_plan(*scene, plan);
   std::puts("direction,base_z_nm,tip_z_nm,overlap_nm,force_nn,deflection_nm,branch,work_aj");
-  scene::run_curve(*scene, options.plan, [](const scene::CurveRow& row) {
+  scene::run_curve(*scene, plan, [](const scene::CurveRow& row) {
     std::printf("%s,%.15g,%.15g,%.15g,%.15g,%.15g,%s,%.15g\n", row.approach ? "approach" : "retract",
                 row.base_z_nm, row.tip_z_nm, row.overlap_nm, row.force_nn, row.deflection_nm,
                 scene::branch_name(row.branch), row.work_aj);
@@ -34,8 +40,8 @@ void add_curve_command(CLI::App& app) {
       app.add_subcommand("curve", "force-distance curve of a scene as CSV on standard output");
   auto options = std::make_shared<Options>();
   command->add_option("--scene", options->scene, "scene description (TOML)")->required()->type_name("FILE");
-  command->add_option("--x-nm", options->plan.x_nm, "where, frame W")->required();
-  command->add_option("--y-nm", options->plan.y_nm, "where, frame W")->required();
+  command->add_option("--x-nm", options->x_nm, "where, frame W; left out: where the scene starts");
+  command->add_option("--y-nm", options->y_nm, "where, frame W; left out: where the scene starts");
   command->add_option("--from-nm", options->plan.from_nm, "highest base height above the surface at (x, y)")
       ->capture_default_str();
   command->add_option("--to-nm", options->plan.to_nm, "lowest base height")->capture_default_str();

@@ -2,12 +2,32 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <vector>
 
 #include "common/base/error.h"
 #include "common/base/version.h"
+#include "common/config/usage_error.h"
 #include "tests/studies/contact_command.h"
 #include "tests/studies/report/report_command.h"
 #include "tests/studies/session_command.h"
+
+namespace {
+
+// What the parser could not make out, in one line.
+std::string explain(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& arguments) {
+  std::vector<std::string> commands;
+  std::vector<std::string> flags{"--help", "--version"};
+  for (const CLI::App* command : app.get_subcommands({})) {
+    commands.push_back(command->get_name());
+    if (arguments.empty() || arguments[0] != command->get_name()) continue;
+    for (const CLI::Option* option : command->get_options()) {
+      for (const std::string& name : option->get_lnames()) flags.push_back("--" + name);
+    }
+  }
+  return telenano::config::usage_error(app.get_name(), error.what(), arguments, commands, flags);
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app("Telenano's laboratory: the evidence, as CSV and plots", "telenano-lab");
@@ -22,7 +42,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
-    std::fprintf(stderr, "telenano-lab: %s (see telenano-lab --help)\n", error.what());
+    std::fprintf(stderr, "%s\n", explain(app, error, {argv + 1, argv + argc}).c_str());
     return 2;
   } catch (const telenano::UserError& error) {
     std::fprintf(stderr, "telenano-lab: %s\n", error.what());

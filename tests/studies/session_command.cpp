@@ -1,9 +1,12 @@
 #include "tests/studies/session_command.h"
 
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <utility>
 
+#include "common/base/error.h"
 #include "common/control/method.h"
 #include "tests/support/virtual_session.h"
 
@@ -54,7 +57,19 @@ void print_row(const recording::Sample& sample) {
   std::printf("\n");
 }
 
+void require_finite(const Options& options) {
+  // CLI11's ranges let "nan" through: no comparison fails with it.
+  const std::pair<const char*, double> values[] = {
+      {"--duration-s", options.task_options.duration_s}, {"--depth-nm", options.task_options.depth_nm},
+      {"--rtt-ms", options.delay_ms},                    {"--jitter-ms", options.jitter_ms},
+      {"--loss", options.loss},                          {"--burst", options.burst}};
+  for (const auto& [flag, value] : values) {
+    if (!std::isfinite(value)) throw UserError(std::string("session: ") + flag + " is no finite number; see --help for its range");
+  }
+}
+
 int run(Options options) {
+  require_finite(options);
   options.station.method = control::parse_method(options.method);
   options.station.allow_unsafe_scaling = true;
   options.station.validate("command line");

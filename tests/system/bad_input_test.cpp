@@ -1,0 +1,355 @@
+// Whatever a person gets wrong: one line on standard error that names it, the documented exit code, nothing
+// on standard output, nothing written. 2 = wrong usage or configuration, 1 = failed while running.
+#include <array>
+#include <atomic>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <thread>
+
+#include "common/link/codec.h"
+#include "common/link/messages.h"
+#include "common/net/udp.h"
+#include "common/recording/recording_reader.h"
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+struct Bad {
+  std::string what;
+  std::vector<std::string> command;
+  std::vector<std::string> named;  ///< what the line must say
+  int exit_code = 2;
+};
+
+class BadInputTest : public ProgramsTest {
+ protected:
+  void expect_refused(const Bad& bad, const ChildOptions& more = {}) {
+    SCOPED_TRACE(bad.what);
+    const auto before = listing();
+    ChildOptions options = more;
+    options.folder = folder_;
+    const Finished run = run_program(bad.command, options, kLong);
+    EXPECT_EQ(run.exit_code, bad.exit_code) << "signal " << run.ended_by << "\n" << run.err;
+    EXPECT_EQ(run.out, "");
+    const auto lines = lines_of(run.err);
+    EXPECT_EQ(lines.size(), 1u) << run.err;
+    if (!lines.empty()) {
+      const std::string program = std::filesystem::path(bad.command[0]).filename().string();
+      EXPECT_EQ(lines[0].rfind(program + ": ", 0), 0u) << run.err;
+      EXPECT_LT(lines[0].size(), 400u) << "too long for a line:\n" << run.err;
+    }
+    for (const std::string& word : bad.named) {
+      EXPECT_NE(run.err.find(word), std::string::npos) << "does not name '" << word << "':\n" << run.err;
+    }
+    EXPECT_EQ(listing(), before) << "something was written";
+    if (std::getenv("TELENANO_SHOW") != nullptr) std::printf("%-28s %s", bad.what.c_str(), run.err.c_str());
+  }
+  void expect_refused(const std::vector<Bad>& table) {
+    for (const Bad& bad : table) expect_refused(bad);
+  }
+
+  /// Files of the test's folder, with what is in them.
+  std::map<std::string, std::string> listing() const {
+    std::map<std::string, std::string> files;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_)) {
+      files[entry.path().string()] = entry.is_regular_file() ? file_text(entry.path()) : "";
+    }
+    return files;
+  }
+
+  /// flakes.toml with one text replaced, beside its scan.
+  std::string scene_with(const std::string& name, const std::string& from, const std::string& to) const {
+    std::string text = file_text(scene_path("flakes"));
+    const auto put = [&](const std::string& old, const std::string& fresh) {
+      const auto at = text.find(old);
+      EXPECT_NE(at, std::string::npos) << "the scene has no '" << old << "'";
+      if (at != std::string::npos) text.replace(at, old.size(), fresh);
+    };
+    put(from, to);
+    if (from.find("wsxm_600nm") == std::string::npos) {
+      put("../data/wsxm_600nm.gsf", std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
+    }
+    return write(name, text);
+  }
+
+  static std::string real_scan() {
+    return file_text(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
+  }
+
+  /// A scene whose scan is `bytes`.
+  std::string scene_of_scan(const std::string& name, const std::string& bytes) const {
+    write(name + ".gsf", bytes);
+    return scene_with(name + ".toml", "../data/wsxm_600nm.gsf", name + ".gsf");
+  }
+
+  static std::vector<std::string> with(std::vector<std::string> command,
+                                       const std::vector<std::string>& more) {
+    command.insert(command.end(), more.begin(), more.end());
+    return command;
+  }
+};
+
+TEST_F(BadInputTest, FlagsOfTheStation) {
+  const std::vector<std::string> run{kMaster, "run"};
+  const std::string script = write("bad.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,20\n1,0,zero,20\n");
+  const std::string backwards = write("backwards.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,20\n2,0,0,20\n1,0,0,20\n");
+  const std::string station = write("station.toml", "[limits]\nslew_n = 5.0\n");
+  const std::string outside = write("outside.toml", "[limits]\nslew_n_s = -5.0\n");
+  const std::string not_toml = write("not.toml", "slew = = 5\n");
+  expect_refused(std::vector<Bad>{
+      {"no command", {kMaster}, {"a command is missing", "run or recover", "telenano-master --help"}},
+      {"unknown command", {kMaster, "rum"}, {"'rum'", "run or recover", "did you mean run?"}},
+      {"unknown flag", with(run, {"--tasks", "indent"}), {"--tasks", "did you mean --task?"}},
+      {"flag without value", with(run, {"--task"}), {"--task"}},
+      {"unknown task",
+       with(run, {"--task", "polish"}),
+       {"polish", "position, contact, indent, scan or script"}},
+      {"unknown method", with(run, {"--method", "magic"}), {"magic", "none, ks or ks-clamp"}},
+      {"method of a later version",
+       with(run, {"--method", "tdpa"}),
+       {"tdpa", "not available in this version"}},
+      {"unknown device", with(run, {"--device", "omega"}), {"--device", "omega", "sim"}},
+      {"rate no number", with(run, {"--rate", "fast"}), {"--rate", "fast"}},
+      {"rate out of range", with(run, {"--rate", "50"}), {"--rate", "50", "100", "8000"}},
+      {"rate nan", with(run, {"--rate", "nan"}), {"--rate"}},
+      {"duration negative", with(run, {"--duration-s", "-1"}), {"--duration-s", "-1", "3600"}},
+      {"duration nan", with(run, {"--duration-s", "nan"}), {"--duration-s"}},
+      {"depth inf", with(run, {"--depth-nm", "inf"}), {"--depth-nm", "1000"}},
+      {"give up nan", with(run, {"--give-up-s", "nan"}), {"--give-up-s"}},
+      {"force scale nan", with(run, {"--force-scale", "nan"}), {"scaling.force", "1 to 1e"}},
+      {"velocity scale 0", with(run, {"--velocity-scale", "0"}), {"scaling.velocity", "1e-12 to 1"}},
+      {"server without port", with(run, {"--server", "127.0.0.1"}), {"--server", "no port", "HOST:PORT"}},
+      {"server port 99999", with(run, {"--server", "127.0.0.1:99999"}), {"--server", "99999", "0 to 65535"}},
+      {"server off loopback",
+       with(run, {"--server", "192.0.2.1:5100"}),
+       {"--server", "192.0.2.1:5100", "loopback"}},
+      {"script task, no script", with(run, {"--task", "script"}), {"--script", "t_s,x_nm,y_nm,z_nm"}},
+      {"script missing", with(run, {"--task", "script", "--script", "none.csv"}), {"none.csv"}},
+      {"script with a bad line",
+       with(run, {"--task", "script", "--script", script}),
+       {script + ":3", "four finite numbers"}},
+      {"script backwards in time",
+       with(run, {"--task", "script", "--script", backwards}),
+       {backwards + ":4", "t_s"}},
+      {"station file missing", with(run, {"--config", "none.toml"}), {"none.toml"}},
+      {"station file, unknown key", with(run, {"--config", station}), {station, "slew_n", "slew_n_s"}},
+      {"station file, out of range",
+       with(run, {"--config", outside}),
+       {outside, "slew_n_s", "-5", "[1, 1000000]"}},
+      {"station file, no TOML", with(run, {"--config", not_toml}), {not_toml}},
+  });
+}
+
+TEST_F(BadInputTest, ScenesAndScans) {
+  const auto check = [](const std::string& scene) {
+    return std::vector<std::string>{kNve, "check", "--scene", scene};
+  };
+  const std::string scan = real_scan();
+  std::string seconds = scan;
+  ASSERT_NE(seconds.find("XYUnits = m\n"), std::string::npos);
+  seconds.replace(seconds.find("XYUnits = m\n"), 12, "XYUnits = s\n");
+  std::string nan = scan;
+  const float not_a_number = std::numeric_limits<float>::quiet_NaN();
+  for (std::size_t i = scan.size() - 4 * 1000; i < scan.size(); i += 4)
+    std::memcpy(nan.data() + i, &not_a_number, 4);
+  const std::string poisson = scene_with("poisson.toml", "poisson_ratio = 0.27", "poisson_ratio = 0.7");
+  const std::string modulus =
+      scene_with("modulus.toml", "youngs_modulus_gpa = 70.0", "youngs_modulus_gpa = -70.0");
+  const std::string unknown = scene_with("unknown.toml", "van_der_waals = true", "van_der_wals = true");
+  const std::string unit = scene_with("unit.toml", "youngs_modulus_gpa = 70.0", "youngs_modulus_pa = 70.0e9");
+  const std::string text = scene_with("text.toml", "tip_radius_nm = 20.0", "tip_radius_nm = \"20\"");
+  const std::string nan_key = scene_with("radius.toml", "tip_radius_nm = 20.0", "tip_radius_nm = nan");
+  const std::string kind = scene_with("kind.toml", "kind = \"scan\"", "kind = \"scam\"");
+  const std::string outside = scene_with("outside.toml", "x_nm = 300.0", "x_nm = 3000.0");
+  expect_refused(std::vector<Bad>{
+      {"missing scene", check("none.toml"), {"none.toml", "No such file"}},
+      {"scene is a folder", check("."), {"."}},
+      {"unknown key", check(unknown), {unknown, "van_der_wals", "van_der_waals"}},
+      {"wrong unit", check(unit), {unit, "youngs_modulus_pa", "youngs_modulus_gpa"}},
+      {"poisson 0.7", check(poisson), {poisson, "'poisson_ratio' in [sample]", "0.7", "(-1, 0.5]"}},
+      {"negative modulus",
+       check(modulus),
+       {modulus, "'youngs_modulus_gpa' in [sample]", "-70", "[0.0001, 2000]"}},
+      {"text for a number", check(text), {text, "tip_radius_nm"}},
+      {"nan for a number", check(nan_key), {nan_key, "tip_radius_nm", "nan"}},
+      {"unknown kind", check(kind), {kind, "scam", "flat", "scan"}},
+      {"start outside", check(outside), {outside, "'x_nm' in [start]", "3000"}},
+      {"missing scan",
+       check(scene_with("noscan.toml", "../data/wsxm_600nm.gsf", "none.gsf")),
+       {"none.gsf", "No such file"}},
+      {"truncated scan",
+       check(scene_of_scan("cut", scan.substr(0, scan.size() - 100))),
+       {"cut.gsf", "truncated", std::to_string(scan.size())}},
+      {"empty scan", check(scene_of_scan("empty", "")), {"empty.gsf", "Gwyddion Simple Field"}},
+      {"NaN-filled scan", check(scene_of_scan("nan", nan)), {"nan.gsf", "1000 of", "not finite"}},
+      {"scan in seconds", check(scene_of_scan("seconds", seconds)), {"seconds.gsf", "XYUnits", "'s'", "'m'"}},
+      {"serve: unknown key",
+       {kNve, "serve", "--listen", "127.0.0.1:0", "--scene", unknown},
+       {unknown, "van_der_wals"}},
+      {"curve: unknown key", {kNve, "curve", "--scene", unknown}, {unknown, "van_der_wals"}},
+      {"curve: outside",
+       {kNve, "curve", "--scene", scene_path("flakes"), "--x-nm", "9999"},
+       {"--x-nm", "9999", "[26.17"}},
+      {"curve: nan", {kNve, "curve", "--scene", scene_path("flakes"), "--y-nm", "nan"}, {"--y-nm", "nan"}},
+      {"curve: upwards",
+       {kNve, "curve", "--scene", scene_path("flakes"), "--from-nm", "0", "--to-nm", "5"},
+       {"--to-nm", "5"}},
+      {"curve: no step",
+       {kNve, "curve", "--scene", scene_path("flakes"), "--step-nm", "0"},
+       {"--step-nm", "0"}},
+      {"curve: step no number",
+       {kNve, "curve", "--scene", scene_path("flakes"), "--step-nm", "x"},
+       {"--step-nm", "x"}},
+  });
+}
+
+TEST_F(BadInputTest, FlagsOfTheServerAndTheLaboratory) {
+  const std::string scene = scene_path("flat_silicon_oxide");
+  net::Udp taken = net::Udp::listen(net::parse_address("127.0.0.1:0", "test"));
+  const std::string port = std::to_string(taken.local().port);
+  const std::string text = write("notes.txt", "no recording\n");
+  write("empty.h5", "");
+  expect_refused(std::vector<Bad>{
+      {"port in use", {kNve, "serve", "--scene", scene, "--listen", "127.0.0.1:" + port}, {port, "in use"}},
+      {"foreign address",
+       {kNve, "serve", "--scene", scene, "--listen", "192.0.2.1:5100"},
+       {"192.0.2.1:5100", "this machine"}},
+      {"listen without port",
+       {kNve, "serve", "--scene", scene, "--listen", "127.0.0.1"},
+       {"--listen", "HOST:PORT"}},
+      {"no scene", {kNve, "serve"}, {"--scene"}},
+      {"no sessions", {kNve, "serve", "--scene", scene, "--max-sessions", "0"}, {"--max-sessions", "256"}},
+      {"unknown flag", {kNve, "serve", "--scene", scene, "--prot", "5100"}, {"unknown flag --prot"}},
+      {"recover a text file", {kMaster, "recover", text}, {text, "recording"}},
+      {"recover nothing", {kMaster, "recover", "none.h5"}, {"none.h5"}},
+      {"recover an empty file", {kMaster, "recover", "empty.h5"}, {"empty.h5"}},
+      {"recover without file", {kMaster, "recover"}, {"FILE"}},
+      {"report of a text file", {kLab, "report", "--run", "a=" + text}, {text, "recording"}},
+      {"report of nothing", {kLab, "report", "--run", "a=none.h5"}, {"none.h5"}},
+      {"report without label", {kLab, "report", "--run", "none.h5"}, {"--run", "LABEL=FILE"}},
+      {"report without run", {kLab, "report"}, {"--run"}},
+      {"unknown law", {kLab, "contact", "--law", "jkr", "--lambda", "1", "--delta", "0"}, {"jkr", "md"}},
+      {"lambda no number", {kLab, "contact", "--lambda", "1,x", "--delta", "0"}, {"--lambda", "'x'"}},
+      {"lambda negative", {kLab, "contact", "--lambda=-1", "--delta", "0"}, {"--lambda", "-1", "1e-06"}},
+      {"delta nan", {kLab, "contact", "--lambda", "1", "--delta", "nan"}, {"--delta", "nan"}},
+      {"no delta", {kLab, "contact", "--lambda", "1"}, {"--delta"}},
+      {"direction",
+       {kLab, "contact", "--lambda", "1", "--delta", "0", "--direction", "up"},
+       {"--direction", "up"}},
+      {"session: nan", {kLab, "session", "--scene", scene, "--rtt-ms", "nan"}, {"--rtt-ms"}},
+      {"session: task", {kLab, "session", "--scene", scene, "--task", "polish"}, {"polish"}},
+  });
+}
+
+TEST_F(BadInputTest, WhatOnlyAServerCanTell) {
+  // One place and no time-out to speak of: a refused station must say Bye, or the next finds the server full.
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--max-sessions", "1", "--timeout-ms", "60000"});
+  const std::vector<std::string> run{kMaster,  "run",      "--server",     server.address(),
+                                     "--task", "position", "--duration-s", "1"};
+  write("old.h5", "somebody's recording\n");
+  expect_refused(std::vector<Bad>{
+      {"scaling",
+       with(run, {"--force-scale", "8e8"}),
+       {"velocity scale 1e-06 x force scale 8e+08 = 800", "lower --force-scale", "--allow-unsafe-scaling"}},
+      {"no folder", with(run, {"--record", "none/new.h5"}), {"none/new.h5", "No such file"}},
+      {"exists", with(run, {"--record", "old.h5"}), {"old.h5", "exists already", "--overwrite"}},
+      {"a folder", with(run, {"--record", ".", "--overwrite"}), {".", "directory"}},
+  });
+  ChildOptions no_room;
+  no_room.file_bytes_max = 1000;
+  expect_refused({"no room at all", with(run, {"--record", "new.h5"}), {"new.h5", "cannot be"}}, no_room);
+
+  // The scale that the refusal names is accepted.
+  const Finished refused = run_program(with(run, {"--force-scale", "8e8"}));
+  const std::string before = "to ";
+  const auto at = refused.err.find(before, refused.err.find("lower --force-scale"));
+  ASSERT_NE(at, std::string::npos) << refused.err;
+  const std::string scale =
+      refused.err.substr(at + before.size(), refused.err.find(' ', at + before.size()) - at - before.size());
+  const Finished accepted = run_program(with(run, {"--quiet", "--force-scale", scale}), {}, kLong);
+  EXPECT_EQ(accepted.exit_code, 0) << scale << ": " << accepted.err;
+  const Finished insisted =
+      run_program(with(run, {"--quiet", "--force-scale", "8e8", "--allow-unsafe-scaling"}), {}, kLong);
+  EXPECT_EQ(insisted.exit_code, 0) << insisted.err;
+}
+
+TEST_F(BadInputTest, NoServerAndTheWrongServer) {
+  net::Udp nobody = net::Udp::listen(net::parse_address("127.0.0.1:0", "test"));
+  const std::string silent = "127.0.0.1:" + std::to_string(nobody.local().port);
+  const std::vector<std::string> run{kMaster, "run",     "--record", path("new.h5"), "--connect-timeout-s",
+                                     "0.5",   "--server"};
+  expect_refused(
+      Bad{"silent", with(run, {silent}), {"no answer from " + silent, "0.5 s", "telenano-nve serve"}, 1});
+  expect_refused(Bad{"closed port", with(run, {"127.0.0.1:1"}), {"no answer from 127.0.0.1:1"}, 1});
+
+  // Answers every Hello in version 9: with a Refuse, which every version reads, or with something of its own.
+  for (const bool refuses : {true, false}) {
+    net::Udp socket = net::Udp::listen(net::parse_address("127.0.0.1:0", "test"));
+    const std::string address = "127.0.0.1:" + std::to_string(socket.local().port);
+    std::atomic<bool> done{false};
+    std::thread responder([&] {
+      link::Codec codec;
+      link::Incoming incoming;
+      std::array<std::uint8_t, link::kMaxDatagramBytes> bytes;
+      net::Received received;
+      while (!done) {
+        socket.wait_readable(5'000'000);
+        while (socket.receive(bytes, received)) {
+          if (codec.decode({bytes.data(), received.size}, incoming) != link::DropCause::kNone) continue;
+          std::size_t size = 0;
+          if (refuses) {
+            size =
+                codec.encode(link::Refuse{incoming.hello.nonce, link::RefuseReason::kVersion, 9, 9}, bytes);
+          } else {
+            size = codec.encode(link::Challenge{incoming.hello.nonce, 77}, bytes);
+          }
+          bytes[4] = 9;  // version, in the header
+          socket.send({bytes.data(), size}, received.from);
+        }
+      }
+    });
+    expect_refused(Bad{refuses ? "version 9, refusing" : "version 9, chattering",
+                       with(run, {address}),
+                       {address, "version", "update"},
+                       1});
+    done = true;
+    responder.join();
+  }
+}
+
+/// A disk that fills up while a session runs: told once, the session goes on to its end, exit code 1, and
+/// what had been confirmed is there.
+TEST_F(BadInputTest, AFullDiskEndsTheRecordingAndNotTheSession) {
+  Server server(scene_path("flakes"));
+  ChildOptions small;
+  small.file_bytes_max = 1'000'000;
+  const std::string file = path("full.h5");
+  const Finished run =
+      run_program(station(server, {"--task", "indent", "--duration-s", "4", "--record", file}), small, kLong);
+  EXPECT_EQ(run.exit_code, 1) << "signal " << run.ended_by << run.err;
+  EXPECT_EQ(run.out, "");
+  std::size_t told = 0;
+  for (const std::string& line : lines_of(run.err)) {
+    if (line.find("the session goes on") != std::string::npos) {
+      ++told;
+      EXPECT_NE(line.find(file), std::string::npos) << line;
+      EXPECT_NE(line.find("File too large"), std::string::npos) << line;
+    }
+  }
+  EXPECT_EQ(told, 1u) << run.err;
+  const auto summary = run.err.find("summary of 4.");
+  EXPECT_NE(summary, std::string::npos) << "the session was cut short:\n" << run.err;
+  EXPECT_NE(run.err.find("pull-off force"), std::string::npos) << run.err;
+  {
+    const recording::RecordingReader reader(file);
+    EXPECT_TRUE(reader.cut_short());
+    EXPECT_GT(reader.rows(), 500u);
+  }
+  EXPECT_EQ(run_program({kMaster, "recover", file}).exit_code, 0);
+  EXPECT_NE(server.stop().find("in 1 sessions"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace telenano::programs
