@@ -42,12 +42,11 @@ std::string stop_label(const RunData& run, double end_s) {
 }  // namespace
 
 Figure FigureMaker::round_trips(const std::vector<RunData>& runs) {
-  Figure figure{"round_trips", "Round trips",
-                "Distribution of the round trip of each reply, without the server's hold time; both axes "
-                "logarithmic, twenty bins to the decade. The station looks for replies at its ticks, so a "
-                "round trip ends with the "
-                "tick that finds the reply. The tail to the right is what the operator feels as jitter.",
-                ""};
+  Figure figure{
+      "round_trips", "Round trips",
+      "Distribution of the round trip of each reply, without the server's hold time; both axes "
+      "logarithmic, twenty bins to the decade. The tail to the right is what the operator feels as jitter.",
+      ""};
   std::string curves;
   std::size_t colour = 0;
   double least = HUGE_VAL;
