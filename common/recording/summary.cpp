@@ -12,6 +12,8 @@
 namespace telenano::recording {
 namespace {
 
+const std::string kNoContact = "no contact";
+
 __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) {
   char buffer[256];
   va_list arguments;
@@ -46,17 +48,15 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   const auto add = [&](const char* name, std::string value) { lines.emplace_back(name, std::move(value)); };
   add("duration", text("%.2f s, %llu ticks%s", s.duration_s, static_cast<unsigned long long>(s.rows),
                        s.cut_short ? " (cut short)" : ""));
-  add("pull-off force", s.contact_fraction > 0
-                            ? text("%.4g nN", s.pull_off_force_nn)
-                            : text("no contact (attraction up to %.3g nN)", s.largest_attraction_nn));
+  const bool touched = s.contact_fraction > 0;
+  add("pull-off force", touched ? text("%.4g nN", s.pull_off_force_nn) : kNoContact);
+  add("largest attraction", text("%.4g nN", s.largest_attraction_nn));
   add("largest push", text("%.4g nN", s.peak_repulsion_nn));
-  add("greatest depth", s.contact_fraction > 0
-                            ? text("%.3g nm below %s", s.greatest_depth_nm,
-                                   s.depth_below_surface ? "the surface" : "where contact began")
-                            : std::string("no contact"));
+  add("greatest depth", touched ? text("%.3g nm below %s", s.greatest_depth_nm,
+                                       s.depth_below_surface ? "the surface" : "where contact began")
+                                : kNoContact);
   add("in contact", text("%.1f %% of the time", 100 * s.contact_fraction));
-  add("peak force at the hand",
-      text("%.3g N (%.3g N before control)", s.peak_hand_force_n, s.peak_scaled_force_n));
+  add("hand force, peak", text("%.3g N (%.3g N before control)", s.peak_hand_force_n, s.peak_scaled_force_n));
   add("force step, RMS", text("%.3g N a tick", s.force_step_rms_n));
   add("hand, z from / to", text("%.3g / %.3g mm", s.hand_z_min_mm, s.hand_z_max_mm));
   add("round trip p50 / p99 / max", text("%.0f / %.0f / %.0f us", s.rtt_us.p50, s.rtt_us.p99, s.rtt_us.max));
@@ -68,8 +68,8 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   add("energy ledger, least / end", text("%.4g / %.4g mJ", 1e3 * s.energy_least_j, 1e3 * s.energy_end_j));
   add("energy in / out at the hand", text("%.4g / %.4g mJ", 1e3 * s.energy_in_j, 1e3 * s.energy_out_j));
   add("energy left at the tip", text("%.4g aJ", s.slave_energy_net_aj));
-  add("controller duty", text("%.1f %% (damper %.1f %%, clamp %.1f %%)", 100 * s.controller_duty,
-                              100 * s.damper_duty, 100 * s.clamp_duty));
+  add("controller acted in", text("%.1f %% of the ticks (damper %.1f %%, clamp %.1f %%)",
+                                  100 * s.controller_duty, 100 * s.damper_duty, 100 * s.clamp_duty));
   add("largest damper", text("%.4g N s/m", s.damper_max_n_s_m));
   add("force or slew limit", text("%.1f %% of the time", 100 * s.force_limit_duty));
   add("stale force", text("%llu ticks", static_cast<unsigned long long>(s.stale_ticks)));
@@ -88,8 +88,9 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
 
 std::string summary_text(const Summary& summary) {
   std::string result;
-  for (const auto& [name, value] : summary_lines(summary))
-    result += text("  %-36s %s\n", name.c_str(), value.c_str());
+  for (const auto& [name, value] : summary_lines(summary)) {
+    if (value != kNoContact) result += text("  %-36s %s\n", name.c_str(), value.c_str());
+  }
   return result;
 }
 

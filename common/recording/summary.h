@@ -74,7 +74,7 @@ Summary summarise(const RecordingReader& reader);
 /// tables.
 std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& summary);
 
-/// As lines of text for a terminal, each indented by two blanks.
+/// As lines of text for a terminal, each indented by two blanks; without those that only contact could fill.
 std::string summary_text(const Summary& summary);
 
 }  // namespace telenano::recording

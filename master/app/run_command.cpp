@@ -232,7 +232,7 @@ void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& tim
   summary.overruns = static_cast<std::int64_t>(timer.overruns);
   summary.missed_ticks = static_cast<std::int64_t>(timer.missed);
   if (recorder != nullptr) summary.rows_dropped = recorder->rows_dropped();
-  fmt::print(stderr, "summary\n{}", recording::summary_text(summary));
+  fmt::print(stderr, "summary of {:.1f} s\n{}", summary.duration_s, recording::summary_text(summary));
   if (recorder == nullptr) return;
   fmt::print(stderr, "  {:<36} {}: {} rows{}{}\n", "recording", path, recorder->rows_written(),
              recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");

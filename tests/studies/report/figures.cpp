@@ -31,7 +31,7 @@ std::string slurp(const std::filesystem::path& path) {
 }
 
 // Of the range of force in one tick: drawn dashed, since nothing was measured between.
-constexpr double kJump = 0.15;
+constexpr double kJump = 0.1;
 
 double range_of(const std::vector<double>& values) {
   double low = HUGE_VAL;
@@ -171,8 +171,8 @@ Figure FigureMaker::force_distance(const RunData& run) {
   const auto write_legs = [&](const char* name, const std::vector<double>& height, bool approach) {
     const auto count = static_cast<std::size_t>(std::count_if(
         run.legs.begin(), run.legs.end(), [&](const Leg& leg) { return leg.approach == approach; }));
-    // The legs share the budget of points.
-    const std::size_t stretches = std::max<std::size_t>(1300 / std::max<std::size_t>(count, 1), 40);
+    // The legs share the budget of points; the short ones of an oscillation are drawn whole anyway.
+    const std::size_t stretches = std::max<std::size_t>(1300 / std::max<std::size_t>(count, 1), 300);
     std::vector<std::vector<Point>> pieces;
     std::vector<std::vector<Point>> leaps;
     for (const Leg& leg : run.legs) {

@@ -22,26 +22,31 @@ std::vector<double> change_of_force(const RunData& run) {
   return change;
 }
 
-std::string stop_mark(const RunData& run, double end_s) {
+std::string stop_mark(const RunData& run) {
   if (run.stopped_s < 0) return "";
   std::string script = fmt::format(
       "set arrow 1 from {:.6g}, graph 0 to {:.6g}, graph 1 nohead lc rgb '#333333' lw 1.4 dt (2,3)\n",
       run.stopped_s, run.stopped_s);
-  const bool left = run.stopped_s > 0.6 * end_s;
-  script += fmt::format("set label 1 '{}' at {:.6g}, graph 0.93 {} textcolor rgb '#333333' font ',11'\n",
-                        left ? "stopped itself " : " stopped itself", run.stopped_s, left ? "right" : "left");
   return script;
+}
+
+/// In the top panel only.
+std::string stop_label(const RunData& run, double end_s) {
+  if (run.stopped_s < 0) return "";
+  const bool left = run.stopped_s > 0.6 * end_s;
+  return fmt::format(
+      "set label 1 'stopped' at {:.6g}, graph 0.93 {} offset {},0 textcolor rgb '#333333' font ',11'\n",
+      run.stopped_s, left ? "right" : "left", left ? -0.6 : 0.6);
 }
 
 }  // namespace
 
 Figure FigureMaker::round_trips(const std::vector<RunData>& runs) {
-  Figure figure{"round_trips", "Round trips",
-                "Distribution of the round trip of each reply, without the server's hold time; both axes "
-                "logarithmic, twenty bins to the decade. The station looks for replies at its ticks, so a "
-                "round trip ends with the "
-                "tick that finds the reply. The tail to the right is what the operator feels as jitter.",
-                ""};
+  Figure figure{
+      "round_trips", "Round trips",
+      "Distribution of the round trip of each reply, without the server's hold time; both axes "
+      "logarithmic, twenty bins to the decade. The tail to the right is what the operator feels as jitter.",
+      ""};
   std::string curves;
   std::size_t colour = 0;
   double least = HUGE_VAL;
@@ -127,7 +132,7 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
     join(damper, run.damper_n_s_m);
     join(changed, change_of_force(run));
     if (run.stopped_s >= 0)
-      figure.caption += fmt::format("Its dotted line: the station stopped itself ({}). ", run.stop_reason);
+      figure.caption += fmt::format("At its dotted line the station stopped ({}). ", run.stop_reason);
     end_s = std::max(end_s, run.time_s.back());
   }
   std::string script = "set multiplot\nset xzeroaxis lc rgb '#999999' lt 1\n";
@@ -144,10 +149,10 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
     const std::vector<Panel> panels{
         {"hand z (mm)",
          {curve(series("hand_z_mm", run.hand_z_mm), kBlue, 1.0, "hand")},
-         y_range({&hand}, false)},
+         y_range({&hand}, false) + stop_label(run, end_s)},
         {"hand force z (N)",
          {curve(series("applied_force_n", run.applied_force_n), kRed, 0.9, "applied")},
-         y_range({&force})},
+         "unset label\n" + y_range({&force})},
         {"energy ledger (mJ)",
          {curve(series("energy_mj", run.energy_mj), kInk, 1.3, "ledger")},
          y_range({&energy})},
@@ -158,7 +163,7 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
          {curve(series("change_n", change_of_force(run)), kPurple, 0.9, "applied less scaled")},
          y_range({&changed})}};
     const double left = kLeft + static_cast<double>(i) * (width + kGap);
-    script += "unset object\nunset arrow\nunset label\n" + contact_shades(run) + stop_mark(run, end_s) +
+    script += "unset object\nunset arrow\nunset label\n" + contact_shades(run) + stop_mark(run) +
               column_of_panels(panels,
                                {.left = left,
                                 .right = left + width,
