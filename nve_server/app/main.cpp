@@ -19,6 +19,7 @@ telenano::server::ServedScene serve_scene(const std::string& path) {
   telenano::server::ServedScene served;
   served.name = telenano::server::scene_name(scene->name);
   served.hash = scene->hash;
+  served.timeout_ms = scene->session_timeout_ms;
   served.make_slave = [scene] { return std::make_unique<telenano::slave::NveSlave>(scene); };
   return served;
 }

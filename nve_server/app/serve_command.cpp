@@ -9,6 +9,7 @@
 #include <csignal>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <thread>
 #include <utility>
@@ -87,7 +88,7 @@ struct ServeOptions {
   std::string scene;
   std::string listen = "127.0.0.1:5100";
   std::size_t max_sessions = 64;
-  int timeout_ms = 2000;
+  std::optional<std::uint32_t> timeout_ms;  // else what the scene asks for
   int resume_s = 30;
   bool busy_poll = false;
 };
@@ -95,12 +96,13 @@ struct ServeOptions {
 void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const net::Address address = net::parse_address(options.listen, "--listen");
   net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
+  server::ServedScene scene = load_scene(options.scene);
   server::ServerConfig config;
   config.secret = fresh_secret();
   config.table.capacity = options.max_sessions;
-  config.table.timeout_ns = options.timeout_ms * std::int64_t{1'000'000};
+  config.table.timeout_ns = options.timeout_ms.value_or(scene.timeout_ms) * std::int64_t{1'000'000};
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
-  server::Server server(config, load_scene(options.scene));
+  server::Server server(config, std::move(scene));
 
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
@@ -144,8 +146,9 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
-  command->add_option("--timeout-ms", options->timeout_ms, "Silence after which a session's slave retracts")
-      ->capture_default_str()
+  command
+      ->add_option("--timeout-ms", options->timeout_ms,
+                   "Silence after which a session's slave retracts (default: the scene's)")
       ->check(CLI::Range(10, 60000));
   command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
       ->capture_default_str()
