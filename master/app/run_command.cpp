@@ -125,7 +125,8 @@ StationFile station_file(const RunOptions& options) {
 }
 
 // Handshake before there is a station: the slave's limits come with the Welcome.
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, const RunOptions& options) {
+void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
+             const RunOptions& options) {
   const rt::SteadyClock clock;
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
   const std::int64_t start_ns = clock.now_ns();
@@ -150,7 +151,7 @@ void connect(link::ClientSession& session, net::Udp& socket, const net::Address&
                                      options.server));
         case link::RefuseReason::kRate:
           throw RunError(fmt::format("the server at {} does not serve sessions of {} Hz; try a lower --rate",
-                                     options.server, options.rate_hz.value_or(1000)));
+                                     options.server, rate_hz));
         case link::RefuseReason::kShuttingDown:
           throw RunError(fmt::format("the server at {} is shutting down", options.server));
       }
@@ -258,7 +259,7 @@ int run(const RunOptions& options) {
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_seed();
   link::ClientSession session(client_config);
-  connect(session, socket, server, options);
+  connect(session, socket, server, config.rate_hz, options);
   Farewell farewell(session, socket, server);
 
   const link::Welcome welcome = session.welcome();

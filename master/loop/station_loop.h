@@ -11,13 +11,15 @@
 
 namespace telenano::loop {
 
-/// The body of the station's loop: one tick of device, session and station. It sees only seams (HapticDevice, Datagram)
-/// and is told the time, so the same object runs under a real-time timer and in virtual time over a simulated link.
+/// The body of the station's loop: one tick of device, session and station. It sees only seams (HapticDevice,
+/// Datagram) and is told the time, so the same object runs under a real-time timer and in virtual time over a
+/// simulated link.
 ///
 /// A tick, in this order:
-///   receive every waiting datagram (a bounded number) → read the hand → Station::step → write the force → send handshake or command.
-/// A command sent in tick k is answered before tick k+1 if the link is fast: one sample of delay, which planning counts.
-/// Nothing allocates, waits or throws.
+///   receive every waiting datagram (a bounded number) → read the hand → Station::step → write the force →
+///   send handshake or command.
+/// A command sent in tick k is answered before tick k+1 if the link is fast: one sample of delay, which
+/// planning counts. Nothing allocates, waits or throws.
 class StationLoop {
  public:
   StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,

@@ -148,8 +148,8 @@ void Station::accept_reply(const StationInput& input) noexcept {
   if (has_reply_ && stale_s_ > config_.stale_hold_s) faults_ |= kFaultStale;
 }
 
-/// A stop makes the slave withdraw within the session: its tip is no longer where the target was left, and must not
-/// be driven back there by the next engagement.
+/// A stop makes the slave withdraw within the session: its tip is no longer where the target was left, and
+/// must not be driven back there by the next engagement.
 void Station::follow_a_retracted_tip() noexcept {
   if (mode_ == Mode::kEngaged || !has_reply_ || !(reply_.fault_bits & link::kFaultRetracted)) return;
   mapping_.stand_at(reply_.tip_pos_w_nm);
@@ -172,8 +172,8 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   if (!wanted) {
     mode_ = Mode::kReady;
   } else if (mode_ == Mode::kEngaged) {
-    // A station that was itself kept from running so long has been as blind as in an outage, even if the reply that
-    // waited for it is taken for news.
+    // A station that was itself kept from running so long has been as blind as in an outage, even if the
+    // reply that waited for it is taken for news.
     if (std::max(stale_s_, dt_s) >= config_.stale_zero_s) mode_ = Mode::kHeld;
   } else if (has_reply_ && stale_s_ <= config_.stale_hold_s) {
     mode_ = Mode::kEngaged;
@@ -206,8 +206,8 @@ Vec3 Station::limited_force(double dt_s, StationTrace& trace) noexcept {
     ramp_ = 0;
     return Vec3::Zero();
   }
-  // A late tick has shown nothing in the meantime: it may take as much force away as its length asks for, but add no
-  // more than an ordinary one.
+  // A late tick has shown nothing in the meantime: it may take as much force away as its length asks for, but
+  // add no more than an ordinary one.
   const double growth_n = config_.slew_n_s * std::min(dt_s, period_s_);
   force_h_n = limit_slew(force_h_n, applied_force_h_n_, growth_n, trace.slewed);
   force_h_n = limit_norm(force_h_n, force_limit_n_, trace.limited);

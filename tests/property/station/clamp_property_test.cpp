@@ -113,8 +113,9 @@ TEST(ClampProperty, NoHandBelowVmaxExtractsMoreThanTheAllowance) {
 }
 
 TEST(ClampProperty, ALateTickOverdrawsOnceAndIsRepaidFirst) {
-  // Nobody can know before that the next interval will be k periods long. It may then cost (k − 1)·|F|·v_max·T beyond
-  // the allowance; but only once, however many late ticks there are, as nothing is given until that is repaid.
+  // Nobody can know before that the next interval will be k periods long. It may then cost (k −
+  // 1)·|F|·v_max·T beyond the allowance; but only once, however many late ticks there are, as nothing is
+  // given until that is repaid.
   constexpr double kForceN = 12;
   constexpr int kLongest = 20;
   for (unsigned seed = 0; seed < 20; ++seed) {
@@ -138,7 +139,9 @@ TEST(ClampProperty, ALateTickOverdrawsOnceAndIsRepaidFirst) {
       bool cut = false;
       force_n = station::limit_norm(Vec3(0, 0, kForceN), controller.force_bound_n(), cut);
     }
-    ASSERT_GE(static_cast<double>(least_j), -config.allowance_j - (kLongest - 1) * kForceN * kVmax * kT - 1e-12) << seed;
+    ASSERT_GE(static_cast<double>(least_j),
+              -config.allowance_j - (kLongest - 1) * kForceN * kVmax * kT - 1e-12)
+        << seed;
   }
 }
 

@@ -212,7 +212,8 @@ TEST(Session, DoesNotThinkALongWayIsSilence) {
 }
 
 TEST(Session, AReplyThatEchoesAnImpossibleTimeDoesNotHideSilence) {
-  // A round trip of centuries would make every silence look explained (and overflow on the way to a limit in ns).
+  // A round trip of centuries would make every silence look explained (and overflow on the way to a limit in
+  // ns).
   Server server(test_config(), spring_scene());
   VirtualSession s(&server, {}, path(1), path(1), 1);
   s.client.start(0);

@@ -1,4 +1,5 @@
-// What a tick takes from its socket: never more than a bounded number of datagrams, never more bytes than allowed.
+// What a tick takes from its socket: never more than a bounded number of datagrams, never more bytes than
+// allowed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
