@@ -132,7 +132,7 @@ void expect_good_session(const Finished& run, const std::string& file, bool touc
   ASSERT_EQ(run.exit_code, 0) << run.err;
   EXPECT_EQ(run.out, "");
   for (const char* word :
-       {"summary of", "hand force", "energy", "controller", "round trip", "replies", "overruns"}) {
+       {"summary", "at the hand", "energy", "controller", "round trip", "replies", "overruns"}) {
     EXPECT_NE(run.err.find(word), std::string::npos) << word << " is missing in:\n" << run.err;
   }
   const RecordingReader reader(file);
