@@ -3,7 +3,7 @@ set -euo pipefail
 project=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 jobs=${TELENANO_JOBS:-$(nproc)}
 
-say() { printf '\033[1m== %s\033[0m\n' "$*" >&2; }
+say() { if [ -t 2 ]; then printf '\033[1m== %s\033[0m\n' "$*" >&2; else printf '== %s\n' "$*" >&2; fi; }
 die() { printf 'error: %s\n' "$*" >&2; exit "${2:-1}"; }
 
 # Debian 12 packages: what the build needs, what the plots and tests need. Only missing ones are installed.

@@ -46,7 +46,9 @@ struct PassivityConfig {
 /// 3. Pre-commit clamp: |F(k)| ≤ (E(k) + E₀)/(v_max T). The next interval cannot take out more than
 /// |F|·v_max·T, so
 ///    E(k+1) ≥ E(k) − |F(k)| v_max T ≥ −E₀ for every motion below v_max: by induction no hand extracts more
-///    than E₀ beyond what is certainly dissipated. (E₀ = 0 would never let the first contact begin.)
+///    than E₀ beyond what is certainly dissipated. (E₀ = 0 would never let the first contact begin.) An
+///    interval that comes out k periods long may overdraw that by (k − 1)·|F|·v_max·T; once, since no force
+///    is given until it is repaid.
 class PassivityController {
  public:
   explicit PassivityController(const PassivityConfig& config) noexcept;

@@ -162,7 +162,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   has_energy_base_ = false;
   has_reply_ = false;
   replies_.reset();
-  last_news_ns_ = now_ns;
+  last_news_ns_ = welcome_time_ns_ = now_ns;
   set_state(ClientState::kEstablished, now_ns);
   return ClientEvent::kWelcome;
 }
@@ -217,7 +217,10 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   has_reply_ = true;
   reply_time_ns_ = last_news_ns_ = now_ns;
   slave_energy_.update(reply.energy_in_aj, reply.energy_out_aj);
-  stats_.on_reply(reply, now_ns);
+  // No command was sent before the Welcome: an older echo is wrong, and must not explain any silence to come.
+  const auto echo_age_ns =
+      static_cast<std::int64_t>(static_cast<std::uint64_t>(now_ns) - reply.command_send_time_ns);
+  if (echo_age_ns <= now_ns - welcome_time_ns_) stats_.on_reply(reply, now_ns);
   if (state_ == ClientState::kLost) set_state(ClientState::kEstablished, now_ns);
   return ClientEvent::kReply;
 }

@@ -132,6 +132,7 @@ class ClientSession {
   double energy_base_out_j_ = 0;
   bool has_reply_ = false;
   Reply reply_;
+  std::int64_t welcome_time_ns_ = 0;
   std::int64_t reply_time_ns_ = 0;
   std::int64_t last_news_ns_ = 0;
   SequenceWindow replies_;

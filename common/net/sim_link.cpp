@@ -41,13 +41,14 @@ class Path {
     }
   }
 
-  bool receive(std::span<std::uint8_t> buffer, std::size_t& size, std::int64_t now_ns) noexcept {
+  bool receive(std::span<std::uint8_t> buffer, Received& received, std::int64_t now_ns) noexcept {
     if (heap_.empty() || heap_.front().arrival_ns > now_ns) return false;
     const std::size_t index = heap_.front().slot;
+    received.age_ns = now_ns - heap_.front().arrival_ns;
     std::pop_heap(heap_.begin(), heap_.end(), later);
     heap_.pop_back();
     const Slot& slot = slots_[index];
-    size = slot.size;
+    received.size = slot.size;
     std::memcpy(buffer.data(), slot.bytes.data(), std::min({slot.size, kSlotBytes, buffer.size()}));
     free_.push_back(index);
     ++counts.delivered;
@@ -145,7 +146,7 @@ class End final : public Datagram {
     return SendStatus::kSent;
   }
   bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override {
-    if (!in_.receive(buffer, received.size, now_ns_)) return false;
+    if (!in_.receive(buffer, received, now_ns_)) return false;
     received.from = peer_;
     return true;
   }

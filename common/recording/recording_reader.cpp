@@ -91,6 +91,41 @@ class RecordingReader::Impl {
     return values;
   }
 
+  void read_samples(std::size_t first, std::span<Sample> samples) const {
+    if (first > rows_ || samples.size() > rows_ - first)
+      broken("has no row " + std::to_string(first + samples.size()));
+    std::fill(samples.begin(), samples.end(), Sample{});
+    if (samples.empty()) return;
+    std::vector<unsigned char> buffer;
+    for (const Column& column : sample_columns()) {
+      if (!has(column.name)) continue;
+      const Handle dataset = open_column(column.name);
+      const Handle space(H5Dget_space(dataset.get()), H5Sclose);
+      std::array<hsize_t, 2> size{0, 1};
+      const int rank = H5Sget_simple_extent_ndims(space.get());
+      if (rank < 1 || rank > 2) broken(std::string("column '") + column.name + "' is not a table");
+      H5Sget_simple_extent_dims(space.get(), size.data(), nullptr);
+      if (size[1] != column.components) {
+        broken(std::string("column '") + column.name + "' has " + std::to_string(size[1]) +
+               " component(s), " + std::to_string(column.components) + " were expected");
+      }
+      const std::array<hsize_t, 2> start{first, 0};
+      const std::array<hsize_t, 2> count{samples.size(), size[1]};
+      buffer.resize(samples.size() * column.bytes());
+      const Handle memory(H5Screate_simple(rank, count.data(), nullptr), H5Sclose);
+      if (H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr) <
+              0 ||
+          H5Dread(dataset.get(), memory_type(column.type), memory.get(), space.get(), H5P_DEFAULT,
+                  buffer.data()) < 0) {
+        broken(std::string("column '") + column.name + "' cannot be read: " + hdf5_reason());
+      }
+      for (std::size_t i = 0; i < samples.size(); ++i) {
+        std::memcpy(reinterpret_cast<unsigned char*>(&samples[i]) + column.offset,
+                    buffer.data() + i * column.bytes(), column.bytes());
+      }
+    }
+  }
+
   std::vector<Event> events() const {
     const Handle dataset(H5Dopen2(file_.get(), kEventsDataset, H5P_DEFAULT), H5Dclose);
     if (!dataset) broken("has no /events");
@@ -217,6 +252,9 @@ std::string RecordingReader::description(const std::string& column) const {
 }
 std::vector<double> RecordingReader::read(const std::string& column, std::size_t component) const {
   return impl_->read(column, component);
+}
+void RecordingReader::read_samples(std::size_t first, std::span<Sample> samples) const {
+  impl_->read_samples(first, samples);
 }
 std::vector<Event> RecordingReader::events() const {
   return impl_->events();

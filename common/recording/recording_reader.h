@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -35,6 +36,9 @@ class RecordingReader {
   std::string description(const std::string& column) const;
   /// One component of one column. Integers beyond 2^53 are rounded.
   std::vector<double> read(const std::string& column, std::size_t component = 0) const;
+  /// Whole rows, from `first` on; a field without a column of its name keeps its default. first + size must
+  /// not be more than rows().
+  void read_samples(std::size_t first, std::span<Sample> samples) const;
   std::vector<Event> events() const;
 
   /// Text of a key of /configuration; empty when there is none.

@@ -23,11 +23,11 @@
 #include "common/link/client_session.h"
 #include "common/net/udp.h"
 #include "common/recording/recorder.h"
+#include "common/recording/summary_builder.h"
 #include "common/rt/latest_value.h"
 #include "common/rt/periodic_timer.h"
 #include "common/rt/realtime_thread.h"
 #include "common/rt/steady_clock.h"
-#include "master/app/run_summary.h"
 #include "master/app/station_file.h"
 #include "master/device/sim_device.h"
 #include "master/loop/station_loop.h"
@@ -125,7 +125,8 @@ StationFile station_file(const RunOptions& options) {
 }
 
 // Handshake before there is a station: the slave's limits come with the Welcome.
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, const RunOptions& options) {
+void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
+             const RunOptions& options) {
   const rt::SteadyClock clock;
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
   const std::int64_t start_ns = clock.now_ns();
@@ -150,7 +151,7 @@ void connect(link::ClientSession& session, net::Udp& socket, const net::Address&
                                      options.server));
         case link::RefuseReason::kRate:
           throw RunError(fmt::format("the server at {} does not serve sessions of {} Hz; try a lower --rate",
-                                     options.server, options.rate_hz.value_or(1000)));
+                                     options.server, rate_hz));
         case link::RefuseReason::kShuttingDown:
           throw RunError(fmt::format("the server at {} is shutting down", options.server));
       }
@@ -226,6 +227,18 @@ void print_progress(const Progress& p, bool terminal) {
   }
 }
 
+// `recorder` may be null. Overruns and missed ticks as the timer counted them: it knows them for certain.
+void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer, const recording::Recorder* recorder,
+                   const std::string& path) {
+  summary.overruns = static_cast<std::int64_t>(timer.overruns);
+  summary.missed_ticks = static_cast<std::int64_t>(timer.missed);
+  if (recorder != nullptr) summary.rows_dropped = recorder->rows_dropped();
+  fmt::print(stderr, "summary of {:.1f} s\n{}", summary.duration_s, recording::summary_text(summary));
+  if (recorder == nullptr) return;
+  fmt::print(stderr, "  {:<36} {}: {} rows{}{}\n", "recording", path, recorder->rows_written(),
+             recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");
+}
+
 int run(const RunOptions& options) {
   if (options.device != "sim") {
     throw UserError(fmt::format("--device {}: unknown device; this build has: sim", options.device));
@@ -246,7 +259,7 @@ int run(const RunOptions& options) {
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_seed();
   link::ClientSession session(client_config);
-  connect(session, socket, server, options);
+  connect(session, socket, server, config.rate_hz, options);
   Farewell farewell(session, socket, server);
 
   const link::Welcome welcome = session.welcome();
@@ -282,6 +295,11 @@ int run(const RunOptions& options) {
                                                            welcome.start_pos_w_nm.y(), welcome.start_pos_w_nm.z()));
     about.extra.emplace_back("coupling_stiffness_n_m", fmt::format("{:.17g}", welcome.coupling_stiffness_n_m));
     about.extra.emplace_back("coupling_damping_n_s_m", fmt::format("{:.17g}", welcome.coupling_damping_n_s_m));
+    std::string fault_names;  // of the bits of station_faults, the lowest first
+    for (std::uint32_t bit = 0; std::strcmp(station::fault_name(1u << bit), "none") != 0; ++bit) {
+      fault_names += fmt::format("{}{}", bit == 0 ? "" : "; ", station::fault_name(1u << bit));
+    }
+    about.extra.emplace_back("station_fault_names", fault_names);
     recording::RecorderOptions recorder_options;
     recorder_options.path = options.record;
     recorder_options.overwrite = options.overwrite;
@@ -298,7 +316,7 @@ int run(const RunOptions& options) {
   }
   station::Station station(config, device.info(), port);
   loop::StationLoop loop(device, socket, server, session, station);
-  RunSummary summary(config.rate_hz);
+  recording::SummaryBuilder summary({config.rate_hz, welcome.surface_z_w_nm});
   rt::LatestValue<Progress> latest;
   std::atomic<bool> finished{false};
   Ending ending = Ending::kTaskDone;
@@ -405,7 +423,7 @@ int run(const RunOptions& options) {
   }
   if (recorder) recorder->close();
 
-  summary.print(timer_stats, session, recorder.get(), options.record);
+  print_summary(summary.finish(), timer_stats, recorder.get(), options.record);
   switch (ending) {
     case Ending::kTaskDone: break;
     case Ending::kStopped: fmt::print(stderr, "stopped by the operator\n"); break;

@@ -11,13 +11,15 @@
 
 namespace telenano::loop {
 
-/// The body of the station's loop: one tick of device, session and station. It sees only seams (HapticDevice, Datagram)
-/// and is told the time, so the same object runs under a real-time timer and in virtual time over a simulated link.
+/// The body of the station's loop: one tick of device, session and station. It sees only seams (HapticDevice,
+/// Datagram) and is told the time, so the same object runs under a real-time timer and in virtual time over a
+/// simulated link.
 ///
 /// A tick, in this order:
-///   receive every waiting datagram → read the hand → Station::step → write the force → send handshake or command.
-/// A command sent in tick k is answered before tick k+1 if the link is fast: one sample of delay, which planning counts.
-/// Nothing allocates, waits or throws.
+///   receive every waiting datagram (a bounded number) → read the hand → Station::step → write the force →
+///   send handshake or command.
+/// A command sent in tick k is answered before tick k+1 if the link is fast: one sample of delay, which
+/// planning counts. Nothing allocates, waits or throws.
 class StationLoop {
  public:
   StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
@@ -51,7 +53,8 @@ class StationLoop {
   std::int64_t start_ns_ = 0;
   std::uint64_t send_failures_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
-  std::array<std::uint8_t, link::kMaxDatagramBytes> buffer_{};
+  /// One byte more than the largest datagram, so that an oversize one is seen as such.
+  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer_{};
 };
 
 }  // namespace telenano::loop

@@ -59,7 +59,8 @@ const char* fault_name(std::uint32_t faults) noexcept {
                                            "reply not finite",
                                            "computed force not finite",
                                            "no new reply",
-                                           "bad tick length"};
+                                           "bad tick length",
+                                           "slave stiffer than planned"};
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if (faults & (1u << bit)) return kNames[bit];
   }
@@ -68,6 +69,8 @@ const char* fault_name(std::uint32_t faults) noexcept {
 
 Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave)
     : config_((config.validate(), config)),
+      slave_(slave),
+      period_s_(1 / config.rate_hz),
       device_force_max_n_(device.force_max_n),
       force_limit_n_(config.force_safety * device.force_max_n),
       controller_(passivity_config(config, device, slave)),
@@ -79,6 +82,10 @@ void Station::begin_session(const link::Welcome& welcome) noexcept {
   has_reply_ = false;  // the last force may only fade until the new session answers
   newest_sequence_ = 0;
   if (mode_ == Mode::kEngaged) mode_ = Mode::kHeld;
+  if (welcome.coupling_stiffness_n_m > slave_.coupling_stiffness_n_m ||
+      welcome.coupling_damping_n_s_m > slave_.coupling_damping_n_s_m) {
+    latched_ |= kFaultSlaveStiffer;
+  }
 }
 
 void Station::clear_stop() noexcept {
@@ -141,7 +148,15 @@ void Station::accept_reply(const StationInput& input) noexcept {
   if (has_reply_ && stale_s_ > config_.stale_hold_s) faults_ |= kFaultStale;
 }
 
-void Station::choose_mode(const StationInput& input) noexcept {
+/// A stop makes the slave withdraw within the session: its tip is no longer where the target was left, and
+/// must not be driven back there by the next engagement.
+void Station::follow_a_retracted_tip() noexcept {
+  if (mode_ == Mode::kEngaged || !has_reply_ || !(reply_.fault_bits & link::kFaultRetracted)) return;
+  mapping_.stand_at(reply_.tip_pos_w_nm);
+  last_target_w_nm_ = mapping_.target_w_nm();
+}
+
+void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   if (latched_ != 0) {
     mode_ = Mode::kStopped;
     return;
@@ -157,7 +172,9 @@ void Station::choose_mode(const StationInput& input) noexcept {
   if (!wanted) {
     mode_ = Mode::kReady;
   } else if (mode_ == Mode::kEngaged) {
-    if (stale_s_ >= config_.stale_zero_s) mode_ = Mode::kHeld;
+    // A station that was itself kept from running so long has been as blind as in an outage, even if the
+    // reply that waited for it is taken for news.
+    if (std::max(stale_s_, dt_s) >= config_.stale_zero_s) mode_ = Mode::kHeld;
   } else if (has_reply_ && stale_s_ <= config_.stale_hold_s) {
     mode_ = Mode::kEngaged;
   } else {
@@ -165,15 +182,15 @@ void Station::choose_mode(const StationInput& input) noexcept {
   }
 }
 
-void Station::update_ramp(double dt_s) noexcept {
+void Station::update_ramp(const StationInput& input, double dt_s) noexcept {
   const double fade_s = config_.stale_zero_s - config_.stale_hold_s;
-  if (mode_ == Mode::kStopped) {
+  if (mode_ == Mode::kStopped || input.device_status != device::DeviceStatus::kOk) {
     ramp_ = 0;
     return;
   }
   const bool stale = stale_s_ > config_.stale_hold_s;
   if (mode_ == Mode::kEngaged && has_reply_ && !stale) {
-    ramp_ = std::min(1.0, ramp_ + dt_s / config_.engage_ramp_s);
+    ramp_ = std::min(1.0, ramp_ + std::min(dt_s, period_s_) / config_.engage_ramp_s);
     return;
   }
   if (mode_ != Mode::kEngaged) ramp_ = std::max(0.0, ramp_ - dt_s / fade_s);
@@ -189,7 +206,10 @@ Vec3 Station::limited_force(double dt_s, StationTrace& trace) noexcept {
     ramp_ = 0;
     return Vec3::Zero();
   }
-  force_h_n = limit_slew(force_h_n, applied_force_h_n_, config_.slew_n_s * dt_s, trace.slewed);
+  // A late tick has shown nothing in the meantime: it may take as much force away as its length asks for, but
+  // add no more than an ordinary one.
+  const double growth_n = config_.slew_n_s * std::min(dt_s, period_s_);
+  force_h_n = limit_slew(force_h_n, applied_force_h_n_, growth_n, trace.slewed);
   force_h_n = limit_norm(force_h_n, force_limit_n_, trace.limited);
   return limit_norm(force_h_n, trace.force_bound_n, trace.clamped);
 }
@@ -201,9 +221,10 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
   if (good_tick) {
     watch(input, dt_s);
     accept_reply(input);
-    choose_mode(input);
+    choose_mode(input, dt_s);
+    follow_a_retracted_tip();
     mapping_.update(mode_ == Mode::kEngaged, hand_pos_h_m_);
-    update_ramp(dt_s);
+    update_ramp(input, dt_s);
   } else {
     faults_ |= kFaultBadTick;
     ramp_ = 0;

@@ -29,6 +29,7 @@ enum StationFaults : std::uint32_t {
   kFaultForceNonFinite = 1u << 6,    ///< latched: own computation went wrong
   kFaultStale = 1u << 7,             ///< no new reply for longer than the hold time
   kFaultBadTick = 1u << 8,  ///< a tick without a positive, finite length: nothing was done but zero force
+  kFaultSlaveStiffer = 1u << 9,  ///< latched: the new session's slave is stiffer than what was planned for
 };
 /// Name of the lowest fault bit set; "none" if none.
 const char* fault_name(std::uint32_t faults) noexcept;
@@ -93,7 +94,8 @@ class Station {
   Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave);
 
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
-  /// makes a force step; the book goes on (a new session grants no new allowance).
+  /// makes a force step; the book goes on (a new session grants no new allowance). Scaling, damper and clamp
+  /// were planned for one slave: a stiffer or more damped one is a latched stop.
   void begin_session(const link::Welcome& welcome) noexcept;
 
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
@@ -109,13 +111,16 @@ class Station {
 
  private:
   void accept_reply(const StationInput& input) noexcept;
+  void follow_a_retracted_tip() noexcept;
   void watch(const StationInput& input, double dt_s) noexcept;
-  void choose_mode(const StationInput& input) noexcept;
-  void update_ramp(double dt_s) noexcept;
+  void choose_mode(const StationInput& input, double dt_s) noexcept;
+  void update_ramp(const StationInput& input, double dt_s) noexcept;
   Vec3 limited_force(double dt_s, StationTrace& trace) noexcept;
   void fill(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
   StationConfig config_;
+  SlavePort slave_;
+  double period_s_ = 0;
   double device_force_max_n_ = 0;
   double force_limit_n_ = 0;
   control::PassivityController controller_;

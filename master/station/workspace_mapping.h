@@ -39,6 +39,11 @@ class WorkspaceMapping {
     }
   }
 
+  /// The tip has moved by itself, to here; only while not following.
+  void stand_at(const Vec3& tip_pos_w_nm) noexcept {
+    if (!following_) target_w_nm_ = tip_pos_w_nm;
+  }
+
   const Vec3& target_w_nm() const noexcept { return target_w_nm_; }
 
  private:

@@ -96,6 +96,7 @@ struct ServeOptions {
 void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const net::Address address = net::parse_address(options.listen, "--listen");
   net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
+  server::ServedScene scene = load_scene(options.scene);
   server::ServerConfig config;
   config.secret = fresh_secret();
   config.table.capacity = options.max_sessions;

@@ -42,9 +42,14 @@ void step_guarded(slave::Slave& slave, const slave::SlaveInput& input, double dt
   output.fault_bits |= link::kFaultNonFinite;
 }
 
+/// A name that fills its place has no zero at its end.
+std::string text_of(const link::SceneName& name) {
+  return {name.text.begin(), std::find(name.text.begin(), name.text.end(), '\0')};
+}
+
 std::unique_ptr<slave::Slave> first_slave(const ServedScene& scene) {
   auto slave = scene.make_slave ? scene.make_slave() : nullptr;
-  if (!slave) throw RunError("the scene '" + std::string(scene.name.text.data()) + "' made no slave");
+  if (!slave) throw RunError("the scene '" + text_of(scene.name) + "' made no slave");
   return slave;
 }
 

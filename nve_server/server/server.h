@@ -25,7 +25,7 @@ struct ServedScene {
   /// Welcome: never within an established exchange, but in the same loop; so let slaves share what is costly
   /// to load.
   std::function<std::unique_ptr<slave::Slave>()> make_slave;
-  std::uint32_t timeout_ms = 2000;  ///< silence after which a session's slave retracts
+  std::uint32_t timeout_ms = 2000;  ///< that the scene asks for; who makes the SessionTableConfig decides
 };
 
 /// "flakes" → {'f','l',…,0}; cut to what fits.

@@ -118,4 +118,3 @@ BENCHMARK_CAPTURE(server_exchange, scan, "flakes")->Iterations(20000);
 }  // namespace
 }  // namespace telenano
 
-BENCHMARK_MAIN();

@@ -54,6 +54,7 @@ void VirtualSession::make_server() {
   server::ServerConfig config;
   ++servers_made_;
   config.secret = link::SipKey{config_.seed, servers_made_};
+  config.table.timeout_ns = config_.scene->session_timeout_ms * std::int64_t{1'000'000};
   server::ServedScene served;
   served.name = server::scene_name(config_.scene->name);
   served.hash = config_.scene->hash;

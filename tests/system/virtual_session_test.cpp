@@ -182,6 +182,43 @@ TEST(VirtualSession, LossOutageAndRestartMakeNoForceStepAndNoDrift) {
   EXPECT_EQ(last.station_faults, 0u) << station::fault_name(last.station_faults);
 }
 
+TEST(VirtualSession, ASilentStationsTipIsWithdrawnAfterTheScenesTime) {
+  const auto config = config_for("flat_silicon_oxide", device::Task::kContact);
+  ASSERT_EQ(config.scene->session_timeout_ms, 500u);
+  VirtualSession session(config);
+  EXPECT_EQ(session.client().welcome().timeout_ms, 500u);
+  const auto contact = static_cast<std::uint32_t>(link::ContactState::kContact);
+  for (int k = 0; k < 10'000 && session.step().contact_state != contact; ++k) {
+  }
+  session.link().path_a_to_b().down = true;
+  for (int k = 0; k < 490; ++k) session.step();
+  EXPECT_EQ(session.server().counters().timed_out, 0u);
+  for (int k = 0; k < 20; ++k) session.step();
+  EXPECT_EQ(session.server().counters().timed_out, 1u);
+}
+
+TEST(VirtualSession, AfterAStopTheTipStaysUpUntilTheHandMovesIt) {
+  VirtualSession session(config_for("flat_silicon_oxide", device::Task::kIndent));
+  const auto contact = static_cast<std::uint32_t>(link::ContactState::kContact);
+  for (int k = 0; k < 10'000 && session.step().contact_state != contact; ++k) {
+  }
+  session.loop().set_buttons(device::kButtonStop);
+  for (int k = 0; k < 300; ++k) session.step();
+  const recording::Sample up = session.step();
+  ASSERT_NE(up.contact_state, contact);
+  session.loop().set_buttons(0);
+  session.station().clear_stop();
+  const double hand_z_m = up.hand_pos_h_m[2];
+  for (int k = 0; k < 50; ++k) {
+    const recording::Sample& row = session.step();
+    // A millimetre of the hand is a nanometre; van der Waals attraction of the free tip stays below 0.1 nm
+    // there.
+    const double moved_nm = 1e3 * std::fabs(row.hand_pos_h_m[2] - hand_z_m);
+    ASSERT_NEAR(row.tip_pos_w_nm[2], up.tip_pos_w_nm[2], moved_nm + 0.1) << k;
+  }
+  EXPECT_EQ(session.station().mode(), station::Mode::kEngaged);
+}
+
 TEST(VirtualSession, SiliconOxideOscillatesWithoutControlAndIsCalmWithTheDefault) {
   // KS figs. 13 and 14. The scaling asks for 10 700 N/m, 11 times what is passive at
   // 1 kHz with a sample of delay (b = 2 N s/m).

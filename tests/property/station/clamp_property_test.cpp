@@ -112,6 +112,39 @@ TEST(ClampProperty, NoHandBelowVmaxExtractsMoreThanTheAllowance) {
   }
 }
 
+TEST(ClampProperty, ALateTickOverdrawsOnceAndIsRepaidFirst) {
+  // Nobody can know before that the next interval will be k periods long. It may then cost (k −
+  // 1)·|F|·v_max·T beyond the allowance; but only once, however many late ticks there are, as nothing is
+  // given until that is repaid.
+  constexpr double kForceN = 12;
+  constexpr int kLongest = 20;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> uniform(0, 1);
+    PassivityConfig config;
+    PassivityController controller(config);
+    Vec3 pos_m = Vec3::Zero(), force_n = Vec3::Zero();
+    long double put_in_j = 0, least_j = 0;
+    controller.observe(force_n, pos_m, kT);
+    for (int k = 0; k < 20'000; ++k) {
+      const int periods = uniform(random) < 0.05 ? 1 + static_cast<int>(uniform(random) * kLongest) : 1;
+      const double dt_s = kT * periods;
+      // Pays in slowly, takes out as fast as allowed.
+      const double velocity_m_s = k % 100 < 60 ? -0.05 * uniform(random) : kVmax;
+      const Vec3 step_m = velocity_m_s * dt_s * Vec3::UnitZ();
+      pos_m += step_m;
+      put_in_j -= static_cast<long double>(force_n.dot(step_m));
+      least_j = std::min(least_j, put_in_j);
+      controller.observe(force_n, pos_m, dt_s);
+      bool cut = false;
+      force_n = station::limit_norm(Vec3(0, 0, kForceN), controller.force_bound_n(), cut);
+    }
+    ASSERT_GE(static_cast<double>(least_j),
+              -config.allowance_j - (kLongest - 1) * kForceN * kVmax * kT - 1e-12)
+        << seed;
+  }
+}
+
 TEST(ClampProperty, TheControllersWithoutAClampGiveJoulesAway) {
   for (Method method : {Method::kNone, Method::kKs}) {
     PassivityConfig config;

@@ -3,52 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
-#include <map>
 #include <string_view>
 
 #include "common/base/error.h"
 #include "tests/studies/report/decimate.h"
+#include "tests/studies/report/gnuplot.h"
 
 namespace telenano::studies {
 namespace {
 
-// Okabe and Ito's colours: told apart by everybody, also in grey.
-constexpr const char* kBlue = "#0072B2";
-constexpr const char* kRed = "#D55E00";
-constexpr const char* kGreen = "#009E73";
-constexpr const char* kPurple = "#AA4488";
-constexpr const char* kPale = "#9BB8CC";
-constexpr std::array kRunColours{"#0072B2", "#D55E00", "#009E73", "#AA4488", "#B8860B", "#56B4E9", "#555555"};
-
 constexpr std::size_t kStretches = 700;  // of a time series: two points a pixel column
-
-/// The look that all figures share.
-constexpr const char* kStyle = R"(set datafile separator ','
-set encoding utf8
-set border 3 lc rgb '#666666' lw 1
-set tics nomirror out scale 0.6 textcolor rgb '#333333'
-set grid lc rgb '#E4E4E4' lt 1 lw 1
-set key top right Right samplen 1.6 spacing 1.15 noenhanced textcolor rgb '#222222'
-set style data lines
-set style fill solid 0.5 noborder
-set bmargin 0
-set tmargin 0
-)";
-
-/// A text inside gnuplot's single quotes.
-std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) {
-    if (c == '\'') result += '\'';
-    result += c == '\n' ? ' ' : c;
-  }
-  return result + "'";
-}
 
 /// An argument for the shell.
 std::string shell_quoted(const std::string& text) {
@@ -62,78 +30,42 @@ std::string slurp(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
-std::string curve(const std::string& file, const char* colour, double width, const std::string& title) {
-  return fmt::format("'{}' using 1:2 lc rgb '{}' lw {} title {}", file, colour, width, quoted(title));
-}
+// Of the range of force in one tick: drawn dashed, since nothing was measured between.
+constexpr double kJump = 0.1;
 
-/// One panel of a column of panels that share the time axis.
-struct Panel {
-  std::string y_label;
-  std::vector<std::string> curves;
-  std::string settings{};
-};
-
-std::string contact_shades(const RunData& run) {
-  std::string script;
-  for (std::size_t i = 0; i < run.contacts.size(); ++i) {
-    const auto [from, to] = run.contacts[i];
-    script += fmt::format(
-        "set object {} rectangle from {:.6g}, graph 0 to {:.6g}, graph 1 behind fc rgb '#FBEFD9' fs solid 1 "
-        "noborder\n",
-        i + 1, from, std::max(to, from + 1e-3 * run.time_s.back()));
+double range_of(const std::vector<double>& values) {
+  double low = HUGE_VAL;
+  double high = -HUGE_VAL;
+  for (const double value : values) {
+    low = std::min(low, value);
+    high = std::max(high, value);
   }
-  return script;
+  return std::max(0.0, high - low);
 }
 
-/// Panels in a column between the screen positions `left` and `right`, time axis under the lowest.
-std::string column_of_panels(const std::vector<Panel>& panels, double left, double right, double end_s,
-                             const std::string& title) {
-  constexpr double kTop = 0.94;
-  constexpr double kBottom = 0.09;
-  constexpr double kGap = 0.05;
-  const double n = static_cast<double>(panels.size());
-  const double height = (kTop - kBottom - kGap * (n - 1)) / n;
-  std::string script = fmt::format(
-      "set lmargin at screen {}\nset rmargin at screen {}\nset xrange [0:{:.6g}]\n", left, right, end_s);
-  for (std::size_t i = 0; i < panels.size(); ++i) {
-    const double top = kTop - static_cast<double>(i) * (height + kGap);
-    script += fmt::format("set tmargin at screen {:.4f}\nset bmargin at screen {:.4f}\n", top, top - height);
-    script += i == 0 && !title.empty()
-                  ? fmt::format("set title {} noenhanced offset 0,-0.4 font ',13'\n", quoted(title))
-                  : "unset title\n";
-    script += i + 1 == panels.size() ? "set format x '%g'\nset xlabel 'time (s)' offset 0,0.3\n"
-                                     : "set format x ''\nunset xlabel\n";
-    // One curve is named by its axis; several have a legend above the panel, where it hides nothing.
-    script += panels[i].curves.size() > 1 ? "set key at graph 1, graph 1.02 bottom right horizontal\n"
-                                          : "unset key\n";
-    script += fmt::format("set ylabel {} offset 0.5,0\n{}", quoted(panels[i].y_label), panels[i].settings);
-    std::string curves;
-    for (const std::string& one : panels[i].curves) curves += (curves.empty() ? "" : ", \\\n  ") + one;
-    script += "plot " + curves + "\n";
-  }
-  return script;
-}
-
-/// A range for an axis that holds all of the values and a little air, with about four tics. `with_zero` where
-/// zero means something.
-std::string y_range(std::initializer_list<const std::vector<double>*> all, bool with_zero = true) {
-  double low = with_zero ? 0.0 : HUGE_VAL;
-  double high = with_zero ? 0.0 : -HUGE_VAL;
-  for (const auto* values : all) {
-    for (const double value : *values) {
-      if (!std::isfinite(value)) continue;
-      low = std::min(low, value);
-      high = std::max(high, value);
+/// The heights at which there is a force, and half as much again: far away is only zero.
+std::string x_window(const RunData& run, const std::vector<double>& height) {
+  double most_force = 0;
+  for (const double force : run.tip_force_nn) most_force = std::max(most_force, std::abs(force));
+  double low = HUGE_VAL;
+  double high = -HUGE_VAL;
+  double end = -HUGE_VAL;
+  for (const Leg& leg : run.legs) {
+    for (std::size_t i = leg.begin; i < leg.end; ++i) {
+      if (!std::isfinite(height[i])) continue;
+      low = std::min(low, height[i]);
+      end = std::max(end, height[i]);
+      if (std::abs(run.tip_force_nn[i]) > 0.02 * most_force) high = std::max(high, height[i]);
     }
   }
-  if (low > high) low = high = 0;
-  if (high - low <= 1e-12 * std::max(std::abs(low), std::abs(high))) high = low + 1;
-  const double air = 0.06 * (high - low);
-  const double raw_step = (high - low) / 4;
-  const double decade = std::pow(10.0, std::floor(std::log10(raw_step)));
-  const double mantissa = raw_step / decade;
-  const double step = decade * (mantissa <= 1 ? 1 : mantissa <= 2 ? 2 : mantissa <= 5 ? 5 : 10);
-  return fmt::format("set yrange [{:.6g}:{:.6g}]\nset ytics {:.6g}\n", low - air, high + air, step);
+  if (!(high > low)) return "set xrange [*:*]\n";
+  const double air = 0.04 * (high - low);
+  return fmt::format("set xrange [{:.4g}:{:.4g}]\n", low - air,
+                     std::min(high + 0.5 * (high - low), end + air));
+}
+
+std::string whole_range(const RunData& run) {
+  return fmt::format("0:{:.6g}", run.time_s.back());
 }
 
 }  // namespace
@@ -145,27 +77,31 @@ FigureMaker::FigureMaker(std::filesystem::path folder)
   if (error) throw UserError(folder_.string() + ": cannot be created: " + error.message());
 }
 
-std::string FigureMaker::write_series(const std::string& name, const char* x_name, const char* y_name,
-                                      const std::vector<double>& x, const std::vector<double>& y,
-                                      std::size_t stretches) {
+std::string FigureMaker::write_pieces(const std::string& name, const std::string& head,
+                                      const std::vector<std::vector<Point>>& pieces) {
   const std::string file = name + ".csv";
   std::ofstream out(folder_ / file);
-  out << "# " << x_name << ',' << y_name << '\n';
-  for (const Point& point : decimate(x, y, stretches))
-    out << fmt::format("{:.7g},{:.7g}\n", point.x, point.y);
+  out << "# " << head << '\n';
+  for (const std::vector<Point>& piece : pieces) {
+    for (const Point& point : piece) out << fmt::format("{:.7g},{:.7g}\n", point.x, point.y);
+    out << '\n';
+  }
+  if (pieces.empty()) out << "nan,nan\n";
   if (!out.flush()) throw RunError((folder_ / file).string() + ": cannot be written");
   return file;
+}
+
+std::string FigureMaker::write_series(const std::string& name, const RunData& run, const char* y_name,
+                                      const std::vector<double>& y, std::size_t stretches) {
+  return write_pieces(name, fmt::format("time_s,{}", y_name),
+                      decimate_pieces(run.time_s, y, stretches, run.largest_step_s));
 }
 
 void FigureMaker::draw(Figure& figure, int width, int height, const std::string& script) {
   const std::string name = figure.id + ".gp";
   {
     std::ofstream out(folder_ / name);
-    out << fmt::format(
-        "set terminal svg size {},{} dynamic font 'Helvetica,Arial,sans-serif,12' name '{}' background "
-        "'#FFFFFF'\n"
-        "set output '{}.svg'\n{}{}",
-        width, height, figure.id, figure.id, kStyle, script);
+    out << style(figure.id, width, height) << script;
     if (!out.flush()) throw RunError((folder_ / name).string() + ": cannot be written");
   }
   if (!has_gnuplot_) return;
@@ -191,7 +127,7 @@ Figure FigureMaker::position_and_force(const RunData& run) {
                   run.label, run.surface_known ? " above the surface" : ""),
       ""};
   const auto series = [&](const char* name, const std::vector<double>& y) {
-    return write_series(figure.id + "." + name, "time_s", name, run.time_s, y, kStretches);
+    return write_series(figure.id + "." + name, run, name, y, kStretches);
   };
   std::vector<std::string> heights{
       curve(series("target_height_nm", run.target_height_nm), kPale, 2.2, "commanded"),
@@ -205,17 +141,19 @@ Figure FigureMaker::position_and_force(const RunData& run) {
                       {curve(lateral, kPurple, 1.4, "in the plane, from the start")},
                       y_range({&run.lateral_nm})});
   }
-  panels.push_back({"tip force (nN)",
-                    {curve(series("tip_force_nn", run.tip_force_nn), kGreen, 1.4, "on the tip, z")},
-                    y_range({&run.tip_force_nn})});
+  const AxisUnit tip_unit = readable({&run.tip_force_nn}, {"nN"}, "pN");
+  const AxisUnit hand_unit = readable({&run.scaled_force_n, &run.applied_force_n}, {"N"}, "mN");
+  panels.push_back({fmt::format("tip force ({})", tip_unit.name),
+                    {curve(series("tip_force_nn", run.tip_force_nn), kGreen, 1.4, "on the tip, z", tip_unit)},
+                    y_range({&run.tip_force_nn}, true, tip_unit)});
   panels.push_back(
-      {"hand force (N)",
-       {curve(series("scaled_force_n", run.scaled_force_n), "#BBBBBB", 2.2, "scaled, before control"),
-        curve(series("applied_force_n", run.applied_force_n), kRed, 1.2, "applied")},
-       y_range({&run.scaled_force_n, &run.applied_force_n})});
+      {fmt::format("hand force ({})", hand_unit.name),
+       {curve(series("scaled_force_n", run.scaled_force_n), kGrey, 2.2, "scaled, before control", hand_unit),
+        curve(series("applied_force_n", run.applied_force_n), kRed, 1.2, "applied", hand_unit)},
+       y_range({&run.scaled_force_n, &run.applied_force_n}, true, hand_unit)});
   draw(figure, 900, 220 * static_cast<int>(panels.size()),
        contact_shades(run) + "set multiplot\n" +
-           column_of_panels(panels, 0.09, 0.98, run.time_s.back(), run.label) + "unset multiplot\n");
+           column_of_panels(panels, {.x_range = whole_range(run)}, run.label) + "unset multiplot\n");
   return figure;
 }
 
@@ -223,44 +161,55 @@ Figure FigureMaker::force_distance(const RunData& run) {
   Figure figure{
       "distance_" + run.slug, "Force against distance",
       fmt::format("{}: force on the tip against the commanded height (left, what an AFM draws: the jumps are "
-                  "snap-in and pull-off) and against the actual height of the apex (right). Repulsion is "
+                  "snap-in and pull-off, dashed where one tick holds them) and against the actual height of "
+                  "the apex (right). Repulsion is "
                   "positive; the lowest point of the way back is the pull-off force.",
                   run.label),
       ""};
+  const double jump_nn = kJump * range_of(run.tip_force_nn);
+  const AxisUnit unit = readable({&run.tip_force_nn}, {"nN"}, "pN");
   const auto write_legs = [&](const char* name, const std::vector<double>& height, bool approach) {
-    const std::string file = fmt::format("{}.{}_{}.csv", figure.id, name, approach ? "approach" : "retract");
-    std::ofstream out(folder_ / file);
-    out << "# " << name << ",tip_force_nn\n";
     const auto count = static_cast<std::size_t>(std::count_if(
         run.legs.begin(), run.legs.end(), [&](const Leg& leg) { return leg.approach == approach; }));
+    // The legs share the budget of points; the short ones of an oscillation are drawn whole anyway.
+    const std::size_t stretches = std::max<std::size_t>(1300 / std::max<std::size_t>(count, 1), 300);
+    std::vector<std::vector<Point>> pieces;
+    std::vector<std::vector<Point>> leaps;
     for (const Leg& leg : run.legs) {
       if (leg.approach != approach) continue;
-      const std::vector<double> x(height.begin() + static_cast<std::ptrdiff_t>(leg.begin),
-                                  height.begin() + static_cast<std::ptrdiff_t>(leg.end));
-      const std::vector<double> y(run.tip_force_nn.begin() + static_cast<std::ptrdiff_t>(leg.begin),
-                                  run.tip_force_nn.begin() + static_cast<std::ptrdiff_t>(leg.end));
-      // The legs share the budget of points.
-      for (const Point& point :
-           decimate(x, y, std::max<std::size_t>(1300 / std::max<std::size_t>(count, 1), 40))) {
-        out << fmt::format("{:.7g},{:.7g}\n", point.x, point.y);
+      std::size_t begin = leg.begin;
+      for (std::size_t i = leg.begin + 1; i <= leg.end; ++i) {
+        const bool hole = i < leg.end && run.time_s[i] - run.time_s[i - 1] > run.largest_step_s;
+        const bool jump =
+            i < leg.end && !hole && std::abs(run.tip_force_nn[i] - run.tip_force_nn[i - 1]) > jump_nn;
+        if (jump)
+          leaps.push_back({{height[i - 1], run.tip_force_nn[i - 1]}, {height[i], run.tip_force_nn[i]}});
+        if (i < leg.end && !hole && !jump) continue;
+        const auto part = [&](const std::vector<double>& v) {
+          return std::vector<double>(v.begin() + static_cast<std::ptrdiff_t>(begin),
+                                     v.begin() + static_cast<std::ptrdiff_t>(i));
+        };
+        pieces.push_back(decimate(part(height), part(run.tip_force_nn), stretches));
+        begin = i;
       }
-      out << '\n';  // a blank line lifts the pen
     }
-    if (count == 0) out << "nan,nan\n";
-    if (!out.flush()) throw RunError((folder_ / file).string() + ": cannot be written");
-    return file;
+    const std::string base = fmt::format("{}.{}_{}", figure.id, name, approach ? "approach" : "retract");
+    const std::string head = fmt::format("{},tip_force_nn", name);
+    const char* const colour = approach ? kBlue : kRed;
+    return curve(write_pieces(base, head, pieces), colour, 1.6, approach ? "approach" : "retract", unit) +
+           ", \\\n  " + jumps(write_pieces(base + "_jumps", head, leaps), colour, unit);
   };
   const std::string above = run.surface_known ? "height above the surface (nm)" : "z (nm)";
   const auto panel = [&](const char* name, const std::vector<double>& height, const std::string& label) {
-    return fmt::format("set xlabel {}\nset title {} noenhanced font ',13'\nplot {}, \\\n  {}\n",
-                       quoted(above), quoted(label),
-                       curve(write_legs(name, height, true), kBlue, 1.6, "approach"),
-                       curve(write_legs(name, height, false), kRed, 1.6, "retract"));
+    return fmt::format("set xlabel {}\nset title {} noenhanced font ',13'\n{}plot {}, \\\n  {}\n",
+                       quoted(above), quoted(label), x_window(run, height), write_legs(name, height, true),
+                       write_legs(name, height, false));
   };
   std::string script =
       "set multiplot\nset tmargin at screen 0.90\nset bmargin at screen 0.14\nset xzeroaxis lc rgb "
-      "'#999999' lt 1\nset ylabel 'force on the tip (nN)'\n" +
-      y_range({&run.tip_force_nn});
+      "'#999999' lt 1\nset key bottom right\n" +
+      fmt::format("set ylabel 'force on the tip ({})'\n", unit.name) +
+      y_range({&run.tip_force_nn}, true, unit);
   script += "set lmargin at screen 0.09\nset rmargin at screen 0.50\n" +
             panel("target_height_nm", run.target_height_nm, run.label + ": against the commanded height");
   script += "unset ylabel\nset lmargin at screen 0.57\nset rmargin at screen 0.98\n" +
@@ -278,119 +227,30 @@ Figure FigureMaker::energy_and_damper(const RunData& run) {
       "energy_" + run.slug, "Energy and damper",
       fmt::format(
           "{}: the ledger of the station's port (what the hand has put in and not got back; below zero "
-          "the port would be active), the damping that the passivity controller injects, and the "
+          "the port would be active), the damping that the passivity controller injects (at most {:.3g} N "
+          "s/m; rare peaks leave the axis), and the "
           "energy that stays at the tip: adhesion and cantilever while it touches, dissipation "
           "afterwards.",
-          run.label),
+          run.label, run.summary.damper_max_n_s_m),
       ""};
   const auto series = [&](const char* name, const std::vector<double>& y) {
-    return write_series(figure.id + "." + name, "time_s", name, run.time_s, y, kStretches);
+    return write_series(figure.id + "." + name, run, name, y, kStretches);
   };
+  const AxisUnit unit = readable({&run.energy_mj}, {"mJ"}, "µJ");
+  const AxisUnit tip_unit = readable({&run.slave_energy_aj}, {"aJ"}, "zJ");
   const std::vector<Panel> panels{
-      {"energy (mJ)",
-       {curve(series("energy_mj", run.energy_mj), kBlue, 1.4, "ledger")},
-       y_range({&run.energy_mj})},
+      {fmt::format("energy ({})", unit.name),
+       {curve(series("energy_mj", run.energy_mj), kInk, 1.4, "ledger", unit)},
+       y_range({&run.energy_mj}, true, unit)},
       {"damper (N s/m)",
        {curve(series("damper_n_s_m", run.damper_n_s_m), kPurple, 1.2, "injected")},
-       y_range({&run.damper_n_s_m})},
-      {"tip energy (aJ)",
-       {curve(series("slave_energy_aj", run.slave_energy_aj), kGreen, 1.4, "in minus out")},
-       y_range({&run.slave_energy_aj})}};
+       y_range_without_peaks(run.damper_n_s_m)},
+      {fmt::format("tip energy ({})", tip_unit.name),
+       {curve(series("slave_energy_aj", run.slave_energy_aj), kGreen, 1.4, "in minus out", tip_unit)},
+       y_range({&run.slave_energy_aj}, true, tip_unit)}};
   draw(figure, 900, 600,
        contact_shades(run) + "set multiplot\nset xzeroaxis lc rgb '#999999' lt 1\n" +
-           column_of_panels(panels, 0.09, 0.98, run.time_s.back(), run.label) + "unset multiplot\n");
-  return figure;
-}
-
-Figure FigureMaker::round_trips(const std::vector<RunData>& runs) {
-  Figure figure{
-      "round_trips", "Round trips",
-      "Distribution of the round trip of each reply, without the server's hold time; both axes "
-      "logarithmic, twenty bins to the decade. The tail to the right is what the operator feels as jitter.",
-      ""};
-  std::string curves;
-  std::size_t colour = 0;
-  double least = HUGE_VAL;
-  double most = 0;
-  for (const RunData& run : runs) {
-    std::map<int, std::size_t> bins;
-    for (const double rtt : run.rtt_us) ++bins[static_cast<int>(std::floor(20 * std::log10(rtt)))];
-    const std::string file = "round_trips." + run.slug + ".csv";
-    std::ofstream out(folder_ / file);
-    out << "# rtt_us_from,fraction\n";
-    if (bins.empty()) out << "nan,nan\n";
-    if (!bins.empty()) {
-      const double floor = 0.5 / static_cast<double>(run.rtt_us.size());  // half a reply stands for none
-      for (int bin = bins.begin()->first - 1; bin <= bins.rbegin()->first + 1; ++bin) {
-        const auto found = bins.find(bin);
-        const double fraction =
-            found == bins.end() ? floor
-                                : static_cast<double>(found->second) / static_cast<double>(run.rtt_us.size());
-        out << fmt::format("{:.6g},{:.6g}\n", std::pow(10.0, bin / 20.0), fraction);
-      }
-    }
-    if (!out.flush()) throw RunError((folder_ / file).string() + ": cannot be written");
-    const std::string title = fmt::format("{}: p50 {:.0f} µs, p99 {:.0f} µs", run.label,
-                                          run.summary.rtt_us.p50, run.summary.rtt_us.p99);
-    curves += fmt::format("{}'{}' using 1:2 with steps lc rgb '{}' lw 1.8 title {}",
-                          curves.empty() ? "" : ", \\\n  ", file, kRunColours[colour % kRunColours.size()],
-                          quoted(title));
-    for (const double rtt : run.rtt_us) {
-      least = std::min(least, rtt);
-      most = std::max(most, rtt);
-    }
-    ++colour;
-  }
-  if (least > most) least = most = 100;
-  std::string tics;
-  for (double decade = 1; decade < 1e9; decade *= 10) {
-    for (const int digit : {1, 2, 5}) tics += fmt::format("{}{:g}", tics.empty() ? "" : ", ", digit * decade);
-  }
-  draw(figure, 900, 400,
-       fmt::format(
-           "set lmargin at screen 0.09\nset rmargin at screen 0.98\nset tmargin at screen 0.96\n"
-           "set bmargin at screen 0.14\nset logscale xy\nset format y '10^{{%L}}'\n"
-           "set xtics ({})\nset xrange [{:.4g}:{:.4g}]\nset yrange [*:2]\nset xlabel 'round trip (µs)'\n"
-           "set ylabel 'fraction of replies'\nplot {}\n",
-           tics, 0.7 * least, 1.5 * most, curves));
-  return figure;
-}
-
-Figure FigureMaker::with_and_without(const RunData& without, const RunData& with) {
-  Figure figure{
-      "control_" + without.slug + "_" + with.slug, "With and without control",
-      fmt::format(
-          "The same motion on the same sample at the same scaling; each row shares its scale. Left, {}: the "
-          "applied force changes by {:.2g} N a tick (RMS) and the ledger falls to {:.3g} mJ. Right, {}: "
-          "{:.2g} N "
-          "a tick and {:.3g} mJ at the least; damper or clamp act in {:.0f} % of the ticks.",
-          without.label, without.summary.force_step_rms_n, 1e3 * without.summary.energy_least_j, with.label,
-          with.summary.force_step_rms_n, 1e3 * with.summary.energy_least_j,
-          100 * with.summary.controller_duty),
-      ""};
-  std::string script = "set multiplot\nset xzeroaxis lc rgb '#999999' lt 1\n";
-  double left = 0.085;
-  for (const RunData* run : {&without, &with}) {
-    const auto series = [&](const char* name, const std::vector<double>& y) {
-      return write_series(figure.id + "." + run->slug + "." + name, "time_s", name, run->time_s, y, 450);
-    };
-    const std::vector<Panel> panels{
-        {"hand z (mm)",
-         {curve(series("hand_z_mm", run->hand_z_mm), kBlue, 1.2, "hand")},
-         y_range({&without.hand_z_mm, &with.hand_z_mm}, false)},
-        {"hand force (N)",
-         {curve(series("applied_force_n", run->applied_force_n), kRed, 1.0, "applied")},
-         y_range({&without.applied_force_n, &with.applied_force_n})},
-        {"energy (mJ)",
-         {curve(series("energy_mj", run->energy_mj), kGreen, 1.4, "ledger")},
-         y_range({&without.energy_mj, &with.energy_mj})},
-        {"damper (N s/m)",
-         {curve(series("damper_n_s_m", run->damper_n_s_m), kPurple, 1.0, "injected")},
-         y_range({&without.damper_n_s_m, &with.damper_n_s_m})}};
-    script += column_of_panels(panels, left, left + 0.40, run->time_s.back(), run->label);
-    left = 0.58;
-  }
-  draw(figure, 1000, 820, script + "unset multiplot\n");
+           column_of_panels(panels, {.x_range = whole_range(run)}, run.label) + "unset multiplot\n");
   return figure;
 }
 

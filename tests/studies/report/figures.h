@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/studies/report/curve_data.h"
+#include "tests/studies/report/decimate.h"
 #include "tests/studies/report/run_data.h"
 
 namespace telenano::studies {
@@ -17,7 +19,8 @@ struct Figure {
 };
 
 /// Draws figures with gnuplot from CSV files; both the CSV files and the gnuplot scripts stay in `folder`, so
-/// that any figure can be drawn again by hand: `cd folder && gnuplot NAME.gp`.
+/// that any figure can be drawn again by hand: `cd folder && gnuplot NAME.gp`. No line is drawn across a hole
+/// in the data.
 class FigureMaker {
  public:
   explicit FigureMaker(std::filesystem::path folder);
@@ -27,12 +30,17 @@ class FigureMaker {
   Figure force_distance(const RunData& run);
   Figure energy_and_damper(const RunData& run);
   Figure round_trips(const std::vector<RunData>& runs);
-  Figure with_and_without(const RunData& without, const RunData& with);
+  /// Two or three sessions of the same task, on the same axes.
+  Figure side_by_side(const std::vector<RunData>& runs);
+  Figure force_curve(const CurveData& data);
 
  private:
-  /// Writes `name`.csv with a head line of two columns; returns the file's name.
-  std::string write_series(const std::string& name, const char* x_name, const char* y_name,
-                           const std::vector<double>& x, const std::vector<double>& y, std::size_t stretches);
+  /// Writes `name`.csv, a series over the run's time; returns the file's name.
+  std::string write_series(const std::string& name, const RunData& run, const char* y_name,
+                           const std::vector<double>& y, std::size_t stretches);
+  /// A blank line between pieces lifts the pen.
+  std::string write_pieces(const std::string& name, const std::string& head,
+                           const std::vector<std::vector<Point>>& pieces);
   void draw(Figure& figure, int width, int height, const std::string& script);
 
   std::filesystem::path folder_;

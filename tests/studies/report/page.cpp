@@ -1,5 +1,9 @@
 #include "tests/studies/report/page.h"
 
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+
 #include "common/recording/summary.h"
 
 namespace telenano::studies {
@@ -62,6 +66,81 @@ std::string provenance(const std::vector<RunData>& runs) {
   return html;
 }
 
+/// A number from the configuration as a person writes it: there it has 17 digits.
+std::string short_number(const std::string& text) {
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (text.empty() || *end != '\0') return text;
+  char buffer[32];
+  std::snprintf(buffer, sizeof buffer, "%.4g", value);
+  return buffer;
+}
+
+/// What was run: of every recording what one must know to run it again.
+std::string what_was_run(const std::vector<RunData>& runs) {
+  struct Line {
+    const char* name;
+    std::function<std::string(const RunData&)> text;
+  };
+  const auto key = [](const char* name) { return [name](const RunData& run) { return run.about(name); }; };
+  const auto number = [](const char* name, const char* unit = "") {
+    return [name, unit](const RunData& run) {
+      const std::string text = short_number(run.about(name));
+      return text.empty() ? text : text + unit;
+    };
+  };
+  const std::vector<Line> lines{
+      {"scene",
+       [](const RunData& run) {
+         const std::string hash = run.about("scene_hash");
+         return run.about("scene_name") + (hash.empty() ? "" : " (" + hash + ")");
+       }},
+      {"task", key("task")},
+      {"method",
+       [](const RunData& run) {
+         const std::string method = run.about("control.method");
+         return method.empty() ? run.about("method") : method;
+       }},
+      {"rate", number("rate_hz", " Hz")},
+      {"scale of motion α_v", number("scaling.velocity")},
+      {"scale of force α_F", number("scaling.force")},
+      {"beyond the passive scaling",
+       [](const RunData& run) {
+         const std::string allowed = run.about("allow_unsafe_scaling");
+         return allowed.empty() ? allowed : std::string(allowed == "true" ? "allowed" : "no");
+       }},
+      {"program",
+       [](const RunData& run) {
+         const std::string commit = run.about("git_commit");
+         return run.about("program") + (commit.empty() ? "" : ", commit " + commit.substr(0, 12));
+       }},
+      {"protocol", key("protocol_version")},
+      {"begun", key("start_time_utc")},
+  };
+  std::string html = "<div class=\"scroll\"><table>\n<thead><tr><th></th>";
+  for (const RunData& run : runs) html += "<th>" + html_escaped(run.label) + "</th>";
+  html += "</tr></thead>\n<tbody>\n";
+  for (const Line& line : lines) {
+    std::string cells;
+    bool said = false;
+    for (const RunData& run : runs) {
+      const std::string text = line.text(run);
+      said = said || !text.empty();
+      cells += "<td>" + html_escaped(text) + "</td>";
+    }
+    if (said) html += std::string("<tr><th>") + line.name + "</th>" + cells + "</tr>\n";
+  }
+  html += "</tbody></table></div>\n";
+  std::string commands;
+  for (const RunData& run : runs) {
+    const std::string command = run.about("command_line");
+    if (!command.empty()) commands += "# " + run.label + "\n" + command + "\n";
+  }
+  if (!commands.empty())
+    html += "<details><summary>command lines</summary><pre>" + html_escaped(commands) + "</pre></details>\n";
+  return html;
+}
+
 }  // namespace
 
 std::string html_escaped(const std::string& text) {
@@ -93,14 +172,11 @@ std::string make_page(const std::string& title, const std::vector<RunData>& runs
       "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
       html_escaped(title) + "</title>\n" + kHead + "</head>\n<body>\n<h1>" + html_escaped(title) + "</h1>\n";
-  std::string started;
-  for (const auto& [key, text] :
-       runs.empty() ? decltype(RunData::configuration){} : runs.front().configuration) {
-    if (key == "start_time_utc") started = text;
-  }
+  const std::string started = runs.empty() ? "" : runs.front().about("start_time_utc");
   html += "<p class=\"lead\">" + std::to_string(runs.size()) + " recording" + (runs.size() == 1 ? "" : "s") +
           (started.empty() ? "" : ", the first begun " + html_escaped(started)) + "</p>\n";
   if (!note.empty()) html += "<p class=\"note\">" + html_escaped(note) + "</p>\n";
+  html += "<h2>What was run</h2>\n" + what_was_run(runs);
   html += "<h2>Summary</h2>\n" + summary_table(runs);
   std::string last_title;
   for (const Figure& figure : figures) {

@@ -1,6 +1,7 @@
 #include "tests/studies/report/report_command.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <fstream>
 #include <memory>
@@ -14,6 +15,7 @@
 namespace telenano::studies {
 namespace {
 
+/// LABEL=FILE is split at the first '=': a path may hold one, a label may not.
 std::pair<std::string, std::filesystem::path> labelled(const char* option, const std::string& text) {
   const auto equals = text.find('=');
   if (equals == std::string::npos || equals == 0 || equals + 1 == text.size()) {
@@ -40,23 +42,35 @@ void make_slugs_unique(std::vector<RunData>& runs) {
 std::string make_report(const ReportRequest& request) {
   if (request.runs.empty() && request.pair.empty())
     throw UserError("report: at least one --run LABEL=FILE is needed");
-  if (!request.pair.empty() && request.pair.size() != 2) {
-    throw UserError("report: --pair takes two recordings, without control first");
+  if (!request.pair.empty() && request.pair.size() != 2 && request.pair.size() != 3) {
+    throw UserError("report: --pair is given two or three times (side by side, without control first), not " +
+                    std::to_string(request.pair.size()));
   }
   std::vector<RunData> all;
   for (const auto& [label, file] : request.runs) all.push_back(load_run(label, file));
-  for (const auto& [label, file] : request.pair) all.push_back(load_run(label, file));
+  std::vector<RunData> pair;
+  for (const auto& [label, file] : request.pair) {
+    // A recording that is among the runs is summarised there, not twice.
+    const auto known =
+        std::find_if(all.begin(), all.end(), [&](const RunData& run) { return run.path == file; });
+    pair.push_back(known == all.end() ? load_run(label, file) : *known);
+    if (known == all.end()) all.push_back(pair.back());
+    pair.back().label = label;
+    pair.back().slug = slug_of(label);
+  }
   make_slugs_unique(all);
+  make_slugs_unique(pair);
 
   FigureMaker maker(request.out / "data");
   std::vector<Figure> figures;
+  if (!pair.empty()) figures.push_back(maker.side_by_side(pair));
+  if (!request.curve.empty()) figures.push_back(maker.force_curve(load_curve(request.curve)));
   const std::size_t single = request.runs.size();
   for (std::size_t i = 0; i < single; ++i) figures.push_back(maker.position_and_force(all[i]));
   for (std::size_t i = 0; i < single; ++i) {
     if (!all[i].legs.empty()) figures.push_back(maker.force_distance(all[i]));
   }
   for (std::size_t i = 0; i < single; ++i) figures.push_back(maker.energy_and_damper(all[i]));
-  if (!request.pair.empty()) figures.push_back(maker.with_and_without(all[single], all[single + 1]));
   figures.push_back(maker.round_trips(all));
 
   std::string note;
@@ -84,17 +98,21 @@ void add_report_command(CLI::App& app) {
     std::string out = "report";
     std::vector<std::string> runs;
     std::vector<std::string> pair;
+    std::string curve;
   };
   const auto options = std::make_shared<Options>();
   command->add_option("--out", options->out, "folder to write index.html and data/ into")
       ->capture_default_str();
   command->add_option("--title", options->request.title, "title of the page")->capture_default_str();
   command->add_option("--run", options->runs, "LABEL=FILE of a recording; may be repeated");
-  command
-      ->add_option("--pair", options->pair, "LABEL=FILE LABEL=FILE: without and with control, side by side")
-      ->expected(2);
+  command->add_option(
+      "--pair", options->pair,
+      "LABEL=FILE of a recording to show side by side with the other --pair ones: two or three, "
+      "without control first");
+  command->add_option("--curve", options->curve, "CSV of telenano-nve curve");
   command->callback([options] {
     options->request.out = options->out;
+    options->request.curve = options->curve;
     for (const std::string& run : options->runs) options->request.runs.push_back(labelled("--run", run));
     for (const std::string& run : options->pair) options->request.pair.push_back(labelled("--pair", run));
     std::fputs(make_report(options->request).c_str(), stdout);

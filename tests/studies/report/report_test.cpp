@@ -8,6 +8,8 @@
 #include <iterator>
 
 #include "common/base/error.h"
+#include "common/recording/recording_reader.h"
+#include "tests/studies/report/curve_data.h"
 #include "tests/studies/report/decimate.h"
 #include "tests/studies/report/page.h"
 #include "tests/studies/report/report_command.h"
@@ -101,8 +103,8 @@ TEST_F(ReportTest, SummaryGivesTheKnownAnswers) {
   // Depth of the apex: 3 nm less what the cantilever gives, 0.02 nm/nN.
   EXPECT_NEAR(s.greatest_depth_nm, SyntheticRun::kDepthNm - 0.02 * deepest_force, 1e-4);
   EXPECT_NEAR(s.peak_hand_force_n, 0.1 * std::max(deepest_force, s.pull_off_force_nn), 1e-4);
-  // Median of the lognormal; standard error 1.25 * 0.25 / sqrt(8000) = 0.35 %, five of them.
-  EXPECT_NEAR(s.rtt_us.p50, 80, 1.4);
+  // Median of the lognormal; five standard errors of 1.25 * 0.25 / sqrt(8000) and a histogram bin of 1/16.
+  EXPECT_NEAR(s.rtt_us.p50, 80, 1.4 + 80.0 / 16);
   EXPECT_GT(s.rtt_us.p99, s.rtt_us.p50);
   EXPECT_EQ(s.lost, 7);
   EXPECT_EQ(s.replies, 8000);
@@ -113,20 +115,83 @@ TEST_F(ReportTest, SummaryGivesTheKnownAnswers) {
   EXPECT_NE(recording::summary_text(s).find("pull-off force"), std::string::npos);
 }
 
+TEST(Pieces, AreCutAtHolesAndAtWhatIsNotANumber) {
+  std::vector<double> x;
+  std::vector<double> y;
+  for (int i = 0; i < 1000; ++i) {
+    x.push_back(i < 400 ? i : i + 50);
+    y.push_back(i == 700 ? std::nan("") : i);
+  }
+  EXPECT_EQ(hole_of(x), 10);
+  const auto pieces = decimate_pieces(x, y, 1000, hole_of(x));
+  ASSERT_EQ(pieces.size(), 3u);
+  EXPECT_EQ(pieces[0].size(), 400u);
+  EXPECT_EQ(pieces[1].size(), 300u);
+  EXPECT_EQ(pieces[2].size(), 299u);
+  EXPECT_EQ(pieces[1].front().x, 450);
+}
+
+TEST_F(ReportTest, ReadsAForceCurveAndFindsItsJumps) {
+  const std::filesystem::path file = folder_ / "curve=1.csv";
+  const auto write = [&](const std::string& rows) {
+    std::ofstream(file) << "direction,base_z_nm,tip_z_nm,overlap_nm,force_nn,deflection_nm,branch,work_aj\n"
+                        << rows;
+  };
+  std::string rows;
+  const auto row = [&](const char* way, double z, double force, double work) {
+    rows += std::string(way) + "," + std::to_string(z) + ",0,0," + std::to_string(force) + ",0,vdw," +
+            std::to_string(work) + "\n";
+  };
+  // In contact 10 nN/nm below 1 nm; in at 0 nm with -10 nN, out at 0.8 nm with -18 nN, resolved to 0.1 nm.
+  for (int i = 50; i >= -20; --i) row("approach", 0.1 * i, i > 0 ? -0.001 * (50 - i) : -10 - i, 0);
+  for (int i = -20; i <= 50; ++i) row("retract", 0.1 * i, i > 8 ? -0.01 : -10 - i, 0.2 * (i + 20));
+  write(rows);
+  const CurveData data = load_curve(file);
+  ASSERT_TRUE(data.snaps_in && data.lets_go);
+  EXPECT_EQ(data.approach.jumps.size(), 1u);
+  EXPECT_NEAR(data.snap_in_base_nm, 0.1, 1e-9);
+  EXPECT_EQ(data.retract.jumps.size(), 1u);
+  EXPECT_NEAR(data.pull_off_base_nm, 0.8, 1e-9);
+  EXPECT_NEAR(data.pull_off_force_nn, 18, 1e-9);
+  EXPECT_NEAR(data.loop_work_aj, 14, 1e-9);
+
+  const auto message = [&](const std::string& text) -> std::string {
+    write(text);
+    try {
+      load_curve(file);
+    } catch (const UserError& error) {
+      return error.what();
+    }
+    return "no UserError";
+  };
+  EXPECT_NE(message("approach,1,0,0,nan,0,vdw,0\n").find(":2: force_nn 'nan'"), std::string::npos);
+  EXPECT_NE(message("approach,1,0\n").find("8 fields"), std::string::npos);
+  EXPECT_NE(message("down,1,0,0,1,0,vdw,0\n").find("direction 'down'"), std::string::npos);
+  EXPECT_NE(message("approach,1,0,0,1,0,vdw,0\n").find("both directions"), std::string::npos);
+}
+
 TEST_F(ReportTest, WritesOnePageWithEveryFigureInside) {
   SyntheticRun{}.write(folder_ / "a.h5");
   SyntheticRun{.duration_s = 4, .shaken = true}.write(folder_ / "shaken.h5");
   SyntheticRun{.duration_s = 4}.write(folder_ / "calm.h5");
+  // Split at the first '=': a path may hold one.
+  std::filesystem::create_directories(folder_ / "x=y");
+  std::filesystem::copy_file(folder_ / "calm.h5", folder_ / "x=y" / "calm.h5",
+                             std::filesystem::copy_options::overwrite_existing);
   CLI::App app;
   add_report_command(app);
   app.parse("report --title 'Tip & <sample>' --out " + (folder_ / "out").string() + " --run indent=" +
             (folder_ / "a.h5").string() + " --run \"it's again=" + (folder_ / "calm.h5").string() +
-            "\" --pair \"without control=" + (folder_ / "shaken.h5").string() +
-            "\" \"with ks-clamp=" + (folder_ / "calm.h5").string() + "\"");
+            "\" --pair \"none: (a), as it is=" + (folder_ / "shaken.h5").string() +
+            "\" --pair \"ks=" + (folder_ / "shaken.h5").string() +
+            "\" --pair \"with ks-clamp=" + (folder_ / "x=y" / "calm.h5").string() + "\"");
   const std::string page = slurp(folder_ / "out" / "index.html");
   EXPECT_NE(page.find("<title>Tip &amp; &lt;sample&gt;</title>"), std::string::npos);
   EXPECT_NE(page.find("&lt;a scene &amp; its comment&gt;"), std::string::npos);
   EXPECT_NE(page.find("pull-off force"), std::string::npos);
+  EXPECT_NE(page.find("What was run"), std::string::npos);
+  EXPECT_NE(page.find("<th>rate</th><td>1000 Hz</td>"), std::string::npos);
+  EXPECT_NE(page.find("none: (a), as it is"), std::string::npos);
   for (const char* file : {"time_indent.tip_force_nn.csv", "distance_indent.tip_height_nm_approach.csv",
                            "energy_indent.energy_mj.csv", "round_trips.indent.csv"}) {
     EXPECT_GT(std::filesystem::file_size(folder_ / "out" / "data" / file), 100u) << file;
@@ -170,6 +235,8 @@ TEST_F(ReportTest, WrongInputIsOneClearLine) {
     return "no UserError";
   };
   EXPECT_NE(message_of({}).find("--run LABEL=FILE"), std::string::npos);
+  EXPECT_NE(message_of({.out = folder_, .runs = {}, .pair = {{"a", "a.h5"}}}).find("two or three times"),
+            std::string::npos);
   EXPECT_NE(message_of({.out = folder_, .runs = {{"a", folder_ / "no.h5"}}, .pair = {}}).find("no such file"),
             std::string::npos);
   recording::Recorder({.path = folder_ / "empty.h5", .overwrite = true}, {}).close();

@@ -4,29 +4,29 @@
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
 
 #include "common/base/error.h"
+#include "common/recording/recording_reader.h"
+#include "tests/studies/report/decimate.h"
 
 namespace telenano::studies {
 namespace {
 
 using Values = std::vector<double>;
 
-std::string slug_of(const std::string& label) {
-  std::string slug;
-  for (const char c : label) {
-    if (std::isalnum(static_cast<unsigned char>(c)) != 0) {
-      slug += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    } else if (!slug.empty() && slug.back() != '_') {
-      slug += '_';
-    }
-  }
-  return slug.empty() ? "run" : slug;
-}
-
 Values shifted_scaled(Values values, double shift, double scale) {
   for (double& value : values) value = (value - shift) * scale;
   return values;
+}
+
+/// The name of the lowest bit that is set, from a list in the order of the bits, parted by "; ".
+std::string fault_name(std::string names, unsigned bits) {
+  for (unsigned bit = bits; bit != 0 && (bit & 1u) == 0 && !names.empty(); bit >>= 1) {
+    const auto next = names.find("; ");
+    names = next == std::string::npos ? "" : names.substr(next + 2);
+  }
+  return names.empty() ? "fault bits " + std::to_string(bits) : names.substr(0, names.find("; "));
 }
 
 std::vector<std::pair<double, double>> find_contacts(const Values& time_s, const Values& state) {
@@ -47,13 +47,28 @@ std::vector<std::pair<double, double>> find_contacts(const Values& time_s, const
 
 }  // namespace
 
+std::string slug_of(const std::string& label) {
+  std::string slug;
+  for (const char c : label) {
+    if (std::isalnum(static_cast<unsigned char>(c)) != 0) {
+      slug += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    } else if (!slug.empty() && slug.back() != '_') {
+      slug += '_';
+    }
+  }
+  return slug.empty() ? "run" : slug;
+}
+
 std::vector<Leg> find_legs(const Values& height, const Values& lateral, double threshold) {
   std::vector<Leg> legs;
   if (height.size() < 2) return legs;
   const auto close_leg = [&](std::size_t begin, std::size_t end) {
     const double rise = height[end] - height[begin];
-    const double sideways = std::abs(lateral[end] - lateral[begin]);
-    if (std::abs(rise) >= threshold && std::abs(rise) > sideways) legs.push_back({rise < 0, begin, end + 1});
+    double sideways = 0;
+    for (std::size_t i = begin; i <= end; ++i)
+      sideways = std::max(sideways, std::abs(lateral[i] - lateral[begin]));
+    if (std::abs(rise) >= threshold && sideways < 0.25 * std::abs(rise))
+      legs.push_back({rise < 0, begin, end + 1});
   };
   // Zigzag: an extreme counts once the height has come back from it by the threshold.
   std::size_t begin = 0;
@@ -79,6 +94,13 @@ std::vector<Leg> find_legs(const Values& height, const Values& lateral, double t
   return legs;
 }
 
+std::string RunData::about(const std::string& key) const {
+  for (const auto& [name, text] : configuration) {
+    if (name == key) return text;
+  }
+  return {};
+}
+
 RunData load_run(const std::string& label, const std::filesystem::path& path) {
   const recording::RecordingReader reader(path);
   if (reader.rows() == 0)
@@ -98,6 +120,7 @@ RunData load_run(const std::string& label, const std::filesystem::path& path) {
   Values time = reader.read("time_s");
   const double start_s = time.front();
   run.time_s = shifted_scaled(std::move(time), start_s, 1.0);
+  run.largest_step_s = hole_of(run.time_s);
   run.hand_z_mm = shifted_scaled(reader.read("hand_pos_h_m", 2), 0.0, 1e3);
   run.target_height_nm = shifted_scaled(target, run.surface_z_w_nm, 1.0);
   run.tip_height_nm = shifted_scaled(reader.read("tip_pos_w_nm", 2), run.surface_z_w_nm, 1.0);
@@ -117,8 +140,20 @@ RunData load_run(const std::string& label, const std::filesystem::path& path) {
 
   const Values sequence = reader.read("reply_sequence");
   const Values rtt = reader.read("rtt_us");
+  for (std::size_t i = 0; i < sequence.size() && !(sequence[i] > 0); ++i) {
+    run.tip_height_nm[i] = run.tip_force_nn[i] = std::numeric_limits<double>::quiet_NaN();
+  }
   for (std::size_t i = 1; i < rtt.size(); ++i) {
     if (sequence[i] != sequence[i - 1] && rtt[i] > 0) run.rtt_us.push_back(rtt[i]);
+  }
+
+  const Values faults = reader.read("station_faults");
+  const Values flags = reader.read("limit_flags");
+  // Stopped for good: a fault and no force, to the last row.
+  for (std::size_t i = flags.size(); i > 0; --i) {
+    if (faults[i - 1] == 0 || (static_cast<std::uint32_t>(flags[i - 1]) & recording::kLimitStop) == 0) break;
+    run.stopped_s = run.time_s[i - 1];
+    run.stop_reason = fault_name(run.about("station_fault_names"), static_cast<unsigned>(faults[i - 1]));
   }
 
   const auto [low, high] = std::minmax_element(run.target_height_nm.begin(), run.target_height_nm.end());

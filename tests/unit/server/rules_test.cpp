@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <string>
 
+#include "common/base/error.h"
 #include "virtual_session.h"
 
 namespace telenano::server {
@@ -224,6 +226,19 @@ TEST(Table, HoldsAsManyAsItShouldAndGivesUpTheLongestSilent) {
   EXPECT_EQ(server.sessions().find_token(token_1), link::SessionTable::kNone);
   EXPECT_EQ(stations[2]->client.state(), link::ClientState::kEstablished)
       << "an active one is never given up";
+}
+
+TEST(Table, AServerWithoutASlaveNamesItsSceneEvenIfTheNameFillsItsPlace) {
+  ServedScene scene = spring_scene();
+  scene.name = scene_name(std::string(60, 's'));
+  scene.hash = 0x4141414141414141;
+  scene.make_slave = nullptr;
+  try {
+    Server server(test_config(), std::move(scene));
+    FAIL() << "no slave, no server";
+  } catch (const RunError& error) {
+    EXPECT_EQ(std::string(error.what()), "the scene '" + std::string(48, 's') + "' made no slave");
+  }
 }
 
 TEST(Table, ASlaveThatCannotBeMadeIsARefusalAndNothingElse) {

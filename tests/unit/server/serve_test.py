@@ -45,7 +45,7 @@ class Server:
 
 def main():
     program = sys.argv[1]
-    for extra in ([], ["--busy-poll"]):
+    for extra in ([], ["--busy-poll", "--timeout-ms", "900"]):
         server = Server(program, "--listen", "127.0.0.1:0", *extra)
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         sock.settimeout(20)
@@ -65,6 +65,7 @@ def main():
         name, challenge = ask(encode("hello", hello))
         assert name == "challenge" and challenge[1] == 4711
         name, welcome = ask(encode("hello", {**hello, 5: challenge[2]}))
+        assert welcome[7] == (900 if extra else 700), "the scene's time-out; the flag wins over it"
         assert name == "welcome" and welcome[3] == 4711 and welcome[9] == b"spring floor", welcome
         assert ask(encode("hello", {**hello, 5: challenge[2]})) == ("welcome", welcome), "the same once more"
         session, epoch = welcome[4], welcome[6]

@@ -211,6 +211,30 @@ TEST(Session, DoesNotThinkALongWayIsSilence) {
   EXPECT_EQ(server.counters().opened, 1u);
 }
 
+TEST(Session, AReplyThatEchoesAnImpossibleTimeDoesNotHideSilence) {
+  // A round trip of centuries would make every silence look explained (and overflow on the way to a limit in
+  // ns).
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(100);
+  ASSERT_EQ(s.client.state(), ClientState::kEstablished);
+  const double rtt_ns = s.client.stats().rtt_ns();
+  link::Codec codec;
+  for (const std::uint64_t sent_ns : {std::uint64_t{1} << 63, (std::uint64_t{1} << 63) + 1'000'000'000}) {
+    link::Reply forged = s.client.reply();
+    ++forged.sequence;
+    forged.command_send_time_ns = sent_ns;
+    std::array<std::uint8_t, link::kMaxDatagramBytes> bytes{};
+    const std::size_t n = codec.encode(forged, bytes);
+    s.client.on_datagram({bytes.data(), n}, s.link.now_ns());
+  }
+  EXPECT_EQ(s.client.stats().rtt_ns(), rtt_ns);
+  s.server = nullptr;
+  s.ticks(1000);
+  EXPECT_EQ(s.client.state(), ClientState::kLost);
+}
+
 TEST(Session, RoamsToAnotherAddressWithItsToken) {
   SpringSlave* slave = nullptr;
   Server server(test_config(), spring_scene(&slave));

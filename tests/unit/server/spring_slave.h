@@ -64,6 +64,7 @@ inline ServedScene spring_scene(SpringSlave** last = nullptr, int* made = nullpt
   ServedScene scene;
   scene.name = scene_name("spring floor");
   scene.hash = 0x1234;
+  scene.timeout_ms = 700;
   scene.make_slave = [last, made]() -> std::unique_ptr<slave::Slave> {
     auto slave = std::make_unique<SpringSlave>();
     if (last != nullptr) *last = slave.get();

@@ -326,6 +326,96 @@ TEST(Station, AFailedDeviceStopsAndOneWithoutForceDisengages) {
   EXPECT_EQ(rig.station.mode(), Mode::kStopped);
 }
 
+TEST(Station, ALateTickBuysNoForceStep) {
+  // The process was kept from running: nothing has been shown for that time, so ramp and slew may grow by one
+  // period only.
+  for (int late_ms : {5, 15, 50, 90}) {
+    StationRig rig;
+    rig.engage(kPush);
+    rig.reply.force_w_nn = Vec3(0, 0, 300);  // six times as much
+    ++rig.reply.sequence;
+    rig.input.reply = &rig.reply;
+    rig.input.time_ns += late_ms * 1'000'000;
+    rig.station.step(rig.input, 1e-3 * late_ms, rig.output);
+    // Within the hold time the slew limit holds, 4 N a tick; later the force begins with a ramp as well.
+    ASSERT_LE(rig.force_n() - 1, late_ms <= 20 ? 4.0 + 1e-9 : 6 * 1e-3 / 0.2 + 1e-9) << late_ms;
+  }
+}
+
+TEST(Station, ABlindStationDoesNotMoveTheTip) {
+  // A pause of the whole process, long enough to be an outage, that ends with the reply that waited in the
+  // socket: the hand has moved unseen, and the tip must not leap after it.
+  StationRig rig;
+  rig.engage(kPush);
+  const Vec3 before_w_nm = rig.output.command.tip_pos_w_nm;
+  rig.input.hand_pos_h_m.z() -= 0.02;
+  ++rig.reply.sequence;
+  rig.input.reply = &rig.reply;
+  rig.input.time_ns += 150'000'000;
+  rig.station.step(rig.input, 0.150, rig.output);
+  EXPECT_EQ(rig.station.latched_faults(), 0u);
+  EXPECT_EQ(rig.output.command.tip_pos_w_nm, before_w_nm);
+  rig.tick();
+  EXPECT_EQ(rig.station.mode(), Mode::kEngaged);
+  EXPECT_EQ(rig.output.command.tip_pos_w_nm, before_w_nm);
+}
+
+TEST(Station, AfterAStopTheTipStaysWhereItWithdrewTo) {
+  StationRig rig;
+  rig.engage(kPush);
+  rig.input.buttons |= device::kButtonStop;
+  rig.tick();
+  rig.input.buttons &= ~device::kButtonStop;
+  const Vec3 withdrawn_w_nm(100, 200, 140);
+  rig.reply.fault_bits = link::kFaultRetracted;
+  rig.reply.force_w_nn.setZero();
+  for (int k = 0; k <= 100; ++k) {
+    rig.reply.tip_pos_w_nm = Vec3(100, 200, 40 + k);
+    rig.tick();
+    ASSERT_EQ(rig.output.command.tip_vel_w_nm_s.norm(), 0);
+  }
+  rig.station.clear_stop();
+  rig.tick();
+  EXPECT_EQ(rig.station.mode(), Mode::kEngaged);
+  EXPECT_EQ(rig.output.command.tip_pos_w_nm, withdrawn_w_nm);
+  EXPECT_EQ(rig.output.command.tip_vel_w_nm_s.norm(), 0);
+}
+
+TEST(Station, AStifferSlaveThanPlannedIsALatchedStop) {
+  // The server was replaced by one with another scene: scaling, damper and clamp were planned for the first.
+  for (int field = 0; field < 2; ++field) {
+    StationRig rig({}, {10, 0.001, 500});
+    rig.welcome.coupling_stiffness_n_m = 10;
+    rig.welcome.coupling_damping_n_s_m = 0.001;
+    rig.engage(kPush);
+    rig.station.begin_session(rig.welcome);  // the same again
+    rig.reply.sequence = 0;
+    rig.ticks(300);
+    EXPECT_EQ(rig.station.mode(), Mode::kEngaged);
+    if (field == 0) rig.welcome.coupling_stiffness_n_m = 11;
+    if (field == 1) rig.welcome.coupling_damping_n_s_m = 0.002;
+    rig.station.begin_session(rig.welcome);
+    rig.reply.sequence = 0;
+    rig.tick();
+    EXPECT_EQ(rig.station.mode(), Mode::kStopped);
+    EXPECT_EQ(rig.force_n(), 0);
+    EXPECT_STREQ(fault_name(rig.output.trace.faults), "slave stiffer than planned");
+  }
+}
+
+TEST(Station, ForceComesBackWithTheRampAfterTheDeviceHadNone) {
+  StationRig rig;
+  rig.engage(Vec3(0, 0, 400));  // 8 N
+  rig.input.device_status = device::DeviceStatus::kForceOff;
+  for (int k = 0; k < 3; ++k) {
+    rig.tick();
+    rig.input.applied_force_h_n.setZero();
+  }
+  rig.input.device_status = device::DeviceStatus::kOk;
+  rig.tick();
+  EXPECT_LE(rig.force_n(), 8e-3 / 0.2 + 1e-12);
+}
+
 TEST(Station, ForceIsLimitedAndSlewed) {
   StationConfig config;
   config.method = control::Method::kNone;
