@@ -100,7 +100,6 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   server::ServerConfig config;
   config.secret = fresh_secret();
   config.table.capacity = options.max_sessions;
-  server::ServedScene scene = load_scene(options.scene);
   const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
   config.table.timeout_ns = timeout_ms * 1'000'000;
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
