@@ -4,7 +4,6 @@
 #include <memory>
 #include <optional>
 
-#include "common/base/error.h"
 #include "nve_server/scene/force_curve.h"
 #include "nve_server/scene/scene.h"
 
@@ -30,7 +29,6 @@ void run(const Options& options) {
                 row.base_z_nm, row.tip_z_nm, row.overlap_nm, row.force_nn, row.deflection_nm,
                 scene::branch_name(row.branch), row.work_aj);
   });
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) throw RunError("cannot write to standard output");
 }
 
 }  // namespace

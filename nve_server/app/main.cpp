@@ -64,5 +64,9 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "telenano-nve: %s\n", error.what());
     return 1;
   }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {  // half a table must not pass for a whole one
+    std::fprintf(stderr, "telenano-nve: cannot write to standard output\n");
+    return 1;
+  }
   return exit_code;
 }

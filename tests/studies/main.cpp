@@ -51,5 +51,9 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "telenano-lab: %s\n", error.what());
     return 1;
   }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {  // half a table must not pass for a whole one
+    std::fprintf(stderr, "telenano-lab: cannot write to standard output\n");
+    return 1;
+  }
   return exit_code;
 }

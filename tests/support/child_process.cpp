@@ -60,7 +60,7 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command, const ChildO
     }
     const int null = ::open("/dev/null", O_RDONLY);
     ::dup2(null, STDIN_FILENO);
-    ::dup2(out[1], STDOUT_FILENO);
+    ::dup2(options.out_file.empty() ? out[1] : ::open(options.out_file.c_str(), O_WRONLY), STDOUT_FILENO);
     ::dup2(err[1], STDERR_FILENO);
     ::execv(argv[0], argv.data());
     ::_exit(127);

@@ -13,6 +13,7 @@ namespace telenano::support {
 
 struct ChildOptions {
   std::filesystem::path folder{};                 ///< working directory; empty: the caller's
+  std::string out_file{};                         ///< standard output goes there instead, e.g. /dev/full
   std::optional<std::uint64_t> file_bytes_max{};  ///< RLIMIT_FSIZE: a full disk, with another number
 };
 

@@ -264,6 +264,22 @@ TEST(CheckOutput, SaysWhatIsInAndWhatAStepCosts) {
   }
 }
 
+TEST(Output, ATableThatCannotBeWrittenIsAFailure) {
+  ChildOptions full;
+  full.out_file = "/dev/full";
+  const std::vector<std::vector<std::string>> commands{
+      {kLab, "contact", "--lambda", "1", "--delta", "0"},
+      {kLab, "contact", "--lambda", "1", "--points"},
+      {kNve, "curve", "--scene", scene_path("flat_silicon_oxide")},
+      {kNve, "check", "--scene", scene_path("flat_silicon_oxide")}};
+  for (const auto& command : commands) {
+    const Finished run = run_program(command, full);
+    EXPECT_EQ(run.exit_code, 1) << command[1];
+    EXPECT_EQ(lines_of(run.err).size(), 1u) << run.err;
+    EXPECT_NE(run.err.find("cannot write to standard output"), std::string::npos) << run.err;
+  }
+}
+
 TEST(Help, EveryProgramExplainsItself) {
   const std::vector<std::vector<std::string>> commands{
       {kNve},           {kNve, "serve"},      {kNve, "curve"}, {kNve, "check"},   {kMaster},
