@@ -315,7 +315,8 @@ int run(const RunOptions& options) {
                control::method_name(config.method), check.text);
   }
   station::Station station(config, device.info(), port);
-  loop::StationLoop loop(device, socket, server, session, station);
+  const rt::SteadyClock steady_clock;
+  loop::StationLoop loop(device, socket, server, session, station, &steady_clock);
   recording::SummaryBuilder summary({config.rate_hz, welcome.surface_z_w_nm});
   rt::LatestValue<Progress> latest;
   std::atomic<bool> finished{false};

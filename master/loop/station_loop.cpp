@@ -12,8 +12,8 @@ constexpr int kDatagramsPerTick = 256;
 }  // namespace
 
 StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-                         link::ClientSession& session, station::Station& station) noexcept
-    : device_(device), socket_(socket), server_(server), session_(session), station_(station) {}
+                         link::ClientSession& session, station::Station& station, const rt::Clock* clock) noexcept
+    : device_(device), socket_(socket), server_(server), session_(session), station_(station), clock_(clock) {}
 
 void StationLoop::send(std::size_t size) noexcept {
   if (size == 0) return;
@@ -28,7 +28,8 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   for (int i = 0; i < kDatagramsPerTick && socket_.receive(buffer_, received); ++i) {
     if (!(received.from == server_)) continue;  // somebody else's
     const std::size_t size = received.size < buffer_.size() ? received.size : buffer_.size();
-    const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), now_ns - received.age_ns);
+    const std::int64_t came_ns = (clock_ != nullptr ? clock_->now_ns() : now_ns) - received.age_ns;
+    const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), came_ns);
     replied |= event == link::ClientEvent::kReply;
   }
   if (session_.sessions() != sessions_begun_) {
@@ -49,7 +50,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   applied_h_n_ = device_.write_force(output_.hand_force_h_n);
 
   send(session_.poll(now_ns, buffer_));
-  send(session_.make_command(output_.command, now_ns, buffer_));
+  send(session_.make_command(output_.command, clock_ != nullptr ? clock_->now_ns() : now_ns, buffer_));
 
   fill(now_ns, applied_h_n_, sample);
   ++ticks_;

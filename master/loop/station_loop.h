@@ -6,6 +6,7 @@
 #include "common/link/client_session.h"
 #include "common/net/datagram.h"
 #include "common/recording/sample.h"
+#include "common/rt/clock.h"
 #include "master/device/haptic_device.h"
 #include "master/station/station.h"
 
@@ -22,8 +23,10 @@ namespace telenano::loop {
 /// planning counts. Nothing allocates, waits or throws.
 class StationLoop {
  public:
+  /// With `clock`, datagrams are stamped with the moment at which they are sent and looked at, so that round trips do not
+  /// contain the work of a tick; without (virtual time), with the tick's own time.
   StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-              link::ClientSession& session, station::Station& station) noexcept;
+              link::ClientSession& session, station::Station& station, const rt::Clock* clock = nullptr) noexcept;
 
   /// `dt_s` since the last tick. Fills `sample` (timing fields of the loop's owner excepted). The sample's applied force
   /// acts from this tick to the next.
@@ -45,6 +48,7 @@ class StationLoop {
   net::Address server_;
   link::ClientSession& session_;
   station::Station& station_;
+  const rt::Clock* clock_;
   station::StationInput input_;
   station::StationOutput output_;
   std::uint64_t sessions_begun_ = 0;
