@@ -8,8 +8,8 @@
 namespace telenano {
 namespace {
 
-// pi/2 in three parts of 33 bits each, so that n*part is exact for n < 2^20 (Cody & Waite, "Software Manual for the
-// Elementary Functions", 1980; the splitting of fdlibm's e_rem_pio2.c).
+// pi/2 in three parts of 33 bits each, so that n*part is exact for n < 2^20 (Cody & Waite, "Software Manual
+// for the Elementary Functions", 1980; the splitting of fdlibm's e_rem_pio2.c).
 constexpr double kPio2A = 1.57079632673412561417e+00;
 constexpr double kPio2B = 6.07710050630396597660e-11;
 constexpr double kPio2C = 2.02226624871116645580e-21;
@@ -17,8 +17,8 @@ constexpr double kPio2CTail = 8.47842766036889956997e-32;
 constexpr double kTwoOverPi = 6.36619772367581382433e-01;
 constexpr double kHalfPi = 1.57079632679489655800e+00;
 
-// Taylor series of sin and cos on [-pi/4, pi/4]; the first term left out is below 2^-55 of the result. `lo` is the part
-// of the reduced argument that did not fit into `hi`.
+// Taylor series of sin and cos on [-pi/4, pi/4]; the first term left out is below 2^-55 of the result. `lo`
+// is the part of the reduced argument that did not fit into `hi`.
 double sin_kernel(double hi, double lo) noexcept {
   const double z = hi * hi;
   double p = -7.6471637318198164759e-13;
@@ -48,7 +48,8 @@ double cos_kernel(double hi, double lo) noexcept {
 }  // namespace
 
 SinCos det_sin_cos(double x) noexcept {
-  if (!(std::fabs(x) <= 1e6)) return {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
+  if (!(std::fabs(x) <= 1e6))
+    return {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::quiet_NaN()};
   const double n = std::floor(x * kTwoOverPi + 0.5);
   const double a = x - n * kPio2A;  // exact
   // The next two parts leave rounding errors; keep them (two-sum, Knuth).
@@ -62,10 +63,14 @@ SinCos det_sin_cos(double x) noexcept {
   const double s = sin_kernel(hi, lo);
   const double c = cos_kernel(hi, lo);
   switch (static_cast<std::int64_t>(n) & 3) {
-    case 0: return {s, c};
-    case 1: return {c, -s};
-    case 2: return {-s, -c};
-    default: return {-c, s};
+    case 0:
+      return {s, c};
+    case 1:
+      return {c, -s};
+    case 2:
+      return {-s, -c};
+    default:
+      return {-c, s};
   }
 }
 
@@ -81,8 +86,9 @@ double det_exp(double x) noexcept {
   const double r = hi - n * kLn2Lo;
   const double tail = (hi - r) - n * kLn2Lo;
   double p = 1.0 / 6227020800.0;
-  for (const double inverse : {1.0 / 479001600.0, 1.0 / 39916800.0, 1.0 / 3628800.0, 1.0 / 362880.0, 1.0 / 40320.0,
-                               1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5}) {
+  for (const double inverse :
+       {1.0 / 479001600.0, 1.0 / 39916800.0, 1.0 / 3628800.0, 1.0 / 362880.0, 1.0 / 40320.0, 1.0 / 5040.0,
+        1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5}) {
     p = p * r + inverse;
   }
   const double y = 1.0 + (r + (r * r * p + tail));

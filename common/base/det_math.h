@@ -2,9 +2,10 @@
 
 namespace telenano {
 
-/// Elementary functions that give the same bits on every x86-64: glibc picks code with or without fused multiply-add by
-/// the machine it runs on, and the two differ in the last bit. Built from +, -, *, / and sqrt only, within 1 ulp or so.
-/// (sqrt, floor, fabs and copysign of the standard library are exact and may be used as they are.)
+/// Elementary functions that give the same bits on every x86-64: glibc picks code with or without fused
+/// multiply-add by the machine it runs on, and the two differ in the last bit. Built from +, -, *, / and sqrt
+/// only, within 1 ulp or so. (sqrt, floor, fabs and copysign of the standard library are exact and may be
+/// used as they are.)
 
 struct SinCos {
   double sin;

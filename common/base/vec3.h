@@ -5,7 +5,8 @@
 
 namespace telenano {
 
-/// A vector in one of the frames W (sample), T (tip) or H (handle); the name of the variable says which, and the unit.
+/// A vector in one of the frames W (sample), T (tip) or H (handle); the name of the variable says which, and
+/// the unit.
 using Vec3 = Eigen::Vector3d;
 using Mat3 = Eigen::Matrix3d;
 

@@ -19,7 +19,8 @@ enum class SendStatus : std::uint8_t { kSent, kWouldBlock, kFailed };
 struct Received {
   std::size_t size = 0;  ///< bytes of the datagram; larger than the buffer means that it was cut
   Address from;
-  std::int64_t age_ns = 0;  ///< since it reached this machine, where that is known; a reader that polls needs it
+  std::int64_t age_ns =
+      0;  ///< since it reached this machine, where that is known; a reader that polls needs it
 };
 
 /// Seam: unreliable datagrams that never wait. Implemented by UDP sockets and by the simulated link.

@@ -118,7 +118,8 @@ std::int64_t age_ns(msghdr& header) noexcept {
     timespec came{}, now{};
     std::memcpy(&came, CMSG_DATA(part), sizeof came);
     ::clock_gettime(CLOCK_REALTIME, &now);
-    const std::int64_t age = (now.tv_sec - came.tv_sec) * std::int64_t{1'000'000'000} + (now.tv_nsec - came.tv_nsec);
+    const std::int64_t age =
+        (now.tv_sec - came.tv_sec) * std::int64_t{1'000'000'000} + (now.tv_nsec - came.tv_nsec);
     return age > 0 && age < 1'000'000'000 ? age : 0;
   }
   return 0;
@@ -160,8 +161,8 @@ struct Udp::Impl {
                       "; expected an address of this machine");
     socket.non_blocking(true, error);
     handle = socket.native_handle();
-    // The kernel notes when each datagram came (CLOCK_REALTIME): a loop that looks once a tick would otherwise measure its
-    // own period as round trip. Where it is not to be had, age_ns stays 0.
+    // The kernel notes when each datagram came (CLOCK_REALTIME): a loop that looks once a tick would
+    // otherwise measure its own period as round trip. Where it is not to be had, age_ns stays 0.
     const int on = 1;
     ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
   }

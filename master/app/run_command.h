@@ -5,7 +5,8 @@
 
 namespace telenano::app {
 
-/// Adds `run --server HOST:PORT …`: one session from handshake to Bye. `command_line` goes into the recording. UserError and RunError go through to the caller.
+/// Adds `run --server HOST:PORT …`: one session from handshake to Bye. `command_line` goes into the
+/// recording. UserError and RunError go through to the caller.
 CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& exit_code);
 
 }  // namespace telenano::app

@@ -28,14 +28,15 @@ struct DeviceInfo {
   bool has_force = true;
 };
 
-/// Seam: a hand controller. Frame H: x to the right, y away from the operator, z up; origin in the workspace's centre.
+/// Seam: a hand controller. Frame H: x to the right, y away from the operator, z up; origin in the
+/// workspace's centre.
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
   virtual const DeviceInfo& info() const noexcept = 0;
   virtual void read(DeviceReading& reading) noexcept = 0;
-  /// Commands the force on the hand, held until the next call. Returns what is really applied (after saturation and
-  /// command quantisation): that is what the energy observer must book.
+  /// Commands the force on the hand, held until the next call. Returns what is really applied (after
+  /// saturation and command quantisation): that is what the energy observer must book.
   virtual Vec3 write_force(const Vec3& hand_force_h_n) noexcept = 0;
 };
 

@@ -12,8 +12,14 @@ constexpr int kDatagramsPerTick = 256;
 }  // namespace
 
 StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-                         link::ClientSession& session, station::Station& station, const rt::Clock* clock) noexcept
-    : device_(device), socket_(socket), server_(server), session_(session), station_(station), clock_(clock) {}
+                         link::ClientSession& session, station::Station& station,
+                         const rt::Clock* clock) noexcept
+    : device_(device),
+      socket_(socket),
+      server_(server),
+      session_(session),
+      station_(station),
+      clock_(clock) {}
 
 void StationLoop::send(std::size_t size) noexcept {
   if (size == 0) return;

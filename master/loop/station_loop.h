@@ -23,13 +23,14 @@ namespace telenano::loop {
 /// planning counts. Nothing allocates, waits or throws.
 class StationLoop {
  public:
-  /// With `clock`, datagrams are stamped with the moment at which they are sent and looked at, so that round trips do not
-  /// contain the work of a tick; without (virtual time), with the tick's own time.
+  /// With `clock`, datagrams are stamped with the moment at which they are sent and looked at, so that round
+  /// trips do not contain the work of a tick; without (virtual time), with the tick's own time.
   StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-              link::ClientSession& session, station::Station& station, const rt::Clock* clock = nullptr) noexcept;
+              link::ClientSession& session, station::Station& station,
+              const rt::Clock* clock = nullptr) noexcept;
 
-  /// `dt_s` since the last tick. Fills `sample` (timing fields of the loop's owner excepted). The sample's applied force
-  /// acts from this tick to the next.
+  /// `dt_s` since the last tick. Fills `sample` (timing fields of the loop's owner excepted). The sample's
+  /// applied force acts from this tick to the next.
   void tick(std::int64_t now_ns, double dt_s, recording::Sample& sample) noexcept;
 
   /// Sends Bye, three times since nobody answers it.

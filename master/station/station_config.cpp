@@ -11,11 +11,13 @@ namespace {
 
 std::string number(double value) {
   std::array<char, 40> text{};
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::general, 6).ptr;
+  const auto end =
+      std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::general, 6).ptr;
   return {text.data(), end};
 }
 
-/// To four digits, never up, so that a bound typed in as it was printed is kept: rounding adds at most 5e-4 of it.
+/// To four digits, never up, so that a bound typed in as it was printed is kept: rounding adds at most 5e-4
+/// of it.
 std::string rounded_down(double value) {
   std::array<char, 40> text{};
   const double less = value * (1 - 5e-4);

@@ -147,7 +147,8 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
       ->capture_default_str()
       ->check(CLI::Range(1, 256));
-  command->add_option("--timeout-ms", options->timeout_ms,
+  command
+      ->add_option("--timeout-ms", options->timeout_ms,
                    "Silence after which a session's slave retracts; left out: as the scene says")
       ->check(CLI::Range(10, 60000));
   command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")

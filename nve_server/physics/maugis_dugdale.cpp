@@ -281,7 +281,8 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
     // or from how this step compares with the last one.
     const double left =
         last_step != 0 ? size * size * size / (last_step * last_step) : size * size * bend / rate;
-    const bool last = std::fabs(residual) <= kEpsilon * scale || size <= 4.0 * kEpsilon * u || (size < 1e-7 * u && left <= kEpsilon * u);
+    const bool last = std::fabs(residual) <= kEpsilon * scale || size <= 4.0 * kEpsilon * u ||
+                      (size < 1e-7 * u && left <= kEpsilon * u);
     if (last) {
       p.energy = contact_energy(lambda_, p, g);
       p.shift(std::max(step, -u));

@@ -42,8 +42,8 @@ struct SlaveLimits {
 class Slave {
  public:
   virtual ~Slave() = default;
-  /// Moves the port by one command, `dt_s` after the last. Never throws, waits or allocates; an output with a fault
-  /// bit is still safe to render.
+  /// Moves the port by one command, `dt_s` after the last. Never throws, waits or allocates; an output with a
+  /// fault bit is still safe to render.
   virtual void step(const SlaveInput& input, double dt_s, SlaveOutput& output) noexcept = 0;
   virtual const SlaveLimits& limits() const noexcept = 0;
 };

@@ -209,4 +209,3 @@ BENCHMARK(sim_link_datagram)->Arg(0)->Arg(1);
 
 }  // namespace
 }  // namespace telenano
-

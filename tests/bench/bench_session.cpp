@@ -1,5 +1,5 @@
-// What one tick costs: the station's step, the server's exchange without its socket, and the whole loop in virtual time.
-// Floors: 5 us for each of the first two, 300 000 ticks/s a core for the third.
+// What one tick costs: the station's step, the server's exchange without its socket, and the whole loop in
+// virtual time. Floors: 5 us for each of the first two, 300 000 ticks/s a core for the third.
 #include <benchmark/benchmark.h>
 
 #include <array>
@@ -66,8 +66,8 @@ void station_step(benchmark::State& state) {
 }
 BENCHMARK(station_step);
 
-// Encoded command in, encoded reply out: scan, decode, look up, step the slave, encode. The tip goes up and down through
-// the contact by 20 nm, 50 nm to the side and back.
+// Encoded command in, encoded reply out: scan, decode, look up, step the slave, encode. The tip goes up and
+// down through the contact by 20 nm, 50 nm to the side and back.
 void server_exchange(benchmark::State& state, const std::string& scene_name) {
   const auto scene = scene_of(scene_name);
   server::ServerConfig config;
@@ -117,4 +117,3 @@ BENCHMARK_CAPTURE(server_exchange, scan, "flakes")->Iterations(20000);
 
 }  // namespace
 }  // namespace telenano
-

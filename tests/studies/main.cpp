@@ -1,59 +1,19 @@
 #include <CLI/CLI.hpp>
-#include <cstdio>
-#include <exception>
 #include <string>
-#include <vector>
 
-#include "common/base/error.h"
 #include "common/base/version.h"
-#include "common/config/usage_error.h"
+#include "common/config/program.h"
 #include "tests/studies/contact_command.h"
 #include "tests/studies/report/report_command.h"
 #include "tests/studies/session_command.h"
-
-namespace {
-
-// What the parser could not make out, in one line.
-std::string explain(const CLI::App& app, const CLI::ParseError& error, const std::vector<std::string>& arguments) {
-  std::vector<std::string> commands;
-  std::vector<std::string> flags{"--help", "--version"};
-  for (const CLI::App* command : app.get_subcommands({})) {
-    commands.push_back(command->get_name());
-    if (arguments.empty() || arguments[0] != command->get_name()) continue;
-    for (const CLI::Option* option : command->get_options()) {
-      for (const std::string& name : option->get_lnames()) flags.push_back("--" + name);
-    }
-  }
-  return telenano::config::usage_error(app.get_name(), error.what(), arguments, commands, flags);
-}
-
-}  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app("Telenano's laboratory: the evidence, as CSV and plots", "telenano-lab");
   app.set_version_flag("--version", std::string("telenano-lab ") + telenano::kVersion);
   app.require_subcommand(1);
   int exit_code = 0;
-  try {
-    telenano::studies::add_contact_command(app);
-    telenano::studies::add_report_command(app);
-    telenano::studies::add_session_command(app, exit_code);
-    app.parse(argc, argv);
-  } catch (const CLI::Success& help) {
-    return app.exit(help);
-  } catch (const CLI::ParseError& error) {
-    std::fprintf(stderr, "%s\n", explain(app, error, {argv + 1, argv + argc}).c_str());
-    return 2;
-  } catch (const telenano::UserError& error) {
-    std::fprintf(stderr, "telenano-lab: %s\n", error.what());
-    return 2;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "telenano-lab: %s\n", error.what());
-    return 1;
-  }
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {  // half a table must not pass for a whole one
-    std::fprintf(stderr, "telenano-lab: cannot write to standard output\n");
-    return 1;
-  }
-  return exit_code;
+  telenano::studies::add_contact_command(app);
+  telenano::studies::add_report_command(app);
+  telenano::studies::add_session_command(app, exit_code);
+  return telenano::config::run_program(app, argc, argv, exit_code);
 }

@@ -30,7 +30,11 @@ void print_header() {
   bool first = true;
   for (const recording::Column& column : recording::sample_columns()) {
     for (int i = 0; i < column.components; ++i) {
-      std::printf("%s%s%s", first ? "" : ",", column.name, column.components > 1 ? (i == 0 ? "_x" : i == 1 ? "_y" : "_z") : "");
+      std::printf("%s%s%s", first ? "" : ",", column.name,
+                  column.components > 1 ? (i == 0   ? "_x"
+                                           : i == 1 ? "_y"
+                                                    : "_z")
+                                        : "");
       first = false;
     }
   }
@@ -46,11 +50,15 @@ void print_row(const recording::Sample& sample) {
       if (!first) std::printf(",");
       first = false;
       switch (column.type) {
-        case recording::ColumnType::kFloat64: std::printf("%.9g", *reinterpret_cast<const double*>(at)); break;
+        case recording::ColumnType::kFloat64:
+          std::printf("%.9g", *reinterpret_cast<const double*>(at));
+          break;
         case recording::ColumnType::kInt64:
           std::printf("%lld", static_cast<long long>(*reinterpret_cast<const std::int64_t*>(at)));
           break;
-        case recording::ColumnType::kUint32: std::printf("%u", *reinterpret_cast<const std::uint32_t*>(at)); break;
+        case recording::ColumnType::kUint32:
+          std::printf("%u", *reinterpret_cast<const std::uint32_t*>(at));
+          break;
       }
     }
   }
@@ -59,12 +67,15 @@ void print_row(const recording::Sample& sample) {
 
 void require_finite(const Options& options) {
   // CLI11's ranges let "nan" through: no comparison fails with it.
-  const std::pair<const char*, double> values[] = {
-      {"--duration-s", options.task_options.duration_s}, {"--depth-nm", options.task_options.depth_nm},
-      {"--rtt-ms", options.delay_ms},                    {"--jitter-ms", options.jitter_ms},
-      {"--loss", options.loss},                          {"--burst", options.burst}};
+  const std::pair<const char*, double> values[] = {{"--duration-s", options.task_options.duration_s},
+                                                   {"--depth-nm", options.task_options.depth_nm},
+                                                   {"--rtt-ms", options.delay_ms},
+                                                   {"--jitter-ms", options.jitter_ms},
+                                                   {"--loss", options.loss},
+                                                   {"--burst", options.burst}};
   for (const auto& [flag, value] : values) {
-    if (!std::isfinite(value)) throw UserError(std::string("session: ") + flag + " is no finite number; see --help for its range");
+    if (!std::isfinite(value))
+      throw UserError(std::string("session: ") + flag + " is no finite number; see --help for its range");
   }
 }
 
@@ -95,21 +106,38 @@ int run(Options options) {
 
 void add_session_command(CLI::App& app, int& exit_code) {
   auto options = std::make_shared<Options>();
-  CLI::App* const command =
-      app.add_subcommand("session", "A whole session in virtual time (device, hand, station, link, server): CSV, one row a tick");
+  CLI::App* const command = app.add_subcommand(
+      "session",
+      "A whole session in virtual time (device, hand, station, link, server): CSV, one row a tick");
   command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
   command->add_option("--task", options->task, "position | contact | indent | scan")->capture_default_str();
   command->add_option("--method", options->method, "none | ks | ks-clamp")->capture_default_str();
-  command->add_option("--rate", options->station.rate_hz, "Hz of the station")->capture_default_str()->check(CLI::Range(100.0, 8000.0));
-  command->add_option("--velocity-scale", options->station.scaling.velocity, "alpha_v")->capture_default_str();
+  command->add_option("--rate", options->station.rate_hz, "Hz of the station")
+      ->capture_default_str()
+      ->check(CLI::Range(100.0, 8000.0));
+  command->add_option("--velocity-scale", options->station.scaling.velocity, "alpha_v")
+      ->capture_default_str();
   command->add_option("--force-scale", options->station.scaling.force, "alpha_F")->capture_default_str();
-  command->add_option("--allowance-j", options->station.allowance_j, "E0 of the energy clamp")->capture_default_str();
-  command->add_option("--duration-s", options->task_options.duration_s, "Length of the task")->capture_default_str()->check(CLI::Range(0.5, 3600.0));
-  command->add_option("--depth-nm", options->task_options.depth_nm, "Intended depth of indent")->capture_default_str();
-  command->add_option("--rtt-ms", options->delay_ms, "Round-trip delay of the link")->capture_default_str()->check(CLI::Range(0.0, 5000.0));
-  command->add_option("--jitter-ms", options->jitter_ms, "Added delay, uniform up to this, both ways together")->capture_default_str()->check(CLI::Range(0.0, 5000.0));
-  command->add_option("--loss", options->loss, "Probability of loss, each way")->capture_default_str()->check(CLI::Range(0.0, 1.0));
-  command->add_option("--burst", options->burst, "Mean length of a run of losses, datagrams")->capture_default_str()->check(CLI::Range(1.0, 1e6));
+  command->add_option("--allowance-j", options->station.allowance_j, "E0 of the energy clamp")
+      ->capture_default_str();
+  command->add_option("--duration-s", options->task_options.duration_s, "Length of the task")
+      ->capture_default_str()
+      ->check(CLI::Range(0.5, 3600.0));
+  command->add_option("--depth-nm", options->task_options.depth_nm, "Intended depth of indent")
+      ->capture_default_str();
+  command->add_option("--rtt-ms", options->delay_ms, "Round-trip delay of the link")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 5000.0));
+  command
+      ->add_option("--jitter-ms", options->jitter_ms, "Added delay, uniform up to this, both ways together")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 5000.0));
+  command->add_option("--loss", options->loss, "Probability of loss, each way")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0));
+  command->add_option("--burst", options->burst, "Mean length of a run of losses, datagrams")
+      ->capture_default_str()
+      ->check(CLI::Range(1.0, 1e6));
   command->add_option("--seed", options->seed, "Same seed, same bits")->capture_default_str();
   command->callback([options, &exit_code] { exit_code = run(*options); });
 }

@@ -10,9 +10,7 @@
 namespace telenano::support {
 
 VirtualSession::VirtualSession(const VirtualSessionConfig& config)
-    : config_(config),
-      link_(config.to_server, config.to_station, config.seed),
-      client_([&] {
+    : config_(config), link_(config.to_server, config.to_station, config.seed), client_([&] {
         link::ClientConfig c;
         c.rate_hz = static_cast<std::uint32_t>(config.station.rate_hz);
         c.nonce_seed = config.seed;
@@ -26,14 +24,16 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
   client_.start(now_ns_);
   for (int i = 0; i < 100000 && client_.state() != link::ClientState::kEstablished; ++i) {
     net::Received received;
-    while (link_.a().receive(buffer, received)) client_.on_datagram(std::span(buffer).first(received.size), now_ns_);
+    while (link_.a().receive(buffer, received))
+      client_.on_datagram(std::span(buffer).first(received.size), now_ns_);
     if (const std::size_t n = client_.poll(now_ns_, buffer)) {
       link_.a().send(std::span<const std::uint8_t>(buffer).first(n), link_.address_b());
     }
     serve_until(now_ns_ + period_ns_);
     now_ns_ += period_ns_;
   }
-  if (client_.state() != link::ClientState::kEstablished) throw RunError("the virtual session was not established");
+  if (client_.state() != link::ClientState::kEstablished)
+    throw RunError("the virtual session was not established");
 
   const link::Welcome& welcome = client_.welcome();
   device::SimDeviceConfig device_config;
@@ -42,11 +42,12 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
   device_config.metres_per_nm = config_.station.scaling.hand_displacement_m(Vec3::UnitX()).x();
   device_config.start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
   config_.task_options.start_height_nm = device_config.start_height_nm;
-  device_ = std::make_unique<device::SimDevice>(device_config,
-                                                device::IntendedMotion::for_task(config_.task, config_.task_options));
+  device_ = std::make_unique<device::SimDevice>(
+      device_config, device::IntendedMotion::for_task(config_.task, config_.task_options));
   station_ = std::make_unique<station::Station>(
       config_.station, device_->info(),
-      station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m, welcome.force_max_nn});
+      station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
+                         welcome.force_max_nn});
   loop_ = std::make_unique<loop::StationLoop>(*device_, link_.a(), link_.address_b(), client_, *station_);
 }
 
@@ -62,19 +63,23 @@ void VirtualSession::make_server() {
   server_ = std::make_unique<server::Server>(config, std::move(served));
 }
 
-void VirtualSession::restart_server() { make_server(); }
+void VirtualSession::restart_server() {
+  make_server();
+}
 
 void VirtualSession::serve_until(std::int64_t until_ns) {
   std::array<std::uint8_t, link::kMaxDatagramBytes> in;
   std::array<std::uint8_t, link::kMaxDatagramBytes> out;
-  for (std::int64_t arrival = link_.next_arrival_ns(); arrival < until_ns; arrival = link_.next_arrival_ns()) {
+  for (std::int64_t arrival = link_.next_arrival_ns(); arrival < until_ns;
+       arrival = link_.next_arrival_ns()) {
     link_.advance_to(arrival);
     clock_.advance_to(arrival);
     net::Received received;
     bool any = false;
     while (link_.b().receive(in, received)) {
       any = true;
-      const std::size_t n = server_->on_datagram(std::span(in).first(received.size), received.from, arrival, out, &clock_);
+      const std::size_t n =
+          server_->on_datagram(std::span(in).first(received.size), received.from, arrival, out, &clock_);
       if (n > 0) link_.b().send(std::span<const std::uint8_t>(out).first(n), received.from);
     }
     if (!any && link_.next_arrival_ns() <= arrival) break;  // only the station's datagrams are waiting
@@ -93,7 +98,8 @@ const recording::Sample& VirtualSession::step() {
   return sample_;
 }
 
-std::int64_t VirtualSession::run(std::int64_t max_ticks, const std::function<void(const recording::Sample&)>& each) {
+std::int64_t VirtualSession::run(std::int64_t max_ticks,
+                                 const std::function<void(const recording::Sample&)>& each) {
   std::int64_t ticks = 0;
   while (ticks < max_ticks && !done()) {
     step();

@@ -28,8 +28,9 @@ struct VirtualSessionConfig {
   std::uint64_t seed = 1;
 };
 
-/// A whole session in virtual time: the same device, station, session and server objects as the programs, over a
-/// simulated link. The station ticks at its rate; the server answers each datagram at the moment at which it arrives.
+/// A whole session in virtual time: the same device, station, session and server objects as the programs,
+/// over a simulated link. The station ticks at its rate; the server answers each datagram at the moment at
+/// which it arrives.
 class VirtualSession {
  public:
   explicit VirtualSession(const VirtualSessionConfig& config);

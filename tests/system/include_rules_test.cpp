@@ -1,5 +1,5 @@
-// The house's include rules, checked on the source files themselves: who may include whom, and which library is seen
-// through which door. A rule is a row; a new folder must be given a row before it may have files.
+// The house's include rules, checked on the source files themselves: who may include whom, and which library
+// is seen through which door. A rule is a row; a new folder must be given a row before it may have files.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,7 +22,9 @@ struct Include {
 const fs::path kRoot = TELENANO_SOURCE_DIR;
 const std::vector<std::string> kTrees = {"common", "master", "nve_server"};
 
-std::string folder_of(const std::string& path) { return fs::path(path).parent_path().generic_string(); }
+std::string folder_of(const std::string& path) {
+  return fs::path(path).parent_path().generic_string();
+}
 
 std::vector<Include> includes_of(const fs::path& tree) {
   std::vector<Include> all;
@@ -36,7 +38,8 @@ std::vector<Include> includes_of(const fs::path& tree) {
       const auto open = line.find_first_of("<\"", start);
       const auto close = line.find_first_of(">\"", open + 1);
       if (open == std::string::npos || close == std::string::npos) continue;
-      all.push_back({fs::relative(entry.path(), kRoot).generic_string(), line.substr(open + 1, close - open - 1)});
+      all.push_back(
+          {fs::relative(entry.path(), kRoot).generic_string(), line.substr(open + 1, close - open - 1)});
     }
   }
   return all;
@@ -57,8 +60,8 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base", "common/rt", "common/link", "common/net", "common/recording", "master/device",
       "master/station"}},
     {"master/app",
-     {"common/base", "common/config", "common/rt", "common/control", "common/link", "common/net", "common/recording",
-      "master/device", "master/station", "master/loop"}},
+     {"common/base", "common/config", "common/rt", "common/control", "common/link", "common/net",
+      "common/recording", "master/device", "master/station", "master/loop"}},
     {"nve_server/physics", {"common/base"}},
     {"nve_server/scene", {"common/base", "common/config", "nve_server/physics"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
@@ -77,16 +80,18 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},
-    {"CLI/", {"master/app/", "nve_server/app/"}},
+    {"CLI/", {"common/config/program", "master/app/", "nve_server/app/"}},
     {"spdlog", {"master/app/", "nve_server/app/", "nve_server/server/server_loop"}},
 };
 
 // Pure folders: no clock, thread, file, socket or log.
-const std::set<std::string> kPure = {"common/base", "common/control", "common/link", "master/station", "nve_server/physics"};
-const std::set<std::string> kImpure = {"chrono",       "thread",       "mutex",      "condition_variable", "fstream",
-                                       "iostream",     "filesystem",   "cstdio",     "stdio.h",            "time.h",
-                                       "ctime",        "unistd.h",     "sys/time.h", "sys/socket.h",       "pthread.h",
-                                       "sys/mman.h",   "sched.h",      "future",     "semaphore",          "fmt/os.h",
+const std::set<std::string> kPure = {"common/base", "common/control", "common/link", "master/station",
+                                     "nve_server/physics"};
+const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
+                                       "fstream",       "iostream",     "filesystem", "cstdio",
+                                       "stdio.h",       "time.h",       "ctime",      "unistd.h",
+                                       "sys/time.h",    "sys/socket.h", "pthread.h",  "sys/mman.h",
+                                       "sched.h",       "future",       "semaphore",  "fmt/os.h",
                                        "fmt/ostream.h", "netinet/in.h", "random"};
 
 TEST(IncludeRules, FoldersIncludeOnlyWhatTheyMay) {
@@ -102,8 +107,10 @@ TEST(IncludeRules, FoldersIncludeOnlyWhatTheyMay) {
 }
 
 TEST(IncludeRules, MasterAndServerNeverMeet) {
-  for (const auto& [file, target] : includes_of("master")) EXPECT_FALSE(target.starts_with("nve_server/")) << file;
-  for (const auto& [file, target] : includes_of("nve_server")) EXPECT_FALSE(target.starts_with("master/")) << file;
+  for (const auto& [file, target] : includes_of("master"))
+    EXPECT_FALSE(target.starts_with("nve_server/")) << file;
+  for (const auto& [file, target] : includes_of("nve_server"))
+    EXPECT_FALSE(target.starts_with("master/")) << file;
 }
 
 TEST(IncludeRules, OneLibraryOneDoor) {
@@ -111,7 +118,8 @@ TEST(IncludeRules, OneLibraryOneDoor) {
     for (const auto& [file, target] : includes_of(tree)) {
       for (const auto& [prefix, doors] : kDoors) {
         if (!target.starts_with(prefix)) continue;
-        EXPECT_TRUE(std::any_of(doors.begin(), doors.end(), [&](const auto& door) { return file.starts_with(door); }))
+        EXPECT_TRUE(
+            std::any_of(doors.begin(), doors.end(), [&](const auto& door) { return file.starts_with(door); }))
             << file << " includes " << target;
       }
     }
@@ -128,13 +136,15 @@ TEST(IncludeRules, PureFoldersSeeNoClockThreadFileSocketOrLog) {
 }
 
 TEST(IncludeRules, SessionCodeUsesNoElementaryFunctionThatDependsOnTheMachine) {
-  // glibc chooses code with or without fused multiply-add at run time; these must come from common/base/det_math.
-  const std::vector<std::string> forbidden = {"std::sin(", "std::cos(",  "std::tan(",  "std::exp(",  "std::log(",
-                                              "std::pow(", "std::cbrt(", "std::atan(", "std::acos(", "std::asin(",
-                                              "std::hypot(", "std::atan2(", "std::sinh(", "std::cosh(", "std::fma("};
-  const std::vector<std::string> folders = {"common/base",        "common/control", "common/link",     "common/net",
-                                            "nve_server/physics", "nve_server/slave", "nve_server/server", "nve_server/scene",
-                                            "master/device", "master/station"};
+  // glibc chooses code with or without fused multiply-add at run time; these must come from
+  // common/base/det_math.
+  const std::vector<std::string> forbidden = {"std::sin(",  "std::cos(",  "std::tan(",   "std::exp(",
+                                              "std::log(",  "std::pow(",  "std::cbrt(",  "std::atan(",
+                                              "std::acos(", "std::asin(", "std::hypot(", "std::atan2(",
+                                              "std::sinh(", "std::cosh(", "std::fma("};
+  const std::vector<std::string> folders = {
+      "common/base",      "common/control",    "common/link",      "common/net",    "nve_server/physics",
+      "nve_server/slave", "nve_server/server", "nve_server/scene", "master/device", "master/station"};
   for (const auto& folder : folders) {
     for (const auto& entry : fs::directory_iterator(kRoot / folder)) {
       const auto extension = entry.path().extension();
@@ -145,7 +155,8 @@ TEST(IncludeRules, SessionCodeUsesNoElementaryFunctionThatDependsOnTheMachine) {
         ++number;
         if (const auto comment = line.find("//"); comment != std::string::npos) line.resize(comment);
         for (const auto& name : forbidden)
-          EXPECT_EQ(line.find(name), std::string::npos) << entry.path() << ":" << number << " calls " << name << ")";
+          EXPECT_EQ(line.find(name), std::string::npos)
+              << entry.path() << ":" << number << " calls " << name << ")";
       }
     }
   }

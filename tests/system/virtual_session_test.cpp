@@ -39,9 +39,12 @@ std::uint64_t hash_rows(VirtualSession& session, std::int64_t ticks) {
   return hash;
 }
 
-double norm(const recording::Xyz& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
+double norm(const recording::Xyz& v) {
+  return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
 
-// Largest growth of the applied force's norm in one tick: falls are free, rises are bounded by the slew limit.
+// Largest growth of the applied force's norm in one tick: falls are free, rises are bounded by the slew
+// limit.
 struct SlewWatch {
   double previous_n = 0;
   double worst_rise_n = 0;
@@ -57,8 +60,9 @@ TEST(VirtualSession, TheThreeTasksOnTheScanDoWhatTheirNamesSay) {
     device::Task task;
     bool touches;
   };
-  for (const auto& [task, touches] : {Expected{device::Task::kPosition, false}, Expected{device::Task::kContact, true},
-                                      Expected{device::Task::kIndent, true}, Expected{device::Task::kScan, true}}) {
+  for (const auto& [task, touches] :
+       {Expected{device::Task::kPosition, false}, Expected{device::Task::kContact, true},
+        Expected{device::Task::kIndent, true}, Expected{device::Task::kScan, true}}) {
     VirtualSession session(config_for("flakes", task));
     bool contact = false;
     double lowest_nn = 0, highest_nn = 0;
@@ -95,9 +99,9 @@ TEST(VirtualSession, SameSeedSameBits) {
   VirtualSession first(config), second(config);
   const std::uint64_t hash = hash_rows(first, 4000);
   EXPECT_EQ(hash, hash_rows(second, 4000));
-  // The same on every x86-64, whatever its elementary functions: CTest runs this test again with glibc's code for fused
-  // multiply-add switched off. Changes only when the physics, the control or the order of arithmetic changes; then look
-  // at why, and put the new value here.
+  // The same on every x86-64, whatever its elementary functions: CTest runs this test again with glibc's code
+  // for fused multiply-add switched off. Changes only when the physics, the control or the order of
+  // arithmetic changes; then look at why, and put the new value here.
   EXPECT_EQ(hash, kGoldenHash) << std::hex << "0x" << hash;
   config.seed += 1;
   VirtualSession other(config);

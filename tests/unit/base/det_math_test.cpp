@@ -9,18 +9,21 @@
 namespace telenano {
 namespace {
 
-// Oracle: glibc's functions on long double (64-bit mantissa), rounded. Our kernels leave out terms below 2^-55 and round
-// three or four times, so 2 ulp of the result is what the derivation promises.
+// Oracle: glibc's functions on long double (64-bit mantissa), rounded. Our kernels leave out terms below
+// 2^-55 and round three or four times, so 2 ulp of the result is what the derivation promises.
 double ulps(double got, long double want) {
   const double rounded = static_cast<double>(want);
-  const double ulp = std::nextafter(std::fabs(rounded), std::numeric_limits<double>::infinity()) - std::fabs(rounded);
+  const double ulp =
+      std::nextafter(std::fabs(rounded), std::numeric_limits<double>::infinity()) - std::fabs(rounded);
   return static_cast<double>(std::fabs(static_cast<long double>(got) - want) / ulp);
 }
 
 TEST(DetMath, AgreesWithLongDoubleWithinTwoUlps) {
   std::mt19937_64 random(7);
-  std::uniform_real_distribution<double> angle(-20, 20), first(0, 1.5707963), exponent(-700, 700), unit(-1, 1);
-  double worst_trig = 0, worst_first = 0, worst_exp = 0, worst_log = 0, worst_cbrt = 0, worst_acos = 0, worst_atan = 0;
+  std::uniform_real_distribution<double> angle(-20, 20), first(0, 1.5707963), exponent(-700, 700),
+      unit(-1, 1);
+  double worst_trig = 0, worst_first = 0, worst_exp = 0, worst_log = 0, worst_cbrt = 0, worst_acos = 0,
+         worst_atan = 0;
   for (int i = 0; i < 200000; ++i) {
     const double a = angle(random), b = first(random), e = exponent(random), u = unit(random);
     const SinCos r = det_sin_cos(a), q = det_sin_cos(b);

@@ -81,7 +81,8 @@ TEST(CheckScaling, RefusesBeyondTheExactBoundAndSaysWhatWouldDo) {
   EXPECT_NEAR(far.exact_bound, 4, 1e-6);  // 2b/((d+1)² T k_c)
   EXPECT_FALSE(far.safe);
   EXPECT_NE(far.advice.find("--allow-unsafe-scaling"), std::string::npos);
-  EXPECT_NE(far.advice.find("3.998e+06"), std::string::npos) << far.advice;  // just below 4e6, the α_F that is safe
+  EXPECT_NE(far.advice.find("3.998e+06"), std::string::npos)
+      << far.advice;  // just below 4e6, the α_F that is safe
   EXPECT_EQ(near.advice, "");
   EXPECT_EQ(far.text.find('\n'), std::string::npos);
 }

@@ -1,0 +1,72 @@
+#include "master/app/connect.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <span>
+#include <string>
+
+#include "common/base/error.h"
+#include "common/rt/steady_clock.h"
+
+namespace telenano::app {
+namespace {
+
+std::string refusal(const link::Refuse& refuse, double rate_hz, const std::string& server) {
+  switch (refuse.reason) {
+    case link::RefuseReason::kVersion:
+      return fmt::format(
+          "the server at {} speaks protocol version {} to {}, this station {}; update the older one", server,
+          refuse.version_min, refuse.version_max, link::kProtocolVersion);
+    case link::RefuseReason::kFull:
+      return fmt::format(
+          "the server at {} has no room for one more session; try again later, or start it with a larger "
+          "--max-sessions",
+          server);
+    case link::RefuseReason::kRate:
+      return fmt::format("the server at {} does not serve sessions of {} Hz; try a lower --rate", server,
+                         rate_hz);
+    case link::RefuseReason::kShuttingDown:
+      return fmt::format("the server at {} is shutting down", server);
+  }
+  return fmt::format("the server at {} refuses, for a reason that this station does not know", server);
+}
+
+}  // namespace
+
+void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
+             const RunOptions& options, const std::atomic<bool>& stop) {
+  const rt::SteadyClock clock;
+  std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
+  const std::int64_t start_ns = clock.now_ns();
+  session.start(start_ns);
+  while (session.state() != link::ClientState::kEstablished) {
+    const std::int64_t now_ns = clock.now_ns();
+    net::Received received;
+    while (socket.receive(buffer, received)) {
+      if (received.from == server && received.size <= buffer.size()) {
+        session.on_datagram(std::span(buffer).first(received.size), now_ns);
+      }
+    }
+    if (session.state() == link::ClientState::kRefused)
+      throw RunError(refusal(session.refuse(), rate_hz, options.server));
+    if (stop) throw RunError("stopped before the server answered");
+    if (static_cast<double>(now_ns - start_ns) * 1e-9 > options.connect_timeout_s) {
+      const std::uint64_t wrong = session.drops()[link::DropCause::kWrongVersion];
+      if (wrong > 0) {
+        throw RunError(
+            fmt::format("the server at {} answers in another protocol version than {}; update the older one",
+                        options.server, link::kProtocolVersion));
+      }
+      throw RunError(
+          fmt::format("no answer from {} within {:g} s; is telenano-nve serve running there, and does the "
+                      "firewall let UDP through?",
+                      options.server, options.connect_timeout_s));
+    }
+    if (const std::size_t n = session.poll(now_ns, buffer))
+      socket.send(std::span<const std::uint8_t>(buffer).first(n), server);
+    socket.wait_readable(1'000'000);
+  }
+}
+
+}  // namespace telenano::app

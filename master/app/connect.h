@@ -1,0 +1,41 @@
+#pragma once
+
+#include <atomic>
+
+#include "common/link/client_session.h"
+#include "common/net/udp.h"
+#include "master/app/run_options.h"
+
+namespace telenano::app {
+
+/// Handshake before there is a station: the slave's limits come with the Welcome. Returns with an established
+/// session. Throws RunError, one line with what to do, when there is no answer in time, when the server
+/// refuses, or on `stop`.
+void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
+             const RunOptions& options, const std::atomic<bool>& stop);
+
+/// Says goodbye for a session that ends before its loop begins, so that the server need not wait for its
+/// time-out.
+class Farewell {
+ public:
+  Farewell(link::ClientSession& session, net::Udp& socket, const net::Address& server)
+      : session_(session), socket_(socket), server_(server) {}
+  ~Farewell() {
+    if (!needed_) return;
+    std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
+    const std::size_t size = session_.make_bye(link::ByeReason::kStopped, buffer);
+    for (int i = 0; i < 3 && size > 0; ++i)
+      socket_.send(std::span<const std::uint8_t>(buffer).first(size), server_);
+  }
+  Farewell(const Farewell&) = delete;
+  Farewell& operator=(const Farewell&) = delete;
+  void leave_to_loop() noexcept { needed_ = false; }
+
+ private:
+  link::ClientSession& session_;
+  net::Udp& socket_;
+  net::Address server_;
+  bool needed_ = true;
+};
+
+}  // namespace telenano::app

@@ -1,0 +1,117 @@
+#include "master/app/real_time_session.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace telenano::app {
+namespace {
+
+constexpr std::int64_t kStopTicks = 20;  // for the stop to reach the server
+constexpr double kAfterTaskS = 0.2;      // the hand comes to rest
+constexpr double kSilentS = 0.1;         // from when on a person is told
+
+// Before the first reply there is no age: since the start, then.
+double silent_s(const recording::Sample& sample) noexcept {
+  return std::min(sample.reply_age_ms * 1e-3, sample.time_s);
+}
+
+}  // namespace
+
+RealTimeSession::RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
+                                 link::ClientSession& session, station::Station& station,
+                                 recording::Recorder* recorder, double give_up_s,
+                                 const std::atomic<bool>& stop)
+    : device_(device),
+      session_(session),
+      station_(station),
+      recorder_(recorder),
+      give_up_s_(give_up_s),
+      stop_(stop),
+      loop_(device, socket, server, session, station, &clock_),
+      surface_z_w_nm_(session.welcome().surface_z_w_nm),
+      summary_({station.config().rate_hz, surface_z_w_nm_}),
+      last_sessions_(session.sessions()),
+      last_epoch_(session.welcome().epoch) {}
+
+void RealTimeSession::run() noexcept {
+  rt::PeriodicTimerConfig timer_config;
+  timer_config.period_ns = std::llround(1e9 / station_.config().rate_hz);
+  rt::PeriodicTimer timer(timer_config);
+  recording::Sample sample;
+  do {
+    const rt::Tick tick = timer.wait();
+    const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
+    device_.advance(elapsed_ns);
+    if (stop_.load(std::memory_order_relaxed)) {
+      loop_.set_buttons(device::kButtonStop);
+      ++stop_ticks_;
+    }
+    if (!device_.motion_started() && station_.mode() == station::Mode::kEngaged) device_.start_motion();
+    loop_.tick(tick.woke_ns, static_cast<double>(elapsed_ns) * 1e-9, sample);
+    sample.lateness_us = static_cast<double>(tick.lateness_ns) * 1e-3;
+    sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
+    sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
+    summary_.add(sample);
+    if (recorder_ != nullptr) {
+      recorder_->push(sample);
+      record_events(sample);
+    }
+    publish(sample);
+  } while (!over(sample));
+  device_.write_force(Vec3::Zero());
+  loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
+  timer_stats_ = timer.stats();
+  finished_.store(true, std::memory_order_release);
+}
+
+void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
+  if (station_.mode() != last_mode_) {
+    last_mode_ = station_.mode();
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, static_cast<std::uint32_t>(last_mode_),
+                                          station::mode_name(last_mode_), sample.station_faults));
+  }
+  if (session_.sessions() != last_sessions_) {
+    const std::uint32_t epoch = session_.welcome().epoch;
+    const char* text = epoch == last_epoch_ ? "session resumed" : "session resumed in a new epoch";
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSession, text, epoch));
+    last_sessions_ = session_.sessions();
+    last_epoch_ = epoch;
+  }
+  const bool silent = silent_s(sample) > kSilentS;
+  if (silent && !silent_)
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSilent, "server silent"));
+  silent_ = silent;
+}
+
+void RealTimeSession::publish(const recording::Sample& sample) noexcept {
+  Progress p;
+  p.time_s = device_.motion_time_s();
+  p.tip_height_nm = sample.tip_pos_w_nm[2] - surface_z_w_nm_;
+  p.force_nn = sample.force_w_nn[2];
+  p.hand_force_n = loop_.trace().commanded_force_h_n.norm();
+  p.rtt_us = sample.rtt_us;
+  p.lost = sample.lost;
+  p.energy_j = sample.energy_j;
+  p.mode = sample.station_mode;
+  p.silent_s = silent_s(sample);
+  progress_.store(p);
+}
+
+bool RealTimeSession::over(const recording::Sample& sample) noexcept {
+  if (stop_ticks_ > kStopTicks) {
+    ending_ = Ending::kStopped;
+    return true;
+  }
+  if (stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped && ++fault_ticks_ > kStopTicks) {
+    ending_ = Ending::kFault;
+    return true;
+  }
+  if (silent_s(sample) > give_up_s_) {
+    ending_ = Ending::kServerGone;
+    return true;
+  }
+  return device_.motion_done() &&
+         static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
+}
+
+}  // namespace telenano::app

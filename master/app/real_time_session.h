@@ -1,0 +1,89 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "common/link/client_session.h"
+#include "common/recording/recorder.h"
+#include "common/recording/summary_builder.h"
+#include "common/rt/latest_value.h"
+#include "common/rt/periodic_timer.h"
+#include "common/rt/steady_clock.h"
+#include "master/device/sim_device.h"
+#include "master/loop/station_loop.h"
+#include "master/station/station.h"
+
+namespace telenano::app {
+
+/// Why a session ended.
+enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone };
+
+/// Codes of events in a recording besides the station's modes, 0 to 4. Stored in files: never renumber.
+inline constexpr std::uint32_t kEventSilent = 100;
+inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy book
+
+/// What the loop tells the progress line.
+struct Progress {
+  double time_s = 0;
+  double tip_height_nm = 0;
+  double force_nn = 0;
+  double hand_force_n = 0;
+  double rtt_us = 0;
+  std::int64_t lost = 0;
+  double energy_j = 0;
+  std::uint32_t mode = 0;
+  double silent_s = 0;
+};
+
+/// The station's loop in real time: paces StationLoop with a timer, advances the simulated hand, records and
+/// sums up, until the task is over, a stop is asked for, the station has stopped itself or the server stays
+/// silent.
+class RealTimeSession {
+ public:
+  /// `recorder` may be null. Everything referred to must outlive run().
+  RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
+                  link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
+                  double give_up_s, const std::atomic<bool>& stop);
+
+  /// The loop, in the thread that calls it. Neither allocates, locks nor writes.
+  void run() noexcept;
+
+  // For other threads, while it runs.
+  bool finished() const noexcept { return finished_.load(std::memory_order_acquire); }
+  Progress progress() const noexcept { return progress_.load(); }
+
+  // After it has finished.
+  Ending ending() const noexcept { return ending_; }
+  recording::Summary summary() const noexcept { return summary_.finish(); }
+  const rt::PeriodicTimerStats& timer_stats() const noexcept { return timer_stats_; }
+
+ private:
+  void record_events(const recording::Sample& sample) noexcept;
+  void publish(const recording::Sample& sample) noexcept;
+  bool over(const recording::Sample& sample) noexcept;
+
+  device::SimDevice& device_;
+  link::ClientSession& session_;
+  station::Station& station_;
+  recording::Recorder* recorder_;
+  double give_up_s_;
+  const std::atomic<bool>& stop_;
+  rt::SteadyClock clock_;
+  loop::StationLoop loop_;
+  double surface_z_w_nm_;
+  recording::SummaryBuilder summary_;
+  rt::PeriodicTimerStats timer_stats_;
+  rt::LatestValue<Progress> progress_;
+  std::atomic<bool> finished_{false};
+  Ending ending_ = Ending::kTaskDone;
+
+  std::int64_t stop_ticks_ = 0;
+  std::int64_t fault_ticks_ = 0;
+  std::int64_t done_ticks_ = 0;
+  bool silent_ = false;
+  station::Mode last_mode_ = station::Mode::kIdle;
+  std::uint64_t last_sessions_;
+  std::uint32_t last_epoch_;
+};
+
+}  // namespace telenano::app
