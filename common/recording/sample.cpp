@@ -42,7 +42,7 @@ constexpr std::array kColumns{
     TELENANO_COLUMN(damper_n_s_m, "N*s/m",
                     "adaptive damping injected by the passivity controller in this tick"),
     TELENANO_COLUMN(clamp_n, "N", "largest force that the energy clamp allowed in this tick"),
-    TELENANO_COLUMN(energy_j, "J", "the energy ledger: energy that the hand has put in and not yet got back"),
+    TELENANO_COLUMN(energy_j, "J", "energy observer of the port: put in by the hand and not given back"),
     TELENANO_COLUMN(energy_bound_j, "J", "bound of the ledger's error caused by the encoder's quantum"),
     TELENANO_COLUMN(energy_in_j, "J", "energy that the hand has put into the port so far, monotone"),
     TELENANO_COLUMN(energy_out_j, "J", "energy that the port has given to the hand so far, monotone"),

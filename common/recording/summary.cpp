@@ -65,7 +65,7 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   add("reordered / duplicate / other drops",
       text("%lld / %lld / %lld", static_cast<long long>(s.reordered), static_cast<long long>(s.duplicates),
            static_cast<long long>(s.dropped)));
-  add("energy ledger, least / end", text("%.4g / %.4g mJ", 1e3 * s.energy_least_j, 1e3 * s.energy_end_j));
+  add("port energy, least / end", text("%.4g / %.4g mJ", 1e3 * s.energy_least_j, 1e3 * s.energy_end_j));
   add("energy in / out at the hand", text("%.4g / %.4g mJ", 1e3 * s.energy_in_j, 1e3 * s.energy_out_j));
   add("energy left at the tip", text("%.4g aJ", s.slave_energy_net_aj));
   add("controller acted in", text("%.1f %% of the ticks (damper %.1f %%, clamp %.1f %%)",

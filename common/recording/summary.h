@@ -46,8 +46,8 @@ struct Summary {
   std::int64_t dropped = 0;
   double loss_fraction = 0;
 
-  double energy_end_j = 0;    ///< ledger, at the end
-  double energy_least_j = 0;  ///< ledger, its lowest
+  double energy_end_j = 0;    ///< observer, at the end
+  double energy_least_j = 0;  ///< observer, its lowest
   double energy_in_j = 0;
   double energy_out_j = 0;
   double slave_energy_net_aj = 0;  ///< put into the slave's port and not given back

@@ -226,8 +226,11 @@ Figure FigureMaker::energy_and_damper(const RunData& run) {
   Figure figure{
       "energy_" + run.slug, "Energy and damper",
       fmt::format(
-          "{}: the ledger of the station's port (what the hand has put in and not got back; below zero "
-          "the port would be active), the damping that the passivity controller injects (at most {:.3g} N "
+          "{}: the energy observer of the station's port (what the hand has put in and not got back; below "
+          "zero "
+          "the port has given more than it got: with ks-clamp at most the allowance and what the device's "
+          "own "
+          "damping certainly took), the damping that the passivity controller injects (at most {:.3g} N "
           "s/m; rare peaks leave the axis), and the "
           "energy that stays at the tip: adhesion and cantilever while it touches, dissipation "
           "afterwards.",
@@ -240,7 +243,7 @@ Figure FigureMaker::energy_and_damper(const RunData& run) {
   const AxisUnit tip_unit = readable({&run.slave_energy_aj}, {"aJ"}, "zJ");
   const std::vector<Panel> panels{
       {fmt::format("energy ({})", unit.name),
-       {curve(series("energy_mj", run.energy_mj), kInk, 1.4, "ledger", unit)},
+       {curve(series("energy_mj", run.energy_mj), kInk, 1.4, "observer", unit)},
        y_range({&run.energy_mj}, true, unit)},
       {"damper (N s/m)",
        {curve(series("damper_n_s_m", run.damper_n_s_m), kPurple, 1.2, "injected")},

@@ -119,7 +119,7 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
   for (const RunData& run : runs) {
     const auto& s = run.summary;
     figure.caption += fmt::format(
-        "{}: the applied force changes by {:.2g} N a tick (RMS), the ledger is {:.4g} mJ at the least, "
+        "{}: the applied force changes by {:.2g} N a tick (RMS), the port energy is {:.4g} mJ at the least, "
         "damper or clamp "
         "act in {:.0f} % of the ticks, the largest damper is {:.4g} N s/m. ",
         run.label, s.force_step_rms_n, 1e3 * s.energy_least_j, 100 * s.controller_duty, s.damper_max_n_s_m);
@@ -153,8 +153,8 @@ Figure FigureMaker::side_by_side(const std::vector<RunData>& runs) {
         {"hand force z (N)",
          {curve(series("applied_force_n", run.applied_force_n), kRed, 0.9, "applied")},
          "unset label\n" + y_range({&force})},
-        {"energy ledger (mJ)",
-         {curve(series("energy_mj", run.energy_mj), kInk, 1.3, "ledger")},
+        {"port energy (mJ)",
+         {curve(series("energy_mj", run.energy_mj), kInk, 1.3, "observer")},
          y_range({&energy})},
         {"damper (N s/m)",
          {curve(series("damper_n_s_m", run.damper_n_s_m), kPurple, 0.9, "injected")},

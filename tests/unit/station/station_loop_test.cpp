@@ -32,7 +32,7 @@ TEST(StationLoop, NeitherStepNorSimulatedDeviceAllocates) {
   EXPECT_EQ(guard.allocations(), 0u);
 }
 
-TEST(StationLoop, AStepCostsLessThanAMicrosecond) {
+TEST(StationLoop, AStepCostsLessThanFiveMicroseconds) {
   StationRig rig;
   rig.engage(Vec3(1, 2, 3));
   constexpr int kSteps = 20'000;
@@ -52,7 +52,7 @@ TEST(StationLoop, AStepCostsLessThanAMicrosecond) {
   std::printf("station step: %.0f ns\n", best_s * 1e9);
   EXPECT_TRUE(std::isfinite(sink));
 #if defined(NDEBUG) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  EXPECT_LT(best_s, 1e-6);
+  EXPECT_LT(best_s, 5e-6);  // the budget; some 90 ns are usual
 #endif
 }
 
