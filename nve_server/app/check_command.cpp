@@ -123,7 +123,7 @@ void run(const std::string& path) {
   std::printf("%-14s %.6g nN on a flat, load control\n", "pull-off", law.pull_off_nn(radius));
   const physics::Compliance port = scene->port_compliance_nm_nn();
   std::printf("%-14s coupling %g N/m, along z with the probe %.4g N/m, damper %g N s/m\n", "stiffness",
-              scene->coupling.stiffness_n_m, 1.0 / port.z(), scene->coupling.damping_n_s_m);
+              scene->coupling.stiffness_n_m, 1.0 / port(2, 2), scene->coupling.damping_n_s_m);
   std::printf("%-14s force %g nN, speed %g nm/s, rate %u Hz, time-out %u ms\n", "limits", limits.force_max_nn,
               limits.speed_max_nm_s, limits.rate_max_hz, scene->session_timeout_ms);
   std::printf("%-14s [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] nm\n", "workspace",

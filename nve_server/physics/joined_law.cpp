@@ -30,12 +30,12 @@ double noncontact_crossing(const MaugisDugdale& curve, double eta, double start)
 }
 
 /// r(u) = y - sqrt(-2/P) = 0 in contact; r > 0 where Maugis–Dugdale attracts more (u too small).
-MaugisPoint contact_crossing(const MaugisDugdale& curve, double eta, double guess) noexcept {
+CurvePoint contact_crossing(const MaugisDugdale& curve, double eta, double guess) noexcept {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double lo = 0;
   double hi = kInfinity;
   double u = guess > 0 ? guess : 0.92 * curve.lambda() * curve.lambda();
-  MaugisPoint p;
+  CurvePoint p;
   for (int i = 0; i < 100; ++i) {
     p = curve.contact(u);
     double next = -1;

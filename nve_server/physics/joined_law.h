@@ -35,8 +35,8 @@ struct OutsidePoint {
 
 struct Handover {
   bool reversible = false;
-  MaugisPoint inside;  ///< the state on the curve
-  double gap = 0;      ///< y there
+  CurvePoint inside;  ///< the state on the curve
+  double gap = 0;     ///< y there
   double energy_offset = 0;
 };
 

@@ -78,7 +78,7 @@ Angle angle_of(double u) noexcept {
 }
 
 /// State and rates at u, without the energy.
-MaugisPoint state_at(double lambda, double u, const Angle& g) noexcept {
+CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
   const double third = (4.0 / 3.0) * lambda;
   const double b = third * lambda * g.f2;
   const double r = std::sqrt(b * b + 2.0 * lambda * g.f1);
@@ -87,7 +87,7 @@ MaugisPoint state_at(double lambda, double u, const Angle& g) noexcept {
   const double cs = c * g.sin;
   const double arc = g.theta + g.sin * g.cos;
   const double lc = lambda * c;
-  MaugisPoint p;
+  CurvePoint p;
   p.contact = true;
   p.parameter = u;
   p.outer_radius = c;
@@ -113,7 +113,7 @@ MaugisPoint state_at(double lambda, double u, const Angle& g) noexcept {
 /// The integrals are elementary; their terms of order 1 cancel by hand to v1 = (8/15) theta^5 + ..., v2 =
 /// (4/9) theta^4
 /// + ..., which are evaluated from e2 for small theta, so that nothing is lost at large lambda.
-double contact_energy(double lambda, const MaugisPoint& p, const Angle& g) noexcept {
+double contact_energy(double lambda, const CurvePoint& p, const Angle& g) noexcept {
   const double k = g.cos;
   const double k2 = k * k;
   double x = 0, v1 = 0, v2 = 0;
@@ -147,9 +147,9 @@ MaugisDugdale::MaugisDugdale(double lambda) noexcept
   onset_load_ = -kHalfPi * lambda * onset_radius_ * onset_radius_;
 }
 
-MaugisPoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
+CurvePoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
   const double c = outer_radius;
-  MaugisPoint p;
+  CurvePoint p;
   p.parameter = c - onset_radius_;
   p.outer_radius = c;
   p.overlap = c * (0.5 * c - q_) - h0_;
@@ -160,9 +160,9 @@ MaugisPoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
   return p;
 }
 
-MaugisPoint MaugisDugdale::contact(double u) const noexcept {
+CurvePoint MaugisDugdale::contact(double u) const noexcept {
   const Angle g = angle_of(u);
-  MaugisPoint p = state_at(lambda_, u, g);
+  CurvePoint p = state_at(lambda_, u, g);
   p.energy = contact_energy(lambda_, p, g);
   return p;
 }
@@ -175,7 +175,7 @@ bool MaugisDugdale::fold_before_contact(const Held& held, double* outer_radius) 
   return *outer_radius < onset_radius_;
 }
 
-MaugisPoint MaugisDugdale::fold(const Held& held) const noexcept {
+CurvePoint MaugisDugdale::fold(const Held& held) const noexcept {
   double c = 0;
   if (fold_before_contact(held, &c)) return noncontact(c);
   const auto rate = [&](double u) { return state_at(lambda_, u, angle_of(u)).held_rate(held); };
@@ -249,7 +249,7 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
   for (out.evaluations = 1; out.evaluations <= 100; ++out.evaluations) {
     const Angle g = angle_of(u);
     out.point = state_at(lambda_, u, g);
-    MaugisPoint& p = out.point;
+    CurvePoint& p = out.point;
     const double rate = p.held_rate(held);
     if (!(p.overlap_rate > 0 && rate > 0)) {
       // Beyond the fold. Is there a state at all? Then start from the parabola at the fold.
@@ -257,7 +257,7 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
         p.energy = contact_energy(lambda_, p, g);
         return out;
       }
-      const MaugisPoint end = fold(held);
+      const CurvePoint end = fold(held);
       fold_known = true;
       const double above = z - end.held(held);
       if (above <= 0) {

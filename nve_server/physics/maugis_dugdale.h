@@ -1,5 +1,7 @@
 #pragma once
 
+#include "nve_server/physics/contact_curve.h"
+
 namespace telenano::physics {
 
 /// The adhesive contact of two elastic spheres after Maugis (1992), exact, without dimensions.
@@ -32,47 +34,6 @@ namespace telenano::physics {
 ///           Newton step away).
 /// Source    D. Maugis, J. Colloid Interface Sci. 150 (1992) 243-269.
 
-/// What is held: Z = overlap * Delta + load * P. {1, c} a spring of compliance c, {1, 0} the overlap, {0, 1}
-/// the load.
-struct Held {
-  double overlap = 1;
-  double load = 0;
-};
-
-/// One state of the curve.
-struct MaugisPoint {
-  bool contact = false;
-  double parameter = 0;            ///< s, see above
-  double outer_radius = 0;         ///< C
-  double contact_radius = 0;       ///< A
-  double overlap = 0;              ///< Delta
-  double load = 0;                 ///< P
-  double overlap_rate = 0;         ///< dDelta/ds
-  double load_rate = 0;            ///< dP/ds
-  double contact_radius_rate = 0;  ///< dA/ds
-  double energy = 0;               ///< integral of P dDelta along the curve from C = 0
-
-  double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
-  /// Moves by a small `ds` along the curve, to first order (the energy to second).
-  void shift(double ds) noexcept {
-    if (ds == 0) return;
-    energy += (load + 0.5 * load_rate * ds) * (overlap_rate * ds);
-    overlap += overlap_rate * ds;
-    load += load_rate * ds;
-    contact_radius += contact_radius_rate * ds;
-    parameter += ds;
-  }
-  double held_rate(const Held& h) const noexcept { return h.overlap * overlap_rate + h.load * load_rate; }
-};
-
-enum class CurveStatus : unsigned char { kOk, kNoState, kNotConverged };
-
-struct CurveSolution {
-  CurveStatus status = CurveStatus::kOk;
-  MaugisPoint point;    ///< with kNoState: the fold, where the last stable state was
-  int evaluations = 0;  ///< of the contact formulas
-};
-
 /// The curve of one lambda.
 class MaugisDugdale {
  public:
@@ -85,12 +46,12 @@ class MaugisDugdale {
   double onset_overlap() const noexcept { return onset_overlap_; }
   double onset_load() const noexcept { return onset_load_; }
 
-  MaugisPoint noncontact(double outer_radius) const noexcept;
-  MaugisPoint contact(double u) const noexcept;
+  CurvePoint noncontact(double outer_radius) const noexcept;
+  CurvePoint contact(double u) const noexcept;
 
   /// The end of the stable segment: where dZ/ds = 0 first, coming from deep contact. A search of about ten
   /// contact evaluations if the fold lies in contact, closed form if not.
-  MaugisPoint fold(const Held& held) const noexcept;
+  CurvePoint fold(const Held& held) const noexcept;
 
   /// The stable state that holds Z. `guess` is a contact parameter to start from; 0 or less: none.
   /// `curvature` is an estimate of d2Z/du2 near the guess (0: none), which lets a good guess be accepted

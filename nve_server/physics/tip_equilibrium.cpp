@@ -123,7 +123,7 @@ class Swing {
 Vec3 predict(const Vec3& free_end, const Compliance& c, const TipState& state) noexcept {
   if (!state.started) return free_end;
   const Vec3 moved = free_end - state.free_end_w_nm;
-  const Vec3 give = c.cwiseProduct(state.normal_w);
+  const Vec3 give = c * state.normal_w;
   const double springs = state.normal_w.dot(give);
   const double along = 1.0 + springs * state.stiffness_n_m;
   if (!(along > 0.1)) return state.apex_w_nm + moved;
@@ -140,11 +140,11 @@ TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance&
                                          TipState& state) const noexcept {
   TipSolution solution;
   TipSampleState law_state = state.law;
-  describe(law_.advance(-free_end.z(), c.z(), tip_radius_nm_, law_state), solution);
+  describe(law_.advance(-free_end.z(), c(2, 2), tip_radius_nm_, law_state), solution);
   if (solution.status != SolveStatus::kOk) return solution;
   solution.radius_nm = tip_radius_nm_;
   solution.force_w_nn = Vec3(0.0, 0.0, solution.normal_force_nn);
-  solution.apex_w_nm = free_end + Vec3(0.0, 0.0, c.z() * solution.normal_force_nn);
+  solution.apex_w_nm = free_end + c.col(2) * solution.normal_force_nn;
   solution.iterations = 1;
   state.law = law_state;
   remember(solution, free_end, state);
@@ -176,7 +176,7 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
                                            TipState& state) const noexcept {
   TipSolution solution;
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
-  const double c_max = c.maxCoeff();
+  const double c_max = c.cwiseAbs().rowwise().sum().maxCoeff();  // bounds the largest eigenvalue
   Vec3 p = predict(free_end, c, state);
   FeetInUse feet;
   if (state.foot_count == 0) {
@@ -205,9 +205,9 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
     Mat3 a = Mat3::Identity();
     if (force * c_max != 0.0) {
       const double kept = turn > kTurnMax ? kTurnMax / turn : 1.0;
-      a = (Mat3::Identity() - (kept * force) * c.asDiagonal() * feet.normal_turn()).inverse();
+      a = (Mat3::Identity() - (kept * force) * c * feet.normal_turn()).inverse();
     }
-    const Mat3 s = a * c.asDiagonal();
+    const Mat3 s = a * c;
     const Vec3 unloaded = a * (free_end - p);
     const FeetInUse::Reduced reduced = feet.reduce(s, unloaded);
 
@@ -245,7 +245,7 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
       describe(eq, solution);
       solution.normal_w = normal;
       solution.force_w_nn = force * normal;
-      solution.apex_w_nm = free_end + c.cwiseProduct(solution.force_w_nn);
+      solution.apex_w_nm = free_end + c * solution.force_w_nn;
       solution.radius_nm = radius_nm;
       solution.radius_clamped = feet.radius_clamped();
       solution.outside = feet.outside();

@@ -9,9 +9,10 @@
 
 namespace telenano::physics {
 
-/// The springs between the free end and the tip's apex, diagonal in W, nm/nN: 0 = rigid. The virtual coupling
-/// is equal in all directions, the cantilever adds its compliance along z.
-using Compliance = Vec3;
+/// The springs between the free end and the tip's apex in W, nm/nN: symmetric, positive semidefinite, 0 =
+/// rigid. The virtual coupling is equal in all directions; the cantilever adds its own, with a cross term
+/// where it bends and tilts at once.
+using Compliance = Mat3;
 
 inline constexpr int kMaxFeet = 3;  ///< a sphere in a pit stands on three points
 

@@ -57,7 +57,7 @@ class Step {
   }
 
   double offset() noexcept { return van_der_waals_ ? handover().energy_offset : 0.0; }
-  double energy(const MaugisPoint& p) noexcept {
+  double energy(const CurvePoint& p) noexcept {
     return p.energy + offset() + 0.5 * compliance_ * p.load * p.load;
   }
   double energy(const OutsidePoint& p) const noexcept {
@@ -83,7 +83,7 @@ class Step {
     solution_ = cache_.curve.solve(z, held_, guess, curvature);
   }
 
-  void remember(const MaugisPoint& p) noexcept {
+  void remember(const CurvePoint& p) noexcept {
     const double rate = p.contact ? p.held_rate(held_) : 0;
     const double u = p.contact ? p.parameter : 0;
     const bool comparable = cache_.compliance == compliance_ && cache_.rate > 0 && rate > 0 &&
@@ -128,7 +128,7 @@ class Step {
   /// False when the tip goes out; it is then solved outside at z.
   bool stays_inside() noexcept {
     solve_inside(z_);
-    const MaugisPoint& p = solution_.point;
+    const CurvePoint& p = solution_.point;
     const bool lost = solution_.status == CurveStatus::kNoState;
     bool smooth = false;
     if (van_der_waals_ && !p.contact) {
@@ -145,7 +145,7 @@ class Step {
   }
 
   void write_inside(Equilibrium& out) noexcept {
-    const MaugisPoint& p = solution_.point;
+    const CurvePoint& p = solution_.point;
     const ContactScales& s = cache_.scales;
     out.status =
         solution_.status == CurveStatus::kNotConverged ? SolveStatus::kNotConverged : SolveStatus::kOk;

@@ -50,7 +50,7 @@ class CurveWalk {
     row.approach = approach;
     row.base_z_nm = base_z_;
     row.force_nn = solution_.force_w_nn.z();
-    row.deflection_nm = row.force_nn * compliance_.z();
+    row.deflection_nm = row.force_nn * compliance_(2, 2);
     row.tip_z_nm = base_z_ + row.deflection_nm;
     row.overlap_nm = solution_.overlap_nm;
     row.branch = solution_.branch;
@@ -78,7 +78,7 @@ class CurveWalk {
   }
 
   double stored(const physics::TipSolution& s) const {
-    return s.potential_aj + 0.5 * s.force_w_nn.z() * s.force_w_nn.z() * compliance_.z();
+    return s.potential_aj + 0.5 * s.force_w_nn.z() * s.force_w_nn.z() * compliance_(2, 2);
   }
 
   const Scene& scene_;

@@ -149,11 +149,13 @@ void read_start(const TomlTable& table, Scene& scene) {
 }  // namespace
 
 physics::Compliance Scene::port_compliance_nm_nn() const {
-  return Vec3::Constant(1.0 / coupling.stiffness_n_m) + probe_compliance_nm_nn();
+  return Mat3::Identity() / coupling.stiffness_n_m + probe_compliance_nm_nn();
 }
 
 physics::Compliance Scene::probe_compliance_nm_nn() const {
-  return Vec3(0.0, 0.0, probe.rigid ? 0.0 : 1.0 / probe.stiffness_n_m);
+  physics::Compliance c = physics::Compliance::Zero();
+  if (!probe.rigid) c(2, 2) = 1.0 / probe.stiffness_n_m;
+  return c;
 }
 
 std::shared_ptr<const Scene> load_scene(const std::string& path) {

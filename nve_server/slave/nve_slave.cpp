@@ -38,8 +38,8 @@ SlaveLimits limits_of(const scene::Scene& scene) {
   limits.force_max_nn = scene.limits.force_max_nn;
   // A wall is felt along its normal. On a flat sample that is W z, coupling and cantilever in series; a steep
   // flank of a scan may face sideways, where the cantilever does not yield.
-  limits.coupling_stiffness_n_m = scene.surface->is_flat() ? 1.0 / scene.port_compliance_nm_nn().z()
-                                                           : 1.0 / scene.port_compliance_nm_nn().x();
+  limits.coupling_stiffness_n_m = scene.surface->is_flat() ? 1.0 / scene.port_compliance_nm_nn()(2, 2)
+                                                           : 1.0 / scene.port_compliance_nm_nn()(0, 0);
   limits.coupling_damping_n_s_m = scene.coupling.damping_n_s_m;
   limits.rate_max_hz = scene.limits.rate_max_hz;
   return limits;
@@ -63,13 +63,13 @@ bool NveSlave::solve(const Vec3& commanded, double dt_s, const Port& from, Port&
   to = from;
   to.commanded_w_nm = commanded;
   const Vec3 free_end = commanded - from.extension_w_nm * (b_over_dt / k_total);
-  const physics::Compliance compliance = Vec3::Constant(1.0 / k_total) + scene_->probe_compliance_nm_nn();
+  const physics::Compliance compliance = Mat3::Identity() / k_total + scene_->probe_compliance_nm_nn();
   to.solution = scene_->equilibrium->advance(free_end, compliance, to.tip);
   if (to.solution.status != SolveStatus::kOk) return false;
   to.extension_w_nm = (b_over_dt * from.extension_w_nm - to.solution.force_w_nn) / k_total;
   const double force_z = to.solution.force_w_nn.z();
   to.stored_aj = to.solution.potential_aj + 0.5 * k_c * to.extension_w_nm.squaredNorm() +
-                 0.5 * force_z * force_z * scene_->probe_compliance_nm_nn().z();
+                 0.5 * force_z * force_z * scene_->probe_compliance_nm_nn()(2, 2);
   return true;
 }
 
@@ -86,7 +86,7 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, double dt_s, cons
     if (trial == kForceLimitTrials) return false;
     const double k_total = scene_->coupling.stiffness_n_m + scene_->coupling.damping_n_s_m / dt_s;
     const Vec3 n = to.solution.normal_w;
-    const double springs = 1.0 / k_total + n.z() * n.z() * scene_->probe_compliance_nm_nn().z();
+    const double springs = 1.0 / k_total + n.z() * n.z() * scene_->probe_compliance_nm_nn()(2, 2);
     const double contact = to.solution.stiffness_n_m > 0.0 ? 1.0 / to.solution.stiffness_n_m : 0.0;
     const double excess = to.solution.normal_force_nn - (1.0 - 0.5 * kForceLimitSlack) * limit;
     end += n * (excess * (springs + contact));
@@ -172,7 +172,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
 void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   output.force_w_nn = port_.solution.force_w_nn;
   output.tip_pos_w_nm = port_.solution.apex_w_nm;
-  output.deflection_nm = port_.solution.force_w_nn.z() * scene_->probe_compliance_nm_nn().z();
+  output.deflection_nm = port_.solution.force_w_nn.z() * scene_->probe_compliance_nm_nn()(2, 2);
   output.contact_state = contact_state(port_.solution.branch);
   output.fault_bits = fault_bits;
   output.energy_in_aj = energy_in_aj_;

@@ -12,10 +12,10 @@
 namespace telenano::studies {
 namespace {
 
+using physics::CurvePoint;
 using physics::CurveStatus;
 using physics::Held;
 using physics::MaugisDugdale;
-using physics::MaugisPoint;
 
 constexpr Held kOverlapHeld{1.0, 0.0};
 constexpr Held kLoadHeld{0.0, 1.0};
@@ -29,7 +29,7 @@ class Follower {
   Follower(double lambda, bool inside) : curve_(lambda), inside_(inside) {}
 
   /// True when there is a force; then `point` is the state.
-  bool move_to(double delta, MaugisPoint& point) {
+  bool move_to(double delta, CurvePoint& point) {
     // Snap-in lies at -H0: there, however the caller rounded it (2 ulp), the tip is still free.
     const double edge = -curve_.range() * (1.0 - 2.0 * std::numeric_limits<double>::epsilon());
     if (!inside_ && delta <= edge) return false;
@@ -51,7 +51,7 @@ void print_curve(const ContactOptions& options, std::FILE* out) {
   fmt::print(out, "lambda,delta,force,contact_radius,branch\n");
   for (const double lambda : options.lambda) {
     Follower follower(lambda, options.retract);
-    MaugisPoint point;
+    CurvePoint point;
     for (const double delta : options.delta) {
       if (follower.move_to(delta, point)) {
         fmt::print(out, "{:.15g},{:.15g},{:.15g},{:.15g},{}\n", lambda, delta, point.load,
@@ -67,9 +67,9 @@ void print_points(const ContactOptions& options, std::FILE* out) {
   fmt::print(out, "lambda,pull_off_load,delta_fold,radius_zero_load,delta_zero_load,loop_energy\n");
   for (const double lambda : options.lambda) {
     const MaugisDugdale curve(lambda);
-    const MaugisPoint snap_off = curve.fold(kOverlapHeld);
-    const MaugisPoint snap_in = curve.solve(-curve.range(), kOverlapHeld).point;
-    const MaugisPoint zero_load = curve.solve(0.0, kLoadHeld).point;
+    const CurvePoint snap_off = curve.fold(kOverlapHeld);
+    const CurvePoint snap_in = curve.solve(-curve.range(), kOverlapHeld).point;
+    const CurvePoint zero_load = curve.solve(0.0, kLoadHeld).point;
     fmt::print(out, "{:.15g},{:.15g},{:.15g},{:.15g},{:.15g},{:.15g}\n", lambda, curve.fold(kLoadHeld).load,
                snap_off.overlap, zero_load.contact_radius, zero_load.overlap,
                snap_off.energy - snap_in.energy);

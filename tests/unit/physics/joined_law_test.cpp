@@ -54,7 +54,7 @@ TEST(Handover, ForceIsContinuousAndTheGapIsThePublishedOne) {
     const Handover h = find_handover(curve, outside);
     EXPECT_NEAR(h.inside.load, outside.at_gap(h.gap).load, 1e-12) << lambda;
     EXPECT_LT(h.gap, kNoHandoverGap);
-    const MaugisPoint fold = curve.fold({1, 0});
+    const CurvePoint fold = curve.fold({1, 0});
     const OutsidePoint outside_fold = outside.at_gap(1.0 - outside.eta() * fold.overlap);
     EXPECT_EQ(h.reversible, outside_fold.load < fold.load) << lambda;
     EXPECT_GE(h.inside.overlap, fold.overlap);

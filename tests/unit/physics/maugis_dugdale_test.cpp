@@ -86,7 +86,7 @@ TEST(MaugisDugdale, FoldsAgreeWithFiftyDigitsAndEndTheCurve) {
   for (const double lambda : lambdas()) {
     const oracle::MaugisDugdale oracle(lambda);
     const MaugisDugdale curve(lambda);
-    const MaugisPoint fold = curve.fold(kOverlap);
+    const CurvePoint fold = curve.fold(kOverlap);
     // A few roundings of terms as large as Delta and 1.
     EXPECT_NEAR(fold.overlap, oracle.fold_overlap(), 2e-15 * std::max(1.0, std::fabs(oracle.fold_overlap())))
         << lambda;
@@ -118,7 +118,7 @@ TEST(MaugisDugdale, PublishedTable) {
         Row{1, -1.600734911, 1.636090490, 1.129893891, -1.405467, -0.211010, 10.084651, 30.559663},
         Row{10, -1.501624860, 1.812624954, 1.101142087, -1.334525, -0.162079, 10.111598, 30.578908}}) {
     const MaugisDugdale curve(row.lambda);
-    const MaugisPoint zero = curve.solve(0, kLoad).point;
+    const CurvePoint zero = curve.solve(0, kLoad).point;
     EXPECT_NEAR(curve.fold(kLoad).load, row.pull_off, 0.51e-9);
     EXPECT_NEAR(zero.contact_radius, row.radius, 0.51e-9);
     EXPECT_NEAR(zero.overlap, row.overlap, 0.51e-9);
@@ -184,8 +184,8 @@ TEST(MaugisDugdale, LoopEnergy) {
 TEST(MaugisDugdale, ContinuousAtOnset) {
   for (const double lambda : lambdas()) {
     const MaugisDugdale curve(lambda);
-    const MaugisPoint before = curve.noncontact(curve.onset_radius());
-    const MaugisPoint after = curve.contact(0);
+    const CurvePoint before = curve.noncontact(curve.onset_radius());
+    const CurvePoint after = curve.contact(0);
     const double scale = 1.0 + before.outer_radius * before.outer_radius;
     EXPECT_NEAR(before.load, after.load, 1e-14) << lambda;
     EXPECT_NEAR(before.overlap, after.overlap, 1e-15 * scale) << lambda;
@@ -204,9 +204,9 @@ TEST(MaugisDugdale, RatesAgreeWithDifferences) {
     const MaugisDugdale curve(lambda);
     for (const double u : {1e-3, 0.3, 3.0, 24.0, 26.0, 1e3, 1e3 * lambda * lambda}) {
       const double h = 1e-5 * u;
-      const MaugisPoint p = curve.contact(u);
-      const MaugisPoint up = curve.contact(u + h);
-      const MaugisPoint down = curve.contact(u - h);
+      const CurvePoint p = curve.contact(u);
+      const CurvePoint up = curve.contact(u + h);
+      const CurvePoint down = curve.contact(u - h);
       const double per = 1.0 / (2 * h);
       const auto near = [&](double rate, double high, double low, double size) {
         EXPECT_NEAR(rate, (high - low) * per, 1e-7 * std::fabs(rate) + 1e-10 * size / u)
@@ -225,7 +225,7 @@ TEST(MaugisDugdale, AnySpringAnyStartAndNoStateBelowTheFold) {
     const MaugisDugdale curve(lambda);
     for (const double c : {0.0, 1e-3, 0.1, 1.0, 30.0, 1e4}) {
       const Held spring{1.0, c};
-      const MaugisPoint fold = curve.fold(spring);
+      const CurvePoint fold = curve.fold(spring);
       const double end = fold.held(spring);
       const double scale = std::fabs(end) + curve.range() + c;
       EXPECT_EQ(curve.solve(end - 1e-9 * scale, spring).status, CurveStatus::kNoState);
@@ -234,7 +234,7 @@ TEST(MaugisDugdale, AnySpringAnyStartAndNoStateBelowTheFold) {
         const double z = end + above;
         const CurveSolution cold = curve.solve(z, spring);
         ASSERT_EQ(cold.status, CurveStatus::kOk) << lambda << ' ' << c << ' ' << above;
-        const MaugisPoint& p = cold.point;
+        const CurvePoint& p = cold.point;
         EXPECT_NEAR(p.held(spring), z, 1e-14 * (std::fabs(z) + scale));
         EXPECT_GT(p.overlap_rate, 0);
         EXPECT_GT(p.held_rate(spring), 0);

@@ -32,7 +32,7 @@ TEST(TipEquilibrium, BalancesOnACorrugation) {
   const auto surface =
       sampled(121, 1.0, [](double x, double y) { return 2 * std::sin(0.2 * x) + 1.5 * std::cos(0.17 * y); });
   const TipEquilibrium equilibrium(surface, silicon_oxide(), kRadius);
-  const Compliance c(0.05, 0.05, 0.075);
+  const Compliance c = Vec3(0.05, 0.05, 0.075).asDiagonal();
   TipState state;
   int touched = 0;
   for (int i = 0; i < 4000; ++i) {
@@ -40,7 +40,7 @@ TEST(TipEquilibrium, BalancesOnACorrugation) {
     const Vec3 end(40 + 8 * t, 60 + 3 * t, 8 - 4 * t);
     const TipSolution s = equilibrium.advance(end, c, state);
     ASSERT_EQ(s.status, SolveStatus::kOk) << i;
-    EXPECT_LT((s.apex_w_nm - end - c.cwiseProduct(s.force_w_nn)).norm(), 1e-12);
+    EXPECT_LT((s.apex_w_nm - end - c * s.force_w_nn).norm(), 1e-12);
     EXPECT_LT((s.force_w_nn - s.normal_force_nn * s.normal_w).norm(), 1e-12);
     // The foot seen afresh from the apex: overlap to the step's tolerance (2e-8 nm, second order in it for
     // the normal).
@@ -63,7 +63,7 @@ TEST(TipEquilibrium, TiltedPlaneIsTheFlatProblemAlongItsNormal) {
   const TipSampleLaw law = silicon_oxide();
   const TipEquilibrium equilibrium(surface, law, kRadius);
   const Vec3 n = Vec3(-0.25, -0.1, 1).normalized();
-  const Compliance c(0.05, 0.05, 0.075);
+  const Compliance c = Vec3(0.05, 0.05, 0.075).asDiagonal();
   TipState state;
   TipSampleState flat_state;
   for (double depth = -6; depth < 2; depth += 0.01) {
@@ -71,7 +71,7 @@ TEST(TipEquilibrium, TiltedPlaneIsTheFlatProblemAlongItsNormal) {
         Vec3(80, 80, 28) + Vec3(0, 0, kRadius) / n.z() * 1.0 - Vec3(0, 0, kRadius) - depth * Vec3(0, 0, 1);
     const TipSolution s = equilibrium.advance(end, c, state);
     const double base = kRadius - n.dot(end + Vec3(0, 0, kRadius) - Vec3(80, 80, 28));
-    const Equilibrium flat = law.advance(base, n.dot(c.cwiseProduct(n)), kRadius, flat_state);
+    const Equilibrium flat = law.advance(base, n.dot(c * n), kRadius, flat_state);
     ASSERT_EQ(s.status, SolveStatus::kOk);
     // The law's 1e-9 of some 100 nN, twice.
     EXPECT_NEAR(s.normal_force_nn, flat.force_nn, 4e-7) << depth;
@@ -86,7 +86,7 @@ TEST(TipEquilibrium, LeansOnBothFlanksOfAGroove) {
   const auto surface =
       sampled(161, 1.0, [](double x, double) { return 10 * (1 - 1 / (1 + (x - 80) * (x - 80) / 36)); });
   const TipEquilibrium equilibrium(surface, silicon_oxide(), kRadius);
-  const Compliance c(0.05, 0.05, 0.075);
+  const Compliance c = Vec3(0.05, 0.05, 0.075).asDiagonal();
   TipState state;
   const double touch = equilibrium.touch_height_nm(80, 80);
   EXPECT_GT(touch, 0.5);  // does not reach the bottom
@@ -105,9 +105,9 @@ TEST(TipEquilibrium, LeansOnBothFlanksOfAGroove) {
 TEST(TipEquilibrium, NonFiniteEndIsRefusedAndChangesNothing) {
   const TipEquilibrium equilibrium(std::make_shared<FlatSurface>(), silicon_oxide(), kRadius);
   TipState state;
-  equilibrium.advance(Vec3(0, 0, 1), Compliance(0, 0, 0.1), state);
+  equilibrium.advance(Vec3(0, 0, 1), Compliance(Vec3(0, 0, 0.1).asDiagonal()), state);
   const Vec3 before = state.apex_w_nm;
-  EXPECT_EQ(equilibrium.advance(Vec3(0, NAN, 0), Compliance(0, 0, 0.1), state).status,
+  EXPECT_EQ(equilibrium.advance(Vec3(0, NAN, 0), Compliance(Vec3(0, 0, 0.1).asDiagonal()), state).status,
             SolveStatus::kNonFinite);
   EXPECT_EQ(state.apex_w_nm, before);
 }

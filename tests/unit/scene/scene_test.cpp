@@ -75,8 +75,8 @@ TEST_F(SceneFile, BuildsWhatItAsksForAndNoMore) {
   EXPECT_NEAR(scene->law_parameters.contact_modulus_gpa, 4.0 / 3.0 / ((1 - 0.0729) * (1 / 70.0 + 1 / 160.0)),
               1e-12);
   EXPECT_NEAR(scene->law_parameters.work_of_adhesion_n_m, 0.4, 1e-15);
-  EXPECT_NEAR(scene->port_compliance_nm_nn().z(), 1 / 20.0 + 1 / 40.0, 1e-15);
-  EXPECT_NEAR(scene->port_compliance_nm_nn().x(), 1 / 20.0, 1e-15);
+  EXPECT_NEAR(scene->port_compliance_nm_nn()(2, 2), 1 / 20.0 + 1 / 40.0, 1e-15);
+  EXPECT_NEAR(scene->port_compliance_nm_nn()(0, 0), 1 / 20.0, 1e-15);
   EXPECT_NEAR(scene->start_apex_w_nm.z(), 20.0, 1e-9);
 }
 

@@ -1,0 +1,50 @@
+#pragma once
+
+namespace telenano::physics {
+
+/// A contact law as a curve, without dimensions: overlap Delta, load P and radii over one parameter s that
+/// runs from first interaction to deep contact. Laws differ in the curve; branches, jumps and the balance
+/// with a spring are found on it in the same way (tip_sample_law.h).
+
+/// What is held: Z = overlap * Delta + load * P. {1, c} a spring of compliance c, {1, 0} the overlap, {0, 1}
+/// the load.
+struct Held {
+  double overlap = 1;
+  double load = 0;
+};
+
+/// One state of the curve.
+struct CurvePoint {
+  bool contact = false;
+  double parameter = 0;            ///< s, see above
+  double outer_radius = 0;         ///< C
+  double contact_radius = 0;       ///< A
+  double overlap = 0;              ///< Delta
+  double load = 0;                 ///< P
+  double overlap_rate = 0;         ///< dDelta/ds
+  double load_rate = 0;            ///< dP/ds
+  double contact_radius_rate = 0;  ///< dA/ds
+  double energy = 0;               ///< integral of P dDelta along the curve from C = 0
+
+  double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
+  /// Moves by a small `ds` along the curve, to first order (the energy to second).
+  void shift(double ds) noexcept {
+    if (ds == 0) return;
+    energy += (load + 0.5 * load_rate * ds) * (overlap_rate * ds);
+    overlap += overlap_rate * ds;
+    load += load_rate * ds;
+    contact_radius += contact_radius_rate * ds;
+    parameter += ds;
+  }
+  double held_rate(const Held& h) const noexcept { return h.overlap * overlap_rate + h.load * load_rate; }
+};
+
+enum class CurveStatus : unsigned char { kOk, kNoState, kNotConverged };
+
+struct CurveSolution {
+  CurveStatus status = CurveStatus::kOk;
+  CurvePoint point;     ///< with kNoState: the fold, where the last stable state was
+  int evaluations = 0;  ///< of the contact formulas
+};
+
+}  // namespace telenano::physics
