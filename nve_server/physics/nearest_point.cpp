@@ -112,20 +112,43 @@ SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double 
   return foot;
 }
 
-// Other basins than that of the foot that was followed.
+// Other basins than that of the foot that was followed, from the nearest sample onwards. A sample that is not
+// nearer than the foot, and has a neighbour that is nearer than itself, lies on the slope of a basin that is
+// known or about to be: only local minima of the samples' distance are descended from.
 SplineSurface::Foot SplineSurface::deepest_basin(const Vec3& centre, Foot foot) const noexcept {
-  SampleTops::Disc known[kMaxBasins];
-  int count = 0;
-  known[count++] = {foot.x, foot.y, kKnownCells * cell_};
-  while (count < kMaxBasins) {
-    const double distance = std::sqrt(foot.distance_sq);
-    const double margin = 0.25 * cell_ * cell_ / std::max(distance, cell_) + 0.1 * cell_;
+  const auto margin = [this](double distance) {
+    return 0.25 * cell_ * cell_ / std::max(distance, cell_) + 0.1 * cell_;
+  };
+  const double known_radius = kKnownCells * cell_;
+  double distance = std::sqrt(foot.distance_sq);
+  double limit = distance + margin(distance);
+  SampleTops::Near near;
+  tops_.near(centre, limit, distance * (1.0 - 1e-12), {foot.x, foot.y, known_radius}, near);
+  for (int basin = 1; basin < kMaxBasins && near.count > 0; ++basin) {
     const SampleTops::Sample sample =
-        tops_.nearest(centre, distance + margin, distance * (1.0 - 1e-12), known, count);
-    if (!sample.found) break;
-    const Foot other = descend(centre, sample.x_nm, sample.y_nm);
-    if (other.distance_sq < foot.distance_sq) foot = other;
-    known[count++] = {sample.x_nm, sample.y_nm, kKnownCells * cell_};
+        *std::min_element(near.samples.begin(), near.samples.begin() + near.count,
+                          [](const auto& a, const auto& b) { return a.distance_sq < b.distance_sq; });
+    const bool nearer = sample.distance_sq < foot.distance_sq * (1.0 - 2e-12);
+    const double x = tops_.x_nm(sample.column), y = tops_.y_nm(sample.row);
+    if (nearer || tops_.is_local_minimum(centre, sample)) {
+      const Foot other = descend(centre, x, y);
+      if (other.distance_sq < foot.distance_sq) foot = other;
+      distance = std::sqrt(foot.distance_sq);
+      limit = distance + margin(distance);
+    } else {
+      --basin;  // nothing was visited
+    }
+    const double known_sq = foot.distance_sq * (1.0 - 2e-12);
+    int kept = 0;
+    for (int i = 0; i < near.count; ++i) {
+      const SampleTops::Sample& s = near.samples[static_cast<std::size_t>(i)];
+      if (s.column == sample.column && s.row == sample.row) continue;
+      if (!(s.distance_sq < limit * limit)) continue;
+      const double ex = tops_.x_nm(s.column) - x, ey = tops_.y_nm(s.row) - y;
+      if (s.distance_sq >= known_sq && ex * ex + ey * ey < known_radius * known_radius) continue;
+      near.samples[static_cast<std::size_t>(kept++)] = s;
+    }
+    near.count = kept;
   }
   return foot;
 }
