@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "common/base/vec3.h"
@@ -7,10 +8,9 @@
 
 namespace telenano::physics {
 
-/// Finds the sample of a height grid that is nearest to a point, by branch and bound: the samples in blocks
-/// of 4×4, those in blocks of 4×4 blocks, each block bounded from below by its highest sample. Cost: about
-/// 100 ns when the point is a tip radius above a fairly flat surface, since nothing that is farther than the
-/// known foot is ever opened.
+/// Finds the samples of a height grid that are near to a point, by branch and bound: the samples in blocks of
+/// 4×4, those in blocks of 4×4 blocks, each block bounded from below by its highest sample. Nothing that is
+/// farther than the limit is ever opened.
 class SampleTops {
  public:
   explicit SampleTops(const HeightGrid& grid);
@@ -22,26 +22,45 @@ class SampleTops {
     double radius_nm = 0;
   };
   struct Sample {
-    bool found = false;
-    double x_nm = 0;
-    double y_nm = 0;
-    double distance_nm = 0;
+    int column = 0;
+    int row = 0;
+    double distance_sq = 0;
+  };
+  /// At most so many; where there are more, farther ones are left out, never the nearest.
+  static constexpr int kMaxNear = 24;
+  struct Near {
+    std::array<Sample, kMaxNear> samples;  // in no order
+    int count = 0;
   };
 
-  /// The nearest sample that is nearer than `limit_nm`, or than `known_nm` <= limit_nm if it lies in one of
-  /// the discs.
-  Sample nearest(const Vec3& point_w_nm, double limit_nm, double known_nm, const Disc* discs,
-                 int disc_count) const noexcept;
+  /// Samples nearer than `limit_nm`; of those in the disc only the ones nearer than `known_nm` <= limit_nm.
+  void near(const Vec3& point_w_nm, double limit_nm, double known_nm, const Disc& disc,
+            Near& out) const noexcept;
+  /// None of the eight neighbours is nearer to the point.
+  bool is_local_minimum(const Vec3& point_w_nm, const Sample& sample) const noexcept;
+
+  double x_nm(int column) const noexcept { return x_first_ + column * dx_; }
+  double y_nm(int row) const noexcept { return y_first_ + row * dy_; }
+  double height_nm(int column, int row) const noexcept { return z_[index(column, row)]; }
 
   double highest_nm() const noexcept { return highest_; }
   double lowest_nm() const noexcept { return lowest_; }
 
  private:
   static constexpr int kBlock = 4;
-  HeightGrid grid_;
-  double inv_dx_, inv_dy_;
+  // Block by block, so that a block is two cache lines.
+  std::size_t index(int column, int row) const noexcept {
+    const int block = (row / kBlock) * block_columns_ + column / kBlock;
+    return static_cast<std::size_t>(block * kBlock * kBlock + (row % kBlock) * kBlock + column % kBlock);
+  }
+  void open(const Vec3& point, int block_column, int block_row, double limit_sq, double known_sq,
+            const Disc& disc, Near& out) const noexcept;
+
+  int columns_, rows_;
+  double dx_, dy_, inv_dx_, inv_dy_, x_first_, y_first_;
   double lowest_, highest_;
   int block_columns_, block_rows_, super_columns_, super_rows_;
+  std::vector<double> z_;  // by blocks, −infinity beyond the rim
   std::vector<double> block_top_, super_top_;
 };
 
