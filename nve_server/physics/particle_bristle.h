@@ -1,0 +1,43 @@
+#pragma once
+
+#include "common/base/vec3.h"
+
+namespace telenano::physics {
+
+/// Dry friction with an elastic part, by return mapping.
+///
+/// A bristle of stiffness k is carried by the motion, s_trial = s + Δs, and yields where its force would pass
+/// the limit L: force = k s_trial, or L along s_trial. That is the gradient of the convex function (the
+/// Moreau envelope of L|s|)
+///   E(s_trial) = ½k s²          for k|s| <= L,     L|s| − L²/(2k)     beyond,
+/// so that a step is a minimum and ΔE = Δ(½k s²) + L·slip: what slips is dissipated, never gained.
+/// Units are those of the caller: nm, nN for sliding; radians, nN·nm for rolling and spinning.
+/// Source    J. C. Simo, T. J. R. Hughes, Computational Inelasticity (1998) ch. 1; S. Luding, Granular Matter
+///           10 (2008) 235 for the use in sliding, rolling and torsion.
+struct Bristle {
+  double stiffness = 0;
+  double limit = 0;
+  bool acts() const noexcept { return stiffness > 0.0 && limit > 0.0; }
+};
+
+struct BristleResponse {
+  Vec3 force = Vec3::Zero();  ///< gradient of E: resists a motion along +Δs
+  Vec3 deflection = Vec3::Zero();
+  Mat3 tangent = Mat3::Zero();  ///< Hessian of E
+  double envelope = 0;          ///< E
+  double stored = 0;            ///< ½k s² after the return
+  double dissipated = 0;        ///< L·slip >= 0
+  bool slips = false;
+};
+
+BristleResponse respond(const Bristle& bristle, const Vec3& trial) noexcept;
+
+/// The deflection that goes on when the stiffness changes between two steps: a stiffer bristle keeps its
+/// force, a softer one its deflection. Both lose elastic energy, so that loading and unloading a contact that
+/// leans sideways yields none (D. Elata, J. G. Berryman, Mech. Mater. 24 (1996) 229, on rules that do).
+Vec3 carried_over(const Vec3& deflection, double stiffness_before, double stiffness) noexcept;
+
+/// A vector of the plane across `from`, turned with it into the plane across `to`, keeping its length.
+Vec3 transported(const Vec3& vector, const Vec3& from, const Vec3& to) noexcept;
+
+}  // namespace telenano::physics

@@ -1,0 +1,192 @@
+#include "nve_server/physics/particle_equilibrium.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+#include "nve_server/physics/particle_balance.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kSubstepRadii = 0.125;
+constexpr double kSubstepOfGap = 0.5;
+constexpr int kMaxSubsteps = 20000;  // 1 µm past a particle of 1 nm takes 8000
+constexpr double kRefine = 0.25;
+constexpr double kFinest = 1e-5;
+constexpr double kLeastCompliance = 1e-12;  // nm/nN: 1e-10 nm under 100 nN
+constexpr double kShortestTime_s = 1e-12;
+
+double allowed_step(const ParticleModel& model, const ParticleState& state) noexcept {
+  const ParticleParameters& p = model.parameters;
+  const double smaller = std::min(p.tip_radius_nm, p.particle_radius_nm);
+  const double gap =
+      (state.particle_centre_w_nm - state.tip_centre_w_nm).norm() - p.tip_radius_nm - p.particle_radius_nm;
+  double step = std::max(kSubstepRadii * smaller, kSubstepOfGap * gap);
+  if (!model.surface->is_flat()) step = std::min(step, kSubstepRadii * p.tip_radius_nm);
+  return step;
+}
+
+double spring_energy(const Vec3& force, const Mat3& compliance) noexcept {
+  return 0.5 * force.dot(compliance * force);
+}
+
+void describe(const ParticleModel& model, const ParticleBalance& balance, const ParticleState& state,
+              ParticleSolution& out) noexcept {
+  int jumps = 0;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    const ParticleBalance::ContactTrial& now = balance.contact(i);
+    ParticleContactReport& report = out.contacts[i];
+    report.branch = now.law.branch;
+    report.overlap_nm = now.law.overlap_nm;
+    report.radius_nm = balance.radius_nm(i);
+    report.contact_radius_nm = now.law.contact_radius_nm;
+    report.normal_force_nn = now.law.force_nn;
+    report.stiffness_n_m = now.law.stiffness_n_m;
+    report.normal_w = now.normal_w;
+    report.friction_w_nn = -now.slide.force;
+    report.force_w_nn = now.law.force_nn * now.normal_w + report.friction_w_nn;
+    report.rolling_w_nn_nm = -now.roll.force;
+    report.spinning_w_nn_nm = -now.spin.force;
+    report.slides = now.slide.slips;
+    report.rolls = now.roll.slips;
+    jumps += now.law.jumps;
+  }
+  out.held_by_tip = out.contacts[kTipParticle].touches();
+  out.on_surface = out.contacts[kParticleSample].touches();
+  out.particle_centre_w_nm = state.particle_centre_w_nm;
+
+  const ParticleContactReport& sample = out.contacts[kTipSample];
+  const ParticleContactReport& particle = out.contacts[kTipParticle];
+  const bool felt = std::abs(particle.normal_force_nn) > std::abs(sample.normal_force_nn);
+  const ParticleContactReport& main = felt ? particle : sample;
+  TipSolution& tip = out.tip;
+  tip.branch = main.branch;
+  tip.apex_w_nm = state.tip_centre_w_nm - Vec3(0.0, 0.0, model.parameters.tip_radius_nm);
+  tip.force_w_nn = state.tip_force_w_nn;
+  tip.normal_w = felt ? Vec3(-main.normal_w) : main.normal_w;
+  tip.normal_force_nn = main.normal_force_nn;
+  tip.overlap_nm = main.overlap_nm;
+  tip.radius_nm = main.radius_nm;
+  tip.contact_radius_nm = main.contact_radius_nm;
+  tip.stiffness_n_m = main.stiffness_n_m;
+  tip.potential_aj = state.potential_aj;
+  tip.jumps += jumps;
+  tip.feet = felt ? 1 : state.tip_feet.count;
+  tip.outside = balance.contact(kTipSample).outside || balance.contact(kParticleSample).outside;
+  tip.radius_clamped = balance.contact(kTipSample).clamped || balance.contact(kParticleSample).clamped;
+}
+
+}  // namespace
+
+ParticleEquilibrium::ParticleEquilibrium(std::shared_ptr<const Surface> surface,
+                                         const ParticleParameters& parameters)
+    : model_(std::move(surface), parameters) {}
+
+ParticleState ParticleEquilibrium::place(double x_nm, double y_nm) const noexcept {
+  const double radius = model_.parameters.particle_radius_nm;
+  const Surface& surface = *model_.surface;
+  // Down by the distance that is certainly free, until it touches.
+  FootMemory foot;
+  Vec3 centre(x_nm, y_nm, surface.highest_nm() + 2.0 * radius);
+  for (int i = 0; i < 1000; ++i) {
+    const double gap = surface.nearest(centre, Search::kGlobal, foot).distance_nm - radius;
+    centre.z() -= gap;
+    if (std::abs(gap) < 1e-10) break;
+  }
+  ParticleState state;
+  const Footing footing = stand(surface, centre, radius, state.particle_feet);
+  const ZeroLoad rest = zero_load(model_.laws[kParticleSample], footing.radius_nm);
+  const Vec3 normal = footing.normal_w.normalized();
+  state.particle_centre_w_nm = centre + normal * (footing.overlap_nm - rest.overlap_nm);
+  ParticleContactMemory& contact = state.contacts[kParticleSample];
+  contact.law = rest.law;
+  contact.normal_w = normal;
+  contact.contact_radius_nm = rest.contact_radius_nm;
+  state.potential_aj = rest.potential_aj;
+  return state;
+}
+
+ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compliance& compliance, double dt_s,
+                                              ParticleState& state) const noexcept {
+  ParticleSolution out;
+  const auto refuse = [&out](SolveStatus status) {
+    const int substeps = out.substeps, iterations = out.iterations;
+    out = ParticleSolution{};
+    out.status = out.tip.status = status;
+    out.substeps = substeps;
+    out.iterations = out.tip.iterations = iterations;
+    return out;
+  };
+  if (!is_finite(free_end) || !compliance.allFinite() || !std::isfinite(dt_s) || !(dt_s > 0.0)) {
+    return refuse(SolveStatus::kNonFinite);
+  }
+  const Mat3 soft = compliance + kLeastCompliance * Mat3::Identity();
+  const Mat3 inverse = soft.inverse();
+  const Mat3 spring = 0.5 * (inverse + inverse.transpose());
+  if (!spring.allFinite() || !(spring.diagonal().minCoeff() > 0.0)) return refuse(SolveStatus::kNonFinite);
+
+  const Vec3 target = free_end + Vec3(0.0, 0.0, model_.parameters.tip_radius_nm);
+  ParticleState now = state;
+  if (!now.started) {
+    now.tip_centre_w_nm = target;  // nobody carried it here: no work, no loss
+    now.tip_force_w_nn.setZero();
+  }
+  const Vec3 origin = now.tip_centre_w_nm - soft * now.tip_force_w_nn;
+  const Vec3 way = target - origin;
+  const double distance = way.norm();
+  double done = 0.0;
+  double refined = 1.0;
+  Vec3 end = origin;
+  const Vec3 turned_before = now.turned_w_rad;
+  while (done < 1.0) {
+    if (++out.substeps > kMaxSubsteps) return refuse(SolveStatus::kNotConverged);
+    double part = 1.0 - done;
+    if (distance > 0.0)
+      part = std::min(part, refined * allowed_step(model_, now) / distance);
+    else
+      part *= refined;
+    const bool last = part >= 1.0 - done;
+    const Vec3 next = last ? target : Vec3(origin + (done + part) * way);
+    ParticleBalance balance(model_, now, spring, next, std::max(dt_s * part, kShortestTime_s));
+    const SolveStatus status = balance.solve();
+    out.iterations += balance.iterations();
+    if (status != SolveStatus::kOk) {
+      refined *= kRefine;
+      if (refined < kFinest) return refuse(status);
+      continue;
+    }
+    refined = std::min(1.0, 2.0 * refined);
+
+    const double before = now.potential_aj + spring_energy(now.tip_force_w_nn, soft);
+    const Vec3 force_before = now.tip_force_w_nn;
+    const double friction = std::max(0.0, balance.friction_loss_aj());
+    const double drag = balance.drag_loss_aj();
+    balance.store(now);
+    const Vec3 force = now.tip_force_w_nn;
+    const double after = now.potential_aj + spring_energy(force, soft);
+    const double work = -0.5 * (force_before + force).dot(next - end);
+    const double rest = work - (after - before) - friction - drag;
+    int jumps = 0;
+    for (int i = 0; i < kParticleContacts; ++i) jumps += balance.contact(i).law.jumps;
+    // A fall that is not seen as such still exceeds what a trapezium can err by.
+    const bool fell =
+        jumps > 0 || balance.unstable() || rest > 0.5 * std::abs((force - force_before).dot(next - end));
+    if (state.started) {
+      out.friction_loss_aj += friction;
+      out.drag_loss_aj += drag;
+      if (fell) out.jump_loss_aj += std::max(0.0, rest);
+    }
+    end = next;
+    done = last ? 1.0 : done + part;
+    describe(model_, balance, now, out);
+  }
+  out.dissipated_aj = out.friction_loss_aj + out.drag_loss_aj + out.jump_loss_aj;
+  out.turned_w_rad = now.turned_w_rad - turned_before;
+  out.tip.dissipated_aj = out.dissipated_aj;
+  out.tip.iterations = out.iterations;
+  state = now;
+  return out;
+}
+
+}  // namespace telenano::physics

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "nve_server/physics/particle_parameters.h"
+#include "nve_server/physics/particle_state.h"
+#include "nve_server/physics/surface.h"
+
+namespace telenano::physics {
+
+/// Where a contact rests without load: in contact, where the force changes its sign.
+struct ZeroLoad {
+  TipSampleState law;
+  double overlap_nm = 0;
+  double contact_radius_nm = 0;
+  double potential_aj = 0;
+};
+/// For set-up, not for loops.
+ZeroLoad zero_load(const TipSampleLaw& law, double radius_nm) noexcept;
+
+/// What does not change: the bodies, their laws and the surface.
+struct ParticleModel {
+  /// Throws UserError unless radii and drag are positive and the frictions make sense.
+  ParticleModel(std::shared_ptr<const Surface> surface, const ParticleParameters& parameters);
+
+  std::shared_ptr<const Surface> surface;
+  ParticleParameters parameters;
+  std::array<TipSampleLaw, kParticleContacts> laws;
+  std::array<ContactFriction, kParticleContacts> friction;
+  // At one radius, from which they are scaled.
+  std::array<double, kParticleContacts> nominal_radius_nm{};
+  std::array<double, kParticleContacts> pull_off_nn{};
+  std::array<double, kParticleContacts> zero_load_radius_nm{};  ///< a₀
+};
+
+}  // namespace telenano::physics

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+
+#include "nve_server/physics/particle_footing.h"
+#include "nve_server/physics/tip_sample_law.h"
+
+namespace telenano::physics {
+
+/// The three contacts of a tip, a particle and a sample; also the index into arrays of them.
+enum ParticleContact : int { kTipSample = 0, kTipParticle = 1, kParticleSample = 2 };
+inline constexpr int kParticleContacts = 3;
+
+/// What one contact remembers: the branch of its law, and how far its bristles are bent.
+struct ParticleContactMemory {
+  TipSampleState law;
+  double contact_radius_nm = 0;
+  Vec3 normal_w = Vec3::UnitZ();  ///< from the lower body to the upper: sample, then tip, then particle
+  Vec3 slide_nm = Vec3::Zero();
+  Vec3 roll_rad = Vec3::Zero();
+  Vec3 spin_rad = Vec3::Zero();
+  double slide_stiffness = 0;  ///< that the deflection belongs to
+  double roll_stiffness = 0;
+  double spin_stiffness = 0;
+};
+
+/// What is remembered from one accepted step to the next. Begin with ParticleEquilibrium::place().
+struct ParticleState {
+  std::array<ParticleContactMemory, kParticleContacts> contacts;
+  ParticleFeet tip_feet;
+  ParticleFeet particle_feet;
+  bool started = false;  ///< false: the tip has not been brought in yet
+  Vec3 tip_centre_w_nm = Vec3::Zero();
+  Vec3 tip_force_w_nn = Vec3::Zero();
+  Vec3 particle_centre_w_nm = Vec3::Zero();
+  Vec3 turned_w_rad = Vec3::Zero();  ///< sum of the small turns so far: the path, not the orientation
+  Eigen::Quaterniond orientation_w = Eigen::Quaterniond::Identity();
+  double potential_aj = 0;  ///< contacts and bristles, without the springs of the tip
+};
+
+}  // namespace telenano::physics
