@@ -2,30 +2,47 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/vec3.h"
+#include "nve_server/physics/particle_parameters.h"
 #include "nve_server/physics/probe.h"
 #include "nve_server/physics/surface.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/physics/tip_sample_law.h"
+#include "nve_server/scene/material.h"
 
 namespace telenano::scene {
-
-struct Material {
-  std::string name;
-  double youngs_modulus_gpa = 0;
-  double poisson_ratio = 0;
-  double surface_energy_j_m2 = 0;
-};
 
 struct Probe {
   double tip_radius_nm = 20;
   Material tip;
-  bool rigid = false;
-  double stiffness_n_m = 0;  ///< of the cantilever along W z; not used when rigid
-  std::string origin;        ///< "direct", "rectangular beam", "rigid"
+  std::optional<double> length_nm;  ///< of the lever, where given
+  std::string origin;  ///< of its stiffness: "given", "rectangular beam", "rigid"
+};
+
+struct SurfaceDescription {
+  std::string kind;  ///< flat, plane, step, sphere, grating, scan
+  std::string text;  ///< for a person, one line
+  std::string scan_path;  ///< empty unless a scan
+  std::string scan_title;
+  double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
+  double spacing_nm = 0;  ///< of the grid; 0: none
+};
+
+/// Marks stay where the mean pressure passes the sample's hardness.
+struct Marks {
+  double hardness_gpa = 0;
+  double pile_up = 0;  ///< part of the displaced volume that rises around a mark
+};
+
+struct Particle {
+  Material material;
+  double x_nm = 0;
+  double y_nm = 0;
+  physics::ParticleParameters parameters;
 };
 
 struct Coupling {
@@ -50,16 +67,16 @@ struct Scene {
 
   Material sample;
   Probe probe;
-  bool van_der_waals = true;
-  std::string surface_kind;  ///< "flat" or "scan"
-  std::string scan_path;     ///< empty for a flat sample
-  std::string scan_title;
+  SurfaceDescription ground;
   Coupling coupling;
   Limits limits;
   Vec3 start_apex_w_nm = Vec3::Zero();
   std::uint32_t session_timeout_ms = 500;
 
   physics::TipSampleParameters law_parameters;
+  std::optional<physics::FrictionParameters> friction;
+  std::optional<Marks> marks;
+  std::optional<Particle> particle;
   physics::Probe cantilever;
   std::shared_ptr<const physics::Surface> surface;
   std::shared_ptr<const physics::TipEquilibrium> equilibrium;

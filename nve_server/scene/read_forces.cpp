@@ -1,0 +1,99 @@
+#include <string>
+
+#include "common/base/error.h"
+#include "nve_server/scene/readers.h"
+
+namespace telenano::scene {
+namespace {
+
+using config::between;
+using config::TomlTable;
+
+constexpr double kGpaPerMpa = 1e-3;
+
+void read_contact(const TomlTable& table, physics::TipSampleParameters& law) {
+  const std::string name = table.choice_or(
+      "law", {"hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"}, "maugis-dugdale");
+  law.model = *physics::contact_model_from_name(name);
+  const std::string method = table.choice_or("method", {"direct", "table"}, "direct");
+  if (method == "table" && law.model != physics::ContactModel::kMaugisDugdale) {
+    table.fail("method", "only maugis-dugdale has a table; the others are closed forms");
+  }
+  law.method = method == "table" ? physics::MaugisMethod::kTable : physics::MaugisMethod::kDirect;
+  law.equilibrium_distance_nm =
+      table.number_or("equilibrium_distance_nm", between(0.05, 2.0), law.equilibrium_distance_nm);
+  law.work_of_adhesion_n_m =
+      table.number_or("work_of_adhesion_j_m2", between(1e-6, 20.0), law.work_of_adhesion_n_m);
+}
+
+physics::CapillaryParameters read_capillary(const TomlTable& table) {
+  physics::CapillaryParameters capillary;
+  capillary.humidity_percent = table.number("humidity_percent", {0.0, 99.0, true, false});
+  const auto angle = config::Range{0.0, 90.0, false, true};
+  capillary.contact_angle_tip_deg = table.number_or("contact_angle_tip_deg", angle, 0.0);
+  capillary.contact_angle_sample_deg = table.number_or("contact_angle_sample_deg", angle, 0.0);
+  capillary.surface_tension_n_m =
+      table.number_or("surface_tension_n_m", between(1e-4, 1.0), capillary.surface_tension_n_m);
+  const std::string model =
+      table.choice_or("model", {"constant-curvature", "constant-volume"}, "constant-curvature");
+  capillary.model = model == "constant-volume" ? physics::CapillaryModel::kConstantVolume
+                                               : physics::CapillaryModel::kConstantCurvature;
+  if (const auto volume = table.optional_number("volume_nm3", config::positive(1e9))) {
+    if (capillary.model != physics::CapillaryModel::kConstantVolume) {
+      table.fail("volume_nm3", "goes with model = \"constant-volume\" only");
+    }
+    capillary.volume_nm3 = *volume;
+  }
+  capillary.film_nm = table.number_or("film_nm", between(0.0, 100.0), 0.0);
+  return capillary;
+}
+
+void read_long_range(const TomlTable& table, physics::TipSampleParameters& law) {
+  law.van_der_waals = table.boolean_or("van_der_waals", law.van_der_waals);
+  physics::LongRangeParameters& far = law.long_range;
+  const auto retardation = table.optional_number("retardation_nm", between(1.0, 1e4));
+  if (retardation && !law.van_der_waals) {
+    table.fail("retardation_nm", "weakens van der Waals, which this scene leaves out");
+  }
+  far.retardation_nm = retardation.value_or(0.0);
+  const auto cone = table.optional_number("cone_half_angle_deg", {0.0, 80.0, true, false});
+  const auto height = table.optional_number("cone_height_nm", config::positive(1e6));
+  if (cone.has_value() != height.has_value()) {
+    table.fail(cone ? "cone_height_nm" : "cone_half_angle_deg", "missing; a cone has both");
+  }
+  far.cone_half_angle_deg = cone.value_or(0.0);
+  far.cone_height_nm = height.value_or(0.0);
+  if (const auto electrostatic = table.optional_table("electrostatic")) {
+    far.tip_bias_v = electrostatic->number("tip_bias_v", between(-100.0, 100.0));
+  }
+  if (const auto capillary = table.optional_table("capillary")) far.capillary = read_capillary(*capillary);
+}
+
+physics::FrictionParameters read_friction(const TomlTable& table, const Scene& scene) {
+  physics::FrictionParameters friction;
+  friction.shear_strength_gpa = kGpaPerMpa * table.number_or("shear_strength_mpa", between(0.0, 1e5), 0.0);
+  friction.coefficient = table.number_or("coefficient", between(0.0, 10.0), 0.0);
+  if (!(friction.shear_strength_gpa > 0 || friction.coefficient > 0)) {
+    table.fail("shear_strength_mpa", "missing; friction needs a shear strength, or a coefficient, above 0");
+  }
+  friction.kinetic_ratio = table.number_or("kinetic_ratio", {0.0, 1.0, true, false}, 1.0);
+  friction.shear_modulus_gpa = contact_shear_modulus_gpa(scene.sample, scene.probe.tip);
+  return friction;
+}
+
+}  // namespace
+
+void read_forces(const TomlTable& root, Scene& scene) {
+  physics::TipSampleParameters& law = scene.law_parameters;
+  law.contact_modulus_gpa = contact_modulus_gpa(scene.sample, scene.probe.tip);
+  law.work_of_adhesion_n_m = work_of_adhesion_j_m2(scene.sample, scene.probe.tip);
+  if (const auto contact = root.optional_table("contact")) read_contact(*contact, law);
+  if (const auto forces = root.optional_table("forces")) read_long_range(*forces, law);
+  law.nominal_radius_nm = scene.probe.tip_radius_nm;
+  if (law.model == physics::ContactModel::kHertz && law.van_der_waals) {
+    root.fail("contact", "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");
+  }
+  if (const auto friction = root.optional_table("friction")) scene.friction = read_friction(*friction, scene);
+}
+
+}  // namespace telenano::scene

@@ -1,0 +1,136 @@
+#include "nve_server/scene/scene_summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "common/base/constants.h"
+#include "nve_server/physics/long_range.h"
+
+namespace telenano::scene {
+namespace {
+
+constexpr double kHalfSpaceRatio = 0.5;   // a/R beyond which contact on a half-space is formal
+constexpr double kTheoreticalYield = 0.1; // hardness of the hardest solids over Young's modulus
+constexpr double kSamplesPerRadius = 2;   // fewer, and the scan cannot show what the tip would feel
+constexpr double kLinearPart = 0.1;       // of the length: beyond, a beam's deflection is not linear
+constexpr double kOpticalRange_nm = 1000; // what an optical lever follows linearly, where no length is known
+constexpr double kHoldHeight_nm = 10;     // of positioning above the sample (Kim & Sitti, task a)
+
+template <class... Values>
+std::string line(const char* format, Values... values) {
+  char text[400];
+  std::snprintf(text, sizeof text, format, values...);
+  return text;
+}
+
+void list_terms(const Scene& scene, SceneSummary& summary) {
+  const physics::TipSampleParameters& law = scene.law_parameters;
+  const physics::LongRangeParameters& far = law.long_range;
+  const auto term = [&](bool in, const std::string& name) {
+    (in ? summary.terms_in : summary.terms_out).push_back(name);
+  };
+  const bool flat = scene.surface->is_flat();
+  summary.terms_in.push_back(std::string(physics::contact_model_name(law.model)) +
+                             (law.method == physics::MaugisMethod::kTable ? " contact (table)" : " contact"));
+  term(law.van_der_waals, "van der Waals");
+  term(far.retardation_nm > 0, "retardation");
+  term(far.cone_height_nm > 0, "cone");
+  term(far.capillary.humidity_percent > 0 || far.capillary.volume_nm3 > 0, "capillary bridge");
+  term(far.tip_bias_v != 0, "electrostatic");
+  term(scene.friction.has_value(), "friction");
+  term(!scene.cantilever.rigid(), "cantilever");
+  const physics::Compliance probe = scene.probe_compliance_nm_nn();
+  term(probe(0, 0) > 0 || probe(1, 1) > 0, "lateral bending");
+  term(scene.cantilever.mode().has_value(), "first mode");
+  term(!flat, "spline, nearest-point search, local curvature");
+  term(scene.marks.has_value(), "yield and marks");
+  term(scene.particle.has_value(), "particle");
+  term(scene.coupling.damping_n_s_m > 0, "coupling damper");
+}
+
+// By pressing a soft spring (nearly load control) to the force limit and letting go again.
+void press(const Scene& scene, SceneSummary& summary) {
+  const physics::TipSampleLaw law(scene.law_parameters);
+  const double radius = scene.probe.tip_radius_nm;
+  const double limit = scene.limits.force_max_nn;
+  const double compliance = 1e4 * radius / limit;
+  physics::TipSampleState state;
+  // F = (base − delta)/c: this base gives the limit but for delta, which is small beside it.
+  auto eq = law.advance(compliance * limit, compliance, radius, state);
+  summary.radius_at_limit_nm = eq.contact_radius_nm;
+  summary.overlap_at_limit_nm = eq.overlap_nm;
+  summary.stiffness_at_limit_n_m = eq.stiffness_n_m;
+  if (eq.contact_radius_nm > 0) {
+    summary.pressure_at_limit_gpa = eq.force_nn / (kPi * eq.contact_radius_nm * eq.contact_radius_nm);
+  }
+  const double port = scene.port_compliance_nm_nn()(2, 2);
+  summary.shown_stiffness_n_m = 1.0 / (port + (eq.stiffness_n_m > 0 ? 1.0 / eq.stiffness_n_m : 0.0));
+  summary.deflection_at_limit_nm = limit * scene.probe_compliance_nm_nn()(2, 2);
+  eq = law.advance(0.0, compliance, radius, state);
+  if (eq.branch == physics::Branch::kContact) summary.unloaded_radius_nm = eq.contact_radius_nm;
+  summary.lambda = law.lambda(radius);
+  summary.pull_off_nn = law.pull_off_nn(radius);
+}
+
+void warn(const Scene& scene, SceneSummary& summary) {
+  std::vector<std::string>& warnings = summary.warnings;
+  const double radius = scene.probe.tip_radius_nm;
+  const double widest = std::max(summary.unloaded_radius_nm, summary.radius_at_limit_nm);
+  if (widest > kHalfSpaceRatio * radius) {
+    warnings.push_back(line("contact radius over tip radius reaches %.3g > %g: half-space contact theory is formal there",
+                            widest / radius, kHalfSpaceRatio));
+  }
+  const double pressure = summary.pressure_at_limit_gpa;
+  const double ideal = kTheoreticalYield * scene.sample.youngs_modulus_gpa;
+  if (scene.marks && pressure > scene.marks->hardness_gpa) {
+    warnings.push_back(line("mean pressure at the force limit would be %.3g GPa, above the hardness of %g GPa: the "
+                            "sample yields before, and marks stay",
+                            pressure, scene.marks->hardness_gpa));
+  } else if (!scene.marks && pressure > ideal) {
+    warnings.push_back(line("mean pressure at the force limit is %.3g GPa, above a tenth of Young's modulus: such a "
+                            "sample yields; give [sample] hardness_gpa, or a lower force_max_nn",
+                            pressure));
+  }
+  if (scene.ground.spacing_nm > 0 && kSamplesPerRadius * scene.ground.spacing_nm > radius) {
+    warnings.push_back(line("the tip (radius %g nm) is under-sampled by the surface's spacing of %.3g nm: it would feel "
+                            "what lies between the samples",
+                            radius, scene.ground.spacing_nm));
+  }
+  const auto& length = scene.probe.length_nm;
+  const double range = length ? kLinearPart * *length : kOpticalRange_nm;
+  if (summary.deflection_at_limit_nm > range) {
+    warnings.push_back(line("the cantilever bends by %.4g nm at the force limit, beyond its linear range of %.4g nm",
+                            summary.deflection_at_limit_nm, range));
+  }
+  if (summary.jump_to_contact_nm > kHoldHeight_nm) {
+    warnings.push_back(line("the tip jumps to contact from a gap of %.3g nm, above the hold height of %g nm: holding "
+                            "there needs a stiffer probe",
+                            summary.jump_to_contact_nm, kHoldHeight_nm));
+  }
+}
+
+double jump_to_contact_nm(const Scene& scene) {
+  const double compliance = scene.port_compliance_nm_nn()(2, 2);
+  if (!(compliance > 0)) return 0.0;
+  const physics::TipSampleParameters& p = scene.law_parameters;
+  const auto van_der_waals =
+      p.van_der_waals ? physics::VanDerWaals::from_adhesion(p.work_of_adhesion_n_m, p.equilibrium_distance_nm)
+                      : physics::VanDerWaals{};
+  const physics::LongRange long_range(p.long_range, van_der_waals.hamaker_aj, p.equilibrium_distance_nm);
+  return physics::jump_to_contact_gap_nm(van_der_waals, long_range, p.equilibrium_distance_nm, 1.0 / compliance,
+                                         scene.probe.tip_radius_nm);
+}
+
+}  // namespace
+
+SceneSummary summarise(const Scene& scene) {
+  SceneSummary summary;
+  list_terms(scene, summary);
+  press(scene, summary);
+  summary.jump_to_contact_nm = jump_to_contact_nm(scene);
+  warn(scene, summary);
+  return summary;
+}
+
+}  // namespace telenano::scene

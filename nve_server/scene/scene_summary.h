@@ -1,0 +1,33 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "nve_server/scene/scene.h"
+
+namespace telenano::scene {
+
+/// What a scene computes, what to expect of it, and where its models end. For a flat patch of the sample at the
+/// tip's own radius; a rough surface changes the radius.
+struct SceneSummary {
+  std::vector<std::string> terms_in;
+  std::vector<std::string> terms_out;
+
+  double lambda = 0;
+  double pull_off_nn = 0;         ///< load control
+  double jump_to_contact_nm = 0;  ///< gap at which the probe jumps, coming down slowly; 0: it does not
+  double unloaded_radius_nm = 0;  ///< of the contact, coming out of it
+  double radius_at_limit_nm = 0;  ///< of the contact at the force limit, as the next
+  double overlap_at_limit_nm = 0;
+  double pressure_at_limit_gpa = 0;   ///< mean
+  double stiffness_at_limit_n_m = 0;  ///< of the contact
+  double shown_stiffness_n_m = 0;     ///< of contact, probe and coupling in series, at the force limit
+  double deflection_at_limit_nm = 0;  ///< of the probe
+
+  /// One line each: where a model is formal, or an operator will be surprised.
+  std::vector<std::string> warnings;
+};
+
+SceneSummary summarise(const Scene& scene);
+
+}  // namespace telenano::scene
