@@ -158,9 +158,14 @@ void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcep
   trace_.dissipated_aj += dissipated;
   trace_.mode_damped_aj += after.mode_loss.damped_aj;
   const Vec3 moved = after.commanded_w_nm - before.commanded_w_nm;
-  const double trapezium = -0.5 * (before.solution.force_w_nn + after.solution.force_w_nn).dot(moved);
+  const double first = -before.solution.force_w_nn.dot(moved);
+  const double last = -after.solution.force_w_nn.dot(moved);
   if (moving) {
-    double lost = flat_ ? trapezium - charge : after.mode_loss.numerical_aj;
+    // > 0 lost, < 0 gained.
+    double lost = after.mode_loss.numerical_aj;
+    if (flat_)
+      lost = std::min(first, last) > charge ? std::min(first, last) - charge
+                                            : std::min(0.0, std::max(first, last) - charge);
     if (lost < 0.0) {
       const double taken = mode->slow_down(-lost, after.mode);
       after.stored_aj -= taken;
@@ -174,6 +179,7 @@ void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcep
     trace_.mode_numerical_aj += lost;
   }
   if (after.solution.slid) {
+    const double trapezium = 0.5 * (first + last);
     if (trapezium > charge) {
       trace_.dissipated_aj += trapezium - charge;
       charge = trapezium;

@@ -34,11 +34,11 @@ namespace telenano::slave {
 /// the mode's damping; the positive steps sum to energy_in, the negative ones to energy_out. U is a function
 /// of the state, so that no path, however sampled, draws more than was put in. A tip that slides off a summit
 /// loses energy that is in none of these: such a step is charged no less than the trapezium of force and
-/// commanded displacement. So does a mode that moves between samples, by its numerical loss, which is booked
-/// as dissipated: on a flat sample the trapezium less the charge; on a curved one, where the potential
-/// follows R_eff and the force does not (tip_equilibrium.h), the mode's own (ModeLoss). If it is negative —
-/// the end of the step has more than was brought, as in a strongly curved attraction — it is taken out of the
-/// mode's kinetic energy.
+/// commanded displacement. So does a mode that moves between samples, by its numerical loss. On a flat sample
+/// the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge below is raised to it, the difference
+/// being dissipated; a charge above (the end of the step has more than was brought, as a strongly curved
+/// attraction may do) is lowered by slowing down the mode. On a curved sample, where the potential follows
+/// R_eff and the force does not (tip_equilibrium.h), the mode's own numerical loss counts instead (ModeLoss).
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);
