@@ -160,6 +160,7 @@ double worst_error(double dt, double k, double f0, double quality, double& swing
     go(slave, Vec3(0, 0, z), dt);
     oracle.step(z, dt);
     worst = std::max(worst, std::abs(slave.trace().mode.deflection_nm - oracle.deflection()));
+    swing = std::max(swing, std::abs(oracle.deflection()));
   }
   return worst;
 }
