@@ -84,25 +84,29 @@ ModeStep ProbeMode::begin(const ModePropagator& over, const ModeState& from,
   return step;
 }
 
-double ProbeMode::finish(const ModeStep& step, double force_nn, ModeState& to) const noexcept {
+ModeLoss ProbeMode::finish(const ModeStep& step, double force_nn, ModeState& to) const noexcept {
   const ModePropagator& over = step.over;
   const ModeState from = step.from;
   to.force_nn = force_nn;
   to.deflection_nm = step.shift_nm + step.compliance_nm_nn * force_nn;
   const double moved = to.deflection_nm - from.deflection_nm;
   const double mean_velocity = moved / over.step_s;
+  ModeLoss loss;
   if (over.integrator == ModeIntegrator::kBackwardEuler) {
     to.velocity_nm_s = mean_velocity;
-    return damping_ * moved * mean_velocity;
+    loss.damped_aj = damping_ * moved * mean_velocity;
+  } else {
+    const double theta = over.integrator == ModeIntegrator::kMeanForce ? 0.5 * (1.0 + step.blend) : 1.0;
+    const double held = (1.0 - theta) * from.force_nn + theta * force_nn;
+    to.velocity_nm_s = over.keep_v * from.velocity_nm_s +
+                       over.reach_s * (held / mass_ - omega_1_per_s_ * omega_1_per_s_ * from.deflection_nm);
+    // The motion under a held force is exact, so what the force gave and the mode has not, damping took.
+    loss.damped_aj = std::max(0.0, held * moved - (energy_aj(to) - energy_aj(from)));
+    to.velocity_nm_s += step.blend * (mean_velocity - to.velocity_nm_s);
   }
-  const double theta = over.integrator == ModeIntegrator::kMeanForce ? 0.5 * (1.0 + step.blend) : 1.0;
-  const double held = (1.0 - theta) * from.force_nn + theta * force_nn;
-  to.velocity_nm_s = over.keep_v * from.velocity_nm_s +
-                     over.reach_s * (held / mass_ - omega_1_per_s_ * omega_1_per_s_ * from.deflection_nm);
-  // The motion under a held force is exact, so what the force gave and the mode has not, damping took.
-  const double damped = held * moved - (energy_aj(to) - energy_aj(from));
-  to.velocity_nm_s += step.blend * (mean_velocity - to.velocity_nm_s);
-  return std::max(0.0, damped);
+  loss.numerical_aj =
+      0.5 * (from.force_nn + force_nn) * moved - (energy_aj(to) - energy_aj(from)) - loss.damped_aj;
+  return loss;
 }
 
 double ProbeMode::slow_down(double energy_aj, ModeState& state) const noexcept {

@@ -56,6 +56,12 @@ struct ModeStep {
   double blend = 0;  ///< β
 };
 
+/// Where the work of the force on the mode, ½ (Φ₀ + Φ₁)(q₁ − q₀), went besides the mode's own energy.
+struct ModeLoss {
+  double damped_aj = 0;     ///< by c, >= 0
+  double numerical_aj = 0;  ///< by the method; of kMeanForce 0 when free, may be negative in contact
+};
+
 class ProbeMode {
  public:
   /// Above this ω0 h a step no longer resolves the mode.
@@ -79,8 +85,8 @@ class ProbeMode {
   /// `contact_stiffness_n_m` as the mode feels it at the step's begin (negative counts as none).
   ModeStep begin(const ModePropagator& over, const ModeState& from,
                  double contact_stiffness_n_m) const noexcept;
-  /// Takes the step under the force Φ₁; returns what the damping c lost, >= 0.
-  double finish(const ModeStep& step, double force_nn, ModeState& to) const noexcept;
+  /// Takes the step under the force Φ₁.
+  ModeLoss finish(const ModeStep& step, double force_nn, ModeState& to) const noexcept;
 
   double kinetic_aj(const ModeState& state) const noexcept {
     return 0.5 * mass_ * state.velocity_nm_s * state.velocity_nm_s;

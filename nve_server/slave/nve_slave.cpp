@@ -118,12 +118,12 @@ bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from
   to.extension_w_nm = (b_over_dt * from.extension_w_nm - force) / k_total;
   to.stored_aj = to.solution.potential_aj + 0.5 * k_c * to.extension_w_nm.squaredNorm() +
                  0.5 * force.dot(probe.rest_compliance_nm_nn() * force);
-  to.mode_damped_aj = 0;
+  to.mode_loss = {};
   if (mode) {
-    to.mode_damped_aj = mode->finish(mode_step, probe.mode_shape_w().dot(force), to.mode);
+    to.mode_loss = mode->finish(mode_step, probe.mode_shape_w().dot(force), to.mode);
     to.stored_aj += mode->energy_aj(to.mode);
   }
-  to.damped_aj = b_over_dt * (to.extension_w_nm - from.extension_w_nm).squaredNorm() + to.mode_damped_aj;
+  to.damped_aj = b_over_dt * (to.extension_w_nm - from.extension_w_nm).squaredNorm() + to.mode_loss.damped_aj;
   return true;
 }
 
@@ -156,23 +156,35 @@ void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcep
   const double dissipated = after.solution.dissipated_aj + after.damped_aj;
   double charge = after.stored_aj - before.stored_aj + dissipated;
   trace_.dissipated_aj += dissipated;
-  trace_.mode_damped_aj += after.mode_damped_aj;
-  if (after.solution.slid) ++trace_.slides;
-  if (after.solution.slid || moving) {
-    const Vec3 moved = after.commanded_w_nm - before.commanded_w_nm;
-    const double trapezium = -0.5 * (before.solution.force_w_nn + after.solution.force_w_nn).dot(moved);
-    if (moving) {
-      const double taken = mode->slow_down(charge - trapezium, after.mode);
+  trace_.mode_damped_aj += after.mode_loss.damped_aj;
+  const Vec3 moved = after.commanded_w_nm - before.commanded_w_nm;
+  const double first = -before.solution.force_w_nn.dot(moved);
+  const double last = -after.solution.force_w_nn.dot(moved);
+  if (moving) {
+    // > 0 lost, < 0 gained.
+    double lost = after.mode_loss.numerical_aj;
+    if (flat_)
+      lost = std::min(first, last) > charge ? std::min(first, last) - charge
+                                            : std::min(0.0, std::max(first, last) - charge);
+    if (lost < 0.0) {
+      const double taken = mode->slow_down(-lost, after.mode);
       after.stored_aj -= taken;
       charge -= taken;
       trace_.mode_slowed_aj += taken;
-      trace_.mode_unpaid_aj += std::max(0.0, charge - trapezium);
+      trace_.mode_unpaid_aj -= lost + taken;
+      lost = 0.0;
     }
+    charge += lost;
+    trace_.dissipated_aj += lost;
+    trace_.mode_numerical_aj += lost;
+  }
+  if (after.solution.slid) {
+    const double trapezium = 0.5 * (first + last);
     if (trapezium > charge) {
       trace_.dissipated_aj += trapezium - charge;
-      if (moving) trace_.mode_numerical_aj += trapezium - charge;
       charge = trapezium;
     }
+    ++trace_.slides;
   }
   if (charge > 0.0) {
     energy_in_aj_ += charge;

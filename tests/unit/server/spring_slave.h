@@ -44,6 +44,8 @@ class SpringSlave final : public slave::Slave {
   }
   const slave::SlaveLimits& limits() const noexcept override { return limits_; }
 
+  const Vec3& commanded_w_nm() const noexcept { return pos_w_nm_; }
+
   std::uint64_t steps = 0;
   std::uint64_t retracts = 0;
   slave::SlaveInput last_input;
