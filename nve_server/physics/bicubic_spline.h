@@ -4,15 +4,9 @@
 #include <vector>
 
 #include "nve_server/physics/height_grid.h"
+#include "nve_server/physics/height_jet.h"
 
 namespace telenano::physics {
-
-/// Value and derivatives of a height field at a point, nm and its powers.
-struct HeightJet {
-  double z = 0;
-  double zx = 0, zy = 0;
-  double zxx = 0, zxy = 0, zyy = 0;
-};
 
 /// A field with its gradient.
 struct ValueAndSlope {
@@ -57,6 +51,12 @@ class BicubicSpline {
                          static_cast<std::size_t>(column + 1)];
   }
   void mirror_ends() noexcept;
+  struct Place {
+    const double* coefficients;  // the first of the cell's 4×4
+    double u, v;                 // in the cell, 0 to 1
+    bool beyond_x, beyond_y;     // the rim
+  };
+  Place place(double x_nm, double y_nm) const noexcept;
 
   int columns_, rows_;
   double inv_dx_, inv_dy_;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/bicubic_spline.h"
+#include "nve_server/physics/height_jet.h"
 
 namespace telenano::physics {
 

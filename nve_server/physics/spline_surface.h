@@ -44,7 +44,8 @@ class SplineSurface final : public Surface {
 
  private:
   struct Foot;
-  Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm) const noexcept;
+  Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm, const HeightJet& start,
+               bool jet_is_old) const noexcept;
   Foot deepest_basin(const Vec3& centre_w_nm, Foot foot) const noexcept;
   SurfaceContact contact_at(const Vec3& centre_w_nm, const Foot& foot) const noexcept;
 
@@ -52,7 +53,8 @@ class SplineSurface final : public Surface {
   double cell_;  // the wider spacing
   BicubicSpline height_;
   BicubicSpline relative_curvature_;
-  SampleTops tops_;  // for the global search
+  SampleTops tops_;          // for the global search
+  std::uint32_t stamp_ = 1;  // of the heights: a jet remembered under another is out of date
 };
 
 }  // namespace telenano::physics
