@@ -43,6 +43,8 @@ Weights weights(double u) {
 BicubicSpline::BicubicSpline(const HeightGrid& grid)
     : columns_(grid.columns),
       rows_(grid.rows),
+      dx_(grid.dx_nm),
+      dy_(grid.dy_nm),
       inv_dx_(1.0 / grid.dx_nm),
       inv_dy_(1.0 / grid.dy_nm),
       x_first_(grid.x_first_nm),
@@ -105,6 +107,46 @@ BicubicSpline::Place BicubicSpline::place(double x_nm, double y_nm) const noexce
   return {&coefficients_[static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) +
                          static_cast<std::size_t>(column)],
           across - column, along - row, x != x_nm, y != y_nm};
+}
+
+BicubicSpline::Stencil BicubicSpline::stencil(double x_nm, double y_nm) const noexcept {
+  const Place at = place(x_nm, y_nm);
+  const Weights wx = weights(at.u);
+  const Weights wy = weights(at.v);
+  const std::ptrdiff_t first = at.coefficients - coefficients_.data();
+  Stencil stencil;
+  stencil.column = static_cast<int>(first % stride_) - 1;
+  stencil.row = static_cast<int>(first / stride_) - 1;
+  for (int i = 0; i < 4; ++i) {
+    stencil.x_value[i] = wx.value[i];
+    stencil.x_slope[i] = wx.slope[i];
+    stencil.y_value[i] = wy.value[i];
+    stencil.y_slope[i] = wy.slope[i];
+  }
+  return stencil;
+}
+
+void BicubicSpline::set_coefficient(int column, int row, double value) noexcept {
+  const int columns[3] = {column, column == 1 ? -1 : column, column == columns_ - 2 ? columns_ : column};
+  const int rows[3] = {row, row == 1 ? -1 : row, row == rows_ - 2 ? rows_ : row};
+  for (const int r : rows) {
+    for (const int c : columns) at(c, r) = value;
+  }
+}
+
+double BicubicSpline::node_value(int column, int row) const noexcept {
+  const auto line = [&](int r) {
+    return coefficient(column - 1, r) + 4.0 * coefficient(column, r) + coefficient(column + 1, r);
+  };
+  return (line(row - 1) + 4.0 * line(row) + line(row + 1)) / 36.0;
+}
+
+int BicubicSpline::column_of(double x_nm) const noexcept {
+  return static_cast<int>(std::clamp((x_nm - x_first_) * inv_dx_ + 0.5, 0.0, columns_ - 1.0));
+}
+
+int BicubicSpline::row_of(double y_nm) const noexcept {
+  return static_cast<int>(std::clamp((y_nm - y_first_) * inv_dy_ + 0.5, 0.0, rows_ - 1.0));
 }
 
 // Along y first: the four columns are neighbours in memory and go through the same arithmetic, which the

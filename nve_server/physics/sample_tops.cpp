@@ -74,6 +74,25 @@ SampleTops::SampleTops(const HeightGrid& grid)
   }
 }
 
+void SampleTops::set(int column, int row, double z_nm) noexcept {
+  z_[index(column, row)] = z_nm;
+  lowest_ = std::min(lowest_, z_nm);
+  highest_ = std::max(highest_, z_nm);
+  const int bc = column / kBlock, br = row / kBlock;
+  const std::size_t block = product(br, block_columns_) + static_cast<std::size_t>(bc);
+  const double* z = &z_[block * kBlock * kBlock];
+  block_top_[block] = *std::max_element(z, z + kBlock * kBlock);
+  double top = -std::numeric_limits<double>::infinity();
+  const int row_end = std::min((br / kBlock + 1) * kBlock, block_rows_);
+  const int column_end = std::min((bc / kBlock + 1) * kBlock, block_columns_);
+  for (int r = br / kBlock * kBlock; r < row_end; ++r) {
+    for (int c = bc / kBlock * kBlock; c < column_end; ++c) {
+      top = std::max(top, block_top_[product(r, block_columns_) + static_cast<std::size_t>(c)]);
+    }
+  }
+  super_top_[product(br / kBlock, super_columns_) + static_cast<std::size_t>(bc / kBlock)] = top;
+}
+
 void SampleTops::open(const Vec3& point, int block_column, int block_row, double limit_sq, double known_sq,
                       const Disc& disc, Near& out) const noexcept {
   const double* z =

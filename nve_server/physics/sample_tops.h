@@ -39,11 +39,14 @@ class SampleTops {
   /// None of the eight neighbours is nearer to the point.
   bool is_local_minimum(const Vec3& point_w_nm, const Sample& sample) const noexcept;
 
+  /// A sample's new height: in constant time.
+  void set(int column, int row, double z_nm) noexcept;
+
   double x_nm(int column) const noexcept { return x_first_ + column * dx_; }
   double y_nm(int row) const noexcept { return y_first_ + row * dy_; }
   double height_nm(int column, int row) const noexcept { return z_[index(column, row)]; }
 
-  double highest_nm() const noexcept { return highest_; }
+  double highest_nm() const noexcept { return highest_; }  ///< at least: not lowered by set()
   double lowest_nm() const noexcept { return lowest_; }
 
  private:
