@@ -43,6 +43,8 @@ Weights weights(double u) {
 BicubicSpline::BicubicSpline(const HeightGrid& grid)
     : columns_(grid.columns),
       rows_(grid.rows),
+      dx_(grid.dx_nm),
+      dy_(grid.dy_nm),
       inv_dx_(1.0 / grid.dx_nm),
       inv_dy_(1.0 / grid.dy_nm),
       x_first_(grid.x_first_nm),
@@ -95,66 +97,108 @@ void BicubicSpline::mirror_ends() noexcept {
   }
 }
 
-HeightJet BicubicSpline::jet(double x_nm, double y_nm) const noexcept {
+BicubicSpline::Place BicubicSpline::place(double x_nm, double y_nm) const noexcept {
   const double x = std::clamp(x_nm, x_first_, x_last_);
   const double y = std::clamp(y_nm, y_first_, y_last_);
   const double across = (x - x_first_) * inv_dx_;
   const double along = (y - y_first_) * inv_dy_;
   const int column = std::min(static_cast<int>(across), columns_ - 2);
   const int row = std::min(static_cast<int>(along), rows_ - 2);
-  const Weights wx = weights(across - column);
-  const Weights wy = weights(along - row);
+  return {&coefficients_[static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) +
+                         static_cast<std::size_t>(column)],
+          across - column, along - row, x != x_nm, y != y_nm};
+}
 
+BicubicSpline::Stencil BicubicSpline::stencil(double x_nm, double y_nm) const noexcept {
+  const Place at = place(x_nm, y_nm);
+  const Weights wx = weights(at.u);
+  const Weights wy = weights(at.v);
+  const std::ptrdiff_t first = at.coefficients - coefficients_.data();
+  Stencil stencil;
+  stencil.column = static_cast<int>(first % stride_) - 1;
+  stencil.row = static_cast<int>(first / stride_) - 1;
+  for (int i = 0; i < 4; ++i) {
+    stencil.x_value[i] = wx.value[i];
+    stencil.x_slope[i] = wx.slope[i];
+    stencil.y_value[i] = wy.value[i];
+    stencil.y_slope[i] = wy.slope[i];
+  }
+  return stencil;
+}
+
+void BicubicSpline::set_coefficient(int column, int row, double value) noexcept {
+  const int columns[3] = {column, column == 1 ? -1 : column, column == columns_ - 2 ? columns_ : column};
+  const int rows[3] = {row, row == 1 ? -1 : row, row == rows_ - 2 ? rows_ : row};
+  for (const int r : rows) {
+    for (const int c : columns) at(c, r) = value;
+  }
+}
+
+double BicubicSpline::node_value(int column, int row) const noexcept {
+  const auto line = [&](int r) {
+    return coefficient(column - 1, r) + 4.0 * coefficient(column, r) + coefficient(column + 1, r);
+  };
+  return (line(row - 1) + 4.0 * line(row) + line(row + 1)) / 36.0;
+}
+
+int BicubicSpline::column_of(double x_nm) const noexcept {
+  return static_cast<int>(std::clamp((x_nm - x_first_) * inv_dx_ + 0.5, 0.0, columns_ - 1.0));
+}
+
+int BicubicSpline::row_of(double y_nm) const noexcept {
+  return static_cast<int>(std::clamp((y_nm - y_first_) * inv_dy_ + 0.5, 0.0, rows_ - 1.0));
+}
+
+// Along y first: the four columns are neighbours in memory and go through the same arithmetic, which the
+// compiler does two or four at a time.
+HeightJet BicubicSpline::jet(double x_nm, double y_nm) const noexcept {
+  const Place at = place(x_nm, y_nm);
+  const Weights wx = weights(at.u);
+  const Weights wy = weights(at.v);
+  const double* c0 = at.coefficients;
+  const double* c1 = c0 + stride_;
+  const double* c2 = c1 + stride_;
+  const double* c3 = c2 + stride_;
   double value[4], slope[4], bend[4];
-  const double* c = &coefficients_[static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) +
-                                   static_cast<std::size_t>(column)];
-  for (int r = 0; r < 4; ++r, c += stride_) {
-    value[r] = c[0] * wx.value[0] + c[1] * wx.value[1] + c[2] * wx.value[2] + c[3] * wx.value[3];
-    slope[r] = c[0] * wx.slope[0] + c[1] * wx.slope[1] + c[2] * wx.slope[2] + c[3] * wx.slope[3];
-    bend[r] = c[0] * wx.bend[0] + c[1] * wx.bend[1] + c[2] * wx.bend[2] + c[3] * wx.bend[3];
+  for (int i = 0; i < 4; ++i) {
+    value[i] = (c0[i] * wy.value[0] + c1[i] * wy.value[1]) + (c2[i] * wy.value[2] + c3[i] * wy.value[3]);
+    slope[i] = (c0[i] * wy.slope[0] + c1[i] * wy.slope[1]) + (c2[i] * wy.slope[2] + c3[i] * wy.slope[3]);
+    bend[i] = (c0[i] * wy.bend[0] + c1[i] * wy.bend[1]) + (c2[i] * wy.bend[2] + c3[i] * wy.bend[3]);
   }
+  const auto dot = [](const double(&a)[4], const double(&b)[4]) {
+    return (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
+  };
   HeightJet jet;
-  for (int r = 0; r < 4; ++r) {
-    jet.z += wy.value[r] * value[r];
-    jet.zx += wy.value[r] * slope[r];
-    jet.zy += wy.slope[r] * value[r];
-    jet.zxx += wy.value[r] * bend[r];
-    jet.zxy += wy.slope[r] * slope[r];
-    jet.zyy += wy.bend[r] * value[r];
-  }
-  jet.zx *= inv_dx_;
-  jet.zy *= inv_dy_;
-  jet.zxx *= inv_dx_ * inv_dx_;
-  jet.zxy *= inv_dx_ * inv_dy_;
-  jet.zyy *= inv_dy_ * inv_dy_;
+  jet.z = dot(wx.value, value);
+  jet.zx = dot(wx.slope, value) * inv_dx_;
+  jet.zy = dot(wx.value, slope) * inv_dy_;
+  jet.zxx = dot(wx.bend, value) * (inv_dx_ * inv_dx_);
+  jet.zxy = dot(wx.slope, slope) * (inv_dx_ * inv_dy_);
+  jet.zyy = dot(wx.value, bend) * (inv_dy_ * inv_dy_);
   // Beyond the rim its height goes on unchanged across it.
-  if (x != x_nm) jet.zx = jet.zxx = jet.zxy = 0.0;
-  if (y != y_nm) jet.zy = jet.zyy = jet.zxy = 0.0;
+  if (at.beyond_x) jet.zx = jet.zxx = jet.zxy = 0.0;
+  if (at.beyond_y) jet.zy = jet.zyy = jet.zxy = 0.0;
   return jet;
 }
 
 ValueAndSlope BicubicSpline::value_and_slope(double x_nm, double y_nm) const noexcept {
-  const double x = std::clamp(x_nm, x_first_, x_last_);
-  const double y = std::clamp(y_nm, y_first_, y_last_);
-  const double across = (x - x_first_) * inv_dx_;
-  const double along = (y - y_first_) * inv_dy_;
-  const int column = std::min(static_cast<int>(across), columns_ - 2);
-  const int row = std::min(static_cast<int>(along), rows_ - 2);
-  const Weights wx = weights(across - column);
-  const Weights wy = weights(along - row);
-  ValueAndSlope out;
-  const double* c = &coefficients_[static_cast<std::size_t>(row) * static_cast<std::size_t>(stride_) +
-                                   static_cast<std::size_t>(column)];
-  for (int r = 0; r < 4; ++r, c += stride_) {
-    const double value = c[0] * wx.value[0] + c[1] * wx.value[1] + c[2] * wx.value[2] + c[3] * wx.value[3];
-    const double slope = c[0] * wx.slope[0] + c[1] * wx.slope[1] + c[2] * wx.slope[2] + c[3] * wx.slope[3];
-    out.value += wy.value[r] * value;
-    out.slope_x += wy.value[r] * slope;
-    out.slope_y += wy.slope[r] * value;
+  const Place at = place(x_nm, y_nm);
+  const Weights wx = weights(at.u);
+  const Weights wy = weights(at.v);
+  const double* c0 = at.coefficients;
+  const double* c1 = c0 + stride_;
+  const double* c2 = c1 + stride_;
+  const double* c3 = c2 + stride_;
+  double value[4], slope[4];
+  for (int i = 0; i < 4; ++i) {
+    value[i] = (c0[i] * wy.value[0] + c1[i] * wy.value[1]) + (c2[i] * wy.value[2] + c3[i] * wy.value[3]);
+    slope[i] = (c0[i] * wy.slope[0] + c1[i] * wy.slope[1]) + (c2[i] * wy.slope[2] + c3[i] * wy.slope[3]);
   }
-  out.slope_x = x != x_nm ? 0.0 : out.slope_x * inv_dx_;
-  out.slope_y = y != y_nm ? 0.0 : out.slope_y * inv_dy_;
-  return out;
+  const auto dot = [](const double(&a)[4], const double(&b)[4]) {
+    return (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3]);
+  };
+  return {dot(wx.value, value), at.beyond_x ? 0.0 : dot(wx.slope, value) * inv_dx_,
+          at.beyond_y ? 0.0 : dot(wx.value, slope) * inv_dy_};
 }
 
 }  // namespace telenano::physics

@@ -6,11 +6,11 @@
 namespace telenano::physics {
 
 PrincipalCurvatures principal_curvatures(const HeightJet& j) noexcept {
-  const double w_sq = 1.0 + j.zx * j.zx + j.zy * j.zy;
+  const double per_w_sq = 1.0 / (1.0 + j.zx * j.zx + j.zy * j.zy);
   const double mean =
-      -0.5 * ((1.0 + j.zy * j.zy) * j.zxx - 2.0 * j.zx * j.zy * j.zxy + (1.0 + j.zx * j.zx) * j.zyy) /
-      (w_sq * std::sqrt(w_sq));
-  const double gauss = (j.zxx * j.zyy - j.zxy * j.zxy) / (w_sq * w_sq);
+      -0.5 * ((1.0 + j.zy * j.zy) * j.zxx - 2.0 * j.zx * j.zy * j.zxy + (1.0 + j.zx * j.zx) * j.zyy) *
+      (per_w_sq * std::sqrt(per_w_sq));
+  const double gauss = (j.zxx * j.zyy - j.zxy * j.zxy) * (per_w_sq * per_w_sq);
   const double spread = std::sqrt(std::max(0.0, mean * mean - gauss));
   return {mean + spread, mean - spread};
 }

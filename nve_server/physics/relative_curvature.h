@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/bicubic_spline.h"
+#include "nve_server/physics/height_jet.h"
 
 namespace telenano::physics {
 
@@ -16,6 +16,7 @@ namespace telenano::physics {
 /// Valid while both factors are positive: a tip wider than the pit it stands in touches elsewhere first. Each
 /// factor is kept above kMinRelativeCurvature, so R_eff <= R/kMinRelativeCurvature.
 inline constexpr double kMinRelativeCurvature = 0.1;
+inline constexpr double kMaxRelativeCurvature = 1e3;  ///< of a mark
 
 struct PrincipalCurvatures {
   double first_1_per_nm = 0;  ///< the greater

@@ -48,6 +48,32 @@ SplineSurface::SplineSurface(const HeightGrid& grid, double tip_radius_nm)
       cell_(std::max(grid.dx_nm, grid.dy_nm)),
       height_(BicubicSpline::interpolating(checked(grid, tip_radius_nm))),
       relative_curvature_(relative_curvature_of(height_, grid, tip_radius_nm)),
-      tops_(grid) {}
+      tops_(grid),
+      view_(std::make_shared<HeightView>(grid)) {}
+
+SplineSurface::SplineSurface(const SplineSurface& other)
+    : Surface(other),
+      tip_radius_(other.tip_radius_),
+      cell_(other.cell_),
+      height_(other.height_),
+      relative_curvature_(other.relative_curvature_),
+      tops_(other.tops_),
+      view_(std::make_shared<HeightView>(other.heights())),
+      stamp_(other.stamp_) {}
+
+HeightGrid SplineSurface::heights() const {
+  HeightGrid grid{height_.columns(),
+                  height_.rows(),
+                  height_.dx_nm(),
+                  height_.dy_nm(),
+                  height_.x_first_nm(),
+                  height_.y_first_nm(),
+                  {}};
+  grid.z_nm.reserve(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows));
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) grid.z_nm.push_back(tops_.height_nm(column, row));
+  }
+  return grid;
+}
 
 }  // namespace telenano::physics

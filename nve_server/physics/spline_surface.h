@@ -1,11 +1,24 @@
 #pragma once
 
+#include <cstdint>
+#include <memory>
+
 #include "nve_server/physics/bicubic_spline.h"
 #include "nve_server/physics/height_grid.h"
+#include "nve_server/physics/height_view.h"
 #include "nve_server/physics/sample_tops.h"
 #include "nve_server/physics/surface.h"
 
 namespace telenano::physics {
+
+/// An impression that stays.
+struct Mark {
+  double x_nm = 0;  ///< its deepest point: the foot of the tip
+  double y_nm = 0;
+  double depth_nm = 0;    ///< by which the surface is lowered there
+  double radius_nm = 0;   ///< of the crater's rim
+  double conformity = 1;  ///< g = R/R_eff there afterwards (relative_curvature.h)
+};
 
 /// The heights of a grid as an interpolating bicubic B-spline (bicubic_spline.h): C², so normals are smooth
 /// and curvatures continuous.
@@ -18,10 +31,20 @@ namespace telenano::physics {
 /// curvature seen over about a cell, as a contact of a few nanometres sees it. Error against the curvature at
 /// the point: h²/6 of its second derivative; none where it is constant. With the foot's (x, y) moving by
 /// M⁻¹Tᵀdc (nearest_point.cpp), ∂R_eff/∂c = −(R/g²) T M⁻¹ ∇g.
+///
+/// Marks. press() lowers the surface and keeps it so: spline_marks.cpp says how. One thread presses and
+/// searches; others look through view(). A copy starts with the same heights and goes its own way: each
+/// session has its own sample.
 class SplineSurface final : public Surface {
  public:
   /// Needs at least 2×2 finite samples, positive spacing and a positive tip radius.
   SplineSurface(const HeightGrid& grid, double tip_radius_nm);
+
+  SplineSurface(const SplineSurface& other);
+  SplineSurface(SplineSurface&&) noexcept = default;
+  SplineSurface& operator=(const SplineSurface&) = delete;
+  SplineSurface& operator=(SplineSurface&&) = delete;
+  ~SplineSurface() override = default;
 
   HeightJet jet(double x_nm, double y_nm) const noexcept { return height_.jet(x_nm, y_nm); }
   bool inside(double x_nm, double y_nm) const noexcept { return height_.inside(x_nm, y_nm); }
@@ -36,6 +59,17 @@ class SplineSurface final : public Surface {
   double highest_nm() const noexcept override { return tops_.highest_nm(); }
   bool is_flat() const noexcept override { return false; }
 
+  /// Afterwards, at the mark: the height is less by its depth, the gradient what it was, g the conformity
+  /// (to rounding); nothing has changed where |x − mark.x| or |y − mark.y| exceeds radius + 2 cells (radius
+  /// taken as 2 cells at least, the finest that this grid can show). Beyond the rim of the grid the mark is
+  /// made at the nearest point of the rim. A mark that is no number, or has a negative depth or radius,
+  /// changes nothing; the conformity is kept in [kMinRelativeCurvature, kMaxRelativeCurvature]. Takes
+  /// O(radius²/cell²).
+  void press(const Mark& mark) noexcept;
+  HeightGrid heights() const;  ///< at the nodes, as they are now
+  /// For other threads; stays valid when the surface has gone.
+  std::shared_ptr<const HeightView> view() const noexcept { return view_; }
+
   double tip_radius_nm() const noexcept { return tip_radius_; }
   double x_first_nm() const noexcept { return height_.x_first_nm(); }
   double y_first_nm() const noexcept { return height_.y_first_nm(); }
@@ -44,7 +78,8 @@ class SplineSurface final : public Surface {
 
  private:
   struct Foot;
-  Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm) const noexcept;
+  Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm, const HeightJet& start,
+               bool jet_is_old) const noexcept;
   Foot deepest_basin(const Vec3& centre_w_nm, Foot foot) const noexcept;
   SurfaceContact contact_at(const Vec3& centre_w_nm, const Foot& foot) const noexcept;
 
@@ -53,6 +88,8 @@ class SplineSurface final : public Surface {
   BicubicSpline height_;
   BicubicSpline relative_curvature_;
   SampleTops tops_;  // for the global search
+  std::shared_ptr<HeightView> view_;
+  std::uint32_t stamp_ = 1;  // of the heights: a jet remembered under another is out of date
 };
 
 }  // namespace telenano::physics

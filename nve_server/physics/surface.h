@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstdint>
+
 #include "common/base/vec3.h"
+#include "nve_server/physics/height_jet.h"
 
 /// The sample's surface, frame W: x to the right, y up the image, z out of the sample, nm.
 namespace telenano::physics {
@@ -33,6 +36,8 @@ struct SurfaceContact {
 struct FootMemory {
   double x_nm = 0;
   double y_nm = 0;
+  HeightJet jet;            // of the height there, if `stamp` is still the surface's
+  std::uint32_t stamp = 0;  // 0: none
   bool warm = false;
 };
 
