@@ -12,12 +12,14 @@ namespace telenano::physics {
 namespace {
 
 constexpr int kMaxPasses = 8;
-constexpr int kMaxIterations = 100;  // of one minimisation
+constexpr int kMaxIterations = 400;  // of one minimisation; long ways downhill take hundreds
 constexpr int kMaxHalvings = 40;
+constexpr int kMaxHoldBacks = 12;
 constexpr double kBalanced = 1e-9;  // of the forces: ten times the laws' own error
 constexpr double kStalled = 1e-6;   // as good as rounding lets it be
 constexpr double kSettled = 1e-8;   // of the forces, from what friction takes from the state
 constexpr double kLongestStepRadii = 0.3;
+constexpr double kLongestStepOfGap = 0.5;
 constexpr double kLongestTurn_rad = 0.3;
 constexpr double kArmijo = 1e-4;
 constexpr double kSteepest = 30.0;  // in units of a contact's own stiffness
@@ -108,8 +110,7 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
       contact.clamped = footing.clamped;
       overlap = footing.overlap_nm;
     }
-    held.law.branch =
-        from_.contacts[i].law.branch;  // each trial from the start of the step, warm from the last
+    held.law.branch = held.branch;  // the cache alone goes on from trial to trial
     contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, held.law);
     if (contact.law.status != SolveStatus::kOk) return;
 
@@ -209,14 +210,42 @@ double ParticleBalance::tolerance_nn(const Trial& trial) const noexcept {
   return kBalanced * trial.load_nn + 4.0 * kEps * places * trial.stiffest_n_m;
 }
 
-bool ParticleBalance::descend(const Vec9& full_step, double tolerance) noexcept {
+double ParticleBalance::excess(const Vec9& step) const noexcept {
+  // A third of the smaller sphere, so that nothing is passed through; half the gap where that is more.
   const ParticleParameters& p = model_.parameters;
-  Vec9 step = full_step;
-  const double longest = kLongestStepRadii * std::min(p.tip_radius_nm, p.particle_radius_nm);
-  const double excess = std::max({step.head<3>().norm() / longest, step.segment<3>(3).norm() / longest,
-                                  step.tail<3>().norm() / kLongestTurn_rad});
-  if (!std::isfinite(excess)) return false;
-  if (excess > 1.0) step /= excess;
+  const double lever = p.particle_radius_nm;
+  const double longest = std::max(kLongestStepRadii * std::min(p.tip_radius_nm, lever),
+                                  -kLongestStepOfGap * best_.contacts[kTipParticle].law.overlap_nm);
+  const double turn = std::max(kLongestTurn_rad, longest / lever);
+  return std::max(step.segment<3>(3).norm() / longest, step.tail<3>().norm() / turn);
+}
+
+bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
+  Mat9 h = hessian(best_, convex);
+  Eigen::LLT<Mat9> factor(h);
+  if (factor.info() != Eigen::Success) return false;
+  step = -factor.solve(best_.gradient);
+  // A particle that little holds would go far: held back by springs of its own, so that the tip, which may be
+  // held by stiff ones, still goes all its way.
+  const double lever = model_.parameters.particle_radius_nm;
+  double springs = 0.0;
+  for (int i = 0; i < kMaxHoldBacks; ++i) {
+    const double over = excess(step);
+    if (!(over > 1.0)) return std::isfinite(over);
+    const double moved = step.segment<3>(3).squaredNorm() + lever * lever * step.tail<3>().squaredNorm();
+    const double more = std::max(3.0 * springs, 2.0 * over * std::abs(best_.gradient.dot(step)) / moved);
+    h.block<3, 3>(3, 3).diagonal().array() += more;
+    h.block<3, 3>(6, 6).diagonal().array() += more * lever * lever;
+    springs += more;
+    factor.compute(h);
+    if (factor.info() != Eigen::Success) return false;
+    step = -factor.solve(best_.gradient);
+  }
+  step /= std::max(1.0, excess(step));
+  return step.allFinite();
+}
+
+bool ParticleBalance::descend(const Vec9& step, double tolerance) noexcept {
   const double slope = best_.gradient.dot(step);
   if (!(slope < 0.0)) return false;
   const double before = size(best_.gradient);
@@ -238,6 +267,22 @@ bool ParticleBalance::descend(const Vec9& full_step, double tolerance) noexcept 
   return false;
 }
 
+bool ParticleBalance::go_over() noexcept {
+  const auto inside = [](Branch branch) {
+    return branch == Branch::kContact || branch == Branch::kNonContact;
+  };
+  bool over = false;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    const Equilibrium& law = best_.contacts[i].law;
+    if (inside(law.branch) == inside(held_[i].branch)) continue;
+    held_[i].branch = law.branch;
+    jumps_ += law.jumps;
+    over = true;
+  }
+  if (over) evaluate(Vec9(best_.y), best_);
+  return over;
+}
+
 SolveStatus ParticleBalance::minimise() noexcept {
   evaluate(Vec9(best_.y), best_);
   if (!best_.valid) return SolveStatus::kNonFinite;
@@ -245,18 +290,16 @@ SolveStatus ParticleBalance::minimise() noexcept {
     const double tolerance = tolerance_nn(best_);
     if (size(best_.gradient) <= tolerance) return SolveStatus::kOk;
     ++iterations_;
-    Eigen::LLT<Mat9> factor(hessian(best_, false));
+    Vec9 step;
     bool done = false;
-    if (factor.info() == Eigen::Success) {
-      done = descend(-factor.solve(best_.gradient), tolerance);
+    if (find_step(false, step)) {
+      done = descend(step, tolerance);
     } else {
       unstable_ = true;
     }
-    if (!done) {
-      factor.compute(hessian(best_, true));
-      done = factor.info() == Eigen::Success && descend(-factor.solve(best_.gradient), tolerance);
-    }
-    if (!done) {
+    if (!done) done = find_step(true, step) && descend(step, tolerance);
+    // Held up by the step of a potential whose branch was left on the way and which has no way back?
+    if (!done && !go_over()) {
       return size(best_.gradient) <= kStalled * best_.load_nn ? SolveStatus::kOk : SolveStatus::kNotConverged;
     }
   }
@@ -269,7 +312,10 @@ void ParticleBalance::hold(bool first) noexcept {
     const ParticleContactMemory& memory = from_.contacts[i];
     Held& held = held_[i];
     const ContactTrial& now = best_.contacts[i];
-    if (first) held.law = memory.law;
+    if (first) {
+      held.law = memory.law;
+      held.branch = memory.law.branch;
+    }
     held.radius_nm = now.radius_nm;
     held.normal_w = unit(now.normal_w);
     held.contact_radius_nm = first ? memory.contact_radius_nm : now.law.contact_radius_nm;
@@ -366,6 +412,12 @@ double ParticleBalance::friction_loss_aj() const noexcept {
     loss += carried(memory.spin_stiffness, memory.spin_rad, held.spin.stiffness, held.spin_rad);
   }
   return loss;
+}
+
+int ParticleBalance::jumps() const noexcept {
+  int jumps = jumps_;
+  for (const ContactTrial& contact : best_.contacts) jumps += contact.law.jumps;
+  return jumps;
 }
 
 void ParticleBalance::store(ParticleState& state) const noexcept {

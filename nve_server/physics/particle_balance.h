@@ -63,6 +63,7 @@ class ParticleBalance {
   const ContactTrial& contact(int i) const noexcept { return best_.contacts[i]; }
   double radius_nm(int i) const noexcept { return held_[i].radius_nm; }  ///< that the law was given
   int iterations() const noexcept { return iterations_; }
+  int jumps() const noexcept;
   bool unstable() const noexcept { return unstable_; }
   double drag_loss_aj() const noexcept;
   /// Slip, and what bristles lose that get stiffer, softer or lose their contact.
@@ -78,6 +79,7 @@ class ParticleBalance {
     Vec3 normal_w = Vec3::UnitZ();
     double stiffest_n_m = 0;  // bounds a fold's infinite slope
     TipSampleState law;
+    Branch branch = Branch::kFree;  // that trials start from
     Bristle slide, roll, spin;
     Vec3 slide_nm = Vec3::Zero(), roll_rad = Vec3::Zero(), spin_rad = Vec3::Zero();
     bool lost = false;
@@ -92,7 +94,10 @@ class ParticleBalance {
   void hold(bool first) noexcept;
   bool settled() const noexcept;
   SolveStatus minimise() noexcept;
+  double excess(const Vec9& step) const noexcept;
+  bool find_step(bool convex, Vec9& step) noexcept;
   bool descend(const Vec9& step, double tolerance) noexcept;
+  bool go_over() noexcept;
   Mat9 hessian(const Trial& trial, bool convex) const noexcept;
   double size(const Vec9& gradient) const noexcept;
   double tolerance_nn(const Trial& trial) const noexcept;
@@ -108,6 +113,7 @@ class ParticleBalance {
   std::array<Held, kParticleContacts> held_;
   Trial best_, trial_;
   int iterations_ = 0;
+  int jumps_ = 0;
   bool unstable_ = false;
 };
 

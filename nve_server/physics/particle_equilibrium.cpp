@@ -11,7 +11,8 @@ namespace {
 
 constexpr double kSubstepRadii = 0.125;
 constexpr double kSubstepOfGap = 0.5;
-constexpr int kMaxSubsteps = 20000;  // 1 µm past a particle of 1 nm takes 8000
+constexpr int kMaxSubsteps = 20000;         // 1 µm past a particle of 1 nm takes 8000
+constexpr int kMaxIterationsInAll = 50000;  // some 100 ms: the bound on the time of a step
 constexpr double kRefine = 0.25;
 constexpr double kFinest = 1e-5;
 constexpr double kLeastCompliance = 1e-12;  // nm/nN: 1e-10 nm under 100 nN
@@ -33,7 +34,6 @@ double spring_energy(const Vec3& force, const Mat3& compliance) noexcept {
 
 void describe(const ParticleModel& model, const ParticleBalance& balance, const ParticleState& state,
               ParticleSolution& out) noexcept {
-  int jumps = 0;
   for (int i = 0; i < kParticleContacts; ++i) {
     const ParticleBalance::ContactTrial& now = balance.contact(i);
     ParticleContactReport& report = out.contacts[i];
@@ -50,7 +50,6 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
     report.spinning_w_nn_nm = -now.spin.force;
     report.slides = now.slide.slips;
     report.rolls = now.roll.slips;
-    jumps += now.law.jumps;
   }
   out.held_by_tip = out.contacts[kTipParticle].touches();
   out.on_surface = out.contacts[kParticleSample].touches();
@@ -71,7 +70,7 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
   tip.contact_radius_nm = main.contact_radius_nm;
   tip.stiffness_n_m = main.stiffness_n_m;
   tip.potential_aj = state.potential_aj;
-  tip.jumps += jumps;
+  tip.jumps += balance.jumps();
   tip.feet = felt ? 1 : state.tip_feet.count;
   tip.outside = balance.contact(kTipSample).outside || balance.contact(kParticleSample).outside;
   tip.radius_clamped = balance.contact(kTipSample).clamped || balance.contact(kParticleSample).clamped;
@@ -140,7 +139,9 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
   Vec3 end = origin;
   const Vec3 turned_before = now.turned_w_rad;
   while (done < 1.0) {
-    if (++out.substeps > kMaxSubsteps) return refuse(SolveStatus::kNotConverged);
+    if (++out.substeps > kMaxSubsteps || out.iterations > kMaxIterationsInAll) {
+      return refuse(SolveStatus::kNotConverged);
+    }
     double part = 1.0 - done;
     if (distance > 0.0)
       part = std::min(part, refined * allowed_step(model_, now) / distance);
@@ -167,11 +168,9 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
     const double after = now.potential_aj + spring_energy(force, soft);
     const double work = -0.5 * (force_before + force).dot(next - end);
     const double rest = work - (after - before) - friction - drag;
-    int jumps = 0;
-    for (int i = 0; i < kParticleContacts; ++i) jumps += balance.contact(i).law.jumps;
     // A fall that is not seen as such still exceeds what a trapezium can err by.
-    const bool fell =
-        jumps > 0 || balance.unstable() || rest > 0.5 * std::abs((force - force_before).dot(next - end));
+    const bool fell = balance.jumps() > 0 || balance.unstable() ||
+                      rest > 0.5 * std::abs((force - force_before).dot(next - end));
     if (state.started) {
       out.friction_loss_aj += friction;
       out.drag_loss_aj += drag;
