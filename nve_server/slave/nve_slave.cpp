@@ -67,11 +67,14 @@ double felt_stiffness(const physics::TipSolution& solution, const physics::Compl
 }  // namespace
 
 NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
-    : scene_(std::move(scene)), limits_(limits_of(*scene_)), flat_(scene_->surface->is_flat()) {
+    : scene_(std::move(scene)), limits_(limits_of(*scene_)), flat_(scene_->surface->is_flat()), sample_(scene_) {
   port_.commanded_w_nm = limits_.start_pos_w_nm;
   Port settled;
   physics::Compliance springs;
-  if (solve(port_.commanded_w_nm, piece_of(kSettle_s), port_, settled, springs)) port_ = settled;
+  if (solve(port_.commanded_w_nm, piece_of(kSettle_s), port_, settled, springs)) {
+    port_ = settled;
+    sample_.accept();
+  }
   port_.mode.velocity_nm_s = 0;
   SlaveOutput unused;
   publish(0, unused);
@@ -95,7 +98,7 @@ int NveSlave::pieces(double dt_s, double distance_nm) const noexcept {
 }
 
 bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from, Port& to,
-                     physics::Compliance& springs) const noexcept {
+                     physics::Compliance& springs) noexcept {
   const physics::Probe& probe = scene_->cantilever;
   const auto& mode = probe.mode();
   const double k_c = scene_->coupling.stiffness_n_m;
@@ -112,11 +115,11 @@ bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from
     free_end += mode_step.shift_nm * shape;
     springs += mode_step.compliance_nm_nn * shape * shape.transpose();
   }
-  to.solution = scene_->equilibrium->advance(free_end, springs, to.tip);
+  to.solution = sample_.advance(free_end, springs, piece.dt_s, to.tip);
   if (to.solution.status != SolveStatus::kOk) return false;
   const Vec3& force = to.solution.force_w_nn;
   to.extension_w_nm = (b_over_dt * from.extension_w_nm - force) / k_total;
-  to.stored_aj = to.solution.potential_aj + 0.5 * k_c * to.extension_w_nm.squaredNorm() +
+  to.stored_aj = to.solution.potential_aj + to.solution.friction_stored_aj + 0.5 * k_c * to.extension_w_nm.squaredNorm() +
                  0.5 * force.dot(probe.rest_compliance_nm_nn() * force);
   to.mode_loss = {};
   if (mode) {
@@ -128,7 +131,7 @@ bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from
 }
 
 bool NveSlave::solve_within_force_limit(const Vec3& commanded, const Piece& piece, const Port& from, Port& to,
-                                        bool& held_back) const noexcept {
+                                        bool& held_back) noexcept {
   const double limit = scene_->limits.force_max_nn;
   physics::Compliance springs;
   if (!solve(commanded, piece, from, to, springs)) return false;
@@ -153,7 +156,8 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, const Piece& piec
 void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcept {
   const auto& mode = scene_->cantilever.mode();
   const bool moving = mode && piece.mode.integrator != physics::ModeIntegrator::kBackwardEuler;
-  const double dissipated = after.solution.dissipated_aj + after.damped_aj;
+  const double dissipated =
+      after.solution.dissipated_aj + after.solution.friction_dissipated_aj + after.damped_aj;
   double charge = after.stored_aj - before.stored_aj + dissipated;
   trace_.dissipated_aj += dissipated;
   trace_.mode_damped_aj += after.mode_loss.damped_aj;
@@ -235,6 +239,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
     if (held_back) faults |= link::kFaultForceLimit;
     book(port_, piece, after);
     port_ = after;
+    sample_.accept();
   }
   if (port_.solution.outside) ++trace_.outside_steps;
   if (port_.solution.radius_clamped) ++trace_.clamped_radius_steps;

@@ -6,6 +6,7 @@
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/slave.h"
+#include "nve_server/slave/touched_sample.h"
 
 namespace telenano::slave {
 
@@ -63,6 +64,7 @@ class NveSlave final : public Slave {
     std::uint64_t slides = 0;
   };
   const Trace& trace() const noexcept { return trace_; }
+  const TouchedSample& sample() const noexcept { return sample_; }
 
  private:
   // What one trial of the port's end may change; kept only if it is accepted.
@@ -84,15 +86,16 @@ class NveSlave final : public Slave {
   Piece piece_of(double dt_s) const noexcept;
   int pieces(double dt_s, double distance_nm) const noexcept;
   bool solve(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
-             physics::Compliance& springs) const noexcept;
+             physics::Compliance& springs) noexcept;
   bool solve_within_force_limit(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
-                                bool& held_back) const noexcept;
+                                bool& held_back) noexcept;
   void book(const Port& before, const Piece& piece, Port& after) noexcept;
   void publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept;
 
   std::shared_ptr<const scene::Scene> scene_;
   SlaveLimits limits_;
   bool flat_;
+  TouchedSample sample_;
   Port port_;
   Trace trace_;
   double energy_in_aj_ = 0;

@@ -1,0 +1,203 @@
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+#include <utility>
+
+#include "common/base/constants.h"
+#include "common/base/error.h"
+#include "nve_server/physics/flat_surface.h"
+#include "nve_server/physics/plane_surface.h"
+#include "nve_server/physics/sampled_shapes.h"
+#include "nve_server/physics/sphere_surface.h"
+#include "nve_server/physics/spline_surface.h"
+#include "nve_server/scene/gsf.h"
+#include "nve_server/scene/levelling.h"
+#include "nve_server/scene/readers.h"
+
+namespace telenano::scene {
+namespace {
+
+using config::between;
+using config::TomlTable;
+using physics::HeightGrid;
+
+constexpr double kRadPerDeg = kPi / 180.0;
+
+/// What a surface is made of until it is known whether it has to be a grid.
+struct Built {
+  std::shared_ptr<const physics::Surface> exact;  ///< in closed form
+  HeightGrid grid;                                ///< else
+  double half_width_nm = 0;                       ///< of an unbounded shape
+};
+
+physics::SampledArea area_around_origin(double half_width, double spacing) {
+  return {-half_width, -half_width, 2.0 * half_width, 2.0 * half_width, spacing};
+}
+
+HeightGrid sampled(const physics::Surface& surface, const physics::SampledArea& area) {
+  HeightGrid grid = physics::sample_level(area, 0.0);
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) {
+      grid.z_nm[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+                static_cast<std::size_t>(column)] =
+          surface.height_nm(grid.x_first_nm + column * grid.dx_nm, grid.y_first_nm + row * grid.dy_nm);
+    }
+  }
+  return grid;
+}
+
+template <class... Values>
+std::string words(const Values&... values) {
+  std::ostringstream text;
+  (text << ... << values);
+  return text.str();
+}
+
+// A mistake that only the shape itself can see (an edge finer than the grid) gets the file and the section.
+template <class Make>
+auto within(const TomlTable& table, const Make& make) {
+  try {
+    return make();
+  } catch (const UserError& error) {
+    table.fail("kind", error.what());
+  }
+}
+
+Built read_plane(const TomlTable& table, double half_width, double tip_radius, SurfaceDescription& ground) {
+  physics::PlaneSurface::Shape shape;
+  const auto slope = between(-physics::PlaneSurface::kMaxSlope, physics::PlaneSurface::kMaxSlope);
+  shape.slope_x = table.number_or("slope_x", slope, 0.0);
+  shape.slope_y = table.number_or("slope_y", slope, 0.0);
+  shape.extent_nm = half_width;
+  ground.text = words("plane of slopes ", shape.slope_x, " and ", shape.slope_y);
+  return {std::make_shared<physics::PlaneSurface>(shape, tip_radius), {}, half_width};
+}
+
+Built read_sphere(const TomlTable& table, double half_width, double tip_radius, SurfaceDescription& ground) {
+  physics::SphereSurface::Shape shape;
+  shape.radius_nm = table.number("radius_nm", between(1.0, 1e5));
+  shape.x_nm = table.number_or("x_nm", between(-half_width, half_width), 0.0);
+  shape.y_nm = table.number_or("y_nm", between(-half_width, half_width), 0.0);
+  shape.height_nm = table.number_or("height_nm", config::positive(shape.radius_nm), shape.radius_nm);
+  ground.text = words("sphere of radius ", shape.radius_nm, " nm that rises ", shape.height_nm, " nm from a plate");
+  return {within(table, [&] { return std::make_shared<physics::SphereSurface>(shape, tip_radius); }), {}, half_width};
+}
+
+Built read_step(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
+  physics::StepShape shape;
+  shape.height_nm = table.number("height_nm", between(-1e4, 1e4));
+  shape.width_nm = table.number_or("edge_nm", between(0.1, 1e4), shape.width_nm);
+  shape.direction_rad = kRadPerDeg * table.number_or("direction_deg", between(-360.0, 360.0), 0.0);
+  shape.x_nm = table.number_or("x_nm", between(-1e6, 1e6), 0.0);
+  shape.y_nm = table.number_or("y_nm", between(-1e6, 1e6), 0.0);
+  ground.text = words("step of ", shape.height_nm, " nm over an edge of ", shape.width_nm, " nm");
+  return {nullptr, within(table, [&] { return physics::sample_step(area, shape); }), 0.0};
+}
+
+Built read_grating(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
+  physics::GratingShape shape;
+  const std::string profile = table.choice_or("profile", {"sinusoid", "trapezoid"}, "sinusoid");
+  shape.profile = profile == "sinusoid" ? physics::GratingProfile::kSinusoid : physics::GratingProfile::kTrapezoid;
+  shape.height_nm = table.number("height_nm", between(1e-3, 1e4));
+  shape.period_nm = table.number("period_nm", between(1.0, 1e5));
+  if (shape.profile == physics::GratingProfile::kTrapezoid) {
+    shape.edge_nm = table.number_or("edge_nm", between(0.1, 0.5 * shape.period_nm), 0.2 * shape.period_nm);
+  }
+  shape.direction_rad = kRadPerDeg * table.number_or("direction_deg", between(-360.0, 360.0), 0.0);
+  shape.x_nm = table.number_or("x_nm", between(-1e6, 1e6), 0.0);
+  shape.y_nm = table.number_or("y_nm", between(-1e6, 1e6), 0.0);
+  ground.text = words(profile, " grating of ", shape.height_nm, " nm every ", shape.period_nm, " nm");
+  return {nullptr, within(table, [&] { return physics::sample_grating(area, shape); }), 0.0};
+}
+
+Built read_scan(const config::TomlDocument& document, const TomlTable& table, SurfaceDescription& ground,
+                std::string& bytes) {
+  const std::string file = table.text("file");
+  if (file.empty()) table.fail("file", "is empty, expected a .gsf scan");
+  ground.scan_path = document.resolve(file);
+  Scan scan = read_gsf(ground.scan_path, &bytes);
+  ground.scan_title = scan.title;
+  const std::string level = table.choice_or("level", {"none", "plane", "lines"}, "none");
+  if (level == "plane") level_plane(scan.grid);
+  if (level == "lines") level_lines(scan.grid);
+  ground.text = ground.scan_path + (level == "none" ? "" : ", levelled by " + level);
+  return {nullptr, std::move(scan.grid), 0.0};
+}
+
+// A grid keeps a margin from its rim, beyond which nothing was measured.
+void keep_inside(const physics::SplineSurface& surface, const TomlTable& limits, SurfaceDescription& ground) {
+  const double half_extent = 0.5 * std::min(surface.x_last_nm() - surface.x_first_nm(),
+                                            surface.y_last_nm() - surface.y_first_nm());
+  const double margin = limits.number_or("margin_nm", {0.0, half_extent, false, true}, 0.1 * half_extent);
+  ground.x_min_nm = surface.x_first_nm() + margin;
+  ground.x_max_nm = surface.x_last_nm() - margin;
+  ground.y_min_nm = surface.y_first_nm() + margin;
+  ground.y_max_nm = surface.y_last_nm() - margin;
+}
+
+}  // namespace
+
+std::string read_surface(const config::TomlDocument& document, Scene& scene) {
+  const TomlTable root = document.root();
+  const TomlTable table = root.table("surface");
+  const TomlTable limits = root.table("limits");
+  SurfaceDescription& ground = scene.ground;
+  ground.kind = table.choice("kind", {"flat", "plane", "step", "sphere", "grating", "scan"});
+  const double tip_radius = scene.probe.tip_radius_nm;
+  const bool scan = ground.kind == "scan";
+  const bool sampled_shape = ground.kind == "step" || ground.kind == "grating";
+
+  const auto marks = root.optional_table("marks");
+  const bool yields = scene.sample.hardness_gpa > 0;
+  if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");
+  if (yields) {
+    scene.marks = Marks{scene.sample.hardness_gpa, marks ? marks->number_or("pile_up", between(0.0, 1.0), 0.0) : 0.0};
+  }
+
+  // The patch of an unbounded shape, and how finely it is kept where it has to be a grid.
+  double half_width = 0;
+  double spacing = 0;
+  if (!scan) {
+    half_width = limits.number_or("half_width_nm", between(1.0, 1e6), yields || sampled_shape ? 150.0 : 500.0);
+    if (sampled_shape || yields) {
+      const TomlTable& where = marks ? *marks : table;
+      spacing = where.number_or("spacing_nm", between(0.05, 1e3), std::min(1.0, tip_radius / 8.0));
+    }
+  }
+  const physics::SampledArea area = area_around_origin(half_width, spacing);
+
+  std::string bytes;
+  Built built;
+  if (ground.kind == "flat") {
+    ground.text = "the plane z = 0";
+    built = {std::make_shared<physics::FlatSurface>(tip_radius), {}, half_width};
+  } else if (ground.kind == "plane") {
+    built = read_plane(table, half_width, tip_radius, ground);
+  } else if (ground.kind == "sphere") {
+    built = read_sphere(table, half_width, tip_radius, ground);
+  } else if (ground.kind == "step") {
+    built = read_step(table, area, ground);
+  } else if (ground.kind == "grating") {
+    built = read_grating(table, area, ground);
+  } else {
+    built = read_scan(document, table, ground, bytes);
+  }
+
+  if (built.exact && !yields) {
+    scene.surface = built.exact;
+    ground.x_min_nm = ground.y_min_nm = -half_width;
+    ground.x_max_nm = ground.y_max_nm = half_width;
+  } else {
+    if (built.exact) built.grid = within(table, [&] { return sampled(*built.exact, area); });
+    ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
+    const auto surface = std::make_shared<physics::SplineSurface>(built.grid, tip_radius);
+    keep_inside(*surface, limits, ground);
+    scene.surface = surface;
+  }
+  if (scene.ground.spacing_nm > 0 || !scene.surface->is_flat()) {
+    ground.text += words(", heights ", scene.surface->lowest_nm(), " to ", scene.surface->highest_nm(), " nm");
+  }
+  return bytes;
+}
+
+}  // namespace telenano::scene
