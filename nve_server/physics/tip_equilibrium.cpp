@@ -12,9 +12,11 @@ namespace telenano::physics {
 namespace {
 
 constexpr int kMaxIterations = 60;
-constexpr double kStepDone = 2e-8;    // nm
-constexpr double kForceDone = 1e-10;  // of the law's forces, its own error; counts through a soft spring
-constexpr double kDeeper = 1e-9;      // nm by which another foot must be deeper to be taken in
+constexpr double kStepDone = 2e-8;      // nm
+constexpr double kForceDone = 1e-10;    // of the law's forces, its own error; counts through a soft spring
+constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
+constexpr double kDeeperAtLast = 2e-5;  // where two feet take turns for ever
+constexpr int kPatient = 20;
 constexpr double kTurnMax = 0.9;      // of F C N; at 1 the tip slides off sideways
 constexpr double kTurnTrusted = 0.5;  // beyond, the last step's answer does not predict the next
 constexpr double kLongestStepRadii = 0.5;
@@ -23,6 +25,7 @@ constexpr double kTiltMost = 0.5;       // of what a change of radius is worth i
 constexpr double kTiltLongest = 0.5;    // of the normal
 constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
 constexpr int kRelaxations = 80;
+constexpr double kRelaxed = 1e-6;  // nm
 constexpr double kFirstRelaxation = 0.25;
 constexpr double kLeastRelaxation = 1e-5;
 
@@ -137,14 +140,17 @@ TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, Tip
     solution = balance(from + part * (free_end - from), part * c, from, trial);
     spent += solution.iterations;
     if (solution.status != SolveStatus::kOk) {
-      trial.foot_count = 0;
       part *= 0.25;
       continue;
     }
     law_lost += solution.dissipated_aj;
     friction_lost += solution.friction_dissipated_aj;
     jumps += solution.jumps;
-    if (part == 1.0) {
+    // From p = from + part (free end − from + C F): what is missing to the balance sought.
+    const double missing = (trial.apex_w_nm - from).norm() / part;
+    if (part == 1.0 || missing < kRelaxed) {
+      trial.free_end_w_nm = free_end;
+      solution.apex_w_nm = trial.apex_w_nm = free_end + c * solution.force_w_nn;
       solution.dissipated_aj = law_lost;
       solution.friction_dissipated_aj = friction_lost;
       solution.jumps = jumps;
@@ -274,7 +280,8 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       // Balanced on these feet; is there a deeper one?
       FootMemory memory = feet.memory(0);
       const SurfaceContact nearest = surface_->nearest(p + to_centre, Search::kGlobal, memory);
-      if (tip_radius_nm_ - nearest.distance_nm > feet.overlap_nm() + kDeeper) {
+      if (tip_radius_nm_ - nearest.distance_nm >
+          feet.overlap_nm() + (iteration < kPatient ? kDeeper : kDeeperAtLast)) {
         if (!(force > 0.0)) feet.clear();
         if (!feet.add(memory, nearest, 0.0)) feet.replace_least(memory, nearest);
         feet_before = 0;
