@@ -107,7 +107,10 @@ double FeetInUse::radius_nm() const noexcept {
 }
 
 Vec3 FeetInUse::radius_gradient() const noexcept {
-  return Vec3::Zero();
+  if (count_ == 1) return feet_[0].contact.radius_gradient;
+  Vec3 sum = Vec3::Zero();
+  for (int i = 0; i < count_; ++i) sum += feet_[i].share * feet_[i].contact.radius_gradient;
+  return sum;
 }
 
 bool FeetInUse::radius_clamped() const noexcept {
@@ -125,13 +128,15 @@ double FeetInUse::overlap_nm() const noexcept {
   return most;
 }
 
-FeetInUse::Reduced FeetInUse::reduce(const Mat3& s, const Vec3& u, const Vec3& slope) noexcept {
+FeetInUse::Reduced FeetInUse::reduce(const Mat3& s, const Vec3& u, const Vec3& tilt,
+                                     const Vec3& slope) noexcept {
   Reduced reduced;
   while (true) {
     const Vec3& n0 = feet_[0].contact.normal_w;
     const Vec3 give = s * (n0 + slope);
-    const double along = n0.dot(give);
-    reduced.base_overlap_nm = feet_[0].overlap_nm - n0.dot(u);
+    const Vec3 seen = n0 + tilt;
+    const double along = seen.dot(give);
+    reduced.base_overlap_nm = feet_[0].overlap_nm - seen.dot(u);
     reduced.compliance = std::max(0.0, along);
     if (count_ == 1) return reduced;
 
@@ -142,7 +147,7 @@ FeetInUse::Reduced FeetInUse::reduce(const Mat3& s, const Vec3& u, const Vec3& s
       sm[i - 1] = s * m[i - 1];
       r[i - 1] = feet_[i].overlap_nm - feet_[0].overlap_nm - m[i - 1].dot(u);
       q[i - 1] = m[i - 1].dot(give);
-      back[i - 1] = n0.dot(sm[i - 1]);
+      back[i - 1] = seen.dot(sm[i - 1]);
     }
     const double g11 = m[0].dot(sm[0]);
     const double floor = kSameNormal * std::max(along, 1e-300);

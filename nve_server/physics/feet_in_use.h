@@ -43,8 +43,10 @@ class FeetInUse {
     std::array<double, kMaxFeet - 1> b0{};
     std::array<double, kMaxFeet - 1> b1{};
   };
-  /// `slope_w` is the change of the other forces with F. May drop feet whose normals say nothing new.
-  Reduced reduce(const Mat3& compliance, const Vec3& unloaded_step, const Vec3& slope_w) noexcept;
+  /// The law sees the overlap along the normals and `tilt_w`; `slope_w` is the change of the other forces
+  /// with F. May drop feet whose normals say nothing new.
+  Reduced reduce(const Mat3& compliance, const Vec3& unloaded_step, const Vec3& tilt_w,
+                 const Vec3& slope_w) noexcept;
   /// Shares at this force. True if a foot was dropped for a negative share.
   bool share(const Reduced& reduced, double force_nn) noexcept;
 

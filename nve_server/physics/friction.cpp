@@ -85,6 +85,7 @@ FrictionStep Friction::move(const FrictionState& from, const Vec3& normal, const
     step.stiffness_n_m = (limit / length) * (tangent - direction * direction.transpose());
     step.force_per_radius_w_n_m =
         -(ratio * 2.0 * kPi * parameters_.shear_strength_gpa * contact_radius_nm) * direction;
+    if (grown) step.force_per_radius_w_n_m += step.stiffness_n_m * (carried / contact_radius_nm);
     if (normal_force_nn > 0.0) step.force_per_load_w = -(ratio * parameters_.coefficient) * direction;
   }
   step.force_w_nn = -k * step.after.extension_w_nm;

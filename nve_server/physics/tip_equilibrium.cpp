@@ -3,9 +3,8 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 
+#include "common/base/constants.h"
 #include "nve_server/physics/balance_guards.h"
 #include "nve_server/physics/feet_in_use.h"
 
@@ -13,14 +12,20 @@ namespace telenano::physics {
 namespace {
 
 constexpr int kMaxIterations = 60;
-constexpr double kStepDone =
-    2e-8;                         // nm: the law's own error, 1e-9 of some 100 nN, through the softest spring
-constexpr double kDeeper = 1e-9;  // nm by which another foot must be deeper to be taken in
-constexpr double kTurnMax = 0.9;  // of F C N; at 1 the tip slides off sideways
+constexpr double kStepDone = 2e-8;      // nm
+constexpr double kForceDone = 1e-10;    // of the law's forces, its own error; counts through a soft spring
+constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
+constexpr double kDeeperAtLast = 2e-5;  // where two feet take turns for ever
+constexpr int kPatient = 20;
+constexpr double kTurnMax = 0.9;      // of F C N; at 1 the tip slides off sideways
 constexpr double kTurnTrusted = 0.5;  // beyond, the last step's answer does not predict the next
 constexpr double kLongestStepRadii = 0.5;
 constexpr double kLateralShare = 0.75;  // of the normal compliance that the lateral force may take away
+constexpr double kTiltMost = 0.5;       // of what a change of radius is worth in overlap
+constexpr double kTiltLongest = 0.5;    // of the normal
+constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
 constexpr int kRelaxations = 80;
+constexpr double kRelaxed = 1e-6;  // nm
 constexpr double kFirstRelaxation = 0.25;
 constexpr double kLeastRelaxation = 1e-5;
 
@@ -42,6 +47,8 @@ void remember(const TipSolution& solution, const Vec3& free_end_w_nm, TipState& 
   state.radius_nm = solution.radius_nm;
   state.apex_w_nm = solution.apex_w_nm;
   state.force_nn = solution.normal_force_nn;
+  state.overlap_nm = solution.overlap_nm;
+  state.stiffness_n_m = solution.stiffness_n_m;
   state.contact_radius_nm = solution.contact_radius_nm;
 }
 
@@ -52,6 +59,16 @@ double secant(double force, double force_0, double value, double value_0, double
   return (value - value_0) / change;
 }
 
+// η: the overlap that does to the force what one unit of radius does (tip_equilibrium.h).
+double radius_as_overlap(Branch branch, double force, double overlap, double stiffness,
+                         double radius) noexcept {
+  if (branch == Branch::kFree || !(radius > 0.0)) return 0.0;
+  const bool inside = branch == Branch::kContact || branch == Branch::kNonContact;
+  const double by_radius = force - (inside ? overlap * stiffness / 3.0 : 0.0);
+  const double scale = radius * stiffness;
+  return std::abs(by_radius) < kTiltMost * std::abs(scale) ? by_radius / scale : 0.0;
+}
+
 // Energy of sample, springs and bristle.
 double stored_aj(const TipSolution& s, const Compliance& c) noexcept {
   return s.potential_aj + 0.5 * s.force_w_nn.dot(c * s.force_w_nn) + s.friction_stored_aj;
@@ -60,9 +77,12 @@ double stored_aj(const TipSolution& s, const Compliance& c) noexcept {
 }  // namespace
 
 TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law,
-                               double tip_radius_nm, const std::optional<FrictionParameters>& friction)
-    : surface_(std::move(surface)), law_(law), tip_radius_nm_(tip_radius_nm) {
-  if (friction) friction_.emplace(*friction);
+                               double tip_radius_nm, const EquilibriumOptions& options)
+    : surface_(std::move(surface)),
+      law_(law),
+      tip_radius_nm_(tip_radius_nm),
+      radius_force_(options.radius_force) {
+  if (options.friction) friction_.emplace(*options.friction);
 }
 
 TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c,
@@ -119,16 +139,18 @@ TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, Tip
     const Vec3 from = trial.apex_w_nm;
     solution = balance(from + part * (free_end - from), part * c, from, trial);
     spent += solution.iterations;
-    if (getenv("EQ_TRACE")) printf("relax %d part %g status %d\n", i, part, int(solution.status));
     if (solution.status != SolveStatus::kOk) {
-      trial.foot_count = 0;
       part *= 0.25;
       continue;
     }
     law_lost += solution.dissipated_aj;
     friction_lost += solution.friction_dissipated_aj;
     jumps += solution.jumps;
-    if (part == 1.0) {
+    // From p = from + part (free end − from + C F): what is missing to the balance sought.
+    const double missing = (trial.apex_w_nm - from).norm() / part;
+    if (part == 1.0 || missing < kRelaxed) {
+      trial.free_end_w_nm = free_end;
+      solution.apex_w_nm = trial.apex_w_nm = free_end + c * solution.force_w_nn;
       solution.dissipated_aj = law_lost;
       solution.friction_dissipated_aj = friction_lost;
       solution.jumps = jumps;
@@ -167,11 +189,12 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   double contact_radius = state.contact_radius_nm;
   double radius_force = state.radius_force_nn;
   double contact_radius_rate = state.contact_radius_per_force_nm_nn;  // both by the normal force
-  double radius_force_rate = 0;
+  double tilt_per_gradient = radius_as_overlap(state.law.branch, state.force_nn, state.overlap_nm,
+                                               state.stiffness_n_m, state.radius_nm);
   bool breaking = false;
   double energy_at_break = 0, lost_at_break = 0;
-  RadiusIteration radius;
-  Swing swing;
+  Swing swing(tip_radius_nm_);
+  Secants secants;
   FeetInUse left_behind = feet;  // the feet one position ago
   int feet_before = 0;
 
@@ -180,9 +203,12 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     if (!(force > 0.0)) feet.keep_deepest();
 
     // The forces besides n F, where they stand and how they go with p and F.
-    const Vec3 gradient = feet.radius_gradient();
+    const Vec3 gradient = radius_force_ ? feet.radius_gradient() : Vec3(Vec3::Zero());
     Vec3 other = radius_force * gradient;
-    Vec3 slope = radius_force_rate * gradient;
+    Vec3 tilt = -tilt_per_gradient * gradient;
+    const double tilted = tilt.norm();
+    if (tilted > kTiltLongest) tilt *= kTiltLongest / tilted;
+    Vec3 slope = tilt;
     const double force_0 = force;
     FrictionStep rub;
     if (friction_) {
@@ -200,23 +226,21 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       a = (Mat3::Identity() - c * (kept * force * feet.normal_turn() - rub.stiffness_n_m)).inverse();
     }
     const Mat3 s = a * c;
-    const Vec3 deepest_normal = feet.normal();
-    const double taken = -deepest_normal.dot(s * slope);
-    const double most_taken = kLateralShare * deepest_normal.dot(s * deepest_normal);
-    if (taken > most_taken) slope *= most_taken / taken;  // about to jam
+    const Vec3 seen = feet.normal() + tilt;
+    const double taken = seen.dot(s * (tilt - slope));
+    const double most_taken = kLateralShare * seen.dot(s * seen);
+    if (taken > most_taken) slope = tilt + (slope - tilt) * (most_taken / taken);  // about to jam
     const Vec3 unloaded = a * (free_end + c * (other - force_0 * slope) - p);
-    const FeetInUse::Reduced reduced = feet.reduce(s, unloaded, slope);
+    const FeetInUse::Reduced reduced = feet.reduce(s, unloaded, tilt, slope);
 
-    if (feet.count() != feet_before) swing.forget();
+    if (feet.count() != feet_before) {
+      swing.forget();
+      secants.forget();
+    }
     feet_before = feet.count();
-    const double radius_nm = radius.next(feet.radius_nm());
+    const double radius_nm = feet.radius_nm();
     TipSampleState law_state = state.law;
     const Equilibrium eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, law_state);
-    if (getenv("EQ_TRACE"))
-      printf(
-          "  it %d start %d p %.6f %.6f %.9f base %.9f comp %g R %.9g F %.9g st %d feet %d shares unl %g\n",
-          iteration, state.started, p.x(), p.y(), p.z(), reduced.base_overlap_nm, reduced.compliance,
-          radius_nm, eq.force_nn, int(eq.status), feet.count(), unloaded.norm());
     if (eq.status != SolveStatus::kOk) {
       solution.status = SolveStatus::kNotConverged;
       return solution;
@@ -227,6 +251,9 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const Vec3 normal = feet.normal();
     Vec3 step = unloaded + s * ((normal + slope) * force);
     const double length = step.norm();
+    const double done =
+        kStepDone +
+        kForceDone * c_max * (std::abs(force) + kPi * law_.parameters().work_of_adhesion_n_m * radius_nm);
     if (!std::isfinite(length)) {
       solution.status = SolveStatus::kNotConverged;
       return solution;
@@ -234,10 +261,9 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     if (turn >= 1.0) solution.slid = true;
 
     // What the other forces are with the force found, against what they were taken for.
-    const double radius_force_0 = radius_force;
     const double contact_radius_0 = contact_radius;
-    radius_force = law_.radius_force_nn(eq, law_state);
-    radius_force_rate = secant(force, force_0, radius_force, radius_force_0, radius_force_rate);
+    if (radius_force_) radius_force = law_.radius_force_nn(eq, law_state);
+    tilt_per_gradient = radius_as_overlap(eq.branch, force, eq.overlap_nm, eq.stiffness_n_m, radius_nm);
     contact_radius = eq.contact_radius_nm;
     contact_radius_rate =
         std::max(0.0, secant(force, force_0, contact_radius, contact_radius_0, contact_radius_rate));
@@ -248,13 +274,14 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       found += rub.force_w_nn;
     }
     const Vec3 lateral = other + (force - force_0) * slope - rub.stiffness_n_m * step;
-    const bool settled = c_max * (found - lateral).cwiseAbs().maxCoeff() < kStepDone;
+    const bool settled = c_max * (found - lateral).cwiseAbs().maxCoeff() < done;
 
-    if (length < kStepDone && settled && radius.settled(feet.radius_nm())) {
+    if (length < done && settled) {
       // Balanced on these feet; is there a deeper one?
       FootMemory memory = feet.memory(0);
       const SurfaceContact nearest = surface_->nearest(p + to_centre, Search::kGlobal, memory);
-      if (tip_radius_nm_ - nearest.distance_nm > feet.overlap_nm() + kDeeper) {
+      if (tip_radius_nm_ - nearest.distance_nm >
+          feet.overlap_nm() + (iteration < kPatient ? kDeeper : kDeeperAtLast)) {
         if (!(force > 0.0)) feet.clear();
         if (!feet.add(memory, nearest, 0.0)) feet.replace_least(memory, nearest);
         feet_before = 0;
@@ -289,18 +316,24 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       state.radius_force_nn = radius_force;
       state.contact_radius_per_force_nm_nn = contact_radius_rate;
       const Vec3 give = s * (normal + slope);
-      const double along = 1.0 + eq.stiffness_n_m * normal.dot(give);
+      const double along = 1.0 + eq.stiffness_n_m * seen.dot(give);
       state.follow = turn < kTurnTrusted ? a : Mat3::Identity();
       if (along > 0.1) {
-        state.follow -= give * ((eq.stiffness_n_m / along) * normal.transpose() * state.follow);
+        state.follow -= give * ((eq.stiffness_n_m / along) * seen.transpose() * state.follow);
       }
       feet.store(state);
       remember(solution, free_end, state);
       return solution;
     }
     const double longest = kLongestStepRadii * tip_radius_nm_;
-    if (length > longest) step *= longest / length;
+    const bool far = length > longest;
+    if (far) step *= longest / length;
     const bool swings = swing.guard(p, step);
+    if (far || swings) {
+      secants.forget();
+    } else if (iteration > kNewtonAlone) {
+      step = secants.better(p, step);
+    }
     if (swings) {
       // Two feet by turns are two feet at once, if the one left behind is still one from here.
       bool taken_in = false;

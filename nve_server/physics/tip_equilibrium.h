@@ -34,6 +34,8 @@ struct TipState {
   Vec3 apex_w_nm = Vec3::Zero();
   Vec3 normal_w = Vec3::UnitZ();
   double force_nn = 0;  ///< normal
+  double overlap_nm = 0;
+  double stiffness_n_m = 0;  ///< of the law
   double radius_nm = 0;
   double radius_force_nn = 0;  ///< -dU/dR
   double contact_radius_nm = 0;
@@ -67,6 +69,16 @@ struct TipSolution {
   bool radius_clamped = false;  ///< wider than the pit it stands in
 };
 
+struct EquilibriumOptions {
+  std::optional<FrictionParameters> friction;
+  /// L. Without it the force is along the normals (and friction), and a path over changing curvature may draw
+  /// the energy that a changing radius is worth. For surfaces whose radius of curvature changes little over
+  /// the width of the contact, a |∇R_eff| << R_eff: there the pointwise R_eff means something. On a scan that
+  /// is rough on that scale L is as rough, the tip is caught at every pixel, and a step costs many more
+  /// iterations.
+  bool radius_force = false;
+};
+
 /// Quasi-static balance of a spherical tip between a sample and springs to a free end.
 ///
 ///   apex p = x_free + C (n F + L + f),   F = ∂U/∂δ (overlap δ, R_eff),   δ = R − distance(p + R e_z)
@@ -79,11 +91,14 @@ struct TipSolution {
 /// Flat sample without friction: nothing turns, the scalar balance is the answer. Otherwise Newton's method
 /// with the law kept whole: the turning normal n(p) ≈ n + N(p − p_k) (N = ∂n/∂p) and the bristle's tangent K
 /// (stick k(1 − nnᵀ), slip that of a force of given size; semismooth) change the compliance to S = A C, A =
-/// (1 − C (F N − K))⁻¹, and the base overlap to δ_k − nᵀA(x_free + C (L + f) − p_k). L and the limit of
-/// friction change with the force of the law too, by secants: F acts along n + s, s = ∂(L + f)/∂F. Where F C
-/// N comes near 1 the tip is about to slide off a summit sideways: A is then bounded and the iteration walks
-/// downhill to the next balance. Each trial starts from a copy of the law's memory, which moves on once a
-/// step.
+/// (1 − C (F N − K))⁻¹, and the base overlap to δ_k − nᵀA(x_free + C (L + f) − p_k). A radius that changes by
+/// g·(p − p_k) acts on the law as an overlap changed by η g·(p − p_k), η = F_R/F_δ, and by the symmetry of
+/// U's second derivatives L changes by −η g (F − F_k): the law acts along n − η g, in which it feels the
+/// overlap too. F_R ≈ (F − δ F_δ/3)/R, exact where λ plays no part, F/R outside. The limit of friction goes
+/// with F by a secant, and what is still left out (∇g above all) is found from the steps themselves
+/// (balance_guards.h). Where F C N comes near 1 the tip is about to slide off a summit sideways: A is then
+/// bounded and the iteration walks downhill to the next balance. Each trial starts from a copy of the law's
+/// memory, which moves on once a step.
 ///
 /// Where Newton's method finds nothing, the tip relaxes as if overdamped: steps of the proximal point method,
 ///   p_{j+1} = balance with compliance βC of the free end p_j + β(x_free − p_j),   0 < β <= 1,
@@ -110,7 +125,7 @@ struct TipSolution {
 class TipEquilibrium {
  public:
   TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law, double tip_radius_nm,
-                 const std::optional<FrictionParameters>& friction = std::nullopt);
+                 const EquilibriumOptions& options = {});
 
   /// Moves the free end to `free_end_w_nm`. Unless the status is kOk, `state` is left as it was.
   TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
@@ -135,6 +150,7 @@ class TipEquilibrium {
   TipSampleLaw law_;
   double tip_radius_nm_;
   std::optional<Friction> friction_;
+  bool radius_force_;
 };
 
 }  // namespace telenano::physics

@@ -41,7 +41,7 @@ TEST(TipEquilibrium, BalancesOnACorrugation) {
     const TipSolution s = equilibrium.advance(end, c, state);
     ASSERT_EQ(s.status, SolveStatus::kOk) << i;
     EXPECT_LT((s.apex_w_nm - end - c * s.force_w_nn).norm(), 1e-12);
-    EXPECT_LT((s.force_w_nn - s.normal_force_nn * s.normal_w).norm(), 1e-12);
+    EXPECT_LT((s.force_w_nn - s.normal_force_nn * s.normal_w).norm(), 1e-12);  // all of it is the law's
     // The foot seen afresh from the apex: overlap to the step's tolerance (2e-8 nm, second order in it for
     // the normal).
     FootMemory memory;
@@ -100,6 +100,53 @@ TEST(TipEquilibrium, LeansOnBothFlanksOfAGroove) {
   EXPECT_GT(s.force_w_nn.z(), 50.0);
   EXPECT_LT(std::abs(s.apex_w_nm.x() - 80), 0.2);
   EXPECT_LT(s.normal_w.norm(), 0.999);
+}
+
+// −∂U/∂R at constant overlap against central differences of the potential that the law itself gives at two
+// radii, on every branch; Richardson's extrapolation of two steps.
+TEST(TipEquilibrium, RadiusForceIsTheSlopeOfThePotential) {
+  for (const bool vdw : {true, false}) {
+    for (const double modulus : {0.002, 2.6, 70.0329}) {
+      const TipSampleLaw law({modulus, 0.1, 0.165, vdw});
+      const double reach = law.scales(kRadius).overlap_nm;
+      int inside = 0;
+      for (double overlap = vdw ? -3.0 : -law.scales(kRadius).overlap_nm; overlap < 5 * reach;
+           overlap += 0.05 * reach + 0.02) {
+        for (const bool in : {false, true}) {
+          const auto at = [&](double radius, TipSampleState& state) {
+            if (in) law.advance(10 * reach, 0, radius, state);
+            return law.advance(overlap, 0, radius, state);
+          };
+          TipSampleState state;
+          const Equilibrium eq = at(kRadius, state);
+          const double h = 1e-3 * kRadius;
+          double slope[2];
+          bool same = true;
+          for (int half = 0; half < 2; ++half) {
+            TipSampleState up, down;
+            const double step = half == 0 ? h : 0.5 * h;
+            const Equilibrium more = at(kRadius + step, up), less = at(kRadius - step, down);
+            slope[half] = (more.potential_aj - less.potential_aj) / (2 * step);
+            same = same && more.branch == eq.branch && less.branch == eq.branch;
+          }
+          if (!same || eq.branch == Branch::kFree) continue;
+          if (eq.branch == Branch::kContact) ++inside;
+          const double expected = -(4 * slope[1] - slope[0]) / 3;
+          // h⁴ of the relative step, 1e-12, and 1e-13 of the energies over h.
+          const double tolerance = 1e-9 * (std::abs(expected) + std::abs(eq.potential_aj) / kRadius);
+          EXPECT_NEAR(law.radius_force_nn(eq, state), expected, tolerance)
+              << vdw << ' ' << modulus << ' ' << overlap << ' ' << in;
+        }
+      }
+      EXPECT_GT(inside, 30);
+    }
+  }
+  // Deep contact is Hertz: F a²/(5 R²).
+  const TipSampleLaw hard({70.0329, 1e-6, 0.165, false});
+  TipSampleState state;
+  const Equilibrium eq = hard.advance(1.0, 0, kRadius, state);
+  const double hertz = eq.force_nn * eq.contact_radius_nm * eq.contact_radius_nm / (5 * kRadius * kRadius);
+  EXPECT_NEAR(hard.radius_force_nn(eq, state), -hertz, 1e-4 * hertz);  // w of 1e-6 is not quite none
 }
 
 TEST(TipEquilibrium, NonFiniteEndIsRefusedAndChangesNothing) {
