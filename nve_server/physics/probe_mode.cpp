@@ -76,7 +76,7 @@ ModeStep ProbeMode::begin(const ModePropagator& over, const ModeState& from,
   double theta = 1.0;
   if (over.integrator == ModeIntegrator::kMeanForce) {
     const double gain = over.held_nm_nn * std::max(0.0, contact_stiffness_n_m);
-    step.blend = gain / (1.0 + gain);
+    step.blend = gain * gain / (1.0 + gain * gain);
     theta = 0.5 * (1.0 + step.blend);
   }
   step.compliance_nm_nn = over.held_nm_nn * theta;

@@ -58,7 +58,7 @@ double step(const CouplingSetup& s, const CouplingLaw& law, double extension, do
 // and F = 0 far above).
 double static_extension(const CouplingSetup& s, const CouplingLaw& law, double end) {
   const auto residual = [&](double e) { return s.stiffness_n_m * e + law.at(e - end).force_nn; };
-  // From an extension where the springs win on either side, in steps that see each crossing.
+  // From extensions where the springs win on either side.
   double high = 0;
   while (residual(high) < 0) high = 2 * high + 1;
   double low = -1;

@@ -61,7 +61,8 @@ std::vector<double> coupling_history(const CouplingSetup& setup, const CouplingL
 std::vector<double> coupling_reference(const CouplingSetup& setup, const CouplingLaw& law,
                                        std::span<const double> end_nm, int pieces);
 
-/// Balance of the end at rest, the one reached by pressing from above: bisection.
+/// Balance of the end at rest, by bisection; where springs softer than the attraction leave several, one of
+/// them.
 double static_force_nn(const CouplingSetup& setup, const CouplingLaw& law, double end_nm);
 
 /// Presses the end to `depth_nm` below 0 within 20 samples and holds it there. Stable if the force then draws
