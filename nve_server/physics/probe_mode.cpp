@@ -11,6 +11,8 @@
 namespace telenano::physics {
 namespace {
 
+constexpr double kBlendSteps = 8.0;
+
 void require(bool good, const char* what, double value) {
   if (good) return;
   std::ostringstream text;
@@ -76,7 +78,8 @@ ModeStep ProbeMode::begin(const ModePropagator& over, const ModeState& from,
   double theta = 1.0;
   if (over.integrator == ModeIntegrator::kMeanForce) {
     const double gain = over.held_nm_nn * std::max(0.0, contact_stiffness_n_m);
-    step.blend = gain / (1.0 + gain);
+    // In steps: the law keeps what it has found while the compliance stays the same.
+    step.blend = std::floor(kBlendSteps * gain * gain / (1.0 + gain * gain) + 0.5) / kBlendSteps;
     theta = 0.5 * (1.0 + step.blend);
   }
   step.compliance_nm_nn = over.held_nm_nn * theta;

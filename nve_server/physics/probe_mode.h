@@ -23,12 +23,15 @@ namespace telenano::physics {
 ///   kHeldForce      Φ̄ = Φ₁: exact when free, first order in contact. A convex contact never gives more than
 ///                   it had, an attractive one does; and a hard contact bounces for ever (v₁ = −v₀).
 ///   kMeanForce      Φ̄ = (1 − θ) Φ₀ + θ Φ₁, θ = ½ (1 + β), v₁ ← (1 − β) v₁ + β (q₁ − q₀)/h with
-///                   β = gK/(1 + gK), K >= 0 the contact's stiffness along the mode. Exact when free, second
-///                   order in contact and without loss for a linear force (Φ̄ (q₁ − q₀) = −ΔU when β = 0,
-///                   attractive or not); a contact that h does not resolve (gK >> 1) is held, not bounced on.
-/// kMeanForce is stable for ω0 h <= 1 whatever K is (the largest eigenvalue of a step is <= 1 for gK from
-/// −kg to 1e9 and Q from 0.6 to 1e6; at ω0 h = 3 it is 1.002), and not far above: hence the choice made by
-/// over(). Rounding: g is a difference of numbers near 1, its relative error 1e-16/(ω0 h)².
+///                   β = (gK)²/(1 + (gK)²) rounded to eighths, K >= 0 the contact's stiffness along the
+///                   mode. Exact when free,
+///                   second order in contact and without loss for a linear force that the step resolves
+///                   (Φ̄ (q₁ − q₀) = −ΔU when β = 0, attractive or not); a contact that h does not resolve
+///                   (gK > 4, gK = ½ (ω_K h)² with ω_K² = K/m) is held, not bounced on.
+/// A step of kMeanForce on a linear contact has no eigenvalue beyond 1 for K from −k to 1e9 k, Q from 0.6 to
+/// 1e6 and ω0 h to 1. Beyond ω0 h = 1 a held force no longer means the motion between two samples (at whole
+/// periods g = 0, and the probe would be rigid): there over() takes backward Euler. Rounding: g is a
+/// difference of numbers near 1, its relative error 1e-16/(ω0 h)².
 enum class ModeIntegrator : unsigned char { kBackwardEuler, kHeldForce, kMeanForce };
 
 struct ModeState {

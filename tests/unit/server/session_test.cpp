@@ -158,8 +158,8 @@ TEST(Session, RetractsOnTimeOutAndIsResumedWhereTheTipIs) {
   EXPECT_EQ(s.client.welcome().epoch, epoch);
 }
 
-// In the middle of the retract the tip is still in contact, half of the way behind the commanded end: resuming
-// there would be a step of the force.
+// In the middle of the retract the tip is still in contact, half of the way behind the commanded end:
+// resuming there would be a step of the force.
 TEST(Session, IsResumedInARetractAtTheCommandedEndAndNotAtTheTip) {
   SpringSlave* slave = nullptr;
   Server server(test_config(), spring_scene(&slave));

@@ -67,6 +67,27 @@ TEST(ProbeInSlave, TiltedLeverPushesTheApexSideways) {
   EXPECT_GT(out.force_w_nn.z(), 20);
 }
 
+// What a Welcome says is the hardest wall: along z on a flat sample, the stiffest direction of the springs
+// elsewhere, and with the mode frozen where it is slower than the samples.
+TEST(ProbeInSlave, TellsTheStiffestDirection) {
+  ProbeParameters p;
+  p.stiffness_n_m = 2;
+  p.lateral_stiffness_n_m = 50;
+  p.longitudinal_stiffness_n_m = 200;
+  const auto shown = [&](const char* name) {
+    return NveSlave(scene_with(name, p)).limits().coupling_stiffness_n_m;
+  };
+  EXPECT_NEAR(shown("flat_silicon_oxide"), 1 / (1 / 20.0 + 1 / 2.0), 1e-12);
+  EXPECT_NEAR(shown("flakes"), 1 / (1 / 20.0 + 1 / 200.0), 1e-12);
+  p.tilt_deg = 30;  // turns the directions and not the stiffest value
+  EXPECT_NEAR(shown("flakes"), 1 / (1 / 20.0 + 1 / 200.0), 1e-12);
+  p.tilt_deg = 0;
+  p.mode = physics::ModeParameters{3e5, 100};
+  EXPECT_NEAR(shown("flat_silicon_oxide"), 1 / (1 / 20.0 + 1 / 2.0), 1e-12);
+  p.mode = physics::ModeParameters{2e3, 100};
+  EXPECT_NEAR(shown("flat_silicon_oxide"), 20, 1e-12);
+}
+
 // On a scan the book holds ½ FᵀCF with all its parts: what went in over a path and back at the same balance
 // is what was lost; and springs and energy agree with C on each step.
 TEST(ProbeInSlave, BooksTheLeverInAllDirections) {
@@ -93,9 +114,6 @@ TEST(ProbeInSlave, BooksTheLeverInAllDirections) {
     sideways = std::max(sideways, std::hypot(f.x(), f.y()));
   }
   EXPECT_GT(sideways, 1.0);  // the flanks were met
-  // The stiffest direction of springs: 1/λ_min of 1/20 + C; λ_min >= 1/20.
-  EXPECT_LE(slave.limits().coupling_stiffness_n_m, 20.0);
-  EXPECT_GT(slave.limits().coupling_stiffness_n_m, 1 / (1 / 20.0 + c.trace()));
 }
 
 // Tip over a flat attracted by van der Waals alone, F = −H R/(6 d²), H = 12π a0² w: coupling, mode and force
@@ -304,8 +322,8 @@ TEST(ProbeInSlave, LimitHoldsForTheWholeForce) {
   NveSlave slave(scene);
   const Vec3 start = slave.limits().start_pos_w_nm;
   int limited = 0;
-  for (int i = 0; i < 3000; ++i) {
-    const SlaveOutput out = go(slave, Vec3(start.x() + 0.1 * i, start.y(),
+  for (int i = 0; i < 1000; ++i) {
+    const SlaveOutput out = go(slave, Vec3(start.x() + 0.3 * i, start.y(),
                                            std::max(slave.limits().surface_z_w_nm - 60, 20 - 0.5 * i)));
     ASSERT_LE(out.force_w_nn.norm(), 60 + 1e-9) << i;
     if (out.fault_bits & link::kFaultForceLimit) ++limited;
