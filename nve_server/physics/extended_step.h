@@ -457,16 +457,21 @@ class ExtendedStep {
     const TipPoint here = at(place_.x);
     const TipPoint end = at(border_x);
     double turn = border_x;
-    if (ahead(end) > 0) {
-      if (end.base_rate >= 0) return false;
+    const bool falls_here = !(here.base_rate > 0);
+    if (ahead(end) > 0 && end.base_rate >= 0) return false;
+    if (ahead(end) > 0 || (falls_here && end.base_rate < 0)) {
       double rising = place_.x;
-      if (!(here.base_rate > 0)) {
+      if (falls_here) {
         if (!place_.inside) return false;  // concave: it falls ever more
         rising = steepest(place_.x, border_x);
         if (!(at(rising).base_rate > 0)) return false;
       }
       turn = fold_between(rising, border_x);
-      if (ahead(at(turn)) > 0) return false;
+      // From a fold the force grows with the square of the way: what is within rounding is the fold itself.
+      const double rounding =
+          8.0 * kEpsilon *
+          (std::fabs(z_) + std::fabs(end.overlap_nm) + compliance_ * std::fabs(end.force_nn));
+      if (ahead(at(turn)) > -rounding) return false;
     }
     return solve_between(place_.x, turn, z_);
   }
@@ -594,7 +599,7 @@ class ExtendedStep {
   double cut_off_;
   const LongRange& far_;
   Cache& cache_;
-  const ContactScales& scales_;
+  const decltype(Cache::scales)& scales_;
   double radius_;
   Held held_;
   TipPlace place_;
