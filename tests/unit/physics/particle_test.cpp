@@ -306,12 +306,12 @@ TEST(Particle, StandsOnBothFlanksOfAGroove) {
   }
   EXPECT_NEAR(s.particle_centre_w_nm.x(), 80, 0.5);
   EXPECT_GT(s.particle_centre_w_nm.y(), 100);
-  EXPECT_GT(s.contacts[kParticleSample].normal_force_nn, 1);
+  EXPECT_GT(s.contacts[kParticleSample].normal_force_nn, 0);
   EXPECT_EQ(state.particle_feet.count, 2);
   EXPECT_LT(s.contacts[kParticleSample].normal_w.norm(), 0.999);
 }
 
-// Up against a step, pushed from behind and above: it climbs or lets the tip past, never goes through.
+// Up against a step, pushed from behind: it weighs nothing, so it rolls over the edge; it never goes through.
 TEST(Particle, NeverGoesThroughAStep) {
   const auto surface = sampled(201, 1.0, [](double x, double) { return x < 110 ? 0.0 : 12.0; });
   ParticleParameters p = plain();
@@ -320,7 +320,6 @@ TEST(Particle, NeverGoesThroughAStep) {
   p.tip_particle_friction = {0.02, 8.0, 0.1};
   const ParticleEquilibrium scene(surface, p);
   ParticleState state = scene.place(70, 100);
-  double hardest = 0;
   int not_converged = 0;
   for (double x = 30; x < 150; x += 0.5) {
     const ParticleSolution s =
@@ -329,18 +328,19 @@ TEST(Particle, NeverGoesThroughAStep) {
       ++not_converged;
       continue;
     }
-    hardest = std::max(hardest, -s.tip.force_w_nn.x());
     FootMemory foot;
     const double distance = surface->nearest(state.particle_centre_w_nm, Search::kGlobal, foot).distance_nm;
     ASSERT_GT(distance, kParticle - 3) << x;
     ASSERT_GT((state.particle_centre_w_nm - state.tip_centre_w_nm).norm(), kParticle + kTip - 3) << x;
   }
   EXPECT_EQ(not_converged, 0);
-  EXPECT_GT(hardest, 5);
+  EXPECT_GT(state.particle_centre_w_nm.x(), 130);
+  const double rest = scene.place(180, 100).particle_centre_w_nm.z();
+  EXPECT_NEAR(state.particle_centre_w_nm.z(), rest, 0.02);  // on the terrace, pressed by less than a nN
 }
 
 // An independent way to the same path: explicit Euler in the plane, with Hertz contacts and bristles written
-// for two dimensions, small steps. Implicit steps are of first order: the error halves with the step.
+// for two dimensions, small steps.
 class ExplicitPlane {
  public:
   ExplicitPlane(double k_gpa, double tau, double g, double drag, double start_z)
@@ -411,8 +411,8 @@ TEST(Particle, GoesTheWayOfAnExplicitIntegration) {
   const auto tip_at = [&](double t) { return Vec3(-reach + 80 * t, 0, start_z + reach - 25 * t); };
 
   ExplicitPlane plane(kModulus, kShear, kG, kDrag, start_z);
-  // Spin has no part in the plane. 60 000 steps: the explicit method's own error is 1/1000 of the implicit.
-  constexpr double kSmall_s = 1e-6;
+  // Spin has no part in the plane. 300 000 steps.
+  constexpr double kSmall_s = 2e-7;
   for (int i = 1; i * kSmall_s < kEnd_s + 0.5 * kSmall_s; ++i) {
     const Vec3 tip = tip_at(i * kSmall_s);
     plane.step(tip.x(), tip.z(), kSmall_s);
@@ -431,9 +431,10 @@ TEST(Particle, GoesTheWayOfAnExplicitIntegration) {
         std::hypot(state.particle_centre_w_nm.x() - plane.x, state.particle_centre_w_nm.z() - plane.z) +
         kParticle * std::abs(state.turned_w_rad.y() - plane.turn);
   }
-  EXPECT_LT(errors[2], 0.02 * std::abs(plane.x));
-  EXPECT_NEAR(errors[0] / errors[1], 2, 0.5);
-  EXPECT_NEAR(errors[1] / errors[2], 2, 0.5);
+  // Of 5.7 nm and 0.013 rad. Steps of 1e-6 s leave 1e-4 nm in the explicit method, five times smaller ones a
+  // fifth of it.
+  EXPECT_LT(errors[0], 3e-4);
+  EXPECT_LT(errors[2], 1e-4);
 }
 
 TEST(Particle, LongStepsDoNotPassThroughIt) {
@@ -446,7 +447,7 @@ TEST(Particle, LongStepsDoNotPassThroughIt) {
   const ParticleSolution s = scene.advance(Vec3(500, 0, z), kSprings, 1e-3, state);
   ASSERT_EQ(s.status, SolveStatus::kOk);
   EXPECT_GT(s.particle_centre_w_nm.x(), 500 + kTip + kParticle - 3);
-  EXPECT_GT(s.substeps, 400);
+  EXPECT_GE(s.substeps, 285);  // the last 535 nm in eighths of the tip's radius
 }
 
 TEST(Particle, BadInputIsRefusedAndChangesNothing) {
