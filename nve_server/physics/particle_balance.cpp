@@ -22,7 +22,8 @@ constexpr double kLongestStepRadii = 0.3;
 constexpr double kLongestStepOfGap = 0.5;
 constexpr double kLongestTurn_rad = 0.3;
 constexpr double kArmijo = 1e-4;
-constexpr double kSteepest = 30.0;  // in units of a contact's own stiffness
+constexpr double kNearestCentres = 0.05;  // of the radii's sum: which way is out is lost there
+constexpr double kSteepest = 30.0;        // in units of a contact's own stiffness
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
 // d = tip·Δp + particle·Δq: motion of the upper body less that of the lower.
@@ -95,7 +96,7 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
     double overlap;
     if (i == kTipParticle) {
       const double distance = at.tip_to_particle_w_nm.norm();
-      if (!(distance > 1e-6 * lever)) return;
+      if (!(distance > kNearestCentres * (p.tip_radius_nm + lever))) return;
       contact.normal_w = at.tip_to_particle_w_nm / distance;
       contact.bend_1_per_nm = (contact.normal_w * contact.normal_w.transpose() - Mat3::Identity()) / distance;
       contact.radius_nm = model_.nominal_radius_nm[i];

@@ -16,6 +16,7 @@ constexpr int kMaxIterationsInAll = 50000;  // some 100 ms: the bound on the tim
 constexpr double kRefine = 0.25;
 constexpr double kFinest = 1e-5;
 constexpr double kLeastCompliance = 1e-12;  // nm/nN: 1e-10 nm under 100 nN
+constexpr double kEnergyRounding = 1e-12;   // ten times the laws' own
 constexpr double kShortestTime_s = 1e-12;
 
 double allowed_step(const ParticleModel& model, const ParticleState& state) noexcept {
@@ -168,9 +169,10 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
     const double after = now.potential_aj + spring_energy(force, soft);
     const double work = -0.5 * (force_before + force).dot(next - end);
     const double rest = work - (after - before) - friction - drag;
-    // A fall that is not seen as such still exceeds what a trapezium can err by.
-    const bool fell = balance.jumps() > 0 || balance.unstable() ||
-                      rest > 0.5 * std::abs((force - force_before).dot(next - end));
+    // A fall that is not seen as such still exceeds what a trapezium can err by, and the rounding of U.
+    const double error = 0.5 * std::abs((force - force_before).dot(next - end)) +
+                         kEnergyRounding * (std::abs(before) + std::abs(after));
+    const bool fell = balance.jumps() > 0 || balance.unstable() || rest > error;
     if (state.started) {
       out.friction_loss_aj += friction;
       out.drag_loss_aj += drag;

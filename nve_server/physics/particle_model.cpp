@@ -1,5 +1,6 @@
 #include "nve_server/physics/particle_model.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -43,7 +44,17 @@ ParticleModel::ParticleModel(std::shared_ptr<const Surface> the_surface, const P
   nominal_radius_nm[kParticleSample] = p.particle_radius_nm;
   for (int i = 0; i < kParticleContacts; ++i) {
     pull_off_nn[i] = laws[i].pull_off_nn(nominal_radius_nm[i]);
-    zero_load_radius_nm[i] = zero_load(laws[i], nominal_radius_nm[i]).contact_radius_nm;
+    const ZeroLoad rest = zero_load(laws[i], nominal_radius_nm[i]);
+    zero_load_radius_nm[i] = rest.contact_radius_nm;
+    if (i == kTipSample) continue;
+    const double smaller =
+        i == kParticleSample ? p.particle_radius_nm : std::min(p.tip_radius_nm, p.particle_radius_nm);
+    if (!(rest.overlap_nm < smaller)) {
+      throw UserError(std::string("particle: so soft or so small that adhesion alone draws it ") +
+                      std::to_string(rest.overlap_nm) + " nm into the " +
+                      (i == kTipParticle ? "tip" : "sample") + ", expected less than the smaller radius, " +
+                      std::to_string(smaller) + " nm");
+    }
   }
 }
 

@@ -21,7 +21,8 @@ ZeroLoad zero_load(const TipSampleLaw& law, double radius_nm) noexcept;
 
 /// What does not change: the bodies, their laws and the surface.
 struct ParticleModel {
-  /// Throws UserError unless radii and drag are positive and the frictions make sense.
+  /// Throws UserError unless radii and drag are positive, the frictions make sense, and adhesion alone does
+  /// not draw the particle into sample or tip by a radius (where no contact theory holds).
   ParticleModel(std::shared_ptr<const Surface> surface, const ParticleParameters& parameters);
 
   std::shared_ptr<const Surface> surface;
