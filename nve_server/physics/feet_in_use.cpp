@@ -106,6 +106,13 @@ double FeetInUse::radius_nm() const noexcept {
   return sum;
 }
 
+Vec3 FeetInUse::radius_gradient() const noexcept {
+  if (count_ == 1) return feet_[0].contact.radius_gradient;
+  Vec3 sum = Vec3::Zero();
+  for (int i = 0; i < count_; ++i) sum += feet_[i].share * feet_[i].contact.radius_gradient;
+  return sum;
+}
+
 bool FeetInUse::radius_clamped() const noexcept {
   return std::any_of(feet_.begin(), feet_.begin() + count_,
                      [](const Foot& f) { return f.contact.radius_clamped; });
@@ -121,23 +128,26 @@ double FeetInUse::overlap_nm() const noexcept {
   return most;
 }
 
-FeetInUse::Reduced FeetInUse::reduce(const Mat3& s, const Vec3& u) noexcept {
+FeetInUse::Reduced FeetInUse::reduce(const Mat3& s, const Vec3& u, const Vec3& tilt,
+                                     const Vec3& slope) noexcept {
   Reduced reduced;
   while (true) {
     const Vec3& n0 = feet_[0].contact.normal_w;
-    const Vec3 give = s * n0;
-    const double along = n0.dot(give);
-    reduced.base_overlap_nm = feet_[0].overlap_nm - n0.dot(u);
+    const Vec3 give = s * (n0 + slope);
+    const Vec3 seen = n0 + tilt;
+    const double along = seen.dot(give);
+    reduced.base_overlap_nm = feet_[0].overlap_nm - seen.dot(u);
     reduced.compliance = std::max(0.0, along);
     if (count_ == 1) return reduced;
 
     Vec3 m[kMaxFeet - 1], sm[kMaxFeet - 1];
-    double r[kMaxFeet - 1], q[kMaxFeet - 1];
+    double r[kMaxFeet - 1], q[kMaxFeet - 1], back[kMaxFeet - 1];
     for (int i = 1; i < count_; ++i) {
       m[i - 1] = feet_[i].contact.normal_w - n0;
       sm[i - 1] = s * m[i - 1];
       r[i - 1] = feet_[i].overlap_nm - feet_[0].overlap_nm - m[i - 1].dot(u);
       q[i - 1] = m[i - 1].dot(give);
+      back[i - 1] = seen.dot(sm[i - 1]);
     }
     const double g11 = m[0].dot(sm[0]);
     const double floor = kSameNormal * std::max(along, 1e-300);
@@ -161,8 +171,8 @@ FeetInUse::Reduced FeetInUse::reduce(const Mat3& s, const Vec3& u) noexcept {
       reduced.b1 = {(g22 * q[0] - g12 * q[1]) / det, (g11 * q[1] - g12 * q[0]) / det};
     }
     for (int i = 1; i < count_; ++i) {
-      reduced.base_overlap_nm -= q[i - 1] * reduced.b0[i - 1];
-      reduced.compliance -= q[i - 1] * reduced.b1[i - 1];
+      reduced.base_overlap_nm -= back[i - 1] * reduced.b0[i - 1];
+      reduced.compliance -= back[i - 1] * reduced.b1[i - 1];
     }
     reduced.compliance = std::max(0.0, reduced.compliance);
     return reduced;

@@ -27,9 +27,10 @@ class FeetInUse {
 
   /// Largest eigenvalue of F·N, at most: from the feet's principal curvatures as seen from the centre.
   double turning(double force_nn) const noexcept;
-  Mat3 normal_turn() const noexcept;  ///< Σ share·N
-  Vec3 normal() const noexcept;       ///< Σ share·n
-  double radius_nm() const noexcept;  ///< Σ share·R_eff
+  Mat3 normal_turn() const noexcept;      ///< Σ share·N
+  Vec3 normal() const noexcept;           ///< Σ share·n
+  double radius_nm() const noexcept;      ///< Σ share·R_eff
+  Vec3 radius_gradient() const noexcept;  ///< Σ share·∇R_eff
   bool radius_clamped() const noexcept;
   bool outside() const noexcept;
   double overlap_nm() const noexcept;  ///< largest
@@ -42,8 +43,10 @@ class FeetInUse {
     std::array<double, kMaxFeet - 1> b0{};
     std::array<double, kMaxFeet - 1> b1{};
   };
-  /// May drop feet whose normals say nothing new.
-  Reduced reduce(const Mat3& compliance, const Vec3& unloaded_step) noexcept;
+  /// The law sees the overlap along the normals and `tilt_w`; `slope_w` is the change of the other forces
+  /// with F. May drop feet whose normals say nothing new.
+  Reduced reduce(const Mat3& compliance, const Vec3& unloaded_step, const Vec3& tilt_w,
+                 const Vec3& slope_w) noexcept;
   /// Shares at this force. True if a foot was dropped for a negative share.
   bool share(const Reduced& reduced, double force_nn) noexcept;
 

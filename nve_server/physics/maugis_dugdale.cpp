@@ -167,6 +167,20 @@ CurvePoint MaugisDugdale::contact(double u) const noexcept {
   return p;
 }
 
+double MaugisDugdale::radius_moment(bool contact, double u, double a, double overlap,
+                                    double load) const noexcept {
+  // Before contact lambda C^2 = -2P/pi, theta = pi/2.
+  if (!contact) return -load * load / (2.0 * kPi * lambda_);
+  const double root = std::sqrt(u);
+  const double theta = u > 1.0 ? atan_to_one(1.0 / root) : kHalfPi - atan_to_one(root);
+  const double sin_cos = root / (1.0 + u);
+  const double a3 = a * a * a;
+  // lambda C^2 from P towards the onset, from A far from it: where nothing cancels.
+  const double lc2 = u < 1.0 ? (a3 - load) / (theta + sin_cos) : lambda_ * a * a * (1.0 + 1.0 / u);
+  const double annulus = theta - sin_cos * (u - 1.0) / (u + 1.0);
+  return a3 * (0.5 * overlap - 0.3 * a * a) - 0.25 * lc2 * (lc2 / lambda_) * annulus;
+}
+
 bool MaugisDugdale::fold_before_contact(const Held& held, double* outer_radius) const noexcept {
   // dZ/dC = overlap (C - q) - load pi lambda C
   const double e = held.overlap - kPi * lambda_ * held.load;

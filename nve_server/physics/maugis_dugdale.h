@@ -49,6 +49,14 @@ class MaugisDugdale {
   CurvePoint noncontact(double outer_radius) const noexcept;
   CurvePoint contact(double u) const noexcept;
 
+  /// R dU/dR at constant overlap, tip and sample, over u_F u_delta: the second moment of the pressure, since
+  /// a larger radius lowers the gap by r^2/(2 R^2) dR (U is stationary in all else). With the Abel transform
+  /// of the pressure (E* (delta - t^2/R) inside a, -2 sigma0 sqrt(c^2 - t^2) in the annulus)
+  ///   A^3 (Delta/2 - (3/10) A^2) - (lambda/4) C^4 (theta - sin(4 theta)/4).
+  /// Hertz: A^5/5. From the parameter, A, Delta and P of a state.
+  double radius_moment(bool contact, double parameter, double contact_radius, double overlap,
+                       double load) const noexcept;
+
   /// The end of the stable segment: where dZ/ds = 0 first, coming from deep contact. A search of about ten
   /// contact evaluations if the fold lies in contact, closed form if not.
   CurvePoint fold(const Held& held) const noexcept;

@@ -4,20 +4,30 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/constants.h"
+#include "nve_server/physics/balance_guards.h"
 #include "nve_server/physics/feet_in_use.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr int kMaxIterations = 80;
-constexpr double kStepDone =
-    2e-8;  // nm: the law's own error, 1e-9 of some 100 nN, through the softest spring
-constexpr double kSwingLeast = 1e-5;  // nm: shorter swings are rounding
-constexpr double kRadiusDone = 1e-6;  // of the force, which follows the radius
-constexpr int kRadiusUpdates = 6;
-constexpr double kDeeper = 1e-9;  // nm by which another foot must be deeper to be taken in
-constexpr double kTurnMax = 0.9;  // of F C N; at 1 the tip slides off sideways
+constexpr int kMaxIterations = 60;
+constexpr double kStepDone = 2e-8;      // nm
+constexpr double kForceDone = 1e-10;    // of the law's forces, its own error; counts through a soft spring
+constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
+constexpr double kDeeperAtLast = 2e-5;  // where two feet take turns for ever
+constexpr int kPatient = 20;
+constexpr double kTurnMax = 0.9;      // of F C N; at 1 the tip slides off sideways
+constexpr double kTurnTrusted = 0.5;  // beyond, the last step's answer does not predict the next
 constexpr double kLongestStepRadii = 0.5;
+constexpr double kLateralShare = 0.75;  // of the normal compliance that the lateral force may take away
+constexpr double kTiltMost = 0.5;       // of what a change of radius is worth in overlap
+constexpr double kTiltLongest = 0.5;    // of the normal
+constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
+constexpr int kRelaxations = 80;
+constexpr double kRelaxed = 1e-6;  // nm
+constexpr double kFirstRelaxation = 0.25;
+constexpr double kLeastRelaxation = 1e-5;
 
 void describe(const Equilibrium& eq, TipSolution& solution) noexcept {
   solution.status = eq.status;
@@ -36,105 +46,44 @@ void remember(const TipSolution& solution, const Vec3& free_end_w_nm, TipState& 
   state.free_end_w_nm = free_end_w_nm;
   state.radius_nm = solution.radius_nm;
   state.apex_w_nm = solution.apex_w_nm;
-  state.normal_w = solution.normal_w;
   state.force_nn = solution.normal_force_nn;
+  state.overlap_nm = solution.overlap_nm;
   state.stiffness_n_m = solution.stiffness_n_m;
+  state.contact_radius_nm = solution.contact_radius_nm;
 }
 
-// The radius that the law is given, drawn to that of the foot. On a rough surface the foot wanders far for a
-// small motion of the tip, most of all in a pit nearly as narrow as the tip, and the radius with it: giving
-// the law each new foot's radius can swing for ever. So the radius goes half of the way when it turns round,
-// and after kRadiusUpdates it stays; the next step goes on from there.
-class RadiusIteration {
- public:
-  explicit RadiusIteration(double from_nm) noexcept : given_(from_nm) {}
-  double next(double found_nm, double force_nn) noexcept {
-    if (given_ <= 0.0) {
-      given_ = found_nm;
-    } else if (!settled(found_nm, force_nn)) {
-      const double change = found_nm - given_;
-      if (change * last_change_ < 0.0) weight_ *= 0.5;
-      given_ += weight_ * change;
-      last_change_ = change;
-    }
-    ++count_;
-    return given_;
-  }
-  bool settled(double found_nm, double force_nn) const noexcept {
-    return count_ >= kRadiusUpdates || std::abs(found_nm - given_) * std::abs(force_nn) <
-                                           kRadiusDone * given_ * (1.0 + std::abs(force_nn));
-  }
+// d value/dF from two places; `before` if they are too near for it.
+double secant(double force, double force_0, double value, double value_0, double before) noexcept {
+  const double change = force - force_0;
+  if (!(std::abs(change) > 1e-6 * (std::abs(force) + std::abs(force_0)))) return before;
+  return (value - value_0) / change;
+}
 
- private:
-  int count_ = 0;
-  double given_;
-  double weight_ = 1.0;
-  double last_change_ = 0.0;
-};
+// η: the overlap that does to the force what one unit of radius does (tip_equilibrium.h).
+double radius_as_overlap(Branch branch, double force, double overlap, double stiffness,
+                         double radius) noexcept {
+  if (branch == Branch::kFree || !(radius > 0.0)) return 0.0;
+  const bool inside = branch == Branch::kContact || branch == Branch::kNonContact;
+  const double by_radius = force - (inside ? overlap * stiffness / 3.0 : 0.0);
+  const double scale = radius * stiffness;
+  return std::abs(by_radius) < kTiltMost * std::abs(scale) ? by_radius / scale : 0.0;
+}
 
-// Newton's method between two places that send it to each other: in a pit nearly as narrow as the tip the
-// foot swings from one side to the other within a fraction of a nanometre, and with it the normal, and from
-// neither side does Newton see the steep stretch between. So when a step turns back on the one before, the
-// place between is sought (by halving) where it does not, and Newton goes on from there, with that place's
-// own, steep, slope.
-class Swing {
- public:
-  // Takes the step found at p; changes it to where to go instead. True while a swing is being searched.
-  bool guard(const Vec3& p, Vec3& step) noexcept {
-    if (searching_) {
-      const double along = step.dot(direction_);
-      if (std::abs(along) < kTurnedBack * direction_.squaredNorm() || ++halvings_ == kHalvings) {
-        searching_ = false;
-      } else {
-        (along > 0.0 ? low_ : high_) = at_;
-        at_ = 0.5 * (low_ + high_);
-        step = origin_ + at_ * direction_ - p;
-        return true;
-      }
-    } else if (armed_ && step.norm() > kSwingLeast &&
-               step.dot(direction_) < -kTurnedBack * direction_.squaredNorm()) {
-      searching_ = true;
-      halvings_ = 0;
-      low_ = 0.0;
-      high_ = 1.0;
-      at_ = 0.5;
-      step = origin_ + at_ * direction_ - p;
-      return true;
-    }
-    armed_ = true;
-    origin_ = p;
-    direction_ = step;
-    return false;
-  }
-  void forget() noexcept { armed_ = searching_ = false; }
-
- private:
-  static constexpr double kTurnedBack = 0.3;
-  static constexpr int kHalvings = 12;
-  bool armed_ = false;
-  bool searching_ = false;
-  int halvings_ = 0;
-  double low_ = 0, high_ = 1, at_ = 0;
-  Vec3 origin_ = Vec3::Zero();
-  Vec3 direction_ = Vec3::Zero();
-};
-
-// Where the apex goes if the surface is a plane and the law a line.
-Vec3 predict(const Vec3& free_end, const Compliance& c, const TipState& state) noexcept {
-  if (!state.started) return free_end;
-  const Vec3 moved = free_end - state.free_end_w_nm;
-  const Vec3 give = c * state.normal_w;
-  const double springs = state.normal_w.dot(give);
-  const double along = 1.0 + springs * state.stiffness_n_m;
-  if (!(along > 0.1)) return state.apex_w_nm + moved;
-  return state.apex_w_nm + moved - give * (state.normal_w.dot(moved) * state.stiffness_n_m / along);
+// Energy of sample, springs and bristle.
+double stored_aj(const TipSolution& s, const Compliance& c) noexcept {
+  return s.potential_aj + 0.5 * s.force_w_nn.dot(c * s.force_w_nn) + s.friction_stored_aj;
 }
 
 }  // namespace
 
 TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law,
-                               double tip_radius_nm)
-    : surface_(std::move(surface)), law_(law), tip_radius_nm_(tip_radius_nm) {}
+                               double tip_radius_nm, const EquilibriumOptions& options)
+    : surface_(std::move(surface)),
+      law_(law),
+      tip_radius_nm_(tip_radius_nm),
+      radius_force_(options.radius_force) {
+  if (options.friction) friction_.emplace(*options.friction);
+}
 
 TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c,
                                          TipState& state) const noexcept {
@@ -158,26 +107,72 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
     none.status = SolveStatus::kNonFinite;
     return none;
   }
-  if (surface_->is_flat()) return advance_flat(free_end, c, state);
-  TipSolution solution = advance_curved(free_end, c, state);
+  if (surface_->is_flat() && !friction_) return advance_flat(free_end, c, state);
+  Vec3 start = free_end;
+  if (state.started) start = state.apex_w_nm + state.follow * (free_end - state.free_end_w_nm);
+  TipSolution solution = balance(free_end, c, start, state);
   if (solution.status == SolveStatus::kNotConverged && state.foot_count != 0) {
     // The remembered feet may be what leads astray: once more from the nearest one.
     TipState afresh = state;
     afresh.foot_count = 0;
     const int spent = solution.iterations;
-    solution = advance_curved(free_end, c, afresh);
+    solution = balance(free_end, c, start, afresh);
     solution.iterations += spent;
     if (solution.status == SolveStatus::kOk) state = afresh;
+  }
+  if (solution.status == SolveStatus::kNotConverged) {
+    const int spent = solution.iterations;
+    solution = relax(free_end, c, state);
+    solution.iterations += spent;
   }
   return solution;
 }
 
-TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Compliance& c,
-                                           TipState& state) const noexcept {
+TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, TipState& state) const noexcept {
+  TipState trial = state;
+  if (!state.started) trial.apex_w_nm = free_end;
+  TipSolution solution;
+  double part = kFirstRelaxation;
+  double law_lost = 0, friction_lost = 0;
+  int jumps = 0, spent = 0;
+  for (int i = 0; i < kRelaxations && part >= kLeastRelaxation; ++i) {
+    const Vec3 from = trial.apex_w_nm;
+    solution = balance(from + part * (free_end - from), part * c, from, trial);
+    spent += solution.iterations;
+    if (solution.status != SolveStatus::kOk) {
+      part *= 0.25;
+      continue;
+    }
+    law_lost += solution.dissipated_aj;
+    friction_lost += solution.friction_dissipated_aj;
+    jumps += solution.jumps;
+    // From p = from + part (free end − from + C F): what is missing to the balance sought.
+    const double missing = (trial.apex_w_nm - from).norm() / part;
+    if (part == 1.0 || missing < kRelaxed) {
+      trial.free_end_w_nm = free_end;
+      solution.apex_w_nm = trial.apex_w_nm = free_end + c * solution.force_w_nn;
+      solution.dissipated_aj = law_lost;
+      solution.friction_dissipated_aj = friction_lost;
+      solution.jumps = jumps;
+      solution.iterations = spent;
+      solution.slid = true;
+      state = trial;
+      return solution;
+    }
+    part = std::min(1.0, 2.0 * part);
+  }
+  TipSolution none;
+  none.status = SolveStatus::kNotConverged;
+  none.iterations = spent;
+  return none;
+}
+
+TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, const Vec3& start,
+                                    TipState& state) const noexcept {
   TipSolution solution;
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
   const double c_max = c.cwiseAbs().rowwise().sum().maxCoeff();  // bounds the largest eigenvalue
-  Vec3 p = predict(free_end, c, state);
+  Vec3 p = start;
   FeetInUse feet;
   if (state.foot_count == 0) {
     FootMemory memory;
@@ -191,8 +186,15 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
     }
   }
   double force = state.force_nn;
-  RadiusIteration radius(state.radius_nm);
-  Swing swing;
+  double contact_radius = state.contact_radius_nm;
+  double radius_force = state.radius_force_nn;
+  double contact_radius_rate = state.contact_radius_per_force_nm_nn;  // both by the normal force
+  double tilt_per_gradient = radius_as_overlap(state.law.branch, state.force_nn, state.overlap_nm,
+                                               state.stiffness_n_m, state.radius_nm);
+  bool breaking = false;
+  double energy_at_break = 0, lost_at_break = 0;
+  Swing swing(tip_radius_nm_);
+  Secants secants;
   FeetInUse left_behind = feet;  // the feet one position ago
   int feet_before = 0;
 
@@ -200,43 +202,86 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
     feet.measure(tip_radius_nm_);
     if (!(force > 0.0)) feet.keep_deepest();
 
-    // A = (1 − F C N)⁻¹ and S = A C, see the header.
+    // The forces besides n F, where they stand and how they go with p and F.
+    const Vec3 gradient = radius_force_ ? feet.radius_gradient() : Vec3(Vec3::Zero());
+    Vec3 other = radius_force * gradient;
+    Vec3 tilt = -tilt_per_gradient * gradient;
+    const double tilted = tilt.norm();
+    if (tilted > kTiltLongest) tilt *= kTiltLongest / tilted;
+    Vec3 slope = tilt;
+    const double force_0 = force;
+    FrictionStep rub;
+    if (friction_) {
+      rub = friction_->move(state.friction, feet.normal().normalized(), p - state.apex_w_nm, contact_radius,
+                            force, breaking);
+      other += rub.force_w_nn;
+      slope += contact_radius_rate * rub.force_per_radius_w_n_m + rub.force_per_load_w;
+    }
+
+    // A = (1 − C (F N − K))⁻¹ and S = A C, see the header.
     const double turn = c_max * feet.turning(force);
     Mat3 a = Mat3::Identity();
-    if (force * c_max != 0.0) {
+    if ((force != 0.0 || friction_) && c_max > 0.0) {
       const double kept = turn > kTurnMax ? kTurnMax / turn : 1.0;
-      a = (Mat3::Identity() - (kept * force) * c * feet.normal_turn()).inverse();
+      a = (Mat3::Identity() - c * (kept * force * feet.normal_turn() - rub.stiffness_n_m)).inverse();
     }
     const Mat3 s = a * c;
-    const Vec3 unloaded = a * (free_end - p);
-    const FeetInUse::Reduced reduced = feet.reduce(s, unloaded);
+    const Vec3 seen = feet.normal() + tilt;
+    const double taken = seen.dot(s * (tilt - slope));
+    const double most_taken = kLateralShare * seen.dot(s * seen);
+    if (taken > most_taken) slope = tilt + (slope - tilt) * (most_taken / taken);  // about to jam
+    const Vec3 unloaded = a * (free_end + c * (other - force_0 * slope) - p);
+    const FeetInUse::Reduced reduced = feet.reduce(s, unloaded, tilt, slope);
 
-    if (feet.count() != feet_before) swing.forget();
+    if (feet.count() != feet_before) {
+      swing.forget();
+      secants.forget();
+    }
     feet_before = feet.count();
-    const double radius_nm = radius.next(feet.radius_nm(), force);
+    const double radius_nm = feet.radius_nm();
     TipSampleState law_state = state.law;
     const Equilibrium eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, law_state);
     if (eq.status != SolveStatus::kOk) {
-      solution.status = eq.status;
+      solution.status = SolveStatus::kNotConverged;
       return solution;
     }
     force = eq.force_nn;
     if (feet.share(reduced, force)) continue;  // a foot was dropped: the others alone
 
     const Vec3 normal = feet.normal();
-    Vec3 step = unloaded + s * normal * force;
+    Vec3 step = unloaded + s * ((normal + slope) * force);
     const double length = step.norm();
+    const double done =
+        kStepDone +
+        kForceDone * c_max * (std::abs(force) + kPi * law_.parameters().work_of_adhesion_n_m * radius_nm);
     if (!std::isfinite(length)) {
-      solution.status = SolveStatus::kNonFinite;
+      solution.status = SolveStatus::kNotConverged;
       return solution;
     }
     if (turn >= 1.0) solution.slid = true;
 
-    if (length < kStepDone && radius.settled(feet.radius_nm(), force)) {
+    // What the other forces are with the force found, against what they were taken for.
+    const double contact_radius_0 = contact_radius;
+    if (radius_force_) radius_force = law_.radius_force_nn(eq, law_state);
+    tilt_per_gradient = radius_as_overlap(eq.branch, force, eq.overlap_nm, eq.stiffness_n_m, radius_nm);
+    contact_radius = eq.contact_radius_nm;
+    contact_radius_rate =
+        std::max(0.0, secant(force, force_0, contact_radius, contact_radius_0, contact_radius_rate));
+    Vec3 found = radius_force * gradient;
+    if (friction_) {
+      rub = friction_->move(state.friction, normal.normalized(), p + step - state.apex_w_nm, contact_radius,
+                            force, breaking);
+      found += rub.force_w_nn;
+    }
+    const Vec3 lateral = other + (force - force_0) * slope - rub.stiffness_n_m * step;
+    const bool settled = c_max * (found - lateral).cwiseAbs().maxCoeff() < done;
+
+    if (length < done && settled) {
       // Balanced on these feet; is there a deeper one?
       FootMemory memory = feet.memory(0);
       const SurfaceContact nearest = surface_->nearest(p + to_centre, Search::kGlobal, memory);
-      if (tip_radius_nm_ - nearest.distance_nm > feet.overlap_nm() + kDeeper) {
+      if (tip_radius_nm_ - nearest.distance_nm >
+          feet.overlap_nm() + (iteration < kPatient ? kDeeper : kDeeperAtLast)) {
         if (!(force > 0.0)) feet.clear();
         if (!feet.add(memory, nearest, 0.0)) feet.replace_least(memory, nearest);
         feet_before = 0;
@@ -244,7 +289,22 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
       }
       describe(eq, solution);
       solution.normal_w = normal;
-      solution.force_w_nn = force * normal;
+      solution.friction_w_nn = rub.force_w_nn;
+      solution.friction_stored_aj = rub.stored_aj;
+      solution.friction_dissipated_aj = rub.dissipated_aj;
+      solution.sliding = rub.sliding;
+      solution.force_w_nn = force * normal + found;
+      if (rub.sliding && !breaking && friction_->parameters().kinetic_ratio < 1.0) {
+        breaking = true;  // it lets go: on to where the kinetic limit holds it
+        energy_at_break = stored_aj(solution, c);
+        lost_at_break = rub.dissipated_aj;
+        continue;
+      }
+      if (breaking) {
+        // At rest again at the same free end: what springs, sample and bristle have lost is dissipated.
+        solution.friction_dissipated_aj =
+            std::max(rub.dissipated_aj, lost_at_break + energy_at_break - stored_aj(solution, c));
+      }
       solution.apex_w_nm = free_end + c * solution.force_w_nn;
       solution.radius_nm = radius_nm;
       solution.radius_clamped = feet.radius_clamped();
@@ -252,22 +312,37 @@ TipSolution TipEquilibrium::advance_curved(const Vec3& free_end, const Complianc
       solution.feet = feet.count();
       solution.iterations = iteration;
       state.law = law_state;
+      state.friction = rub.after;
+      state.radius_force_nn = radius_force;
+      state.contact_radius_per_force_nm_nn = contact_radius_rate;
+      const Vec3 give = s * (normal + slope);
+      const double along = 1.0 + eq.stiffness_n_m * seen.dot(give);
+      state.follow = turn < kTurnTrusted ? a : Mat3::Identity();
+      if (along > 0.1) {
+        state.follow -= give * ((eq.stiffness_n_m / along) * seen.transpose() * state.follow);
+      }
       feet.store(state);
       remember(solution, free_end, state);
       return solution;
     }
     const double longest = kLongestStepRadii * tip_radius_nm_;
-    if (length > longest) step *= longest / length;
+    const bool far = length > longest;
+    if (far) step *= longest / length;
     const bool swings = swing.guard(p, step);
+    if (far || swings) {
+      secants.forget();
+    } else if (iteration > kNewtonAlone) {
+      step = secants.better(p, step);
+    }
     if (swings) {
       // Two feet by turns are two feet at once, if the one left behind is still one from here.
-      bool taken = false;
+      bool taken_in = false;
       for (int i = 0; i < left_behind.count() && force > 0.0; ++i) {
         FootMemory memory = left_behind.memory(i);
         const SurfaceContact contact = surface_->nearest(p + to_centre, Search::kLocal, memory);
-        taken = feet.add_if_new(memory, contact) || taken;
+        taken_in = feet.add_if_new(memory, contact) || taken_in;
       }
-      if (taken) continue;
+      if (taken_in) continue;
     } else {
       left_behind = feet;
     }

@@ -2,8 +2,10 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 
 #include "common/base/vec3.h"
+#include "nve_server/physics/friction.h"
 #include "nve_server/physics/surface.h"
 #include "nve_server/physics/tip_sample_law.h"
 
@@ -31,63 +33,99 @@ struct TipState {
   Vec3 free_end_w_nm = Vec3::Zero();
   Vec3 apex_w_nm = Vec3::Zero();
   Vec3 normal_w = Vec3::UnitZ();
-  double force_nn = 0;
-  double stiffness_n_m = 0;
+  double force_nn = 0;  ///< normal
+  double overlap_nm = 0;
+  double stiffness_n_m = 0;  ///< of the law
   double radius_nm = 0;
+  double radius_force_nn = 0;  ///< -dU/dR
+  double contact_radius_nm = 0;
+  double contact_radius_per_force_nm_nn = 0;
+  FrictionState friction;
+  Mat3 follow = Mat3::Identity();  ///< ∂apex/∂free end, to predict the next apex from
 };
 
 struct TipSolution {
   SolveStatus status = SolveStatus::kOk;
   Branch branch = Branch::kFree;
   Vec3 apex_w_nm = Vec3::Zero();
-  Vec3 force_w_nn = Vec3::Zero();  ///< on the tip
-  Vec3 normal_w = Vec3::UnitZ();   ///< Σ share·normal: shorter than 1 when leaning on several feet
-  double normal_force_nn = 0;      ///< repulsive positive
+  Vec3 force_w_nn = Vec3::Zero();     ///< on the tip, all of it
+  Vec3 friction_w_nn = Vec3::Zero();  ///< the part of it that is friction
+  Vec3 normal_w = Vec3::UnitZ();      ///< Σ share·normal: shorter than 1 when leaning on several feet
+  double normal_force_nn = 0;         ///< repulsive positive
   double overlap_nm = 0;
   double radius_nm = 0;  ///< effective
   double contact_radius_nm = 0;
-  double stiffness_n_m = 0;  ///< of the tip–sample law, along the normal
-  double potential_aj = 0;   ///< of the tip–sample law
-  double dissipated_aj = 0;  ///< in the jumps of this step
+  double stiffness_n_m = 0;           ///< of the tip–sample law, along the normal
+  double potential_aj = 0;            ///< of the tip–sample law
+  double dissipated_aj = 0;           ///< in the jumps of this step
+  double friction_stored_aj = 0;      ///< in the bristle
+  double friction_dissipated_aj = 0;  ///< in this step
   int jumps = 0;
   int iterations = 0;
   int feet = 0;                 ///< that the tip leans on
+  bool sliding = false;         ///< the contact slips over the sample
   bool slid = false;            ///< the tip went down a slope by a lateral instability
   bool outside = false;         ///< beyond the rim of the scan
   bool radius_clamped = false;  ///< wider than the pit it stands in
 };
 
+struct EquilibriumOptions {
+  std::optional<FrictionParameters> friction;
+  /// L. Without it the force is along the normals (and friction), and a path over changing curvature may draw
+  /// the energy that a changing radius is worth. For surfaces whose radius of curvature changes little over
+  /// the width of the contact, a |∇R_eff| << R_eff: there the pointwise R_eff means something. On a scan that
+  /// is rough on that scale L is as rough, the tip is caught at every pixel, and a step costs many more
+  /// iterations.
+  bool radius_force = false;
+};
+
 /// Quasi-static balance of a spherical tip between a sample and springs to a free end.
 ///
-///   apex p = x_free + C n F,   F = law(overlap δ, R_eff),   δ = R − distance(p + R e_z)
+///   apex p = x_free + C (n F + L + f),   F = ∂U/∂δ (overlap δ, R_eff),   δ = R − distance(p + R e_z)
+///   L = −∂U/∂R_eff ∇R_eff,   f = friction (friction.h)
 ///
-/// C the compliance, n the surface's normal at the foot. For a given foot the balance along n is scalar: the
-/// law is advanced against the compliance c_n = nᵀCn, branches and jumps included. The foot, normal and
-/// radius follow from p.
+/// C the compliance, n the surface's normal at the foot, U the law's potential: n F + L = −∇U(p). For a given
+/// foot the balance along n is scalar: the law is advanced against the compliance c_n = nᵀCn, branches and
+/// jumps included. The foot, normal and radius follow from p.
 ///
-/// Flat sample: nothing turns, the scalar balance is the answer. Otherwise Newton's method with the law kept
-/// whole: the turning normal n(p) ≈ n + N(p − p_k) (N = ∂n/∂p) changes the compliance to S = A C, A = (1 − F
-/// C N)⁻¹, and the base overlap to δ_k − nᵀA(x_free − p_k). Where F C N comes near 1 the tip is about to
-/// slide off a summit sideways: A is then bounded and the iteration walks downhill to the next balance. Each
-/// trial starts from a copy of the law's memory, which moves on once a step.
+/// Flat sample without friction: nothing turns, the scalar balance is the answer. Otherwise Newton's method
+/// with the law kept whole: the turning normal n(p) ≈ n + N(p − p_k) (N = ∂n/∂p) and the bristle's tangent K
+/// (stick k(1 − nnᵀ), slip that of a force of given size; semismooth) change the compliance to S = A C, A =
+/// (1 − C (F N − K))⁻¹, and the base overlap to δ_k − nᵀA(x_free + C (L + f) − p_k). A radius that changes by
+/// g·(p − p_k) acts on the law as an overlap changed by η g·(p − p_k), η = F_R/F_δ, and by the symmetry of
+/// U's second derivatives L changes by −η g (F − F_k): the law acts along n − η g, in which it feels the
+/// overlap too. F_R ≈ (F − δ F_δ/3)/R, exact where λ plays no part, F/R outside. The limit of friction goes
+/// with F by a secant, and what is still left out (∇g above all) is found from the steps themselves
+/// (balance_guards.h). Where F C N comes near 1 the tip is about to slide off a summit sideways: A is then
+/// bounded and the iteration walks downhill to the next balance. Each trial starts from a copy of the law's
+/// memory, which moves on once a step.
+///
+/// Where Newton's method finds nothing, the tip relaxes as if overdamped: steps of the proximal point method,
+///   p_{j+1} = balance with compliance βC of the free end p_j + β(x_free − p_j),   0 < β <= 1,
+/// each of which lowers the energy of springs and sample, however corrugated, and is easier to solve the
+/// smaller β. β shrinks on failure and grows on success; at β = 1 the balance is that sought.
 ///
 /// Corners. The law acts on the largest overlap of the whole surface, δ = max_i δ_i over the feet i: a
 /// potential of the position, U(δ), so that no path draws energy from it. Where the tip is pressed (F > 0)
 /// into an edge, a groove or a pit, two or three feet share the largest overlap, and the force is F Σ α_i n_i
 /// with shares α_i >= 0, Σ α_i = 1 (the subgradient of max δ_i): the shares follow from δ_i = δ_0, one linear
 /// equation a foot,
-///   MᵀSM β = δ_i − δ_0 − Mᵀ(A(x_free − p_k) + S n_0 F),   M = (n_i − n_0),  β_i = α_i F,
+///   MᵀSM β = δ_i − δ_0 − Mᵀ(A(x_free + C (L + f) − p_k) + S n_0 F),   M = (n_i − n_0),  β_i = α_i F,
 /// which reduces the compliance that the law sees. Feet with a negative share are dropped, a deeper one is
 /// taken in (active set); the last word has a search of the whole surface. Attracted (F <= 0), the tip takes
 /// one side. So the bound on several contacts: force and energy are those of **one** contact at the largest
 /// overlap, divided among the feet, never more; in truth each foot would carry its own (up to three times the
-/// sum, in a pit).
+/// sum, in a pit). Its radius is Σ α_i R_i, and the friction that of one contact in the plane across Σ α_i
+/// n_i.
 ///
-/// Limits: besides, the force is along the normals, without the lateral part that the change of R_eff along
-/// the surface has in the potential.
+/// Energy. Standing on one foot the work of the free end is Δ(U + ½ F_totᵀ C F_tot + bristle) + dissipated.
+/// Two exceptions: with several feet of different radii, U(δ, Σ α_i R_i) depends on the shares as well as on
+/// the position, and where the foot passes from one place to another of the same overlap but other radius U
+/// steps; a tip that slides off a summit (`slid`) loses energy that is in no book.
 class TipEquilibrium {
  public:
-  TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law, double tip_radius_nm);
+  TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law, double tip_radius_nm,
+                 const EquilibriumOptions& options = {});
 
   /// Moves the free end to `free_end_w_nm`. Unless the status is kOk, `state` is left as it was.
   TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
@@ -103,12 +141,16 @@ class TipEquilibrium {
  private:
   TipSolution advance_flat(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                            TipState& state) const noexcept;
-  TipSolution advance_curved(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
-                             TipState& state) const noexcept;
+  TipSolution balance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, const Vec3& start_w_nm,
+                      TipState& state) const noexcept;
+  TipSolution relax(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
+                    TipState& state) const noexcept;
 
   std::shared_ptr<const Surface> surface_;
   TipSampleLaw law_;
   double tip_radius_nm_;
+  std::optional<Friction> friction_;
+  bool radius_force_;
 };
 
 }  // namespace telenano::physics

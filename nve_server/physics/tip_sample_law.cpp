@@ -225,6 +225,23 @@ void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexce
   cache.has_handover = false;
 }
 
+double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept {
+  const TipSampleCache& cache = state.cache;
+  if (eq.branch == Branch::kFree || !(cache.radius_nm > 0)) return 0;
+  if (eq.branch == Branch::kVanDerWaals) return -eq.potential_aj / cache.radius_nm;
+  const ContactScales& s = cache.scales;
+  double moment =
+      cache.curve.radius_moment(eq.branch == Branch::kContact, cache.u, eq.contact_radius_nm / s.length_nm,
+                                eq.overlap_nm / s.overlap_nm, eq.force_nn / s.force_nn);
+  if (parameters_.van_der_waals) {
+    const Handover& h = cache.handover;  // known: the potential inside needed it
+    const CurvePoint& p = h.inside;
+    moment += -2.0 / (cache.outside.eta() * h.gap) -
+              cache.curve.radius_moment(p.contact, p.parameter, p.contact_radius, p.overlap, p.load);
+  }
+  return -moment * s.energy_aj / cache.radius_nm;
+}
+
 Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
                                   TipSampleState& state) const noexcept {
   Equilibrium out;

@@ -94,6 +94,12 @@ class TipSampleLaw {
   Equilibrium advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
                       TipSampleState& state) const noexcept;
 
+  /// -dU/dR of a state at constant overlap, nN: with ∇R it is the part of the force that a changing radius of
+  /// the sample has (F is -dU/d(gap)). From what the last advance of `state` returned. Outside U ~ R; inside
+  /// see MaugisDugdale::radius_moment, and the energy at the handover, where the two laws join, changes by
+  /// the difference of theirs.
+  double radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept;
+
   const TipSampleParameters& parameters() const noexcept { return parameters_; }
   ContactScales scales(double radius_nm) const noexcept;
   double lambda(double radius_nm) const noexcept { return scales(radius_nm).lambda; }

@@ -68,7 +68,8 @@ bool NveSlave::solve(const Vec3& commanded, double dt_s, const Port& from, Port&
   if (to.solution.status != SolveStatus::kOk) return false;
   to.extension_w_nm = (b_over_dt * from.extension_w_nm - to.solution.force_w_nn) / k_total;
   const double force_z = to.solution.force_w_nn.z();
-  to.stored_aj = to.solution.potential_aj + 0.5 * k_c * to.extension_w_nm.squaredNorm() +
+  to.stored_aj = to.solution.potential_aj + to.solution.friction_stored_aj +
+                 0.5 * k_c * to.extension_w_nm.squaredNorm() +
                  0.5 * force_z * force_z * scene_->probe_compliance_nm_nn()(2, 2);
   return true;
 }
@@ -98,7 +99,7 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, double dt_s, cons
 void NveSlave::book(const Port& before, const Port& after, double dt_s) noexcept {
   const double damper =
       scene_->coupling.damping_n_s_m * (after.extension_w_nm - before.extension_w_nm).squaredNorm() / dt_s;
-  const double dissipated = after.solution.dissipated_aj + damper;
+  const double dissipated = after.solution.dissipated_aj + after.solution.friction_dissipated_aj + damper;
   double charge = after.stored_aj - before.stored_aj + dissipated;
   trace_.dissipated_aj += dissipated;
   if (after.solution.slid) {
