@@ -15,15 +15,18 @@ std::size_t product(int a, int b) {
   return static_cast<std::size_t>(a) * static_cast<std::size_t>(b);
 }
 
-// Distance from x to the interval [lo, hi], squared.
-double outside_sq(double x, double lo, double hi) {
-  const double d = std::max({lo - x, x - hi, 0.0});
-  return d * d;
+constexpr double kNothing = -std::numeric_limits<double>::infinity();
+
+// max(d, 0)², without a branch.
+double positive_sq(double d) {
+  const double twice = d + std::abs(d);
+  return 0.25 * twice * twice;
 }
 
-double above_sq(double z, double top) {
-  const double d = std::max(z - top, 0.0);
-  return d * d;
+// From x to the interval of n samples from `first` on, squared.
+double outside_sq(double x, double first, double n, double spacing) {
+  const double half = 0.5 * (n - 1.0) * spacing;
+  return positive_sq(std::abs(x - (first + half)) - half);
 }
 
 struct IndexRange {
@@ -53,21 +56,17 @@ SampleTops::SampleTops(const HeightGrid& grid)
       y_first_(grid.y_first_nm),
       lowest_(*std::min_element(grid.z_nm.begin(), grid.z_nm.end())),
       highest_(*std::max_element(grid.z_nm.begin(), grid.z_nm.end())),
-      block_columns_(blocks_of(grid.columns, kBlock)),
-      block_rows_(blocks_of(grid.rows, kBlock)),
-      super_columns_(blocks_of(block_columns_, kBlock)),
-      super_rows_(blocks_of(block_rows_, kBlock)),
-      z_(product(block_columns_, block_rows_) * kBlock * kBlock, -std::numeric_limits<double>::infinity()),
-      block_top_(product(block_columns_, block_rows_), -std::numeric_limits<double>::infinity()),
-      super_top_(product(super_columns_, super_rows_), -std::numeric_limits<double>::infinity()) {
+      super_columns_(blocks_of(grid.columns, kGroup)),
+      super_rows_(blocks_of(grid.rows, kGroup)),
+      z_(product(super_columns_, super_rows_) * kGroup * kGroup, kNothing),
+      block_top_(product(super_columns_, super_rows_) * kGroup, kNothing),
+      super_top_(product(super_columns_, super_rows_), kNothing) {
   for (int row = 0; row < rows_; ++row) {
     for (int column = 0; column < columns_; ++column) {
       const double z = grid.z_nm[product(row, columns_) + static_cast<std::size_t>(column)];
       z_[index(column, row)] = z;
-      double& block =
-          block_top_[product(row / kBlock, block_columns_) + static_cast<std::size_t>(column / kBlock)];
-      double& super = super_top_[product(row / (kBlock * kBlock), super_columns_) +
-                                 static_cast<std::size_t>(column / (kBlock * kBlock))];
+      double& block = block_top_[block_of(column, row)];
+      double& super = super_top_[super_of(column, row)];
       block = std::max(block, z);
       super = std::max(super, z);
     }
@@ -78,47 +77,36 @@ void SampleTops::set(int column, int row, double z_nm) noexcept {
   z_[index(column, row)] = z_nm;
   lowest_ = std::min(lowest_, z_nm);
   highest_ = std::max(highest_, z_nm);
-  const int bc = column / kBlock, br = row / kBlock;
-  const std::size_t block = product(br, block_columns_) + static_cast<std::size_t>(bc);
-  const double* z = &z_[block * kBlock * kBlock];
-  block_top_[block] = *std::max_element(z, z + kBlock * kBlock);
-  double top = -std::numeric_limits<double>::infinity();
-  const int row_end = std::min((br / kBlock + 1) * kBlock, block_rows_);
-  const int column_end = std::min((bc / kBlock + 1) * kBlock, block_columns_);
-  for (int r = br / kBlock * kBlock; r < row_end; ++r) {
-    for (int c = bc / kBlock * kBlock; c < column_end; ++c) {
-      top = std::max(top, block_top_[product(r, block_columns_) + static_cast<std::size_t>(c)]);
-    }
-  }
-  super_top_[product(br / kBlock, super_columns_) + static_cast<std::size_t>(bc / kBlock)] = top;
+  const std::size_t block = block_of(column, row);
+  const double* z = &z_[block * kGroup];
+  block_top_[block] = *std::max_element(z, z + kGroup);
+  const std::size_t super = super_of(column, row);
+  const double* top = &block_top_[super * kGroup];
+  super_top_[super] = *std::max_element(top, top + kGroup);
 }
 
-void SampleTops::open(const Vec3& point, int block_column, int block_row, double limit_sq, double known_sq,
-                      const Disc& disc, Near& out) const noexcept {
-  const double* z =
-      &z_[(product(block_row, block_columns_) + static_cast<std::size_t>(block_column)) * kBlock * kBlock];
-  double sq[kBlock * kBlock], x_sq[kBlock];
+void SampleTops::open_block(const Query& query, int first_column, int first_row, Near& out) const noexcept {
+  const double* z = &z_[block_of(first_column, first_row) * kGroup];
+  double sq[kGroup], x_sq[kBlock];
   for (int c = 0; c < kBlock; ++c) {
-    const double x = x_nm(block_column * kBlock + c) - point.x();
+    const double x = x_nm(first_column + c) - query.point.x();
     x_sq[c] = x * x;
   }
-  double least = limit_sq;
   for (int r = 0; r < kBlock; ++r) {
-    const double y = y_nm(block_row * kBlock + r) - point.y();
+    const double y = y_nm(first_row + r) - query.point.y();
+    const double y_sq = y * y;
     for (int c = 0; c < kBlock; ++c) {
-      const double h = point.z() - z[r * kBlock + c];
-      sq[r * kBlock + c] = x_sq[c] + y * y + h * h;
+      const double h = query.point.z() - z[r * kBlock + c];
+      sq[r * kBlock + c] = x_sq[c] + y_sq + h * h;
     }
   }
-  for (int i = 0; i < kBlock * kBlock; ++i) least = std::min(least, sq[i]);
-  if (!(least < limit_sq)) return;
-  for (int i = 0; i < kBlock * kBlock; ++i) {
-    if (!(sq[i] < limit_sq)) continue;
-    const Sample sample{block_column * kBlock + i % kBlock, block_row * kBlock + i / kBlock, sq[i]};
-    if (sq[i] >= known_sq) {
-      const double ex = x_nm(sample.column) - disc.x_nm;
-      const double ey = y_nm(sample.row) - disc.y_nm;
-      if (ex * ex + ey * ey < disc.radius_nm * disc.radius_nm) continue;
+  for (int i = 0; i < kGroup; ++i) {
+    if (!(sq[i] < query.limit_sq)) continue;
+    const Sample sample{first_column + i % kBlock, first_row + i / kBlock, sq[i]};
+    if (sq[i] >= query.known_sq) {
+      const double ex = x_nm(sample.column) - query.disc.x_nm;
+      const double ey = y_nm(sample.row) - query.disc.y_nm;
+      if (ex * ex + ey * ey < query.disc.radius_nm * query.disc.radius_nm) continue;
     }
     if (out.count < kMaxNear) {
       out.samples[static_cast<std::size_t>(out.count++)] = sample;
@@ -131,40 +119,46 @@ void SampleTops::open(const Vec3& point, int block_column, int block_row, double
   }
 }
 
+void SampleTops::open_super(const Query& query, int first_column, int first_row, Near& out) const noexcept {
+  const double* top = &block_top_[super_of(first_column, first_row) * kGroup];
+  double sq[kGroup], x_sq[kBlock];
+  for (int c = 0; c < kBlock; ++c) {
+    x_sq[c] = outside_sq(query.point.x(), x_nm(first_column + c * kBlock), kBlock, dx_);
+  }
+  for (int r = 0; r < kBlock; ++r) {
+    const double y_sq = outside_sq(query.point.y(), y_nm(first_row + r * kBlock), kBlock, dy_);
+    for (int c = 0; c < kBlock; ++c) {
+      // Nothing is below −infinity: an empty block is infinitely far.
+      sq[r * kBlock + c] = x_sq[c] + y_sq + positive_sq(query.point.z() - top[r * kBlock + c]);
+    }
+  }
+  for (int i = 0; i < kGroup; ++i) {
+    if (sq[i] < query.limit_sq) {
+      open_block(query, first_column + i % kBlock * kBlock, first_row + i / kBlock * kBlock, out);
+    }
+  }
+}
+
 void SampleTops::near(const Vec3& point, double limit_nm, double known_nm, const Disc& disc,
                       Near& out) const noexcept {
   out.count = 0;
   const double limit_sq = limit_nm * limit_nm;
-  const double known_sq = known_nm * known_nm;
-  const double reach_sq = limit_sq - above_sq(point.z(), highest_);
+  const double reach_sq = limit_sq - positive_sq(point.z() - highest_);
   if (!(reach_sq > 0.0)) return;
   const double reach = std::sqrt(reach_sq);
   const IndexRange columns = within(point.x(), reach, x_first_, inv_dx_, columns_);
   const IndexRange rows = within(point.y(), reach, y_first_, inv_dy_, rows_);
   if (columns.last < columns.first || rows.last < rows.first) return;
 
-  constexpr int kSuper = kBlock * kBlock;
-  for (int super_row = rows.first / kSuper; super_row <= rows.last / kSuper; ++super_row) {
-    const double super_y_sq =
-        outside_sq(point.y(), y_nm(super_row * kSuper), y_nm(super_row * kSuper + kSuper - 1));
-    for (int super_column = columns.first / kSuper; super_column <= columns.last / kSuper; ++super_column) {
+  const Query query{point, limit_sq, known_nm * known_nm, disc};
+  for (int super_row = rows.first / kGroup; super_row <= rows.last / kGroup; ++super_row) {
+    const double y_sq = outside_sq(point.y(), y_nm(super_row * kGroup), kGroup, dy_);
+    for (int super_column = columns.first / kGroup; super_column <= columns.last / kGroup; ++super_column) {
       const double top =
           super_top_[product(super_row, super_columns_) + static_cast<std::size_t>(super_column)];
-      const double super_x_sq =
-          outside_sq(point.x(), x_nm(super_column * kSuper), x_nm(super_column * kSuper + kSuper - 1));
-      if (super_x_sq + super_y_sq + above_sq(point.z(), top) >= limit_sq) continue;
-      const int last_block_row = std::min(super_row * kBlock + kBlock - 1, rows.last / kBlock);
-      const int last_block_column = std::min(super_column * kBlock + kBlock - 1, columns.last / kBlock);
-      for (int br = std::max(super_row * kBlock, rows.first / kBlock); br <= last_block_row; ++br) {
-        const double y_sq = outside_sq(point.y(), y_nm(br * kBlock), y_nm(br * kBlock + kBlock - 1));
-        for (int bc = std::max(super_column * kBlock, columns.first / kBlock); bc <= last_block_column;
-             ++bc) {
-          const double block_top = block_top_[product(br, block_columns_) + static_cast<std::size_t>(bc)];
-          const double x_sq = outside_sq(point.x(), x_nm(bc * kBlock), x_nm(bc * kBlock + kBlock - 1));
-          if (x_sq + y_sq + above_sq(point.z(), block_top) >= limit_sq) continue;
-          open(point, bc, br, limit_sq, known_sq, disc, out);
-        }
-      }
+      const double x_sq = outside_sq(point.x(), x_nm(super_column * kGroup), kGroup, dx_);
+      if (x_sq + y_sq + positive_sq(point.z() - top) >= limit_sq) continue;
+      open_super(query, super_column * kGroup, super_row * kGroup, out);
     }
   }
 }

@@ -50,21 +50,36 @@ class SampleTops {
   double lowest_nm() const noexcept { return lowest_; }
 
  private:
+  // Four by four samples are a block, four by four blocks a super-block, each group of sixteen side by side
+  // in memory and filled up with −infinity beyond the rim: sixteen bounds at a time, without branches.
   static constexpr int kBlock = 4;
-  // Block by block, so that a block is two cache lines.
-  std::size_t index(int column, int row) const noexcept {
-    const int block = (row / kBlock) * block_columns_ + column / kBlock;
-    return static_cast<std::size_t>(block * kBlock * kBlock + (row % kBlock) * kBlock + column % kBlock);
+  static constexpr int kGroup = kBlock * kBlock;
+  std::size_t super_of(int column, int row) const noexcept {
+    return static_cast<std::size_t>(row / kGroup) * static_cast<std::size_t>(super_columns_) +
+           static_cast<std::size_t>(column / kGroup);
   }
-  void open(const Vec3& point, int block_column, int block_row, double limit_sq, double known_sq,
-            const Disc& disc, Near& out) const noexcept;
+  static std::size_t in_group(int column, int row) noexcept {
+    return static_cast<std::size_t>((row % kBlock) * kBlock + column % kBlock);
+  }
+  std::size_t block_of(int column, int row) const noexcept {
+    return super_of(column, row) * kGroup + in_group(column / kBlock, row / kBlock);
+  }
+  std::size_t index(int column, int row) const noexcept {
+    return block_of(column, row) * kGroup + in_group(column, row);
+  }
+  struct Query {
+    Vec3 point;
+    double limit_sq, known_sq;
+    Disc disc;
+  };
+  void open_super(const Query& query, int column, int row, Near& out) const noexcept;
+  void open_block(const Query& query, int column, int row, Near& out) const noexcept;
 
   int columns_, rows_;
   double dx_, dy_, inv_dx_, inv_dy_, x_first_, y_first_;
   double lowest_, highest_;
-  int block_columns_, block_rows_, super_columns_, super_rows_;
-  std::vector<double> z_;  // by blocks, −infinity beyond the rim
-  std::vector<double> block_top_, super_top_;
+  int super_columns_, super_rows_;
+  std::vector<double> z_, block_top_, super_top_;
 };
 
 }  // namespace telenano::physics
