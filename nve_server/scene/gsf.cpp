@@ -107,6 +107,26 @@ float little_endian_float(const char* bytes) {
   return std::bit_cast<float>(bits);
 }
 
+void append_little_endian(std::string& bytes, float value) {
+  const auto bits = std::bit_cast<std::uint32_t>(value);
+  for (int i = 0; i < 4; ++i) bytes.push_back(static_cast<char>(bits >> 8 * i & 0xff));
+}
+
+std::string exact(double value) {
+  char text[32];
+  const auto [end, error] =
+      std::to_chars(text, text + sizeof text, value);  // shortest that reads back the same
+  return error == std::errc() ? std::string(text, end) : std::string();
+}
+
+// One line of header: what would end it becomes a blank.
+std::string one_line(std::string text) {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < 0x20) c = ' ';
+  }
+  return std::string(trimmed(text));
+}
+
 }  // namespace
 
 Scan parse_gsf(const std::string& bytes, const std::string& name) {
@@ -180,6 +200,73 @@ Scan read_gsf(const std::string& path, std::string* content) {
   Scan scan = parse_gsf(bytes, path);
   if (content != nullptr) *content = std::move(bytes);
   return scan;
+}
+
+std::string format_gsf(const Scan& scan, const std::string& name) {
+  const physics::HeightGrid& grid = scan.grid;
+  const auto in_range = [](int n) { return n >= kSizeMin && n <= kSizeMax; };
+  if (!in_range(grid.columns) || !in_range(grid.rows) ||
+      grid.z_nm.size() != static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows)) {
+    fail(name, "the scan has " + std::to_string(grid.z_nm.size()) + " heights of " +
+                   std::to_string(grid.columns) + " x " + std::to_string(grid.rows) +
+                   ", expected all of 2 to 8192 a side");
+  }
+  for (const double z : grid.z_nm) {
+    if (!std::isfinite(z)) fail(name, "the scan has heights that are not finite");
+  }
+  // A scan as read knows its size exactly, the grid only to rounding.
+  const double width_nm = scan.width_nm > 0 ? scan.width_nm : grid.columns * grid.dx_nm;
+  const double height_nm = scan.height_nm > 0 ? scan.height_nm : grid.rows * grid.dy_nm;
+  std::string bytes(kMagic);
+  const auto line = [&](const char* key, const std::string& value) {
+    bytes += std::string(key) + " = " + value + "\n";
+  };
+  line("XRes", std::to_string(grid.columns));
+  line("YRes", std::to_string(grid.rows));
+  line("XReal", exact(width_nm / kNmPerM));
+  line("YReal", exact(height_nm / kNmPerM));
+  const double x_nm = grid.x_first_nm - 0.5 * grid.dx_nm;
+  const double y_nm = grid.y_first_nm - 0.5 * grid.dy_nm;
+  if (x_nm != 0.0) line("XOffset", exact(x_nm / kNmPerM));
+  if (y_nm != 0.0) line("YOffset", exact(y_nm / kNmPerM));
+  line("XYUnits", "m");
+  line("ZUnits", "m");
+  if (const std::string title = one_line(scan.title); !title.empty()) line("Title", title);
+  bytes.append(4 - bytes.size() % 4, '\0');
+  bytes.reserve(bytes.size() + 4 * grid.z_nm.size());
+  for (int row = grid.rows - 1; row >= 0; --row) {
+    for (int column = 0; column < grid.columns; ++column) {
+      const std::size_t i = static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
+                            static_cast<std::size_t>(column);
+      append_little_endian(bytes, static_cast<float>((grid.z_nm[i] + scan.lowest_before_shift_nm) / kNmPerM));
+    }
+  }
+  return bytes;
+}
+
+void write_gsf(const std::string& path, const Scan& scan) {
+  const std::string bytes = format_gsf(scan, path);
+  const std::string beside = path + ".part";
+  const auto give_up = [&](const std::string& why) {
+    std::error_code ignored;
+    std::filesystem::remove(beside, ignored);
+    throw RunError(path + ": the surface cannot be written: " + why);
+  };
+  // A device or a pipe would be replaced by a file: only a file may be.
+  std::error_code error;
+  const auto there = std::filesystem::status(path, error).type();
+  if (there == std::filesystem::file_type::directory)
+    throw RunError(path + ": the surface cannot be written: it is a folder");
+  if (there != std::filesystem::file_type::regular && there != std::filesystem::file_type::not_found) {
+    throw RunError(path + ": the surface cannot be written: it is no regular file");
+  }
+  errno = 0;
+  std::ofstream file(beside, std::ios::binary | std::ios::trunc);
+  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  file.close();
+  if (!file) give_up(errno != 0 ? std::strerror(errno) : "the disk refused it");
+  std::filesystem::rename(beside, path, error);
+  if (error) give_up(error.message());
 }
 
 }  // namespace telenano::scene

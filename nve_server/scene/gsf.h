@@ -27,4 +27,14 @@ struct Scan {
 Scan read_gsf(const std::string& path, std::string* content = nullptr);
 Scan parse_gsf(const std::string& bytes, const std::string& name);
 
+/// The inverse: reading the bytes gives the same grid, size and title, and writing what was read the same
+/// heights bit for bit (those below 1e-8 of the range excepted, which come back to within 1e-15 of it). The
+/// heights get `lowest_before_shift_nm` back. A grid that does not start half a cell from the origin has its
+/// place in XOffset and YOffset. Throws UserError for a grid that cannot be read again.
+std::string format_gsf(const Scan& scan, const std::string& name);
+
+/// Writes it beside the file and puts it in its place in one move: whoever opens `path` sees the old scan or
+/// the new one whole. Throws RunError: one line naming the file.
+void write_gsf(const std::string& path, const Scan& scan);
+
 }  // namespace telenano::scene

@@ -1,8 +1,10 @@
 #include "nve_server/scene/gsf.h"
 
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <cstring>
+#include <filesystem>
 #include <limits>
 #include <vector>
 
@@ -109,6 +111,64 @@ TEST(Gsf, ReadsTheRealScan) {
   double highest = 0;
   for (const double z : scan.grid.z_nm) highest = std::max(highest, z);
   EXPECT_NEAR(highest, 14.1, 0.05);  // its README's figure, to the digits given there
+}
+
+// Byte for byte the file that another program wrote, but for the header's own fields: real heights survive.
+TEST(Gsf, WritesTheRealScanAsItWas) {
+  std::string before;
+  const Scan scan = read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf", &before);
+  const std::string after = format_gsf(scan, "s.gsf");
+  const std::size_t data = 4u * 256 * 256;
+  EXPECT_EQ(before.substr(before.size() - data), after.substr(after.size() - data));
+  const Scan again = parse_gsf(after, "again.gsf");
+  EXPECT_EQ(again.grid.z_nm, scan.grid.z_nm);
+  EXPECT_EQ(again.width_nm, scan.width_nm);
+  EXPECT_EQ(again.height_nm, scan.height_nm);
+  EXPECT_EQ(again.title, scan.title);
+  EXPECT_EQ(format_gsf(again, "again.gsf"), after);
+}
+
+TEST(Gsf, WritesWhatTheFormatSays) {
+  Scan scan = parse_gsf(gsf(kGood), "s.gsf");
+  EXPECT_EQ(format_gsf(scan, "s.gsf"), gsf(kGood));
+  scan.title = "two\nlines ";
+  scan.grid.x_first_nm += 100.0;
+  EXPECT_EQ(format_gsf(scan, "s.gsf"),
+            gsf("XRes = 3\nYRes = 2\nXReal = 3e-08\nYReal = 1e-08\nXOffset = 1e-07\nXYUnits = m\nZUnits = "
+                "m\nTitle = two lines\n"));
+}
+
+TEST(Gsf, ReplacesAFileInOneMove) {
+  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "gsf_write_test";
+  std::filesystem::create_directories(folder);
+  const std::string path = (folder / "out.gsf").string();
+  Scan scan = parse_gsf(gsf(kGood), "s.gsf");
+  write_gsf(path, scan);
+  scan.grid.z_nm[4] = 0.5;
+  write_gsf(path, scan);
+  EXPECT_NEAR(read_gsf(path).grid.z_nm[4], 0.5, 1e-6);
+  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
+  const auto failure = [&](const std::string& where) -> std::string {
+    try {
+      write_gsf(where, scan);
+    } catch (const RunError& error) {
+      return error.what();
+    }
+    return "no error";
+  };
+  EXPECT_EQ(failure((folder / "no/such.gsf").string()),
+            (folder / "no/such.gsf").string() +
+                ": the surface cannot be written: No such file or "
+                "directory");
+  EXPECT_EQ(failure(folder.string()), folder.string() + ": the surface cannot be written: it is a folder");
+  const std::string pipe = (folder / "pipe").string();
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_EQ(failure(pipe), pipe + ": the surface cannot be written: it is no regular file");
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));  // not replaced
+  scan.grid.z_nm[0] = std::numeric_limits<double>::infinity();
+  EXPECT_THROW(write_gsf(path, scan), UserError);
+  EXPECT_NEAR(read_gsf(path).grid.z_nm[4], 0.5, 1e-6);  // the old one is still there
+  std::filesystem::remove_all(folder);
 }
 
 }  // namespace
