@@ -117,10 +117,9 @@ Built read_scan(const config::TomlDocument& document, const TomlTable& table, Su
   ground.scan_path = document.resolve(file);
   Scan scan = read_gsf(ground.scan_path, &bytes);
   ground.scan_title = scan.title;
-  const std::string level = table.choice_or("level", {"none", "plane", "lines"}, "none");
-  if (level == "plane") level_plane(scan.grid);
-  if (level == "lines") level_lines(scan.grid);
-  ground.text = ground.scan_path + (level == "none" ? "" : ", levelled by " + level);
+  const std::string levelling = table.choice_or("level", {"none", "plane", "lines"}, "none");
+  level(scan.grid, *levelling_from_name(levelling));
+  ground.text = ground.scan_path + (levelling == "none" ? "" : ", levelled by " + levelling);
   return {nullptr, std::move(scan.grid), 0.0};
 }
 
