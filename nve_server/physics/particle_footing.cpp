@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "common/base/det_math.h"
+#include "nve_server/physics/relative_curvature.h"
 
 namespace telenano::physics {
 namespace {
@@ -18,13 +19,11 @@ struct Radius {
   bool clamped = false;
 };
 
-// As for the tip (surface.h), with this sphere's own radius.
+// As for the tip (relative_curvature.h), with this sphere's own radius.
 Radius effective(double radius_nm, const SurfaceContact& contact) noexcept {
   const double c1 = 1.0 + radius_nm * contact.curvature_1_per_nm;
   const double c2 = 1.0 + radius_nm * contact.curvature_2_per_nm;
-  const double kept_1 = std::max(c1, kMinRelativeCurvature);
-  const double kept_2 = std::max(c2, kMinRelativeCurvature);
-  return {radius_nm / std::sqrt(kept_1 * kept_2), kept_1 != c1 || kept_2 != c2};
+  return {radius_nm / std::sqrt(kept_factor(c1) * kept_factor(c2)), is_clamped(c1) || is_clamped(c2)};
 }
 
 }  // namespace

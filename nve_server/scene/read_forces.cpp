@@ -89,7 +89,6 @@ void read_forces(const TomlTable& root, Scene& scene) {
   law.work_of_adhesion_n_m = work_of_adhesion_j_m2(scene.sample, scene.probe.tip);
   if (const auto contact = root.optional_table("contact")) read_contact(*contact, law);
   if (const auto forces = root.optional_table("forces")) read_long_range(*forces, law);
-  law.nominal_radius_nm = scene.probe.tip_radius_nm;
   if (law.model == physics::ContactModel::kHertz && law.van_der_waals) {
     root.fail("contact", "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");
   }

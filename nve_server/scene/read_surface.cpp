@@ -146,6 +146,9 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   const bool scan = ground.kind == "scan";
   const bool sampled_shape = ground.kind == "step" || ground.kind == "grating";
 
+  // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h).
+  ground.radius_force = table.boolean_or("radius_force", !scan);
+
   const auto marks = root.optional_table("marks");
   const bool yields = scene.sample.hardness_gpa > 0;
   if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");

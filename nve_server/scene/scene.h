@@ -29,7 +29,8 @@ struct SurfaceDescription {
   std::string scan_path;  ///< empty unless a scan
   std::string scan_title;
   double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
-  double spacing_nm = 0;  ///< of the grid; 0: none
+  double spacing_nm = 0;      ///< of the grid; 0: none
+  bool radius_force = false;  ///< the force of a changing radius is part of the balance
 };
 
 /// Marks stay where the mean pressure passes the sample's hardness.

@@ -70,7 +70,7 @@ class SceneFile : public ::testing::Test {
 TEST_F(SceneFile, BuildsWhatItAsksForAndNoMore) {
   const auto scene = load_scene(write());
   EXPECT_TRUE(scene->surface->is_flat());
-  EXPECT_TRUE(scene->van_der_waals);
+  EXPECT_TRUE(scene->law_parameters.van_der_waals);
   // K = 4E*/3 with 1/E* = (1 − 0.27²)(1/70 + 1/160): closed form, to rounding.
   EXPECT_NEAR(scene->law_parameters.contact_modulus_gpa, 4.0 / 3.0 / ((1 - 0.0729) * (1 / 70.0 + 1 / 160.0)),
               1e-12);
@@ -85,7 +85,7 @@ TEST_F(SceneFile, BeamGivesItsStiffness) {
                                       "[probe.beam]\nyoungs_modulus_gpa = 169.0\nwidth_um = 30.0\n"
                                       "thickness_um = 4.0\nlength_um = 125.0\n"));
   // E b t³/(4 L³) in SI.
-  EXPECT_NEAR(scene->probe.stiffness_n_m, 169e9 * 30e-6 * 64e-18 / (4 * 125e-6 * 125e-6 * 125e-6), 1e-9);
+  EXPECT_NEAR(scene->cantilever.stiffness_n_m(), 169e9 * 30e-6 * 64e-18 / (4 * 125e-6 * 125e-6 * 125e-6), 1e-9);
 }
 
 TEST_F(SceneFile, EveryMistakeIsOneLine) {
@@ -96,7 +96,7 @@ TEST_F(SceneFile, EveryMistakeIsOneLine) {
   EXPECT_EQ(error_of("surface_energy_j_m2 = 0.2", "surface_energy_j_m2 = 0"),
             "s.toml:5: 'surface_energy_j_m2' in [sample] is 0, expected a number in [1e-05, 10]");
   EXPECT_EQ(error_of("kind = \"flat\"", "kind = \"flut\""),
-            "s.toml:7: 'kind' in [surface] is 'flut', expected one of 'flat', 'scan'");
+            "s.toml:7: 'kind' in [surface] is 'flut', expected one of 'flat', 'plane', 'step', 'sphere', 'grating', 'scan'");
   EXPECT_EQ(error_of("kind = \"flat\"", "kind = \"scan\""),
             "s.toml:6: missing key 'file' in [surface] (expected a text in quotes)");
   EXPECT_EQ(error_of("kind = \"flat\"", "kind = \"scan\"\nfile = \"none.gsf\""),
