@@ -12,8 +12,9 @@ namespace telenano::physics {
 namespace {
 
 constexpr int kMaxIterations = 60;
-constexpr double kStepDone = 2e-8;      // nm
-constexpr double kForceDone = 1e-10;    // of the law's forces, its own error; counts through a soft spring
+constexpr double kStepDone = 1e-9;      // nm
+constexpr double kForceDone = 1e-11;    // of the law's forces; counts through a soft spring
+constexpr double kNoise = 20.0;         // times these, once steps shrink no more: the law's own error
 constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
 constexpr double kDeeperAtLast = 2e-5;  // where two feet take turns for ever
 constexpr int kPatient = 20;
@@ -191,6 +192,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   double contact_radius_rate = state.contact_radius_per_force_nm_nn;  // both by the normal force
   double tilt_per_gradient = radius_as_overlap(state.law.branch, state.force_nn, state.overlap_nm,
                                                state.stiffness_n_m, state.radius_nm);
+  double last_left = 0;
   bool breaking = false;
   double energy_at_break = 0, lost_at_break = 0;
   Swing swing(tip_radius_nm_);
@@ -274,9 +276,11 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       found += rub.force_w_nn;
     }
     const Vec3 lateral = other + (force - force_0) * slope - rub.stiffness_n_m * step;
-    const bool settled = c_max * (found - lateral).cwiseAbs().maxCoeff() < done;
+    const double left = std::max(length, c_max * (found - lateral).cwiseAbs().maxCoeff());
+    const bool balanced = left < done || (left < kNoise * done && left > 0.5 * last_left);
+    last_left = left;
 
-    if (length < done && settled) {
+    if (balanced) {
       // Balanced on these feet; is there a deeper one?
       FootMemory memory = feet.memory(0);
       const SurfaceContact nearest = surface_->nearest(p + to_centre, Search::kGlobal, memory);

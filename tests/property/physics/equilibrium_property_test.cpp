@@ -51,6 +51,170 @@ HeightGrid ground(std::mt19937_64& random, double radius, int kind) {
   return grid;
 }
 
+// z = A sin(px) + B cos(qy), exactly: foot by Newton's method to rounding, curvatures from the derivatives, the
+// gradient of R_eff by differences of eighth order (error (h p)⁸ ~ 1e-18).
+class Waves final : public Surface {
+ public:
+  SurfaceContact nearest(const Vec3& c, Search, FootMemory& memory) const noexcept override {
+    double x = memory.warm ? memory.x_nm : c.x(), y = memory.warm ? memory.y_nm : c.y();
+    Jet j;
+    double m11 = 1, m22 = 1, m12 = 0, det = 1;
+    for (int i = 0; i < 50; ++i) {
+      j = jet(x, y);
+      const double r = j.z - c.z();
+      const double gx = x - c.x() + r * j.zx, gy = y - c.y() + r * j.zy;
+      m11 = 1 + j.zx * j.zx + r * j.zxx;
+      m22 = 1 + j.zy * j.zy + r * j.zyy;
+      m12 = j.zx * j.zy;
+      det = m11 * m22 - m12 * m12;
+      const double sx = -(m22 * gx - m12 * gy) / det, sy = -(m11 * gy - m12 * gx) / det;
+      x += sx;
+      y += sy;
+      if (std::abs(sx) + std::abs(sy) < 1e-13) break;
+    }
+    j = jet(x, y);
+    memory = {x, y, true};
+    SurfaceContact contact;
+    contact.foot_w_nm = Vec3(x, y, j.z);
+    contact.normal_w = Vec3(-j.zx, -j.zy, 1).normalized();
+    contact.distance_nm = (c - contact.foot_w_nm).dot(contact.normal_w);
+    const Vec3 tx(1, 0, j.zx), ty(0, 1, j.zy);
+    const Vec3 ux = (m22 * tx - m12 * ty) / det, uy = (m11 * ty - m12 * tx) / det;  // (dx, dy) = (ux, uy)·dc
+    contact.normal_turn_per_nm = (Mat3::Identity() - contact.normal_w * contact.normal_w.transpose() -
+                                  tx * ux.transpose() - ty * uy.transpose()) /
+                                 contact.distance_nm;
+    contact.effective_radius_nm = effective_radius(x, y);
+    contact.radius_gradient = slope([&](double d) { return effective_radius(x + d, y); }) * ux +
+                              slope([&](double d) { return effective_radius(x, y + d); }) * uy;
+    return contact;
+  }
+  double height_nm(double x, double y) const noexcept override { return jet(x, y).z; }
+  double lowest_nm() const noexcept override { return -3; }
+  double highest_nm() const noexcept override { return 3; }
+  bool is_flat() const noexcept override { return false; }
+
+  static constexpr double kTip = 20;
+
+ private:
+  struct Jet {
+    double z, zx, zy, zxx, zyy;
+  };
+  static Jet jet(double x, double y) noexcept {
+    constexpr double p = 0.1, q = 0.08, a = 1.5, b = 1.2;
+    return {a * std::sin(p * x) + b * std::cos(q * y), a * p * std::cos(p * x), -b * q * std::sin(q * y),
+            -a * p * p * std::sin(p * x), -b * q * q * std::cos(q * y)};
+  }
+  static double effective_radius(double x, double y) noexcept {
+    const Jet j = jet(x, y);
+    const double w2 = 1 + j.zx * j.zx + j.zy * j.zy;
+    const double mean = -0.5 * ((1 + j.zy * j.zy) * j.zxx + (1 + j.zx * j.zx) * j.zyy) / (w2 * std::sqrt(w2));
+    const double gauss = j.zxx * j.zyy / (w2 * w2);
+    return kTip / std::sqrt(1 + 2 * kTip * mean + kTip * kTip * gauss);
+  }
+  template <class F>
+  static double slope(const F& f) {
+    constexpr double h = 0.05;
+    return (4.0 / 5 * (f(h) - f(-h)) - 1.0 / 5 * (f(2 * h) - f(-2 * h)) + 4.0 / 105 * (f(3 * h) - f(-3 * h)) -
+            1.0 / 280 * (f(4 * h) - f(-4 * h))) /
+           h;
+  }
+};
+
+struct Loop {
+  Vec3 centre, first, second, third;
+  Vec3 at(double t) const {
+    return centre + std::sin(t) * first + (std::cos(t) - 1) * second + std::sin(2 * t) * third;
+  }
+  Vec3 rate(double t) const {
+    return std::cos(t) * first - std::sin(t) * second + 2 * std::cos(2 * t) * third;
+  }
+};
+
+Loop random_loop(std::mt19937_64& random) {
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  const auto any = [&](double size, double height) {
+    return Vec3(size * uniform(random), size * uniform(random), height * uniform(random));
+  };
+  return {Vec3(40 * uniform(random), 40 * uniform(random), -9), any(6, 0.7), any(6, 0.7), any(3, 0.3)};
+}
+
+// Smooth ground, one branch: the force is a gradient, and the work of the free end round any closed path is
+// none. The trapezium rule converges faster than any power for a periodic integrand. What is left is the step
+// at which the balance is taken for found, and the law's own error.
+TEST(EquilibriumProperty, NoWorkRoundAClosedPath) {
+  std::mt19937_64 random(11);
+  const TipSampleLaw law({20.0, 0.4, 0.165, true});
+  Compliance c = Vec3(0.05, 0.06, 0.075).asDiagonal();
+  c(1, 2) = c(2, 1) = 0.02;
+  double worst = 0, worst_without = 0;
+  for (int path = 0; path < 20; ++path) {
+    const Loop loop = random_loop(random);
+    for (const bool with : {true, false}) {
+      const TipEquilibrium equilibrium(std::make_shared<Waves>(), law, Waves::kTip, {{}, with});
+      TipState state;
+      for (double z = 20; z > 0; z -= 0.5) equilibrium.advance(loop.at(0) + Vec3(0, 0, z), c, state);
+      constexpr int kSteps = 1500;
+      double work = 0, size = 0;
+      for (int i = 0; i < kSteps; ++i) {
+        const double t = 2 * kPi * i / kSteps;
+        const TipSolution s = equilibrium.advance(loop.at(t), c, state);
+        ASSERT_EQ(s.status, SolveStatus::kOk);
+        ASSERT_EQ(s.branch, Branch::kContact);
+        ASSERT_EQ(s.feet, 1);
+        work += s.force_w_nn.dot(loop.rate(t));
+        size += std::abs(s.force_w_nn.dot(loop.rate(t)));
+      }
+      double& most = with ? worst : worst_without;
+      most = std::max(most, std::abs(work) / size);
+    }
+  }
+  EXPECT_LT(worst, 1e-10);
+  EXPECT_GT(worst_without, 1e-4);  // it is the radius' part that makes it so
+  if (getenv("EQ_VERBOSE")) printf("loop with %g without %g\n", worst, worst_without);
+}
+
+// Any path, jumps and friction included: the work of the free end is stored or dissipated, to the path's own
+// discretisation, which falls with the step.
+TEST(EquilibriumProperty, WorkIsStoredOrDissipated) {
+  std::mt19937_64 random(12);
+  const TipSampleLaw law({20.0, 0.4, 0.165, true});
+  const Compliance c = Vec3(0.05, 0.06, 0.075).asDiagonal();
+  for (int path = 0; path < 6; ++path) {
+    Loop loop = random_loop(random);
+    if (path % 2 == 1) loop.third.z() = 12;  // in and out of contact
+    EquilibriumOptions options{{}, true};
+    if (path % 3 != 0) options.friction = FrictionParameters{0.2, 8.0, 0.1, 1.0};
+    double error[2] = {0, 0};
+    for (const int fine : {0, 1}) {
+      const TipEquilibrium equilibrium(std::make_shared<Waves>(), law, Waves::kTip, options);
+      TipState state;
+      for (double z = 20; z > 0; z -= 0.5) equilibrium.advance(loop.at(0) + Vec3(0, 0, z), c, state);
+      const int steps = fine == 0 ? 3000 : 48000;
+      TipSolution s = equilibrium.advance(loop.at(0), c, state);
+      const auto stored = [&] {
+        return s.potential_aj + s.friction_stored_aj + 0.5 * s.force_w_nn.dot(c * s.force_w_nn);
+      };
+      const double before = stored();
+      double work = 0, lost = 0, size = 0;
+      for (int i = 1; i <= steps; ++i) {
+        const Vec3 from = state.free_end_w_nm, force = s.force_w_nn, to = loop.at(2.2 * kPi * i / steps);
+        s = equilibrium.advance(to, c, state);
+        ASSERT_EQ(s.status, SolveStatus::kOk);
+        ASSERT_GE(s.friction_dissipated_aj, 0);
+        ASSERT_GE(s.dissipated_aj, 0);
+        const double part = -0.5 * (force + s.force_w_nn).dot(to - from);
+        work += part;
+        size += std::abs(part);
+        lost += s.dissipated_aj + s.friction_dissipated_aj;
+      }
+      error[fine] = std::abs(work - lost - (stored() - before)) / size;
+    }
+    if (getenv("EQ_VERBOSE")) printf("path %d error %g %g\n", path, error[0], error[1]);
+    EXPECT_LT(error[0], 1e-2) << path;
+    EXPECT_LT(error[1], 1e-7 + error[0] / 4) << path;
+  }
+}
+
 // Whatever the tip, the ground, the springs and the step: a balance is found, finite, and where it is not (at
 // most once in ten thousand steps) the state is left as it was.
 TEST(EquilibriumProperty, FindsABalanceAnywhere) {
