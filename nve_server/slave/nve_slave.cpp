@@ -64,6 +64,11 @@ double felt_stiffness(const physics::TipSolution& solution, const physics::Compl
   return k * along * along / (1.0 + k * solution.normal_w.dot(springs * solution.normal_w));
 }
 
+// By how much `charge` falls short of a range: 0 within it, negative above it.
+double short_of(double least, double most, double charge) noexcept {
+  return charge < least ? least - charge : std::min(0.0, most - charge);
+}
+
 }  // namespace
 
 NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
@@ -165,11 +170,8 @@ void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcep
   const double first = -before.solution.force_w_nn.dot(moved);
   const double last = -after.solution.force_w_nn.dot(moved);
   if (moving) {
-    // > 0 lost, < 0 gained.
-    double lost = after.mode_loss.numerical_aj;
-    if (flat_)
-      lost = std::min(first, last) > charge ? std::min(first, last) - charge
-                                            : std::min(0.0, std::max(first, last) - charge);
+    double lost =
+        flat_ ? short_of(std::min(first, last), std::max(first, last), charge) : after.mode_loss.numerical_aj;
     if (lost < 0.0) {
       const double taken = mode->slow_down(-lost, after.mode);
       after.stored_aj -= taken;
