@@ -61,6 +61,7 @@ double Capillary::formation_gap_nm(double radius_nm) const noexcept {
 
 BridgeState Capillary::formed(double radius_nm) const noexcept {
   BridgeState bridge;
+  if (!active_) return bridge;
   bridge.present = true;
   if (constant_volume_) {
     const double gap = formation_gap_nm(radius_nm);

@@ -68,7 +68,7 @@ class Capillary {
 
   double kelvin_radius_nm() const noexcept { return kelvin_nm_; }
   double formation_gap_nm(double radius_nm) const noexcept;
-  /// The bridge that forms there.
+  /// The bridge that forms there (none if there is no liquid).
   BridgeState formed(double radius_nm) const noexcept;
 
  private:
