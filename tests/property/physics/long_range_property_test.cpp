@@ -121,7 +121,7 @@ TEST(LongRangeProperty, OneLongStepEqualsManyShortOnes) {
       position = target;
       ASSERT_EQ(a.branch, b.branch) << i << ' ' << leg;
       ASSERT_EQ(a.bridge, b.bridge) << i << ' ' << leg;
-      ASSERT_EQ(a.jumps, jumps) << i << ' ' << leg << " to " << target << " lambda " << s.lambda << " c " << c.compliance << " dis " << a.dissipated_aj << ' ' << dissipated << " bias " << c.parameters.long_range.tip_bias_v << " branch " << static_cast<int>(a.branch) << " ov " << a.overlap_nm << ' ' << b.overlap_nm << " RH " << c.parameters.long_range.capillary.humidity_percent << " vdw " << c.parameters.van_der_waals;
+      ASSERT_EQ(a.jumps, jumps) << i << ' ' << leg;
       const double force = s.force_nn + std::fabs(a.force_nn) + c.energy_aj / kRadius;
       // Twice the law's own error near a fold, 1e-10.
       ASSERT_NEAR(a.force_nn, b.force_nn, 1e-9 * force) << i << ' ' << leg;
@@ -153,7 +153,10 @@ TEST(LongRangeProperty, BalancedStableAndSoundAnywhere) {
       ASSERT_NEAR(
           e.overlap_nm + compliance * e.force_nn, base,
           1e-11 * (std::fabs(base) + law.scales(radius).overlap_nm + 1 + compliance * std::fabs(e.force_nn)))
-          << i << ' ' << step << " lambda " << law.lambda(radius) << " c " << compliance << " branch " << static_cast<int>(e.branch) << " ov " << e.overlap_nm << " from " << before.overlap_nm << " F " << e.force_nn << " S " << e.stiffness_n_m << " bridge " << e.bridge << " unit " << law.scales(radius).overlap_nm << " jumps " << e.jumps;
+          << i << ' ' << step << " lambda " << law.lambda(radius) << " c " << compliance << " branch "
+          << static_cast<int>(e.branch) << " ov " << e.overlap_nm << " from " << before.overlap_nm << " F "
+          << e.force_nn << " S " << e.stiffness_n_m << " bridge " << e.bridge << " unit "
+          << law.scales(radius).overlap_nm << " jumps " << e.jumps;
       ASSERT_GE(1 + compliance * e.stiffness_n_m, -1e-4) << i << ' ' << step;
       // A bridge lives between touch and rupture.
       if (e.bridge) {
