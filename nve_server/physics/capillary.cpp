@@ -61,6 +61,7 @@ double Capillary::formation_gap_nm(double radius_nm) const noexcept {
 
 BridgeState Capillary::formed(double radius_nm) const noexcept {
   BridgeState bridge;
+  if (!active_) return bridge;
   bridge.present = true;
   if (constant_volume_) {
     const double gap = formation_gap_nm(radius_nm);
@@ -72,7 +73,7 @@ BridgeState Capillary::formed(double radius_nm) const noexcept {
 }
 
 LongRangePoint Capillary::at(double gap_nm, double radius_nm, const BridgeState& bridge) const noexcept {
-  if (!bridge.present || gap_nm > bridge.rupture_gap_nm) return {};
+  if (!bridge.present) return {};
   const double f0 = force_per_radius_ * radius_nm;
   if (!constant_volume_) {
     return {-f0 * ((reach_nm_ - gap_nm) / reach_nm_), -f0 / reach_nm_};
@@ -84,7 +85,7 @@ LongRangePoint Capillary::at(double gap_nm, double radius_nm, const BridgeState&
 }
 
 double Capillary::energy_aj(double gap_nm, double radius_nm, const BridgeState& bridge) const noexcept {
-  if (!bridge.present || gap_nm > bridge.rupture_gap_nm) return 0;
+  if (!bridge.present) return 0;
   const double f0 = force_per_radius_ * radius_nm;
   const double rupture = bridge.rupture_gap_nm;
   if (!constant_volume_) {

@@ -62,13 +62,13 @@ class Capillary {
   explicit Capillary(const CapillaryParameters& parameters);
 
   bool active() const noexcept { return active_; }
-  /// Of a bridge, 0 <= D <= rupture gap; nothing beyond.
+  /// Of a bridge, 0 <= D <= rupture gap. The caller's tip ruptures it: a rounding beyond, the formulas go on.
   LongRangePoint at(double gap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
   double energy_aj(double gap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
 
   double kelvin_radius_nm() const noexcept { return kelvin_nm_; }
   double formation_gap_nm(double radius_nm) const noexcept;
-  /// The bridge that forms there.
+  /// The bridge that forms there (none if there is no liquid).
   BridgeState formed(double radius_nm) const noexcept;
 
  private:

@@ -508,30 +508,34 @@ class ExtendedStep {
     return at_a > at_b ? a : b;
   }
 
-  /// The root of dZ/dx between a rising and a falling point (Anderson and Bjorck). Z is stationary there.
+  /// The root of dZ/dx between a rising and a falling point (Anderson and Bjorck), outside in the inverse of
+  /// the gap, of which the attraction's slope is some power. Z is stationary there.
   double fold_between(double rising, double falling) const noexcept {
-    double a = rising;
-    double b = falling;
-    double rate_a = at(a).base_rate;
-    double rate_b = at(b).base_rate;
-    int moved = 0;
+    const auto inverse = [this](double x) { return place_.inside ? x : 1.0 / (cut_off_ - x); };
+    const auto x_of = [this](double w) { return place_.inside ? w : cut_off_ - 1.0 / w; };
+    const double floor = place_.inside ? 1e-3 * cache_.curve.onset_radius() : 0.0;
+    double rate_a = at(rising).base_rate;
+    double rate_b = at(falling).base_rate;
+    if (!(rate_a > 0 && rate_b < 0)) return falling;
+    double a = inverse(rising);
+    double b = inverse(falling);
     double last = a;
-    for (int i = 0; i < 100 && rate_a > 0 && rate_b < 0; ++i) {
-      double x = a + (b - a) * (rate_a / (rate_a - rate_b));
-      if (i % 8 == 7) x = 0.5 * (a + b);
-      if (std::fabs(x - last) <= 1e-10 * std::fabs(b - a) || x == a || x == b) {
-        return x;
-      }
-      last = x;
-      const double rate = at(x).base_rate;
+    int moved = 0;
+    for (int i = 0; i < 100; ++i) {
+      double w = a + (b - a) * (rate_a / (rate_a - rate_b));
+      if (i % 8 == 7) w = 0.5 * (a + b);
+      if (std::fabs(w - last) <= 1e-10 * (std::fabs(w) + floor)) return x_of(w);
+      last = w;
+      const double rate = at(x_of(w)).base_rate;
+      if (rate == 0) return x_of(w);
       const bool rises = rate > 0;
       const double weight = 1.0 - rate / (rises ? rate_a : rate_b);
-      (rises ? a : b) = x;
+      (rises ? a : b) = w;
       (rises ? rate_a : rate_b) = rate;
       if (moved == (rises ? 1 : -1)) (rises ? rate_b : rate_a) *= weight > 0 ? weight : 0.5;
       moved = rises ? 1 : -1;
     }
-    return rate_b >= 0 ? b : a;
+    return x_of(last);
   }
 
   /// The one root of Z = z between two places that enclose it: Newton's method, halving where it leaves.

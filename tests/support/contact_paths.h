@@ -47,18 +47,22 @@ class WorkIntegral {
     const double whole = gauss(from, to, state);
     const double mid = 0.5 * (from + to);
     TipSampleState at_mid = state;
-    law_.advance(mid, compliance_, radius_nm_, at_mid);
+    const int jumps_first = law_.advance(mid, compliance_, radius_nm_, at_mid).jumps;
     TipSampleState at_end = at_mid;
-    law_.advance(to, compliance_, radius_nm_, at_end);
-    const bool smooth = state.branch == at_end.branch && at_mid.branch == at_end.branch &&
-                        state.bridge.present == at_end.bridge.present &&
-                        at_mid.bridge.present == at_end.bridge.present;
+    const int jumps = jumps_first + law_.advance(to, compliance_, radius_nm_, at_end).jumps;
+    // Between the last node and the end of an interval a jump or a kink (touch) would not be seen.
+    const bool smooth = jumps == 0 && same_piece(state, at_mid) && same_piece(at_mid, at_end);
     const double halves = gauss(from, mid, state) + gauss(mid, to, at_mid);
     if (depth >= 48 || (depth > 7 && smooth && std::fabs(whole - halves) <= tolerance)) return halves;
     return run(from, mid, state, tolerance, depth + 1) + run(mid, to, at_mid, tolerance, depth + 1);
   }
 
  private:
+  static bool same_piece(const TipSampleState& a, const TipSampleState& b) {
+    return a.branch == b.branch && a.bridge.present == b.bridge.present &&
+           (a.overlap_nm >= 0) == (b.overlap_nm >= 0);
+  }
+
   double gauss(double from, double to, const TipSampleState& state) const {
     constexpr double kNode[3] = {0.23861918608319690863, 0.66120938646626451366, 0.93246951420315202781};
     constexpr double kWeight[3] = {0.46791393457269104739, 0.36076157304813860757, 0.17132449237917034504};

@@ -98,8 +98,8 @@ TEST(Capillary, ForceAndStiffnessAreDerivativesAndEnergyEndsAtZero) {
       const BridgeState bridge = law.formed(kRadius);
       const double end = bridge.rupture_gap_nm;
       EXPECT_NEAR(law.energy_aj(end, kRadius, bridge), 0, 1e-14);
-      EXPECT_EQ(law.energy_aj(end * 1.0001, kRadius, bridge), 0);
-      EXPECT_EQ(law.at(end * 1.0001, kRadius, bridge).force_nn, 0);
+      EXPECT_EQ(law.energy_aj(0.5 * end, kRadius, {}), 0);
+      EXPECT_EQ(law.at(0.5 * end, kRadius, {}).force_nn, 0);
       for (const double part : {0.01, 0.2, 0.5, 0.9}) {
         const double gap = part * end;
         const double h = 1e-4 * gap;
