@@ -128,9 +128,9 @@ SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double 
   return foot;
 }
 
-// Other basins than that of the foot that was followed, from the nearest sample onwards. A sample that is not
-// nearer than the foot, and has a neighbour that is nearer than itself, lies on the slope of a basin that is
-// known or about to be: only local minima of the samples' distance are descended from.
+// Other basins than that of the foot that was followed, from the nearest sample onwards. (Leaving out samples
+// with a nearer neighbour, as lying on a known basin's slope, saves a tenth, and overlooks twice as many
+// summits between samples.)
 SplineSurface::Foot SplineSurface::deepest_basin(const Vec3& centre, Foot foot) const noexcept {
   const auto margin = [this](double distance) {
     return 0.25 * cell_ * cell_ / std::max(distance, cell_) + 0.1 * cell_;
@@ -140,27 +140,23 @@ SplineSurface::Foot SplineSurface::deepest_basin(const Vec3& centre, Foot foot) 
   double limit = distance + margin(distance);
   SampleTops::Near near;
   tops_.near(centre, limit, distance * (1.0 - 1e-12), {foot.x, foot.y, known_radius}, near);
-  for (int basin = 1; basin < kMaxBasins && near.count > 0; ++basin) {
-    const SampleTops::Sample sample =
+  for (int visited = 1; visited < kMaxBasins && near.count > 0;) {
+    SampleTops::Sample& nearest =
         *std::min_element(near.samples.begin(), near.samples.begin() + near.count,
                           [](const auto& a, const auto& b) { return a.distance_sq < b.distance_sq; });
-    const bool nearer = sample.distance_sq < foot.distance_sq * (1.0 - 2e-12);
-    const double x = tops_.x_nm(sample.column), y = tops_.y_nm(sample.row);
-    if (nearer || tops_.is_local_minimum(centre, sample)) {
-      const Foot other = descend(centre, x, y, jet(x, y), false);
-      if (other.distance_sq < foot.distance_sq) foot = other;
-      distance = std::sqrt(foot.distance_sq);
-      limit = distance + margin(distance);
-    } else {
-      --basin;  // nothing was visited
-    }
+    const SampleTops::Sample sample = nearest;
+    nearest = near.samples[static_cast<std::size_t>(--near.count)];
+    const Foot other = descend(centre, sample.x_nm, sample.y_nm, jet(sample.x_nm, sample.y_nm), false);
+    if (other.distance_sq < foot.distance_sq) foot = other;
+    ++visited;
+    distance = std::sqrt(foot.distance_sq);
+    limit = distance + margin(distance);
     const double known_sq = foot.distance_sq * (1.0 - 2e-12);
     int kept = 0;
     for (int i = 0; i < near.count; ++i) {
       const SampleTops::Sample& s = near.samples[static_cast<std::size_t>(i)];
-      if (s.column == sample.column && s.row == sample.row) continue;
       if (!(s.distance_sq < limit * limit)) continue;
-      const double ex = tops_.x_nm(s.column) - x, ey = tops_.y_nm(s.row) - y;
+      const double ex = s.x_nm - sample.x_nm, ey = s.y_nm - sample.y_nm;
       if (s.distance_sq >= known_sq && ex * ex + ey * ey < known_radius * known_radius) continue;
       near.samples[static_cast<std::size_t>(kept++)] = s;
     }

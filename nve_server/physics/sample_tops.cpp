@@ -30,17 +30,15 @@ double outside_sq(double x, double first, double n, double spacing) {
 }
 
 struct IndexRange {
-  int first;
-  int last;  // last < first: empty
+  int first, last;
 };
 
-// Samples with |x − (x_first + i·dx)| <= reach.
-IndexRange within(double x, double reach, double x_first, double inv_dx, int count) {
+// Groups that samples with |x − (x_first + i·dx)| <= reach can be in, x within the grid.
+IndexRange groups_within(double x, double reach, double x_first, double inv_dx, int count, int group) {
   const double centre = (x - x_first) * inv_dx;
   const double half = reach * inv_dx;
-  const double limit = static_cast<double>(count - 1);
-  return {static_cast<int>(std::ceil(std::clamp(centre - half, 0.0, limit + 1))),
-          static_cast<int>(std::floor(std::clamp(centre + half, -1.0, limit)))};
+  return {static_cast<int>(std::max(centre - half, 0.0)) / group,
+          static_cast<int>(std::min(centre + half, static_cast<double>(count - 1))) / group};
 }
 
 }  // namespace
@@ -56,6 +54,7 @@ SampleTops::SampleTops(const HeightGrid& grid)
       y_first_(grid.y_first_nm),
       lowest_(*std::min_element(grid.z_nm.begin(), grid.z_nm.end())),
       highest_(*std::max_element(grid.z_nm.begin(), grid.z_nm.end())),
+      across_(0.0, grid.dx_nm, 2.0 * grid.dx_nm, 3.0 * grid.dx_nm),
       super_columns_(blocks_of(grid.columns, kGroup)),
       super_rows_(blocks_of(grid.rows, kGroup)),
       z_(product(super_columns_, super_rows_) * kGroup * kGroup, kNothing),
@@ -87,54 +86,59 @@ void SampleTops::set(int column, int row, double z_nm) noexcept {
 
 void SampleTops::open_block(const Query& query, int first_column, int first_row, Near& out) const noexcept {
   const double* z = &z_[block_of(first_column, first_row) * kGroup];
-  double sq[kGroup], x_sq[kBlock];
-  for (int c = 0; c < kBlock; ++c) {
-    const double x = x_nm(first_column + c) - query.point.x();
-    x_sq[c] = x * x;
+  Eigen::Array4d x = across_ + x_nm(first_column);
+  if (query.beyond_x) {
+    const int rim = query.point.x() < x_first_ ? 0 : columns_ - 1;
+    if (rim >= first_column && rim < first_column + kBlock) x[rim - first_column] = query.point.x();
   }
+  const Eigen::Array4d x_sq = (x - query.point.x()).square();
   for (int r = 0; r < kBlock; ++r) {
-    const double y = y_nm(first_row + r) - query.point.y();
-    const double y_sq = y * y;
+    const int row = first_row + r;
+    const bool across_rim = query.beyond_y && row == (query.point.y() < y_first_ ? 0 : rows_ - 1);
+    const double y = across_rim ? query.point.y() : y_nm(row);
+    const double y_sq = (y - query.point.y()) * (y - query.point.y());
+    const Eigen::Array4d h = query.point.z() - Eigen::Map<const Eigen::Array4d>(z + r * kBlock);
+    const Eigen::Array4d sq = x_sq + h.square() + y_sq;
+    if (!(sq.minCoeff() < query.limit_sq)) continue;
+    const double ey = y - query.disc.y_nm;
     for (int c = 0; c < kBlock; ++c) {
-      const double h = query.point.z() - z[r * kBlock + c];
-      sq[r * kBlock + c] = x_sq[c] + y_sq + h * h;
+      if (!(sq[c] < query.limit_sq)) continue;
+      const double ex = x[c] - query.disc.x_nm;
+      if (sq[c] >= query.known_sq && ex * ex + ey * ey < query.disc.radius_sq) continue;
+      out.add({x[c], y, sq[c]});
     }
-  }
-  for (int i = 0; i < kGroup; ++i) {
-    if (!(sq[i] < query.limit_sq)) continue;
-    const Sample sample{first_column + i % kBlock, first_row + i / kBlock, sq[i]};
-    if (sq[i] >= query.known_sq) {
-      const double ex = x_nm(sample.column) - query.disc.x_nm;
-      const double ey = y_nm(sample.row) - query.disc.y_nm;
-      if (ex * ex + ey * ey < query.disc.radius_nm * query.disc.radius_nm) continue;
-    }
-    if (out.count < kMaxNear) {
-      out.samples[static_cast<std::size_t>(out.count++)] = sample;
-      continue;
-    }
-    Sample& farthest =
-        *std::max_element(out.samples.begin(), out.samples.end(),
-                          [](const Sample& a, const Sample& b) { return a.distance_sq < b.distance_sq; });
-    if (sample.distance_sq < farthest.distance_sq) farthest = sample;
   }
 }
 
+void SampleTops::Near::add(const Sample& sample) noexcept {
+  if (count < kMaxNear) {
+    samples[static_cast<std::size_t>(count++)] = sample;
+    return;
+  }
+  Sample& farthest = *std::max_element(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) {
+    return a.distance_sq < b.distance_sq;
+  });
+  if (sample.distance_sq < farthest.distance_sq) farthest = sample;
+}
+
+// Sixteen bounds as in open_block: the distance to each block's rectangle below its top.
 void SampleTops::open_super(const Query& query, int first_column, int first_row, Near& out) const noexcept {
   const double* top = &block_top_[super_of(first_column, first_row) * kGroup];
-  double sq[kGroup], x_sq[kBlock];
-  for (int c = 0; c < kBlock; ++c) {
-    x_sq[c] = outside_sq(query.point.x(), x_nm(first_column + c * kBlock), kBlock, dx_);
-  }
+  const double half_x = 0.5 * (kBlock - 1) * dx_, half_y = 0.5 * (kBlock - 1) * dy_;
+  const auto positive_squares = [](const Eigen::Array4d& d) -> Eigen::Array4d {
+    return (0.5 * (d + d.abs())).square();
+  };
+  const Eigen::Array4d x_sq =
+      positive_squares((kBlock * across_ + (x_nm(first_column) + half_x - query.within.x())).abs() - half_x);
+  const double y_first = y_nm(first_row) + half_y - query.within.y();
   for (int r = 0; r < kBlock; ++r) {
-    const double y_sq = outside_sq(query.point.y(), y_nm(first_row + r * kBlock), kBlock, dy_);
+    const double y_sq = positive_sq(std::abs(y_first + r * kBlock * dy_) - half_y);
+    // Nothing is below −infinity: an empty block is infinitely far.
+    const Eigen::Array4d sq =
+        x_sq + y_sq + positive_squares(query.point.z() - Eigen::Map<const Eigen::Array4d>(top + r * kBlock));
+    if (!(sq.minCoeff() < query.limit_sq)) continue;
     for (int c = 0; c < kBlock; ++c) {
-      // Nothing is below −infinity: an empty block is infinitely far.
-      sq[r * kBlock + c] = x_sq[c] + y_sq + positive_sq(query.point.z() - top[r * kBlock + c]);
-    }
-  }
-  for (int i = 0; i < kGroup; ++i) {
-    if (sq[i] < query.limit_sq) {
-      open_block(query, first_column + i % kBlock * kBlock, first_row + i / kBlock * kBlock, out);
+      if (sq[c] < query.limit_sq) open_block(query, first_column + c * kBlock, first_row + r * kBlock, out);
     }
   }
 }
@@ -146,34 +150,27 @@ void SampleTops::near(const Vec3& point, double limit_nm, double known_nm, const
   const double reach_sq = limit_sq - positive_sq(point.z() - highest_);
   if (!(reach_sq > 0.0)) return;
   const double reach = std::sqrt(reach_sq);
-  const IndexRange columns = within(point.x(), reach, x_first_, inv_dx_, columns_);
-  const IndexRange rows = within(point.y(), reach, y_first_, inv_dy_, rows_);
-  if (columns.last < columns.first || rows.last < rows.first) return;
+  const Vec3 within(std::clamp(point.x(), x_first_, x_nm(columns_ - 1)),
+                    std::clamp(point.y(), y_first_, y_nm(rows_ - 1)), point.z());
+  const IndexRange columns = groups_within(within.x(), reach, x_first_, inv_dx_, columns_, kGroup);
+  const IndexRange rows = groups_within(within.y(), reach, y_first_, inv_dy_, rows_, kGroup);
 
-  const Query query{point, limit_sq, known_nm * known_nm, disc};
-  for (int super_row = rows.first / kGroup; super_row <= rows.last / kGroup; ++super_row) {
-    const double y_sq = outside_sq(point.y(), y_nm(super_row * kGroup), kGroup, dy_);
-    for (int super_column = columns.first / kGroup; super_column <= columns.last / kGroup; ++super_column) {
-      const double top =
-          super_top_[product(super_row, super_columns_) + static_cast<std::size_t>(super_column)];
-      const double x_sq = outside_sq(point.x(), x_nm(super_column * kGroup), kGroup, dx_);
+  const Query query{point,
+                    within,
+                    within.x() != point.x(),
+                    within.y() != point.y(),
+                    limit_sq,
+                    known_nm * known_nm,
+                    {disc.x_nm, disc.y_nm, disc.radius_nm * disc.radius_nm}};
+  for (int row = rows.first; row <= rows.last; ++row) {
+    const double y_sq = outside_sq(within.y(), y_nm(row * kGroup), kGroup, dy_);
+    for (int column = columns.first; column <= columns.last; ++column) {
+      const double x_sq = outside_sq(within.x(), x_nm(column * kGroup), kGroup, dx_);
+      const double top = super_top_[product(row, super_columns_) + static_cast<std::size_t>(column)];
       if (x_sq + y_sq + positive_sq(point.z() - top) >= limit_sq) continue;
-      open_super(query, super_column * kGroup, super_row * kGroup, out);
+      open_super(query, column * kGroup, row * kGroup, out);
     }
   }
-}
-
-bool SampleTops::is_local_minimum(const Vec3& point, const Sample& sample) const noexcept {
-  for (int row = std::max(sample.row - 1, 0); row <= std::min(sample.row + 1, rows_ - 1); ++row) {
-    const double y = y_nm(row) - point.y();
-    for (int column = std::max(sample.column - 1, 0); column <= std::min(sample.column + 1, columns_ - 1);
-         ++column) {
-      const double x = x_nm(column) - point.x();
-      const double h = point.z() - height_nm(column, row);
-      if (x * x + y * y + h * h < sample.distance_sq) return false;
-    }
-  }
-  return true;
 }
 
 }  // namespace telenano::physics

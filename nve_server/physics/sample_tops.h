@@ -11,6 +11,9 @@ namespace telenano::physics {
 /// Finds the samples of a height grid that are near to a point, by branch and bound: the samples in blocks of
 /// 4×4, those in blocks of 4×4 blocks, each block bounded from below by its highest sample. Nothing that is
 /// farther than the limit is ever opened.
+///
+/// Beyond the rim its height goes on outwards: for a point that is out there, a sample of the rim is taken to
+/// be where that continuation is nearest, straight across from it.
 class SampleTops {
  public:
   explicit SampleTops(const HeightGrid& grid);
@@ -22,8 +25,8 @@ class SampleTops {
     double radius_nm = 0;
   };
   struct Sample {
-    int column = 0;
-    int row = 0;
+    double x_nm = 0;
+    double y_nm = 0;
     double distance_sq = 0;
   };
   /// At most so many; where there are more, farther ones are left out, never the nearest.
@@ -31,14 +34,12 @@ class SampleTops {
   struct Near {
     std::array<Sample, kMaxNear> samples;  // in no order
     int count = 0;
+    void add(const Sample& sample) noexcept;
   };
 
   /// Samples nearer than `limit_nm`; of those in the disc only the ones nearer than `known_nm` <= limit_nm.
   void near(const Vec3& point_w_nm, double limit_nm, double known_nm, const Disc& disc,
             Near& out) const noexcept;
-  /// None of the eight neighbours is nearer to the point.
-  bool is_local_minimum(const Vec3& point_w_nm, const Sample& sample) const noexcept;
-
   /// A sample's new height: in constant time.
   void set(int column, int row, double z_nm) noexcept;
 
@@ -69,8 +70,12 @@ class SampleTops {
   }
   struct Query {
     Vec3 point;
+    Vec3 within;              // the nearest above the grid: bounds from there hold for the continuation too
+    bool beyond_x, beyond_y;  // the point is not there itself
     double limit_sq, known_sq;
-    Disc disc;
+    struct {
+      double x_nm, y_nm, radius_sq;
+    } disc;
   };
   void open_super(const Query& query, int column, int row, Near& out) const noexcept;
   void open_block(const Query& query, int column, int row, Near& out) const noexcept;
@@ -78,6 +83,7 @@ class SampleTops {
   int columns_, rows_;
   double dx_, dy_, inv_dx_, inv_dy_, x_first_, y_first_;
   double lowest_, highest_;
+  Eigen::Array4d across_;  // a block's columns from its first, nm
   int super_columns_, super_rows_;
   std::vector<double> z_, block_top_, super_top_;
 };

@@ -114,6 +114,17 @@ void global_cold(benchmark::State& bench) {
   }
 }
 
+/// A mark with its rim at range(0) tenths of a nanometre: nodes and spline.
+void press(benchmark::State& bench) {
+  SplineSurface pressed(surface());
+  double x = 100;
+  for (auto _ : bench) {
+    pressed.press({x, 300 - 0.5 * x, 1e-6, 0.1 * static_cast<double>(bench.range(0)), 0.3});
+    x = x > 500 ? 100 : x + 0.37;
+  }
+}
+
+BENCHMARK(press)->Arg(30)->Arg(100)->Arg(300);
 BENCHMARK(height_jet);
 BENCHMARK(local_hovering)->Arg(10)->Arg(100);
 BENCHMARK(local_pressed)->Arg(10)->Arg(100);
