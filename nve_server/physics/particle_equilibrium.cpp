@@ -15,6 +15,7 @@ constexpr int kMaxSubsteps = 20000;         // 1 µm past a particle of 1 nm tak
 constexpr int kMaxIterationsInAll = 50000;  // some 100 ms: the bound on the time of a step
 constexpr double kRefine = 0.25;
 constexpr double kFinest = 1e-5;
+constexpr double kReleaseRefinement = 1e-3;
 constexpr double kLeastCompliance = 1e-12;  // nm/nN: 1e-10 nm under 100 nN
 constexpr double kEnergyRounding = 1e-12;   // ten times the laws' own
 constexpr double kShortestTime_s = 1e-12;
@@ -31,6 +32,19 @@ double allowed_step(const ParticleModel& model, const ParticleState& state) noex
 
 double spring_energy(const Vec3& force, const Mat3& compliance) noexcept {
   return 0.5 * force.dot(compliance * force);
+}
+
+bool inside(Branch branch) noexcept {
+  return branch == Branch::kContact || branch == Branch::kNonContact;
+}
+// The particle touches both.
+bool touching(const ParticleState& state) noexcept {
+  return inside(state.contacts[kTipParticle].law.branch) &&
+         inside(state.contacts[kParticleSample].law.branch);
+}
+bool touching(const ParticleBalance& balance) noexcept {
+  return inside(balance.contact(kTipParticle).law.branch) &&
+         inside(balance.contact(kParticleSample).law.branch);
 }
 
 void describe(const ParticleModel& model, const ParticleBalance& balance, const ParticleState& state,
@@ -156,6 +170,12 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
     if (status != SolveStatus::kOk) {
       refined *= kRefine;
       if (refined < kFinest) return refuse(status);
+      continue;
+    }
+    // Two contacts pull at the particle and one gives way: which, must not depend on how far the step
+    // overshoots. Come near first.
+    if (touching(now) && !touching(balance) && refined > kReleaseRefinement) {
+      refined *= kRefine;
       continue;
     }
     refined = std::min(1.0, 2.0 * refined);

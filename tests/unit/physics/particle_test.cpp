@@ -161,6 +161,39 @@ TEST(Particle, RollsWhenThatIsEasier) {
   EXPECT_NEAR(t.dissipated_aj, limit * 0.1, 1e-6 * limit);
 }
 
+// Out and back in steps of 1e-4 nm, sticking, slipping, rolling: the work of the tip's force is what is
+// stored and lost, to the trapezium's error.
+TEST(Particle, WorkIsStoredOrLostToAMillionth) {
+  ParticleParameters p = plain();
+  p.particle_sample_friction = {0.3, 8.0, 0.3};
+  p.tip_particle_friction = {0.1, 8.0, 0.2};
+  const ParticleEquilibrium scene(flat(), p);
+  ParticleState state = scene.place(0, 0);
+  const double z = state.particle_centre_w_nm.z() - kTip;
+  const auto at = [&](double t) {
+    return Vec3(-35.0 + 2.0 * std::sin(3 * t), 0.3 * std::sin(2 * t), z + 0.2 * t);
+  };
+  const auto stored = [](const ParticleSolution& s) {
+    return s.tip.potential_aj + 0.5 * s.tip.force_w_nn.dot(kSprings * s.tip.force_w_nn);
+  };
+  ParticleSolution s = scene.advance(at(0), kSprings, 1e-3, state);
+  const double start = stored(s);
+  double work = 0, size = 0, lost = 0, slipped = 0;
+  constexpr int kSteps = 40000;
+  for (int i = 1; i <= kSteps; ++i) {
+    const Vec3 force = s.tip.force_w_nn;
+    s = scene.advance(at(1.5 * i / kSteps), kSprings, 1e-3, state);
+    ASSERT_EQ(s.status, SolveStatus::kOk);
+    const double d = -0.5 * (force + s.tip.force_w_nn).dot(at(1.5 * i / kSteps) - at(1.5 * (i - 1) / kSteps));
+    work += d;
+    size += std::abs(d);
+    lost += s.dissipated_aj;
+    slipped += s.friction_loss_aj;
+  }
+  EXPECT_GT(slipped, 0.5 * size);
+  EXPECT_NEAR(work, stored(s) - start + lost, 1e-6 * size);
+}
+
 // With friction at the tip the rolling surface rubs along it: up the tip's side, at its own limit, which
 // presses the particle down or up and so has a part in the limits below.
 TEST(Particle, RollsAgainstTheFrictionOfTheTip) {
