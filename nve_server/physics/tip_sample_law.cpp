@@ -1,187 +1,21 @@
 #include "nve_server/physics/tip_sample_law.h"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 
 #include "common/base/constants.h"
 #include "common/base/det_math.h"
 #include "common/base/error.h"
+#include "nve_server/physics/joined_step.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr double kLargest = 1e30;   // dimensionless arguments beyond this are as good as infinite
-constexpr double kSteepest = 1e12;  // stands for the infinite slope at a fold, so that callers stay finite
+// Where tables are tested, with a margin: far outside, the curve's own scales leave the table's grid.
+constexpr double kLeastTabulated = 1e-4;
+constexpr double kGreatestTabulated = 1e5;
 
-/// One step in dimensionless terms.
-class Step {
- public:
-  Step(double z, double compliance, bool van_der_waals, TipSampleCache& cache) noexcept
-      : z_(z),
-        compliance_(compliance),
-        held_{1.0, compliance},
-        van_der_waals_(van_der_waals),
-        cache_(cache) {}
-
-  void run(Equilibrium& out, Branch branch) noexcept {
-    const bool inside = branch == Branch::kContact || branch == Branch::kNonContact;
-    if (inside ? stays_inside() : !stays_outside()) {
-      write_inside(out);
-    } else {
-      write_outside(out);
-    }
-  }
-
-  double dissipated() const noexcept { return dissipated_; }
-  int jumps() const noexcept { return jumps_; }
-  const CurveSolution& solution() const noexcept { return solution_; }
-
- private:
-  const Handover& handover() noexcept {
-    if (cache_.has_handover) return cache_.handover;
-    const double lambda = cache_.curve.lambda();
-    double* at = cache_.handover_lambda;
-    double* ratio = cache_.handover_ratio;
-    double guess = ratio[0];
-    if (ratio[1] > 0 && at[0] != at[1]) guess += (ratio[0] - ratio[1]) / (at[0] - at[1]) * (lambda - at[0]);
-    if (!(std::fabs(lambda - at[0]) < 0.1 * at[0])) guess = 0;
-    cache_.handover = find_handover(cache_.curve, cache_.outside, guess * lambda * lambda);
-    cache_.has_handover = true;
-    at[1] = at[0];
-    ratio[1] = ratio[0];
-    at[0] = lambda;
-    ratio[0] = cache_.handover.inside.contact ? cache_.handover.inside.parameter / (lambda * lambda) : 0;
-    return cache_.handover;
-  }
-
-  double offset() noexcept { return van_der_waals_ ? handover().energy_offset : 0.0; }
-  double energy(const CurvePoint& p) noexcept {
-    return p.energy + offset() + 0.5 * compliance_ * p.load * p.load;
-  }
-  double energy(const OutsidePoint& p) const noexcept {
-    return p.energy + 0.5 * compliance_ * p.load * p.load;
-  }
-
-  void lose(double before, double after) noexcept {
-    ++jumps_;
-    dissipated_ += std::max(0.0, before - after);
-  }
-
-  void solve_inside(double z) noexcept {
-    double guess = cache_.u;
-    double curvature = 0;
-    if (cache_.compliance == compliance_ && cache_.rate > 0) {
-      const double first = (z - cache_.z) / cache_.rate;
-      const double second = -0.5 * cache_.curvature * first * first / cache_.rate;
-      if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first)) {
-        guess += first + second;
-        if (std::fabs(first) < 0.03 * guess) curvature = cache_.curvature;
-      }
-    }
-    solution_ = cache_.curve.solve(z, held_, guess, curvature);
-  }
-
-  void remember(const CurvePoint& p) noexcept {
-    const double rate = p.contact ? p.held_rate(held_) : 0;
-    const double u = p.contact ? p.parameter : 0;
-    const bool comparable = cache_.compliance == compliance_ && cache_.rate > 0 && rate > 0 &&
-                            cache_.lambda == cache_.curve.lambda() && u != cache_.u;
-    cache_.curvature = comparable ? (rate - cache_.rate) / (u - cache_.u) : 0;
-    cache_.lambda = cache_.curve.lambda();
-    cache_.compliance = compliance_;
-    cache_.z = z_;
-    cache_.u = u;
-    cache_.rate = rate;
-  }
-
-  /// False when the tip goes in; it is then solved inside at z.
-  bool stays_outside() noexcept {
-    if (!van_der_waals_) {
-      // Two ulp of slack: at Delta = -H0, however the caller rounded it, the tip is still free.
-      const double edge = -cache_.curve.range() * (1.0 - 2.0 * std::numeric_limits<double>::epsilon());
-      if (z_ <= edge) return true;
-      cache_.u = 0;
-      const double base = -cache_.curve.range();
-      lose(0.0, energy(cache_.curve.solve(base, held_).point));
-    } else {
-      const bool held_outside = cache_.outside.stable(z_, compliance_);
-      if (held_outside) {
-        outside_ = cache_.outside.solve(z_, compliance_);
-        if (outside_.gap >= kNoHandoverGap || outside_.gap >= handover().gap) return true;
-      }
-      const Handover& h = handover();
-      const double jump_gap = cache_.outside.jump_gap(compliance_);
-      const bool smooth = jump_gap <= h.gap && h.inside.overlap_rate >= 0 && h.inside.held_rate(held_) >= 0;
-      cache_.u = h.inside.contact ? h.inside.parameter : 0;
-      if (!smooth) {
-        const OutsidePoint edge = cache_.outside.at_gap(std::max(jump_gap, h.gap));
-        lose(energy(edge), energy(cache_.curve.solve(edge.overlap + compliance_ * edge.load, held_).point));
-      }
-    }
-    cache_.compliance = -1;
-    solve_inside(z_);
-    return false;
-  }
-
-  /// False when the tip goes out; it is then solved outside at z.
-  bool stays_inside() noexcept {
-    solve_inside(z_);
-    const CurvePoint& p = solution_.point;
-    const bool lost = solution_.status == CurveStatus::kNoState;
-    bool smooth = false;
-    if (van_der_waals_ && !p.contact) {
-      const Handover& h = handover();
-      smooth = h.reversible && p.outer_radius < h.inside.outer_radius;
-    }
-    if (!lost && !smooth) return true;
-    if (!smooth) {
-      const double base = p.held(held_);
-      lose(energy(p), van_der_waals_ ? energy(cache_.outside.solve(base, compliance_)) : 0.0);
-    }
-    if (van_der_waals_) outside_ = cache_.outside.solve(z_, compliance_);
-    return false;
-  }
-
-  void write_inside(Equilibrium& out) noexcept {
-    const CurvePoint& p = solution_.point;
-    const ContactScales& s = cache_.scales;
-    out.status =
-        solution_.status == CurveStatus::kNotConverged ? SolveStatus::kNotConverged : SolveStatus::kOk;
-    out.branch = p.contact ? Branch::kContact : Branch::kNonContact;
-    out.overlap_nm = p.overlap * s.overlap_nm;
-    out.force_nn = p.load * s.force_nn;
-    const double slope = p.overlap_rate > 0 ? p.load_rate / p.overlap_rate : -kSteepest;
-    out.stiffness_n_m = std::max(slope, -kSteepest) * (s.force_nn / s.overlap_nm);
-    out.contact_radius_nm = p.contact_radius * s.length_nm;
-    out.potential_aj = (p.energy + offset()) * s.energy_aj;
-    remember(p);
-  }
-
-  void write_outside(Equilibrium& out) noexcept {
-    const ContactScales& s = cache_.scales;
-    if (!van_der_waals_) {
-      out.branch = Branch::kFree;
-      return;
-    }
-    out.branch = Branch::kVanDerWaals;
-    out.overlap_nm = outside_.overlap * s.overlap_nm;
-    out.force_nn = outside_.load * s.force_nn;
-    out.stiffness_n_m = outside_.slope * (s.force_nn / s.overlap_nm);
-    out.potential_aj = outside_.energy * s.energy_aj;
-  }
-
-  double z_;
-  double compliance_;
-  Held held_;
-  bool van_der_waals_;
-  TipSampleCache& cache_;
-  CurveSolution solution_;
-  OutsidePoint outside_;
-  double dissipated_ = 0;
-  int jumps_ = 0;
-};
+constexpr double kLargest = 1e30;  // dimensionless arguments beyond this are as good as infinite
 
 void require_positive(double value, const char* what, const char* unit) {
   if (std::isfinite(value) && value > 0) return;
@@ -189,15 +23,45 @@ void require_positive(double value, const char* what, const char* unit) {
                   "), not " + std::to_string(value));
 }
 
+struct Losses {
+  double dissipated = 0;
+  int jumps = 0;
+};
+
+template <ContactCurve Curve>
+Losses step_on(const Curve& curve, double z, double compliance, bool van_der_waals, Branch branch,
+               TipSampleCache& cache, Equilibrium& out) noexcept {
+  JoinedStep<Curve> step(curve, z, compliance, van_der_waals, cache);
+  step.run(out, branch);
+  return {step.dissipated(), step.jumps()};
+}
+
 }  // namespace
 
-TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters) : parameters_(parameters) {
+TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal_radius_nm)
+    : parameters_(parameters) {
   require_positive(parameters.contact_modulus_gpa, "contact modulus K = 4E*/3", "GPa");
   require_positive(parameters.work_of_adhesion_n_m, "work of adhesion", "N/m");
   require_positive(parameters.equilibrium_distance_nm, "equilibrium distance", "nm");
+  if (parameters.model == ContactModel::kHertz && parameters.van_der_waals) {
+    throw UserError(
+        "tip-sample law: hertz has no adhesion, so van der Waals cannot be joined to it; dmt is that law");
+  }
   cbrt_ = det_cbrt(kPi * parameters.work_of_adhesion_n_m / parameters.contact_modulus_gpa);
   // sigma0 = 16/(9 sqrt(3)) w/z0 (the greatest stress of the Lennard-Jones law)
   sigma0_over_w_ = 16.0 / (9.0 * std::sqrt(3.0)) / parameters.equilibrium_distance_nm;
+  if (parameters.method == MaugisMethod::kTable) {
+    if (parameters.model != ContactModel::kMaugisDugdale) {
+      throw UserError("tip-sample law: only maugis-dugdale has a table; the other laws are closed forms");
+    }
+    require_positive(nominal_radius_nm, "radius of the table", "nm");
+    const double lambda = scales(nominal_radius_nm).lambda;
+    if (!(lambda >= kLeastTabulated && lambda <= kGreatestTabulated)) {
+      throw UserError("tip-sample law: no table for lambda = " + std::to_string(lambda) +
+                      ", expected 1e-4 to 1e5: use the direct method");
+    }
+    table_ = std::make_shared<const MaugisTable>(lambda);
+  }
 }
 
 ContactScales TipSampleLaw::scales(double radius_nm) const noexcept {
@@ -213,14 +77,30 @@ ContactScales TipSampleLaw::scales(double radius_nm) const noexcept {
 
 double TipSampleLaw::pull_off_nn(double radius_nm) const noexcept {
   const ContactScales s = scales(radius_nm);
-  return -MaugisDugdale(s.lambda).fold({0.0, 1.0}).load * s.force_nn;
+  switch (parameters_.model) {
+    case ContactModel::kMaugisDugdale:
+      return -MaugisDugdale(s.lambda).fold({0.0, 1.0}).load * s.force_nn;
+    default:
+      return closed_form_coefficients(parameters_.model, s.lambda).pull_off * s.force_nn;
+  }
 }
 
 void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexcept {
   if (cache.radius_nm == radius_nm) return;
   cache.radius_nm = radius_nm;
   cache.scales = scales(radius_nm);
-  cache.curve = MaugisDugdale(cache.scales.lambda);
+  switch (parameters_.model) {
+    case ContactModel::kHertz:
+    case ContactModel::kDmt:
+      break;  // made at each step, of two numbers
+    case ContactModel::kMaugisDugdale:
+      cache.curve = MaugisDugdale(cache.scales.lambda);
+      break;
+    default:
+      cache.adhesive =
+          AdhesiveCurve(cache.scales.lambda, closed_form_coefficients(parameters_.model, cache.scales.lambda),
+                        parameters_.van_der_waals);
+  }
   cache.outside = OutsideLaw(cache.scales.lambda);
   cache.has_handover = false;
 }
@@ -243,8 +123,23 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     out.status = SolveStatus::kNonFinite;
     return out;
   }
-  Step step(z, compliance, parameters_.van_der_waals, cache);
-  step.run(out, state.branch);
+  Losses losses;
+  const bool vdw = parameters_.van_der_waals;
+  switch (parameters_.model) {
+    case ContactModel::kMaugisDugdale:
+      losses = cache.tabulated ? step_on(*table_, z, compliance, vdw, state.branch, cache, out)
+                               : step_on(cache.curve, z, compliance, vdw, state.branch, cache, out);
+      break;
+    case ContactModel::kHertz:
+      losses = step_on(HertzianCurve(s.lambda, 0.0), z, compliance, vdw, state.branch, cache, out);
+      break;
+    case ContactModel::kDmt:
+      losses = step_on(HertzianCurve(s.lambda, 2.0), z, compliance, vdw, state.branch, cache, out);
+      break;
+    default:
+      losses = step_on(cache.adhesive, z, compliance, vdw, state.branch, cache, out);
+      break;
+  }
   if (!std::isfinite(out.force_nn) ||
       !std::isfinite(out.potential_aj)) {  // scales beyond the range of numbers
     cache = TipSampleCache{};
@@ -253,8 +148,8 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     return none;
   }
   if (compliance == 0 || out.branch == Branch::kFree) out.overlap_nm = base_overlap_nm;
-  out.dissipated_aj = step.dissipated() * s.energy_aj;
-  out.jumps = step.jumps();
+  out.dissipated_aj = losses.dissipated * s.energy_aj;
+  out.jumps = losses.jumps;
   state.branch = out.branch;
   state.overlap_nm = out.overlap_nm;
   state.warm = cache.u;

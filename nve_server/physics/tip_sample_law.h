@@ -1,9 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
+#include "nve_server/physics/contact_model.h"
 #include "nve_server/physics/joined_law.h"
 #include "nve_server/physics/maugis_dugdale.h"
+#include "nve_server/physics/maugis_table.h"
 
 namespace telenano::physics {
 
@@ -16,6 +19,8 @@ struct TipSampleParameters {
   double equilibrium_distance_nm = 0.165;  ///< z0 of Maugis–Dugdale = a0 of van der Waals
   bool van_der_waals =
       true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
+  ContactModel model = ContactModel::kMaugisDugdale;
+  MaugisMethod method = MaugisMethod::kDirect;
 };
 
 /// What turns the dimensionless law into nm, nN, aJ at one radius.
@@ -32,6 +37,8 @@ struct TipSampleCache {
   double radius_nm = -1;
   ContactScales scales;
   MaugisDugdale curve{1.0};
+  AdhesiveCurve adhesive;
+  bool tabulated = false;  // at this radius
   OutsideLaw outside{1.0};
   bool has_handover = false;
   Handover handover;
@@ -71,10 +78,10 @@ struct Equilibrium {
   int jumps = 0;
 };
 
-/// Van der Waals joined to Maugis–Dugdale (joined_law.h), with memory of the branch.
+/// Van der Waals joined to a contact law (joined_law.h), with memory of the branch.
 ///
 /// The tip has at most two stable states at a base position: outside (free, or van der Waals) and inside (the
-/// stable segment of the Maugis–Dugdale curve). It stays in the one where it is until that one ends: outside
+/// stable segment of the law's curve). It stays in the one where it is until that one ends: outside
 /// at the jump to contact or at the handover, inside at the fold of Z = delta + F/k or at the handover; then
 /// it goes over to the other at the same base position (overdamped: what the potential loses there is
 /// dissipated). Hence over any path at constant radius
@@ -83,8 +90,11 @@ struct Equilibrium {
 /// the branch is carried over; if it no longer exists there the tip goes over to the other.
 class TipSampleLaw {
  public:
-  /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive.
-  explicit TipSampleLaw(const TipSampleParameters& parameters);
+  /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive, and
+  /// for Hertz with van der Waals.
+  /// With the method kTable it makes the table of `nominal_radius_nm`, which must then be positive; copies of
+  /// the law share it. At any other radius lambda is another one, and the direct method takes over.
+  explicit TipSampleLaw(const TipSampleParameters& parameters, double nominal_radius_nm = 0);
 
   /// Moves the base quasi-statically from where the state was to `base_overlap_nm` (the overlap that there
   /// would be without any force) against a spring of compliance `compliance_nm_nn` (0 = rigid: displacement
@@ -97,7 +107,7 @@ class TipSampleLaw {
   const TipSampleParameters& parameters() const noexcept { return parameters_; }
   ContactScales scales(double radius_nm) const noexcept;
   double lambda(double radius_nm) const noexcept { return scales(radius_nm).lambda; }
-  /// Largest attraction of the Maugis–Dugdale contact under load control, positive. For set-up, not for
+  /// Largest attraction of the contact under load control, positive. For set-up, not for
   /// loops.
   double pull_off_nn(double radius_nm) const noexcept;
 
@@ -105,6 +115,7 @@ class TipSampleLaw {
   void prepare(double radius_nm, TipSampleCache& cache) const noexcept;
 
   TipSampleParameters parameters_;
+  std::shared_ptr<const MaugisTable> table_;
 
   double cbrt_;  // (pi w/K)^(1/3)
   double sigma0_over_w_;
