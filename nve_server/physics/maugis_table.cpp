@@ -85,6 +85,7 @@ void MaugisTable::append(double left, double right, const CurvePoint& at_left, c
   Segment s{};
   s.left = left;
   s.width = right - left;
+  s.per_width = 1.0 / s.width;
   const double over = 2.0 * right * s.width / at_right.overlap_rate;
   hermite(s.load, at_left.load, at_right.load, load_slope_left * s.width, at_right.load_rate * over);
   hermite(s.radius, at_left.contact_radius, at_right.contact_radius, radius_slope_left * s.width,
@@ -124,8 +125,7 @@ const MaugisTable::Segment& MaugisTable::segment_of(double t) const noexcept {
 
 CurvePoint MaugisTable::contact(double t) const noexcept {
   const Segment& s = segment_of(t);
-  const double per_width = 1.0 / s.width;
-  const double x = (t - s.left) * per_width;
+  const double x = (t - s.left) * s.per_width;
   CurvePoint p;
   p.contact = true;
   p.parameter = t;
@@ -133,8 +133,8 @@ CurvePoint MaugisTable::contact(double t) const noexcept {
   p.load = value(s.load, x);
   p.contact_radius = value(s.radius, x);
   p.overlap_rate = 2.0 * t;
-  p.load_rate = slope(s.load, x) * per_width;
-  p.contact_radius_rate = slope(s.radius, x) * per_width;
+  p.load_rate = slope(s.load, x) * s.per_width;
+  p.contact_radius_rate = slope(s.radius, x) * s.per_width;
   p.energy = s.energy + work(s.load, s.left, s.width, x);
   return p;
 }

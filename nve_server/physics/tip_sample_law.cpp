@@ -93,9 +93,17 @@ void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexce
     case ContactModel::kHertz:
     case ContactModel::kDmt:
       break;  // made at each step, of two numbers
-    case ContactModel::kMaugisDugdale:
-      cache.curve = MaugisDugdale(cache.scales.lambda);
+    case ContactModel::kMaugisDugdale: {
+      const bool tabulated = table_ && table_->lambda() == cache.scales.lambda;
+      if (!tabulated) cache.curve = MaugisDugdale(cache.scales.lambda);
+      if (tabulated != cache.tabulated) {  // another parameter of the curve: nothing to extrapolate from
+        cache.tabulated = tabulated;
+        cache.u = 0;
+        cache.compliance = -1;
+        cache.handover_ratio[0] = cache.handover_ratio[1] = 0;
+      }
       break;
+    }
     default:
       cache.adhesive =
           AdhesiveCurve(cache.scales.lambda, closed_form_coefficients(parameters_.model, cache.scales.lambda),

@@ -162,6 +162,29 @@ TEST(MaugisTable, NeverStale) {
   }
 }
 
+// The law does use it: at its radius the force is the table's, to the bit, which is not the direct one's.
+TEST(MaugisTable, IsWhatTheLawUsesAtItsRadius) {
+  const TipSampleLaw law(table_of(0.8, true), 20);
+  const TipSampleLaw direct(testing::material_of(0.8, true));
+  const ContactScales s = law.scales(20);
+  const MaugisTable table(s.lambda);
+  int unlike = 0;
+  for (const double overlap : {0.3, 0.77, 1.9, 4.3, 8.1}) {
+    const double base = overlap * s.overlap_nm;
+    const CurvePoint want = table.solve(base / s.overlap_nm, kOverlap).point;
+    TipSampleState state, other;
+    const Equilibrium got = law.advance(base, 0, 20, state);
+    EXPECT_EQ(got.force_nn, want.load * s.force_nn);
+    EXPECT_EQ(got.contact_radius_nm, want.contact_radius * s.length_nm);
+    EXPECT_EQ(got.stiffness_n_m, want.load_rate / want.overlap_rate * (s.force_nn / s.overlap_nm));
+    unlike += got.force_nn != direct.advance(base, 0, 20, other).force_nn;
+    TipSampleState elsewhere, elsewhere_direct;
+    EXPECT_EQ(law.advance(base, 0, 21, elsewhere).force_nn,
+              direct.advance(base, 0, 21, elsewhere_direct).force_nn);
+  }
+  EXPECT_GT(unlike, 0);
+}
+
 TEST(MaugisTable, RefusesWhatMakesNoSense) {
   EXPECT_THROW(TipSampleLaw(table_of(0.8, true)), UserError);
   EXPECT_THROW(TipSampleLaw(table_of(0.8, true), -1), UserError);
