@@ -1,5 +1,7 @@
 #pragma once
 
+#include <concepts>
+
 namespace telenano::physics {
 
 /// A contact law as a curve, without dimensions: overlap Delta, load P and radii over one parameter s that
@@ -24,7 +26,7 @@ struct CurvePoint {
   double overlap_rate = 0;         ///< dDelta/ds
   double load_rate = 0;            ///< dP/ds
   double contact_radius_rate = 0;  ///< dA/ds
-  double energy = 0;               ///< integral of P dDelta along the curve from C = 0
+  double energy = 0;               ///< integral of P dDelta along the curve from where interaction begins
 
   double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
   /// Moves by a small `ds` along the curve, to first order (the energy to second).
@@ -45,6 +47,26 @@ struct CurveSolution {
   CurveStatus status = CurveStatus::kOk;
   CurvePoint point;     ///< with kNoState: the fold, where the last stable state was
   int evaluations = 0;  ///< of the contact formulas
+};
+
+/// What a step needs to know of a law, whatever its formulas. The stable states under a spring form one
+/// segment, from the fold of Z to deep contact, along which the parameter grows; states without contact have
+/// smaller parameters than those in contact. Besides, find_handover(curve, outside, guess) joins it to van
+/// der Waals (joined_law.h).
+template <class Curve>
+concept ContactCurve = requires(const Curve& curve, const Held& held, double x) {
+  { curve.lambda() }
+  noexcept->std::same_as<double>;
+  /// Without van der Waals the attraction begins at the overlap -range().
+  { curve.range() }
+  noexcept->std::same_as<double>;
+  /// The end of the stable segment.
+  { curve.fold(held) }
+  noexcept->std::same_as<CurvePoint>;
+  /// solve(z, held, guess, curvature): the stable state that holds Z, from a contact parameter to start with
+  /// (0: none) and an estimate of d2Z/ds2 there (0: none).
+  { curve.solve(x, held, x, x) }
+  noexcept->std::same_as<CurveSolution>;
 };
 
 }  // namespace telenano::physics

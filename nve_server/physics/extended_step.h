@@ -103,7 +103,7 @@ class ExtendedStep {
 
   bool has_vdw() const noexcept { return vdw_.hamaker_aj > 0; }
   bool rigid() const noexcept { return compliance_ == 0; }
-  const Handover& handover() noexcept { return cached_handover(cache_); }
+  const Handover& handover() noexcept { return cached_handover(cache_.curve, cache_); }
   double hand_in_overlap() noexcept {
     return scales_.overlap_nm * (has_vdw() ? handover().inside.overlap : -cache_.curve.range());
   }
@@ -214,10 +214,10 @@ class ExtendedStep {
     if (formation() < kInfinity) return false;
     const double force = pressed_force();
     const double z = (base_ - compliance_ * force) / scales_.overlap_nm;
-    const CurveSolution solution = solve_warm(cache_, z, held_);
+    const CurveSolution solution = solve_warm(cache_.curve, cache_, z, held_);
     if (solution.status != CurveStatus::kOk || !(solution.point.overlap >= 0)) return false;
     take(solution.point, force);
-    remember(cache_, z, held_, solution.point);
+    remember(cache_.curve, cache_, z, held_, solution.point);
     remembered_ = true;
     return true;
   }

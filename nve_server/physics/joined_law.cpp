@@ -124,4 +124,49 @@ Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, do
   return h;
 }
 
+Handover find_handover(const HertzianCurve& curve, const OutsideLaw& outside, double /*guess*/) noexcept {
+  Handover h;
+  h.reversible = true;
+  h.inside = curve.contact(0);
+  h.gap = 1;
+  h.energy_offset = outside.at_gap(1).energy;
+  return h;
+}
+
+Handover find_handover(const AdhesiveCurve& curve, const OutsideLaw& outside, double /*guess*/) noexcept {
+  Handover h;
+  if (curve.saturated()) {
+    h.reversible = true;
+    h.gap = std::sqrt(2.0 / curve.pull_off());
+    h.inside = curve.noncontact(outside.at_gap(h.gap).overlap);
+  } else {
+    // How much more the law attracts than van der Waals: > 0 at the pull-off point, < 0 at Delta = 0, where
+    // van der Waals is at its cut-off.
+    const auto excess = [&](const CurvePoint& p) {
+      return p.load < 0 ? outside.gap_of(p.overlap) - std::sqrt(-2.0 / p.load) : -1.0;
+    };
+    h.reversible = excess(curve.contact(curve.overlap_fold())) < 0;
+    double more = curve.load_fold();
+    double less = h.reversible ? curve.overlap_fold() : curve.touching();
+    double b = 0.5 * (more + less);
+    for (int i = 0; i < 100; ++i) {
+      h.inside = curve.contact(b);
+      const CurvePoint& p = h.inside;
+      const double r = excess(p);
+      (r > 0 ? more : less) = b;
+      double next = 0.5 * (more + less);
+      if (p.load < 0) {
+        const double root = std::sqrt(-2.0 / p.load);
+        const double newton = b - r / (-outside.eta() * p.overlap_rate + 0.5 * root * p.load_rate / p.load);
+        if ((newton - more) * (newton - less) < 0) next = newton;
+      }
+      if (std::fabs(next - b) <= 4e-16 * b) break;
+      b = next;
+    }
+    h.gap = std::sqrt(-2.0 / h.inside.load);
+  }
+  h.energy_offset = outside.at_gap(h.gap).energy - h.inside.energy;
+  return h;
+}
+
 }  // namespace telenano::physics

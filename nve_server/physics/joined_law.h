@@ -1,5 +1,7 @@
 #pragma once
 
+#include "nve_server/physics/adhesive_curve.h"
+#include "nve_server/physics/hertzian_curve.h"
 #include "nve_server/physics/maugis_dugdale.h"
 
 namespace telenano::physics {
@@ -22,6 +24,12 @@ namespace telenano::physics {
 /// Energy    U is continuous at the handover, so inside U = U_MD + energy_offset; the jump at the fold then
 /// loses
 ///           U_inside - U_outside >= 0.
+/// Others    DMT begins at y = 1 with the force of van der Waals there: they meet at the touch, both ways.
+/// The
+///           laws with an adhesive neck follow the same rule as Maugis–Dugdale: one crossing where they
+///           attract more at the fold of overlap, else the outer one of two, both ways; where van der Waals
+///           attracts more even at their pull-off point, both ways at the load of the pull-off, which then
+///           stays (adhesive_curve.h). (Seen at lambda < 0.231 for JKR.)
 /// Errors    Model, not numerics: between handover and fold neither law is exact; the joined one keeps w, the
 /// pull-off of
 ///           Maugis–Dugdale and the far field of van der Waals.
@@ -46,6 +54,7 @@ class OutsideLaw {
   explicit OutsideLaw(double lambda) noexcept;
 
   double eta() const noexcept { return eta_; }
+  double gap_of(double overlap) const noexcept { return 1.0 - eta_ * overlap; }  ///< y
   OutsidePoint at_gap(double y) const noexcept;
   /// Has the base at z a stable state outside on a spring of compliance c? (Jump to contact: y^3 = 4 c eta.)
   bool stable(double z, double compliance) const noexcept;
@@ -64,5 +73,7 @@ inline constexpr double kNoHandoverGap = 2.25;
 
 /// `guess` is a contact parameter near the handover (0: none).
 Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, double guess = 0) noexcept;
+Handover find_handover(const HertzianCurve& curve, const OutsideLaw& outside, double guess = 0) noexcept;
+Handover find_handover(const AdhesiveCurve& curve, const OutsideLaw& outside, double guess = 0) noexcept;
 
 }  // namespace telenano::physics

@@ -66,8 +66,10 @@ class MaugisDugdale {
   /// after one evaluation.
   CurveSolution solve(double z, const Held& held, double guess = 0, double curvature = 0) const noexcept;
 
- private:
+  /// Does the fold lie on the branch without contact? Then its C.
   bool fold_before_contact(const Held& held, double* outer_radius) const noexcept;
+
+ private:
   CurveSolution solve_contact(double z, const Held& held, double guess, double curvature) const noexcept;
   double cold_guess(double z, const Held& held) const noexcept;
 

@@ -1,149 +1,22 @@
 #include "nve_server/physics/tip_sample_law.h"
 
-#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 
 #include "common/base/constants.h"
 #include "common/base/det_math.h"
 #include "common/base/error.h"
 #include "nve_server/physics/extended_step.h"
-#include "nve_server/physics/warm_start.h"
+#include "nve_server/physics/joined_step.h"
 
 namespace telenano::physics {
 namespace {
 
-constexpr double kLargest = 1e30;   // dimensionless arguments beyond this are as good as infinite
-constexpr double kSteepest = 1e12;  // stands for the infinite slope at a fold, so that callers stay finite
+// Where tables are tested, with a margin: far outside, the curve's own scales leave the table's grid.
+constexpr double kLeastTabulated = 1e-4;
+constexpr double kGreatestTabulated = 1e5;
 
-/// One step in dimensionless terms.
-class Step {
- public:
-  Step(double z, double compliance, bool van_der_waals, TipSampleCache& cache) noexcept
-      : z_(z),
-        compliance_(compliance),
-        held_{1.0, compliance},
-        van_der_waals_(van_der_waals),
-        cache_(cache) {}
-
-  void run(Equilibrium& out, Branch branch) noexcept {
-    const bool inside = branch == Branch::kContact || branch == Branch::kNonContact;
-    if (inside ? stays_inside() : !stays_outside()) {
-      write_inside(out);
-    } else {
-      write_outside(out);
-    }
-  }
-
-  double dissipated() const noexcept { return dissipated_; }
-  int jumps() const noexcept { return jumps_; }
-  const CurveSolution& solution() const noexcept { return solution_; }
-
- private:
-  const Handover& handover() noexcept { return cached_handover(cache_); }
-
-  double offset() noexcept { return van_der_waals_ ? handover().energy_offset : 0.0; }
-  double energy(const CurvePoint& p) noexcept {
-    return p.energy + offset() + 0.5 * compliance_ * p.load * p.load;
-  }
-  double energy(const OutsidePoint& p) const noexcept {
-    return p.energy + 0.5 * compliance_ * p.load * p.load;
-  }
-
-  void lose(double before, double after) noexcept {
-    ++jumps_;
-    dissipated_ += std::max(0.0, before - after);
-  }
-
-  void solve_inside(double z) noexcept { solution_ = solve_warm(cache_, z, held_); }
-
-  /// False when the tip goes in; it is then solved inside at z.
-  bool stays_outside() noexcept {
-    if (!van_der_waals_) {
-      // Two ulp of slack: at Delta = -H0, however the caller rounded it, the tip is still free.
-      const double edge = -cache_.curve.range() * (1.0 - 2.0 * std::numeric_limits<double>::epsilon());
-      if (z_ <= edge) return true;
-      cache_.u = 0;
-      const double base = -cache_.curve.range();
-      lose(0.0, energy(cache_.curve.solve(base, held_).point));
-    } else {
-      const bool held_outside = cache_.outside.stable(z_, compliance_);
-      if (held_outside) {
-        outside_ = cache_.outside.solve(z_, compliance_);
-        if (outside_.gap >= kNoHandoverGap || outside_.gap >= handover().gap) return true;
-      }
-      const Handover& h = handover();
-      const double jump_gap = cache_.outside.jump_gap(compliance_);
-      const bool smooth = jump_gap <= h.gap && h.inside.overlap_rate >= 0 && h.inside.held_rate(held_) >= 0;
-      cache_.u = h.inside.contact ? h.inside.parameter : 0;
-      if (!smooth) {
-        const OutsidePoint edge = cache_.outside.at_gap(std::max(jump_gap, h.gap));
-        lose(energy(edge), energy(cache_.curve.solve(edge.overlap + compliance_ * edge.load, held_).point));
-      }
-    }
-    cache_.compliance = -1;
-    solve_inside(z_);
-    return false;
-  }
-
-  /// False when the tip goes out; it is then solved outside at z.
-  bool stays_inside() noexcept {
-    solve_inside(z_);
-    const CurvePoint& p = solution_.point;
-    const bool lost = solution_.status == CurveStatus::kNoState;
-    bool smooth = false;
-    if (van_der_waals_ && !p.contact) {
-      const Handover& h = handover();
-      smooth = h.reversible && p.outer_radius < h.inside.outer_radius;
-    }
-    if (!lost && !smooth) return true;
-    if (!smooth) {
-      const double base = p.held(held_);
-      lose(energy(p), van_der_waals_ ? energy(cache_.outside.solve(base, compliance_)) : 0.0);
-    }
-    if (van_der_waals_) outside_ = cache_.outside.solve(z_, compliance_);
-    return false;
-  }
-
-  void write_inside(Equilibrium& out) noexcept {
-    const CurvePoint& p = solution_.point;
-    const ContactScales& s = cache_.scales;
-    out.status =
-        solution_.status == CurveStatus::kNotConverged ? SolveStatus::kNotConverged : SolveStatus::kOk;
-    out.branch = p.contact ? Branch::kContact : Branch::kNonContact;
-    out.overlap_nm = p.overlap * s.overlap_nm;
-    out.force_nn = p.load * s.force_nn;
-    const double slope = p.overlap_rate > 0 ? p.load_rate / p.overlap_rate : -kSteepest;
-    out.stiffness_n_m = std::max(slope, -kSteepest) * (s.force_nn / s.overlap_nm);
-    out.contact_radius_nm = p.contact_radius * s.length_nm;
-    out.potential_aj = (p.energy + offset()) * s.energy_aj;
-    remember(cache_, z_, held_, p);
-  }
-
-  void write_outside(Equilibrium& out) noexcept {
-    const ContactScales& s = cache_.scales;
-    if (!van_der_waals_) {
-      out.branch = Branch::kFree;
-      return;
-    }
-    out.branch = Branch::kVanDerWaals;
-    out.overlap_nm = outside_.overlap * s.overlap_nm;
-    out.force_nn = outside_.load * s.force_nn;
-    out.stiffness_n_m = outside_.slope * (s.force_nn / s.overlap_nm);
-    out.potential_aj = outside_.energy * s.energy_aj;
-  }
-
-  double z_;
-  double compliance_;
-  Held held_;
-  bool van_der_waals_;
-  TipSampleCache& cache_;
-  CurveSolution solution_;
-  OutsidePoint outside_;
-  double dissipated_ = 0;
-  int jumps_ = 0;
-};
+constexpr double kLargest = 1e30;  // dimensionless arguments beyond this are as good as infinite
 
 VanDerWaals outside_of(const TipSampleParameters& p) noexcept {
   if (!p.van_der_waals) return {};
@@ -156,18 +29,53 @@ void require_positive(double value, const char* what, const char* unit) {
                   "), not " + std::to_string(value));
 }
 
+struct Losses {
+  double dissipated = 0;
+  int jumps = 0;
+};
+
+template <ContactCurve Curve>
+Losses step_on(const Curve& curve, double z, double compliance, bool van_der_waals, Branch branch,
+               TipSampleCache& cache, Equilibrium& out) noexcept {
+  JoinedStep<Curve> step(curve, z, compliance, van_der_waals, cache);
+  step.run(out, branch);
+  return {step.dissipated(), step.jumps()};
+}
+
 }  // namespace
 
-TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters)
+TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal_radius_nm)
     : parameters_(parameters),
       van_der_waals_(outside_of(parameters)),
       long_range_(parameters.long_range, van_der_waals_.hamaker_aj, parameters.equilibrium_distance_nm) {
   require_positive(parameters.contact_modulus_gpa, "contact modulus K = 4E*/3", "GPa");
   require_positive(parameters.work_of_adhesion_n_m, "work of adhesion", "N/m");
   require_positive(parameters.equilibrium_distance_nm, "equilibrium distance", "nm");
+  if (parameters.model == ContactModel::kHertz && parameters.van_der_waals) {
+    throw UserError(
+        "tip-sample law: hertz has no adhesion, so van der Waals cannot be joined to it; dmt is that law");
+  }
+  if (long_range_.active() &&
+      (parameters.model != ContactModel::kMaugisDugdale || parameters.method != MaugisMethod::kDirect)) {
+    throw UserError(
+        "tip-sample law: retardation, cone, electrostatic and capillary forces go with maugis-dugdale by the direct "
+        "method");
+  }
   cbrt_ = det_cbrt(kPi * parameters.work_of_adhesion_n_m / parameters.contact_modulus_gpa);
   // sigma0 = 16/(9 sqrt(3)) w/z0 (the greatest stress of the Lennard-Jones law)
   sigma0_over_w_ = 16.0 / (9.0 * std::sqrt(3.0)) / parameters.equilibrium_distance_nm;
+  if (parameters.method == MaugisMethod::kTable) {
+    if (parameters.model != ContactModel::kMaugisDugdale) {
+      throw UserError("tip-sample law: only maugis-dugdale has a table; the other laws are closed forms");
+    }
+    require_positive(nominal_radius_nm, "radius of the table", "nm");
+    const double lambda = scales(nominal_radius_nm).lambda;
+    if (!(lambda >= kLeastTabulated && lambda <= kGreatestTabulated)) {
+      throw UserError("tip-sample law: no table for lambda = " + std::to_string(lambda) +
+                      ", expected 1e-4 to 1e5: use the direct method");
+    }
+    table_ = std::make_shared<const MaugisTable>(lambda);
+  }
 }
 
 ContactScales TipSampleLaw::scales(double radius_nm) const noexcept {
@@ -183,14 +91,38 @@ ContactScales TipSampleLaw::scales(double radius_nm) const noexcept {
 
 double TipSampleLaw::pull_off_nn(double radius_nm) const noexcept {
   const ContactScales s = scales(radius_nm);
-  return -MaugisDugdale(s.lambda).fold({0.0, 1.0}).load * s.force_nn;
+  switch (parameters_.model) {
+    case ContactModel::kMaugisDugdale:
+      return -MaugisDugdale(s.lambda).fold({0.0, 1.0}).load * s.force_nn;
+    default:
+      return closed_form_coefficients(parameters_.model, s.lambda).pull_off * s.force_nn;
+  }
 }
 
 void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexcept {
   if (cache.radius_nm == radius_nm) return;
   cache.radius_nm = radius_nm;
   cache.scales = scales(radius_nm);
-  cache.curve = MaugisDugdale(cache.scales.lambda);
+  switch (parameters_.model) {
+    case ContactModel::kHertz:
+    case ContactModel::kDmt:
+      break;  // made at each step, of two numbers
+    case ContactModel::kMaugisDugdale: {
+      const bool tabulated = table_ && table_->lambda() == cache.scales.lambda;
+      if (!tabulated) cache.curve = MaugisDugdale(cache.scales.lambda);
+      if (tabulated != cache.tabulated) {  // another parameter of the curve: nothing to extrapolate from
+        cache.tabulated = tabulated;
+        cache.u = 0;
+        cache.compliance = -1;
+        cache.handover_ratio[0] = cache.handover_ratio[1] = 0;
+      }
+      break;
+    }
+    default:
+      cache.adhesive =
+          AdhesiveCurve(cache.scales.lambda, closed_form_coefficients(parameters_.model, cache.scales.lambda),
+                        parameters_.van_der_waals);
+  }
   cache.outside = OutsideLaw(cache.scales.lambda);
   cache.has_handover = false;
 }
@@ -198,6 +130,9 @@ void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexce
 double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept {
   const TipSampleCache& cache = state.cache;
   if (eq.branch == Branch::kFree || !(cache.radius_nm > 0)) return 0;
+  if (parameters_.model != ContactModel::kMaugisDugdale || cache.tabulated || long_range_.active()) {
+    return radius_force_by_difference(eq, state);
+  }
   if (eq.branch == Branch::kVanDerWaals) return -eq.potential_aj / cache.radius_nm;
   const ContactScales& s = cache.scales;
   double moment =
@@ -210,6 +145,16 @@ double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState
               cache.curve.radius_moment(p.contact, p.parameter, p.contact_radius, p.overlap, p.load);
   }
   return -moment * s.energy_aj / cache.radius_nm;
+}
+
+double TipSampleLaw::radius_force_by_difference(const Equilibrium& eq, const TipSampleState& state) const noexcept {
+  // Truncation and rounding are both some 1e-8 of the potential over R.
+  const double step = 1e-4 * state.cache.radius_nm;
+  const auto potential = [&](double radius) {
+    TipSampleState there = state;
+    return advance(eq.overlap_nm, 0.0, radius, there).potential_aj;
+  };
+  return (potential(state.cache.radius_nm - step) - potential(state.cache.radius_nm + step)) / (2.0 * step);
 }
 
 Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
@@ -231,8 +176,23 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     return out;
   }
   if (long_range_.active()) return advance_extended(base_overlap_nm, compliance_nm_nn, state);
-  Step step(z, compliance, parameters_.van_der_waals, cache);
-  step.run(out, state.branch);
+  Losses losses;
+  const bool vdw = parameters_.van_der_waals;
+  switch (parameters_.model) {
+    case ContactModel::kMaugisDugdale:
+      losses = cache.tabulated ? step_on(*table_, z, compliance, vdw, state.branch, cache, out)
+                               : step_on(cache.curve, z, compliance, vdw, state.branch, cache, out);
+      break;
+    case ContactModel::kHertz:
+      losses = step_on(HertzianCurve(s.lambda, 0.0), z, compliance, vdw, state.branch, cache, out);
+      break;
+    case ContactModel::kDmt:
+      losses = step_on(HertzianCurve(s.lambda, 2.0), z, compliance, vdw, state.branch, cache, out);
+      break;
+    default:
+      losses = step_on(cache.adhesive, z, compliance, vdw, state.branch, cache, out);
+      break;
+  }
   if (!std::isfinite(out.force_nn) ||
       !std::isfinite(out.potential_aj)) {  // scales beyond the range of numbers
     cache = TipSampleCache{};
@@ -241,8 +201,8 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     return none;
   }
   if (compliance == 0 || out.branch == Branch::kFree) out.overlap_nm = base_overlap_nm;
-  out.dissipated_aj = step.dissipated() * s.energy_aj;
-  out.jumps = step.jumps();
+  out.dissipated_aj = losses.dissipated * s.energy_aj;
+  out.jumps = losses.jumps;
   state.branch = out.branch;
   state.overlap_nm = out.overlap_nm;
   state.warm = cache.u;

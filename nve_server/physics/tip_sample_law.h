@@ -1,10 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
+#include "nve_server/physics/contact_model.h"
 #include "nve_server/physics/joined_law.h"
 #include "nve_server/physics/long_range.h"
 #include "nve_server/physics/maugis_dugdale.h"
+#include "nve_server/physics/maugis_table.h"
 
 namespace telenano::physics {
 
@@ -17,6 +20,8 @@ struct TipSampleParameters {
   double equilibrium_distance_nm = 0.165;  ///< z0 of Maugis–Dugdale = a0 of van der Waals
   bool van_der_waals =
       true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
+  ContactModel model = ContactModel::kMaugisDugdale;
+  MaugisMethod method = MaugisMethod::kDirect;
   LongRangeParameters long_range;
 };
 
@@ -34,6 +39,8 @@ struct TipSampleCache {
   double radius_nm = -1;
   ContactScales scales;
   MaugisDugdale curve{1.0};
+  AdhesiveCurve adhesive;
+  bool tabulated = false;  // at this radius
   OutsideLaw outside{1.0};
   bool has_handover = false;
   Handover handover;
@@ -84,10 +91,10 @@ struct Equilibrium {
   bool bridge = false;  ///< a liquid bridge spans the gap
 };
 
-/// Van der Waals joined to Maugis–Dugdale (joined_law.h), with memory of the branch.
+/// Van der Waals joined to a contact law (joined_law.h), with memory of the branch.
 ///
 /// The tip has at most two stable states at a base position: outside (free, or van der Waals) and inside (the
-/// stable segment of the Maugis–Dugdale curve). It stays in the one where it is until that one ends: outside
+/// stable segment of the law's curve). It stays in the one where it is until that one ends: outside
 /// at the jump to contact or at the handover, inside at the fold of Z = delta + F/k or at the handover; then
 /// it goes over to the other at the same base position (overdamped: what the potential loses there is
 /// dissipated). Hence over any path at constant radius
@@ -100,8 +107,11 @@ struct Equilibrium {
 class TipSampleLaw {
  public:
   /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive and
-  /// the long-range parameters within their ranges.
-  explicit TipSampleLaw(const TipSampleParameters& parameters);
+  /// the long-range parameters within their ranges; and for Hertz with van der Waals, and long-range terms with
+  /// anything but Maugis–Dugdale by the direct method.
+  /// With the method kTable it makes the table of `nominal_radius_nm`, which must then be positive; copies of
+  /// the law share it. At any other radius lambda is another one, and the direct method takes over.
+  explicit TipSampleLaw(const TipSampleParameters& parameters, double nominal_radius_nm = 0);
 
   /// Moves the base quasi-statically from where the state was to `base_overlap_nm` (the overlap that there
   /// would be without any force) against a spring of compliance `compliance_nm_nn` (0 = rigid: displacement
@@ -123,19 +133,21 @@ class TipSampleLaw {
   const LongRange& long_range() const noexcept { return long_range_; }
   /// Without Hamaker constant if there is no van der Waals outside.
   const VanDerWaals& van_der_waals() const noexcept { return van_der_waals_; }
-  /// Largest attraction of the Maugis–Dugdale contact under load control, positive. For set-up, not for
+  /// Largest attraction of the contact under load control, positive. For set-up, not for
   /// loops.
   double pull_off_nn(double radius_nm) const noexcept;
 
  private:
   void prepare(double radius_nm, TipSampleCache& cache) const noexcept;
 
+  double radius_force_by_difference(const Equilibrium& eq, const TipSampleState& state) const noexcept;
   Equilibrium advance_extended(double base_overlap_nm, double compliance_nm_nn,
                                TipSampleState& state) const noexcept;
 
   TipSampleParameters parameters_;
   VanDerWaals van_der_waals_;
   LongRange long_range_;
+  std::shared_ptr<const MaugisTable> table_;
 
   double cbrt_;  // (pi w/K)^(1/3)
   double sigma0_over_w_;

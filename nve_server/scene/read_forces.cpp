@@ -92,6 +92,13 @@ void read_forces(const TomlTable& root, Scene& scene) {
   if (law.model == physics::ContactModel::kHertz && law.van_der_waals) {
     root.fail("contact", "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");
   }
+  const physics::LongRangeParameters& far = law.long_range;
+  const bool extended = far.retardation_nm > 0 || far.cone_height_nm > 0 || far.tip_bias_v != 0 ||
+                        far.capillary.humidity_percent > 0;
+  if (extended && (law.model != physics::ContactModel::kMaugisDugdale || law.method == physics::MaugisMethod::kTable)) {
+    root.fail("contact", "retardation, cone, electrostatic and capillary forces go with law = \"maugis-dugdale\", "
+                         "method = \"direct\"");
+  }
   if (const auto friction = root.optional_table("friction")) scene.friction = read_friction(*friction, scene);
 }
 

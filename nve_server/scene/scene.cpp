@@ -96,7 +96,8 @@ std::shared_ptr<const Scene> load_scene(const std::string& path) {
 
   const std::string scan_bytes = read_surface(document, *scene);
   scene->equilibrium = std::make_shared<physics::TipEquilibrium>(
-      scene->surface, physics::TipSampleLaw(scene->law_parameters), scene->probe.tip_radius_nm,
+      scene->surface, physics::TipSampleLaw(scene->law_parameters, scene->probe.tip_radius_nm),
+      scene->probe.tip_radius_nm,
       physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
   read_limits(root.table("limits"), *scene);
   read_start(root.table("start"), *scene);

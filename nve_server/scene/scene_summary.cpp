@@ -51,7 +51,7 @@ void list_terms(const Scene& scene, SceneSummary& summary) {
 
 // By pressing a soft spring (nearly load control) to the force limit and letting go again.
 void press(const Scene& scene, SceneSummary& summary) {
-  const physics::TipSampleLaw law(scene.law_parameters);
+  const physics::TipSampleLaw& law = scene.equilibrium->law();
   const double radius = scene.probe.tip_radius_nm;
   const double limit = scene.limits.force_max_nn;
   const double compliance = 1e4 * radius / limit;

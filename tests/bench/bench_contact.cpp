@@ -11,8 +11,11 @@
 
 namespace {
 
+using telenano::physics::ContactModel;
 using telenano::physics::Equilibrium;
 using telenano::physics::MaugisDugdale;
+using telenano::physics::MaugisMethod;
+using telenano::physics::MaugisTable;
 using telenano::physics::TipSampleLaw;
 using telenano::physics::TipSampleState;
 using telenano::testing::material_of;
@@ -100,6 +103,49 @@ void fold(benchmark::State& bench) {
   for (auto _ : bench) benchmark::DoNotOptimize(curve.fold({1.0, 0.3}));
 }
 
+/// The laws and the table on the same path, flat sample: polystyrene, argument the ContactModel; 7 is
+/// Maugis–Dugdale by table.
+void warm_by_law(benchmark::State& bench) {
+  telenano::physics::TipSampleParameters p = silicon_on(2, 0.066, 0.4, true);
+  const bool table = bench.range(0) == 7;
+  p.model = table ? ContactModel::kMaugisDugdale : static_cast<ContactModel>(bench.range(0));
+  if (table) p.method = MaugisMethod::kTable;
+  p.van_der_waals = p.model != ContactModel::kHertz;
+  const TipSampleLaw law(p, 20);
+  const double unit = law.scales(20).overlap_nm;
+  const std::vector<double> path = oscillation(0.5 * unit, 8 * unit);
+  const double compliance = bench.range(1) == 0 ? 0.0 : 1.0 / 42;
+  TipSampleState state;
+  law.advance(8 * unit, compliance, 20, state);
+  std::size_t i = 0;
+  for (auto _ : bench) {
+    benchmark::DoNotOptimize(law.advance(path[i], compliance, 20, state));
+    i = (i + 1) % kPath;
+  }
+}
+
+/// The table alone, overlap given: square root, segment, cubics.
+void table_evaluation(benchmark::State& bench) {
+  const MaugisTable table(law_of(bench.range(0)).lambda(20));
+  const std::vector<double> path = oscillation(0.5, 8);
+  std::size_t i = 0;
+  for (auto _ : bench) {
+    benchmark::DoNotOptimize(table.solve(path[i], {1.0, 0.0}).point.load);
+    i = (i + 1) % kPath;
+  }
+}
+
+void table_construction(benchmark::State& bench) {
+  const double lambda = law_of(bench.range(0)).lambda(20);
+  for (auto _ : bench) {
+    const MaugisTable table(lambda);
+    benchmark::DoNotOptimize(table.contact(1.0).load);
+  }
+}
+
+BENCHMARK(warm_by_law)->ArgsProduct({benchmark::CreateDenseRange(0, 7, 1), {0, 1}});
+BENCHMARK(table_evaluation)->DenseRange(0, 2);
+BENCHMARK(table_construction)->DenseRange(0, 2);
 BENCHMARK(warm_in_contact)->DenseRange(0, 2);
 BENCHMARK(warm_in_contact_changing_radius)->DenseRange(0, 2);
 BENCHMARK(warm_with_snap_in_and_pull_off)->DenseRange(0, 2);

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+namespace telenano::physics {
+
+/// The contact laws on offer. Maugis–Dugdale is exact for a Dugdale stress; the others are its limits (Hertz,
+/// DMT, JKR) or closed-form fits between them (closed_form_laws.h, with their error against it).
+enum class ContactModel : std::uint8_t {
+  kHertz,
+  kDmt,
+  kJkr,
+  kMaugisDugdale,
+  kCarpickOgletreeSalmeron,
+  kPietrementTroyon,
+  kSchwarz
+};
+
+/// How Maugis–Dugdale is evaluated: by Newton's method at any radius, or from a table made for one radius.
+enum class MaugisMethod : std::uint8_t { kDirect, kTable };
+
+/// "hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz".
+std::string_view contact_model_name(ContactModel model) noexcept;
+std::optional<ContactModel> contact_model_from_name(std::string_view name) noexcept;
+
+/// "direct", "table".
+std::string_view maugis_method_name(MaugisMethod method) noexcept;
+std::optional<MaugisMethod> maugis_method_from_name(std::string_view name) noexcept;
+
+}  // namespace telenano::physics
