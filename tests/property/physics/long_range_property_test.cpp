@@ -150,13 +150,13 @@ TEST(LongRangeProperty, BalancedStableAndSoundAnywhere) {
       ASSERT_TRUE(std::isfinite(e.force_nn) && std::isfinite(e.stiffness_n_m) &&
                   std::isfinite(e.potential_aj));
       ASSERT_GE(e.dissipated_aj, 0);
-      ASSERT_NEAR(
-          e.overlap_nm + compliance * e.force_nn, base,
-          1e-11 * (std::fabs(base) + law.scales(radius).overlap_nm + 1 + compliance * std::fabs(e.force_nn)))
-          << i << ' ' << step << " lambda " << law.lambda(radius) << " c " << compliance << " branch "
-          << static_cast<int>(e.branch) << " ov " << e.overlap_nm << " from " << before.overlap_nm << " F "
-          << e.force_nn << " S " << e.stiffness_n_m << " bridge " << e.bridge << " unit "
-          << law.scales(radius).overlap_nm << " jumps " << e.jumps;
+      // Rounding of the base, and what an ulp of the overlap (or of its scale) does to the force.
+      const double unit = law.scales(radius).overlap_nm;
+      const double ulp =
+          1e-15 * (std::fabs(e.overlap_nm) + unit) * (1 + compliance * std::fabs(e.stiffness_n_m));
+      ASSERT_NEAR(e.overlap_nm + compliance * e.force_nn, base,
+                  ulp + 1e-11 * (std::fabs(base) + unit + 1 + compliance * std::fabs(e.force_nn)))
+          << i << ' ' << step;
       ASSERT_GE(1 + compliance * e.stiffness_n_m, -1e-4) << i << ' ' << step;
       // A bridge lives between touch and rupture.
       if (e.bridge) {
