@@ -276,7 +276,7 @@ double search_everywhere(bool friction) {
     }
   }
   EXPECT_GT(pressed, steps / 4);
-  EXPECT_GT(corners, steps / 100);
+  EXPECT_GT(corners, steps / 200);
   return 1.0 * failed / steps;
 }
 
