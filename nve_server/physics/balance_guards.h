@@ -58,10 +58,10 @@ class Swing {
   Vec3 direction_ = Vec3::Zero();
 };
 
-/// What Newton's method leaves out — how the radius, its gradient and the friction go with the position — from
-/// the steps themselves: Anderson's acceleration with up to three of them, which in three dimensions is the
-/// secant method. Of the steps r_k found at p_k the combination of changes Δr that best cancels the present r
-/// is taken off, with the positions that go with it:
+/// What Newton's method leaves out — how the radius, its gradient and the friction go with the position —
+/// from the steps themselves: Anderson's acceleration with up to three of them, which in three dimensions is
+/// the secant method. Of the steps r_k found at p_k the combination of changes Δr that best cancels the
+/// present r is taken off, with the positions that go with it:
 ///   p_{k+1} = p_k + r_k − Σ γ_i (Δp_i + Δr_i),   γ = argmin |r_k − Σ γ_i Δr_i|.
 /// Source: D. G. Anderson, J. ACM 12 (1965) 547.
 class Secants {

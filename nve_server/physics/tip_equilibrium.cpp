@@ -16,6 +16,7 @@ constexpr double kStepDone = 1e-9;      // nm
 constexpr double kForceDone = 1e-11;    // of the law's forces; counts through a soft spring
 constexpr double kNoise = 20.0;         // times these, once steps shrink no more: the law's own error
 constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
+constexpr double kForceAtLast = 1e-7;   // of the law's forces, where stick and slip do
 constexpr double kDeeperAtLast = 2e-5;  // where two feet take turns for ever
 constexpr int kPatient = 20;
 constexpr double kTurnMax = 0.9;      // of F C N; at 1 the tip slides off sideways
@@ -253,9 +254,9 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const Vec3 normal = feet.normal();
     Vec3 step = unloaded + s * ((normal + slope) * force);
     const double length = step.norm();
-    const double done =
-        kStepDone +
-        kForceDone * c_max * (std::abs(force) + kPi * law_.parameters().work_of_adhesion_n_m * radius_nm);
+    const double forces =
+        c_max * (std::abs(force) + kPi * law_.parameters().work_of_adhesion_n_m * radius_nm);
+    const double done = kStepDone + kForceDone * forces;
     if (!std::isfinite(length)) {
       solution.status = SolveStatus::kNotConverged;
       return solution;
@@ -277,7 +278,8 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     const Vec3 lateral = other + (force - force_0) * slope - rub.stiffness_n_m * step;
     const double left = std::max(length, c_max * (found - lateral).cwiseAbs().maxCoeff());
-    const bool balanced = left < done || (left < kNoise * done && left > 0.5 * last_left);
+    const bool balanced = left < done || (left < kNoise * done && left > 0.5 * last_left) ||
+                          (iteration >= kPatient && left < kNoise * done + kForceAtLast * forces);
     last_left = left;
 
     if (balanced) {

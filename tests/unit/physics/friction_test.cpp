@@ -89,8 +89,8 @@ TEST(Friction, EnergyIdentityOverRandomPaths) {
       const Vec3 e1 = k > k0 ? Vec3(e0 * (k0 / k)) : e0;
       (k > k0 ? grown : shrunk)++;
       const Vec3 tangential = moved - n * n.dot(moved);
-      const double work =
-          -(-k * e1 + step.force_w_nn).dot(tangential - step.slip_w_nm) / 2 - step.force_w_nn.dot(step.slip_w_nm);
+      const double work = -(-k * e1 + step.force_w_nn).dot(tangential - step.slip_w_nm) / 2 -
+                          step.force_w_nn.dot(step.slip_w_nm);
       const double stored = 0.5 * k0 * state.extension_w_nm.squaredNorm();
       const double scale = stored + std::abs(work) + step.stored_aj + step.dissipated_aj;
       const double given = work + stored;
@@ -177,7 +177,8 @@ TEST(Friction, RefusesWhatIsNoFriction) {
   EXPECT_NO_THROW(Friction({0, 8, 0.3}));
 }
 
-// --- with the tip on its springs, on a flat -----------------------------------------------------------------
+// --- with the tip on its springs, on a flat
+// -----------------------------------------------------------------
 
 TipSampleLaw silicon_oxide() {
   return TipSampleLaw({70.0329, 0.4, 0.165, true});
@@ -204,9 +205,9 @@ struct Drag {
   }
 };
 
-// Pulled sideways through a spring: the force rises with the stiffness of spring and contact in series, breaks
-// away at τπa², stays there, and comes down the same slope when turned back; springs do not couple, so that the
-// normal force is that without friction.
+// Pulled sideways through a spring: the force rises with the stiffness of spring and contact in series,
+// breaks away at τπa², stays there, and comes down the same slope when turned back; springs do not couple, so
+// that the normal force is that without friction.
 TEST(FrictionOnSprings, BreakawaySteadyDragAndReturn) {
   const TipEquilibrium equilibrium = flat_with(kParameters);
   Drag drag{equilibrium, Vec3(0.05, 0.04, 0.075).asDiagonal(), {}, {}};
@@ -252,7 +253,8 @@ TEST(FrictionOnSprings, EnergyOfACycle) {
   const double x0 = 5 * limit / series;
   for (int i = 1; i <= 100; ++i) drag.to(Vec3(x0 * i / 100, 0, z));
   drag.lost = 0;
-  double work = 0;  // backward Euler overestimates the work over the elastic stretch only: midpoints are exact
+  double work =
+      0;  // backward Euler overestimates the work over the elastic stretch only: midpoints are exact
   for (int i = 1; i <= 4000; ++i) {
     const double x = x0 * (1 - (i <= 2000 ? i : 4000 - i) / 1000.0);
     const double before = drag.state.free_end_w_nm.x(), force = drag.s.force_w_nn.x();
@@ -285,8 +287,8 @@ TEST(FrictionOnSprings, NoDriftBelowTheLimit) {
   EXPECT_LT(drag.lost, 1e-9);
 }
 
-// Loaded and unloaded while it is pulled, y and z of the cantilever coupled: work = stored + dissipated to the
-// path's own discretisation, whose error falls with the step.
+// Loaded and unloaded while it is pulled, y and z of the cantilever coupled: work = stored + dissipated to
+// the path's own discretisation, whose error falls with the step.
 TEST(FrictionOnSprings, WorkIsStoredOrDissipatedWithCoupledSprings) {
   const TipEquilibrium equilibrium = flat_with({kTau, kShear, 0.1});
   Compliance c = Vec3(0.05, 0.06, 0.075).asDiagonal();
@@ -298,7 +300,8 @@ TEST(FrictionOnSprings, WorkIsStoredOrDissipatedWithCoupledSprings) {
     for (double z = 3; z > -5.0001; z -= 0.1) drag.to(Vec3(0, 0, z));
     const double z = drag.state.free_end_w_nm.z();
     const auto stored = [&] {
-      return drag.s.potential_aj + drag.s.friction_stored_aj + 0.5 * drag.s.force_w_nn.dot(c * drag.s.force_w_nn);
+      return drag.s.potential_aj + drag.s.friction_stored_aj +
+             0.5 * drag.s.force_w_nn.dot(c * drag.s.force_w_nn);
     };
     const double before = stored();
     drag.lost = 0;
@@ -318,8 +321,8 @@ TEST(FrictionOnSprings, WorkIsStoredOrDissipatedWithCoupledSprings) {
   EXPECT_LT(error[1], error[0] / 8);  // first order would give 16, the second 256; breakaways fall anywhere
 }
 
-// A kinetic limit below the static one: a saw-tooth with the slope of the springs in series, between τπa² and r
-// τπa², and the energy of every tooth, (T_s² − T_k²)/(2 k_series), dissipated.
+// A kinetic limit below the static one: a saw-tooth with the slope of the springs in series, between τπa² and
+// r τπa², and the energy of every tooth, (T_s² − T_k²)/(2 k_series), dissipated.
 TEST(FrictionOnSprings, StickSlipIsASawTooth) {
   FrictionParameters parameters = kParameters;
   parameters.kinetic_ratio = 0.6;
