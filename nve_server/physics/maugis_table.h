@@ -19,11 +19,9 @@ namespace telenano::physics {
 ///           maugis_dugdale.h.
 /// Segments  kPerOctave equal ones between each 2^e and 2^(e+1), e = -16 ... 9 (Delta to 10^6), one below,
 ///           found from the exponent's bits. Beyond: the direct method.
-/// Errors    Against 50 digits |P - P_MD| <= 1e-8 (|P| + |pull-off|) (seen: 6.4e-9; energy
-///           likewise, contact radius 5e-11). No digit of force, energy or stiffness disagrees with the
-///           others.
-/// Cost      0.6-0.8 ms and 95 KB to make; 38 ns for a state with energy, radius and rates. A table belongs
-/// to its lambda and may be shared by threads.
+/// Errors    Against 50 digits |P - P_MD| <= 1e-8 (|P| + |pull-off|) (seen: 6.4e-9), contact radius 5e-11.
+/// Cost      Some 0.7 ms and 80 KB to make; 38 ns for a state with its rates, radius and energy. A table
+///           belongs to its lambda and may be shared by threads.
 class MaugisTable {
  public:
   /// Not for loops: allocates.
