@@ -30,6 +30,7 @@ class FeetInUse {
   Mat3 normal_turn() const noexcept;      ///< Σ share·N
   Vec3 normal() const noexcept;           ///< Σ share·n
   double radius_nm() const noexcept;      ///< Σ share·R_eff
+  double origin_radius_nm() const noexcept;  ///< Σ share·R_eff before any mark
   Vec3 radius_gradient() const noexcept;  ///< Σ share·∇R_eff
   bool radius_clamped() const noexcept;
   bool outside() const noexcept;
@@ -51,6 +52,7 @@ class FeetInUse {
   bool share(const Reduced& reduced, double force_nn) noexcept;
 
   void store(TipState& state) const noexcept;
+  void store(TipFlow& flow) const noexcept;
 
  private:
   struct Foot {
