@@ -16,10 +16,15 @@ struct FlowFamily {
   double last_nm;
 
   FlowFamily(double strain_, double origin_radius_nm, double last_a_nm) noexcept
-      : strain(strain_), origin_nm(origin_radius_nm), first_nm(strain_ * origin_radius_nm), last_nm(last_a_nm) {}
+      : strain(strain_),
+        origin_nm(origin_radius_nm),
+        first_nm(strain_ * origin_radius_nm),
+        last_nm(last_a_nm) {}
 
   double radius_nm(double a_nm) const noexcept { return std::min(a_nm, last_nm) / strain; }
-  double elastic_nm(double a_nm) const noexcept { return std::min(a_nm, last_nm); }  ///< largest a without flow
+  double elastic_nm(double a_nm) const noexcept {
+    return std::min(a_nm, last_nm);
+  }  ///< largest a without flow
   /// δ_p(to) − δ_p(from), factored so that a small step does not cancel.
   double depth_nm(double from_nm, double to_nm) const noexcept {
     double depth = 0.0;

@@ -37,8 +37,7 @@ void MarkedSample::press(const TipFlow& yielded) noexcept {
     // The last piece takes what is left, so that the depth is exact.
     const bool last = piece + 1 == kMaxPieces || radius * kPiece >= flow.radius_nm || !(ratio > 1.0);
     const double to = last ? flow.radius_nm : radius * kPiece;
-    const double depth =
-        last ? left : std::min(left, plastic.depth_nm(radius, to, yielded.origin_radius_nm));
+    const double depth = last ? left : std::min(left, plastic.depth_nm(radius, to, yielded.origin_radius_nm));
     const double a = last ? flow.contact_radius_nm : plastic.yield_radius_nm(to);
     for (int i = 0; i < yielded.feet; ++i) {
       const TipFlow::Foot& foot = yielded.foot[i];

@@ -7,8 +7,8 @@
 
 namespace telenano::physics {
 
-/// A sample that keeps marks: a copy of the surface of its own, and the balance of the tip on it. One for each
-/// session; many trials, then press() what the accepted one yielded.
+/// A sample that keeps marks: a copy of the surface of its own, and the balance of the tip on it. One for
+/// each session; many trials, then press() what the accepted one yielded.
 ///
 /// Shape of a mark. Flow at contact radius a* lowers the surface by dδ_p where the tip has cut it, that is
 /// within r² = 2 R δ = 2 a*². A mark of the surface falls to half at kHalfLevel of its rim; so the rim is √2

@@ -10,13 +10,13 @@
 // and levels of growing radius add up to its own shape.
 //
 // Curvature of a mark with a strain. How much a place has flowed is said by its depth: each coefficient of g
-// goes along the family of flow_family.h as far as the surface falls there, from where it is, so that the wall
-// in front of a tip that ploughs is not hardened beyond its own depth by marks made beside it, however many.
-// What then lacks at the mark to the conformity (an average of places of other depth) the 16 share.
+// goes along the family of flow_family.h as far as the surface falls there, from where it is, so that the
+// wall in front of a tip that ploughs is not hardened beyond its own depth by marks made beside it, however
+// many. What then lacks at the mark to the conformity (an average of places of other depth) the 16 share.
 //
-// Curvature without it. The coefficients of g go to the conformity: all the way in the 16 that reach the mark, so that g
-// is exact there (the weights sum to 1), and by the share φ in the others. Each remains between what it was
-// and the conformity, so g stays within its bounds.
+// Curvature without it. The coefficients of g go to the conformity: all the way in the 16 that reach the
+// mark, so that g is exact there (the weights sum to 1), and by the share φ in the others. Each remains
+// between what it was and the conformity, so g stays within its bounds.
 #include <algorithm>
 #include <cmath>
 
@@ -113,8 +113,8 @@ void SplineSurface::press(const Mark& mark) noexcept {
           const FlowFamily family(mark.strain, tip_radius_ / origin_->coefficient(column, row),
                                   mark.strain * tip_radius_ / kMinMarkCurvature);
           const double old = mark.strain * tip_radius_ / relative_curvature_.coefficient(column, row);
-          relative_curvature_.set_coefficient(
-              column, row, tip_radius_ / family.radius_nm(family.after_nm(old, fall)));
+          relative_curvature_.set_coefficient(column, row,
+                                              tip_radius_ / family.radius_nm(family.after_nm(old, fall)));
         }
         continue;
       }

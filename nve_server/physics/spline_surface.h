@@ -19,10 +19,10 @@ namespace telenano::physics {
 /// the foot has a gradient that jumps, and with it the lateral force −∂U/∂R_eff ∇R_eff. So the relative
 /// curvature g = R/R_eff (surface.h) is a second spline over the foot's (x, y): averaging, with the g of the
 /// height spline's curvatures at the grid's nodes as coefficients. R_eff = R/g is C² in the foot and, g being
-/// an average of its nodes, never beyond their range (0 < R_eff <= R/kMinRelativeCurvature, R/kMinMarkCurvature in a mark): g is the
-/// curvature seen over about a cell, as a contact of a few nanometres sees it. Error against the curvature at
-/// the point: h²/6 of its second derivative; none where it is constant. With the foot's (x, y) moving by
-/// M⁻¹Tᵀdc (nearest_point.cpp), ∂R_eff/∂c = −(R/g²) T M⁻¹ ∇g.
+/// an average of its nodes, never beyond their range (0 < R_eff <= R/kMinRelativeCurvature,
+/// R/kMinMarkCurvature in a mark): g is the curvature seen over about a cell, as a contact of a few
+/// nanometres sees it. Error against the curvature at the point: h²/6 of its second derivative; none where it
+/// is constant. With the foot's (x, y) moving by M⁻¹Tᵀdc (nearest_point.cpp), ∂R_eff/∂c = −(R/g²) T M⁻¹ ∇g.
 ///
 /// Marks. press() lowers the surface and keeps it so: spline_marks.cpp says how. One thread presses and
 /// searches; others look through view(). A copy starts with the same heights and goes its own way: each

@@ -82,7 +82,8 @@ TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const Tip
     : surface_(std::move(surface)),
       law_(law),
       tip_radius_nm_(tip_radius_nm),
-      radius_force_(options.radius_force) {
+      radius_force_(options.radius_force),
+      options_(options) {
   if (options.friction) friction_.emplace(*options.friction);
   if (options.hardness_gpa) {
     if (surface_->is_flat()) throw UserError("hardness: a flat surface keeps no marks; expected a grid");

@@ -94,8 +94,8 @@ struct EquilibriumOptions {
   /// iterations.
   bool radius_force = false;
   /// The sample yields (plastic_contact.h). The state then belongs to the surface **with** the marks of
-  /// `yielded`: whoever keeps it must press them before the next step. A flat surface cannot be pressed: there
-  /// it is refused (UserError).
+  /// `yielded`: whoever keeps it must press them before the next step. A flat surface cannot be pressed:
+  /// there it is refused (UserError).
   std::optional<double> hardness_gpa;
 };
 
@@ -126,8 +126,8 @@ struct EquilibriumOptions {
 /// smaller β. β shrinks on failure and grows on success; at β = 1 the balance is that sought.
 ///
 /// Yield. With a hardness the law's advance may flow (plastic_contact.h); trials leave no trace in the
-/// surface. While the tip relaxes it does not yield: what is overloaded in the balance found flows in the next
-/// step.
+/// surface. While the tip relaxes it does not yield: what is overloaded in the balance found flows in the
+/// next step.
 ///
 /// Corners. The law acts on the largest overlap of the whole surface, δ = max_i δ_i over the feet i: a
 /// potential of the position, U(δ), so that no path draws energy from it. Where the tip is pressed (F > 0)
@@ -160,6 +160,7 @@ class TipEquilibrium {
 
   const Surface& surface() const noexcept { return *surface_; }
   const TipSampleLaw& law() const noexcept { return law_; }
+  const EquilibriumOptions& options() const noexcept { return options_; }
   const std::optional<PlasticContact>& plastic() const noexcept { return plastic_; }
   double tip_radius_nm() const noexcept { return tip_radius_nm_; }
 
@@ -177,6 +178,7 @@ class TipEquilibrium {
   std::optional<Friction> friction_;
   std::optional<PlasticContact> plastic_;
   bool radius_force_;
+  EquilibriumOptions options_;
 };
 
 }  // namespace telenano::physics

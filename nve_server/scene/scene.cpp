@@ -168,6 +168,9 @@ std::shared_ptr<const Scene> load_scene(const std::string& path) {
     root.fail("name", "expected 1 to " + std::to_string(kNameBytesMax) + " bytes");
   }
   scene->sample = read_material(root.table("sample"));
+  if (const auto hardness = root.table("sample").optional_number("hardness_gpa", between(1e-4, 1000.0))) {
+    scene->marks = Marks{*hardness};
+  }
   scene->probe = read_probe(root.table("probe"));
   if (const auto forces = root.optional_table("forces")) {
     scene->van_der_waals = forces->boolean_or("van_der_waals", true);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,11 @@ struct Material {
   double youngs_modulus_gpa = 0;
   double poisson_ratio = 0;
   double surface_energy_j_m2 = 0;
+};
+
+/// Marks stay where the mean pressure passes the sample's hardness.
+struct Marks {
+  double hardness_gpa = 0;
 };
 
 struct Probe {
@@ -58,6 +64,7 @@ struct Scene {
   Vec3 start_apex_w_nm = Vec3::Zero();
   std::uint32_t session_timeout_ms = 500;
 
+  std::optional<Marks> marks;  ///< needs a surface of heights (physics::SplineSurface)
   physics::TipSampleParameters law_parameters;
   std::shared_ptr<const physics::Surface> surface;
   std::shared_ptr<const physics::TipEquilibrium> equilibrium;

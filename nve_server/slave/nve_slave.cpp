@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/error.h"
+
 namespace telenano::slave {
 namespace {
 
@@ -12,6 +14,8 @@ constexpr double kShortestStep_s = 1e-6;
 constexpr double kLongestStep_s = 0.1;
 constexpr double kSubstepRadii = 0.25;  // on a curved surface: how far the end moves between two balances
 constexpr int kMaxSubsteps = 256;
+constexpr double kMarkRadii =
+    0.06;  // of the contact: groove within 1 to 2 % of that of infinitely small steps
 constexpr int kForceLimitTrials = 12;
 constexpr double kForceLimitSlack = 1e-3;  // the tip is held between (1 − slack) and 1 of the limit
 
@@ -49,9 +53,20 @@ SlaveLimits limits_of(const scene::Scene& scene) {
 
 NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
     : scene_(std::move(scene)), limits_(limits_of(*scene_)), flat_(scene_->surface->is_flat()) {
+  if (scene_->marks) {
+    const auto* heights = dynamic_cast<const physics::SplineSurface*>(scene_->surface.get());
+    if (heights == nullptr) throw UserError(scene_->path + ": marks need a surface of heights");
+    physics::EquilibriumOptions options = scene_->equilibrium->options();
+    options.hardness_gpa = scene_->marks->hardness_gpa;
+    marked_ = std::make_unique<physics::MarkedSample>(*heights, scene_->equilibrium->law(),
+                                                      scene_->probe.tip_radius_nm, options);
+  }
   port_.commanded_w_nm = limits_.start_pos_w_nm;
   Port settled;
-  if (solve(port_.commanded_w_nm, 1.0, port_, settled)) port_ = settled;
+  if (solve(port_.commanded_w_nm, 1.0, port_, settled)) {
+    port_ = settled;
+    if (marked_) marked_->press(port_.solution.yielded);
+  }
   SlaveOutput unused;
   publish(0, unused);
 }
@@ -64,7 +79,8 @@ bool NveSlave::solve(const Vec3& commanded, double dt_s, const Port& from, Port&
   to.commanded_w_nm = commanded;
   const Vec3 free_end = commanded - from.extension_w_nm * (b_over_dt / k_total);
   const physics::Compliance compliance = Mat3::Identity() / k_total + scene_->probe_compliance_nm_nn();
-  to.solution = scene_->equilibrium->advance(free_end, compliance, to.tip);
+  const physics::TipEquilibrium& equilibrium = marked_ ? marked_->equilibrium() : *scene_->equilibrium;
+  to.solution = equilibrium.advance(free_end, compliance, to.tip);
   if (to.solution.status != SolveStatus::kOk) return false;
   to.extension_w_nm = (b_over_dt * from.extension_w_nm - to.solution.force_w_nn) / k_total;
   const double force_z = to.solution.force_w_nn.z();
@@ -147,7 +163,11 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
 
   int substeps = 1;
   if (!flat_) {
-    const double pieces = std::ceil(distance / (kSubstepRadii * scene_->probe.tip_radius_nm));
+    double longest = kSubstepRadii * scene_->probe.tip_radius_nm;
+    if (marked_ && port_.solution.contact_radius_nm > 0.0) {
+      longest = std::min(longest, kMarkRadii * port_.solution.contact_radius_nm);
+    }
+    const double pieces = std::ceil(distance / longest);
     substeps = std::clamp(static_cast<int>(std::min(pieces, 1.0 * kMaxSubsteps)), 1, kMaxSubsteps);
   }
   const double sub_dt_s = dt_s / substeps;
@@ -164,6 +184,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
     if (held_back) faults |= link::kFaultForceLimit;
     book(port_, after, sub_dt_s);
     port_ = after;
+    if (marked_) marked_->press(port_.solution.yielded);
   }
   if (port_.solution.outside) ++trace_.outside_steps;
   if (port_.solution.radius_clamped) ++trace_.clamped_radius_steps;

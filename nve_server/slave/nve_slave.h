@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "nve_server/physics/marked_sample.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/slave.h"
@@ -16,6 +17,10 @@ namespace telenano::slave {
 ///   k_c e + b_c (e − e_prev)/dt + F = 0, e = commanded end − cantilever's base,
 /// so that e's spring has the compliance 1/(k_c + b_c/dt) and the free end is shifted by
 /// −e_prev·(b_c/dt)/(k_c + b_c/dt).
+///
+/// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
+/// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact
+/// radii: a groove's depth goes by the length of the piece to first order, 8 % at half a contact radius.
 ///
 /// Energy book: each step charges the port with Δ(U_tip–sample + U_cantilever + U_coupling) + dissipated,
 /// dissipated = jumps of the branch + b_c|Δe|²/dt; the positive steps sum to energy_in, the negative ones to
@@ -41,6 +46,10 @@ class NveSlave final : public Slave {
     std::uint64_t slides = 0;
   };
   const Trace& trace() const noexcept { return trace_; }
+  /// This session's own surface; null where no marks stay.
+  const physics::SplineSurface* marked_surface() const noexcept {
+    return marked_ ? &marked_->surface() : nullptr;
+  }
 
  private:
   // What one trial of the port's end may change; kept only if it is accepted.
@@ -58,6 +67,7 @@ class NveSlave final : public Slave {
   void publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept;
 
   std::shared_ptr<const scene::Scene> scene_;
+  std::unique_ptr<physics::MarkedSample> marked_;
   SlaveLimits limits_;
   bool flat_;
   Port port_;
