@@ -8,6 +8,7 @@
 #include "common/base/error.h"
 #include "common/config/toml_document.h"
 #include "nve_server/physics/flat_surface.h"
+#include "nve_server/physics/sampled_shapes.h"
 #include "nve_server/physics/spline_surface.h"
 #include "nve_server/scene/fnv1a.h"
 #include "nve_server/scene/gsf.h"
@@ -95,8 +96,16 @@ Plane build_surface(const config::TomlDocument& document, const TomlTable& limit
   const TomlTable table = document.root().table("surface");
   scene.surface_kind = table.choice("kind", {"flat", "scan"});
   if (scene.surface_kind == "flat") {
-    scene.surface = std::make_shared<physics::FlatSurface>(scene.probe.tip_radius_nm);
-    const double half_width = limits.number_or("half_width_nm", between(1.0, 1e6), 500.0);
+    const double half_width =
+        limits.number_or("half_width_nm", between(1.0, 1e6), scene.marks ? 150.0 : 500.0);
+    if (scene.marks) {
+      const double spacing = std::min(1.0, scene.probe.tip_radius_nm / 8.0);
+      scene.surface = std::make_shared<physics::SplineSurface>(
+          physics::sample_level({-half_width, -half_width, 2 * half_width, 2 * half_width, spacing}, 0.0),
+          scene.probe.tip_radius_nm);
+    } else {
+      scene.surface = std::make_shared<physics::FlatSurface>(scene.probe.tip_radius_nm);
+    }
     return {-half_width, half_width, -half_width, half_width};
   }
   const std::string file = table.text("file");
