@@ -7,6 +7,7 @@
 #include "nve_server/app/check_command.h"
 #include "nve_server/app/curve_command.h"
 #include "nve_server/app/serve_command.h"
+#include "nve_server/app/trace_command.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
 
@@ -32,5 +33,6 @@ int main(int argc, char** argv) {
   telenano::app::add_serve_command(app, serve_scene, exit_code);
   telenano::app::add_curve_command(app);
   telenano::app::add_check_command(app);
+  telenano::app::add_trace_command(app);
   return telenano::config::run_program(app, argc, argv, exit_code);
 }

@@ -106,6 +106,12 @@ double FeetInUse::radius_nm() const noexcept {
   return sum;
 }
 
+double FeetInUse::origin_radius_nm() const noexcept {
+  double sum = 0;
+  for (int i = 0; i < count_; ++i) sum += feet_[i].share * feet_[i].contact.origin_radius_nm;
+  return sum;
+}
+
 Vec3 FeetInUse::radius_gradient() const noexcept {
   if (count_ == 1) return feet_[0].contact.radius_gradient;
   Vec3 sum = Vec3::Zero();
@@ -203,6 +209,15 @@ bool FeetInUse::share(const Reduced& reduced, double force_nn) noexcept {
 void FeetInUse::store(TipState& state) const noexcept {
   state.foot_count = count_;
   for (int i = 0; i < count_; ++i) state.feet[i] = {feet_[i].memory, feet_[i].share};
+}
+
+void FeetInUse::store(TipFlow& flow) const noexcept {
+  flow.feet = 0;
+  for (int i = 0; i < count_; ++i) {
+    const SurfaceContact& contact = feet_[i].contact;
+    if (!(feet_[i].share > 0.0)) continue;
+    flow.foot[flow.feet++] = {contact.foot_w_nm, contact.normal_w.z()};
+  }
 }
 
 }  // namespace telenano::physics

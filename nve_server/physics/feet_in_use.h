@@ -27,10 +27,11 @@ class FeetInUse {
 
   /// Largest eigenvalue of F·N, at most: from the feet's principal curvatures as seen from the centre.
   double turning(double force_nn) const noexcept;
-  Mat3 normal_turn() const noexcept;      ///< Σ share·N
-  Vec3 normal() const noexcept;           ///< Σ share·n
-  double radius_nm() const noexcept;      ///< Σ share·R_eff
-  Vec3 radius_gradient() const noexcept;  ///< Σ share·∇R_eff
+  Mat3 normal_turn() const noexcept;         ///< Σ share·N
+  Vec3 normal() const noexcept;              ///< Σ share·n
+  double radius_nm() const noexcept;         ///< Σ share·R_eff
+  double origin_radius_nm() const noexcept;  ///< Σ share·R_eff before any mark
+  Vec3 radius_gradient() const noexcept;     ///< Σ share·∇R_eff
   bool radius_clamped() const noexcept;
   bool outside() const noexcept;
   double overlap_nm() const noexcept;  ///< largest
@@ -51,6 +52,7 @@ class FeetInUse {
   bool share(const Reduced& reduced, double force_nn) noexcept;
 
   void store(TipState& state) const noexcept;
+  void store(TipFlow& flow) const noexcept;
 
  private:
   struct Foot {

@@ -16,7 +16,7 @@ SurfaceContact FlatSurface::nearest(const Vec3& centre_w_nm, Search, FootMemory&
   SurfaceContact contact;
   contact.distance_nm = centre_w_nm.z();
   contact.foot_w_nm = Vec3(centre_w_nm.x(), centre_w_nm.y(), 0.0);
-  contact.effective_radius_nm = tip_radius_;
+  contact.effective_radius_nm = contact.origin_radius_nm = tip_radius_;
   return contact;
 }
 

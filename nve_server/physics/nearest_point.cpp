@@ -180,7 +180,8 @@ SurfaceContact SplineSurface::contact_at(const Vec3& centre, const Foot& foot) c
   contact.radius_clamped = is_clamped(1.0 + tip_radius_ * curvatures.second_1_per_nm);
   const ValueAndSlope g = relative_curvature(foot.x, foot.y);
   const double per_g = 1.0 / g.value;
-  contact.effective_radius_nm = tip_radius_ * per_g;
+  contact.effective_radius_nm = contact.origin_radius_nm = tip_radius_ * per_g;
+  if (marked_) contact.origin_radius_nm = tip_radius_ / origin_->value_and_slope(foot.x, foot.y).value;
 
   // Tᵀ(S − c) = 0 along the foot's way gives d(x, y) = M⁻¹ Tᵀ dc (T the tangents S_x, S_y), and so dS = T M⁻¹
   // Tᵀ dc; with c − S = d n, ∂n/∂c = (1 − n nᵀ − T M⁻¹ Tᵀ)/d.

@@ -32,7 +32,7 @@ SurfaceContact PlaneSurface::nearest(const Vec3& centre, Search, FootMemory& mem
   contact.normal_w = normal_;
   contact.distance_nm = normal_.z() * (centre.z() - height_nm(centre.x(), centre.y()));
   contact.foot_w_nm = centre - contact.distance_nm * normal_;
-  contact.effective_radius_nm = tip_radius_;
+  contact.effective_radius_nm = contact.origin_radius_nm = tip_radius_;
   contact.outside = !(std::abs(contact.foot_w_nm.x()) <= shape_.extent_nm &&
                       std::abs(contact.foot_w_nm.y()) <= shape_.extent_nm);
   memory.x_nm = contact.foot_w_nm.x();

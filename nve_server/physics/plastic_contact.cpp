@@ -21,27 +21,6 @@ constexpr double kLeastForce = 1e-12;  // of the force πHa*²: no force
 
 }  // namespace
 
-/// R_p and δ_p over a*.
-struct PlasticContact::Family {
-  double strain;     // ε
-  double origin_nm;  // R
-  double first_nm;   // a_v
-  double last_nm;    // where R_p stops
-  double radius_nm(double a) const noexcept { return std::min(a, last_nm) / strain; }
-  double elastic_nm(double a) const noexcept { return std::min(a, last_nm); }  // largest a that is elastic
-  /// δ_p(to) − δ_p(from), factored so that a small step does not cancel.
-  double depth_nm(double from, double to) const noexcept {
-    double depth = 0.0;
-    if (from < first_nm) {
-      const double end = std::min(to, first_nm);
-      depth += strain * (end - from);
-      from = end;
-    }
-    if (to > from) depth += (to - from) * ((to + from) / origin_nm - strain);
-    return depth;
-  }
-};
-
 struct PlasticContact::LineState {
   double overlap_nm = 0;  // against the surface with the flow
   double force_nn = 0;
@@ -58,11 +37,16 @@ PlasticContact::PlasticContact(const TipSampleLaw& law, double hardness_gpa)
   }
 }
 
+double PlasticContact::depth_nm(double from_radius, double to_radius, double origin) const noexcept {
+  const FlowFamily family(strain_, origin, strain_ * to_radius);
+  return family.depth_nm(strain_ * from_radius, strain_ * to_radius);
+}
+
 // The state during flow: contact radius a*, or no force where a* would be at a net pull: the least overlap at
 // which neither the contact radius is less than a* nor the force less than 0. The overlap is that of Hertz
 // less an adhesive part that changes slowly (0 without adhesion, ∝ √a for JKR), so that δ ≈ a²/R + const
 // gives the step in a (by secants after the first); in F it is Newton's, from above where F is convex.
-PlasticContact::LineState PlasticContact::on_line(double a_star, const Family& family, double adhesive_nm,
+PlasticContact::LineState PlasticContact::on_line(double a_star, const FlowFamily& family, double adhesive_nm,
                                                   TipSampleState& state) const noexcept {
   const double radius = family.radius_nm(a_star);
   const double a_target = family.elastic_nm(a_star);
@@ -94,7 +78,7 @@ PlasticContact::LineState PlasticContact::on_line(double a_star, const Family& f
   return {eq.overlap_nm, std::max(eq.force_nn, 0.0), eq.potential_aj};
 }
 
-double PlasticContact::dissipation(double from, double to, const Family& family, const Equilibrium& end,
+double PlasticContact::dissipation(double from, double to, const FlowFamily& family, const Equilibrium& end,
                                    const TipSampleState& state) const noexcept {
   TipSampleState scratch = state;
   const double end_a = std::max(end.contact_radius_nm, 1e-300);
@@ -145,7 +129,7 @@ PlasticStep PlasticContact::advance(double base_overlap, double compliance, doub
   if (elastic.status != SolveStatus::kOk) return out;
   const double from = strain_ * radius;
   const double last = std::max(from, strain_ * kMostRadii * origin);
-  const Family family{strain_, origin, strain_ * origin, last};
+  const FlowFamily family(strain_, origin, last);
   if (!(elastic.contact_radius_nm > from * (1.0 + kYieldSlack) &&
         elastic.force_nn > kYieldSlack * kPi * hardness_gpa_ * from * from)) {
     state = elastic_state;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "nve_server/physics/flow_family.h"
 #include "nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
@@ -74,15 +75,17 @@ class PlasticContact {
 
   /// Largest contact radius that is elastic at this effective radius.
   double yield_radius_nm(double radius_nm) const noexcept { return strain_ * radius_nm; }
+  /// δ_p between two effective radii that flow passed through.
+  double depth_nm(double from_radius_nm, double to_radius_nm, double origin_radius_nm) const noexcept;
   double hardness_gpa() const noexcept { return hardness_gpa_; }
+  double strain() const noexcept { return strain_; }  ///< ε = πH/K
   const TipSampleLaw& law() const noexcept { return law_; }
 
  private:
-  struct Family;
   struct LineState;
-  LineState on_line(double a_star_nm, const Family& family, double adhesive_nm,
+  LineState on_line(double a_star_nm, const FlowFamily& family, double adhesive_nm,
                     TipSampleState& state) const noexcept;
-  double dissipation(double from_nm, double to_nm, const Family& family, const Equilibrium& end,
+  double dissipation(double from_nm, double to_nm, const FlowFamily& family, const Equilibrium& end,
                      const TipSampleState& state) const noexcept;
 
   TipSampleLaw law_;

@@ -16,6 +16,7 @@ namespace telenano::physics {
 /// Valid while both factors are positive: a tip wider than the pit it stands in touches elsewhere first. Each
 /// factor is kept above kMinRelativeCurvature, so R_eff <= R/kMinRelativeCurvature.
 inline constexpr double kMinRelativeCurvature = 0.1;
+inline constexpr double kMinMarkCurvature = 1e-4;     ///< of a mark: flattened by flow, not a pit
 inline constexpr double kMaxRelativeCurvature = 1e3;  ///< of a mark
 
 struct PrincipalCurvatures {

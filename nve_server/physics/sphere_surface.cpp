@@ -59,6 +59,7 @@ SurfaceContact SphereSurface::nearest(const Vec3& centre, Search search, FootMem
     contact.foot_w_nm = Vec3(centre.x(), centre.y(), 0.0);
     contact.effective_radius_nm = tip_radius_;
   }
+  contact.origin_radius_nm = contact.effective_radius_nm;
   memory.x_nm = contact.foot_w_nm.x();
   memory.y_nm = contact.foot_w_nm.y();
   memory.warm = true;

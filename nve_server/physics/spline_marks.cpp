@@ -9,12 +9,18 @@
 // in, each with the contact's radius at that depth: an indenter lowers all that it covers by the same amount,
 // and levels of growing radius add up to its own shape.
 //
-// Curvature. The coefficients of g go to the conformity: all the way in the 16 that reach the mark, so that g
-// is exact there (the weights sum to 1), and by the share φ in the others. Each remains between what it was
-// and the conformity, so g stays within its bounds.
+// Curvature of a mark with a strain. How much a place has flowed is said by its depth: each coefficient of g
+// goes along the family of flow_family.h as far as the surface falls there, from where it is, so that the
+// wall in front of a tip that ploughs is not hardened beyond its own depth by marks made beside it, however
+// many. What then lacks at the mark to the conformity (an average of places of other depth) the 16 share.
+//
+// Curvature without it. The coefficients of g go to the conformity: all the way in the 16 that reach the
+// mark, so that g is exact there (the weights sum to 1), and by the share φ in the others. Each remains
+// between what it was and the conformity, so g stays within its bounds.
 #include <algorithm>
 #include <cmath>
 
+#include "nve_server/physics/flow_family.h"
 #include "nve_server/physics/relative_curvature.h"
 #include "nve_server/physics/spline_surface.h"
 
@@ -61,7 +67,7 @@ void SplineSurface::press(const Mark& mark) noexcept {
   }
   const double x = std::clamp(mark.x_nm, x_first_nm(), x_last_nm());
   const double y = std::clamp(mark.y_nm, y_first_nm(), y_last_nm());
-  const double conformity = std::clamp(mark.conformity, kMinRelativeCurvature, kMaxRelativeCurvature);
+  const double conformity = std::clamp(mark.conformity, kMinMarkCurvature, kMaxRelativeCurvature);
   const double radius = std::max(mark.radius_nm, kLeastCells * cell_);
   const double per_radius = 1.0 / radius;
   const auto xi_of = [&](int column) { return (height_.node_x_nm(column) - x) * per_radius; };
@@ -98,9 +104,19 @@ void SplineSurface::press(const Mark& mark) noexcept {
     for (int column = first_column; column <= last_column; ++column) {
       const double xi = xi_of(column);
       const double level = level_of(xi, eta);
+      const double fall = level > 0.0 ? level * (a[0] + a[1] * xi + a[2] * eta) : 0.0;
       if (level > 0.0) {
-        const double fall = level * (a[0] + a[1] * xi + a[2] * eta);
         height_.set_coefficient(column, row, height_.coefficient(column, row) - fall);
+      }
+      if (mark.strain > 0.0) {
+        if (fall > 0.0) {
+          const FlowFamily family(mark.strain, tip_radius_ / origin_->coefficient(column, row),
+                                  mark.strain * tip_radius_ / kMinMarkCurvature);
+          const double old = mark.strain * tip_radius_ / relative_curvature_.coefficient(column, row);
+          relative_curvature_.set_coefficient(column, row,
+                                              tip_radius_ / family.radius_nm(family.after_nm(old, fall)));
+        }
+        continue;
       }
       const bool reaches = row_reaches && column >= at.column && column <= at.column + 3;
       const double share = reaches ? 1.0 : level;
@@ -108,6 +124,19 @@ void SplineSurface::press(const Mark& mark) noexcept {
         const double old = relative_curvature_.coefficient(column, row);
         relative_curvature_.set_coefficient(column, row,
                                             reaches ? conformity : old + share * (conformity - old));
+      }
+    }
+  }
+
+  if (mark.strain > 0.0) {
+    const double lacking = conformity - relative_curvature(x, y).value;
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c) {
+        const int column = at.column + c, row = at.row + r;
+        if (column < 0 || row < 0 || column >= height_.columns() || row >= height_.rows()) continue;
+        const double old = relative_curvature_.coefficient(column, row);
+        relative_curvature_.set_coefficient(
+            column, row, std::clamp(old + lacking, kMinMarkCurvature, kMaxRelativeCurvature));
       }
     }
   }
@@ -124,6 +153,7 @@ void SplineSurface::press(const Mark& mark) noexcept {
       view_->store(column, row, z);
     }
   }
+  marked_ = true;
   view_->publish();
   if (++stamp_ == 0) stamp_ = 1;
 }

@@ -48,6 +48,7 @@ SplineSurface::SplineSurface(const HeightGrid& grid, double tip_radius_nm)
       cell_(std::max(grid.dx_nm, grid.dy_nm)),
       height_(BicubicSpline::interpolating(checked(grid, tip_radius_nm))),
       relative_curvature_(relative_curvature_of(height_, grid, tip_radius_nm)),
+      origin_(std::make_shared<const BicubicSpline>(relative_curvature_)),
       tops_(grid),
       view_(std::make_shared<HeightView>(grid)) {}
 
@@ -57,6 +58,8 @@ SplineSurface::SplineSurface(const SplineSurface& other)
       cell_(other.cell_),
       height_(other.height_),
       relative_curvature_(other.relative_curvature_),
+      origin_(other.origin_),
+      marked_(other.marked_),
       tops_(other.tops_),
       view_(std::make_shared<HeightView>(other.heights())),
       stamp_(other.stamp_) {}

@@ -6,19 +6,11 @@
 #include "nve_server/physics/bicubic_spline.h"
 #include "nve_server/physics/height_grid.h"
 #include "nve_server/physics/height_view.h"
+#include "nve_server/physics/mark.h"
 #include "nve_server/physics/sample_tops.h"
 #include "nve_server/physics/surface.h"
 
 namespace telenano::physics {
-
-/// An impression that stays.
-struct Mark {
-  double x_nm = 0;  ///< its deepest point: the foot of the tip
-  double y_nm = 0;
-  double depth_nm = 0;    ///< by which the surface is lowered there
-  double radius_nm = 0;   ///< of the crater's rim
-  double conformity = 1;  ///< g = R/R_eff there afterwards (relative_curvature.h)
-};
 
 /// The heights of a grid as an interpolating bicubic B-spline (bicubic_spline.h): C², so normals are smooth
 /// and curvatures continuous.
@@ -27,10 +19,10 @@ struct Mark {
 /// the foot has a gradient that jumps, and with it the lateral force −∂U/∂R_eff ∇R_eff. So the relative
 /// curvature g = R/R_eff (surface.h) is a second spline over the foot's (x, y): averaging, with the g of the
 /// height spline's curvatures at the grid's nodes as coefficients. R_eff = R/g is C² in the foot and, g being
-/// an average of its nodes, never beyond their range (0 < R_eff <= R/kMinRelativeCurvature): g is the
-/// curvature seen over about a cell, as a contact of a few nanometres sees it. Error against the curvature at
-/// the point: h²/6 of its second derivative; none where it is constant. With the foot's (x, y) moving by
-/// M⁻¹Tᵀdc (nearest_point.cpp), ∂R_eff/∂c = −(R/g²) T M⁻¹ ∇g.
+/// an average of its nodes, never beyond their range (0 < R_eff <= R/kMinRelativeCurvature,
+/// R/kMinMarkCurvature in a mark): g is the curvature seen over about a cell, as a contact of a few
+/// nanometres sees it. Error against the curvature at the point: h²/6 of its second derivative; none where it
+/// is constant. With the foot's (x, y) moving by M⁻¹Tᵀdc (nearest_point.cpp), ∂R_eff/∂c = −(R/g²) T M⁻¹ ∇g.
 ///
 /// Marks. press() lowers the surface and keeps it so: spline_marks.cpp says how. One thread presses and
 /// searches; others look through view(). A copy starts with the same heights and goes its own way: each
@@ -63,7 +55,7 @@ class SplineSurface final : public Surface {
   /// (to rounding); nothing has changed where |x − mark.x| or |y − mark.y| exceeds radius + 2 cells (radius
   /// taken as 2 cells at least, the finest that this grid can show). Beyond the rim of the grid the mark is
   /// made at the nearest point of the rim. A mark that is no number, or has a negative depth or radius,
-  /// changes nothing; the conformity is kept in [kMinRelativeCurvature, kMaxRelativeCurvature]. Takes
+  /// changes nothing; the conformity is kept in [kMinMarkCurvature, kMaxRelativeCurvature]. Takes
   /// O(radius²/cell²).
   void press(const Mark& mark) noexcept;
   HeightGrid heights() const;  ///< at the nodes, as they are now
@@ -87,6 +79,8 @@ class SplineSurface final : public Surface {
   double cell_;  // the wider spacing
   BicubicSpline height_;
   BicubicSpline relative_curvature_;
+  std::shared_ptr<const BicubicSpline> origin_;  // g before any mark, shared by all copies
+  bool marked_ = false;
   SampleTops tops_;  // for the global search
   std::shared_ptr<HeightView> view_;
   std::uint32_t stamp_ = 1;  // of the heights: a jet remembered under another is out of date

@@ -27,6 +27,7 @@ struct SurfaceContact {
   /// it.
   double effective_radius_nm = 0;
   Vec3 radius_gradient = Vec3::Zero();
+  double origin_radius_nm = 0;  ///< the effective radius there before any mark
   bool radius_clamped = false;  ///< the pit at the foot is nearly as narrow as the tip, or narrower
   bool outside = false;         ///< the foot lies on the continuation beyond the rim of the scan
   bool converged = true;        ///< false: the foot is only as good as the search grid

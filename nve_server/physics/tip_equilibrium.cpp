@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/base/constants.h"
+#include "common/base/error.h"
 #include "nve_server/physics/balance_guards.h"
 #include "nve_server/physics/feet_in_use.h"
 
@@ -83,8 +84,13 @@ TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const Tip
     : surface_(std::move(surface)),
       law_(law),
       tip_radius_nm_(tip_radius_nm),
-      radius_force_(options.radius_force) {
+      radius_force_(options.radius_force),
+      options_(options) {
   if (options.friction) friction_.emplace(*options.friction);
+  if (options.hardness_gpa) {
+    if (surface_->is_flat()) throw UserError("hardness: a flat surface keeps no marks; expected a grid");
+    plastic_.emplace(law_, *options.hardness_gpa);
+  }
 }
 
 TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c,
@@ -139,7 +145,7 @@ TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, Tip
   int jumps = 0, spent = 0;
   for (int i = 0; i < kRelaxations && part >= kLeastRelaxation; ++i) {
     const Vec3 from = trial.apex_w_nm;
-    solution = balance(from + part * (free_end - from), part * c, from, trial);
+    solution = balance(from + part * (free_end - from), part * c, from, trial, false);
     spent += solution.iterations;
     if (solution.status != SolveStatus::kOk) {
       part *= 0.25;
@@ -170,7 +176,7 @@ TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, Tip
 }
 
 TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, const Vec3& start,
-                                    TipState& state) const noexcept {
+                                    TipState& state, bool may_yield) const noexcept {
   TipSolution solution;
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
   const double c_max = c.cwiseAbs().rowwise().sum().maxCoeff();  // bounds the largest eigenvalue
@@ -243,7 +249,16 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     feet_before = feet.count();
     const double radius_nm = feet.radius_nm();
     TipSampleState law_state = state.law;
-    const Equilibrium eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, law_state);
+    Equilibrium eq;
+    PlasticFlow flow;
+    if (plastic_ && may_yield) {
+      const PlasticStep plastic = plastic_->advance(reduced.base_overlap_nm, reduced.compliance, radius_nm,
+                                                    feet.origin_radius_nm(), law_state);
+      eq = plastic.equilibrium;
+      flow = plastic.flow;
+    } else {
+      eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, law_state);
+    }
     if (eq.status != SolveStatus::kOk) {
       solution.status = SolveStatus::kNotConverged;
       return solution;
@@ -265,7 +280,11 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
 
     // What the other forces are with the force found, against what they were taken for.
     const double contact_radius_0 = contact_radius;
-    if (radius_force_) radius_force = law_.radius_force_nn(eq, law_state);
+    if (radius_force_) {
+      Equilibrium on_mark = eq;
+      on_mark.overlap_nm -= flow.depth_nm;
+      radius_force = law_.radius_force_nn(on_mark, law_state);
+    }
     tilt_per_gradient = radius_as_overlap(eq.branch, force, eq.overlap_nm, eq.stiffness_n_m, radius_nm);
     contact_radius = eq.contact_radius_nm;
     contact_radius_rate =
@@ -329,6 +348,14 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       }
       feet.store(state);
       remember(solution, free_end, state);
+      if (flow.depth_nm > 0.0) {
+        solution.yielded.from_radius_nm = radius_nm;
+        solution.yielded.origin_radius_nm = feet.origin_radius_nm();
+        solution.yielded.flow = flow;
+        feet.store(solution.yielded);
+        solution.radius_nm = state.radius_nm = flow.radius_nm;
+        state.overlap_nm -= flow.depth_nm;
+      }
       return solution;
     }
     const double longest = kLongestStepRadii * tip_radius_nm_;

@@ -6,6 +6,7 @@
 
 #include "common/base/vec3.h"
 #include "nve_server/physics/friction.h"
+#include "nve_server/physics/plastic_contact.h"
 #include "nve_server/physics/surface.h"
 #include "nve_server/physics/tip_sample_law.h"
 
@@ -44,6 +45,20 @@ struct TipState {
   Mat3 follow = Mat3::Identity();  ///< ∂apex/∂free end, to predict the next apex from
 };
 
+/// What yielded in a step, and where: at every foot that bore a part. The surface is not yet lowered
+/// (marked_sample.h does).
+struct TipFlow {
+  struct Foot {
+    Vec3 at_w_nm = Vec3::Zero();
+    double normal_z = 1;
+  };
+  std::array<Foot, kMaxFeet> foot;
+  int feet = 0;
+  double from_radius_nm = 0;  ///< R_eff before
+  double origin_radius_nm = 0;
+  PlasticFlow flow;  ///< no depth: nothing yielded
+};
+
 struct TipSolution {
   SolveStatus status = SolveStatus::kOk;
   Branch branch = Branch::kFree;
@@ -60,6 +75,7 @@ struct TipSolution {
   double dissipated_aj = 0;           ///< in the jumps of this step
   double friction_stored_aj = 0;      ///< in the bristle
   double friction_dissipated_aj = 0;  ///< in this step
+  TipFlow yielded;
   int jumps = 0;
   int iterations = 0;
   int feet = 0;                 ///< that the tip leans on
@@ -77,6 +93,10 @@ struct EquilibriumOptions {
   /// is rough on that scale L is as rough, the tip is caught at every pixel, and a step costs many more
   /// iterations.
   bool radius_force = false;
+  /// The sample yields (plastic_contact.h). The state then belongs to the surface **with** the marks of
+  /// `yielded`: whoever keeps it must press them before the next step. A flat surface cannot be pressed:
+  /// there it is refused (UserError).
+  std::optional<double> hardness_gpa;
 };
 
 /// Quasi-static balance of a spherical tip between a sample and springs to a free end.
@@ -104,6 +124,10 @@ struct EquilibriumOptions {
 ///   p_{j+1} = balance with compliance βC of the free end p_j + β(x_free − p_j),   0 < β <= 1,
 /// each of which lowers the energy of springs and sample, however corrugated, and is easier to solve the
 /// smaller β. β shrinks on failure and grows on success; at β = 1 the balance is that sought.
+///
+/// Yield. With a hardness the law's advance may flow (plastic_contact.h); trials leave no trace in the
+/// surface. While the tip relaxes it does not yield: what is overloaded in the balance found flows in the
+/// next step.
 ///
 /// Corners. The law acts on the largest overlap of the whole surface, δ = max_i δ_i over the feet i: a
 /// potential of the position, U(δ), so that no path draws energy from it. Where the tip is pressed (F > 0)
@@ -136,13 +160,15 @@ class TipEquilibrium {
 
   const Surface& surface() const noexcept { return *surface_; }
   const TipSampleLaw& law() const noexcept { return law_; }
+  const EquilibriumOptions& options() const noexcept { return options_; }
+  const std::optional<PlasticContact>& plastic() const noexcept { return plastic_; }
   double tip_radius_nm() const noexcept { return tip_radius_nm_; }
 
  private:
   TipSolution advance_flat(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                            TipState& state) const noexcept;
   TipSolution balance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, const Vec3& start_w_nm,
-                      TipState& state) const noexcept;
+                      TipState& state, bool may_yield = true) const noexcept;
   TipSolution relax(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                     TipState& state) const noexcept;
 
@@ -150,7 +176,9 @@ class TipEquilibrium {
   TipSampleLaw law_;
   double tip_radius_nm_;
   std::optional<Friction> friction_;
+  std::optional<PlasticContact> plastic_;
   bool radius_force_;
+  EquilibriumOptions options_;
 };
 
 }  // namespace telenano::physics

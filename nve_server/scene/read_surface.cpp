@@ -153,7 +153,7 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   const bool yields = scene.sample.hardness_gpa > 0;
   if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");
   if (yields) {
-    scene.marks = Marks{scene.sample.hardness_gpa, marks ? marks->number_or("pile_up", between(0.0, 1.0), 0.0) : 0.0};
+    scene.marks = Marks{scene.sample.hardness_gpa};
   }
 
   // The patch of an unbounded shape, and how finely it is kept where it has to be a grid.

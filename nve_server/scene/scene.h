@@ -36,7 +36,6 @@ struct SurfaceDescription {
 /// Marks stay where the mean pressure passes the sample's hardness.
 struct Marks {
   double hardness_gpa = 0;
-  double pile_up = 0;  ///< part of the displaced volume that rises around a mark
 };
 
 struct Particle {

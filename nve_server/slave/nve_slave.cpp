@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/error.h"
+
 namespace telenano::slave {
 namespace {
 
@@ -14,6 +16,8 @@ constexpr double kShortestStep_s = 1e-6;
 constexpr double kLongestStep_s = 0.1;
 constexpr double kSubstepRadii = 0.25;  // on a curved surface: how far the end moves between two balances
 constexpr int kMaxSubsteps = 256;
+constexpr double kMarkRadii =
+    0.06;  // of the contact: groove within 1 to 2 % of that of infinitely small steps
 constexpr int kForceLimitTrials = 12;
 constexpr double kForceLimitSlack = 1e-3;  // the tip is held between (1 − slack) and 1 of the limit
 
@@ -78,7 +82,7 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
   physics::Compliance springs;
   if (solve(port_.commanded_w_nm, piece_of(kSettle_s), port_, settled, springs)) {
     port_ = settled;
-    sample_.accept();
+    sample_.accept(port_.solution);
   }
   port_.mode.velocity_nm_s = 0;
   SlaveOutput unused;
@@ -95,7 +99,11 @@ NveSlave::Piece NveSlave::piece_of(double dt_s) const noexcept {
 int NveSlave::pieces(double dt_s, double distance_nm) const noexcept {
   int count = 1;
   if (!flat_) {
-    const double pieces = std::ceil(distance_nm / (kSubstepRadii * scene_->probe.tip_radius_nm));
+    double longest = kSubstepRadii * scene_->probe.tip_radius_nm;
+    if (scene_->marks && port_.solution.contact_radius_nm > 0.0) {
+      longest = std::min(longest, kMarkRadii * port_.solution.contact_radius_nm);
+    }
+    const double pieces = std::ceil(distance_nm / longest);
     count = std::clamp(static_cast<int>(std::min(pieces, 1.0 * kMaxSubsteps)), 1, kMaxSubsteps);
   }
   if (const auto& mode = scene_->cantilever.mode()) count = std::max(count, mode->pieces(dt_s));
@@ -241,7 +249,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
     if (held_back) faults |= link::kFaultForceLimit;
     book(port_, piece, after);
     port_ = after;
-    sample_.accept();
+    sample_.accept(port_.solution);
   }
   if (port_.solution.outside) ++trace_.outside_steps;
   if (port_.solution.radius_clamped) ++trace_.clamped_radius_steps;

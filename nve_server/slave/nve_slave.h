@@ -30,9 +30,13 @@ namespace telenano::slave {
 /// deflection_nm is F_z-equivalent: C_zz F_z, the height by which the vertical force alone lifts the apex
 /// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
 ///
+/// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
+/// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact
+/// radii: a groove's depth goes by the length of the piece to first order, 8 % at half a contact radius.
+///
 /// Energy book: each step charges the port with Δ(U_tip–sample + U_probe + U_coupling) + dissipated, U_probe
 /// = ½ FᵀC F (with a mode ½ FᵀC_rest F + ½ m q'² + ½ k q²), dissipated = jumps of the branch + b_c|Δe|²/dt +
-/// the mode's damping; the positive steps sum to energy_in, the negative ones to energy_out. U is a function
+/// the mode's damping + friction + flow; the positive steps sum to energy_in, the negative ones to energy_out. U is a function
 /// of the state, so that no path, however sampled, draws more than was put in. A tip that slides off a summit
 /// loses energy that is in none of these: such a step is charged no less than the trapezium of force and
 /// commanded displacement. So does a mode that moves between samples, by its numerical loss. On a flat sample
@@ -65,6 +69,8 @@ class NveSlave final : public Slave {
   };
   const Trace& trace() const noexcept { return trace_; }
   const TouchedSample& sample() const noexcept { return sample_; }
+  /// This session's own surface; null where no marks stay.
+  const physics::SplineSurface* marked_surface() const noexcept { return sample_.marked_surface(); }
 
  private:
   // What one trial of the port's end may change; kept only if it is accepted.

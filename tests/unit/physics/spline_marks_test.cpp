@@ -129,7 +129,7 @@ TEST(SplineMarks, CurvatureStaysWithinItsBounds) {
   for (int i = 0; i < 500; ++i) surface.press({across(random), along(random), 0.01, 9 * unit(random), -4});
   for (double x = 1; x < 59; x += 0.3) {
     for (double y = -3; y < 49; y += 0.3) {
-      EXPECT_GE(surface.relative_curvature(x, y).value, kMinRelativeCurvature * (1 - 1e-14));
+      EXPECT_GE(surface.relative_curvature(x, y).value, kMinMarkCurvature * (1 - 1e-14));
     }
   }
 }

@@ -1,0 +1,10 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace telenano::app {
+
+/// `telenano-nve trace`: drives the virtual environment along a path from a file, without a network.
+void add_trace_command(CLI::App& app);
+
+}  // namespace telenano::app

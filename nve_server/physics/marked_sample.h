@@ -1,0 +1,40 @@
+#pragma once
+
+#include <memory>
+
+#include "nve_server/physics/spline_surface.h"
+#include "nve_server/physics/tip_equilibrium.h"
+
+namespace telenano::physics {
+
+/// A sample that keeps marks: a copy of the surface of its own, and the balance of the tip on it. One for
+/// each session; many trials, then press() what the accepted one yielded.
+///
+/// Shape of a mark. Flow at contact radius a* lowers the surface by dδ_p where the tip has cut it, that is
+/// within r² = 2 R δ = 2 a*². A mark of the surface falls to half at kHalfLevel of its rim; so the rim is √2
+/// a*/kHalfLevel. A flow over a wide range of a* is pressed in pieces of kPiece in a*, each with its own rim,
+/// which add up to the shape of the tip, whatever the step in which it came. On a slope the height falls by
+/// δ_p/n_z, so that the surface moves by δ_p along its normal.
+class MarkedSample {
+ public:
+  /// Throws UserError unless the options have a hardness.
+  MarkedSample(const SplineSurface& surface, const TipSampleLaw& law, double tip_radius_nm,
+               const EquilibriumOptions& options);
+  MarkedSample(const MarkedSample&) = delete;
+  MarkedSample& operator=(const MarkedSample&) = delete;
+
+  const TipEquilibrium& equilibrium() const noexcept { return equilibrium_; }
+  /// Lowers the surface by what flowed in an accepted step; nothing if nothing did. No allocation.
+  void press(const TipFlow& yielded) noexcept;
+
+  const SplineSurface& surface() const noexcept { return *surface_; }
+  /// Steps that left a mark.
+  std::uint64_t marks() const noexcept { return marks_; }
+
+ private:
+  std::shared_ptr<SplineSurface> surface_;
+  TipEquilibrium equilibrium_;
+  std::uint64_t marks_ = 0;
+};
+
+}  // namespace telenano::physics
