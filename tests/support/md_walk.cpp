@@ -9,8 +9,8 @@ namespace {
 using Real = MdWalk::Real;
 
 constexpr Real kPi = 3.141592653589793238462643383279502884L;
-constexpr Real kDeep = -60;   // ln(m − 1): far deeper than any overlap asked for
-constexpr Real kOnset = 40;   // m = 2e17: contact radius 0 to all digits
+constexpr Real kDeep = -60;  // ln(m − 1): far deeper than any overlap asked for
+constexpr Real kOnset = 40;  // m = 2e17: contact radius 0 to all digits
 
 /// r − atan r without cancellation.
 Real r_less_atan(Real r) {
@@ -108,8 +108,8 @@ Real MdWalk::segment_end(Real compliance) const {
     const Point p = at(x);
     return p.overlap + compliance * p.load;
   };
-  // In contact: the lowest of a grid (near the onset Z is flat in x, where golden section alone would follow the
-  // rounding), then golden section around it.
+  // In contact: the lowest of a grid (near the onset Z is flat in x, where golden section alone would follow
+  // the rounding), then golden section around it.
   Real lowest = kDeep;
   Real z_lowest = z(kDeep);
   constexpr Real kStep = 0.5L;

@@ -2,8 +2,9 @@
 
 /// Which state a tip is in, from first principles, for tests only: the whole curve of Maugis–Dugdale written
 /// from the paper in m = c/a and long double, the stable states as those with residual zero on the segment
-/// where Z = Delta + c P rises with the approach, the ends of segments by search. Shares no formula, parameter
-/// or code with the product, and thousands of times faster than md_oracle.h (19 digits instead of 50).
+/// where Z = Delta + c P rises with the approach, the ends of segments by search. Shares no formula,
+/// parameter or code with the product, and thousands of times faster than md_oracle.h (19 digits instead of
+/// 50).
 namespace telenano::oracle {
 
 class MdWalk {
@@ -41,8 +42,8 @@ class MdWalk {
 
   Real lambda_, compliance_, h0_, q_, c0_, eta_;
   bool van_der_waals_;
-  Real end_x_ = 0;      // of the segment inside
-  Real end_gap_ = 0;    // of the segment outside
+  Real end_x_ = 0;    // of the segment inside
+  Real end_gap_ = 0;  // of the segment outside
   Real inside_end_ = 0, outside_end_ = 0;
 };
 
