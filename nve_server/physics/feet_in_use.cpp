@@ -14,7 +14,7 @@ constexpr double kNegativeShare = -1e-9;
 
 bool FeetInUse::add(const FootMemory& memory, const SurfaceContact& contact, double share) noexcept {
   if (count_ == kMaxFeet) return false;
-  feet_[count_++] = {memory, contact, share, 0.0, {}};
+  feet_[count_++] = {memory, contact, share, 0.0};
   return true;
 }
 
@@ -30,7 +30,7 @@ void FeetInUse::replace_least(const FootMemory& memory, const SurfaceContact& co
   for (int i = 1; i < count_; ++i) {
     if (feet_[i].share < feet_[least].share) least = i;
   }
-  feet_[least] = {memory, contact, feet_[least].share, 0.0, {}};
+  feet_[least] = {memory, contact, feet_[least].share, 0.0};
 }
 
 void FeetInUse::drop(int i) noexcept {
@@ -61,7 +61,6 @@ void FeetInUse::measure(double tip_radius_nm) noexcept {
   for (int i = 0; i < count_; ++i) {
     Foot& foot = feet_[i];
     foot.overlap_nm = tip_radius_nm - foot.contact.distance_nm;
-    foot.radius = effective_radius(tip_radius_nm, foot.contact);
   }
   for (int i = count_ - 1; i > 0; --i) {
     for (int j = 0; j < i; ++j) {
@@ -101,14 +100,15 @@ Vec3 FeetInUse::normal() const noexcept {
 }
 
 double FeetInUse::radius_nm() const noexcept {
-  if (count_ == 1) return feet_[0].radius.radius_nm;
+  if (count_ == 1) return feet_[0].contact.effective_radius_nm;
   double sum = 0;
-  for (int i = 0; i < count_; ++i) sum += feet_[i].share * feet_[i].radius.radius_nm;
+  for (int i = 0; i < count_; ++i) sum += feet_[i].share * feet_[i].contact.effective_radius_nm;
   return sum;
 }
 
 bool FeetInUse::radius_clamped() const noexcept {
-  return std::any_of(feet_.begin(), feet_.begin() + count_, [](const Foot& f) { return f.radius.clamped; });
+  return std::any_of(feet_.begin(), feet_.begin() + count_,
+                     [](const Foot& f) { return f.contact.radius_clamped; });
 }
 
 bool FeetInUse::outside() const noexcept {

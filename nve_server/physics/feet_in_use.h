@@ -55,7 +55,6 @@ class FeetInUse {
     SurfaceContact contact;
     double share = 0;
     double overlap_nm = 0;
-    EffectiveRadius radius;
   };
   void drop(int i) noexcept;
   void normalise() noexcept;

@@ -16,6 +16,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nve_server/physics/relative_curvature.h"
 #include "nve_server/physics/spline_surface.h"
 
 namespace telenano::physics {
@@ -25,7 +26,8 @@ constexpr double kMaxStepCells = 2.0;
 constexpr int kMaxIterations = 60;
 constexpr int kMaxBasins = 8;          // basins visited by one global search
 constexpr double kKnownCells = 2.0;    // a sample this near to a known foot belongs to its basin
-constexpr double kStepDone = 1e-6;     // cells: Newton's next error is about its square
+constexpr double kStepDone = 2e-5;     // cells: Newton's next error is about its square
+constexpr double kStepNone = 1e-10;    // cells: the foot has not moved
 constexpr double kStepTrusted = 1e-4;  // cells: f can no longer resolve the gain
 
 }  // namespace
@@ -38,12 +40,12 @@ struct SplineSurface::Foot {
   bool converged = false;
 };
 
-SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double y) const noexcept {
-  const double cell = std::max(dx_, dy_);
+SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double y, const HeightJet& start,
+                                           bool jet_is_old) const noexcept {
   Foot foot;
   foot.x = x;
   foot.y = y;
-  foot.jet = jet(x, y);
+  foot.jet = start;
   double f = 0;
   const auto value = [&centre](double px, double py, double pz) {
     const double ex = px - centre.x(), ey = py - centre.y(), ez = pz - centre.z();
@@ -73,23 +75,37 @@ SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double 
     double sy = -(a * gy - b * gx) / det;
     const double length_sq = sx * sx + sy * sy;
     if (!std::isfinite(length_sq)) return foot;
-    if (length_sq < kStepDone * kStepDone * cell * cell) {
-      // The last step is too short to need another evaluation: a Taylor step is exact to its square.
+    if (length_sq < kStepDone * kStepDone * cell_ * cell_) {
+      if (jet_is_old) {
+        // The centre has not moved, or so little that the foot may stay; else its jet must be seen afresh,
+        // lest Taylor steps follow upon each other.
+        if (length_sq < kStepNone * kStepNone * cell_ * cell_) {
+          foot.converged = true;
+          break;
+        }
+        jet_is_old = false;
+        foot.jet = jet(foot.x, foot.y);
+        f = value(foot.x, foot.y, foot.jet.z);
+        continue;
+      }
+      // The last step is too short to need another evaluation.
       foot.x += sx;
       foot.y += sy;
-      foot.jet.z += j.zx * sx + j.zy * sy;
+      foot.jet.z +=
+          (j.zx + 0.5 * (j.zxx * sx + j.zxy * sy)) * sx + (j.zy + 0.5 * (j.zxy * sx + j.zyy * sy)) * sy;
       foot.jet.zx += j.zxx * sx + j.zxy * sy;
       foot.jet.zy += j.zxy * sx + j.zyy * sy;
       foot.converged = true;
       break;
     }
-    const double longest = kMaxStepCells * cell;
+    const double longest = kMaxStepCells * cell_;
     if (length_sq > longest * longest) {
       const double scale = longest / std::sqrt(length_sq);
       sx *= scale;
       sy *= scale;
     }
-    const bool trusted = newton && length_sq < kStepTrusted * kStepTrusted * cell * cell;
+    jet_is_old = false;
+    const bool trusted = newton && length_sq < kStepTrusted * kStepTrusted * cell_ * cell_;
     const double slope = gx * sx + gy * sy;
     double scale = 1.0;
     bool moved = false;
@@ -112,71 +128,110 @@ SplineSurface::Foot SplineSurface::descend(const Vec3& centre, double x, double 
   return foot;
 }
 
-SurfaceContact SplineSurface::nearest(const Vec3& centre, Search search, FootMemory& memory) const noexcept {
-  double start_x = centre.x();
-  double start_y = centre.y();
-  if (memory.warm) {
-    // A foot farther away, sideways alone, than the deepest point below the centre is cannot be the nearest.
-    const double ex = memory.x_nm - centre.x(), ey = memory.y_nm - centre.y();
-    const double deepest = std::max(centre.z() - lowest_nm(), std::max(dx_, dy_));
-    if (ex * ex + ey * ey < deepest * deepest) {
-      start_x = memory.x_nm;
-      start_y = memory.y_nm;
-    }
-  }
-  Foot foot = descend(centre, start_x, start_y);
-
-  // From within the sample every side is near: only the foot that was followed says where the tip came from.
-  if (search == Search::kGlobal && centre.z() > foot.jet.z) {
-    const double cell = std::max(dx_, dy_);
-    SampleTops::Disc known[kMaxBasins];
-    int count = 0;
-    known[count++] = {foot.x, foot.y, kKnownCells * cell};
-    while (count < kMaxBasins) {
-      const double distance = std::sqrt(foot.distance_sq);
-      const double margin = 0.25 * cell * cell / std::max(distance, cell) + 0.1 * cell;
-      const SampleTops::Sample sample =
-          tops_.nearest(centre, distance + margin, distance * (1.0 - 1e-12), known, count);
-      if (!sample.found) break;
-      const Foot other = descend(centre, sample.x_nm, sample.y_nm);
+// Other basins than that of the foot that was followed, from the nearest sample onwards. A sample that is not
+// nearer than the foot, and has a neighbour that is nearer than itself, lies on the slope of a basin that is
+// known or about to be: only local minima of the samples' distance are descended from.
+SplineSurface::Foot SplineSurface::deepest_basin(const Vec3& centre, Foot foot) const noexcept {
+  const auto margin = [this](double distance) {
+    return 0.25 * cell_ * cell_ / std::max(distance, cell_) + 0.1 * cell_;
+  };
+  const double known_radius = kKnownCells * cell_;
+  double distance = std::sqrt(foot.distance_sq);
+  double limit = distance + margin(distance);
+  SampleTops::Near near;
+  tops_.near(centre, limit, distance * (1.0 - 1e-12), {foot.x, foot.y, known_radius}, near);
+  for (int basin = 1; basin < kMaxBasins && near.count > 0; ++basin) {
+    const SampleTops::Sample sample =
+        *std::min_element(near.samples.begin(), near.samples.begin() + near.count,
+                          [](const auto& a, const auto& b) { return a.distance_sq < b.distance_sq; });
+    const bool nearer = sample.distance_sq < foot.distance_sq * (1.0 - 2e-12);
+    const double x = tops_.x_nm(sample.column), y = tops_.y_nm(sample.row);
+    if (nearer || tops_.is_local_minimum(centre, sample)) {
+      const Foot other = descend(centre, x, y, jet(x, y), false);
       if (other.distance_sq < foot.distance_sq) foot = other;
-      known[count++] = {sample.x_nm, sample.y_nm, kKnownCells * cell};
+      distance = std::sqrt(foot.distance_sq);
+      limit = distance + margin(distance);
+    } else {
+      --basin;  // nothing was visited
     }
+    const double known_sq = foot.distance_sq * (1.0 - 2e-12);
+    int kept = 0;
+    for (int i = 0; i < near.count; ++i) {
+      const SampleTops::Sample& s = near.samples[static_cast<std::size_t>(i)];
+      if (s.column == sample.column && s.row == sample.row) continue;
+      if (!(s.distance_sq < limit * limit)) continue;
+      const double ex = tops_.x_nm(s.column) - x, ey = tops_.y_nm(s.row) - y;
+      if (s.distance_sq >= known_sq && ex * ex + ey * ey < known_radius * known_radius) continue;
+      near.samples[static_cast<std::size_t>(kept++)] = s;
+    }
+    near.count = kept;
   }
-  memory.x_nm = foot.x;
-  memory.y_nm = foot.y;
-  memory.warm = true;
+  return foot;
+}
 
+SurfaceContact SplineSurface::contact_at(const Vec3& centre, const Foot& foot) const noexcept {
   const HeightJet& j = foot.jet;
-  const double w_sq = 1.0 + j.zx * j.zx + j.zy * j.zy;
-  const double w = std::sqrt(w_sq);
+  const double per_w = 1.0 / std::sqrt(1.0 + j.zx * j.zx + j.zy * j.zy);
   SurfaceContact contact;
   contact.foot_w_nm = Vec3(foot.x, foot.y, j.z);
-  contact.normal_w = Vec3(-j.zx / w, -j.zy / w, 1.0 / w);
+  contact.normal_w = Vec3(-j.zx * per_w, -j.zy * per_w, per_w);
   contact.distance_nm = (centre - contact.foot_w_nm).dot(contact.normal_w);
   contact.outside = !inside(foot.x, foot.y);
   contact.converged = foot.converged;
-  const double mean =
-      -0.5 * ((1.0 + j.zy * j.zy) * j.zxx - 2.0 * j.zx * j.zy * j.zxy + (1.0 + j.zx * j.zx) * j.zyy) /
-      (w_sq * w);
-  const double gauss = (j.zxx * j.zyy - j.zxy * j.zxy) / (w_sq * w_sq);
-  const double spread = std::sqrt(std::max(0.0, mean * mean - gauss));
-  contact.curvature_1_per_nm = mean + spread;
-  contact.curvature_2_per_nm = mean - spread;
+  const PrincipalCurvatures curvatures = principal_curvatures(j);
+  contact.curvature_1_per_nm = curvatures.first_1_per_nm;
+  contact.curvature_2_per_nm = curvatures.second_1_per_nm;
+  contact.radius_clamped = is_clamped(1.0 + tip_radius_ * curvatures.second_1_per_nm);
+  const ValueAndSlope g = relative_curvature(foot.x, foot.y);
+  const double per_g = 1.0 / g.value;
+  contact.effective_radius_nm = tip_radius_ * per_g;
 
-  // c − S = d n and dS = T M⁻¹ Tᵀ dc (T the tangents S_x, S_y) give ∂n/∂c = (1 − n nᵀ − T M⁻¹ Tᵀ)/d.
-  const double d = contact.distance_nm;
+  // Tᵀ(S − c) = 0 along the foot's way gives d(x, y) = M⁻¹ Tᵀ dc (T the tangents S_x, S_y), and so dS = T M⁻¹
+  // Tᵀ dc; with c − S = d n, ∂n/∂c = (1 − n nᵀ − T M⁻¹ Tᵀ)/d.
   const double det = foot.m11 * foot.m22 - foot.m12 * foot.m12;
-  if (foot.converged && d * d > 1e-6 && det > 0.0) {
-    const Vec3 tx(1.0, 0.0, j.zx);
-    const Vec3 ty(0.0, 1.0, j.zy);
-    const Vec3 ux = (foot.m22 * tx - foot.m12 * ty) / det;
-    const Vec3 uy = (foot.m11 * ty - foot.m12 * tx) / det;
-    contact.normal_turn_per_nm = (Mat3::Identity() - contact.normal_w * contact.normal_w.transpose() -
-                                  tx * ux.transpose() - ty * uy.transpose()) /
-                                 d;
+  if (foot.converged && det > 0.0) {
+    const double per_det = 1.0 / det;
+    const double i11 = foot.m22 * per_det, i12 = -foot.m12 * per_det, i22 = foot.m11 * per_det;
+    // The rows of M⁻¹ Tᵀ; T = (1 0 z_x; 0 1 z_y)ᵀ.
+    const Vec3 ux(i11, i12, i11 * j.zx + i12 * j.zy);
+    const Vec3 uy(i12, i22, i12 * j.zx + i22 * j.zy);
+    contact.radius_gradient = -(contact.effective_radius_nm * per_g) * (g.slope_x * ux + g.slope_y * uy);
+    const double d = contact.distance_nm;
+    if (d * d > 1e-6) {
+      const double per_d = 1.0 / d;
+      const Vec3& n = contact.normal_w;
+      Mat3& turn = contact.normal_turn_per_nm;
+      turn(0, 0) = (1.0 - n.x() * n.x() - ux.x()) * per_d;
+      turn(1, 1) = (1.0 - n.y() * n.y() - uy.y()) * per_d;
+      turn(2, 2) = (1.0 - n.z() * n.z() - (j.zx * ux.z() + j.zy * uy.z())) * per_d;
+      turn(0, 1) = turn(1, 0) = (-n.x() * n.y() - ux.y()) * per_d;
+      turn(0, 2) = turn(2, 0) = (-n.x() * n.z() - ux.z()) * per_d;
+      turn(1, 2) = turn(2, 1) = (-n.y() * n.z() - uy.z()) * per_d;
+    }
   }
   return contact;
+}
+
+SurfaceContact SplineSurface::nearest(const Vec3& centre, Search search, FootMemory& memory) const noexcept {
+  bool follow = memory.warm;
+  if (follow) {
+    // A foot farther away, sideways alone, than the deepest point below the centre is cannot be the nearest.
+    const double ex = memory.x_nm - centre.x(), ey = memory.y_nm - centre.y();
+    const double deepest = std::max(centre.z() - lowest_nm(), cell_);
+    follow = ex * ex + ey * ey < deepest * deepest;
+  }
+  const double start_x = follow ? memory.x_nm : centre.x();
+  const double start_y = follow ? memory.y_nm : centre.y();
+  const bool remembered = follow && memory.stamp == stamp_;
+  Foot foot = descend(centre, start_x, start_y, remembered ? memory.jet : jet(start_x, start_y), remembered);
+  // From within the sample every side is near: only the foot that was followed says where the tip came from.
+  if (search == Search::kGlobal && centre.z() > foot.jet.z) foot = deepest_basin(centre, foot);
+  memory.x_nm = foot.x;
+  memory.y_nm = foot.y;
+  memory.jet = foot.jet;
+  memory.stamp = stamp_;
+  memory.warm = true;
+  return contact_at(centre, foot);
 }
 
 }  // namespace telenano::physics

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace telenano::physics {
 namespace {
@@ -10,33 +11,22 @@ int blocks_of(int count, int block) {
   return (count + block - 1) / block;
 }
 
-// Highest of each block×block group of `in`.
-std::vector<double> tops(const std::vector<double>& in, int columns, int rows, int block) {
-  const int block_columns = blocks_of(columns, block);
-  std::vector<double> out(static_cast<std::size_t>(block_columns) *
-                          static_cast<std::size_t>(blocks_of(rows, block)));
-  for (std::size_t b = 0; b < out.size(); ++b) {
-    const int first_column = static_cast<int>(b) % block_columns * block;
-    const int first_row = static_cast<int>(b) / block_columns * block;
-    double top = in[static_cast<std::size_t>(first_row) * columns + first_column];
-    for (int row = first_row; row < std::min(first_row + block, rows); ++row) {
-      for (int column = first_column; column < std::min(first_column + block, columns); ++column) {
-        top = std::max(top, in[static_cast<std::size_t>(row) * columns + column]);
-      }
-    }
-    out[b] = top;
-  }
-  return out;
+std::size_t product(int a, int b) {
+  return static_cast<std::size_t>(a) * static_cast<std::size_t>(b);
 }
 
-// Distance from x to the interval [lo, hi], squared.
-double outside_sq(double x, double lo, double hi) {
-  const double d = x < lo ? lo - x : (x > hi ? x - hi : 0.0);
-  return d * d;
+constexpr double kNothing = -std::numeric_limits<double>::infinity();
+
+// max(d, 0)², without a branch.
+double positive_sq(double d) {
+  const double twice = d + std::abs(d);
+  return 0.25 * twice * twice;
 }
 
-double above_sq(double z, double top) {
-  return z > top ? (z - top) * (z - top) : 0.0;
+// From x to the interval of n samples from `first` on, squared.
+double outside_sq(double x, double first, double n, double spacing) {
+  const double half = 0.5 * (n - 1.0) * spacing;
+  return positive_sq(std::abs(x - (first + half)) - half);
 }
 
 struct IndexRange {
@@ -56,79 +46,134 @@ IndexRange within(double x, double reach, double x_first, double inv_dx, int cou
 }  // namespace
 
 SampleTops::SampleTops(const HeightGrid& grid)
-    : grid_(grid),
+    : columns_(grid.columns),
+      rows_(grid.rows),
+      dx_(grid.dx_nm),
+      dy_(grid.dy_nm),
       inv_dx_(1.0 / grid.dx_nm),
       inv_dy_(1.0 / grid.dy_nm),
+      x_first_(grid.x_first_nm),
+      y_first_(grid.y_first_nm),
       lowest_(*std::min_element(grid.z_nm.begin(), grid.z_nm.end())),
       highest_(*std::max_element(grid.z_nm.begin(), grid.z_nm.end())),
-      block_columns_(blocks_of(grid.columns, kBlock)),
-      block_rows_(blocks_of(grid.rows, kBlock)),
-      super_columns_(blocks_of(block_columns_, kBlock)),
-      super_rows_(blocks_of(block_rows_, kBlock)),
-      block_top_(tops(grid.z_nm, grid.columns, grid.rows, kBlock)),
-      super_top_(tops(block_top_, block_columns_, block_rows_, kBlock)) {}
-
-SampleTops::Sample SampleTops::nearest(const Vec3& point, double limit_nm, double known_nm, const Disc* discs,
-                                       int disc_count) const noexcept {
-  Sample best;
-  double best_sq = limit_nm * limit_nm;
-  const double known_sq = known_nm * known_nm;
-  const double reach_sq = best_sq - above_sq(point.z(), highest_);
-  if (!(reach_sq > 0.0)) return best;
-  const double reach = std::sqrt(reach_sq);
-  const IndexRange columns = within(point.x(), reach, grid_.x_first_nm, inv_dx_, grid_.columns);
-  const IndexRange rows = within(point.y(), reach, grid_.y_first_nm, inv_dy_, grid_.rows);
-  if (columns.last < columns.first || rows.last < rows.first) return best;
-
-  const auto x_of = [&](int i) { return grid_.x_first_nm + i * grid_.dx_nm; };
-  const auto y_of = [&](int i) { return grid_.y_first_nm + i * grid_.dy_nm; };
-  const auto bound_sq = [&](int column, int row, int size, double top) {
-    return outside_sq(point.x(), x_of(column), x_of(column + size - 1)) +
-           outside_sq(point.y(), y_of(row), y_of(row + size - 1)) + above_sq(point.z(), top);
-  };
-
-  constexpr int kSuper = kBlock * kBlock;
-  for (int super_row = rows.first / kSuper; super_row <= rows.last / kSuper; ++super_row) {
-    for (int super_column = columns.first / kSuper; super_column <= columns.last / kSuper; ++super_column) {
-      const double super_top =
-          super_top_[static_cast<std::size_t>(super_row) * super_columns_ + super_column];
-      if (bound_sq(super_column * kSuper, super_row * kSuper, kSuper, super_top) >= best_sq) continue;
-      const int last_block_row = std::min(super_row * kBlock + kBlock - 1, rows.last / kBlock);
-      const int last_block_column = std::min(super_column * kBlock + kBlock - 1, columns.last / kBlock);
-      for (int br = std::max(super_row * kBlock, rows.first / kBlock); br <= last_block_row; ++br) {
-        for (int bc = std::max(super_column * kBlock, columns.first / kBlock); bc <= last_block_column;
-             ++bc) {
-          const double top = block_top_[static_cast<std::size_t>(br) * block_columns_ + bc];
-          if (bound_sq(bc * kBlock, br * kBlock, kBlock, top) >= best_sq) continue;
-          const int row_end = std::min(br * kBlock + kBlock, grid_.rows);
-          const int column_end = std::min(bc * kBlock + kBlock, grid_.columns);
-          for (int row = br * kBlock; row < row_end; ++row) {
-            const double y = y_of(row) - point.y();
-            const double* z = &grid_.z_nm[static_cast<std::size_t>(row) * grid_.columns];
-            for (int column = bc * kBlock; column < column_end; ++column) {
-              const double x = x_of(column) - point.x();
-              const double height = point.z() - z[column];
-              const double sq = x * x + y * y + height * height;
-              if (sq >= best_sq) continue;
-              bool known = false;
-              for (int i = 0; i < disc_count && sq >= known_sq; ++i) {
-                const double ex = x_of(column) - discs[i].x_nm;
-                const double ey = y_of(row) - discs[i].y_nm;
-                known = known || ex * ex + ey * ey < discs[i].radius_nm * discs[i].radius_nm;
-              }
-              if (known) continue;
-              best_sq = sq;
-              best.found = true;
-              best.x_nm = x_of(column);
-              best.y_nm = y_of(row);
-            }
-          }
-        }
-      }
+      super_columns_(blocks_of(grid.columns, kGroup)),
+      super_rows_(blocks_of(grid.rows, kGroup)),
+      z_(product(super_columns_, super_rows_) * kGroup * kGroup, kNothing),
+      block_top_(product(super_columns_, super_rows_) * kGroup, kNothing),
+      super_top_(product(super_columns_, super_rows_), kNothing) {
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      const double z = grid.z_nm[product(row, columns_) + static_cast<std::size_t>(column)];
+      z_[index(column, row)] = z;
+      double& block = block_top_[block_of(column, row)];
+      double& super = super_top_[super_of(column, row)];
+      block = std::max(block, z);
+      super = std::max(super, z);
     }
   }
-  best.distance_nm = std::sqrt(best_sq);
-  return best;
+}
+
+void SampleTops::set(int column, int row, double z_nm) noexcept {
+  z_[index(column, row)] = z_nm;
+  lowest_ = std::min(lowest_, z_nm);
+  highest_ = std::max(highest_, z_nm);
+  const std::size_t block = block_of(column, row);
+  const double* z = &z_[block * kGroup];
+  block_top_[block] = *std::max_element(z, z + kGroup);
+  const std::size_t super = super_of(column, row);
+  const double* top = &block_top_[super * kGroup];
+  super_top_[super] = *std::max_element(top, top + kGroup);
+}
+
+void SampleTops::open_block(const Query& query, int first_column, int first_row, Near& out) const noexcept {
+  const double* z = &z_[block_of(first_column, first_row) * kGroup];
+  double sq[kGroup], x_sq[kBlock];
+  for (int c = 0; c < kBlock; ++c) {
+    const double x = x_nm(first_column + c) - query.point.x();
+    x_sq[c] = x * x;
+  }
+  for (int r = 0; r < kBlock; ++r) {
+    const double y = y_nm(first_row + r) - query.point.y();
+    const double y_sq = y * y;
+    for (int c = 0; c < kBlock; ++c) {
+      const double h = query.point.z() - z[r * kBlock + c];
+      sq[r * kBlock + c] = x_sq[c] + y_sq + h * h;
+    }
+  }
+  for (int i = 0; i < kGroup; ++i) {
+    if (!(sq[i] < query.limit_sq)) continue;
+    const Sample sample{first_column + i % kBlock, first_row + i / kBlock, sq[i]};
+    if (sq[i] >= query.known_sq) {
+      const double ex = x_nm(sample.column) - query.disc.x_nm;
+      const double ey = y_nm(sample.row) - query.disc.y_nm;
+      if (ex * ex + ey * ey < query.disc.radius_nm * query.disc.radius_nm) continue;
+    }
+    if (out.count < kMaxNear) {
+      out.samples[static_cast<std::size_t>(out.count++)] = sample;
+      continue;
+    }
+    Sample& farthest =
+        *std::max_element(out.samples.begin(), out.samples.end(),
+                          [](const Sample& a, const Sample& b) { return a.distance_sq < b.distance_sq; });
+    if (sample.distance_sq < farthest.distance_sq) farthest = sample;
+  }
+}
+
+void SampleTops::open_super(const Query& query, int first_column, int first_row, Near& out) const noexcept {
+  const double* top = &block_top_[super_of(first_column, first_row) * kGroup];
+  double sq[kGroup], x_sq[kBlock];
+  for (int c = 0; c < kBlock; ++c) {
+    x_sq[c] = outside_sq(query.point.x(), x_nm(first_column + c * kBlock), kBlock, dx_);
+  }
+  for (int r = 0; r < kBlock; ++r) {
+    const double y_sq = outside_sq(query.point.y(), y_nm(first_row + r * kBlock), kBlock, dy_);
+    for (int c = 0; c < kBlock; ++c) {
+      // Nothing is below −infinity: an empty block is infinitely far.
+      sq[r * kBlock + c] = x_sq[c] + y_sq + positive_sq(query.point.z() - top[r * kBlock + c]);
+    }
+  }
+  for (int i = 0; i < kGroup; ++i) {
+    if (sq[i] < query.limit_sq) {
+      open_block(query, first_column + i % kBlock * kBlock, first_row + i / kBlock * kBlock, out);
+    }
+  }
+}
+
+void SampleTops::near(const Vec3& point, double limit_nm, double known_nm, const Disc& disc,
+                      Near& out) const noexcept {
+  out.count = 0;
+  const double limit_sq = limit_nm * limit_nm;
+  const double reach_sq = limit_sq - positive_sq(point.z() - highest_);
+  if (!(reach_sq > 0.0)) return;
+  const double reach = std::sqrt(reach_sq);
+  const IndexRange columns = within(point.x(), reach, x_first_, inv_dx_, columns_);
+  const IndexRange rows = within(point.y(), reach, y_first_, inv_dy_, rows_);
+  if (columns.last < columns.first || rows.last < rows.first) return;
+
+  const Query query{point, limit_sq, known_nm * known_nm, disc};
+  for (int super_row = rows.first / kGroup; super_row <= rows.last / kGroup; ++super_row) {
+    const double y_sq = outside_sq(point.y(), y_nm(super_row * kGroup), kGroup, dy_);
+    for (int super_column = columns.first / kGroup; super_column <= columns.last / kGroup; ++super_column) {
+      const double top =
+          super_top_[product(super_row, super_columns_) + static_cast<std::size_t>(super_column)];
+      const double x_sq = outside_sq(point.x(), x_nm(super_column * kGroup), kGroup, dx_);
+      if (x_sq + y_sq + positive_sq(point.z() - top) >= limit_sq) continue;
+      open_super(query, super_column * kGroup, super_row * kGroup, out);
+    }
+  }
+}
+
+bool SampleTops::is_local_minimum(const Vec3& point, const Sample& sample) const noexcept {
+  for (int row = std::max(sample.row - 1, 0); row <= std::min(sample.row + 1, rows_ - 1); ++row) {
+    const double y = y_nm(row) - point.y();
+    for (int column = std::max(sample.column - 1, 0); column <= std::min(sample.column + 1, columns_ - 1);
+         ++column) {
+      const double x = x_nm(column) - point.x();
+      const double h = point.z() - height_nm(column, row);
+      if (x * x + y * y + h * h < sample.distance_sq) return false;
+    }
+  }
+  return true;
 }
 
 }  // namespace telenano::physics

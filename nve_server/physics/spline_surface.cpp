@@ -3,127 +3,77 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/error.h"
+#include "nve_server/physics/relative_curvature.h"
+
 namespace telenano::physics {
 namespace {
 
-// In place: samples -> B-spline coefficients of one line, mirrored ends. The system (c_{i−1} + 4c_i +
-// c_{i+1})/6 = f_i is diagonally dominant, so elimination without pivoting (Thomas) is stable; with mirrored
-// ends its first and last rows are 4c_0 + 2c_1 = 6f_0 and 2c_{n−2} + 4c_{n−1} = 6f_{n−1}.
-void interpolate_line(std::vector<double>& line, std::vector<double>& upper) {
-  const std::size_t n = line.size();
-  upper[0] = 0.5;
-  line[0] = 1.5 * line[0];
-  for (std::size_t i = 1; i < n; ++i) {
-    const double lower = i + 1 == n ? 2.0 : 1.0;
-    const double pivot = 4.0 - lower * upper[i - 1];
-    upper[i] = 1.0 / pivot;
-    line[i] = (6.0 * line[i] - lower * line[i - 1]) / pivot;
+const HeightGrid& checked(const HeightGrid& grid, double tip_radius_nm) {
+  if (grid.columns < 2 || grid.rows < 2) throw UserError("surface: expected at least 2×2 samples");
+  if (grid.z_nm.size() != static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows)) {
+    throw UserError("surface: expected as many heights as columns × rows");
   }
-  for (std::size_t i = n - 1; i-- > 0;) line[i] -= upper[i] * line[i + 1];
+  if (!(grid.dx_nm > 0.0 && grid.dy_nm > 0.0 && std::isfinite(grid.dx_nm) && std::isfinite(grid.dy_nm) &&
+        std::isfinite(grid.x_first_nm) && std::isfinite(grid.y_first_nm))) {
+    throw UserError("surface: expected finite borders and positive spacing");
+  }
+  if (!std::all_of(grid.z_nm.begin(), grid.z_nm.end(), [](double z) { return std::isfinite(z); })) {
+    throw UserError("surface: expected finite heights");
+  }
+  if (!(tip_radius_nm > 0.0 && std::isfinite(tip_radius_nm))) {
+    throw UserError("surface: expected a positive tip radius");
+  }
+  return grid;
 }
 
-struct Weights {
-  double value[4];
-  double slope[4];
-  double bend[4];
-};
-
-// The four cubic B-splines that reach into a cell, at u in [0, 1] across it, and their derivatives in u.
-Weights weights(double u) {
-  const double v = 1.0 - u;
-  const double u2 = u * u;
-  const double sixth = 1.0 / 6.0;
-  return {{sixth * v * v * v, sixth * ((3.0 * u - 6.0) * u2 + 4.0),
-           sixth * (((-3.0 * u + 3.0) * u + 3.0) * u + 1.0), sixth * u2 * u},
-          {-0.5 * v * v, (1.5 * u - 2.0) * u, (-1.5 * u + 1.0) * u + 0.5, 0.5 * u2},
-          {v, 3.0 * u - 2.0, 1.0 - 3.0 * u, u}};
+BicubicSpline relative_curvature_of(const BicubicSpline& height, const HeightGrid& grid,
+                                    double tip_radius_nm) {
+  HeightGrid g = grid;
+  std::size_t i = 0;
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) {
+      const HeightJet jet =
+          height.jet(grid.x_first_nm + column * grid.dx_nm, grid.y_first_nm + row * grid.dy_nm);
+      g.z_nm[i++] = relative_curvature(tip_radius_nm, principal_curvatures(jet));
+    }
+  }
+  return BicubicSpline::averaging(g);
 }
 
 }  // namespace
 
-SplineSurface::SplineSurface(const HeightGrid& grid)
-    : columns_(grid.columns),
-      rows_(grid.rows),
-      dx_(grid.dx_nm),
-      dy_(grid.dy_nm),
-      inv_dx_(1.0 / grid.dx_nm),
-      inv_dy_(1.0 / grid.dy_nm),
-      x_first_(grid.x_first_nm),
-      y_first_(grid.y_first_nm),
-      x_last_(grid.x_first_nm + (grid.columns - 1) * grid.dx_nm),
-      y_last_(grid.y_first_nm + (grid.rows - 1) * grid.dy_nm),
-      stride_(grid.columns + 2),
-      coefficients_(static_cast<std::size_t>(grid.columns + 2) * static_cast<std::size_t>(grid.rows + 2)),
-      tops_(grid) {
-  const auto at = [this](int column, int row) -> double& {
-    return coefficients_[static_cast<std::size_t>(row + 1) * stride_ + static_cast<std::size_t>(column + 1)];
-  };
-  std::vector<double> line(columns_), upper(std::max(columns_, rows_));
-  for (int row = 0; row < rows_; ++row) {
-    for (int i = 0; i < columns_; ++i) line[i] = grid.z_nm[static_cast<std::size_t>(row) * columns_ + i];
-    interpolate_line(line, upper);
-    for (int i = 0; i < columns_; ++i) at(i, row) = line[i];
-  }
-  line.resize(rows_);
-  for (int column = 0; column < columns_; ++column) {
-    for (int i = 0; i < rows_; ++i) line[i] = at(column, i);
-    interpolate_line(line, upper);
-    for (int i = 0; i < rows_; ++i) at(column, i) = line[i];
-  }
-  for (int row = 0; row < rows_; ++row) {
-    at(-1, row) = at(1, row);
-    at(columns_, row) = at(columns_ - 2, row);
-  }
-  for (int column = -1; column <= columns_; ++column) {
-    at(column, -1) = at(column, 1);
-    at(column, rows_) = at(column, rows_ - 2);
-  }
-}
+SplineSurface::SplineSurface(const HeightGrid& grid, double tip_radius_nm)
+    : tip_radius_(tip_radius_nm),
+      cell_(std::max(grid.dx_nm, grid.dy_nm)),
+      height_(BicubicSpline::interpolating(checked(grid, tip_radius_nm))),
+      relative_curvature_(relative_curvature_of(height_, grid, tip_radius_nm)),
+      tops_(grid),
+      view_(std::make_shared<HeightView>(grid)) {}
 
-bool SplineSurface::inside(double x_nm, double y_nm) const noexcept {
-  return x_nm >= x_first_ && x_nm <= x_last_ && y_nm >= y_first_ && y_nm <= y_last_;
-}
+SplineSurface::SplineSurface(const SplineSurface& other)
+    : Surface(other),
+      tip_radius_(other.tip_radius_),
+      cell_(other.cell_),
+      height_(other.height_),
+      relative_curvature_(other.relative_curvature_),
+      tops_(other.tops_),
+      view_(std::make_shared<HeightView>(other.heights())),
+      stamp_(other.stamp_) {}
 
-HeightJet SplineSurface::jet(double x_nm, double y_nm) const noexcept {
-  const double x = std::clamp(x_nm, x_first_, x_last_);
-  const double y = std::clamp(y_nm, y_first_, y_last_);
-  const double across = (x - x_first_) * inv_dx_;
-  const double along = (y - y_first_) * inv_dy_;
-  const int column = std::min(static_cast<int>(across), columns_ - 2);
-  const int row = std::min(static_cast<int>(along), rows_ - 2);
-  const Weights wx = weights(across - column);
-  const Weights wy = weights(along - row);
-
-  double value[4], slope[4], bend[4];
-  const double* c =
-      &coefficients_[static_cast<std::size_t>(row) * stride_ + static_cast<std::size_t>(column)];
-  for (int r = 0; r < 4; ++r, c += stride_) {
-    value[r] = c[0] * wx.value[0] + c[1] * wx.value[1] + c[2] * wx.value[2] + c[3] * wx.value[3];
-    slope[r] = c[0] * wx.slope[0] + c[1] * wx.slope[1] + c[2] * wx.slope[2] + c[3] * wx.slope[3];
-    bend[r] = c[0] * wx.bend[0] + c[1] * wx.bend[1] + c[2] * wx.bend[2] + c[3] * wx.bend[3];
+HeightGrid SplineSurface::heights() const {
+  HeightGrid grid{height_.columns(),
+                  height_.rows(),
+                  height_.dx_nm(),
+                  height_.dy_nm(),
+                  height_.x_first_nm(),
+                  height_.y_first_nm(),
+                  {}};
+  grid.z_nm.reserve(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows));
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column) grid.z_nm.push_back(tops_.height_nm(column, row));
   }
-  HeightJet jet;
-  for (int r = 0; r < 4; ++r) {
-    jet.z += wy.value[r] * value[r];
-    jet.zx += wy.value[r] * slope[r];
-    jet.zy += wy.slope[r] * value[r];
-    jet.zxx += wy.value[r] * bend[r];
-    jet.zxy += wy.slope[r] * slope[r];
-    jet.zyy += wy.bend[r] * value[r];
-  }
-  jet.zx *= inv_dx_;
-  jet.zy *= inv_dy_;
-  jet.zxx *= inv_dx_ * inv_dx_;
-  jet.zxy *= inv_dx_ * inv_dy_;
-  jet.zyy *= inv_dy_ * inv_dy_;
-  // Beyond the rim its height goes on unchanged across it.
-  if (x != x_nm) jet.zx = jet.zxx = jet.zxy = 0.0;
-  if (y != y_nm) jet.zy = jet.zyy = jet.zxy = 0.0;
-  return jet;
-}
-
-double SplineSurface::height_nm(double x_nm, double y_nm) const noexcept {
-  return jet(x_nm, y_nm).z;
+  return grid;
 }
 
 }  // namespace telenano::physics

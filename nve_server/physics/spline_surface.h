@@ -1,60 +1,95 @@
 #pragma once
 
-#include <vector>
+#include <cstdint>
+#include <memory>
 
+#include "nve_server/physics/bicubic_spline.h"
 #include "nve_server/physics/height_grid.h"
+#include "nve_server/physics/height_view.h"
 #include "nve_server/physics/sample_tops.h"
 #include "nve_server/physics/surface.h"
 
 namespace telenano::physics {
 
-/// Value and derivatives of the height field at a point, nm and its powers.
-struct HeightJet {
-  double z = 0;
-  double zx = 0, zy = 0;
-  double zxx = 0, zxy = 0, zyy = 0;
+/// An impression that stays.
+struct Mark {
+  double x_nm = 0;  ///< its deepest point: the foot of the tip
+  double y_nm = 0;
+  double depth_nm = 0;    ///< by which the surface is lowered there
+  double radius_nm = 0;   ///< of the crater's rim
+  double conformity = 1;  ///< g = R/R_eff there afterwards (relative_curvature.h)
 };
 
-/// Bicubic B-spline through the heights of a grid: C², so normals are smooth and curvatures continuous.
+/// The heights of a grid as an interpolating bicubic B-spline (bicubic_spline.h): C², so normals are smooth
+/// and curvatures continuous.
 ///
-///   z(x, y) = Σ_ij c_ij β³(x/dx − i) β³(y/dy − j),  with c from the interpolation condition
-///   (c_{i−1} + 4c_i + c_{i+1})/6 = f_i along rows, then columns, the coefficients mirrored about the first
-///   and the last sample (Unser, IEEE Signal Processing Magazine 16(6):22, 1999). Mirrored ends have no slope
-///   across the rim, so that continuing the rim's height outwards, as is done beyond the grid, keeps the
-///   field C¹.
+/// Effective radius. The spline's curvatures have kinks at the borders of its cells: a radius made of them at
+/// the foot has a gradient that jumps, and with it the lateral force −∂U/∂R_eff ∇R_eff. So the relative
+/// curvature g = R/R_eff (surface.h) is a second spline over the foot's (x, y): averaging, with the g of the
+/// height spline's curvatures at the grid's nodes as coefficients. R_eff = R/g is C² in the foot and, g being
+/// an average of its nodes, never beyond their range (0 < R_eff <= R/kMinRelativeCurvature): g is the
+/// curvature seen over about a cell, as a contact of a few nanometres sees it. Error against the curvature at
+/// the point: h²/6 of its second derivative; none where it is constant. With the foot's (x, y) moving by
+/// M⁻¹Tᵀdc (nearest_point.cpp), ∂R_eff/∂c = −(R/g²) T M⁻¹ ∇g.
 ///
-/// Fourth-order accurate for smooth heights. The field between samples overshoots a step by up to about 14 %
-/// of it.
+/// Marks. press() lowers the surface and keeps it so: spline_marks.cpp says how. One thread presses and
+/// searches; others look through view(). A copy starts with the same heights and goes its own way: each
+/// session has its own sample.
 class SplineSurface final : public Surface {
  public:
-  /// Needs at least 2×2 finite samples and positive spacing.
-  explicit SplineSurface(const HeightGrid& grid);
+  /// Needs at least 2×2 finite samples, positive spacing and a positive tip radius.
+  SplineSurface(const HeightGrid& grid, double tip_radius_nm);
 
-  HeightJet jet(double x_nm, double y_nm) const noexcept;
-  bool inside(double x_nm, double y_nm) const noexcept;
+  SplineSurface(const SplineSurface& other);
+  SplineSurface(SplineSurface&&) noexcept = default;
+  SplineSurface& operator=(const SplineSurface&) = delete;
+  SplineSurface& operator=(SplineSurface&&) = delete;
+  ~SplineSurface() override = default;
+
+  HeightJet jet(double x_nm, double y_nm) const noexcept { return height_.jet(x_nm, y_nm); }
+  bool inside(double x_nm, double y_nm) const noexcept { return height_.inside(x_nm, y_nm); }
+  /// g = R/R_eff at a foot, and its gradient (1/nm).
+  ValueAndSlope relative_curvature(double x_nm, double y_nm) const noexcept {
+    return relative_curvature_.value_and_slope(x_nm, y_nm);
+  }
 
   SurfaceContact nearest(const Vec3& centre_w_nm, Search search, FootMemory& memory) const noexcept override;
-  double height_nm(double x_nm, double y_nm) const noexcept override;
+  double height_nm(double x_nm, double y_nm) const noexcept override { return jet(x_nm, y_nm).z; }
   double lowest_nm() const noexcept override { return tops_.lowest_nm(); }
   double highest_nm() const noexcept override { return tops_.highest_nm(); }
   bool is_flat() const noexcept override { return false; }
 
-  double x_first_nm() const noexcept { return x_first_; }
-  double y_first_nm() const noexcept { return y_first_; }
-  double x_last_nm() const noexcept { return x_last_; }
-  double y_last_nm() const noexcept { return y_last_; }
+  /// Afterwards, at the mark: the height is less by its depth, the gradient what it was, g the conformity
+  /// (to rounding); nothing has changed where |x − mark.x| or |y − mark.y| exceeds radius + 2 cells (radius
+  /// taken as 2 cells at least, the finest that this grid can show). Beyond the rim of the grid the mark is
+  /// made at the nearest point of the rim. A mark that is no number, or has a negative depth or radius,
+  /// changes nothing; the conformity is kept in [kMinRelativeCurvature, kMaxRelativeCurvature]. Takes
+  /// O(radius²/cell²).
+  void press(const Mark& mark) noexcept;
+  HeightGrid heights() const;  ///< at the nodes, as they are now
+  /// For other threads; stays valid when the surface has gone.
+  std::shared_ptr<const HeightView> view() const noexcept { return view_; }
+
+  double tip_radius_nm() const noexcept { return tip_radius_; }
+  double x_first_nm() const noexcept { return height_.x_first_nm(); }
+  double y_first_nm() const noexcept { return height_.y_first_nm(); }
+  double x_last_nm() const noexcept { return height_.x_last_nm(); }
+  double y_last_nm() const noexcept { return height_.y_last_nm(); }
 
  private:
   struct Foot;
-  Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm) const noexcept;
+  Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm, const HeightJet& start,
+               bool jet_is_old) const noexcept;
+  Foot deepest_basin(const Vec3& centre_w_nm, Foot foot) const noexcept;
+  SurfaceContact contact_at(const Vec3& centre_w_nm, const Foot& foot) const noexcept;
 
-  int columns_, rows_;
-  double dx_, dy_, inv_dx_, inv_dy_;
-  double x_first_, y_first_, x_last_, y_last_;
-  int stride_;                        // of the coefficients: columns + 2, one more at either end
-  std::vector<double> coefficients_;  // padded, so that a cell's 4×4 are always there
-
+  double tip_radius_;
+  double cell_;  // the wider spacing
+  BicubicSpline height_;
+  BicubicSpline relative_curvature_;
   SampleTops tops_;  // for the global search
+  std::shared_ptr<HeightView> view_;
+  std::uint32_t stamp_ = 1;  // of the heights: a jet remembered under another is out of date
 };
 
 }  // namespace telenano::physics

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstdint>
+
 #include "common/base/vec3.h"
+#include "nve_server/physics/height_jet.h"
 
 /// The sample's surface, frame W: x to the right, y up the image, z out of the sample, nm.
 namespace telenano::physics {
@@ -19,14 +22,22 @@ struct SurfaceContact {
   /// How the normal turns as the centre moves, ∂n/∂c = Hessian of the distance (symmetric, 1/nm): 0 on a flat
   /// sample.
   Mat3 normal_turn_per_nm = Mat3::Zero();
-  bool outside = false;   ///< the foot lies on the continuation beyond the rim of the scan
-  bool converged = true;  ///< false: the foot is only as good as the search grid
+  /// Radius that the force law is given (relative_curvature.h), a field of the foot, and how it changes as
+  /// the centre moves, ∂R_eff/∂c (tangential): the law's potential U(overlap, R_eff) pulls with −∂U/∂R_eff of
+  /// it.
+  double effective_radius_nm = 0;
+  Vec3 radius_gradient = Vec3::Zero();
+  bool radius_clamped = false;  ///< the pit at the foot is nearly as narrow as the tip, or narrower
+  bool outside = false;         ///< the foot lies on the continuation beyond the rim of the scan
+  bool converged = true;        ///< false: the foot is only as good as the search grid
 };
 
 /// Where the last search ended, so that the next starts there. Private to the surface.
 struct FootMemory {
   double x_nm = 0;
   double y_nm = 0;
+  HeightJet jet;            // of the height there, if `stamp` is still the surface's
+  std::uint32_t stamp = 0;  // 0: none
   bool warm = false;
 };
 
@@ -52,20 +63,5 @@ class Surface {
   /// A flat sample needs neither search nor iteration: distance and normal follow at once.
   virtual bool is_flat() const noexcept = 0;
 };
-
-/// Radius of the sphere on a flat that is locally the same gap as this tip on this surface: the Gaussian
-/// curvature of the gap's paraboloid decides the contact's size, 1/R_eff = √((1/R + κ₁)(1/R + κ₂)). Exact for
-/// Hertz contact on a sphere (κ₁ = κ₂); for unequal curvatures the ellipse is replaced by the circle of its
-/// geometric mean.
-///
-/// Valid while both factors are positive: a tip wider than the pit it stands in touches elsewhere first. Each
-/// factor is kept above kMinRelativeCurvature/R, so R_eff <= R / kMinRelativeCurvature; `clamped` says so.
-struct EffectiveRadius {
-  double radius_nm = 0;
-  bool clamped = false;
-};
-inline constexpr double kMinRelativeCurvature = 0.1;
-
-EffectiveRadius effective_radius(double tip_radius_nm, const SurfaceContact& contact) noexcept;
 
 }  // namespace telenano::physics

@@ -95,7 +95,7 @@ Plane build_surface(const config::TomlDocument& document, const TomlTable& limit
   const TomlTable table = document.root().table("surface");
   scene.surface_kind = table.choice("kind", {"flat", "scan"});
   if (scene.surface_kind == "flat") {
-    scene.surface = std::make_shared<physics::FlatSurface>();
+    scene.surface = std::make_shared<physics::FlatSurface>(scene.probe.tip_radius_nm);
     const double half_width = limits.number_or("half_width_nm", between(1.0, 1e6), 500.0);
     return {-half_width, half_width, -half_width, half_width};
   }
@@ -104,7 +104,7 @@ Plane build_surface(const config::TomlDocument& document, const TomlTable& limit
   scene.scan_path = document.resolve(file);
   const Scan scan = read_gsf(scene.scan_path, &scan_bytes);
   scene.scan_title = scan.title;
-  auto surface = std::make_shared<physics::SplineSurface>(scan.grid);
+  auto surface = std::make_shared<physics::SplineSurface>(scan.grid, scene.probe.tip_radius_nm);
   scene.surface = surface;
   const double half_extent = 0.5 * std::min(surface->x_last_nm() - surface->x_first_nm(),
                                             surface->y_last_nm() - surface->y_first_nm());

@@ -5,18 +5,21 @@
 #include <random>
 
 #include "nve_server/physics/flat_surface.h"
+#include "nve_server/physics/relative_curvature.h"
 #include "nve_server/physics/spline_surface.h"
 #include "nve_server/scene/gsf.h"
 
 namespace telenano::physics {
 namespace {
 
+constexpr double kRadius = 20;
+
 SplineSurface sampled(int n, double spacing, const std::function<double(double, double)>& height) {
   HeightGrid grid{n, n, spacing, spacing, 0, 0, {}};
   for (int row = 0; row < n; ++row) {
     for (int column = 0; column < n; ++column) grid.z_nm.push_back(height(column * spacing, row * spacing));
   }
-  return SplineSurface(grid);
+  return SplineSurface(grid, kRadius);
 }
 
 // Least distance from the spline itself, by exhaustion: a fine raster, then finer ones around its best point.
@@ -44,10 +47,11 @@ double brute_force(const SplineSurface& surface, const Vec3& c, double reach) {
 
 TEST(NearestPoint, FlatIsClosedForm) {
   FootMemory memory;
-  const SurfaceContact contact = FlatSurface().nearest(Vec3(3, 4, 21.5), Search::kGlobal, memory);
+  const SurfaceContact contact = FlatSurface(kRadius).nearest(Vec3(3, 4, 21.5), Search::kGlobal, memory);
   EXPECT_EQ(contact.distance_nm, 21.5);
   EXPECT_EQ(contact.foot_w_nm, Vec3(3, 4, 0));
-  EXPECT_EQ(effective_radius(20, contact).radius_nm, 20.0);
+  EXPECT_EQ(contact.effective_radius_nm, kRadius);
+  EXPECT_EQ(contact.radius_gradient, Vec3::Zero());
 }
 
 // A plane z = 0.3x − 0.2y + 5: the spline is that plane away from the mirrored ends, whose influence falls by
@@ -81,13 +85,77 @@ TEST(NearestPoint, ParaboloidHasItsCurvature) {
     EXPECT_NEAR(contact.distance_nm, 20, 1e-10);
     EXPECT_NEAR(contact.curvature_1_per_nm, -1 / rho, 1e-9);
     EXPECT_NEAR(contact.curvature_2_per_nm, -1 / rho, 1e-9);
-    EXPECT_NEAR(effective_radius(20, contact).radius_nm, 1 / (1 / 20.0 - 1 / rho), 1e-6);
-    EXPECT_FALSE(effective_radius(20, contact).clamped);
+    // The average over a cell: h²/6·∇²κ of the curvature, ∇²κ = 8/ρ³ at the apex of a paraboloid.
+    const double relative = 1 - kRadius / rho;
+    EXPECT_NEAR(contact.effective_radius_nm, kRadius / relative,
+                1.1 * kRadius * kRadius * 8 / std::abs(rho * rho * rho) / 6 / (relative * relative));
+    EXPECT_LT(contact.radius_gradient.norm(), 1e-9);  // by symmetry
+    EXPECT_FALSE(contact.radius_clamped);
   }
-  SurfaceContact narrow;  // a pit of radius 15 under a tip of 20: clamped, and said so
-  narrow.curvature_1_per_nm = narrow.curvature_2_per_nm = -1 / 15.0;
-  EXPECT_TRUE(effective_radius(20, narrow).clamped);
-  EXPECT_NEAR(effective_radius(20, narrow).radius_nm, 200.0, 1e-9);
+}
+
+// A pit of radius 15 under a tip of 20.
+TEST(NearestPoint, PitNarrowerThanTheTipIsClampedAndSaysSo) {
+  const SplineSurface surface = sampled(
+      81, 0.5, [](double x, double y) { return ((x - 20) * (x - 20) + (y - 20) * (y - 20)) / (2 * 15.0); });
+  FootMemory memory;
+  memory.x_nm = memory.y_nm = 20;
+  memory.warm = true;
+  const SurfaceContact contact = surface.nearest(Vec3(20, 20, 5), Search::kLocal, memory);
+  EXPECT_TRUE(contact.radius_clamped);
+  EXPECT_NEAR(contact.effective_radius_nm, kRadius / kMinRelativeCurvature, 1e-9);
+}
+
+// The field's definition by its oracle: curvatures of the sample shape in closed form at 16 nodes, weighted.
+TEST(NearestPoint, RadiusIsThatOfAMeanOverACell) {
+  const double a = 1.5, k = 0.1;  // z = a·cos kx: κ₁ = ak²cos kx/(1 + (ak sin kx)²)^1.5, κ₂ = 0
+  const double h = 0.5;
+  const SplineSurface surface = sampled(400, h, [&](double x, double) { return a * std::cos(k * x); });
+  const auto g = [&](double x) {
+    const double slope = a * k * std::sin(k * x);
+    return std::sqrt(1 + kRadius * a * k * k * std::cos(k * x) / std::pow(1 + slope * slope, 1.5));
+  };
+  for (int node = 100; node < 300; node += 7) {
+    const double x = node * h;
+    // Curvature of the spline through the samples: (hk)²/12 of it = 2e-4, at the nodes.
+    const double expected = (g(x - h) + 4 * g(x) + g(x + h)) / 6;
+    EXPECT_NEAR(surface.relative_curvature(x, 100).value, expected, 1e-4);
+    // And the mean is the point's to h²/6 g'' (g'' < 0.01).
+    EXPECT_NEAR(surface.relative_curvature(x, 100).value, g(x), 0.25 / 6 * 0.01);
+  }
+}
+
+// What a potential of distance and radius needs: ∇distance = normal, ∇R_eff = radius_gradient.
+TEST(NearestPoint, GradientsAgreeWithFiniteDifferences) {
+  const SplineSurface surface = sampled(61, 2.0, [](double x, double y) {
+    return 3 * std::sin(0.11 * x) * std::cos(0.13 * y) + 0.002 * x * y;
+  });
+  std::mt19937 random(17);
+  std::uniform_real_distribution<double> place(30, 90);
+  const double h = 1e-4;
+  double steepest = 0;
+  for (int i = 0; i < 200; ++i) {
+    Vec3 c(place(random), place(random), 0);
+    c.z() = surface.height_nm(c.x(), c.y()) + (i % 2 == 0 ? 19 : 24);
+    FootMemory memory;
+    const SurfaceContact contact = surface.nearest(c, Search::kGlobal, memory);
+    for (int axis = 0; axis < 3; ++axis) {
+      FootMemory from = memory;
+      const Vec3 d = h * Vec3::Unit(axis);
+      const SurfaceContact up = surface.nearest(c + d, Search::kLocal, from);
+      const SurfaceContact down = surface.nearest(c - d, Search::kLocal, from);
+      // h²/6 of the third derivative (1e-2 1/nm²) and rounding 2e-14/1e-4.
+      EXPECT_NEAR((up.distance_nm - down.distance_nm) / (2 * h), contact.normal_w(axis), 2e-9);
+      // The foot is known to 1e-10 nm, the radius so to 1e-9; second derivative of R (some 1/nm) jumps not,
+      // its third does: h²·10.
+      EXPECT_NEAR((up.effective_radius_nm - down.effective_radius_nm) / (2 * h),
+                  contact.radius_gradient(axis), 1e-5 * (1 + contact.radius_gradient.norm()));
+    }
+    EXPECT_LT(std::abs(contact.radius_gradient.dot(contact.normal_w)),
+              1e-12 * (1 + contact.radius_gradient.norm()));
+    steepest = std::max(steepest, contact.radius_gradient.norm());
+  }
+  EXPECT_GT(steepest, 0.1);  // there was something to see
 }
 
 TEST(NearestPoint, TurnOfTheNormalAgreesWithFiniteDifferences) {
@@ -130,7 +198,7 @@ TEST(NearestPoint, AgreesWithBruteForceOnACorrugation) {
 // On the real scan, cold, warm and after leaps of up to 1 µm: never farther than any of the samples.
 TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
   const scene::Scan scan = scene::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
-  const SplineSurface surface(scan.grid);
+  const SplineSurface surface(scan.grid, kRadius);
   const SampleTops tops(scan.grid);
   std::mt19937 random(9);
   std::uniform_real_distribution<double> place(20, 580), height(15.5, 60);
@@ -153,7 +221,11 @@ TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
     nearest_sample = std::sqrt(nearest_sample);
     EXPECT_LE(contact.distance_nm, nearest_sample + 1e-9);
     // And the branch and bound finds just that sample.
-    EXPECT_NEAR(tops.nearest(c, 1e6, 1e6, nullptr, 0).distance_nm, nearest_sample, 1e-12);
+    SampleTops::Near near;
+    tops.near(c, nearest_sample + 0.01, nearest_sample + 0.01, {}, near);
+    double found = 1e300;
+    for (int k = 0; k < near.count; ++k) found = std::min(found, std::sqrt(near.samples[k].distance_sq));
+    EXPECT_NEAR(found, nearest_sample, 1e-12);
     if (i % 5 == 0) {
       // A summit between samples may be overlooked in favour of another foot that is hardly farther: rarely
       // and by less than a tenth of a nanometre (spacing 2.3 nm), see nearest_point.cpp.

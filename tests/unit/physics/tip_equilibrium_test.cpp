@@ -24,7 +24,7 @@ std::shared_ptr<const Surface> sampled(int n, double spacing,
   for (int row = 0; row < n; ++row) {
     for (int column = 0; column < n; ++column) grid.z_nm.push_back(height(column * spacing, row * spacing));
   }
-  return std::make_shared<SplineSurface>(grid);
+  return std::make_shared<SplineSurface>(grid, kRadius);
 }
 
 // A balance, from its definition: springs and contact pull alike, and the force is the law's at that overlap.
@@ -103,7 +103,7 @@ TEST(TipEquilibrium, LeansOnBothFlanksOfAGroove) {
 }
 
 TEST(TipEquilibrium, NonFiniteEndIsRefusedAndChangesNothing) {
-  const TipEquilibrium equilibrium(std::make_shared<FlatSurface>(), silicon_oxide(), kRadius);
+  const TipEquilibrium equilibrium(std::make_shared<FlatSurface>(kRadius), silicon_oxide(), kRadius);
   TipState state;
   equilibrium.advance(Vec3(0, 0, 1), Compliance(Vec3(0, 0, 0.1).asDiagonal()), state);
   const Vec3 before = state.apex_w_nm;
@@ -113,7 +113,7 @@ TEST(TipEquilibrium, NonFiniteEndIsRefusedAndChangesNothing) {
 }
 
 TEST(TipEquilibrium, TouchHeightIsWhereTheSphereFirstTouches) {
-  const TipEquilibrium flat(std::make_shared<FlatSurface>(), silicon_oxide(), kRadius);
+  const TipEquilibrium flat(std::make_shared<FlatSurface>(kRadius), silicon_oxide(), kRadius);
   EXPECT_NEAR(flat.touch_height_nm(3, 4), 0.0, 1e-9);
   const auto surface = sampled(161, 1.0, [](double x, double) { return 0.5 * x; });
   const TipEquilibrium tilted(surface, silicon_oxide(), kRadius);

@@ -1,0 +1,207 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include "nve_server/physics/relative_curvature.h"
+#include "nve_server/physics/spline_surface.h"
+#include "tests/support/alloc_guard.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kRadius = 20;
+
+HeightGrid random_grid(int columns, int rows, double dx, double dy, unsigned seed) {
+  HeightGrid grid{columns, rows, dx, dy, 1.0, -3.0, {}};
+  std::mt19937 random(seed);
+  for (int i = 0; i < columns * rows; ++i) grid.z_nm.push_back(static_cast<double>(random() % 1000) * 1e-3);
+  return grid;
+}
+
+// What press() promises, for marks anywhere, on the rim and at corners too, on grids down to 2×2.
+TEST(SplineMarks, AreExactAtTheirFootAndLocal) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> unit(0, 1);
+  for (const auto& [columns, rows, dx, dy] :
+       {std::tuple{24, 17, 2.34, 2.34}, {9, 30, 1.0, 1.7}, {5, 4, 1.0, 1.0}, {2, 2, 3.0, 1.0}}) {
+    for (int i = 0; i < 150; ++i) {
+      SplineSurface surface(random_grid(columns, rows, dx, dy, 10 + static_cast<unsigned>(i)), kRadius);
+      const SplineSurface before(surface);
+      const double cell = std::max(dx, dy);
+      Mark mark{surface.x_first_nm() + unit(random) * (columns - 1) * dx,
+                surface.y_first_nm() + unit(random) * (rows - 1) * dy, 3 * unit(random), 12 * unit(random),
+                0.1 + 2 * unit(random)};
+      if (i % 5 == 0) mark.x_nm = i % 2 == 0 ? surface.x_first_nm() : surface.x_last_nm();
+      if (i % 3 == 0) mark.y_nm = i % 2 == 0 ? surface.y_last_nm() : surface.y_first_nm();
+      if (i % 7 == 0) mark.x_nm = surface.x_first_nm() + dx;  // just on a node
+      surface.press(mark);
+      const HeightJet was = before.jet(mark.x_nm, mark.y_nm), is = surface.jet(mark.x_nm, mark.y_nm);
+      // Rounding of heights of 1 to 4 nm through some hundred operations.
+      EXPECT_NEAR(was.z - is.z, mark.depth_nm, 1e-13);
+      EXPECT_NEAR(is.zx, was.zx, 1e-13);
+      EXPECT_NEAR(is.zy, was.zy, 1e-13);
+      EXPECT_NEAR(surface.relative_curvature(mark.x_nm, mark.y_nm).value, mark.conformity, 1e-14);
+      const double reach = std::max(mark.radius_nm, 2 * cell) + 2 * cell;
+      for (double x = surface.x_first_nm() - 1; x < surface.x_last_nm() + 1; x += 0.61 * dx) {
+        for (double y = surface.y_first_nm() - 1; y < surface.y_last_nm() + 1; y += 0.57 * dy) {
+          if (std::abs(x - mark.x_nm) <= reach && std::abs(y - mark.y_nm) <= reach) continue;
+          ASSERT_EQ(surface.height_nm(x, y), before.height_nm(x, y));
+          ASSERT_EQ(surface.relative_curvature(x, y).value, before.relative_curvature(x, y).value);
+        }
+      }
+    }
+  }
+}
+
+// Everything that is kept besides the coefficients follows: an interpolating spline made afresh of the nodes'
+// heights is the same field, since there is only one; its blocks' tops are the same; so are the feet.
+TEST(SplineMarks, SurfaceMadeAfreshOfTheHeightsIsTheSame) {
+  std::mt19937 random(2);
+  std::uniform_real_distribution<double> across(1, 60), along(-3, 50), unit(0, 1);
+  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 3), kRadius);
+  for (int i = 0; i < 300; ++i) {
+    surface.press({across(random), along(random), 0.3 * unit(random), 8 * unit(random), 0.5});
+  }
+  const SplineSurface fresh(surface.heights(), kRadius);
+  // 0.3 nm × 300 marks pile up to some 10 nm; rounding of each is 1e-16 of it, and the solve's.
+  for (double x = 1; x < 59; x += 0.73) {
+    for (double y = -3; y < 49; y += 0.71) {
+      ASSERT_NEAR(surface.height_nm(x, y), fresh.height_nm(x, y), 1e-11);
+    }
+  }
+  EXPECT_EQ(surface.lowest_nm(), fresh.lowest_nm());
+  FootMemory warm;
+  for (int i = 0; i < 2000; ++i) {
+    const Vec3 c(across(random), along(random), surface.highest_nm() + kRadius * (0.6 + unit(random)));
+    FootMemory cold = warm;
+    cold.stamp = 0;
+    // The same way from the same start, so the same foot; to what Newton's last step leaves, 1e-9 nm.
+    const SurfaceContact a = surface.nearest(c, Search::kGlobal, warm);
+    const SurfaceContact b = fresh.nearest(c, Search::kGlobal, cold);
+    EXPECT_NEAR(a.distance_nm, b.distance_nm, 1e-10);
+  }
+}
+
+// The next search sees the mark, though the foot before it was remembered with its jet.
+TEST(SplineMarks, SearchesSeeTheMarkAtOnce) {
+  SplineSurface surface(HeightGrid{40, 40, 1, 1, 0, 0, std::vector<double>(1600, 1.0)}, kRadius);
+  FootMemory memory;
+  const Vec3 centre(20.3, 19.6, 20.5);
+  EXPECT_NEAR(surface.nearest(centre, Search::kGlobal, memory).distance_nm, 19.5, 1e-12);
+  surface.press({20.3, 19.6, 0.25, 6, 0.4});
+  const SurfaceContact contact = surface.nearest(centre, Search::kLocal, memory);
+  EXPECT_NEAR(contact.distance_nm, 19.75, 1e-12);
+  EXPECT_NEAR(contact.effective_radius_nm, kRadius / 0.4, 1e-9);
+  // R_eff is level there only by symmetry, which the grid breaks: what its gradient says, holds.
+  const double h = 1e-4;
+  FootMemory from = memory;
+  const double up = surface.nearest(centre + Vec3(h, 0, 0), Search::kLocal, from).effective_radius_nm;
+  const double down = surface.nearest(centre - Vec3(h, 0, 0), Search::kLocal, from).effective_radius_nm;
+  EXPECT_NEAR((up - down) / (2 * h), contact.radius_gradient.x(), 1e-4);
+}
+
+// Increments under a sphere going in leave its impression: the levels, each of the contact's radius a =
+// √(2Rδ) at its depth, add up to δ − r²/2R.
+TEST(SplineMarks, IncrementsAddUpToTheIndenter) {
+  const double h = 0.5, depth = 2.0;
+  SplineSurface surface(HeightGrid{81, 81, h, h, 0, 0, std::vector<double>(6561, 0.0)}, kRadius);
+  const int steps = 400;
+  for (int i = 1; i <= steps; ++i) {
+    const double now = depth * (i - 0.5) / steps;
+    surface.press({20.13, 19.91, depth / steps, std::sqrt(2 * kRadius * now) / 0.76, 0.2});
+  }
+  EXPECT_NEAR(surface.height_nm(20.13, 19.91), -depth, 1e-11);
+  // φ falls from 1 to 0 over the outer half of the radius (its half at 0.736 of it): a few per cent of depth.
+  for (double r = 0; r < 12; r += 0.5) {
+    const double sphere = std::min(0.0, r * r / (2 * kRadius) - depth);
+    EXPECT_NEAR(surface.height_nm(20.13 + r, 19.91), sphere, 0.12 * depth) << r;
+  }
+}
+
+TEST(SplineMarks, CurvatureStaysWithinItsBounds) {
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> across(1, 60), along(-3, 50), unit(0, 1);
+  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 6), kRadius);
+  for (int i = 0; i < 500; ++i) surface.press({across(random), along(random), 0.01, 9 * unit(random), -4});
+  for (double x = 1; x < 59; x += 0.3) {
+    for (double y = -3; y < 49; y += 0.3) {
+      EXPECT_GE(surface.relative_curvature(x, y).value, kMinRelativeCurvature * (1 - 1e-14));
+    }
+  }
+}
+
+TEST(SplineMarks, UnusableMarksChangeNothing) {
+  SplineSurface surface(random_grid(12, 12, 1, 1, 7), kRadius);
+  const SplineSurface before(surface);
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  constexpr double kInf = std::numeric_limits<double>::infinity();
+  for (const Mark& mark : {Mark{kNan, 2, 1, 3, 1},
+                           {5, kInf, 1, 3, 1},
+                           {5, 2, kNan, 3, 1},
+                           {5, 2, -1, 3, 1},
+                           {5, 2, 1, -3, 1},
+                           {5, 2, 1, kInf, 1},
+                           {5, 2, 1, 3, kNan}}) {
+    surface.press(mark);
+  }
+  EXPECT_EQ(surface.heights().z_nm, before.heights().z_nm);
+  EXPECT_EQ(surface.view()->version(), 0u);
+  // Beyond the rim: at the rim, where the continuation gets its height from.
+  surface.press({-50, 2, 1, 3, 1});
+  EXPECT_NEAR(before.height_nm(-50, 2) - surface.height_nm(-50, 2), 1, 1e-13);
+}
+
+TEST(SplineMarks, CopiesGoTheirOwnWay) {
+  SplineSurface surface(random_grid(12, 12, 1, 1, 8), kRadius);
+  SplineSurface copy(surface);
+  const std::vector<double> before = surface.heights().z_nm;
+  copy.press({5, 2, 1, 3, 1});
+  EXPECT_EQ(surface.heights().z_nm, before);
+  EXPECT_NE(copy.heights().z_nm, before);
+  EXPECT_EQ(surface.view()->version(), 0u);
+  EXPECT_EQ(copy.view()->version(), 1u);
+  const HeightGrid heights = copy.heights();
+  for (int row = 0; row < 12; ++row) {
+    for (int column = 0; column < 12; ++column) {
+      EXPECT_EQ(copy.view()->height_nm(column, row), static_cast<float>(heights.z_nm[row * 12 + column]));
+    }
+  }
+}
+
+// A viewer on another thread: after a version it sees heights at least as new.
+TEST(SplineMarks, ViewerSeesAtLeastTheVersionItRead) {
+  SplineSurface surface(HeightGrid{16, 16, 1, 1, 0, 0, std::vector<double>(256, 0.0)}, kRadius);
+  const std::shared_ptr<const HeightView> view = surface.view();
+  constexpr int kMarks = 2000;
+  std::atomic<bool> failed{false};
+  std::thread reader([&] {
+    std::uint64_t version = 0;
+    while (version < kMarks) {
+      version = view->version();
+      // Every mark lowers (8, 8) by 1/16: exact in float.
+      if (view->height_nm(8, 8) > -0.0625f * static_cast<float>(version) + 1e-3f) failed = true;
+    }
+  });
+  for (int i = 0; i < kMarks; ++i) surface.press({8, 8, 0.0625, 3, 1});
+  reader.join();
+  EXPECT_FALSE(failed);
+}
+
+TEST(SplineMarks, TakeNothingFromTheHeap) {
+  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 9), kRadius);
+  FootMemory memory;
+  if (!support::AllocGuard::active()) GTEST_SKIP() << "allocations are not counted in this build";
+  const support::AllocGuard guard;
+  for (int i = 0; i < 100; ++i) {
+    surface.press({20.0 + 0.1 * i, 20, 0.01, 6, 0.5});
+    surface.nearest(Vec3(20.0 + 0.1 * i, 20, 20), Search::kGlobal, memory);
+  }
+  EXPECT_EQ(guard.allocations(), 0u);
+}
+
+}  // namespace
+}  // namespace telenano::physics
