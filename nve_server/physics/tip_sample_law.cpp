@@ -8,6 +8,8 @@
 #include "common/base/constants.h"
 #include "common/base/det_math.h"
 #include "common/base/error.h"
+#include "nve_server/physics/extended_step.h"
+#include "nve_server/physics/warm_start.h"
 
 namespace telenano::physics {
 namespace {
@@ -39,22 +41,7 @@ class Step {
   const CurveSolution& solution() const noexcept { return solution_; }
 
  private:
-  const Handover& handover() noexcept {
-    if (cache_.has_handover) return cache_.handover;
-    const double lambda = cache_.curve.lambda();
-    double* at = cache_.handover_lambda;
-    double* ratio = cache_.handover_ratio;
-    double guess = ratio[0];
-    if (ratio[1] > 0 && at[0] != at[1]) guess += (ratio[0] - ratio[1]) / (at[0] - at[1]) * (lambda - at[0]);
-    if (!(std::fabs(lambda - at[0]) < 0.1 * at[0])) guess = 0;
-    cache_.handover = find_handover(cache_.curve, cache_.outside, guess * lambda * lambda);
-    cache_.has_handover = true;
-    at[1] = at[0];
-    ratio[1] = ratio[0];
-    at[0] = lambda;
-    ratio[0] = cache_.handover.inside.contact ? cache_.handover.inside.parameter / (lambda * lambda) : 0;
-    return cache_.handover;
-  }
+  const Handover& handover() noexcept { return cached_handover(cache_); }
 
   double offset() noexcept { return van_der_waals_ ? handover().energy_offset : 0.0; }
   double energy(const CurvePoint& p) noexcept {
@@ -69,32 +56,7 @@ class Step {
     dissipated_ += std::max(0.0, before - after);
   }
 
-  void solve_inside(double z) noexcept {
-    double guess = cache_.u;
-    double curvature = 0;
-    if (cache_.compliance == compliance_ && cache_.rate > 0) {
-      const double first = (z - cache_.z) / cache_.rate;
-      const double second = -0.5 * cache_.curvature * first * first / cache_.rate;
-      if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first)) {
-        guess += first + second;
-        if (std::fabs(first) < 0.03 * guess) curvature = cache_.curvature;
-      }
-    }
-    solution_ = cache_.curve.solve(z, held_, guess, curvature);
-  }
-
-  void remember(const CurvePoint& p) noexcept {
-    const double rate = p.contact ? p.held_rate(held_) : 0;
-    const double u = p.contact ? p.parameter : 0;
-    const bool comparable = cache_.compliance == compliance_ && cache_.rate > 0 && rate > 0 &&
-                            cache_.lambda == cache_.curve.lambda() && u != cache_.u;
-    cache_.curvature = comparable ? (rate - cache_.rate) / (u - cache_.u) : 0;
-    cache_.lambda = cache_.curve.lambda();
-    cache_.compliance = compliance_;
-    cache_.z = z_;
-    cache_.u = u;
-    cache_.rate = rate;
-  }
+  void solve_inside(double z) noexcept { solution_ = solve_warm(cache_, z, held_); }
 
   /// False when the tip goes in; it is then solved inside at z.
   bool stays_outside() noexcept {
@@ -156,7 +118,7 @@ class Step {
     out.stiffness_n_m = std::max(slope, -kSteepest) * (s.force_nn / s.overlap_nm);
     out.contact_radius_nm = p.contact_radius * s.length_nm;
     out.potential_aj = (p.energy + offset()) * s.energy_aj;
-    remember(p);
+    remember(cache_, z_, held_, p);
   }
 
   void write_outside(Equilibrium& out) noexcept {
@@ -183,6 +145,11 @@ class Step {
   int jumps_ = 0;
 };
 
+VanDerWaals outside_of(const TipSampleParameters& p) noexcept {
+  if (!p.van_der_waals) return {};
+  return VanDerWaals::from_adhesion(p.work_of_adhesion_n_m, p.equilibrium_distance_nm);
+}
+
 void require_positive(double value, const char* what, const char* unit) {
   if (std::isfinite(value) && value > 0) return;
   throw UserError(std::string("tip-sample law: ") + what + " must be positive and finite (" + unit +
@@ -191,7 +158,10 @@ void require_positive(double value, const char* what, const char* unit) {
 
 }  // namespace
 
-TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters) : parameters_(parameters) {
+TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters)
+    : parameters_(parameters),
+      van_der_waals_(outside_of(parameters)),
+      long_range_(parameters.long_range, van_der_waals_.hamaker_aj, parameters.equilibrium_distance_nm) {
   require_positive(parameters.contact_modulus_gpa, "contact modulus K = 4E*/3", "GPa");
   require_positive(parameters.work_of_adhesion_n_m, "work of adhesion", "N/m");
   require_positive(parameters.equilibrium_distance_nm, "equilibrium distance", "nm");
@@ -243,6 +213,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     out.status = SolveStatus::kNonFinite;
     return out;
   }
+  if (long_range_.active()) return advance_extended(base_overlap_nm, compliance_nm_nn, state);
   Step step(z, compliance, parameters_.van_der_waals, cache);
   step.run(out, state.branch);
   if (!std::isfinite(out.force_nn) ||
@@ -257,6 +228,42 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
   out.jumps = step.jumps();
   state.branch = out.branch;
   state.overlap_nm = out.overlap_nm;
+  state.warm = cache.u;
+  return out;
+}
+
+Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compliance_nm_nn,
+                                           TipSampleState& state) const noexcept {
+  TipSampleCache& cache = state.cache;
+  ExtendedStep step(base_overlap_nm, compliance_nm_nn, van_der_waals_, parameters_.equilibrium_distance_nm,
+                    long_range_, cache);
+  const bool inside = state.branch == Branch::kContact || state.branch == Branch::kNonContact;
+  const bool converged = step.run(inside, state.overlap_nm, state.bridge);
+  const TipPlace& place = step.place();
+  const TipPoint& point = step.point();
+  Equilibrium out;
+  out.force_nn = point.force_nn;
+  out.potential_aj = step.potential_aj();
+  if (!converged || !std::isfinite(out.force_nn) || !std::isfinite(out.potential_aj)) {
+    cache = TipSampleCache{};
+    Equilibrium none;
+    none.status = converged ? SolveStatus::kNonFinite : SolveStatus::kNotConverged;
+    return none;
+  }
+  const Branch inner = place.contact ? Branch::kContact : Branch::kNonContact;
+  const Branch outer = parameters_.van_der_waals ? Branch::kVanDerWaals : Branch::kFree;
+  out.branch = place.inside ? inner : outer;
+  out.overlap_nm = compliance_nm_nn == 0 ? base_overlap_nm : point.overlap_nm;
+  const double steepest = kSteepest * (cache.scales.force_nn / cache.scales.overlap_nm);
+  out.stiffness_n_m =
+      point.overlap_rate > 0 ? std::max(point.force_rate / point.overlap_rate, -steepest) : -steepest;
+  out.contact_radius_nm = place.contact ? point.curve.contact_radius * cache.scales.length_nm : 0.0;
+  out.dissipated_aj = step.dissipated_aj();
+  out.jumps = step.jumps();
+  out.bridge = place.bridge.present;
+  state.branch = out.branch;
+  state.overlap_nm = out.overlap_nm;
+  state.bridge = place.bridge;
   state.warm = cache.u;
   return out;
 }

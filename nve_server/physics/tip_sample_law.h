@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "nve_server/physics/joined_law.h"
+#include "nve_server/physics/long_range.h"
 #include "nve_server/physics/maugis_dugdale.h"
 
 namespace telenano::physics {
@@ -16,6 +17,7 @@ struct TipSampleParameters {
   double equilibrium_distance_nm = 0.165;  ///< z0 of Maugis–Dugdale = a0 of van der Waals
   bool van_der_waals =
       true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
+  LongRangeParameters long_range;
 };
 
 /// What turns the dimensionless law into nm, nN, aJ at one radius.
@@ -45,6 +47,15 @@ struct TipSampleCache {
   double u = 0;
   double rate = 0;       // dZ/du
   double curvature = 0;  // d2Z/du2
+  // With long-range forces: the last state, and the end of the curve, at their radii.
+  double far_radius_nm = -1;
+  double far_compliance = -1;
+  double far_base_nm = 0;
+  double far_base_rate = 0;  // dZ/dx
+  bool far_contact = false;
+  double far_parameter = 0;  // x inside
+  double fold_radius_nm = -1;
+  CurvePoint rigid_fold;
 };
 
 /// What must be remembered between steps: which of the stable states the tip is in, and a warm start. A state
@@ -53,6 +64,7 @@ struct TipSampleState {
   Branch branch = Branch::kFree;
   double overlap_nm = -1e9;
   double warm = 0;  ///< private to the law (the curve's parameter)
+  BridgeState bridge;
   TipSampleCache cache;
 };
 
@@ -69,6 +81,7 @@ struct Equilibrium {
   double potential_aj = 0;       ///< of the tip–sample law alone, 0 at infinite distance
   double dissipated_aj = 0;      ///< lost in the jumps of this advance, >= 0
   int jumps = 0;
+  bool bridge = false;  ///< a liquid bridge spans the gap
 };
 
 /// Van der Waals joined to Maugis–Dugdale (joined_law.h), with memory of the branch.
@@ -81,9 +94,13 @@ struct Equilibrium {
 ///   integral of F dZ = change of (U + F^2/(2k)) + dissipated,
 /// and one long step gives the same as many short ones. When radius or compliance change between two steps
 /// the branch is carried over; if it no longer exists there the tip goes over to the other.
+///
+/// Long-range forces (long_range.h) are added on both sides; there may then be more stable states, and the
+/// bridge is a second memory (extended_step.h). What is said above holds.
 class TipSampleLaw {
  public:
-  /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive.
+  /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive and
+  /// the long-range parameters within their ranges.
   explicit TipSampleLaw(const TipSampleParameters& parameters);
 
   /// Moves the base quasi-statically from where the state was to `base_overlap_nm` (the overlap that there
@@ -97,6 +114,9 @@ class TipSampleLaw {
   const TipSampleParameters& parameters() const noexcept { return parameters_; }
   ContactScales scales(double radius_nm) const noexcept;
   double lambda(double radius_nm) const noexcept { return scales(radius_nm).lambda; }
+  const LongRange& long_range() const noexcept { return long_range_; }
+  /// Without Hamaker constant if there is no van der Waals outside.
+  const VanDerWaals& van_der_waals() const noexcept { return van_der_waals_; }
   /// Largest attraction of the Maugis–Dugdale contact under load control, positive. For set-up, not for
   /// loops.
   double pull_off_nn(double radius_nm) const noexcept;
@@ -104,7 +124,12 @@ class TipSampleLaw {
  private:
   void prepare(double radius_nm, TipSampleCache& cache) const noexcept;
 
+  Equilibrium advance_extended(double base_overlap_nm, double compliance_nm_nn,
+                               TipSampleState& state) const noexcept;
+
   TipSampleParameters parameters_;
+  VanDerWaals van_der_waals_;
+  LongRange long_range_;
 
   double cbrt_;  // (pi w/K)^(1/3)
   double sigma0_over_w_;

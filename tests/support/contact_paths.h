@@ -50,7 +50,9 @@ class WorkIntegral {
     law_.advance(mid, compliance_, radius_nm_, at_mid);
     TipSampleState at_end = at_mid;
     law_.advance(to, compliance_, radius_nm_, at_end);
-    const bool smooth = state.branch == at_end.branch && at_mid.branch == at_end.branch;
+    const bool smooth = state.branch == at_end.branch && at_mid.branch == at_end.branch &&
+                        state.bridge.present == at_end.bridge.present &&
+                        at_mid.bridge.present == at_end.bridge.present;
     const double halves = gauss(from, mid, state) + gauss(mid, to, at_mid);
     if (depth >= 48 || (depth > 7 && smooth && std::fabs(whole - halves) <= tolerance)) return halves;
     return run(from, mid, state, tolerance, depth + 1) + run(mid, to, at_mid, tolerance, depth + 1);

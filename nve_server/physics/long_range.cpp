@@ -1,0 +1,102 @@
+#include "nve_server/physics/long_range.h"
+
+#include <cmath>
+#include <string>
+
+#include "common/base/constants.h"
+#include "common/base/det_math.h"
+#include "common/base/error.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kLargestHalfAngleDeg = 75;  // beyond, a tip is no tip, and the field no cone's
+
+void require(bool good, const char* what, double value) {
+  if (!good) throw UserError(std::string("long-range forces: ") + what + ", not " + std::to_string(value));
+}
+
+TipShape shape_of(const LongRangeParameters& p) {
+  require(std::isfinite(p.cone_height_nm) && p.cone_height_nm >= 0,
+          "cone height must be finite and positive, or 0 for no cone (nm)", p.cone_height_nm);
+  TipShape shape;
+  if (p.cone_height_nm == 0) {
+    require(p.cone_half_angle_deg == 0, "a cone's half angle needs its height, too", p.cone_half_angle_deg);
+    return shape;
+  }
+  require(p.cone_half_angle_deg >= 1 && p.cone_half_angle_deg <= kLargestHalfAngleDeg,
+          "cone half angle must be 1 to 75 degrees", p.cone_half_angle_deg);
+  const SinCos angle = det_sin_cos(p.cone_half_angle_deg * (kPi / 180.0));
+  shape.half_angle_sin = angle.sin;
+  shape.half_angle_cos = angle.cos;
+  shape.height_nm = p.cone_height_nm;
+  return shape;
+}
+
+}  // namespace
+
+LongRange::LongRange(const LongRangeParameters& p, double hamaker_aj, double cut_off_nm)
+    : cut_off_nm_(cut_off_nm), capillary_(p.capillary) {
+  require(std::isfinite(p.retardation_nm) && p.retardation_nm >= 0,
+          "retardation wavelength must be finite and positive, or 0 for none (nm)", p.retardation_nm);
+  require(p.retardation_nm == 0 || hamaker_aj > 0, "retardation needs van der Waals forces",
+          p.retardation_nm);
+  require(std::isfinite(p.tip_bias_v), "tip bias must be finite (V)", p.tip_bias_v);
+  const TipShape shape = shape_of(p);
+  if (hamaker_aj > 0) van_der_waals_ = TipVanDerWaals(hamaker_aj, p.retardation_nm, shape);
+  electrostatic_ = Electrostatic(p.tip_bias_v, shape);
+}
+
+LongRangePoint LongRange::evaluate_open(double overlap_nm, double radius_nm,
+                                        const BridgeState& bridge) const noexcept {
+  LongRangePoint sum;
+  const double gap = cut_off_nm_ - overlap_nm;
+  if (van_der_waals_.active()) sum += van_der_waals_.correction(gap, radius_nm);
+  if (electrostatic_.active()) sum += electrostatic_.at(gap, radius_nm);
+  if (bridge.present) sum += capillary_.at(-overlap_nm, radius_nm, bridge);
+  return sum;
+}
+
+LongRangePoint LongRange::evaluate(double overlap_nm, double radius_nm,
+                                   const BridgeState& bridge) const noexcept {
+  if (overlap_nm < 0) return evaluate_open(overlap_nm, radius_nm, bridge);
+  return {evaluate_open(0, radius_nm, bridge).force_nn, 0};
+}
+
+double LongRange::energy_aj(double overlap_nm, double radius_nm, const BridgeState& bridge) const noexcept {
+  const double open = overlap_nm < 0 ? overlap_nm : 0;
+  const double gap = cut_off_nm_ - open;
+  double energy = 0;
+  if (van_der_waals_.active()) energy += van_der_waals_.correction_energy_aj(gap, radius_nm);
+  if (electrostatic_.active()) energy += electrostatic_.energy_aj(gap, radius_nm);
+  if (bridge.present) energy += capillary_.energy_aj(-open, radius_nm, bridge);
+  if (overlap_nm > 0) energy += overlap_nm * evaluate_open(0, radius_nm, bridge).force_nn;
+  return energy;
+}
+
+double jump_to_contact_gap_nm(const VanDerWaals& van_der_waals, double stiffness_n_m,
+                              double radius_nm) noexcept {
+  return det_cbrt(van_der_waals.hamaker_aj * radius_nm / (3.0 * stiffness_n_m));
+}
+
+double jump_to_contact_gap_nm(const VanDerWaals& van_der_waals, const LongRange& long_range,
+                              double cut_off_nm, double stiffness_n_m, double radius_nm) noexcept {
+  // The slope falls monotonically with the gap: bisect, to the last bits (in the logarithm first).
+  const auto unstable = [&](double gap) {
+    return van_der_waals.stiffness_n_m(radius_nm, gap) +
+               long_range.evaluate_open(cut_off_nm - gap, radius_nm, {}).stiffness_n_m <
+           -stiffness_n_m;
+  };
+  double low = cut_off_nm;
+  double high = cut_off_nm;
+  if (!unstable(low)) return 0;
+  for (int i = 0; i < 1000 && unstable(high); ++i) high *= 2.0;
+  for (int i = 0; i < 200; ++i) {
+    const double mid = 0.5 * (low + high);
+    if (!(mid > low && mid < high)) break;
+    (unstable(mid) ? low : high) = mid;
+  }
+  return high;
+}
+
+}  // namespace telenano::physics

@@ -1,0 +1,68 @@
+#pragma once
+
+#include "nve_server/physics/capillary.h"
+#include "nve_server/physics/electrostatic.h"
+#include "nve_server/physics/tip_van_der_waals.h"
+#include "nve_server/physics/van_der_waals.h"
+
+namespace telenano::physics {
+
+/// Forces beside van der Waals and contact; each 0 means: none.
+struct LongRangeParameters {
+  double retardation_nm = 0;  ///< lambda_r of van der Waals, about 100
+  double cone_half_angle_deg =
+      0;                      ///< of the tip above its sphere, from the axis; with the height or not at all
+  double cone_height_nm = 0;  ///< from the apex to the cone's upper end
+  double tip_bias_v = 0;      ///< against the sample, with the contact potential
+  CapillaryParameters capillary;
+};
+
+/// The sum G of all that is added to "van der Waals outside, contact inside" (tip_sample_law.h): what
+/// retardation and cone change in van der Waals, the electrostatic attraction, the capillary bridge.
+///
+/// G is the same function of the overlap delta outside and inside, so the handover between van der Waals and
+/// contact and the offset of their energies stay where they are: force and energy remain continuous and no
+/// adhesion counts twice.
+///   delta < 0   van der Waals and electrostatic at d = a0 - delta, the bridge at D = -delta;
+///   delta >= 0  the force stays at its value at touch (the flattened contact is not added to the capacitor
+///               or to the meniscus): U = U(0) + G(0) delta. G is continuous, its slope is not.
+/// For delta < 0 every term without the bridge's memory is attractive, or a correction of an attraction, and
+/// the whole outside law is completely monotone in the gap (all its derivatives have one sign): it is
+/// followed by one stable segment from far away to one fold.
+class LongRange {
+ public:
+  /// Throws UserError with one line on what is out of range. `hamaker_aj` = 0: no van der Waals to correct.
+  LongRange(const LongRangeParameters& parameters, double hamaker_aj, double cut_off_nm);
+
+  bool active() const noexcept {
+    return van_der_waals_.active() || electrostatic_.active() || capillary_.active();
+  }
+  bool has_bridge() const noexcept { return capillary_.active(); }
+  const Capillary& capillary() const noexcept { return capillary_; }
+  double formation_overlap_nm(double radius_nm) const noexcept {
+    return -capillary_.formation_gap_nm(radius_nm);
+  }
+
+  /// Force and stiffness at any overlap.
+  LongRangePoint evaluate(double overlap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
+  /// The same for delta <= 0, at 0 with the stiffness of the open gap.
+  LongRangePoint evaluate_open(double overlap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
+  double energy_aj(double overlap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
+
+ private:
+  double cut_off_nm_;
+  TipVanDerWaals van_der_waals_;
+  Electrostatic electrostatic_;
+  Capillary capillary_;
+};
+
+/// Where a tip that comes from far away on a spring jumps to contact, by the attraction alone (no bridge
+/// yet): the gap d = a0 - delta at which the attraction's slope has grown to the spring's stiffness. For
+/// set-up, not for loops; 0 if the spring is stiffer than the slope at the cut-off. With van der Waals alone
+/// d = (H R/(3 k))^(1/3).
+double jump_to_contact_gap_nm(const VanDerWaals& van_der_waals, const LongRange& long_range,
+                              double cut_off_nm, double stiffness_n_m, double radius_nm) noexcept;
+double jump_to_contact_gap_nm(const VanDerWaals& van_der_waals, double stiffness_n_m,
+                              double radius_nm) noexcept;
+
+}  // namespace telenano::physics

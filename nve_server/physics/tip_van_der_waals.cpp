@@ -1,0 +1,79 @@
+#include "nve_server/physics/tip_van_der_waals.h"
+
+#include "common/base/constants.h"
+#include "nve_server/physics/log_one_plus.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kTwoPi = 2.0 * kPi;
+constexpr double kGregory = 5.32;
+
+}  // namespace
+
+TipVanDerWaals::TipVanDerWaals(double hamaker_aj, double retardation_nm, const TipShape& shape) noexcept
+    : h12_(hamaker_aj / (12.0 * kPi)), b_(retardation_nm > 0 ? kGregory / retardation_nm : 0), shape_(shape) {
+  const double tan = shape.half_angle_sin / shape.half_angle_cos;
+  tan2_ = tan * tan;
+}
+
+double TipVanDerWaals::area_energy(double z) const noexcept {
+  return h12_ / (z * z * (1.0 + b_ * z));
+}
+
+double TipVanDerWaals::area_energy_integral(double z) const noexcept {
+  if (b_ == 0) return h12_ / z;
+  const LogOnePlus l(1.0 / (b_ * z));
+  return h12_ / z * (l.s - l.rest * l.e);
+}
+
+double TipVanDerWaals::area_energy_integral_drop(double z, double further) const noexcept {
+  if (b_ == 0) return h12_ * further / (z * (z + further));
+  return area_energy_integral(z) - area_energy_integral(z + further);
+}
+
+double TipVanDerWaals::area_energy_second_integral_drop(double z, double further) const noexcept {
+  if (b_ == 0) return h12_ * LogOnePlus(further / z).log();
+  const LogOnePlus near(1.0 / (b_ * z));
+  const LogOnePlus far(1.0 / (b_ * (z + further)));
+  return h12_ * ((near.s + near.e + near.s * near.e) - (far.s + far.e + far.s * far.e));
+}
+
+LongRangePoint TipVanDerWaals::correction(double gap_nm, double radius_nm) const noexcept {
+  const double d = gap_nm;
+  LongRangePoint out;
+  if (b_ > 0) {
+    const double inverse = 1.0 / (d * (1.0 + b_ * d));
+    out.force_nn = kTwoPi * radius_nm * h12_ * b_ * inverse;
+    out.stiffness_n_m = out.force_nn * (1.0 + 2.0 * b_ * d) * inverse;
+  }
+  if (shape_.height_nm > 0) {
+    const double cap = shape_.cap_nm(radius_nm);
+    const double cone = shape_.height_nm - cap;
+    const double end = d + shape_.height_nm;
+    const double a = radius_nm - cap + cone * tan2_;
+    const double w_end = area_energy(end);
+    const double w_cap = area_energy(d + cap);
+    const double p_end = w_end * (2.0 + 3.0 * b_ * end) / (end * (1.0 + b_ * end));
+    out.force_nn += kTwoPi * (area_energy_integral_drop(d, cap) -
+                              tan2_ * area_energy_integral_drop(d + cap, cone) + a * w_end);
+    out.stiffness_n_m += kTwoPi * (area_energy(d) - w_cap - tan2_ * (w_cap - w_end) + a * p_end);
+  }
+  return out;
+}
+
+double TipVanDerWaals::correction_energy_aj(double gap_nm, double radius_nm) const noexcept {
+  const double d = gap_nm;
+  double energy = 0;
+  if (b_ > 0) energy = kTwoPi * radius_nm * h12_ * b_ * LogOnePlus(1.0 / (b_ * d)).log();
+  if (shape_.height_nm > 0) {
+    const double cap = shape_.cap_nm(radius_nm);
+    const double cone = shape_.height_nm - cap;
+    energy += kTwoPi * (area_energy_second_integral_drop(d, cap) -
+                        tan2_ * area_energy_second_integral_drop(d + cap, cone) +
+                        (radius_nm - cap + cone * tan2_) * area_energy_integral(d + shape_.height_nm));
+  }
+  return energy;
+}
+
+}  // namespace telenano::physics
