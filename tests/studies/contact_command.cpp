@@ -7,6 +7,7 @@
 
 #include "common/base/error.h"
 #include "tests/studies/contact_study.h"
+#include "tests/studies/parse_list.h"
 
 namespace telenano::studies {
 namespace {
@@ -47,8 +48,8 @@ void add_contact_command(CLI::App& app) {
                       "' is unknown; expected approach or retract");
     }
     options.retract = arguments->direction == "retract";
-    if (command->count("--lambda") > 0) options.lambda = parse_list(arguments->lambda, "--lambda");
-    if (command->count("--delta") > 0) options.delta = parse_list(arguments->delta, "--delta");
+    if (command->count("--lambda") > 0) options.lambda = parse_list(arguments->lambda, "contact: --lambda");
+    if (command->count("--delta") > 0) options.delta = parse_list(arguments->delta, "contact: --delta");
     run_contact(options, stdout);
   });
 }

@@ -15,9 +15,6 @@ struct ContactOptions {
   bool points = false;   ///< print the curve's special points instead of the curve
 };
 
-/// "0,0.5,1" to numbers; `flag` names the option in the UserError that anything else gives.
-std::vector<double> parse_list(const std::string& text, const std::string& flag);
-
 /// Pure Maugis–Dugdale under displacement control, dimensionless, as CSV with 15 significant digits. For
 /// every lambda afresh, the overlap moves continuously from value to value of `delta`, so that jumps between
 /// them are not missed. Throws UserError if the options make no sense, before anything is printed.

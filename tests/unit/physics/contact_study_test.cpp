@@ -1,4 +1,5 @@
 #include "tests/studies/contact_study.h"
+#include "tests/studies/parse_list.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,73 @@
+#include "tests/studies/zwidth/zwidth_command.h"
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "tests/studies/parse_list.h"
+#include "tests/studies/zwidth/paper_study.h"
+#include "tests/studies/zwidth/zwidth_study.h"
+
+namespace telenano::studies {
+namespace {
+
+struct Arguments {
+  ZWidthOptions options;
+  std::string virtual_damping;
+  bool paper = false;
+  std::string out = "zwidth-out";
+};
+
+}  // namespace
+
+void add_zwidth_command(CLI::App& app) {
+  auto arguments = std::make_shared<Arguments>();
+  ZWidthOptions& options = arguments->options;
+  CLI::App* command = app.add_subcommand(
+      "zwidth", "Stiffest virtual wall of a haptic display (Colgate & Brown): theory and simulation, as CSV");
+  command->add_option("--damping", options.display.damping_n_s_m, "b of the device, N s/m")
+      ->capture_default_str();
+  command->add_option("--period-s", options.display.period_s, "Sample period T, s")->capture_default_str();
+  command->add_option("--mass", options.display.mass_kg, "m of the device, kg")->capture_default_str();
+  command->add_option("--virtual-damping", arguments->virtual_damping,
+                      "Virtual dampings B of the wall, N s/m, separated by commas; one row each [0]");
+  command->add_option("--filter-hz", options.filter_hz, "First-order filter on the wall's velocity; 0: none")
+      ->capture_default_str();
+  command->add_option("--delay-samples", options.delay_samples, "Delay of the wall's force")
+      ->capture_default_str();
+  command
+      ->add_option("--encoder-counts-per-m", options.encoder_counts_per_m,
+                   "Resolution of the position, for the simulation; 0: not quantised")
+      ->capture_default_str();
+  command->add_option("--coulomb-n", options.coulomb_friction_n, "Dry friction, for the simulation")
+      ->capture_default_str();
+  command
+      ->add_option("--outside-damping", options.outside_damping_n_s_m,
+                   "Virtual damping outside the wall, for the simulation; negative eats the device's own")
+      ->capture_default_str();
+  command->add_flag("--paper", arguments->paper,
+                    "The sixteen configurations of the paper instead, into --out; goes on where it stopped");
+  command->add_option("--out", arguments->out, "Folder for --paper")->capture_default_str();
+  command->footer(
+      "Columns, N/m: k_passive CB's theorem evaluated; k_passive_closed its closed form; k_coupled least K "
+      "at which\n"
+      "the free device or a heavy hand with a resonance in (0, 2.5/T] loses stability; k_free the free "
+      "device;\n"
+      "k_simulated a one-sided wall with hands that lean on it (unstable: more than 0.5 mm and 4 encoder "
+      "steps peak\n"
+      "to peak in the last second). nan: nothing is stable, or no closed form.");
+  command->callback([arguments, command] {
+    if (command->count("--virtual-damping") > 0) {
+      arguments->options.virtual_damping_n_s_m =
+          parse_list(arguments->virtual_damping, "zwidth: --virtual-damping");
+    }
+    if (arguments->paper) {
+      run_paper_study(arguments->out);
+    } else {
+      run_zwidth(arguments->options, stdout);
+    }
+  });
+}
+
+}  // namespace telenano::studies

@@ -1,0 +1,142 @@
+#include "tests/studies/zwidth/zwidth_study.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "common/base/error.h"
+#include "tests/studies/zwidth/paper_study.h"
+#include "tests/studies/zwidth/sampled_loop.h"
+#include "tests/studies/zwidth/wall_simulation.h"
+
+namespace telenano::studies {
+namespace {
+
+const control::HapticDisplay kDisplay{2.0, 0.25, 1e-3};
+
+// Half a period at a time with the textbook solution of the underdamped oscillator.
+TEST(SampledLoop, MotionUnderAHeldForceIsTheClosedSolution) {
+  const double m = 0.7, c = 3.0, k = 900.0, t = 1e-3;
+  const HeldMotion h = held_motion(m, c, k, t);
+  const double a = c / (2 * m), w = std::sqrt(k / m - a * a), e = std::exp(-a * t);
+  EXPECT_NEAR(h.xx, e * (std::cos(w * t) + a / w * std::sin(w * t)), 1e-14);  // eight squarings
+  EXPECT_NEAR(h.xv, e * std::sin(w * t) / w, 1e-17);
+  EXPECT_NEAR(h.xf, (1 - h.xx) / k, 1e-17);
+  EXPECT_NEAR(h.vv, e * (std::cos(w * t) - a / w * std::sin(w * t)), 1e-14);  // eight squarings
+}
+
+// The limit again, in the time domain: a two-sided wall written as it runs, whose swing decays 0.5 % below
+// the limit and grows 0.5 % above it.
+double growth(const control::VirtualDamper& w, double k, const Hand& hand) {
+  const HeldMotion h = held_motion(kDisplay.mass_kg + hand.mass_kg, kDisplay.damping_n_s_m,
+                                   hand.stiffness_n_m, kDisplay.period_s);
+  double x = 1, v = 0, before = 1, u = 0, early = 0, late = 0;
+  std::vector<double> queue(static_cast<std::size_t>(w.delay_samples), 0.0);
+  constexpr int kSteps = 60000;
+  for (int i = 0; i < kSteps; ++i) {
+    u = (w.filter_s * u + x - before) / (w.filter_s + kDisplay.period_s);
+    before = x;
+    queue.push_back(k * x + w.damping_n_s_m * u);
+    const double f = -queue.front();
+    queue.erase(queue.begin());
+    const double next = h.vx * x + h.vv * v + h.vf * f;
+    x = h.xx * x + h.xv * v + h.xf * f;
+    v = next;
+    if (!(std::fabs(x) < 1e100)) return 2;
+    if (i < kSteps / 2)
+      early = i > kSteps / 4 ? std::max(early, std::fabs(x)) : early;
+    else if (i > 3 * kSteps / 4)
+      late = std::max(late, std::fabs(x));
+  }
+  return late / early;
+}
+
+TEST(SampledLoop, FreeDeviceLosesStabilityWhereItsSwingStopsDecaying) {
+  for (const control::VirtualDamper w :
+       {control::VirtualDamper{0, 0, 0}, control::VirtualDamper{1, 0, 0},
+        control::VirtualDamper{5, 5.3e-3, 0}, control::VirtualDamper{0.5, 0, 3}}) {
+    const double limit = stability_limit(kDisplay, w, Hand{});
+    EXPECT_LT(growth(w, 0.995 * limit, Hand{}), 1) << w.damping_n_s_m;
+    EXPECT_GT(growth(w, 1.005 * limit, Hand{}), 1) << w.damping_n_s_m;
+  }
+  EXPECT_NEAR(stability_limit(kDisplay, {1, 0, 0}, Hand{}), 5984, 1);
+}
+
+// The worst heavy hand of the formula against the eigenvalues of hands of 500 and 5000 kg over the band.
+TEST(SampledLoop, HeavyHandsAgreeWithEigenvalues) {
+  for (const control::VirtualDamper w : {control::VirtualDamper{1, 0, 0}, control::VirtualDamper{2.5, 0, 0},
+                                         control::VirtualDamper{5, 5.3e-3, 0}}) {
+    const double expected = control::heavy_hand_stiffness(kDisplay, w);
+    for (const double mass : {500.0, 5000.0}) {
+      double least = stability_limit(kDisplay, w, Hand{});
+      for (double theta = 0.05; theta <= 2.5; theta += 0.05) {
+        const double omega = theta / kDisplay.period_s;
+        least = std::min(least, stability_limit(kDisplay, w, {mass, (mass + 0.25) * omega * omega, 0}));
+      }
+      EXPECT_NEAR(least, expected, 0.005 * expected) << w.damping_n_s_m << ' ' << mass;
+    }
+  }
+}
+
+// One-sided and with hands, no quantisation: never below passivity, never much above what the worst hand
+// allows.
+TEST(WallSimulation, LiesBetweenPassivityAndTheWorstHand) {
+  for (const double b : {-1.0, 0.0, 0.5, 1.0, 1.5}) {
+    for (const int delay : {0, 2}) {
+      ZWidthOptions options;
+      options.delay_samples = delay;
+      const ZWidthRow row = zwidth_row(options, b);
+      if (std::isnan(row.passive)) continue;
+      EXPECT_GT(row.simulated, 0.99 * row.passive) << b << ' ' << delay;  // found to 1 %
+      EXPECT_LT(row.simulated, 1.10 * row.coupled) << b << ' ' << delay;
+      EXPECT_GE(row.coupled, row.passive * (1 - 1e-9));
+      EXPECT_GE(row.free, row.coupled);
+    }
+  }
+}
+
+TEST(WallSimulation, CoarseEncoderNeedsFriction) {
+  // Limit cycles of an encoder die where K q/2 < dry friction (Abbott & Okamura 2005; Diolaiti et al. 2006).
+  WallPlant plant;
+  plant.display = kDisplay;
+  plant.encoder_quantum_m = 1.18e-4;
+  const PushingHand leaning{{}, 1.0};
+  const double k = 0.5 * 4000;
+  const double without = simulate_wall(plant, k, leaning).peak_to_peak_m;
+  plant.coulomb_friction_n = k * plant.encoder_quantum_m;
+  EXPECT_LT(simulate_wall(plant, k, leaning).peak_to_peak_m, 1e-9);
+  EXPECT_GT(without, 1e-9);
+}
+
+TEST(ZWidthStudy, RefusesNonsense) {
+  const auto message = [](auto change) {
+    ZWidthOptions options;
+    change(options);
+    try {
+      options.validate();
+    } catch (const UserError& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  EXPECT_NE(message([](auto& o) { o.display.period_s = 0; }).find("--period-s"), std::string::npos);
+  EXPECT_NE(message([](auto& o) { o.display.mass_kg = -1; }).find("--mass"), std::string::npos);
+  EXPECT_NE(message([](auto& o) { o.display.damping_n_s_m = NAN; }).find("--damping"), std::string::npos);
+  EXPECT_NE(message([](auto& o) { o.virtual_damping_n_s_m.clear(); }).find("empty"), std::string::npos);
+  EXPECT_NE(message([](auto& o) { o.delay_samples = -1; }).find("--delay-samples"), std::string::npos);
+  EXPECT_NE(message([](auto& o) { o.encoder_counts_per_m = -1; }).find("counts"), std::string::npos);
+}
+
+TEST(PaperStudy, SixteenConfigurations) {
+  const auto all = paper_configurations();
+  EXPECT_EQ(all.size(), 16u);
+  // q = 2π·0.15 m/8000 = 0.1178 mm; over 1 ms 0.118 m/s, behind 30 Hz (τ = 5.3 ms) 0.0187 m/s.
+  for (const auto& c : all) {
+    if (c.fine || !c.fast) continue;
+    EXPECT_NEAR(c.velocity_resolution_m_s(), c.filtered ? 0.018692 : 0.117810, 1e-5);
+  }
+}
+
+}  // namespace
+}  // namespace telenano::studies
