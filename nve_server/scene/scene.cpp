@@ -73,6 +73,13 @@ Probe read_probe(const TomlTable& table) {
   return probe;
 }
 
+physics::ProbeParameters cantilever_parameters(const Probe& probe) {
+  physics::ProbeParameters parameters;
+  parameters.rigid = probe.rigid;
+  if (!probe.rigid) parameters.stiffness_n_m = probe.stiffness_n_m;
+  return parameters;
+}
+
 physics::TipSampleParameters law_parameters(const Scene& scene) {
   const auto compliance = [](const Material& m) {
     return (1.0 - m.poisson_ratio * m.poisson_ratio) / m.youngs_modulus_gpa;
@@ -153,9 +160,7 @@ physics::Compliance Scene::port_compliance_nm_nn() const {
 }
 
 physics::Compliance Scene::probe_compliance_nm_nn() const {
-  physics::Compliance c = physics::Compliance::Zero();
-  if (!probe.rigid) c(2, 2) = 1.0 / probe.stiffness_n_m;
-  return c;
+  return cantilever.compliance_nm_nn();
 }
 
 std::shared_ptr<const Scene> load_scene(const std::string& path) {
@@ -169,6 +174,7 @@ std::shared_ptr<const Scene> load_scene(const std::string& path) {
   }
   scene->sample = read_material(root.table("sample"));
   scene->probe = read_probe(root.table("probe"));
+  scene->cantilever = physics::Probe(cantilever_parameters(scene->probe));
   if (const auto forces = root.optional_table("forces")) {
     scene->van_der_waals = forces->boolean_or("van_der_waals", true);
   }

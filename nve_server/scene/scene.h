@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/vec3.h"
+#include "nve_server/physics/probe.h"
 #include "nve_server/physics/surface.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/physics/tip_sample_law.h"
@@ -59,6 +60,7 @@ struct Scene {
   std::uint32_t session_timeout_ms = 500;
 
   physics::TipSampleParameters law_parameters;
+  physics::Probe cantilever;
   std::shared_ptr<const physics::Surface> surface;
   std::shared_ptr<const physics::TipEquilibrium> equilibrium;
   double start_touch_w_nm = 0;  ///< height of the apex at contact under the start position

@@ -26,7 +26,8 @@ constexpr double kStepMinS = 1e-6;
 
 bool is_finite(const slave::SlaveOutput& o) noexcept {
   return telenano::is_finite(o.force_w_nn) && telenano::is_finite(o.tip_pos_w_nm) &&
-         std::isfinite(o.deflection_nm) && std::isfinite(o.energy_in_aj) && std::isfinite(o.energy_out_aj);
+         telenano::is_finite(o.commanded_pos_w_nm) && std::isfinite(o.deflection_nm) &&
+         std::isfinite(o.energy_in_aj) && std::isfinite(o.energy_out_aj);
 }
 
 /// A slave that goes wrong must not be felt: zero force, a named fault, everything else as it was last.
@@ -107,7 +108,7 @@ bool Server::make_port(std::size_t slot, std::int64_t now_ns) noexcept {
     }
   }
   if (!port.slave) return false;
-  port.anchor_w_nm = port.output.tip_pos_w_nm = port.slave->limits().start_pos_w_nm;
+  port.output.tip_pos_w_nm = port.output.commanded_pos_w_nm = port.slave->limits().start_pos_w_nm;
   port.last_step_ns = now_ns;
   return true;
 }
@@ -127,7 +128,8 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.scene_hash = scene_.hash;
   w.workspace_min_w_nm = limits.workspace_min_w_nm;
   w.workspace_max_w_nm = limits.workspace_max_w_nm;
-  w.start_pos_w_nm = ports_[slot].anchor_w_nm;
+  // Resuming must not be felt: go on at the command that the slave holds, with its force.
+  w.start_pos_w_nm = ports_[slot].output.commanded_pos_w_nm;
   w.surface_z_w_nm = limits.surface_z_w_nm;
   w.force_max_nn = limits.force_max_nn;
   w.coupling_stiffness_n_m = limits.coupling_stiffness_n_m;
@@ -190,10 +192,6 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   input.follow = !input.retract && (command.flags & kEngaged) == kEngaged;
   step_guarded(*port.slave, input, std::clamp(session.spacing_s, kStepMinS, config_.step_max_s), port.output);
   port.last_step_ns = now_ns;
-  // Resuming must not be felt: go on at the command that the slave holds, with its force; or where it has
-  // withdrawn to.
-  if (input.follow) port.anchor_w_nm = command.tip_pos_w_nm;
-  if (input.retract) port.anchor_w_nm = port.output.tip_pos_w_nm;
 
   link::Reply reply;
   reply.session_id = session.session_id;
@@ -236,10 +234,9 @@ void Server::retract(std::size_t slot, std::int64_t now_ns) noexcept {
   slave::SlaveInput input;
   input.follow = false;
   input.retract = true;
-  input.tip_target_pos_w_nm = port.output.tip_pos_w_nm;
+  input.tip_target_pos_w_nm = port.output.commanded_pos_w_nm;
   const double dt_s = 1e-9 * static_cast<double>(now_ns - port.last_step_ns);
   step_guarded(*port.slave, input, std::clamp(dt_s, kStepMinS, config_.step_max_s), port.output);
-  port.anchor_w_nm = port.output.tip_pos_w_nm;
   port.last_step_ns = now_ns;
 }
 

@@ -80,7 +80,6 @@ class Server {
     std::unique_ptr<slave::Slave> slave;
     slave::SlaveOutput output;
     net::Address address;
-    Vec3 anchor_w_nm = Vec3::Zero();  ///< commanded position to start from, if a station resumes now
     std::int64_t last_step_ns = 0;
   };
 

@@ -1,5 +1,6 @@
 #include "nve_server/slave/nve_slave.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
@@ -8,6 +9,7 @@ namespace {
 
 using physics::SolveStatus;
 
+constexpr double kSettle_s = 1.0;  // the first balance: longer than any damper or mode remembers
 constexpr double kShortestStep_s = 1e-6;
 constexpr double kLongestStep_s = 0.1;
 constexpr double kSubstepRadii = 0.25;  // on a curved surface: how far the end moves between two balances
@@ -29,6 +31,18 @@ link::ContactState contact_state(physics::Branch branch) noexcept {
   return link::ContactState::kFree;
 }
 
+// The hardest wall that the port can show. On a flat sample the force is along W z whatever the springs do
+// sideways; elsewhere a wall may face anywhere, and the stiffest direction of the springs counts: 1/λ_min of
+// their compliance. A mode below the sample rate has not yielded yet when the next sample asks.
+double shown_stiffness(const scene::Scene& scene) {
+  const physics::Probe& probe = scene.cantilever;
+  const bool sluggish = probe.mode() && probe.mode()->frequency_hz() < scene.limits.rate_max_hz;
+  const physics::Compliance springs = Mat3::Identity() / scene.coupling.stiffness_n_m +
+                                      (sluggish ? probe.rest_compliance_nm_nn() : probe.compliance_nm_nn());
+  if (scene.surface->is_flat()) return 1.0 / springs(2, 2);
+  return 1.0 / Eigen::SelfAdjointEigenSolver<Mat3>(springs, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
+}
+
 SlaveLimits limits_of(const scene::Scene& scene) {
   SlaveLimits limits;
   limits.workspace_min_w_nm = scene.limits.workspace_min_w_nm;
@@ -36,13 +50,18 @@ SlaveLimits limits_of(const scene::Scene& scene) {
   limits.start_pos_w_nm = scene.start_apex_w_nm;
   limits.surface_z_w_nm = scene.start_touch_w_nm;
   limits.force_max_nn = scene.limits.force_max_nn;
-  // A wall is felt along its normal. On a flat sample that is W z, coupling and cantilever in series; a steep
-  // flank of a scan may face sideways, where the cantilever does not yield.
-  limits.coupling_stiffness_n_m = scene.surface->is_flat() ? 1.0 / scene.port_compliance_nm_nn()(2, 2)
-                                                           : 1.0 / scene.port_compliance_nm_nn()(0, 0);
+  limits.coupling_stiffness_n_m = shown_stiffness(scene);
   limits.coupling_damping_n_s_m = scene.coupling.damping_n_s_m;
   limits.rate_max_hz = scene.limits.rate_max_hz;
   return limits;
+}
+
+// The contact's stiffness as the mode feels it: through the other springs, along its shape.
+double felt_stiffness(const physics::TipSolution& solution, const physics::Compliance& springs,
+                      const Vec3& shape) noexcept {
+  const double k = std::max(0.0, solution.stiffness_n_m);
+  const double along = solution.normal_w.dot(shape);
+  return k * along * along / (1.0 + k * solution.normal_w.dot(springs * solution.normal_w));
 }
 
 }  // namespace
@@ -51,59 +70,116 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
     : scene_(std::move(scene)), limits_(limits_of(*scene_)), flat_(scene_->surface->is_flat()) {
   port_.commanded_w_nm = limits_.start_pos_w_nm;
   Port settled;
-  if (solve(port_.commanded_w_nm, 1.0, port_, settled)) port_ = settled;
+  physics::Compliance springs;
+  if (solve(port_.commanded_w_nm, piece_of(kSettle_s), port_, settled, springs)) port_ = settled;
+  port_.mode.velocity_nm_s = 0;
   SlaveOutput unused;
   publish(0, unused);
 }
 
-bool NveSlave::solve(const Vec3& commanded, double dt_s, const Port& from, Port& to) const noexcept {
+NveSlave::Piece NveSlave::piece_of(double dt_s) const noexcept {
+  Piece piece;
+  piece.dt_s = dt_s;
+  if (const auto& mode = scene_->cantilever.mode()) piece.mode = mode->over(dt_s);
+  return piece;
+}
+
+int NveSlave::pieces(double dt_s, double distance_nm) const noexcept {
+  int count = 1;
+  if (!flat_) {
+    const double pieces = std::ceil(distance_nm / (kSubstepRadii * scene_->probe.tip_radius_nm));
+    count = std::clamp(static_cast<int>(std::min(pieces, 1.0 * kMaxSubsteps)), 1, kMaxSubsteps);
+  }
+  if (const auto& mode = scene_->cantilever.mode()) count = std::max(count, mode->pieces(dt_s));
+  return count;
+}
+
+bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from, Port& to,
+                     physics::Compliance& springs) const noexcept {
+  const physics::Probe& probe = scene_->cantilever;
+  const auto& mode = probe.mode();
   const double k_c = scene_->coupling.stiffness_n_m;
-  const double b_over_dt = scene_->coupling.damping_n_s_m / dt_s;
+  const double b_over_dt = scene_->coupling.damping_n_s_m / piece.dt_s;
   const double k_total = k_c + b_over_dt;
   to = from;
   to.commanded_w_nm = commanded;
-  const Vec3 free_end = commanded - from.extension_w_nm * (b_over_dt / k_total);
-  const physics::Compliance compliance = Mat3::Identity() / k_total + scene_->probe_compliance_nm_nn();
-  to.solution = scene_->equilibrium->advance(free_end, compliance, to.tip);
+  Vec3 free_end = commanded - from.extension_w_nm * (b_over_dt / k_total);
+  springs = Mat3::Identity() / k_total + probe.rest_compliance_nm_nn();
+  physics::ModeStep mode_step;
+  if (mode) {
+    const Vec3& shape = probe.mode_shape_w();
+    mode_step = mode->begin(piece.mode, from.mode, felt_stiffness(from.solution, springs, shape));
+    free_end += mode_step.shift_nm * shape;
+    springs += mode_step.compliance_nm_nn * shape * shape.transpose();
+  }
+  to.solution = scene_->equilibrium->advance(free_end, springs, to.tip);
   if (to.solution.status != SolveStatus::kOk) return false;
-  to.extension_w_nm = (b_over_dt * from.extension_w_nm - to.solution.force_w_nn) / k_total;
-  const double force_z = to.solution.force_w_nn.z();
+  const Vec3& force = to.solution.force_w_nn;
+  to.extension_w_nm = (b_over_dt * from.extension_w_nm - force) / k_total;
   to.stored_aj = to.solution.potential_aj + 0.5 * k_c * to.extension_w_nm.squaredNorm() +
-                 0.5 * force_z * force_z * scene_->probe_compliance_nm_nn()(2, 2);
+                 0.5 * force.dot(probe.rest_compliance_nm_nn() * force);
+  to.mode_loss = {};
+  if (mode) {
+    to.mode_loss = mode->finish(mode_step, probe.mode_shape_w().dot(force), to.mode);
+    to.stored_aj += mode->energy_aj(to.mode);
+  }
+  to.damped_aj = b_over_dt * (to.extension_w_nm - from.extension_w_nm).squaredNorm() + to.mode_loss.damped_aj;
   return true;
 }
 
-bool NveSlave::solve_within_force_limit(const Vec3& commanded, double dt_s, const Port& from, Port& to,
+bool NveSlave::solve_within_force_limit(const Vec3& commanded, const Piece& piece, const Port& from, Port& to,
                                         bool& held_back) const noexcept {
   const double limit = scene_->limits.force_max_nn;
-  if (!solve(commanded, dt_s, from, to)) return false;
+  physics::Compliance springs;
+  if (!solve(commanded, piece, from, to, springs)) return false;
   // The end goes back along the normal to where the force is the limit, and is free to follow the target
   // sideways. Springs and contact in series say how far; the law is close to a line there, so a few trials
-  // do.
+  // do. On several feet the normal is shorter than 1 and the normal force the larger; with a lateral part the
+  // whole force is.
   Vec3 end = commanded;
-  for (int trial = 0; to.solution.normal_force_nn > limit; ++trial) {
+  for (int trial = 0;; ++trial) {
+    const double force = std::max(to.solution.normal_force_nn, to.solution.force_w_nn.norm());
+    if (!(force > limit)) return true;
     held_back = true;
     if (trial == kForceLimitTrials) return false;
-    const double k_total = scene_->coupling.stiffness_n_m + scene_->coupling.damping_n_s_m / dt_s;
     const Vec3 n = to.solution.normal_w;
-    const double springs = 1.0 / k_total + n.z() * n.z() * scene_->probe_compliance_nm_nn()(2, 2);
     const double contact = to.solution.stiffness_n_m > 0.0 ? 1.0 / to.solution.stiffness_n_m : 0.0;
-    const double excess = to.solution.normal_force_nn - (1.0 - 0.5 * kForceLimitSlack) * limit;
-    end += n * (excess * (springs + contact));
-    if (!solve(end, dt_s, from, to)) return false;
+    const double excess = force - (1.0 - 0.5 * kForceLimitSlack) * limit;
+    end += n * (excess * (n.dot(springs * n) + contact));
+    if (!solve(end, piece, from, to, springs)) return false;
   }
-  return true;
 }
 
-void NveSlave::book(const Port& before, const Port& after, double dt_s) noexcept {
-  const double damper =
-      scene_->coupling.damping_n_s_m * (after.extension_w_nm - before.extension_w_nm).squaredNorm() / dt_s;
-  const double dissipated = after.solution.dissipated_aj + damper;
+void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcept {
+  const auto& mode = scene_->cantilever.mode();
+  const bool moving = mode && piece.mode.integrator != physics::ModeIntegrator::kBackwardEuler;
+  const double dissipated = after.solution.dissipated_aj + after.damped_aj;
   double charge = after.stored_aj - before.stored_aj + dissipated;
   trace_.dissipated_aj += dissipated;
+  trace_.mode_damped_aj += after.mode_loss.damped_aj;
+  const Vec3 moved = after.commanded_w_nm - before.commanded_w_nm;
+  const double first = -before.solution.force_w_nn.dot(moved);
+  const double last = -after.solution.force_w_nn.dot(moved);
+  if (moving) {
+    // > 0 lost, < 0 gained.
+    double lost = after.mode_loss.numerical_aj;
+    if (flat_)
+      lost = std::min(first, last) > charge ? std::min(first, last) - charge
+                                            : std::min(0.0, std::max(first, last) - charge);
+    if (lost < 0.0) {
+      const double taken = mode->slow_down(-lost, after.mode);
+      after.stored_aj -= taken;
+      charge -= taken;
+      trace_.mode_slowed_aj += taken;
+      trace_.mode_unpaid_aj -= lost + taken;
+      lost = 0.0;
+    }
+    charge += lost;
+    trace_.dissipated_aj += lost;
+    trace_.mode_numerical_aj += lost;
+  }
   if (after.solution.slid) {
-    const Vec3 moved = after.commanded_w_nm - before.commanded_w_nm;
-    const double trapezium = -0.5 * (before.solution.force_w_nn + after.solution.force_w_nn).dot(moved);
+    const double trapezium = 0.5 * (first + last);
     if (trapezium > charge) {
       trace_.dissipated_aj += trapezium - charge;
       charge = trapezium;
@@ -144,24 +220,20 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
     if (!input.retract) faults |= link::kFaultStepLimit;
   }
 
-  int substeps = 1;
-  if (!flat_) {
-    const double pieces = std::ceil(distance / (kSubstepRadii * scene_->probe.tip_radius_nm));
-    substeps = std::clamp(static_cast<int>(std::min(pieces, 1.0 * kMaxSubsteps)), 1, kMaxSubsteps);
-  }
-  const double sub_dt_s = dt_s / substeps;
+  const int count = pieces(dt_s, distance);
+  const Piece piece = piece_of(dt_s / count);
   const Vec3 target = port_.commanded_w_nm + move;
-  for (int left = substeps; left > 0; --left) {
+  for (int left = count; left > 0; --left) {
     const Vec3 next =
         left == 1 ? target : Vec3(port_.commanded_w_nm + (target - port_.commanded_w_nm) / left);
     Port after;
     bool held_back = false;
-    if (!solve_within_force_limit(next, sub_dt_s, port_, after, held_back)) {
+    if (!solve_within_force_limit(next, piece, port_, after, held_back)) {
       faults |= link::kFaultNoEquilibrium;
       break;
     }
     if (held_back) faults |= link::kFaultForceLimit;
-    book(port_, after, sub_dt_s);
+    book(port_, piece, after);
     port_ = after;
   }
   if (port_.solution.outside) ++trace_.outside_steps;
@@ -170,9 +242,12 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
 }
 
 void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
+  const physics::Probe& probe = scene_->cantilever;
   output.force_w_nn = port_.solution.force_w_nn;
   output.tip_pos_w_nm = port_.solution.apex_w_nm;
-  output.deflection_nm = port_.solution.force_w_nn.z() * scene_->probe_compliance_nm_nn()(2, 2);
+  output.commanded_pos_w_nm = port_.commanded_w_nm;
+  output.deflection_nm = port_.solution.force_w_nn.z() * probe.rest_compliance_nm_nn()(2, 2) +
+                         probe.mode_shape_w().z() * port_.mode.deflection_nm;
   output.contact_state = contact_state(port_.solution.branch);
   output.fault_bits = fault_bits;
   output.energy_in_aj = energy_in_aj_;
@@ -181,6 +256,7 @@ void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   trace_.commanded_end_w_nm = port_.commanded_w_nm;
   trace_.coupling_extension_w_nm = port_.extension_w_nm;
   trace_.tip = port_.solution;
+  trace_.mode = port_.mode;
   trace_.stored_aj = port_.stored_aj;
 }
 

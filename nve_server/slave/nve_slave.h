@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "nve_server/physics/probe.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/slave.h"
@@ -11,17 +12,33 @@ namespace telenano::slave {
 /// The nanoscale virtual environment behind the slave's port.
 ///
 /// A step moves the commanded end towards the target — never faster than the speed limit, never out of the
-/// workspace, never deeper than where the normal force is force_max — and solves coupling, cantilever and
-/// contact together (physics::TipEquilibrium). The damper of the coupling is taken by backward Euler:
-///   k_c e + b_c (e − e_prev)/dt + F = 0, e = commanded end − cantilever's base,
+/// workspace, never deeper than where the force is force_max — and solves coupling, probe and contact
+/// together (physics::TipEquilibrium). The damper of the coupling is taken by backward Euler:
+///   k_c e + b_c (e − e_prev)/dt + F = 0, e = commanded end − probe's base,
 /// so that e's spring has the compliance 1/(k_c + b_c/dt) and the free end is shifted by
-/// −e_prev·(b_c/dt)/(k_c + b_c/dt).
+/// −e_prev·(b_c/dt)/(k_c + b_c/dt). A probe with a mode (physics/probe_mode.h) enters alike: its motion
+/// without force shifts the free end along its shape u, and what the force of this step adds is a compliance
+/// c_m u uᵀ besides that of the rest of the lever. The step is cut so that the mode is resolved, or, where
+/// that took more than ProbeMode::kMaxPieces, the mode is quasi-static; on a curved surface also into pieces
+/// of kSubstepRadii tip radii. The commanded end moves evenly over the pieces.
 ///
-/// Energy book: each step charges the port with Δ(U_tip–sample + U_cantilever + U_coupling) + dissipated,
-/// dissipated = jumps of the branch + b_c|Δe|²/dt; the positive steps sum to energy_in, the negative ones to
-/// energy_out. U is a function of the state, so that no path, however sampled, draws more than was put in. A
-/// tip that slides off a summit loses energy that is not in the law's jumps: such a step is charged no less
-/// than the trapezium of force and commanded displacement.
+/// Force limit: both the normal force and the magnitude of the whole force on the tip, lateral part included,
+/// stay within force_max; the end is drawn back along the normal, which relieves friction too, since that
+/// goes with the contact.
+///
+/// deflection_nm is F_z-equivalent: C_zz F_z, the height by which the vertical force alone lifts the apex
+/// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
+///
+/// Energy book: each step charges the port with Δ(U_tip–sample + U_probe + U_coupling) + dissipated, U_probe
+/// = ½ FᵀC F (with a mode ½ FᵀC_rest F + ½ m q'² + ½ k q²), dissipated = jumps of the branch + b_c|Δe|²/dt +
+/// the mode's damping; the positive steps sum to energy_in, the negative ones to energy_out. U is a function
+/// of the state, so that no path, however sampled, draws more than was put in. A tip that slides off a summit
+/// loses energy that is in none of these: such a step is charged no less than the trapezium of force and
+/// commanded displacement. So does a mode that moves between samples, by its numerical loss. On a flat sample
+/// the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge below is raised to it, the difference
+/// being dissipated; a charge above (the end of the step has more than was brought, as a strongly curved
+/// attraction may do) is lowered by slowing down the mode. On a curved sample, where the potential follows
+/// R_eff and the force does not (tip_equilibrium.h), the mode's own numerical loss counts instead (ModeLoss).
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);
@@ -34,8 +51,13 @@ class NveSlave final : public Slave {
     Vec3 commanded_end_w_nm = Vec3::Zero();
     Vec3 coupling_extension_w_nm = Vec3::Zero();
     physics::TipSolution tip;
+    physics::ModeState mode;
     double stored_aj = 0;
-    double dissipated_aj = 0;  ///< cumulative
+    double dissipated_aj = 0;      ///< cumulative
+    double mode_damped_aj = 0;     ///< cumulative, of these: by the quality factor
+    double mode_numerical_aj = 0;  ///< cumulative, of these: by the sampling of a mode
+    double mode_slowed_aj = 0;     ///< cumulative: taken out of the mode's kinetic energy
+    double mode_unpaid_aj = 0;     ///< cumulative: charged though the port did not bring it
     std::uint64_t clamped_radius_steps = 0;
     std::uint64_t outside_steps = 0;
     std::uint64_t slides = 0;
@@ -49,12 +71,23 @@ class NveSlave final : public Slave {
     Vec3 extension_w_nm = Vec3::Zero();
     physics::TipState tip;
     physics::TipSolution solution;
+    physics::ModeState mode;
     double stored_aj = 0;
+    double damped_aj = 0;  // by coupling and mode in this step
+    physics::ModeLoss mode_loss;
   };
-  bool solve(const Vec3& commanded_w_nm, double dt_s, const Port& from, Port& to) const noexcept;
-  bool solve_within_force_limit(const Vec3& commanded_w_nm, double dt_s, const Port& from, Port& to,
+  // What all pieces of a step have in common.
+  struct Piece {
+    double dt_s = 0;
+    physics::ModePropagator mode;
+  };
+  Piece piece_of(double dt_s) const noexcept;
+  int pieces(double dt_s, double distance_nm) const noexcept;
+  bool solve(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
+             physics::Compliance& springs) const noexcept;
+  bool solve_within_force_limit(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
                                 bool& held_back) const noexcept;
-  void book(const Port& before, const Port& after, double dt_s) noexcept;
+  void book(const Port& before, const Piece& piece, Port& after) noexcept;
   void publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept;
 
   std::shared_ptr<const scene::Scene> scene_;

@@ -18,7 +18,10 @@ struct SlaveInput {
 struct SlaveOutput {
   Vec3 force_w_nn = Vec3::Zero();    ///< on the tip, through the coupling
   Vec3 tip_pos_w_nm = Vec3::Zero();  ///< apex
-  double deflection_nm = 0;          ///< up positive
+  /// Commanded end that the slave holds: behind the target where speed, workspace or force held it back, and
+  /// away from it in a retract. Who resumes here feels no step.
+  Vec3 commanded_pos_w_nm = Vec3::Zero();
+  double deflection_nm = 0;  ///< up positive
   link::ContactState contact_state = link::ContactState::kFree;
   std::uint32_t fault_bits = 0;
   double energy_in_aj = 0;   ///< cumulative, monotone

@@ -158,6 +158,32 @@ TEST(Session, RetractsOnTimeOutAndIsResumedWhereTheTipIs) {
   EXPECT_EQ(s.client.welcome().epoch, epoch);
 }
 
+// In the middle of the retract the tip is still in contact, half of the way behind the commanded end:
+// resuming there would be a step of the force.
+TEST(Session, IsResumedInARetractAtTheCommandedEndAndNotAtTheTip) {
+  SpringSlave* slave = nullptr;
+  Server server(test_config(), spring_scene(&slave));
+  VirtualSession s(&server, {}, path(5), path(5), 1);
+  slave->yield_nm_nn = 0.5;
+  s.client.start(0);
+  s.command.tip_pos_w_nm = {1, 2, -3000};
+  s.ticks(500);
+  s.link.path_a_to_b().down = true;
+  s.ticks(2500);
+  ASSERT_GT(slave->retracts, 0u);
+  s.link.path_a_to_b().down = false;
+  int resumed = 0;
+  s.on_event = [&](link::ClientEvent event) {
+    if (event != link::ClientEvent::kWelcome) return;
+    ++resumed;
+    EXPECT_EQ(s.client.welcome().start_pos_w_nm, slave->commanded_w_nm());
+    EXPECT_LT(slave->commanded_w_nm().z(), -100);
+    EXPECT_GT(slave->commanded_w_nm().z(), -2999);
+  };
+  while (resumed == 0 && s.now_ns < 5'000'000'000) s.tick();
+  EXPECT_EQ(resumed, 1);
+}
+
 TEST(Session, IsForgottenAfterThirtySecondsAndStartsANewEpoch) {
   int made = 0;
   Server server(test_config(), spring_scene(nullptr, &made));

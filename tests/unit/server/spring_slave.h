@@ -35,6 +35,7 @@ class SpringSlave final : public slave::Slave {
     (stored_aj > stored_aj_ ? in_aj_ : out_aj_) += std::abs(stored_aj - stored_aj_);
     stored_aj_ = stored_aj;
     output.force_w_nn = {0, 0, force_nn + broken_nn};
+    output.commanded_pos_w_nm = pos_w_nm_;
     output.tip_pos_w_nm = pos_w_nm_ + Vec3(0, 0, yield_nm_nn * force_nn);
     output.contact_state = force_nn > 0 ? link::ContactState::kContact : link::ContactState::kFree;
     output.fault_bits = input.retract ? std::uint32_t{link::kFaultRetracted} : 0u;
@@ -42,6 +43,8 @@ class SpringSlave final : public slave::Slave {
     output.energy_out_aj = out_aj_;
   }
   const slave::SlaveLimits& limits() const noexcept override { return limits_; }
+
+  const Vec3& commanded_w_nm() const noexcept { return pos_w_nm_; }
 
   std::uint64_t steps = 0;
   std::uint64_t retracts = 0;
