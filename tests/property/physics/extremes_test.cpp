@@ -236,12 +236,15 @@ TEST(Extremes, SlaveStaysSound) {
     const Sample sample = random_sample(random, trial % 2 == 0);
     scene->law_parameters = sample.parameters;
     scene->probe.tip_radius_nm = sample.radius_nm;
-    scene->probe.stiffness_n_m = log_uniform(random, 0.01, 1000);
+    const double probe_stiffness = log_uniform(random, 0.01, 1000);
+    ProbeParameters probe;
+    probe.stiffness_n_m = probe_stiffness;
+    scene->cantilever = Probe(probe);
     scene->coupling.stiffness_n_m = log_uniform(random, 1e-3, 1e6);
     scene->coupling.damping_n_s_m =
         trial % 3 == 0 ? 0.0 : scene->coupling.stiffness_n_m * log_uniform(random, 1e-5, 0.1);
     // Room enough above to let go on the softest spring.
-    const double compliance = 1 / scene->probe.stiffness_n_m + 1 / scene->coupling.stiffness_n_m;
+    const double compliance = 1 / probe_stiffness + 1 / scene->coupling.stiffness_n_m;
     const double top = 100 + 4 * compliance * sample.force_nn + 10 * sample.overlap_nm;
     scene->limits.workspace_max_w_nm.z() = top;
     scene->limits.speed_max_nm_s = std::max(1e5, top);

@@ -26,7 +26,7 @@ class Scheme {
 
 class BSpline final : public Scheme {
  public:
-  explicit BSpline(const HeightGrid& grid) : surface_(grid) {}
+  explicit BSpline(const HeightGrid& grid) : surface_(grid, 20) {}  // the tip does not matter for heights
   HeightJet jet(double x, double y) const override { return surface_.jet(x, y); }
 
  private:

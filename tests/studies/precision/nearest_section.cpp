@@ -143,7 +143,7 @@ Section nearest_section(const Effort& effort, const FigureFolder& folder) {
       ground.centres.push_back(centre);
       ground.exact.push_back(distance);
     }
-    const SplineSurface surface(ground.surface.grid(ground.side_nm, ground.spacing_nm));
+    const SplineSurface surface(ground.surface.grid(ground.side_nm, ground.spacing_nm), ground.tip_radius_nm);
     std::vector<double> distances(ground.centres.size());
     for (const Method& method : methods()) {
       Row row{ground.condition, method.family, method.setting, method.is_default, {}, {}};
