@@ -139,9 +139,9 @@ void walk_at_random(std::uint64_t seed, const Spread& spread) {
   EXPECT_GT(jumps, decided / 100);
 }
 
-// Two million steps over ten thousand pairs of tip and sample.
+// 1.2 million steps over six thousand pairs of tip and sample.
 TEST(Extremes, RightBranchAndForceAnywhere) {
-  walk_at_random(20260214, {10000, 200, 16});
+  walk_at_random(20260214, {6000, 200, 16});
 }
 
 double stored_aj(const Equilibrium& e, double compliance) {
@@ -199,7 +199,7 @@ TEST(Extremes, WorkIsStoredWhereNothingJumps) {
 TEST(Extremes, JumpDissipatesWhatTheStoreLoses) {
   Random random(616);
   int seen = 0;
-  for (int material = 0; material < 20000; ++material) {
+  for (int material = 0; material < 6000; ++material) {
     const Sample sample = random_sample(random, material % 2 == 0);
     const double c =
         material % 5 == 0 ? 0.0 : 1 / log_uniform(random, 0.01, 1000) + 1 / log_uniform(random, 1e-3, 1e6);
@@ -223,7 +223,7 @@ TEST(Extremes, JumpDissipatesWhatTheStoreLoses) {
     ASSERT_NEAR(after.dissipated_aj, lost, moved + 1e-12 * books) << material << ' ' << sample.lambda;
     seen += after.jumps;
   }
-  EXPECT_GT(seen, 10000);  // the others pass from van der Waals to Dugdale without a jump
+  EXPECT_GT(seen, 3000);  // the others pass from van der Waals to Dugdale without a jump
 }
 
 // The whole slave on a flat sample: any scene, any tick from 100 Hz to 10 kHz, targets a micrometre apart.

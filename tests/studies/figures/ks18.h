@@ -17,7 +17,8 @@ struct TaskTransitions {
   };
   std::string scene;
   std::vector<Row> rows;
-  double above_n = 0;  ///< greatest force while held 10-20 nm above
+  double above_n = 0;      ///< greatest force while held 10-20 nm above
+  double above_tip_n = 0;  ///< of that what comes from the tip: control adds its damping
   double going_n = 0;  ///< greatest on the way between the two, before the tip jumps in and after it let go
   double in_contact_n = 0;  ///< mean of the force while held just in contact
   double jump_n = 0;        ///< greatest attraction of the jumps
