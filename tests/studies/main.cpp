@@ -4,6 +4,8 @@
 #include "common/base/version.h"
 #include "common/config/program.h"
 #include "tests/studies/contact_command.h"
+#include "tests/studies/figures/figures_command.h"
+#include "tests/studies/precision/precision_command.h"
 #include "tests/studies/report/report_command.h"
 #include "tests/studies/session_command.h"
 #include "tests/studies/zwidth/zwidth_command.h"
@@ -14,6 +16,8 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   int exit_code = 0;
   telenano::studies::add_contact_command(app);
+  telenano::studies::add_figures_command(app);
+  telenano::studies::add_precision_command(app);
   telenano::studies::add_report_command(app);
   telenano::studies::add_session_command(app, exit_code);
   telenano::studies::add_scaling_command(app);

@@ -43,7 +43,9 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
   device_config.start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
   config_.task_options.start_height_nm = device_config.start_height_nm;
   device_ = std::make_unique<device::SimDevice>(
-      device_config, device::IntendedMotion::for_task(config_.task, config_.task_options));
+      device_config, config_.task == device::Task::kScript
+                         ? device::IntendedMotion(config_.script)
+                         : device::IntendedMotion::for_task(config_.task, config_.task_options));
   station_ = std::make_unique<station::Station>(
       config_.station, device_->info(),
       station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,

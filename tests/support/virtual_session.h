@@ -4,11 +4,13 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/link/client_session.h"
 #include "common/net/sim_link.h"
 #include "common/recording/sample.h"
 #include "common/rt/clock.h"
+#include "master/device/intended_motion.h"
 #include "master/device/sim_device.h"
 #include "master/loop/station_loop.h"
 #include "master/station/station.h"
@@ -22,6 +24,7 @@ struct VirtualSessionConfig {
   station::StationConfig station{};
   device::Task task = device::Task::kIndent;
   device::TaskOptions task_options{};
+  std::vector<device::IntendedMotion::Waypoint> script{};  ///< of Task::kScript
   device::PlantConfig plant{};
   net::SimPath to_server{};
   net::SimPath to_station{};

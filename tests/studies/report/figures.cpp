@@ -4,10 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
-#include <iterator>
-#include <string_view>
 
 #include "common/base/error.h"
 #include "tests/studies/report/decimate.h"
@@ -17,18 +14,6 @@ namespace telenano::studies {
 namespace {
 
 constexpr std::size_t kStretches = 700;  // of a time series: two points a pixel column
-
-/// An argument for the shell.
-std::string shell_quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) result += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return result + "'";
-}
-
-std::string slurp(const std::filesystem::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-}
 
 // Of the range of force in one tick: drawn dashed, since nothing was measured between.
 constexpr double kJump = 0.1;
@@ -70,24 +55,19 @@ std::string whole_range(const RunData& run) {
 
 }  // namespace
 
-FigureMaker::FigureMaker(std::filesystem::path folder)
-    : folder_(std::move(folder)), has_gnuplot_(std::system("gnuplot --version >/dev/null 2>&1") == 0) {
-  std::error_code error;
-  std::filesystem::create_directories(folder_, error);
-  if (error) throw UserError(folder_.string() + ": cannot be created: " + error.message());
-}
+FigureMaker::FigureMaker(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
 std::string FigureMaker::write_pieces(const std::string& name, const std::string& head,
                                       const std::vector<std::vector<Point>>& pieces) {
   const std::string file = name + ".csv";
-  std::ofstream out(folder_ / file);
+  std::ofstream out(folder_.path() / file);
   out << "# " << head << '\n';
   for (const std::vector<Point>& piece : pieces) {
     for (const Point& point : piece) out << fmt::format("{:.7g},{:.7g}\n", point.x, point.y);
     out << '\n';
   }
   if (pieces.empty()) out << "nan,nan\n";
-  if (!out.flush()) throw RunError((folder_ / file).string() + ": cannot be written");
+  if (!out.flush()) throw RunError((folder_.path() / file).string() + ": cannot be written");
   return file;
 }
 
@@ -95,27 +75,6 @@ std::string FigureMaker::write_series(const std::string& name, const RunData& ru
                                       const std::vector<double>& y, std::size_t stretches) {
   return write_pieces(name, fmt::format("time_s,{}", y_name),
                       decimate_pieces(run.time_s, y, stretches, run.largest_step_s));
-}
-
-void FigureMaker::draw(Figure& figure, int width, int height, const std::string& script) {
-  const std::string name = figure.id + ".gp";
-  {
-    std::ofstream out(folder_ / name);
-    out << style(figure.id, width, height) << script;
-    if (!out.flush()) throw RunError((folder_ / name).string() + ": cannot be written");
-  }
-  if (!has_gnuplot_) return;
-  const std::string command =
-      "cd " + shell_quoted(folder_.string()) + " && gnuplot " + shell_quoted(name) + " 1>&2";
-  if (std::system(command.c_str()) != 0) throw RunError((folder_ / name).string() + ": gnuplot failed");
-  std::string svg = slurp(folder_ / (figure.id + ".svg"));
-  // Inside a page there is no prolog.
-  const auto begin = svg.find("<svg");
-  figure.svg = begin == std::string::npos ? "" : svg.substr(begin);
-  static constexpr std::string_view kCanvas =
-      "id=\"gnuplot_canvas\"";  // the same in every figure: once a page only
-  const auto canvas = figure.svg.find(kCanvas);
-  if (canvas != std::string::npos) figure.svg.replace(canvas, kCanvas.size(), "class=\"canvas\"");
 }
 
 Figure FigureMaker::position_and_force(const RunData& run) {

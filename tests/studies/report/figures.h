@@ -6,26 +6,17 @@
 
 #include "tests/studies/report/curve_data.h"
 #include "tests/studies/report/decimate.h"
+#include "tests/studies/report/figure_folder.h"
 #include "tests/studies/report/run_data.h"
 
 namespace telenano::studies {
 
-/// A figure of the page: caption and the SVG text, empty when gnuplot could not draw it.
-struct Figure {
-  std::string id;
-  std::string title;
-  std::string caption;
-  std::string svg;
-};
-
-/// Draws figures with gnuplot from CSV files; both the CSV files and the gnuplot scripts stay in `folder`, so
-/// that any figure can be drawn again by hand: `cd folder && gnuplot NAME.gp`. No line is drawn across a hole
-/// in the data.
+/// Draws the figures of recordings in `folder` (FigureFolder). No line is drawn across a hole in the data.
 class FigureMaker {
  public:
   explicit FigureMaker(std::filesystem::path folder);
 
-  bool has_gnuplot() const noexcept { return has_gnuplot_; }
+  bool has_gnuplot() const noexcept { return folder_.has_gnuplot(); }
   Figure position_and_force(const RunData& run);
   Figure force_distance(const RunData& run);
   Figure energy_and_damper(const RunData& run);
@@ -41,10 +32,11 @@ class FigureMaker {
   /// A blank line between pieces lifts the pen.
   std::string write_pieces(const std::string& name, const std::string& head,
                            const std::vector<std::vector<Point>>& pieces);
-  void draw(Figure& figure, int width, int height, const std::string& script);
+  void draw(Figure& figure, int width, int height, const std::string& script) const {
+    folder_.draw(figure, width, height, script);
+  }
 
-  std::filesystem::path folder_;
-  bool has_gnuplot_ = false;
+  FigureFolder folder_;
 };
 
 }  // namespace telenano::studies

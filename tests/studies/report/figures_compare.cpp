@@ -56,7 +56,7 @@ Figure FigureMaker::round_trips(const std::vector<RunData>& runs) {
     std::map<int, std::size_t> bins;
     for (const double rtt : run.rtt_us) ++bins[static_cast<int>(std::floor(20 * std::log10(rtt)))];
     const std::string file = "round_trips." + run.slug + ".csv";
-    std::ofstream out(folder_ / file);
+    std::ofstream out(folder_.path() / file);
     out << "# rtt_us_from,fraction\n";
     if (bins.empty()) out << "nan,nan\n";
     if (!bins.empty()) {
@@ -69,7 +69,7 @@ Figure FigureMaker::round_trips(const std::vector<RunData>& runs) {
         out << fmt::format("{:.6g},{:.6g}\n", std::pow(10.0, bin / 20.0), fraction);
       }
     }
-    if (!out.flush()) throw RunError((folder_ / file).string() + ": cannot be written");
+    if (!out.flush()) throw RunError((folder_.path() / file).string() + ": cannot be written");
     const std::string title = fmt::format("{}: p50 {:.0f} µs, p99 {:.0f} µs", run.label,
                                           run.summary.rtt_us.p50, run.summary.rtt_us.p99);
     curves += fmt::format("{}'{}' using 1:2 with steps lc rgb '{}' lw 1.8 dt {} title {}",

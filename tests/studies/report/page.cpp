@@ -166,15 +166,28 @@ std::string html_escaped(const std::string& text) {
   return result;
 }
 
+std::string page_begin(const std::string& title, const std::string& lead) {
+  return "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+         "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
+         html_escaped(title) + "</title>\n" + kHead + "</head>\n<body>\n<h1>" + html_escaped(title) +
+         "</h1>\n<p class=\"lead\">" + html_escaped(lead) + "</p>\n";
+}
+
+std::string figure_html(const Figure& figure) {
+  return "<figure id=\"" + figure.id + "\">\n" + figure.svg + "\n<figcaption>" +
+         html_escaped(figure.caption) + "</figcaption>\n</figure>\n";
+}
+
+std::string page_end() {
+  return "</body>\n</html>\n";
+}
+
 std::string make_page(const std::string& title, const std::vector<RunData>& runs,
                       const std::vector<Figure>& figures, const std::string& note) {
-  std::string html =
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n<title>" +
-      html_escaped(title) + "</title>\n" + kHead + "</head>\n<body>\n<h1>" + html_escaped(title) + "</h1>\n";
   const std::string started = runs.empty() ? "" : runs.front().about("start_time_utc");
-  html += "<p class=\"lead\">" + std::to_string(runs.size()) + " recording" + (runs.size() == 1 ? "" : "s") +
-          (started.empty() ? "" : ", the first begun " + html_escaped(started)) + "</p>\n";
+  std::string html =
+      page_begin(title, std::to_string(runs.size()) + " recording" + (runs.size() == 1 ? "" : "s") +
+                            (started.empty() ? "" : ", the first begun " + started));
   if (!note.empty()) html += "<p class=\"note\">" + html_escaped(note) + "</p>\n";
   html += "<h2>What was run</h2>\n" + what_was_run(runs);
   html += "<h2>Summary</h2>\n" + summary_table(runs);
@@ -182,8 +195,7 @@ std::string make_page(const std::string& title, const std::vector<RunData>& runs
   for (const Figure& figure : figures) {
     if (figure.title != last_title) html += "<h2>" + html_escaped(figure.title) + "</h2>\n";
     last_title = figure.title;
-    html += "<figure id=\"" + figure.id + "\">\n" + figure.svg + "\n<figcaption>" +
-            html_escaped(figure.caption) + "</figcaption>\n</figure>\n";
+    html += figure_html(figure);
   }
   html +=
       "<h2>Where these figures come from</h2>\n"
@@ -191,7 +203,7 @@ std::string make_page(const std::string& title, const std::vector<RunData>& runs
       "figure's "
       "gnuplot script. The recordings carry their whole configuration:</p>\n" +
       provenance(runs);
-  return html + "</body>\n</html>\n";
+  return html + page_end();
 }
 
 }  // namespace telenano::studies

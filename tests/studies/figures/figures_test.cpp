@@ -1,0 +1,126 @@
+#include "tests/studies/figures/named_figures.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "common/base/error.h"
+#include "tests/studies/figures/ks06.h"
+#include "tests/studies/figures/ks18.h"
+
+namespace telenano::studies {
+namespace {
+
+const std::filesystem::path kOut = std::filesystem::temp_directory_path() / "telenano_figures_test";
+
+/// Hamaker's constant of the silicon tip on a sample, H = 24 pi a0^2 sqrt(gamma1 gamma2), aJ.
+double hamaker_aj(const Ks06Sample& s) {
+  return 24 * M_PI * 0.165 * 0.165 * std::sqrt(0.2 * s.gamma);
+}
+
+// A rigid tip walks through the whole curve, the minimum of the force included: the load-controlled pull-off,
+// by 50-digit arithmetic from Maugis' equations. The grid misses the minimum by half a step, to second order
+// 1e-6.
+TEST(Ks06, PullOffOfTheThreeSamples) {
+  const double expected_nn[] = {41.4015, 21.7946, 12.5034};
+  const double lambda[] = {0.73676, 4.04149, 408.71};
+  for (std::size_t i = 0; i < 3; ++i) {
+    const ForceDistance dry = ks06_curve(ks06_samples()[i], 0, 0);
+    EXPECT_NEAR(dry.pull_off_nn, expected_nn[i], 1e-4 * expected_nn[i]) << dry.sample;
+    EXPECT_NEAR(dry.lambda, lambda[i], 1e-5 * lambda[i]);
+  }
+}
+
+// A cantilever holds the tip until the slope of van der Waals reaches its stiffness, d = (HR/(3k))^(1/3), if
+// that is outside of the handover (0.19-0.20 nm). The base is then at d − a0 + HR/(6 k d^2). One step of the
+// base: 2 pm.
+TEST(Ks06, SnapInWhereTheSpringGivesWay) {
+  for (const double k : {2.0, 10.0}) {
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Ks06Sample& sample = ks06_samples()[i];
+      const ForceDistance dry = ks06_curve(sample, 0, k);
+      const double d = std::cbrt(hamaker_aj(sample) * 20 / (3 * k));
+      const double force = hamaker_aj(sample) * 20 / (6 * d * d);
+      EXPECT_NEAR(dry.snap_in_nm, d - 0.165 + force / k, 2e-3 * 1.001) << sample.name << ' ' << k;
+      // Just before it the force rises like the root of the distance: sqrt(2 · 2 pm · ...) is some 4 %.
+      EXPECT_NEAR(-dry.before_snap_in_nn, force, 0.08 * force) << sample.name;
+    }
+  }
+}
+
+// Hysteresis: the way out attracts at least as much as the way in, and the area between them is what the
+// jumps dissipate. The trapezium rule smears a jump of up to 60 nN over a step.
+TEST(Ks06, LoopCostsWhatTheJumpsDissipate) {
+  for (const Ks06Sample& sample : ks06_samples()) {
+    for (const double humidity : {0.0, 50.0}) {
+      for (const double k : {0.0, 10.0}) {
+        const ForceDistance c = ks06_curve(sample, humidity, k);
+        const double step = c.approach[0].distance_nm - c.approach[1].distance_nm;
+        EXPECT_GT(c.loop_aj, 0);
+        EXPECT_NEAR(c.loop_aj, c.dissipated_aj, 4 * step * c.pull_off_nn)
+            << sample.name << ' ' << humidity << ' ' << k;
+        for (std::size_t i = 0; i < c.approach.size(); ++i)
+          EXPECT_LE(c.retract[c.retract.size() - 1 - i].force_nn, c.approach[i].force_nn + 1e-9);
+      }
+    }
+  }
+}
+
+// In contact the bridge adds F0 = 4 pi R gamma c at touch and all its reach 2 r c is felt on the way out:
+// r = 0.539 nm/(−ln 0.5), c = cos 20°. (At touch of oxide: overlap 0.)
+TEST(Ks06, BridgeAddsItsForceAndItsReach) {
+  const Ks06Sample& oxide = ks06_samples()[0];
+  const ForceDistance dry = ks06_curve(oxide, 0, 0);
+  const ForceDistance humid = ks06_curve(oxide, 50, 0);
+  const double c = std::cos(20 * M_PI / 180);
+  const double step = humid.approach[0].distance_nm - humid.approach[1].distance_nm;
+  EXPECT_NEAR(humid.let_go_nm, 2 * 0.539 / std::log(2.0) * c, 2 * step + 1e-3);  // 0.539 has three digits
+  for (std::size_t i = 0; i < humid.retract.size(); ++i) {
+    if (std::fabs(humid.retract[i].distance_nm) > 0.5 * step) continue;
+    EXPECT_NEAR(dry.retract[i].force_nn - humid.retract[i].force_nn, 4 * M_PI * 20 * 0.0728 * c, 0.05);
+  }
+}
+
+TEST(Ks18, TransitionsAreSmallAgainstTheHold) {
+  const TaskTransitions run =
+      run_ks18(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flat_polystyrene.toml");
+  ASSERT_GT(run.rows.size(), 30000u);
+  // Held at 10 nm and more: van der Waals HR/(6 d^2) at 10 nm, 50 nN a newton; the hand's sway below 10 nm is
+  // some 1 % of that.
+  const double hamaker = hamaker_aj(ks06_samples()[1]);
+  EXPECT_NEAR(run.above_tip_n, hamaker * 20 / (6 * 100) / 50, 0.05 * hamaker * 20 / (6 * 100) / 50);
+  // On the way, no more than what the port (20 and 40 N/m in series) holds before it snaps in, closed form.
+  const double port = 1 / (1 / 20.0 + 1 / 40.0);
+  const double d = std::cbrt(hamaker * 20 / (3 * port));
+  EXPECT_LT(run.going_n, 1.02 * hamaker * 20 / (6 * d * d) / 50);
+  // And so small against the force with which the tip is held in the sample.
+  EXPECT_GT(run.pressed_n, 0.5);
+  EXPECT_LT(run.above_n, 0.01 * run.pressed_n);
+  EXPECT_LT(run.going_n, 0.1 * run.pressed_n);
+  // The jumps: at most the pull-off, 21.79 nN.
+  EXPECT_LT(run.jump_n, 1.01 * 21.7946 / 50);
+  EXPECT_GT(run.jump_n, 0.5 * 21.7946 / 50);
+  EXPECT_LT(std::fabs(run.in_contact_n), run.jump_n);
+  for (const TaskTransitions::Row& row : run.rows) ASSERT_TRUE(std::isfinite(row.hand_force_n));
+}
+
+TEST(NamedFigures, WritesEachAndNamesTheUnknown) {
+  std::filesystem::remove_all(kOut);
+  draw_figures({"ks06"}, kOut);
+  for (const char* file : {"ks06.csv", "ks06.gp", "index.html"})
+    EXPECT_TRUE(std::filesystem::exists(kOut / file)) << file;
+  EXPECT_FALSE(std::filesystem::exists(kOut / "ks18.csv"));
+  try {
+    draw_figures({"ks99"}, kOut);
+    FAIL();
+  } catch (const UserError& error) {
+    EXPECT_NE(std::string(error.what()).find("'ks99' is unknown; expected some of ks06, ks18"),
+              std::string::npos);
+  }
+  std::filesystem::remove_all(kOut);
+}
+
+}  // namespace
+}  // namespace telenano::studies

@@ -1,0 +1,128 @@
+#include "tests/studies/figures/ks18.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/studies/report/gnuplot.h"
+#include "tests/support/virtual_session.h"
+
+namespace telenano::studies {
+namespace {
+
+// Times of the script, s: two cycles of 10 s each (above, to the sample, in contact, back), then pressed.
+constexpr double kCycle_s = 10;
+constexpr double kAboveEnds_s = 4;
+constexpr double kContactBegins_s = 6;
+constexpr double kContactEnds_s = 8;
+constexpr double kPressBegins_s = 2 * kCycle_s + 6;
+constexpr double kPressEnds_s = 2 * kCycle_s + 8;
+constexpr double kPressed_nm = -7;  // as intended: hand and springs yield
+constexpr double kEnd_s = 2 * kCycle_s + 12;
+
+std::vector<device::IntendedMotion::Waypoint> script(double start_nm) {
+  std::vector<device::IntendedMotion::Waypoint> points{{0, Vec3(0, 0, start_nm)}};
+  const auto go = [&](double t, double z) { points.push_back({t, Vec3(0, 0, z)}); };
+  for (int cycle = 0; cycle < 2; ++cycle) {
+    const double t = cycle * kCycle_s;
+    go(t + 1, 20);
+    go(t + 2.5, 10);
+    go(t + kAboveEnds_s, 15);
+    go(t + kContactBegins_s - 0.5, -0.5);
+    go(t + kContactEnds_s, -0.5);
+    go(t + kCycle_s - 0.5, 15);
+  }
+  go(2 * kCycle_s + 4, 15);
+  go(kPressBegins_s - 0.5, kPressed_nm);
+  go(kPressEnds_s, kPressed_nm);
+  go(kEnd_s, 20);
+  return points;
+}
+
+}  // namespace
+
+TaskTransitions run_ks18(const std::string& scene_path) {
+  support::VirtualSessionConfig config;
+  config.scene = scene::load_scene(scene_path);
+  config.task = device::Task::kScript;
+  config.script = script(config.scene->start_apex_w_nm.z() - config.scene->start_touch_w_nm);
+  support::VirtualSession session(config);
+  TaskTransitions result;
+  result.scene = config.scene->sample.name;
+  double sum_contact = 0, sum_pressed = 0;
+  int in_contact = 0, pressed = 0;
+  const double surface = config.scene->start_touch_w_nm;
+  session.run(1'000'000, [&](const recording::Sample& s) {
+    if (!session.device().motion_started()) return;
+    const double t = session.device().motion_time_s();
+    const double force = s.hand_force_commanded_h_n[2];
+    result.rows.push_back({t, s.tip_pos_w_nm[2] - surface, force});
+    if (t > kPressBegins_s && t < kPressEnds_s) {
+      sum_pressed += force;
+      ++pressed;
+    }
+    if (t > 2 * kCycle_s) return;
+    const double phase = std::fmod(t, kCycle_s);
+    const bool touching = s.contact_state == static_cast<std::uint32_t>(link::ContactState::kContact) ||
+                          s.contact_state == static_cast<std::uint32_t>(link::ContactState::kNonContact);
+    if (phase > 1 && phase < kAboveEnds_s) {
+      result.above_n = std::max(result.above_n, std::fabs(force));
+      result.above_tip_n = std::max(result.above_tip_n, std::fabs(s.hand_force_scaled_h_n[2]));
+    } else if (phase > kContactBegins_s && phase < kContactEnds_s) {
+      sum_contact += force;
+      ++in_contact;
+    } else if (phase > kAboveEnds_s) {
+      if (touching)
+        result.jump_n = std::max(result.jump_n, -force);
+      else
+        result.going_n = std::max(result.going_n, std::fabs(force));
+    }
+  });
+  result.in_contact_n = in_contact > 0 ? sum_contact / in_contact : std::nan("");
+  result.pressed_n = pressed > 0 ? sum_pressed / pressed : std::nan("");
+  return result;
+}
+
+Figure draw_ks18(const FigureFolder& folder) {
+  const TaskTransitions run =
+      run_ks18(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flat_polystyrene.toml");
+  std::string csv = "# time_s,tip_height_nm,hand_force_n\n";
+  for (std::size_t i = 0; i < run.rows.size(); i += 4) {
+    const auto& row = run.rows[i];
+    csv += fmt::format("{:.6g},{:.7g},{:.7g}\n", row.time_s, row.height_nm, row.hand_force_n);
+  }
+  folder.write("ks18.csv", csv);
+  Figure figure{
+      "ks18", "Forces at the hand between tasks",
+      fmt::format(
+          "A session in virtual time (device, hand, station, link, server) over {}: (a) held 10–20 nm "
+          "above, (b) just in contact, twice, then (c) pressed in. Greatest force above {:.2g} N (of the tip "
+          "{:.2g} N, the rest is damping by control); on "
+          "the way between (a) and (b), the jumps left out, {:.2g} N; attraction when the tip lets go "
+          "up to {:.2g} N; mean force in contact {:.2g} N, and pressed in {:.2g} N.",
+          run.scene, run.above_n, run.above_tip_n, run.going_n, run.jump_n, run.in_contact_n, run.pressed_n),
+      ""};
+  std::string shades;
+  int object = 0;
+  const auto shade = [&](double from, double to, const char* colour) {
+    shades += fmt::format(
+        "set object {} rectangle from {}, graph 0 to {}, graph 1 behind fc rgb '{}' fs solid 1 noborder\n",
+        ++object, from, to, colour);
+  };
+  for (int cycle = 0; cycle < 2; ++cycle) {
+    shade(cycle * kCycle_s + 1, cycle * kCycle_s + kAboveEnds_s, "#E8F1F8");
+    shade(cycle * kCycle_s + kContactBegins_s, cycle * kCycle_s + kContactEnds_s, "#FBEFD9");
+  }
+  shade(kPressBegins_s, kPressEnds_s, "#F6DDD0");
+  const std::vector<Panel> panels{
+      {"tip above sample (nm)", {fmt::format("'ks18.csv' using 1:2 lc rgb '{}' lw 1.4 notitle", kBlue)}},
+      {"force at the hand (N)", {fmt::format("'ks18.csv' using 1:3 lc rgb '{}' lw 1.4 notitle", kRed)}}};
+  folder.draw(
+      figure, 1000, 520,
+      "set multiplot\n" + shades +
+          column_of_panels(panels, {0.09, 0.98, 0.95, 0.1, 0.05, true, fmt::format("0:{}", kEnd_s)}, ""));
+  return figure;
+}
+
+}  // namespace telenano::studies
