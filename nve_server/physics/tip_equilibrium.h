@@ -143,9 +143,10 @@ struct EquilibriumOptions {
 /// n_i.
 ///
 /// Energy. Standing on one foot the work of the free end is Δ(U + ½ F_totᵀ C F_tot + bristle) + dissipated.
-/// Two exceptions: with several feet of different radii, U(δ, Σ α_i R_i) depends on the shares as well as on
+/// Exceptions: with several feet of different radii, U(δ, Σ α_i R_i) depends on the shares as well as on
 /// the position, and where the foot passes from one place to another of the same overlap but other radius U
-/// steps; a tip that slides off a summit (`slid`) loses energy that is in no book.
+/// steps; a tip that slides off a summit (`slid`) loses energy that is in no book; a jump
+/// on turning ground is booked as one along the normal.
 class TipEquilibrium {
  public:
   TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law, double tip_radius_nm,
