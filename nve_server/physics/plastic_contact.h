@@ -58,7 +58,7 @@ struct PlasticStep {
 /// Units nm, nN, GPa, aJ. Limits: no work-hardening, no pile-up pressure, no difference between H and the
 /// pressure of first yield (1.1 Y against 3 Y). Soft and sticky samples: without load, flow by adhesion alone
 /// ends where the adhesive radius (6πwR_p²/K)^⅓ is ε R_p, at R_p = 6πw/(Kε³); where that is many R (polymers
-/// of low hardness) the law's adhesion on the flattened place is overestimated, and with it the depth. a*/R
+/// of low hardness) the law's adhesion on the flattened place is overestimated, and the depth with it. a*/R
 /// beyond 0.5 is formal, as the half-space is. R_p stops at kMostRadii origins: there flow goes on at the
 /// force reached, without hardening.
 class PlasticContact {

@@ -158,6 +158,15 @@ TEST(PlasticProperty, AGrooveIsSmoothAndDeeperThanADent) {
   EXPECT_NEAR(fine.booked, fine.work, 0.06 * fine.work);
 }
 
+TEST(PlasticProperty, AMarkBesideAnotherHasItsConformityExactly) {
+  SplineSurface surface = level(30, 0.5);
+  surface.press({0.0, 0.0, 1.0, 8.0, 0.3, 0.1});
+  const double before = surface.height_nm(4.1, 1.3);
+  surface.press({4.1, 1.3, 0.2, 6.0, 0.25, 0.1});
+  EXPECT_NEAR(surface.relative_curvature(4.1, 1.3).value, 0.25, 1e-12);  // rounding of 16 weights
+  EXPECT_NEAR(before - surface.height_nm(4.1, 1.3), 0.2, 1e-9);
+}
+
 TEST(PlasticProperty, PressedAsOneContactAloneWouldBe) {
   const SplineSurface flat = level(40, 0.5);
   const TipSampleLaw law = law_of(kModulus, 0.05);

@@ -79,6 +79,14 @@ TEST(PlasticContact, LoadsAlongThorntonsLine) {
   }
 }
 
+TEST(PlasticContact, TellsTheOverlapWithTheSurfaceAsItWas) {
+  TipSampleState state;
+  const PlasticStep step = hertz().advance(3.0, 0.01, kRadius, kRadius, state);
+  EXPECT_GT(step.flow.depth_nm, 0.1);
+  EXPECT_NEAR(step.equilibrium.overlap_nm, 3.0 - 0.01 * step.equilibrium.force_nn,
+              1e-9);  // the spring's line
+}
+
 TEST(PlasticContact, UnloadsAsHertzOnTheFlattenedRadiusToTheResidualDepth) {
   const PlasticContact contact = hertz();
   const Thornton oracle;
