@@ -57,18 +57,21 @@ struct ParticleSolution {
 ///             dissipated = friction + drag + jumps,
 ///           jumps = W − ΔU − friction − drag when a branch ended or a state became unstable, never below 0.
 ///           ΔU + dissipated is what the step costs the operator: U is a function of the state and the losses
-///           are not negative, so no path draws more than was put in. In a smooth step W − ΔU − losses is the
-///           trapezium's error, of third order.
+///           are not negative, so no path draws more than was put in. What is left is the step's error.
 /// Compliance kLeastCompliance is added in all directions, so that rigid directions need no code of their
 /// own.
 ///           Where it changes between two steps, the step begins at the free end that would hold the tip
 ///           where it was.
+/// Errors    Smooth steps: W − ΔU − losses is of second order in the step, of first where a friction limit
+///           changes while it slips. A particle squeezed out from under the tip over many radii may find no
+///           balance within a step (some 2 in 1000 of random steps to 1 µm): the state stays, kNotConverged.
 /// Limits    The three contacts do not see each other (no shared elastic field, no many-body van der Waals).
 ///           One contact law, friction and rolling for each pair, on a rough surface divided among the feet
-///           (particle_footing.h). The particle's weight is nothing at this scale (0.1 fN at 100 nm). The
-///           friction's stiffness has no share in the normal force. A tip whose springs can hold several
-///           states takes the one downhill. Rolling is measured against the frame W: on a surface curved as
-///           strongly as the particle, the turning of the normal along the way is not counted.
+///           (particle_footing.h): leaving a floor for an edge breaks no second contact. The particle's
+///           weight is nothing at this scale (0.1 fN at 100 nm). The friction's stiffness has no share in the
+///           normal force. A tip whose springs can hold several states takes the one downhill. Rolling is
+///           measured against the frame W: on a surface curved as strongly as the particle, the turning of
+///           the normal along the way is not counted.
 class ParticleEquilibrium {
  public:
   /// Throws UserError unless radii, laws and frictions make sense.

@@ -162,7 +162,7 @@ TEST(Particle, RollsWhenThatIsEasier) {
 }
 
 // Out and back in steps of 1e-4 nm, sticking, slipping, rolling: the work of the tip's force is what is
-// stored and lost, to the trapezium's error.
+// stored and lost.
 TEST(Particle, WorkIsStoredOrLostToMillionths) {
   ParticleParameters p = plain();
   p.particle_sample_friction = {0.3, 8.0, 0.3};
