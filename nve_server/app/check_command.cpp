@@ -78,7 +78,8 @@ void print_probe(const scene::Scene& scene) {
   const physics::Compliance& c = lever.compliance_nm_nn();
   if (c(0, 0) > 0) std::printf(", sideways %.4g N/m", 1.0 / c(0, 0));
   if (c(1, 1) > 0) std::printf(", lengthways %.4g N/m", 1.0 / c(1, 1));
-  if (lever.mode()) std::printf(", first mode %g kHz, Q %g", 1e-3 * lever.mode()->frequency_hz(), lever.mode()->quality());
+  if (lever.mode())
+    std::printf(", first mode %g kHz, Q %g", 1e-3 * lever.mode()->frequency_hz(), lever.mode()->quality());
   std::printf("\n");
 }
 
@@ -114,11 +115,12 @@ void run(const std::string& path) {
               scene->coupling.stiffness_n_m, 1.0 / port(2, 2), scene->coupling.damping_n_s_m);
   std::printf("%-14s force %g nN, speed %g nm/s, rate %u Hz, time-out %u ms\n", "limits", limits.force_max_nn,
               limits.speed_max_nm_s, limits.rate_max_hz, scene->session_timeout_ms);
-  std::printf("%-14s overlap %.3g nm, contact %.4g N/m, shown %.4g N/m, mean pressure %.3g GPa, deflection %.4g nm\n",
-              "at the limit", summary.overlap_at_limit_nm, summary.stiffness_at_limit_n_m, summary.shown_stiffness_n_m,
-              summary.pressure_at_limit_gpa, summary.deflection_at_limit_nm);
-  std::printf("%-14s a/R = %.3g unloaded, %.3g at the force limit\n", "contact", summary.unloaded_radius_nm / radius,
-              summary.radius_at_limit_nm / radius);
+  std::printf(
+      "%-14s overlap %.3g nm, contact %.4g N/m, shown %.4g N/m, mean pressure %.3g GPa, deflection %.4g nm\n",
+      "at the limit", summary.overlap_at_limit_nm, summary.stiffness_at_limit_n_m,
+      summary.shown_stiffness_n_m, summary.pressure_at_limit_gpa, summary.deflection_at_limit_nm);
+  std::printf("%-14s a/R = %.3g unloaded, %.3g at the force limit\n", "contact",
+              summary.unloaded_radius_nm / radius, summary.radius_at_limit_nm / radius);
   std::printf("%-14s [%.6g, %.6g] x [%.6g, %.6g] x [%.6g, %.6g] nm\n", "workspace",
               limits.workspace_min_w_nm.x(), limits.workspace_max_w_nm.x(), limits.workspace_min_w_nm.y(),
               limits.workspace_max_w_nm.y(), limits.workspace_min_w_nm.z(), limits.workspace_max_w_nm.z());

@@ -86,7 +86,7 @@ struct TipSolution {
 };
 
 struct EquilibriumOptions {
-  std::optional<FrictionParameters> friction;
+  std::optional<FrictionParameters> friction{};
   /// L. Without it the force is along the normals (and friction), and a path over changing curvature may draw
   /// the energy that a changing radius is worth. For surfaces whose radius of curvature changes little over
   /// the width of the contact, a |∇R_eff| << R_eff: there the pointwise R_eff means something. On a scan that
@@ -96,7 +96,7 @@ struct EquilibriumOptions {
   /// The sample yields (plastic_contact.h). The state then belongs to the surface **with** the marks of
   /// `yielded`: whoever keeps it must press them before the next step. A flat surface cannot be pressed:
   /// there it is refused (UserError).
-  std::optional<double> hardness_gpa;
+  std::optional<double> hardness_gpa{};
 };
 
 /// Quasi-static balance of a spherical tip between a sample and springs to a free end.

@@ -58,7 +58,8 @@ TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal
   if (long_range_.active() &&
       (parameters.model != ContactModel::kMaugisDugdale || parameters.method != MaugisMethod::kDirect)) {
     throw UserError(
-        "tip-sample law: retardation, cone, electrostatic and capillary forces go with maugis-dugdale by the direct "
+        "tip-sample law: retardation, cone, electrostatic and capillary forces go with maugis-dugdale by the "
+        "direct "
         "method");
   }
   cbrt_ = det_cbrt(kPi * parameters.work_of_adhesion_n_m / parameters.contact_modulus_gpa);
@@ -147,7 +148,8 @@ double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState
   return -moment * s.energy_aj / cache.radius_nm;
 }
 
-double TipSampleLaw::radius_force_by_difference(const Equilibrium& eq, const TipSampleState& state) const noexcept {
+double TipSampleLaw::radius_force_by_difference(const Equilibrium& eq,
+                                                const TipSampleState& state) const noexcept {
   // Truncation and rounding are both some 1e-8 of the potential over R.
   const double step = 1e-4 * state.cache.radius_nm;
   const auto potential = [&](double radius) {

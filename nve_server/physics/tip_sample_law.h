@@ -22,7 +22,7 @@ struct TipSampleParameters {
       true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
   ContactModel model = ContactModel::kMaugisDugdale;
   MaugisMethod method = MaugisMethod::kDirect;
-  LongRangeParameters long_range;
+  LongRangeParameters long_range{};
 };
 
 /// What turns the dimensionless law into nm, nN, aJ at one radius.
@@ -107,10 +107,10 @@ struct Equilibrium {
 class TipSampleLaw {
  public:
   /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive and
-  /// the long-range parameters within their ranges; and for Hertz with van der Waals, and long-range terms with
-  /// anything but Maugis–Dugdale by the direct method.
-  /// With the method kTable it makes the table of `nominal_radius_nm`, which must then be positive; copies of
-  /// the law share it. At any other radius lambda is another one, and the direct method takes over.
+  /// the long-range parameters within their ranges; and for Hertz with van der Waals, and long-range terms
+  /// with anything but Maugis–Dugdale by the direct method. With the method kTable it makes the table of
+  /// `nominal_radius_nm`, which must then be positive; copies of the law share it. At any other radius lambda
+  /// is another one, and the direct method takes over.
   explicit TipSampleLaw(const TipSampleParameters& parameters, double nominal_radius_nm = 0);
 
   /// Moves the base quasi-statically from where the state was to `base_overlap_nm` (the overlap that there

@@ -12,8 +12,9 @@ using config::TomlTable;
 constexpr double kGpaPerMpa = 1e-3;
 
 void read_contact(const TomlTable& table, physics::TipSampleParameters& law) {
-  const std::string name = table.choice_or(
-      "law", {"hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"}, "maugis-dugdale");
+  const std::string name =
+      table.choice_or("law", {"hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"},
+                      "maugis-dugdale");
   law.model = *physics::contact_model_from_name(name);
   const std::string method = table.choice_or("method", {"direct", "table"}, "direct");
   if (method == "table" && law.model != physics::ContactModel::kMaugisDugdale) {
@@ -90,14 +91,17 @@ void read_forces(const TomlTable& root, Scene& scene) {
   if (const auto contact = root.optional_table("contact")) read_contact(*contact, law);
   if (const auto forces = root.optional_table("forces")) read_long_range(*forces, law);
   if (law.model == physics::ContactModel::kHertz && law.van_der_waals) {
-    root.fail("contact", "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");
+    root.fail("contact",
+              "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");
   }
   const physics::LongRangeParameters& far = law.long_range;
   const bool extended = far.retardation_nm > 0 || far.cone_height_nm > 0 || far.tip_bias_v != 0 ||
                         far.capillary.humidity_percent > 0;
-  if (extended && (law.model != physics::ContactModel::kMaugisDugdale || law.method == physics::MaugisMethod::kTable)) {
-    root.fail("contact", "retardation, cone, electrostatic and capillary forces go with law = \"maugis-dugdale\", "
-                         "method = \"direct\"");
+  if (extended &&
+      (law.model != physics::ContactModel::kMaugisDugdale || law.method == physics::MaugisMethod::kTable)) {
+    root.fail("contact",
+              "retardation, cone, electrostatic and capillary forces go with law = \"maugis-dugdale\", "
+              "method = \"direct\"");
   }
   if (const auto friction = root.optional_table("friction")) scene.friction = read_friction(*friction, scene);
 }

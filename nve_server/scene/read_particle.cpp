@@ -38,7 +38,8 @@ void read_particle(const TomlTable& table, Scene& scene) {
     const auto strength = between(0.0, 1e5);
     p.particle_sample_friction.shear_strength_gpa =
         kGpaPerMpa * friction->number_or("sample_shear_strength_mpa", strength, 0.0);
-    p.particle_sample_friction.rolling_length_nm = friction->number_or("rolling_length_nm", between(0.0, 10.0), 0.0);
+    p.particle_sample_friction.rolling_length_nm =
+        friction->number_or("rolling_length_nm", between(0.0, 10.0), 0.0);
     p.tip_particle_friction.shear_strength_gpa =
         kGpaPerMpa * friction->number_or("tip_shear_strength_mpa", strength, 0.0);
   }

@@ -79,8 +79,11 @@ Built read_sphere(const TomlTable& table, double half_width, double tip_radius, 
   shape.x_nm = table.number_or("x_nm", between(-half_width, half_width), 0.0);
   shape.y_nm = table.number_or("y_nm", between(-half_width, half_width), 0.0);
   shape.height_nm = table.number_or("height_nm", config::positive(shape.radius_nm), shape.radius_nm);
-  ground.text = words("sphere of radius ", shape.radius_nm, " nm that rises ", shape.height_nm, " nm from a plate");
-  return {within(table, [&] { return std::make_shared<physics::SphereSurface>(shape, tip_radius); }), {}, half_width};
+  ground.text =
+      words("sphere of radius ", shape.radius_nm, " nm that rises ", shape.height_nm, " nm from a plate");
+  return {within(table, [&] { return std::make_shared<physics::SphereSurface>(shape, tip_radius); }),
+          {},
+          half_width};
 }
 
 Built read_step(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
@@ -97,7 +100,8 @@ Built read_step(const TomlTable& table, const physics::SampledArea& area, Surfac
 Built read_grating(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
   physics::GratingShape shape;
   const std::string profile = table.choice_or("profile", {"sinusoid", "trapezoid"}, "sinusoid");
-  shape.profile = profile == "sinusoid" ? physics::GratingProfile::kSinusoid : physics::GratingProfile::kTrapezoid;
+  shape.profile =
+      profile == "sinusoid" ? physics::GratingProfile::kSinusoid : physics::GratingProfile::kTrapezoid;
   shape.height_nm = table.number("height_nm", between(1e-3, 1e4));
   shape.period_nm = table.number("period_nm", between(1.0, 1e5));
   if (shape.profile == physics::GratingProfile::kTrapezoid) {
@@ -125,8 +129,8 @@ Built read_scan(const config::TomlDocument& document, const TomlTable& table, Su
 
 // A grid keeps a margin from its rim, beyond which nothing was measured.
 void keep_inside(const physics::SplineSurface& surface, const TomlTable& limits, SurfaceDescription& ground) {
-  const double half_extent = 0.5 * std::min(surface.x_last_nm() - surface.x_first_nm(),
-                                            surface.y_last_nm() - surface.y_first_nm());
+  const double half_extent =
+      0.5 * std::min(surface.x_last_nm() - surface.x_first_nm(), surface.y_last_nm() - surface.y_first_nm());
   const double margin = limits.number_or("margin_nm", {0.0, half_extent, false, true}, 0.1 * half_extent);
   ground.x_min_nm = surface.x_first_nm() + margin;
   ground.x_max_nm = surface.x_last_nm() - margin;
@@ -160,7 +164,8 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   double half_width = 0;
   double spacing = 0;
   if (!scan) {
-    half_width = limits.number_or("half_width_nm", between(1.0, 1e6), yields || sampled_shape ? 150.0 : 500.0);
+    half_width =
+        limits.number_or("half_width_nm", between(1.0, 1e6), yields || sampled_shape ? 150.0 : 500.0);
     if (sampled_shape || yields) {
       const TomlTable& where = marks ? *marks : table;
       spacing = where.number_or("spacing_nm", between(0.05, 1e3), std::min(1.0, tip_radius / 8.0));
@@ -197,7 +202,8 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
     scene.surface = surface;
   }
   if (scene.ground.spacing_nm > 0 || !scene.surface->is_flat()) {
-    ground.text += words(", heights ", scene.surface->lowest_nm(), " to ", scene.surface->highest_nm(), " nm");
+    ground.text +=
+        words(", heights ", scene.surface->lowest_nm(), " to ", scene.surface->highest_nm(), " nm");
   }
   return bytes;
 }

@@ -6,8 +6,8 @@
 #include "common/config/toml_document.h"
 #include "nve_server/scene/scene.h"
 
-/// The sections of a scene description, one reader each. They throw UserError naming file, line, key and expected
-/// range. Private to load_scene.
+/// The sections of a scene description, one reader each. They throw UserError naming file, line, key and
+/// expected range. Private to load_scene.
 namespace telenano::scene {
 
 inline const config::Range kModulus_gpa = config::between(1e-4, 2000.0);
@@ -20,8 +20,8 @@ Material read_sample(const config::TomlTable& table);
 /// [probe]: fills scene.probe and scene.cantilever.
 void read_probe(const config::TomlTable& table, Scene& scene);
 
-/// [contact], [forces], [friction], each of which may be missing: fills scene.law_parameters and scene.friction
-/// for tip and sample.
+/// [contact], [forces], [friction], each of which may be missing: fills scene.law_parameters and
+/// scene.friction for tip and sample.
 void read_forces(const config::TomlTable& root, Scene& scene);
 
 /// [surface] and [marks]: builds scene.surface. Returns the bytes of the files it read, for the hash.

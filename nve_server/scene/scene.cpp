@@ -52,8 +52,10 @@ void read_limits(const TomlTable& table, Scene& scene) {
   limits.rate_max_hz = static_cast<std::uint32_t>(table.integer_or("rate_max_hz", 10, 100000, 8000));
   const double top = table.number_or("top_nm", between(1.0, 1e5), 100.0);
   const double depth = table.number_or("depth_nm", between(0.0, 1e4), 50.0);
-  limits.workspace_min_w_nm = Vec3(scene.ground.x_min_nm, scene.ground.y_min_nm, scene.surface->lowest_nm() - depth);
-  limits.workspace_max_w_nm = Vec3(scene.ground.x_max_nm, scene.ground.y_max_nm, scene.surface->highest_nm() + top);
+  limits.workspace_min_w_nm =
+      Vec3(scene.ground.x_min_nm, scene.ground.y_min_nm, scene.surface->lowest_nm() - depth);
+  limits.workspace_max_w_nm =
+      Vec3(scene.ground.x_max_nm, scene.ground.y_max_nm, scene.surface->highest_nm() + top);
 }
 
 void read_start(const TomlTable& table, Scene& scene) {
@@ -97,8 +99,7 @@ std::shared_ptr<const Scene> load_scene(const std::string& path) {
   const std::string scan_bytes = read_surface(document, *scene);
   scene->equilibrium = std::make_shared<physics::TipEquilibrium>(
       scene->surface, physics::TipSampleLaw(scene->law_parameters, scene->probe.tip_radius_nm),
-      scene->probe.tip_radius_nm,
-      physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
+      scene->probe.tip_radius_nm, physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
   read_limits(root.table("limits"), *scene);
   read_start(root.table("start"), *scene);
   if (const auto particle = root.optional_table("particle")) read_particle(*particle, *scene);

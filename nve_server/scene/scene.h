@@ -20,16 +20,16 @@ struct Probe {
   double tip_radius_nm = 20;
   Material tip;
   std::optional<double> length_nm;  ///< of the lever, where given
-  std::string origin;  ///< of its stiffness: "given", "rectangular beam", "rigid"
+  std::string origin;               ///< of its stiffness: "given", "rectangular beam", "rigid"
 };
 
 struct SurfaceDescription {
-  std::string kind;  ///< flat, plane, step, sphere, grating, scan
-  std::string text;  ///< for a person, one line
+  std::string kind;       ///< flat, plane, step, sphere, grating, scan
+  std::string text;       ///< for a person, one line
   std::string scan_path;  ///< empty unless a scan
   std::string scan_title;
   double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
-  double spacing_nm = 0;      ///< of the grid; 0: none
+  double spacing_nm = 0;                                          ///< of the grid; 0: none
   bool radius_force = false;  ///< the force of a changing radius is part of the balance
 };
 

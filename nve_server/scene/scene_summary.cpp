@@ -10,12 +10,12 @@
 namespace telenano::scene {
 namespace {
 
-constexpr double kHalfSpaceRatio = 0.5;   // a/R beyond which contact on a half-space is formal
-constexpr double kTheoreticalYield = 0.1; // hardness of the hardest solids over Young's modulus
-constexpr double kSamplesPerRadius = 2;   // fewer, and the scan cannot show what the tip would feel
-constexpr double kLinearPart = 0.1;       // of the length: beyond, a beam's deflection is not linear
-constexpr double kOpticalRange_nm = 1000; // what an optical lever follows linearly, where no length is known
-constexpr double kHoldHeight_nm = 10;     // of positioning above the sample (Kim & Sitti, task a)
+constexpr double kHalfSpaceRatio = 0.5;    // a/R beyond which contact on a half-space is formal
+constexpr double kTheoreticalYield = 0.1;  // hardness of the hardest solids over Young's modulus
+constexpr double kSamplesPerRadius = 2;    // fewer, and the scan cannot show what the tip would feel
+constexpr double kLinearPart = 0.1;        // of the length: beyond, a beam's deflection is not linear
+constexpr double kOpticalRange_nm = 1000;  // what an optical lever follows linearly, where no length is known
+constexpr double kHoldHeight_nm = 10;      // of positioning above the sample (Kim & Sitti, task a)
 
 template <class... Values>
 std::string line(const char* format, Values... values) {
@@ -78,35 +78,41 @@ void warn(const Scene& scene, SceneSummary& summary) {
   const double radius = scene.probe.tip_radius_nm;
   const double widest = std::max(summary.unloaded_radius_nm, summary.radius_at_limit_nm);
   if (widest > kHalfSpaceRatio * radius) {
-    warnings.push_back(line("contact radius over tip radius reaches %.3g > %g: half-space contact theory is formal there",
-                            widest / radius, kHalfSpaceRatio));
+    warnings.push_back(
+        line("contact radius over tip radius reaches %.3g > %g: half-space contact theory is formal there",
+             widest / radius, kHalfSpaceRatio));
   }
   const double pressure = summary.pressure_at_limit_gpa;
   const double ideal = kTheoreticalYield * scene.sample.youngs_modulus_gpa;
   if (scene.marks && pressure > scene.marks->hardness_gpa) {
-    warnings.push_back(line("mean pressure at the force limit would be %.3g GPa, above the hardness of %g GPa: the "
-                            "sample yields before, and marks stay",
-                            pressure, scene.marks->hardness_gpa));
+    warnings.push_back(
+        line("mean pressure at the force limit would be %.3g GPa, above the hardness of %g GPa: the "
+             "sample yields before, and marks stay",
+             pressure, scene.marks->hardness_gpa));
   } else if (!scene.marks && pressure > ideal) {
-    warnings.push_back(line("mean pressure at the force limit is %.3g GPa, above a tenth of Young's modulus: such a "
-                            "sample yields; give [sample] hardness_gpa, or a lower force_max_nn",
-                            pressure));
+    warnings.push_back(
+        line("mean pressure at the force limit is %.3g GPa, above a tenth of Young's modulus: such a "
+             "sample yields; give [sample] hardness_gpa, or a lower force_max_nn",
+             pressure));
   }
   if (scene.ground.spacing_nm > 0 && kSamplesPerRadius * scene.ground.spacing_nm > radius) {
-    warnings.push_back(line("the tip (radius %g nm) is under-sampled by the surface's spacing of %.3g nm: it would feel "
-                            "what lies between the samples",
-                            radius, scene.ground.spacing_nm));
+    warnings.push_back(
+        line("the tip (radius %g nm) is under-sampled by the surface's spacing of %.3g nm: it would feel "
+             "what lies between the samples",
+             radius, scene.ground.spacing_nm));
   }
   const auto& length = scene.probe.length_nm;
   const double range = length ? kLinearPart * *length : kOpticalRange_nm;
   if (summary.deflection_at_limit_nm > range) {
-    warnings.push_back(line("the cantilever bends by %.4g nm at the force limit, beyond its linear range of %.4g nm",
-                            summary.deflection_at_limit_nm, range));
+    warnings.push_back(
+        line("the cantilever bends by %.4g nm at the force limit, beyond its linear range of %.4g nm",
+             summary.deflection_at_limit_nm, range));
   }
   if (summary.jump_to_contact_nm > kHoldHeight_nm) {
-    warnings.push_back(line("the tip jumps to contact from a gap of %.3g nm, above the hold height of %g nm: holding "
-                            "there needs a stiffer probe",
-                            summary.jump_to_contact_nm, kHoldHeight_nm));
+    warnings.push_back(
+        line("the tip jumps to contact from a gap of %.3g nm, above the hold height of %g nm: holding "
+             "there needs a stiffer probe",
+             summary.jump_to_contact_nm, kHoldHeight_nm));
   }
 }
 
@@ -118,8 +124,8 @@ double jump_to_contact_nm(const Scene& scene) {
       p.van_der_waals ? physics::VanDerWaals::from_adhesion(p.work_of_adhesion_n_m, p.equilibrium_distance_nm)
                       : physics::VanDerWaals{};
   const physics::LongRange long_range(p.long_range, van_der_waals.hamaker_aj, p.equilibrium_distance_nm);
-  return physics::jump_to_contact_gap_nm(van_der_waals, long_range, p.equilibrium_distance_nm, 1.0 / compliance,
-                                         scene.probe.tip_radius_nm);
+  return physics::jump_to_contact_gap_nm(van_der_waals, long_range, p.equilibrium_distance_nm,
+                                         1.0 / compliance, scene.probe.tip_radius_nm);
 }
 
 }  // namespace

@@ -7,8 +7,8 @@
 
 namespace telenano::scene {
 
-/// What a scene computes, what to expect of it, and where its models end. For a flat patch of the sample at the
-/// tip's own radius; a rough surface changes the radius.
+/// What a scene computes, what to expect of it, and where its models end. For a flat patch of the sample at
+/// the tip's own radius; a rough surface changes the radius.
 struct SceneSummary {
   std::vector<std::string> terms_in;
   std::vector<std::string> terms_out;

@@ -76,7 +76,10 @@ double short_of(double least, double most, double charge) noexcept {
 }  // namespace
 
 NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
-    : scene_(std::move(scene)), limits_(limits_of(*scene_)), flat_(scene_->surface->is_flat()), sample_(scene_) {
+    : scene_(std::move(scene)),
+      limits_(limits_of(*scene_)),
+      flat_(scene_->surface->is_flat()),
+      sample_(scene_) {
   port_.commanded_w_nm = limits_.start_pos_w_nm;
   Port settled;
   physics::Compliance springs;
@@ -132,7 +135,8 @@ bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from
   if (to.solution.status != SolveStatus::kOk) return false;
   const Vec3& force = to.solution.force_w_nn;
   to.extension_w_nm = (b_over_dt * from.extension_w_nm - force) / k_total;
-  to.stored_aj = to.solution.potential_aj + to.solution.friction_stored_aj + 0.5 * k_c * to.extension_w_nm.squaredNorm() +
+  to.stored_aj = to.solution.potential_aj + to.solution.friction_stored_aj +
+                 0.5 * k_c * to.extension_w_nm.squaredNorm() +
                  0.5 * force.dot(probe.rest_compliance_nm_nn() * force);
   to.mode_loss = {};
   if (mode) {

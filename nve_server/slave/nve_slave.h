@@ -36,14 +36,15 @@ namespace telenano::slave {
 ///
 /// Energy book: each step charges the port with Δ(U_tip–sample + U_probe + U_coupling) + dissipated, U_probe
 /// = ½ FᵀC F (with a mode ½ FᵀC_rest F + ½ m q'² + ½ k q²), dissipated = jumps of the branch + b_c|Δe|²/dt +
-/// the mode's damping + friction + flow; the positive steps sum to energy_in, the negative ones to energy_out. U is a function
-/// of the state, so that no path, however sampled, draws more than was put in. A tip that slides off a summit
-/// loses energy that is in none of these: such a step is charged no less than the trapezium of force and
-/// commanded displacement. So does a mode that moves between samples, by its numerical loss. On a flat sample
-/// the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge below is raised to it, the difference
-/// being dissipated; a charge above (the end of the step has more than was brought, as a strongly curved
-/// attraction may do) is lowered by slowing down the mode. On a curved sample, where the potential follows
-/// R_eff and the force does not (tip_equilibrium.h), the mode's own numerical loss counts instead (ModeLoss).
+/// the mode's damping + friction + flow; the positive steps sum to energy_in, the negative ones to
+/// energy_out. U is a function of the state, so that no path, however sampled, draws more than was put in. A
+/// tip that slides off a summit loses energy that is in none of these: such a step is charged no less than
+/// the trapezium of force and commanded displacement. So does a mode that moves between samples, by its
+/// numerical loss. On a flat sample the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge
+/// below is raised to it, the difference being dissipated; a charge above (the end of the step has more than
+/// was brought, as a strongly curved attraction may do) is lowered by slowing down the mode. On a curved
+/// sample, where the potential follows R_eff and the force does not (tip_equilibrium.h), the mode's own
+/// numerical loss counts instead (ModeLoss).
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);

@@ -19,13 +19,14 @@ TouchedSample::TouchedSample(std::shared_ptr<const scene::Scene> scene) : scene_
   const scene::Particle& particle = *scene_->particle;
   physics::ParticleEquilibrium equilibrium(scene_->surface, particle.parameters);
   const physics::ParticleState resting = equilibrium.place(particle.x_nm, particle.y_nm);
-  particle_ = std::make_unique<ParticleTrial>(ParticleTrial{std::move(equilibrium), resting, resting, {}, {}});
+  particle_ =
+      std::make_unique<ParticleTrial>(ParticleTrial{std::move(equilibrium), resting, resting, {}, {}});
   particle_->solution.particle_centre_w_nm = resting.particle_centre_w_nm;
   particle_->solution.on_surface = true;
 }
 
-physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics::Compliance& springs, double dt_s,
-                                            physics::TipState& state) noexcept {
+physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics::Compliance& springs,
+                                            double dt_s, physics::TipState& state) noexcept {
   if (!particle_) {
     const physics::TipEquilibrium& equilibrium = marked_ ? marked_->equilibrium() : *scene_->equilibrium;
     return equilibrium.advance(free_end, springs, state);

@@ -10,26 +10,30 @@
 
 namespace telenano::slave {
 
-/// What the tip of one session touches: the scene's sample, shared by all sessions, and what is this session's
-/// own: the surface where marks stay, a particle. Trials change nothing until one is accepted.
+/// What the tip of one session touches: the scene's sample, shared by all sessions, and what is this
+/// session's own: the surface where marks stay, a particle. Trials change nothing until one is accepted.
 class TouchedSample {
  public:
   /// Throws UserError if the sample yields but has no surface of heights.
   explicit TouchedSample(std::shared_ptr<const scene::Scene> scene);
 
-  /// Moves the free end of the springs as TipEquilibrium::advance does, within `dt_s`. Energies of the solution
-  /// are those of everything that is touched: `potential_aj` and `friction_stored_aj` stored, `dissipated_aj` and
-  /// `friction_dissipated_aj` lost in this step.
+  /// Moves the free end of the springs as TipEquilibrium::advance does, within `dt_s`. Energies of the
+  /// solution are those of everything that is touched: `potential_aj` and `friction_stored_aj` stored,
+  /// `dissipated_aj` and `friction_dissipated_aj` lost in this step.
   physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs, double dt_s,
                                physics::TipState& state) noexcept;
   /// `accepted`, the last trial, is what happened.
   void accept(const physics::TipSolution& accepted) noexcept;
 
   /// This session's own surface; null where no marks stay.
-  const physics::SplineSurface* marked_surface() const noexcept { return marked_ ? &marked_->surface() : nullptr; }
+  const physics::SplineSurface* marked_surface() const noexcept {
+    return marked_ ? &marked_->surface() : nullptr;
+  }
 
   /// Of the last trial accepted; null without a particle.
-  const physics::ParticleSolution* particle() const noexcept { return particle_ ? &particle_->solution : nullptr; }
+  const physics::ParticleSolution* particle() const noexcept {
+    return particle_ ? &particle_->solution : nullptr;
+  }
 
  private:
   struct ParticleTrial {

@@ -43,7 +43,7 @@ ParticleParameters plain() {
 }
 
 std::shared_ptr<const Surface> flat() {
-  return std::make_shared<FlatSurface>();
+  return std::make_shared<FlatSurface>(20.0);
 }
 
 std::shared_ptr<const Surface> sampled(int n, double spacing,
@@ -52,7 +52,7 @@ std::shared_ptr<const Surface> sampled(int n, double spacing,
   for (int row = 0; row < n; ++row) {
     for (int column = 0; column < n; ++column) grid.z_nm.push_back(height(column * spacing, row * spacing));
   }
-  return std::make_shared<SplineSurface>(grid);
+  return std::make_shared<SplineSurface>(grid, 20.0);
 }
 
 const Compliance kSprings = Vec3(0.05, 0.05, 0.075).asDiagonal();
