@@ -76,8 +76,7 @@ std::string page(const std::vector<Section>& sections, bool has_gnuplot, bool qu
   if (!has_gnuplot) {
     html +=
         "<p class=\"note\">gnuplot is not installed, so there are no figures; the numbers are in the CSV "
-        "files. "
-        "Install gnuplot (Debian: apt install gnuplot-nox) and run again.</p>\n";
+        "files. Install gnuplot (Debian: apt install gnuplot-nox) and run again.</p>\n";
   }
   html += "<h2>The defaults</h2>\n" + defaults_table(sections);
   for (const Section& section : sections) {
