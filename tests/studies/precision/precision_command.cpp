@@ -86,7 +86,7 @@ std::string page(const std::vector<Section>& sections, bool has_gnuplot, bool qu
     for (const Figure& figure : section.figures)
       html += "<h3>" + html_escaped(figure.title) + "</h3>\n" + figure_html(figure);
     for (const std::string& table : section.tables) html += table;
-    html += fmt::format("<details><summary>All {} rows (data/{}.csv)</summary>\n", section.rows.size(),
+    html += fmt::format("<details><summary>All {} rows (data/{}_rows.csv)</summary>\n", section.rows.size(),
                         section.id) +
             rows_table(section.rows) + "</details>\n";
   }

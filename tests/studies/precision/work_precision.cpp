@@ -130,7 +130,7 @@ void write_rows(const Section& section, const FigureFolder& folder) {
                         row.errors.p99, row.errors.median, row.errors.failures, row.errors.points,
                         row.cost.p50_ns, row.cost.p99_ns, row.setup_us);
   }
-  folder.write(section.id + ".csv", text);
+  folder.write(section.id + "_rows.csv", text);
 }
 
 std::string rows_table(const std::vector<Row>& rows) {
