@@ -17,7 +17,7 @@ struct TipSampleParameters {
   double equilibrium_distance_nm = 0.165;  ///< z0 of Maugis–Dugdale = a0 of van der Waals
   bool van_der_waals =
       true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
-  LongRangeParameters long_range;
+  LongRangeParameters long_range{};
 };
 
 /// What turns the dimensionless law into nm, nN, aJ at one radius.
