@@ -116,8 +116,7 @@ std::string points_of(const std::vector<ForceDistance::Row>& rows, double pull_o
 Figure draw_ks06(const FigureFolder& folder) {
   std::string csv =
       "# distance_nm,force_nn; blocks: rigid, then on a cantilever; sample by sample; dry approach, dry "
-      "retract, humid "
-      "approach, humid retract\n";
+      "retract, humid approach, humid retract\n";
   std::string script = "set multiplot\n";
   std::string found;
   int block = 0;
@@ -134,8 +133,7 @@ Figure draw_ks06(const FigureFolder& folder) {
       const double top = row == 0 ? 0.90 : 0.44;
       script += fmt::format(
           "set lmargin at screen {:.3f}\nset rmargin at screen {:.3f}\nset tmargin at screen {:.3f}\nset "
-          "bmargin at "
-          "screen {:.3f}\nset title {} noenhanced offset 0,-0.5\n{}{}set xrange [{}:{}]\n{}\n",
+          "bmargin at screen {:.3f}\nset title {} noenhanced offset 0,-0.5\n{}{}set xrange [{}:{}]\n{}\n",
           left, left + 0.26, top, top - 0.34,
           quoted(row == 0 ? fmt::format("{}, λ = {:.3g}, rigid probe", sample.name, dry.lambda)
                           : fmt::format("{}, cantilever of {:g} N/m", sample.name, kLever_n_m)),
@@ -143,14 +141,12 @@ Figure draw_ks06(const FigureFolder& folder) {
           column == 0 ? "set ylabel 'force on the tip (nN)' offset 1,0\n" : "unset ylabel\n",
           -(row == 0 ? sample.deep_nm : sample.lever_deep_nm), row == 0 ? sample.far_nm : sample.lever_far_nm,
           y_range(-1.05 * most, 0.6 * most));
-      script += row == 0 && column == 0 ? "set key at screen 0.5, 0.985 center top horizontal samplen 2\n"
+      script += row == 0 && column == 0 ? "set key top right Right vertical samplen 2 spacing 1.1\n"
                                         : "unset key\n";
       script += fmt::format(
           "plot 'ks06.csv' index {} lc rgb '{}' lw 1 dt (4,3) title 'approach, dry', '' index {} lc rgb '{}' "
-          "lw 1 dt "
-          "(4,3) title 'retract, dry', '' index {} lc rgb '{}' lw 1.8 title 'approach, {:g} % RH', '' index "
-          "{} lc rgb "
-          "'{}' lw 1.8 title 'retract, {:g} % RH'\n",
+          "lw 1 dt (4,3) title 'retract, dry', '' index {} lc rgb '{}' lw 1.8 title 'approach, {:g} % RH', "
+          "'' index {} lc rgb '{}' lw 1.8 title 'retract, {:g} % RH'\n",
           block, kBlue, block + 1, kRed, block + 2, kBlue, kHumidity_percent, block + 3, kRed,
           kHumidity_percent);
       block += 4;
@@ -158,8 +154,7 @@ Figure draw_ks06(const FigureFolder& folder) {
       if (row == 0) {
         found += fmt::format(
             " {}: greatest attraction {:.4g} nN dry, {:.4g} nN humid; lets go at {:.3g} nm dry, {:.3g} nm "
-            "humid; a loop "
-            "costs {:.3g} aJ dry, {:.3g} aJ humid.",
+            "humid; a loop costs {:.3g} aJ dry, {:.3g} aJ humid.",
             sample.name, dry.pull_off_nn, humid.pull_off_nn, dry.let_go_nm, humid.let_go_nm, dry.loop_aj,
             humid.loop_aj);
       } else if (std::isfinite(dry.snap_in_nm)) {
@@ -174,8 +169,7 @@ Figure draw_ks06(const FigureFolder& folder) {
   Figure figure{
       "ks06", "Force against distance",
       "Silicon tip of 20 nm: van der Waals outside joined to Maugis–Dugdale inside, and a liquid bridge at "
-      "50 "
-      "% relative humidity (contact angles of water 20° on the tip; 20°, 90°, 105° on the samples). Rigid "
+      "50 % relative humidity (contact angles of water 20° on the tip; 20°, 90°, 105° on the samples). Rigid "
       "probe:" +
           found +
           " On PDMS the contact at rest is wider than the tip (a₀/R = 4.1): half-space theory is formal "

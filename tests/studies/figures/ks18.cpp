@@ -96,11 +96,11 @@ Figure draw_ks18(const FigureFolder& folder) {
   Figure figure{
       "ks18", "Forces at the hand between tasks",
       fmt::format(
-          "A session in virtual time (device, hand, station, link, server) over {}: (a) held 10–20 nm "
-          "above, (b) just in contact, twice, then (c) pressed in. Greatest force above {:.2g} N (of the tip "
-          "{:.2g} N, the rest is damping by control); on "
-          "the way between (a) and (b), the jumps left out, {:.2g} N; attraction when the tip lets go "
-          "up to {:.2g} N; mean force in contact {:.2g} N, and pressed in {:.2g} N.",
+          "A session in virtual time (device, hand, station, link, server) over {}: (a) held 10–20 nm above, "
+          "(b) just in contact, twice, then (c) pressed in. Greatest force above {:.2g} N (of the tip {:.2g} "
+          "N, the rest is damping by control); on the way between (a) and (b), the jumps left out, {:.2g} N; "
+          "attraction when the tip lets go up to {:.2g} N; mean force in contact {:.2g} N, and pressed in "
+          "{:.2g} N.",
           run.scene, run.above_n, run.above_tip_n, run.going_n, run.jump_n, run.in_contact_n, run.pressed_n),
       ""};
   std::string shades;

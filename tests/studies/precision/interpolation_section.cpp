@@ -134,17 +134,14 @@ Section interpolation_section(const Effort& effort, const FigureFolder& folder) 
   section.title = "Between the samples of a scan";
   section.lead =
       "Height, slope and curvature between samples of a surface that is known in closed form (crossed waves "
-      "of "
-      "100 nm, 5 nm high), at seeded random points away from the rim. Errors are divided by the greatest "
-      "height, "
-      "slope and curvature of the waves.";
+      "of 100 nm, 5 nm high), at seeded random points away from the rim. Errors are divided by the greatest "
+      "height, slope and curvature of the waves.";
   section.choice =
       "Default: the bicubic B-spline. It is the only one of the three with continuous curvature, which the "
-      "contact's "
-      "effective radius and Newton's method for the nearest point both use; bilinear has no curvature at all "
-      "(the "
-      "radius would be the tip's own), Catmull–Rom's jumps from cell to cell. Its height is of fourth order "
-      "where Catmull–Rom's is of third, for the same sixteen samples and the same time.";
+      "contact's effective radius and Newton's method for the nearest point both use; bilinear has no "
+      "curvature at all (the radius would be the tip's own), Catmull–Rom's jumps from cell to cell. Its "
+      "height is of fourth order where Catmull–Rom's is of third, for the same sixteen samples and the same "
+      "time.";
   const AnalyticSurface surface{5, 100};
   const double k = 2 * M_PI / surface.length_nm;
   const double height = 1.4 * surface.amplitude_nm;
@@ -203,8 +200,7 @@ Section interpolation_section(const Effort& effort, const FigureFolder& folder) 
   section.figures.push_back(log_line_figure(
       {"interpolation", "Error against the density of samples",
        "Largest error, relative to the greatest value. Slopes of the lines are orders: B-spline 4, 3, 2 for "
-       "height, "
-       "slope and curvature.",
+       "height, slope and curvature.",
        ""},
       lines,
       {"samples a wavelength", "largest relative error", "set xtics (4,8,16,32,64)\nset xrange [3.5:72]\n"},

@@ -145,17 +145,33 @@ class PlainNewton final : public LawMethod {
 class NestedBisection final : public LawMethod {
  public:
   NestedBisection(double lambda, int steps) : lambda_(lambda), before_(lambda), steps_(steps) {
-    // The fold, by a scan: the overlap has its minimum there; bisection needs the monotone side.
-    if (before_.exists) return;
+    // The fold is the minimum of the overlap, and bisection needs the monotone side: the lowest of a scan,
+    // then golden section around it.
+    const auto overlap = [&](double log_t) {
+      const double t = std::exp(log_t);
+      const double r = std::sqrt(t * (2 + t));
+      const double arc = std::atan(r);
+      const double alpha = lambda_ / 2 * (r + ((1 + t) * (1 + t) - 2) * arc);
+      const double beta = 4.0 / 3.0 * lambda_ * lambda_ * (r * arc - t);
+      const double a = 2 / (beta + std::sqrt(beta * beta + 4 * alpha));
+      return a * a - 4.0 / 3.0 * lambda_ * a * r;
+    };
+    double lowest = 0;
     double least = HUGE_VAL;
-    for (int i = 0; i <= 2000; ++i) {
-      const double t = std::pow(10.0, -15.0 + 21.0 * i / 2000);
-      const double overlap = outer(t).second;
-      if (overlap < least) {
-        least = overlap;
-        fold_ = t;
-      }
+    for (double x = -35; x <= 14; x += 0.1) {
+      if (overlap(x) >= least) continue;
+      least = overlap(x);
+      lowest = x;
     }
+    double low = lowest - 0.1;
+    double high = lowest + 0.1;
+    const double ratio = 0.5 * (std::sqrt(5.0) - 1);
+    for (int i = 0; i < 60; ++i) {
+      const double x1 = high - ratio * (high - low);
+      const double x2 = low + ratio * (high - low);
+      (overlap(x1) < overlap(x2) ? high : low) = overlap(x1) < overlap(x2) ? x2 : x1;
+    }
+    fold_ = std::exp(0.5 * (low + high));
   }
 
   void run(std::span<const double> overlaps, double* loads) override {
@@ -202,6 +218,7 @@ class NestedBisection final : public LawMethod {
 }  // namespace
 
 InContact::State InContact::at(double overlap) {
+  if (!(theta_ > 0)) theta_ = lambda_ < 1 ? 1.0 : 0.8 / lambda_;
   Trial t;
   for (int i = 0; i < 60; ++i) {
     t = at_theta(lambda_, theta_);

@@ -111,19 +111,14 @@ Section nearest_section(const Effort& effort, const FigureFolder& folder) {
   section.title = "Nearest point of the surface";
   section.lead =
       "Distance from the tip's centre to the surface, in nm, along a path at 0.5 nm a step (500 nm/s at 1 "
-      "kHz), "
-      "against a dense search of the analytic surface that uses heights only. Samples every 2 nm (gentle) "
-      "and 0.5 nm "
-      "(rough), so that what interpolation adds (next section) stays near 1e-6 nm: that is the floor of the "
-      "figure.";
+      "kHz), against a dense search of the analytic surface that uses heights only. Samples every 2 nm "
+      "(gentle) and 0.5 nm (rough), so that what interpolation adds (next section) stays near 1e-6 nm: that "
+      "is the floor of the figure.";
   section.choice =
       "Default: the global search, started warm. Where the ground bends less than the tip all iterations "
-      "find the "
-      "same foot; where it bends more, the foot that is followed is soon not the nearest one any more, and a "
-      "local "
-      "method, however many steps it takes, is wrong by nanometres: more than the whole range of the "
-      "adhesion. That "
-      "certainty is what the search of the samples' tops costs.";
+      "find the same foot; where it bends more, the foot that is followed is soon not the nearest one any "
+      "more, and a local method, however many steps it takes, is wrong by nanometres: more than the whole "
+      "range of the adhesion. That certainty is what the search of the samples' tops costs.";
   std::vector<Ground> grounds{{"gentle ground: waves of 200 nm, 8 nm high, tip 20 nm", {8, 200}, 240, 2, 20},
                               {"rough ground: waves of 25 nm, 3 nm high, tip 20 nm", {3, 25}, 160, 0.5, 20}};
   const int points = effort.pick(60, 240);

@@ -76,8 +76,7 @@ std::string page(const std::vector<Section>& sections, bool has_gnuplot, bool qu
   if (!has_gnuplot) {
     html +=
         "<p class=\"note\">gnuplot is not installed, so there are no figures; the numbers are in the CSV "
-        "files. "
-        "Install gnuplot (Debian: apt install gnuplot-nox) and run again.</p>\n";
+        "files. Install gnuplot (Debian: apt install gnuplot-nox) and run again.</p>\n";
   }
   html += "<h2>The defaults</h2>\n" + defaults_table(sections);
   for (const Section& section : sections) {
@@ -87,7 +86,7 @@ std::string page(const std::vector<Section>& sections, bool has_gnuplot, bool qu
     for (const Figure& figure : section.figures)
       html += "<h3>" + html_escaped(figure.title) + "</h3>\n" + figure_html(figure);
     for (const std::string& table : section.tables) html += table;
-    html += fmt::format("<details><summary>All {} rows (data/{}.csv)</summary>\n", section.rows.size(),
+    html += fmt::format("<details><summary>All {} rows (data/{}_rows.csv)</summary>\n", section.rows.size(),
                         section.id) +
             rows_table(section.rows) + "</details>\n";
   }

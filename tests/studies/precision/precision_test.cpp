@@ -136,8 +136,10 @@ TEST(Precision, WritesPageFiguresAndRows) {
   EXPECT_NE(page.find("(default)"), std::string::npos);
   EXPECT_NE(page.find("commit "), std::string::npos);
   EXPECT_EQ(page.find("src="), std::string::npos);  // self-contained
-  EXPECT_NE(slurp(kOut / "data" / "wire.csv").find("double"), std::string::npos);
+  EXPECT_NE(slurp(kOut / "data" / "wire_rows.csv").find("double"), std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(kOut / "data" / "interpolation.gp"));
+  // The figure's own data, not the rows, beside its script: it can be drawn again by hand.
+  EXPECT_EQ(slurp(kOut / "data" / "interpolation.csv").rfind("# x,y", 0), 0u);
   std::filesystem::remove_all(kOut);
 }
 

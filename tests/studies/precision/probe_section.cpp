@@ -28,17 +28,13 @@ Section probe_section(const Effort& effort, const FigureFolder& folder) {
   section.title = "The probe's own oscillation";
   section.lead =
       "A cantilever's first mode (Q = 50) released 1 nm inside a spring contact: largest deviation of the "
-      "deflection "
-      "over two periods, of the largest deflection, against the closed form of the oscillator with both "
-      "springs.";
+      "deflection over two periods, of the largest deflection, against the closed form of the oscillator "
+      "with both springs.";
   section.choice =
       "Default: exact propagation with the mean of the forces before and after the step while ω₀ dt is below "
-      "1. It is "
-      "of second order and exact for the free lever, so that the pitch and decay of a ring-down are right; "
-      "where the "
-      "samples are too far apart to show the oscillation at all, backward Euler takes over, which goes to "
-      "the static "
-      "balance at once.";
+      "1. It is of second order and exact for the free lever, so that the pitch and decay of a ring-down are "
+      "right; where the samples are too far apart to show the oscillation at all, backward Euler takes over, "
+      "which goes to the static balance at once.";
   std::vector<Line> lines;
   for (const ModeRow& mode : mode_table(!effort.quick)) {
     const std::string condition =

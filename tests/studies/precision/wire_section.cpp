@@ -32,17 +32,13 @@ Section wire_section(const Effort& effort, const FigureFolder& folder) {
   section.title = "Number format on the wire";
   section.lead =
       "A position that is rounded on its way to the server, at three distances from the origin of the scan: "
-      "error "
-      "of the force of a stiff contact (silicon oxide, 20 nm tip, rigid probe, about 1 nm deep) in nN. The "
-      "rounding "
-      "itself is known: half a unit in the last place, 2⁻²⁵ of the position for a float.";
+      "error of the force of a stiff contact (silicon oxide, 20 nm tip, rigid probe, about 1 nm deep) in nN. "
+      "The rounding itself is known: half a unit in the last place, 2⁻²⁵ of the position for a float.";
   section.choice =
       "Default: double. At 100 µm from the origin a float resolves 8 pm, which a stiff contact turns into "
       "nanonewtons of chatter at every step; the doubles of a command cost 32 bytes more than floats, 2.6 µs "
-      "at "
-      "100 Mbit/s, and no time in the codec. A 32-bit integer of 1 pm would do over 2 mm, but would write "
-      "one "
-      "controller's range into the protocol.";
+      "at 100 Mbit/s, and no time in the codec. A 32-bit integer of 1 pm would do over 2 mm, but would write "
+      "one controller's range into the protocol.";
   const double e_star = 1 / ((1 - 0.27 * 0.27) / 160 + (1 - 0.27 * 0.27) / 70);
   physics::TipSampleParameters parameters;
   parameters.contact_modulus_gpa = 4.0 / 3.0 * e_star;

@@ -56,8 +56,7 @@ std::string panel_grid(const std::vector<std::string>& panels,
     const bool lowest = i + columns >= panels.size();
     script += fmt::format(
         "set lmargin at screen {:.4f}\nset rmargin at screen {:.4f}\nset tmargin at screen {:.4f}\nset "
-        "bmargin "
-        "at screen {:.4f}\nset title {} noenhanced offset 0,-0.6 font ',12'\n{}{}",
+        "bmargin at screen {:.4f}\nset title {} noenhanced offset 0,-0.6 font ',12'\n{}{}",
         x0, x0 + width, y1, y1 - tall, quoted(panels[i]),
         lowest ? fmt::format("set xlabel {} offset 0,0.3\n", quoted(axes.x)) : std::string("unset xlabel\n"),
         column == 0 ? fmt::format("set ylabel {} offset 1,0\n", quoted(axes.y))
@@ -67,10 +66,9 @@ std::string panel_grid(const std::vector<std::string>& panels,
   // An empty panel that carries only the legend.
   script += fmt::format(
       "set lmargin at screen {:.4f}\nset rmargin at screen 0.99\nset tmargin at screen {:.4f}\nset bmargin "
-      "at "
-      "screen {:.4f}\nunset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset grid\nunset "
-      "logscale\nset key at graph 0,1 top left Left reverse vertical samplen 2 spacing 1.3 noenhanced\nset "
-      "xrange [0:1]\nset yrange [0:1]\nplot ",
+      "at screen {:.4f}\nunset title\nunset xlabel\nunset ylabel\nunset border\nunset tics\nunset "
+      "grid\nunset logscale\nset key at graph 0,1 top left Left reverse vertical samplen 2 spacing 1.3 "
+      "noenhanced\nset xrange [0:1]\nset yrange [0:1]\nplot ",
       right + 0.02, top, bottom);
   for (std::size_t f = 0; f < families.size(); ++f) {
     script +=
@@ -132,15 +130,14 @@ void write_rows(const Section& section, const FigureFolder& folder) {
                         row.errors.p99, row.errors.median, row.errors.failures, row.errors.points,
                         row.cost.p50_ns, row.cost.p99_ns, row.setup_us);
   }
-  folder.write(section.id + ".csv", text);
+  folder.write(section.id + "_rows.csv", text);
 }
 
 std::string rows_table(const std::vector<Row>& rows) {
   std::string html =
       "<div class=\"scroll\"><table>\n<thead><tr><th>condition</th><th>method</th><th>setting</th><th>error, "
       "largest</th><th>median</th><th>failed</th><th>ns, p50</th><th>p99</th><th>set-up, "
-      "µs</th></tr></thead>\n"
-      "<tbody>\n";
+      "µs</th></tr></thead>\n<tbody>\n";
   std::string last;
   for (const Row& row : rows) {
     const std::string condition = row.condition == last ? "" : html_escaped(row.condition);
@@ -148,8 +145,7 @@ std::string rows_table(const std::vector<Row>& rows) {
     const std::string method = html_escaped(row.family);
     html += fmt::format(
         "<tr><th>{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.3g}</td><td>{:.3g}</"
-        "td><td>{}"
-        "</td></tr>\n",
+        "td><td>{}</td></tr>\n",
         condition, row.is_default ? "<b>" + method + "</b> (default)" : method, html_escaped(row.setting),
         number(row.errors.largest), number(row.errors.median),
         row.errors.failures > 0 ? fmt::format("{}/{}", row.errors.failures, row.errors.points)

@@ -54,7 +54,7 @@ struct Section {
   std::vector<std::string> tables;  ///< further ones, as HTML
 };
 
-/// id.csv: every row.
+/// id_rows.csv: every row. (Figures have the names without "_rows".)
 void write_rows(const Section& section, const FigureFolder& folder);
 /// The rows as an HTML table.
 std::string rows_table(const std::vector<Row>& rows);
