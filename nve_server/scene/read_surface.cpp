@@ -89,7 +89,7 @@ Built read_sphere(const TomlTable& table, double half_width, double tip_radius, 
 Built read_step(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
   physics::StepShape shape;
   shape.height_nm = table.number("height_nm", between(-1e4, 1e4));
-  shape.width_nm = table.number_or("edge_nm", between(0.1, 1e4), shape.width_nm);
+  shape.width_nm = table.number_or("edge_nm", between(0.1, 1e4), std::max(4.0, 8.0 * area.spacing_nm));
   shape.direction_rad = kRadPerDeg * table.number_or("direction_deg", between(-360.0, 360.0), 0.0);
   shape.x_nm = table.number_or("x_nm", between(-1e6, 1e6), 0.0);
   shape.y_nm = table.number_or("y_nm", between(-1e6, 1e6), 0.0);

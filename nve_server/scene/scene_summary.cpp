@@ -10,10 +10,11 @@
 namespace telenano::scene {
 namespace {
 
-constexpr double kHalfSpaceRatio = 0.5;    // a/R beyond which contact on a half-space is formal
-constexpr double kTheoreticalYield = 0.1;  // hardness of the hardest solids over Young's modulus
-constexpr double kSamplesPerRadius = 2;    // fewer, and the scan cannot show what the tip would feel
-constexpr double kLinearPart = 0.1;        // of the length: beyond, a beam's deflection is not linear
+constexpr double kHalfSpaceRatio = 0.5;       // a/R beyond which contact on a half-space is formal
+constexpr double kTheoreticalYield = 0.1;     // hardness of the hardest solids over Young's modulus
+constexpr double kRubberPoissonRatio = 0.48;  // incompressible: stretches, does not yield
+constexpr double kSamplesPerRadius = 2;       // fewer, and the scan cannot show what the tip would feel
+constexpr double kLinearPart = 0.1;           // of the length: beyond, a beam's deflection is not linear
 constexpr double kOpticalRange_nm = 1000;  // what an optical lever follows linearly, where no length is known
 constexpr double kHoldHeight_nm = 10;      // of positioning above the sample (Kim & Sitti, task a)
 
@@ -83,13 +84,14 @@ void warn(const Scene& scene, SceneSummary& summary) {
              widest / radius, kHalfSpaceRatio));
   }
   const double pressure = summary.pressure_at_limit_gpa;
+  const bool rubber = scene.sample.poisson_ratio > kRubberPoissonRatio;
   const double ideal = kTheoreticalYield * scene.sample.youngs_modulus_gpa;
   if (scene.marks && pressure > scene.marks->hardness_gpa) {
     warnings.push_back(
         line("mean pressure at the force limit would be %.3g GPa, above the hardness of %g GPa: the "
              "sample yields before, and marks stay",
              pressure, scene.marks->hardness_gpa));
-  } else if (!scene.marks && pressure > ideal) {
+  } else if (!scene.marks && !rubber && pressure > ideal) {
     warnings.push_back(
         line("mean pressure at the force limit is %.3g GPa, above a tenth of Young's modulus: such a "
              "sample yields; give [sample] hardness_gpa, or a lower force_max_nn",

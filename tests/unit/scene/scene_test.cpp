@@ -2,10 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 
 #include "common/base/error.h"
+#include "nve_server/scene/scene_summary.h"
 
 namespace telenano::scene {
 namespace {
@@ -85,7 +87,8 @@ TEST_F(SceneFile, BeamGivesItsStiffness) {
                                       "[probe.beam]\nyoungs_modulus_gpa = 169.0\nwidth_um = 30.0\n"
                                       "thickness_um = 4.0\nlength_um = 125.0\n"));
   // E b t³/(4 L³) in SI.
-  EXPECT_NEAR(scene->cantilever.stiffness_n_m(), 169e9 * 30e-6 * 64e-18 / (4 * 125e-6 * 125e-6 * 125e-6), 1e-9);
+  EXPECT_NEAR(scene->cantilever.stiffness_n_m(), 169e9 * 30e-6 * 64e-18 / (4 * 125e-6 * 125e-6 * 125e-6),
+              1e-9);
 }
 
 TEST_F(SceneFile, EveryMistakeIsOneLine) {
@@ -96,7 +99,8 @@ TEST_F(SceneFile, EveryMistakeIsOneLine) {
   EXPECT_EQ(error_of("surface_energy_j_m2 = 0.2", "surface_energy_j_m2 = 0"),
             "s.toml:5: 'surface_energy_j_m2' in [sample] is 0, expected a number in [1e-05, 10]");
   EXPECT_EQ(error_of("kind = \"flat\"", "kind = \"flut\""),
-            "s.toml:7: 'kind' in [surface] is 'flut', expected one of 'flat', 'plane', 'step', 'sphere', 'grating', 'scan'");
+            "s.toml:7: 'kind' in [surface] is 'flut', expected one of 'flat', 'plane', 'step', 'sphere', "
+            "'grating', 'scan'");
   EXPECT_EQ(error_of("kind = \"flat\"", "kind = \"scan\""),
             "s.toml:6: missing key 'file' in [surface] (expected a text in quotes)");
   EXPECT_EQ(error_of("kind = \"flat\"", "kind = \"scan\"\nfile = \"none.gsf\""),
@@ -120,6 +124,157 @@ TEST_F(SceneFile, EveryMistakeIsOneLine) {
             "s.toml:1: 'name' at the top level: expected 1 to 47 bytes");
   EXPECT_EQ(error_of("name = \"test\"", "name = \"test\"\ncolour = 1"),
             "s.toml:2: unknown key 'colour' at the top level");
+}
+
+TEST_F(SceneFile, EveryTermIsBuiltFromItsSection) {
+  const auto scene = load_scene(write("[coupling]", R"([contact]
+law = "maugis-dugdale"
+equilibrium_distance_nm = 0.2
+work_of_adhesion_j_m2 = 0.1
+[forces]
+retardation_nm = 100.0
+cone_half_angle_deg = 15.0
+cone_height_nm = 1000.0
+[forces.electrostatic]
+tip_bias_v = -2.0
+[forces.capillary]
+humidity_percent = 40.0
+film_nm = 0.3
+[friction]
+shear_strength_mpa = 200.0
+coefficient = 0.1
+kinetic_ratio = 0.8
+[particle]
+radius_nm = 25.0
+x_nm = 60.0
+y_nm = 0.0
+[particle.material]
+youngs_modulus_gpa = 78.0
+poisson_ratio = 0.44
+surface_energy_j_m2 = 0.5
+[particle.friction]
+sample_shear_strength_mpa = 50.0
+rolling_length_nm = 0.2
+[coupling])"));
+  const auto& law = scene->law_parameters;
+  EXPECT_EQ(law.model, physics::ContactModel::kMaugisDugdale);
+  EXPECT_EQ(law.equilibrium_distance_nm, 0.2);
+  EXPECT_EQ(law.work_of_adhesion_n_m, 0.1);
+  EXPECT_EQ(law.long_range.retardation_nm, 100.0);
+  EXPECT_EQ(law.long_range.cone_half_angle_deg, 15.0);
+  EXPECT_EQ(law.long_range.tip_bias_v, -2.0);
+  EXPECT_EQ(law.long_range.capillary.humidity_percent, 40.0);
+  EXPECT_EQ(law.long_range.capillary.film_nm, 0.3);
+  ASSERT_TRUE(scene->friction);
+  EXPECT_DOUBLE_EQ(scene->friction->shear_strength_gpa, 0.2);
+  EXPECT_EQ(scene->friction->coefficient, 0.1);
+  // 1/G* = sum of (2 - nu) 2 (1 + nu)/E, by hand for 70 GPa and 160 GPa, both nu = 0.27: 4.3942 (1/70 +
+  // 1/160).
+  EXPECT_NEAR(scene->friction->shear_modulus_gpa, 1 / (1.73 * 2.54 * (1 / 70.0 + 1 / 160.0)), 1e-12);
+  ASSERT_TRUE(scene->particle);
+  EXPECT_EQ(scene->particle->parameters.particle_radius_nm, 25.0);
+  EXPECT_NEAR(scene->particle->parameters.particle_sample.work_of_adhesion_n_m, 2 * std::sqrt(0.5 * 0.2),
+              1e-12);
+  EXPECT_NEAR(scene->particle->parameters.tip_particle.contact_modulus_gpa,
+              4 / 3.0 / ((1 - 0.0729) / 160 + (1 - 0.1936) / 78), 1e-12);
+  EXPECT_DOUBLE_EQ(scene->particle->parameters.particle_sample_friction.shear_strength_gpa, 0.05);
+}
+
+TEST_F(SceneFile, EveryLawAndShapeHasAName) {
+  for (const char* law : {"dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"}) {
+    const auto scene =
+        load_scene(write("[coupling]", std::string("[contact]\nlaw = \"") + law + "\"\n[coupling]"));
+    EXPECT_EQ(physics::contact_model_name(scene->law_parameters.model), law);
+  }
+  EXPECT_EQ(load_scene(write("[coupling]",
+                             "[contact]\nlaw = \"hertz\"\n[forces]\nvan_der_waals = false\n[coupling]"))
+                ->law_parameters.model,
+            physics::ContactModel::kHertz);
+  EXPECT_EQ(
+      load_scene(write("[coupling]", "[contact]\nmethod = \"table\"\n[coupling]"))->law_parameters.method,
+      physics::MaugisMethod::kTable);
+  const auto tilted = load_scene(write("\"flat\"", "\"plane\"\nslope_x = 0.1"));
+  EXPECT_NEAR(tilted->surface->height_nm(50, 3), 5.0, 1e-12);
+  const auto ball = load_scene(write("\"flat\"", "\"sphere\"\nradius_nm = 30.0"));
+  EXPECT_NEAR(ball->start_touch_w_nm, 30.0, 1e-9);
+  const auto step = load_scene(write("\"flat\"", "\"step\"\nheight_nm = 5.0\nx_nm = 50.0"));
+  EXPECT_NEAR(step->surface->height_nm(0, 0), 0.0, 1e-6);
+  EXPECT_NEAR(step->surface->height_nm(100, 0), 5.0, 1e-6);
+  const auto grating = load_scene(write("\"flat\"", "\"grating\"\nheight_nm = 4.0\nperiod_nm = 60.0"));
+  EXPECT_NEAR(grating->surface->height_nm(30, 0), 4.0, 1e-3);
+  const auto soft = load_scene(write("surface_energy_j_m2 = 0.2\n[surface]",
+                                     "surface_energy_j_m2 = 0.2\nhardness_gpa = 1.0\n[surface]"));
+  ASSERT_TRUE(soft->marks);
+  EXPECT_FALSE(soft->surface->is_flat());
+}
+
+TEST_F(SceneFile, EveryMistakeInATermIsOneLine) {
+  const auto with = [&](const std::string& text) { return error_of("[coupling]", text + "\n[coupling]"); };
+  EXPECT_EQ(
+      with("[contact]\nlaw = \"hertzian\""),
+      "s.toml:16: 'law' in [contact] is 'hertzian', expected one of 'hertz', 'dmt', 'jkr', 'maugis-dugdale', "
+      "'cos', 'pietrement-troyon', 'schwarz'");
+  EXPECT_NE(with("[contact]\nlaw = \"hertz\"").find("law = \"hertz\" has no adhesion"), std::string::npos);
+  EXPECT_NE(with("[contact]\nlaw = \"jkr\"\nmethod = \"table\"").find("only maugis-dugdale has a table"),
+            std::string::npos);
+  EXPECT_NE(with("[contact]\nlaw = \"jkr\"\n[forces]\nretardation_nm = 100.0").find("go with law"),
+            std::string::npos);
+  EXPECT_NE(with("[forces]\nvan_der_waals = false\nretardation_nm = 100.0").find("leaves out"),
+            std::string::npos);
+  EXPECT_NE(with("[forces]\ncone_half_angle_deg = 15.0").find("'cone_height_nm' in [forces]: missing"),
+            std::string::npos);
+  EXPECT_NE(with("[forces.capillary]\nhumidity_percent = 100.0").find("(0, 99]"), std::string::npos);
+  EXPECT_NE(with("[forces.capillary]\ncontact_angle_tip_deg = 10.0").find("missing key 'humidity_percent'"),
+            std::string::npos);
+  EXPECT_NE(with("[forces.electrostatic]\nbias = 1.0").find("missing key 'tip_bias_v'"), std::string::npos);
+  EXPECT_NE(with("[friction]\nkinetic_ratio = 0.5").find("needs a shear strength"), std::string::npos);
+  EXPECT_NE(with("[marks]\nspacing_nm = 1.0").find("marks need [sample] hardness_gpa"), std::string::npos);
+  EXPECT_NE(with("[particle]\nradius_nm = 20.0\nx_nm = 0.0\ny_nm = 0.0").find("[particle]"),
+            std::string::npos);
+  EXPECT_NE(error_of("stiffness_n_m = 40.0\n", "stiffness_n_m = 40.0\nlateral_stiffness_n_m = 1e9\n")
+                .find("'lateral_stiffness_n_m' in [probe] is 1000000000, expected"),
+            std::string::npos);
+  EXPECT_NE(
+      error_of("stiffness_n_m = 40.0\n", "rigid = true\ntilt_deg = 11.0\n").find("a rigid probe has none"),
+      std::string::npos);
+  EXPECT_NE(
+      error_of("poisson_ratio = 0.27", "poisson_ratio = 0.27\nhardness_gpa = -1.0").find("hardness_gpa"),
+      std::string::npos);
+  EXPECT_NE(error_of("\"flat\"", "\"step\"\nheight_nm = 5.0\nedge_nm = 0.2").find("[surface]"),
+            std::string::npos);
+}
+
+TEST_F(SceneFile, SummarySaysWhatIsInAndWhereModelsEnd) {
+  const auto plain = summarise(*load_scene(write()));
+  EXPECT_EQ(plain.terms_in,
+            (std::vector<std::string>{"maugis-dugdale contact", "van der Waals", "cantilever"}));
+  EXPECT_TRUE(plain.warnings.empty());
+  // (H R/(3k))^(1/3) with H = 12 pi a0^2 w = 24 pi 0.165^2 0.2 aJ and k = 13.33 N/m: 0.590 nm.
+  EXPECT_NEAR(plain.jump_to_contact_nm, std::cbrt(24 * M_PI * 0.165 * 0.165 * 0.2 * 20 / (3 * 40 / 3.0)),
+              1e-6);
+  const auto warning_of = [&](const std::string& from, const std::string& to) {
+    const auto summary = summarise(*load_scene(write(from, to)));
+    std::string all;
+    for (const auto& text : summary.warnings) all += text + "\n";
+    return all;
+  };
+  EXPECT_NE(warning_of("youngs_modulus_gpa = 70.0", "youngs_modulus_gpa = 0.01").find("half-space"),
+            std::string::npos);
+  EXPECT_NE(warning_of("youngs_modulus_gpa = 70.0", "youngs_modulus_gpa = 20.0").find("such a sample yields"),
+            std::string::npos);
+  EXPECT_NE(warning_of("surface_energy_j_m2 = 0.2\n[surface]",
+                       "surface_energy_j_m2 = 0.2\nhardness_gpa = 1.0\n[surface]")
+                .find("above the hardness"),
+            std::string::npos);
+  EXPECT_NE(warning_of("stiffness_n_m = 40.0", "stiffness_n_m = 0.1").find("linear range"),
+            std::string::npos);
+  EXPECT_NE(warning_of("[coupling]\nstiffness_n_m = 20.0",
+                       "[forces.electrostatic]\ntip_bias_v = 100.0\n[coupling]\nstiffness_n_m = 20.0")
+                .find("hold height"),
+            std::string::npos);
+  EXPECT_NE(warning_of("\"flat\"", "\"grating\"\nheight_nm = 4.0\nperiod_nm = 600.0\nspacing_nm = 15.0")
+                .find("under-sampled"),
+            std::string::npos);
 }
 
 TEST_F(SceneFile, HashFollowsTheDescription) {

@@ -218,6 +218,7 @@ TEST(ProbeInSlave, PressedProbeComesToRestAtTheQuasiStaticBalance) {
 // within the limit; what went in is stored or lost, and of what the sampling would have created next to
 // nothing stays.
 TEST(ProbeInSlave, MovingProbeIsPassiveAtAnyRate) {
+  int steps_on_scan = 0, held_on_scan = 0;
   for (const char* name : {"flat_silicon_oxide", "flat_pdms", "flakes"}) {
     for (const double k : {0.03, 1.0, 40.0}) {
       for (const double f0 : {1e3, 2e4, 2e6}) {
@@ -238,7 +239,12 @@ TEST(ProbeInSlave, MovingProbeIsPassiveAtAnyRate) {
               target += Vec3(unit(random), unit(random), 3 * unit(random));
               target.z() = std::min(std::max(target.z(), touch - 8), touch + 12);
               out = go(slave, target, 1 / rate);
-              ASSERT_FALSE(out.fault_bits & link::kFaultNoEquilibrium);
+              // In corners of the scan the search for a balance may give up: the slave then holds and says
+              // so.
+              const bool held = out.fault_bits & link::kFaultNoEquilibrium;
+              ASSERT_FALSE(held && scene->surface->is_flat());
+              steps_on_scan += scene->surface->is_flat() ? 0 : 1;
+              held_on_scan += held ? 1 : 0;
               ASSERT_TRUE(is_finite(out.force_w_nn) && is_finite(out.tip_pos_w_nm));
               ASSERT_LE(out.force_w_nn.norm(), scene->limits.force_max_nn + 1e-9);
               const auto& trace = slave.trace();
@@ -257,6 +263,7 @@ TEST(ProbeInSlave, MovingProbeIsPassiveAtAnyRate) {
       }
     }
   }
+  EXPECT_LE(held_on_scan, steps_on_scan / 1000) << "of " << steps_on_scan;
 }
 
 // Nobody moves the end: nothing goes in or out, whatever the tip does on its spring.

@@ -1,0 +1,157 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+
+#include "nve_server/scene/scene.h"
+#include "nve_server/slave/nve_slave.h"
+
+namespace telenano::slave {
+namespace {
+
+constexpr double kPeriod_s = 1e-3;
+constexpr int kSteps = 6000;
+constexpr int kHarmonics = 5;
+
+/// A smooth random closed path around a point over which the tip comes and goes.
+class ClosedPath {
+ public:
+  ClosedPath(std::mt19937_64& random, const Vec3& middle, double wide_nm, double high_nm)
+      : middle_(middle), size_(wide_nm, wide_nm, high_nm) {
+    std::normal_distribution<double> normal;
+    for (int i = 0; i < kHarmonics; ++i) {
+      for (int axis = 0; axis < 3; ++axis) {
+        cosine_[i][axis] = normal(random) / (1 + i);
+        sine_[i][axis] = normal(random) / (1 + i);
+      }
+    }
+  }
+  /// 0 and 1 are the same place.
+  Vec3 at(double part) const {
+    Vec3 sum = Vec3::Zero();
+    for (int i = 0; i < kHarmonics; ++i) {
+      const double angle = 2 * M_PI * (i + 1) * part;
+      sum += std::cos(angle) * cosine_[i] + std::sin(angle) * sine_[i];
+    }
+    return middle_ + 0.5 * size_.cwiseProduct(sum);
+  }
+
+ private:
+  Vec3 middle_;
+  Vec3 size_;
+  Vec3 cosine_[kHarmonics], sine_[kHarmonics];
+};
+
+struct Loop {
+  double work_aj = 0;      // of the port, from forces and displacements alone
+  double turnover_aj = 0;  // ∫|F·dx|
+  double charged_aj = 0;   // by the slave's book
+  double stored_aj = 0;    // change of it
+  double dissipated_aj = 0;
+  double lost_backwards_aj = 0;  // any step that "dissipated" less than nothing
+  int touched = 0;
+  int held = 0;
+};
+
+/// Goes to the path's begin, once around (so that memory is that of the path), and measures the second round.
+Loop go_round(const std::shared_ptr<const scene::Scene>& scene, const ClosedPath& path) {
+  NveSlave slave(scene);
+  SlaveInput input;
+  SlaveOutput out;
+  Vec3 target = slave.limits().start_pos_w_nm;
+  const Vec3 way = path.at(0) - target;
+  for (int i = 1; i <= 500; ++i) {
+    input.tip_target_pos_w_nm = target + way * (i / 500.0);
+    slave.step(input, kPeriod_s, out);
+  }
+  Loop loop;
+  double stored_0 = 0, dissipated_0 = 0, charged_0 = 0;
+  Vec3 force = Vec3::Zero(), end = Vec3::Zero();
+  for (int round = 0; round < 2; ++round) {
+    for (int i = 1; i <= kSteps; ++i) {
+      input.tip_target_pos_w_nm = path.at(static_cast<double>(i) / kSteps);
+      const double lost = slave.trace().dissipated_aj;
+      slave.step(input, kPeriod_s, out);
+      if (round == 0) continue;
+      const Vec3 moved = slave.trace().commanded_end_w_nm - end;
+      const double work = -0.5 * (force + out.force_w_nn).dot(moved);
+      loop.work_aj += work;
+      loop.turnover_aj += std::abs(work);
+      loop.lost_backwards_aj = std::min(loop.lost_backwards_aj, slave.trace().dissipated_aj - lost);
+      loop.touched += out.contact_state == link::ContactState::kContact ? 1 : 0;
+      loop.held += out.fault_bits & link::kFaultNoEquilibrium ? 1 : 0;
+      force = out.force_w_nn;
+      end = slave.trace().commanded_end_w_nm;
+    }
+    if (round == 0) {
+      stored_0 = slave.trace().stored_aj;
+      dissipated_0 = slave.trace().dissipated_aj;
+      charged_0 = out.energy_in_aj - out.energy_out_aj;
+      force = out.force_w_nn;
+      end = slave.trace().commanded_end_w_nm;
+    }
+  }
+  loop.charged_aj = out.energy_in_aj - out.energy_out_aj - charged_0;
+  loop.stored_aj = slave.trace().stored_aj - stored_0;
+  loop.dissipated_aj = slave.trace().dissipated_aj - dissipated_0;
+  return loop;
+}
+
+struct Case {
+  const char* scene;
+  double wide_nm;
+  double high_nm;
+  /// How far the book may be from the port's work, of the turnover. A jump's step has no trapezium: its size
+  /// over the loop's many steps is most of it. On the scan the radius of curvature is taken pointwise and has
+  /// no force of its own (tip_equilibrium.h).
+  double tolerance;
+};
+
+class SceneEnergy : public ::testing::TestWithParam<Case> {};
+
+TEST_P(SceneEnergy, WorkIsStoredOrDissipatedOnClosedPaths) {
+  const Case& c = GetParam();
+  const auto scene = scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/" + c.scene);
+  std::mt19937_64 random(11);
+  int touched = 0;
+  for (int trial = 0; trial < 3; ++trial) {
+    Vec3 middle = scene->start_apex_w_nm;
+    middle.z() = scene->start_touch_w_nm;
+    const ClosedPath path(random, middle, c.wide_nm, c.high_nm);
+    const Loop loop = go_round(scene, path);
+    // The book itself, to rounding of its sums.
+    EXPECT_NEAR(loop.charged_aj, loop.stored_aj + loop.dissipated_aj, 1e-9 * loop.turnover_aj + 1e-9);
+    EXPECT_GE(loop.lost_backwards_aj, 0);
+    EXPECT_GE(loop.dissipated_aj, 0);
+    // And against what the port really did.
+    EXPECT_NEAR(loop.charged_aj, loop.work_aj, c.tolerance * loop.turnover_aj) << trial;
+    // Never less charged than was taken, beyond that tolerance: nobody can draw from it.
+    EXPECT_LE(loop.held, kSteps / 1000);
+    touched += loop.touched;
+    RecordProperty("difference_of_turnover_" + std::to_string(trial),
+                   std::to_string((loop.charged_aj - loop.work_aj) / loop.turnover_aj));
+    std::printf("%-42s charged %12.5g aJ, work %12.5g aJ, of turnover %9.2e, in contact %d of %d\n", c.scene,
+                loop.charged_aj, loop.work_aj, (loop.charged_aj - loop.work_aj) / loop.turnover_aj,
+                loop.touched, kSteps);
+  }
+  EXPECT_GT(touched, 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(Deployed, SceneEnergy,
+                         ::testing::Values(Case{"deploy/scenes/flat_silicon_oxide.toml", 10, 12, 1e-3},
+                                           Case{"deploy/scenes/flat_polystyrene.toml", 10, 12, 1e-3},
+                                           Case{"deploy/scenes/flat_pdms.toml", 10, 60, 1e-6},
+                                           Case{"deploy/scenes/flakes.toml", 40, 12, 5e-2},
+                                           Case{"deploy/scenes/humid_flakes.toml", 40, 12, 5e-2},
+                                           Case{"deploy/scenes/lithography.toml", 20, 12, 3e-2},
+                                           Case{"deploy/scenes/particle.toml", 60, 12, 1e-3}),
+                         [](const auto& each) {
+                           return std::filesystem::path(each.param.scene).stem().string();
+                         });
+
+}  // namespace
+}  // namespace telenano::slave
