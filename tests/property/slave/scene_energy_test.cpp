@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <ostream>
 #include <random>
 #include <string>
 
@@ -110,6 +111,10 @@ struct Case {
   /// no force of its own (tip_equilibrium.h).
   double tolerance;
 };
+
+void PrintTo(const Case& c, std::ostream* out) {
+  *out << c.scene;
+}
 
 class SceneEnergy : public ::testing::TestWithParam<Case> {};
 
