@@ -15,7 +15,12 @@
 namespace telenano::studies {
 namespace {
 
-const std::filesystem::path kOut = std::filesystem::temp_directory_path() / "telenano_precision_test";
+/// Of this test alone: tests run side by side.
+std::filesystem::path out_of_test() {
+  return std::filesystem::temp_directory_path() /
+         (std::string("telenano_precision_") +
+          ::testing::UnitTest::GetInstance()->current_test_info()->name());
+}
 
 std::string slurp(const std::filesystem::path& path) {
   std::ifstream in(path);
@@ -130,32 +135,34 @@ TEST(Errors, FailuresAreCountedAndNotAveraged) {
 }
 
 TEST(Precision, WritesPageFiguresAndRows) {
-  std::filesystem::remove_all(kOut);
-  run_precision({kOut, true, {"interpolation", "wire"}});
-  const std::string page = slurp(kOut / "index.html");
+  const std::filesystem::path out = out_of_test();
+  std::filesystem::remove_all(out);
+  run_precision({out, true, {"interpolation", "wire"}});
+  const std::string page = slurp(out / "index.html");
   EXPECT_NE(page.find("(default)"), std::string::npos);
   EXPECT_NE(page.find("commit "), std::string::npos);
   EXPECT_EQ(page.find("src="), std::string::npos);  // self-contained
-  EXPECT_NE(slurp(kOut / "data" / "wire_rows.csv").find("double"), std::string::npos);
-  EXPECT_TRUE(std::filesystem::exists(kOut / "data" / "interpolation.gp"));
+  EXPECT_NE(slurp(out / "data" / "wire_rows.csv").find("double"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(out / "data" / "interpolation.gp"));
   // The figure's own data, not the rows, beside its script: it can be drawn again by hand.
-  EXPECT_EQ(slurp(kOut / "data" / "interpolation.csv").rfind("# x,y", 0), 0u);
-  std::filesystem::remove_all(kOut);
+  EXPECT_EQ(slurp(out / "data" / "interpolation.csv").rfind("# x,y", 0), 0u);
+  std::filesystem::remove_all(out);
 }
 
 TEST(Precision, SaysWhatIsWrongBeforeMeasuring) {
+  const std::filesystem::path out = out_of_test();
   try {
-    run_precision({kOut, true, {"laws"}});
+    run_precision({out, true, {"laws"}});
     FAIL();
   } catch (const UserError& error) {
     EXPECT_NE(std::string(error.what()).find("--only: 'laws' is unknown; expected some of law, nearest"),
               std::string::npos);
   }
   // A file where the folder should be: nobody, not even root, can write into it.
-  std::filesystem::remove_all(kOut);
-  std::ofstream(kOut) << "x";
-  EXPECT_THROW(run_precision({kOut, true, {"wire"}}), UserError);
-  std::filesystem::remove(kOut);
+  std::filesystem::remove_all(out);
+  std::ofstream(out) << "x";
+  EXPECT_THROW(run_precision({out, true, {"wire"}}), UserError);
+  std::filesystem::remove(out);
 }
 
 }  // namespace

@@ -114,7 +114,7 @@ TEST_F(SceneFile, EveryMistakeIsOneLine) {
       error_of("stiffness_n_m = 40.0\n", "stiffness_n_m = 40.0\nrigid = true\n"),
       "s.toml:10: 'stiffness_n_m' in [probe]: give only one of stiffness_n_m, [probe.beam] and rigid = true");
   EXPECT_EQ(error_of("force_max_nn = 500.0", "force_max_nn = 40.0"),
-            "s.toml:18: 'force_max_nn' in [limits]: is 40, expected more than the adhesion of this tip, "
+            "s.toml:18: 'force_max_nn' in [limits]: is 40, expected more than the attraction of this tip, "
             "50.2655 nN");
   EXPECT_EQ(error_of("x_nm = 0.0", "x_nm = 1000.0"),
             "s.toml:20: 'x_nm' in [start] is 1000, expected a number in [-500, 500]");
@@ -228,6 +228,13 @@ TEST_F(SceneFile, EveryMistakeInATermIsOneLine) {
             std::string::npos);
   EXPECT_NE(with("[forces.electrostatic]\nbias = 1.0").find("missing key 'tip_bias_v'"), std::string::npos);
   EXPECT_NE(with("[friction]\nkinetic_ratio = 0.5").find("needs a shear strength"), std::string::npos);
+  // 50.27 nN of adhesion and 4 pi R gamma c = 18.3 nN of a bridge.
+  EXPECT_NE(
+      error_of("[coupling]\nstiffness_n_m = 20.0\n[limits]\nforce_max_nn = 500.0",
+               "[forces.capillary]\nhumidity_percent = 50.0\n[coupling]\nstiffness_n_m = 20.0\n[limits]\n"
+               "force_max_nn = 60.0")
+          .find("attraction of this tip, 68.5"),
+      std::string::npos);
   EXPECT_NE(with("[marks]\nspacing_nm = 1.0").find("marks need [sample] hardness_gpa"), std::string::npos);
   EXPECT_NE(with("[particle]\nradius_nm = 20.0\nx_nm = 0.0\ny_nm = 0.0").find("[particle]"),
             std::string::npos);
@@ -268,10 +275,9 @@ TEST_F(SceneFile, SummarySaysWhatIsInAndWhereModelsEnd) {
             std::string::npos);
   EXPECT_NE(warning_of("stiffness_n_m = 40.0", "stiffness_n_m = 0.1").find("linear range"),
             std::string::npos);
-  EXPECT_NE(warning_of("[coupling]\nstiffness_n_m = 20.0",
-                       "[forces.electrostatic]\ntip_bias_v = 100.0\n[coupling]\nstiffness_n_m = 20.0")
-                .find("hold height"),
-            std::string::npos);
+  EXPECT_NE(
+      warning_of("[coupling]\nstiffness_n_m = 20.0", "[coupling]\nstiffness_n_m = 0.001").find("hold height"),
+      std::string::npos);
   EXPECT_NE(warning_of("\"flat\"", "\"grating\"\nheight_nm = 4.0\nperiod_nm = 600.0\nspacing_nm = 15.0")
                 .find("under-sampled"),
             std::string::npos);
