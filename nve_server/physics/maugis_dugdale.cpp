@@ -181,6 +181,17 @@ double MaugisDugdale::radius_moment(bool contact, double u, double a, double ove
   return a3 * (0.5 * overlap - 0.3 * a * a) - 0.25 * lc2 * (lc2 / lambda_) * annulus;
 }
 
+double MaugisDugdale::fold_radius_rate(const CurvePoint& p) const noexcept {
+  if (!p.contact) return -0.5 * q_ * q_;  // Delta = -q^2/2 - H0
+  const Angle g = angle_of(p.parameter);
+  const double third = (4.0 / 3.0) * lambda_;
+  const double c = p.outer_radius;
+  const double b = third * lambda_ * g.f2;
+  const double slope = -(1.0 + b * c) / (lambda_ * g.f1 * c + b);
+  const double rate = 2.0 * c * g.cos * g.cos * slope - third * g.sin * (c + slope);
+  return (p.overlap + rate) / 3.0;
+}
+
 bool MaugisDugdale::fold_before_contact(const Held& held, double* outer_radius) const noexcept {
   // dZ/dC = overlap (C - q) - load pi lambda C
   const double e = held.overlap - kPi * lambda_ * held.load;

@@ -57,6 +57,11 @@ class MaugisDugdale {
   double radius_moment(bool contact, double parameter, double contact_radius, double overlap,
                        double load) const noexcept;
 
+  /// R d(delta)/dR of the fold of overlap `p`, over u_delta: delta is stationary there, so it is that at
+  /// constant parameter, (Delta + lambda dDelta/dlambda)/3. With lambda F1 C^2/2 + b C = 1 (above),
+  /// lambda dC/dlambda = -(1 + b C)/(lambda F1 C + b).
+  double fold_radius_rate(const CurvePoint& p) const noexcept;
+
   /// The end of the stable segment: where dZ/ds = 0 first, coming from deep contact. A search of about ten
   /// contact evaluations if the fold lies in contact, closed form if not.
   CurvePoint fold(const Held& held) const noexcept;
