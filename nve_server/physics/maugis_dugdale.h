@@ -63,7 +63,8 @@ class MaugisDugdale {
   double fold_radius_rate(const CurvePoint& p) const noexcept;
 
   /// The end of the stable segment: where dZ/ds = 0 first, coming from deep contact. A search of about ten
-  /// contact evaluations if the fold lies in contact, closed form if not.
+  /// contact evaluations if the fold lies in contact, closed form if not. With the overlap held it depends on
+  /// lambda alone: one evaluation at a tabulated parameter.
   CurvePoint fold(const Held& held) const noexcept;
 
   /// The stable state that holds Z. `guess` is a contact parameter to start from; 0 or less: none.
@@ -75,6 +76,9 @@ class MaugisDugdale {
   bool fold_before_contact(const Held& held, double* outer_radius) const noexcept;
 
  private:
+  friend class OverlapFolds;
+
+  double search_fold(const Held& held) const noexcept;
   CurveSolution solve_contact(double z, const Held& held, double guess, double curvature) const noexcept;
   double cold_guess(double z, const Held& held) const noexcept;
 
