@@ -51,8 +51,8 @@ struct CurveSolution {
 
 /// What a step needs to know of a law, whatever its formulas. The stable states under a spring form one
 /// segment, from the fold of Z to deep contact, along which the parameter grows; states without contact have
-/// smaller parameters than those in contact. Besides, find_handover(curve, outside, guess) joins it to van
-/// der Waals (joined_law.h).
+/// smaller parameters than those in contact. Besides, find_handover(curve, outside, guess) and
+/// find_parting(curve, outside) join it to van der Waals (joined_law.h).
 template <class Curve>
 concept ContactCurve = requires(const Curve& curve, const Held& held, double x) {
   { curve.lambda() }

@@ -43,18 +43,17 @@ struct TipPoint {
 ///            van der Waals: the range of the Dugdale stress);
 ///   inside   the same two, the onset of contact, the overlap 0 (where G becomes constant), and on the way
 ///            out the handover, if it is reversible, or the end of the curve.
-/// Handover, onset and overlap 0 are passed continuously; the others change the force at a given overlap.
-/// Stability. Z(x) = delta + c F rises along x where the tip is stable. On one piece the slope dF/d(delta) of
-/// the contact law is a concave function of delta, that of G falls with it and is concave, too (long_range.h;
-/// outside it is the only one): so the slope is concave, the stable part of a piece is one interval, and Z
-/// has at most one minimum and after it one maximum. Hence two stable points of one piece have no fold
-/// between them (what lets the quick ways skip the walk), and first_balance() finds the first root that a
-/// falling tip meets.
-/// Walk. The base goes from where the tip was in balance to its new place; the tip follows to the end of the
-/// piece, or of its stable part. A fold or a change of force sets it free: at that base it moves with the net
-/// force, through whatever pieces come, to the first balance (overdamped: never past a minimum), and what
-/// U + (Z - delta)^2/2c has lost is dissipated.
-/// `Cache` is TipSampleCache: curve (contact, noncontact, fold, solve, range, onset_radius), scales, outside.
+/// Handover, onset and overlap 0 are passed with a continuous force; the others change the force at a given
+/// overlap. Stability. Z(x) = delta + c F rises along x where the tip is stable. On one piece the slope
+/// dF/d(delta) of the contact law is a concave function of delta, that of G falls with it and is concave, too
+/// (long_range.h; outside it is the only one): so the slope is concave, the stable part of a piece is one
+/// interval, and Z has at most one minimum and after it one maximum. Hence two stable points of one piece
+/// have no fold between them (what lets the quick ways skip the walk), and first_balance() finds the first
+/// root that a falling tip meets. Walk. The base goes from where the tip was in balance to its new place; the
+/// tip follows to the end of the piece, or of its stable part. A fold or a change of force sets it free: at
+/// that base it moves with the net force, through whatever pieces come, to the first balance (overdamped:
+/// never past a minimum), and what U + (Z - delta)^2/2c has lost is dissipated. `Cache` is TipSampleCache:
+/// curve (contact, noncontact, fold, solve, range, onset_radius), scales, outside.
 template <class Cache>
 class ExtendedStep {
  public:
@@ -104,6 +103,7 @@ class ExtendedStep {
   bool has_vdw() const noexcept { return vdw_.hamaker_aj > 0; }
   bool rigid() const noexcept { return compliance_ == 0; }
   const Handover& handover() noexcept { return cached_handover(cache_.curve, cache_); }
+  const Parting& parting() noexcept { return cached_parting(cache_.curve, cache_); }
   double hand_in_overlap() noexcept {
     return scales_.overlap_nm * (has_vdw() ? handover().inside.overlap : -cache_.curve.range());
   }
@@ -146,7 +146,7 @@ class ExtendedStep {
   double potential(const TipPoint& t) noexcept {
     double energy = far_.energy_aj(t.overlap_nm, radius_, place_.bridge);
     if (!place_.inside) return energy + vdw_.energy_aj(radius_, cut_off_ - t.overlap_nm);
-    const double offset = has_vdw() ? handover().energy_offset : 0.0;
+    const double offset = has_vdw() ? parting().energy_offset : 0.0;
     return energy + (t.curve.energy + offset) * scales_.energy_aj;
   }
   /// With the spring's, the base at z.
@@ -262,7 +262,7 @@ class ExtendedStep {
       if (!close) continue;
       t.shift(step);
       if (!(t.overlap_nm >= low && t.overlap_nm <= high)) return false;
-      if (!place_.contact && has_vdw() && handover().reversible && x < handover().inside.parameter) {
+      if (!place_.contact && hands_out() && x < parting().end.parameter) {
         return false;
       }
       place_.x = x;
@@ -346,12 +346,10 @@ class ExtendedStep {
     }
     return cache_.rigid_fold;
   }
-  bool hands_out() noexcept { return has_vdw() && handover().reversible; }
-  bool curve_end_in_contact() noexcept {
-    return hands_out() ? handover().inside.contact : rigid_fold().contact;
-  }
+  bool hands_out() noexcept { return has_vdw() && parting().reversible; }
+  bool curve_end_in_contact() noexcept { return hands_out() ? parting().end.contact : rigid_fold().contact; }
   Bound curve_end() noexcept {
-    if (hands_out()) return {Border::kHandOut, std::min(handover().inside.parameter, place_.x)};
+    if (hands_out()) return {Border::kHandOut, std::min(parting().end.parameter, place_.x)};
     return {Border::kCurveEnd, std::min(rigid_fold().parameter, place_.x)};
   }
 
@@ -420,8 +418,13 @@ class ExtendedStep {
         if (!fall(change < 0 ? 1 : -1, before)) return false;
       } else if (!stable(point_)) {
         if (!fall(direction, before)) return false;
+        continue;
       } else {
         z_ = point_.base_nm;
+      }
+      // Continuous in the force; in the potential only if the same way leads out again (joined_law.h).
+      if (!jumps && bound.border == Border::kHandIn && has_vdw() && !handover().reversible) {
+        dissipated_ += std::max(0.0, before - energy(point_, z_));
       }
     }
     return false;

@@ -62,6 +62,30 @@ CurvePoint contact_crossing(const MaugisDugdale& curve, double eta, double guess
   return p;
 }
 
+double target_of(const MaugisDugdale& curve) noexcept {
+  return 2.0 / std::sqrt(kPi * curve.lambda());
+}
+
+/// y C against 2/sqrt(pi lambda): smaller where van der Waals attracts more.
+double product(const MaugisDugdale& curve, double eta, double c) noexcept {
+  return c * (1.0 + kRangeOverA0 + eta * c * (curve.q() - 0.5 * c));
+}
+
+/// Does van der Waals attract more at the fold of overlap?
+bool crosses_twice(const MaugisDugdale& curve, double eta) noexcept {
+  return curve.q() < curve.onset_radius() && product(curve, eta, curve.q()) < target_of(curve);
+}
+
+/// How much more the law attracts than van der Waals: > 0 at the pull-off point, < 0 at Delta = 0, where van
+/// der Waals is at its cut-off.
+double excess(const CurvePoint& p, const OutsideLaw& outside) noexcept {
+  return p.load < 0 ? outside.gap_of(p.overlap) - std::sqrt(-2.0 / p.load) : -1.0;
+}
+
+bool crosses_twice(const AdhesiveCurve& curve, const OutsideLaw& outside) noexcept {
+  return excess(curve.contact(curve.overlap_fold()), outside) < 0;
+}
+
 }  // namespace
 
 OutsideLaw::OutsideLaw(double lambda) noexcept : eta_(kRangeOverA0 * (kPi / 2.0) * lambda) {}
@@ -105,31 +129,26 @@ double OutsideLaw::jump_gap(double compliance) const noexcept {
 Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, double guess) noexcept {
   Handover h;
   const double eta = outside.eta();
-  const double target = 2.0 / std::sqrt(kPi * curve.lambda());
   const double q = curve.q();
   const double c0 = curve.onset_radius();
-  // y C against 2/sqrt(pi lambda): smaller where van der Waals attracts more.
-  const auto product = [&](double c) { return c * (1.0 + kRangeOverA0 + eta * c * (q - 0.5 * c)); };
-  h.reversible = q < c0 && product(q) < target;
+  h.reversible = crosses_twice(curve, eta);
   if (h.reversible) {
     h.inside = curve.noncontact(noncontact_crossing(curve, eta, q));
-  } else if (q < c0 && product(c0) < target) {
+  } else if (q < c0 && product(curve, eta, c0) < target_of(curve)) {
     h.inside = curve.noncontact(noncontact_crossing(curve, eta, c0));
   } else {
     h.inside = contact_crossing(curve, eta, guess);
   }
   // The gap of the same force: at large lambda 1 - eta Delta has lost digits.
   h.gap = std::sqrt(-2.0 / h.inside.load);
-  h.energy_offset = -2.0 / (eta * h.gap) - h.inside.energy;
   return h;
 }
 
-Handover find_handover(const HertzianCurve& curve, const OutsideLaw& outside, double /*guess*/) noexcept {
+Handover find_handover(const HertzianCurve& curve, const OutsideLaw& /*outside*/, double /*guess*/) noexcept {
   Handover h;
   h.reversible = true;
   h.inside = curve.contact(0);
   h.gap = 1;
-  h.energy_offset = outside.at_gap(1).energy;
   return h;
 }
 
@@ -140,19 +159,14 @@ Handover find_handover(const AdhesiveCurve& curve, const OutsideLaw& outside, do
     h.gap = std::sqrt(2.0 / curve.pull_off());
     h.inside = curve.noncontact(outside.at_gap(h.gap).overlap);
   } else {
-    // How much more the law attracts than van der Waals: > 0 at the pull-off point, < 0 at Delta = 0, where
-    // van der Waals is at its cut-off.
-    const auto excess = [&](const CurvePoint& p) {
-      return p.load < 0 ? outside.gap_of(p.overlap) - std::sqrt(-2.0 / p.load) : -1.0;
-    };
-    h.reversible = excess(curve.contact(curve.overlap_fold())) < 0;
+    h.reversible = crosses_twice(curve, outside);
     double more = curve.load_fold();
     double less = h.reversible ? curve.overlap_fold() : curve.touching();
     double b = 0.5 * (more + less);
     for (int i = 0; i < 100; ++i) {
       h.inside = curve.contact(b);
       const CurvePoint& p = h.inside;
-      const double r = excess(p);
+      const double r = excess(p, outside);
       (r > 0 ? more : less) = b;
       double next = 0.5 * (more + less);
       if (p.load < 0) {
@@ -165,8 +179,40 @@ Handover find_handover(const AdhesiveCurve& curve, const OutsideLaw& outside, do
     }
     h.gap = std::sqrt(-2.0 / h.inside.load);
   }
-  h.energy_offset = outside.at_gap(h.gap).energy - h.inside.energy;
   return h;
+}
+
+Parting parting_at(const Handover& handover, const OutsideLaw& outside) noexcept {
+  return {true, handover.inside, handover.gap, outside.at_gap(handover.gap).energy - handover.inside.energy};
+}
+
+Parting parting_at_fold(const CurvePoint& fold, const OutsideLaw& outside) noexcept {
+  const double gap = outside.gap_of(fold.overlap);
+  return {false, fold, gap, outside.at_gap(gap).energy - fold.energy};
+}
+
+Parting find_parting(const MaugisDugdale& curve, const OutsideLaw& outside) noexcept {
+  if (crosses_twice(curve, outside.eta())) return parting_at(find_handover(curve, outside), outside);
+  return parting_at_fold(curve.fold({1.0, 0.0}), outside);
+}
+
+Parting find_parting(const HertzianCurve& curve, const OutsideLaw& outside) noexcept {
+  return parting_at(find_handover(curve, outside), outside);
+}
+
+Parting find_parting(const AdhesiveCurve& curve, const OutsideLaw& outside) noexcept {
+  if (curve.saturated() || crosses_twice(curve, outside)) {
+    return parting_at(find_handover(curve, outside), outside);
+  }
+  return parting_at_fold(curve.contact(curve.overlap_fold()), outside);
+}
+
+double offset_moment(const MaugisDugdale& curve, const Parting& parting, const OutsideLaw& outside) noexcept {
+  const CurvePoint& p = parting.end;
+  const double moment = outside.at_gap(parting.gap).energy -
+                        curve.radius_moment(p.contact, p.parameter, p.contact_radius, p.overlap, p.load);
+  if (parting.reversible) return moment;
+  return moment + (outside.at_gap(parting.gap).load - p.load) * curve.fold_radius_rate(p);
 }
 
 }  // namespace telenano::physics

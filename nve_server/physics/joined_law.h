@@ -21,9 +21,18 @@ namespace telenano::physics {
 ///           - lambda < 0.717: van der Waals attracts more at the fold. The outer one of the two crossings is
 ///           then used both
 ///             ways and no energy is lost there. (Staying on to the fold would create energy.)
-/// Energy    U is continuous at the handover, so inside U = U_MD + energy_offset; the jump at the fold then
-/// loses
-///           U_inside - U_outside >= 0.
+/// Energy    Inside U = U_MD + energy_offset, which no loop sees but in how the loss is shared between going
+/// in and out. U is
+///           continuous where the tip goes out when the overlap is held (Parting: the fold, or the crossing
+///           where it is used both ways), and what a handover that is not used both ways takes off U is
+///           dissipated there, going in, though the force is continuous: the area between the two laws from
+///           fold to handover, 0.66 just above 0.717, 1.275 at infinity. Why there: below 0.717 U has no
+///           choice, and the crossing becomes the fold at 0.717, so that only this choice leaves U, and
+///           -dU/dR (a C1 join, the forces being equal there), continuous in lambda; it is also near the
+///           truth for soft contacts, where of that 1.275 of JKR 1.154 is lost at the snap-in. Under a spring
+///           the fold is met earlier, where still more than this is lost: with the base held, U + (Z -
+///           Delta)^2/2c falls all the way from there down the unstable stretch to the fold of overlap and on
+///           along van der Waals to the balance outside.
 /// Others    DMT begins at y = 1 with the force of van der Waals there: they meet at the touch, both ways.
 /// The
 ///           laws with an adhesive neck follow the same rule as Maugis–Dugdale: one crossing where they
@@ -41,10 +50,18 @@ struct OutsidePoint {
   double energy = 0;
 };
 
+/// Where the tip goes in with a continuous force.
 struct Handover {
   bool reversible = false;
   CurvePoint inside;  ///< the state on the curve
   double gap = 0;     ///< y there
+};
+
+/// Where it goes out with the overlap held.
+struct Parting {
+  bool reversible = false;
+  CurvePoint end;  ///< the handover if it is reversible, else the fold of overlap
+  double gap = 0;  ///< y there
   double energy_offset = 0;
 };
 
@@ -68,12 +85,23 @@ class OutsideLaw {
 };
 
 /// Beyond this gap no handover lies for any lambda (1.59 at 0, rising to 2.18 at 0.717; then 1.14, rising
-/// to 1.22 at infinity). and 1.22 at infinity).
+/// to 1.22 at infinity).
 inline constexpr double kNoHandoverGap = 2.25;
 
 /// `guess` is a contact parameter near the handover (0: none).
 Handover find_handover(const MaugisDugdale& curve, const OutsideLaw& outside, double guess = 0) noexcept;
 Handover find_handover(const HertzianCurve& curve, const OutsideLaw& outside, double guess = 0) noexcept;
 Handover find_handover(const AdhesiveCurve& curve, const OutsideLaw& outside, double guess = 0) noexcept;
+
+Parting find_parting(const MaugisDugdale& curve, const OutsideLaw& outside) noexcept;
+Parting find_parting(const HertzianCurve& curve, const OutsideLaw& outside) noexcept;
+Parting find_parting(const AdhesiveCurve& curve, const OutsideLaw& outside) noexcept;
+/// Of a curve whose handover is used both ways, or which ends at `fold`.
+Parting parting_at(const Handover& handover, const OutsideLaw& outside) noexcept;
+Parting parting_at_fold(const CurvePoint& fold, const OutsideLaw& outside) noexcept;
+
+/// R dE/dR over u_F u_delta, E the energy offset at R: the moments of the two laws at the parting, and as
+/// their forces differ at a fold, what the fold's own displacement does.
+double offset_moment(const MaugisDugdale& curve, const Parting& parting, const OutsideLaw& outside) noexcept;
 
 }  // namespace telenano::physics

@@ -41,7 +41,9 @@ class JoinedStep {
  private:
   const Handover& handover() noexcept { return cached_handover(curve_, cache_); }
 
-  double offset() noexcept { return van_der_waals_ ? handover().energy_offset : 0.0; }
+  const Parting& parting() noexcept { return cached_parting(curve_, cache_); }
+
+  double offset() noexcept { return van_der_waals_ ? parting().energy_offset : 0.0; }
   double energy(const CurvePoint& p) noexcept {
     return p.energy + offset() + 0.5 * compliance_ * p.load * p.load;
   }
@@ -81,7 +83,11 @@ class JoinedStep {
       const double jump_gap = cache_.outside.jump_gap(compliance_);
       const bool smooth = jump_gap <= h.gap && h.inside.overlap_rate >= 0 && h.inside.held_rate(held_) >= 0;
       cache_.u = h.inside.contact ? h.inside.parameter : 0;
-      if (!smooth) {
+      if (smooth) {
+        // Continuous in the force; in the potential only if the same way leads out again.
+        if (!h.reversible)
+          dissipated_ += std::max(0.0, energy(cache_.outside.at_gap(h.gap)) - energy(h.inside));
+      } else {
         const OutsidePoint edge = cache_.outside.at_gap(std::max(jump_gap, h.gap));
         lose(energy(edge), energy(curve_.solve(edge.overlap + compliance_ * edge.load, held_).point));
       }
@@ -100,13 +106,13 @@ class JoinedStep {
       if (lost && p.load != 0) lose(energy(p), 0.0);
       return !lost;
     }
-    const Handover& h = handover();
-    const bool beyond = h.reversible && p.parameter <= h.inside.parameter;
+    const Parting& h = parting();
+    const bool beyond = h.reversible && p.parameter <= h.end.parameter;
     if (!lost && !beyond) return true;
     if (!beyond) {
       leave(p);
     } else if (cache_.outside.jump_gap(compliance_) > h.gap) {
-      leave(h.inside);  // van der Waals, steeper than the law inside, is not stable where they meet
+      leave(h.end);  // van der Waals, steeper than the law inside, is not stable where they meet
     }
     outside_ = cache_.outside.solve(z_, compliance_);
     return false;

@@ -57,8 +57,14 @@ class MaugisDugdale {
   double radius_moment(bool contact, double parameter, double contact_radius, double overlap,
                        double load) const noexcept;
 
+  /// R d(delta)/dR of the fold of overlap `p`, over u_delta: delta is stationary there, so it is that at
+  /// constant parameter, (Delta + lambda dDelta/dlambda)/3. With lambda F1 C^2/2 + b C = 1 (above),
+  /// lambda dC/dlambda = -(1 + b C)/(lambda F1 C + b).
+  double fold_radius_rate(const CurvePoint& p) const noexcept;
+
   /// The end of the stable segment: where dZ/ds = 0 first, coming from deep contact. A search of about ten
-  /// contact evaluations if the fold lies in contact, closed form if not.
+  /// contact evaluations if the fold lies in contact, closed form if not. With the overlap held it depends on
+  /// lambda alone: one evaluation at a tabulated parameter.
   CurvePoint fold(const Held& held) const noexcept;
 
   /// The stable state that holds Z. `guess` is a contact parameter to start from; 0 or less: none.
@@ -70,6 +76,9 @@ class MaugisDugdale {
   bool fold_before_contact(const Held& held, double* outer_radius) const noexcept;
 
  private:
+  friend class OverlapFolds;
+
+  double search_fold(const Held& held) const noexcept;
   CurveSolution solve_contact(double z, const Held& held, double guess, double curvature) const noexcept;
   double cold_guess(double z, const Held& held) const noexcept;
 

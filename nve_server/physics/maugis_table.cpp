@@ -101,6 +101,7 @@ void MaugisTable::append(double left, double right, const CurvePoint& at_left, c
 void MaugisTable::join_van_der_waals() noexcept {
   const OutsideLaw outside(lambda());
   handover_ = find_handover(exact_, outside);
+  parting_ = handover_.reversible ? parting_at(handover_, outside) : parting_at_fold(fold(kOverlap), outside);
   if (!handover_.inside.contact) return;
   double t = std::sqrt(std::max(0.0, handover_.inside.overlap - start_.overlap));
   for (int i = 0; i < 20; ++i) {
@@ -114,7 +115,6 @@ void MaugisTable::join_van_der_waals() noexcept {
   }
   handover_.inside = contact(t);
   handover_.gap = std::sqrt(-2.0 / handover_.inside.load);
-  handover_.energy_offset = outside.at_gap(handover_.gap).energy - handover_.inside.energy;
 }
 
 const MaugisTable::Segment& MaugisTable::segment_of(double t) const noexcept {

@@ -31,6 +31,7 @@ class MaugisTable {
   double range() const noexcept { return exact_.range(); }
   const MaugisDugdale& exact() const noexcept { return exact_; }
   const Handover& handover() const noexcept { return handover_; }
+  const Parting& parting() const noexcept { return parting_; }
   double start_overlap() const noexcept { return start_.overlap; }  ///< Delta_0
   double end_parameter() const noexcept { return end_; }            ///< t where the table ends
 
@@ -58,12 +59,16 @@ class MaugisTable {
   double end_ = 0;
   std::vector<Segment> segments_;
   Handover handover_;
+  Parting parting_;
 };
 
 /// The handover that the table keeps; its contact state is one of the table, so that the force is continuous.
 inline const Handover& find_handover(const MaugisTable& curve, const OutsideLaw& /*outside*/,
                                      double /*guess*/ = 0) noexcept {
   return curve.handover();
+}
+inline const Parting& find_parting(const MaugisTable& curve, const OutsideLaw& /*outside*/) noexcept {
+  return curve.parting();
 }
 
 static_assert(ContactCurve<MaugisTable>);

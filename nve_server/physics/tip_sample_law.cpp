@@ -125,7 +125,7 @@ void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexce
                         parameters_.van_der_waals);
   }
   cache.outside = OutsideLaw(cache.scales.lambda);
-  cache.has_handover = false;
+  cache.has_handover = cache.has_parting = false;
 }
 
 double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept {
@@ -140,10 +140,7 @@ double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState
       cache.curve.radius_moment(eq.branch == Branch::kContact, cache.u, eq.contact_radius_nm / s.length_nm,
                                 eq.overlap_nm / s.overlap_nm, eq.force_nn / s.force_nn);
   if (parameters_.van_der_waals) {
-    const Handover& h = cache.handover;  // known: the potential inside needed it
-    const CurvePoint& p = h.inside;
-    moment += -2.0 / (cache.outside.eta() * h.gap) -
-              cache.curve.radius_moment(p.contact, p.parameter, p.contact_radius, p.overlap, p.load);
+    moment += offset_moment(cache.curve, cache.parting, cache.outside);  // known: the potential needed it
   }
   return -moment * s.energy_aj / cache.radius_nm;
 }

@@ -44,6 +44,8 @@ struct TipSampleCache {
   OutsideLaw outside{1.0};
   bool has_handover = false;
   Handover handover;
+  bool has_parting = false;
+  Parting parting;
   // The last two handovers in contact, to extrapolate u/lambda^2 from.
   double handover_lambda[2] = {0, 0};
   double handover_ratio[2] = {0, 0};
@@ -97,7 +99,8 @@ struct Equilibrium {
 /// stable segment of the law's curve). It stays in the one where it is until that one ends: outside
 /// at the jump to contact or at the handover, inside at the fold of Z = delta + F/k or at the handover; then
 /// it goes over to the other at the same base position (overdamped: what the potential loses there is
-/// dissipated). Hence over any path at constant radius
+/// dissipated; at the handover, too, which is no jump of the force: joined_law.h). Hence over any path at
+/// constant radius
 ///   integral of F dZ = change of (U + F^2/(2k)) + dissipated,
 /// and one long step gives the same as many short ones. When radius or compliance change between two steps
 /// the branch is carried over; if it no longer exists there the tip goes over to the other.
@@ -123,8 +126,7 @@ class TipSampleLaw {
 
   /// -dU/dR of a state at constant overlap, nN: with ∇R it is the part of the force that a changing radius of
   /// the sample has (F is -dU/d(gap)). From what the last advance of `state` returned. Outside U ~ R; inside
-  /// see MaugisDugdale::radius_moment, and the energy at the handover, where the two laws join, changes by
-  /// the difference of theirs.
+  /// see MaugisDugdale::radius_moment, and offset_moment for the energy where the two laws join.
   double radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept;
 
   const TipSampleParameters& parameters() const noexcept { return parameters_; }

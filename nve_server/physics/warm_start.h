@@ -6,7 +6,8 @@
 
 namespace telenano::physics {
 
-/// What the steps of a tip–sample law share: the handover once a radius, and guesses from the last states.
+/// What the steps of a tip–sample law share: handover and parting once a radius, and guesses from the last
+/// states.
 
 /// The handover at the curve's lambda, guessed from the last two.
 template <class Curve, class Cache>
@@ -25,6 +26,15 @@ const Handover& cached_handover(const Curve& curve, Cache& cache) noexcept {
   at[0] = lambda;
   ratio[0] = cache.handover.inside.contact ? cache.handover.inside.parameter / (lambda * lambda) : 0;
   return cache.handover;
+}
+
+template <class Curve, class Cache>
+const Parting& cached_parting(const Curve& curve, Cache& cache) noexcept {
+  if (!cache.has_parting) {
+    cache.parting = find_parting(curve, cache.outside);
+    cache.has_parting = true;
+  }
+  return cache.parting;
 }
 
 /// The stable state on the curve that holds z, from the last one.

@@ -70,19 +70,57 @@ TEST(Handover, ForceIsContinuousAndTheGapIsThePublishedOne) {
         EXPECT_LT(inside, out) << lambda;
       }
     }
-    if (!h.reversible) {
-      EXPECT_GT(fold.energy + h.energy_offset, outside_fold.energy) << lambda;
+    // U meets that of van der Waals where the tip goes out; going in, it is never above.
+    const Parting parting = find_parting(curve, outside);
+    EXPECT_EQ(parting.reversible, h.reversible);
+    const double out = outside.at_gap(1.0 - outside.eta() * parting.end.overlap).energy;
+    EXPECT_NEAR(parting.end.energy + parting.energy_offset, out, 1e-12 * std::fabs(out) + 1e-16) << lambda;
+    const double lost = outside.at_gap(h.gap).energy - (h.inside.energy + parting.energy_offset);
+    if (h.reversible) {
+      EXPECT_EQ(parting.end.parameter, h.inside.parameter);
+    } else {
+      EXPECT_EQ(parting.end.overlap, fold.overlap);
+      // The area between the laws, 0.66 where the two crossings become one, W = 1.2749 of JKR at infinity.
+      EXPECT_GT(lost, 0.66) << lambda;
+      EXPECT_LT(lost, 1.275) << lambda;
     }
     // Warm start gives the same crossing.
     const Handover warm = find_handover(curve, outside, 0.5 * h.inside.parameter);
     EXPECT_NEAR(warm.gap, h.gap, 1e-12);  // twice the error of the force
-    EXPECT_NEAR(warm.energy_offset, h.energy_offset, 1e-12 * std::fabs(h.energy_offset) + 1e-12);
   }
   for (const double lambda : {0.73676, 4.04149, 408.71}) {
     const double gap_nm = 0.165 * find_handover(MaugisDugdale(lambda), OutsideLaw(lambda)).gap;
     EXPECT_GT(gap_nm, 0.185) << lambda;
     EXPECT_LT(gap_nm, 0.205) << lambda;
   }
+}
+
+/// U inside at a held overlap on its way through lambda: no step, and no step of the slope. The greatest of
+/// the second differences of U, which are h^2 U'' where U is smooth and as large as U's jump (or h times
+/// that of its slope) where it is not.
+template <class MakeCurve>
+void expect_smooth_in_lambda(double from, double to, double overlap, const MakeCurve& make) {
+  constexpr double kStep = 1e-4;
+  double before = 0, here = 0;
+  int i = 0;
+  for (double lambda = from; lambda < to; lambda += kStep, ++i) {
+    const auto curve = make(lambda);
+    const Parting parting = find_parting(curve, OutsideLaw(lambda));
+    const double energy = curve.solve(overlap, {1, 0}).point.energy + parting.energy_offset;
+    if (i > 1) {
+      // U'' is below 60 here (as 1/lambda^3); a slope that broke by 0.1 would show as 1e-5.
+      ASSERT_NEAR(energy - here, here - before, 60 * kStep * kStep) << lambda << ' ' << parting.reversible;
+    }
+    before = here;
+    here = energy;
+  }
+}
+
+TEST(Parting, EnergyInsideIsSmoothInLambdaWhereTheHandoverTurnsOneWay) {
+  const auto maugis = [](double lambda) { return MaugisDugdale(lambda); };
+  for (const double overlap : {-0.5, 0.0, 1.0, 10.0}) expect_smooth_in_lambda(0.6, 1.1, overlap, maugis);
+  EXPECT_TRUE(find_parting(maugis(0.6), OutsideLaw(0.6)).reversible);
+  EXPECT_FALSE(find_parting(maugis(0.85), OutsideLaw(0.85)).reversible);
 }
 
 }  // namespace

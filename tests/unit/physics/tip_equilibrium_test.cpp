@@ -106,7 +106,7 @@ TEST(TipEquilibrium, LeansOnBothFlanksOfAGroove) {
 // radii, on every branch; Richardson's extrapolation of two steps.
 TEST(TipEquilibrium, RadiusForceIsTheSlopeOfThePotential) {
   for (const bool vdw : {true, false}) {
-    for (const double modulus : {0.002, 2.6, 70.0329}) {
+    for (const double modulus : {0.002, 2.6, 14.5, 70.0329}) {
       const TipSampleLaw law({modulus, 0.1, 0.165, vdw});
       const double reach = law.scales(kRadius).overlap_nm;
       int inside = 0;

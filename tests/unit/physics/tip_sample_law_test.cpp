@@ -168,8 +168,9 @@ TEST(TipSampleLaw, SpringFollowsAnOverdampedTip) {
           while (net * direction > 0) {
             tip += direction * h;
             const Equilibrium rigid = law.advance(tip, 0, kRadius, creep);
-            // The rigid law's own jumps of force (snap-in, fold) lose energy too.
-            lost += net * direction * h + rigid.dissipated_aj;
+            // The rigid law's own jumps of force (snap-in, fold) lose energy too, and the handover going in.
+            lost += net * direction * h;
+            crept += rigid.dissipated_aj;
             net = (base - tip) / c - rigid.force_nn;
           }
           const Equilibrium e = law.advance(base, c, kRadius, state);
