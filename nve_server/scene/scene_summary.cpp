@@ -15,7 +15,7 @@ constexpr double kTheoreticalYield = 0.1;  // hardness of the hardest solids ove
 constexpr double kSamplesPerRadius = 2;    // fewer, and the scan cannot show what the tip would feel
 constexpr double kLinearPart = 0.1;        // of the length: beyond, a beam's deflection is not linear
 constexpr double kOpticalRange_nm = 1000;  // what an optical lever follows linearly, where no length is known
-constexpr double kVisibleMark_nm = 0.1;  // less is within an atom
+constexpr double kVisibleMark_nm = 0.1;    // less is within an atom
 constexpr double kHoldHeight_nm = 10;      // of positioning above the sample (Kim & Sitti, task a)
 
 template <class... Values>
