@@ -15,6 +15,7 @@ constexpr double kLeastNormal = 0.1;  // steeper a height field cannot follow
 
 const EquilibriumOptions& checked(const EquilibriumOptions& options) {
   if (!options.hardness_gpa) throw UserError("a sample that keeps marks needs a hardness");
+  if (options.radius_force) throw UserError("a sample that keeps marks cannot have a radius force");
   return options;
 }
 

@@ -17,7 +17,8 @@ namespace telenano::physics {
 /// δ_p/n_z, so that the surface moves by δ_p along its normal.
 class MarkedSample {
  public:
-  /// Throws UserError unless the options have a hardness.
+  /// Throws UserError unless the options have a hardness and no radius force: a mark is no wider than the
+  /// contact that made it, so that ∇R_eff means nothing there, and a tip would be caught at its rim.
   MarkedSample(const SplineSurface& surface, const TipSampleLaw& law, double tip_radius_nm,
                const EquilibriumOptions& options);
   MarkedSample(const MarkedSample&) = delete;

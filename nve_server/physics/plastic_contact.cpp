@@ -10,14 +10,14 @@
 namespace telenano::physics {
 namespace {
 
-constexpr double kYieldSlack = 1e-9;   // of a*: what was left by a flow must not flow again by rounding
-constexpr double kFlowDone = 1e-11;    // of a*, well within that slack
-constexpr int kMaxTrials = 100;        // of the root in a*: some 8 are usual
+constexpr double kYieldSlack = 1e-9;   // of πHa*²: what was left by a flow must not flow again by rounding
+constexpr double kFlowDone = 1e-11;    // of πHa*², well within that slack
+constexpr int kMaxTrials = 100;        // of the root in a*: some 4 are usual
 constexpr int kMaxDoublings = 120;     // to bracket it
 constexpr int kMaxLineTrials = 40;     // to find a state on the line of flow
-constexpr double kLineDone = 1e-11;    // of a*
+constexpr double kLineDone = 1e-11;    // of πHa*²
 constexpr double kPieceRatio = 1.5;    // of a*, for the quadrature
-constexpr double kLeastForce = 1e-12;  // of the force πHa*²: no force
+constexpr double kShortRatio = 1.002;  // of a*: the trapezium's own error is 1e-7 of the piece's work there
 
 }  // namespace
 
@@ -35,6 +35,19 @@ PlasticContact::PlasticContact(const TipSampleLaw& law, double hardness_gpa)
     throw UserError("plastic contact: hardness must be positive and finite (GPa), not " +
                     std::to_string(hardness_gpa));
   }
+  if (law.parameters().model != ContactModel::kHertz) {
+    adhesion_per_nm_ = 2.0 * kPi * law.parameters().work_of_adhesion_n_m;
+  }
+}
+
+double PlasticContact::yield_force_at(double a_star, double origin) const noexcept {
+  return std::max(0.0, kPi * hardness_gpa_ * a_star * a_star - adhesion_per_nm_ * origin);
+}
+
+double PlasticContact::zero_load_depth_nm(double origin) const noexcept {
+  const double first = strain_ * origin;
+  const double unloaded = std::sqrt(adhesion_per_nm_ * origin / (kPi * hardness_gpa_));
+  return unloaded > first ? depth_nm(origin, unloaded / strain_, origin) : 0.0;
 }
 
 double PlasticContact::depth_nm(double from_radius, double to_radius, double origin) const noexcept {
@@ -42,48 +55,47 @@ double PlasticContact::depth_nm(double from_radius, double to_radius, double ori
   return family.depth_nm(strain_ * from_radius, strain_ * to_radius);
 }
 
-// The state during flow: contact radius a*, or no force where a* would be at a net pull: the least overlap at
-// which neither the contact radius is less than a* nor the force less than 0. The overlap is that of Hertz
-// less an adhesive part that changes slowly (0 without adhesion, ∝ √a for JKR), so that δ ≈ a²/R + const
-// gives the step in a (by secants after the first); in F it is Newton's, from above where F is convex.
-PlasticContact::LineState PlasticContact::on_line(double a_star, const FlowFamily& family, double adhesive_nm,
+// The state during flow: the overlap at which the force is Y(a*), by Newton's method from `start`, which
+// brackets itself: F rises with the overlap wherever it is not a pull.
+PlasticContact::LineState PlasticContact::on_line(double a_star, const FlowFamily& family, double start,
                                                   TipSampleState& state) const noexcept {
   const double radius = family.radius_nm(a_star);
   const double a_target = family.elastic_nm(a_star);
-  const double hertz = a_target * a_target / radius;
-  const double no_force = kLeastForce * kPi * hardness_gpa_ * a_target * a_target;
-  double overlap = hertz - adhesive_nm;
-  double last_overlap = 0.0;
-  double last_error = 0.0;
+  const double target = yield_force_at(a_target, family.origin_nm);
+  const double done = kLineDone * kPi * hardness_gpa_ * a_target * a_target;
+  const double longest = 0.5 * a_target * a_target / radius;  // half of Hertz's overlap
+  double overlap = start;
+  double low = -HUGE_VAL, high = HUGE_VAL;
   Equilibrium eq;
   for (int i = 0; i < kMaxLineTrials; ++i) {
     eq = law_.advance(overlap, 0.0, radius, state);
     if (eq.status != SolveStatus::kOk) break;
-    if (eq.force_nn < 0.0 && (eq.branch != Branch::kContact || !(eq.stiffness_n_m > 0.0))) {
-      overlap += 0.5 * hertz;  // pulled off, or nearly
-      continue;
+    const double error = eq.force_nn - target;
+    if (std::abs(error) <= done) break;
+    (error < 0.0 ? low : high) = overlap;
+    double next = overlap + longest;  // pulled off, or nearly
+    if (eq.branch == Branch::kContact && eq.stiffness_n_m > 0.0) {
+      next = overlap + std::clamp(-error / eq.stiffness_n_m, -longest, longest);
     }
-    const double error = hertz - eq.contact_radius_nm * eq.contact_radius_nm / radius;
-    double rate = -1.0;
-    if (i > 0 && overlap != last_overlap) rate = (error - last_error) / (overlap - last_overlap);
-    if (!(rate < -0.2 && rate > -5.0)) rate = -1.0;
-    last_overlap = overlap;
-    last_error = error;
-    const double to_radius = -error / rate;
-    const double to_no_force = eq.stiffness_n_m > 0.0 ? -eq.force_nn / eq.stiffness_n_m : to_radius;
-    if (std::abs(error) <= kLineDone * hertz && eq.force_nn >= -no_force) break;
-    if (std::abs(eq.force_nn) <= no_force && error <= 0.0) break;
-    overlap += std::max(to_radius, to_no_force);
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    if (!std::isfinite(next) || next == overlap) break;
+    overlap = next;
   }
-  return {eq.overlap_nm, std::max(eq.force_nn, 0.0), eq.potential_aj};
+  return {eq.overlap_nm, target, eq.potential_aj};
 }
 
 double PlasticContact::dissipation(double from, double to, const FlowFamily& family, const Equilibrium& end,
                                    const TipSampleState& state) const noexcept {
   TipSampleState scratch = state;
-  const double end_a = std::max(end.contact_radius_nm, 1e-300);
-  const double end_adhesive = end_a * end_a / family.radius_nm(to) - end.overlap_nm;
-  const auto line = [&](double a) { return on_line(a, family, end_adhesive * std::sqrt(a / to), scratch); };
+  // Start values: Hertz's overlap a*²/R_p and an adhesive part that changes slowly.
+  const auto hertz = [&](double a) {
+    return family.elastic_nm(a) * family.elastic_nm(a) / family.radius_nm(a);
+  };
+  const double end_adhesive = hertz(to) - end.overlap_nm;
+  const auto line = [&](double a) { return on_line(a, family, hertz(a) - end_adhesive, scratch); };
+  const LineState last{end.overlap_nm, std::max(end.force_nn, 0.0), end.potential_aj};
+  // Y has a corner where it comes to be 0: no piece goes across it.
+  const double corner = std::sqrt(adhesion_per_nm_ * family.origin_nm / (kPi * hardness_gpa_));
   const LineState onset = line(from);
   LineState left = onset;
   double work = 0.0;
@@ -91,14 +103,24 @@ double PlasticContact::dissipation(double from, double to, const FlowFamily& fam
   while (a < to) {
     // ∫F dδ over the piece as Σ_j w_j F_j δ'_j: nodes (−1, −1/√5, 1/√5, 1), weights (1, 5, 5, 1)/6, δ' the
     // derivative of the cubic through the four overlaps.
-    const double b = a * kPieceRatio >= to ? to : a * kPieceRatio;
+    double b = a * kPieceRatio >= to ? to : a * kPieceRatio;
+    if (a < corner && corner < b) b = corner;
+    if (b <= corner) {  // without force: no work
+      left = b == to ? last : line(b);
+      a = b;
+      continue;
+    }
+    if (b == to && b <= a * kShortRatio) {
+      work +=
+          0.5 * (left.force_nn + last.force_nn) * (family.depth_nm(a, b) + last.overlap_nm - left.overlap_nm);
+      break;
+    }
     const double half = 0.5 * (b - a);
     const double inner = 0.44721359549995793928 * half;  // 1/√5
     const double middle = a + half;
     const LineState p1 = line(middle - inner);
     const LineState p2 = line(middle + inner);
-    const LineState right =
-        b == to ? LineState{end.overlap_nm, std::max(end.force_nn, 0.0), end.potential_aj} : line(b);
+    const LineState right = b == to ? last : line(b);
     const double d[4] = {left.overlap_nm, family.depth_nm(a, middle - inner) + p1.overlap_nm,
                          family.depth_nm(a, middle + inner) + p2.overlap_nm,
                          family.depth_nm(a, b) + right.overlap_nm};
@@ -130,33 +152,36 @@ PlasticStep PlasticContact::advance(double base_overlap, double compliance, doub
   const double from = strain_ * radius;
   const double last = std::max(from, strain_ * kMostRadii * origin);
   const FlowFamily family(strain_, origin, last);
-  if (!(elastic.contact_radius_nm > from * (1.0 + kYieldSlack) &&
-        elastic.force_nn > kYieldSlack * kPi * hardness_gpa_ * from * from)) {
+  const double hard = kPi * hardness_gpa_;
+  const double r_from = (elastic.force_nn - yield_force_at(from, origin)) / (hard * from * from);
+  if (!(r_from > kYieldSlack)) {
     state = elastic_state;
     return out;
   }
 
   // Root of r(a*): what is left of the overload, falling in a*: more flow leaves less overlap on a larger
-  // radius.
+  // radius, that bears more.
   Equilibrium eq;
   TipSampleState after;
   const auto overload = [&](double a) {
     after = elastic_state;
     eq = law_.advance(base_overlap - family.depth_nm(from, a), compliance, family.radius_nm(a), after);
     const double limit = family.elastic_nm(a);
-    return std::min(eq.contact_radius_nm / limit - 1.0, eq.force_nn / (kPi * hardness_gpa_ * limit * limit));
+    return (eq.force_nn - yield_force_at(limit, origin)) / (hard * limit * limit);
   };
-  // Hertz: a*²/R + cπHa*² = base + what has flowed before.
-  const double spent =
-      from < family.first_nm ? strain_ * (from - family.first_nm) : from * (from / origin - strain_);
-  const double hertz_sq = (base_overlap + spent) / (1.0 / origin + compliance * kPi * hardness_gpa_);
   double low = from;
-  double r_low = std::min(elastic.contact_radius_nm / from - 1.0,
-                          elastic.force_nn / (kPi * hardness_gpa_ * from * from));
-  double high = std::max(hertz_sq > 0.0 ? std::sqrt(hertz_sq) : 0.0, from * (1.0 + 1e-6));
+  double r_low = r_from;
+  // Hertz's slopes at the onset say how far: dF/da* = (−k δ_p' + F/2R_p ε)/(1 + ck) against dY/da*.
+  const double rate = from < family.first_nm ? strain_ : 2.0 * from / origin - strain_;
+  const double stiffness = std::max(0.0, elastic.stiffness_n_m);
+  const double falls =
+      (stiffness * rate - 0.5 * elastic.force_nn / from) / (1.0 + compliance * stiffness) +
+      (elastic.force_nn > 0.0 && yield_force_at(from, origin) > 0.0 ? 2.0 * hard * from : 0.0);
+  const double guess = falls > 0.0 ? r_from * hard * from * from / falls : 0.1 * from;
+  double high = from + std::clamp(1.05 * guess, 1e-9 * from, 2.0 * from);
   double r_high = overload(high);
   double widen = 1.01;
-  for (int i = 0; i < kMaxDoublings && r_high > 0.0; ++i) {
+  for (int i = 0; i < kMaxDoublings && r_high > kFlowDone; ++i) {
     low = high;
     r_low = r_high;
     high *= widen;
@@ -191,7 +216,7 @@ PlasticStep PlasticContact::advance(double base_overlap, double compliance, doub
   }
   out.flow.depth_nm = family.depth_nm(from, a);
   out.flow.radius_nm = family.radius_nm(a);
-  out.flow.contact_radius_nm = eq.contact_radius_nm;
+  out.flow.contact_radius_nm = a;
   out.flow.dissipated_aj = dissipation(from, a, family, eq, after);
   eq.dissipated_aj = elastic.dissipated_aj + out.flow.dissipated_aj;
   eq.jumps = elastic.jumps;

@@ -150,12 +150,15 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   const bool scan = ground.kind == "scan";
   const bool sampled_shape = ground.kind == "step" || ground.kind == "grating";
 
-  // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h).
-  ground.radius_force = table.boolean_or("radius_force", !scan);
-
   const auto marks = root.optional_table("marks");
   const bool yields = scene.sample.hardness_gpa > 0;
   if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");
+  // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h), and
+  // a mark is no wider than the contact that made it.
+  ground.radius_force = table.boolean_or("radius_force", !scan && !yields);
+  if (yields && ground.radius_force) {
+    table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
+  }
   if (yields) {
     scene.marks = Marks{scene.sample.hardness_gpa};
   }

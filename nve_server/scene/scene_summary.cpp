@@ -16,6 +16,7 @@ constexpr double kRubberPoissonRatio = 0.48;  // incompressible: stretches, does
 constexpr double kSamplesPerRadius = 2;       // fewer, and the scan cannot show what the tip would feel
 constexpr double kLinearPart = 0.1;           // of the length: beyond, a beam's deflection is not linear
 constexpr double kOpticalRange_nm = 1000;  // what an optical lever follows linearly, where no length is known
+constexpr double kVisibleMark_nm = 0.1;    // less is within an atom
 constexpr double kHoldHeight_nm = 10;      // of positioning above the sample (Kim & Sitti, task a)
 
 template <class... Values>
@@ -96,6 +97,16 @@ void warn(const Scene& scene, SceneSummary& summary) {
         line("mean pressure at the force limit is %.3g GPa, above a tenth of Young's modulus: such a "
              "sample yields; give [sample] hardness_gpa, or a lower force_max_nn",
              pressure));
+  }
+  if (scene.marks) {
+    const physics::PlasticContact plastic(scene.equilibrium->law(), scene.marks->hardness_gpa);
+    const double depth = plastic.zero_load_depth_nm(radius);
+    if (depth > kVisibleMark_nm) {
+      warnings.push_back(
+          line("adhesion alone, without load, presses the tip into this sample: every touch leaves a mark "
+               "of %.2g nm",
+               depth));
+    }
   }
   if (scene.ground.spacing_nm > 0 && kSamplesPerRadius * scene.ground.spacing_nm > radius) {
     warnings.push_back(

@@ -170,7 +170,7 @@ TEST(PlasticContact, OneStepIsAsGoodAsMany) {
 }
 
 // The flow rule taken by itself, step by small step, with nothing but the elastic law: lower the surface and
-// raise R_eff by dδ_p/da* and dR_p/da* until the contact no longer exceeds a*.
+// raise R_eff by dδ_p/da* and dR_p/da* until the force no longer exceeds πHa*² − 2πwR.
 TEST(PlasticContact, FollowsTheFlowRuleIntegratedByItself) {
   const double adhesion = 0.2, compliance = 0.01;
   const TipSampleLaw law = law_of(adhesion, kModulus, true);
@@ -185,7 +185,7 @@ TEST(PlasticContact, FollowsTheFlowRuleIntegratedByItself) {
     while (true) {
       const Equilibrium eq = law.advance(z - depth, compliance, a / strain, state);
       force = eq.force_nn;
-      if (!(eq.contact_radius_nm > a && force > 0)) break;
+      if (!(force > std::max(0.0, kPi * (kHardness * a * a - 2 * adhesion * kRadius)))) break;
       const double middle = a + 0.5 * da;
       depth += (2 * middle / kRadius - strain) * da;
       a += da;
@@ -197,6 +197,74 @@ TEST(PlasticContact, FollowsTheFlowRuleIntegratedByItself) {
   EXPECT_NEAR(place.rim, a, 2 * da);
   EXPECT_NEAR(place.depth, depth, 2e-4);
   EXPECT_NEAR(eq.force_nn, force, 1e-4 * force);
+}
+
+// Fully plastic under adhesion alone (Maugis and Pollock): πHa₀² = 2πwR, whatever the elastic law makes of
+// the flattened place; the depth from a₀ by the closed form. Polystyrene and PMMA under a silicon tip.
+TEST(PlasticContact, AdhesionAloneSinksALittle) {
+  struct Sample {
+    double modulus, adhesion, hardness;
+  };
+  for (const Sample& s : {Sample{3.13, 0.2298, 0.2}, Sample{4.543, 0.1789, 0.25}}) {
+    const PlasticContact contact(law_of(s.adhesion, s.modulus, true), s.hardness);
+    const double strain = kPi * s.hardness / s.modulus;
+    const double a = std::sqrt(2 * s.adhesion * kRadius / s.hardness);
+    const double expected = a * a / kRadius - strain * a;
+    EXPECT_NEAR(contact.zero_load_depth_nm(kRadius), expected, 1e-12);
+    EXPECT_LT(expected, 1.0);
+    Place place;
+    const double compliance = 1e4;  // nearly load control: 1e-4 nN a nm
+    for (double load = -2.0; load <= 1e-3; load += 1e-3) place.to(contact, compliance * load, compliance);
+    // A load of 1e-3 nN is 1e-4 of 2πwR, and so is its share of a₀².
+    EXPECT_NEAR(place.depth, expected, 1e-3 * expected);
+    // 1000 times up and down without load it sinks no further.
+    for (int i = 0; i < 1000; ++i) place.to(contact, compliance * (i % 2 == 0 ? -2.0 : 0.0), compliance);
+    EXPECT_NEAR(place.depth, expected, 1e-3 * expected);
+  }
+  // Silicon oxide: elastic without load.
+  EXPECT_EQ(PlasticContact(law_of(0.4, 68.0), 9.0).zero_load_depth_nm(kRadius), 0.0);
+  // Hertz's contact has no adhesion that could.
+  TipSampleParameters p;
+  p.contact_modulus_gpa = 3.0;
+  p.work_of_adhesion_n_m = 0.2;
+  p.van_der_waals = false;
+  p.model = ContactModel::kHertz;
+  EXPECT_EQ(PlasticContact(TipSampleLaw(p), 0.2).zero_load_depth_nm(kRadius), 0.0);
+}
+
+// The derivation in the header, by finite differences of the law's own potential on both sides of JKR and
+// DMT.
+TEST(PlasticContact, DissipationOfAStickySampleIsPositiveAndThatOfTheClosedForm) {
+  for (const double modulus : {3.13, 30.0, 300.0}) {
+    const double hardness = 0.06 * modulus, adhesion = 0.2;
+    TipSampleParameters p;
+    p.contact_modulus_gpa = modulus;
+    p.work_of_adhesion_n_m = adhesion;
+    p.van_der_waals = false;
+    p.model = ContactModel::kJkr;
+    const PlasticContact contact{TipSampleLaw(p), hardness};
+    const double strain = kPi * hardness / modulus;
+    Place place;
+    double last = place.rim;
+    for (double z = -1.0; z < 6.0; z += 1e-3) {
+      const double before = place.flow_dissipated;
+      const Equilibrium eq = place.to(contact, z, 0.0);
+      ASSERT_GE(place.flow_dissipated, before);
+      if (last > strain * kRadius && place.rim > last && place.rim < 1.01 * last) {
+        const double a = 0.5 * (last + place.rim);
+        const double f = std::max(0.0, 1 - 2 * adhesion * kRadius / (hardness * a * a));
+        const double y = eq.contact_radius_nm / place.rim;
+        const double x = a / (strain * kRadius);
+        const double expected =
+            strain * strain * modulus * a * a * (f * (2 * x - 1 - y * y / 3) + 2.0 / 15.0 * std::pow(y, 5));
+        // y of the step's end stands for its middle: the step's length, 1e-3 nm of some 0.3.
+        EXPECT_NEAR((place.flow_dissipated - before) / (place.rim - last), expected, 6e-3 * expected)
+            << modulus << ' ' << z;
+      }
+      last = place.rim;
+    }
+    EXPECT_GT(place.flow_dissipated, 0.0);
+  }
 }
 
 TEST(PlasticContact, AdhesionAloneYieldsOnlyWhilePressed) {
