@@ -112,8 +112,8 @@ std::vector<LawMethodEntry> product_law_methods() {
   std::vector<LawMethodEntry> entries;
   entries.push_back(
       whole_law("MD direct (the loop's call)", "warm, to rounding", ContactModel::kMaugisDugdale));
-  entries.push_back(whole_law("MD table (the loop's call)", "64 a octave", ContactModel::kMaugisDugdale,
-                              MaugisMethod::kTable));
+  entries.push_back(whole_law("MD table (the loop's call)", "32 cells an octave",
+                              ContactModel::kMaugisDugdale, MaugisMethod::kTable));
   const std::string others = "the other laws (the loop's call)";
   entries.push_back(whole_law(others, "Hertz", ContactModel::kHertz));
   entries.push_back(whole_law(others, "DMT", ContactModel::kDmt));
