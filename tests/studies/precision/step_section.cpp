@@ -89,7 +89,7 @@ class Ploughing final : public Walker {
 
 class Pushing final : public Walker {
  public:
-  explicit Pushing(bool rolls_freely) : equilibrium_(flat(), parameters(rolls_freely)), state_(rest()) {}
+  explicit Pushing(bool frictionless) : equilibrium_(flat(), parameters(frictionless)), state_(rest()) {}
   TipSolution step(const Vec3& free_end) override {
     return equilibrium_.advance(free_end, c_, kDt_s, state_).tip;
   }
@@ -98,13 +98,13 @@ class Pushing final : public Walker {
   static std::shared_ptr<const physics::Surface> flat() {
     return std::make_shared<physics::FlatSurface>(kTipRadius_nm);
   }
-  static physics::ParticleParameters parameters(bool rolls_freely) {
+  static physics::ParticleParameters parameters(bool frictionless) {
     physics::ParticleParameters p;
     p.tip_radius_nm = kTipRadius_nm;
     p.particle_radius_nm = kParticleRadius_nm;
     p.tip_sample = p.tip_particle = p.particle_sample = polystyrene();
-    p.tip_sample_friction = p.tip_particle_friction =
-        p.particle_sample_friction = {0.03, 0.4, rolls_freely ? 0.0 : 0.3};
+    p.tip_sample_friction = p.tip_particle_friction = p.particle_sample_friction =
+        frictionless ? physics::ContactFriction{} : physics::ContactFriction{0.03, 0.4, 0.3};
     return p;
   }
   physics::ParticleState rest() const { return equilibrium_.place(60, 0); }
@@ -122,8 +122,9 @@ struct Path {
 const Path kFar{"held 10 to 20 nm above, flat", {0, 0, 20}, {0, 0, 10}};
 const Path kPressed{"pressed 1 to 6 nm, flat", {0, 0, -1}, {0, 0, -6}};
 const Path kJumps{"in and out, flat", {0, 0, 10}, {0, 0, -3}};
-const Path kSlide{"sliding, flat", {0, 0, -3}, {20, 0, -3}};
+const Path kSlide{"sliding and pressing, flat", {0, 0, -3}, {20, 0, -4}};
 const Path kWavesPath{"sliding, waves of 200 nm", {-30, 3, -3}, {30, 3, -3}};
+const Path kPlough{"pressed hard and dragged, waves of 200 nm", {-20, 3, -15}, {20, 3, -15}};
 const Path kPush{"pushing a particle, flat", {12, 0, 12}, {62, 0, 12}};
 
 /// Adding a row is adding an entry.
@@ -180,10 +181,11 @@ std::vector<Case> cases() {
   all.push_back({kWavesPath, "without friction", true, on(waves, polystyrene())});
   all.push_back({kWavesPath, "with friction", false, on(waves, polystyrene(), friction)});
   all.push_back({kWavesPath, "with the radius' force", false, on(waves, polystyrene(), radius)});
+  all.push_back({kPlough, "without friction", true, on(waves, polystyrene())});
   all.push_back(
-      {kWavesPath, "leaving a mark", false, [=] { return std::make_unique<Ploughing>(*waves, hard); }});
-  all.push_back({kPush, "that rolls with friction", true, [] { return std::make_unique<Pushing>(false); }});
-  all.push_back({kPush, "that rolls freely", false, [] { return std::make_unique<Pushing>(true); }});
+      {kPlough, "leaving a mark", false, [=] { return std::make_unique<Ploughing>(*waves, hard); }});
+  all.push_back({kPush, "with friction", true, [] { return std::make_unique<Pushing>(false); }});
+  all.push_back({kPush, "without friction", false, [] { return std::make_unique<Pushing>(true); }});
   return all;
 }
 

@@ -100,6 +100,10 @@ TEST(ParticleSlave, WhatTheTipGivesTheSampleTakes) {
     ASSERT_LT((from_tip + from_sample).norm(), 1e-3) << session.at().x();
     const Vec3 on_tip = contacts[physics::kTipSample].force_w_nn - from_tip;
     ASSERT_LT((on_tip - out.force_w_nn).norm(), 1e-6);  // the port's springs, against the contacts
+    // Coupling 20 N/m, lever 100 N/m across and 40 N/m upwards: apex = commanded end + C F.
+    const Vec3 f = out.force_w_nn;
+    const Vec3 bent(f.x() * (1 / 20.0 + 1 / 100.0), f.y() / 20, f.z() * (1 / 20.0 + 1 / 40.0));
+    ASSERT_LT((out.tip_pos_w_nm - out.commanded_pos_w_nm - bent).norm(), 1e-6) << session.at().x();
     if (from_tip.norm() > 1) ++pushed;
   });
   EXPECT_GT(pushed, 50);
@@ -276,6 +280,27 @@ TEST(ParticleSlave, EachSessionHasAParticleOfItsOwnAndTheSameBits) {
   EXPECT_EQ(a.particle().particle_centre_w_nm, b.particle().particle_centre_w_nm);
   EXPECT_EQ(a.slave().trace().stored_aj, b.slave().trace().stored_aj);
   EXPECT_NEAR(idle.particle().particle_centre_w_nm.x(), 60, 1e-3);
+}
+
+// A trial that is not accepted (the end was drawn back at the force limit) leaves no trace: same bits as if
+// it had never been tried.
+TEST(ParticleSlave, RejectedTrialLeavesNoTrace) {
+  const auto scene = deployed();
+  TouchedSample tried(scene), plain(scene);
+  physics::TipState unused;
+  const physics::Compliance springs = scene->port_compliance_nm_nn();
+  for (const double x : {0.0, 5.0, 12.0, 20.0}) {
+    tried.advance(Vec3(x + 15, 3, 2), springs, kDt_s, unused);  // into the particle, or farther along with it
+    const Vec3 end(x, 0, 10);
+    const physics::TipSolution a = tried.advance(end, springs, kDt_s, unused);
+    const physics::TipSolution b = plain.advance(end, springs, kDt_s, unused);
+    ASSERT_EQ(a.force_w_nn, b.force_w_nn) << x;
+    ASSERT_EQ(a.dissipated_aj, b.dissipated_aj) << x;
+    tried.accept(a);
+    plain.accept(b);
+    ASSERT_EQ(tried.particle()->particle_centre_w_nm, plain.particle()->particle_centre_w_nm) << x;
+  }
+  EXPECT_GT(plain.particle()->particle_centre_w_nm.x(), 65);
 }
 
 TEST(ParticleSlave, StepTakesNothingFromTheHeap) {
