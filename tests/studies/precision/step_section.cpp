@@ -28,8 +28,7 @@ constexpr double kTipRadius_nm = 20;
 constexpr double kParticleRadius_nm = 30;
 constexpr double kDt_s = 1e-3;
 constexpr double kSettleStep_nm = 0.5;
-constexpr double kHardness_gpa =
-    2;  // polystyrene's is some 0.2: here only a part of the contact's width flows
+constexpr double kHardness_gpa = 0.25;  // of polystyrene, as deployed for lithography
 const AnalyticSurface kWaves{4, 200};
 
 /// The shipped scenes' springs: coupling 20 N/m, lever 40 N/m.
@@ -72,7 +71,7 @@ class OnSample final : public Walker {
 
 class Ploughing final : public Walker {
  public:
-  explicit Ploughing(const SplineSurface& surface, const EquilibriumOptions& options)
+  Ploughing(const SplineSurface& surface, const EquilibriumOptions& options)
       : sample_(surface, TipSampleLaw(polystyrene()), kTipRadius_nm, options) {}
   TipSolution step(const Vec3& free_end) override {
     const TipSolution s = sample_.equilibrium().advance(free_end, c_, state_);
@@ -289,13 +288,14 @@ Section step_section(const Effort& effort, const FigureFolder& folder) {
   section.choice =
       "Default: van der Waals and Maugis–Dugdale by the direct method; all else only where a scene asks for "
       "it. "
-      "Every row is a small part of the 250 µs of a 4 kHz tick, so that what a scene contains is a question "
-      "of what is known about the sample, not of time. Long-range terms cost the more general walk along the "
-      "curve (they have no closed handover). On waves, time goes into finding the feet and Newton's "
-      "iterations, not into the law: a table saves little there, and the direct method needs none for each "
-      "radius. The force of a changing radius is off unless asked for: without it the book misses what the "
-      "radius is worth, with it the book closes, and on rough scans the pointwise radius means little. A "
-      "mark's book is that of its flow, at the rate of the step (see its header).";
+      "A balance is a small part of the 250 µs of a 4 kHz tick in every row but one, so that what a scene "
+      "contains is a question of what is known about the sample, not of time. The exception is a mark that "
+      "is being made: each step lowers the grid under the contact and what the search keeps about it, and "
+      "drags a tip on through a groove with walls. Long-range terms cost the more general walk along the "
+      "curve. On waves the time goes into finding the feet and into Newton's iterations, not into the law: "
+      "a table saves little there, and the direct method needs none for each radius. The force of a changing "
+      "radius is off unless asked for: without it the book misses what the radius is worth (the line that "
+      "does not fall), with it the book closes; but on rough scans the pointwise radius means little.";
   std::string table =
       "<div class=\"scroll\"><table>\n<thead><tr><th>path</th><th>scene</th><th>step</th><th>Newton "
       "iterations, mean</th><th>most</th><th>without balance</th></tr></thead>\n<tbody>\n";
