@@ -35,15 +35,17 @@ link::ContactState contact_state(physics::Branch branch) noexcept {
   return link::ContactState::kFree;
 }
 
-// The hardest wall that the port can show. On a flat sample the force is along W z whatever the springs do
-// sideways; elsewhere a wall may face anywhere, and the stiffest direction of the springs counts: 1/λ_min of
-// their compliance. A mode below the sample rate has not yielded yet when the next sample asks.
+// The hardest wall that the port can show. On a flat sample without friction the force is along W z whatever
+// the springs do sideways; a curved sample, a particle's side and a contact that sticks face anywhere, and
+// the stiffest direction of the springs counts: 1/λ_min of their compliance. A mode below the sample rate has
+// not yielded yet when the next sample asks.
 double shown_stiffness(const scene::Scene& scene) {
   const physics::Probe& probe = scene.cantilever;
   const bool sluggish = probe.mode() && probe.mode()->frequency_hz() < scene.limits.rate_max_hz;
   const physics::Compliance springs = Mat3::Identity() / scene.coupling.stiffness_n_m +
                                       (sluggish ? probe.rest_compliance_nm_nn() : probe.compliance_nm_nn());
-  if (scene.surface->is_flat()) return 1.0 / springs(2, 2);
+  const bool upwards_only = scene.surface->is_flat() && !scene.friction && !scene.particle;
+  if (upwards_only) return 1.0 / springs(2, 2);
   return 1.0 / Eigen::SelfAdjointEigenSolver<Mat3>(springs, Eigen::EigenvaluesOnly).eigenvalues().minCoeff();
 }
 

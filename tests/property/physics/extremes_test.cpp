@@ -7,41 +7,17 @@
 #include <memory>
 #include <string>
 
-#include "common/base/random.h"
 #include "nve_server/physics/tip_sample_law.h"
 #include "nve_server/slave/nve_slave.h"
+#include "tests/property/physics/extreme_samples.h"
 #include "tests/support/md_walk.h"
 
 namespace telenano::physics {
 namespace {
 
-double log_uniform(Random& random, double low, double high) {
-  return low * std::exp(random.uniform() * std::log(high / low));
-}
-
-/// A material and tip, and Maugis' scales of it by his own formulas.
-struct Sample {
-  TipSampleParameters parameters;
-  double radius_nm = 0;
-  double lambda = 0, overlap_nm = 0, force_nn = 0;
-
-  Sample(double e_gpa, double w, double r, bool van_der_waals) : radius_nm(r) {
-    parameters.contact_modulus_gpa = 4.0 / 3.0 * e_gpa;
-    parameters.work_of_adhesion_n_m = w;
-    parameters.van_der_waals = van_der_waals;
-    const double k = parameters.contact_modulus_gpa;
-    const double sigma0 = 16 / (9 * std::sqrt(3.0)) * w / parameters.equilibrium_distance_nm;
-    overlap_nm = std::cbrt(M_PI * M_PI * w * w * r / (k * k));
-    force_nn = M_PI * w * r;
-    lambda = 2 * sigma0 * std::cbrt(r / (M_PI * w * k * k));
-  }
-};
-
-Sample random_sample(Random& random, bool van_der_waals) {
-  const double e = log_uniform(random, 1e-3, 1e3);
-  const double w = log_uniform(random, 1e-3, 1);
-  return Sample(e, w, log_uniform(random, 1, 1e4), van_der_waals);
-}
+using testing::log_uniform;
+using testing::random_sample;
+using testing::Sample;
 
 /// What the next step's branch is, from where the last one left the tip and the ends of the two segments.
 class Memory {
@@ -70,6 +46,7 @@ struct Spread {
   int materials;
   int steps;
   int force_every;  ///< the oracle's bisection takes 30 us
+  double tip_bias_v = 0;
 };
 
 void walk_at_random(std::uint64_t seed, const Spread& spread) {
@@ -77,7 +54,8 @@ void walk_at_random(std::uint64_t seed, const Spread& spread) {
   long decided = 0, undecided = 0, jumps = 0;
   double lambda_least = 1e9, lambda_most = 0, deepest = 0;
   for (int material = 0; material < spread.materials; ++material) {
-    const Sample sample = random_sample(random, material % 2 == 0);
+    Sample sample = random_sample(random, material % 2 == 0);
+    sample.parameters.long_range.tip_bias_v = spread.tip_bias_v;
     // Probe and coupling in series, from the softest pair to none at all.
     const double c =
         material % 7 == 0 ? 0.0 : 1 / log_uniform(random, 0.01, 1000) + 1 / log_uniform(random, 1e-3, 1e6);
@@ -142,6 +120,13 @@ void walk_at_random(std::uint64_t seed, const Spread& spread) {
 // 1.2 million steps over six thousand pairs of tip and sample.
 TEST(Extremes, RightBranchAndForceAnywhere) {
   walk_at_random(20260214, {6000, 200, 16});
+}
+
+// The walk that long-range forces take, with one of next to nothing, so that the oracle knows branch and
+// force of it as well: 1e-11 V is 1e-20 of any adhesion here (pi eps0 V^2 R/d against pi w R), which the
+// softest spring (c up to 1e7 u_delta/u_F) makes less than rounding of Z.
+TEST(Extremes, LongRangeWalkTakesTheSameBranchesAnywhere) {
+  walk_at_random(20260215, {1500, 200, 16, 1e-11});
 }
 
 double stored_aj(const Equilibrium& e, double compliance) {

@@ -159,9 +159,10 @@ Figure draw_ks06(const FigureFolder& folder) {
             humid.loop_aj);
       } else if (std::isfinite(dry.snap_in_nm)) {
         found += fmt::format(
-            " On the cantilever the tip snaps into {} at {:.3g} nm, by {:.3g} nN, and a loop costs {:.3g} "
-            "aJ.",
-            sample.name, dry.snap_in_nm, dry.snap_in_nn, dry.loop_aj);
+            " On the cantilever the tip snaps into {} at {:.3g} nm, by {:.3g} nN (dry), and a loop costs "
+            "{:.3g} "
+            "aJ dry, {:.3g} aJ humid.",
+            sample.name, dry.snap_in_nm, dry.snap_in_nn, dry.loop_aj, humid.loop_aj);
       }
     }
   }

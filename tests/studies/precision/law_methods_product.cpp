@@ -7,16 +7,19 @@
 namespace telenano::studies {
 namespace {
 
+using physics::ContactModel;
 using physics::CurvePoint;
 using physics::Held;
 using physics::MaugisDugdale;
+using physics::MaugisMethod;
 
 constexpr Held kOverlapHeld{1.0, 0.0};
 
 /// What the loop calls: branches, energy, stiffness and units included.
 class WholeLaw final : public LawMethod {
  public:
-  explicit WholeLaw(double lambda) : law_(parameters(lambda)), scales_(law_.scales(kRadius)) {}
+  WholeLaw(double lambda, ContactModel model, MaugisMethod method)
+      : law_(parameters(lambda, model, method), kRadius), scales_(law_.scales(kRadius)) {}
 
   void run(std::span<const double> overlaps, double* loads) override {
     physics::TipSampleState state;
@@ -32,10 +35,12 @@ class WholeLaw final : public LawMethod {
   static constexpr double kRadius = 20;
 
   // w = 0.1 N/m and the modulus that gives lambda: lambda = (2/pi) (sigma0/w) u_delta.
-  static physics::TipSampleParameters parameters(double lambda) {
+  static physics::TipSampleParameters parameters(double lambda, ContactModel model, MaugisMethod method) {
     physics::TipSampleParameters p;
     p.work_of_adhesion_n_m = 0.1;
     p.van_der_waals = false;
+    p.model = model;
+    p.method = method;
     const double u_delta = lambda * M_PI / 2 * p.equilibrium_distance_nm * 9 * std::sqrt(3.0) / 16;
     p.contact_modulus_gpa = M_PI * 0.1 * std::sqrt(kRadius / (u_delta * u_delta * u_delta));
     return p;
@@ -44,6 +49,13 @@ class WholeLaw final : public LawMethod {
   physics::TipSampleLaw law_;
   physics::ContactScales scales_;
 };
+
+LawMethodEntry whole_law(std::string family, std::string setting, ContactModel model,
+                         MaugisMethod method = MaugisMethod::kDirect) {
+  const bool is_default = model == ContactModel::kMaugisDugdale && method == MaugisMethod::kDirect;
+  return {std::move(family), std::move(setting), is_default,
+          [=](double lambda) { return std::make_unique<WholeLaw>(lambda, model, method); }};
+}
 
 /// The curve's own solver; `warm` starts from the last point's parameter.
 class CurveSolve final : public LawMethod {
@@ -98,8 +110,17 @@ class NewtonInU final : public LawMethod {
 
 std::vector<LawMethodEntry> product_law_methods() {
   std::vector<LawMethodEntry> entries;
-  entries.push_back({"MD direct (the loop's call)", "warm, to rounding", true,
-                     [](double l) { return std::make_unique<WholeLaw>(l); }});
+  entries.push_back(
+      whole_law("MD direct (the loop's call)", "warm, to rounding", ContactModel::kMaugisDugdale));
+  entries.push_back(whole_law("MD table (the loop's call)", "32 cells an octave",
+                              ContactModel::kMaugisDugdale, MaugisMethod::kTable));
+  const std::string others = "the other laws (the loop's call)";
+  entries.push_back(whole_law(others, "Hertz", ContactModel::kHertz));
+  entries.push_back(whole_law(others, "DMT", ContactModel::kDmt));
+  entries.push_back(whole_law(others, "JKR", ContactModel::kJkr));
+  entries.push_back(whole_law(others, "COS", ContactModel::kCarpickOgletreeSalmeron));
+  entries.push_back(whole_law(others, "Piétrement–Troyon", ContactModel::kPietrementTroyon));
+  entries.push_back(whole_law(others, "Schwarz", ContactModel::kSchwarz));
   entries.push_back({"MD curve alone, warm", "to rounding", false,
                      [](double l) { return std::make_unique<CurveSolve>(l, true); }});
   entries.push_back({"MD curve alone, cold", "to rounding", false,

@@ -26,7 +26,8 @@ struct Part {
 /// Adding a part to the page is adding an entry.
 constexpr Part kParts[] = {
     {"law", law_section},           {"nearest", nearest_section}, {"interpolation", interpolation_section},
-    {"coupling", coupling_section}, {"probe", probe_section},     {"wire", wire_section}};
+    {"coupling", coupling_section}, {"probe", probe_section},     {"step", step_section},
+    {"wire", wire_section}};
 
 std::string part_names() {
   std::string names;

@@ -56,6 +56,7 @@ TEST(LawMethods, EachReachesItsAccuracy) {
   const auto all = law_methods();
   for (const double lambda : {0.2, 0.73676, 408.71}) {
     EXPECT_LT(worst(entry(all, "MD direct (the loop's call)", ""), lambda), 1e-14) << lambda;
+    EXPECT_LT(worst(entry(all, "MD table (the loop's call)", ""), lambda), 1e-8) << lambda;  // as it claims
     EXPECT_LT(worst(entry(all, "Newton on u, n steps, warm", "n = 4"), lambda), 1e-13) << lambda;
     EXPECT_LT(worst(entry(all, "plain Newton on theta, warm", "n = 5"), lambda), 1e-13) << lambda;
     EXPECT_LT(worst(entry(all, "nested bisection", "50 x 50"), lambda), 1e-11) << lambda;
@@ -79,6 +80,25 @@ TEST(LawMethods, ClosedFormsAreTheLimits) {
   EXPECT_LT(at_1e_3, 5e-2);
   EXPECT_NEAR(worst(entry(all, "closed forms (model error)", "DMT"), 1e-5) / at_1e_3, 0.1, 0.02);
   EXPECT_GT(worst(entry(all, "closed forms (model error)", "DMT"), 10), 0.1);
+}
+
+// The product's laws through the loop's call: JKR at its limit, DMT as the textbook formula, the fits within
+// the errors at lambda = 0.5 that closed_form_laws.h states for Delta = -0.5 ... 10, and not exact.
+TEST(LawMethods, ProductsLawsErrAsTheyState) {
+  const auto all = law_methods();
+  const std::string family = "the other laws (the loop's call)";
+  EXPECT_LT(worst(entry(all, family, "JKR"), 1e4), 1e-8);
+  EXPECT_GT(worst(entry(all, family, "Hertz"), 0.5), 0.2);
+  for (const double lambda : {0.1, 10.0}) {
+    EXPECT_NEAR(worst(entry(all, family, "DMT"), lambda),
+                worst(entry(all, "closed forms (model error)", "DMT"), lambda), 1e-12);
+  }
+  const std::pair<const char*, double> stated[] = {
+      {"COS", 0.098}, {"Piétrement–Troyon", 0.021}, {"Schwarz", 0.23}, {"JKR", 0.129}};
+  for (const auto& [name, most] : stated) {
+    EXPECT_LT(worst(entry(all, family, name), 0.5), most) << name;
+    EXPECT_GT(worst(entry(all, family, name), 0.5), 1e-3) << name;
+  }
 }
 
 // dP/dDelta against the oracle's, and P.

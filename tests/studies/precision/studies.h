@@ -10,6 +10,7 @@ Section nearest_section(const Effort& effort, const FigureFolder& folder);
 Section interpolation_section(const Effort& effort, const FigureFolder& folder);
 Section coupling_section(const Effort& effort, const FigureFolder& folder);
 Section probe_section(const Effort& effort, const FigureFolder& folder);
+Section step_section(const Effort& effort, const FigureFolder& folder);
 Section wire_section(const Effort& effort, const FigureFolder& folder);
 
 }  // namespace telenano::studies
