@@ -38,7 +38,8 @@ namespace telenano::physics {
 ///           laws with an adhesive neck follow the same rule as Maugis–Dugdale: one crossing where they
 ///           attract more at the fold of overlap, else the outer one of two, both ways; where van der Waals
 ///           attracts more even at their pull-off point, both ways at the load of the pull-off, which then
-///           stays (adhesive_curve.h). (Seen at lambda < 0.231 for JKR.)
+///           stays (adhesive_curve.h). (Seen at lambda < 0.231 for JKR.
+///           There another path is taken, and U inside steps by 0.03, 0.5 % of it.)
 /// Errors    Model, not numerics: between handover and fold neither law is exact; the joined one keeps w, the
 /// pull-off of
 ///           Maugis–Dugdale and the far field of van der Waals.

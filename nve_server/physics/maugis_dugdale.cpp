@@ -232,7 +232,7 @@ class OverlapFolds {
 
  private:
   static constexpr double kLeast = 0.9379474572107123;  // (9 pi/(16 (pi - 1)))^(1/3)
-  static constexpr int kIntervals = 128;
+  static constexpr int kIntervals = 512;
   static constexpr int kValues = kIntervals + 1;
   std::array<double, kValues> g_{};
 };

@@ -9,36 +9,23 @@
 namespace telenano::physics {
 namespace {
 
-constexpr int kPerOctaveBits = 5;
-constexpr int kPerOctave = 1 << kPerOctaveBits;
-constexpr int kFirstOctave = -16;
-constexpr int kOctaves = 26;
 constexpr Held kOverlap{1.0, 0.0};
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-/// A number is (1 + fraction) 2^exponent: exponent and leading bits of the fraction, read as one integer,
-/// count the segments.
-std::int64_t cell_of(double t) noexcept {
-  return static_cast<std::int64_t>(std::bit_cast<std::uint64_t>(t) >> (52 - kPerOctaveBits));
-}
+using Cubic = std::array<double, 4>;
 
-const std::int64_t kFirstCell = cell_of(std::ldexp(1.0, kFirstOctave));
-
-double value(const double (&c)[4], double x) noexcept {
-  return c[0] + x * (c[1] + x * (c[2] + x * c[3]));
-}
-double slope(const double (&c)[4], double x) noexcept {
+double slope(const Cubic& c, double x) noexcept {
   return c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]);
 }
 
 /// int_0^x c(x) 2 (left + width x) width dx
-double work(const double (&c)[4], double left, double width, double x) noexcept {
+double work(const Cubic& c, double left, double width, double x) noexcept {
   const double flat = x * (c[0] + x * (c[1] / 2.0 + x * (c[2] / 3.0 + x * (c[3] / 4.0))));
   const double ramp = x * x * (c[0] / 2.0 + x * (c[1] / 3.0 + x * (c[2] / 4.0 + x * (c[3] / 5.0))));
   return 2.0 * width * (left * flat + width * ramp);
 }
 
-void hermite(double (&c)[4], double y0, double y1, double d0, double d1) noexcept {
+void hermite(Cubic& c, double y0, double y1, double d0, double d1) noexcept {
   c[0] = y0;
   c[1] = d0;
   c[2] = 3.0 * (y1 - y0) - 2.0 * d0 - d1;
@@ -51,7 +38,8 @@ MaugisTable::MaugisTable(double lambda) : exact_(lambda) {
   const CurvePoint fold = exact_.fold(kOverlap);
   fold_in_contact_ = fold.contact;
   start_ = fold_in_contact_ ? fold : exact_.contact(0);
-  segments_.reserve(1 + kOctaves * kPerOctave);
+  segments_.reserve(1 + kCells);
+  loads_.reserve(1 + kCells);
   const auto at = [&](double t) { return exact_.solve(start_.overlap + t * t, kOverlap).point; };
   // The first segment begins at the fold or the onset, where the rates over t are limits: from three values,
   // which over 1.5e-5 leaves nothing to see.
@@ -87,15 +75,17 @@ void MaugisTable::append(double left, double right, const CurvePoint& at_left, c
   s.width = right - left;
   s.per_width = 1.0 / s.width;
   const double over = 2.0 * right * s.width / at_right.overlap_rate;
-  hermite(s.load, at_left.load, at_right.load, load_slope_left * s.width, at_right.load_rate * over);
+  Cubic load{};
+  hermite(load, at_left.load, at_right.load, load_slope_left * s.width, at_right.load_rate * over);
   hermite(s.radius, at_left.contact_radius, at_right.contact_radius, radius_slope_left * s.width,
           at_right.contact_radius_rate * over);
   s.energy = start_.energy;
   if (!segments_.empty()) {
     const Segment& before = segments_.back();
-    s.energy = before.energy + work(before.load, before.left, before.width, 1.0);
+    s.energy = before.energy + work(loads_.back(), before.left, before.width, 1.0);
   }
   segments_.push_back(s);
+  loads_.push_back(load);
 }
 
 void MaugisTable::join_van_der_waals() noexcept {
@@ -117,25 +107,31 @@ void MaugisTable::join_van_der_waals() noexcept {
   handover_.gap = std::sqrt(-2.0 / handover_.inside.load);
 }
 
-const MaugisTable::Segment& MaugisTable::segment_of(double t) const noexcept {
-  const std::int64_t i = 1 + cell_of(t) - kFirstCell;
-  return segments_[static_cast<std::size_t>(
-      std::clamp<std::int64_t>(i, 0, static_cast<std::int64_t>(segments_.size()) - 1))];
+std::size_t MaugisTable::segment_of(double t) const noexcept {
+  const auto i = static_cast<std::int64_t>(std::bit_cast<std::uint64_t>(t) >> (52 - kPerOctaveBits)) + 1 -
+                 static_cast<std::int64_t>(kFirstCell);
+  return static_cast<std::size_t>(std::clamp<std::int64_t>(i, 0, static_cast<std::int64_t>(kCells)));
+}
+
+double MaugisTable::load_outside_cells(double overlap) const noexcept {
+  return solve(overlap, kOverlap).point.load;
 }
 
 CurvePoint MaugisTable::contact(double t) const noexcept {
-  const Segment& s = segment_of(t);
+  const std::size_t i = segment_of(t);
+  const Segment& s = segments_[i];
+  const Cubic& load = loads_[i];
   const double x = (t - s.left) * s.per_width;
   CurvePoint p;
   p.contact = true;
   p.parameter = t;
   p.overlap = start_.overlap + t * t;
-  p.load = value(s.load, x);
+  p.load = value(load, x);
   p.contact_radius = value(s.radius, x);
   p.overlap_rate = 2.0 * t;
-  p.load_rate = slope(s.load, x) * s.per_width;
+  p.load_rate = slope(load, x) * s.per_width;
   p.contact_radius_rate = slope(s.radius, x) * s.per_width;
-  p.energy = s.energy + work(s.load, s.left, s.width, x);
+  p.energy = s.energy + work(load, s.left, s.width, x);
   return p;
 }
 

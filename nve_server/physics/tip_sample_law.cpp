@@ -63,6 +63,7 @@ TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal
         "method");
   }
   cbrt_ = det_cbrt(kPi * parameters.work_of_adhesion_n_m / parameters.contact_modulus_gpa);
+  MaugisDugdale(1.0).fold({1.0, 0.0});  // makes the table of folds, so that no step has to
   // sigma0 = 16/(9 sqrt(3)) w/z0 (the greatest stress of the Lennard-Jones law)
   sigma0_over_w_ = 16.0 / (9.0 * std::sqrt(3.0)) / parameters.equilibrium_distance_nm;
   if (parameters.method == MaugisMethod::kTable) {

@@ -1,6 +1,10 @@
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
+#include <array>
+#include <chrono>
 #include <cmath>
+#include <random>
 #include <vector>
 
 #include "nve_server/physics/tip_sample_law.h"
@@ -13,6 +17,7 @@ namespace {
 
 using telenano::physics::ContactModel;
 using telenano::physics::Equilibrium;
+using telenano::physics::Held;
 using telenano::physics::MaugisDugdale;
 using telenano::physics::MaugisMethod;
 using telenano::physics::MaugisTable;
@@ -135,6 +140,87 @@ void table_evaluation(benchmark::State& bench) {
   }
 }
 
+/// The force alone, and a floor: a cubic of a uniform grid over the overlap, without square root.
+void table_force(benchmark::State& bench) {
+  const MaugisTable table(law_of(bench.range(0)).lambda(20));
+  const std::vector<double> path = oscillation(0.5, 8);
+  std::size_t i = 0;
+  for (auto _ : bench) {
+    benchmark::DoNotOptimize(table.load_at(path[i]));
+    i = (i + 1) % kPath;
+  }
+}
+void table_force_floor(benchmark::State& bench) {
+  const MaugisTable table(law_of(0).lambda(20));
+  std::vector<std::array<double, 4>> cubics;
+  for (int k = 0; k < 832; ++k) cubics.push_back({table.load_at(0.01 * k), 0.015, 1e-5, 1e-7});
+  const std::vector<double> path = oscillation(0.5, 8);
+  std::size_t i = 0;
+  for (auto _ : bench) {
+    const double place = path[i] * 100.0;
+    const auto cell = static_cast<std::size_t>(place);
+    const double x = place - static_cast<double>(cell);
+    const std::array<double, 4>& c = cubics[cell];
+    benchmark::DoNotOptimize(c[0] + x * (c[1] + x * (c[2] + x * c[3])));
+    i = (i + 1) % kPath;
+  }
+}
+
+/// The worst input that 20 000 random ones hold: lambda, overlap, compliance, and the step since the last
+/// state, whose parameter is the guess (one in four: none). Those that take the most evaluations are timed,
+/// and the greatest of their medians is reported.
+void worst_input(benchmark::State& bench) {
+  struct Input {
+    double lambda, z, guess;
+    Held held;
+    int evaluations;
+  };
+  std::mt19937_64 bits(20240607);
+  const auto uniform = [&] { return static_cast<double>(bits() >> 11) * 0x1p-53; };
+  const auto between = [&](double low, double high) { return low * std::pow(high / low, uniform()); };
+  std::vector<Input> inputs;
+  for (int i = 0; i < 20000; ++i) {
+    Input in{};
+    in.lambda = between(1e-3, 1.2e4);
+    in.held = {1.0, i % 2 == 0 ? 0.0 : between(1e-3, 1e2)};
+    const MaugisDugdale curve(in.lambda);
+    const double end = curve.fold(in.held).held(in.held);
+    const double above = between(1e-9, 1e4);
+    in.z = end + above;
+    const double last = end + above * between(0.01, 100);
+    if (i % 4 != 0) in.guess = curve.solve(last, in.held).point.parameter;
+    if (!(in.guess > 0)) in.guess = 0;
+    in.evaluations = curve.solve(in.z, in.held, in.guess).evaluations;
+    inputs.push_back(in);
+  }
+  std::sort(inputs.begin(), inputs.end(),
+            [](const Input& a, const Input& b) { return a.evaluations > b.evaluations; });
+  inputs.resize(20);
+  double worst = 0;
+  Input found = inputs.front();
+  for (auto _ : bench) {
+    for (const Input& in : inputs) {
+      const MaugisDugdale curve(in.lambda);
+      std::array<double, 31> times{};
+      for (double& t : times) {
+        const auto start = std::chrono::steady_clock::now();
+        for (int k = 0; k < 32; ++k) benchmark::DoNotOptimize(curve.solve(in.z, in.held, in.guess).point);
+        t = std::chrono::duration<double, std::nano>(std::chrono::steady_clock::now() - start).count() / 32;
+      }
+      std::nth_element(times.begin(), times.begin() + 15, times.end());
+      if (times[15] > worst) {
+        worst = times[15];
+        found = in;
+      }
+    }
+  }
+  bench.counters["ns"] = worst;
+  bench.counters["most_evaluations"] = inputs.front().evaluations;
+  bench.counters["lambda"] = found.lambda;
+  bench.counters["z"] = found.z;
+  bench.counters["compliance"] = found.held.load;
+}
+
 void table_construction(benchmark::State& bench) {
   const double lambda = law_of(bench.range(0)).lambda(20);
   for (auto _ : bench) {
@@ -145,6 +231,9 @@ void table_construction(benchmark::State& bench) {
 
 BENCHMARK(warm_by_law)->ArgsProduct({benchmark::CreateDenseRange(0, 7, 1), {0, 1}});
 BENCHMARK(table_evaluation)->DenseRange(0, 2);
+BENCHMARK(table_force)->DenseRange(0, 2);
+BENCHMARK(table_force_floor);
+BENCHMARK(worst_input)->Iterations(1);
 BENCHMARK(table_construction)->DenseRange(0, 2);
 BENCHMARK(warm_in_contact)->DenseRange(0, 2);
 BENCHMARK(warm_in_contact_changing_radius)->DenseRange(0, 2);

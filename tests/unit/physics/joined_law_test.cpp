@@ -99,7 +99,7 @@ TEST(Handover, ForceIsContinuousAndTheGapIsThePublishedOne) {
 /// the second differences of U, which are h^2 U'' where U is smooth and as large as U's jump (or h times
 /// that of its slope) where it is not.
 template <class MakeCurve>
-void expect_smooth_in_lambda(double from, double to, double overlap, const MakeCurve& make) {
+void expect_smooth_in_lambda(double from, double to, double overlap, double bend, const MakeCurve& make) {
   constexpr double kStep = 1e-4;
   double before = 0, here = 0;
   int i = 0;
@@ -108,8 +108,8 @@ void expect_smooth_in_lambda(double from, double to, double overlap, const MakeC
     const Parting parting = find_parting(curve, OutsideLaw(lambda));
     const double energy = curve.solve(overlap, {1, 0}).point.energy + parting.energy_offset;
     if (i > 1) {
-      // U'' is below 60 here (as 1/lambda^3); a slope that broke by 0.1 would show as 1e-5.
-      ASSERT_NEAR(energy - here, here - before, 60 * kStep * kStep) << lambda << ' ' << parting.reversible;
+      // A slope that broke by 0.1 would show as 1e-5.
+      ASSERT_NEAR(energy - here, here - before, bend * kStep * kStep) << lambda << ' ' << parting.reversible;
     }
     before = here;
     here = energy;
@@ -118,9 +118,41 @@ void expect_smooth_in_lambda(double from, double to, double overlap, const MakeC
 
 TEST(Parting, EnergyInsideIsSmoothInLambdaWhereTheHandoverTurnsOneWay) {
   const auto maugis = [](double lambda) { return MaugisDugdale(lambda); };
-  for (const double overlap : {-0.5, 0.0, 1.0, 10.0}) expect_smooth_in_lambda(0.6, 1.1, overlap, maugis);
+  for (const double overlap : {-0.5, 0.0, 1.0, 10.0}) {
+    expect_smooth_in_lambda(0.6, 1.1, overlap, 60, maugis);  // U'' is some 2/lambda^3
+  }
   EXPECT_TRUE(find_parting(maugis(0.6), OutsideLaw(0.6)).reversible);
   EXPECT_FALSE(find_parting(maugis(0.85), OutsideLaw(0.85)).reversible);
+  const auto jkr = [](double lambda) {
+    return AdhesiveCurve(lambda, closed_form_coefficients(ContactModel::kJkr, lambda), true);
+  };
+  EXPECT_TRUE(jkr(0.2).saturated());
+  EXPECT_FALSE(jkr(0.25).saturated());
+  for (const double overlap : {0.0, 1.0, 10.0}) expect_smooth_in_lambda(0.24, 0.6, overlap, 600, jkr);
+}
+
+// JKR between saturation and 0.40: the outer one of two crossings, in and out, with no step of the force and
+// nothing lost.
+TEST(Handover, OfANeckedLawIsUsedBothWaysWhereItCrossesTwice) {
+  for (const double lambda : {0.24, 0.3, 0.35, 0.45, 0.8}) {
+    const AdhesiveCurve curve(lambda, closed_form_coefficients(ContactModel::kJkr, lambda), true);
+    const OutsideLaw outside(lambda);
+    ASSERT_FALSE(curve.saturated());
+    const CurvePoint fold = curve.fold({1, 0});
+    const bool twice = outside.at_gap(outside.gap_of(fold.overlap)).load < fold.load;
+    EXPECT_EQ(twice, lambda < 0.4);
+    const Handover h = find_handover(curve, outside);
+    EXPECT_EQ(h.reversible, twice) << lambda;
+    EXPECT_NEAR(h.inside.load, outside.at_gap(outside.gap_of(h.inside.overlap)).load, 1e-12) << lambda;
+    // Only at the outer one of two crossings does the law attract more on the inner side.
+    const double beside = 1e-3 * (h.inside.overlap - fold.overlap);
+    const double within = curve.solve(h.inside.overlap + beside, {1, 0}).point.load;
+    const double van_der_waals = outside.at_gap(outside.gap_of(h.inside.overlap + beside)).load;
+    EXPECT_EQ(within < van_der_waals, twice) << lambda;
+    const Parting parting = find_parting(curve, outside);
+    EXPECT_EQ(parting.reversible, twice);
+    EXPECT_EQ(parting.end.overlap, twice ? h.inside.overlap : fold.overlap) << lambda;
+  }
 }
 
 }  // namespace

@@ -60,6 +60,26 @@ TEST(MaugisTable, ForceRadiusEnergyAgreeWithFiftyDigits) {
   std::printf("worst error of force %.2g, of contact radius %.2g\n", worst, worst_radius);
 }
 
+// The quick way to the force gives the bits of the slow one: at the start, in the first segment, at borders,
+// in cells, beyond the table's end, without contact, below the end of the curve, and for nonsense.
+TEST(MaugisTable, ForceAloneIsTheForceOfTheState) {
+  for (const double lambda : {1e-3, 0.7, 0.95, 4.0, 1.2e4}) {
+    const MaugisTable table(lambda);
+    const auto check = [&](double delta) {
+      EXPECT_EQ(table.load_at(delta), table.solve(delta, kOverlap).point.load) << lambda << ' ' << delta;
+    };
+    for (const double t :
+         {0.0, 1e-9, 0x1p-17, 0x1.fffffffffffffp-17, 0x1p-16, 0x1.08p-16, 0x1.0ffffffffffffp-3, 0x1.1p-3,
+          0.77, 1.0, 31.4, 0x1.fffffffffffffp9, 0x1p10, 3e3}) {
+      check(table.start_overlap() + t * t);
+    }
+    for (double delta = -0.999 * table.range(); delta < 30; delta += 0.0137 * (1 + table.range()))
+      check(delta);
+    check(-1.001 * table.range() - 10);
+    EXPECT_TRUE(std::isnan(table.load_at(std::nan(""))) || table.load_at(std::nan("")) <= 0);
+  }
+}
+
 // Every segment border: the table on both sides of it is one function, and so is its derivative.
 TEST(MaugisTable, ContinuousAndConsistentAcrossSegments) {
   for (const double lambda : {0.1, 0.95, 4.0, 1e4}) {
