@@ -7,19 +7,24 @@
 #include "nve_server/app/check_command.h"
 #include "nve_server/app/curve_command.h"
 #include "nve_server/app/serve_command.h"
+#include "nve_server/app/surface_keeper.h"
 #include "nve_server/app/trace_command.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
 
 namespace {
 
-telenano::server::ServedScene serve_scene(const std::string& path) {
+telenano::server::ServedScene serve_scene(const std::string& path, const std::string& surface_folder) {
   const auto scene = telenano::scene::load_scene(path);
   telenano::server::ServedScene served;
   served.name = telenano::server::scene_name(scene->name);
   served.hash = scene->hash;
   served.timeout_ms = scene->session_timeout_ms;
   served.make_slave = [scene] { return std::make_unique<telenano::slave::NveSlave>(scene); };
+  if (!surface_folder.empty()) {
+    const auto keeper = std::make_shared<telenano::app::SurfaceKeeper>(scene, surface_folder);
+    served.make_slave = [keeper] { return telenano::app::SurfaceKeeper::make_slave(keeper); };
+  }
   return served;
 }
 

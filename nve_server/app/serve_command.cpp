@@ -86,6 +86,7 @@ class StatusPrinter {
 
 struct ServeOptions {
   std::string scene;
+  std::string surfaces;
   std::string listen = "127.0.0.1:5100";
   std::size_t max_sessions = 64;
   std::optional<int> timeout_ms;  // left out: as the scene says
@@ -96,7 +97,7 @@ struct ServeOptions {
 void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const net::Address address = net::parse_address(options.listen, "--listen");
   net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
-  server::ServedScene scene = load_scene(options.scene);
+  server::ServedScene scene = load_scene(options.scene, options.surfaces);
   server::ServerConfig config;
   config.secret = fresh_secret();
   config.table.capacity = options.max_sessions;
@@ -156,6 +157,10 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->check(CLI::Range(0, 3600));
   command->add_flag("--busy-poll", options->busy_poll,
                     "Spin instead of sleeping: quickest answers, one core busy");
+  command
+      ->add_option("--save-surface", options->surfaces,
+                   "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")
+      ->type_name("DIR");
   command->callback([options, load = std::move(load_scene), &exit_code] {
     serve(*options, load);
     exit_code = 0;

@@ -9,8 +9,9 @@
 namespace telenano::app {
 
 /// Loads the scene that a file describes; throws UserError with one line that names file, key and what is
-/// expected.
-using SceneLoader = std::function<server::ServedScene(const std::string& scene_path)>;
+/// expected. `surface_folder`: where the sessions' marked surfaces are to be kept; empty: nowhere.
+using SceneLoader =
+    std::function<server::ServedScene(const std::string& scene_path, const std::string& surface_folder)>;
 
 /// Adds `serve --scene FILE --listen HOST:PORT …`. When the command is given, it runs inside app.parse()
 /// until SIGINT or SIGTERM, says Bye to its sessions and leaves 0 in `exit_code`; UserError and RunError go

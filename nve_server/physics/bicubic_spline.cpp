@@ -127,6 +127,10 @@ BicubicSpline::Stencil BicubicSpline::stencil(double x_nm, double y_nm) const no
 }
 
 void BicubicSpline::set_coefficient(int column, int row, double value) noexcept {
+  if (column > 1 && column < columns_ - 2 && row > 1 && row < rows_ - 2) {  // not mirrored at a rim
+    at(column, row) = value;
+    return;
+  }
   const int columns[3] = {column, column == 1 ? -1 : column, column == columns_ - 2 ? columns_ : column};
   const int rows[3] = {row, row == 1 ? -1 : row, row == rows_ - 2 ? rows_ : row};
   for (const int r : rows) {

@@ -72,16 +72,32 @@ SampleTops::SampleTops(const HeightGrid& grid)
   }
 }
 
+// A top is looked for only where the sample was it and falls.
 void SampleTops::set(int column, int row, double z_nm) noexcept {
-  z_[index(column, row)] = z_nm;
+  double& sample = z_[index(column, row)];
+  const double before = sample;
+  sample = z_nm;
   lowest_ = std::min(lowest_, z_nm);
   highest_ = std::max(highest_, z_nm);
   const std::size_t block = block_of(column, row);
-  const double* z = &z_[block * kGroup];
-  block_top_[block] = *std::max_element(z, z + kGroup);
+  double& block_top = block_top_[block];
+  const double block_before = block_top;
+  if (z_nm >= block_before) {
+    block_top = z_nm;
+  } else if (before >= block_before) {
+    const double* z = &z_[block * kGroup];
+    block_top = *std::max_element(z, z + kGroup);
+  } else {
+    return;
+  }
   const std::size_t super = super_of(column, row);
-  const double* top = &block_top_[super * kGroup];
-  super_top_[super] = *std::max_element(top, top + kGroup);
+  double& super_top = super_top_[super];
+  if (block_top >= super_top) {
+    super_top = block_top;
+  } else if (block_before >= super_top) {
+    const double* top = &block_top_[super * kGroup];
+    super_top = *std::max_element(top, top + kGroup);
+  }
 }
 
 void SampleTops::open_block(const Query& query, int first_column, int first_row, Near& out) const noexcept {

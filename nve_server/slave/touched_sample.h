@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 
@@ -29,6 +30,9 @@ class TouchedSample {
   const physics::SplineSurface* marked_surface() const noexcept {
     return marked_ ? &marked_->surface() : nullptr;
   }
+
+  /// Steps that left a mark.
+  std::uint64_t marks() const noexcept { return marked_ ? marked_->marks() : 0; }
 
   /// Of the last trial accepted; null without a particle.
   const physics::ParticleSolution* particle() const noexcept {

@@ -160,5 +160,26 @@ TEST_F(TraceTest, SaysWhereItCannotWriteAndWhatWasHeldBack) {
   EXPECT_NE(held.out.find("\n1,135,0,10,"), std::string::npos) << held.out;
 }
 
+TEST_F(TraceTest, TheServerKeepsWhatASessionLeaves) {
+  const Finished refused = run_program(
+      {kNve, "serve", "--scene", scene_, "--listen", "127.0.0.1:0", "--save-surface", path("none")});
+  expect_refused(refused, {"--save-surface", "is not a folder"});
+  expect_refused(run_program({kNve, "serve", "--scene", scene_path("flakes"), "--listen", "127.0.0.1:0",
+                              "--save-surface", folder_.string()}),
+                 {"flakes.toml", "--save-surface", "hardness_gpa"});
+  Server server(scene_, 0, {"--save-surface", folder_.string()});
+  const Finished run = run_program(station(server, {"--task", "indent", "--duration-s", "2"}), {}, kLong);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const Finished above =
+      run_program(station(server, {"--task", "position", "--duration-s", "0.5"}), {}, kLong);
+  EXPECT_EQ(above.exit_code, 0) << above.err;
+  server.stop();
+  const scene::Scan scan = scene::read_gsf(path("lithography-1.gsf"));
+  // 5 nm intended, less what coupling and lever give; adhesion alone leaves 0.5 nm.
+  EXPECT_LT(scan.lowest_before_shift_nm, -0.6);
+  EXPECT_GT(scan.lowest_before_shift_nm, -5.0);
+  EXPECT_FALSE(std::filesystem::exists(path("lithography-2.gsf")));  // it touched nothing
+}
+
 }  // namespace
 }  // namespace telenano::programs

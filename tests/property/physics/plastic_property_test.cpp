@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "common/base/constants.h"
+#include "common/base/error.h"
 #include "common/base/random.h"
 #include "nve_server/physics/marked_sample.h"
 #include "nve_server/physics/sampled_shapes.h"
@@ -165,6 +166,16 @@ TEST(PlasticProperty, AMarkBesideAnotherHasItsConformityExactly) {
   surface.press({4.1, 1.3, 0.2, 6.0, 0.25, 0.1});
   EXPECT_NEAR(surface.relative_curvature(4.1, 1.3).value, 0.25, 1e-12);  // rounding of 16 weights
   EXPECT_NEAR(before - surface.height_nm(4.1, 1.3), 0.2, 1e-9);
+}
+
+TEST(PlasticProperty, NeedsAHardnessAndNoRadiusForce) {
+  const SplineSurface flat = level(10, 1.0);
+  EquilibriumOptions options;
+  EXPECT_THROW(MarkedSample(flat, law_of(kModulus, 0.05), kRadius, options), UserError);
+  options.hardness_gpa = 2.0;
+  EXPECT_NO_THROW(MarkedSample(flat, law_of(kModulus, 0.05), kRadius, options));
+  options.radius_force = true;
+  EXPECT_THROW(MarkedSample(flat, law_of(kModulus, 0.05), kRadius, options), UserError);
 }
 
 TEST(PlasticProperty, PressedAsOneContactAloneWouldBe) {

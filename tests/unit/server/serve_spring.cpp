@@ -9,7 +9,8 @@ int main(int argc, char** argv) {
   CLI::App app("serves an elastic floor");
   int exit_code = 2;
   telenano::app::add_serve_command(
-      app, [](const std::string&) { return telenano::server::spring_scene(); }, exit_code);
+      app, [](const std::string&, const std::string&) { return telenano::server::spring_scene(); },
+      exit_code);
   app.require_subcommand(1);
   try {
     app.parse(argc, argv);
