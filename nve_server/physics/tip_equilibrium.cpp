@@ -16,6 +16,7 @@ constexpr int kMaxIterations = 60;
 constexpr int kMostFollowed = 20;
 constexpr double kStepDone = 1e-9;      // nm
 constexpr double kForceDone = 1e-11;    // of the law's forces; counts through a soft spring
+constexpr double kForeseen = 1e-7;      // nm: of a step that need not be seen to be the last
 constexpr double kNoise = 20.0;         // times these, once steps shrink no more: the law's own error
 constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
 constexpr double kForceAtLast = 1e-7;   // of the law's forces, where stick and slip do
@@ -114,14 +115,13 @@ TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const Tip
 TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c,
                                          TipState& state) const noexcept {
   TipSolution solution;
-  TipSampleState law_state = state.law;
-  describe(law_.advance(-free_end.z(), c(2, 2), tip_radius_nm_, law_state), solution);
+  // Not on a copy: a law that fails forgets no more than its warm start.
+  describe(law_.advance(-free_end.z(), c(2, 2), tip_radius_nm_, state.law), solution);
   if (solution.status != SolveStatus::kOk) return solution;
   solution.radius_nm = tip_radius_nm_;
   solution.force_w_nn = Vec3(0.0, 0.0, solution.normal_force_nn);
   solution.apex_w_nm = free_end + c.col(2) * solution.normal_force_nn;
   solution.iterations = 1;
-  state.law = law_state;
   remember(solution, free_end, state);
   return solution;
 }
@@ -281,6 +281,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const FeetInUse::Reduced reduced = feet.reduce(s, unloaded, tilt, slope);
 
     if (feet.count() != feet_before) {
+      last_left = 0;
       swing.forget();
       secants.forget();
     }
@@ -342,7 +343,10 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     const Vec3 lateral = other + (force - force_0) * slope - hold * step;
     const double left = std::max(length, c_max * (found - lateral).cwiseAbs().maxCoeff());
-    const bool balanced = left < done || (left < kNoise * done && left > 0.5 * last_left) ||
+    // Newton's next step is shorter than this one by at least what this one was than the last; what it would
+    // be is the error of an answer that has this step in it.
+    const bool foreseen = !radius_force_ && left < kForeseen && left * left < done * last_left;
+    const bool balanced = left < done || foreseen || (left < kNoise * done && left > 0.5 * last_left) ||
                           (iteration >= kPatient && left < kNoise * done + kForceAtLast * forces);
     last_left = left;
 
@@ -363,7 +367,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       solution.friction_stored_aj = rub.stored_aj;
       solution.friction_dissipated_aj = rub.dissipated_aj;
       solution.sliding = rub.sliding;
-      solution.force_w_nn = force * normal + found;
+      solution.force_w_nn = force * (normal + feet.normal_turn() * step) + found;
       if (rub.sliding && !breaking && friction_->parameters().kinetic_ratio < 1.0) {
         breaking = true;  // it lets go: on to where the kinetic limit holds it
         energy_at_break = stored_aj(solution, c);
