@@ -13,8 +13,10 @@ namespace telenano::physics {
 namespace {
 
 constexpr int kMaxIterations = 60;
+constexpr int kMostFollowed = 20;
 constexpr double kStepDone = 1e-9;      // nm
 constexpr double kForceDone = 1e-11;    // of the law's forces; counts through a soft spring
+constexpr double kForeseen = 1e-7;      // nm: of a step that need not be seen to be the last
 constexpr double kNoise = 20.0;         // times these, once steps shrink no more: the law's own error
 constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
 constexpr double kForceAtLast = 1e-7;   // of the law's forces, where stick and slip do
@@ -26,6 +28,10 @@ constexpr double kLongestStepRadii = 0.5;
 constexpr double kLateralShare = 0.75;  // of the normal compliance that the lateral force may take away
 constexpr double kTiltMost = 0.5;       // of what a change of radius is worth in overlap
 constexpr double kTiltLongest = 0.5;    // of the normal
+constexpr double kSoftestContact =
+    0.05;  // of a Hertzian one: near the fold a goes with F as steeply as it likes
+constexpr double kMostRadiusRate = 4.0;
+constexpr double kFrictionDrift = 0.5;  // of the step, that friction may change by over a changing radius
 constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
 constexpr int kRelaxations = 80;
 constexpr double kRelaxed = 1e-6;  // nm
@@ -62,6 +68,19 @@ double secant(double force, double force_0, double value, double value_0, double
   return (value - value_0) / change;
 }
 
+// How the contact radius a goes with force and effective radius, as Newton's method of friction needs it:
+//   ∂a/∂F = R (3 − ρ)/(6 K a² ρ),   ρ = F_δ/(3/2 K a),   exact for Hertz and DMT (ρ = 1: R/(3 K a²)) and,
+//   since there dF/da = 3 K a²/R (1 − x) and ρ = (1 − x)/(1 − x/3), x = (a_c/a)^{3/2}, for JKR; ∂a/∂R =
+//   a/(3R) (2 − F R/(K a³)),                   exact for Hertz and DMT, and for JKR at F = 0 and F → ∞.
+ContactRadiusRates contact_radius_rates(const Equilibrium& eq, double radius, double modulus) noexcept {
+  const double a = eq.contact_radius_nm;
+  if (!(a > 0.0 && radius > 0.0)) return {};
+  const double rho = std::clamp(eq.stiffness_n_m / (1.5 * modulus * a), kSoftestContact, 1.0);
+  const double full_load = modulus * a * a * a / radius;
+  return {(3.0 - rho) * radius / (6.0 * modulus * a * a * rho),
+          a / (3.0 * radius) * std::clamp(2.0 - eq.force_nn / full_load, 0.0, kMostRadiusRate)};
+}
+
 // η: the overlap that does to the force what one unit of radius does (tip_equilibrium.h).
 double radius_as_overlap(Branch branch, double force, double overlap, double stiffness,
                          double radius) noexcept {
@@ -96,14 +115,13 @@ TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const Tip
 TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c,
                                          TipState& state) const noexcept {
   TipSolution solution;
-  TipSampleState law_state = state.law;
-  describe(law_.advance(-free_end.z(), c(2, 2), tip_radius_nm_, law_state), solution);
+  // Not on a copy: a law that fails forgets no more than its warm start.
+  describe(law_.advance(-free_end.z(), c(2, 2), tip_radius_nm_, state.law), solution);
   if (solution.status != SolveStatus::kOk) return solution;
   solution.radius_nm = tip_radius_nm_;
   solution.force_w_nn = Vec3(0.0, 0.0, solution.normal_force_nn);
   solution.apex_w_nm = free_end + c.col(2) * solution.normal_force_nn;
   solution.iterations = 1;
-  state.law = law_state;
   remember(solution, free_end, state);
   return solution;
 }
@@ -118,13 +136,18 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
   if (surface_->is_flat() && !friction_) return advance_flat(free_end, c, state);
   Vec3 start = free_end;
   if (state.started) start = state.apex_w_nm + state.follow * (free_end - state.free_end_w_nm);
-  TipSolution solution = balance(free_end, c, start, state);
+  TipSolution solution = balance(free_end, c, start, state, Radius::kFollowed);
+  if (solution.status == SolveStatus::kNotConverged) {
+    const int spent = solution.iterations;
+    solution = balance(free_end, c, start, state, Radius::kLate);
+    solution.iterations += spent;
+  }
   if (solution.status == SolveStatus::kNotConverged && state.foot_count != 0) {
     // The remembered feet may be what leads astray: once more from the nearest one.
     TipState afresh = state;
     afresh.foot_count = 0;
     const int spent = solution.iterations;
-    solution = balance(free_end, c, start, afresh);
+    solution = balance(free_end, c, start, afresh, Radius::kLate);
     solution.iterations += spent;
     if (solution.status == SolveStatus::kOk) state = afresh;
   }
@@ -145,7 +168,7 @@ TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, Tip
   int jumps = 0, spent = 0;
   for (int i = 0; i < kRelaxations && part >= kLeastRelaxation; ++i) {
     const Vec3 from = trial.apex_w_nm;
-    solution = balance(from + part * (free_end - from), part * c, from, trial, false);
+    solution = balance(from + part * (free_end - from), part * c, from, trial, Radius::kLate, false);
     spent += solution.iterations;
     if (solution.status != SolveStatus::kOk) {
       part *= 0.25;
@@ -176,8 +199,9 @@ TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, Tip
 }
 
 TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, const Vec3& start,
-                                    TipState& state, bool may_yield) const noexcept {
+                                    TipState& state, Radius radius, bool may_yield) const noexcept {
   TipSolution solution;
+  const bool followed = radius == Radius::kFollowed;
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
   const double c_max = c.cwiseAbs().rowwise().sum().maxCoeff();  // bounds the largest eigenvalue
   Vec3 p = start;
@@ -196,7 +220,8 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   double force = state.force_nn;
   double contact_radius = state.contact_radius_nm;
   double radius_force = state.radius_force_nn;
-  double contact_radius_rate = state.contact_radius_per_force_nm_nn;  // both by the normal force
+  ContactRadiusRates rates = state.contact_radius_rates;
+  double radius_before = state.radius_nm;  // where contact_radius is from
   double tilt_per_gradient = radius_as_overlap(state.law.branch, state.force_nn, state.overlap_nm,
                                                state.stiffness_n_m, state.radius_nm);
   double last_left = 0;
@@ -207,24 +232,37 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   FeetInUse left_behind = feet;  // the feet one position ago
   int feet_before = 0;
 
-  for (int iteration = 1; iteration <= kMaxIterations; ++iteration) {
+  for (int iteration = 1; iteration <= (followed ? kMostFollowed : kMaxIterations); ++iteration) {
     feet.measure(tip_radius_nm_);
     if (!(force > 0.0)) feet.keep_deepest();
 
     // The forces besides n F, where they stand and how they go with p and F.
-    const Vec3 gradient = radius_force_ ? feet.radius_gradient() : Vec3(Vec3::Zero());
-    Vec3 other = radius_force * gradient;
+    const bool alone = followed && feet.count() == 1;
+    const Vec3 gradient = alone || radius_force_ ? feet.radius_gradient() : Vec3(Vec3::Zero());
+    Vec3 other = radius_force_ ? Vec3(radius_force * gradient) : Vec3(Vec3::Zero());
     Vec3 tilt = -tilt_per_gradient * gradient;
     const double tilted = tilt.norm();
     if (tilted > kTiltLongest) tilt *= kTiltLongest / tilted;
-    Vec3 slope = tilt;
+    const Vec3 pull =
+        radius_force_ ? tilt : Vec3(Vec3::Zero());  // the law acts along n + pull, feels n + tilt
+    Vec3 slope = pull;
     const double force_0 = force;
     FrictionStep rub;
+    Mat3 hold = Mat3::Zero();   // K
+    Vec3 drift = Vec3::Zero();  // ∂a/∂p
     if (friction_) {
+      if (alone && contact_radius > 0.0) {
+        contact_radius =
+            std::max(0.0, contact_radius + rates.per_radius * (feet.radius_nm() - radius_before));
+      }
       rub = friction_->move(state.friction, feet.normal().normalized(), p - state.apex_w_nm, contact_radius,
                             force, breaking);
       other += rub.force_w_nn;
-      slope += contact_radius_rate * rub.force_per_radius_w_n_m + rub.force_per_load_w;
+      slope += rates.per_force_nm_nn * rub.force_per_radius_w_n_m + rub.force_per_load_w;
+      if (alone) drift = rates.per_radius * gradient;
+      const double carried = c_max * rub.force_per_radius_w_n_m.norm() * drift.norm();
+      if (carried > kFrictionDrift) drift *= kFrictionDrift / carried;
+      hold = rub.stiffness_n_m - rub.force_per_radius_w_n_m * drift.transpose();
     }
 
     // A = (1 − C (F N − K))⁻¹ and S = A C, see the header.
@@ -232,17 +270,18 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     Mat3 a = Mat3::Identity();
     if ((force != 0.0 || friction_) && c_max > 0.0) {
       const double kept = turn > kTurnMax ? kTurnMax / turn : 1.0;
-      a = (Mat3::Identity() - c * (kept * force * feet.normal_turn() - rub.stiffness_n_m)).inverse();
+      a = (Mat3::Identity() - c * (kept * force * feet.normal_turn() - hold)).inverse();
     }
     const Mat3 s = a * c;
     const Vec3 seen = feet.normal() + tilt;
-    const double taken = seen.dot(s * (tilt - slope));
+    const double taken = seen.dot(s * (pull - slope));
     const double most_taken = kLateralShare * seen.dot(s * seen);
-    if (taken > most_taken) slope = tilt + (slope - tilt) * (most_taken / taken);  // about to jam
+    if (taken > most_taken) slope = pull + (slope - pull) * (most_taken / taken);  // about to jam
     const Vec3 unloaded = a * (free_end + c * (other - force_0 * slope) - p);
     const FeetInUse::Reduced reduced = feet.reduce(s, unloaded, tilt, slope);
 
     if (feet.count() != feet_before) {
+      last_left = 0;
       swing.forget();
       secants.forget();
     }
@@ -287,17 +326,27 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     tilt_per_gradient = radius_as_overlap(eq.branch, force, eq.overlap_nm, eq.stiffness_n_m, radius_nm);
     contact_radius = eq.contact_radius_nm;
-    contact_radius_rate =
-        std::max(0.0, secant(force, force_0, contact_radius, contact_radius_0, contact_radius_rate));
-    Vec3 found = radius_force * gradient;
+    radius_before = radius_nm;
+    Vec3 found = radius_force_ ? Vec3(radius_force * gradient) : Vec3(Vec3::Zero());
     if (friction_) {
-      rub = friction_->move(state.friction, normal.normalized(), p + step - state.apex_w_nm, contact_radius,
-                            force, breaking);
+      if (followed) {
+        rates = contact_radius_rates(eq, radius_nm, law_.parameters().contact_modulus_gpa);
+      } else {
+        const double before = rates.per_force_nm_nn;
+        rates.per_force_nm_nn =
+            std::max(0.0, secant(force, force_0, contact_radius, contact_radius_0, before));
+      }
+      const double there = contact_radius > 0.0 ? std::max(0.0, contact_radius + drift.dot(step)) : 0.0;
+      rub = friction_->move(state.friction, normal.normalized(), p + step - state.apex_w_nm, there, force,
+                            breaking);
       found += rub.force_w_nn;
     }
-    const Vec3 lateral = other + (force - force_0) * slope - rub.stiffness_n_m * step;
+    const Vec3 lateral = other + (force - force_0) * slope - hold * step;
     const double left = std::max(length, c_max * (found - lateral).cwiseAbs().maxCoeff());
-    const bool balanced = left < done || (left < kNoise * done && left > 0.5 * last_left) ||
+    // Newton's next step is shorter than this one by at least what this one was than the last; what it would
+    // be is the error of an answer that has this step in it.
+    const bool foreseen = !radius_force_ && left < kForeseen && left * left < done * last_left;
+    const bool balanced = left < done || foreseen || (left < kNoise * done && left > 0.5 * last_left) ||
                           (iteration >= kPatient && left < kNoise * done + kForceAtLast * forces);
     last_left = left;
 
@@ -318,7 +367,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       solution.friction_stored_aj = rub.stored_aj;
       solution.friction_dissipated_aj = rub.dissipated_aj;
       solution.sliding = rub.sliding;
-      solution.force_w_nn = force * normal + found;
+      solution.force_w_nn = force * (normal + feet.normal_turn() * step) + found;
       if (rub.sliding && !breaking && friction_->parameters().kinetic_ratio < 1.0) {
         breaking = true;  // it lets go: on to where the kinetic limit holds it
         energy_at_break = stored_aj(solution, c);
@@ -339,7 +388,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       state.law = law_state;
       state.friction = rub.after;
       state.radius_force_nn = radius_force;
-      state.contact_radius_per_force_nm_nn = contact_radius_rate;
+      state.contact_radius_rates = rates;
       const Vec3 give = s * (normal + slope);
       const double along = 1.0 + eq.stiffness_n_m * seen.dot(give);
       state.follow = turn < kTurnTrusted ? a : Mat3::Identity();
@@ -385,7 +434,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
   }
   solution.status = SolveStatus::kNotConverged;
-  solution.iterations = kMaxIterations;
+  solution.iterations = followed ? kMostFollowed : kMaxIterations;
   return solution;
 }
 

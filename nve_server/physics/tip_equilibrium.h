@@ -25,6 +25,12 @@ struct ActiveFoot {
   double share = 1;
 };
 
+/// How the contact radius changes with the normal force and with the effective radius.
+struct ContactRadiusRates {
+  double per_force_nm_nn = 0;
+  double per_radius = 0;
+};
+
 /// What the equilibrium remembers from one accepted step to the next.
 struct TipState {
   TipSampleState law;
@@ -40,7 +46,7 @@ struct TipState {
   double radius_nm = 0;
   double radius_force_nn = 0;  ///< -dU/dR
   double contact_radius_nm = 0;
-  double contact_radius_per_force_nm_nn = 0;
+  ContactRadiusRates contact_radius_rates;
   FrictionState friction;
   Mat3 follow = Mat3::Identity();  ///< ∂apex/∂free end, to predict the next apex from
 };
@@ -114,8 +120,10 @@ struct EquilibriumOptions {
 /// (1 − C (F N − K))⁻¹, and the base overlap to δ_k − nᵀA(x_free + C (L + f) − p_k). A radius that changes by
 /// g·(p − p_k) acts on the law as an overlap changed by η g·(p − p_k), η = F_R/F_δ, and by the symmetry of
 /// U's second derivatives L changes by −η g (F − F_k): the law acts along n − η g, in which it feels the
-/// overlap too. F_R ≈ (F − δ F_δ/3)/R, exact where λ plays no part, F/R outside. The limit of friction goes
-/// with F by a secant, and what is still left out (∇g above all) is found from the steps themselves
+/// overlap too. F_R ≈ (F − δ F_δ/3)/R, exact where λ plays no part, F/R outside. Without `radius_force` the
+/// law still feels −η g, and acts along n alone. The limit of friction goes with the contact radius a(F, R):
+/// along F through ∂a/∂F, and with the position through ∂a/∂R g, which is part of −K. What is still left out
+/// (∇g above all) is found from the steps themselves
 /// (balance_guards.h). Where F C N comes near 1 the tip is about to slide off a summit sideways: A is then
 /// bounded and the iteration walks downhill to the next balance. Each trial starts from a copy of the law's
 /// memory, which moves on once a step.
@@ -168,8 +176,13 @@ class TipEquilibrium {
  private:
   TipSolution advance_flat(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                            TipState& state) const noexcept;
+  /// How Newton's method takes the effective radius, which changes with the position.
+  enum class Radius {
+    kFollowed,  ///< through its gradient: converges fast
+    kLate,  ///< as it was one iteration ago: slow, but not led astray where the gradient jumps between feet
+  };
   TipSolution balance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, const Vec3& start_w_nm,
-                      TipState& state, bool may_yield = true) const noexcept;
+                      TipState& state, Radius radius, bool may_yield = true) const noexcept;
   TipSolution relax(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                     TipState& state) const noexcept;
 

@@ -82,16 +82,19 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
       limits_(limits_of(*scene_)),
       flat_(scene_->surface->is_flat()),
       sample_(scene_) {
-  port_.commanded_w_nm = limits_.start_pos_w_nm;
-  Port settled;
+  port().commanded_w_nm = limits_.start_pos_w_nm;
   physics::Compliance springs;
-  if (solve(port_.commanded_w_nm, piece_of(kSettle_s), port_, settled, springs)) {
-    port_ = settled;
-    sample_.accept(port_.solution);
+  if (solve(port().commanded_w_nm, piece_of(kSettle_s), port(), trial_port(), springs)) {
+    accept_trial();
   }
-  port_.mode.velocity_nm_s = 0;
+  port().mode.velocity_nm_s = 0;
   SlaveOutput unused;
   publish(0, unused);
+}
+
+void NveSlave::accept_trial() noexcept {
+  now_ = 1 - now_;
+  sample_.accept(port().solution);
 }
 
 NveSlave::Piece NveSlave::piece_of(double dt_s) const noexcept {
@@ -105,8 +108,8 @@ int NveSlave::pieces(double dt_s, double distance_nm) const noexcept {
   int count = 1;
   if (!flat_) {
     double longest = kSubstepRadii * scene_->probe.tip_radius_nm;
-    if (scene_->marks && port_.solution.contact_radius_nm > 0.0) {
-      longest = std::min(longest, kMarkRadii * port_.solution.contact_radius_nm);
+    if (scene_->marks && port().solution.contact_radius_nm > 0.0) {
+      longest = std::min(longest, kMarkRadii * port().solution.contact_radius_nm);
     }
     const double pieces = std::ceil(distance_nm / longest);
     count = std::clamp(static_cast<int>(std::min(pieces, 1.0 * kMaxSubsteps)), 1, kMaxSubsteps);
@@ -122,7 +125,8 @@ bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from
   const double k_c = scene_->coupling.stiffness_n_m;
   const double b_over_dt = scene_->coupling.damping_n_s_m / piece.dt_s;
   const double k_total = k_c + b_over_dt;
-  to = from;
+  to.tip = from.tip;
+  to.mode = from.mode;
   to.commanded_w_nm = commanded;
   Vec3 free_end = commanded - from.extension_w_nm * (b_over_dt / k_total);
   springs = Mat3::Identity() / k_total + probe.rest_compliance_nm_nn();
@@ -221,7 +225,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
   }
   dt_s = std::clamp(dt_s, kShortestStep_s, kLongestStep_s);
   std::uint32_t faults = 0;
-  Vec3 goal = port_.commanded_w_nm;
+  Vec3 goal = port().commanded_w_nm;
   double speed = scene_->limits.speed_max_nm_s;
   if (input.retract) {
     goal.z() = limits_.workspace_max_w_nm.z();
@@ -232,7 +236,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
         input.tip_target_pos_w_nm.cwiseMax(limits_.workspace_min_w_nm).cwiseMin(limits_.workspace_max_w_nm);
     if (goal != input.tip_target_pos_w_nm) faults |= link::kFaultWorkspace;
   }
-  Vec3 move = goal - port_.commanded_w_nm;
+  Vec3 move = goal - port().commanded_w_nm;
   double distance = move.norm();
   if (distance > speed * dt_s) {
     move *= speed * dt_s / distance;
@@ -242,43 +246,42 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
 
   const int count = pieces(dt_s, distance);
   const Piece piece = piece_of(dt_s / count);
-  const Vec3 target = port_.commanded_w_nm + move;
+  const Vec3 target = port().commanded_w_nm + move;
   for (int left = count; left > 0; --left) {
     const Vec3 next =
-        left == 1 ? target : Vec3(port_.commanded_w_nm + (target - port_.commanded_w_nm) / left);
-    Port after;
+        left == 1 ? target : Vec3(port().commanded_w_nm + (target - port().commanded_w_nm) / left);
+    Port& after = trial_port();
     bool held_back = false;
-    if (!solve_within_force_limit(next, piece, port_, after, held_back)) {
+    if (!solve_within_force_limit(next, piece, port(), after, held_back)) {
       faults |= link::kFaultNoEquilibrium;
       break;
     }
     if (held_back) faults |= link::kFaultForceLimit;
-    book(port_, piece, after);
-    port_ = after;
-    sample_.accept(port_.solution);
+    book(port(), piece, after);
+    accept_trial();
   }
-  if (port_.solution.outside) ++trace_.outside_steps;
-  if (port_.solution.radius_clamped) ++trace_.clamped_radius_steps;
+  if (port().solution.outside) ++trace_.outside_steps;
+  if (port().solution.radius_clamped) ++trace_.clamped_radius_steps;
   publish(faults, output);
 }
 
 void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   const physics::Probe& probe = scene_->cantilever;
-  output.force_w_nn = port_.solution.force_w_nn;
-  output.tip_pos_w_nm = port_.solution.apex_w_nm;
-  output.commanded_pos_w_nm = port_.commanded_w_nm;
-  output.deflection_nm = port_.solution.force_w_nn.z() * probe.rest_compliance_nm_nn()(2, 2) +
-                         probe.mode_shape_w().z() * port_.mode.deflection_nm;
-  output.contact_state = contact_state(port_.solution.branch);
+  output.force_w_nn = port().solution.force_w_nn;
+  output.tip_pos_w_nm = port().solution.apex_w_nm;
+  output.commanded_pos_w_nm = port().commanded_w_nm;
+  output.deflection_nm = port().solution.force_w_nn.z() * probe.rest_compliance_nm_nn()(2, 2) +
+                         probe.mode_shape_w().z() * port().mode.deflection_nm;
+  output.contact_state = contact_state(port().solution.branch);
   output.fault_bits = fault_bits;
   output.energy_in_aj = energy_in_aj_;
   output.energy_out_aj = energy_out_aj_;
   output.measurement_age_ns = 0;
-  trace_.commanded_end_w_nm = port_.commanded_w_nm;
-  trace_.coupling_extension_w_nm = port_.extension_w_nm;
-  trace_.tip = port_.solution;
-  trace_.mode = port_.mode;
-  trace_.stored_aj = port_.stored_aj;
+  trace_.commanded_end_w_nm = port().commanded_w_nm;
+  trace_.coupling_extension_w_nm = port().extension_w_nm;
+  trace_.tip = port().solution;
+  trace_.mode = port().mode;
+  trace_.stored_aj = port().stored_aj;
 }
 
 }  // namespace telenano::slave

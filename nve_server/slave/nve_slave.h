@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <memory>
 
 #include "nve_server/physics/probe.h"
@@ -90,6 +92,10 @@ class NveSlave final : public Slave {
     double dt_s = 0;
     physics::ModePropagator mode;
   };
+  Port& port() noexcept { return ports_[now_]; }
+  const Port& port() const noexcept { return ports_[now_]; }
+  Port& trial_port() noexcept { return ports_[1 - now_]; }
+  void accept_trial() noexcept;
   Piece piece_of(double dt_s) const noexcept;
   int pieces(double dt_s, double distance_nm) const noexcept;
   bool solve(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
@@ -103,7 +109,8 @@ class NveSlave final : public Slave {
   SlaveLimits limits_;
   bool flat_;
   TouchedSample sample_;
-  Port port_;
+  std::array<Port, 2> ports_;  // the accepted one and the trial take turns, lest large states be copied
+  std::size_t now_ = 0;
   Trace trace_;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;
