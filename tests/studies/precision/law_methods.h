@@ -38,6 +38,7 @@ struct LawMethodEntry {
   std::string setting;
   bool is_default = false;
   std::function<std::unique_ptr<LawMethod>(double lambda)> make;
+  bool is_knob = true;  ///< its settings go from coarse to fine (not: different laws)
 };
 
 /// The largest overlap that the tables of this study cover.

@@ -51,9 +51,9 @@ class Jkr final : public LawMethod {
 
 std::vector<LawMethodEntry> closed_law_methods() {
   const std::string family = "closed forms (model error)";
-  return {{family, "Hertz", false, [](double) { return std::make_unique<PowerLaw>(0.0); }},
-          {family, "DMT", false, [](double) { return std::make_unique<PowerLaw>(2.0); }},
-          {family, "JKR", false, [](double) { return std::make_unique<Jkr>(); }}};
+  return {{family, "Hertz", false, [](double) { return std::make_unique<PowerLaw>(0.0); }, false},
+          {family, "DMT", false, [](double) { return std::make_unique<PowerLaw>(2.0); }, false},
+          {family, "JKR", false, [](double) { return std::make_unique<Jkr>(); }, false}};
 }
 
 }  // namespace telenano::studies

@@ -54,7 +54,8 @@ LawMethodEntry whole_law(std::string family, std::string setting, ContactModel m
                          MaugisMethod method = MaugisMethod::kDirect) {
   const bool is_default = model == ContactModel::kMaugisDugdale && method == MaugisMethod::kDirect;
   return {std::move(family), std::move(setting), is_default,
-          [=](double lambda) { return std::make_unique<WholeLaw>(lambda, model, method); }};
+          [=](double lambda) { return std::make_unique<WholeLaw>(lambda, model, method); },
+          model == ContactModel::kMaugisDugdale};
 }
 
 /// The curve's own solver; `warm` starts from the last point's parameter.
@@ -111,10 +112,10 @@ class NewtonInU final : public LawMethod {
 std::vector<LawMethodEntry> product_law_methods() {
   std::vector<LawMethodEntry> entries;
   entries.push_back(
-      whole_law("MD direct (the loop's call)", "warm, to rounding", ContactModel::kMaugisDugdale));
-  entries.push_back(whole_law("MD table (the loop's call)", "32 cells an octave",
-                              ContactModel::kMaugisDugdale, MaugisMethod::kTable));
-  const std::string others = "the other laws (the loop's call)";
+      whole_law("MD direct, the loop's call", "warm, to rounding", ContactModel::kMaugisDugdale));
+  entries.push_back(whole_law("MD table, the loop's call", "32 cells an octave", ContactModel::kMaugisDugdale,
+                              MaugisMethod::kTable));
+  const std::string others = "other laws, the loop's call";
   entries.push_back(whole_law(others, "Hertz", ContactModel::kHertz));
   entries.push_back(whole_law(others, "DMT", ContactModel::kDmt));
   entries.push_back(whole_law(others, "JKR", ContactModel::kJkr));

@@ -15,9 +15,10 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kFloor = 1e-17;  // an error of zero on a logarithmic axis
-constexpr const char* kColours[] = {kBlue,     kRed,      kGreen,    kPurple,   kInk,      "#E69F00",
-                                    "#56B4E9", "#8C6D1F", "#CC79A7", "#7F7F7F", "#66A61E", "#1B4F9C"};
-constexpr int kPoints[] = {7, 5, 9, 13, 11, 15, 6, 4, 8, 10, 12, 14};
+constexpr const char* kColours[] = {kBlue,     kRed,      kGreen,    kPurple,   kInk,
+                                    "#E69F00", "#56B4E9", "#8C6D1F", "#CC79A7", "#7F7F7F",
+                                    "#66A61E", "#1B4F9C", "#B2182B", "#00A08A"};
+constexpr int kPoints[] = {7, 5, 9, 13, 11, 15, 6, 4, 8, 10, 12, 14, 5, 13};
 constexpr std::size_t kStyles = std::size(kColours);
 
 std::vector<std::string> distinct(const std::vector<std::string>& names) {
@@ -76,6 +77,12 @@ std::string panel_grid(const std::vector<std::string>& panels,
                     kColours[f % kStyles], kPoints[f % kStyles], quoted(families[f]));
   }
   return script;
+}
+
+/// Two panels a row, and room for the legend.
+int height_of(std::size_t panels, std::size_t families) {
+  const int rows = static_cast<int>((panels + 1) / 2);
+  return std::max(100 + 250 * rows, 100 + 36 * static_cast<int>(families));
 }
 
 std::string number(double value) {
@@ -184,6 +191,11 @@ Figure work_precision_figure(const Figure& text, const std::vector<Row>& rows, c
     }
   }
   folder.write(text.id + ".csv", data);
+  const auto joined = [&](const std::string& family) {
+    const bool knob = std::any_of(rows.begin(), rows.end(),
+                                  [&](const Row& row) { return row.family == family && row.is_knob; });
+    return knob ? "linespoints" : "points";
+  };
   const auto plot_of = [&](const std::string& panel) {
     const std::size_t p =
         static_cast<std::size_t>(std::find(panels.begin(), panels.end(), panel) - panels.begin());
@@ -191,15 +203,14 @@ Figure work_precision_figure(const Figure& text, const std::vector<Row>& rows, c
     for (std::size_t f = 0; f < families.size(); ++f) {
       if (index[p][f] < 0) continue;
       plot += fmt::format(
-          "{}'{}.csv' index {} using 1:2 with linespoints lc rgb '{}' pt {} ps 0.6 lw 1.2, '' index {} using "
+          "{}'{}.csv' index {} using 1:2 with {} lc rgb '{}' pt {} ps 0.6 lw 1.2, '' index {} using "
           "($3 == 1 ? $1 : NaN):2 with points lc rgb '{}' pt 6 ps 1.6 lw 1.6",
-          plot.empty() ? "plot " : ", \\\n  ", text.id, index[p][f], kColours[f % kStyles],
-          kPoints[f % kStyles], index[p][f], kColours[f % kStyles]);
+          plot.empty() ? "plot " : ", \\\n  ", text.id, index[p][f], joined(families[f]),
+          kColours[f % kStyles], kPoints[f % kStyles], index[p][f], kColours[f % kStyles]);
     }
     return plot;
   };
-  const int panel_rows = static_cast<int>((panels.size() + 1) / 2);
-  const int height = 100 + 250 * panel_rows;
+  const int height = height_of(panels.size(), families.size());
   Figure figure = text;
   folder.draw(
       figure, 1000, height,
@@ -239,8 +250,7 @@ Figure log_line_figure(const Figure& text, const std::vector<Line>& lines, const
     }
     return plot;
   };
-  const int panel_rows = static_cast<int>((panels.size() + 1) / 2);
-  const int height = 100 + 250 * panel_rows;
+  const int height = height_of(panels.size(), names.size());
   Figure figure = text;
   folder.draw(figure, 1000, height, panel_grid(panels, plot_of, names, axes, height));
   return figure;

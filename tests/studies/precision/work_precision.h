@@ -41,6 +41,7 @@ struct Row {
   Errors errors;
   Cost cost;
   double setup_us = 0;  ///< what a change of material or radius costs before the first evaluation
+  bool is_knob = true;  ///< settings go from coarse to fine: points that a line may join
 };
 
 /// A part of the page.
