@@ -362,12 +362,12 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
         continue;
       }
       describe(eq, solution);
-      solution.normal_w = normal;
+      solution.normal_w = normal + feet.normal_turn() * step;  // where the step leads
       solution.friction_w_nn = rub.force_w_nn;
       solution.friction_stored_aj = rub.stored_aj;
       solution.friction_dissipated_aj = rub.dissipated_aj;
       solution.sliding = rub.sliding;
-      solution.force_w_nn = force * (normal + feet.normal_turn() * step) + found;
+      solution.force_w_nn = force * solution.normal_w + found;
       if (rub.sliding && !breaking && friction_->parameters().kinetic_ratio < 1.0) {
         breaking = true;  // it lets go: on to where the kinetic limit holds it
         energy_at_break = stored_aj(solution, c);
