@@ -168,7 +168,7 @@ TEST(EquilibriumProperty, NoWorkRoundAClosedPath) {
       most = std::max(most, std::abs(work) / size);
     }
   }
-  EXPECT_LT(worst, 3e-10);         // seen: 1.2e-10, of the cubics that the fold of overlap comes from
+  EXPECT_LT(worst, 1e-10);         // seen: 7e-12
   EXPECT_GT(worst_without, 1e-4);  // it is the radius' part that makes it so
 }
 
