@@ -8,6 +8,8 @@
 
 #include "common/base/error.h"
 #include "tests/studies/figures/ks06.h"
+#include "tests/studies/figures/ks13.h"
+#include "tests/studies/figures/ks16.h"
 #include "tests/studies/figures/ks18.h"
 
 namespace telenano::studies {
@@ -106,6 +108,38 @@ TEST(Ks18, TransitionsAreSmallAgainstTheHold) {
   for (const TaskTransitions::Row& row : run.rows) ASSERT_TRUE(std::isfinite(row.hand_force_n));
 }
 
+// 800 x 13.33 N/m at 1 kHz is far beyond 2b/T = 4000 N/m: without control the port gives energy without end.
+// With the clamp it gives at most E0 = 10 mJ and what encoder (10 um) and damping that is not credited add: 2
+// E0.
+TEST(HardContact, ControlEndsTheOscillation) {
+  const HardContact none = run_hard_contact(control::Method::kNone, kHardContactForceScale);
+  const HardContact clamp = run_hard_contact(control::Method::kKsClamp, kHardContactForceScale);
+  EXPECT_GT(none.extracted_mj, 1000);
+  EXPECT_LT(clamp.extracted_mj, 20);
+  EXPECT_LT(10 * clamp.hand_speed_rms_m_s, none.hand_speed_rms_m_s);
+  EXPECT_LT(10 * clamp.force_step_rms_n, none.force_step_rms_n);
+  // 0.8 of 12 N is the force limit, whatever the method.
+  EXPECT_LE(none.greatest_n, 9.6 * (1 + 1e-9));
+  EXPECT_LE(clamp.greatest_n, 9.6 * (1 + 1e-9));
+}
+
+// At rest hand, port and sample are springs in series: the intention's way below the hand's start is the
+// arm's, so a hard sample takes more force for less depth than a soft one.
+TEST(Ks16, HardSampleTakesMoreForceForLessDepth) {
+  const std::string scenes = std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/";
+  const Indents soft = run_ks16(scenes + "flat_polystyrene.toml");
+  const Indents hard = run_ks16(scenes + "flat_silicon_oxide.toml");
+  EXPECT_GT(hard.greatest_n, 1.2 * soft.greatest_n);
+  EXPECT_LT(3 * hard.deepest_nm, soft.deepest_nm);
+  // The tip lets go at the pull-off of load control, 41.4015 and 21.7946 nN by 50-digit arithmetic, 50 nN a
+  // newton. The hand pulls away while it lets go, so the last sample before may miss some of it: 3 %.
+  EXPECT_NEAR(hard.pull_off_n, 41.4015 / 50, 0.03 * 41.4015 / 50);
+  EXPECT_NEAR(soft.pull_off_n, 21.7946 / 50, 0.03 * 21.7946 / 50);
+  // A loop dissipates; the energy book of the port says so.
+  EXPECT_GT(hard.hand_work_mj, 0);
+  EXPECT_GT(soft.hand_work_mj, 0);
+}
+
 TEST(NamedFigures, WritesEachAndNamesTheUnknown) {
   std::filesystem::remove_all(kOut);
   draw_figures({"ks06"}, kOut);
@@ -116,7 +150,7 @@ TEST(NamedFigures, WritesEachAndNamesTheUnknown) {
     draw_figures({"ks99"}, kOut);
     FAIL();
   } catch (const UserError& error) {
-    EXPECT_NE(std::string(error.what()).find("'ks99' is unknown; expected some of ks06, ks18"),
+    EXPECT_NE(std::string(error.what()).find("'ks99' is unknown; expected some of ks06, ks11, ks12"),
               std::string::npos);
   }
   std::filesystem::remove_all(kOut);

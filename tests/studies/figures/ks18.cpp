@@ -84,24 +84,27 @@ TaskTransitions run_ks18(const std::string& scene_path) {
   return result;
 }
 
-Figure draw_ks18(const FigureFolder& folder) {
-  const TaskTransitions run =
-      run_ks18(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flat_polystyrene.toml");
+namespace {
+
+Figure draw_transitions(const FigureFolder& folder, const std::string& id, const std::string& scene,
+                        const std::string& comparison) {
+  const TaskTransitions run = run_ks18(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + scene);
   std::string csv = "# time_s,tip_height_nm,hand_force_n\n";
   for (std::size_t i = 0; i < run.rows.size(); i += 4) {
     const auto& row = run.rows[i];
     csv += fmt::format("{:.6g},{:.7g},{:.7g}\n", row.time_s, row.height_nm, row.hand_force_n);
   }
-  folder.write("ks18.csv", csv);
+  folder.write(id + ".csv", csv);
   Figure figure{
-      "ks18", "Forces at the hand between tasks",
+      id, "Forces at the hand between tasks",
       fmt::format(
           "A session in virtual time (device, hand, station, link, server) over {}: (a) held 10–20 nm above, "
           "(b) just in contact, twice, then (c) pressed in. Greatest force above {:.2g} N (of the tip {:.2g} "
           "N, the rest is damping by control); on the way between (a) and (b), the jumps left out, {:.2g} N; "
           "attraction when the tip lets go up to {:.2g} N; mean force in contact {:.2g} N, and pressed in "
           "{:.2g} N.",
-          run.scene, run.above_n, run.above_tip_n, run.going_n, run.jump_n, run.in_contact_n, run.pressed_n),
+          run.scene, run.above_n, run.above_tip_n, run.going_n, run.jump_n, run.in_contact_n, run.pressed_n) +
+          comparison,
       ""};
   std::string shades;
   int object = 0;
@@ -116,13 +119,27 @@ Figure draw_ks18(const FigureFolder& folder) {
   }
   shade(kPressBegins_s, kPressEnds_s, "#F6DDD0");
   const std::vector<Panel> panels{
-      {"tip above sample (nm)", {fmt::format("'ks18.csv' using 1:2 lc rgb '{}' lw 1.4 notitle", kBlue)}},
-      {"force at the hand (N)", {fmt::format("'ks18.csv' using 1:3 lc rgb '{}' lw 1.4 notitle", kRed)}}};
+      {"tip above sample (nm)", {fmt::format("'{}.csv' using 1:2 lc rgb '{}' lw 1.4 notitle", id, kBlue)}},
+      {"force at the hand (N)", {fmt::format("'{}.csv' using 1:3 lc rgb '{}' lw 1.4 notitle", id, kRed)}}};
   folder.draw(
       figure, 1000, 520,
       "set multiplot\n" + shades +
           column_of_panels(panels, {0.09, 0.98, 0.95, 0.1, 0.05, true, fmt::format("0:{}", kEnd_s)}, ""));
   return figure;
+}
+
+}  // namespace
+
+Figure draw_ks17(const FigureFolder& folder) {
+  return draw_transitions(
+      folder, "ks17", "flat_silicon_oxide.toml",
+      " As in KS a stable contact on the hardest sample, at a scaling that is passive; their "
+      "hand, scaling and axes are not given.");
+}
+
+Figure draw_ks18(const FigureFolder& folder) {
+  return draw_transitions(folder, "ks18", "flat_polystyrene.toml",
+                          " As in KS the forces between (a) and (b) are too small to be felt.");
 }
 
 }  // namespace telenano::studies

@@ -27,6 +27,7 @@ struct TaskTransitions {
 
 TaskTransitions run_ks18(const std::string& scene_path);
 
-Figure draw_ks18(const FigureFolder& folder);
+Figure draw_ks17(const FigureFolder& folder);  ///< silicon oxide
+Figure draw_ks18(const FigureFolder& folder);  ///< polystyrene
 
 }  // namespace telenano::studies

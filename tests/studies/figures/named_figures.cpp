@@ -6,15 +6,34 @@
 #include "common/base/error.h"
 #include "common/base/version.h"
 #include "tests/studies/figures/ks06.h"
+#include "tests/studies/figures/ks13.h"
+#include "tests/studies/figures/ks16.h"
 #include "tests/studies/figures/ks18.h"
+#include "tests/studies/figures/scaling_figures.h"
 #include "tests/studies/report/page.h"
+#include "tests/studies/zwidth/zwidth_figures.h"
 
 namespace telenano::studies {
 namespace {
 
 constexpr NamedFigure kFigures[] = {
     {"ks06", "Kim & Sitti, fig. 6: force against distance, approach and retract", draw_ks06},
+    {"ks11", "Kim & Sitti, fig. 11: Z-width with the force scaling factor", draw_ks11},
+    {"ks12", "Kim & Sitti, fig. 12: region of the force scaling factor", draw_ks12},
+    {"ks13", "Kim & Sitti, fig. 13: silicon oxide without a passivity controller", draw_ks13},
+    {"ks14", "Kim & Sitti, fig. 14: silicon oxide with a passivity controller", draw_ks14},
+    {"ks16", "Kim & Sitti, fig. 16: in contact and indenting", draw_ks16},
+    {"ks17", "Kim & Sitti, fig. 17: contact on silicon oxide", draw_ks17},
     {"ks18", "Kim & Sitti, fig. 18: forces at the hand between tasks", draw_ks18},
+    {"cb03", "Colgate & Brown, fig. 3: stable and unstable interaction with a virtual wall", draw_cb03},
+    {"cb04a", "Colgate & Brown, fig. 4a: fine encoder, no filter",
+     [](const FigureFolder& folder) { return draw_cb04('a', folder); }},
+    {"cb04b", "Colgate & Brown, fig. 4b: coarse encoder, no filter",
+     [](const FigureFolder& folder) { return draw_cb04('b', folder); }},
+    {"cb04c", "Colgate & Brown, fig. 4c: fine encoder, filter",
+     [](const FigureFolder& folder) { return draw_cb04('c', folder); }},
+    {"cb04d", "Colgate & Brown, fig. 4d: coarse encoder, filter",
+     [](const FigureFolder& folder) { return draw_cb04('d', folder); }},
 };
 
 }  // namespace

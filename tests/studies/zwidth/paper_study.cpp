@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -22,16 +23,15 @@ constexpr double kDampingOut_n_s_m = 2.0;
 constexpr double kDampingIn_n_s_m = 20.0;
 constexpr double kFilter_hz = 30.0;
 constexpr double kForceBits = 12;
-constexpr int kRowsEach = 24;
+constexpr int kRowsEach = 8;
 
-/// Beyond this virtual damping not even the softest wall is stable for the free device.
+/// Beyond this virtual damping some heavy hand drives up even the softest wall.
 double largest_damping(const ZWidthOptions& options) {
   const auto some_stable = [&](double b) {
     control::VirtualDamper damper;
     damper.damping_n_s_m = b;
     if (options.filter_hz > 0) damper.filter_s = 1.0 / (2.0 * M_PI * options.filter_hz);
-    return spectral_radius(options.display, damper,
-                           1e-3 * options.display.damping_n_s_m / options.display.period_s, Hand{}) < 1.0;
+    return control::heavy_hand_stiffness(options.display, damper) > 0;
   };
   double low = 0;
   double high = options.display.damping_n_s_m;
@@ -101,7 +101,8 @@ void run_paper_study(const std::string& folder) {
   const std::vector<PaperConfiguration> configurations = paper_configurations();
   std::vector<Job> jobs;
   for (const PaperConfiguration& c : configurations) {
-    const double most = 1.02 * largest_damping(c.options());
+    // The hands of the simulation are lighter, and hold out a little longer.
+    const double most = 1.2 * largest_damping(c.options());
     for (int row = 0; row < kRowsEach; ++row) {
       if (done.count(fmt::format("{},{}", c.name(), row)) != 0) continue;
       jobs.push_back({&c, row, most * row / (kRowsEach - 1)});
@@ -121,6 +122,35 @@ void run_paper_study(const std::string& folder) {
     }
   });
   std::fclose(out);
+}
+
+std::vector<PaperRow> read_paper_study(const std::string& folder) {
+  const std::string path = (std::filesystem::path(folder) / "zwidth.csv").string();
+  std::ifstream in(path);
+  if (!in) throw UserError(fmt::format("zwidth: cannot read {}", path));
+  const std::vector<PaperConfiguration> configurations = paper_configurations();
+  std::vector<PaperRow> rows;
+  std::string line;
+  std::getline(in, line);
+  while (std::getline(in, line)) {
+    const std::size_t first = line.find(',');
+    const std::size_t second = line.find(',', first + 1);
+    const auto known = std::find_if(configurations.begin(), configurations.end(), [&](const auto& c) {
+      return first != std::string::npos && c.name() == line.substr(0, first);
+    });
+    PaperRow row;
+    if (known == configurations.end() || second == std::string::npos ||
+        std::sscanf(line.c_str() + second, ",%lf,%lf,%lf,%lf,%lf,%lf", &row.values.virtual_damping_n_s_m,
+                    &row.values.passive, &row.values.closed, &row.values.coupled, &row.values.free,
+                    &row.values.simulated) != 6)
+      throw UserError(fmt::format("zwidth: {}: not a row of this study: {}", path, line));
+    row.configuration = *known;
+    rows.push_back(row);
+  }
+  std::stable_sort(rows.begin(), rows.end(), [](const PaperRow& a, const PaperRow& b) {
+    return a.values.virtual_damping_n_s_m < b.values.virtual_damping_n_s_m;
+  });
+  return rows;
 }
 
 }  // namespace telenano::studies

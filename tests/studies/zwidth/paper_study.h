@@ -27,4 +27,12 @@ std::vector<PaperConfiguration> paper_configurations();
 /// folder cannot be written.
 void run_paper_study(const std::string& folder);
 
+struct PaperRow {
+  PaperConfiguration configuration;
+  ZWidthRow values;
+};
+/// What run_paper_study wrote, each configuration by rising damping. Throws UserError for a line that it did
+/// not write.
+std::vector<PaperRow> read_paper_study(const std::string& folder);
+
 }  // namespace telenano::studies

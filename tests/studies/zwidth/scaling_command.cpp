@@ -11,7 +11,9 @@
 #include "common/base/error.h"
 #include "common/control/scaling.h"
 #include "tests/studies/parse_list.h"
+#include "tests/studies/zwidth/scaling_study.h"
 #include "tests/studies/zwidth/zwidth_command.h"
+#include "tests/studies/zwidth/zwidth_figures.h"
 
 namespace telenano::studies {
 namespace {
@@ -23,6 +25,7 @@ struct Arguments {
   double safety = 0.8;
   double nve_force_nn = 100.0;
   double mass_kg = 0.25;
+  std::string plot;
 };
 
 void require(bool good, const char* flag, double value, const char* expected) {
@@ -59,6 +62,10 @@ void run(const Arguments& a) {
     fmt::print("{:.10g},{:.10g},{:.10g},{:.10g},{:.10g},{}\n", scale, published / scale, sampled, device,
                std::min(sampled, device), sampled < device ? "sampled" : "device");
   }
+  if (a.plot.empty()) return;
+  const PlotTarget target = plot_target(a.plot, "scaling");
+  const Figure figure = draw_scaling_region(scaling_region(p, a.mass_kg, device), target.id, target.folder);
+  fmt::print(stderr, "scaling: {}\n", figure.caption);
 }
 
 }  // namespace
@@ -91,6 +98,8 @@ void add_scaling_command(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--delay-samples", a->plant.delay_samples, "d of the whole loop, samples")
       ->capture_default_str();
+  command->add_option("--plot", a->plot,
+                      "FILE.svg: also draw the region with simulated instability points, by gnuplot");
   command->footer(
       "force_scale_* is the largest alpha_F at that alpha_v: llewellyn as published, sampled the exact bound "
       "for\n"

@@ -30,7 +30,8 @@ std::vector<PushingHand> trying_hands(const control::HapticDisplay& display) {
   return hands;
 }
 
-WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHand& hand) {
+WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHand& hand,
+                      std::vector<double>* trace_m) {
   const double period = plant.display.period_s;
   const double mass = plant.display.mass_kg + hand.arm.mass_kg;
   const HeldMotion h =
@@ -77,6 +78,7 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHan
     x = rest + h.xx * from_rest + h.xv * v + h.xf * net;
     v = next_v;
     ++run.steps;
+    if (trace_m != nullptr) trace_m->push_back(x);
     if (!(std::fabs(x) < kDiverged_m)) {
       run.peak_to_peak_m = kDiverged_m;
       return run;

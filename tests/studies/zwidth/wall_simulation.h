@@ -35,8 +35,9 @@ struct WallRun {
 /// The hand at a wall of this stiffness, starting a tenth of a millimetre from rest: whatever swings more
 /// than half a millimetre later has grown. It is watched for 4 s and 40 of the device's own time constants
 /// 2m/b, at most 100 s: at a margin of 3 % of b the swing then grows by more than it needs to be seen. Ends
-/// early when it diverges.
-WallRun simulate_wall(const WallPlant& plant, double stiffness_n_m, const PushingHand& hand);
+/// early when it diverges. `trace_m`, where given, gets the position of every sample, into the wall positive.
+WallRun simulate_wall(const WallPlant& plant, double stiffness_n_m, const PushingHand& hand,
+                      std::vector<double>* trace_m = nullptr);
 
 /// Least stiffness, rising, at which some of the hands sees more than max(0.5 mm, 4 quanta) peak to peak over
 /// the last second; found to 1 %. NaN if that is so at a hundredth of 2b/T already.

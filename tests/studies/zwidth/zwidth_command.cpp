@@ -7,6 +7,7 @@
 
 #include "tests/studies/parse_list.h"
 #include "tests/studies/zwidth/paper_study.h"
+#include "tests/studies/zwidth/zwidth_figures.h"
 #include "tests/studies/zwidth/zwidth_study.h"
 
 namespace telenano::studies {
@@ -17,7 +18,18 @@ struct Arguments {
   std::string virtual_damping;
   bool paper = false;
   std::string out = "zwidth-out";
+  std::string plot;
 };
+
+/// Figures 3 and 4a-d of the paper, and what each factor buys on standard output.
+void draw_paper(const std::string& out) {
+  run_paper_study(out);
+  const FigureFolder folder(out);
+  if (!folder.has_gnuplot()) std::fputs("zwidth: gnuplot is not installed: CSV only\n", stderr);
+  draw_cb03(folder);
+  for (const char part : {'a', 'b', 'c', 'd'}) draw_cb04(part, folder);
+  std::fputs(factor_table(factor_gains(read_paper_study(out))).c_str(), stdout);
+}
 
 }  // namespace
 
@@ -49,6 +61,7 @@ void add_zwidth_command(CLI::App& app) {
   command->add_flag("--paper", arguments->paper,
                     "The sixteen configurations of the paper instead, into --out; goes on where it stopped");
   command->add_option("--out", arguments->out, "Folder for --paper")->capture_default_str();
+  command->add_option("--plot", arguments->plot, "FILE.svg: also draw the rows, by gnuplot");
   command->footer(
       "Columns, N/m: k_passive CB's theorem evaluated; k_passive_closed its closed form; k_coupled least K "
       "at which\n"
@@ -63,9 +76,12 @@ void add_zwidth_command(CLI::App& app) {
           parse_list(arguments->virtual_damping, "zwidth: --virtual-damping");
     }
     if (arguments->paper) {
-      run_paper_study(arguments->out);
-    } else {
+      draw_paper(arguments->out);
+    } else if (arguments->plot.empty()) {
       run_zwidth(arguments->options, stdout);
+    } else {
+      const PlotTarget target = plot_target(arguments->plot, "zwidth");
+      draw_zwidth(arguments->options, run_zwidth(arguments->options, stdout), target.id, target.folder);
     }
   });
 }

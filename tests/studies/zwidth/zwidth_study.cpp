@@ -74,13 +74,14 @@ std::string csv(const ZWidthRow& row) {
   return text;
 }
 
-void run_zwidth(const ZWidthOptions& options, std::FILE* out) {
+std::vector<ZWidthRow> run_zwidth(const ZWidthOptions& options, std::FILE* out) {
   options.validate();
   const std::vector<double>& list = options.virtual_damping_n_s_m;
   std::vector<ZWidthRow> rows(list.size());
   on_all_cores(list.size(), [&](std::size_t i) { rows[i] = zwidth_row(options, list[i]); });
   fmt::print(out, "{}\n", kZWidthHeader);
   for (const ZWidthRow& row : rows) fmt::print(out, "{}\n", csv(row));
+  return rows;
 }
 
 }  // namespace telenano::studies

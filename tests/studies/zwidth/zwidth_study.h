@@ -41,6 +41,6 @@ ZWidthRow zwidth_row(const ZWidthOptions& options, double virtual_damping_n_s_m)
 std::string csv(const ZWidthRow& row);
 
 /// All rows, on all cores, in order, as CSV.
-void run_zwidth(const ZWidthOptions& options, std::FILE* out);
+std::vector<ZWidthRow> run_zwidth(const ZWidthOptions& options, std::FILE* out);
 
 }  // namespace telenano::studies

@@ -8,7 +8,9 @@
 #include "common/base/error.h"
 #include "tests/studies/zwidth/paper_study.h"
 #include "tests/studies/zwidth/sampled_loop.h"
+#include "tests/studies/zwidth/scaling_study.h"
 #include "tests/studies/zwidth/wall_simulation.h"
+#include "tests/studies/zwidth/zwidth_figures.h"
 
 namespace telenano::studies {
 namespace {
@@ -135,6 +137,63 @@ TEST(PaperStudy, SixteenConfigurations) {
   for (const auto& c : all) {
     if (c.fine || !c.fast) continue;
     EXPECT_NEAR(c.velocity_resolution_m_s(), c.filtered ? 0.018692 : 0.117810, 1e-5);
+  }
+}
+
+// Without damping the rigid environment is a spring of alpha k_c on a sampled mass and damper, whose limit
+// the eigenvalues give: the time domain finds it to its own 1 % and what a swing needs to be seen growing (3
+// % of b).
+TEST(ScalingStudy, SimulatedLimitLiesWhereTheEigenvaluesSay) {
+  control::ScalingPlant plant;
+  plant.coupling_stiffness_n_m = 13.3;
+  const SimulatedImpedance s = simulated_impedance(plant, kDisplay.mass_kg);
+  const double free = stability_limit(kDisplay, {}, Hand{}) / plant.coupling_stiffness_n_m;
+  EXPECT_NEAR(s.free_device, free, 0.04 * free);
+  EXPECT_LE(s.worst_hand, s.free_device);
+  EXPECT_GE(s.worst_hand, 0.999 * control::exact_impedance_bound(plant));  // passivity suffices
+  EXPECT_LT(s.worst_hand, control::llewellyn_impedance_bound(plant));      // the published region does not
+}
+
+TEST(ScalingStudy, DampedCouplingBetweenTheBounds) {
+  control::ScalingPlant plant;
+  plant.coupling_stiffness_n_m = 13.3;
+  plant.coupling_damping_n_s_m = 0.5 * plant.coupling_stiffness_n_m * plant.period_s;
+  const SimulatedImpedance s = simulated_impedance(plant, kDisplay.mass_kg);
+  EXPECT_GE(s.worst_hand, 0.999 * control::exact_impedance_bound(plant));
+  EXPECT_LT(s.worst_hand, control::llewellyn_impedance_bound(plant));
+  // gamma acts without the delay of the loop, which the wall of the simulation cannot.
+  plant.adaptive_damping_n_s_m = 1;
+  plant.delay_samples = 1;
+  EXPECT_TRUE(std::isnan(simulated_impedance(plant, kDisplay.mass_kg).worst_hand));
+}
+
+TEST(ZWidthFigures, GainsOfAFactorAreMediansOfItsPairs) {
+  // Made-up rows: the damper gives ten times the stiffness and twice the damping, nothing else does anything;
+  // in one pair of the fine encoder it gives twenty.
+  std::vector<PaperRow> rows;
+  for (const PaperConfiguration& c : paper_configurations()) {
+    const bool odd = c.damper && c.fine && c.fast && c.filtered;
+    for (const double b : {0.0, c.damper ? 2.0 : 1.0}) {
+      ZWidthRow values;
+      values.virtual_damping_n_s_m = b;
+      values.simulated = c.damper ? (odd ? 2000 : 1000) : 100;
+      rows.push_back({c, values});
+    }
+    ZWidthRow nothing;
+    nothing.virtual_damping_n_s_m = 50;
+    nothing.simulated = NAN;  // not stable there: counts for nothing
+    rows.push_back({c, nothing});
+  }
+  const std::vector<FactorGain> gains = factor_gains(rows);
+  ASSERT_EQ(gains.size(), 4u);
+  EXPECT_DOUBLE_EQ(gains[0].stiffness_least, 10);
+  EXPECT_DOUBLE_EQ(gains[0].stiffness_median, 10);
+  EXPECT_DOUBLE_EQ(gains[0].stiffness_most, 20);
+  EXPECT_DOUBLE_EQ(gains[0].damping_median, 2);
+  for (std::size_t i = 1; i < 4; ++i) {
+    EXPECT_DOUBLE_EQ(gains[i].stiffness_median, 1);
+    EXPECT_DOUBLE_EQ(gains[i].stiffness_most, 2);  // the odd one against its partner
+    EXPECT_DOUBLE_EQ(gains[i].damping_most, 1);
   }
 }
 

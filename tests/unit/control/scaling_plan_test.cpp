@@ -1,0 +1,134 @@
+#include "common/control/scaling_plan.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "common/base/error.h"
+
+namespace telenano::control {
+namespace {
+
+// Rounding of a few operations; the bounds themselves are refined to 1e-9 (scaling.h).
+constexpr double kRelative = 1e-8;
+
+ScalingPlanInput omega() {
+  ScalingPlanInput in;
+  in.plant.device_damping_n_s_m = 2;
+  in.plant.coupling_stiffness_n_m = 20;
+  in.plant.period_s = 1e-3;
+  in.tip_force_max_nn = 500;
+  in.haptic_workspace_m = 0.1;
+  in.visual_workspace_m = 0.3;
+  in.nano_workspace_nm = 50;
+  return in;
+}
+
+void expect_near(double value, double expected) {
+  EXPECT_NEAR(value, expected, kRelative * expected);
+}
+
+TEST(ScalingPlan, VelocityScaleIsTheRatioOfWorkspaces) {
+  const ScalingPlan plan = plan_scaling(omega());
+  expect_near(plan.haptic_to_visual, 1.0 / 3);
+  expect_near(plan.visual_to_nano, 6e6);
+  expect_near(plan.scaling.velocity, 5e-7);  // 50 nm / 0.1 m; the picture cancels
+  expect_near(plan.case_one_force_scale, 2e6);
+  expect_near(plan.case_two_force_scale, 4e12);
+}
+
+// Pure spring of the coupling: published 8b/(k T) = 800, exact 2b/(k T) = 200, d samples 2b/((d+1)² k T).
+TEST(ScalingPlan, BoundsAreTheClosedForms) {
+  for (const int d : {0, 1, 5, 20}) {
+    ScalingPlanInput in = omega();
+    in.plant.delay_samples = d;
+    const ScalingPlan plan = plan_scaling(in);
+    expect_near(plan.published_force_scale, 800 / 5e-7);
+    expect_near(plan.sampled_force_scale, 200 / 5e-7);
+    expect_near(plan.delayed_force_scale, 200.0 / ((d + 1) * (d + 1)) / 5e-7);
+    expect_near(plan.device_force_scale, 0.8 * 12 / 500e-9);
+    expect_near(plan.passive_wall_n_m, 4000);
+  }
+}
+
+TEST(ScalingPlan, RecommendsTheLargestOfTheRegionAndSaysWhatBinds) {
+  // Device: 1.92e7. Passive: 4e8/(d+1)²: binds from (d+1)² > 20.8 on, d = 4.
+  for (const int d : {0, 1, 3, 4, 50}) {
+    ScalingPlanInput in = omega();
+    in.plant.delay_samples = d;
+    const ScalingPlan plan = plan_scaling(in);
+    const double passive = 4e8 / ((d + 1) * (d + 1));
+    const double largest = d < 4 ? 1.92e7 : passive;
+    EXPECT_EQ(plan.binding, d < 4 ? BindingLimit::kDevice : BindingLimit::kPassivity) << d;
+    expect_near(plan.scaling.force, 0.99 * largest);
+    expect_near(plan.shown_stiffness_n_m, 0.99 * largest * 5e-7 * 20);
+    EXPECT_EQ(plan.case_one_safe, largest >= 2e6) << d;
+    EXPECT_FALSE(plan.case_two_safe);
+    const std::string reason = plan_reason(in, plan);
+    EXPECT_NE(reason.find(d < 4 ? "the device's force binds" : "passivity binds"), std::string::npos);
+    EXPECT_LE(plan.scaling.impedance(), exact_impedance_bound(in.plant));
+  }
+}
+
+// α_v = 1/2: 1/α_v² = 4 lies below 2b/(kT)/α_v = 400 and below the device's limit.
+TEST(ScalingPlan, CaseTwoIsAChoiceWhereTheScaleIsNear) {
+  ScalingPlanInput in = omega();
+  in.nano_workspace_nm = 0.05e9;
+  const ScalingPlan plan = plan_scaling(in);
+  EXPECT_TRUE(plan.case_one_safe);
+  EXPECT_TRUE(plan.case_two_safe);
+}
+
+// The adaptive damper is sampled too: from γ = b on nothing is safe.
+TEST(ScalingPlan, NothingIsSafeWithoutDampingOfTheDevice) {
+  ScalingPlanInput in = omega();
+  in.plant.adaptive_damping_n_s_m = 2.5;
+  const ScalingPlan plan = plan_scaling(in);
+  EXPECT_EQ(plan.binding, BindingLimit::kNothing);
+  EXPECT_EQ(plan.scaling.force, 0);
+  EXPECT_EQ(plan.delayed_force_scale, 0);
+  EXPECT_NE(plan_reason(in, plan).find("no force scale is safe"), std::string::npos);
+}
+
+TEST(ScalingPlan, DelayOfALinkInSamples) {
+  EXPECT_EQ(loop_delay_samples(0, 1e-3), 1);
+  EXPECT_EQ(loop_delay_samples(1e-4, 1e-3), 1);
+  EXPECT_EQ(loop_delay_samples(1e-3, 1e-3), 1);
+  EXPECT_EQ(loop_delay_samples(1.1e-3, 1e-3), 2);
+  EXPECT_EQ(loop_delay_samples(0.02, 1e-3), 20);
+  EXPECT_EQ(loop_delay_samples(0.003, 0.00025), 12);
+  EXPECT_EQ(loop_delay_samples(NAN, 1e-3), 1);
+  EXPECT_EQ(loop_delay_samples(1e9, 1e-3), 10'000);
+}
+
+TEST(ScalingPlan, RefusesNonsense) {
+  const auto message = [](auto change) {
+    ScalingPlanInput in = omega();
+    change(in);
+    try {
+      plan_scaling(in);
+    } catch (const UserError& error) {
+      return std::string(error.what());
+    }
+    return std::string("no error");
+  };
+  const auto names = [&](const char* name, auto change) {
+    EXPECT_NE(message(change).find(name), std::string::npos) << name << ": " << message(change);
+  };
+  names("tip force = 0", [](auto& in) { in.tip_force_max_nn = 0; });
+  names("coupling stiffness", [](auto& in) { in.plant.coupling_stiffness_n_m = 0; });
+  names("coupling damping", [](auto& in) { in.plant.coupling_damping_n_s_m = -1; });
+  names("device damping = nan", [](auto& in) { in.plant.device_damping_n_s_m = std::nan(""); });
+  names("adaptive damping", [](auto& in) { in.plant.adaptive_damping_n_s_m = -1; });
+  names("period", [](auto& in) { in.plant.period_s = 0; });
+  names("delay", [](auto& in) { in.plant.delay_samples = -1; });
+  names("device force", [](auto& in) { in.device_force_max_n = INFINITY; });
+  names("force safety", [](auto& in) { in.force_safety = 1.5; });
+  names("haptic workspace", [](auto& in) { in.haptic_workspace_m = 0; });
+  names("visual workspace", [](auto& in) { in.visual_workspace_m = -1; });
+  names("nano workspace", [](auto& in) { in.nano_workspace_nm = 0; });
+}
+
+}  // namespace
+}  // namespace telenano::control
