@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "common/config/slave_limits_file.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/scene/scene_summary.h"
 #include "nve_server/slave/nve_slave.h"
@@ -83,8 +84,29 @@ void print_probe(const scene::Scene& scene) {
   std::printf("\n");
 }
 
-void run(const std::string& path) {
+// As a Welcome would say it, for a station that plans without a server.
+void write_limits(const std::shared_ptr<const scene::Scene>& scene, const std::string& path) {
+  const slave::NveSlave slave(scene);
+  const slave::SlaveLimits& from = slave.limits();
+  char hash[17];
+  std::snprintf(hash, sizeof hash, "%016" PRIx64, scene->hash);
+  config::SlaveLimits limits;
+  limits.scene_name = scene->name;
+  limits.scene_hash = hash;
+  limits.workspace_min_w_nm = from.workspace_min_w_nm;
+  limits.workspace_max_w_nm = from.workspace_max_w_nm;
+  limits.start_pos_w_nm = from.start_pos_w_nm;
+  limits.surface_z_w_nm = from.surface_z_w_nm;
+  limits.force_max_nn = from.force_max_nn;
+  limits.coupling_stiffness_n_m = from.coupling_stiffness_n_m;
+  limits.coupling_damping_n_s_m = from.coupling_damping_n_s_m;
+  limits.rate_max_hz = from.rate_max_hz;
+  config::write_slave_limits(limits, path);
+}
+
+void run(const std::string& path, const std::string& limits_path) {
   const auto scene = scene::load_scene(path);
+  if (!limits_path.empty()) write_limits(scene, limits_path);
   const scene::Limits& limits = scene->limits;
   const scene::SceneSummary summary = scene::summarise(*scene);
   const double radius = scene->probe.tip_radius_nm;
@@ -144,7 +166,12 @@ void add_check_command(CLI::App& app) {
       app.add_subcommand("check", "what a scene computes, what it leaves out, what a step costs");
   auto path = std::make_shared<std::string>();
   command->add_option("--scene", *path, "scene description (TOML)")->required()->type_name("FILE");
-  command->callback([path] { run(*path); });
+  auto limits = std::make_shared<std::string>();
+  command
+      ->add_option("--limits", *limits,
+                   "also write what a station may know of this scene's slave, to plan its scaling (TOML)")
+      ->type_name("FILE");
+  command->callback([path, limits] { run(*path, *limits); });
 }
 
 }  // namespace telenano::app

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <set>
 
+#include "common/config/slave_limits_file.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -245,6 +246,23 @@ TEST(CurveOutput, WithoutAPlaceItIsTheStartOfTheScene) {
   EXPECT_EQ(start, with({"--x-nm", "300", "--y-nm", "300"}));
   EXPECT_EQ(start, with({"--y-nm", "300"}));
   EXPECT_NE(start, with({"--x-nm", "100", "--y-nm", "150"}));
+}
+
+TEST(CheckOutput, WritesWhatAStationMayKnow) {
+  const std::string path = (std::filesystem::temp_directory_path() / "telenano_check_limits.toml").string();
+  const Finished run =
+      run_program({kNve, "check", "--scene", scene_path("flat_silicon_oxide"), "--limits", path});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const config::SlaveLimits limits = config::load_slave_limits(path);
+  EXPECT_EQ(limits.scene_name, "flat_silicon_oxide");
+  EXPECT_EQ(limits.force_max_nn, 500);
+  EXPECT_NEAR(limits.coupling_stiffness_n_m, 1 / (1 / 20.0 + 1 / 40.0), 1e-12);
+  EXPECT_NE(run.out.find("hash " + limits.scene_hash), std::string::npos);
+  std::filesystem::remove(path);
+  const Finished bad = run_program(
+      {kNve, "check", "--scene", scene_path("flat_silicon_oxide"), "--limits", "/nowhere/l.toml"});
+  EXPECT_EQ(bad.exit_code, 1);
+  EXPECT_EQ(lines_of(bad.err).size(), 1u) << bad.err;
 }
 
 TEST(CheckOutput, SaysWhatIsInAndWhatAStepCosts) {
