@@ -11,6 +11,7 @@ namespace telenano::physics {
 namespace {
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kSlow = 0.3;  // of the last step: quadratic convergence shrinks faster
 constexpr double kHalfPi = 1.57079632679489655800;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -311,6 +312,7 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
   double hi = kInfinity;
   double u = guess > 0 ? guess : cold_guess(z, held);
   double last_step = 0;
+  double last_rate = 0;
   const double bend = curvature != 0 ? std::fabs(curvature) : kInfinity;
   bool fold_known = false;
   for (out.evaluations = 1; out.evaluations <= 100; ++out.evaluations) {
@@ -341,6 +343,12 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
     }
     const double residual = p.held(held) - z;
     double step = -residual / rate;
+    if (last_step != 0 && std::fabs(step) > kSlow * std::fabs(last_step)) {
+      // Near a fold Newton's steps shrink by half only: the parabola through the last two rates has the root.
+      const double second = (rate - last_rate) / last_step;
+      const double root = rate * rate - 2.0 * second * residual;
+      if (second > 0 && root > 0) step = -2.0 * residual / (rate + std::sqrt(root));
+    }
     const double scale = held.overlap * (p.contact_radius * p.contact_radius + std::fabs(p.overlap)) +
                          held.load * std::fabs(p.load);
     const double size = std::fabs(step);
@@ -371,6 +379,7 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
       return out;
     }
     last_step = next == u + step ? step : 0;
+    last_rate = rate;
     u = next;
   }
   out.status = CurveStatus::kNotConverged;
