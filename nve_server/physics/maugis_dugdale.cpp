@@ -294,12 +294,23 @@ CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess,
 }
 
 double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
-  // A from Z ~ overlap A^2 + load A^3 (no adhesion), then C ~ A in the equation of the annulus, whose two
-  // terms alone would give theta^2 = 3/(2 A)/lambda^2 and theta^3 = 3/(2 lambda A^2).
-  const double target = std::max(z, 0.0) + held.overlap + 1.5 * held.load;
-  double a = 1.0 + (held.overlap > 0 ? std::sqrt(target / held.overlap) : target);
+  // A from the law between DMT and JKR (closed_form_laws.h: Schwarz), Delta ~ A^2 - k sqrt(A), P ~ A^3 - 3/2
+  // k A^1.5 - 2 (1 - t), k^2 = 8/3 t, t = 0 for DMT and 1 for JKR; then C ~ A in the equation of the annulus,
+  // whose two terms alone would give theta^2 = 3/(2 A)/lambda^2 and theta^3 = 3/(2 lambda A^2).
+  const double steep = 4.0 * lambda_ * std::sqrt(lambda_);
+  const double t = steep / (1.0 + steep);
+  const double k = std::sqrt(8.0 / 3.0 * t);
+  const double target = z + 2.0 * (1.0 - t) * held.load;
+  const double least = 0.4 * t;  // a little outside of the folds, A = 0.55 (overlap) and 1.14 (load) for JKR
+  double a =
+      2.0 + (held.overlap > 0 ? std::sqrt(std::max(0.0, target) / held.overlap) : std::max(0.0, target));
   for (int i = 0; i < 8; ++i) {
-    a -= (a * a * (held.overlap + held.load * a) - target) / (a * (2.0 * held.overlap + 3.0 * held.load * a));
+    const double root = std::sqrt(a);
+    const double value = held.overlap * (a * a - k * root) + held.load * a * (a * a - 1.5 * k * root);
+    const double rate =
+        held.overlap * (2.0 * a - 0.5 * k / root) + held.load * (3.0 * a * a - 2.25 * k * root);
+    if (!(rate > 0)) break;
+    a = std::max(a - (value - target) / rate, std::max(least, 0.3 * a));
   }
   const double cubic = (2.0 / 3.0) * lambda_ * a * a;
   return (2.0 / 3.0) * a * lambda_ * lambda_ + cubic * cubic / (1.0 + cubic);
