@@ -35,6 +35,7 @@ class EveryLaw : public ::testing::TestWithParam<ContactModel> {
 
 INSTANTIATE_TEST_SUITE_P(ContactLaws, EveryLaw,
                          ::testing::Values(ContactModel::kHertz, ContactModel::kDmt, ContactModel::kJkr,
+                                           ContactModel::kMaugisDugdale,
                                            ContactModel::kCarpickOgletreeSalmeron,
                                            ContactModel::kPietrementTroyon, ContactModel::kSchwarz),
                          [](const auto& law) {

@@ -12,7 +12,6 @@ namespace {
 
 using telenano::testing::material_of;
 using telenano::testing::stored_aj;
-using telenano::testing::WorkIntegral;
 
 double log_uniform(std::mt19937_64& random, double low, double high) {
   return low * std::exp(std::uniform_real_distribution<double>(0, std::log(high / low))(random));
@@ -61,37 +60,6 @@ TEST(ContactProperty, AnyMaterialAnySpringAnyStep) {
     const double end = stored_aj(law.advance(far, c, radius, state), c);
     EXPECT_NEAR(end, start, 1e-12 * reach);
     EXPECT_NE(state.branch, Branch::kContact);
-  }
-}
-
-// A closed loop never yields energy, whatever lambda; measured by the work of the force alone, not by the
-// law's own books.
-TEST(ContactProperty, JoinedLoopNeverYieldsEnergy) {
-  constexpr double kRadius = 20;
-  for (double lambda = 1e-3; lambda < 1.21e4; lambda *= 1.9) {
-    for (const bool vdw : {true, false}) {
-      const TipSampleLaw law(material_of(lambda, vdw));
-      const ContactScales s = law.scales(kRadius);
-      for (const double soft : {0.0, 1.0}) {
-        const double c = soft * s.overlap_nm / s.force_nn;
-        const double far = -10 * 0.165 - (30 + 10 * soft) * s.overlap_nm;
-        const double deep = 2 * s.overlap_nm;
-        TipSampleState state;
-        const double start = stored_aj(law.advance(far, c, kRadius, state), c);
-        const WorkIntegral work(law, c, kRadius);
-        const double tolerance = 1e-12 * s.energy_aj;
-        double loop = work.run(far, deep, state, tolerance);
-        const Equilibrium in = law.advance(deep, c, kRadius, state);
-        loop += work.run(deep, far, state, tolerance);
-        const Equilibrium out = law.advance(far, c, kRadius, state);
-        EXPECT_NE(state.branch, Branch::kContact);
-        const double scale = s.energy_aj * (1 + 2 / lambda);
-        EXPECT_GE(loop, -1e-9 * scale) << lambda << ' ' << vdw << ' ' << soft;
-        EXPECT_NEAR(loop, in.dissipated_aj + out.dissipated_aj, 1e-9 * scale)
-            << lambda << ' ' << vdw << ' ' << soft;
-        EXPECT_NEAR(stored_aj(out, c), start, 1e-12 * scale);
-      }
-    }
   }
 }
 

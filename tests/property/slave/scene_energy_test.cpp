@@ -134,7 +134,6 @@ TEST_P(SceneEnergy, WorkIsStoredOrDissipatedOnClosedPaths) {
     EXPECT_GE(loop.dissipated_aj, 0);
     // And against what the port really did.
     EXPECT_NEAR(loop.charged_aj, loop.work_aj, c.tolerance * loop.turnover_aj) << trial;
-    // Never less charged than was taken, beyond that tolerance: nobody can draw from it.
     EXPECT_LE(loop.held, kSteps / 1000);
     touched += loop.touched;
     RecordProperty("difference_of_turnover_" + std::to_string(trial),

@@ -139,9 +139,10 @@ TEST(MarksInSlave, WorkOfTheEndIsStoredOrDissipated) {
   // The book itself: to rounding.
   EXPECT_NEAR(drawn.booked_aj, drawn.stored_aj + drawn.lost_aj, 1e-9 * drawn.booked_aj);
   // What the force lacks is −∂U/∂R ∇R at the wall in front of the tip (marked_sample.h); the book has it, so
-  // that it charges more than was worked, 2.4 to 8 % with the grid, and never less.
+  // that it charges more than was worked, and never less: 7.5 %. How much is a matter of where the potential
+  // has its zero as R changes (joined_law.h): pinned at the handover going in it was 3.9 %, with a step in λ.
   EXPECT_GT(drawn.booked_aj, drawn.work_aj);
-  EXPECT_LT(drawn.booked_aj, 1.10 * drawn.work_aj);
+  EXPECT_LT(drawn.booked_aj, 1.08 * drawn.work_aj);
 }
 
 TEST(MarksInSlave, SessionsDoNotSeeEachOthersMarks) {
