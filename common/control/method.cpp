@@ -18,21 +18,11 @@ std::string_view method_name(Method method) noexcept {
   return index < kNames.size() ? kNames[index] : "unknown";
 }
 
-bool method_available(Method method) noexcept {
-  return method == Method::kNone || method == Method::kKs || method == Method::kKsClamp;
-}
-
 Method parse_method(std::string_view name) {
   for (std::size_t i = 0; i < kNames.size(); ++i) {
-    if (kNames[i] != name) continue;
-    const auto method = static_cast<Method>(i);
-    if (!method_available(method)) {
-      throw UserError("method '" + std::string(name) +
-                      "' is reserved but not available in this version; use none, ks or ks-clamp");
-    }
-    return method;
+    if (kNames[i] == name) return static_cast<Method>(i);
   }
-  throw UserError("method '" + std::string(name) + "' is unknown; use none, ks or ks-clamp");
+  throw UserError("method '" + std::string(name) + "' is unknown; use none, ks, ks-clamp, tdpa, wave, tank or model");
 }
 
 }  // namespace telenano::control

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string_view>
 
@@ -11,9 +12,20 @@ enum class Method : std::uint8_t { kNone, kKs, kKsClamp, kTdpa, kWave, kTank, kM
 /// "none | ks | ks-clamp | tdpa | wave | tank | model"
 std::string_view method_name(Method method) noexcept;
 
-/// Throws UserError for an unknown name, and for a known one that this build does not have yet.
+/// Throws UserError for an unknown name.
 Method parse_method(std::string_view name);
 
-bool method_available(Method method) noexcept;
+inline constexpr std::array<Method, 7> kAllMethods = {Method::kNone, Method::kKs,   Method::kKsClamp, Method::kTdpa,
+                                                      Method::kWave, Method::kTank, Method::kModel};
+
+/// Has the pre-commit clamp behind it: no hand below v_max extracts more than the allowances.
+constexpr bool claims_energy_bound(Method method) noexcept {
+  return method == Method::kKsClamp || method == Method::kTank || method == Method::kModel;
+}
+
+/// Needs the slave's port to take part (energies or waves in both directions).
+constexpr bool needs_port_control(Method method) noexcept {
+  return method == Method::kTdpa || method == Method::kWave || method == Method::kTank;
+}
 
 }  // namespace telenano::control

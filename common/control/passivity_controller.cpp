@@ -5,82 +5,96 @@
 #include <limits>
 
 namespace telenano::control {
-namespace {
-
-constexpr double kWindowQuanta = 8;   // (1 − 1/8)² = 77 % of the loss is still credited
-constexpr double kWindowMaxS = 0.05;  // a window in which the hand turned back proves little: start again
-
-}  // namespace
 
 PassivityController::PassivityController(const PassivityConfig& config) noexcept
     : config_(config),
-      observer_(config.position_quantum_m),
+      loss_(config.damping_certain_n_s_m, config.position_quantum_m),
       damper_cap_n_s_m_(std::max(0.0, config.damping_certain_n_s_m -
                                           0.5 * config.shown_stiffness_n_m * config.period_s -
                                           std::fabs(config.shown_damping_n_s_m))) {}
 
-double PassivityController::certain_loss_j(const Vec3& hand_pos_h_m, double dt_s) noexcept {
-  double loss_j = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    window_s_[axis] += dt_s;
-    const double moved_m = std::fabs(hand_pos_h_m[axis] - window_start_h_m_[axis]);
-    const bool enough = moved_m >= kWindowQuanta * config_.position_quantum_m;
-    if (!enough && window_s_[axis] < kWindowMaxS) continue;
-    if (enough) {
-      const double certain_m = moved_m - config_.position_quantum_m;
-      loss_j += config_.damping_certain_n_s_m * certain_m * certain_m / window_s_[axis];
-    }
-    window_start_h_m_[axis] = hand_pos_h_m[axis];
-    window_s_[axis] = 0;
-  }
-  return loss_j;
-}
-
-void PassivityController::observe(const Vec3& applied_force_h_n, const Vec3& hand_pos_h_m,
-                                  double dt_s) noexcept {
+void PassivityController::take_over(double ledger_j, const Vec3& hand_pos_h_m) noexcept {
+  ledger_j_ = std::min(0.0, ledger_j);
+  // Which axis owes it is not known: a third each.
+  axis_ledger_j_.setConstant(ledger_j_ / 3);
   damper_n_s_m_ = 0;
   damper_force_h_n_.setZero();
-  if (!observer_.started()) {
-    observer_.update(applied_force_h_n, hand_pos_h_m);
-    window_start_h_m_ = hand_pos_h_m;
+  loss_.start(hand_pos_h_m);
+}
+
+void PassivityController::repay_with(const Vec3& loss_j) noexcept {
+  if (ledger_j_ < 0) {
+    const double repaid_j = std::min(-ledger_j_, loss_j.x() + loss_j.y() + loss_j.z());
+    ledger_j_ += repaid_j;
+    credit_j_ += repaid_j;
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    if (axis_ledger_j_[axis] < 0) axis_ledger_j_[axis] = std::min(0.0, axis_ledger_j_[axis] + loss_j[axis]);
+  }
+}
+
+void PassivityController::damp(const Vec3& deficit_axes_j, double deficit_j,
+                               const PortInterval& interval) noexcept {
+  const bool capped = config_.method != Method::kKs;
+  const auto damping = [&](double deficit, double moved_m2) {
+    if (!(deficit > 0) || !(moved_m2 > 0)) return 0.0;
+    const double wanted_n_s_m = deficit * interval.dt_s / moved_m2;
+    const double given_n_s_m = capped ? std::min(wanted_n_s_m, damper_cap_n_s_m_) : wanted_n_s_m;
+    // Δx may be so small that γ overflows; such a damper cannot act, and must not make a NaN.
+    return std::isfinite(given_n_s_m) ? given_n_s_m : 0.0;
+  };
+  if (config_.damper == DamperDirection::kAlongMotion) {
+    damper_n_s_m_ = damping(deficit_j, interval.displacement_h_m.squaredNorm());
+    if (damper_n_s_m_ > 0)
+      damper_force_h_n_ = -damper_n_s_m_ / interval.dt_s * interval.displacement_h_m;
     return;
   }
-  const double put_in_j = observer_.update(applied_force_h_n, hand_pos_h_m);
-  const Vec3& displacement_h_m = observer_.displacement_h_m();
-  const double moved_m2 = displacement_h_m.squaredNorm();
-  double deficit_j = 0;
-  switch (config_.method) {
-    case Method::kKs:
-      deficit_j = std::max(0.0, -ledger_j_);  // E(k−1), as published
-      ledger_j_ += put_in_j;
-      if (moved_m2 > 0) ledger_j_ += deficit_j;  // γ|Δx|²/T with γ = −E T/|Δx|²
-      break;
-    case Method::kKsClamp: {
-      ledger_j_ += put_in_j;
-      const double loss_j = certain_loss_j(hand_pos_h_m, dt_s);
-      if (ledger_j_ < 0) {
-        const double repaid_j = std::min(-ledger_j_, loss_j);
-        ledger_j_ += repaid_j;
-        credit_j_ += repaid_j;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double moved_m = interval.displacement_h_m[axis];
+    const double damper = damping(deficit_axes_j[axis], moved_m * moved_m);
+    damper_force_h_n_[axis] = -damper / interval.dt_s * moved_m;
+    damper_n_s_m_ = std::max(damper_n_s_m_, damper);
+  }
+}
+
+void PassivityController::book(const PortInterval& interval) noexcept {
+  damper_n_s_m_ = 0;
+  damper_force_h_n_.setZero();
+  const bool per_axis = config_.damper == DamperDirection::kPerAxis;
+  const Vec3 put_in_axes_j = -interval.applied_force_h_n.cwiseProduct(interval.displacement_h_m);
+  const Vec3 before_axes_j = axis_ledger_j_;
+  const double before_j = ledger_j_;
+  ledger_j_ += interval.put_in_j;
+  axis_ledger_j_ += put_in_axes_j;
+  if (config_.method == Method::kNone) return;
+  if (config_.method == Method::kKs) {
+    // As published: the damper acts on E(k−1), and γ|Δx|²/T = −E(k−1) is credited at once.
+    const double deficit_j = std::max(0.0, -before_j);
+    const Vec3 deficit_axes_j = (-before_axes_j).cwiseMax(0.0);
+    if (interval.displacement_h_m.squaredNorm() > 0 && !per_axis) ledger_j_ += deficit_j;
+    if (per_axis) {
+      for (int axis = 0; axis < 3; ++axis) {
+        if (interval.displacement_h_m[axis] == 0) continue;
+        axis_ledger_j_[axis] += deficit_axes_j[axis];
+        ledger_j_ += deficit_axes_j[axis];
       }
-      deficit_j = std::max(0.0, -ledger_j_);
-      break;
     }
-    default:
-      ledger_j_ = observer_.energy_j();
-      return;
+    damp(deficit_axes_j, deficit_j, interval);
+    return;
   }
-  if (deficit_j > 0 && moved_m2 > 0) {
-    const double wanted_n_s_m = deficit_j * dt_s / moved_m2;
-    damper_n_s_m_ = config_.method == Method::kKs ? wanted_n_s_m : std::min(wanted_n_s_m, damper_cap_n_s_m_);
-    // Δx may be so small that γ overflows; such a damper cannot act, and must not make a NaN.
-    if (!std::isfinite(damper_n_s_m_)) damper_n_s_m_ = 0;
-    damper_force_h_n_ = -damper_n_s_m_ / dt_s * displacement_h_m;
+  repay_with(loss_.update(interval.hand_pos_h_m, interval.dt_s));
+  if (config_.leak_time_s > 0) {
+    const double kept = std::max(0.0, 1 - interval.dt_s / config_.leak_time_s);
+    if (ledger_j_ > 0) ledger_j_ *= kept;
+    for (double& axis_j : axis_ledger_j_) {
+      if (axis_j > 0) axis_j *= kept;
+    }
   }
+  damp((-axis_ledger_j_).cwiseMax(0.0), std::max(0.0, -ledger_j_), interval);
 }
 
 double PassivityController::force_bound_n() const noexcept {
-  if (config_.method != Method::kKsClamp) return std::numeric_limits<double>::infinity();
+  if (!clamps()) return std::numeric_limits<double>::infinity();
   return std::max(0.0, ledger_j_ + config_.allowance_j) / (config_.velocity_max_m_s * config_.period_s);
 }
 

@@ -1,10 +1,19 @@
 #pragma once
 
+#include <cstdint>
+
 #include "common/base/vec3.h"
-#include "common/control/energy_observer.h"
+#include "common/control/certain_loss.h"
 #include "common/control/method.h"
+#include "common/control/port_interval.h"
 
 namespace telenano::control {
+
+/// What the injected damping opposes.
+enum class DamperDirection : std::uint8_t {
+  kAlongMotion,  ///< one book, a damper along the hand's motion: what leaks in one axis is taken from any
+  kPerAxis       ///< a book and a damper for each axis: only the leaking axis is damped
+};
 
 struct PassivityConfig {
   Method method = Method::kKsClamp;
@@ -14,14 +23,20 @@ struct PassivityConfig {
   double damping_certain_n_s_m = 0;  ///< b, the device's own viscous damping that is certainly there
   double shown_stiffness_n_m = 0;    ///< K = α_v α_F k_c, the largest that can be shown
   double shown_damping_n_s_m = 0;    ///< B = α_v α_F b_c
-  double position_quantum_m = 0;     ///< q, of the encoder
+  double position_quantum_m = 0;  ///< q, of the encoder
+  DamperDirection damper = DamperDirection::kAlongMotion;
+  /// Reset policy: time constant with which stored passivity (a positive ledger) leaks away; 0 = never. A
+  /// long session in a lossy sample stores joules, behind which a later activity of the loop stays unseen for
+  /// seconds. A leak gives that memory up. It only ever lowers the ledger, so every guarantee holds with it.
+  double leak_time_s = 0;
 };
 
 /// Time-domain passivity controller of the station's port. Forces act on the hand (frame H, N).
 ///
-/// Order of calls in a tick: observe() with the force that acted in the interval that just ended, then
-/// damper_force() to be added to the rendered force, then — after all other limits — force_bound_n() on the
-/// norm of the sum.
+/// Order of calls in a tick: book() with the interval that just ended, then damper_force() to be added to the
+/// rendered force, then — after all other limits — force_bound_n() on the norm of the sum. Other methods than
+/// `none` and `ks` use the ledger, damper and clamp of `ks-clamp`, what came from and went to the other side
+/// (transfer()) included.
 ///
 /// **`ks`** [Kim & Sitti, eqs. 14–17], as published. With the sign of this code,
 ///   E(k) = E(k−1) − F(k−1)·Δx(k) + γ(k)|Δx(k)|²/T,
@@ -53,34 +68,41 @@ class PassivityController {
  public:
   explicit PassivityController(const PassivityConfig& config) noexcept;
 
-  /// `dt_s` is the length of the interval. Arguments must be finite, dt_s > 0.
-  void observe(const Vec3& applied_force_h_n, const Vec3& hand_pos_h_m, double dt_s) noexcept;
+  /// Goes on where another method was: its deficit is carried over, its surplus is not, and no new allowance
+  /// is granted.
+  void take_over(double ledger_j, const Vec3& hand_pos_h_m) noexcept;
+
+  /// Books an interval. Its numbers must be finite, dt_s > 0.
+  void book(const PortInterval& interval) noexcept;
+
+  /// Energy received from the other side less what was sent there.
+  void transfer(double net_j) noexcept { ledger_j_ += net_j; }
 
   Vec3 damper_force_h_n() const noexcept { return damper_force_h_n_; }
-  double damper_n_s_m() const noexcept { return damper_n_s_m_; }  ///< γ of this tick
+  double damper_n_s_m() const noexcept { return damper_n_s_m_; }  ///< γ of this tick, the largest of the axes
   double damper_cap_n_s_m() const noexcept { return damper_cap_n_s_m_; }
 
   /// The largest norm of the force that may be committed now; infinite for methods without a clamp.
   double force_bound_n() const noexcept;
 
-  /// The method's own energy: of `ks` as published, of `ks-clamp` the ledger, of `none` that of the observer.
+  /// The method's own energy: of `ks` as published, of `none` what the hand put in, else the ledger.
   double ledger_j() const noexcept { return ledger_j_; }
   double credit_j() const noexcept { return credit_j_; }  ///< of certain damping, so far
-  const EnergyObserver& observer() const noexcept { return observer_; }
   const PassivityConfig& config() const noexcept { return config_; }
 
  private:
-  double certain_loss_j(const Vec3& hand_pos_h_m, double dt_s) noexcept;
+  bool clamps() const noexcept { return config_.method != Method::kNone && config_.method != Method::kKs; }
+  void repay_with(const Vec3& loss_j) noexcept;
+  void damp(const Vec3& deficit_axes_j, double deficit_j, const PortInterval& interval) noexcept;
 
   PassivityConfig config_;
-  EnergyObserver observer_;
+  CertainLoss loss_;
   double damper_cap_n_s_m_ = 0;
   double ledger_j_ = 0;
+  Vec3 axis_ledger_j_ = Vec3::Zero();  // kPerAxis: the same book, an axis each
   double credit_j_ = 0;
   double damper_n_s_m_ = 0;
   Vec3 damper_force_h_n_ = Vec3::Zero();
-  Vec3 window_start_h_m_ = Vec3::Zero();
-  Vec3 window_s_ = Vec3::Zero();
 };
 
 }  // namespace telenano::control

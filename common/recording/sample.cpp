@@ -35,6 +35,8 @@ constexpr std::array kColumns{
     TELENANO_COLUMN(tip_pos_w_nm, "nm", "actual tip apex from the newest reply, frame W"),
     TELENANO_COLUMN(force_w_nn, "nN", "force on the tip from the newest reply, frame W; +z is repulsion"),
     TELENANO_COLUMN(hand_force_scaled_h_n, "N", "force on the hand as scaled from the reply, before control"),
+    TELENANO_COLUMN(hand_force_rendered_h_n, "N",
+                    "force that the control method shows, before damper, ramp and limits"),
     TELENANO_COLUMN(hand_force_commanded_h_n, "N",
                     "force sent to the device, after damper, limits and clamp"),
     TELENANO_COLUMN(hand_force_applied_h_n, "N",
@@ -76,6 +78,8 @@ constexpr std::array kColumns{
         "64 workspace, 128 ramp, 256 stop, 512 non-finite"),
     TELENANO_COLUMN(station_faults, "1", "latched faults of the station, see /configuration"),
     TELENANO_COLUMN(buttons, "1", "buttons of the device: 1 clutch, 2 deadman, 4 stop"),
+    TELENANO_COLUMN(method, "1", "control method: 0 none, 1 ks, 2 ks-clamp, 3 tdpa, 4 wave, 5 tank, 6 model"),
+    TELENANO_COLUMN(model_version, "1", "version of the slave's newest local contact model; 0 = none"),
 };
 
 #undef TELENANO_COLUMN

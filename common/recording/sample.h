@@ -44,6 +44,7 @@ struct Sample {
   Xyz tip_pos_w_nm{};
   Xyz force_w_nn{};
   Xyz hand_force_scaled_h_n{};
+  Xyz hand_force_rendered_h_n{};
   Xyz hand_force_commanded_h_n{};
   Xyz hand_force_applied_h_n{};
 
@@ -79,6 +80,8 @@ struct Sample {
   std::uint32_t limit_flags = 0;
   std::uint32_t station_faults = 0;
   std::uint32_t buttons = 0;
+  std::uint32_t method = 0;
+  std::uint32_t model_version = 0;
 };
 
 static_assert(std::is_trivially_copyable_v<Sample> && std::is_standard_layout_v<Sample>);

@@ -26,6 +26,12 @@ void read_control(const TomlTable& table, station::StationConfig& station) {
   } catch (const std::exception& error) {
     table.fail("method", error.what());
   }
+  const std::string damper = table.text_or("damper", "along-motion");
+  if (damper != "along-motion" && damper != "per-axis")
+    table.fail("damper", "expected \"along-motion\" or \"per-axis\"");
+  station.damper = damper == "per-axis" ? control::DamperDirection::kPerAxis
+                                        : control::DamperDirection::kAlongMotion;
+  station.leak_time_s = table.number_or("leak_time_s", between(0, 1e6), station.leak_time_s);
   station.allowance_j = table.number_or("allowance_j", between(1e-6, 1), station.allowance_j);
   station.guaranteed_velocity_m_s =
       table.number_or("guaranteed_velocity_m_s", between(0.01, 5), station.guaranteed_velocity_m_s);
@@ -117,6 +123,9 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
   add("scaling.velocity", station.scaling.velocity);
   add("scaling.force", station.scaling.force);
   list.emplace_back("control.method", control::method_name(station.method));
+  list.emplace_back("control.damper",
+                    station.damper == control::DamperDirection::kPerAxis ? "per-axis" : "along-motion");
+  add("control.leak_time_s", station.leak_time_s);
   add("control.allowance_j", station.allowance_j);
   add("control.guaranteed_velocity_m_s", station.guaranteed_velocity_m_s);
   add("limits.trip_velocity_m_s", station.trip_velocity_m_s);

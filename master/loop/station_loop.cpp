@@ -51,6 +51,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.buttons = reading.buttons | extra_buttons_;
   input_.applied_force_h_n = applied_h_n_;
   input_.session_up = session_.has_session();
+  input_.command_sequence = session_.commands_sent() + 1;
   input_.reply = replied && session_.has_reply() ? &session_.reply() : nullptr;
   station_.step(input_, dt_s, output_);
   applied_h_n_ = device_.write_force(output_.hand_force_h_n);
@@ -77,6 +78,7 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   sample.tip_pos_w_nm = xyz(t.tip_pos_w_nm);
   sample.force_w_nn = xyz(t.tip_force_w_nn);
   sample.hand_force_scaled_h_n = xyz(t.scaled_force_h_n);
+  sample.hand_force_rendered_h_n = xyz(t.rendered_force_h_n);
   sample.hand_force_commanded_h_n = xyz(t.commanded_force_h_n);
   sample.hand_force_applied_h_n = xyz(applied_h_n);
   sample.damper_n_s_m = t.damper_n_s_m;
@@ -94,6 +96,8 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   sample.station_mode = static_cast<std::uint32_t>(t.mode);
   sample.station_faults = t.faults;
   sample.buttons = input_.buttons;
+  sample.method = static_cast<std::uint32_t>(t.method);
+  sample.model_version = t.model_version;
   sample.reply_sequence = static_cast<std::int64_t>(t.reply_sequence);
   sample.reply_age_ms = t.stale_s * 1e3;
 

@@ -12,24 +12,22 @@ namespace {
 constexpr double kBelievableStepM = 1.0;  // of the hand in a tick
 constexpr double kBelievableForce = 2.0;  // times what the device can do
 
-control::PassivityConfig passivity_config(const StationConfig& config, const device::DeviceInfo& device,
-                                          const SlavePort& slave) noexcept {
-  control::PassivityConfig passivity;
-  passivity.method = config.method;
-  passivity.period_s = 1 / config.rate_hz;
-  passivity.allowance_j = config.allowance_j;
-  passivity.velocity_max_m_s = config.guaranteed_velocity_m_s;
-  passivity.damping_certain_n_s_m =
-      config.device_damping_n_s_m < 0 ? device.damping_n_s_m : config.device_damping_n_s_m;
-  passivity.shown_stiffness_n_m = config.scaling.impedance() * slave.coupling_stiffness_n_m;
-  passivity.shown_damping_n_s_m = config.scaling.impedance() * slave.coupling_damping_n_s_m;
-  passivity.position_quantum_m = device.position_quantum_m;
-  return passivity;
-}
-
 bool finite_reply(const link::Reply& reply) noexcept {
   return is_finite(reply.force_w_nn) && is_finite(reply.tip_pos_w_nm) && std::isfinite(reply.deflection_nm) &&
          std::isfinite(reply.energy_in_aj) && std::isfinite(reply.energy_out_aj);
+}
+
+control::ContactModel contact_model(const link::LocalModel& m) noexcept {
+  control::ContactModel model;
+  if (m.version == 0) return model;
+  model.version = m.version;
+  model.point_w_nm = m.point_w_nm;
+  model.normal_w = m.normal_w;
+  model.stiffness_n_m = m.stiffness_n_m;
+  model.adhesion_nn = m.adhesion_nn;
+  model.shear_stiffness_n_m = m.shear_stiffness_n_m;
+  model.friction_nn = m.friction_nn;
+  return model;
 }
 
 }  // namespace
@@ -67,14 +65,71 @@ const char* fault_name(std::uint32_t faults) noexcept {
   return "none";
 }
 
+control::Method usable_method(control::Method wanted, std::uint64_t features) noexcept {
+  using control::Method;
+  if (wanted == Method::kModel && !(features & link::kFeatureLocalModel)) wanted = Method::kTank;
+  if (control::needs_port_control(wanted) && !(features & link::kFeaturePortControl)) wanted = Method::kKsClamp;
+  return wanted;
+}
+
 Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave)
     : config_((config.validate(), config)),
       slave_(slave),
+      device_damping_n_s_m_(config.device_damping_n_s_m < 0 ? device.damping_n_s_m
+                                                            : config.device_damping_n_s_m),
+      position_quantum_m_(device.position_quantum_m),
       period_s_(1 / config.rate_hz),
       device_force_max_n_(device.force_max_n),
       force_limit_n_(config.force_safety * device.force_max_n),
-      controller_(passivity_config(config, device, slave)),
+      observer_(device.position_quantum_m),
+      methods_(config.method, method_config()),
       mapping_(config.scaling) {}
+
+control::MethodConfig Station::method_config() const noexcept {
+  control::MethodConfig method;
+  control::PassivityConfig& passivity = method.passivity;
+  passivity.period_s = period_s_;
+  passivity.allowance_j = config_.allowance_j;
+  passivity.velocity_max_m_s = config_.guaranteed_velocity_m_s;
+  passivity.damping_certain_n_s_m = device_damping_n_s_m_;
+  passivity.shown_stiffness_n_m = config_.scaling.impedance() * slave_.coupling_stiffness_n_m;
+  passivity.shown_damping_n_s_m = config_.scaling.impedance() * slave_.coupling_damping_n_s_m;
+  passivity.position_quantum_m = position_quantum_m_;
+  passivity.damper = config_.damper;
+  passivity.leak_time_s = config_.leak_time_s;
+  method.scaling = config_.scaling;
+  return method;
+}
+
+void Station::change_method(control::Method method) noexcept {
+  config_.method = method;
+  method = usable_method(method, features_);
+  if (method == methods_.method()) return;
+  methods_.change_to(method, method_config(), hand_pos_h_m_);
+  bump_ahead_ = true;
+}
+
+bool Station::change_scaling(const control::Scaling& scaling) noexcept {
+  const control::Scaling old = config_.scaling;
+  const bool sane = scaling.velocity > 0 && scaling.force > 0 && std::isfinite(scaling.impedance());
+  if (!sane) return false;
+  config_.scaling = scaling;
+  control::ScalingPlant plant;
+  plant.device_damping_n_s_m = device_damping_n_s_m_;
+  plant.coupling_stiffness_n_m = slave_.coupling_stiffness_n_m;
+  plant.coupling_damping_n_s_m = slave_.coupling_damping_n_s_m;
+  plant.period_s = period_s_;
+  plant.delay_samples = 1;
+  if (!config_.allow_unsafe_scaling && scaling.impedance() > control::exact_impedance_bound(plant)) {
+    config_.scaling = old;
+    return false;
+  }
+  mapping_.rescale(scaling, hand_pos_h_m_);
+  methods_.change_to(methods_.method(), method_config(), hand_pos_h_m_);
+  tip_force_h_n_ = scaling.hand_force_n(reply_.force_w_nn);
+  bump_ahead_ = true;
+  return true;
+}
 
 void Station::begin_session(const link::Welcome& welcome) noexcept {
   mapping_.begin(welcome.start_pos_w_nm, welcome.workspace_min_w_nm, welcome.workspace_max_w_nm);
@@ -82,6 +137,13 @@ void Station::begin_session(const link::Welcome& welcome) noexcept {
   has_reply_ = false;  // the last force may only fade until the new session answers
   newest_sequence_ = 0;
   if (mode_ == Mode::kEngaged) mode_ = Mode::kHeld;
+  const bool new_epoch = welcome.epoch != epoch_;
+  epoch_ = welcome.epoch;
+  features_ = welcome.feature_bits;
+  if (new_epoch) slave_sums_.reset();
+  const control::Method method = usable_method(config_.method, features_);
+  if (method != methods_.method()) methods_.change_to(method, method_config(), hand_pos_h_m_);
+  methods_.now().begin_session(new_epoch);
   if (welcome.coupling_stiffness_n_m > slave_.coupling_stiffness_n_m ||
       welcome.coupling_damping_n_s_m > slave_.coupling_damping_n_s_m) {
     latched_ |= kFaultSlaveStiffer;
@@ -111,7 +173,18 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   if (!believable_force) latched_ |= kFaultAppliedNonFinite;
   // What cannot be measured cannot be booked; the stop holds the force at zero until a person has looked.
   if (!believable_pos || !believable_force) return;
-  controller_.observe(input.applied_force_h_n, input.hand_pos_h_m, dt_s);
+  const bool first = !observer_.started();
+  control::PortInterval interval;
+  interval.applied_force_h_n = input.applied_force_h_n;
+  interval.hand_pos_h_m = input.hand_pos_h_m;
+  interval.dt_s = dt_s;
+  interval.put_in_j = observer_.update(input.applied_force_h_n, input.hand_pos_h_m);
+  interval.displacement_h_m = observer_.displacement_h_m();
+  if (first) {
+    methods_.change_to(methods_.method(), method_config(), input.hand_pos_h_m);
+  } else {
+    methods_.now().book(interval);
+  }
   applied_force_h_n_ = input.applied_force_h_n;
   if (has_hand_pos_) hand_step_h_m_ = input.hand_pos_h_m - hand_pos_h_m_;
   hand_pos_h_m_ = input.hand_pos_h_m;
@@ -131,13 +204,8 @@ void Station::accept_reply(const StationInput& input) noexcept {
       has_reply_ = true;
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
-      if (resumes) {
-        // The hand has moved on since the last force: start the ramp where the new force, so scaled, is no
-        // larger than what acts now.
-        const double norm_n2 = tip_force_h_n_.squaredNorm();
-        const double along = norm_n2 > 0 ? commanded_force_h_n_.dot(tip_force_h_n_) / norm_n2 : 0;
-        ramp_ = along > 0 ? std::min(ramp_, along) : 0;
-      }
+      bump_ahead_ = bump_ahead_ || resumes;
+      tell_method(input);
     } else {
       faults_ |= kFaultReplyNonFinite;
       has_reply_ = false;
@@ -146,6 +214,40 @@ void Station::accept_reply(const StationInput& input) noexcept {
     }
   }
   if (has_reply_ && stale_s_ > config_.stale_hold_s) faults_ |= kFaultStale;
+}
+
+/// Energies and waves come as sums; the method is told what has been added to them.
+void Station::tell_method(const StationInput& input) noexcept {
+  const link::Reply& reply = *input.reply;
+  const link::ReceivedSums::News added = slave_sums_.update(reply);
+  control::SlaveNews news;
+  news.force_h_n = tip_force_h_n_;
+  news.touching = reply.contact_state == link::ContactState::kContact;
+  news.energy_in_j = config_.scaling.hand_energy_j(added.energy_in_aj);
+  news.energy_out_j = config_.scaling.hand_energy_j(added.energy_out_aj);
+  news.energy_sent_j = config_.scaling.hand_energy_j(added.energy_sent_aj);
+  news.wave_h = added.wave * std::sqrt(config_.scaling.hand_energy_j(1));
+  news.wave_j = config_.scaling.hand_energy_j(added.wave_aj);
+  news.model = contact_model(reply.model);
+  news.answers = reply.command_sequence;
+  methods_.now().hear(news);
+}
+
+/// What the method shows now. Where that may be another force than the last at once (news after an outage,
+/// another method or scale), the ramp starts where the new one, so scaled, is no larger than what acts.
+void Station::render(const StationInput& input, double dt_s, StationTrace& trace) noexcept {
+  control::StationMethod& method = methods_.now();
+  rendered_force_h_n_ = method.force_h_n({mapping_.target_w_nm(), input.command_sequence, dt_s});
+  if (bump_ahead_) {
+    const double norm_n2 = rendered_force_h_n_.squaredNorm();
+    const double along = norm_n2 > 0 ? commanded_force_h_n_.dot(rendered_force_h_n_) / norm_n2 : 0;
+    ramp_ = along > 0 ? std::min(ramp_, along) : 0;
+  }
+  bump_ahead_ = false;
+  trace.rendered_force_h_n = rendered_force_h_n_;
+  trace.damper_force_h_n = method.damper_force_h_n();
+  trace.damper_n_s_m = method.damper_n_s_m();
+  trace.force_bound_n = method.force_bound_n();
 }
 
 /// A stop makes the slave withdraw within the session: its tip is no longer where the target was left, and
@@ -199,7 +301,7 @@ void Station::update_ramp(const StationInput& input, double dt_s) noexcept {
 
 Vec3 Station::limited_force(double dt_s, StationTrace& trace) noexcept {
   if (ramp_ <= 0) return Vec3::Zero();
-  Vec3 force_h_n = ramp_ * (trace.scaled_force_h_n + trace.damper_force_h_n);
+  Vec3 force_h_n = ramp_ * (trace.rendered_force_h_n + trace.damper_force_h_n);
   if (!is_finite(force_h_n)) {
     latched_ |= kFaultForceNonFinite;
     mode_ = Mode::kStopped;
@@ -224,6 +326,7 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
     choose_mode(input, dt_s);
     follow_a_retracted_tip();
     mapping_.update(mode_ == Mode::kEngaged, hand_pos_h_m_);
+    render(input, dt_s, output.trace);
     update_ramp(input, dt_s);
   } else {
     faults_ |= kFaultBadTick;
@@ -231,16 +334,28 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
   }
   StationTrace& trace = output.trace;
   trace.scaled_force_h_n = tip_force_h_n_;
-  trace.damper_force_h_n = controller_.damper_force_h_n();
-  trace.damper_n_s_m = controller_.damper_n_s_m();
-  trace.force_bound_n = controller_.force_bound_n();
   commanded_force_h_n_ = good_tick ? limited_force(dt_s, trace) : Vec3::Zero();
   output.hand_force_h_n = commanded_force_h_n_;
   fill(input, dt_s, output);
 }
 
+/// What the slave has to know of the method: nothing for those of the station's port alone.
+void Station::tell_slave(link::Command& command) const noexcept {
+  const control::Method method = methods_.method();
+  const bool asks_slave = control::needs_port_control(method) || method == control::Method::kModel;
+  if (!asks_slave || !(features_ & link::kFeaturePortControl)) return;
+  control::SlaveOrder order;
+  methods_.now().tell(order);
+  const double scale_aj_j = config_.scaling.tip_energy_aj(1);
+  command.control.method = static_cast<std::uint32_t>(method);
+  command.control.energy_scale_aj_j = scale_aj_j;
+  command.control.energy_sent_j = order.energy_sent_j;
+  command.control.wave_sum = order.wave_sum_h * std::sqrt(scale_aj_j);
+  command.control.wave_energy_aj = order.wave_j * scale_aj_j;
+  command.control.wave_impedance_n_s_m = order.wave_impedance_n_s_m / config_.scaling.impedance();
+}
+
 void Station::fill(const StationInput& input, double dt_s, StationOutput& output) noexcept {
-  const control::EnergyObserver& observer = controller_.observer();
   const Vec3& target_w_nm = mapping_.target_w_nm();
   const bool good_tick = !(faults_ & kFaultBadTick);
 
@@ -252,8 +367,9 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   if (mode_ == Mode::kStopped) command.flags |= link::kFlagStop;
   if (good_tick) command.tip_vel_w_nm_s = (target_w_nm - last_target_w_nm_) / dt_s;
   command.tip_pos_w_nm = target_w_nm;
-  command.energy_in_j = observer.energy_in_j();
-  command.energy_out_j = observer.energy_out_j();
+  command.energy_in_j = observer_.energy_in_j();
+  command.energy_out_j = observer_.energy_out_j();
+  tell_slave(command);
   last_target_w_nm_ = target_w_nm;
 
   StationTrace& trace = output.trace;
@@ -271,11 +387,13 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   trace.applied_force_h_n = applied_force_h_n_;
   trace.commanded_force_h_n = commanded_force_h_n_;
   trace.ramp = ramp_;
-  trace.energy_j = observer.energy_j();
-  trace.energy_in_j = observer.energy_in_j();
-  trace.energy_out_j = observer.energy_out_j();
-  trace.quantisation_bound_j = observer.quantisation_bound_j();
-  trace.ledger_j = controller_.ledger_j();
+  trace.energy_j = observer_.energy_j();
+  trace.energy_in_j = observer_.energy_in_j();
+  trace.energy_out_j = observer_.energy_out_j();
+  trace.quantisation_bound_j = observer_.quantisation_bound_j();
+  trace.ledger_j = methods_.now().ledger_j();
+  trace.method = methods_.method();
+  trace.model_version = reply_.model.version;
   trace.slave_energy_in_j = config_.scaling.hand_energy_j(reply_.energy_in_aj);
   trace.slave_energy_out_j = config_.scaling.hand_energy_j(reply_.energy_out_aj);
   trace.stale_s = stale_s_;

@@ -3,8 +3,10 @@
 #include <cstdint>
 
 #include "common/base/vec3.h"
-#include "common/control/passivity_controller.h"
+#include "common/control/energy_observer.h"
+#include "common/control/methods.h"
 #include "common/link/messages.h"
+#include "common/link/received_sums.h"
 #include "master/device/haptic_device.h"
 #include "master/station/force_limits.h"
 #include "master/station/station_config.h"
@@ -34,6 +36,10 @@ enum StationFaults : std::uint32_t {
 /// Name of the lowest fault bit set; "none" if none.
 const char* fault_name(std::uint32_t faults) noexcept;
 
+/// The method itself, or the best one that can do without what the slave does not offer (feature bits of its
+/// Welcome): `model` → `tank` → `ks-clamp`; `tdpa`, `wave`, `tank` → `ks-clamp`.
+control::Method usable_method(control::Method wanted, std::uint64_t features) noexcept;
+
 struct StationInput {
   std::int64_t time_ns = 0;  ///< of this tick, any origin
   device::DeviceStatus device_status = device::DeviceStatus::kOk;
@@ -42,6 +48,7 @@ struct StationInput {
   Vec3 applied_force_h_n = Vec3::Zero();  ///< what write_force() returned for the interval that just ended
   bool session_up = false;
   const link::Reply* reply = nullptr;  ///< newest accepted since the last tick; null if none came
+  std::uint64_t command_sequence = 0;  ///< that the command of this tick will carry
 };
 
 /// What one tick did, for recording and display. Plain data.
@@ -58,7 +65,10 @@ struct StationTrace {
   std::uint32_t contact_state = 0;  ///< link::ContactState
   std::uint32_t slave_faults = 0;
   Vec3 applied_force_h_n = Vec3::Zero();  ///< in the interval that just ended
-  Vec3 scaled_force_h_n = Vec3::Zero();   ///< α_F F_tip, before everything
+  control::Method method = control::Method::kNone;
+  std::uint32_t model_version = 0;        ///< of the slave's newest local model; 0 = none
+  Vec3 scaled_force_h_n = Vec3::Zero();   ///< α_F F_tip of the newest reply
+  Vec3 rendered_force_h_n = Vec3::Zero(); ///< that the method shows, before damper, ramp and limits
   Vec3 damper_force_h_n = Vec3::Zero();
   Vec3 commanded_force_h_n = Vec3::Zero();  ///< after everything
   double damper_n_s_m = 0;                  ///< γ
@@ -86,7 +96,7 @@ struct StationOutput {
 
 /// The whole of the station's step: pure, no clock, no allocation, no exception.
 ///
-/// Forces, in this order: α_F F_tip + damper, times the ramp; slew; force limit; energy clamp; stop and
+/// Forces, in this order: what the method shows + damper, times the ramp; slew; force limit; energy clamp; stop and
 /// non-finite → 0. Each later one has the higher priority and can only take force away, so the earlier ones
 /// cannot undo it.
 class Station {
@@ -100,6 +110,15 @@ class Station {
 
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
+  /// Another control method, from the next tick on. Bumpless: the energy that is owed is carried over, none is
+  /// granted, and the force goes over by the ramp. One that needs what the slave does not offer becomes
+  /// usable_method() of it.
+  void change_method(control::Method method) noexcept;
+  /// Another scale, likewise; hand and tip stay where they are. False, and nothing changes, where the config
+  /// would not be valid or, unless allowed, not safe for this slave.
+  bool change_scaling(const control::Scaling& scaling) noexcept;
+  control::Method method() const noexcept { return methods_.method(); }
+
   /// Only a person may call this, after looking. Does nothing unless stopped; the force ramps up from zero.
   void clear_stop() noexcept;
 
@@ -107,10 +126,14 @@ class Station {
   std::uint32_t latched_faults() const noexcept { return latched_; }
   const StationConfig& config() const noexcept { return config_; }
   double force_limit_n() const noexcept { return force_limit_n_; }
-  const control::PassivityController& controller() const noexcept { return controller_; }
+  const control::EnergyObserver& observer() const noexcept { return observer_; }
 
  private:
   void accept_reply(const StationInput& input) noexcept;
+  void tell_method(const StationInput& input) noexcept;
+  void render(const StationInput& input, double dt_s, StationTrace& trace) noexcept;
+  control::MethodConfig method_config() const noexcept;
+  void tell_slave(link::Command& command) const noexcept;
   void follow_a_retracted_tip() noexcept;
   void watch(const StationInput& input, double dt_s) noexcept;
   void choose_mode(const StationInput& input, double dt_s) noexcept;
@@ -120,10 +143,16 @@ class Station {
 
   StationConfig config_;
   SlavePort slave_;
+  double device_damping_n_s_m_ = 0;
+  double position_quantum_m_ = 0;
   double period_s_ = 0;
   double device_force_max_n_ = 0;
   double force_limit_n_ = 0;
-  control::PassivityController controller_;
+  control::EnergyObserver observer_;
+  control::Methods methods_;
+  std::uint64_t features_ = 0;  // of the session
+  std::uint32_t epoch_ = 0;
+  link::ReceivedSums slave_sums_;
   WorkspaceMapping mapping_;
   Mode mode_ = Mode::kIdle;
   std::uint32_t latched_ = 0;
@@ -134,6 +163,8 @@ class Station {
   bool has_reply_ = false;
   link::Reply reply_{};
   Vec3 tip_force_h_n_ = Vec3::Zero();  ///< of that reply, scaled
+  Vec3 rendered_force_h_n_ = Vec3::Zero();
+  bool bump_ahead_ = false;  // the force may be another one at once: let the ramp bring it in
   std::uint64_t newest_sequence_ = 0;
   std::int64_t last_reply_ns_ = 0;
   double stale_s_ = 0;

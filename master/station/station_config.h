@@ -3,6 +3,7 @@
 #include <string>
 
 #include "common/control/method.h"
+#include "common/control/passivity_controller.h"
 #include "common/control/scaling.h"
 #include "master/device/haptic_device.h"
 
@@ -12,7 +13,9 @@ namespace telenano::station {
 struct StationConfig {
   double rate_hz = 1000;
   control::Scaling scaling{};  ///< α_v = 1e-6 (1 mm is 1 nm), α_F = 2e7 (50 nN is 1 N)
-  control::Method method = control::Method::kKsClamp;
+  control::Method method = control::Method::kModel;
+  control::DamperDirection damper = control::DamperDirection::kAlongMotion;
+  double leak_time_s = 0;  ///< stored passivity leaks away with this time constant; 0 = never
 
   double allowance_j = 0.010;            ///< E₀, energy that may ever be extracted beyond what is put in
   double guaranteed_velocity_m_s = 0.5;  ///< v_max of the energy clamp

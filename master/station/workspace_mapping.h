@@ -39,6 +39,13 @@ class WorkspaceMapping {
     }
   }
 
+  /// From now on with another scale: hand and target stay where they are.
+  void rescale(const control::Scaling& scaling, const Vec3& hand_pos_h_m) noexcept {
+    scaling_ = scaling;
+    anchor_hand_h_m_ = hand_pos_h_m;
+    anchor_tip_w_nm_ = target_w_nm_;
+  }
+
   /// The tip has moved by itself, to here; only while not following.
   void stand_at(const Vec3& tip_pos_w_nm) noexcept {
     if (!following_) target_w_nm_ = tip_pos_w_nm;

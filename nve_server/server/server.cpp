@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "common/base/error.h"
+#include "common/control/method.h"
 
 namespace telenano::server {
 
@@ -23,6 +24,8 @@ link::PeerKey peer_key(const net::Address& address) noexcept {
 /// The shortest step that a slave is given: two commands of a station that catches up may lie that close
 /// together.
 constexpr double kStepMinS = 1e-6;
+
+constexpr auto kModelMethod = static_cast<std::uint32_t>(control::Method::kModel);
 
 bool is_finite(const slave::SlaveOutput& o) noexcept {
   return telenano::is_finite(o.force_w_nn) && telenano::is_finite(o.tip_pos_w_nm) &&
@@ -190,7 +193,14 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   input.retract = (command.flags & link::kFlagStop) != 0;
   constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
   input.follow = !input.retract && (command.flags & kEngaged) == kEngaged;
-  step_guarded(*port.slave, input, std::clamp(session.spacing_s, kStepMinS, config_.step_max_s), port.output);
+  const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
+  const bool models = (session.feature_bits & link::kFeatureLocalModel) != 0;
+  input.wants_model = models && command.control.method == kModelMethod;
+  const double dt_s = std::clamp(session.spacing_s, kStepMinS, config_.step_max_s);
+  const slave::SlaveOutput last = port.output;
+  if (controls) input = port.control.before(command, input, last, port.slave->limits(), dt_s);
+  step_guarded(*port.slave, input, dt_s, port.output);
+  if (controls) port.control.after(last, port.output, dt_s);
   port.last_step_ns = now_ns;
 
   link::Reply reply;
@@ -206,6 +216,8 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.deflection_nm = port.output.deflection_nm;
   reply.energy_in_aj = port.output.energy_in_aj;
   reply.energy_out_aj = port.output.energy_out_aj;
+  if (controls) reply.port = port.control.answer();
+  if (input.wants_model) reply.model = port.output.model;
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
   reply.hold_time_ns = static_cast<std::uint64_t>(sent_ns - now_ns);
@@ -235,8 +247,11 @@ void Server::retract(std::size_t slot, std::int64_t now_ns) noexcept {
   input.follow = false;
   input.retract = true;
   input.tip_target_pos_w_nm = port.output.commanded_pos_w_nm;
-  const double dt_s = 1e-9 * static_cast<double>(now_ns - port.last_step_ns);
-  step_guarded(*port.slave, input, std::clamp(dt_s, kStepMinS, config_.step_max_s), port.output);
+  const double dt_s =
+      std::clamp(1e-9 * static_cast<double>(now_ns - port.last_step_ns), kStepMinS, config_.step_max_s);
+  const slave::SlaveOutput last = port.output;
+  step_guarded(*port.slave, input, dt_s, port.output);
+  port.control.after(last, port.output, dt_s);
   port.last_step_ns = now_ns;
 }
 

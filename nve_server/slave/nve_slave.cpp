@@ -81,7 +81,8 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
     : scene_(std::move(scene)),
       limits_(limits_of(*scene_)),
       flat_(scene_->surface->is_flat()),
-      sample_(scene_) {
+      sample_(scene_),
+      model_(scene_) {
   port().commanded_w_nm = limits_.start_pos_w_nm;
   physics::Compliance springs;
   if (solve(port().commanded_w_nm, piece_of(kSettle_s), port(), trial_port(), springs)) {
@@ -263,6 +264,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
   if (port().solution.outside) ++trace_.outside_steps;
   if (port().solution.radius_clamped) ++trace_.clamped_radius_steps;
   publish(faults, output);
+  output.model = input.wants_model ? model_.of(port().solution, port().commanded_w_nm) : link::LocalModel{};
 }
 
 void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {

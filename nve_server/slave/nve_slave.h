@@ -7,6 +7,7 @@
 #include "nve_server/physics/probe.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
+#include "nve_server/slave/port_model.h"
 #include "nve_server/slave/slave.h"
 #include "nve_server/slave/touched_sample.h"
 
@@ -109,6 +110,7 @@ class NveSlave final : public Slave {
   SlaveLimits limits_;
   bool flat_;
   TouchedSample sample_;
+  PortModel model_;
   std::array<Port, 2> ports_;  // the accepted one and the trial take turns, lest large states be copied
   std::size_t now_ = 0;
   Trace trace_;

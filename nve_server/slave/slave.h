@@ -12,7 +12,8 @@ struct SlaveInput {
   Vec3 tip_target_pos_w_nm = Vec3::Zero();  ///< commanded end of the virtual coupling
   Vec3 tip_target_vel_w_nm_s = Vec3::Zero();
   bool follow = true;    ///< false: hold the present commanded position (clutch open, deadman released)
-  bool retract = false;  ///< withdraw to a safe height whatever is commanded
+  bool wants_model = false;  ///< fill SlaveOutput::model
+  bool retract = false;      ///< withdraw to a safe height whatever is commanded
 };
 
 struct SlaveOutput {
@@ -27,6 +28,8 @@ struct SlaveOutput {
   double energy_in_aj = 0;   ///< cumulative, monotone
   double energy_out_aj = 0;  ///< cumulative, monotone
   std::int64_t measurement_age_ns = 0;
+  /// What the port is like here, if asked for and known; version 0 = unknown.
+  link::LocalModel model;
 };
 
 /// What a station may know of a slave before it moves; all of it goes into Welcome.

@@ -106,7 +106,7 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
       {"unknown task",
        with(run, {"--task", "polish"}),
        {"polish", "position, contact, indent, scan or script"}},
-      {"unknown method", with(run, {"--method", "magic"}), {"magic", "none, ks or ks-clamp"}},
+      {"unknown method", with(run, {"--method", "magic"}), {"magic", "none, ks, ks-clamp"}},
       {"method of a later version",
        with(run, {"--method", "tdpa"}),
        {"tdpa", "not available in this version"}},

@@ -168,7 +168,7 @@ TEST_F(ProgramsTest, ASessionOfEachKindEndsWellAndIsRecorded) {
     const RecordingReader reader(file);
     EXPECT_EQ(reader.configuration("task"), task);
     EXPECT_EQ(reader.configuration("scene_name"), "flakes");
-    EXPECT_EQ(reader.configuration("control.method"), "ks-clamp");
+    EXPECT_EQ(reader.configuration("control.method"), "model");
     EXPECT_NE(reader.configuration("command_line").find("--duration-s 2"), std::string::npos);
   }
   const std::string said = server.stop();

@@ -5,11 +5,14 @@
 
 #include "common/control/passivity_controller.h"
 #include "master/station/force_limits.h"
+#include "tests/support/watched_controller.h"
 
 // The hard guarantee: below v_max, no hand and no environment extract more than the allowance beyond what the
 // device certainly dissipates. The book of the test is its own: long double, true positions.
 namespace telenano::control {
 namespace {
+
+using support::WatchedController;
 
 constexpr double kT = 1e-3, kVmax = 0.5;
 
@@ -21,7 +24,7 @@ struct Outcome {
   long double margin_j = 1e9;  ///< least of put in + loss + Q
 };
 
-Outcome attack(PassivityController& controller, Hand hand, double damping, double quantum_m, int steps,
+Outcome attack(WatchedController& controller, Hand hand, double damping, double quantum_m, int steps,
                std::mt19937_64& random) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform(0, 1);
@@ -98,7 +101,7 @@ TEST(ClampProperty, NoHandBelowVmaxExtractsMoreThanTheAllowance) {
         config.damping_certain_n_s_m = damping;
         config.shown_stiffness_n_m = 1000;
         config.position_quantum_m = quantum_m;
-        PassivityController controller(config);
+        WatchedController controller(config);
         const Outcome outcome =
             attack(controller, hand, damping, quantum_m, 100'000, random);  // 2e6 steps in all
         // Rounding of 1e5 additions of ~6 mJ at most: far below 1e-12 J.
@@ -122,7 +125,7 @@ TEST(ClampProperty, ALateTickOverdrawsOnceAndIsRepaidFirst) {
     std::mt19937_64 random(seed);
     std::uniform_real_distribution<double> uniform(0, 1);
     PassivityConfig config;
-    PassivityController controller(config);
+    WatchedController controller(config);
     Vec3 pos_m = Vec3::Zero(), force_n = Vec3::Zero();
     long double put_in_j = 0, least_j = 0;
     controller.observe(force_n, pos_m, kT);
@@ -150,7 +153,7 @@ TEST(ClampProperty, TheControllersWithoutAClampGiveJoulesAway) {
     PassivityConfig config;
     config.method = method;
     config.damping_certain_n_s_m = 2;
-    PassivityController controller(config);
+    WatchedController controller(config);
     std::mt19937_64 random(20);
     const Outcome outcome = attack(controller, Hand::kSine, 2, 0, 100'000, random);
     EXPECT_LT(static_cast<double>(outcome.least_j), -1.0) << method_name(method);

@@ -96,7 +96,7 @@ TEST(StationFile, RefusesMistakesInOneLineThatNamesFileAndKey) {
       {"rate_hz = \"fast\"\n", "rate_hz"},
       {"rate_khz = 1\n", "rate_khz"},
       {"[scaling]\nforce = -1\n", "force"},
-      {"[control]\nmethod = \"tank\"\n", "reserved"},
+      {"[control]\ndamper = \"all\"\n", "per-axis"},
       {"[control]\nmethod = \"KS\"\n", "unknown"},
       {"[limits]\ntrip_velocity_m_s = 1.0\n", "trip_velocity_m_s"},
       {"[limits]\nstale_zero_s = 0.01\n", "stale_zero_s"},

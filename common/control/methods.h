@@ -1,0 +1,67 @@
+#pragma once
+
+#include "common/control/local_model.h"
+#include "common/control/one_port.h"
+#include "common/control/station_method.h"
+#include "common/control/two_layer_tank.h"
+#include "common/control/two_port.h"
+#include "common/control/wave_port.h"
+
+namespace telenano::control {
+
+/// All methods of a station, one of them in use; each is small, so a change allocates nothing.
+class Methods {
+ public:
+  Methods(Method method, const MethodConfig& config) noexcept
+      : none_(Method::kNone, config),
+        ks_(Method::kKs, config),
+        ks_clamp_(Method::kKsClamp, config),
+        two_port_(config),
+        wave_(config),
+        tank_(config),
+        model_(config),
+        method_(method) {}
+
+  StationMethod& now() noexcept { return of(method_); }
+  const StationMethod& now() const noexcept { return const_cast<Methods*>(this)->of(method_); }
+  Method method() const noexcept { return method_; }
+
+  /// Bumpless in energy: the deficit is carried over, nothing is granted. The caller takes care of the force.
+  void change_to(Method method, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept {
+    const double ledger_j = now().ledger_j();
+    method_ = method;
+    now().take_over(ledger_j, config, hand_pos_h_m);
+  }
+
+ private:
+  StationMethod& of(Method method) noexcept {
+    switch (method) {
+      case Method::kNone:
+        return none_;
+      case Method::kKs:
+        return ks_;
+      case Method::kTdpa:
+        return two_port_;
+      case Method::kWave:
+        return wave_;
+      case Method::kTank:
+        return tank_;
+      case Method::kModel:
+        return model_;
+      case Method::kKsClamp:
+        break;
+    }
+    return ks_clamp_;
+  }
+
+  OnePort none_;
+  OnePort ks_;
+  OnePort ks_clamp_;
+  TwoPort two_port_;
+  WavePort wave_;
+  TwoLayerTank tank_;
+  LocalModel model_;
+  Method method_;
+};
+
+}  // namespace telenano::control

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstdint>
+#include <limits>
+
+#include "common/base/vec3.h"
+#include "common/control/contact_model.h"
+#include "common/control/method.h"
+#include "common/control/passivity_controller.h"
+#include "common/control/port_interval.h"
+#include "common/control/scaling.h"
+
+namespace telenano::control {
+
+/// What a new reply of the slave says, in the station's units. Energies and waves are what has been added
+/// since the last one accepted (cumulative sums on the wire, so nothing that was lost on the way is missed),
+/// crossed by the scaling.
+struct SlaveNews {
+  Vec3 force_h_n = Vec3::Zero();  ///< α_F F_tip
+  bool touching = false;
+  double energy_in_j = 0;    ///< put into the slave's port, ≥ 0
+  double energy_out_j = 0;   ///< given back by it, ≥ 0
+  double energy_sent_j = 0;  ///< ≥ 0
+  Vec3 wave_h = Vec3::Zero();  ///< Σ w T, √(J s)
+  double wave_j = 0;           ///< Σ ½ w² T, ≥ 0
+  ContactModel model;          ///< version 0 = none
+  std::uint64_t answers = 0;   ///< number of the command answered
+};
+
+/// Where the station renders.
+struct RenderPoint {
+  Vec3 target_w_nm = Vec3::Zero();  ///< commanded tip position of this tick
+  std::uint64_t command = 0;        ///< number of the command that will carry it
+  double dt_s = 1e-3;
+};
+
+/// What a method has to tell the slave; cumulative, hand units.
+struct SlaveOrder {
+  double energy_sent_j = 0;
+  Vec3 wave_sum_h = Vec3::Zero();  ///< Σ u T, √(J s)
+  double wave_j = 0;               ///< Σ ½ u² T
+  double wave_impedance_n_s_m = 0; ///< b_w, hand units; 0 = no waves
+};
+
+struct MethodConfig {
+  PassivityConfig passivity{};  ///< its `method` is set by each method itself
+  Scaling scaling{};
+  double model_slew_n_s = 100;  ///< how fast a local model's own changes may change the force at a resting hand
+};
+
+/// A control method of the station's port. Order of calls in a tick: book() — hear(), if there is news —
+/// force_h_n() — damper_force_h_n(), force_bound_n() — tell(). All forces act on the hand (frame H, N).
+/// Nothing here allocates, waits or throws.
+class StationMethod {
+ public:
+  StationMethod() = default;
+  StationMethod(const StationMethod&) = delete;
+  StationMethod& operator=(const StationMethod&) = delete;
+  virtual ~StationMethod() = default;
+
+  /// Becomes the method in use: `ledger_j` is what the last one had. Its deficit is taken over, its surplus is
+  /// not: a change of method grants no allowance. Likewise a change of scale.
+  virtual void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept = 0;
+  /// A session has begun or was resumed: what was on the way is lost; with a new epoch the slave is another
+  /// one, which knows of no energy that was sent to the last.
+  virtual void begin_session(bool new_epoch) noexcept = 0;
+
+  virtual void book(const PortInterval& interval) noexcept = 0;
+  virtual void hear(const SlaveNews& news) noexcept = 0;
+  /// The force to show now, before ramp, damper and limits.
+  virtual Vec3 force_h_n(const RenderPoint& at) noexcept = 0;
+  virtual Vec3 damper_force_h_n() const noexcept { return Vec3::Zero(); }
+  virtual double damper_n_s_m() const noexcept { return 0; }
+  /// Largest norm of the force that may be committed; infinite for methods without a clamp.
+  virtual double force_bound_n() const noexcept { return std::numeric_limits<double>::infinity(); }
+  virtual double ledger_j() const noexcept = 0;  ///< the method's own book
+  virtual void tell(SlaveOrder& order) const noexcept { order = {}; }
+};
+
+}  // namespace telenano::control

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <algorithm>
+
+#include "common/control/one_port.h"
+#include "common/control/station_method.h"
+
+namespace telenano::control {
+
+/// `tank`: two layers [Franken, Stramigioli, Misra, Secchi, Macchelli 2011]. The upper layer shows the newest
+/// force of the slave; the lower one owns a tank of energy on each side and lets neither side give out what
+/// it has not got. The energy that the hand puts in travels with the command that it was put in by, so that
+/// it is at the slave when the slave is to press; the slave sends back what the sample gives back and, over
+/// kSurplusReturn_s, what it has not needed.
+///
+///   E(k) = E(k−1) − F(k−1)·Δx(k) + received − sent,   |F(k)| ≤ (E(k) + E₀)/(v_max T),
+///
+/// and E < 0 is repaid by the device's certain damping only (passivity_controller.h). Sent is the hand's
+/// input of the interval as far as the tank has it. So hand and slave together give out at most what both put
+/// in, plus one allowance a side.
+class TwoLayerTank final : public StationMethod {
+ public:
+  explicit TwoLayerTank(const MethodConfig& config) noexcept
+      : controller_(OnePort::with(Method::kTank, config.passivity)) {}
+
+  void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
+    controller_ = PassivityController(OnePort::with(Method::kTank, config.passivity));
+    controller_.take_over(ledger_j, hand_pos_h_m);
+  }
+  void begin_session(bool) noexcept override {}
+  void book(const PortInterval& interval) noexcept override {
+    controller_.book(interval);
+    const double send_j = std::min(std::max(0.0, interval.put_in_j), std::max(0.0, controller_.ledger_j()));
+    controller_.transfer(-send_j);
+    sent_j_ += send_j;
+  }
+  void hear(const SlaveNews& news) noexcept override {
+    force_h_n_ = news.force_h_n;
+    controller_.transfer(news.energy_sent_j);
+  }
+  Vec3 force_h_n(const RenderPoint&) noexcept override { return force_h_n_; }
+  Vec3 damper_force_h_n() const noexcept override { return controller_.damper_force_h_n(); }
+  double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }
+  double force_bound_n() const noexcept override { return controller_.force_bound_n(); }
+  double ledger_j() const noexcept override { return controller_.ledger_j(); }
+  void tell(SlaveOrder& order) const noexcept override {
+    order = {};
+    order.energy_sent_j = sent_j_;
+  }
+
+ private:
+  PassivityController controller_;
+  Vec3 force_h_n_ = Vec3::Zero();
+  double sent_j_ = 0;
+};
+
+}  // namespace telenano::control

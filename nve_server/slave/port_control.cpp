@@ -1,0 +1,132 @@
+#include "nve_server/slave/port_control.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/control/method.h"
+
+namespace telenano::slave {
+namespace {
+
+constexpr auto kTdpa = static_cast<std::uint32_t>(control::Method::kTdpa);
+constexpr auto kWave = static_cast<std::uint32_t>(control::Method::kWave);
+constexpr auto kTank = static_cast<std::uint32_t>(control::Method::kTank);
+
+double charge_aj(const SlaveOutput& last, const SlaveOutput& now) noexcept {
+  return (now.energy_in_aj - last.energy_in_aj) - (now.energy_out_aj - last.energy_out_aj);
+}
+
+}  // namespace
+
+void PortControl::begin_session() noexcept {
+  received_ = {};
+  wave_came_.setZero();
+  wave_came_aj_ = 0;
+  level_aj_ = std::min(0.0, level_aj_);
+  has_target_ = false;
+}
+
+void PortControl::receive(const link::PortControl& control) noexcept {
+  if (control.method != method_) {
+    level_aj_ = std::min(0.0, level_aj_);  // another method: what is owed stays owed, nothing is granted
+    method_ = control.method;
+  }
+  energy_scale_aj_j_ = control.energy_scale_aj_j;
+  wave_impedance_n_s_m_ = control.wave_impedance_n_s_m;
+  came_aj_ = std::max(0.0, control.energy_sent_j - received_.energy_sent_j) * energy_scale_aj_j_;
+  wave_came_ = control.wave_sum - received_.wave_sum;
+  wave_came_aj_ = std::max(0.0, control.wave_energy_aj - received_.wave_energy_aj);
+  received_.energy_sent_j = std::max(received_.energy_sent_j, control.energy_sent_j);
+  received_.wave_sum = control.wave_sum;
+  received_.wave_energy_aj = std::max(received_.wave_energy_aj, control.wave_energy_aj);
+}
+
+Vec3 PortControl::paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,
+                            double budget_aj) const noexcept {
+  const double force_nn = force_w_nn.norm();
+  const double against_nm = force_nn > 0 ? -move_w_nm.dot(force_w_nn) / force_nn : 0;
+  if (!(against_nm > 0)) return move_w_nm;
+  const double cost_aj = force_nn * against_nm + 0.5 * stiffness_n_m * against_nm * against_nm;
+  if (cost_aj <= budget_aj) return move_w_nm;
+  // force·s + ½K s² = budget: how far against the force there is energy for.
+  double paid_nm = 0;
+  if (budget_aj > 0)
+    paid_nm = 2 * budget_aj /
+              (force_nn + std::sqrt(force_nn * force_nn + 2 * stiffness_n_m * budget_aj));
+  return move_w_nm + force_w_nn * ((against_nm - paid_nm) / force_nn);
+}
+
+Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const SlaveOutput& last, double stiffness_n_m,
+                            double dt_s) noexcept {
+  const double b = wave_impedance_n_s_m_;
+  Vec3 wave = wave_came_ / dt_s;
+  const double wave_aj = 0.5 * wave.squaredNorm() * dt_s;
+  if (wave_aj > wave_came_aj_) wave *= std::sqrt(wave_came_aj_ / wave_aj);
+  wave_used_aj_ = std::min(wave_aj, wave_came_aj_);
+  const Vec3 velocity_nm_s =
+      (std::sqrt(2 * b) * wave + last.force_w_nn) / (b + stiffness_n_m * dt_s);
+  const Vec3 move_w_nm = velocity_nm_s * dt_s;
+  const Vec3 catch_up_w_nm = lag_w_nm * std::min(1.0, dt_s / kCatchUp_s);
+  const double left_aj = wave_used_aj_ + level_aj_ + last.force_w_nn.dot(move_w_nm);
+  return move_w_nm + paid_move(catch_up_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, left_aj));
+}
+
+SlaveInput PortControl::before(const link::Command& command, const SlaveInput& input,
+                               const SlaveOutput& last, const SlaveLimits& limits, double dt_s) noexcept {
+  receive(command.control);
+  const bool first = !has_target_;
+  const Vec3 old_target_w_nm = target_w_nm_;
+  target_w_nm_ = input.tip_target_pos_w_nm;
+  has_target_ = true;
+  SlaveInput told = input;
+  wave_used_aj_ = 0;
+  if (!input.follow) return told;
+  const double stiffness_n_m = limits.coupling_stiffness_n_m;
+  if (method_ == kTdpa || method_ == kTank) {
+    level_aj_ += came_aj_;
+    Vec3 move_w_nm = target_w_nm_ - last.commanded_pos_w_nm;
+    if (!first) {
+      const Vec3 lag_w_nm = old_target_w_nm - last.commanded_pos_w_nm;
+      move_w_nm = (target_w_nm_ - old_target_w_nm) + lag_w_nm * std::min(1.0, dt_s / kCatchUp_s);
+    }
+    const double allowance_aj = method_ == kTank ? kAllowanceJ * energy_scale_aj_j_ : 0.0;
+    told.tip_target_pos_w_nm =
+        last.commanded_pos_w_nm +
+        paid_move(move_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, level_aj_ + allowance_aj));
+  } else if (method_ == kWave && wave_impedance_n_s_m_ > 0) {
+    const Vec3 lag_w_nm = first ? Vec3(Vec3::Zero()) : Vec3(old_target_w_nm - last.commanded_pos_w_nm);
+    told.tip_target_pos_w_nm = last.commanded_pos_w_nm + wave_move(lag_w_nm, last, stiffness_n_m, dt_s);
+  }
+  return told;
+}
+
+void PortControl::after(const SlaveOutput& last, const SlaveOutput& now, double dt_s) noexcept {
+  const double charge = charge_aj(last, now);
+  if (method_ == kTdpa) {
+    level_aj_ -= std::max(0.0, charge);
+  } else if (method_ == kTank) {
+    level_aj_ -= charge;
+    const double surplus_aj = std::max(0.0, level_aj_);
+    const double send_aj =
+        std::min(surplus_aj, std::max(0.0, -charge) + surplus_aj * std::min(1.0, dt_s / kSurplusReturn_s));
+    level_aj_ -= send_aj;
+    answer_.energy_sent_aj += send_aj;
+  } else if (method_ == kWave && wave_impedance_n_s_m_ > 0) {
+    send_wave(now, now.commanded_pos_w_nm - last.commanded_pos_w_nm, charge, dt_s);
+  }
+}
+
+void PortControl::send_wave(const SlaveOutput& now, const Vec3& moved_w_nm, double charge,
+                            double dt_s) noexcept {
+  const double b = wave_impedance_n_s_m_;
+  const double may_send_aj = wave_used_aj_ - charge + level_aj_;
+  level_aj_ = std::min(0.0, may_send_aj);
+  const Vec3 wave = -(now.force_w_nn + b / dt_s * moved_w_nm) / std::sqrt(2 * b);
+  const double wave_aj = 0.5 * wave.squaredNorm() * dt_s;
+  if (!(may_send_aj > 0) || !(wave_aj > 0)) return;
+  const double part = std::min(1.0, std::sqrt(may_send_aj / wave_aj));
+  answer_.wave_sum += part * dt_s * wave;
+  answer_.wave_energy_aj += part * part * wave_aj;
+}
+
+}  // namespace telenano::slave

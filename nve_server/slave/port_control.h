@@ -1,0 +1,67 @@
+#pragma once
+
+#include "common/link/messages.h"
+#include "nve_server/slave/slave.h"
+
+namespace telenano::slave {
+
+/// The slave's side of the control methods, between the protocol and any slave: what a command is allowed to
+/// do, by the method that the station says it runs, and what the reply has to tell it. nm, nN, aJ.
+///
+/// `tdpa`, `tank`. The commanded end follows the target as far as the energy that came with the commands
+/// pays for it. Before a step its cost is foreseen as −F·Δx + ½K(Δx·F̂)², K the stiffest that the port can
+/// show; of a move that costs more than there is, the part against the force is shortened. What actually was
+/// exchanged is booked afterwards, from the slave's own book. A lag behind the target is caught up in
+/// kCatchUp_s where there is energy for it: drift is compensated from surplus only.
+///   tdpa:  W = Σ received − Σ put into the port                        (its output is in the reply already)
+///   tank:  level = Σ received − Σ put in + Σ given back − Σ sent,      allowance E₀ of its own
+/// The tank sends what the port gave back, and within kSurplusReturn_s what was not needed.
+///
+/// `wave`. The end moves by the wave that came: with f = −F, b = b_w as the tip feels it, and the port's
+/// stiffness K against a step into the sample taken implicitly,
+///   v = (√(2b) u − f)/(b + K T),   w = (f − b v)/√(2b),   ½w²T ≤ ½u²T − ΔE_port + owed, owed ≤ 0
+/// (common/control/wave_port.h). The lag behind the commanded position, which a wave does not know, is caught
+/// up from the same energy.
+///
+/// Other methods leave the command as it is.
+class PortControl {
+ public:
+  /// A new session id: the station's sums begin at 0 again; what is owed stays owed.
+  void begin_session() noexcept;
+
+  /// What the slave is to be told for `command`. `last` is its last output, `limits` its own.
+  SlaveInput before(const link::Command& command, const SlaveInput& input, const SlaveOutput& last,
+                    const SlaveLimits& limits, double dt_s) noexcept;
+  /// Books the step that the slave has made of it.
+  void after(const SlaveOutput& last, const SlaveOutput& now, double dt_s) noexcept;
+  /// Fills the reply's part.
+  const link::PortAnswer& answer() const noexcept { return answer_; }
+
+  double level_aj() const noexcept { return level_aj_; }  ///< W, the tank, or what the waves owe
+
+  static constexpr double kAllowanceJ = 0.010;  ///< E₀ of the slave's side, hand joules
+  static constexpr double kCatchUp_s = 0.05;
+  static constexpr double kSurplusReturn_s = 1.0;
+
+ private:
+  void receive(const link::PortControl& control) noexcept;
+  Vec3 paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,
+                 double budget_aj) const noexcept;
+  Vec3 wave_move(const Vec3& lag_w_nm, const SlaveOutput& last, double stiffness_n_m, double dt_s) noexcept;
+  void send_wave(const SlaveOutput& now, const Vec3& moved_w_nm, double charge_aj, double dt_s) noexcept;
+
+  std::uint32_t method_ = 0;
+  double energy_scale_aj_j_ = 0;
+  double wave_impedance_n_s_m_ = 0;
+  link::PortControl received_;  // the highest sums of this session
+  double came_aj_ = 0;          // with this command
+  Vec3 wave_came_ = Vec3::Zero();
+  double wave_came_aj_ = 0;
+  double wave_used_aj_ = 0;
+  double level_aj_ = 0;
+  bool has_target_ = false;
+  Vec3 target_w_nm_ = Vec3::Zero();
+  link::PortAnswer answer_;
+};
+
+}  // namespace telenano::slave

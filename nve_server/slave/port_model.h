@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "common/link/messages.h"
+#include "nve_server/physics/friction.h"
+#include "nve_server/physics/tip_equilibrium.h"
+#include "nve_server/scene/scene.h"
+
+namespace telenano::slave {
+
+/// What the NVE's port is like around the tip, for the local contact model of the station: the tangent of its
+/// force along the normal as a function of the commanded end, all springs in series,
+///
+///   k = k_s/(1 + k_s nᵀCn),   point = commanded end + n (F·n)/k,
+///
+/// so that at the commanded end itself the model's normal force is the true one. In adhesion the law's slope
+/// k_s falls to nothing towards the pull-off; there the one without load is used, lest the point run away.
+/// Before contact the point is where the tip, brought down along the normal, would first bear no load: the
+/// station meets the ground without waiting for the link. Across: Mindlin's stiffness of the contact and the
+/// friction limit, in series likewise.
+///
+/// None (version 0) where a particle is the sample: what the tip then leans on runs away.
+class PortModel {
+ public:
+  explicit PortModel(std::shared_ptr<const scene::Scene> scene);
+
+  link::LocalModel of(const physics::TipSolution& tip, const Vec3& commanded_w_nm) noexcept;
+
+ private:
+  double port_stiffness_n_m(double contact_n_m, const Vec3& normal_w) const noexcept;
+
+  std::shared_ptr<const scene::Scene> scene_;
+  physics::Compliance springs_nm_nn_;
+  std::optional<physics::Friction> friction_;
+  double rest_overlap_nm_ = 0;    // of a contact without load
+  double rest_stiffness_n_m_ = 0;
+  double pull_off_nn_ = 0;
+  link::LocalModel last_;
+};
+
+}  // namespace telenano::slave

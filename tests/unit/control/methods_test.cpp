@@ -1,0 +1,196 @@
+#include "common/control/methods.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace telenano::control {
+namespace {
+
+constexpr double kT = 1e-3;
+
+MethodConfig config_of(double damping_n_s_m = 2) {
+  MethodConfig config;
+  config.passivity.damping_certain_n_s_m = damping_n_s_m;
+  return config;
+}
+
+PortInterval interval(const Vec3& force_n, const Vec3& moved_m) {
+  PortInterval i;
+  i.applied_force_h_n = force_n;
+  i.displacement_h_m = moved_m;
+  i.put_in_j = -force_n.dot(moved_m);
+  i.dt_s = kT;
+  return i;
+}
+
+TEST(TwoPort, SplitsByDirectionAndComparesWithWhatCame) {
+  TwoPort port(config_of());
+  SlaveOrder order;
+  port.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 3 mJ
+  port.tell(order);
+  EXPECT_NEAR(order.energy_sent_j, 3e-3, 1e-18);
+  EXPECT_EQ(port.ledger_j(), 0);  // own input is no budget for own output
+  SlaveNews news;
+  news.energy_out_j = 2e-3;
+  port.hear(news);
+  port.book(interval(Vec3(-2.5, 0, 0), Vec3(-1e-3, 0, 0)));  // 2.5 mJ go out, 2 mJ had come
+  EXPECT_NEAR(port.ledger_j(), -0.5e-3, 1e-15);
+  EXPECT_NEAR(port.damper_n_s_m(), std::min(0.5e-3 * kT / 1e-6, 2.0), 1e-12);
+  EXPECT_GT(port.damper_force_h_n().x(), 0);  // against the motion
+  port.tell(order);
+  EXPECT_NEAR(order.energy_sent_j, 3e-3, 1e-18);  // output is never sent
+}
+
+TEST(TwoPort, WhatTheDamperTakesRepaysAndIsNoInput) {
+  TwoPort port(config_of());
+  port.book(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));  // 4 mJ out of nothing
+  const Vec3 damper_n = port.damper_force_h_n();
+  ASSERT_NEAR(damper_n.x(), -2, 1e-12);  // capped at b = 2 N·s/m, 1 m/s
+  port.book(interval(damper_n, Vec3(1e-3, 0, 0)));
+  SlaveOrder order;
+  port.tell(order);
+  EXPECT_EQ(order.energy_sent_j, 0);
+  EXPECT_NEAR(port.ledger_j(), -4e-3 + 2e-3, 1e-15);
+}
+
+TEST(Tank, EnergyIsConserved) {
+  TwoLayerTank tank(config_of(0));  // no damping: no credit
+  std::mt19937_64 random(5);
+  std::normal_distribution<double> normal;
+  long double book_j = 0;
+  SlaveOrder order;
+  for (int k = 0; k < 20'000; ++k) {
+    const PortInterval i = interval(3 * Vec3(normal(random), normal(random), normal(random)),
+                                    1e-4 * Vec3(normal(random), normal(random), normal(random)));
+    tank.book(i);
+    book_j += static_cast<long double>(i.put_in_j);
+    SlaveNews news;
+    news.energy_sent_j = 1e-4 * std::fabs(normal(random));
+    tank.hear(news);
+    book_j += static_cast<long double>(news.energy_sent_j);
+    tank.tell(order);
+    // 4e4 additions of less than a millijoule: rounding below 1e-14.
+    ASSERT_NEAR(tank.ledger_j() + order.energy_sent_j, static_cast<double>(book_j), 1e-13);
+  }
+}
+
+TEST(Tank, NothingIsSentThatItHasNotGot) {
+  TwoLayerTank tank(config_of(0));
+  tank.book(interval(Vec3(5, 0, 0), Vec3(1e-3, 0, 0)));   // −5 mJ
+  tank.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: still in debt
+  SlaveOrder order;
+  tank.tell(order);
+  EXPECT_EQ(order.energy_sent_j, 0);
+  tank.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: 1 mJ there
+  tank.tell(order);
+  EXPECT_NEAR(order.energy_sent_j, 1e-3, 1e-15);
+}
+
+TEST(Wave, NoMoreLeavesThanWasPutInAndCame) {
+  for (double damping : {0.0, 0.5, 2.0}) {
+    WavePort port(config_of(damping));
+    std::mt19937_64 random(7);
+    std::normal_distribution<double> normal;
+    long double in_j = 0;
+    SlaveOrder order;
+    Vec3 force_n = Vec3::Zero();
+    for (int k = 0; k < 20'000; ++k) {
+      SlaveNews news;
+      const Vec3 wave(normal(random), normal(random), normal(random));
+      if (k % 3 != 0) {  // every third is lost
+        news.wave_h = wave * kT;
+        news.wave_j = 0.5 * wave.squaredNorm() * kT;
+      }
+      const PortInterval i = interval(force_n, 1e-4 * Vec3(normal(random), normal(random), normal(random)));
+      port.book(i);
+      in_j += static_cast<long double>(i.put_in_j);
+      port.tell(order);
+      ASSERT_LE(order.wave_j + port.ledger_j(), static_cast<double>(in_j) + 1e-12);
+      port.hear(news);
+      in_j += static_cast<long double>(news.wave_j);
+      force_n = port.force_h_n({Vec3::Zero(), 0, kT});
+    }
+  }
+}
+
+TEST(Wave, ALumpOfLostWavesIsPlayedWithNoMoreThanItsEnergy) {
+  WavePort port(config_of());
+  SlaveNews news;  // ten waves of 1 √W at once
+  news.wave_h = Vec3(0, 0, 10 * kT);
+  news.wave_j = 10 * 0.5 * kT;
+  port.hear(news);
+  const Vec3 force_n = port.force_h_n({Vec3::Zero(), 0, kT});
+  // −√(2b) w with w = √10 instead of 10, b = 2.
+  EXPECT_NEAR(force_n.z(), -2 * std::sqrt(10.0), 1e-12);
+  EXPECT_EQ(port.force_h_n({Vec3::Zero(), 0, kT}), Vec3::Zero());  // a wave that does not come is none
+}
+
+TEST(Wave, AWallAtNoDistanceIsTheSpringThatItIs) {
+  // Waves that are turned at once: f = K x behind zero delay is f = K x. Statically w = (f − bv)/√(2b) with
+  // v = 0 is f/√(2b), so that the force shown is −√(2b)·f/√(2b).
+  WavePort port(config_of());
+  SlaveNews news;
+  const double f = 3, w = f / 2;  // √(2b) = 2
+  news.wave_h = Vec3(0, 0, w * kT);
+  news.wave_j = 0.5 * w * w * kT;
+  port.hear(news);
+  EXPECT_NEAR(port.force_h_n({Vec3::Zero(), 0, kT}).z(), -f, 1e-12);
+}
+
+TEST(Methods, AChangeCarriesTheDebtAndGrantsNothing) {
+  for (Method from : kAllMethods) {
+    for (Method to : {Method::kKsClamp, Method::kTank, Method::kModel}) {
+      if (from == to) continue;
+      Methods owing(from, config_of(0));
+      owing.now().book(interval(Vec3(6, 0, 0), Vec3(1e-3, 0, 0)));
+      owing.change_to(to, config_of(0), Vec3::Zero());
+      EXPECT_NEAR(owing.now().ledger_j(), -6e-3, 1e-15) << method_name(from) << " to " << method_name(to);
+      EXPECT_NEAR(owing.now().force_bound_n(), 4e-3 / (0.5 * kT), 1e-9);
+      Methods rich(from, config_of(0));
+      rich.now().book(interval(Vec3(-6, 0, 0), Vec3(1e-3, 0, 0)));
+      rich.change_to(to, config_of(0), Vec3::Zero());
+      EXPECT_EQ(rich.now().ledger_j(), 0);
+    }
+  }
+}
+
+TEST(LocalModel, GivesNoMoreThanTheAllowanceForAModelThatNobodyPaidFor) {
+  // Ground comes up 5 mm under a resting hand, 1000 N/m: ½·1000·(5e-3)² = 12.5 mJ, and E₀ = 10 mJ.
+  MethodConfig config = config_of();
+  LocalModel method(config);
+  const Scaling s = config.scaling;
+  SlaveNews news;
+  news.model.version = 1;
+  news.model.point_w_nm = Vec3(0, 0, 0);
+  news.model.stiffness_n_m = 1000 / s.impedance();
+  const Vec3 target_w_nm(0, 0, -s.tip_displacement_nm(Vec3(0, 0, 5e-3)).z());
+  double force_n = 0;
+  for (std::uint64_t k = 1; k < 5000; ++k) {
+    method.hear(news);
+    force_n = method.force_h_n({target_w_nm, k, kT}).z();
+  }
+  const double stored_j = 0.5 * force_n * force_n / 1000;  // if it is the model's stiffness, not its place
+  EXPECT_LE(s.hand_energy_j(method.renderer().potential_aj(target_w_nm)), 10e-3 + 1e-12);
+  EXPECT_GT(s.hand_energy_j(method.renderer().potential_aj(target_w_nm)), 9e-3);
+  EXPECT_GT(stored_j, 5e-3);
+}
+
+TEST(LocalModel, IsNeverStifferThanTheDeviceShowsPassively) {
+  MethodConfig config = config_of(2);
+  LocalModel method(config);
+  const Scaling s = config.scaling;
+  SlaveNews news;
+  news.model.version = 1;
+  news.model.stiffness_n_m = 1e6 / s.impedance();
+  method.hear(news);
+  method.force_h_n({Vec3(0, 0, 100), 1, kT});
+  const Vec3 target_w_nm(0, 0, -s.tip_displacement_nm(Vec3(0, 0, 1e-3)).z());
+  double force_n = 0;
+  for (std::uint64_t k = 2; k < 2000; ++k) force_n = method.force_h_n({target_w_nm, k, kT}).z();
+  EXPECT_NEAR(force_n, 0.9 * 2 * 2 / kT * 1e-3, 1e-9);  // 0.9 · 2b/T · 1 mm
+}
+
+}  // namespace
+}  // namespace telenano::control

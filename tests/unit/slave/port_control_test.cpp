@@ -1,0 +1,177 @@
+#include "nve_server/slave/port_control.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "common/control/method.h"
+
+namespace telenano::slave {
+namespace {
+
+using control::Method;
+
+constexpr double kT = 1e-3;
+constexpr double kStiffness = 20;  // nN/nm
+
+// A wall at z = 0 that the end presses into, with an exact book.
+struct Wall {
+  SlaveLimits limits;
+  SlaveOutput output;
+
+  Wall() {
+    limits.coupling_stiffness_n_m = kStiffness;
+    output.commanded_pos_w_nm = output.tip_pos_w_nm = Vec3(0, 0, 10);
+  }
+  void step(const SlaveInput& input) {
+    const auto potential = [](double z) { return z < 0 ? 0.5 * kStiffness * z * z : 0.0; };
+    const double before = potential(output.commanded_pos_w_nm.z());
+    output.commanded_pos_w_nm = input.tip_target_pos_w_nm;
+    const double z = output.commanded_pos_w_nm.z();
+    const double charge = potential(z) - before;
+    (charge > 0 ? output.energy_in_aj : output.energy_out_aj) += std::fabs(charge);
+    output.force_w_nn = Vec3(0, 0, z < 0 ? -kStiffness * z : 0);
+  }
+};
+
+struct Rig {
+  Wall wall;
+  PortControl control;
+  link::Command command;
+
+  explicit Rig(Method method) {
+    command.control.method = static_cast<std::uint32_t>(method);
+    command.control.energy_scale_aj_j = 1e5;
+    command.control.wave_impedance_n_s_m = 0.1;
+  }
+  void tick(const Vec3& target_w_nm) {
+    command.tip_pos_w_nm = target_w_nm;
+    SlaveInput input;
+    input.tip_target_pos_w_nm = target_w_nm;
+    const SlaveOutput last = wall.output;
+    wall.step(control.before(command, input, last, wall.limits, kT));
+    control.after(last, wall.output, kT);
+  }
+  double z() const { return wall.output.commanded_pos_w_nm.z(); }
+};
+
+TEST(PortControl, OtherMethodsLeaveTheCommandAsItIs) {
+  for (Method method : {Method::kNone, Method::kKs, Method::kKsClamp, Method::kModel}) {
+    Rig rig(method);
+    rig.tick(Vec3(3, -4, -50));
+    EXPECT_EQ(rig.wall.output.commanded_pos_w_nm, Vec3(3, -4, -50));
+  }
+}
+
+TEST(PortControl, InFreeSpaceTheEndFollowsWithoutEnergy) {
+  for (Method method : {Method::kTdpa, Method::kTank}) {
+    Rig rig(method);
+    for (int k = 0; k <= 100; ++k) rig.tick(Vec3(0.1 * k, 0, 10 + 0.05 * k));
+    EXPECT_LT((rig.wall.output.commanded_pos_w_nm - Vec3(10, 0, 15)).norm(), 1e-12);
+  }
+}
+
+TEST(PortControl, NothingIsPressedThatWasNotPaidFor) {
+  Rig rig(Method::kTdpa);
+  rig.tick(Vec3(0, 0, 0.0));
+  for (int k = 1; k <= 100; ++k) rig.tick(Vec3(0, 0, -0.1 * k));  // 10 nm deep, nothing sent
+  // The step from no force cannot foresee where it ends: ½K(0.1 nm)².
+  EXPECT_LE(rig.wall.output.energy_in_aj, 0.5 * kStiffness * 0.01 + 1e-12);
+  rig.command.control.energy_sent_j = 4e-3;                    // 400 aJ
+  for (int k = 0; k < 2000; ++k) rig.tick(Vec3(0, 0, -10));    // of ½·20·100 = 1000
+  EXPECT_NEAR(rig.wall.output.energy_in_aj, 400, 1);
+  EXPECT_NEAR(rig.z(), -std::sqrt(2 * 400 / kStiffness), 0.02);
+  rig.command.control.energy_sent_j = 12e-3;
+  for (int k = 0; k < 2000; ++k) rig.tick(Vec3(0, 0, -10));  // enough now: the drift is made good
+  EXPECT_NEAR(rig.z(), -10, 1e-6);
+}
+
+TEST(PortControl, TheEndMayAlwaysYield) {
+  Rig rig(Method::kTdpa);
+  rig.command.control.energy_sent_j = 1;
+  for (int k = 0; k <= 100; ++k) rig.tick(Vec3(0, 0, -0.1 * k));
+  for (int k = 100; k >= 0; --k) rig.tick(Vec3(0, 0, -0.1 * k));
+  EXPECT_NEAR(rig.z(), 0, 1e-9);
+}
+
+TEST(PortControl, TheTankConservesEnergy) {
+  Rig rig(Method::kTank);
+  std::mt19937_64 random(11);
+  std::normal_distribution<double> normal;
+  double z = 10;
+  for (int k = 0; k < 20'000; ++k) {
+    z += 0.3 * normal(random) - 0.02 * z;
+    rig.command.control.energy_sent_j += 1e-5 * std::fabs(normal(random));
+    rig.tick(Vec3(0, 0, z));
+    const double received = rig.command.control.energy_sent_j * 1e5;
+    const double port = rig.wall.output.energy_in_aj - rig.wall.output.energy_out_aj;
+    ASSERT_NEAR(rig.control.level_aj(), received - port - rig.control.answer().energy_sent_aj,
+                1e-12 * (received + 1) * k);
+    // Its allowance, and what the first touch of a tick cannot foresee.
+    ASSERT_GE(rig.control.level_aj(), -PortControl::kAllowanceJ * 1e5 - 0.5 * kStiffness * 4);
+  }
+}
+
+TEST(PortControl, AWaveNeverSendsMoreThanItGot) {
+  Rig rig(Method::kWave);
+  std::mt19937_64 random(13);
+  std::normal_distribution<double> normal;
+  double wave = 0;
+  for (int k = 0; k < 20'000; ++k) {
+    wave += 0.1 * normal(random) - 0.01 * wave;
+    rig.command.control.wave_sum.z() += wave * kT;
+    rig.command.control.wave_energy_aj += 0.5 * wave * wave * kT;
+    rig.tick(Vec3(0, 0, -2));
+    const double port = rig.wall.output.energy_in_aj - rig.wall.output.energy_out_aj;
+    ASSERT_LE(rig.control.answer().wave_energy_aj + port + rig.control.level_aj(),
+              rig.command.control.wave_energy_aj + 1e-9);
+  }
+}
+
+TEST(PortControl, WavesOfASteadyHandPressAsHard) {
+  // Statically u = f/√(2b): the wall ends where its force is √(2b)·u.
+  Rig rig(Method::kWave);
+  const double force = 30, b = rig.command.control.wave_impedance_n_s_m, u = force / std::sqrt(2 * b);
+  for (int k = 0; k < 5000; ++k) {
+    rig.command.control.wave_sum.z() -= u * kT;
+    rig.command.control.wave_energy_aj += 0.5 * u * u * kT;
+    rig.tick(rig.wall.output.commanded_pos_w_nm);  // no lag to catch up
+  }
+  EXPECT_NEAR(rig.wall.output.force_w_nn.z(), force, 0.01 * force);
+}
+
+TEST(PortControl, ALostCommandLosesNothing) {
+  Rig whole(Method::kTdpa), lossy(Method::kTdpa);
+  for (int k = 0; k <= 300; ++k) {
+    const Vec3 target(0, 0, 5 - 0.05 * k);
+    for (Rig* rig : {&whole, &lossy}) {
+      rig->command.control.energy_sent_j = 1e-4 * k;
+      if (rig == &whole || k % 4 != 1) rig->tick(target);
+    }
+  }
+  for (int k = 0; k < 3000; ++k) {
+    whole.tick(Vec3(0, 0, -10));
+    lossy.tick(Vec3(0, 0, -10));
+  }
+  EXPECT_NEAR(whole.z(), -10, 1e-6);
+  EXPECT_NEAR(lossy.z(), -10, 1e-6);
+}
+
+TEST(PortControl, ANewSessionForgetsCreditAndKeepsDebt) {
+  Rig rig(Method::kTdpa);
+  rig.command.control.energy_sent_j = 1;
+  rig.tick(Vec3(0, 0, 5));
+  EXPECT_GT(rig.control.level_aj(), 0);
+  rig.control.begin_session();
+  EXPECT_EQ(rig.control.level_aj(), 0);
+  rig.command.control.energy_sent_j = 0;
+  rig.tick(Vec3(0, 0, -1));
+  const double owed = rig.control.level_aj();
+  ASSERT_LT(owed, 0);
+  rig.control.begin_session();
+  EXPECT_EQ(rig.control.level_aj(), owed);
+}
+
+}  // namespace
+}  // namespace telenano::slave
