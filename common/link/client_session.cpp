@@ -146,6 +146,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   if (welcome.version < config_.version_min || welcome.version > config_.version_max) {
     return drop(DropCause::kWrongVersion);
   }
+  if ((welcome.feature_bits & ~config_.feature_bits) != 0) return drop(DropCause::kOutOfRange);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
     stats_.reset();  // another server, perhaps: another clock
@@ -211,6 +212,9 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   if (reply.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
   if (reply.epoch != welcome_.epoch) return drop(DropCause::kWrongEpoch);
   if (reply.command_sequence > command_sequence_) return drop(DropCause::kOutOfRange);
+  const bool port_unasked = (features() & kFeaturePortControl) == 0 && !reply.port.empty();
+  const bool model_unasked = (features() & kFeatureLocalModel) == 0 && !reply.model.empty();
+  if (port_unasked || model_unasked) return drop(DropCause::kUnexpected);
   const DropCause cause = replies_.accept(reply.sequence);
   if (cause != DropCause::kNone) return drop(cause);
   reply_ = reply;
@@ -232,6 +236,7 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
     has_energy_base_ = true;
     energy_base_in_j_ = command.energy_in_j;
     energy_base_out_j_ = command.energy_out_j;
+    control_base_ = command.control;
   }
   command.session_id = welcome_.session_id;
   command.sequence = ++command_sequence_;
@@ -240,6 +245,14 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
   command.epoch = welcome_.epoch;
   command.energy_in_j = std::max(0.0, command.energy_in_j - energy_base_in_j_);
   command.energy_out_j = std::max(0.0, command.energy_out_j - energy_base_out_j_);
+  if ((features() & kFeaturePortControl) != 0) {
+    PortControl& c = command.control;
+    c.energy_sent_j = std::max(0.0, c.energy_sent_j - control_base_.energy_sent_j);
+    c.wave_sum -= control_base_.wave_sum;
+    c.wave_energy_aj = std::max(0.0, c.wave_energy_aj - control_base_.wave_energy_aj);
+  } else {
+    command.control = {};
+  }
   return codec_.encode(command, out);
 }
 

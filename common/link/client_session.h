@@ -17,9 +17,9 @@ struct ClientConfig {
   std::uint32_t rate_hz = 1000;
   std::uint32_t version_min = kProtocolVersion;
   std::uint32_t version_max = kProtocolVersion;
-  std::uint64_t feature_bits = 0;
-  std::uint64_t nonce_seed = 1;    ///< random in a program, fixed in a test
-  std::uint64_t resume_token = 0;  ///< of an earlier run; 0 = none
+  std::uint64_t feature_bits = kKnownFeatures;  ///< asked for; less than all is for tests of old peers
+  std::uint64_t nonce_seed = 1;                 ///< random in a program, fixed in a test
+  std::uint64_t resume_token = 0;               ///< of an earlier run; 0 = none
   std::int64_t hello_first_ns =
       100'000'000;  ///< wait for an answer before the second Hello; doubles each time
   std::int64_t hello_last_ns = 1'000'000'000;  ///< up to this
@@ -60,9 +60,10 @@ class ClientSession {
   /// What the handshake has to send now: bytes written to `out` (512 needed), 0 = nothing.
   std::size_t poll(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   ClientEvent on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept;
-  /// The caller sets flags, velocity, position and its running energy totals (which may not go down); the
-  /// session sets the rest, and encodes. On return `command` is what was sent: energies count from this
-  /// session's Welcome.
+  /// The caller sets flags, velocity, position, its running energy totals (which may not go down) and, for a
+  /// method that needs it, `control`, with running totals likewise; the session sets the rest, and encodes.
+  /// On return `command` is what was sent: totals and the wave's sum count from this session's Welcome, and
+  /// `control` is empty where the feature was not agreed.
   std::size_t make_command(Command& command, std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
   std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;
@@ -71,6 +72,7 @@ class ClientSession {
   /// May commands be sent? In kLost too, unless the server has said that the session is gone.
   bool has_session() const noexcept { return session_alive_; }
   const Welcome& welcome() const noexcept { return welcome_; }
+  std::uint64_t features() const noexcept { return welcome_.feature_bits; }  ///< agreed; 0 before a Welcome
   std::uint64_t sessions() const noexcept { return sessions_; }  ///< Welcomes accepted since the construction
   /// Set by a Welcome whose epoch is not the last one's: the slave and its energy book are new ones.
   bool epoch_changed() const noexcept { return epoch_changed_; }
@@ -130,6 +132,7 @@ class ClientSession {
   bool has_energy_base_ = false;
   double energy_base_in_j_ = 0;
   double energy_base_out_j_ = 0;
+  PortControl control_base_;
   bool has_reply_ = false;
   Reply reply_;
   std::int64_t welcome_time_ns_ = 0;

@@ -137,6 +137,15 @@ std::size_t Codec::encode(const Command& m, std::span<std::uint8_t> out) noexcep
   w.set_tip_pos_w_z_nm(m.tip_pos_w_nm.z());
   w.set_energy_in_j(m.energy_in_j);
   w.set_energy_out_j(m.energy_out_j);
+  const PortControl& c = m.control;
+  w.set_method(c.method);
+  w.set_energy_scale_aj_j(c.energy_scale_aj_j);
+  w.set_energy_sent_j(c.energy_sent_j);
+  w.set_wave_sum_w_x_sqrt_aj_s(c.wave_sum.x());
+  w.set_wave_sum_w_y_sqrt_aj_s(c.wave_sum.y());
+  w.set_wave_sum_w_z_sqrt_aj_s(c.wave_sum.z());
+  w.set_wave_energy_aj(c.wave_energy_aj);
+  w.set_wave_impedance_n_s_m(c.wave_impedance_n_s_m);
   return write(MessageType::kCommand, w, out);
 }
 
@@ -161,6 +170,23 @@ std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept 
   w.set_deflection_nm(m.deflection_nm);
   w.set_energy_in_aj(m.energy_in_aj);
   w.set_energy_out_aj(m.energy_out_aj);
+  w.set_energy_sent_aj(m.port.energy_sent_aj);
+  w.set_wave_sum_w_x_sqrt_aj_s(m.port.wave_sum.x());
+  w.set_wave_sum_w_y_sqrt_aj_s(m.port.wave_sum.y());
+  w.set_wave_sum_w_z_sqrt_aj_s(m.port.wave_sum.z());
+  w.set_wave_energy_aj(m.port.wave_energy_aj);
+  const LocalModel& model = m.model;
+  w.set_model_version(model.version);
+  w.set_model_point_w_x_nm(model.point_w_nm.x());
+  w.set_model_point_w_y_nm(model.point_w_nm.y());
+  w.set_model_point_w_z_nm(model.point_w_nm.z());
+  w.set_model_normal_w_x(model.normal_w.x());
+  w.set_model_normal_w_y(model.normal_w.y());
+  w.set_model_normal_w_z(model.normal_w.z());
+  w.set_model_stiffness_n_m(model.stiffness_n_m);
+  w.set_model_adhesion_nn(model.adhesion_nn);
+  w.set_model_shear_stiffness_n_m(model.shear_stiffness_n_m);
+  w.set_model_friction_nn(model.friction_nn);
   return write(MessageType::kReply, w, out);
 }
 
@@ -237,6 +263,52 @@ DropCause read(const wire::Refuse& w, Refuse& m) noexcept {
   return DropCause::kNone;
 }
 
+DropCause read(const wire::Command& w, PortControl& m) noexcept {
+  m.method = w.method();
+  m.energy_scale_aj_j = w.energy_scale_aj_j();
+  m.energy_sent_j = w.energy_sent_j();
+  m.wave_sum = {w.wave_sum_w_x_sqrt_aj_s(), w.wave_sum_w_y_sqrt_aj_s(), w.wave_sum_w_z_sqrt_aj_s()};
+  m.wave_energy_aj = w.wave_energy_aj();
+  m.wave_impedance_n_s_m = w.wave_impedance_n_s_m();
+  if (!all_finite(m.energy_scale_aj_j, m.energy_sent_j, m.wave_sum.x(), m.wave_sum.y(), m.wave_sum.z(),
+                  m.wave_energy_aj, m.wave_impedance_n_s_m)) {
+    return DropCause::kNonFinite;
+  }
+  const bool scale = m.energy_scale_aj_j > 0 || (m.energy_scale_aj_j == 0 && !needs_energy_scale(m.method));
+  const bool impedance =
+      m.wave_impedance_n_s_m > 0 || (m.wave_impedance_n_s_m == 0 && m.method != kMethodWave);
+  const bool sums = m.energy_sent_j >= 0 && m.wave_energy_aj >= 0;
+  return m.method <= kMethodModel && scale && impedance && sums ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::Reply& w, PortAnswer& m) noexcept {
+  m.energy_sent_aj = w.energy_sent_aj();
+  m.wave_sum = {w.wave_sum_w_x_sqrt_aj_s(), w.wave_sum_w_y_sqrt_aj_s(), w.wave_sum_w_z_sqrt_aj_s()};
+  m.wave_energy_aj = w.wave_energy_aj();
+  if (!all_finite(m.energy_sent_aj, m.wave_sum.x(), m.wave_sum.y(), m.wave_sum.z(), m.wave_energy_aj)) {
+    return DropCause::kNonFinite;
+  }
+  return m.energy_sent_aj >= 0 && m.wave_energy_aj >= 0 ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::Reply& w, LocalModel& m) noexcept {
+  m.version = w.model_version();
+  m.point_w_nm = {w.model_point_w_x_nm(), w.model_point_w_y_nm(), w.model_point_w_z_nm()};
+  m.normal_w = {w.model_normal_w_x(), w.model_normal_w_y(), w.model_normal_w_z()};
+  m.stiffness_n_m = w.model_stiffness_n_m();
+  m.adhesion_nn = w.model_adhesion_nn();
+  m.shear_stiffness_n_m = w.model_shear_stiffness_n_m();
+  m.friction_nn = w.model_friction_nn();
+  if (!all_finite(m.point_w_nm) || !all_finite(m.normal_w) ||
+      !all_finite(m.stiffness_n_m, m.adhesion_nn, m.shear_stiffness_n_m, m.friction_nn)) {
+    return DropCause::kNonFinite;
+  }
+  const bool normal = std::fabs(m.normal_w.norm() - 1) <= 1e-6 || (m.version == 0 && m.normal_w.isZero(0));
+  const bool contact =
+      m.stiffness_n_m >= 0 && m.adhesion_nn >= 0 && m.shear_stiffness_n_m >= 0 && m.friction_nn >= 0;
+  return normal && contact ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
 DropCause read(const wire::Command& w, Command& m) noexcept {
   m.session_id = w.session_id();
   m.sequence = w.sequence();
@@ -297,6 +369,25 @@ DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
   return read(wire, message);
 }
 
+// Fields behind feature bits. Most sessions have none: their absence is known from the scan, and costs
+// nothing.
+
+DropCause read_features(const WireFrame& frame, const wire::Command& wire, Command& message) noexcept {
+  if (frame.feature_fields) return read(wire, message.control);
+  message.control = {};
+  return DropCause::kNone;
+}
+
+DropCause read_features(const WireFrame& frame, const wire::Reply& wire, Reply& message) noexcept {
+  if (frame.feature_fields) {
+    const DropCause cause = read(wire, message.port);
+    return cause == DropCause::kNone ? read(wire, message.model) : cause;
+  }
+  message.port = {};
+  message.model = {};
+  return DropCause::kNone;
+}
+
 }  // namespace
 
 DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept {
@@ -319,9 +410,11 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
       break;
     case MessageType::kCommand:
       cause = parse(frame, messages_->command, incoming.command);
+      if (cause == DropCause::kNone) cause = read_features(frame, messages_->command, incoming.command);
       break;
     case MessageType::kReply:
       cause = parse(frame, messages_->reply, incoming.reply);
+      if (cause == DropCause::kNone) cause = read_features(frame, messages_->reply, incoming.reply);
       break;
     case MessageType::kBye:
       cause = parse(frame, messages_->bye, incoming.bye);

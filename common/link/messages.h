@@ -13,6 +13,14 @@ inline constexpr std::uint8_t kProtocolVersion = 1;
 inline constexpr std::size_t kMaxDatagramBytes = 512;
 inline constexpr std::size_t kSceneNameBytes = 48;
 
+/// What may be agreed on beyond the fields that every session has. A session has a feature if the station's
+/// Hello asks for it and the server's Welcome grants it; without, its fields are never sent.
+enum FeatureBits : std::uint64_t {
+  kFeaturePortControl = 1u << 0,  ///< PortControl in Command, PortAnswer in Reply
+  kFeatureLocalModel = 1u << 1,   ///< LocalModel in Reply
+};
+inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel;
+
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {
   std::array<char, kSceneNameBytes> text{};
@@ -76,6 +84,39 @@ enum CommandFlags : std::uint32_t {
   kFlagStop = 1u << 2,     ///< latched stop: the slave retracts
 };
 
+/// The control method that a station runs, as the wire numbers it: those of control::Method.
+enum PortMethod : std::uint32_t {
+  kMethodNone = 0,
+  kMethodKs = 1,
+  kMethodKsClamp = 2,
+  kMethodTdpa = 3,
+  kMethodWave = 4,
+  kMethodTank = 5,
+  kMethodModel = 6
+};
+
+/// Does the slave's port, with this method, weigh energies of the hand against its own?
+constexpr bool needs_energy_scale(std::uint32_t method) noexcept {
+  return method == kMethodTdpa || method == kMethodWave || method == kMethodTank;
+}
+
+/// What the slave's port has to do for the method at the station. Behind kFeaturePortControl; all zero: none.
+struct PortControl {
+  std::uint32_t method = kMethodNone;  ///< a PortMethod
+  /// Energy at the tip that stands for a joule at the hand, α_v/α_F·1e18; >= 0, and > 0 with tdpa, wave,
+  /// tank.
+  double energy_scale_aj_j = 0;
+  double energy_sent_j = 0;      ///< given to the slave so far, >= 0, monotone in a session, from its Welcome
+  Vec3 wave_sum = Vec3::Zero();  ///< Σ u_i T of the outgoing wave u, √(aJ·s), frame W, from the Welcome
+  double wave_energy_aj = 0;     ///< Σ u²T/2, >= 0, monotone in a session, from its Welcome
+  double wave_impedance_n_s_m = 0;  ///< b_w as the tip feels it; >= 0, and > 0 with wave
+
+  bool empty() const noexcept {
+    return method == 0 && energy_scale_aj_j == 0 && energy_sent_j == 0 && wave_sum.isZero(0) &&
+           wave_energy_aj == 0 && wave_impedance_n_s_m == 0;
+  }
+};
+
 /// Station → server, once a tick. Velocity streams, position anchors: loss causes no drift. Energies are
 /// cumulative.
 struct Command {
@@ -89,6 +130,7 @@ struct Command {
   Vec3 tip_pos_w_nm = Vec3::Zero();    ///< commanded, cumulative
   double energy_in_j = 0;              ///< station port, put in by the hand so far, >= 0, monotone
   double energy_out_j = 0;             ///< station port, given to the hand so far, >= 0, monotone
+  PortControl control;
 };
 
 enum class ContactState : std::uint32_t { kFree = 0, kVanDerWaals = 1, kNonContact = 2, kContact = 3 };
@@ -100,6 +142,32 @@ enum FaultBits : std::uint32_t {
   kFaultRetracted = 1u << 3,      ///< the slave is retracting or has retracted (time-out or stop)
   kFaultNoEquilibrium = 1u << 4,  ///< the solver did not converge; the last force was kept and the tip held
   kFaultStepLimit = 1u << 5,  ///< the commanded position moves faster than the slave allows; it follows late
+};
+
+/// What the slave's port says to the method at the station. Behind kFeaturePortControl; all zero: nothing.
+struct PortAnswer {
+  double energy_sent_aj = 0;     ///< given to the station so far, >= 0, monotone in an epoch
+  Vec3 wave_sum = Vec3::Zero();  ///< Σ w_i T of the returning wave w, √(aJ·s), frame W, in this epoch
+  double wave_energy_aj = 0;     ///< Σ w²T/2, >= 0, monotone in an epoch
+
+  bool empty() const noexcept { return energy_sent_aj == 0 && wave_sum.isZero(0) && wave_energy_aj == 0; }
+};
+
+/// The contact around the tip as a plane, so that the station can render it at its own rate. Behind
+/// kFeatureLocalModel.
+struct LocalModel {
+  std::uint32_t version = 0;       ///< 0 = there is none; another one whenever the model is another one
+  Vec3 point_w_nm = Vec3::Zero();  ///< commanded position at which the port's force along the normal is 0
+  Vec3 normal_w = Vec3::Zero();    ///< out of the sample; of length 1 within 1e-6, or 0 with version 0
+  double stiffness_n_m = 0;        ///< of the port along the normal, >= 0
+  double adhesion_nn = 0;          ///< pull at which the contact lets go, >= 0
+  double shear_stiffness_n_m = 0;  ///< of the port across the normal, >= 0
+  double friction_nn = 0;          ///< force across the normal at which it slips, >= 0
+
+  bool empty() const noexcept {
+    return version == 0 && point_w_nm.isZero(0) && normal_w.isZero(0) && stiffness_n_m == 0 &&
+           adhesion_nn == 0 && shear_stiffness_n_m == 0 && friction_nn == 0;
+  }
 };
 
 /// Server → station, one for each accepted command.
@@ -119,6 +187,8 @@ struct Reply {
   double deflection_nm = 0;          ///< of the cantilever, up positive
   double energy_in_aj = 0;           ///< slave port, put in by the command so far, >= 0, monotone per epoch
   double energy_out_aj = 0;          ///< slave port, given back so far, >= 0, monotone per epoch
+  PortAnswer port;
+  LocalModel model;
 };
 
 enum class ByeReason : std::uint32_t {

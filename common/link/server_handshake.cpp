@@ -71,6 +71,7 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   const std::size_t old = table.find_token(hello.resume_token);
   if (old != SessionTable::kNone) {
     table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
+    table[old].feature_bits = hello.feature_bits & config_.feature_bits;
     verdict.kind = Kind::kResume;
     verdict.slot = old;
     return verdict;
@@ -78,6 +79,7 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   if (!openings_.take(now_ns)) return drop(DropCause::kRateLimited);
   verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
+  table[verdict.slot].feature_bits = hello.feature_bits & config_.feature_bits;
   verdict.kind = Kind::kOpen;
   return verdict;
 }

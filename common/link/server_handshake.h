@@ -11,8 +11,8 @@
 namespace telenano::link {
 
 struct ServerHandshakeConfig {
-  SipKey secret;  ///< 128 fresh random bits at each start of the server
-  std::uint64_t feature_bits = 0;
+  SipKey secret;                                ///< 128 fresh random bits at each start of the server
+  std::uint64_t feature_bits = kKnownFeatures;  ///< granted to a station that asks for them
   std::uint32_t rate_max_hz = 8000;
   double challenges_per_s = 20000;  ///< answers to peers that have not proven their address
   double openings_per_s = 64;       ///< new sessions: each may cost the making of a slave

@@ -115,6 +115,7 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   if (s.state != SlotState::kActive) return DropCause::kUnexpected;
   if (command.epoch != s.epoch) return DropCause::kWrongEpoch;
   if (command.newest_reply > s.reply_sequence) return DropCause::kOutOfRange;
+  if ((s.feature_bits & kFeaturePortControl) == 0 && !command.control.empty()) return DropCause::kUnexpected;
   const std::uint64_t before = s.commands.newest();
   const DropCause cause = s.commands.accept(command.sequence);
   if (cause != DropCause::kNone) return cause;

@@ -31,6 +31,7 @@ struct Session {
   std::uint64_t resume_token = 0;
   std::uint32_t epoch = 0;
   std::uint32_t rate_hz = 0;
+  std::uint64_t feature_bits = 0;  ///< agreed
   PeerKey peer;
   std::array<std::uint64_t, 4> nonces{};  ///< of the Hellos that opened and resumed it, newest first
   SequenceWindow commands;
@@ -84,8 +85,9 @@ class SessionTable {
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
   void release(std::size_t slot) noexcept { sessions_[slot] = {}; }
 
-  /// Is this command of a known session, from its address, of its epoch, and newer than all before? If so,
-  /// books it: sequence, energies, time. `slot` is set as soon as the session is known.
+  /// Is this command of a known session, from its address, of its epoch, without fields of features that were
+  /// not agreed, and newer than all before? If so, books it: sequence, energies, time. `slot` is set as soon
+  /// as the session is known.
   DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns,
                    std::size_t& slot) noexcept;
 

@@ -14,7 +14,7 @@ constexpr std::uint8_t kF64 = 1;
 constexpr std::uint8_t kLen = 2;
 constexpr std::uint8_t kF32 = 5;
 
-constexpr std::size_t kMaxFields = 24;
+constexpr std::size_t kMaxFields = 35;
 
 /// Wire type by field number, as in telenano.proto (the codec's tests hold the two together).
 using FieldList = std::array<std::uint8_t, kMaxFields + 1>;
@@ -27,32 +27,55 @@ constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF
                                       kF64,     kF64, kF64, kF64, kF64, kF64, kF64};
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
 constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64};
-constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32,
-                                    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64};
+                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 15: port control
+                                      kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64};
+constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
+                                    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
+                                    kF64,     kF64, kF64,  // 20: port control; 25: local model
+                                    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64};
+// The first field behind a feature bit: without features a stream ends before it.
+constexpr std::uint32_t kFirstCommandFeatureField = 15;
+constexpr std::uint32_t kFirstReplyFeatureField = 20;
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
 constexpr FieldList kNoFields = {};
 
 /// The same list by tag (number << 3 | wire type), which is what is met on the wire: how far to go on, and
-/// which bit says that the field was there. Tags of all lists lie below 256: one byte up to field 15, two
-/// from field 16.
+/// which field it is. One byte up to field 15, two from field 16 (seven bits each, the low ones first).
 struct TagEntry {
-  std::uint32_t bit = 0;
-  std::uint32_t step =
+  std::uint8_t number = 0;
+  std::uint8_t step =
       0;  ///< bytes of tag and value; 0 = not on the list, kLengthFollows = the length is next
 };
-constexpr std::uint32_t kLengthFollows = UINT32_MAX;
-using TagTable = std::array<TagEntry, 256>;
+constexpr std::uint8_t kLengthFollows = UINT8_MAX;
+using TagTable = std::array<TagEntry, 8 * (kMaxFields + 1)>;
+
+constexpr std::size_t tag_bytes(std::uint32_t number) {
+  return number < 16 ? 1 : 2;
+}
+constexpr std::size_t value_bytes(std::uint8_t wire_type) {
+  return wire_type == kF32 ? 4 : 8;
+}
+
+/// The longest payload of a type without a byte string: every field there.
+constexpr std::size_t longest_payload(const FieldList& fields) {
+  std::size_t bytes = 0;
+  for (std::uint32_t number = 1; number < fields.size(); ++number) {
+    if (fields[number] != kNoField) bytes += tag_bytes(number) + value_bytes(fields[number]);
+  }
+  return bytes;
+}
+static_assert(longest_payload(kCommandFields) == 193 && longest_payload(kReplyFields) == 319,
+              "as PROTOCOL.md says, and within kMaxPayloadBytes");
 
 constexpr TagTable tag_table(const FieldList& fields) {
   TagTable table{};
   for (std::uint32_t number = 1; number < fields.size(); ++number) {
     const std::uint8_t wire_type = fields[number];
     if (wire_type == kNoField) continue;
-    const std::uint32_t tag_bytes = number < 16 ? 1 : 2;
     TagEntry& entry = table[(number << 3) | wire_type];
-    entry.bit = 1u << number;
-    entry.step = wire_type == kLen ? kLengthFollows : tag_bytes + (wire_type == kF32 ? 4u : 8u);
+    entry.number = static_cast<std::uint8_t>(number);
+    entry.step = wire_type == kLen ? kLengthFollows
+                                   : static_cast<std::uint8_t>(tag_bytes(number) + value_bytes(wire_type));
   }
   return table;
 }
@@ -75,31 +98,36 @@ bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size
 }
 
 /// The usual case, quickly: the fields of the list in rising order, some left out (proto3 leaves out zeros),
-/// none of them length-delimited. True is certain; false may only mean another order. The branch on each tag
-/// goes the same way in nearly every datagram of a stream, so the processor runs ahead instead of waiting for
-/// each field's place.
-template <const FieldList& kFields, std::uint32_t... kIndex>
-bool scan_in_order(std::span<const std::uint8_t> payload,
-                   std::integer_sequence<std::uint32_t, kIndex...>) noexcept {
+/// none of them length-delimited. Certain unless kUnsure; which may only mean another order. The branch on
+/// each tag goes the same way in nearly every datagram of a stream, so the processor runs ahead instead of
+/// waiting for each field's place.
+enum class InOrder : std::uint8_t { kUnsure, kWithoutFeatureFields, kWithFeatureFields };
+
+template <const FieldList& kFields, std::uint32_t kFirstFeatureField, std::uint32_t... kIndex>
+InOrder scan_in_order(std::span<const std::uint8_t> payload,
+                      std::integer_sequence<std::uint32_t, kIndex...>) noexcept {
   const std::uint8_t* at = payload.data();
   const std::uint8_t* const end = at + payload.size();
   const auto field = [&at, end](std::uint32_t number, std::uint8_t wire_type) {
     if (wire_type == kNoField) return;
     const std::uint32_t tag = (number << 3) | wire_type;
-    const std::ptrdiff_t step = (number < 16 ? 1 : 2) + (wire_type == kF32 ? 4 : 8);
+    const auto step = static_cast<std::ptrdiff_t>(tag_bytes(number) + value_bytes(wire_type));
     if (end - at < step) [[unlikely]]
       return;
-    if (at[0] != tag || (number >= 16 && at[1] != 1)) [[unlikely]]
+    if (number < 16 ? at[0] != tag : (at[0] != ((tag & 0x7fu) | 0x80u) || at[1] != tag >> 7)) [[unlikely]]
       return;
     at += step;
   };
-  (field(kIndex, kFields[kIndex]), ...);
-  return at == end;
+  ((kIndex < kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
+  if (at == end) return InOrder::kWithoutFeatureFields;
+  ((kIndex >= kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
+  return at == end ? InOrder::kWithFeatureFields : InOrder::kUnsure;
 }
 
-template <const FieldList& kFields>
-bool scan_in_order(std::span<const std::uint8_t> payload) noexcept {
-  return scan_in_order<kFields>(payload, std::make_integer_sequence<std::uint32_t, kMaxFields + 1>());
+template <const FieldList& kFields, std::uint32_t kFirstFeatureField>
+InOrder scan_in_order(std::span<const std::uint8_t> payload) noexcept {
+  return scan_in_order<kFields, kFirstFeatureField>(
+      payload, std::make_integer_sequence<std::uint32_t, kMaxFields + 1>());
 }
 
 /// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding.
@@ -107,18 +135,23 @@ bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::s
   const TagTable& table = kTagTables[static_cast<std::size_t>(type)];
   const std::uint8_t* const bytes = payload.data();
   const std::size_t size = payload.size();
-  std::uint32_t seen = 0;
+  std::uint64_t seen = 0;
+  static_assert(kMaxFields < 64);
   std::size_t at = 0;
   parse_bytes = size;
   while (at < size) {
-    const std::uint32_t tag = bytes[at];
+    std::size_t tag = bytes[at];
     if (tag >= 0x80) {
-      // The second byte of a tag below 256 is 1; anything else is a field beyond the lists or a longer form.
-      if (at + 1 >= size || bytes[at + 1] != 1) return false;
+      // A second byte of 0 is a longer form of a short tag; one that makes the tag leave the table, a field
+      // beyond all lists or a third byte.
+      if (at + 1 >= size || bytes[at + 1] == 0) return false;
+      tag = (tag & 0x7fu) | (static_cast<std::size_t>(bytes[at + 1]) << 7);
     }
+    if (tag >= table.size()) return false;
     const TagEntry entry = table[tag];
-    if (entry.step == 0 || (seen & entry.bit) != 0) return false;
-    seen |= entry.bit;
+    const std::uint64_t bit = std::uint64_t{1} << entry.number;
+    if (entry.step == 0 || (seen & bit) != 0) return false;
+    seen |= bit;
     if (entry.step != kLengthFollows) {
       at += entry.step;  // beyond the end: a field cut short, seen below
       continue;
@@ -168,11 +201,15 @@ DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcep
   if (type == MessageType::kHello && datagram.size() != kMaxDatagramBytes) return DropCause::kBadLength;
   const auto payload = datagram.subspan(kHeaderBytes);
   std::size_t parse_bytes = payload_bytes;
-  const bool in_order = (type == MessageType::kCommand && scan_in_order<kCommandFields>(payload)) ||
-                        (type == MessageType::kReply && scan_in_order<kReplyFields>(payload));
-  if (!in_order && !scan_fields(type, payload, parse_bytes)) return DropCause::kMalformedField;
+  InOrder in_order = InOrder::kUnsure;
+  if (type == MessageType::kCommand)
+    in_order = scan_in_order<kCommandFields, kFirstCommandFeatureField>(payload);
+  if (type == MessageType::kReply) in_order = scan_in_order<kReplyFields, kFirstReplyFeatureField>(payload);
+  if (in_order == InOrder::kUnsure && !scan_fields(type, payload, parse_bytes))
+    return DropCause::kMalformedField;
   frame.type = type;
   frame.payload = payload.first(parse_bytes);
+  frame.feature_fields = in_order != InOrder::kWithoutFeatureFields;
   return DropCause::kNone;
 }
 

@@ -16,6 +16,7 @@ inline constexpr std::size_t kMaxPayloadBytes = kMaxDatagramBytes - kHeaderBytes
 struct WireFrame {
   MessageType type = MessageType::kNone;
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
+  bool feature_fields = true;  ///< false: certainly none of the fields behind feature bits is in it
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,

@@ -71,7 +71,8 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       spare_(first_slave(scene_)),
       limits_(spare_->limits()),
       table_(config.table, config.secret),
-      handshake_({config.secret, 0, limits_.rate_max_hz, config.challenges_per_s, config.openings_per_s}),
+      handshake_({config.secret, config.feature_bits, limits_.rate_max_hz, config.challenges_per_s,
+                  config.openings_per_s}),
       ports_(table_.capacity()) {}
 
 std::size_t Server::drop(DropCause cause) noexcept {
@@ -120,6 +121,7 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   const link::Session& session = table_[slot];
   const slave::SlaveLimits& limits = ports_[slot].slave->limits();
   link::Welcome w;
+  w.feature_bits = session.feature_bits;
   w.nonce = nonce;
   w.session_id = session.session_id;
   w.resume_token = session.resume_token;

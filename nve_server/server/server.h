@@ -36,6 +36,7 @@ struct ServerConfig {
   link::SipKey secret;  ///< 128 fresh random bits at each start: cookies, session ids, tokens and epochs
                         ///< follow from it
   link::SessionTableConfig table;
+  std::uint64_t feature_bits = link::kKnownFeatures;  ///< granted to a station that asks for them
   double challenges_per_s = 20000;
   double openings_per_s = 64;
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say

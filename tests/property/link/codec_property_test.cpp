@@ -61,17 +61,17 @@ TEST(Decoding, DoesNotDependOnTheOrderOfFields) {
   Random random(5);
   Codec codec;
   Incoming in;
-  const Command golden = GoldenMessages{}.command;
+  const Command golden = GoldenMessages{}.command_with_features;
   std::array<std::uint8_t, kMaxDatagramBytes> out{};
   const std::size_t n = codec.encode(golden, out);
   std::vector<std::vector<std::uint8_t>> fields;
   for (std::size_t at = 8; at < n;) {
-    const std::size_t size = (out[at] & 7) == 1 ? 9 : 5;
+    const std::size_t size = (out[at] >= 0x80 ? 2u : 1u) + ((out[at] & 7) == 1 ? 8u : 4u);
     fields.emplace_back(out.begin() + static_cast<std::ptrdiff_t>(at),
                         out.begin() + static_cast<std::ptrdiff_t>(at + size));
     at += size;
   }
-  ASSERT_EQ(fields.size(), 14u);
+  ASSERT_EQ(fields.size(), 22u);
   for (int round = 0; round < 1000; ++round) {
     for (std::size_t i = fields.size(); i > 1; --i) std::swap(fields[i - 1], fields[random.below(i)]);
     std::size_t at = 8;

@@ -85,6 +85,48 @@ inline Refuse any_refuse(Random& random) {
   return m;
 }
 
+/// A direction whose length is 1 but for rounding.
+inline Vec3 any_direction(Random& random) {
+  for (;;) {
+    const Vec3 v(random.normal(), random.normal(), random.normal());
+    if (v.norm() > 1e-3) return v / v.norm();
+  }
+}
+
+inline PortControl any_control(Random& random) {
+  PortControl m;
+  if (random.chance(0.3)) return m;
+  m.method = static_cast<std::uint32_t>(random.below(7));
+  m.energy_scale_aj_j = std::fabs(any_finite(random)) + (needs_energy_scale(m.method) ? 1e-9 : 0);
+  m.energy_sent_j = std::fabs(any_finite(random));
+  m.wave_sum = any_vec(random);
+  m.wave_energy_aj = std::fabs(any_finite(random));
+  m.wave_impedance_n_s_m = std::fabs(any_finite(random)) + (m.method == kMethodWave ? 1e-9 : 0);
+  return m;
+}
+
+inline PortAnswer any_answer(Random& random) {
+  PortAnswer m;
+  if (random.chance(0.3)) return m;
+  m.energy_sent_aj = std::fabs(any_finite(random));
+  m.wave_sum = any_vec(random);
+  m.wave_energy_aj = std::fabs(any_finite(random));
+  return m;
+}
+
+inline LocalModel any_model(Random& random) {
+  LocalModel m;
+  if (random.chance(0.3)) return m;
+  m.version = any_u32(random);
+  m.point_w_nm = any_vec(random);
+  if (m.version != 0 || random.chance(0.5)) m.normal_w = any_direction(random);
+  m.stiffness_n_m = std::fabs(any_finite(random));
+  m.adhesion_nn = std::fabs(any_finite(random));
+  m.shear_stiffness_n_m = std::fabs(any_finite(random));
+  m.friction_nn = std::fabs(any_finite(random));
+  return m;
+}
+
 inline Command any_command(Random& random) {
   Command m;
   m.session_id = any_u64(random);
@@ -97,6 +139,7 @@ inline Command any_command(Random& random) {
   m.tip_pos_w_nm = any_vec(random);
   m.energy_in_j = std::fabs(any_finite(random));
   m.energy_out_j = std::fabs(any_finite(random));
+  m.control = any_control(random);
   return m;
 }
 
@@ -117,6 +160,8 @@ inline Reply any_reply(Random& random) {
   m.deflection_nm = any_finite(random);
   m.energy_in_aj = std::fabs(any_finite(random));
   m.energy_out_aj = std::fabs(any_finite(random));
+  m.port = any_answer(random);
+  m.model = any_model(random);
   return m;
 }
 

@@ -14,8 +14,8 @@ FIELDS = {
     "challenge": "qq",
     "welcome": "iqqqqiiibq" + "d" * 14,
     "refuse": "qiii",
-    "command": "qqqqii" + "d" * 8,
-    "reply": "qqqqqqqiii" + "d" * 9,
+    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7,
+    "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10,
     "bye": "qi",
 }
 WIRE = {"q": 1, "d": 1, "b": 2, "i": 5}
@@ -64,14 +64,19 @@ def main():
     decoded = {}
     for path in sorted(folder.glob("*.bin")):
         name, values = decode(path.read_bytes())
-        assert name == path.stem, path
-        decoded[name] = values
-    assert set(decoded) == set(TYPES.values()), decoded.keys()
+        assert name == path.stem.removesuffix("_with_features"), path
+        assert len(values) == len(FIELDS[name]) or path.stem == name, path
+        decoded[path.stem] = values
+    assert set(decoded) == set(TYPES.values()) | {"command_with_features", "reply_with_features"}, decoded.keys()
     assert len((folder / "hello.bin").read_bytes()) == 512
     assert decoded["hello"][7] == 4000
     assert decoded["welcome"][9] == b"flakes" and decoded["welcome"][24] == -0.375
     assert decoded["command"][2] == 1001 and decoded["command"][12] == 3.5 and decoded["command"][13] == 0.03125
     assert decoded["reply"][13] == 12.75 and decoded["reply"][19] == 1024.25 and decoded["reply"][9] == 3
+    command, reply = decoded["command_with_features"], decoded["reply_with_features"]
+    assert command[15] == 4 and command[17] == 0.0078125 and command[20] == -7.125 and command[22] == 0.00390625
+    assert reply[20] == 512.5 and reply[24] == 256.25 and reply[25] == 42 and reply[28] == 13.25 and reply[30] == -0.5
+    assert [reply[k] for k in range(32, 36)] == [0.625, 17.5, 0.3125, 2.25]
     assert decoded["bye"] == {1: 0x4142434445464740, 2: 1}
     print("decoded", len(decoded), "golden datagrams")
 

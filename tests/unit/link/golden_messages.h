@@ -19,6 +19,9 @@ struct GoldenMessages {
   Command command = make_command();
   Reply reply = make_reply();
   Bye bye{0x4142434445464740, ByeReason::kDone};
+  /// Every field behind a feature bit besides.
+  Command command_with_features = make_command_with_features();
+  Reply reply_with_features = make_reply_with_features();
 
   static Welcome make_welcome() {
     Welcome m;
@@ -76,8 +79,32 @@ struct GoldenMessages {
     m.energy_out_aj = 1024.25;
     return m;
   }
+  static Command make_command_with_features() {
+    Command m = make_command();
+    m.control.method = kMethodWave;
+    m.control.energy_scale_aj_j = 2.5e17;
+    m.control.energy_sent_j = 0.0078125;
+    m.control.wave_sum = {-5.5, 6.25, -7.125};
+    m.control.wave_energy_aj = 8192.5;
+    m.control.wave_impedance_n_s_m = 0.00390625;
+    return m;
+  }
+  static Reply make_reply_with_features() {
+    Reply m = make_reply();
+    m.port.energy_sent_aj = 512.5;
+    m.port.wave_sum = {1.5, -2.75, 3.875};
+    m.port.wave_energy_aj = 256.25;
+    m.model.version = 42;
+    m.model.point_w_nm = {11, -12.5, 13.25};
+    m.model.normal_w = {0.75, -0.5, 0.4330127018922193};  // 9/16 + 1/4 + 3/16 = 1
+    m.model.stiffness_n_m = 0.625;
+    m.model.adhesion_nn = 17.5;
+    m.model.shear_stiffness_n_m = 0.3125;
+    m.model.friction_nn = 2.25;
+    return m;
+  }
 
-  /// The seven as datagrams, in the order of their type numbers.
+  /// All of them as datagrams: the seven types in the order of their numbers, then those with features.
   std::vector<std::vector<std::uint8_t>> encoded() const {
     Codec codec;
     std::vector<std::vector<std::uint8_t>> all;
@@ -93,12 +120,25 @@ struct GoldenMessages {
     add(command);
     add(reply);
     add(bye);
+    add(command_with_features);
+    add(reply_with_features);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 7> kGoldenNames = {"hello",   "challenge", "welcome", "refuse",
-                                                            "command", "reply",     "bye"};
+inline constexpr std::array<const char*, 9> kGoldenNames = {"hello",
+                                                            "challenge",
+                                                            "welcome",
+                                                            "refuse",
+                                                            "command",
+                                                            "reply",
+                                                            "bye",
+                                                            "command_with_features",
+                                                            "reply_with_features"};
+inline constexpr std::array<MessageType, 9> kGoldenTypes = {
+    MessageType::kHello,  MessageType::kChallenge, MessageType::kWelcome,
+    MessageType::kRefuse, MessageType::kCommand,   MessageType::kReply,
+    MessageType::kBye,    MessageType::kCommand,   MessageType::kReply};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -122,11 +162,25 @@ inline bool same(const Refuse& a, const Refuse& b) {
   return a.nonce == b.nonce && a.reason == b.reason && a.version_min == b.version_min &&
          a.version_max == b.version_max;
 }
+inline bool same(const PortControl& a, const PortControl& b) {
+  return a.method == b.method && a.energy_scale_aj_j == b.energy_scale_aj_j &&
+         a.energy_sent_j == b.energy_sent_j && a.wave_sum == b.wave_sum &&
+         a.wave_energy_aj == b.wave_energy_aj && a.wave_impedance_n_s_m == b.wave_impedance_n_s_m;
+}
+inline bool same(const PortAnswer& a, const PortAnswer& b) {
+  return a.energy_sent_aj == b.energy_sent_aj && a.wave_sum == b.wave_sum &&
+         a.wave_energy_aj == b.wave_energy_aj;
+}
+inline bool same(const LocalModel& a, const LocalModel& b) {
+  return a.version == b.version && a.point_w_nm == b.point_w_nm && a.normal_w == b.normal_w &&
+         a.stiffness_n_m == b.stiffness_n_m && a.adhesion_nn == b.adhesion_nn &&
+         a.shear_stiffness_n_m == b.shear_stiffness_n_m && a.friction_nn == b.friction_nn;
+}
 inline bool same(const Command& a, const Command& b) {
   return a.session_id == b.session_id && a.sequence == b.sequence && a.send_time_ns == b.send_time_ns &&
          a.newest_reply == b.newest_reply && a.epoch == b.epoch && a.flags == b.flags &&
          a.tip_vel_w_nm_s == b.tip_vel_w_nm_s && a.tip_pos_w_nm == b.tip_pos_w_nm &&
-         a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j;
+         a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j && same(a.control, b.control);
 }
 inline bool same(const Reply& a, const Reply& b) {
   return a.session_id == b.session_id && a.sequence == b.sequence &&
@@ -135,14 +189,16 @@ inline bool same(const Reply& a, const Reply& b) {
          a.measurement_age_ns == b.measurement_age_ns && a.epoch == b.epoch &&
          a.contact_state == b.contact_state && a.fault_bits == b.fault_bits && a.force_w_nn == b.force_w_nn &&
          a.tip_pos_w_nm == b.tip_pos_w_nm && a.deflection_nm == b.deflection_nm &&
-         a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj;
+         a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj && same(a.port, b.port) &&
+         same(a.model, b.model);
 }
 inline bool same(const Bye& a, const Bye& b) {
   return a.session_id == b.session_id && a.reason == b.reason;
 }
 
-/// Is what was decoded the golden message of its type?
-inline bool matches(const Incoming& in, const GoldenMessages& golden) {
+/// Is what was decoded the golden message number `which` (of kGoldenNames)?
+inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_t which) {
+  if (in.type != kGoldenTypes[which]) return false;
   switch (in.type) {
     case MessageType::kHello:
       return same(in.hello, golden.hello);
@@ -153,9 +209,9 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden) {
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:
-      return same(in.command, golden.command);
+      return same(in.command, which < 7 ? golden.command : golden.command_with_features);
     case MessageType::kReply:
-      return same(in.reply, golden.reply);
+      return same(in.reply, which < 7 ? golden.reply : golden.reply_with_features);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
     case MessageType::kNone:

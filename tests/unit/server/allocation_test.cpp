@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <new>
 
+#include "tests/unit/link/golden_messages.h"
 #include "virtual_session.h"
 
 namespace {
@@ -51,6 +52,7 @@ TEST(Allocation, NoneInCommandReplyAndTheOtherMessagesAfterConstruction) {
   link::Reply reply;
   reply.sequence = reply.command_sequence = 1;
   link::Bye bye{1, link::ByeReason::kDone};
+  const link::GoldenMessages golden;
   int decoded = 0;
   const auto there_and_back = [&](const auto& message) {
     const std::size_t n = codec.encode(message, out);
@@ -65,9 +67,11 @@ TEST(Allocation, NoneInCommandReplyAndTheOtherMessagesAfterConstruction) {
     there_and_back(command);
     there_and_back(reply);
     there_and_back(bye);
+    there_and_back(golden.command_with_features);
+    there_and_back(golden.reply_with_features);
   }
   EXPECT_EQ(g_allocations.load(), before);
-  EXPECT_EQ(decoded, 700);
+  EXPECT_EQ(decoded, 900);
 }
 
 TEST(Allocation, NoneInAnEstablishedSessionOverABadLink) {

@@ -1,0 +1,235 @@
+// Feature bits: what is agreed, what is sent and taken with and without it, and totals that count from the
+// Welcome.
+#include <gtest/gtest.h>
+
+#include <memory>
+
+#include "tests/unit/link/golden_messages.h"
+#include "virtual_session.h"
+
+namespace telenano::server {
+namespace {
+
+using link::DropCause;
+using link::kFeatureLocalModel;
+using link::kFeaturePortControl;
+
+constexpr std::uint64_t kUnknownFeature = 1ull << 40;
+
+/// A station that asks and a server that grants, after the handshake.
+struct Pair {
+  Pair(std::uint64_t asked, std::uint64_t granted) : server(config(granted), spring_scene()) {
+    link::ClientConfig client;
+    client.feature_bits = asked;
+    s = std::make_unique<VirtualSession>(&server, client, net::SimPath{}, net::SimPath{}, 1);
+    s->client.start(0);
+    s->ticks(20);
+  }
+  static ServerConfig config(std::uint64_t granted) {
+    ServerConfig c = test_config();
+    c.feature_bits = granted;
+    return c;
+  }
+  /// A command with every field behind a feature bit, made by hand: what the server counts it as.
+  DropCause hand_made_command(const link::PortControl& control) {
+    link::Command c = s->command;
+    c.session_id = s->client.welcome().session_id;
+    c.epoch = s->client.welcome().epoch;
+    c.sequence = 1000;
+    c.control = control;
+    link::Codec codec;
+    const std::size_t n = codec.encode(c, s->buffer);
+    const auto before = server.drops();
+    server.on_datagram({s->buffer.data(), n}, s->link.address_a(), s->now_ns, s->answer);
+    return difference(before, server.drops());
+  }
+  DropCause hand_made_reply(const link::PortAnswer& port, const link::LocalModel& model) {
+    link::Reply r = s->client.reply();
+    r.sequence = 1000;
+    r.port = port;
+    r.model = model;
+    link::Codec codec;
+    const std::size_t n = codec.encode(r, s->buffer);
+    const auto before = s->client.drops();
+    s->client.on_datagram({s->buffer.data(), n}, s->now_ns);
+    return difference(before, s->client.drops());
+  }
+  static DropCause difference(const link::DropCounters& before, const link::DropCounters& after) {
+    for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
+      const auto cause = static_cast<DropCause>(i);
+      if (after[cause] != before[cause]) return cause;
+    }
+    return DropCause::kNone;
+  }
+
+  Server server;
+  std::unique_ptr<VirtualSession> s;
+};
+
+TEST(Features, AgreedIsWhatIsAskedForAndGranted) {
+  for (std::uint64_t asked = 0; asked < 4; ++asked) {
+    for (std::uint64_t granted = 0; granted < 4; ++granted) {
+      Pair p(asked | kUnknownFeature, granted);
+      ASSERT_EQ(p.s->client.state(), link::ClientState::kEstablished);
+      EXPECT_EQ(p.s->client.features(), asked & granted);
+      EXPECT_EQ(p.s->client.welcome().feature_bits, asked & granted);
+      EXPECT_EQ(p.server.sessions()[0].feature_bits, asked & granted);
+      EXPECT_EQ(p.server.drops().total() + p.s->client.drops().total(), 0u);
+    }
+  }
+  EXPECT_EQ(link::ClientConfig{}.feature_bits, link::kKnownFeatures) << "a station asks for all it knows";
+  EXPECT_EQ(ServerConfig{}.feature_bits, link::kKnownFeatures);
+  EXPECT_EQ(link::ClientSession({}).features(), 0u) << "none before a Welcome";
+}
+
+TEST(Features, AWelcomeThatGrantsWhatWasNotAskedForIsDropped) {
+  Pair p(kFeaturePortControl, link::kKnownFeatures);
+  link::ClientConfig config;
+  config.feature_bits = kFeaturePortControl;
+  link::ClientSession client(config);
+  client.start(0);
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+  link::Codec codec;
+  link::Incoming hello;
+  codec.decode(std::span(out).first(client.poll(0, out)), hello);
+  link::Welcome w = p.s->client.welcome();
+  w.nonce = hello.hello.nonce;
+  w.feature_bits = kFeaturePortControl | kFeatureLocalModel;
+  EXPECT_EQ(client.on_datagram(std::span(out).first(codec.encode(w, out)), 1), link::ClientEvent::kDropped);
+  EXPECT_EQ(client.drops()[DropCause::kOutOfRange], 1u);
+  w.feature_bits = kFeaturePortControl;
+  EXPECT_EQ(client.on_datagram(std::span(out).first(codec.encode(w, out)), 1), link::ClientEvent::kWelcome);
+}
+
+TEST(Features, FieldsOfAFeatureThatWasNotAgreedAreUnexpected) {
+  const link::GoldenMessages golden;
+  const auto& control = golden.command_with_features.control;
+  const auto& port = golden.reply_with_features.port;
+  const auto& model = golden.reply_with_features.model;
+  EXPECT_EQ(Pair(3, 3).hand_made_command(control), DropCause::kNone);
+  EXPECT_EQ(Pair(3, 3).hand_made_reply(port, model), DropCause::kNone);
+  EXPECT_EQ(Pair(3, kFeatureLocalModel).hand_made_command(control), DropCause::kUnexpected);
+  EXPECT_EQ(Pair(3, kFeatureLocalModel).hand_made_reply({}, model), DropCause::kNone);
+  EXPECT_EQ(Pair(3, kFeatureLocalModel).hand_made_reply(port, {}), DropCause::kUnexpected);
+  EXPECT_EQ(Pair(3, kFeaturePortControl).hand_made_reply(port, {}), DropCause::kNone);
+  EXPECT_EQ(Pair(3, kFeaturePortControl).hand_made_reply({}, model), DropCause::kUnexpected);
+  EXPECT_EQ(Pair(0, 3).hand_made_command({}), DropCause::kNone);
+  EXPECT_EQ(Pair(0, 3).hand_made_reply({}, {}), DropCause::kNone);
+
+  // Any one field counts.
+  const auto alone = [](auto set) {
+    link::PortControl c;
+    set(c);
+    return Pair(0, 0).hand_made_command(c);
+  };
+  EXPECT_EQ(alone([](auto& c) { c.method = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(alone([](auto& c) { c.energy_scale_aj_j = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(alone([](auto& c) { c.energy_sent_j = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(alone([](auto& c) { c.wave_sum.z() = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(alone([](auto& c) { c.wave_energy_aj = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(alone([](auto& c) { c.wave_impedance_n_s_m = 1; }), DropCause::kUnexpected);
+  const auto port_alone = [](auto set) {
+    link::PortAnswer a;
+    set(a);
+    return Pair(0, 0).hand_made_reply(a, {});
+  };
+  EXPECT_EQ(port_alone([](auto& a) { a.energy_sent_aj = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(port_alone([](auto& a) { a.wave_sum.y() = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(port_alone([](auto& a) { a.wave_energy_aj = 1; }), DropCause::kUnexpected);
+  const auto model_alone = [](auto set) {
+    link::LocalModel m;
+    set(m);
+    return Pair(0, 0).hand_made_reply({}, m);
+  };
+  EXPECT_EQ(model_alone([](auto& m) { m.point_w_nm.x() = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(model_alone([](auto& m) { m.normal_w.z() = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(model_alone([](auto& m) { m.stiffness_n_m = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(model_alone([](auto& m) { m.adhesion_nn = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(model_alone([](auto& m) { m.shear_stiffness_n_m = 1; }), DropCause::kUnexpected);
+  EXPECT_EQ(model_alone([](auto& m) { m.friction_nn = 1; }), DropCause::kUnexpected);
+}
+
+link::Command command_with_totals(double more) {
+  link::Command c = VirtualSession::engaged();
+  c.control = link::GoldenMessages{}.command_with_features.control;
+  c.control.energy_sent_j += more;
+  c.control.wave_sum += Vec3(more, -2 * more, 3 * more);
+  c.control.wave_energy_aj += 4 * more;
+  return c;
+}
+
+TEST(Features, TotalsAndTheWaveCountFromEachWelcome) {
+  Pair p(3, 3);
+  VirtualSession& s = *p.s;
+  // A session whose first command has gone out with zero totals: they count from there.
+  link::Command c = command_with_totals(0);
+  const link::PortControl first = c.control;
+  ASSERT_GT(s.client.make_command(c, s.now_ns, s.buffer), 0u);
+  EXPECT_TRUE(link::same(c.control, first))
+      << "the base of this session is the totals of its first command, 0";
+
+  // Silence, resumed: the same totals are the new zero.
+  s.link.path_a_to_b().down = true;
+  s.command = command_with_totals(0);
+  s.ticks(3000);
+  s.link.path_a_to_b().down = false;
+  s.ticks(2000);
+  ASSERT_EQ(s.client.sessions(), 2u);
+  ASSERT_EQ(s.client.state(), link::ClientState::kEstablished);
+  EXPECT_EQ(s.client.features(), 3u) << "agreed again";
+  c = command_with_totals(0.5);
+  ASSERT_GT(s.client.make_command(c, s.now_ns, s.buffer), 0u);
+  EXPECT_EQ(c.control.energy_sent_j, 0.5);
+  EXPECT_EQ(c.control.wave_sum, Vec3(0.5, -1, 1.5));
+  EXPECT_EQ(c.control.wave_energy_aj, 2);
+  EXPECT_EQ(c.control.method, first.method);
+  EXPECT_EQ(c.control.energy_scale_aj_j, first.energy_scale_aj_j);
+  EXPECT_EQ(c.control.wave_impedance_n_s_m, first.wave_impedance_n_s_m);
+  // Totals may not fall; if they do, what is sent is still in range.
+  c = command_with_totals(-0.001);
+  ASSERT_GT(s.client.make_command(c, s.now_ns, s.buffer), 0u);
+  EXPECT_EQ(c.control.energy_sent_j, 0);
+  EXPECT_EQ(c.control.wave_energy_aj, 0);
+}
+
+TEST(Features, WithoutAgreementAStationSendsNoneOfTheFields) {
+  Pair p(3, kFeatureLocalModel);
+  VirtualSession& s = *p.s;
+  s.command = command_with_totals(1);
+  s.ticks(100);
+  EXPECT_EQ(p.server.drops().total(), 0u);
+  EXPECT_GT(p.server.counters().exchanges, 100u);
+  link::Command c = command_with_totals(1);
+  const std::size_t n = s.client.make_command(c, s.now_ns, s.buffer);
+  EXPECT_TRUE(c.control.empty());
+  link::Command plain = c;
+  link::Codec codec;
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+  ASSERT_EQ(codec.encode(plain, out), n);
+  EXPECT_TRUE(std::equal(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n), s.buffer.begin()));
+}
+
+TEST(Features, AreAgreedAnewWithEachSession) {
+  Pair p(3, 3);
+  link::Codec codec;
+  link::Incoming answer;
+  link::Hello hello;
+  hello.nonce = 4711;
+  hello.feature_bits = kFeatureLocalModel | kUnknownFeature;
+  hello.resume_token = p.s->client.welcome().resume_token;
+  for (int round = 0; round < 3; ++round) {  // the third one: the same Welcome again
+    const std::size_t n = codec.encode(hello, p.s->buffer);
+    const std::size_t m =
+        p.server.on_datagram({p.s->buffer.data(), n}, p.s->link.address_a(), p.s->now_ns, p.s->answer);
+    ASSERT_EQ(codec.decode({p.s->answer.data(), m}, answer), DropCause::kNone);
+    if (answer.type == link::MessageType::kChallenge) hello.cookie = answer.challenge.cookie;
+    if (answer.type == link::MessageType::kWelcome) {
+      EXPECT_EQ(answer.welcome.feature_bits, kFeatureLocalModel);
+    }
+  }
+  EXPECT_EQ(answer.type, link::MessageType::kWelcome);
+  EXPECT_EQ(p.server.counters().resumed, 1u);
+}
+
+}  // namespace
+}  // namespace telenano::server
