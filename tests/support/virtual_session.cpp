@@ -10,7 +10,9 @@
 namespace telenano::support {
 
 VirtualSession::VirtualSession(const VirtualSessionConfig& config)
-    : config_(config), link_(config.to_server, config.to_station, config.seed), client_([&] {
+    : config_(config),
+      link_(config.to_server, config.to_station, config.seed, config.link_capacity),
+      client_([&] {
         link::ClientConfig c;
         c.rate_hz = static_cast<std::uint32_t>(config.station.rate_hz);
         c.nonce_seed = config.seed;
@@ -36,6 +38,16 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
     throw RunError("the virtual session was not established");
 
   const link::Welcome& welcome = client_.welcome();
+  if (!config_.hand) make_device(welcome);
+  device::HapticDevice& device = config_.hand ? static_cast<device::HapticDevice&>(*config_.hand) : *device_;
+  station_ = std::make_unique<station::Station>(
+      config_.station, device.info(),
+      station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
+                         welcome.force_max_nn});
+  loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_);
+}
+
+void VirtualSession::make_device(const link::Welcome& welcome) {
   device::SimDeviceConfig device_config;
   device_config.plant = config_.plant;
   device_config.plant.period_s = static_cast<double>(period_ns_) * 1e-9;
@@ -46,22 +58,23 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
       device_config, config_.task == device::Task::kScript
                          ? device::IntendedMotion(config_.script)
                          : device::IntendedMotion::for_task(config_.task, config_.task_options));
-  station_ = std::make_unique<station::Station>(
-      config_.station, device_->info(),
-      station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
-                         welcome.force_max_nn});
-  loop_ = std::make_unique<loop::StationLoop>(*device_, link_.a(), link_.address_b(), client_, *station_);
 }
 
 void VirtualSession::make_server() {
   server::ServerConfig config;
   ++servers_made_;
   config.secret = link::SipKey{config_.seed, servers_made_};
-  config.table.timeout_ns = config_.scene->session_timeout_ms * std::int64_t{1'000'000};
   server::ServedScene served;
-  served.name = server::scene_name(config_.scene->name);
-  served.hash = config_.scene->hash;
-  served.make_slave = [scene = config_.scene] { return std::make_unique<slave::NveSlave>(scene); };
+  if (config_.scene) {
+    config.table.timeout_ns = config_.scene->session_timeout_ms * std::int64_t{1'000'000};
+    served.name = server::scene_name(config_.scene->name);
+    served.hash = config_.scene->hash;
+  }
+  if (config_.make_slave) {
+    served.make_slave = config_.make_slave;
+  } else {
+    served.make_slave = [scene = config_.scene] { return std::make_unique<slave::NveSlave>(scene); };
+  }
   server_ = std::make_unique<server::Server>(config, std::move(served));
 }
 
@@ -92,10 +105,13 @@ void VirtualSession::serve_until(std::int64_t until_ns) {
 }
 
 const recording::Sample& VirtualSession::step() {
-  if (!device_->motion_started() && station_->mode() == station::Mode::kEngaged) device_->start_motion();
+  if (!motion_started_ && station_->mode() == station::Mode::kEngaged) {
+    motion_started_ = true;
+    config_.hand ? config_.hand->start_motion() : device_->start_motion();
+  }
   loop_->tick(now_ns_, period_s(), sample_);
   serve_until(now_ns_ + period_ns_);
-  device_->advance(period_ns_);
+  config_.hand ? config_.hand->advance(period_ns_) : device_->advance(period_ns_);
   now_ns_ += period_ns_;
   return sample_;
 }

@@ -16,11 +16,16 @@
 #include "master/station/station.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/server/server.h"
+#include "tests/support/virtual_hand.h"
 
 namespace telenano::support {
 
 struct VirtualSessionConfig {
-  std::shared_ptr<const scene::Scene> scene;
+  std::shared_ptr<const scene::Scene> scene;  ///< may be null where there is a make_slave
+  /// Instead of the scene's virtual environment: any slave, for each session a new one.
+  std::function<std::unique_ptr<slave::Slave>()> make_slave{};
+  /// Instead of the simulated device and operator, whose task, script and plant then do not matter.
+  std::shared_ptr<VirtualHand> hand{};
   station::StationConfig station{};
   device::Task task = device::Task::kIndent;
   device::TaskOptions task_options{};
@@ -28,6 +33,7 @@ struct VirtualSessionConfig {
   device::PlantConfig plant{};
   net::SimPath to_server{};
   net::SimPath to_station{};
+  std::size_t link_capacity = 4096;  ///< datagrams on the way, each way; what is more is lost
   std::uint64_t seed = 1;
 };
 
@@ -46,8 +52,9 @@ class VirtualSession {
   /// The server process dies and another one starts in its place, knowing nothing.
   void restart_server();
 
-  bool done() const noexcept { return device_->motion_done(); }
-  device::SimDevice& device() noexcept { return *device_; }
+  /// The task is over; a hand of the test's own is never done.
+  bool done() const noexcept { return device_ && device_->motion_done(); }
+  device::SimDevice& device() noexcept { return *device_; }  ///< not with a hand of the test's own
   station::Station& station() noexcept { return *station_; }
   link::ClientSession& client() noexcept { return client_; }
   server::Server& server() noexcept { return *server_; }
@@ -57,6 +64,7 @@ class VirtualSession {
 
  private:
   void make_server();
+  void make_device(const link::Welcome& welcome);
   void serve_until(std::int64_t until_ns);
 
   VirtualSessionConfig config_;
@@ -71,6 +79,7 @@ class VirtualSession {
   recording::Sample sample_;
   std::int64_t period_ns_ = 0;
   std::int64_t now_ns_ = 0;
+  bool motion_started_ = false;
 };
 
 }  // namespace telenano::support

@@ -1,0 +1,96 @@
+#include "tests/studies/methods/methods_command.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "common/base/error.h"
+#include "common/base/version.h"
+#include "tests/studies/methods/press_section.h"
+#include "tests/studies/parse_list.h"
+#include "tests/studies/report/page.h"
+
+namespace telenano::studies {
+namespace {
+
+constexpr double kTraceRttMs = 100;  // or the nearest to it that is asked for
+constexpr double kRttMaxMs = 2000;
+
+std::vector<control::Method> available_methods() {
+  std::vector<control::Method> methods;
+  for (int i = 0; i <= static_cast<int>(control::Method::kModel); ++i) {
+    const auto method = static_cast<control::Method>(i);
+    if (control::method_available(method)) methods.push_back(method);
+  }
+  return methods;
+}
+
+double nearest(const std::vector<double>& values, double wanted) {
+  return *std::min_element(values.begin(), values.end(),
+                           [&](double a, double b) { return std::fabs(a - wanted) < std::fabs(b - wanted); });
+}
+
+void check(const MethodsOptions& options) {
+  for (const double rtt : options.rtt_ms) {
+    if (!(rtt >= 0 && rtt <= kRttMaxMs))
+      throw UserError(
+          fmt::format("methods: --rtt-ms: {:g} is out of range; expected 0 to {:g}", rtt, kRttMaxMs));
+  }
+}
+
+}  // namespace
+
+void run_methods(const MethodsOptions& options) {
+  check(options);
+  const FigureFolder folder(options.out);
+  if (!folder.has_gnuplot())
+    std::fprintf(stderr, "methods: gnuplot is not installed: CSV only, no figures\n");
+  const std::vector<control::Method> methods =
+      options.methods.empty() ? available_methods() : options.methods;
+  const auto begin = std::chrono::steady_clock::now();
+  std::fprintf(stderr, "methods: presses on a wall ...\n");
+  const std::vector<PressResult> presses =
+      run_presses(methods, options.rtt_ms, nearest(options.rtt_ms, kTraceRttMs), options.seed);
+  std::string html = page_begin(
+      "Methods for a passive port, compared",
+      fmt::format("commit {}; seed {}{}", kGitCommit, options.seed, options.quick ? "; quick run" : ""));
+  html += press_section(presses, folder);
+  folder.write("index.html", html + page_end());
+  std::fputs(press_csv(presses).c_str(), stdout);
+  std::fprintf(stderr, "methods: %s, after %.1f s\n", (options.out / "index.html").c_str(),
+               std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
+}
+
+void add_methods_command(CLI::App& app) {
+  struct Arguments {
+    MethodsOptions options;
+    std::vector<std::string> methods;
+    std::string rtt_ms;
+  };
+  const auto a = std::make_shared<Arguments>();
+  std::string names;
+  for (const control::Method method : available_methods())
+    names += (names.empty() ? "" : ", ") + std::string(control::method_name(method));
+  CLI::App* command = app.add_subcommand(
+      "methods", "What each method of control shows of a wall over a delay, and what it lets a hand extract");
+  command->add_option("--out", a->options.out, "folder to write index.html, CSV and figures into")
+      ->capture_default_str();
+  command->add_option("--methods", a->methods, "some of: " + names + " [all]")->delimiter(',');
+  command->add_option("--rtt-ms", a->rtt_ms,
+                      "round trips, ms, separated by commas [0,10,20,50,100,200,500,1000]");
+  command->add_flag("--quick", a->options.quick,
+                    "fewer hands and fewer steps of theirs: seconds, not minutes");
+  command->add_option("--seed", a->options.seed, "same seed, same bits")->capture_default_str();
+  command->callback([a, command] {
+    for (const std::string& name : a->methods) a->options.methods.push_back(control::parse_method(name));
+    if (command->count("--rtt-ms") > 0) a->options.rtt_ms = parse_list(a->rtt_ms, "methods: --rtt-ms");
+    run_methods(a->options);
+  });
+}
+
+}  // namespace telenano::studies

@@ -1,0 +1,56 @@
+#include "tests/support/wall_slave.h"
+
+#include <algorithm>
+
+namespace telenano::support {
+
+WallSlave::WallSlave(const WallSlaveConfig& config, std::shared_ptr<WallWatch> watch)
+    : config_(config), watch_(std::move(watch)), commanded_w_nm_(0, 0, config.start_height_nm) {
+  limits_.workspace_min_w_nm = config.workspace_min_w_nm;
+  limits_.workspace_max_w_nm = config.workspace_max_w_nm;
+  limits_.start_pos_w_nm = commanded_w_nm_;
+  limits_.surface_z_w_nm = 0;
+  limits_.force_max_nn = config.force_max_nn;
+  limits_.coupling_stiffness_n_m = config.stiffness_n_m;
+  limits_.coupling_damping_n_s_m = 0;
+  if (watch_) ++watch_->made;
+}
+
+void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept {
+  std::uint32_t faults = 0;
+  if (input.retract) {
+    faults |= link::kFaultRetracted;
+    const double up_nm = commanded_w_nm_.z() + config_.retract_speed_nm_s * dt_s;
+    commanded_w_nm_.z() = std::min(up_nm, config_.workspace_max_w_nm.z());
+  } else if (input.follow && is_finite(input.tip_target_pos_w_nm)) {
+    const Vec3 goal =
+        input.tip_target_pos_w_nm.cwiseMax(config_.workspace_min_w_nm).cwiseMin(config_.workspace_max_w_nm);
+    if (goal != input.tip_target_pos_w_nm) faults |= link::kFaultWorkspace;
+    commanded_w_nm_ = goal;
+    const double deepest_nm = -config_.force_max_nn / config_.stiffness_n_m;
+    if (commanded_w_nm_.z() < deepest_nm) {
+      commanded_w_nm_.z() = deepest_nm;
+      faults |= link::kFaultForceLimit;
+    }
+  }
+  const double depth_nm = std::max(0.0, -commanded_w_nm_.z());
+  const double force_nn = config_.stiffness_n_m * depth_nm;  // N/m · nm = nN
+  const double stored_aj = 0.5 * force_nn * depth_nm;        // nN · nm = aJ
+  (stored_aj > stored_aj_ ? energy_in_aj_ : energy_out_aj_) += std::abs(stored_aj - stored_aj_);
+  stored_aj_ = stored_aj;
+  output.force_w_nn = Vec3(0, 0, force_nn);
+  output.tip_pos_w_nm = output.commanded_pos_w_nm = commanded_w_nm_;
+  output.deflection_nm = 0;
+  output.contact_state = depth_nm > 0 ? link::ContactState::kContact : link::ContactState::kFree;
+  output.fault_bits = faults;
+  output.energy_in_aj = energy_in_aj_;
+  output.energy_out_aj = energy_out_aj_;
+  output.measurement_age_ns = 0;
+  if (watch_) {
+    watch_->commanded_z_w_nm = commanded_w_nm_.z();
+    watch_->force_nn = force_nn;
+    watch_->most_force_nn = std::max(watch_->most_force_nn, force_nn);
+  }
+}
+
+}  // namespace telenano::support
