@@ -164,6 +164,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       ++counters_.opened;
       break;
     case Kind::kResume:
+      ports_[verdict.slot].control.begin_session();
       ++counters_.resumed;
       break;
     case Kind::kAgain:

@@ -23,6 +23,7 @@ void PortControl::begin_session() noexcept {
   wave_came_.setZero();
   wave_came_aj_ = 0;
   level_aj_ = std::min(0.0, level_aj_);
+  wave_surplus_aj_ = 0;
   has_target_ = false;
 }
 
@@ -67,8 +68,7 @@ Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const SlaveOutput& last, doubl
       (std::sqrt(2 * b) * wave + last.force_w_nn) / (b + stiffness_n_m * dt_s);
   const Vec3 move_w_nm = velocity_nm_s * dt_s;
   const Vec3 catch_up_w_nm = lag_w_nm * std::min(1.0, dt_s / kCatchUp_s);
-  const double left_aj = wave_used_aj_ + level_aj_ + last.force_w_nn.dot(move_w_nm);
-  return move_w_nm + paid_move(catch_up_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, left_aj));
+  return move_w_nm + paid_move(catch_up_w_nm, last.force_w_nn, stiffness_n_m, wave_surplus_aj_);
 }
 
 SlaveInput PortControl::before(const link::Command& command, const SlaveInput& input,
@@ -119,14 +119,19 @@ void PortControl::after(const SlaveOutput& last, const SlaveOutput& now, double 
 void PortControl::send_wave(const SlaveOutput& now, const Vec3& moved_w_nm, double charge,
                             double dt_s) noexcept {
   const double b = wave_impedance_n_s_m_;
-  const double may_send_aj = wave_used_aj_ - charge + level_aj_;
+  const double there_is_aj = wave_used_aj_ - charge + level_aj_;
+  const double may_send_aj = there_is_aj + wave_surplus_aj_;
   level_aj_ = std::min(0.0, may_send_aj);
   const Vec3 wave = -(now.force_w_nn + b / dt_s * moved_w_nm) / std::sqrt(2 * b);
   const double wave_aj = 0.5 * wave.squaredNorm() * dt_s;
-  if (!(may_send_aj > 0) || !(wave_aj > 0)) return;
-  const double part = std::min(1.0, std::sqrt(may_send_aj / wave_aj));
-  answer_.wave_sum += part * dt_s * wave;
-  answer_.wave_energy_aj += part * part * wave_aj;
+  double sent_aj = 0;
+  if (may_send_aj > 0 && wave_aj > 0) {
+    const double part = std::min(1.0, std::sqrt(may_send_aj / wave_aj));
+    sent_aj = part * part * wave_aj;
+    answer_.wave_sum += part * dt_s * wave;
+    answer_.wave_energy_aj += sent_aj;
+  }
+  wave_surplus_aj_ = std::max(0.0, may_send_aj - sent_aj);
 }
 
 }  // namespace telenano::slave

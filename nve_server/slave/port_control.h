@@ -20,8 +20,9 @@ namespace telenano::slave {
 /// `wave`. The end moves by the wave that came: with f = −F, b = b_w as the tip feels it, and the port's
 /// stiffness K against a step into the sample taken implicitly,
 ///   v = (√(2b) u − f)/(b + K T),   w = (f − b v)/√(2b),   ½w²T ≤ ½u²T − ΔE_port + owed, owed ≤ 0
-/// (common/control/wave_port.h). The lag behind the commanded position, which a wave does not know, is caught
-/// up from the same energy.
+/// (common/control/wave_port.h). What a wave of the formula's size leaves of that energy is surplus, and pays
+/// for catching up the lag behind the commanded position, which a wave does not know. Energy of the waves
+/// themselves must not: a hand at rest brings none after it, and its force would fade.
 ///
 /// Other methods leave the command as it is.
 class PortControl {
@@ -58,6 +59,7 @@ class PortControl {
   Vec3 wave_came_ = Vec3::Zero();
   double wave_came_aj_ = 0;
   double wave_used_aj_ = 0;
+  double wave_surplus_aj_ = 0;
   double level_aj_ = 0;
   bool has_target_ = false;
   Vec3 target_w_nm_ = Vec3::Zero();

@@ -46,6 +46,14 @@ void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOu
   output.energy_in_aj = energy_in_aj_;
   output.energy_out_aj = energy_out_aj_;
   output.measurement_age_ns = 0;
+  touched_ = touched_ || depth_nm > 0;
+  output.model = {};
+  if (input.wants_model && touched_) {
+    output.model.version = 1;
+    output.model.normal_w = Vec3::UnitZ();
+    output.model.point_w_nm = Vec3(commanded_w_nm_.x(), commanded_w_nm_.y(), 0);
+    output.model.stiffness_n_m = config_.stiffness_n_m;
+  }
   if (watch_) {
     watch_->commanded_z_w_nm = commanded_w_nm_.z();
     watch_->force_nn = force_nn;

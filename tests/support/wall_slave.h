@@ -29,6 +29,9 @@ struct WallSlaveConfig {
 /// At this port the position is held and the force varies, so its work is the change of ½ k z², exactly and
 /// on any path: a positive change is energy in, a negative one energy out. In and out differ by what is
 /// stored, never less than zero.
+///
+/// Its local model is learned by touching, as a microscope's would be: none before the first touch, the wall
+/// from then on.
 class WallSlave final : public slave::Slave {
  public:
   explicit WallSlave(const WallSlaveConfig& config, std::shared_ptr<WallWatch> watch = nullptr);
@@ -41,6 +44,7 @@ class WallSlave final : public slave::Slave {
   slave::SlaveLimits limits_;
   std::shared_ptr<WallWatch> watch_;
   Vec3 commanded_w_nm_;
+  bool touched_ = false;
   double stored_aj_ = 0;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;

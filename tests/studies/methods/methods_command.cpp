@@ -21,15 +21,6 @@ namespace {
 constexpr double kTraceRttMs = 100;  // or the nearest to it that is asked for
 constexpr double kRttMaxMs = 2000;
 
-std::vector<control::Method> available_methods() {
-  std::vector<control::Method> methods;
-  for (int i = 0; i <= static_cast<int>(control::Method::kModel); ++i) {
-    const auto method = static_cast<control::Method>(i);
-    if (control::method_available(method)) methods.push_back(method);
-  }
-  return methods;
-}
-
 double nearest(const std::vector<double>& values, double wanted) {
   return *std::min_element(values.begin(), values.end(),
                            [&](double a, double b) { return std::fabs(a - wanted) < std::fabs(b - wanted); });
@@ -51,7 +42,7 @@ void run_methods(const MethodsOptions& options) {
   if (!folder.has_gnuplot())
     std::fprintf(stderr, "methods: gnuplot is not installed: CSV only, no figures\n");
   const std::vector<control::Method> methods =
-      options.methods.empty() ? available_methods() : options.methods;
+      options.methods.empty() ? std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end()) : options.methods;
   const auto begin = std::chrono::steady_clock::now();
   std::fprintf(stderr, "methods: presses on a wall ...\n");
   const std::vector<PressResult> presses =
@@ -74,7 +65,7 @@ void add_methods_command(CLI::App& app) {
   };
   const auto a = std::make_shared<Arguments>();
   std::string names;
-  for (const control::Method method : available_methods())
+  for (const control::Method method : std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end()))
     names += (names.empty() ? "" : ", ") + std::string(control::method_name(method));
   CLI::App* command = app.add_subcommand(
       "methods", "What each method of control shows of a wall over a delay, and what it lets a hand extract");
