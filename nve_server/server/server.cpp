@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "common/base/error.h"
-#include "common/control/method.h"
 
 namespace telenano::server {
 
@@ -24,8 +23,6 @@ link::PeerKey peer_key(const net::Address& address) noexcept {
 /// The shortest step that a slave is given: two commands of a station that catches up may lie that close
 /// together.
 constexpr double kStepMinS = 1e-6;
-
-constexpr auto kModelMethod = static_cast<std::uint32_t>(control::Method::kModel);
 
 bool is_finite(const slave::SlaveOutput& o) noexcept {
   return telenano::is_finite(o.force_w_nn) && telenano::is_finite(o.tip_pos_w_nm) &&
@@ -198,7 +195,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   input.follow = !input.retract && (command.flags & kEngaged) == kEngaged;
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const bool models = (session.feature_bits & link::kFeatureLocalModel) != 0;
-  input.wants_model = models && command.control.method == kModelMethod;
+  input.wants_model = models && command.control.method == link::kMethodModel;
   const double dt_s = std::clamp(session.spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = port.output;
   if (controls) input = port.control.before(command, input, last, port.slave->limits(), dt_s);

@@ -13,7 +13,7 @@
 #include "common/link/session_table.h"
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
-#include "nve_server/slave/port_control.h"
+#include "nve_server/server/port_control.h"
 #include "nve_server/slave/slave.h"
 
 namespace telenano::server {
@@ -81,7 +81,7 @@ class Server {
   struct Port {
     std::unique_ptr<slave::Slave> slave;
     slave::SlaveOutput output;
-    slave::PortControl control;
+    PortControl control;
     net::Address address;
     std::int64_t last_step_ns = 0;
   };

@@ -1,30 +1,26 @@
-#include "nve_server/slave/port_control.h"
+#include "nve_server/server/port_control.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "common/control/method.h"
-
-namespace telenano::slave {
+namespace telenano::server {
 namespace {
-
-using control::Method;
 
 constexpr double kT = 1e-3;
 constexpr double kStiffness = 20;  // nN/nm
 
 // A wall at z = 0 that the end presses into, with an exact book.
 struct Wall {
-  SlaveLimits limits;
-  SlaveOutput output;
+  slave::SlaveLimits limits;
+  slave::SlaveOutput output;
 
   Wall() {
     limits.coupling_stiffness_n_m = kStiffness;
     output.commanded_pos_w_nm = output.tip_pos_w_nm = Vec3(0, 0, 10);
   }
-  void step(const SlaveInput& input) {
+  void step(const slave::SlaveInput& input) {
     const auto potential = [](double z) { return z < 0 ? 0.5 * kStiffness * z * z : 0.0; };
     const double before = potential(output.commanded_pos_w_nm.z());
     output.commanded_pos_w_nm = input.tip_target_pos_w_nm;
@@ -40,16 +36,16 @@ struct Rig {
   PortControl control;
   link::Command command;
 
-  explicit Rig(Method method) {
-    command.control.method = static_cast<std::uint32_t>(method);
+  explicit Rig(std::uint32_t method) {
+    command.control.method = method;
     command.control.energy_scale_aj_j = 1e5;
     command.control.wave_impedance_n_s_m = 0.1;
   }
   void tick(const Vec3& target_w_nm) {
     command.tip_pos_w_nm = target_w_nm;
-    SlaveInput input;
+    slave::SlaveInput input;
     input.tip_target_pos_w_nm = target_w_nm;
-    const SlaveOutput last = wall.output;
+    const slave::SlaveOutput last = wall.output;
     wall.step(control.before(command, input, last, wall.limits, kT));
     control.after(last, wall.output, kT);
   }
@@ -57,7 +53,7 @@ struct Rig {
 };
 
 TEST(PortControl, OtherMethodsLeaveTheCommandAsItIs) {
-  for (Method method : {Method::kNone, Method::kKs, Method::kKsClamp, Method::kModel}) {
+  for (std::uint32_t method : {link::kMethodNone, link::kMethodKs, link::kMethodKsClamp, link::kMethodModel}) {
     Rig rig(method);
     rig.tick(Vec3(3, -4, -50));
     EXPECT_EQ(rig.wall.output.commanded_pos_w_nm, Vec3(3, -4, -50));
@@ -65,7 +61,7 @@ TEST(PortControl, OtherMethodsLeaveTheCommandAsItIs) {
 }
 
 TEST(PortControl, InFreeSpaceTheEndFollowsWithoutEnergy) {
-  for (Method method : {Method::kTdpa, Method::kTank}) {
+  for (std::uint32_t method : {link::kMethodTdpa, link::kMethodTank}) {
     Rig rig(method);
     for (int k = 0; k <= 100; ++k) rig.tick(Vec3(0.1 * k, 0, 10 + 0.05 * k));
     EXPECT_LT((rig.wall.output.commanded_pos_w_nm - Vec3(10, 0, 15)).norm(), 1e-12);
@@ -73,7 +69,7 @@ TEST(PortControl, InFreeSpaceTheEndFollowsWithoutEnergy) {
 }
 
 TEST(PortControl, NothingIsPressedThatWasNotPaidFor) {
-  Rig rig(Method::kTdpa);
+  Rig rig(link::kMethodTdpa);
   rig.tick(Vec3(0, 0, 0.0));
   for (int k = 1; k <= 100; ++k) rig.tick(Vec3(0, 0, -0.1 * k));  // 10 nm deep, nothing sent
   // The step from no force cannot foresee where it ends: ½K(0.1 nm)².
@@ -88,7 +84,7 @@ TEST(PortControl, NothingIsPressedThatWasNotPaidFor) {
 }
 
 TEST(PortControl, TheEndMayAlwaysYield) {
-  Rig rig(Method::kTdpa);
+  Rig rig(link::kMethodTdpa);
   rig.command.control.energy_sent_j = 1;
   for (int k = 0; k <= 100; ++k) rig.tick(Vec3(0, 0, -0.1 * k));
   for (int k = 100; k >= 0; --k) rig.tick(Vec3(0, 0, -0.1 * k));
@@ -96,7 +92,7 @@ TEST(PortControl, TheEndMayAlwaysYield) {
 }
 
 TEST(PortControl, TheTankConservesEnergy) {
-  Rig rig(Method::kTank);
+  Rig rig(link::kMethodTank);
   std::mt19937_64 random(11);
   std::normal_distribution<double> normal;
   double z = 10;
@@ -114,7 +110,7 @@ TEST(PortControl, TheTankConservesEnergy) {
 }
 
 TEST(PortControl, AWaveNeverSendsMoreThanItGot) {
-  Rig rig(Method::kWave);
+  Rig rig(link::kMethodWave);
   std::mt19937_64 random(13);
   std::normal_distribution<double> normal;
   double wave = 0;
@@ -131,7 +127,7 @@ TEST(PortControl, AWaveNeverSendsMoreThanItGot) {
 
 TEST(PortControl, WavesOfASteadyHandPressAsHard) {
   // Statically u = f/√(2b): the wall ends where its force is √(2b)·u.
-  Rig rig(Method::kWave);
+  Rig rig(link::kMethodWave);
   const double force = 30, b = rig.command.control.wave_impedance_n_s_m, u = force / std::sqrt(2 * b);
   for (int k = 0; k < 5000; ++k) {
     rig.command.control.wave_sum.z() -= u * kT;
@@ -142,7 +138,7 @@ TEST(PortControl, WavesOfASteadyHandPressAsHard) {
 }
 
 TEST(PortControl, ALostCommandLosesNothing) {
-  Rig whole(Method::kTdpa), lossy(Method::kTdpa);
+  Rig whole(link::kMethodTdpa), lossy(link::kMethodTdpa);
   for (int k = 0; k <= 300; ++k) {
     const Vec3 target(0, 0, 5 - 0.05 * k);
     for (Rig* rig : {&whole, &lossy}) {
@@ -159,7 +155,7 @@ TEST(PortControl, ALostCommandLosesNothing) {
 }
 
 TEST(PortControl, ANewSessionForgetsCreditAndKeepsDebt) {
-  Rig rig(Method::kTdpa);
+  Rig rig(link::kMethodTdpa);
   rig.command.control.energy_sent_j = 1;
   rig.tick(Vec3(0, 0, 5));
   EXPECT_GT(rig.control.level_aj(), 0);
@@ -174,4 +170,4 @@ TEST(PortControl, ANewSessionForgetsCreditAndKeepsDebt) {
 }
 
 }  // namespace
-}  // namespace telenano::slave
+}  // namespace telenano::server

@@ -1,18 +1,12 @@
-#include "nve_server/slave/port_control.h"
+#include "nve_server/server/port_control.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/control/method.h"
-
-namespace telenano::slave {
+namespace telenano::server {
 namespace {
 
-constexpr auto kTdpa = static_cast<std::uint32_t>(control::Method::kTdpa);
-constexpr auto kWave = static_cast<std::uint32_t>(control::Method::kWave);
-constexpr auto kTank = static_cast<std::uint32_t>(control::Method::kTank);
-
-double charge_aj(const SlaveOutput& last, const SlaveOutput& now) noexcept {
+double charge_aj(const slave::SlaveOutput& last, const slave::SlaveOutput& now) noexcept {
   return (now.energy_in_aj - last.energy_in_aj) - (now.energy_out_aj - last.energy_out_aj);
 }
 
@@ -57,7 +51,7 @@ Vec3 PortControl::paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, doubl
   return move_w_nm + force_w_nn * ((against_nm - paid_nm) / force_nn);
 }
 
-Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const SlaveOutput& last, double stiffness_n_m,
+Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last, double stiffness_n_m,
                             double dt_s) noexcept {
   const double b = wave_impedance_n_s_m_;
   Vec3 wave = wave_came_ / dt_s;
@@ -71,52 +65,52 @@ Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const SlaveOutput& last, doubl
   return move_w_nm + paid_move(catch_up_w_nm, last.force_w_nn, stiffness_n_m, wave_surplus_aj_);
 }
 
-SlaveInput PortControl::before(const link::Command& command, const SlaveInput& input,
-                               const SlaveOutput& last, const SlaveLimits& limits, double dt_s) noexcept {
+slave::SlaveInput PortControl::before(const link::Command& command, const slave::SlaveInput& input,
+                               const slave::SlaveOutput& last, const slave::SlaveLimits& limits, double dt_s) noexcept {
   receive(command.control);
   const bool first = !has_target_;
   const Vec3 old_target_w_nm = target_w_nm_;
   target_w_nm_ = input.tip_target_pos_w_nm;
   has_target_ = true;
-  SlaveInput told = input;
+  slave::SlaveInput told = input;
   wave_used_aj_ = 0;
   if (!input.follow) return told;
   const double stiffness_n_m = limits.coupling_stiffness_n_m;
-  if (method_ == kTdpa || method_ == kTank) {
+  if (method_ == link::kMethodTdpa || method_ == link::kMethodTank) {
     level_aj_ += came_aj_;
     Vec3 move_w_nm = target_w_nm_ - last.commanded_pos_w_nm;
     if (!first) {
       const Vec3 lag_w_nm = old_target_w_nm - last.commanded_pos_w_nm;
       move_w_nm = (target_w_nm_ - old_target_w_nm) + lag_w_nm * std::min(1.0, dt_s / kCatchUp_s);
     }
-    const double allowance_aj = method_ == kTank ? kAllowanceJ * energy_scale_aj_j_ : 0.0;
+    const double allowance_aj = method_ == link::kMethodTank ? kAllowanceJ * energy_scale_aj_j_ : 0.0;
     told.tip_target_pos_w_nm =
         last.commanded_pos_w_nm +
         paid_move(move_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, level_aj_ + allowance_aj));
-  } else if (method_ == kWave && wave_impedance_n_s_m_ > 0) {
+  } else if (method_ == link::kMethodWave && wave_impedance_n_s_m_ > 0) {
     const Vec3 lag_w_nm = first ? Vec3(Vec3::Zero()) : Vec3(old_target_w_nm - last.commanded_pos_w_nm);
     told.tip_target_pos_w_nm = last.commanded_pos_w_nm + wave_move(lag_w_nm, last, stiffness_n_m, dt_s);
   }
   return told;
 }
 
-void PortControl::after(const SlaveOutput& last, const SlaveOutput& now, double dt_s) noexcept {
+void PortControl::after(const slave::SlaveOutput& last, const slave::SlaveOutput& now, double dt_s) noexcept {
   const double charge = charge_aj(last, now);
-  if (method_ == kTdpa) {
+  if (method_ == link::kMethodTdpa) {
     level_aj_ -= std::max(0.0, charge);
-  } else if (method_ == kTank) {
+  } else if (method_ == link::kMethodTank) {
     level_aj_ -= charge;
     const double surplus_aj = std::max(0.0, level_aj_);
     const double send_aj =
         std::min(surplus_aj, std::max(0.0, -charge) + surplus_aj * std::min(1.0, dt_s / kSurplusReturn_s));
     level_aj_ -= send_aj;
     answer_.energy_sent_aj += send_aj;
-  } else if (method_ == kWave && wave_impedance_n_s_m_ > 0) {
+  } else if (method_ == link::kMethodWave && wave_impedance_n_s_m_ > 0) {
     send_wave(now, now.commanded_pos_w_nm - last.commanded_pos_w_nm, charge, dt_s);
   }
 }
 
-void PortControl::send_wave(const SlaveOutput& now, const Vec3& moved_w_nm, double charge,
+void PortControl::send_wave(const slave::SlaveOutput& now, const Vec3& moved_w_nm, double charge,
                             double dt_s) noexcept {
   const double b = wave_impedance_n_s_m_;
   const double there_is_aj = wave_used_aj_ - charge + level_aj_;
@@ -134,4 +128,4 @@ void PortControl::send_wave(const SlaveOutput& now, const Vec3& moved_w_nm, doub
   wave_surplus_aj_ = std::max(0.0, may_send_aj - sent_aj);
 }
 
-}  // namespace telenano::slave
+}  // namespace telenano::server

@@ -3,7 +3,7 @@
 #include "common/link/messages.h"
 #include "nve_server/slave/slave.h"
 
-namespace telenano::slave {
+namespace telenano::server {
 
 /// The slave's side of the control methods, between the protocol and any slave: what a command is allowed to
 /// do, by the method that the station says it runs, and what the reply has to tell it. nm, nN, aJ.
@@ -31,10 +31,10 @@ class PortControl {
   void begin_session() noexcept;
 
   /// What the slave is to be told for `command`. `last` is its last output, `limits` its own.
-  SlaveInput before(const link::Command& command, const SlaveInput& input, const SlaveOutput& last,
-                    const SlaveLimits& limits, double dt_s) noexcept;
+  slave::SlaveInput before(const link::Command& command, const slave::SlaveInput& input, const slave::SlaveOutput& last,
+                    const slave::SlaveLimits& limits, double dt_s) noexcept;
   /// Books the step that the slave has made of it.
-  void after(const SlaveOutput& last, const SlaveOutput& now, double dt_s) noexcept;
+  void after(const slave::SlaveOutput& last, const slave::SlaveOutput& now, double dt_s) noexcept;
   /// Fills the reply's part.
   const link::PortAnswer& answer() const noexcept { return answer_; }
 
@@ -48,8 +48,8 @@ class PortControl {
   void receive(const link::PortControl& control) noexcept;
   Vec3 paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,
                  double budget_aj) const noexcept;
-  Vec3 wave_move(const Vec3& lag_w_nm, const SlaveOutput& last, double stiffness_n_m, double dt_s) noexcept;
-  void send_wave(const SlaveOutput& now, const Vec3& moved_w_nm, double charge_aj, double dt_s) noexcept;
+  Vec3 wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last, double stiffness_n_m, double dt_s) noexcept;
+  void send_wave(const slave::SlaveOutput& now, const Vec3& moved_w_nm, double charge_aj, double dt_s) noexcept;
 
   std::uint32_t method_ = 0;
   double energy_scale_aj_j_ = 0;
@@ -66,4 +66,4 @@ class PortControl {
   link::PortAnswer answer_;
 };
 
-}  // namespace telenano::slave
+}  // namespace telenano::server
