@@ -25,9 +25,32 @@ struct ContactModel {
   double shear_stiffness_n_m = 0;
   double friction_nn = 0;
 
+  /// Depth of `commanded_w_nm`, and in `slope_w` its gradient, turned round: the direction of the force. The
+  /// plane is taken at its word up to kTrustNm beside its point, and as level with W's plane beyond: its tilt,
+  /// carried on for as far as a hand moves in a long round trip, would be a cliff that is not there.
+  double depth_nm(const Vec3& commanded_w_nm, Vec3& slope_w) const noexcept;
   double depth_nm(const Vec3& commanded_w_nm) const noexcept {
-    return normal_w.dot(point_w_nm - commanded_w_nm);
+    Vec3 slope_w;
+    return depth_nm(commanded_w_nm, slope_w);
   }
+
+  static constexpr double kTrustNm = 2;
 };
+
+inline double ContactModel::depth_nm(const Vec3& commanded_w_nm, Vec3& slope_w) const noexcept {
+  slope_w = normal_w;
+  Vec3 beside = commanded_w_nm - point_w_nm;
+  const double up = beside.z();
+  beside.z() = 0;
+  const double far = beside.norm();
+  if (far > kTrustNm) {
+    const Vec3 along = beside / far;
+    Vec3 tilt(normal_w.x(), normal_w.y(), 0);
+    tilt = (tilt - along * along.dot(tilt)) * (kTrustNm / far);
+    slope_w = Vec3(tilt.x(), tilt.y(), normal_w.z());
+    beside = along * kTrustNm;
+  }
+  return -(normal_w.x() * beside.x() + normal_w.y() * beside.y() + normal_w.z() * up);
+}
 
 }  // namespace telenano::control

@@ -67,7 +67,9 @@ double ModelRenderer::normal_potential_aj(const ContactModel& model, const Vec3&
 
 Vec3 ModelRenderer::normal_force_w_nn(const ContactModel& model, const Vec3& target_w_nm) const noexcept {
   if (!touched(model, target_w_nm)) return Vec3::Zero();
-  return model.stiffness_n_m * model.depth_nm(target_w_nm) * model.normal_w;
+  Vec3 slope_w;
+  const double depth = model.depth_nm(target_w_nm, slope_w);
+  return model.stiffness_n_m * depth * slope_w;
 }
 
 double ModelRenderer::potential_aj(const Vec3& target_w_nm) const noexcept {

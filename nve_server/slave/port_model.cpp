@@ -6,8 +6,11 @@
 namespace telenano::slave {
 namespace {
 
-constexpr double kApproachStepNm = 0.02;
-constexpr double kApproachNm = 60;
+// The walk that finds the contact without load and where it lets go: in contact over this many of the law's
+// own lengths, where a Maugis contact of any λ rests and ends; that many steps a length.
+constexpr double kWalkLengths = 4;
+constexpr double kWalkLeastNm = 20;
+constexpr int kWalkSteps = 4000;
 
 bool same(const link::LocalModel& a, const link::LocalModel& b) noexcept {
   return a.point_w_nm == b.point_w_nm && a.normal_w == b.normal_w && a.stiffness_n_m == b.stiffness_n_m &&
@@ -20,17 +23,23 @@ bool same(const link::LocalModel& a, const link::LocalModel& b) noexcept {
 PortModel::PortModel(std::shared_ptr<const scene::Scene> scene)
     : scene_(std::move(scene)), springs_nm_nn_(scene_->port_compliance_nm_nn()) {
   if (scene_->friction) friction_.emplace(*scene_->friction);
-  // Down on level ground until the contact pushes: what a contact without load is like.
+  // On level ground, down until the contact pushes and up until it lets go.
   const physics::TipSampleLaw& law = scene_->equilibrium->law();
   const double radius_nm = scene_->probe.tip_radius_nm;
-  pull_off_nn_ = law.pull_off_nn(radius_nm);
+  const double reach_nm = std::max(kWalkLeastNm, kWalkLengths * law.scales(radius_nm).overlap_nm);
+  const double step_nm = reach_nm / kWalkSteps;
   physics::TipSampleState state;
-  for (double base_nm = -kApproachNm; base_nm < kApproachNm; base_nm += kApproachStepNm) {
+  double base_nm = -reach_nm;
+  for (; base_nm < reach_nm && !(rest_stiffness_n_m_ > 0); base_nm += step_nm) {
     const physics::Equilibrium eq = law.advance(base_nm, springs_nm_nn_(2, 2), radius_nm, state);
     if (eq.branch != physics::Branch::kContact || !(eq.force_nn >= 0) || !(eq.stiffness_n_m > 0)) continue;
     rest_overlap_nm_ = eq.overlap_nm - eq.force_nn / eq.stiffness_n_m;
     rest_stiffness_n_m_ = eq.stiffness_n_m;
-    return;
+  }
+  for (int i = 0; i < 4 * kWalkSteps; ++i, base_nm -= step_nm) {
+    const physics::Equilibrium eq = law.advance(base_nm, springs_nm_nn_(2, 2), radius_nm, state);
+    if (eq.branch != physics::Branch::kContact) break;
+    pull_off_nn_ = std::max(pull_off_nn_, -eq.force_nn);
   }
 }
 
@@ -45,7 +54,7 @@ link::LocalModel PortModel::of(const physics::TipSolution& tip, const Vec3& comm
   const Vec3 normal_w = tip.normal_w / length;
   const bool touching = tip.branch == physics::Branch::kContact;
   model.normal_w = normal_w;
-  model.adhesion_nn = pull_off_nn_;
+  model.adhesion_nn = pull_off_nn_ * tip.radius_nm / scene_->probe.tip_radius_nm;  // every term goes with R
   model.stiffness_n_m =
       port_stiffness_n_m(touching ? std::max(tip.stiffness_n_m, rest_stiffness_n_m_) : rest_stiffness_n_m_,
                          normal_w);
