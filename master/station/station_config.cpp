@@ -37,6 +37,7 @@ void StationConfig::validate(const std::string& source) const {
   require(between(rate_hz, 10, 8000), "rate_hz", rate_hz, "10 to 8000");
   require(between(scaling.velocity, 1e-12, 1), "scaling.velocity", scaling.velocity, "1e-12 to 1");
   require(between(scaling.force, kForceScaleMin, 1e12), "scaling.force", scaling.force, "1 to 1e12");
+  require(between(leak_time_s, 0, 1e6), "control.leak_time_s", leak_time_s, "0 (never) to 1e6");
   require(between(allowance_j, 1e-6, 1), "control.allowance_j", allowance_j, "1e-6 to 1");
   require(between(guaranteed_velocity_m_s, 0.01, 5), "control.guaranteed_velocity_m_s",
           guaranteed_velocity_m_s, "0.01 to 5");

@@ -62,7 +62,7 @@ TEST(StationConfig, RefusesEveryBadValue) {
   config.device_damping_n_s_m = NAN;
   EXPECT_NE(refusal(config), "");
   config = {};
-  config.method = control::Method::kTank;
+  config.leak_time_s = -1;
   EXPECT_NE(refusal(config), "");
 }
 

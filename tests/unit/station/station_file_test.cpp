@@ -60,7 +60,7 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
 
 TEST(StationFile, ReadsWhatItIsTold) {
   const StationFile file = parse_station_file(
-      "rate_hz = 2000\n[scaling]\nforce = 1e6\n[control]\nmethod = \"ks\"\n[hand]\narm_mass_kg = "
+      "rate_hz = 2000\n[scaling]\nforce = 1e6\n[control]\nmethod = \"ks\"\ndamper = \"per-axis\"\n[hand]\narm_mass_kg = "
       "2\n[device]\n"
       "damping_n_s_m = 1.5\n",
       "a.toml");
@@ -68,6 +68,7 @@ TEST(StationFile, ReadsWhatItIsTold) {
   EXPECT_EQ(file.plant.period_s, 0.0005);
   EXPECT_EQ(file.station.scaling.force, 1e6);
   EXPECT_EQ(file.station.method, control::Method::kKs);
+  EXPECT_EQ(file.station.damper, control::DamperDirection::kPerAxis);
   EXPECT_EQ(file.plant.arm_mass_kg, 2);
   EXPECT_EQ(file.station.device_damping_n_s_m, 1.5);
 }
@@ -78,7 +79,8 @@ TEST(StationFile, DescribesEverySettingByItsKey) {
   for (const auto& [key, value] : describe(file.station, file.plant)) {
     if (key == "allow_unsafe_scaling") continue;  // a flag only
     const auto dot = key.find('.');
-    const std::string quoted = key == "control.method" ? '"' + value + '"' : value;
+    const bool is_text = key == "control.method" || key == "control.damper";
+    const std::string quoted = is_text ? '"' + value + '"' : value;
     const std::string line = dot == std::string::npos
                                  ? key + " = " + quoted
                                  : '[' + key.substr(0, dot) + "]\n" + key.substr(dot + 1) + " = " + quoted;
