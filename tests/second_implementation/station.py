@@ -1,0 +1,171 @@
+"""The station's end of a session, written from PROTOCOL.md: bytes and times in, bytes out."""
+import collections
+import secrets
+
+import telenano_pb2 as pb
+from rules import LinkTimes, Received, SequenceWindow
+from wire import (BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION, KNOWN_FEATURES, REFUSE_FULL,
+                  REFUSE_SHUTTING_DOWN, VERSION, Drop, decode, encode, features_used, need, set_vector)
+
+MS = 1_000_000
+#: Sums of a command that count from the session's Welcome.
+RUNNING_SUMS = ("energy_in_j", "energy_out_j", "energy_sent_j", "wave_energy_aj", "wave_sum_w_x_sqrt_aj_s",
+                "wave_sum_w_y_sqrt_aj_s", "wave_sum_w_z_sqrt_aj_s")
+
+
+class Station:
+    """States idle, hello_sent, challenged, established, lost, closed, refused, as in section 3.
+
+    Every tick: on_datagram(bytes, now) for what came, then send what poll(now) returns (a Hello, or None), then what
+    command(now, ...) returns (None while there is no session).
+    """
+
+    def __init__(self, rate_hz=1000, features=KNOWN_FEATURES, token=0, versions=(VERSION, VERSION)):
+        self.rate_hz, self.asked, self.token, self.versions = rate_hz, features, token, versions
+        self.state = "idle"
+        self.alive = False  # may commands be sent?
+        self.nonce = self.cookie = 0
+        self.next_hello_ns = self.backoff_ns = self.attempt_ns = 0
+        self.welcome = None
+        self.welcomes = []
+        self.reply = None
+        self.refuse = self.bye = None
+        self.replies = SequenceWindow()
+        self.sent = 0
+        self.first_sums = None
+        self.news_ns = self.handshake_ns = 0
+        self.energy_in_aj, self.energy_out_aj = Received(), Received()
+        self.times = LinkTimes()
+        self.drops = collections.Counter()
+
+    # Handshake
+
+    def start(self, now_ns):
+        self.alive = False
+        self.new_attempt(now_ns)
+        self.state = "hello_sent"
+
+    def new_attempt(self, now_ns):
+        self.nonce, self.cookie = secrets.randbits(64) | 1, 0
+        self.attempt_ns = self.next_hello_ns = now_ns
+        self.backoff_ns = 100 * MS
+
+    def silence_limit_ns(self):
+        explained = self.times.explained_ns() if self.times.samples else self.handshake_ns
+        return max(200 * MS, 2 * explained)
+
+    def poll(self, now_ns):
+        if self.state == "established" and now_ns - self.news_ns > self.silence_limit_ns():
+            self.new_attempt(now_ns)
+            self.state = "lost"
+        if self.state not in ("hello_sent", "challenged", "lost") or now_ns < self.next_hello_ns:
+            return None
+        self.next_hello_ns = now_ns + self.backoff_ns
+        self.backoff_ns = min(2 * self.backoff_ns, 1000 * MS)
+        return encode(pb.Hello(version_min=self.versions[0], version_max=self.versions[1], feature_bits=self.asked,
+                               nonce=self.nonce, cookie=self.cookie, resume_token=self.token, rate_hz=self.rate_hz))
+
+    def on_datagram(self, datagram, now_ns):
+        """The message, if it was accepted."""
+        try:
+            message = decode(datagram)
+            handler = {pb.Challenge: self.on_challenge, pb.Welcome: self.on_welcome, pb.Refuse: self.on_refuse,
+                       pb.Reply: self.on_reply, pb.Bye: self.on_bye}.get(type(message))
+            need(handler is not None, "unknown_type")
+            handler(message, now_ns)
+            return message
+        except Drop as drop:
+            self.drops[drop.cause] += 1
+            return None
+
+    def on_challenge(self, m, now_ns):
+        need(self.state in ("hello_sent", "challenged", "lost"), "unexpected")
+        need(m.nonce == self.nonce, "unauthenticated")
+        need(m.cookie != self.cookie, "duplicate")
+        if self.cookie == 0:  # the first of this attempt at once, later ones with the back-off
+            self.next_hello_ns = now_ns
+            self.backoff_ns = 100 * MS
+        self.cookie = m.cookie
+        if self.state == "hello_sent":
+            self.state = "challenged"
+
+    def on_welcome(self, m, now_ns):
+        need(self.welcome is None or m.session_id != self.welcome.session_id, "duplicate")
+        need(self.state in ("hello_sent", "challenged", "lost", "established") and self.nonce, "unexpected")
+        need(m.nonce == self.nonce, "unauthenticated")
+        need(self.versions[0] <= m.version <= self.versions[1], "wrong_version")
+        need(m.feature_bits & ~self.asked == 0, "out_of_range")
+        if self.welcome is None or m.epoch != self.welcome.epoch:
+            self.energy_in_aj, self.energy_out_aj = Received(), Received()
+            self.times = LinkTimes()
+        self.welcome = m
+        self.welcomes.append(m)
+        self.token = m.resume_token
+        self.alive, self.state, self.nonce = True, "established", 0
+        self.handshake_ns = now_ns - self.attempt_ns
+        self.replies, self.reply, self.sent, self.first_sums = SequenceWindow(), None, 0, None
+        self.news_ns = now_ns
+
+    def on_refuse(self, m, now_ns):
+        need(self.state in ("hello_sent", "challenged", "lost"), "unexpected")
+        need(m.nonce == self.nonce, "unauthenticated")
+        self.refuse = m
+        if self.state == "lost" and m.reason in (REFUSE_FULL, REFUSE_SHUTTING_DOWN):
+            self.backoff_ns = 1000 * MS
+            self.next_hello_ns = now_ns + self.backoff_ns
+        else:
+            self.alive, self.state = False, "refused"
+
+    # Exchange
+
+    def command(self, now_ns, position_w_nm, velocity_w_nm_s=(0, 0, 0), flags=3, **more):
+        """Datagram of the next command; `more` are running sums and other fields by their names."""
+        if not self.alive:
+            return None
+        m = pb.Command(session_id=self.welcome.session_id, send_time_ns=now_ns % (1 << 64),
+                       newest_reply=self.replies.newest, epoch=self.welcome.epoch, flags=flags, **more)
+        if self.first_sums is None:
+            self.first_sums = {name: getattr(m, name) for name in RUNNING_SUMS}
+        for name, first in self.first_sums.items():
+            setattr(m, name, getattr(m, name) - first)
+        self.sent += 1
+        m.sequence = self.sent
+        set_vector(m, "tip_pos_w_{}_nm", position_w_nm)
+        set_vector(m, "tip_vel_w_{}_nm_s", velocity_w_nm_s)
+        assert features_used(m) & ~self.welcome.feature_bits == 0, "a field of a feature that was not agreed"
+        return encode(m)
+
+    def on_reply(self, m, now_ns):
+        need(self.alive, "unexpected")
+        need(m.session_id == self.welcome.session_id, "unknown_session")
+        need(m.epoch == self.welcome.epoch, "wrong_epoch")
+        need(m.command_sequence <= self.sent, "out_of_range")
+        need(features_used(m) & ~self.welcome.feature_bits == 0, "unexpected")
+        self.replies.accept(m.sequence)
+        self.reply, self.news_ns = m, now_ns
+        self.energy_in_aj.update(m.energy_in_aj)
+        self.energy_out_aj.update(m.energy_out_aj)
+        self.times.on_reply(m, now_ns)
+        if self.state == "lost":
+            self.state = "established"
+
+    # End
+
+    def on_bye(self, m, now_ns):
+        need(self.alive, "unexpected")
+        need(m.session_id == self.welcome.session_id, "unknown_session")
+        self.bye = m
+        self.alive = False
+        if m.reason in (BYE_DONE, BYE_STOPPED):
+            self.state = "closed"
+            return
+        assert m.reason in (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION)
+        if self.state != "lost":
+            if self.nonce == 0:
+                self.new_attempt(now_ns)
+            self.next_hello_ns = now_ns + (100 * MS if m.reason == BYE_SHUTTING_DOWN else 0)
+            self.state = "lost"
+
+    def end(self, reason=BYE_DONE):
+        self.alive, self.state = False, "closed"
+        return encode(pb.Bye(session_id=self.welcome.session_id, reason=reason))

@@ -1,0 +1,171 @@
+"""The real station at a Python server over loopback: a spring wall; every command held to the document's rules."""
+import math
+import os
+import threading
+import time
+import unittest
+
+import telenano_pb2 as pb
+from programs import Child, now_ns, udp
+from server import Server, SpringWall
+from wire import BYE_DONE, CLUTCH, DEADMAN, encode, vector
+
+ADDRESS = ("127.0.0.1", 0)
+
+
+class Serving:
+    """A server on a socket, in a thread of its own. kill() is the end of the process: nothing is said, nothing kept."""
+
+    def __init__(self, test, address=ADDRESS, **config):
+        self.server = Server(**config)
+        self.sock = udp(test, address)
+        self.address = self.sock.getsockname()
+        self.sock.settimeout(0.01)
+        self.deaf = self.over = False
+        self.error = None
+        self.thread = threading.Thread(target=self.loop)
+        self.thread.start()
+        test.addCleanup(self.kill)
+
+    def loop(self):
+        try:
+            while not self.over:
+                try:
+                    datagram, peer = self.sock.recvfrom(2048)
+                    if not self.deaf:
+                        answer = self.server.on_datagram(datagram, peer, now_ns())
+                        if answer is not None:
+                            self.sock.sendto(answer, peer)
+                except TimeoutError:
+                    pass
+                if not self.deaf:
+                    self.server.poll(now_ns())
+        except Exception as error:  # pylint: disable=broad-except
+            self.error = error
+
+    def kill(self):
+        self.over = True
+        self.thread.join()
+        self.sock.close()
+
+
+class StationAtThePythonServer(unittest.TestCase):
+    def station(self, serving, *more):
+        host, port = serving.address
+        return Child(self, os.environ["TELENANO_MASTER"], "run", "--quiet", "--server", f"{host}:{port}", "--rt-priority", "0",
+                     *more)
+
+    def ends_well(self, child):
+        self.assertEqual(child.wait(), 0, child.said())
+
+    def sessions_of(self, server):
+        """{session_id: commands} in the order of their coming, each held to the rules of sections 2, 4 and 5."""
+        sessions = {}
+        for session_id, command in server.accepted:
+            sessions.setdefault(session_id, []).append(command)
+        for commands in sessions.values():
+            self.assertEqual(commands[0].energy_in_j + commands[0].energy_out_j, 0, "since the Welcome")
+            for a, b in zip(commands, commands[1:]):
+                self.assertGreater(b.send_time_ns, a.send_time_ns)
+                self.assertGreaterEqual(b.newest_reply, a.newest_reply)
+                self.assertGreaterEqual(b.energy_in_j, a.energy_in_j)
+                self.assertGreaterEqual(b.energy_out_j, a.energy_out_j)
+                self.assertEqual(b.flags & ~7, 0)
+        return sessions
+
+    def test_a_session_presses_the_wall_and_ends(self):
+        serving = Serving(self)
+        child = self.station(serving, "--task", "indent", "--duration-s", "3")
+        self.ends_well(child)
+        time.sleep(0.1)
+        server = serving.server
+        self.assertIsNone(serving.error)
+        (commands,) = self.sessions_of(server).values()
+        # Loopback loses nothing; a tick or two of a busy machine may be skipped, never repeated.
+        numbers = [c.sequence for c in commands]
+        self.assertEqual(numbers, list(range(1, len(numbers) + 1)))
+        self.assertGreater(len(numbers), 1000, "of 3000 ticks, on a machine that does other things too")
+        self.assertGreater(commands[-1].newest_reply, len(numbers) - 100)
+        self.assertEqual({c.epoch for c in commands}, {server.sessions[0].epoch})
+        self.assertEqual(vector(commands[0], "tip_pos_w_{}_nm"), SpringWall.START, "no leap")
+        self.assertIn(CLUTCH | DEADMAN, {c.flags for c in commands})
+        self.assertLess(min(c.tip_pos_w_z_nm for c in commands), -1, "pressed")
+        self.assertTrue(all(math.isfinite(v) for c in commands for v in vector(c, "tip_vel_w_{}_nm_s")))
+        # The wall's book closes: it has given back what was put in, up to what it still holds.
+        slave = server.sessions[0].slave
+        held = slave.force_nn() ** 2 / (2 * slave.k)
+        self.assertAlmostEqual(slave.energy_in_aj - slave.energy_out_aj, held, delta=1e-9 * slave.energy_in_aj)
+        self.assertGreater(slave.energy_in_aj, 0.5)
+        self.assertGreater(commands[-1].energy_in_j, 0)
+        # One Hello, one Challenge, one Welcome; Bye, said more than once.
+        self.assertEqual(server.challenges, 1)
+        self.assertEqual(server.sessions[0].state, "ending")
+        self.assertEqual({cause for cause, n in server.drops.items() if n}, {"duplicate"})
+        self.assertLessEqual(server.drops["duplicate"], 2)
+
+    def test_a_restarted_server_goes_on_in_a_new_epoch(self):
+        first = Serving(self)
+        child = self.station(first, "--task", "indent", "--duration-s", "5")
+        time.sleep(2.5)
+        first.kill()
+        time.sleep(0.6)
+        second = Serving(self, first.address)
+        self.ends_well(child)
+        time.sleep(0.1)
+        self.assertIsNone(first.error or second.error)
+        (before,) = self.sessions_of(first.server).values()
+        (after,) = self.sessions_of(second.server).values()
+        self.assertGreater(len(before), 500)
+        self.assertGreater(len(after), 500)
+        self.assertNotEqual(before[0].epoch, after[0].epoch)
+        self.assertEqual(after[0].sequence, 1)
+        self.assertEqual(vector(after[0], "tip_pos_w_{}_nm"), SpringWall.START, "where the new slave starts")
+        self.assertGreaterEqual(second.server.drops["unknown_session"], 1, "commands of the old session")
+        self.assertEqual({cause for cause, n in second.server.drops.items() if n} - {"unknown_session", "duplicate"}, set())
+
+    def test_a_deaf_server_is_waited_for_in_the_same_book(self):
+        serving = Serving(self, timeout_ms=300)
+        child = self.station(serving, "--task", "indent", "--duration-s", "5")
+        time.sleep(2)
+        serving.deaf = True
+        time.sleep(0.8)
+        serving.deaf = False
+        self.ends_well(child)
+        self.assertIsNone(serving.error)
+        sessions = list(self.sessions_of(serving.server).values())
+        # What was queued during the silence may still belong to the old session; then the token resumes it.
+        self.assertIn(len(sessions), (1, 2))
+        self.assertEqual(len({commands[0].epoch for commands in sessions}), 1)
+        self.assertEqual(len(serving.server.sessions), 1)
+
+    def test_a_server_without_features_is_as_good(self):
+        serving = Serving(self, features=0)
+        self.ends_well(self.station(serving, "--task", "position", "--duration-s", "1"))
+        self.assertEqual(serving.server.drops["unexpected"], 0)
+        self.assertEqual(serving.server.sessions[0].features, 0)
+        self.assertGreater(len(serving.server.accepted), 300)
+
+    def test_refusals_end_the_program_with_one_line(self):
+        for config, word in ((dict(rate_max_hz=500), "500|rate"), (dict(capacity=0), "full|sessions")):
+            serving = Serving(self, **config)
+            child = self.station(serving, "--duration-s", "1")
+            self.assertEqual(child.wait(), 1, child.said())
+            self.assertEqual(len(child.lines), 1, child.said())
+            self.assertRegex(child.said(), word)
+            self.assertIsNone(serving.error)
+
+    def test_a_bye_done_of_the_server_is_final(self):
+        serving = Serving(self)
+        child = self.station(serving, "--duration-s", "20", "--give-up-s", "1")
+        time.sleep(1.5)
+        session = serving.server.sessions[0]
+        serving.sock.sendto(encode(pb.Bye(session_id=session.session_id, reason=BYE_DONE)), session.address)
+        time.sleep(0.3)
+        accepted, challenges = len(serving.server.accepted), serving.server.challenges
+        self.assertEqual(child.wait(), 1, child.said())
+        self.assertEqual(len(serving.server.accepted), accepted, "no command after it")
+        self.assertEqual((challenges, serving.server.challenges), (1, 1), "nor a Hello")
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,302 @@
+"""A Python station at the real server over loopback: every reply held to the document's rules."""
+import math
+import time
+import unittest
+
+import telenano_pb2 as pb
+from programs import counted, now_ns, serve, udp
+from station import Station
+from wire import (FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, KNOWN_FEATURES, Drop, decode, encode, vector)
+
+RATE_HZ = 200
+ALL = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL
+
+
+class Client:
+    """A station on a socket; keeps commanded positions and accepted replies."""
+
+    def __init__(self, test, server, **config):
+        self.test, self.server = test, server
+        self.sock = udp(test)
+        self.station = Station(rate_hz=RATE_HZ, **config)
+        self.commanded = {}  # position and time by sequence
+        self.replies = []
+
+    def receive(self, timeout_s):
+        """Everything that comes within that time goes to the station; the accepted messages."""
+        end = time.monotonic() + timeout_s
+        accepted = []
+        while True:
+            self.sock.settimeout(max(end - time.monotonic(), 1e-6))
+            try:
+                datagram = self.sock.recv(2048)
+            except (TimeoutError, BlockingIOError):
+                return accepted
+            message = self.station.on_datagram(datagram, now_ns())
+            if isinstance(message, pb.Reply):
+                self.check(message)
+            if message is not None:
+                accepted.append(message)
+
+    def send(self, datagram):
+        if datagram is not None:
+            self.sock.sendto(datagram, self.server)
+
+    def connect(self):
+        if self.station.state == "idle":
+            self.station.start(now_ns())
+        for _ in range(1000):
+            self.send(self.station.poll(now_ns()))
+            self.receive(0.005)
+            if self.station.state == "established":
+                return self.station.welcome
+        raise AssertionError(self.station.state)
+
+    def tick(self, position, **more):
+        at = now_ns()
+        self.send(self.station.poll(at))
+        datagram = self.station.command(at, position, **more)
+        if datagram is not None:
+            self.commanded[self.station.sent] = (position, at)
+            self.send(datagram)
+
+    def run(self, path, duration_s, **more):
+        """Commands at RATE_HZ along path(seconds)."""
+        start = time.monotonic()
+        for k in range(int(duration_s * RATE_HZ)):
+            self.tick(path(k / RATE_HZ), **more)
+            self.receive(max(start + (k + 1) / RATE_HZ - time.monotonic(), 0))
+        self.receive(0.1)
+
+    def check(self, r):
+        """What sections 2, 4 and 5 say about a reply beyond what makes the station drop it."""
+        t, w, now = self.test, self.station.welcome, now_ns()
+        position, sent_ns = self.commanded[r.command_sequence]
+        t.assertEqual(r.command_send_time_ns, sent_ns)
+        t.assertLessEqual(r.hold_time_ns, now - sent_ns)
+        t.assertEqual(r.measurement_age_ns, 0, "computed for this command")
+        t.assertEqual(r.fault_bits & ~0x3F, 0)
+        t.assertTrue(all(map(math.isfinite, vector(r, "force_w_{}_nn"))))
+        t.assertLessEqual(math.hypot(*vector(r, "force_w_{}_nn")), w.force_max_nn * 1.01)
+        if self.replies and self.replies[-1].session_id == r.session_id:
+            last = self.replies[-1]
+            t.assertGreater(r.command_sequence, last.command_sequence)
+            t.assertGreater(r.server_time_ns, last.server_time_ns)
+        if self.replies and self.replies[-1].epoch == r.epoch:
+            t.assertGreaterEqual(r.energy_in_aj, self.replies[-1].energy_in_aj)
+            t.assertGreaterEqual(r.energy_out_aj, self.replies[-1].energy_out_aj)
+        self.replies.append(r)
+
+
+def indent(start, depth_nm, duration_s):
+    """From the start down to `depth_nm` below the surface and back."""
+    x, y, top = start
+    return lambda t: (x, y, top - (top + depth_nm) * 0.5 * (1 - math.cos(2 * math.pi * t / duration_s)))
+
+
+def hello(nonce, cookie=0, **more):
+    return encode(pb.Hello(**{**dict(version_min=1, version_max=1, nonce=nonce, cookie=cookie, rate_hz=RATE_HZ), **more}))
+
+
+class StationAtTheServer(unittest.TestCase):
+    def setUp(self):
+        self.start_server("--timeout-ms", "5000")  # a test that waits for silence on a busy machine is not silent itself
+
+    def start_server(self, *more):
+        self.child, self.server = serve(self, "flat_pdms", *more)
+
+    def end(self):
+        self.assertEqual(self.child.stop(), 0, self.child.said())
+        return self.child.said()
+
+    def ask(self, sock, datagram, timeout_s=0.3):
+        """The answer to one datagram; None if there is none."""
+        sock.sendto(datagram, self.server)
+        sock.settimeout(timeout_s)
+        try:
+            answer = sock.recv(2048)
+        except TimeoutError:
+            return None
+        self.assertLessEqual(len(answer), max(len(datagram), 327))
+        return decode(answer)
+
+    def test_a_session_indents_and_every_reply_keeps_the_rules(self):
+        client = Client(self, self.server)
+        w = client.connect()
+        self.assertEqual((w.version, w.feature_bits & ~ALL, w.scene_name), (1, 0, b"flat_pdms"))
+        start = vector(w, "start_pos_w_{}_nm")
+        self.assertEqual(start, (0, 0, 20))
+        client.run(indent(start, 8, 2.5), 2.5)
+        self.assertEqual(len(client.replies), 500, "loopback loses nothing")
+        self.assertEqual([r.sequence for r in client.replies], list(range(1, 501)))
+        self.assertEqual([r.command_sequence for r in client.replies], list(range(1, 501)))
+        self.assertEqual({r.contact_state for r in client.replies} & {1, 3}, {1, 3}, "attracted, pressed")
+        self.assertTrue(all(r.fault_bits == 0 for r in client.replies))
+        # Energy put in is the work at the commanded end, −∫F·dx. The trapezium rule errs by at most ½|ΔF||Δx| a step where
+        # the force does not leave the range between its ends.
+        work = bound = 0.0
+        for a, b in zip(client.replies, client.replies[1:]):
+            dz = client.commanded[b.command_sequence][0][2] - client.commanded[a.command_sequence][0][2]
+            work -= 0.5 * (a.force_w_z_nn + b.force_w_z_nn) * dz
+            bound += 0.5 * abs(b.force_w_z_nn - a.force_w_z_nn) * abs(dz)
+            first, last = client.replies[0], b
+            book = (last.energy_in_aj - last.energy_out_aj) - (first.energy_in_aj - first.energy_out_aj)
+            self.assertLess(abs(book - work), bound + 1e-6)
+        self.assertGreater(client.replies[-1].energy_in_aj, 50)
+        self.assertLess(bound, 0.1 * client.replies[-1].energy_in_aj, "or the comparison above says little")
+        # Back at the start, where as much is stored as before: what came out went in, and snap-in and pull-off cost.
+        self.assertGreater(work, bound)
+        self.assertEqual(sum(client.station.drops.values()), 0)
+        self.assertLess(client.station.times.srtt_ns, 20e6)
+        self.assertLess(abs(client.station.times.offset_ns()), 20e6, "one machine, one monotonic clock")
+        client.send(client.station.end())
+        self.assertIn("500 exchanges in 1 sessions (0 resumed); dropped: none", self.end())
+
+    def test_cookies(self):
+        mine, other = udp(self), udp(self)
+        challenge = self.ask(mine, hello(7))
+        self.assertEqual((type(challenge), challenge.nonce), (pb.Challenge, 7))
+        for sock, nonce, cookie in ((mine, 7, challenge.cookie ^ 1), (other, 7, challenge.cookie), (mine, 8, challenge.cookie)):
+            answer = self.ask(sock, hello(nonce, cookie))
+            self.assertEqual((type(answer), answer.nonce), (pb.Challenge, nonce), "not a session")
+        welcome = self.ask(mine, hello(7, challenge.cookie))
+        self.assertIsInstance(welcome, pb.Welcome)
+        self.assertEqual(self.ask(mine, hello(7, challenge.cookie)), welcome, "the first was lost: the same again")
+        self.assertEqual(counted(self.end()), {"unauthenticated": 3})
+
+    def test_refusals_and_features(self):
+        sock = udp(self)
+        refuse = self.ask(sock, hello(1, version_min=2, version_max=9))
+        self.assertEqual((refuse.nonce, refuse.reason, refuse.version_min, refuse.version_max), (1, 1, 1, 1))
+        cookie = self.ask(sock, hello(2, rate_hz=8001)).cookie
+        refuse = self.ask(sock, hello(2, cookie, rate_hz=8001))
+        self.assertEqual((refuse.nonce, refuse.reason), (2, 3))
+        for nonce, asked in enumerate((0, 1, 2, 3, 1 << 63 | 1), start=10):
+            cookie = self.ask(sock, hello(nonce)).cookie
+            welcome = self.ask(sock, hello(nonce, cookie, feature_bits=asked))
+            self.assertEqual(welcome.feature_bits, asked & KNOWN_FEATURES)
+        self.assertEqual(counted(self.end()), {"wrong_version": 1, "out_of_range": 1})
+
+    def test_fields_of_features(self):
+        for features, answered in ((ALL, True), (FEATURE_LOCAL_MODEL, False)):
+            client = Client(self, self.server, features=features)
+            w = client.connect()
+            command = pb.Command(session_id=w.session_id, sequence=1, epoch=w.epoch, flags=3, method=5,
+                                 energy_scale_aj_j=1e17, tip_pos_w_z_nm=20)
+            answer = self.ask(client.sock, encode(command))
+            self.assertEqual(isinstance(answer, pb.Reply), answered)
+        self.assertEqual(counted(self.end()), {"unexpected": 1})
+
+    def test_what_is_late_repeated_or_not_ours_is_dropped(self):
+        client = Client(self, self.server)
+        w = client.connect()
+        other = udp(self)
+
+        def command(sequence, sock=client.sock, **changes):
+            message = pb.Command(session_id=w.session_id, sequence=sequence, send_time_ns=sequence * 5_000_000, epoch=w.epoch,
+                                 flags=3, tip_pos_w_z_nm=20)
+            for name, value in changes.items():
+                setattr(message, name, value)
+            return self.ask(sock, encode(message), 0.1)
+
+        self.assertEqual(command(10).sequence, 1)
+        self.assertIsNone(command(10), "duplicate")
+        self.assertIsNone(command(5), "stale")
+        self.assertIsNone(command(5), "duplicate of a stale one")
+        self.assertIsNone(command(10 + (1 << 32) + 1), "a leap")
+        self.assertIsNone(command(11, epoch=w.epoch ^ 1), "another book")
+        self.assertIsNone(command(11, newest_reply=2), "a reply that was never sent")
+        self.assertIsNone(command(11, sock=other), "another address")
+        bye = command(11, session_id=w.session_id ^ (1 << 40))
+        self.assertEqual((type(bye), bye.reason, bye.session_id), (pb.Bye, 5, w.session_id ^ (1 << 40)))
+        self.assertEqual(command(11, newest_reply=1).sequence, 2, "none of them did harm")
+        self.assertEqual(command(11 + (1 << 32)).sequence, 3, "the largest leap")
+        self.assertEqual(counted(self.end()), {"duplicate": 2, "stale": 1, "out_of_range": 2, "wrong_epoch": 1,
+                                               "unauthenticated": 1, "unknown_session": 1})
+
+    def test_silence_retracts_and_the_token_resumes(self):
+        self.start_server()
+        client = Client(self, self.server)
+        first = client.connect()
+        self.assertEqual(first.timeout_ms, 500, "of the scene")
+        start = vector(first, "start_pos_w_{}_nm")
+        down = indent(start, 8, 2.0)
+        client.run(down, 1.0)  # half of the way: pressed
+        pressed = client.replies[-1]
+        self.assertEqual(pressed.contact_state, 3)
+        time.sleep(0.8)
+        client.tick(down(1.0))
+        byes = [m for m in client.receive(0.2) if isinstance(m, pb.Bye)]
+        self.assertEqual([(b.reason, b.session_id) for b in byes], [(2, first.session_id)], "idle")
+        self.assertEqual((client.station.state, client.station.alive), ("lost", False))
+        second = client.connect()
+        self.assertNotEqual(second.session_id, first.session_id)
+        self.assertEqual((second.epoch, second.resume_token), (first.epoch, first.resume_token))
+        held = vector(second, "start_pos_w_{}_nm")
+        self.assertGreater(held[2], down(1.0)[2] + 10, "it has withdrawn, 1000 nm/s")
+        client.run(lambda t: held, 0.2)
+        resumed = client.replies[-1]
+        self.assertEqual(resumed.fault_bits & FAULT_RETRACTED, 0, "it follows again")
+        self.assertNotEqual(resumed.contact_state, 3)
+        self.assertGreaterEqual(resumed.energy_in_aj, pressed.energy_in_aj, "one book")
+        # From another address while it is active: it roams, and the old address and id are unknown.
+        roaming = Client(self, self.server, token=second.resume_token)
+        third = roaming.connect()
+        self.assertEqual((third.epoch, third.resume_token), (first.epoch, first.resume_token))
+        self.assertEqual(vector(third, "start_pos_w_{}_nm"), held, "what the slave holds")
+        roaming.run(lambda t: held, 0.2)
+        self.assertGreaterEqual(roaming.replies[-1].energy_in_aj, resumed.energy_in_aj)
+        client.tick(held)
+        self.assertEqual([m.reason for m in client.receive(0.2) if isinstance(m, pb.Bye)], [5])
+        said = self.end()
+        self.assertIn("(2 resumed)", said)
+        self.assertEqual(counted(said), {"unexpected": 1, "unknown_session": 1})
+
+    def test_after_a_bye_the_token_is_worth_nothing(self):
+        client = Client(self, self.server)
+        first = client.connect()
+        client.run(lambda t: (0, 0, 20), 0.1)
+        for _ in range(3):
+            client.send(client.station.end())
+        again = Client(self, self.server, token=first.resume_token)
+        second = again.connect()
+        self.assertNotEqual(second.epoch, first.epoch)
+        self.assertNotEqual(second.resume_token, first.resume_token)
+        late = pb.Command(session_id=first.session_id, sequence=1000, epoch=first.epoch)
+        self.assertIsNone(self.ask(client.sock, encode(late)), "ending: not answered")
+        time.sleep(2.2)
+        self.assertEqual(self.ask(client.sock, encode(late)).reason, 5, "its slot is free")
+        self.assertEqual(counted(self.end()), {"duplicate": 2, "unexpected": 1, "unknown_session": 1})
+
+    def test_shutting_down_says_bye(self):
+        client = Client(self, self.server)
+        client.connect()
+        client.run(lambda t: (0, 0, 20), 0.1)
+        self.end()
+        self.assertEqual([m.reason for m in client.receive(0.2) if isinstance(m, pb.Bye)], [3])
+        self.assertEqual((client.station.state, client.station.alive), ("lost", False))
+
+    def test_nonsense_is_counted_by_cause_and_not_answered(self):
+        client = Client(self, self.server)
+        w = client.connect()
+        good = encode(pb.Command(session_id=w.session_id, sequence=1, epoch=w.epoch, flags=3, tip_pos_w_z_nm=20))
+        nan = encode(pb.Command(session_id=w.session_id, sequence=1, epoch=w.epoch, tip_pos_w_z_nm=math.nan))
+        negative = encode(pb.Command(session_id=w.session_id, sequence=1, epoch=w.epoch, energy_in_j=-1))
+        bads = [bytes(513), b"", good[:-1], good + b"\0", b"X" + good[1:], good[:4] + b"\2" + good[5:],
+                good[:5] + b"\x09" + good[6:], hello(5)[:100], good[:-9] + b"\x12" + good[-8:], nan, negative,
+                encode(pb.Reply(session_id=w.session_id, sequence=1, command_sequence=1, epoch=w.epoch))]
+        expected = {}
+        for bad in bads:
+            try:
+                decode(bad)
+                cause = "unknown_type"  # of the other side
+            except Drop as drop:
+                cause = drop.cause
+            expected[cause] = expected.get(cause, 0) + 1
+            client.sock.sendto(bad, self.server)
+        self.assertEqual(type(self.ask(client.sock, good)), pb.Reply)
+        self.assertEqual(counted(self.end()), expected)
+
+
+if __name__ == "__main__":
+    unittest.main()

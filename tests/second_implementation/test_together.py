@@ -1,0 +1,160 @@
+"""Both Python ends in virtual time over a bad link: the state machines of the document fit each other."""
+import heapq
+import random
+import unittest
+
+from server import Server
+from station import MS, Station
+from wire import BYE_DONE, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, vector
+
+HERE = ("127.0.0.1", 5101)
+
+
+class Link:
+    """A tick a millisecond; datagrams take `delay_ms` ± half of it, some are lost or doubled."""
+
+    def __init__(self, station, server, seed=1, delay_ms=5, loss=0.0, double=0.0):
+        self.station, self.server = station, server
+        self.random = random.Random(seed)
+        self.delay_ms, self.loss, self.double = delay_ms, loss, double
+        self.now_ns, self.count, self.up = 0, 0, True
+        self.queue = []
+        self.target = (0.0, 0.0, -3.0)
+        self.energy_in_j = 0.0
+
+    def send(self, datagram, to_server):
+        for _ in range(2 if self.random.random() < self.double else 1):
+            if datagram is None or not self.up or self.random.random() < self.loss:
+                continue
+            self.count += 1
+            delay = self.delay_ms * (0.5 + self.random.random()) * MS
+            heapq.heappush(self.queue, (self.now_ns + int(delay), self.count, to_server, datagram))
+
+    def ticks(self, count):
+        for _ in range(count):
+            end_ns = self.now_ns + MS
+            while self.queue and self.queue[0][0] <= end_ns:
+                self.now_ns, _, to_server, datagram = heapq.heappop(self.queue)
+                if not to_server:
+                    self.station.on_datagram(datagram, self.now_ns)
+                elif self.server is not None:
+                    self.send(self.server.on_datagram(datagram, HERE, self.now_ns), False)
+            self.now_ns = end_ns
+            if self.server is not None:
+                self.server.poll(end_ns)
+            self.send(self.station.poll(end_ns), True)
+            self.send(self.station.command(end_ns, self.target, energy_in_j=self.energy_in_j), True)
+
+
+class Together(unittest.TestCase):
+    def test_a_session_comes_up_and_goes_on_under_loss_doubling_and_reordering(self):
+        for seed in range(5):
+            station, server = Station(), Server()
+            link = Link(station, server, seed, delay_ms=10, loss=0.3, double=0.2)
+            station.start(0)
+            link.ticks(4000)
+            self.assertTrue(station.alive, seed)
+            self.assertGreater(station.replies.newest, 500)
+            self.assertEqual(station.energy_in_aj.value, 4.5)  # ½·1·3²
+            self.assertEqual(vector(station.reply, "force_w_{}_nn"), (0, 0, 3))
+            self.assertGreater(server.drops["stale"], 100)
+            self.assertGreater(server.drops["duplicate"], 100)
+
+    def test_features_are_those_of_both(self):
+        for asked in range(4):
+            for granted in range(4):
+                station, server = Station(features=asked | 1 << 50), Server(features=granted)
+                link = Link(station, server)
+                station.start(0)
+                link.ticks(50)
+                self.assertEqual(station.welcome.feature_bits, asked & granted)
+                self.assertEqual(server.drops["unexpected"] + station.drops["out_of_range"], 0)
+
+    def test_fields_without_their_feature_are_unexpected(self):
+        for granted, expected in ((FEATURE_LOCAL_MODEL, 1), (FEATURE_PORT_CONTROL, 0)):
+            station, server = Station(), Server(features=granted)
+            link = Link(station, server)
+            station.start(0)
+            link.ticks(50)
+            station.welcome.feature_bits = 3  # a station that does not keep to it
+            link.send(station.command(link.now_ns, (0, 0, 0), method=2), True)
+            link.ticks(20)
+            self.assertEqual(server.drops["unexpected"], expected)
+
+    def test_a_short_outage_needs_no_handshake_a_long_one_resumes(self):
+        station, server = Station(), Server(timeout_ms=700)
+        link = Link(station, server)
+        station.start(0)
+        link.ticks(300)
+        link.energy_in_j = 5.0
+        link.up = False
+        link.ticks(450)
+        self.assertEqual(station.state, "lost")
+        link.up = True
+        link.ticks(1500)
+        self.assertEqual((station.state, len(station.welcomes)), ("established", 1))
+        self.assertEqual(server.sessions[0].energy_in_j.value, 5.0)
+        link.up = False
+        link.ticks(2000)
+        self.assertEqual(server.sessions[0].state, "silent")
+        link.up = True
+        link.ticks(2500)
+        first, second = station.welcomes
+        self.assertEqual((station.state, second.epoch, second.resume_token),
+                         ("established", first.epoch, first.resume_token))
+        self.assertNotEqual(second.session_id, first.session_id)
+        self.assertEqual(server.sessions[0].energy_in_j.value, 0.0, "counts from the Welcome")
+        self.assertGreaterEqual(station.energy_in_aj.value, 9.0, "the slave's book goes on: pressed twice")
+
+    def test_a_restarted_server_is_a_new_epoch(self):
+        station, link = Station(), None
+        link = Link(station, Server())
+        station.start(0)
+        link.ticks(300)
+        link.server = None
+        link.ticks(400)
+        link.server = Server()
+        link.ticks(2000)
+        first, second = station.welcomes
+        self.assertEqual(station.state, "established")
+        self.assertNotEqual(first.epoch, second.epoch)
+        self.assertEqual(station.energy_in_aj.value, 4.5)
+        self.assertEqual(station.bye.reason, 5)
+
+    def test_shutting_down_and_bye(self):
+        station, server = Station(), Server()
+        link = Link(station, server)
+        station.start(0)
+        link.ticks(300)
+        for datagram, _ in server.byes():
+            link.send(datagram, False)
+        link.ticks(500)
+        self.assertEqual((station.state, station.alive, station.refuse.reason), ("lost", False, 4))
+        link.server = Server()
+        link.ticks(2000)
+        self.assertEqual(station.state, "established")
+        link.send(station.end(BYE_DONE), True)
+        link.ticks(20)
+        self.assertEqual(link.server.sessions[0].state, "ending")
+        link.ticks(2001)
+        self.assertEqual(link.server.sessions, [])
+
+    def test_refusals_are_final_for_a_new_session(self):
+        for station, reason in ((Station(versions=(2, 3)), 1), (Station(rate_hz=8001), 3)):
+            link = Link(station, Server())
+            station.start(0)
+            link.ticks(100)
+            self.assertEqual((station.state, station.refuse.reason), ("refused", reason))
+
+    def test_clock_of_the_link(self):
+        station = Station()
+        link = Link(station, Server(), delay_ms=8)
+        station.start(0)
+        link.ticks(2000)
+        # 4 to 12 ms each way, both clocks the same: the offset is within half of the best round trip.
+        self.assertTrue(8 * MS < station.times.srtt_ns < 24 * MS)
+        self.assertLess(abs(station.times.offset_ns()), 6 * MS)
+
+
+if __name__ == "__main__":
+    unittest.main()

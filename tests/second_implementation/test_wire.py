@@ -1,0 +1,229 @@
+"""The wire form: the document against telenano.proto, golden datagrams both ways, every drop cause of a single datagram."""
+import math
+import os
+import pathlib
+import re
+import struct
+import unittest
+
+import telenano_pb2 as pb
+from wire import ANY_VERSION, FIELDS, HEADER, TYPES, Drop, decode, encode, features_used, scan
+
+PROTO = pathlib.Path(os.environ["TELENANO_SOURCE_DIR"]) / "proto"
+GOLDEN = PROTO / "golden"
+
+ID = {"nonce": 0x1112131415161718, "cookie": 0x2122232425262728, "resume_token": 0x3132333435363738,
+      "session_id": 0x4142434445464740}
+
+
+def xyz(pattern, *values):
+    return {pattern.format(axis): value for axis, value in zip("xyz", values)}
+
+
+COMMAND = dict(session_id=ID["session_id"], sequence=1001, send_time_ns=123456789012345, newest_reply=990, epoch=7, flags=3,
+               **xyz("tip_vel_w_{}_nm_s", 10, -20, 30.5), **xyz("tip_pos_w_{}_nm", 1.125, -2.25, 3.5), energy_in_j=1 / 32,
+               energy_out_j=1 / 64)
+REPLY = dict(session_id=ID["session_id"], sequence=999, command_sequence=1001, command_send_time_ns=123456789012345,
+             server_time_ns=987654321, hold_time_ns=1500, measurement_age_ns=250, epoch=7, contact_state=3, fault_bits=2,
+             **xyz("force_w_{}_nn", 0.5, -0.25, 12.75), **xyz("tip_pos_w_{}_nm", 1, -2, 3.25), deflection_nm=6.375,
+             energy_in_aj=4096.5, energy_out_aj=1024.25)
+#: What the golden files hold, from tests/unit/link/golden_messages.h, by the names of the document.
+VALUES = {
+    "hello": pb.Hello(version_min=1, version_max=1, feature_bits=0x0102030405060708, nonce=ID["nonce"],
+                      cookie=ID["cookie"], resume_token=ID["resume_token"], rate_hz=4000),
+    "challenge": pb.Challenge(nonce=ID["nonce"], cookie=ID["cookie"]),
+    "welcome": pb.Welcome(version=1, nonce=ID["nonce"], session_id=ID["session_id"], resume_token=ID["resume_token"],
+                          epoch=7, timeout_ms=2000, slave_rate_max_hz=8000, scene_name=b"flakes",
+                          scene_hash=0x5152535455565758, **xyz("workspace_min_w_{}_nm", -300, -300.5, -50),
+                          **xyz("workspace_max_w_{}_nm", 300, 300.5, 500), **xyz("start_pos_w_{}_nm", 1.5, -2.5, 80),
+                          surface_z_w_nm=12.25, force_max_nn=1000, coupling_stiffness_n_m=0.75,
+                          coupling_damping_n_s_m=0.0625, stiffness_min_n_m=-0.375),
+    "refuse": pb.Refuse(nonce=ID["nonce"], reason=1, version_min=1, version_max=1),
+    "command": pb.Command(**COMMAND),
+    "reply": pb.Reply(**REPLY),
+    "bye": pb.Bye(session_id=ID["session_id"], reason=1),
+    "command_with_features": pb.Command(
+        **COMMAND, method=4, energy_scale_aj_j=2.5e17, energy_sent_j=1 / 128,
+        **xyz("wave_sum_w_{}_sqrt_aj_s", -5.5, 6.25, -7.125), wave_energy_aj=8192.5, wave_impedance_n_s_m=1 / 256),
+    "reply_with_features": pb.Reply(
+        **REPLY, energy_sent_aj=512.5, **xyz("wave_sum_w_{}_sqrt_aj_s", 1.5, -2.75, 3.875), wave_energy_aj=256.25,
+        model_version=42, **xyz("model_point_w_{}_nm", 11, -12.5, 13.25),
+        **xyz("model_normal_w_{}", 0.75, -0.5, math.sqrt(3) / 4), model_stiffness_n_m=0.625, model_adhesion_nn=17.5,
+        model_shear_stiffness_n_m=0.3125, model_friction_nn=2.25),
+}
+
+
+def golden(name):
+    return (GOLDEN / (name + ".bin")).read_bytes()
+
+
+def without_padding(message):
+    copy = type(message)()
+    copy.CopyFrom(message)
+    if isinstance(copy, pb.Hello):
+        copy.ClearField("padding")
+    return copy
+
+
+def cause(datagram):
+    try:
+        decode(datagram)
+    except Drop as drop:
+        return drop.cause
+    return None
+
+
+def document_tables():
+    """{message: {number: (name, type)}} of section 2, ranges and {x,y,z} written out."""
+    text = (PROTO / "PROTOCOL.md").read_text(encoding="utf-8")
+    tables = {}
+    for title, body in re.findall(r"^### \d (\w+)[^\n]*\n(.*?)(?=^##)", text, re.M | re.S):
+        fields = tables[title] = {}
+        for numbers, names, kind in re.findall(r"^\| ([\d,– ]+) \| ([^|]+) \| (\w+) \|", body, re.M):
+            first, *rest = [int(n) for n in re.findall(r"\d+", numbers)]
+            last = rest[-1] if rest else first
+            if "{x,y,z}" in names:
+                names = [names.strip().replace("{x,y,z}", axis) for axis in "xyz"]
+            else:
+                names = [name.strip() for name in names.split(",")]
+            assert len(names) == last - first + 1, (title, numbers, names)
+            for number, name in zip(range(first, last + 1), names):
+                fields[number] = (name, kind)
+    return tables
+
+
+class Document(unittest.TestCase):
+    def test_its_tables_are_telenano_proto(self):
+        tables = document_tables()
+        names = {getattr(type(pb.Hello.DESCRIPTOR.fields[0]), "TYPE_" + kind.upper()): kind
+                 for kind in ("fixed32", "fixed64", "double", "bytes")}
+        self.assertEqual(set(tables), {cls.DESCRIPTOR.name for cls in TYPES.values()})
+        for cls in TYPES.values():
+            descriptor = cls.DESCRIPTOR
+            self.assertEqual(tables[descriptor.name], {f.number: (f.name, names[f.type]) for f in descriptor.fields})
+
+    def test_its_largest_datagrams(self):
+        # Every field there, none left out as zero: 201 and 327 bytes.
+        for cls, size in ((pb.Command, 201), (pb.Reply, 327)):
+            total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8) for n, wire in FIELDS[cls].items())
+            self.assertEqual(total, size)
+            self.assertIn(f"At most {size} bytes", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
+            self.assertLessEqual(total, 512)
+
+
+class Golden(unittest.TestCase):
+    def test_all_files_are_known(self):
+        self.assertEqual({path.stem for path in GOLDEN.glob("*.bin")}, set(VALUES))
+
+    def test_files_decode_to_their_values(self):
+        for name, value in VALUES.items():
+            with self.subTest(name):
+                self.assertEqual(without_padding(decode(golden(name))), value)
+
+    def test_values_encode_to_the_files(self):
+        # Compared after decoding, as the document asks; these two libraries even agree in every byte.
+        for name, value in VALUES.items():
+            with self.subTest(name):
+                self.assertEqual(without_padding(decode(encode(value))), value)
+                self.assertEqual(encode(value), golden(name))
+
+    def test_the_worked_exchange_of_the_document(self):
+        text = (PROTO / "PROTOCOL.md").read_text(encoding="utf-8")
+        block = re.search(r"`golden/command.bin`\):\n\n```\n(.*?)```", text, re.S).group(1)
+        hexadecimal = "".join("".join(re.findall(r"\b[0-9a-f]{2,16}\b", re.split(r"\s{3,}", line)[0]))
+                              for line in block.splitlines())
+        self.assertEqual(bytes.fromhex(hexadecimal), golden("command"))
+
+    def test_features_used(self):
+        used = {name: features_used(value) for name, value in VALUES.items()}
+        self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3})
+
+
+class Causes(unittest.TestCase):
+    """Section 8, for one datagram alone."""
+
+    def test_of_the_header(self):
+        good = golden("bye")
+        for bad, expected in ((good + bytes(500), "oversize"), (good[:7], "truncated"), (b"", "truncated"),
+                              (b"TLNX" + good[4:], "bad_magic"), (good[:4] + b"\2" + good[5:], "wrong_version"),
+                              (good[:5] + b"\0" + good[6:], "unknown_type"), (good[:5] + b"\x08" + good[6:], "unknown_type"),
+                              (good[:-1], "truncated"), (good + b"\0", "bad_length"), (golden("hello")[:400], "truncated")):
+            self.assertEqual(cause(bad), expected, bad[:10])
+        short_hello = b"TLNO\1\1" + struct.pack("<H", 100) + bytes([0x7A, 98]) + bytes(98)
+        self.assertEqual(cause(short_hello), "bad_length")
+
+    def test_a_hello_and_a_refuse_of_any_version_are_read(self):
+        for name, value in VALUES.items():
+            data = golden(name)
+            other = data[:4] + b"\x63" + data[5:]
+            self.assertEqual(cause(other), None if type(value) in ANY_VERSION else "wrong_version", name)
+
+    def test_of_fields(self):
+        def bye(payload):
+            return cause(b"TLNO\1\7" + struct.pack("<H", len(payload)) + payload)
+
+        good = golden("bye")[8:]
+        self.assertIsNone(bye(good))
+        self.assertIsNone(bye(good[9:] + good[:9]), "any order")
+        for bad in (good + b"\x1d\1\0\0\0", good + good[9:], good[:-1], b"\x89\0" + good[1:], b"\x08\1", good + b"\x80",
+                    good + b"\0", good + b"\x22\1\0"):
+            self.assertEqual(bye(bad), "malformed_field", bad)
+        # The length of a byte string, too, only in its shortest form.
+        name = golden("welcome").replace(b"\x4a\x06flakes", b"\x4a\x86\0flakes")
+        name = name[:6] + struct.pack("<H", len(name) - 8) + name[8:]
+        self.assertEqual(cause(name), "malformed_field")
+        with self.assertRaises(Drop):
+            scan(b"\x4a\x31" + bytes(49), pb.Welcome)
+
+    def changed(self, name, **values):
+        message = type(VALUES[name])()
+        message.CopyFrom(VALUES[name])
+        for field, value in values.items():
+            setattr(message, field, value)
+        return cause(encode(message))
+
+    def test_of_numbers_that_are_none(self):
+        for name, value in VALUES.items():
+            for field in value.DESCRIPTOR.fields:
+                if isinstance(getattr(value, field.name), float):
+                    for bad in (math.nan, math.inf, -math.inf):
+                        self.assertEqual(self.changed(name, **{field.name: bad}), "non_finite", field.name)
+
+    def test_of_ranges(self):
+        zero = {"hello": {"nonce"}, "challenge": {"nonce", "cookie"},
+                "welcome": {"version", "nonce", "session_id", "epoch", "timeout_ms"}, "refuse": {"nonce", "reason"},
+                "command": {"sequence"}, "reply": {"sequence", "command_sequence"}, "bye": {"session_id", "reason"}}
+        zero["command_with_features"] = zero["command"] | {"energy_scale_aj_j", "wave_impedance_n_s_m"}
+        zero["reply_with_features"] = zero["reply"]
+        not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
+                        "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
+                        "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",
+                        "model_shear_stiffness_n_m", "model_friction_nn"}
+        for name, value in VALUES.items():
+            for field in value.DESCRIPTOR.fields:
+                # Padding is no value; ranges between fields stand below.
+                if field.name.startswith(("padding", "version_m", "workspace", "model_normal")):
+                    continue
+                expected = "out_of_range" if field.name in zero[name] else None
+                default = b"" if field.name == "scene_name" else 0
+                self.assertEqual(self.changed(name, **{field.name: default}), expected, (name, field.name))
+                if isinstance(getattr(value, field.name), float):
+                    expected = "out_of_range" if field.name in not_negative else None
+                    self.assertEqual(self.changed(name, **{field.name: -1.5}), expected, (name, field.name))
+        for name in ("hello", "refuse"):
+            self.assertEqual(self.changed(name, version_min=0), "out_of_range")
+            self.assertEqual(self.changed(name, version_min=2), "out_of_range")
+            self.assertIsNone(self.changed(name, version_max=2))
+        self.assertEqual(self.changed("command_with_features", method=7), "out_of_range")
+        self.assertEqual(self.changed("reply", contact_state=4), "out_of_range")
+        self.assertEqual(self.changed("refuse", reason=5), "out_of_range")
+        self.assertEqual(self.changed("bye", reason=6), "out_of_range")
+        self.assertEqual(self.changed("welcome", workspace_min_w_x_nm=301), "out_of_range")
+        self.assertEqual(self.changed("reply_with_features", model_normal_w_x=0.76), "out_of_range")
+        no_normal = dict.fromkeys(("model_normal_w_x", "model_normal_w_y", "model_normal_w_z"), 0)
+        self.assertEqual(self.changed("reply_with_features", **no_normal), "out_of_range")
+        self.assertIsNone(self.changed("reply_with_features", **no_normal, model_version=0))
+
+
+if __name__ == "__main__":
+    unittest.main()

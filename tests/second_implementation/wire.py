@@ -1,0 +1,188 @@
+"""Datagrams of the Telenano protocol, written from PROTOCOL.md sections 1, 2 and 8.
+
+Header, check of every tag and the ranges are here; only the payload's values go through telenano_pb2, which protoc makes
+from telenano.proto. A received datagram is a message or a Drop with its cause.
+"""
+import math
+import struct
+
+import telenano_pb2 as pb
+
+MAGIC = b"TLNO"
+VERSION = 1
+MAX_BYTES = 512
+HEADER = struct.Struct("<4sBBH")
+TYPES = {1: pb.Hello, 2: pb.Challenge, 3: pb.Welcome, 4: pb.Refuse, 5: pb.Command, 6: pb.Reply, 7: pb.Bye}
+NUMBER = {cls: number for number, cls in TYPES.items()}
+ANY_VERSION = (pb.Hello, pb.Refuse)
+SCENE_NAME_BYTES = 48
+
+FEATURE_PORT_CONTROL = 1 << 0
+FEATURE_LOCAL_MODEL = 1 << 1
+KNOWN_FEATURES = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL
+#: Field numbers behind each feature (section 9).
+FEATURE_FIELDS = {
+    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23)},
+    pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36)},
+}
+
+CLUTCH, DEADMAN, STOP = 1, 2, 4
+REFUSE_VERSION, REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN = 1, 2, 3, 4
+BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION = 1, 2, 3, 4, 5
+FAULT_RETRACTED = 1 << 3
+MAX_LEAP = 1 << 32
+
+
+class Drop(Exception):
+    """A datagram that is not used, and under which cause of section 8 it counts."""
+
+    def __init__(self, cause):
+        super().__init__(cause)
+        self.cause = cause
+
+
+def need(condition, cause):
+    if not condition:
+        raise Drop(cause)
+
+
+def features_used(message):
+    """Bits of the features of which a field differs from zero."""
+    used = 0
+    for bit, numbers in FEATURE_FIELDS.get(type(message), {}).items():
+        if any(getattr(message, message.DESCRIPTOR.fields_by_number[n].name) != 0 for n in numbers):
+            used |= bit
+    return used
+
+
+def vector(message, pattern):
+    """The three components of e.g. "tip_pos_w_{}_nm"."""
+    return tuple(getattr(message, pattern.format(axis)) for axis in "xyz")
+
+
+def set_vector(message, pattern, values):
+    for axis, value in zip("xyz", values):
+        setattr(message, pattern.format(axis), value)
+
+
+# Writing
+
+
+def encode(message):
+    payload = message.SerializeToString()
+    if isinstance(message, pb.Hello):
+        # Field 15, two bytes of length, zeros up to 512 bytes in all.
+        zeros = MAX_BYTES - HEADER.size - len(payload) - 3
+        payload += bytes([15 << 3 | 2, zeros & 0x7F | 0x80, zeros >> 7]) + bytes(zeros)
+    datagram = HEADER.pack(MAGIC, VERSION, NUMBER[type(message)], len(payload)) + payload
+    assert len(datagram) <= MAX_BYTES
+    return datagram
+
+
+# Reading
+
+
+def decode(datagram):
+    """The message of a datagram, or Drop."""
+    need(len(datagram) <= MAX_BYTES, "oversize")
+    need(len(datagram) >= HEADER.size, "truncated")
+    magic, version, number, length = HEADER.unpack_from(datagram)
+    need(magic == MAGIC, "bad_magic")
+    cls = TYPES.get(number)
+    need(version == VERSION or cls in ANY_VERSION, "wrong_version")
+    need(cls is not None, "unknown_type")
+    payload = bytes(datagram[HEADER.size:])
+    need(len(payload) >= length, "truncated")
+    need(len(payload) == length, "bad_length")
+    need(cls is not pb.Hello or len(datagram) == MAX_BYTES, "bad_length")
+    scan(payload, cls)
+    message = cls()
+    try:
+        message.ParseFromString(payload)
+    except Exception:  # pylint: disable=broad-except
+        raise Drop("malformed_field") from None
+    check(message)
+    return message
+
+
+WIRE_TYPE = {"TYPE_FIXED32": 5, "TYPE_FIXED64": 1, "TYPE_DOUBLE": 1, "TYPE_BYTES": 2}
+SIZE = {5: 4, 1: 8}
+
+
+def wire_types(cls):
+    kinds = {getattr(type(cls.DESCRIPTOR.fields[0]), name): wire for name, wire in WIRE_TYPE.items()}
+    return {field.number: kinds[field.type] for field in cls.DESCRIPTOR.fields}
+
+
+FIELDS = {cls: wire_types(cls) for cls in NUMBER}
+
+
+def varint(payload, at):
+    """Value and place behind it; in its shortest form, which for all that fits a datagram has two bytes at most."""
+    need(at < len(payload), "malformed_field")
+    value = payload[at]
+    if value < 0x80:
+        return value, at + 1
+    need(at + 1 < len(payload) and 0 < payload[at + 1] < 0x80, "malformed_field")
+    return value & 0x7F | payload[at + 1] << 7, at + 2
+
+
+def scan(payload, cls):
+    """Every field on the list, with its wire type, once, and whole."""
+    at, seen = 0, set()
+    while at < len(payload):
+        tag, at = varint(payload, at)
+        field, wire = tag >> 3, tag & 7
+        need(FIELDS[cls].get(field) == wire and field not in seen, "malformed_field")
+        seen.add(field)
+        if wire == 2:
+            size, at = varint(payload, at)
+            need(cls is not pb.Welcome or size <= SCENE_NAME_BYTES, "malformed_field")
+            need(cls is not pb.Hello or at + size == len(payload), "malformed_field")
+        else:
+            size = SIZE[wire]
+        at += size
+        need(at <= len(payload), "malformed_field")
+
+
+def check(m):
+    """Ranges of section 2."""
+    for field in m.DESCRIPTOR.fields:
+        value = getattr(m, field.name)
+        need(not isinstance(value, float) or math.isfinite(value), "non_finite")
+    good = CHECKS[type(m)](m)
+    need(good, "out_of_range")
+
+
+def check_welcome(m):
+    low, high = vector(m, "workspace_min_w_{}_nm"), vector(m, "workspace_max_w_{}_nm")
+    return (m.version and m.nonce and m.session_id and m.epoch and m.timeout_ms and
+            all(a <= b for a, b in zip(low, high)) and
+            min(m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m) >= 0)
+
+
+def check_command(m):
+    not_negative = min(m.energy_in_j, m.energy_out_j, m.energy_scale_aj_j, m.energy_sent_j, m.wave_energy_aj,
+                       m.wave_impedance_n_s_m) >= 0
+    scale = m.energy_scale_aj_j > 0 or m.method not in (3, 4, 5)
+    impedance = m.wave_impedance_n_s_m > 0 or m.method != 4
+    return m.sequence and m.method <= 6 and not_negative and scale and impedance
+
+
+def check_reply(m):
+    not_negative = min(m.energy_in_aj, m.energy_out_aj, m.energy_sent_aj, m.wave_energy_aj, m.model_stiffness_n_m,
+                       m.model_adhesion_nn, m.model_shear_stiffness_n_m, m.model_friction_nn) >= 0
+    normal = vector(m, "model_normal_w_{}")
+    unit = abs(math.hypot(*normal) - 1) <= 1e-6 or (m.model_version == 0 and not any(normal))
+    return m.sequence and m.command_sequence and m.contact_state <= 3 and not_negative and unit
+
+
+CHECKS = {
+    pb.Hello: lambda m: 1 <= m.version_min <= m.version_max and m.nonce,
+    pb.Challenge: lambda m: m.nonce and m.cookie,
+    pb.Welcome: check_welcome,
+    pb.Refuse: lambda m: m.nonce and 1 <= m.reason <= 4 and 1 <= m.version_min <= m.version_max,
+    pb.Command: check_command,
+    pb.Reply: check_reply,
+    pb.Bye: lambda m: m.session_id and 1 <= m.reason <= 5,
+}
