@@ -279,8 +279,7 @@ void add_plan_command(CLI::App& app) {
                       "Round trip to plan for (default: measured with --server, 0 with --limits)");
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command->add_option("--method", options->method,
-                      "How the port is kept passive: none | ks | ks-clamp (default)");
+  command->add_option("--method", options->method, "How the port is kept passive, see run --help");
   command->add_option("--haptic-m", options->workspaces.haptic_m,
                       "Edge of the hand's workspace (default: the device's)");
   command->add_option("--visual-m", options->workspaces.visual_m, "Edge of the picture (default 0.3)");

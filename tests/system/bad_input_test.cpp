@@ -181,7 +181,7 @@ TEST_F(BadInputTest, Plans) {
        with(known, {"--nano-nm", "1e9", "--haptic-m", "0.1"}),
        {"velocity", "1e-12 to 1"}},
       {"rate nan", with(known, {"--rate", "nan"}), {"rate_hz", "nan"}},
-      {"unknown method", with(known, {"--method", "magic"}), {"magic", "none, ks or ks-clamp"}},
+      {"unknown method", with(known, {"--method", "magic"}), {"magic", "none, ks"}},
       {"unknown device", with(known, {"--device", "omega"}), {"--device", "omega", "sim"}},
       {"station file missing", with(known, {"--station", "none.toml"}), {"none.toml"}},
       {"plot of no kind", with(known, {"--plot", "plan.pdf"}), {"--plot", "plan.pdf", ".svg or .png"}},
