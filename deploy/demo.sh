@@ -65,7 +65,7 @@ say "Server: flat silicon oxide, at a scaling that oscillates without control"
 start_server flat_silicon_oxide.toml
 # The force scale asks the device to show 11 times the stiffness that it can show passively at 1 kHz with one sample of
 # delay; the force limit stays on.
-unsafe=(--force-scale 8e8 --allow-unsafe-scaling --task indent)
+unsafe=(--velocity-scale 1e-6 --force-scale 8e8 --allow-unsafe-scaling --task indent)
 run "Without control (KS fig. 13)"               --method none     "${unsafe[@]}" --record "$out/recordings/sio2_none.h5" ||
   say "The station stopped this run itself, as it should when the hand gets too fast; its recording is kept"
 run "KS's controller as published"               --method ks       "${unsafe[@]}" --record "$out/recordings/sio2_ks.h5"

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <random>
 #include <span>
 #include <string>
 
@@ -34,8 +35,24 @@ std::string refusal(const link::Refuse& refuse, double rate_hz, const std::strin
 
 }  // namespace
 
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
-             const RunOptions& options, const std::atomic<bool>& stop) {
+net::Address server_address(const std::string& text) {
+  const net::Address server = net::parse_address(text, "--server");
+  if (!net::is_loopback(server)) {
+    throw UserError(
+        fmt::format("--server {}: sessions off loopback would travel in the clear, and this version cannot "
+                    "encrypt; use a loopback address or a tunnel that ends there",
+                    text));
+  }
+  return server;
+}
+
+std::uint64_t random_nonce_seed() {
+  std::random_device device;
+  return (static_cast<std::uint64_t>(device()) << 32) | device();
+}
+
+void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server,
+             const std::string& name, double rate_hz, double timeout_s, const std::atomic<bool>& stop) {
   const rt::SteadyClock clock;
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
   const std::int64_t start_ns = clock.now_ns();
@@ -49,19 +66,19 @@ void connect(link::ClientSession& session, net::Udp& socket, const net::Address&
       }
     }
     if (session.state() == link::ClientState::kRefused)
-      throw RunError(refusal(session.refuse(), rate_hz, options.server));
+      throw RunError(refusal(session.refuse(), rate_hz, name));
     if (stop) throw RunError("stopped before the server answered");
-    if (static_cast<double>(now_ns - start_ns) * 1e-9 > options.connect_timeout_s) {
+    if (static_cast<double>(now_ns - start_ns) * 1e-9 > timeout_s) {
       const std::uint64_t wrong = session.drops()[link::DropCause::kWrongVersion];
       if (wrong > 0) {
         throw RunError(
             fmt::format("the server at {} answers in another protocol version than {}; update the older one",
-                        options.server, link::kProtocolVersion));
+                        name, link::kProtocolVersion));
       }
       throw RunError(
           fmt::format("no answer from {} within {:g} s; is telenano-nve serve running there, and does the "
                       "firewall let UDP through?",
-                      options.server, options.connect_timeout_s));
+                      name, timeout_s));
     }
     if (const std::size_t n = session.poll(now_ns, buffer))
       socket.send(std::span<const std::uint8_t>(buffer).first(n), server);

@@ -1,18 +1,27 @@
 #pragma once
 
+#include <array>
 #include <atomic>
+#include <span>
+#include <string>
 
 #include "common/link/client_session.h"
 #include "common/net/udp.h"
-#include "master/app/run_options.h"
 
 namespace telenano::app {
 
+/// The address that a station may talk to. Throws UserError for one that is none, or is not on this machine:
+/// sessions are not encrypted.
+net::Address server_address(const std::string& text);
+
+/// Random, for ClientConfig::nonce_seed.
+std::uint64_t random_nonce_seed();
+
 /// Handshake before there is a station: the slave's limits come with the Welcome. Returns with an established
-/// session. Throws RunError, one line with what to do, when there is no answer in time, when the server
-/// refuses, or on `stop`.
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
-             const RunOptions& options, const std::atomic<bool>& stop);
+/// session. Throws RunError, one line with what to do, when there is no answer within `timeout_s`, when the
+/// server refuses, or on `stop`. `name`: of the server, as the person gave it.
+void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server,
+             const std::string& name, double rate_hz, double timeout_s, const std::atomic<bool>& stop);
 
 /// Says goodbye for a session that ends before its loop begins, so that the server need not wait for its
 /// time-out.

@@ -7,11 +7,9 @@
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <memory>
-#include <random>
 #include <string>
 #include <thread>
 
@@ -23,27 +21,22 @@
 #include "common/recording/summary.h"
 #include "common/rt/realtime_thread.h"
 #include "master/app/connect.h"
+#include "master/app/link_probe.h"
 #include "master/app/real_time_session.h"
 #include "master/app/run_options.h"
 #include "master/app/station_file.h"
+#include "master/app/station_plan.h"
+#include "master/app/stop_signals.h"
 #include "master/device/sim_device.h"
 #include "master/station/station.h"
 
 namespace telenano::app {
 namespace {
 
-// Signal handlers can reach nothing else.
-std::atomic<bool> g_stop{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void catch_signals() {
-  g_stop = false;
-  struct sigaction action {};
-  action.sa_handler = [](int) { g_stop.store(true, std::memory_order_relaxed); };
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may not grow is a failed write, told in one line, not an end
-}
+// The link is measured for so long before the session begins: enough for a median, too short to be noticed.
+constexpr double kProbeS = 0.02;
+constexpr int kProbeMin = 5;
+constexpr int kProbeMax = 40;
 
 // CLI11's ranges let "nan" through: no comparison fails with it.
 void require_numbers(const RunOptions& options) {
@@ -58,19 +51,14 @@ void require_numbers(const RunOptions& options) {
   require("--give-up-s", options.give_up_s);
 }
 
-std::uint64_t random_seed() {
-  std::random_device device;
-  return (static_cast<std::uint64_t>(device()) << 32) | device();
-}
-
 // The file, then the flags, which win.
 StationFile station_file(const RunOptions& options) {
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   station::StationConfig& config = file.station;
   if (options.rate_hz) config.rate_hz = *options.rate_hz;
   if (options.method) config.method = control::parse_method(*options.method);
-  if (options.velocity_scale) config.scaling.velocity = *options.velocity_scale;
-  if (options.force_scale) config.scaling.force = *options.force_scale;
+  if (options.velocity_scale) file.scaling.velocity = *options.velocity_scale;
+  if (options.force_scale) file.scaling.force = *options.force_scale;
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
   if (options.duration_s) file.task.duration_s = *options.duration_s;
   if (options.depth_nm) file.task.depth_nm = *options.depth_nm;
@@ -99,16 +87,12 @@ device::SimDeviceConfig sim_device_config(const StationFile& file, double start_
   return config;
 }
 
-std::string scene_name_of(const link::Welcome& welcome) {
-  const auto& text = welcome.scene_name.text;
-  return {text.data(), strnlen(text.data(), text.size())};
-}
-
 // Null without --record. What makes the file explain itself goes in here.
 std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
-                                                   const link::Welcome& welcome, std::uint64_t nonce_seed) {
+                                                   const link::Welcome& welcome, const LinkDelay& link,
+                                                   const std::string& planned, std::uint64_t nonce_seed) {
   if (options.record.empty()) return nullptr;
-  const std::string scene_name = scene_name_of(welcome);
+  const std::string scene_name = slave_limits(welcome).scene_name;
   recording::Configuration about;
   about.title = fmt::format("{} on {}", options.task, scene_name);
   about.program = std::string("telenano-master ") + kVersion;
@@ -120,6 +104,9 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   about.seed = fmt::format("{}", nonce_seed);
   about.rate_hz = file.station.rate_hz;
   about.extra = describe(file.station, file.plant);
+  about.extra.emplace_back("scaling_chosen", planned.empty() ? "given" : planned);
+  about.extra.emplace_back("round_trip_median_s", fmt::format("{:.9g}", link.median_s));
+  about.extra.emplace_back("round_trip_p99_s", fmt::format("{:.9g}", link.p99_s));
   about.extra.emplace_back("task", options.task);
   about.extra.emplace_back("server", options.server);
   about.extra.emplace_back("protocol_version", fmt::format("{}", welcome.version));
@@ -175,46 +162,48 @@ int run(const RunOptions& options) {
   if (options.device != "sim") {
     throw UserError(fmt::format("--device {}: unknown device; this build has: sim", options.device));
   }
-  catch_signals();
+  const std::atomic<bool>& stop = catch_stop_signals();
   require_numbers(options);
-  const StationFile file = station_file(options);
+  StationFile file = station_file(options);
   const station::StationConfig& config = file.station;
   intended_motion(options, file.task, 0);  // a bad task or script is found before a server is asked
-  const net::Address server = net::parse_address(options.server, "--server");
-  if (!net::is_loopback(server)) {
-    throw UserError(
-        fmt::format("--server {}: sessions off loopback would travel in the clear, and this version cannot "
-                    "encrypt; use a loopback address or a tunnel that ends there",
-                    options.server));
-  }
+  const net::Address server = server_address(options.server);
   net::Udp socket = net::Udp::open_for(server);
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
-  client_config.nonce_seed = random_seed();
+  client_config.nonce_seed = random_nonce_seed();
   link::ClientSession session(client_config);
-  connect(session, socket, server, config.rate_hz, options, g_stop);
+  connect(session, socket, server, options.server, config.rate_hz, options.connect_timeout_s, stop);
   Farewell farewell(session, socket, server);
 
   const link::Welcome welcome = session.welcome();
-  const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
-  const device::IntendedMotion motion = intended_motion(options, file.task, start_height_nm);
-  device::SimDevice device(sim_device_config(file, start_height_nm), motion);
-  const station::SlavePort port{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
-                                welcome.force_max_nn};
-  // A command of tick k is answered for tick k+1: one sample of delay.
-  const station::ScalingCheck check = station::check_scaling(config, device.info(), port, 1);
+  const LinkDelay link =
+      measure_link(session, socket, server, config.rate_hz,
+                   std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
+                   options.connect_timeout_s, stop);
+  const int delay_samples = control::loop_delay_samples(link.median_s, 1 / config.rate_hz);
+  const config::SlaveLimits slave = slave_limits(welcome);
+  const device::DeviceInfo device_info = device::sim_device_info(file.plant);
+  const std::string planned = choose_scaling(file, device_info, slave, delay_samples);
+  const station::SlavePort port = slave_port(slave);
+  const station::ScalingCheck check = station::check_scaling(config, device_info, port, delay_samples);
   if (!check.safe && !config.allow_unsafe_scaling) {
     throw UserError(check.text + "; " + check.advice);
   }
-  const std::string scene_name = scene_name_of(welcome);
+
+  const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
+  const device::IntendedMotion motion = intended_motion(options, file.task, start_height_nm);
+  device::SimDevice device(sim_device_config(file, start_height_nm), motion);
   const std::unique_ptr<recording::Recorder> recorder =
-      make_recorder(options, file, welcome, client_config.nonce_seed);
+      make_recorder(options, file, welcome, link, planned, client_config.nonce_seed);
   if (!options.quiet) {
-    fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, scene_name,
+    fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, slave.scene_name,
                control::method_name(config.method), check.text);
+    if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
+    if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   }
   station::Station station(config, device.info(), port);
-  RealTimeSession live(device, socket, server, session, station, recorder.get(), options.give_up_s, g_stop);
+  RealTimeSession live(device, socket, server, session, station, recorder.get(), options.give_up_s, stop);
   farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
@@ -261,7 +250,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   options->command_line = command_line;
   CLI::App* const command = app.add_subcommand("run", "Run one session with a server: feel its sample");
   command->add_option("--server", options->server, "HOST:PORT of telenano-nve serve")->capture_default_str();
-  command->add_option("--config", options->config_file, "Station file (TOML); flags win over it");
+  command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
   command->add_option("--device", options->device, "Haptic device: sim")->capture_default_str();
   command->add_option("--task", options->task, "position | contact | indent | scan | script")
       ->capture_default_str();
@@ -276,9 +265,9 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--method", options->method,
                       "How the port is kept passive: none | ks | ks-clamp | tdpa | wave | tank | model (default)");
   command->add_option("--velocity-scale", options->velocity_scale,
-                      "alpha_v, tip metres per hand metre (default 1e-6)");
+                      "alpha_v, tip metres per hand metre (default: planned, see plan)");
   command->add_option("--force-scale", options->force_scale,
-                      "alpha_F, hand newtons per tip newton (default 2e7)");
+                      "alpha_F, hand newtons per tip newton (default: planned, see plan)");
   command->add_flag("--allow-unsafe-scaling", options->allow_unsafe_scaling,
                     "Run beyond the scaling that the device can show passively; force limits stay");
   command->add_option("--record", options->record, "Write a recording (HDF5) to this file");

@@ -14,9 +14,15 @@ using config::between;
 using config::positive;
 using config::TomlTable;
 
-void read_scaling(const TomlTable& table, control::Scaling& scaling) {
-  scaling.velocity = table.number_or("velocity", between(1e-12, 1), scaling.velocity);
-  scaling.force = table.number_or("force", between(1, 1e12), scaling.force);
+void read_scaling(const TomlTable& table, StationFile& file) {
+  file.scaling.velocity = table.optional_number("velocity", between(1e-12, 1));
+  file.scaling.force = table.optional_number("force", between(1, 1e12));
+}
+
+void read_workspaces(const TomlTable& table, Workspaces& workspaces) {
+  workspaces.haptic_m = table.optional_number("haptic_m", between(1e-3, 10));
+  workspaces.visual_m = table.optional_number("visual_m", between(1e-3, 100));
+  workspaces.nano_nm = table.optional_number("nano_nm", between(1e-3, 1e9));
 }
 
 void read_control(const TomlTable& table, station::StationConfig& station) {
@@ -84,7 +90,8 @@ StationFile read(const config::TomlDocument& document) {
   file.text = document.content();
   const TomlTable root = document.root();
   file.station.rate_hz = root.number_or("rate_hz", between(10, 8000), file.station.rate_hz);
-  if (const auto table = root.optional_table("scaling")) read_scaling(*table, file.station.scaling);
+  if (const auto table = root.optional_table("scaling")) read_scaling(*table, file);
+  if (const auto table = root.optional_table("workspaces")) read_workspaces(*table, file.workspaces);
   if (const auto table = root.optional_table("control")) read_control(*table, file.station);
   if (const auto table = root.optional_table("limits")) read_limits(*table, file.station);
   if (const auto table = root.optional_table("device")) {
@@ -152,6 +159,8 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
 }
 
 void finish_station_file(StationFile& file, const std::string& source) {
+  if (file.scaling.velocity) file.station.scaling.velocity = *file.scaling.velocity;
+  if (file.scaling.force) file.station.scaling.force = *file.scaling.force;
   file.station.validate(source);
   file.plant.period_s = 1 / file.station.rate_hz;
   file.plant.validate();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,11 +11,27 @@
 
 namespace telenano::app {
 
+/// The scales as a person gave them, in the file or by flags: what is left out is planned when the slave is
+/// known (station_plan.h).
+struct GivenScaling {
+  std::optional<double> velocity;
+  std::optional<double> force;
+};
+
+/// Edges of the cubes of KS fig. 10 as a person gave them; what is left out is the device's and the slave's.
+struct Workspaces {
+  std::optional<double> haptic_m;
+  std::optional<double> visual_m;
+  std::optional<double> nano_nm;
+};
+
 /// Everything that deploy/station.toml may say; what it leaves out keeps its default.
 struct StationFile {
   station::StationConfig station{};
   device::PlantConfig
       plant{};  ///< of the simulated device and its operator's hand; its period follows station.rate_hz
+  GivenScaling scaling{};  ///< goes into station.scaling as well
+  Workspaces workspaces{};
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording
 };

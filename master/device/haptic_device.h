@@ -22,9 +22,9 @@ struct DeviceInfo {
   std::string name;
   double force_max_n = 0;
   double position_quantum_m = 0;
-  double damping_n_s_m = 0;  ///< certain, per axis
-  double mass_kg = 0;        ///< apparent, per axis
-  double workspace_radius_m = 0;
+  double damping_n_s_m = 0;       ///< certain, per axis
+  double mass_kg = 0;             ///< apparent, per axis
+  double workspace_radius_m = 0;  ///< half the edge of the largest cube in the workspace
   bool has_force = true;
 };
 

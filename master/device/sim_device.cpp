@@ -34,14 +34,22 @@ IntendedMotion checked(const SimDeviceConfig& config, const IntendedMotion& moti
 
 }  // namespace
 
+DeviceInfo sim_device_info(const PlantConfig& plant) {
+  DeviceInfo info;
+  info.name = "sim";
+  info.force_max_n = plant.force_max_n;
+  info.position_quantum_m = plant.position_quantum_m;
+  info.damping_n_s_m = plant.device_damping_n_s_m;
+  info.mass_kg = plant.device_mass_kg;
+  info.workspace_radius_m = plant.workspace_half_m.minCoeff();
+  return info;
+}
+
 SimDevice::SimDevice(const SimDeviceConfig& config, const IntendedMotion& motion)
-    : config_(config), motion_(checked(config, motion)), plant_(config.plant) {
-  info_.name = "sim";
-  info_.force_max_n = config.plant.force_max_n;
-  info_.position_quantum_m = config.plant.position_quantum_m;
-  info_.damping_n_s_m = config.plant.device_damping_n_s_m;
-  info_.mass_kg = config.plant.device_mass_kg;
-  info_.workspace_radius_m = config.plant.workspace_half_m.minCoeff();
+    : config_(config),
+      motion_(checked(config, motion)),
+      plant_(config.plant),
+      info_(sim_device_info(config.plant)) {
   plant_.reset(config.start_pos_h_m);
   if (config.deadman_held) buttons_ |= kButtonDeadman;
   period_ns_ = static_cast<std::int64_t>(std::llround(config.plant.period_s * 1e9));

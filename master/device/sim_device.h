@@ -17,6 +17,9 @@ struct SimDeviceConfig {
   bool deadman_held = true;
 };
 
+/// What a SimDevice of this plant reports, known before there is one.
+DeviceInfo sim_device_info(const PlantConfig& plant);
+
 /// Simulated omega.3 with a simulated operator's hand. Its owner advances it once a tick, in virtual or real
 /// time: read(), station step, write_force(), advance(). A tick of another length than the plant's period is
 /// made of whole periods; the rest is carried to the next tick.

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/base/error.h"
+#include "common/control/scaling_plan.h"
 
 namespace telenano::station {
 namespace {
@@ -26,6 +27,10 @@ std::string rounded_down(double value) {
 }
 
 constexpr double kForceScaleMin = 1;
+
+std::string samples(int count) {
+  return std::to_string(count) + (count == 1 ? " sample" : " samples") + " of delay";
+}
 
 }  // namespace
 
@@ -63,6 +68,8 @@ ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo
   plant.period_s = 1 / config.rate_hz;
   plant.delay_samples = delay_samples;
   ScalingCheck check;
+  check.loop_bound = control::exact_impedance_bound(plant);
+  plant.delay_samples = control::binding_delay_samples(config.method, delay_samples);
   check.impedance = config.scaling.impedance();
   check.exact_bound = control::exact_impedance_bound(plant);
   check.llewellyn_bound = control::llewellyn_impedance_bound(plant);
@@ -77,13 +84,19 @@ ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo
                " that this device shows passively (damping " + number(plant.device_damping_n_s_m) +
                " N s/m, coupling " + number(slave.coupling_stiffness_n_m) + " N/m and " +
                number(slave.coupling_damping_n_s_m) + " N s/m, " + number(config.rate_hz) + " Hz, " +
-               std::to_string(delay_samples) + (delay_samples == 1 ? " sample" : " samples") + " of delay)";
+               samples(plant.delay_samples) + ")";
   if (!check.safe) {
     const double force_scale = check.exact_bound / config.scaling.velocity;
-    check.advice = force_scale > 2 * kForceScaleMin
+    check.advice = !(check.exact_bound > 0) ? std::string("no scaling is safe without damping of the device")
+                   : force_scale > 2 * kForceScaleMin
                        ? "lower --force-scale (scaling.force) to " + rounded_down(force_scale) + " or less"
                        : std::string("lower --velocity-scale (scaling.velocity)");
     check.advice += ", or insist with --allow-unsafe-scaling";
+  } else if (check.impedance > check.loop_bound) {
+    check.note = "with " + samples(delay_samples) + " the loop alone is passive only up to " +
+                 number(check.loop_bound) + " of velocity scale x force scale; beyond it " +
+                 std::string(control::method_name(config.method)) +
+                 " keeps the energy within its bound by taking force away";
   }
   return check;
 }

@@ -38,7 +38,8 @@ struct StationConfig {
 /// What the bounds of control/scaling say about this station, device and slave.
 struct ScalingCheck {
   double impedance = 0;        ///< α_v α_F asked for
-  double exact_bound = 0;      ///< of α_v α_F, for this delay
+  double exact_bound = 0;      ///< of α_v α_F, at the delay that binds the method
+  double loop_bound = 0;       ///< the same at the whole loop's delay
   double llewellyn_bound = 0;  ///< as published, for comparison: too permissive
   double device_force_scale =
       0;  ///< largest α_F that does not saturate the device at the slave's force limit
@@ -47,6 +48,7 @@ struct ScalingCheck {
   bool saturates = false;          ///< α_F > device_force_scale: legal, the force limit cuts the peaks
   std::string text;                ///< for a person, one line: what was asked for and what is possible
   std::string advice;              ///< when not safe: what to do about it
+  std::string note;                ///< when safe by the method alone: what the loop's delay does; else empty
 };
 
 /// What the slave's port is, for planning.
@@ -56,7 +58,8 @@ struct SlavePort {
   double force_max_nn = 0;
 };
 
-/// `delay_samples`: samples between a position read and the force that answers it, 0 in the same tick.
+/// `delay_samples`: samples between a position read and the force that answers it, 0 in the same tick. How
+/// many of them count is the method's: control::binding_delay_samples().
 ScalingCheck check_scaling(const StationConfig& config, const device::DeviceInfo& device,
                            const SlavePort& slave, int delay_samples);
 

@@ -99,8 +99,8 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
   const std::string outside = write("outside.toml", "[limits]\nslew_n_s = -5.0\n");
   const std::string not_toml = write("not.toml", "slew = = 5\n");
   expect_refused(std::vector<Bad>{
-      {"no command", {kMaster}, {"a command is missing", "run or recover", "telenano-master --help"}},
-      {"unknown command", {kMaster, "rum"}, {"'rum'", "run or recover", "did you mean run?"}},
+      {"no command", {kMaster}, {"a command is missing", "run, plan or recover", "telenano-master --help"}},
+      {"unknown command", {kMaster, "rum"}, {"'rum'", "run, plan or recover", "did you mean run?"}},
       {"unknown flag", with(run, {"--tasks", "indent"}), {"--tasks", "did you mean --task?"}},
       {"flag without value", with(run, {"--task"}), {"--task"}},
       {"unknown task",
@@ -136,6 +136,61 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
        with(run, {"--config", outside}),
        {outside, "slew_n_s", "-5", "[1, 1000000]"}},
       {"station file, no TOML", with(run, {"--config", not_toml}), {not_toml}},
+  });
+}
+
+TEST_F(BadInputTest, Plans) {
+  const std::string limits = path("limits.toml");
+  ASSERT_EQ(run_program({kNve, "check", "--scene", scene_path("flat_pdms"), "--limits", limits}).exit_code,
+            0);
+  const std::string good = file_text(limits);
+  const auto with_line = [&](const std::string& name, const std::string& key, const std::string& line) {
+    std::string text = good;
+    const auto begin = text.find(key + " = ");
+    EXPECT_NE(begin, std::string::npos) << key;
+    text.replace(begin, text.find('\n', begin) - begin, line);
+    return write(name, text);
+  };
+  const std::string soft = with_line("soft.toml", "coupling_stiffness_n_m", "coupling_stiffness_n_m = 0.0");
+  const std::string nan = with_line("nan.toml", "force_max_nn", "force_max_nn = nan");
+  const std::string unknown = with_line("unknown.toml", "force_max_nn", "force_max = 5.0");
+  const std::string slow = with_line("slow.toml", "rate_max_hz", "rate_max_hz = 500.0");
+  net::Udp nobody = net::Udp::listen(net::parse_address("127.0.0.1:0", "test"));
+  const std::string silent = "127.0.0.1:" + std::to_string(nobody.local().port);
+  const std::vector<std::string> plan{kMaster, "plan"};
+  const std::vector<std::string> known{kMaster, "plan", "--limits", limits};
+  expect_refused(std::vector<Bad>{
+      {"no source", plan, {"plan", "--server HOST:PORT", "--limits FILE"}},
+      {"both sources", with(known, {"--server", silent}), {"either --server", "or --limits"}},
+      {"limits missing", with(plan, {"--limits", "none.toml"}), {"none.toml", "No such file"}},
+      {"limits without a spring", with(plan, {"--limits", soft}), {soft, "coupling_stiffness_n_m", "> 0"}},
+      {"limits with nan", with(plan, {"--limits", nan}), {nan, "force_max_nn", "nan"}},
+      {"limits, unknown key", with(plan, {"--limits", unknown}), {unknown, "force_max"}},
+      {"limits of a slow slave", with(plan, {"--limits", slow}), {slow, "500", "1000", "--rate"}},
+      {"rtt nan", with(known, {"--rtt-ms", "nan"}), {"--rtt-ms", "nan", "0 to 60000"}},
+      {"rtt negative", with(known, {"--rtt-ms", "-1"}), {"--rtt-ms", "-1", "0 to 60000"}},
+      {"rtt inf", with(known, {"--rtt-ms", "inf"}), {"--rtt-ms", "inf", "0 to 60000"}},
+      {"rtt no number", with(known, {"--rtt-ms", "far"}), {"--rtt-ms", "far"}},
+      {"haptic nan", with(known, {"--haptic-m", "nan"}), {"--haptic-m", "nan", "> 0"}},
+      {"visual 0", with(known, {"--visual-m", "0"}), {"--visual-m", "0", "> 0"}},
+      {"nano inf", with(known, {"--nano-nm", "inf"}), {"--nano-nm", "inf", "> 0"}},
+      {"nano larger than the hand's",
+       with(known, {"--nano-nm", "1e9", "--haptic-m", "0.1"}),
+       {"velocity", "1e-12 to 1"}},
+      {"rate nan", with(known, {"--rate", "nan"}), {"rate_hz", "nan"}},
+      {"unknown method", with(known, {"--method", "magic"}), {"magic", "none, ks"}},
+      {"unknown device", with(known, {"--device", "omega"}), {"--device", "omega", "sim"}},
+      {"station file missing", with(known, {"--station", "none.toml"}), {"none.toml"}},
+      {"plot of no kind", with(known, {"--plot", "plan.pdf"}), {"--plot", "plan.pdf", ".svg or .png"}},
+      {"plot nowhere", with(known, {"--plot", "none/plan.svg"}), {"--plot", "none/plan.svg"}},
+      {"server off loopback", with(plan, {"--server", "192.0.2.1:5100"}), {"192.0.2.1:5100", "loopback"}},
+      {"timeout nan",
+       with(plan, {"--server", silent, "--connect-timeout-s", "nan"}),
+       {"--connect-timeout-s"}},
+      {"silent server",
+       with(plan, {"--server", silent, "--connect-timeout-s", "0.5"}),
+       {"no answer from " + silent, "0.5 s"},
+       1},
   });
 }
 
@@ -248,7 +303,7 @@ TEST_F(BadInputTest, WhatOnlyAServerCanTell) {
   write("old.h5", "somebody's recording\n");
   expect_refused(std::vector<Bad>{
       {"scaling",
-       with(run, {"--force-scale", "8e8"}),
+       with(run, {"--velocity-scale", "1e-6", "--force-scale", "8e8"}),
        {"velocity scale 1e-06 x force scale 8e+08 = 800", "lower --force-scale", "--allow-unsafe-scaling"}},
       {"no folder", with(run, {"--record", "none/new.h5"}), {"none/new.h5", "No such file"}},
       {"exists", with(run, {"--record", "old.h5"}), {"old.h5", "exists already", "--overwrite"}},
@@ -259,16 +314,18 @@ TEST_F(BadInputTest, WhatOnlyAServerCanTell) {
   expect_refused({"no room at all", with(run, {"--record", "new.h5"}), {"new.h5", "cannot be"}}, no_room);
 
   // The scale that the refusal names is accepted.
-  const Finished refused = run_program(with(run, {"--force-scale", "8e8"}));
+  const Finished refused = run_program(with(run, {"--velocity-scale", "1e-6", "--force-scale", "8e8"}));
   const std::string before = "to ";
   const auto at = refused.err.find(before, refused.err.find("lower --force-scale"));
   ASSERT_NE(at, std::string::npos) << refused.err;
   const std::string scale =
       refused.err.substr(at + before.size(), refused.err.find(' ', at + before.size()) - at - before.size());
-  const Finished accepted = run_program(with(run, {"--quiet", "--force-scale", scale}), {}, kLong);
+  const Finished accepted =
+      run_program(with(run, {"--quiet", "--velocity-scale", "1e-6", "--force-scale", scale}), {}, kLong);
   EXPECT_EQ(accepted.exit_code, 0) << scale << ": " << accepted.err;
-  const Finished insisted =
-      run_program(with(run, {"--quiet", "--force-scale", "8e8", "--allow-unsafe-scaling"}), {}, kLong);
+  const Finished insisted = run_program(
+      with(run, {"--quiet", "--velocity-scale", "1e-6", "--force-scale", "8e8", "--allow-unsafe-scaling"}),
+      {}, kLong);
   EXPECT_EQ(insisted.exit_code, 0) << insisted.err;
 }
 

@@ -300,9 +300,9 @@ TEST(Output, ATableThatCannotBeWrittenIsAFailure) {
 
 TEST(Help, EveryProgramExplainsItself) {
   const std::vector<std::vector<std::string>> commands{
-      {kNve},           {kNve, "serve"},      {kNve, "curve"}, {kNve, "check"},   {kMaster},
-      {kMaster, "run"}, {kMaster, "recover"}, {kLab},          {kLab, "contact"}, {kLab, "report"},
-      {kLab, "session"}};
+      {kNve},    {kNve, "serve"},   {kNve, "curve"},   {kNve, "check"},
+      {kMaster}, {kMaster, "run"},  {kMaster, "plan"}, {kMaster, "recover"},
+      {kLab},    {kLab, "contact"}, {kLab, "report"},  {kLab, "session"}};
   for (auto command : commands) {
     const std::string name = std::filesystem::path(command[0]).filename().string();
     SCOPED_TRACE(name + (command.size() > 1 ? " " + command[1] : ""));

@@ -26,7 +26,7 @@ std::string slurp(const std::filesystem::path& path) {
 }  // namespace
 
 FigureFolder::FigureFolder(std::filesystem::path folder)
-    : folder_(std::move(folder)), has_gnuplot_(std::system("gnuplot --version >/dev/null 2>&1") == 0) {
+    : folder_(std::move(folder)), has_gnuplot_(plot::has_gnuplot()) {
   std::error_code error;
   std::filesystem::create_directories(folder_, error);
   if (error) throw UserError(folder_.string() + ": cannot be created: " + error.message());

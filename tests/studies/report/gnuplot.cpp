@@ -6,37 +6,12 @@
 #include <cmath>
 
 namespace telenano::studies {
-namespace {
-
-constexpr const char* kStyle = R"(set datafile separator ','
-set encoding utf8
-set border 3 lc rgb '#666666' lw 1
-set tics nomirror out scale 0.6 textcolor rgb '#333333'
-set grid lc rgb '#E4E4E4' lt 1 lw 1
-set key top right Right samplen 1.6 spacing 1.15 noenhanced textcolor rgb '#222222'
-set style data lines
-set style fill solid 0.5 noborder
-set bmargin 0
-set tmargin 0
-)";
-
-}  // namespace
-
 std::string style(const std::string& id, int width, int height) {
   return fmt::format(
       "set terminal svg size {},{} dynamic font 'Helvetica,Arial,sans-serif,12' name '{}' background "
       "'#FFFFFF'\n"
       "set output '{}.svg'\n{}",
-      width, height, id, id, kStyle);
-}
-
-std::string quoted(const std::string& text) {
-  std::string result = "'";
-  for (const char c : text) {
-    if (c == '\'') result += '\'';
-    result += c == '\n' ? ' ' : c;
-  }
-  return result + "'";
+      width, height, id, id, plot::common_style());
 }
 
 AxisUnit readable(std::initializer_list<const std::vector<double>*> all, AxisUnit large, const char* small) {

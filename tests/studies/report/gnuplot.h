@@ -4,25 +4,24 @@
 #include <string>
 #include <vector>
 
+#include "common/plot/gnuplot.h"
 #include "tests/studies/report/run_data.h"
 
 /// Pieces of gnuplot scripts that all figures share, so that they look like one family.
 namespace telenano::studies {
 
-// Okabe and Ito's colours: told apart by everybody, also in grey. One meaning each throughout the report.
-inline constexpr const char* kBlue = "#0072B2";    ///< where: tip or hand; approach
-inline constexpr const char* kRed = "#D55E00";     ///< force at the hand; retract
-inline constexpr const char* kGreen = "#009E73";   ///< force and energy at the tip
-inline constexpr const char* kInk = "#222222";     ///< the ledger of the hand's port
-inline constexpr const char* kPurple = "#AA4488";  ///< what control does
-inline constexpr const char* kPale = "#9BB8CC";    ///< commanded
-inline constexpr const char* kGrey = "#B5B5B5";    ///< before control
+// One meaning each throughout the report.
+using plot::kBlue;    // where: tip or hand; approach
+using plot::kGreen;   // force and energy at the tip
+using plot::kGrey;    // before control
+using plot::kInk;     // the ledger of the hand's port
+using plot::kPale;    // commanded
+using plot::kPurple;  // what control does
+using plot::kRed;     // force at the hand; retract
+using plot::quoted;
 
 /// Terminal, output, fonts, grid.
 std::string style(const std::string& id, int width, int height);
-
-/// A text inside gnuplot's single quotes.
-std::string quoted(const std::string& text);
 
 /// A unit that keeps the numbers of an axis readable; the CSV files stay in the unit of their head line.
 struct AxisUnit {

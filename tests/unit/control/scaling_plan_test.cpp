@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -49,6 +50,7 @@ TEST(ScalingPlan, BoundsAreTheClosedForms) {
     expect_near(plan.delayed_force_scale, 200.0 / ((d + 1) * (d + 1)) / 5e-7);
     expect_near(plan.device_force_scale, 0.8 * 12 / 500e-9);
     expect_near(plan.passive_wall_n_m, 4000);
+    expect_near(plan.delayed_wall_n_m, 4000.0 / (1 + 2 * d));  // CB's wall, b > (1 + 2d)KT/2
   }
 }
 
@@ -63,12 +65,56 @@ TEST(ScalingPlan, RecommendsTheLargestOfTheRegionAndSaysWhatBinds) {
     EXPECT_EQ(plan.binding, d < 4 ? BindingLimit::kDevice : BindingLimit::kPassivity) << d;
     expect_near(plan.scaling.force, 0.99 * largest);
     expect_near(plan.shown_stiffness_n_m, 0.99 * largest * 5e-7 * 20);
+    expect_near(plan.felt_force_max_n, 0.99 * largest * 500e-9);
     EXPECT_EQ(plan.case_one_safe, largest >= 2e6) << d;
     EXPECT_FALSE(plan.case_two_safe);
     const std::string reason = plan_reason(in, plan);
     EXPECT_NE(reason.find(d < 4 ? "the device's force binds" : "passivity binds"), std::string::npos);
     EXPECT_LE(plan.scaling.impedance(), exact_impedance_bound(in.plant));
   }
+}
+
+// A method that bounds its own energy is planned at one tick whatever the way: 4e8/4 passive, so that the
+// device binds; at no delay as it is.
+TEST(ScalingPlan, TheDelayOfTheWayBindsOnlyMethodsThatRestOnTheLoop) {
+  for (const Method method : {Method::kNone, Method::kKs, Method::kKsClamp, Method::kTdpa, Method::kWave,
+                              Method::kTank, Method::kModel}) {
+    const bool rests = method == Method::kNone || method == Method::kKs;
+    for (const int d : {0, 1, 2, 50}) EXPECT_EQ(binding_delay_samples(method, d), rests ? d : std::min(d, 1));
+    ScalingPlanInput in = omega();
+    in.method = method;
+    in.plant.delay_samples = 50;
+    const ScalingPlan plan = plan_scaling(in);
+    EXPECT_EQ(plan.binding_delay_samples, rests ? 50 : 1);
+    expect_near(plan.delayed_force_scale, 4e8 / (51 * 51));
+    expect_near(plan.passive_force_scale, rests ? 4e8 / (51 * 51) : 1e8);
+    EXPECT_EQ(plan.binding, rests ? BindingLimit::kPassivity : BindingLimit::kDevice);
+    expect_near(plan.scaling.force, 0.99 * (rests ? 4e8 / (51 * 51) : 1.92e7));
+  }
+}
+
+TEST(ScalingPlan, AGivenVelocityScaleIsKept) {
+  ScalingPlanInput in = omega();
+  in.velocity_scale = 1e-4;
+  const ScalingPlan plan = plan_scaling(in);
+  EXPECT_EQ(plan.scaling.velocity, 1e-4);
+  expect_near(plan.delayed_force_scale, 200 / 1e-4);
+  expect_near(plan.case_one_force_scale, 1e4);
+  expect_near(plan.scaling.force, 0.99 * 200 / 1e-4);
+}
+
+// d = 200: α_F = 4e8/201² = 9.9e3, and 500 nN of it are 5 mN.
+TEST(ScalingPlan, SaysWhereALongDelayLeavesNothingToFeel) {
+  ScalingPlanInput in = omega();
+  in.plant.delay_samples = 200;
+  const ScalingPlan plan = plan_scaling(in);
+  EXPECT_TRUE(plan.too_weak_to_feel);
+  expect_near(plan.felt_force_max_n, 0.99 * 4e8 / (201 * 201) * 500e-9);
+  const std::string reason = plan_reason(in, plan);
+  EXPECT_NE(reason.find("nothing that could be felt is safe"), std::string::npos) << reason;
+  EXPECT_NE(reason.find("200 samples"), std::string::npos) << reason;
+  in.plant.delay_samples = 20;  // 0.45 N
+  EXPECT_FALSE(plan_scaling(in).too_weak_to_feel);
 }
 
 // α_v = 1/2: 1/α_v² = 4 lies below 2b/(kT)/α_v = 400 and below the device's limit.
@@ -89,6 +135,14 @@ TEST(ScalingPlan, NothingIsSafeWithoutDampingOfTheDevice) {
   EXPECT_EQ(plan.scaling.force, 0);
   EXPECT_EQ(plan.delayed_force_scale, 0);
   EXPECT_NE(plan_reason(in, plan).find("no force scale is safe"), std::string::npos);
+  in = omega();
+  in.plant.device_damping_n_s_m = 0;
+  const ScalingPlan bare = plan_scaling(in);
+  EXPECT_EQ(bare.binding, BindingLimit::kNothing);
+  EXPECT_EQ(bare.scaling.force, 0);
+  EXPECT_EQ(bare.passive_wall_n_m, 0);
+  EXPECT_EQ(bare.delayed_wall_n_m, 0);
+  EXPECT_NE(plan_reason(in, bare).find("only damping of the device itself"), std::string::npos);
 }
 
 TEST(ScalingPlan, DelayOfALinkInSamples) {
@@ -128,6 +182,9 @@ TEST(ScalingPlan, RefusesNonsense) {
   names("haptic workspace", [](auto& in) { in.haptic_workspace_m = 0; });
   names("visual workspace", [](auto& in) { in.visual_workspace_m = -1; });
   names("nano workspace", [](auto& in) { in.nano_workspace_nm = 0; });
+  names("velocity scale", [](auto& in) { in.velocity_scale = std::nan(""); });
+  names("velocity scale = 2", [](auto& in) { in.velocity_scale = 2; });
+  names("velocity scale = 10,", [](auto& in) { in.nano_workspace_nm = 1e9; });
 }
 
 }  // namespace

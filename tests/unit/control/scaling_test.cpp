@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
 
 namespace telenano::control {
@@ -36,6 +37,72 @@ double brute_force(const ScalingPlant& p) {
     best = std::min(best, damping * 2 * sum * s2 / divisor);
   }
   return static_cast<double>(best);
+}
+
+using Complex = std::complex<double>;
+
+Complex coupling(const ScalingPlant& p, Complex z) {
+  return p.coupling_damping_n_s_m + p.coupling_stiffness_n_m * p.period_s * z / (z - 1.0);
+}
+
+/// KS eq. 7 as a matrix and eq. 21 as it stands, on a grid of the unit circle: the largest α_v α_F that
+/// passes. The mass is in the matrix, and must not matter.
+double llewellyn_on_the_matrix(const ScalingPlant& p, double mass_kg) {
+  const auto passes = [&](double impedance) {
+    constexpr int kPoints = 10'000;
+    for (int i = 1; i < kPoints; ++i) {
+      const Complex z = std::polar(1.0, kPi * i / kPoints);
+      const Complex hold = 0.5 * (z + 1.0) / z;
+      const Complex device = 2 * mass_kg / p.period_s * (z - 1.0) / (z + 1.0) + p.device_damping_n_s_m;
+      const double velocity_scale = 1e-6, force_scale = impedance / velocity_scale;
+      const Complex p11 = device + p.adaptive_damping_n_s_m * hold;
+      const Complex p12 = force_scale * hold, p21 = -velocity_scale, p22 = 1.0 / coupling(p, z);
+      const Complex product = p12 * p21;
+      if (p11.real() < 0 || p22.real() < 0 ||
+          2 * p11.real() * p22.real() < std::abs(product) + product.real())
+        return false;
+    }
+    return true;
+  };
+  double low = 0, high = 1e9;
+  for (int i = 0; i < 60; ++i) {  // to 1e-9
+    const double middle = 0.5 * (low + high);
+    (passes(middle) ? low : high) = middle;
+  }
+  return low;
+}
+
+/// The display's theorem (CB), b + γ cos θ ≥ T/2/(1 − cos θ)·Re{(1 − e^{−jθ}) e^{−jdθ} H}, for every
+/// environment that is passive at that θ: behind the coupling, 1/Z = 1/Z_c + 1/Z_e with Re(1/Z_e) ≥ 0, so Z
+/// fills the disc through 0 and 1/Re(1/Z_c), of radius R about R. H, force over position, is Z(z − 1)/(T z),
+/// and Re(w Z) on that disc is at most R(Re w + |w|).
+double worst_passive_environment(const ScalingPlant& p) {
+  double largest = std::numeric_limits<double>::infinity();
+  constexpr int kPoints = 4000;
+  for (int i = 1; i <= kPoints; ++i) {
+    const double theta = kPi * i / kPoints;
+    const Complex z = std::polar(1.0, theta);
+    const double radius = 0.5 / (1.0 / coupling(p, z)).real();
+    const Complex w = (1.0 - 1.0 / z) * std::pow(z, -p.delay_samples) * (z - 1.0) / (p.period_s * z);
+    const double taken = 0.5 * p.period_s / (1 - std::cos(theta)) * radius * (w.real() + std::abs(w));
+    const double damping = p.device_damping_n_s_m + p.adaptive_damping_n_s_m * std::cos(theta);
+    if (taken > 0) largest = std::min(largest, damping / taken);
+  }
+  return largest;
+}
+
+TEST(ExactBound, IsTheWorstPassiveEnvironmentBehindTheCoupling) {
+  for (int d : {0, 1, 3}) {
+    for (double b_c : {0.0, 0.003, 0.02}) {
+      for (double gamma : {0.0, 0.7}) {
+        const ScalingPlant p = plant(2, gamma, 40, b_c, d);
+        const double walked = worst_passive_environment(p);
+        // The grid misses the minimum by O((d + 1)π/4000)² ≤ 1e-5 of it, and never lies below.
+        EXPECT_NEAR(exact_impedance_bound(p), walked, 1e-5 * walked) << d << ' ' << b_c << ' ' << gamma;
+        EXPECT_LE(exact_impedance_bound(p), walked * (1 + 1e-9));
+      }
+    }
+  }
 }
 
 TEST(ExactBound, HasItsClosedFormWithoutDelay) {
@@ -77,6 +144,20 @@ TEST(ExactBound, NeedsACoupling) {
 TEST(LlewellynBound, HasItsClosedForm) {
   // γ = b_c = 0: 8b/(k_c T); with b = 2, T = 1 ms that shows α_F α_v k_c = 16 000 N/m.
   EXPECT_NEAR(llewellyn_impedance_bound(plant(2, 0, 50, 0, 0)) * 50, 16'000, 1e-6);
+}
+
+TEST(LlewellynBound, IsTheCriterionOnTheHybridMatrix) {
+  for (double b_c : {0.0, 0.003, 0.02, 0.2}) {
+    for (double gamma : {0.0, 0.5, 1.5}) {
+      for (double mass_kg : {0.0, 0.25}) {
+        const ScalingPlant p = plant(2, gamma, 40, b_c, 0);
+        const double expected = llewellyn_on_the_matrix(p, mass_kg);
+        // The grid misses the minimum by O(π/10000)² = 1e-7 of it. Re p11 of a mass is rounding of 2m/T =
+        // 500 N·s/m times tan(θ/2) up to 1e4: 1e-9 N·s/m beside b = 2.
+        EXPECT_NEAR(llewellyn_impedance_bound(p), expected, 1e-6 * expected) << b_c << ' ' << gamma;
+      }
+    }
+  }
 }
 
 TEST(LlewellynBound, IsFourToSeventeenTimesTooPermissive) {

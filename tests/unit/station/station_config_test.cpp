@@ -68,6 +68,7 @@ TEST(StationConfig, RefusesEveryBadValue) {
 
 TEST(CheckScaling, RefusesBeyondTheExactBoundAndSaysWhatWouldDo) {
   StationConfig config;  // α_v α_F = 20
+  config.method = control::Method::kNone;
   const auto device = StationRig::device();
   const SlavePort slave{40, 0, 500};
   const ScalingCheck near = check_scaling(config, device, slave, 0);
@@ -85,6 +86,44 @@ TEST(CheckScaling, RefusesBeyondTheExactBoundAndSaysWhatWouldDo) {
       << far.advice;  // just below 4e6, the α_F that is safe
   EXPECT_EQ(near.advice, "");
   EXPECT_EQ(far.text.find('\n'), std::string::npos);
+}
+
+// What the delay of the way does to a method that bounds its energy is told, not refused; the sampling at the
+// hand, one tick, is. k_c = 40 N/m: 2b/((d+1)² T k_c) = 25 at one tick, 4 at d = 4.
+TEST(CheckScaling, TheDelayOfTheWayBindsOnlyMethodsThatRestOnTheLoop) {
+  const auto device = StationRig::device();
+  const SlavePort slave{40, 0, 500};
+  StationConfig config;
+  for (const auto method :
+       {control::Method::kNone, control::Method::kKs, control::Method::kKsClamp, control::Method::kTdpa,
+        control::Method::kWave, control::Method::kTank, control::Method::kModel}) {
+    config.method = method;
+    const bool rests = method == control::Method::kNone || method == control::Method::kKs;
+    config.scaling.force = 2e7;  // α_v α_F = 20
+    const ScalingCheck check = check_scaling(config, device, slave, 4);
+    EXPECT_NEAR(check.exact_bound, rests ? 4 : 25, 1e-6);
+    EXPECT_NEAR(check.loop_bound, 4, 1e-6);
+    EXPECT_EQ(check.safe, !rests);
+    EXPECT_EQ(check.note.empty(), rests);
+    if (!rests) {
+      EXPECT_NE(check.note.find("4 samples of delay"), std::string::npos) << check.note;
+      EXPECT_NE(check.note.find(control::method_name(method)), std::string::npos) << check.note;
+    }
+    config.scaling.force = 2.6e7;
+    EXPECT_FALSE(check_scaling(config, device, slave, 4).safe);
+    config.scaling.force = 3.9e6;
+    EXPECT_TRUE(check_scaling(config, device, slave, 4).safe);
+    EXPECT_EQ(check_scaling(config, device, slave, 4).note, "");
+  }
+}
+
+TEST(CheckScaling, WithoutDampingOfTheDeviceNothingIsSafe) {
+  StationConfig config;
+  config.device_damping_n_s_m = 0;
+  const ScalingCheck check = check_scaling(config, StationRig::device(), {40, 0, 500}, 1);
+  EXPECT_FALSE(check.safe);
+  EXPECT_NE(check.advice.find("no scaling is safe without damping"), std::string::npos) << check.advice;
+  EXPECT_NE(check.advice.find("--allow-unsafe-scaling"), std::string::npos) << check.advice;
 }
 
 }  // namespace

@@ -22,6 +22,8 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   const auto& a = file.station;
   const auto& b = defaults.station;
   EXPECT_EQ(a.rate_hz, b.rate_hz);
+  EXPECT_FALSE(file.scaling.velocity || file.scaling.force) << "planned, unless a person says otherwise";
+  EXPECT_FALSE(file.workspaces.haptic_m || file.workspaces.visual_m || file.workspaces.nano_nm);
   EXPECT_EQ(a.scaling.velocity, b.scaling.velocity);
   EXPECT_EQ(a.scaling.force, b.scaling.force);
   EXPECT_EQ(a.method, b.method);
@@ -62,11 +64,14 @@ TEST(StationFile, ReadsWhatItIsTold) {
   const StationFile file = parse_station_file(
       "rate_hz = 2000\n[scaling]\nforce = 1e6\n[control]\nmethod = \"ks\"\ndamper = \"per-axis\"\n[hand]\narm_mass_kg = "
       "2\n[device]\n"
-      "damping_n_s_m = 1.5\n",
+      "damping_n_s_m = 1.5\n[workspaces]\nnano_nm = 50.0\n",
       "a.toml");
   EXPECT_EQ(file.station.rate_hz, 2000);
   EXPECT_EQ(file.plant.period_s, 0.0005);
   EXPECT_EQ(file.station.scaling.force, 1e6);
+  EXPECT_EQ(file.scaling.force, 1e6);
+  EXPECT_FALSE(file.scaling.velocity);
+  EXPECT_EQ(file.workspaces.nano_nm, 50);
   EXPECT_EQ(file.station.method, control::Method::kKs);
   EXPECT_EQ(file.station.damper, control::DamperDirection::kPerAxis);
   EXPECT_EQ(file.plant.arm_mass_kg, 2);
@@ -105,6 +110,10 @@ TEST(StationFile, RefusesMistakesInOneLineThatNamesFileAndKey) {
       {"[limits]\nslew_n = 5\n", "slew_n"},
       {"[task]\nhover_low_nm = 30\n", "hover_high_nm"},
       {"[simulated_device]\nmass_kg = 0\n", "mass_kg"},
+      {"[scaling]\nvelocity = nan\n", "velocity"},
+      {"[workspaces]\nhaptic_m = 0\n", "haptic_m"},
+      {"[workspaces]\nnano_nm = inf\n", "nano_nm"},
+      {"[workspaces]\nnano_m = 1\n", "nano_m"},
       {"[hands]\narm_mass_kg = 1\n", "hands"},
       {"rate_hz = \n", "station.toml"},
   };

@@ -1,0 +1,76 @@
+#include "master/app/link_probe.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/base/error.h"
+#include "common/rt/steady_clock.h"
+
+namespace telenano::app {
+namespace {
+
+constexpr std::int64_t kWaitMinNs = 50'000'000;  // for what is late after the last command
+constexpr std::int64_t kWaitFactor = 4;          // of the slowest answer so far
+
+double quantile_s(const std::vector<std::int64_t>& sorted_ns, double part) {
+  const double rank = std::ceil(part * static_cast<double>(sorted_ns.size()));
+  return 1e-9 * static_cast<double>(sorted_ns[static_cast<std::size_t>(std::max(rank, 1.0)) - 1]);
+}
+
+}  // namespace
+
+LinkDelay measure_link(link::ClientSession& session, net::Udp& socket, const net::Address& server,
+                       double rate_hz, int count, double timeout_s, const std::atomic<bool>& stop) {
+  const rt::SteadyClock clock;
+  const std::int64_t period_ns = std::llround(1e9 / rate_hz);
+  const std::int64_t timeout_ns = std::llround(1e9 * timeout_s);
+  std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
+  std::vector<std::int64_t> round_trips_ns;
+  std::int64_t slowest_ns = 0;
+  std::int64_t next_ns = clock.now_ns();
+  int sent = 0;
+  for (;;) {
+    std::int64_t now_ns = clock.now_ns();
+    net::Received received;
+    while (socket.receive(buffer, received)) {
+      if (!(received.from == server) || received.size > buffer.size()) continue;
+      const std::int64_t came_ns = clock.now_ns() - received.age_ns;
+      if (session.on_datagram(std::span(buffer).first(received.size), came_ns) != link::ClientEvent::kReply)
+        continue;
+      const auto round_trip_ns = static_cast<std::int64_t>(static_cast<std::uint64_t>(came_ns) -
+                                                           session.reply().command_send_time_ns);
+      if (round_trip_ns < 0 || round_trip_ns > timeout_ns + period_ns * count) continue;  // no echo of ours
+      round_trips_ns.push_back(round_trip_ns);
+      slowest_ns = std::max(slowest_ns, round_trip_ns);
+    }
+    if (stop) throw RunError("stopped while the link was measured");
+    if (!session.has_session()) throw RunError("the server ended the session while the link was measured");
+    if (sent < count && now_ns >= next_ns) {
+      link::Command command;
+      command.tip_pos_w_nm = session.welcome().start_pos_w_nm;
+      now_ns = clock.now_ns();
+      const std::size_t size = session.make_command(command, now_ns, buffer);
+      socket.send(std::span<const std::uint8_t>(buffer).first(size), server);
+      ++sent;
+      next_ns = now_ns + period_ns;
+    }
+    if (sent == count) {
+      const std::int64_t patience_ns =
+          round_trips_ns.empty() ? timeout_ns : std::max(kWaitMinNs, kWaitFactor * slowest_ns);
+      const bool all = round_trips_ns.size() >= static_cast<std::size_t>(count);
+      if (all || now_ns - (next_ns - period_ns) > patience_ns) break;
+    }
+    socket.wait_readable(sent < count ? std::max<std::int64_t>(next_ns - clock.now_ns(), 1) : 1'000'000);
+  }
+  if (round_trips_ns.empty())
+    throw RunError("the server opened a session but answers no command; is the link one-way or very lossy?");
+  std::sort(round_trips_ns.begin(), round_trips_ns.end());
+  return {quantile_s(round_trips_ns, 0.5), quantile_s(round_trips_ns, 0.99), sent,
+          static_cast<int>(round_trips_ns.size())};
+}
+
+}  // namespace telenano::app

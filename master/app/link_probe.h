@@ -1,0 +1,24 @@
+#pragma once
+
+#include <atomic>
+
+#include "common/link/client_session.h"
+#include "common/net/udp.h"
+
+namespace telenano::app {
+
+/// How long the answer to a command takes, the server's own time included: that is what the hand waits for.
+struct LinkDelay {
+  double median_s = 0;
+  double p99_s = 0;
+  int sent = 0;
+  int answered = 0;
+};
+
+/// Measures an established session with `count` idle commands (clutch open: the tip holds where it is), one a
+/// period. Waits for late answers a few times as long as the slowest took. Throws RunError when none comes
+/// within `timeout_s` or the server ends the session, and on `stop`.
+LinkDelay measure_link(link::ClientSession& session, net::Udp& socket, const net::Address& server,
+                       double rate_hz, int count, double timeout_s, const std::atomic<bool>& stop);
+
+}  // namespace telenano::app

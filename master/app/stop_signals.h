@@ -1,0 +1,11 @@
+#pragma once
+
+#include <atomic>
+
+namespace telenano::app {
+
+/// From now on SIGINT and SIGTERM set the flag that is returned (false at first) instead of ending the
+/// program, and a file that may not grow is a failed write instead of an end.
+const std::atomic<bool>& catch_stop_signals();
+
+}  // namespace telenano::app
