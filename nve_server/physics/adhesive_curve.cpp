@@ -104,8 +104,7 @@ double AdhesiveCurve::cold_guess(double z, const Held& held) const noexcept {
   return b;
 }
 
-CurveSolution AdhesiveCurve::solve(double z, const Held& held, double guess,
-                                   double /*curvature*/) const noexcept {
+CurveSolution AdhesiveCurve::solve(double z, const Held& held, double guess) const noexcept {
   CurveSolution out;
   if (saturated_ && z <= held.overlap * plateau_overlap_ - held.load * c_.pull_off) {
     if (held.overlap > 0) {

@@ -41,7 +41,7 @@ class AdhesiveCurve {
   /// Saturated only: the state of load -L at an overlap of at most Delta_L.
   CurvePoint noncontact(double overlap) const noexcept;
   CurvePoint fold(const Held& held) const noexcept;
-  CurveSolution solve(double z, const Held& held, double guess = 0, double curvature = 0) const noexcept;
+  CurveSolution solve(double z, const Held& held, double guess = 0) const noexcept;
 
  private:
   double power(double b) const noexcept;

@@ -26,19 +26,28 @@ struct CurvePoint {
   double overlap_rate = 0;         ///< dDelta/ds
   double load_rate = 0;            ///< dP/ds
   double contact_radius_rate = 0;  ///< dA/ds
+  double overlap_bend = 0;         ///< d2Delta/ds2; 0 where the law does not say
+  double load_bend = 0;            ///< d2P/ds2
+  double overlap_by_lambda = 0;    ///< lambda dDelta/dlambda at this s; both 0 where the law does not say
+  double load_by_lambda = 0;       ///< lambda dP/dlambda
   double energy = 0;               ///< integral of P dDelta along the curve from where interaction begins
 
   double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
-  /// Moves by a small `ds` along the curve, to first order (the energy to second).
+  /// Moves by a small `ds` along the curve, as far as the law says: to second order (the radius and the rates
+  /// to first), or without bends to first (the energy to second).
   void shift(double ds) noexcept {
     if (ds == 0) return;
-    energy += (load + 0.5 * load_rate * ds) * (overlap_rate * ds);
-    overlap += overlap_rate * ds;
-    load += load_rate * ds;
+    const double moved = (overlap_rate + 0.5 * overlap_bend * ds) * ds;
+    energy += (load + 0.5 * load_rate * ds) * moved;
+    overlap += moved;
+    load += (load_rate + 0.5 * load_bend * ds) * ds;
+    overlap_rate += overlap_bend * ds;
+    load_rate += load_bend * ds;
     contact_radius += contact_radius_rate * ds;
     parameter += ds;
   }
   double held_rate(const Held& h) const noexcept { return h.overlap * overlap_rate + h.load * load_rate; }
+  double held_bend(const Held& h) const noexcept { return h.overlap * overlap_bend + h.load * load_bend; }
 };
 
 enum class CurveStatus : unsigned char { kOk, kNoState, kNotConverged };
@@ -63,9 +72,8 @@ concept ContactCurve = requires(const Curve& curve, const Held& held, double x) 
   /// The end of the stable segment.
   { curve.fold(held) }
   noexcept->std::same_as<CurvePoint>;
-  /// solve(z, held, guess, curvature): the stable state that holds Z, from a contact parameter to start with
-  /// (0: none) and an estimate of d2Z/ds2 there (0: none).
-  { curve.solve(x, held, x, x) }
+  /// solve(z, held, guess): the stable state that holds Z, from a contact parameter to start with (0: none).
+  { curve.solve(x, held, x) }
   noexcept->std::same_as<CurveSolution>;
 };
 

@@ -131,7 +131,7 @@ class ExtendedStep {
           place_.contact ? cache_.curve.contact(x) : cache_.curve.noncontact(x + cache_.curve.onset_radius());
       t.overlap_nm = t.curve.overlap * scales_.overlap_nm;
       t.overlap_rate = t.curve.overlap_rate * scales_.overlap_nm;
-      g = place_.pressed ? LongRangePoint{pressed_force(), 0.0}
+      g = place_.pressed ? LongRangePoint{touch().force_nn, 0.0}
                          : far_.evaluate_open(std::min(t.overlap_nm, 0.0), radius_, place_.bridge);
       t.force_nn = t.curve.load * scales_.force_nn + g.force_nn;
       t.force_rate = t.curve.load_rate * scales_.force_nn + g.stiffness_n_m * t.overlap_rate;
@@ -141,10 +141,22 @@ class ExtendedStep {
     return t;
   }
 
-  double pressed_force() const noexcept { return far_.evaluate(0, radius_, place_.bridge).force_nn; }
+  /// Of the present bridge; what makes or breaks one forgets it.
+  const LongRange::Touch& touch() const noexcept {
+    if (!has_touch_) {
+      touch_ = far_.at_touch(radius_, place_.bridge);
+      has_touch_ = true;
+    }
+    return touch_;
+  }
+  void put(const BridgeState& bridge) noexcept {
+    place_.bridge = bridge;
+    has_touch_ = false;
+  }
 
   double potential(const TipPoint& t) noexcept {
-    double energy = far_.energy_aj(t.overlap_nm, radius_, place_.bridge);
+    double energy = t.overlap_nm < 0 ? far_.energy_aj(t.overlap_nm, radius_, place_.bridge)
+                                     : touch().energy_aj + t.overlap_nm * touch().force_nn;
     if (!place_.inside) return energy + vdw_.energy_aj(radius_, cut_off_ - t.overlap_nm);
     const double offset = has_vdw() ? parting().energy_offset : 0.0;
     return energy + (t.curve.energy + offset) * scales_.energy_aj;
@@ -212,12 +224,12 @@ class ExtendedStep {
 
   bool quick_pressed() noexcept {
     if (formation() < kInfinity) return false;
-    const double force = pressed_force();
+    const double force = touch().force_nn;
     const double z = (base_ - compliance_ * force) / scales_.overlap_nm;
     const CurveSolution solution = solve_warm(cache_.curve, cache_, z, held_);
     if (solution.status != CurveStatus::kOk || !(solution.point.overlap >= 0)) return false;
     take(solution.point, force);
-    remember(cache_.curve, cache_, z, held_, solution.point);
+    remember(cache_.curve, cache_, solution.point);
     remembered_ = true;
     return true;
   }
@@ -278,7 +290,7 @@ class ExtendedStep {
   bool begin(double overlap_nm) noexcept {
     remembered_ = false;
     if (far_.has_bridge()) {
-      if (place_.bridge.present && overlap_nm < rupture()) place_.bridge = {};
+      if (place_.bridge.present && overlap_nm < rupture()) put(BridgeState{});
     }
     place_.pressed = place_.inside && overlap_nm >= 0;
     if (place_.inside) {
@@ -366,10 +378,10 @@ class ExtendedStep {
         place_.x = 0;
         break;
       case Border::kForm:
-        place_.bridge = far_.capillary().formed(radius_);
+        put(far_.capillary().formed(radius_));
         break;
       case Border::kRupture:
-        place_.bridge = {};
+        put(BridgeState{});
         break;
       case Border::kHandIn:
         put(has_vdw() ? handover().inside : on_curve(hand_in_overlap()));
@@ -577,7 +589,7 @@ class ExtendedStep {
   /// On a piece without border ahead: going out, outside; going in, pressed.
   bool solve_open(double z, int direction) noexcept {
     if (direction < 0) return solve_between(std::min(z, place_.x), place_.x, z);  // Z <= delta
-    const double force = pressed_force();
+    const double force = touch().force_nn;
     const CurveSolution s = cache_.curve.solve((z - compliance_ * force) / scales_.overlap_nm, held_,
                                                place_.contact ? place_.x : 0);
     if (s.status == CurveStatus::kNotConverged) return false;
@@ -595,7 +607,7 @@ class ExtendedStep {
     cache_.far_contact = place_.contact;
     cache_.far_parameter = place_.x;
     if (place_.inside && !remembered_) {
-      cache_.compliance = -1;
+      cache_.has_last = false;
       cache_.u = place_.contact ? place_.x : 0;
     }
   }
@@ -611,6 +623,8 @@ class ExtendedStep {
   Held held_;
   TipPlace place_;
   TipPoint point_;
+  mutable LongRange::Touch touch_;
+  mutable bool has_touch_ = false;
   double z_ = 0;  // the base where the walk is
   double dissipated_ = 0;
   int jumps_ = 0;

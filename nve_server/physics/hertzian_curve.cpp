@@ -20,8 +20,7 @@ CurvePoint HertzianCurve::contact(double overlap) const noexcept {
   return p;
 }
 
-CurveSolution HertzianCurve::solve(double z, const Held& held, double guess,
-                                   double /*curvature*/) const noexcept {
+CurveSolution HertzianCurve::solve(double z, const Held& held, double guess) const noexcept {
   // a s + b s^1.5 = y, both terms >= 0: either alone would bound s from above.
   const double y = z + held.load * pull_off_;
   if (!(y >= 0)) return {CurveStatus::kNoState, contact(0), 1};

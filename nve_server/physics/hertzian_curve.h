@@ -20,7 +20,7 @@ class HertzianCurve {
 
   CurvePoint contact(double overlap) const noexcept;
   CurvePoint fold(const Held& /*held*/) const noexcept { return contact(0); }
-  CurveSolution solve(double z, const Held& held, double guess = 0, double curvature = 0) const noexcept;
+  CurveSolution solve(double z, const Held& held, double guess = 0) const noexcept;
 
  private:
   double lambda_;

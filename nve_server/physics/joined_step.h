@@ -92,7 +92,7 @@ class JoinedStep {
         lose(energy(edge), energy(curve_.solve(edge.overlap + compliance_ * edge.load, held_).point));
       }
     }
-    cache_.compliance = -1;
+    cache_.has_last = false;
     solve_inside(z_);
     return false;
   }
@@ -130,7 +130,7 @@ class JoinedStep {
     out.stiffness_n_m = std::max(slope, -kSteepest) * (s.force_nn / s.overlap_nm);
     out.contact_radius_nm = p.contact_radius * s.length_nm;
     out.potential_aj = (p.energy + offset()) * s.energy_aj;
-    remember(curve_, cache_, z_, held_, p);
+    remember(curve_, cache_, p);
   }
 
   void write_outside(Equilibrium& out) noexcept {

@@ -44,6 +44,7 @@ LongRange::LongRange(const LongRangeParameters& p, double hamaker_aj, double cut
   require(std::isfinite(p.tip_bias_v), "tip bias must be finite (V)", p.tip_bias_v);
   const TipShape shape = shape_of(p);
   if (hamaker_aj > 0) van_der_waals_ = TipVanDerWaals(hamaker_aj, p.retardation_nm, shape);
+  touch_ = van_der_waals_.gap(cut_off_nm);
   electrostatic_ = Electrostatic(p.tip_bias_v, shape);
 }
 
@@ -72,6 +73,23 @@ double LongRange::energy_aj(double overlap_nm, double radius_nm, const BridgeSta
   if (bridge.present) energy += capillary_.energy_aj(-open, radius_nm, bridge);
   if (overlap_nm > 0) energy += overlap_nm * evaluate_open(0, radius_nm, bridge).force_nn;
   return energy;
+}
+
+LongRange::Touch LongRange::at_touch(double radius_nm, const BridgeState& bridge) const noexcept {
+  Touch sum;
+  if (van_der_waals_.active()) {
+    const TipVanDerWaals::Correction far = van_der_waals_.correction(touch_, radius_nm);
+    sum = {far.force_nn, far.energy_aj};
+  }
+  if (electrostatic_.active()) {
+    sum.force_nn += electrostatic_.at(cut_off_nm_, radius_nm).force_nn;
+    sum.energy_aj += electrostatic_.energy_aj(cut_off_nm_, radius_nm);
+  }
+  if (bridge.present) {
+    sum.force_nn += capillary_.at(0, radius_nm, bridge).force_nn;
+    sum.energy_aj += capillary_.energy_aj(0, radius_nm, bridge);
+  }
+  return sum;
 }
 
 double jump_to_contact_gap_nm(const VanDerWaals& van_der_waals, double stiffness_n_m,

@@ -49,9 +49,18 @@ class LongRange {
   LongRangePoint evaluate_open(double overlap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
   double energy_aj(double overlap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
 
+  /// G and its energy at overlap 0, from which those of every pressed tip follow: force G, energy U + G
+  /// delta.
+  struct Touch {
+    double force_nn = 0;
+    double energy_aj = 0;
+  };
+  Touch at_touch(double radius_nm, const BridgeState& bridge) const noexcept;
+
  private:
   double cut_off_nm_;
   TipVanDerWaals van_der_waals_;
+  TipVanDerWaals::Gap touch_;  // of it
   Electrostatic electrostatic_;
   Capillary capillary_;
 };

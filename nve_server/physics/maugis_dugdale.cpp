@@ -6,12 +6,17 @@
 #include <limits>
 
 #include "common/base/constants.h"
+#include "common/base/det_math.h"
 
 namespace telenano::physics {
 namespace {
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-constexpr double kSlow = 0.3;  // of the last step: quadratic convergence shrinks faster
+constexpr double kGuessDone = 0.02;
+constexpr double kTowardsOnset = 0.5;  // u below which the curve goes by sqrt(u)
+constexpr double kBent = 0.15;         // below, one parabola is nearly as good as the other
+constexpr double kNearFold = 0.3;      // bent so much, half way to where the parabola ends
+constexpr double kSmallStep = 1e-3;    // of u: where the law is its Taylor series
 constexpr double kHalfPi = 1.57079632679489655800;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
@@ -78,12 +83,20 @@ Angle angle_of(double u) noexcept {
   return g;
 }
 
-/// State and rates at u, without the energy.
+/// State and rates at u, without the energy; the bends, too, if asked for. With dC/dtheta = cos G (G =
+/// slope_c), dA/dtheta = A1 = cos^2 G - C sin (slope_a), dDelta/dtheta = cos Q, dP/dtheta = cos S:
+///   G' = G/theta + cos H,  H = -(G/r) dr/(cos dtheta) - (lambda theta/r) (G (2 C sin + 4/3 lambda) + 2 C (G
+///   sin + C)), A1' = cos A2,  A2 = cos G' - 3 sin G - C, Q' = 2 cos (G A1 + C A2 - 4/3 lambda G) - 4/3
+///   lambda sin G', S' = 3 (C A1^2 + A cos (G A1 + C A2)) - 2 lambda (cos G (G arc + A) + C (G' arc + 2 cos^2
+///   G + A1)),
+/// and d/du = -(sin^3/2)/cos d/dtheta once more: the bends go like 1/cos to the onset.
+template <bool kBends>
 CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
   const double third = (4.0 / 3.0) * lambda;
   const double b = third * lambda * g.f2;
   const double r = std::sqrt(b * b + 2.0 * lambda * g.f1);
   const double c = 2.0 / (b + r);
+  const double per_r = 1.0 / r;
   const double a = c * g.cos;
   const double cs = c * g.sin;
   const double arc = g.theta + g.sin * g.cos;
@@ -97,12 +110,40 @@ CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
   p.overlap = a * a - third * cs;
   // dC/dtheta = cos(theta) G; every rate has the same factor, so that d/du = -(sin^3/2) (d/dtheta)/cos stays
   // finite at the onset.
-  const double slope_c = -g.theta * c * (2.0 * lambda * cs + third * lambda) / r;
+  const double reach = 2.0 * cs + third;
+  const double slope_c_per_theta = -lc * reach * per_r;
+  const double slope_c = g.theta * slope_c_per_theta;
   const double slope_a = g.cos * g.cos * slope_c - cs;
-  const double factor = -0.5 * g.sin * g.sin * g.sin;
-  p.overlap_rate = factor * (2.0 * c * slope_a - third * (slope_c * g.sin + c));
-  p.load_rate = factor * (3.0 * a * c * slope_a - 2.0 * lc * (slope_c * arc + a));
-  p.contact_radius_rate = factor * slope_a / g.cos;
+  const double sin_sq = g.sin * g.sin;
+  const double factor = -0.5 * sin_sq * g.sin;
+  const double slope_cs = slope_c * g.sin + c;
+  const double slope_arc = slope_c * arc + a;
+  const double ca = c * slope_a;
+  const double q = 2.0 * ca - third * slope_cs;
+  const double s = 3.0 * a * ca - 2.0 * lc * slope_arc;
+  p.overlap_rate = factor * q;
+  p.load_rate = factor * s;
+  const double per_cos = factor / g.cos;
+  p.contact_radius_rate = per_cos * slope_a;
+  if constexpr (kBends) {
+    const double h = -lambda * g.theta * per_r *
+                     (slope_c * (reach + per_r * (b * third + 4.0 * g.sin)) + 2.0 * c * slope_cs);
+    const double bend_c = g.cos * h + slope_c_per_theta;
+    const double bend_a = g.cos * bend_c - 3.0 * g.sin * slope_c - c;
+    const double both = slope_c * slope_a + c * bend_a;
+    const double q_rate = 2.0 * g.cos * (both - third * slope_c) - third * g.sin * bend_c;
+    const double s_rate = 3.0 * (ca * slope_a + a * g.cos * both) -
+                          2.0 * (lambda * g.cos * slope_c * slope_arc +
+                                 lc * (bend_c * arc + 2.0 * g.cos * g.cos * slope_c + slope_a));
+    const double own = -1.5 * sin_sq * factor;  // of the factor
+    const double other = per_cos * factor;
+    p.overlap_bend = own * q + other * q_rate;
+    p.load_bend = own * s + other * s_rate;
+    // At constant theta, from (lambda/2) F1 C^2 + b C = 1.
+    const double c_by_lambda = -(1.0 + b * c) * per_r;
+    p.overlap_by_lambda = 2.0 * a * g.cos * c_by_lambda - third * g.sin * (c + c_by_lambda);
+    p.load_by_lambda = 3.0 * a * a * g.cos * c_by_lambda - lc * arc * (c + 2.0 * c_by_lambda);
+  }
   return p;
 }
 
@@ -138,6 +179,30 @@ double contact_energy(double lambda, const CurvePoint& p, const Angle& g) noexce
          lambda * c3 * ((4.0 / 3.0) * lambda * x * x * (1.0 - x / 3.0) + 0.5 * (c * v1 + lambda * v2));
 }
 
+/// d > 0 of d^2 (w + d) = k, w >= 0 and k > 0: Newton's method from above, where it is monotone.
+double root_of_cubic(double w, double k) noexcept {
+  double d = k < w * w * w ? std::sqrt(k / w) : det_cbrt(k);
+  for (int i = 0; i < 3; ++i) d -= (d * (w + d) * d - k) / (d * (2.0 * w + 3.0 * d));
+  return d;
+}
+
+/// Towards the onset Z is not a parabola in u but z0 + B t^2 + C t^3, t = sqrt(u): the parameter where that
+/// of a point with this rate and bend falls by `residual`. B and C follow from Z' = B + 3/2 C t, Z'' = 3/4
+/// C/t; C > 0. About its minimum t0 (= -2 B/3 C, or 0) it is min + C d^2 (w + d), w = 3/2 t0 (or B/C).
+/// Negative: the minimum is higher.
+double root_towards_onset(double u, double residual, double rate, double bend) noexcept {
+  const double t = std::sqrt(u);
+  const double c = (4.0 / 3.0) * t * bend;
+  const double w = rate / c - 1.5 * t;  // B/C
+  const double least = w < 0 ? -(2.0 / 3.0) * w : 0.0;
+  const double from = t - least;
+  const double width = std::fabs(w);
+  const double k = from * from * (width + from) - residual / c;
+  if (!(k > 0)) return -1;
+  const double root = least + root_of_cubic(width, k);
+  return root * root;
+}
+
 }  // namespace
 
 MaugisDugdale::MaugisDugdale(double lambda) noexcept
@@ -163,7 +228,7 @@ CurvePoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
 
 CurvePoint MaugisDugdale::contact(double u) const noexcept {
   const Angle g = angle_of(u);
-  CurvePoint p = state_at(lambda_, u, g);
+  CurvePoint p = state_at<true>(lambda_, u, g);
   p.energy = contact_energy(lambda_, p, g);
   return p;
 }
@@ -246,7 +311,7 @@ CurvePoint MaugisDugdale::fold(const Held& held) const noexcept {
 }
 
 double MaugisDugdale::search_fold(const Held& held) const noexcept {
-  const auto rate = [&](double u) { return state_at(lambda_, u, angle_of(u)).held_rate(held); };
+  const auto rate = [&](double u) { return state_at<false>(lambda_, u, angle_of(u)).held_rate(held); };
   double lo = 0;
   double rate_lo = rate(lo);
   if (rate_lo >= 0) return 0;
@@ -279,8 +344,7 @@ double MaugisDugdale::search_fold(const Held& held) const noexcept {
   return hi;
 }
 
-CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess,
-                                   double curvature) const noexcept {
+CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess) const noexcept {
   double fold_radius = 0;
   if (z <= held.overlap * onset_overlap_ + held.load * onset_load_ &&
       fold_before_contact(held, &fold_radius)) {
@@ -290,13 +354,14 @@ CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess,
     if (discriminant < 0) return {CurveStatus::kNoState, noncontact(fold_radius), 0};
     return {CurveStatus::kOk, noncontact(std::min((p + std::sqrt(discriminant)) / e, onset_radius_)), 0};
   }
-  return solve_contact(z, held, guess, curvature);
+  return solve_contact(z, held, guess);
 }
 
 double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
   // A from the law between DMT and JKR (closed_form_laws.h: Schwarz), Delta ~ A^2 - k sqrt(A), P ~ A^3 - 3/2
   // k A^1.5 - 2 (1 - t), k^2 = 8/3 t, t = 0 for DMT and 1 for JKR; then C ~ A in the equation of the annulus,
-  // whose two terms alone would give theta^2 = 3/(2 A)/lambda^2 and theta^3 = 3/(2 lambda A^2).
+  // whose terms alone would give u = 2/3 A lambda^2 and, of x = lambda A^2, pi/4 x for small and (2/3
+  // x)^(2/3) for large x.
   const double steep = 4.0 * lambda_ * std::sqrt(lambda_);
   const double t = steep / (1.0 + steep);
   const double k = std::sqrt(8.0 / 3.0 * t);
@@ -310,28 +375,50 @@ double MaugisDugdale::cold_guess(double z, const Held& held) const noexcept {
     const double rate =
         held.overlap * (2.0 * a - 0.5 * k / root) + held.load * (3.0 * a * a - 2.25 * k * root);
     if (!(rate > 0)) break;
+    const double before = a;
     a = std::max(a - (value - target) / rate, std::max(least, 0.3 * a));
+    if (std::fabs(a - before) < kGuessDone * a) break;
   }
-  const double cubic = (2.0 / 3.0) * lambda_ * a * a;
-  return (2.0 / 3.0) * a * lambda_ * lambda_ + cubic * cubic / (1.0 + cubic);
+  const double x = lambda_ * a * a;
+  return (2.0 / 3.0) * a * lambda_ * lambda_ + 0.25 * kPi * x / det_cbrt(1.0 + 1.09 * x);
 }
 
-CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double guess,
-                                           double curvature) const noexcept {
+/// Newton's method with the curve's bend: the step is to the root of the parabola at u (convergence of third
+/// order, and near a fold as fast as elsewhere). Where the parabola has none it is to its vertex, the fold.
+CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double guess) const noexcept {
   CurveSolution out;
   double lo = 0;
   double hi = kInfinity;
   double u = guess > 0 ? guess : cold_guess(z, held);
-  double last_step = 0;
-  double last_rate = 0;
-  const double bend = curvature != 0 ? std::fabs(curvature) : kInfinity;
   bool fold_known = false;
   for (out.evaluations = 1; out.evaluations <= 100; ++out.evaluations) {
     const Angle g = angle_of(u);
-    out.point = state_at(lambda_, u, g);
+    out.point = state_at<true>(lambda_, u, g);
     CurvePoint& p = out.point;
     const double rate = p.held_rate(held);
-    if (!(p.overlap_rate > 0 && rate > 0)) {
+    const double bend = p.held_bend(held);
+    const double residual = p.held(held) - z;
+    const double newton = -residual / rate;
+    const double bent = residual * bend / (rate * rate);
+    // A parabola in u; towards the onset, if more than a little bent, what is one in sqrt(u).
+    double step = newton;
+    bool crosses = bent < 0.5;
+    if (crosses) {
+      step *= 2.0 / (1.0 + std::sqrt(1.0 - 2.0 * bent));
+    } else if (bend > 0) {
+      step /= bent;
+    }
+    if (u < kTowardsOnset && bend > 0 && std::fabs(bent) > kBent) {
+      const double root = root_towards_onset(u, residual, rate, bend);
+      crosses = root > 0;
+      if (crosses) step = root - u;
+    }
+    // It ends above z within reach: so does the curve, or nearly.
+    bool ends = !crosses && bend > 0 && rate < kSmallStep * u * bend && !fold_known;
+    // From nothing to near the fold, where that costs one evaluation: better from there.
+    ends = ends ||
+           (out.evaluations == 1 && !(guess > 0) && held.load == 0 && q_ > onset_radius_ && bent > kNearFold);
+    if (!(p.overlap_rate > 0 && rate > 0) || ends) {
       // Beyond the fold. Is there a state at all? Then start from the parabola at the fold.
       if (fold_known) {  // at the fold to rounding
         p.energy = contact_energy(lambda_, p, g);
@@ -339,6 +426,7 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
       }
       const CurvePoint end = fold(held);
       fold_known = true;
+      ++out.evaluations;
       const double above = z - end.held(held);
       if (above <= 0) {
         out.point = end;
@@ -346,29 +434,20 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
         return out;
       }
       lo = end.parameter;
-      const double near = lo + 1e-4 * std::max(lo, 1e-4);
-      const double second = contact(near).held_rate(held) / (near - lo);
-      u = lo + std::sqrt(2.0 * above / second);
-      last_step = 0;
+      const double end_bend = end.held_bend(held);
+      u = end_bend > 0 && end_bend < kInfinity ? root_towards_onset(lo, -above, 0.0, end_bend) : lo + above;
       continue;
-    }
-    const double residual = p.held(held) - z;
-    double step = -residual / rate;
-    if (last_step != 0 && std::fabs(step) > kSlow * std::fabs(last_step)) {
-      // Near a fold Newton's steps shrink by half only: the parabola through the last two rates has the root.
-      const double second = (rate - last_rate) / last_step;
-      const double root = rate * rate - 2.0 * second * residual;
-      if (second > 0 && root > 0) step = -2.0 * residual / (rate + std::sqrt(root));
     }
     const double scale = held.overlap * (p.contact_radius * p.contact_radius + std::fabs(p.overlap)) +
                          held.load * std::fabs(p.load);
     const double size = std::fabs(step);
-    // The error after this step: half the curvature times its square, the curvature being known to the caller
-    // or from how this step compares with the last one.
-    const double left =
-        last_step != 0 ? size * size * size / (last_step * last_step) : size * size * bend / rate;
+    // The error after this step: a sixth of the third derivative, times the cube, over the rate. Delta and P
+    // are made of powers of u from 1 to 3, so that u times the third derivative is of the size of the bends,
+    // or where those cancel of the rate over u; no factor, for safety.
+    const double bends = held.overlap * std::fabs(p.overlap_bend) + held.load * std::fabs(p.load_bend);
+    const double left = size * size * size * (bends * u + rate) / (u * u * rate);
     const bool last = std::fabs(residual) <= kEpsilon * scale || size <= 4.0 * kEpsilon * u ||
-                      (size < 1e-7 * u && left <= kEpsilon * u);
+                      (crosses && size < kSmallStep * u && left <= kEpsilon * u);
     if (last) {
       p.energy = contact_energy(lambda_, p, g);
       p.shift(std::max(step, -u));
@@ -389,8 +468,6 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
       p.energy = contact_energy(lambda_, p, g);
       return out;
     }
-    last_step = next == u + step ? step : 0;
-    last_rate = rate;
     u = next;
   }
   out.status = CurveStatus::kNotConverged;

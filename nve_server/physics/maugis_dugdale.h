@@ -67,10 +67,9 @@ class MaugisDugdale {
   /// lambda alone: one evaluation at a tabulated parameter.
   CurvePoint fold(const Held& held) const noexcept;
 
-  /// The stable state that holds Z. `guess` is a contact parameter to start from; 0 or less: none.
-  /// `curvature` is an estimate of d2Z/du2 near the guess (0: none), which lets a good guess be accepted
-  /// after one evaluation.
-  CurveSolution solve(double z, const Held& held, double guess = 0, double curvature = 0) const noexcept;
+  /// The stable state that holds Z. `guess` is a contact parameter to start from; 0 or less: none. Within
+  /// some 5e-6 of itself it is accepted after one evaluation.
+  CurveSolution solve(double z, const Held& held, double guess = 0) const noexcept;
 
   /// Does the fold lie on the branch without contact? Then its C.
   bool fold_before_contact(const Held& held, double* outer_radius) const noexcept;
@@ -79,7 +78,7 @@ class MaugisDugdale {
   friend class OverlapFolds;
 
   double search_fold(const Held& held) const noexcept;
-  CurveSolution solve_contact(double z, const Held& held, double guess, double curvature) const noexcept;
+  CurveSolution solve_contact(double z, const Held& held, double guess) const noexcept;
   double cold_guess(double z, const Held& held) const noexcept;
 
   double lambda_;

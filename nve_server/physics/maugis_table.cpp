@@ -186,8 +186,7 @@ CurveSolution MaugisTable::solve_directly(double z, const Held& held) const noex
   return out;
 }
 
-CurveSolution MaugisTable::solve(double z, const Held& held, double guess,
-                                 double /*curvature*/) const noexcept {
+CurveSolution MaugisTable::solve(double z, const Held& held, double guess) const noexcept {
   const CurvePoint& start = start_;
   double radius = 0;
   if (z <= start.held(held) && exact_.fold_before_contact(held, &radius)) return exact_.solve(z, held);

@@ -54,7 +54,7 @@ class MaugisTable {
 
   CurvePoint contact(double t) const noexcept;
   CurvePoint fold(const Held& held) const noexcept;
-  CurveSolution solve(double z, const Held& held, double guess = 0, double curvature = 0) const noexcept;
+  CurveSolution solve(double z, const Held& held, double guess = 0) const noexcept;
 
  private:
   using Cubic = std::array<double, 4>;

@@ -115,7 +115,7 @@ void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexce
       if (tabulated != cache.tabulated) {  // another parameter of the curve: nothing to extrapolate from
         cache.tabulated = tabulated;
         cache.u = 0;
-        cache.compliance = -1;
+        cache.has_last = false;
         cache.handover_ratio[0] = cache.handover_ratio[1] = 0;
       }
       break;

@@ -49,13 +49,11 @@ struct TipSampleCache {
   // The last two handovers in contact, to extrapolate u/lambda^2 from.
   double handover_lambda[2] = {0, 0};
   double handover_ratio[2] = {0, 0};
-  // The last two states in contact, to extrapolate from.
+  // The last state in contact, to extrapolate from.
   double lambda = 0;
-  double compliance = -1;
-  double z = 0;
   double u = 0;
-  double rate = 0;       // dZ/du
-  double curvature = 0;  // d2Z/du2
+  bool has_last = false;
+  CurvePoint last;
   // With long-range forces: the last state, and the end of the curve, at their radii.
   double far_radius_nm = -1;
   double far_compliance = -1;

@@ -32,11 +32,14 @@ double TipVanDerWaals::area_energy_integral_drop(double z, double further) const
   return area_energy_integral(z) - area_energy_integral(z + further);
 }
 
+double TipVanDerWaals::area_energy_second_integral(double z) const noexcept {
+  const LogOnePlus l(1.0 / (b_ * z));
+  return h12_ * (l.s + l.e + l.s * l.e);
+}
+
 double TipVanDerWaals::area_energy_second_integral_drop(double z, double further) const noexcept {
   if (b_ == 0) return h12_ * LogOnePlus(further / z).log();
-  const LogOnePlus near(1.0 / (b_ * z));
-  const LogOnePlus far(1.0 / (b_ * (z + further)));
-  return h12_ * ((near.s + near.e + near.s * near.e) - (far.s + far.e + far.s * far.e));
+  return area_energy_second_integral(z) - area_energy_second_integral(z + further);
 }
 
 LongRangePoint TipVanDerWaals::correction(double gap_nm, double radius_nm) const noexcept {
@@ -74,6 +77,39 @@ double TipVanDerWaals::correction_energy_aj(double gap_nm, double radius_nm) con
                         (radius_nm - cap + cone * tan2_) * area_energy_integral(d + shape_.height_nm));
   }
   return energy;
+}
+
+TipVanDerWaals::Gap TipVanDerWaals::gap(double gap_nm) const noexcept {
+  Gap g;
+  g.gap_nm = gap_nm;
+  if (b_ == 0) return g;
+  const double end = gap_nm + shape_.height_nm;
+  g.retarded_force = kTwoPi * h12_ * b_ / (gap_nm * (1.0 + b_ * gap_nm));
+  g.retarded_energy = kTwoPi * h12_ * b_ * LogOnePlus(1.0 / (b_ * gap_nm)).log();
+  g.near_integral = area_energy_integral(gap_nm);
+  g.near_second = area_energy_second_integral(gap_nm);
+  g.end_integral = area_energy_integral(end);
+  g.end_second = area_energy_second_integral(end);
+  g.end_density = area_energy(end);
+  return g;
+}
+
+TipVanDerWaals::Correction TipVanDerWaals::correction(const Gap& g, double radius_nm) const noexcept {
+  if (b_ == 0) return {correction(g.gap_nm, radius_nm).force_nn, correction_energy_aj(g.gap_nm, radius_nm)};
+  Correction out{g.retarded_force * radius_nm, g.retarded_energy * radius_nm};
+  if (shape_.height_nm > 0) {
+    const double cap = shape_.cap_nm(radius_nm);
+    const double z = g.gap_nm + cap;
+    const LogOnePlus l(1.0 / (b_ * z));
+    const double integral = h12_ / z * (l.s - l.rest * l.e);
+    const double second = h12_ * (l.s + l.e + l.s * l.e);
+    const double a = radius_nm - cap + (shape_.height_nm - cap) * tan2_;
+    out.force_nn +=
+        kTwoPi * ((g.near_integral - integral) - tan2_ * (integral - g.end_integral) + a * g.end_density);
+    out.energy_aj +=
+        kTwoPi * ((g.near_second - second) - tan2_ * (second - g.end_second) + a * g.end_integral);
+  }
+  return out;
 }
 
 }  // namespace telenano::physics

@@ -37,9 +37,26 @@ class TipVanDerWaals {
   LongRangePoint correction(double gap_nm, double radius_nm) const noexcept;
   double correction_energy_aj(double gap_nm, double radius_nm) const noexcept;
 
+  /// Both at one gap and many radii, as a tip needs it that is pressed on a sample of changing curvature: of
+  /// the five logarithms only that at the sphere's end depends on the radius.
+  struct Gap {
+    double gap_nm = 0;
+    double near_integral = 0, end_integral = 0;      // V at the gap and at the cone's upper end
+    double near_second = 0, end_second = 0;          // X there
+    double end_density = 0;                          // W there
+    double retarded_force = 0, retarded_energy = 0;  // what retardation alone changes, over R
+  };
+  struct Correction {
+    double force_nn = 0;
+    double energy_aj = 0;
+  };
+  Gap gap(double gap_nm) const noexcept;
+  Correction correction(const Gap& gap, double radius_nm) const noexcept;
+
  private:
   double area_energy(double z) const noexcept;                                       // W
   double area_energy_integral(double z) const noexcept;                              // V
+  double area_energy_second_integral(double z) const noexcept;                       // X, retarded only
   double area_energy_integral_drop(double z, double further) const noexcept;         // V(z) - V(z + further)
   double area_energy_second_integral_drop(double z, double further) const noexcept;  // X(z) - X(z + further)
 

@@ -37,34 +37,38 @@ const Parting& cached_parting(const Curve& curve, Cache& cache) noexcept {
   return cache.parting;
 }
 
+/// A parameter near that of the stable state that holds z, from the last state: to second order in what z,
+/// compliance and, where the law says how, lambda have changed. 0: none.
+template <class Curve, class Cache>
+double foreseen(const Curve& curve, const Cache& cache, double z, const Held& held) noexcept {
+  const CurvePoint& last = cache.last;
+  if (!(cache.u > 0)) return 0;
+  const bool other_lambda = cache.lambda != curve.lambda();
+  if (!cache.has_last || (other_lambda && last.overlap_by_lambda == 0)) return cache.u;
+  const double grown =
+      other_lambda ? 2.0 * (curve.lambda() - cache.lambda) / (curve.lambda() + cache.lambda) : 0.0;
+  const double there =
+      last.held(held) + grown * (held.overlap * last.overlap_by_lambda + held.load * last.load_by_lambda);
+  const double rate = last.held_rate(held);
+  if (!(rate > 0)) return cache.u;
+  const double first = (z - there) / rate;
+  const double second = -0.5 * last.held_bend(held) * first * first / rate;
+  if (!(std::fabs(first) < 0.3 * cache.u && std::fabs(second) < 0.3 * std::fabs(first))) return cache.u;
+  return cache.u + first + second;
+}
+
 /// The stable state on the curve that holds z, from the last one.
 template <class Curve, class Cache>
 CurveSolution solve_warm(const Curve& curve, const Cache& cache, double z, const Held& held) noexcept {
-  double guess = cache.u;
-  double curvature = 0;
-  if (cache.compliance == held.load && cache.rate > 0) {
-    const double first = (z - cache.z) / cache.rate;
-    const double second = -0.5 * cache.curvature * first * first / cache.rate;
-    if (std::fabs(first) < 0.3 * guess && std::fabs(second) < 0.3 * std::fabs(first)) {
-      guess += first + second;
-      if (std::fabs(first) < 0.03 * guess) curvature = cache.curvature;
-    }
-  }
-  return curve.solve(z, held, guess, curvature);
+  return curve.solve(z, held, foreseen(curve, cache, z, held));
 }
 
 template <class Curve, class Cache>
-void remember(const Curve& curve, Cache& cache, double z, const Held& held, const CurvePoint& p) noexcept {
-  const double rate = p.contact ? p.held_rate(held) : 0;
-  const double u = p.contact ? p.parameter : 0;
-  const bool comparable = cache.compliance == held.load && cache.rate > 0 && rate > 0 &&
-                          cache.lambda == curve.lambda() && u != cache.u;
-  cache.curvature = comparable ? (rate - cache.rate) / (u - cache.u) : 0;
+void remember(const Curve& curve, Cache& cache, const CurvePoint& p) noexcept {
   cache.lambda = curve.lambda();
-  cache.compliance = held.load;
-  cache.z = z;
-  cache.u = u;
-  cache.rate = rate;
+  cache.u = p.contact ? p.parameter : 0;
+  cache.has_last = p.contact;
+  cache.last = p;
 }
 
 }  // namespace telenano::physics

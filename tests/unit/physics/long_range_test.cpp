@@ -113,11 +113,17 @@ TEST(Cone, VanDerWaalsIsThePressureOverTheProfile) {
           const double force = static_cast<double>(-integral(pressure));
           const double energy = static_cast<double>(-integral(area_energy));
           const LongRangePoint p = law.correction(d, kRadius);
+          const TipVanDerWaals::Correction of_gap = law.correction(law.gap(d), kRadius);
           const double scale = std::fabs(plain.force_nn(kRadius, d)) + std::fabs(force);
           EXPECT_NEAR(plain.force_nn(kRadius, d) + p.force_nn, force, 3e-14 * scale)
               << wavelength << ' ' << angle << ' ' << height << ' ' << d;
           // Far from a short tip X(d) - X(d + h) cancels by d/h.
           EXPECT_NEAR(plain.energy_aj(kRadius, d) + law.correction_energy_aj(d, kRadius), energy,
+                      3e-14 * (1 + d / height) * (scale * d + std::fabs(energy)));
+          // The same by way of what no radius enters.
+          EXPECT_NEAR(plain.force_nn(kRadius, d) + of_gap.force_nn, force, 3e-14 * scale)
+              << wavelength << ' ' << angle << ' ' << height << ' ' << d;
+          EXPECT_NEAR(plain.energy_aj(kRadius, d) + of_gap.energy_aj, energy,
                       3e-14 * (1 + d / height) * (scale * d + std::fabs(energy)));
           // Stiffness: central difference of the force, h^2.
           const double h = 1e-4 * d;
@@ -223,6 +229,30 @@ TEST(LongRange, IsContinuousAtTouchAndConservative) {
     } else {
       EXPECT_EQ(law.evaluate(delta, kRadius, bridge).stiffness_n_m, 0);
       EXPECT_NEAR(force(delta), force(-1e-14), 1e-10 * std::fabs(force(0)));
+    }
+  }
+}
+
+// The sum at touch, however it is made, for any radius and with everything that there is.
+TEST(LongRange, AtTouchIsForceAndEnergyAtOverlapZero) {
+  for (const double bias : {0.0, 2.0}) {
+    for (const double wavelength : {0.0, 100.0}) {
+      LongRangeParameters p;
+      p.retardation_nm = wavelength;
+      p.cone_half_angle_deg = 18;
+      p.cone_height_nm = 10000;
+      p.tip_bias_v = bias;
+      p.capillary.humidity_percent = 50;
+      const LongRange far(p, kHamaker, kCutOff);
+      for (const double radius : {0.3, 5.0, 20.0, 1000.0}) {
+        for (const BridgeState& bridge : {BridgeState{}, far.capillary().formed(radius)}) {
+          const LongRange::Touch touch = far.at_touch(radius, bridge);
+          const double size = kHamaker * radius / (6 * kCutOff * kCutOff);
+          EXPECT_NEAR(touch.force_nn, far.evaluate(0, radius, bridge).force_nn, 1e-14 * size);
+          EXPECT_NEAR(touch.energy_aj, far.energy_aj(0, radius, bridge),
+                      1e-14 * (size * kCutOff + std::fabs(touch.energy_aj)));
+        }
+      }
     }
   }
 }

@@ -3,10 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <vector>
 
+#include "nve_server/physics/warm_start.h"
 #include "tests/support/md_oracle.h"
 
 namespace telenano::physics {
@@ -67,11 +69,10 @@ TEST(MaugisDugdale, ForceRadiusAndBranchAgreeWithFiftyDigits) {
                   4e-16 * (std::fabs(delta) + curve.range() + 3 * got.point.outer_radius));
       worst = std::max(worst, std::fabs(got.point.load - want.load) / allowed);
       if (!got.point.contact) continue;
-      // The quick way of a loop: a good guess with a known curvature is accepted after one evaluation.
+      // The quick way of a loop: a good guess is accepted after one evaluation.
       const double u = got.point.parameter;
-      const double curvature = (curve.contact(1.01 * u).overlap_rate - got.point.overlap_rate) / (0.01 * u);
       for (const double off : {1e-9, -1e-8, 1e-6, -1e-3, 0.1}) {
-        const CurveSolution warm = curve.solve(delta, kOverlap, u * (1 + off), curvature);
+        const CurveSolution warm = curve.solve(delta, kOverlap, u * (1 + off));
         ASSERT_EQ(warm.status, CurveStatus::kOk);
         EXPECT_NEAR(warm.point.load, want.load, allowed) << lambda << ' ' << delta << ' ' << off;
         worst_warm = std::max(worst_warm, std::fabs(warm.point.load - want.load) / allowed);
@@ -216,8 +217,83 @@ TEST(MaugisDugdale, RatesAgreeWithDifferences) {
       near(p.load_rate, up.load, down.load, std::fabs(p.load) + 1);
       near(p.contact_radius_rate, up.contact_radius, down.contact_radius, p.contact_radius);
       near(p.load * p.overlap_rate, up.energy, down.energy, std::fabs(p.energy) + 1);
+      // The bends are those of the rates, which are themselves differences of larger terms.
+      near(p.overlap_bend, up.overlap_rate, down.overlap_rate,
+           std::fabs(p.overlap_rate) + p.contact_radius * p.contact_radius_rate);
+      near(p.load_bend, up.load_rate, down.load_rate,
+           std::fabs(p.load_rate) + p.contact_radius * p.contact_radius * p.contact_radius_rate);
+      const CurvePoint more = MaugisDugdale(lambda * (1 + 1e-5)).contact(u);
+      const CurvePoint less = MaugisDugdale(lambda * (1 - 1e-5)).contact(u);
+      EXPECT_NEAR(p.overlap_by_lambda, (more.overlap - less.overlap) / 2e-5,
+                  1e-7 * std::fabs(p.overlap_by_lambda) + 1e-10 * (std::fabs(p.overlap) + 1))
+          << lambda << ' ' << u;
+      EXPECT_NEAR(p.load_by_lambda, (more.load - less.load) / 2e-5,
+                  1e-7 * std::fabs(p.load_by_lambda) + 1e-10 * (std::fabs(p.load) + 1))
+          << lambda << ' ' << u;
     }
   }
+}
+
+// What is foreseen of a step in which base, compliance and radius change: its error against a cold solution
+// is of second order, so that a change of half the size leaves at most a third of it (a quarter, with what is
+// of third order), and of the size that the change squared explains.
+TEST(MaugisDugdale, NextStateIsForeseenToSecondOrder) {
+  struct Memory {
+    double u = 0, lambda = 0;
+    bool has_last = false;
+    CurvePoint last;
+  };
+  for (const double lambda : {0.1, 0.73676, 4.04149, 408.71}) {
+    for (const double c : {0.0, 0.3, 10.0}) {
+      for (const double overlap : {0.7, 3.0, 30.0}) {
+        const MaugisDugdale curve(lambda);
+        const CurvePoint start = curve.solve(overlap, kOverlap).point;
+        ASSERT_TRUE(start.contact);
+        Memory memory;
+        remember(curve, memory, start);
+        for (const auto& [dz, dc, dlambda] :
+             {std::array{1.0, 0.0, 0.0}, {0.0, 1.0, 0.0}, {0.0, 0.0, 1.0}, {1.0, -1.0, 0.5}}) {
+          double error[2];
+          for (const int half : {0, 1}) {
+            const double step = half ? 0.5e-2 : 1e-2;
+            const MaugisDugdale there(lambda * (1 + step * dlambda));
+            const Held held{1.0, c * (1 + step * dc)};
+            const double z = start.held({1.0, c}) + step * dz * (overlap + c * std::fabs(start.load));
+            const double u = there.solve(z, held).point.parameter;
+            error[half] = foreseen(there, memory, z, held) / u - 1;
+          }
+          EXPECT_LT(std::fabs(error[1]), 0.35 * std::fabs(error[0]) + 1e-12)
+              << lambda << ' ' << c << ' ' << overlap << ' ' << dz << dc << dlambda;
+          EXPECT_LT(std::fabs(error[0]), 3e-3) << lambda << ' ' << c << ' ' << overlap;
+        }
+      }
+    }
+  }
+}
+
+// Near a fold every method converges slowly that takes the curve for a line: from the last state, or from
+// nothing, eight evaluations are enough wherever the state is.
+TEST(MaugisDugdale, EightEvaluationsAreEnough) {
+  int most_warm = 0, most_cold = 0;
+  for (double lambda = 1e-3; lambda<1.2e4; lambda *= lambda> 0.9 && lambda < 1.1 ? 1.003 : 1.3) {
+    const MaugisDugdale curve(lambda);
+    for (const double c : {0.0, 1e-3, 0.1, 1.0, 100.0}) {
+      const Held spring{1.0, c};
+      const double end = curve.fold(spring).held(spring);
+      for (double above = 1e-9; above < 1e4; above *= 5) {
+        const CurveSolution cold = curve.solve(end + above, spring);
+        most_cold = std::max(most_cold, cold.evaluations);
+        for (const double last : {0.01, 0.3, 3.0, 100.0}) {
+          const double guess = curve.solve(end + last * above, spring).point.parameter;
+          const CurveSolution warm = curve.solve(end + above, spring, guess);
+          most_warm = std::max(most_warm, warm.evaluations);
+        }
+      }
+    }
+  }
+  EXPECT_LE(most_warm, 8);
+  EXPECT_LE(most_cold, 8);
+  std::printf("evaluations: at most %d warm, %d cold\n", most_warm, most_cold);
 }
 
 TEST(MaugisDugdale, AnySpringAnyStartAndNoStateBelowTheFold) {
