@@ -67,7 +67,8 @@ const char* fault_name(std::uint32_t faults) noexcept {
 
 control::Method usable_method(control::Method wanted, std::uint64_t features) noexcept {
   using control::Method;
-  if (wanted == Method::kModel && !(features & link::kFeatureLocalModel)) wanted = Method::kTank;
+  constexpr std::uint64_t kModelling = link::kFeatureLocalModel | link::kFeaturePortControl;
+  if (wanted == Method::kModel && (features & kModelling) != kModelling) wanted = Method::kTank;
   if (control::needs_port_control(wanted) && !(features & link::kFeaturePortControl)) wanted = Method::kKsClamp;
   return wanted;
 }

@@ -123,6 +123,19 @@ TEST(HardContact, ControlEndsTheOscillation) {
   EXPECT_LE(clamp.greatest_n, 9.6 * (1 + 1e-9));
 }
 
+// The default against the same hand on the sample itself, without sampling, link or control.
+TEST(HardContact, TheDefaultIsCalmAndHitsNoHarderThanTheSampleItself) {
+  const HardContact model = run_hard_contact(control::Method::kModel, kHardContactForceScale);
+  const HardContact ideal = run_ideal_contact(kHardContactForceScale);
+  EXPECT_LT(model.swing_n, 0.05 * std::fabs(model.static_n));
+  EXPECT_GE(model.settled_after_s, 0);
+  EXPECT_LE(model.greatest_push_n, 1.1 * ideal.greatest_push_n);
+  // A softer wall than the true one is all that a device of 2b/T = 4000 N/m can show; a firm hand of 353 N/m
+  // then leans on it with a force that differs by the ratio of the series' stiffnesses, 3 %.
+  EXPECT_NEAR(model.static_n, ideal.static_n, 0.12 * ideal.static_n);
+  EXPECT_LT(model.extracted_mj, 20);
+}
+
 // At rest hand, port and sample are springs in series: the intention's way below the hand's start is the
 // arm's, so a hard sample takes more force for less depth than a soft one.
 TEST(Ks16, HardSampleTakesMoreForceForLessDepth) {

@@ -1,0 +1,211 @@
+// Control methods in the station: which one runs, what the slave is told, and changes without a bump.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "tests/unit/station/station_rig.h"
+
+namespace telenano::station {
+namespace {
+
+using control::Method;
+
+const Vec3 kPush(0, 0, 50);  // nN at the tip: 1 N at the hand with the default α_F = 2e7
+
+StationConfig config_of(Method method) {
+  StationConfig config;
+  config.method = method;
+  return config;
+}
+
+struct FeatureRig : StationRig {
+  explicit FeatureRig(Method method, std::uint64_t features = link::kKnownFeatures)
+      : StationRig(config_of(method)) {
+    welcome.feature_bits = features;
+    welcome.epoch = 7;
+    station.begin_session(welcome);
+    input.command_sequence = 1;
+  }
+  void move_to(double z_m, int ticks) {
+    const double from = input.hand_pos_h_m.z();
+    for (int k = 1; k <= ticks; ++k) {
+      input.hand_pos_h_m.z() = from + (z_m - from) * k / ticks;
+      ++input.command_sequence;
+      reply.command_sequence = input.command_sequence - 1;
+      tick();
+    }
+  }
+  double largest_step_n(int ticks) {
+    double last_n = force_n(), largest_n = 0;
+    for (int k = 0; k < ticks; ++k) {
+      tick();
+      largest_n = std::fmax(largest_n, std::fabs(force_n() - last_n));
+      last_n = force_n();
+    }
+    return largest_n;
+  }
+};
+
+TEST(UsableMethod, FallsBackToWhatTheSlaveOffers) {
+  EXPECT_EQ(usable_method(Method::kModel, link::kKnownFeatures), Method::kModel);
+  EXPECT_EQ(usable_method(Method::kModel, link::kFeaturePortControl), Method::kTank);
+  EXPECT_EQ(usable_method(Method::kModel, link::kFeatureLocalModel), Method::kKsClamp);
+  for (Method method : {Method::kModel, Method::kTank, Method::kWave, Method::kTdpa})
+    EXPECT_EQ(usable_method(method, 0), Method::kKsClamp);
+  for (Method method : {Method::kNone, Method::kKs, Method::kKsClamp}) EXPECT_EQ(usable_method(method, 0), method);
+}
+
+TEST(StationMethods, TheSlaveIsToldOnlyWhatItHasAgreedTo) {
+  for (Method method : control::kAllMethods) {
+    FeatureRig rig(method);
+    rig.ticks(3);
+    const bool asks = method != Method::kNone && method != Method::kKs && method != Method::kKsClamp;
+    EXPECT_EQ(rig.output.command.control.method, asks ? static_cast<std::uint32_t>(method) : 0u);
+    EXPECT_EQ(rig.output.trace.method, method);
+    FeatureRig deaf(method, 0);
+    deaf.ticks(3);
+    EXPECT_TRUE(deaf.output.command.control.empty());
+    EXPECT_EQ(deaf.output.trace.method, usable_method(method, 0));
+  }
+}
+
+TEST(StationMethods, AScaleStandsInTheOrder) {
+  FeatureRig rig(Method::kWave);
+  rig.ticks(3);
+  const control::Scaling s = rig.station.config().scaling;
+  EXPECT_NEAR(rig.output.command.control.energy_scale_aj_j, s.velocity / s.force * 1e18, 1e-6);
+  EXPECT_NEAR(rig.output.command.control.wave_impedance_n_s_m, 2 / (s.velocity * s.force), 1e-12);
+}
+
+TEST(StationMethods, AChangeOfMethodIsNoStepOfForce) {
+  for (Method from : control::kAllMethods) {
+    for (Method to : control::kAllMethods) {
+      if (from == to) continue;
+      FeatureRig rig(from);
+      rig.reply.contact_state = link::ContactState::kContact;
+      rig.engage(kPush);
+      const double before_n = rig.force_n();
+      rig.station.change_method(to);
+      EXPECT_EQ(rig.station.method(), to);
+      rig.tick();
+      // It may fall (a wave or a model that has not come yet shows nothing), but never leap.
+      EXPECT_LE(rig.force_n(), before_n + 4000 * StationRig::kPeriodS * 1e-9 + 1e-12)
+          << control::method_name(from) << " to " << control::method_name(to);
+      EXPECT_LE(rig.largest_step_n(400), 1.0 / 200 + 1e-9);
+    }
+  }
+}
+
+TEST(StationMethods, AChangeGrantsNoAllowance) {
+  FeatureRig rig(Method::kNone);
+  rig.engage(kPush);
+  rig.move_to(0.008, 100);  // pushed out by 1 N over 8 mm
+  ASSERT_NEAR(rig.output.trace.energy_j, -8e-3, 1e-4);
+  rig.station.change_method(Method::kKsClamp);
+  rig.tick();
+  EXPECT_NEAR(rig.output.trace.ledger_j, rig.output.trace.energy_j, 1e-5);
+  EXPECT_NEAR(rig.output.trace.force_bound_n, (10e-3 + rig.output.trace.ledger_j) / (0.5 * 1e-3), 1e-9);
+}
+
+TEST(StationMethods, AChangeOfScaleMovesNeitherTipNorHand) {
+  FeatureRig rig(Method::kKsClamp);
+  rig.engage(kPush);
+  rig.move_to(-0.002, 50);
+  const Vec3 target = rig.output.command.tip_pos_w_nm;
+  const double before_n = rig.force_n();
+  ASSERT_TRUE(rig.station.change_scaling({2e-6, 3e7}));
+  rig.tick();
+  EXPECT_LT((rig.output.command.tip_pos_w_nm - target).norm(), 1e-12);
+  EXPECT_LE(rig.force_n(), before_n + 1e-9);
+  EXPECT_LE(rig.largest_step_n(400), 1.5 / 200 + 1e-9);
+  EXPECT_NEAR(rig.force_n(), 1.5, 1e-9);  // 50 nN at α_F = 3e7
+  rig.move_to(-0.003, 50);
+  EXPECT_NEAR(rig.output.command.tip_pos_w_nm.z(), target.z() - 2, 1e-9);  // 1 mm at α_v = 2e-6
+}
+
+TEST(StationMethods, AnUnsafeOrSenselessScaleIsNotTaken) {
+  FeatureRig rig(Method::kKsClamp);  // the slave shows 10 N/m: 2b/((1+1)² T k_c) = 100 at one sample
+  rig.engage(kPush);
+  EXPECT_FALSE(rig.station.change_scaling({1e-6, 1e9}));
+  EXPECT_FALSE(rig.station.change_scaling({1e-6, -1}));
+  EXPECT_FALSE(rig.station.change_scaling({std::nan(""), 1}));
+  EXPECT_EQ(rig.station.config().scaling.force, 2e7);
+}
+
+link::LocalModel ground(double height_nm, double stiffness_n_m) {
+  link::LocalModel model;
+  model.version = 1;
+  model.point_w_nm = Vec3(100, 200, height_nm);
+  model.normal_w = Vec3::UnitZ();
+  model.stiffness_n_m = stiffness_n_m;
+  return model;
+}
+
+TEST(StationMethods, TheModelIsFeltWithoutTheLink) {
+  FeatureRig rig(Method::kModel);
+  rig.reply.model = ground(39, 10);  // 1 nm, 1 mm of the hand, below the start
+  rig.engage(Vec3::Zero());
+  rig.input.command_sequence = 500;
+  for (int k = 1; k <= 30; ++k) {  // 3 mm down, no reply after the first: the station knows the ground
+    rig.input.hand_pos_h_m.z() = -1e-4 * k;
+    ++rig.input.command_sequence;
+    rig.tick(k == 1);
+    const double depth_nm = std::fmax(0.0, 0.1 * k - 1);
+    if (k < 20) EXPECT_NEAR(rig.output.trace.rendered_force_h_n.z(), 10 * depth_nm * 2e-2, 1e-9);
+  }
+}
+
+TEST(StationMethods, ANewSlavesGroundReplacesTheOldOne) {
+  FeatureRig rig(Method::kModel);
+  rig.reply.model = ground(39, 10);
+  rig.engage(Vec3::Zero());
+  rig.move_to(-0.003, 60);
+  ASSERT_GT(rig.force_n(), 0.3);
+  const double before_n = rig.force_n();
+  rig.welcome.epoch = 8;
+  rig.welcome.start_pos_w_nm = rig.output.command.tip_pos_w_nm;
+  rig.station.begin_session(rig.welcome);
+  rig.reply = {};
+  rig.reply.model = ground(20, 10);  // far below
+  double last_n = before_n;
+  for (int k = 0; k < 400; ++k) {
+    rig.tick();
+    EXPECT_LE(rig.force_n(), last_n + 1e-9);  // the new ground is not reached: the old force only goes
+    last_n = rig.force_n();
+  }
+  EXPECT_EQ(last_n, 0);
+}
+
+TEST(StationMethods, EnergyOfALostReplyComesWithTheNextOne) {
+  for (bool lossy : {false, true}) {
+    FeatureRig rig(Method::kTank);
+    for (int k = 0; k < 100; ++k) {
+      rig.reply.port.energy_sent_aj += 100;
+      rig.tick(!lossy || k % 3 == 0 || k == 99);
+    }
+    const double scale = rig.station.config().scaling.hand_energy_j(1);
+    EXPECT_NEAR(rig.output.trace.ledger_j, 100 * 100 * scale, 1e-12);
+  }
+}
+
+TEST(StationMethods, ANewEpochNeitherFreezesNorDoublesTheBudget) {
+  FeatureRig rig(Method::kTank);
+  rig.reply.port.energy_sent_aj = 5000;
+  rig.tick();
+  const double scale = rig.station.config().scaling.hand_energy_j(1);
+  ASSERT_NEAR(rig.output.trace.ledger_j, 5000 * scale, 1e-12);
+  rig.station.begin_session(rig.welcome);  // resumed, the same epoch: the sum goes on
+  rig.reply.sequence = 0;
+  rig.reply.port.energy_sent_aj = 6000;
+  rig.tick();
+  EXPECT_NEAR(rig.output.trace.ledger_j, 6000 * scale, 1e-12);
+  rig.welcome.epoch = 8;  // another slave: its sum begins at 0
+  rig.station.begin_session(rig.welcome);
+  rig.reply.sequence = 0;
+  rig.reply.port.energy_sent_aj = 300;
+  rig.tick();
+  EXPECT_NEAR(rig.output.trace.ledger_j, 6300 * scale, 1e-12);
+}
+
+}  // namespace
+}  // namespace telenano::station
