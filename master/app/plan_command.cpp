@@ -208,7 +208,7 @@ void print_words(const StationFile& file, const device::DeviceInfo& device, cons
   fmt::print(stderr, "Kim and Sitti's case I, 1/alpha_v = {:.4g}: {}; case II, 1/alpha_v^2 = {:.4g}: {}\n",
              plan.case_one_force_scale, told(plan.case_one_safe), plan.case_two_force_scale,
              told(plan.case_two_safe));
-  fmt::print(stderr, "Z-width: this device shows a wall of {:.4g} N/m passively, {:.4g} N/m with {}\n",
+  fmt::print(stderr, "Z-width: this device shows a pure spring of {:.4g} N/m passively, {:.4g} N/m with {}\n",
              plan.passive_wall_n_m, plan.delayed_wall_n_m, samples(in.plant.delay_samples));
   if (in_p99.plant.delay_samples > in.plant.delay_samples) {
     fmt::print(stderr,
