@@ -22,6 +22,10 @@ bool method_available(Method method) noexcept {
   return method == Method::kNone || method == Method::kKs || method == Method::kKsClamp;
 }
 
+bool claims_energy_bound(Method method) noexcept {
+  return method == Method::kKsClamp || method == Method::kTank || method == Method::kModel;
+}
+
 Method parse_method(std::string_view name) {
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     if (kNames[i] != name) continue;

@@ -16,4 +16,8 @@ Method parse_method(std::string_view name);
 
 bool method_available(Method method) noexcept;
 
+/// Does it promise that no hand slower than v_max extracts more than the allowances, whatever the network and
+/// the other side do? Such a method commits no force that it could not pay for.
+bool claims_energy_bound(Method method) noexcept;
+
 }  // namespace telenano::control
