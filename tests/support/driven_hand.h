@@ -31,8 +31,10 @@ class DrivenHand final : public BookedHand {
 
  protected:
   long double next_pos_m(double force_n) noexcept override {
-    // One part in 10⁹ less than allowed, so that no rounding of Δx is ever too fast.
-    const double reach_m = config().velocity_max_m_s * config().period_s * (1 - 1e-9);
+    // One part in 10⁹ less than allowed, so that no rounding of Δx is ever too fast; and no faster than what
+    // the encoder will not make too fast.
+    const double reach_m =
+        config().velocity_max_m_s * config().period_s * (1 - 1e-9) - config().position_quantum_m;
     const double goal_m = policy_({tick_++, force_n, pos_m()});
     const double next_m = pos_m() + std::clamp(goal_m - pos_m(), -reach_m, reach_m);
     path_m_.push_back(next_m);

@@ -314,6 +314,7 @@ WorstAttack worst_attack(const AttackConfig& given, const AttackEffort& effort) 
   std::uint64_t best_seed = config.seed;
   const auto note = [&](const AttackOutcome& outcome, const std::string& name) {
     worst.limits_kept = worst.limits_kept && outcome.limits_kept;
+    worst.stopped += outcome.stopped;
     if (worst.attacks == 0 || outcome.extracted_j > worst.outcome.extracted_j) {
       worst.outcome = outcome;
       worst.hand = name;

@@ -70,6 +70,7 @@ struct WorstAttack {
   AttackOutcome outcome;
   std::string hand;
   std::int64_t attacks = 0;
+  std::int64_t stopped = 0;  ///< of these the station ended by a latched stop, climbing apart
   std::int64_t steps = 0;
   bool limits_kept = true;  ///< in every attack
 };
