@@ -31,12 +31,13 @@ std::int64_t nanoseconds(double seconds) {
 }
 
 support::VirtualSessionConfig session_config(const AttackConfig& config,
-                                             const std::shared_ptr<BookedHand>& hand) {
+                                             const std::shared_ptr<BookedHand>& hand,
+                                             const std::shared_ptr<support::WallWatch>& watch) {
   support::VirtualSessionConfig session;
   support::WallSlaveConfig wall;
   wall.stiffness_n_m = kTip_n_m;
   wall.start_height_nm = config.clearance_m * kVelocityScale * 1e9;
-  session.make_slave = [wall] { return std::make_unique<support::WallSlave>(wall); };
+  session.make_slave = [wall, watch] { return std::make_unique<support::WallSlave>(wall, watch); };
   session.hand = hand;
   session.station.method = config.method;
   session.station.allowance_j = config.allowance_j;
@@ -167,6 +168,8 @@ const char* channel_name(Channel channel) noexcept {
       return "jitter";
     case Channel::kBursts:
       return "bursts";
+    case Channel::kSpite:
+      return "spite";
     case Channel::kRestarts:
       return "restarts";
     case Channel::kEverything:
@@ -183,8 +186,14 @@ double promised_bound_j(const AttackConfig& config) {
   return (config.method == control::Method::kKsClamp ? 1 : 2) * config.allowance_j;
 }
 
+bool balances_both_ports(control::Method method) noexcept {
+  return method == control::Method::kTank;
+}
+
 AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<BookedHand>& hand) {
-  support::VirtualSession session(session_config(config, hand));
+  const auto watch = std::make_shared<support::WallWatch>();
+  support::VirtualSession session(session_config(config, hand, watch));
+  const control::Scaling scaling = session.station().config().scaling;
   const bool restarts = config.channel == Channel::kRestarts || config.channel == Channel::kEverything;
   const bool lossy = config.channel == Channel::kBursts || config.channel == Channel::kEverything;
   Bursts bursts(config.hand.period_s);
@@ -193,12 +202,23 @@ AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<BookedHan
   LimitWatch limits(session.station().force_limit_n(),
                     session.station().config().slew_n_s * config.hand.period_s);
   AttackOutcome outcome;
+  double last_pos_m = 0;
   const std::int64_t ticks = config.ticks();
   for (; outcome.steps < ticks && !hand->too_fast(); ++outcome.steps) {
     const recording::Sample& row = session.step();
     outcome.stopped = outcome.stopped || (row.limit_flags & recording::kLimitStop) != 0;
     outcome.limits_kept = outcome.limits_kept && limits.kept(row);
     outcome.quantum_bound_j = row.energy_bound_j;
+    if (!hand->too_fast()) {
+      const double both_j = hand->book().extracted_j() + scaling.hand_energy_j(watch->taken_in_aj);
+      outcome.generated_j = std::max(outcome.generated_j, both_j);
+    }
+    if (config.channel == Channel::kSpite) {
+      // Force and motion of the interval that has just passed. What is on the way already cannot be stopped.
+      const bool gives = row.hand_force_applied_h_n[2] * (hand->pos_m() - last_pos_m) > 0;
+      session.link().path_a_to_b().down = session.link().path_b_to_a().down = gives;
+    }
+    last_pos_m = hand->pos_m();
     if (restarts && random.chance(restart_chance)) session.restart_server();
     if (lossy) {
       bursts.step(session.link().path_a_to_b(), random);
@@ -315,6 +335,7 @@ WorstAttack worst_attack(const AttackConfig& given, const AttackEffort& effort) 
   const auto note = [&](const AttackOutcome& outcome, const std::string& name) {
     worst.limits_kept = worst.limits_kept && outcome.limits_kept;
     worst.stopped += outcome.stopped;
+    worst.generated_j = std::max(worst.generated_j, outcome.generated_j);
     if (worst.attacks == 0 || outcome.extracted_j > worst.outcome.extracted_j) {
       worst.outcome = outcome;
       worst.hand = name;

@@ -19,11 +19,12 @@ enum class Channel : std::uint8_t {
   kIdeal,
   kJitter,    ///< up to half of the delay more each way (at least 2 ms), reordered; duplicates
   kBursts,    ///< nothing gets through for 20 ms at a time, a fifth of the time, each way
+  kSpite,     ///< drops with knowledge of the hand: while the force goes with its motion no news gets through
   kRestarts,  ///< the server dies and comes again, on average every 0.8 s and ten round trips
-  kEverything
+  kEverything  ///< jitter, bursts and restarts
 };
-inline constexpr Channel kChannels[] = {Channel::kIdeal, Channel::kJitter, Channel::kBursts,
-                                        Channel::kRestarts, Channel::kEverything};
+inline constexpr Channel kChannels[] = {Channel::kIdeal, Channel::kJitter,   Channel::kBursts,
+                                        Channel::kSpite, Channel::kRestarts, Channel::kEverything};
 const char* channel_name(Channel channel) noexcept;
 
 struct AttackConfig {
@@ -43,6 +44,7 @@ struct AttackConfig {
 struct AttackOutcome {
   double extracted_j = 0;      ///< most ever, beyond the device's certain loss
   double given_j = 0;          ///< most ever that the port had given, net
+  double generated_j = 0;      ///< most ever that hand and wall together had got: made between them
   double quantum_bound_j = 0;  ///< Q, what the encoder may hide from any book; 0 without a quantum
   bool stopped = false;        ///< the station latched a stop
   bool limits_kept = true;     ///< force finite, within the force limit and its slew; energy sums never fall
@@ -72,6 +74,7 @@ struct WorstAttack {
   std::int64_t attacks = 0;
   std::int64_t stopped = 0;  ///< of these the station ended by a latched stop, climbing apart
   std::int64_t steps = 0;
+  double generated_j = 0;   ///< most in any attack
   bool limits_kept = true;  ///< in every attack
 };
 
@@ -97,5 +100,8 @@ WorstAttack worst_attack(const AttackConfig& config, const AttackEffort& effort)
 /// 2 E₀. (The environment's own energy can only fall from zero at the start, and these hands have no
 /// quantum.)
 double promised_bound_j(const AttackConfig& config);
+
+/// Does the method account for energy at both ports, so that it makes none but two allowances between them?
+bool balances_both_ports(control::Method method) noexcept;
 
 }  // namespace telenano::studies

@@ -257,6 +257,10 @@ TEST(Adversary, NoHandBreaksAPromise) {
         EXPECT_LE(worst.outcome.extracted_j, promised_bound_j(config) + 1e-12)
             << control::method_name(method) << ' ' << rtt_s << ' ' << channel_name(channel) << ' '
             << worst.hand;
+        if (balances_both_ports(method)) {
+          EXPECT_LE(worst.generated_j, 2 * config.allowance_j + 1e-12)
+              << control::method_name(method) << ' ' << rtt_s << ' ' << channel_name(channel);
+        }
         EXPECT_TRUE(worst.limits_kept) << control::method_name(method) << ' ' << rtt_s;
       }
     }
