@@ -8,6 +8,8 @@
 namespace telenano::support {
 namespace {
 
+constexpr double kPatienceS = 0.1;
+
 template <class Matrix>
 Matrix product(const Matrix& a, const Matrix& b) {
   Matrix result{};
@@ -73,7 +75,11 @@ long double MassSpringHand::stored_j() const noexcept {
 
 long double MassSpringHand::next_pos_m(double force_n) noexcept {
   const long double step_m = static_cast<long double>(config_.goal_speed_m_s) * config_.port.period_s;
-  state_[5] += std::clamp(config_.goal_m - state_[5], -step_m, step_m);
+  unfelt_s_ = force_n == 0 ? unfelt_s_ + config_.port.period_s : 0;
+  const double goal_m =
+      unfelt_s_ > kPatienceS && state_[5] <= config_.goal_m ? config_.lowest_goal_m : config_.goal_m;
+  // Back up only from above: what has followed something down stays there.
+  if (state_[5] > goal_m) state_[5] = std::max<long double>(goal_m, state_[5] - step_m);
   state_[4] = force_n;
   std::array<long double, kStates> next{};
   for (std::size_t i = 0; i < kStates; ++i) {

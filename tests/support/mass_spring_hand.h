@@ -19,6 +19,9 @@ struct MassSpringConfig {
   double arm_stiffness_n_m = 400;
   double goal_m = -0.010;        ///< where u goes …
   double goal_speed_m_s = 0.05;  ///< … at this speed
+  /// Where there has been no force for 0.1 s, u goes on down to here: who leans on something that gives way,
+  /// or that is somewhere else after an outage, follows it.
+  double lowest_goal_m = -0.010;
 
   /// Grip stiffness at which device and arm swing against each other with this frequency: k = μω², 1/μ = 1/m
   /// + 1/M
@@ -43,6 +46,7 @@ class MassSpringHand final : public BookedHand {
   MassSpringConfig config_;
   Matrix propagator_{};
   std::array<long double, kStates> state_{};
+  double unfelt_s_ = 0;
 };
 
 }  // namespace telenano::support

@@ -21,8 +21,7 @@ using support::DrivenHand;
 
 constexpr double kTip_n_m = 50;
 constexpr double kVelocityScale = 1e-6;
-constexpr double kRestartMeanS = 0.8;  // and ten round trips besides: a handshake takes some
-constexpr double kLowestM = -0.045;    // where the hand turns when there is no wall
+constexpr double kLowestM = -0.045;  // where the hand turns when there is no wall
 constexpr double kHighestM = 0.010;
 constexpr double kTouchN = 0.05;
 
@@ -119,6 +118,7 @@ std::shared_ptr<BookedHand> make_mass_spring(const AttackConfig& config, double 
   hand.arm_mass_kg = arm_kg;
   hand.grip_stiffness_n_m = support::MassSpringConfig::grip_for_hz(hz, config.hand.device_mass_kg, arm_kg);
   hand.goal_m = -config.clearance_m - 0.006;
+  hand.lowest_goal_m = kLowestM;
   return std::make_shared<support::MassSpringHand>(hand);
 }
 
@@ -197,7 +197,7 @@ AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<BookedHan
   const bool restarts = config.channel == Channel::kRestarts || config.channel == Channel::kEverything;
   const bool lossy = config.channel == Channel::kBursts || config.channel == Channel::kEverything;
   Bursts bursts(config.hand.period_s);
-  const double restart_chance = config.hand.period_s / (kRestartMeanS + 10 * config.rtt_s);
+  const double restart_chance = config.hand.period_s / (config.restart_mean_s + 10 * config.rtt_s);
   Random random(config.seed ^ 0x7e57a27u);
   LimitWatch limits(session.station().force_limit_n(),
                     session.station().config().slew_n_s * config.hand.period_s);

@@ -20,7 +20,7 @@ enum class Channel : std::uint8_t {
   kJitter,    ///< up to half of the delay more each way (at least 2 ms), reordered; duplicates
   kBursts,    ///< nothing gets through for 20 ms at a time, a fifth of the time, each way
   kSpite,     ///< drops with knowledge of the hand: while the force goes with its motion no news gets through
-  kRestarts,  ///< the server dies and comes again, on average every 0.8 s and ten round trips
+  kRestarts,  ///< the server dies and comes again, at random times
   kEverything  ///< jitter, bursts and restarts
 };
 inline constexpr Channel kChannels[] = {Channel::kIdeal, Channel::kJitter,   Channel::kBursts,
@@ -31,10 +31,11 @@ struct AttackConfig {
   control::Method method = control::Method::kKsClamp;
   double rtt_s = 0;
   Channel channel = Channel::kIdeal;
-  double wall_n_m = 1000;      ///< as it would be felt at the hand
-  double clearance_m = 0.005;  ///< of the hand above the wall at the start
-  double seconds = 3;          ///< of the attack, six round trips besides
-  double allowance_j = 0.010;  ///< E₀ of each side
+  double wall_n_m = 1000;       ///< as it would be felt at the hand
+  double clearance_m = 0.005;   ///< of the hand above the wall at the start
+  double seconds = 3;           ///< of the attack, six round trips besides
+  double restart_mean_s = 0.8;  ///< between restarts, and ten round trips besides: a handshake takes some
+  double allowance_j = 0.010;   ///< E₀ of each side
   support::BookedHandConfig hand{};
   std::uint64_t seed = 1;
 

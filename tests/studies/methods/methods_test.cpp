@@ -268,6 +268,28 @@ TEST(Adversary, NoHandBreaksAPromise) {
   RecordProperty("steps", std::to_string(steps));
 }
 
+// A restarted server is another slave with a new book: what the hand has got out stays got out, however
+// often. Each of these hands takes the whole allowance between two restarts if it is granted again.
+TEST(Adversary, RestartsGrantNothing) {
+  for (const Method method : available_methods()) {
+    if (!control::claims_energy_bound(method)) continue;
+    for (const double rtt_s : {0.02, 0.1}) {
+      AttackConfig config;
+      config.method = method;
+      config.rtt_s = rtt_s;
+      config.channel = Channel::kRestarts;
+      config.seconds = 30;
+      config.restart_mean_s = 1.5;
+      for (const NamedHand& named : named_hands(config, 3)) {
+        const AttackOutcome outcome = attack(config, named.make(config, named.a, named.b));
+        EXPECT_LE(outcome.extracted_j, promised_bound_j(config) + 1e-12)
+            << control::method_name(method) << ' ' << rtt_s << ' ' << named.name;
+        EXPECT_FALSE(outcome.stopped) << "no stop kept the promise: " << named.name;
+      }
+    }
+  }
+}
+
 // As above with an encoder of 10 µm: the book of the station is then wrong by up to Q, which it knows.
 TEST(Adversary, NoHandBreaksAPromiseBehindAnEncoder) {
   for (const Method method : available_methods()) {
