@@ -18,7 +18,8 @@ Method parse_method(std::string_view name);
 inline constexpr std::array<Method, 7> kAllMethods = {Method::kNone, Method::kKs,   Method::kKsClamp, Method::kTdpa,
                                                       Method::kWave, Method::kTank, Method::kModel};
 
-/// Has the pre-commit clamp behind it: no hand below v_max extracts more than the allowances.
+/// Does it promise that no hand slower than v_max extracts more than the allowances, whatever the network and
+/// the other side do? Such a method commits no force that it could not pay for.
 constexpr bool claims_energy_bound(Method method) noexcept {
   return method == Method::kKsClamp || method == Method::kTank || method == Method::kModel;
 }

@@ -25,6 +25,10 @@ class PortBook {
   }
 
   double given_j() const noexcept { return static_cast<double>(given_j_); }  ///< to the hand so far, net
+  double certain_loss_j() const noexcept { return static_cast<double>(certain_loss_j_); }
+  double extracted_j() const noexcept {
+    return static_cast<double>(given_j_ - certain_loss_j_);
+  }  ///< now; may be negative
   double most_given_j() const noexcept { return static_cast<double>(most_given_j_); }
   /// ≥ 0: at the start nothing is extracted
   double most_extracted_j() const noexcept { return static_cast<double>(most_extracted_j_); }

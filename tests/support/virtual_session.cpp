@@ -64,6 +64,8 @@ void VirtualSession::make_server() {
   server::ServerConfig config;
   ++servers_made_;
   config.secret = link::SipKey{config_.seed, servers_made_};
+  // One station and what it may leave behind: the server looks through all slots in every tick.
+  config.table.capacity = 8;
   server::ServedScene served;
   if (config_.scene) {
     config.table.timeout_ns = config_.scene->session_timeout_ms * std::int64_t{1'000'000};

@@ -37,6 +37,7 @@ void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOu
   const double force_nn = config_.stiffness_n_m * depth_nm;  // N/m · nm = nN
   const double stored_aj = 0.5 * force_nn * depth_nm;        // nN · nm = aJ
   (stored_aj > stored_aj_ ? energy_in_aj_ : energy_out_aj_) += std::abs(stored_aj - stored_aj_);
+  if (watch_) watch_->taken_in_aj += stored_aj - stored_aj_;
   stored_aj_ = stored_aj;
   output.force_w_nn = Vec3(0, 0, force_nn);
   output.tip_pos_w_nm = output.commanded_pos_w_nm = commanded_w_nm_;

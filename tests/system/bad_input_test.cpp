@@ -291,6 +291,15 @@ TEST_F(BadInputTest, FlagsOfTheServerAndTheLaboratory) {
        {kLab, "contact", "--lambda", "1", "--delta", "0", "--direction", "up"},
        {"--direction", "up"}},
       {"session: nan", {kLab, "session", "--scene", scene, "--rtt-ms", "nan"}, {"--rtt-ms"}},
+      {"methods: round trip",
+       {kLab, "methods", "--rtt-ms", "0,-1", "--out", "methods"},
+       {"methods: --rtt-ms: -1", "0 to 2000"}},
+      {"methods: nan", {kLab, "methods", "--rtt-ms", "nan", "--out", "methods"}, {"--rtt-ms: nan"}},
+      {"methods: inf", {kLab, "methods", "--rtt-ms", "inf", "--out", "methods"}, {"--rtt-ms: inf"}},
+      {"methods: no number", {kLab, "methods", "--rtt-ms", "0,x", "--out", "methods"}, {"--rtt-ms", "'x'"}},
+      {"methods: unknown", {kLab, "methods", "--methods", "none,magic", "--out", "methods"}, {"'magic'"}},
+      {"methods: part", {kLab, "methods", "--only", "all", "--out", "methods"}, {"--only: 'all'", "press"}},
+      {"methods: no folder", {kLab, "methods", "--out", text + "/x"}, {text + "/x", "cannot be created"}},
       {"session: task", {kLab, "session", "--scene", scene, "--task", "polish"}, {"polish"}},
   });
 }

@@ -11,6 +11,7 @@
 
 #include "common/base/error.h"
 #include "common/base/version.h"
+#include "tests/studies/methods/attack_section.h"
 #include "tests/studies/methods/press_section.h"
 #include "tests/studies/parse_list.h"
 #include "tests/studies/report/page.h"
@@ -20,6 +21,8 @@ namespace {
 
 constexpr double kTraceRttMs = 100;  // or the nearest to it that is asked for
 constexpr double kRttMaxMs = 2000;
+constexpr const char* kPressing = "press";
+constexpr const char* kAttacks = "attack";
 
 double nearest(const std::vector<double>& values, double wanted) {
   return *std::min_element(values.begin(), values.end(),
@@ -27,6 +30,8 @@ double nearest(const std::vector<double>& values, double wanted) {
 }
 
 void check(const MethodsOptions& options) {
+  if (!options.only.empty() && options.only != kPressing && options.only != kAttacks)
+    throw UserError("methods: --only: '" + options.only + "' is unknown; expected press or attack");
   for (const double rtt : options.rtt_ms) {
     if (!(rtt >= 0 && rtt <= kRttMaxMs))
       throw UserError(
@@ -44,15 +49,24 @@ void run_methods(const MethodsOptions& options) {
   const std::vector<control::Method> methods =
       options.methods.empty() ? std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end()) : options.methods;
   const auto begin = std::chrono::steady_clock::now();
-  std::fprintf(stderr, "methods: presses on a wall ...\n");
-  const std::vector<PressResult> presses =
-      run_presses(methods, options.rtt_ms, nearest(options.rtt_ms, kTraceRttMs), options.seed);
   std::string html = page_begin(
       "Methods for a passive port, compared",
       fmt::format("commit {}; seed {}{}", kGitCommit, options.seed, options.quick ? "; quick run" : ""));
-  html += press_section(presses, folder);
+  if (options.only != kAttacks) {
+    std::fprintf(stderr, "methods: presses on a wall ...\n");
+    const auto presses =
+        run_presses(methods, options.rtt_ms, nearest(options.rtt_ms, kTraceRttMs), options.seed);
+    html += press_section(presses, folder);
+    std::fputs(press_csv(presses).c_str(), stdout);
+  }
+  if (options.only != kPressing) {
+    std::fprintf(stderr, "methods: hostile hands ...\n");
+    const auto attacks = run_attacks(methods, options.rtt_ms, options.quick, options.seed);
+    html += attack_section(attacks);
+    folder.write("attacks.csv", attack_csv(attacks));
+    if (options.only == kAttacks) std::fputs(attack_csv(attacks).c_str(), stdout);
+  }
   folder.write("index.html", html + page_end());
-  std::fputs(press_csv(presses).c_str(), stdout);
   std::fprintf(stderr, "methods: %s, after %.1f s\n", (options.out / "index.html").c_str(),
                std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count());
 }
@@ -74,6 +88,8 @@ void add_methods_command(CLI::App& app) {
   command->add_option("--methods", a->methods, "some of: " + names + " [all]")->delimiter(',');
   command->add_option("--rtt-ms", a->rtt_ms,
                       "round trips, ms, separated by commas [0,10,20,50,100,200,500,1000]");
+  command->add_option("--only", a->options.only,
+                      "press (what is shown) or attack (what can be extracted) [both]");
   command->add_flag("--quick", a->options.quick,
                     "fewer hands and fewer steps of theirs: seconds, not minutes");
   command->add_option("--seed", a->options.seed, "same seed, same bits")->capture_default_str();
