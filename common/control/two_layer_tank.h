@@ -16,8 +16,12 @@ namespace telenano::control {
 ///   E(k) = E(k−1) − F(k−1)·Δx(k) + received − sent,   |F(k)| ≤ (E(k) + E₀)/(v_max T),
 ///
 /// and E < 0 is repaid by the device's certain damping only (passivity_controller.h). Sent is the hand's
-/// input of the interval as far as the tank has it. So hand and slave together give out at most what both put
-/// in, plus one allowance a side.
+/// input of the interval as far as the tank has it.
+///
+/// The slave needs some energy to begin with: to press before the hand has felt anything to press against.
+/// It is sent kSlavePart of an allowance, once in the station's life and never again to a slave that was
+/// restarted; the rest is what its steps may cost that it could not foresee. So hand and slave together give
+/// out at most what both put in, plus one allowance a side.
 class TwoLayerTank final : public StationMethod {
  public:
   explicit TwoLayerTank(const MethodConfig& config) noexcept
@@ -26,6 +30,7 @@ class TwoLayerTank final : public StationMethod {
   void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
     controller_ = PassivityController(OnePort::with(Method::kTank, config.passivity));
     controller_.take_over(ledger_j, hand_pos_h_m);
+    granted_ = granted_ || ledger_j < 0;  // who comes with a debt has had an allowance
   }
   void begin_session(bool) noexcept override {}
   void book(const PortInterval& interval) noexcept override {
@@ -37,6 +42,9 @@ class TwoLayerTank final : public StationMethod {
   void hear(const SlaveNews& news) noexcept override {
     force_h_n_ = news.force_h_n;
     controller_.transfer(news.energy_sent_j);
+    // Not in a session's first command: what stands there is where the session's sum begins.
+    if (!granted_) sent_j_ += kSlavePart * controller_.config().allowance_j;
+    granted_ = true;
   }
   Vec3 force_h_n(const RenderPoint&) noexcept override { return force_h_n_; }
   Vec3 damper_force_h_n() const noexcept override { return controller_.damper_force_h_n(); }
@@ -49,7 +57,10 @@ class TwoLayerTank final : public StationMethod {
   }
 
  private:
+  static constexpr double kSlavePart = 0.8;
+
   PassivityController controller_;
+  bool granted_ = false;
   Vec3 force_h_n_ = Vec3::Zero();
   double sent_j_ = 0;
 };

@@ -38,17 +38,24 @@ void PortControl::receive(const link::PortControl& control) noexcept {
 
 Vec3 PortControl::paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,
                             double budget_aj) const noexcept {
+  // How far s against a force F there is energy for: F s + ½K s² = budget.
+  const auto reach_nm = [stiffness_n_m](double force_nn, double energy_aj) {
+    return energy_aj > 0
+               ? 2 * energy_aj / (force_nn + std::sqrt(force_nn * force_nn + 2 * stiffness_n_m * energy_aj))
+               : 0.0;
+  };
+  Vec3 move = move_w_nm;
   const double force_nn = force_w_nn.norm();
-  const double against_nm = force_nn > 0 ? -move_w_nm.dot(force_w_nn) / force_nn : 0;
-  if (!(against_nm > 0)) return move_w_nm;
-  const double cost_aj = force_nn * against_nm + 0.5 * stiffness_n_m * against_nm * against_nm;
-  if (cost_aj <= budget_aj) return move_w_nm;
-  // force·s + ½K s² = budget: how far against the force there is energy for.
-  double paid_nm = 0;
-  if (budget_aj > 0)
-    paid_nm = 2 * budget_aj /
-              (force_nn + std::sqrt(force_nn * force_nn + 2 * stiffness_n_m * budget_aj));
-  return move_w_nm + force_w_nn * ((against_nm - paid_nm) / force_nn);
+  const double against_nm = force_nn > 0 ? -move.dot(force_w_nn) / force_nn : 0;
+  if (against_nm > 0) {
+    const double paid_nm = reach_nm(force_nn, budget_aj);
+    if (paid_nm < against_nm) move += force_w_nn * ((against_nm - paid_nm) / force_nn);
+  }
+  const double length_nm = move.norm();
+  if (!(length_nm > 0)) return move;
+  const double least_aj = kUnforeseenJ * energy_scale_aj_j_;
+  const double longest_nm = reach_nm(-move.dot(force_w_nn) / length_nm, std::max(budget_aj, least_aj));
+  return longest_nm < length_nm ? Vec3(move * (longest_nm / length_nm)) : move;
 }
 
 Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last, double stiffness_n_m,
@@ -83,10 +90,9 @@ slave::SlaveInput PortControl::before(const link::Command& command, const slave:
       const Vec3 lag_w_nm = old_target_w_nm - last.commanded_pos_w_nm;
       move_w_nm = (target_w_nm_ - old_target_w_nm) + lag_w_nm * std::min(1.0, dt_s / kCatchUp_s);
     }
-    const double allowance_aj = method_ == link::kMethodTank ? kAllowanceJ * energy_scale_aj_j_ : 0.0;
     told.tip_target_pos_w_nm =
         last.commanded_pos_w_nm +
-        paid_move(move_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, level_aj_ + allowance_aj));
+        paid_move(move_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, level_aj_));
   } else if (method_ == link::kMethodWave && wave_impedance_n_s_m_ > 0) {
     const Vec3 lag_w_nm = first ? Vec3(Vec3::Zero()) : Vec3(old_target_w_nm - last.commanded_pos_w_nm);
     told.tip_target_pos_w_nm = last.commanded_pos_w_nm + wave_move(lag_w_nm, last, stiffness_n_m, dt_s);
@@ -100,7 +106,7 @@ void PortControl::after(const slave::SlaveOutput& last, const slave::SlaveOutput
     level_aj_ -= std::max(0.0, charge);
   } else if (method_ == link::kMethodTank) {
     level_aj_ -= charge;
-    const double surplus_aj = std::max(0.0, level_aj_);
+    const double surplus_aj = std::max(0.0, level_aj_ - kReserveJ * energy_scale_aj_j_);
     const double send_aj =
         std::min(surplus_aj, std::max(0.0, -charge) + surplus_aj * std::min(1.0, dt_s / kSurplusReturn_s));
     level_aj_ -= send_aj;

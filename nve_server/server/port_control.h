@@ -10,12 +10,15 @@ namespace telenano::server {
 ///
 /// `tdpa`, `tank`. The commanded end follows the target as far as the energy that came with the commands
 /// pays for it. Before a step its cost is foreseen as −F·Δx + ½K(Δx·F̂)², K the stiffest that the port can
-/// show; of a move that costs more than there is, the part against the force is shortened. What actually was
-/// exchanged is booked afterwards, from the slave's own book. A lag behind the target is caught up in
-/// kCatchUp_s where there is energy for it: drift is compensated from surplus only.
+/// show; of a move that costs more than there is, the part against the force is shortened. Ground that is met
+/// on the way cannot be foreseen: so that it costs no more than kUnforeseenJ more, a step is no longer than
+/// −F·Δx + ½K|Δx|² allows. What actually was exchanged is booked afterwards, from the slave's own book. A lag
+/// behind the target is caught up in kCatchUp_s where there is energy for it: drift is compensated from
+/// surplus only.
 ///   tdpa:  W = Σ received − Σ put into the port                        (its output is in the reply already)
-///   tank:  level = Σ received − Σ put in + Σ given back − Σ sent,      allowance E₀ of its own
-/// The tank sends what the port gave back, and within kSurplusReturn_s what was not needed.
+///   tank:  level = Σ received − Σ put in + Σ given back − Σ sent
+/// The slave has no allowance of its own, which a restart would grant once more: the station sends it one,
+/// once (two_layer_tank.h). The tank sends what the port gave back, and within kSurplusReturn_s what was not needed.
 ///
 /// `wave`. The end moves by the wave that came: with f = −F, b = b_w as the tip feels it, and the port's
 /// stiffness K against a step into the sample taken implicitly,
@@ -40,7 +43,8 @@ class PortControl {
 
   double level_aj() const noexcept { return level_aj_; }  ///< W, the tank, or what the waves owe
 
-  static constexpr double kAllowanceJ = 0.010;  ///< E₀ of the slave's side, hand joules
+  static constexpr double kUnforeseenJ = 1e-4;  ///< hand joules
+  static constexpr double kReserveJ = 0.008;    ///< likewise: kept, so that the next touch can begin
   static constexpr double kCatchUp_s = 0.05;
   static constexpr double kSurplusReturn_s = 1.0;
 
