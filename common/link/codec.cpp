@@ -361,16 +361,18 @@ DropCause read(const wire::Bye& w, Bye& m) noexcept {
   return known && m.session_id != 0 ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
-template <class Wire, class Message>
-DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
-  if (!wire.ParseFromArray(frame.payload.data(), static_cast<int>(frame.payload.size()))) {
-    return DropCause::kMalformedField;
-  }
-  return read(wire, message);
+/// A number that is none goes before a value out of range, wherever the two are (PROTOCOL.md, section 8).
+DropCause first_cause(DropCause a, DropCause b) noexcept {
+  return a == DropCause::kNone || b == DropCause::kNonFinite ? b : a;
 }
 
 // Fields behind feature bits. Most sessions have none: their absence is known from the scan, and costs
 // nothing.
+
+template <class Wire, class Message>
+DropCause read_features(const WireFrame&, const Wire&, Message&) noexcept {
+  return DropCause::kNone;
+}
 
 DropCause read_features(const WireFrame& frame, const wire::Command& wire, Command& message) noexcept {
   if (frame.feature_fields) return read(wire, message.control);
@@ -379,13 +381,19 @@ DropCause read_features(const WireFrame& frame, const wire::Command& wire, Comma
 }
 
 DropCause read_features(const WireFrame& frame, const wire::Reply& wire, Reply& message) noexcept {
-  if (frame.feature_fields) {
-    const DropCause cause = read(wire, message.port);
-    return cause == DropCause::kNone ? read(wire, message.model) : cause;
-  }
+  if (frame.feature_fields) return first_cause(read(wire, message.port), read(wire, message.model));
   message.port = {};
   message.model = {};
   return DropCause::kNone;
+}
+
+template <class Wire, class Message>
+DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
+  if (!wire.ParseFromArray(frame.payload.data(), static_cast<int>(frame.payload.size()))) {
+    return DropCause::kMalformedField;
+  }
+  const DropCause cause = read(wire, message);
+  return first_cause(cause, read_features(frame, wire, message));
 }
 
 }  // namespace
@@ -410,11 +418,9 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
       break;
     case MessageType::kCommand:
       cause = parse(frame, messages_->command, incoming.command);
-      if (cause == DropCause::kNone) cause = read_features(frame, messages_->command, incoming.command);
       break;
     case MessageType::kReply:
       cause = parse(frame, messages_->reply, incoming.reply);
-      if (cause == DropCause::kNone) cause = read_features(frame, messages_->reply, incoming.reply);
       break;
     case MessageType::kBye:
       cause = parse(frame, messages_->bye, incoming.bye);

@@ -53,6 +53,20 @@ void codec_command(benchmark::State& state) {
 }
 BENCHMARK(codec_command);
 
+void codec_command_with_features(benchmark::State& state) {
+  link::Codec codec;
+  link::Incoming in;
+  Buffer buffer{};
+  auto m = link::GoldenMessages{}.command_with_features;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(m);
+    const std::size_t n = codec.encode(m, buffer);
+    benchmark::DoNotOptimize(codec.decode({buffer.data(), n}, in));
+    benchmark::DoNotOptimize(in);
+  }
+}
+BENCHMARK(codec_command_with_features);
+
 void codec_reply(benchmark::State& state) {
   link::Codec codec;
   link::Incoming in;
@@ -66,6 +80,20 @@ void codec_reply(benchmark::State& state) {
   }
 }
 BENCHMARK(codec_reply);
+
+void codec_reply_with_features(benchmark::State& state) {
+  link::Codec codec;
+  link::Incoming in;
+  Buffer buffer{};
+  auto m = link::GoldenMessages{}.reply_with_features;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(m);
+    const std::size_t n = codec.encode(m, buffer);
+    benchmark::DoNotOptimize(codec.decode({buffer.data(), n}, in));
+    benchmark::DoNotOptimize(in);
+  }
+}
+BENCHMARK(codec_reply_with_features);
 
 void wire_scan_reply(benchmark::State& state) {
   const auto bytes = link::GoldenMessages{}.encoded()[5];

@@ -102,6 +102,8 @@ def decode(datagram):
     except Exception:  # pylint: disable=broad-except
         raise Drop("malformed_field") from None
     check(message)
+    if cls is pb.Welcome:
+        message.scene_name = message.scene_name.split(b"\0")[0]
     return message
 
 

@@ -249,6 +249,13 @@ TEST(Codec, RefusesNonFiniteNumbersWhereverTheyAre) {
   Command first = golden.command;
   first.sequence = 0;
   EXPECT_EQ(cause_of(first), DropCause::kOutOfRange);
+  // A number that is none is the cause, whatever else is out of range.
+  first.control.wave_sum.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(cause_of(first), DropCause::kNonFinite);
+  Reply both = golden.reply_with_features;
+  both.port.energy_sent_aj = -1;
+  both.model.friction_nn = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(cause_of(both), DropCause::kNonFinite);
 }
 
 TEST(Codec, HoldsPortControlToItsRanges) {

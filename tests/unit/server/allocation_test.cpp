@@ -83,6 +83,7 @@ TEST(Allocation, NoneInAnEstablishedSessionOverABadLink) {
   bad.duplicate = 0.05;
   bad.reorder = 0.05;
   VirtualSession s(&server, {}, bad, bad, 1);
+  s.command.control = link::GoldenMessages{}.command_with_features.control;
   s.client.start(0);
   s.ticks(2000);
   ASSERT_EQ(s.client.state(), link::ClientState::kEstablished);
