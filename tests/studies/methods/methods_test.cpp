@@ -257,7 +257,10 @@ TEST(Adversary, NoHandBreaksAPromise) {
         EXPECT_LE(worst.outcome.extracted_j, promised_bound_j(config) + 1e-12)
             << control::method_name(method) << ' ' << rtt_s << ' ' << channel_name(channel) << ' '
             << worst.hand;
-        if (balances_both_ports(method)) {
+        // A tip that has missed commands leaps to the next one, and may be in the wall before it has paid for
+        // it.
+        const bool leaps = channel == Channel::kBursts || channel == Channel::kEverything;
+        if (balances_both_ports(method) && !leaps) {
           EXPECT_LE(worst.generated_j, 2 * config.allowance_j + 1e-12)
               << control::method_name(method) << ' ' << rtt_s << ' ' << channel_name(channel);
         }
@@ -278,7 +281,7 @@ TEST(Adversary, RestartsGrantNothing) {
       config.method = method;
       config.rtt_s = rtt_s;
       config.channel = Channel::kRestarts;
-      config.seconds = 30;
+      config.seconds = 20;
       config.restart_mean_s = 1.5;
       for (const NamedHand& named : named_hands(config, 3)) {
         const AttackOutcome outcome = attack(config, named.make(config, named.a, named.b));
