@@ -234,31 +234,41 @@ AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<BookedHan
 std::vector<NamedHand> named_hands(const AttackConfig& config, int every) {
   std::vector<NamedHand> hands;
   int index = 0;
-  const auto add = [&](const char* family, auto make, double a, double b, const char* what) {
-    if (index++ % every == 0)
-      hands.push_back({fmt::format("{} {:g}, {:g} {}", family, a, b, what), make, a, b});
+  const auto add = [&](std::string name, auto make, double a, double b) {
+    if (index++ % every == 0) hands.push_back({std::move(name), make, a, b});
   };
   const double rtt_s = std::max(config.rtt_s, config.hand.period_s);
   const double v = config.hand.velocity_max_m_s;
   for (const double hz : {1.0, 3.0, 10.0, 30.0, 100.0, 250.0, 0.25 / rtt_s, 0.5 / rtt_s}) {
-    add("sine", make_sine, std::min(0.008, v / (2 * kPi * hz)), hz, "m, Hz");
+    const double a_m = std::min(0.008, v / (2 * kPi * hz));
+    add(fmt::format("sine of {:.3g} mm, {:.3g} Hz", 1e3 * a_m, hz), make_sine, a_m, hz);
   }
   index = 0;
   for (const double half_s : {0.002, 0.02, 0.1, 0.5 * rtt_s, rtt_s, 2 * rtt_s}) {
-    for (const double depth_m : {0.002, 0.008, 0.045}) add("square", make_square, depth_m, half_s, "m, s");
+    for (const double depth_m : {0.002, 0.008, 0.045}) {
+      add(fmt::format("square of {:g} mm, {:g} ms a side", 1e3 * depth_m, 1e3 * half_s), make_square, depth_m,
+          half_s);
+    }
   }
   index = 0;
   for (const double rate_hz : {3.0, 30.0, 300.0}) {
-    for (const double range_m : {0.003, 0.012}) add("telegraph", make_telegraph, range_m, rate_hz, "m, 1/s");
+    for (const double range_m : {0.003, 0.012}) {
+      add(fmt::format("telegraph of {:g} mm, {:g} turns a second", 1e3 * range_m, rate_hz), make_telegraph,
+          range_m, rate_hz);
+    }
   }
   index = 0;
   for (const double patience_s : {0.0, 0.01, 0.5 * rtt_s}) {
-    for (const double in_m_s : {0.02, 0.1, v}) add("greedy", make_greedy, in_m_s, patience_s, "m/s, s");
+    for (const double in_m_s : {0.02, 0.1, v}) {
+      add(fmt::format("greedy, in at {:g} m/s, out after {:g} ms", in_m_s, 1e3 * patience_s), make_greedy,
+          in_m_s, patience_s);
+    }
   }
   index = 0;
   for (const double arm_kg : {0.2, 1.0, 500.0}) {
-    for (const double hz : {4.0, 20.0, 80.0, 200.0, 300.0, 450.0})
-      add("mass-spring", make_mass_spring, arm_kg, hz, "kg, Hz");
+    for (const double hz : {4.0, 20.0, 80.0, 200.0, 300.0, 450.0}) {
+      add(fmt::format("passive arm of {:g} kg, {:g} Hz", arm_kg, hz), make_mass_spring, arm_kg, hz);
+    }
   }
   return hands;
 }

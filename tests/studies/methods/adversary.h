@@ -102,7 +102,8 @@ WorstAttack worst_attack(const AttackConfig& config, const AttackEffort& effort)
 /// quantum.)
 double promised_bound_j(const AttackConfig& config);
 
-/// Does the method account for energy at both ports, so that it makes none but two allowances between them?
+/// Does the method account for energy at both ports, so that it makes none but two allowances between them
+/// as long as commands come one after the other?
 bool balances_both_ports(control::Method method) noexcept;
 
 }  // namespace telenano::studies

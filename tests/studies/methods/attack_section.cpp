@@ -17,6 +17,7 @@ constexpr double kPrototypeRttS = 0.1;
 
 /// "3.2 mJ", "4.1 J"
 std::string energy(double j) {
+  if (j == 0) return "0";
   return j < 1 ? fmt::format("{:.3g} mJ", 1e3 * j) : fmt::format("{:.3g} J", j);
 }
 
@@ -130,9 +131,14 @@ std::string attack_section(const std::vector<WorstAttack>& attacks) {
     html += fmt::format("<tr><th>{:g}</th>", 1e3 * rtt);
     for (const Method m : methods) {
       const WorstAttack* w = worst(attacks, m, rtt, nullptr);
-      html += w == nullptr ? "<td>–</td>"
-                           : fmt::format("<td>{}, {}, {}</td>", energy(w->outcome.extracted_j),
-                                         channel_name(w->config.channel), html_escaped(w->hand));
+      if (w == nullptr) {
+        html += "<td>–</td>";
+      } else if (w->outcome.extracted_j == 0) {
+        html += "<td>0</td>";
+      } else {
+        html += fmt::format("<td>{}: {}, {}</td>", energy(w->outcome.extracted_j),
+                            channel_name(w->config.channel), html_escaped(w->hand));
+      }
     }
     html += "</tr>\n";
   }
@@ -145,9 +151,10 @@ std::string attack_section(const std::vector<WorstAttack>& attacks) {
     html += fmt::format("<tr><th>{}</th>", control::method_name(m));
     for (const Channel channel : kChannels) {
       const WorstAttack* w = worst(attacks, m, -1, &channel);
-      html += w == nullptr ? "<td>–</td>"
-                           : fmt::format("<td>{} at {:g} ms</td>", energy(w->outcome.extracted_j),
-                                         1e3 * w->config.rtt_s);
+      const bool any = w != nullptr && w->outcome.extracted_j > 0;
+      html +=
+          any ? fmt::format("<td>{} at {:g} ms</td>", energy(w->outcome.extracted_j), 1e3 * w->config.rtt_s)
+              : std::string("<td>0</td>");
     }
     double generated_j = 0;
     for (const WorstAttack& a : attacks) {

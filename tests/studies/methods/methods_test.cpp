@@ -193,6 +193,27 @@ TEST(ShownStiffness, TheBookOfThePressesIsWhatTheClampPromises) {
   }
 }
 
+// A server that died and came again is the same wall at the same place, and it feels the same.
+TEST(ShownStiffness, AfterARestartTheWallIsThereAgain) {
+  for (const Method method : available_methods()) {
+    PressConfig config;
+    config.method = method;
+    config.rtt_s = 0.01;
+    const PressResult plain = run_press(config);
+    config.restarts = true;
+    const PressResult result = run_press(config);
+    EXPECT_EQ(result.sessions, 1u + kPresses) << control::method_name(method);
+    for (const Press& press : result.presses) {
+      // The hand comes to rest up to 2·0.02 N/353 N/m from where it began, and the encoder adds 0.01 mm; of a
+      // depth of 2.6 mm that is 5 %.
+      EXPECT_NEAR(press.stiffness_n_m, plain.later_stiffness_n_m(), 0.05 * plain.later_stiffness_n_m())
+          << control::method_name(method);
+      EXPECT_LT(press.swing_mm, 0.2) << control::method_name(method);
+    }
+    EXPECT_LT(result.stopped_at_s, 0) << control::method_name(method);
+  }
+}
+
 // The table that the local model was chosen for: what a prototype showed at each round trip.
 TEST(ShownStiffness, TheDefaultBeatsThePrototypeIfItIsTheLocalModel) {
   const Method method = station::StationConfig{}.method;
@@ -249,7 +270,10 @@ TEST(Adversary, NoHandBreaksAPromise) {
         EXPECT_LE(worst.outcome.extracted_j, promised_bound_j(config) + 1e-12)
             << control::method_name(method) << ' ' << rtt_s << ' ' << channel_name(channel) << ' '
             << worst.hand;
-        if (balances_both_ports(method)) {
+        // A tip that has missed commands leaps to the next one, and may be in the wall before it has paid for
+        // it.
+        const bool leaps = channel == Channel::kBursts || channel == Channel::kEverything;
+        if (balances_both_ports(method) && !leaps) {
           EXPECT_LE(worst.generated_j, 2 * config.allowance_j + 1e-12)
               << control::method_name(method) << ' ' << rtt_s << ' ' << channel_name(channel);
         }
@@ -270,14 +294,20 @@ TEST(Adversary, RestartsGrantNothing) {
       config.method = method;
       config.rtt_s = rtt_s;
       config.channel = Channel::kRestarts;
-      config.seconds = 30;
-      config.restart_mean_s = 1.5;
+      config.seconds = 20;
+      config.restart_mean_s = 1;
+      config.hand.velocity_max_m_s = 0.1;
+      config.hand.device_damping_n_s_m = 0.2;
+      double most_j = 0;
       for (const NamedHand& named : named_hands(config, 3)) {
         const AttackOutcome outcome = attack(config, named.make(config, named.a, named.b));
         EXPECT_LE(outcome.extracted_j, promised_bound_j(config) + 1e-12)
             << control::method_name(method) << ' ' << rtt_s << ' ' << named.name;
-        EXPECT_FALSE(outcome.stopped) << "no stop kept the promise: " << named.name;
+        EXPECT_FALSE(outcome.stopped && !outcome.too_fast) << "no stop kept the promise: " << named.name;
+        most_j = std::max(most_j, outcome.extracted_j);
       }
+      // As good as all of one allowance: the hands have teeth, and there is nothing left to take.
+      EXPECT_GT(most_j, 0.8 * config.allowance_j) << control::method_name(method) << ' ' << rtt_s;
     }
   }
 }

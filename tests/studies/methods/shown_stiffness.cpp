@@ -19,8 +19,9 @@ constexpr double kReachS = 0.5;
 constexpr double kHoldS = 4.0;
 constexpr double kRestS = 2.5;
 constexpr double kPressS = kReachS + kHoldS + kReachS + kRestS;
-constexpr double kMeasuredS = 1.0;  // at the end of a hold
-constexpr double kReleasedS = 0.2;  // at the end of a rest
+constexpr double kMeasuredS = 1.0;      // at the end of a hold
+constexpr double kRestartAfterS = 0.5;  // into a rest
+constexpr double kReleasedS = 0.2;      // at the end of a rest
 constexpr double kAllS = kStillS + kPresses * kPressS;
 
 // In nm of the tip above the wall; the hand's metres times 1e3 at this velocity scale.
@@ -110,6 +111,7 @@ PressResult run_press(const PressConfig& config) {
   double last_z_m = session.device().plant().pos_m().z();
   double least_in_j = 0, error2 = 0;
   std::int64_t inside = 0, acted = 0, tick = 0;
+  int restarted = 0;
   struct Sums {
     double force = 0, depth = 0, drift = 0;
     int held = 0, released = 0;
@@ -147,6 +149,11 @@ PressResult run_press(const PressConfig& config) {
       sum.depths.add(depth_m);
       ++sum.held;
     }
+    if (config.restarts && phase >= kPressS - kRestS + kRestartAfterS &&
+        restarted <= static_cast<int>(press)) {
+      ++restarted;
+      session.restart_server();
+    }
     if (phase > kPressS - kReleasedS) {
       // Hand and tip have been at rest for longer than the link takes: what is left between them is drift.
       sum.drift += watch->commanded_z_w_nm / (kVelocityScale * 1e9) - (z_m - wall_z_m);
@@ -164,6 +171,7 @@ PressResult run_press(const PressConfig& config) {
     press.drift_mm = 1e3 * sum.drift / sum.released;
   }
   result.over_force = force_scale_n_nn * watch->most_force_nn / rest_on_wall(config).force_n;
+  result.sessions = session.client().sessions();
   result.least_energy_mj = 1e3 * least_in_j;
   result.extracted_mj = 1e3 * book.most_extracted_j();
   result.force_error_rms_n = inside > 0 ? std::sqrt(error2 / static_cast<double>(inside)) : 0;

@@ -19,6 +19,7 @@ struct PressConfig {
   double depth_m = 0.010;      ///< beyond the wall, that the operator intends; a hand yields
   double clearance_m = 0.005;  ///< of the hand above the wall at the start
   device::PlantConfig plant{};
+  bool restarts = false;  ///< the server dies and comes again in every rest between two presses
   std::uint64_t seed = 1;
   int trace_every = 0;  ///< keep every n-th tick; 0: none
 };
@@ -47,6 +48,8 @@ struct PressResult {
   double duty = 0;                ///< part of the ticks with x > 0 in which damper or clamp acted
   double stopped_at_s = -1;       ///< the station latched a stop; negative: never
   std::uint32_t stop_faults = 0;  ///< why, station::StationFaults
+
+  std::uint64_t sessions = 1;  ///< with a server, one after the other
 
   struct Row {
     double time_s = 0;
