@@ -28,9 +28,10 @@ struct CurvePoint {
   double contact_radius_rate = 0;  ///< dA/ds
   double overlap_bend = 0;         ///< d2Delta/ds2; 0 where the law does not say
   double load_bend = 0;            ///< d2P/ds2
-  double overlap_by_lambda = 0;    ///< lambda dDelta/dlambda at this s; both 0 where the law does not say
-  double load_by_lambda = 0;       ///< lambda dP/dlambda
-  double energy = 0;               ///< integral of P dDelta along the curve from where interaction begins
+  double overlap_by_lambda = 0;  ///< lambda dDelta/dlambda at this u, or C; all 0 where the law does not say
+  double load_by_lambda = 0;     ///< lambda dP/dlambda
+  double contact_radius_by_lambda = 0;
+  double energy = 0;  ///< integral of P dDelta along the curve from where interaction begins
 
   double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
   /// Moves by a small `ds` along the curve, as far as the law says: to second order (the radius and the rates

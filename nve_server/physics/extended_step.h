@@ -86,7 +86,13 @@ class ExtendedStep {
 
   const TipPlace& place() const noexcept { return place_; }
   const TipPoint& point() const noexcept { return point_; }
-  double potential_aj() noexcept { return potential(point_); }
+  /// Inside less `joining_energy_aj` of the law.
+  double potential_before_joining_aj() noexcept { return potential(point_, 0.0); }
+  /// dG/dR at constant overlap; not pressed as if G went with the radius, as all of it does but for the cone.
+  double far_force_per_radius_n_m() const noexcept {
+    return place_.pressed ? touch().force_per_radius_n_m
+                          : (point_.force_nn - point_.curve.load * scales_.force_nn) / radius_;
+  }
   double dissipated_aj() const noexcept { return dissipated_; }
   int jumps() const noexcept { return jumps_; }
 
@@ -155,10 +161,12 @@ class ExtendedStep {
   }
 
   double potential(const TipPoint& t) noexcept {
+    return potential(t, place_.inside && has_vdw() ? parting().energy_offset : 0.0);
+  }
+  double potential(const TipPoint& t, double offset) noexcept {
     double energy = t.overlap_nm < 0 ? far_.energy_aj(t.overlap_nm, radius_, place_.bridge)
                                      : touch().energy_aj + t.overlap_nm * touch().force_nn;
     if (!place_.inside) return energy + vdw_.energy_aj(radius_, cut_off_ - t.overlap_nm);
-    const double offset = has_vdw() ? parting().energy_offset : 0.0;
     return energy + (t.curve.energy + offset) * scales_.energy_aj;
   }
   /// With the spring's, the base at z.

@@ -79,14 +79,18 @@ LongRange::Touch LongRange::at_touch(double radius_nm, const BridgeState& bridge
   Touch sum;
   if (van_der_waals_.active()) {
     const TipVanDerWaals::Correction far = van_der_waals_.correction(touch_, radius_nm);
-    sum = {far.force_nn, far.energy_aj};
+    sum = {far.force_nn, far.energy_aj, far.force_per_radius_n_m};
   }
   if (electrostatic_.active()) {
-    sum.force_nn += electrostatic_.at(cut_off_nm_, radius_nm).force_nn;
+    const double force = electrostatic_.at(cut_off_nm_, radius_nm).force_nn;
+    sum.force_nn += force;
+    sum.force_per_radius_n_m += force / radius_nm;
     sum.energy_aj += electrostatic_.energy_aj(cut_off_nm_, radius_nm);
   }
   if (bridge.present) {
-    sum.force_nn += capillary_.at(0, radius_nm, bridge).force_nn;
+    const double force = capillary_.at(0, radius_nm, bridge).force_nn;
+    sum.force_nn += force;
+    sum.force_per_radius_n_m += force / radius_nm;
     sum.energy_aj += capillary_.energy_aj(0, radius_nm, bridge);
   }
   return sum;

@@ -142,6 +142,7 @@ CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
     // At constant theta, from (lambda/2) F1 C^2 + b C = 1.
     const double c_by_lambda = -(1.0 + b * c) * per_r;
     p.overlap_by_lambda = 2.0 * a * g.cos * c_by_lambda - third * g.sin * (c + c_by_lambda);
+    p.contact_radius_by_lambda = g.cos * c_by_lambda;
     p.load_by_lambda = 3.0 * a * a * g.cos * c_by_lambda - lc * arc * (c + 2.0 * c_by_lambda);
   }
   return p;
@@ -222,6 +223,8 @@ CurvePoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
   p.load = -kHalfPi * lambda_ * c * c;
   p.overlap_rate = c - q_;
   p.load_rate = -kPi * lambda_ * c;
+  p.overlap_by_lambda = h0_ - q_ * c;
+  p.load_by_lambda = p.load;
   p.energy = -kHalfPi * lambda_ * c * c * c * (0.25 * c - q_ / 3.0);
   return p;
 }

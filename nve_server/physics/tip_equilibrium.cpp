@@ -14,16 +14,22 @@ namespace {
 
 constexpr int kMaxIterations = 60;
 constexpr int kMostFollowed = 20;
-constexpr double kStepDone = 1e-9;      // nm
-constexpr double kForceDone = 1e-11;    // of the law's forces; counts through a soft spring
-constexpr double kForeseen = 1e-7;      // nm: of a step that need not be seen to be the last
-constexpr double kNoise = 20.0;         // times these, once steps shrink no more: the law's own error
-constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
-constexpr double kForceAtLast = 1e-7;   // of the law's forces, where stick and slip do
-constexpr double kDeeperAtLast = 2e-5;  // where two feet take turns for ever
+constexpr double kStepDone = 1e-9;       // nm
+constexpr double kForceDone = 1e-11;     // of the law's forces; counts through a soft spring
+constexpr double kForeseen = 1e-7;       // nm: of a step that need not be seen to be the last
+constexpr double kForeseenWhole = 5e-7;  // the same where Newton's method leaves nothing out: it then
+                                         // squares, times 10/nm or so, what it leaves
+constexpr double kNoise = 20.0;          // times these, once steps shrink no more: the law's own error
+constexpr double kDeeper = 1e-9;         // nm by which another foot must be deeper to be taken in
+constexpr double kForceAtLast = 1e-7;    // of the law's forces, where stick and slip do
+constexpr double kDeeperAtLast = 2e-5;   // where two feet take turns for ever
 constexpr int kPatient = 20;
-constexpr double kTurnMax = 0.9;      // of F C N; at 1 the tip slides off sideways
-constexpr double kTurnTrusted = 0.5;  // beyond, the last step's answer does not predict the next
+constexpr double kTurnMax = 0.9;          // of F C N; at 1 the tip slides off sideways
+constexpr double kTurnTrusted = 0.5;      // beyond, the last step's answer does not predict the next
+constexpr double kLongerMove = 2.0;       // than the last one, to be foreseen from it
+constexpr double kTurnedMove = 0.2;       // of the last one
+constexpr double kMostForceChange = 0.5;  // in a step that is foreseen
+constexpr double kMostBent = 0.2;         // of the move; more is no parabola
 constexpr double kLongestStepRadii = 0.5;
 constexpr double kLateralShare = 0.75;  // of the normal compliance that the lateral force may take away
 constexpr double kTiltMost = 0.5;       // of what a change of radius is worth in overlap
@@ -31,7 +37,7 @@ constexpr double kTiltLongest = 0.5;    // of the normal
 constexpr double kSoftestContact =
     0.05;  // of a Hertzian one: near the fold a goes with F as steeply as it likes
 constexpr double kMostRadiusRate = 4.0;
-constexpr double kFrictionDrift = 0.5;  // of the step, that friction may change by over a changing radius
+constexpr double kFrictionDrift = 0.9;  // of the step, that friction may change by over a changing radius
 constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
 constexpr int kRelaxations = 80;
 constexpr double kRelaxed = 1e-6;  // nm
@@ -73,6 +79,7 @@ double secant(double force, double force_0, double value, double value_0, double
 //   since there dF/da = 3 K a²/R (1 − x) and ρ = (1 − x)/(1 − x/3), x = (a_c/a)^{3/2}, for JKR; ∂a/∂R =
 //   a/(3R) (2 − F R/(K a³)),                   exact for Hertz and DMT, and for JKR at F = 0 and F → ∞.
 ContactRadiusRates contact_radius_rates(const Equilibrium& eq, double radius, double modulus) noexcept {
+  if (eq.rates.known) return {eq.rates.contact_radius_per_force_nm_nn, eq.rates.contact_radius_per_radius};
   const double a = eq.contact_radius_nm;
   if (!(a > 0.0 && radius > 0.0)) return {};
   const double rho = std::clamp(eq.stiffness_n_m / (1.5 * modulus * a), kSoftestContact, 1.0);
@@ -82,13 +89,23 @@ ContactRadiusRates contact_radius_rates(const Equilibrium& eq, double radius, do
 }
 
 // η: the overlap that does to the force what one unit of radius does (tip_equilibrium.h).
-double radius_as_overlap(Branch branch, double force, double overlap, double stiffness,
-                         double radius) noexcept {
-  if (branch == Branch::kFree || !(radius > 0.0)) return 0.0;
-  const bool inside = branch == Branch::kContact || branch == Branch::kNonContact;
-  const double by_radius = force - (inside ? overlap * stiffness / 3.0 : 0.0);
-  const double scale = radius * stiffness;
+double radius_as_overlap(const Equilibrium& eq, double radius) noexcept {
+  if (eq.branch == Branch::kFree || !(radius > 0.0)) return 0.0;
+  const bool inside = eq.branch == Branch::kContact || eq.branch == Branch::kNonContact;
+  const double by_radius = eq.rates.known
+                               ? eq.rates.force_per_radius_n_m * radius
+                               : eq.force_nn - (inside ? eq.overlap_nm * eq.stiffness_n_m / 3.0 : 0.0);
+  const double scale = radius * eq.stiffness_n_m;
   return std::abs(by_radius) < kTiltMost * std::abs(scale) ? by_radius / scale : 0.0;
+}
+
+// How much of the last step this one is, 0 if it goes another way.
+double part_of_last(const TipTrend& last, const Vec3& move) noexcept {
+  const double last_sq = last.move_w_nm.squaredNorm();
+  if (!(last_sq > 0.0)) return 0.0;
+  const double part = move.dot(last.move_w_nm) / last_sq;
+  const double turned_sq = (move - part * last.move_w_nm).squaredNorm();
+  return part > 0.0 && part < kLongerMove && turned_sq < kTurnedMove * kTurnedMove * last_sq ? part : 0.0;
 }
 
 // Energy of sample, springs and bristle.
@@ -135,8 +152,29 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
   }
   if (surface_->is_flat() && !friction_) return advance_flat(free_end, c, state);
   Vec3 start = free_end;
-  if (state.started) start = state.apex_w_nm + state.follow * (free_end - state.free_end_w_nm);
+  TipTrend trend;
+  if (state.started) {
+    trend.move_w_nm = free_end - state.free_end_w_nm;
+    trend.bend_w_nm = state.apex_w_nm + state.follow * trend.move_w_nm;
+    trend.force_nn = state.force_nn;
+    trend.contact_radius_rates = state.contact_radius_rates;
+    const double part = part_of_last(state.trend, trend.move_w_nm);
+    start = trend.bend_w_nm + part * part * state.trend.bend_w_nm;
+  }
   TipSolution solution = balance(free_end, c, start, state, Radius::kFollowed);
+  if (solution.status == SolveStatus::kOk) {
+    trend.bend_w_nm = solution.apex_w_nm - trend.bend_w_nm;
+    trend.force_nn = state.force_nn - trend.force_nn;
+    trend.contact_radius_rates.per_force_nm_nn =
+        state.contact_radius_rates.per_force_nm_nn - trend.contact_radius_rates.per_force_nm_nn;
+    trend.contact_radius_rates.per_radius =
+        state.contact_radius_rates.per_radius - trend.contact_radius_rates.per_radius;
+    const bool smooth = solution.jumps == 0 && state.foot_count == 1 &&
+                        trend.bend_w_nm.squaredNorm() < kMostBent * kMostBent * trend.move_w_nm.squaredNorm();
+    state.trend = smooth ? trend : TipTrend{};
+    return solution;
+  }
+  state.trend = {};
   if (solution.status == SolveStatus::kNotConverged) {
     const int spent = solution.iterations;
     solution = balance(free_end, c, start, state, Radius::kLate);
@@ -221,10 +259,23 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   double contact_radius = state.contact_radius_nm;
   double radius_force = state.radius_force_nn;
   ContactRadiusRates rates = state.contact_radius_rates;
+  if (followed && state.foot_count == 1 && force > 0.0) {
+    // The limit of friction is far from a line over a step: from where the force is likely to be, with the
+    // contact radius there (trapezium; over the radius below).
+    const double part = part_of_last(state.trend, free_end - state.free_end_w_nm);
+    const double change = part * state.trend.force_nn;
+    if (std::abs(change) < kMostForceChange * force) {
+      rates.per_force_nm_nn += 0.5 * part * state.trend.contact_radius_rates.per_force_nm_nn;
+      rates.per_radius += 0.5 * part * state.trend.contact_radius_rates.per_radius;
+      force += change;
+      contact_radius = std::max(0.0, contact_radius + rates.per_force_nm_nn * change);
+    }
+  }
   double radius_before = state.radius_nm;  // where contact_radius is from
-  double tilt_per_gradient = radius_as_overlap(state.law.branch, state.force_nn, state.overlap_nm,
-                                               state.stiffness_n_m, state.radius_nm);
+  double tilt_per_gradient = state.radius_as_overlap;
+  TipSampleState law_state = state.law;
   double last_left = 0;
+  bool rates_known = false;
   bool breaking = false;
   double energy_at_break = 0, lost_at_break = 0;
   Swing swing(tip_radius_nm_);
@@ -242,7 +293,11 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     Vec3 other = radius_force_ ? Vec3(radius_force * gradient) : Vec3(Vec3::Zero());
     Vec3 tilt = -tilt_per_gradient * gradient;
     const double tilted = tilt.norm();
-    if (tilted > kTiltLongest) tilt *= kTiltLongest / tilted;
+    bool whole = alone && rates_known;  // Newton's matrix, with nothing approximated or held back
+    if (tilted > kTiltLongest) {
+      tilt *= kTiltLongest / tilted;
+      whole = false;
+    }
     const Vec3 pull =
         radius_force_ ? tilt : Vec3(Vec3::Zero());  // the law acts along n + pull, feels n + tilt
     Vec3 slope = pull;
@@ -261,8 +316,18 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       slope += rates.per_force_nm_nn * rub.force_per_radius_w_n_m + rub.force_per_load_w;
       if (alone) drift = rates.per_radius * gradient;
       const double carried = c_max * rub.force_per_radius_w_n_m.norm() * drift.norm();
-      if (carried > kFrictionDrift) drift *= kFrictionDrift / carried;
+      if (carried > kFrictionDrift) {
+        drift *= kFrictionDrift / carried;
+        whole = false;
+      }
       hold = rub.stiffness_n_m - rub.force_per_radius_w_n_m * drift.transpose();
+      if (alone) {
+        // The force stays in the tangent plane, and of the motion only what lies in it counts.
+        const Vec3 normal = feet.normal();
+        const Mat3 normal_turn = feet.normal_turn();
+        hold += normal * (normal_turn * rub.force_w_nn).transpose() -
+                normal.dot(p - state.apex_w_nm) * (rub.stiffness_n_m * normal_turn);
+      }
     }
 
     // A = (1 − C (F N − K))⁻¹ and S = A C, see the header.
@@ -276,7 +341,11 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const Vec3 seen = feet.normal() + tilt;
     const double taken = seen.dot(s * (pull - slope));
     const double most_taken = kLateralShare * seen.dot(s * seen);
-    if (taken > most_taken) slope = pull + (slope - pull) * (most_taken / taken);  // about to jam
+    if (taken > most_taken) {
+      slope = pull + (slope - pull) * (most_taken / taken);  // about to jam
+      whole = false;
+    }
+    if (turn > kTurnMax) whole = false;
     const Vec3 unloaded = a * (free_end + c * (other - force_0 * slope) - p);
     const FeetInUse::Reduced reduced = feet.reduce(s, unloaded, tilt, slope);
 
@@ -287,16 +356,17 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     feet_before = feet.count();
     const double radius_nm = feet.radius_nm();
-    TipSampleState law_state = state.law;
     Equilibrium eq;
     PlasticFlow flow;
-    if (plastic_ && may_yield) {
+    const bool yields = plastic_ && may_yield;
+    if (yields) {
+      law_state = state.law;
       const PlasticStep plastic = plastic_->advance(reduced.base_overlap_nm, reduced.compliance, radius_nm,
                                                     feet.origin_radius_nm(), law_state);
       eq = plastic.equilibrium;
       flow = plastic.flow;
     } else {
-      eq = law_.advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, law_state);
+      eq = law_.try_advance(reduced.base_overlap_nm, reduced.compliance, radius_nm, state.law, law_state);
     }
     if (eq.status != SolveStatus::kOk) {
       solution.status = SolveStatus::kNotConverged;
@@ -324,7 +394,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       on_mark.overlap_nm -= flow.depth_nm;
       radius_force = law_.radius_force_nn(on_mark, law_state);
     }
-    tilt_per_gradient = radius_as_overlap(eq.branch, force, eq.overlap_nm, eq.stiffness_n_m, radius_nm);
+    tilt_per_gradient = radius_as_overlap(eq, radius_nm);
     contact_radius = eq.contact_radius_nm;
     radius_before = radius_nm;
     Vec3 found = radius_force_ ? Vec3(radius_force * gradient) : Vec3(Vec3::Zero());
@@ -337,7 +407,8 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
             std::max(0.0, secant(force, force_0, contact_radius, contact_radius_0, before));
       }
       const double there = contact_radius > 0.0 ? std::max(0.0, contact_radius + drift.dot(step)) : 0.0;
-      rub = friction_->move(state.friction, normal.normalized(), p + step - state.apex_w_nm, there, force,
+      const Vec3 turned = alone ? Vec3(normal + feet.normal_turn() * step) : normal;
+      rub = friction_->move(state.friction, turned.normalized(), p + step - state.apex_w_nm, there, force,
                             breaking);
       found += rub.force_w_nn;
     }
@@ -345,7 +416,9 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const double left = std::max(length, c_max * (found - lateral).cwiseAbs().maxCoeff());
     // Newton's next step is shorter than this one by at least what this one was than the last; what it would
     // be is the error of an answer that has this step in it.
-    const bool foreseen = !radius_force_ && left < kForeseen && left * left < done * last_left;
+    const bool foreseen = !radius_force_ && ((left < kForeseen && left * left < done * last_left) ||
+                                             (whole && last_left > 0.0 && left < kForeseenWhole));
+    rates_known = eq.rates.known;
     const bool balanced = left < done || foreseen || (left < kNoise * done && left > 0.5 * last_left) ||
                           (iteration >= kPatient && left < kNoise * done + kForceAtLast * forces);
     last_left = left;
@@ -361,6 +434,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
         feet_before = 0;
         continue;
       }
+      if (!yields) law_.add_joining_energy(eq, law_state);
       describe(eq, solution);
       solution.normal_w = normal + feet.normal_turn() * step;  // where the step leads
       solution.friction_w_nn = rub.force_w_nn;
@@ -389,6 +463,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       state.friction = rub.after;
       state.radius_force_nn = radius_force;
       state.contact_radius_rates = rates;
+      state.radius_as_overlap = tilt_per_gradient;
       const Vec3 give = s * (normal + slope);
       const double along = 1.0 + eq.stiffness_n_m * seen.dot(give);
       state.follow = turn < kTurnTrusted ? a : Mat3::Identity();

@@ -31,6 +31,14 @@ struct ContactRadiusRates {
   double per_radius = 0;
 };
 
+/// What the last step changed: a step that goes on like it begins from there.
+struct TipTrend {
+  Vec3 move_w_nm = Vec3::Zero();  ///< of the free end; 0: nothing to go by
+  Vec3 bend_w_nm = Vec3::Zero();  ///< of the apex, beside what `follow` said
+  double force_nn = 0;
+  ContactRadiusRates contact_radius_rates;
+};
+
 /// What the equilibrium remembers from one accepted step to the next.
 struct TipState {
   TipSampleState law;
@@ -47,8 +55,10 @@ struct TipState {
   double radius_force_nn = 0;  ///< -dU/dR
   double contact_radius_nm = 0;
   ContactRadiusRates contact_radius_rates;
+  double radius_as_overlap = 0;  ///< η
   FrictionState friction;
   Mat3 follow = Mat3::Identity();  ///< ∂apex/∂free end, to predict the next apex from
+  TipTrend trend;
 };
 
 /// What yielded in a step, and where: at every foot that bore a part. The surface is not yet lowered

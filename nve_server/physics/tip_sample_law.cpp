@@ -1,5 +1,6 @@
 #include "nve_server/physics/tip_sample_law.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -27,6 +28,33 @@ void require_positive(double value, const char* what, const char* unit) {
   if (std::isfinite(value) && value > 0) return;
   throw UserError(std::string("tip-sample law: ") + what + " must be positive and finite (" + unit +
                   "), not " + std::to_string(value));
+}
+
+constexpr double kSteepestRadius = 10.0;       // da/dF, in that of a Hertzian contact of the same radius
+constexpr double kMostRadiusRate = 4.0 / 3.0;  // da/dR, in a/R
+
+/// F = u_F P(Delta, lambda) + G(R) and a = u_a A, where u_F ~ R, u_a ~ R^(2/3), u_delta ~ R^(1/3), lambda ~
+/// R^(1/3). With x' = lambda dx/dlambda at one parameter of the curve, which drops out,
+///   R dF/dR = u_F (P + (P' - dP/dDelta (Delta + Delta'))/3) + R dG/dR,
+///   (R/u_a) da/dR = 2/3 A + A'/3 - dA/dP (P + P'/3 + (R dG/dR)/u_F).
+RadiusRates rates_on(const CurvePoint& p, const ContactScales& s, double far_force_per_radius_n_m,
+                     double radius_nm) noexcept {
+  RadiusRates out;
+  if (!(p.overlap_rate > 0) || p.load_by_lambda == 0) return out;
+  out.known = true;
+  const double slope = p.load_rate / p.overlap_rate;
+  const double by_lambda = p.load_by_lambda - slope * (p.overlap + p.overlap_by_lambda);
+  out.force_per_radius_n_m = s.force_nn * (p.load + by_lambda / 3.0) / radius_nm + far_force_per_radius_n_m;
+  const double a = p.contact_radius;
+  if (!(p.contact && a > 0)) return out;
+  const double steepest = kSteepestRadius / (3.0 * a * a);
+  const double per_load =
+      p.contact_radius_rate < steepest * p.load_rate ? p.contact_radius_rate / p.load_rate : steepest;
+  out.contact_radius_per_force_nm_nn = per_load * s.length_nm / s.force_nn;
+  const double grows = (2.0 * a + p.contact_radius_by_lambda - per_load * p.load_by_lambda) / 3.0 -
+                       per_load * (p.load + far_force_per_radius_n_m * radius_nm / s.force_nn);
+  out.contact_radius_per_radius = std::clamp(grows, 0.0, kMostRadiusRate * a) * s.length_nm / radius_nm;
+  return out;
 }
 
 struct Losses {
@@ -159,6 +187,36 @@ double TipSampleLaw::radius_force_by_difference(const Equilibrium& eq,
 
 Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
                                   TipSampleState& state) const noexcept {
+  return advance(base_overlap_nm, compliance_nm_nn, radius_nm, state, true);
+}
+
+Equilibrium TipSampleLaw::try_advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
+                                      const TipSampleState& from, TipSampleState& again) const noexcept {
+  // The curve's last state is a guess and no more. All else that is remembered says where the tip was.
+  const TipSampleCache& last = again.cache;
+  if (last.has_last && last.tabulated == from.cache.tabulated) {
+    const CurvePoint point = last.last;
+    const double lambda = last.lambda;
+    again = from;
+    again.cache.has_last = true;
+    again.cache.last = point;
+    again.cache.lambda = lambda;
+    again.cache.u = point.parameter;
+  } else {
+    again = from;
+  }
+  return advance(base_overlap_nm, compliance_nm_nn, radius_nm, again, false);
+}
+
+void TipSampleLaw::add_joining_energy(Equilibrium& eq, TipSampleState& again) const noexcept {
+  const bool inside = eq.branch == Branch::kContact || eq.branch == Branch::kNonContact;
+  if (!joins_later() || !inside) return;
+  eq.potential_aj +=
+      cached_parting(again.cache.curve, again.cache).energy_offset * again.cache.scales.energy_aj;
+}
+
+Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
+                                  TipSampleState& state, bool join_energy) const noexcept {
   Equilibrium out;
   if (!std::isfinite(base_overlap_nm) || !std::isfinite(compliance_nm_nn) || !std::isfinite(radius_nm) ||
       !(compliance_nm_nn >= 0) || !(radius_nm > 0)) {
@@ -175,7 +233,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     out.status = SolveStatus::kNonFinite;
     return out;
   }
-  if (long_range_.active()) return advance_extended(base_overlap_nm, compliance_nm_nn, state);
+  if (long_range_.active()) return advance_extended(base_overlap_nm, compliance_nm_nn, state, join_energy);
   Losses losses;
   const bool vdw = parameters_.van_der_waals;
   switch (parameters_.model) {
@@ -201,6 +259,10 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     return none;
   }
   if (compliance == 0 || out.branch == Branch::kFree) out.overlap_nm = base_overlap_nm;
+  const bool inside = out.branch == Branch::kContact || out.branch == Branch::kNonContact;
+  if (inside && parameters_.model == ContactModel::kMaugisDugdale && !cache.tabulated) {
+    out.rates = rates_on(cache.last, s, 0.0, radius_nm);
+  }
   out.dissipated_aj = losses.dissipated * s.energy_aj;
   out.jumps = losses.jumps;
   state.branch = out.branch;
@@ -210,7 +272,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
 }
 
 Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compliance_nm_nn,
-                                           TipSampleState& state) const noexcept {
+                                           TipSampleState& state, bool join_energy) const noexcept {
   TipSampleCache& cache = state.cache;
   ExtendedStep step(base_overlap_nm, compliance_nm_nn, van_der_waals_, parameters_.equilibrium_distance_nm,
                     long_range_, cache);
@@ -220,7 +282,7 @@ Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compli
   const TipPoint& point = step.point();
   Equilibrium out;
   out.force_nn = point.force_nn;
-  out.potential_aj = step.potential_aj();
+  out.potential_aj = step.potential_before_joining_aj();
   if (!converged || !std::isfinite(out.force_nn) || !std::isfinite(out.potential_aj)) {
     cache = TipSampleCache{};
     Equilibrium none;
@@ -230,11 +292,15 @@ Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compli
   const Branch inner = place.contact ? Branch::kContact : Branch::kNonContact;
   const Branch outer = parameters_.van_der_waals ? Branch::kVanDerWaals : Branch::kFree;
   out.branch = place.inside ? inner : outer;
+  if (join_energy) add_joining_energy(out, state);
   out.overlap_nm = compliance_nm_nn == 0 ? base_overlap_nm : point.overlap_nm;
   const double steepest = kSteepest * (cache.scales.force_nn / cache.scales.overlap_nm);
   out.stiffness_n_m =
       point.overlap_rate > 0 ? std::max(point.force_rate / point.overlap_rate, -steepest) : -steepest;
   out.contact_radius_nm = place.contact ? point.curve.contact_radius * cache.scales.length_nm : 0.0;
+  if (place.inside) {
+    out.rates = rates_on(point.curve, cache.scales, step.far_force_per_radius_n_m(), cache.radius_nm);
+  }
   out.dissipated_aj = step.dissipated_aj();
   out.jumps = step.jumps();
   out.bridge = place.bridge.present;

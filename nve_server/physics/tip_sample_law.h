@@ -77,6 +77,14 @@ struct TipSampleState {
 
 enum class SolveStatus : std::uint8_t { kOk, kNotConverged, kNonFinite };
 
+/// How force and contact radius of an equilibrium change, for Newton's method.
+struct RadiusRates {
+  bool known = false;                         ///< by the exact law by the direct method; else all 0
+  double force_per_radius_n_m = 0;            ///< dF/dR at constant overlap
+  double contact_radius_per_force_nm_nn = 0;  ///< da/dF at constant R; bounded where F is stationary
+  double contact_radius_per_radius = 0;       ///< da/dR at constant F, likewise
+};
+
 /// An equilibrium of the tip between the sample and a spring to the base.
 struct Equilibrium {
   SolveStatus status = SolveStatus::kOk;
@@ -89,6 +97,7 @@ struct Equilibrium {
   double dissipated_aj = 0;      ///< lost in the jumps of this advance, >= 0
   int jumps = 0;
   bool bridge = false;  ///< a liquid bridge spans the gap
+  RadiusRates rates;
 };
 
 /// Van der Waals joined to a contact law (joined_law.h), with memory of the branch.
@@ -122,6 +131,13 @@ class TipSampleLaw {
   Equilibrium advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
                       TipSampleState& state) const noexcept;
 
+  /// The same as one of several trials of a step: `again` is `from` before it, and what the trial before
+  /// found (in `again`) only a place to start from. The potential may lack what add_joining_energy() adds
+  /// once the last trial is known: it depends on the radius alone, but takes a search.
+  Equilibrium try_advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
+                          const TipSampleState& from, TipSampleState& again) const noexcept;
+  void add_joining_energy(Equilibrium& eq, TipSampleState& again) const noexcept;
+
   /// -dU/dR of a state at constant overlap, nN: with ∇R it is the part of the force that a changing radius of
   /// the sample has (F is -dU/d(gap)). From what the last advance of `state` returned. Outside U ~ R; inside
   /// see MaugisDugdale::radius_moment, and offset_moment for the energy where the two laws join.
@@ -141,8 +157,11 @@ class TipSampleLaw {
   void prepare(double radius_nm, TipSampleCache& cache) const noexcept;
 
   double radius_force_by_difference(const Equilibrium& eq, const TipSampleState& state) const noexcept;
-  Equilibrium advance_extended(double base_overlap_nm, double compliance_nm_nn,
-                               TipSampleState& state) const noexcept;
+  Equilibrium advance_extended(double base_overlap_nm, double compliance_nm_nn, TipSampleState& state,
+                               bool join_energy) const noexcept;
+  Equilibrium advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
+                      TipSampleState& state, bool join_energy) const noexcept;
+  bool joins_later() const noexcept { return long_range_.active() && parameters_.van_der_waals; }
 
   TipSampleParameters parameters_;
   VanDerWaals van_der_waals_;

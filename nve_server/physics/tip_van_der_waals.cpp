@@ -82,24 +82,32 @@ double TipVanDerWaals::correction_energy_aj(double gap_nm, double radius_nm) con
 TipVanDerWaals::Gap TipVanDerWaals::gap(double gap_nm) const noexcept {
   Gap g;
   g.gap_nm = gap_nm;
-  if (b_ == 0) return g;
   const double end = gap_nm + shape_.height_nm;
+  g.end_density = area_energy(end);
+  if (b_ == 0) return g;
   g.retarded_force = kTwoPi * h12_ * b_ / (gap_nm * (1.0 + b_ * gap_nm));
   g.retarded_energy = kTwoPi * h12_ * b_ * LogOnePlus(1.0 / (b_ * gap_nm)).log();
   g.near_integral = area_energy_integral(gap_nm);
   g.near_second = area_energy_second_integral(gap_nm);
   g.end_integral = area_energy_integral(end);
   g.end_second = area_energy_second_integral(end);
-  g.end_density = area_energy(end);
   return g;
 }
 
 TipVanDerWaals::Correction TipVanDerWaals::correction(const Gap& g, double radius_nm) const noexcept {
-  if (b_ == 0) return {correction(g.gap_nm, radius_nm).force_nn, correction_energy_aj(g.gap_nm, radius_nm)};
-  Correction out{g.retarded_force * radius_nm, g.retarded_energy * radius_nm};
+  Correction out{g.retarded_force * radius_nm, g.retarded_energy * radius_nm, g.retarded_force};
+  if (b_ == 0) {
+    out.force_nn = correction(g.gap_nm, radius_nm).force_nn;
+    out.energy_aj = correction_energy_aj(g.gap_nm, radius_nm);
+  }
   if (shape_.height_nm > 0) {
     const double cap = shape_.cap_nm(radius_nm);
     const double z = g.gap_nm + cap;
+    // The sphere's end moves with the radius, and V' = -W.
+    const double moves = cap < shape_.height_nm ? 1.0 - shape_.half_angle_sin : 0.0;
+    out.force_per_radius_n_m +=
+        kTwoPi * (area_energy(z) * moves * (1.0 + tan2_) + (1.0 - moves * (1.0 + tan2_)) * g.end_density);
+    if (b_ == 0) return out;
     const LogOnePlus l(1.0 / (b_ * z));
     const double integral = h12_ / z * (l.s - l.rest * l.e);
     const double second = h12_ * (l.s + l.e + l.s * l.e);
