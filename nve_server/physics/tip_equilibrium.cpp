@@ -12,8 +12,10 @@
 namespace telenano::physics {
 namespace {
 
-constexpr int kMaxIterations = 60;
 constexpr int kMostFollowed = 20;
+constexpr int kMostJumped = 12;
+constexpr int kMostLate = 24;
+constexpr int kMostIterations = 64;     // of one step, all attempts together
 constexpr double kStepDone = 1e-9;      // nm
 constexpr double kForceDone = 1e-11;    // of the law's forces; counts through a soft spring
 constexpr double kForeseen = 1e-7;      // nm: of a step that need not be seen to be the last
@@ -33,10 +35,6 @@ constexpr double kSoftestContact =
 constexpr double kMostRadiusRate = 4.0;
 constexpr double kFrictionDrift = 0.5;  // of the step, that friction may change by over a changing radius
 constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
-constexpr int kRelaxations = 80;
-constexpr double kRelaxed = 1e-6;  // nm
-constexpr double kFirstRelaxation = 0.25;
-constexpr double kLeastRelaxation = 1e-5;
 
 void describe(const Equilibrium& eq, TipSolution& solution) noexcept {
   solution.status = eq.status;
@@ -55,10 +53,13 @@ void remember(const TipSolution& solution, const Vec3& free_end_w_nm, TipState& 
   state.free_end_w_nm = free_end_w_nm;
   state.radius_nm = solution.radius_nm;
   state.apex_w_nm = solution.apex_w_nm;
+  state.normal_w = solution.normal_w;
   state.force_nn = solution.normal_force_nn;
   state.overlap_nm = solution.overlap_nm;
   state.stiffness_n_m = solution.stiffness_n_m;
   state.contact_radius_nm = solution.contact_radius_nm;
+  state.stored_aj = solution.potential_aj + solution.friction_stored_aj;
+  state.under_way = state.stuck = false;
 }
 
 // d value/dF from two places; `before` if they are too near for it.
@@ -134,74 +135,41 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
     return none;
   }
   if (surface_->is_flat() && !friction_) return advance_flat(free_end, c, state);
+  if (state.under_way && !state.stuck) return slide(free_end, c, kMostIterations, state);
+  if (state.stuck && free_end == state.free_end_w_nm) return slide(free_end, c, 0, state);
   Vec3 start = free_end;
   if (state.started) start = state.apex_w_nm + state.follow * (free_end - state.free_end_w_nm);
-  TipSolution solution = balance(free_end, c, start, state, Radius::kFollowed);
-  if (solution.status == SolveStatus::kNotConverged) {
-    const int spent = solution.iterations;
-    solution = balance(free_end, c, start, state, Radius::kLate);
-    solution.iterations += spent;
+  TipSampleState jumped = state.law;
+  TipSolution solution =
+      balance(free_end, c, start, state, {Radius::kFollowed, kMostFollowed, 0.0, true, &jumped});
+  if (solution.status != SolveStatus::kNotConverged) return solution;
+  int spent = solution.iterations;
+  const auto attempt = [&](const Attempt& with, TipState& from) {
+    solution = balance(free_end, c, start, from, with);
+    spent += solution.iterations;
+    solution.iterations = spent;
+    return solution.status == SolveStatus::kOk;
+  };
+  if (jumped.branch != state.law.branch) {
+    // At a fold Newton's method has the tip jump at one place and stay at the next, for ever. It jumps.
+    TipState after = state;
+    after.law = jumped;
+    if (attempt({Radius::kFollowed, kMostJumped}, after)) {
+      state = after;
+      solution.slid = true;
+      return solution;
+    }
   }
-  if (solution.status == SolveStatus::kNotConverged && state.foot_count != 0) {
-    // The remembered feet may be what leads astray: once more from the nearest one.
-    TipState afresh = state;
-    afresh.foot_count = 0;
-    const int spent = solution.iterations;
-    solution = balance(free_end, c, start, afresh, Radius::kLate);
-    solution.iterations += spent;
-    if (solution.status == SolveStatus::kOk) state = afresh;
-  }
-  if (solution.status == SolveStatus::kNotConverged) {
-    const int spent = solution.iterations;
-    solution = relax(free_end, c, state);
-    solution.iterations += spent;
-  }
+  if (attempt({Radius::kLate, kMostLate}, state)) return solution;
+  solution = slide(free_end, c, kMostIterations - spent, state);
+  solution.iterations += spent;
   return solution;
 }
 
-TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, TipState& state) const noexcept {
-  TipState trial = state;
-  if (!state.started) trial.apex_w_nm = free_end;
-  TipSolution solution;
-  double part = kFirstRelaxation;
-  double law_lost = 0, friction_lost = 0;
-  int jumps = 0, spent = 0;
-  for (int i = 0; i < kRelaxations && part >= kLeastRelaxation; ++i) {
-    const Vec3 from = trial.apex_w_nm;
-    solution = balance(from + part * (free_end - from), part * c, from, trial, Radius::kLate, false);
-    spent += solution.iterations;
-    if (solution.status != SolveStatus::kOk) {
-      part *= 0.25;
-      continue;
-    }
-    law_lost += solution.dissipated_aj;
-    friction_lost += solution.friction_dissipated_aj;
-    jumps += solution.jumps;
-    // From p = from + part (free end − from + C F): what is missing to the balance sought.
-    const double missing = (trial.apex_w_nm - from).norm() / part;
-    if (part == 1.0 || missing < kRelaxed) {
-      trial.free_end_w_nm = free_end;
-      solution.apex_w_nm = trial.apex_w_nm = free_end + c * solution.force_w_nn;
-      solution.dissipated_aj = law_lost;
-      solution.friction_dissipated_aj = friction_lost;
-      solution.jumps = jumps;
-      solution.iterations = spent;
-      solution.slid = true;
-      state = trial;
-      return solution;
-    }
-    part = std::min(1.0, 2.0 * part);
-  }
-  TipSolution none;
-  none.status = SolveStatus::kNotConverged;
-  none.iterations = spent;
-  return none;
-}
-
 TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, const Vec3& start,
-                                    TipState& state, Radius radius, bool may_yield) const noexcept {
+                                    TipState& state, const Attempt& attempt) const noexcept {
   TipSolution solution;
-  const bool followed = radius == Radius::kFollowed;
+  const bool followed = attempt.radius == Radius::kFollowed;
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
   const double c_max = c.cwiseAbs().rowwise().sum().maxCoeff();  // bounds the largest eigenvalue
   Vec3 p = start;
@@ -232,7 +200,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   FeetInUse left_behind = feet;  // the feet one position ago
   int feet_before = 0;
 
-  for (int iteration = 1; iteration <= (followed ? kMostFollowed : kMaxIterations); ++iteration) {
+  for (int iteration = 1; iteration <= attempt.iterations; ++iteration) {
     feet.measure(tip_radius_nm_);
     if (!(force > 0.0)) feet.keep_deepest();
 
@@ -290,7 +258,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     TipSampleState law_state = state.law;
     Equilibrium eq;
     PlasticFlow flow;
-    if (plastic_ && may_yield) {
+    if (plastic_ && attempt.may_yield) {
       const PlasticStep plastic = plastic_->advance(reduced.base_overlap_nm, reduced.compliance, radius_nm,
                                                     feet.origin_radius_nm(), law_state);
       eq = plastic.equilibrium;
@@ -300,8 +268,10 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     if (eq.status != SolveStatus::kOk) {
       solution.status = SolveStatus::kNotConverged;
+      solution.iterations = iteration;
       return solution;
     }
+    if (eq.jumps > 0 && attempt.jumped) *attempt.jumped = law_state;
     force = eq.force_nn;
     if (feet.share(reduced, force)) continue;  // a foot was dropped: the others alone
 
@@ -310,9 +280,10 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const double length = step.norm();
     const double forces =
         c_max * (std::abs(force) + kPi * law_.parameters().work_of_adhesion_n_m * radius_nm);
-    const double done = kStepDone + kForceDone * forces;
+    const double done = std::max(attempt.tolerance_nm, kStepDone + kForceDone * forces);
     if (!std::isfinite(length)) {
       solution.status = SolveStatus::kNotConverged;
+      solution.iterations = iteration;
       return solution;
     }
     if (turn >= 1.0) solution.slid = true;
@@ -355,7 +326,8 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       FootMemory memory = feet.memory(0);
       const SurfaceContact nearest = surface_->nearest(p + to_centre, Search::kGlobal, memory);
       if (tip_radius_nm_ - nearest.distance_nm >
-          feet.overlap_nm() + (iteration < kPatient ? kDeeper : kDeeperAtLast)) {
+          feet.overlap_nm() +
+              (iteration < kPatient && !(attempt.tolerance_nm > 0.0) ? kDeeper : kDeeperAtLast)) {
         if (!(force > 0.0)) feet.clear();
         if (!feet.add(memory, nearest, 0.0)) feet.replace_least(memory, nearest);
         feet_before = 0;
@@ -434,7 +406,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
   }
   solution.status = SolveStatus::kNotConverged;
-  solution.iterations = followed ? kMostFollowed : kMaxIterations;
+  solution.iterations = attempt.iterations;
   return solution;
 }
 
