@@ -14,8 +14,9 @@ namespace {
 
 constexpr int kMostFollowed = 20;
 constexpr int kMostJumped = 12;
-constexpr int kMostLate = 24;
-constexpr int kMostIterations = 64;     // of one step, all attempts together
+constexpr int kJumpCost = 3;  // iterations' time that a jump of the law takes
+constexpr int kMostLate = 20;
+constexpr int kMostIterations = 54;     // of one step, all attempts together
 constexpr double kStepDone = 1e-9;      // nm
 constexpr double kForceDone = 1e-11;    // of the law's forces; counts through a soft spring
 constexpr double kForeseen = 1e-7;      // nm: of a step that need not be seen to be the last
@@ -23,7 +24,7 @@ constexpr double kNoise = 20.0;         // times these, once steps shrink no mor
 constexpr double kDeeper = 1e-9;        // nm by which another foot must be deeper to be taken in
 constexpr double kForceAtLast = 1e-7;   // of the law's forces, where stick and slip do
 constexpr double kDeeperAtLast = 2e-5;  // where two feet take turns for ever
-constexpr int kPatient = 20;
+constexpr int kPatient = 16;
 constexpr double kTurnMax = 0.9;      // of F C N; at 1 the tip slides off sideways
 constexpr double kTurnTrusted = 0.5;  // beyond, the last step's answer does not predict the next
 constexpr double kLongestStepRadii = 0.5;
@@ -139,28 +140,30 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
   if (state.stuck && free_end == state.free_end_w_nm) return slide(free_end, c, 0, state);
   Vec3 start = free_end;
   if (state.started) start = state.apex_w_nm + state.follow * (free_end - state.free_end_w_nm);
-  TipSampleState jumped = state.law;
+  std::optional<Jump> jump;
   TipSolution solution =
-      balance(free_end, c, start, state, {Radius::kFollowed, kMostFollowed, 0.0, true, &jumped});
+      balance(free_end, c, start, state, {Radius::kFollowed, kMostFollowed, 0.0, true, &jump});
   if (solution.status != SolveStatus::kNotConverged) return solution;
   int spent = solution.iterations;
-  const auto attempt = [&](const Attempt& with, TipState& from) {
-    solution = balance(free_end, c, start, from, with);
+  const auto attempt = [&](const Vec3& from, const Attempt& with, TipState& kept) {
+    solution = balance(free_end, c, from, kept, with);
     spent += solution.iterations;
     solution.iterations = spent;
     return solution.status == SolveStatus::kOk;
   };
-  if (jumped.branch != state.law.branch) {
+  if (jump) {
     // At a fold Newton's method has the tip jump at one place and stay at the next, for ever. It jumps.
     TipState after = state;
-    after.law = jumped;
-    if (attempt({Radius::kFollowed, kMostJumped}, after)) {
+    after.law = jump->law;
+    if (attempt(jump->apex_w_nm, {Radius::kFollowed, kMostJumped}, after)) {
       state = after;
+      solution.dissipated_aj += jump->dissipated_aj;
+      ++solution.jumps;
       solution.slid = true;
       return solution;
     }
   }
-  if (attempt({Radius::kLate, kMostLate}, state)) return solution;
+  if (attempt(start, {Radius::kLate, kMostLate}, state)) return solution;
   solution = slide(free_end, c, kMostIterations - spent, state);
   solution.iterations += spent;
   return solution;
@@ -200,7 +203,9 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   FeetInUse left_behind = feet;  // the feet one position ago
   int feet_before = 0;
 
-  for (int iteration = 1; iteration <= attempt.iterations; ++iteration) {
+  int spent = 0;
+  for (int iteration = 1; spent < attempt.iterations; ++iteration) {
+    ++spent;
     feet.measure(tip_radius_nm_);
     if (!(force > 0.0)) feet.keep_deepest();
 
@@ -268,10 +273,13 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     if (eq.status != SolveStatus::kOk) {
       solution.status = SolveStatus::kNotConverged;
-      solution.iterations = iteration;
+      solution.iterations = spent;
       return solution;
     }
-    if (eq.jumps > 0 && attempt.jumped) *attempt.jumped = law_state;
+    if (eq.jumps > 0) {
+      spent += kJumpCost - 1;
+      if (attempt.last_jump) attempt.last_jump->emplace(Jump{law_state, p, eq.dissipated_aj});
+    }
     force = eq.force_nn;
     if (feet.share(reduced, force)) continue;  // a foot was dropped: the others alone
 
@@ -283,7 +291,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const double done = std::max(attempt.tolerance_nm, kStepDone + kForceDone * forces);
     if (!std::isfinite(length)) {
       solution.status = SolveStatus::kNotConverged;
-      solution.iterations = iteration;
+      solution.iterations = spent;
       return solution;
     }
     if (turn >= 1.0) solution.slid = true;
@@ -356,7 +364,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       solution.radius_clamped = feet.radius_clamped();
       solution.outside = feet.outside();
       solution.feet = feet.count();
-      solution.iterations = iteration;
+      solution.iterations = spent;
       state.law = law_state;
       state.friction = rub.after;
       state.radius_force_nn = radius_force;
@@ -406,7 +414,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
   }
   solution.status = SolveStatus::kNotConverged;
-  solution.iterations = attempt.iterations;
+  solution.iterations = spent;
   return solution;
 }
 

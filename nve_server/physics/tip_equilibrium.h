@@ -197,12 +197,18 @@ class TipEquilibrium {
     kFollowed,  ///< through its gradient: converges fast
     kLate,  ///< as it was one iteration ago: slow, but not led astray where the gradient jumps between feet
   };
+  /// Where an iteration had the law jump, and how the law was afterwards.
+  struct Jump {
+    TipSampleState law;
+    Vec3 apex_w_nm;
+    double dissipated_aj;
+  };
   struct Attempt {
     Radius radius = Radius::kFollowed;
-    int iterations = 0;       ///< at most
+    int iterations = 0;       ///< at most; one in which the law jumps counts kJumpCost
     double tolerance_nm = 0;  ///< 0: as exact as numbers are; for a stage on the way
     bool may_yield = true;
-    TipSampleState* jumped = nullptr;  ///< the law as the last iteration that jumped left it goes here
+    std::optional<Jump>* last_jump = nullptr;  ///< of all iterations, if asked for
   };
   TipSolution balance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, const Vec3& start_w_nm,
                       TipState& state, const Attempt& attempt) const noexcept;

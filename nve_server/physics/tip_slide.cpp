@@ -13,8 +13,8 @@ constexpr double kFirstPart = 0.25;
 constexpr double kLeastPart = 1e-3;         // below, a stage is no longer than what it is solved to
 constexpr double kStageDone = 1e-6;         // nm: feet that take turns leave steps of 1e-8 nm for ever
 constexpr double kAtRest = 1e-6;            // nm that are missing to the balance
-constexpr int kMostOfStage = 16;            // Newton's iterations
-constexpr int kMostOfLast = 20;             // of a stage that would be the balance sought
+constexpr int kMostOfStage = 14;            // Newton's iterations
+constexpr int kMostOfLast = 16;             // of a stage that would be the balance sought
 constexpr int kLongIterations = 1600;       // where the springs cannot hold the tip on its way, and at first
 constexpr double kLeastCompliance = 1e-10;  // of the largest
 constexpr double kToAndFro = 5e-3;          // nm that a step goes where feet send the tip to each other
@@ -91,7 +91,7 @@ TipSolution TipEquilibrium::slide(const Vec3& free_end, const Compliance& c, int
   if (at_rest) {
     here.apex_w_nm = free_end + c * solution.force_w_nn;
   } else if (may_pause && here.started) {
-    bool stuck = part < kLeastPart;
+    bool stuck = part < kLeastPart || iterations == 0;
     if (moved && state.started && (here.apex_w_nm - state.apex_w_nm).norm() < kToAndFro) {
       stuck = !(energy(here) < energy(state) - kDescent * std::abs(energy(state)));
     }

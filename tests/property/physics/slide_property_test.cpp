@@ -17,7 +17,7 @@ namespace telenano::physics {
 namespace {
 
 constexpr double kTip_nm = 20;
-constexpr int kMostIterations = 64 + 19;  // of a step: its limit, passed by what its last attempt takes
+constexpr int kMostIterations = 54 + 15;  // of a step: its limit, passed by what its last attempt takes
 
 std::shared_ptr<const SplineSurface> hills(double height_nm, double length_nm) {
   constexpr int kSamples = 120;

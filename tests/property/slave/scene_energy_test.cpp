@@ -193,7 +193,7 @@ TEST(SceneBook, IsNeverBehindThePortsWork) {
       middle.z() = scene->equilibrium->touch_height_nm(middle.x(), middle.y());
       const Loop loop = go_round(scene, ClosedPath(random, middle, 40, 12));
       EXPECT_EQ(loop.held, 0) << name << " " << trial;
-      EXPECT_LE(loop.most_iterations, 64 + 19) << name << " " << trial;
+      EXPECT_LE(loop.most_iterations, 54 + 15) << name << " " << trial;
       EXPECT_GE(loop.least_ahead_aj, -1e-12 * loop.turnover_aj - 1e-9) << name << " " << trial;
       ahead = std::max(ahead, loop.ahead_aj / loop.turnover_aj);
     }
