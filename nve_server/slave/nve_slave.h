@@ -23,7 +23,9 @@ namespace telenano::slave {
 /// without force shifts the free end along its shape u, and what the force of this step adds is a compliance
 /// c_m u uᵀ besides that of the rest of the lever. The step is cut so that the mode is resolved, or, where
 /// that took more than ProbeMode::kMaxPieces, the mode is quasi-static; on a curved surface also into pieces
-/// of kSubstepRadii tip radii. The commanded end moves evenly over the pieces.
+/// of kSubstepRadii tip radii. The commanded end moves evenly over the pieces; where a piece ends with the
+/// tip on its way down a slide, the rest is left for the next step (kFaultStepLimit), so that a slide costs a
+/// step no more than one search for a balance.
 ///
 /// Force limit: both the normal force and the magnitude of the whole force on the tip, lateral part included,
 /// stay within force_max; the end is drawn back along the normal, which relieves friction too, since that

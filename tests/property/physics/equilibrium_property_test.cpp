@@ -280,6 +280,13 @@ Found search_everywhere(bool friction) {
         EXPECT_EQ(state.foot_count, before.foot_count);
         continue;
       }
+      if (s.stuck && step % 2 == 0) {  // and stays, at no cost, until the end moves
+        const TipSolution still = equilibrium.advance(end, c, state);
+        EXPECT_TRUE(still.stuck);
+        EXPECT_EQ(still.iterations, 0);
+        EXPECT_EQ(still.apex_w_nm, s.apex_w_nm);
+        EXPECT_EQ(still.potential_aj, s.potential_aj);
+      }
       EXPECT_TRUE(is_finite(s.apex_w_nm) && is_finite(s.force_w_nn) && std::isfinite(s.potential_aj));
       EXPECT_GE(s.friction_dissipated_aj, 0);
       EXPECT_LT((s.apex_w_nm - end - c * s.force_w_nn).norm(), 1e-9 * (1 + (end - s.apex_w_nm).norm()));
@@ -301,6 +308,7 @@ TEST(EquilibriumProperty, EndsEveryStep) {
   const Found found = search_everywhere(false);
   EXPECT_EQ(found.failed, 0);
   EXPECT_LT(found.under_way, 0.015 * found.steps);
+  EXPECT_GT(found.stuck, 0);
   EXPECT_LT(found.stuck, 0.003 * found.steps);
 }
 
