@@ -12,8 +12,11 @@
 namespace telenano::physics {
 namespace {
 
-constexpr int kMaxIterations = 60;
 constexpr int kMostFollowed = 20;
+constexpr int kMostJumped = 12;
+constexpr int kJumpCost = 3;  // iterations' time that a jump of the law takes
+constexpr int kMostLate = 20;
+constexpr int kMostIterations = 54;      // of one step, all attempts together
 constexpr double kStepDone = 1e-9;       // nm
 constexpr double kForceDone = 1e-11;     // of the law's forces; counts through a soft spring
 constexpr double kForeseen = 1e-7;       // nm: of a step that need not be seen to be the last
@@ -23,7 +26,7 @@ constexpr double kNoise = 20.0;          // times these, once steps shrink no mo
 constexpr double kDeeper = 1e-9;         // nm by which another foot must be deeper to be taken in
 constexpr double kForceAtLast = 1e-7;    // of the law's forces, where stick and slip do
 constexpr double kDeeperAtLast = 2e-5;   // where two feet take turns for ever
-constexpr int kPatient = 20;
+constexpr int kPatient = 16;
 constexpr double kTurnMax = 0.9;          // of F C N; at 1 the tip slides off sideways
 constexpr double kTurnTrusted = 0.5;      // beyond, the last step's answer does not predict the next
 constexpr double kLongerMove = 2.0;       // than the last one, to be foreseen from it
@@ -39,10 +42,6 @@ constexpr double kSoftestContact =
 constexpr double kMostRadiusRate = 4.0;
 constexpr double kFrictionDrift = 0.9;  // of the step, that friction may change by over a changing radius
 constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
-constexpr int kRelaxations = 80;
-constexpr double kRelaxed = 1e-6;  // nm
-constexpr double kFirstRelaxation = 0.25;
-constexpr double kLeastRelaxation = 1e-5;
 
 void describe(const Equilibrium& eq, TipSolution& solution) noexcept {
   solution.status = eq.status;
@@ -61,10 +60,13 @@ void remember(const TipSolution& solution, const Vec3& free_end_w_nm, TipState& 
   state.free_end_w_nm = free_end_w_nm;
   state.radius_nm = solution.radius_nm;
   state.apex_w_nm = solution.apex_w_nm;
+  state.normal_w = solution.normal_w;
   state.force_nn = solution.normal_force_nn;
   state.overlap_nm = solution.overlap_nm;
   state.stiffness_n_m = solution.stiffness_n_m;
   state.contact_radius_nm = solution.contact_radius_nm;
+  state.stored_aj = solution.potential_aj + solution.friction_stored_aj;
+  state.under_way = state.stuck = false;
 }
 
 // d value/dF from two places; `before` if they are too near for it.
@@ -151,6 +153,8 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
     return none;
   }
   if (surface_->is_flat() && !friction_) return advance_flat(free_end, c, state);
+  if (state.under_way && !state.stuck) return slide(free_end, c, kMostIterations, state);
+  if (state.stuck && free_end == state.free_end_w_nm) return slide(free_end, c, 0, state);
   Vec3 start = free_end;
   TipTrend trend;
   if (state.started) {
@@ -161,7 +165,9 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
     const double part = part_of_last(state.trend, trend.move_w_nm);
     start = trend.bend_w_nm + part * part * state.trend.bend_w_nm;
   }
-  TipSolution solution = balance(free_end, c, start, state, Radius::kFollowed);
+  std::optional<Jump> jump;
+  TipSolution solution =
+      balance(free_end, c, start, state, {Radius::kFollowed, kMostFollowed, 0.0, true, &jump});
   if (solution.status == SolveStatus::kOk) {
     trend.bend_w_nm = solution.apex_w_nm - trend.bend_w_nm;
     trend.force_nn = state.force_nn - trend.force_nn;
@@ -174,72 +180,37 @@ TipSolution TipEquilibrium::advance(const Vec3& free_end, const Compliance& c,
     state.trend = smooth ? trend : TipTrend{};
     return solution;
   }
+  if (solution.status != SolveStatus::kNotConverged) return solution;
   state.trend = {};
-  if (solution.status == SolveStatus::kNotConverged) {
-    const int spent = solution.iterations;
-    solution = balance(free_end, c, start, state, Radius::kLate);
-    solution.iterations += spent;
+  int spent = solution.iterations;
+  const auto attempt = [&](const Vec3& from, const Attempt& with, TipState& kept) {
+    solution = balance(free_end, c, from, kept, with);
+    spent += solution.iterations;
+    solution.iterations = spent;
+    return solution.status == SolveStatus::kOk;
+  };
+  if (jump) {
+    // At a fold Newton's method has the tip jump at one place and stay at the next, for ever. It jumps.
+    TipState after = state;
+    after.law = jump->law;
+    if (attempt(jump->apex_w_nm, {Radius::kFollowed, kMostJumped}, after)) {
+      state = after;
+      solution.dissipated_aj += jump->dissipated_aj;
+      ++solution.jumps;
+      solution.slid = true;
+      return solution;
+    }
   }
-  if (solution.status == SolveStatus::kNotConverged && state.foot_count != 0) {
-    // The remembered feet may be what leads astray: once more from the nearest one.
-    TipState afresh = state;
-    afresh.foot_count = 0;
-    const int spent = solution.iterations;
-    solution = balance(free_end, c, start, afresh, Radius::kLate);
-    solution.iterations += spent;
-    if (solution.status == SolveStatus::kOk) state = afresh;
-  }
-  if (solution.status == SolveStatus::kNotConverged) {
-    const int spent = solution.iterations;
-    solution = relax(free_end, c, state);
-    solution.iterations += spent;
-  }
+  if (attempt(start, {Radius::kLate, kMostLate}, state)) return solution;
+  solution = slide(free_end, c, kMostIterations - spent, state);
+  solution.iterations += spent;
   return solution;
 }
 
-TipSolution TipEquilibrium::relax(const Vec3& free_end, const Compliance& c, TipState& state) const noexcept {
-  TipState trial = state;
-  if (!state.started) trial.apex_w_nm = free_end;
-  TipSolution solution;
-  double part = kFirstRelaxation;
-  double law_lost = 0, friction_lost = 0;
-  int jumps = 0, spent = 0;
-  for (int i = 0; i < kRelaxations && part >= kLeastRelaxation; ++i) {
-    const Vec3 from = trial.apex_w_nm;
-    solution = balance(from + part * (free_end - from), part * c, from, trial, Radius::kLate, false);
-    spent += solution.iterations;
-    if (solution.status != SolveStatus::kOk) {
-      part *= 0.25;
-      continue;
-    }
-    law_lost += solution.dissipated_aj;
-    friction_lost += solution.friction_dissipated_aj;
-    jumps += solution.jumps;
-    // From p = from + part (free end − from + C F): what is missing to the balance sought.
-    const double missing = (trial.apex_w_nm - from).norm() / part;
-    if (part == 1.0 || missing < kRelaxed) {
-      trial.free_end_w_nm = free_end;
-      solution.apex_w_nm = trial.apex_w_nm = free_end + c * solution.force_w_nn;
-      solution.dissipated_aj = law_lost;
-      solution.friction_dissipated_aj = friction_lost;
-      solution.jumps = jumps;
-      solution.iterations = spent;
-      solution.slid = true;
-      state = trial;
-      return solution;
-    }
-    part = std::min(1.0, 2.0 * part);
-  }
-  TipSolution none;
-  none.status = SolveStatus::kNotConverged;
-  none.iterations = spent;
-  return none;
-}
-
 TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, const Vec3& start,
-                                    TipState& state, Radius radius, bool may_yield) const noexcept {
+                                    TipState& state, const Attempt& attempt) const noexcept {
   TipSolution solution;
-  const bool followed = radius == Radius::kFollowed;
+  const bool followed = attempt.radius == Radius::kFollowed;
   const Vec3 to_centre(0.0, 0.0, tip_radius_nm_);
   const double c_max = c.cwiseAbs().rowwise().sum().maxCoeff();  // bounds the largest eigenvalue
   Vec3 p = start;
@@ -283,7 +254,9 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
   FeetInUse left_behind = feet;  // the feet one position ago
   int feet_before = 0;
 
-  for (int iteration = 1; iteration <= (followed ? kMostFollowed : kMaxIterations); ++iteration) {
+  int spent = 0;
+  for (int iteration = 1; spent < attempt.iterations; ++iteration) {
+    ++spent;
     feet.measure(tip_radius_nm_);
     if (!(force > 0.0)) feet.keep_deepest();
 
@@ -358,7 +331,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const double radius_nm = feet.radius_nm();
     Equilibrium eq;
     PlasticFlow flow;
-    const bool yields = plastic_ && may_yield;
+    const bool yields = plastic_ && attempt.may_yield;
     if (yields) {
       law_state = state.law;
       const PlasticStep plastic = plastic_->advance(reduced.base_overlap_nm, reduced.compliance, radius_nm,
@@ -370,7 +343,12 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     if (eq.status != SolveStatus::kOk) {
       solution.status = SolveStatus::kNotConverged;
+      solution.iterations = spent;
       return solution;
+    }
+    if (eq.jumps > 0) {
+      spent += kJumpCost - 1;
+      if (attempt.last_jump) attempt.last_jump->emplace(Jump{law_state, p, eq.dissipated_aj});
     }
     force = eq.force_nn;
     if (feet.share(reduced, force)) continue;  // a foot was dropped: the others alone
@@ -380,9 +358,10 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     const double length = step.norm();
     const double forces =
         c_max * (std::abs(force) + kPi * law_.parameters().work_of_adhesion_n_m * radius_nm);
-    const double done = kStepDone + kForceDone * forces;
+    const double done = std::max(attempt.tolerance_nm, kStepDone + kForceDone * forces);
     if (!std::isfinite(length)) {
       solution.status = SolveStatus::kNotConverged;
+      solution.iterations = spent;
       return solution;
     }
     if (turn >= 1.0) solution.slid = true;
@@ -428,7 +407,8 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       FootMemory memory = feet.memory(0);
       const SurfaceContact nearest = surface_->nearest(p + to_centre, Search::kGlobal, memory);
       if (tip_radius_nm_ - nearest.distance_nm >
-          feet.overlap_nm() + (iteration < kPatient ? kDeeper : kDeeperAtLast)) {
+          feet.overlap_nm() +
+              (iteration < kPatient && !(attempt.tolerance_nm > 0.0) ? kDeeper : kDeeperAtLast)) {
         if (!(force > 0.0)) feet.clear();
         if (!feet.add(memory, nearest, 0.0)) feet.replace_least(memory, nearest);
         feet_before = 0;
@@ -458,7 +438,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       solution.radius_clamped = feet.radius_clamped();
       solution.outside = feet.outside();
       solution.feet = feet.count();
-      solution.iterations = iteration;
+      solution.iterations = spent;
       state.law = law_state;
       state.friction = rub.after;
       state.radius_force_nn = radius_force;
@@ -509,7 +489,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
   }
   solution.status = SolveStatus::kNotConverged;
-  solution.iterations = followed ? kMostFollowed : kMaxIterations;
+  solution.iterations = spent;
   return solution;
 }
 

@@ -59,6 +59,10 @@ struct TipState {
   FrictionState friction;
   Mat3 follow = Mat3::Identity();  ///< ∂apex/∂free end, to predict the next apex from
   TipTrend trend;
+  double stored_aj = 0;            ///< in the tip–sample law and the bristle
+  bool under_way = false;          ///< no balance yet: the tip slides, and goes on sliding in the next step
+  bool stuck = false;              ///< nor a way down: it stays until the free end moves
+  double slide_part = 0;           ///< β of the slide that goes on
 };
 
 /// What yielded in a step, and where: at every foot that bore a part. The surface is not yet lowered
@@ -94,10 +98,12 @@ struct TipSolution {
   TipFlow yielded;
   int jumps = 0;
   int iterations = 0;
-  int feet = 0;                 ///< that the tip leans on
-  bool sliding = false;         ///< the contact slips over the sample
-  bool slid = false;            ///< the tip went down a slope by a lateral instability
-  bool outside = false;         ///< beyond the rim of the scan
+  int feet = 0;            ///< that the tip leans on
+  bool sliding = false;    ///< the contact slips over the sample
+  bool slid = false;       ///< the tip went down a slope by a lateral instability
+  bool under_way = false;  ///< and is not in balance: `force_w_nn` is that of the springs, not of the sample
+  bool stuck = false;      ///< nor finds a way down from here
+  bool outside = false;    ///< beyond the rim of the scan
   bool radius_clamped = false;  ///< wider than the pit it stands in
 };
 
@@ -138,10 +144,19 @@ struct EquilibriumOptions {
 /// bounded and the iteration walks downhill to the next balance. Each trial starts from a copy of the law's
 /// memory, which moves on once a step.
 ///
-/// Where Newton's method finds nothing, the tip relaxes as if overdamped: steps of the proximal point method,
+/// Slides. Where Newton's method finds nothing, the tip goes down as if overdamped: stages of the proximal
+/// point method,
 ///   p_{j+1} = balance with compliance βC of the free end p_j + β(x_free − p_j),   0 < β <= 1,
 /// each of which lowers the energy of springs and sample, however corrugated, and is easier to solve the
-/// smaller β. β shrinks on failure and grows on success; at β = 1 the balance is that sought.
+/// smaller β. β shrinks on failure and grows on success; at β = 1 the balance is that sought. A step takes
+/// kMostIterations of Newton's iterations, all attempts together; what is left of the way is gone in the
+/// next step (`under_way`). Meanwhile the springs pull with C⁻¹(p − x_free), which is `force_w_nn`, and the
+/// sample with something else: the difference is the drag, and what it takes is not in the books here (the
+/// port's charge has it, nve_slave.h). Where no stage lowers the energy the tip stays (`stuck`) until the
+/// free end moves: there R_eff, which has no force of its own without `radius_force`, changes so much within
+/// the reach of a foot, or between two feet, that the forces do not belong to the energy. Springs that are
+/// rigid in some direction cannot hold a tip on its way: on them a slide is gone in one step, however long
+/// that takes, or is not made.
 ///
 /// Yield. With a hardness the law's advance may flow (plastic_contact.h); trials leave no trace in the
 /// surface. While the tip relaxes it does not yield: what is overloaded in the balance found flows in the
@@ -170,7 +185,8 @@ class TipEquilibrium {
   TipEquilibrium(std::shared_ptr<const Surface> surface, const TipSampleLaw& law, double tip_radius_nm,
                  const EquilibriumOptions& options = {});
 
-  /// Moves the free end to `free_end_w_nm`. Unless the status is kOk, `state` is left as it was.
+  /// Moves the free end to `free_end_w_nm`. Unless the status is kOk, `state` is left as it was. Takes at
+  /// most kMostIterations iterations on springs that give in all directions.
   TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                       TipState& state) const noexcept;
 
@@ -191,9 +207,22 @@ class TipEquilibrium {
     kFollowed,  ///< through its gradient: converges fast
     kLate,  ///< as it was one iteration ago: slow, but not led astray where the gradient jumps between feet
   };
+  /// Where an iteration had the law jump, and how the law was afterwards.
+  struct Jump {
+    TipSampleState law;
+    Vec3 apex_w_nm;
+    double dissipated_aj;
+  };
+  struct Attempt {
+    Radius radius = Radius::kFollowed;
+    int iterations = 0;       ///< at most; one in which the law jumps counts kJumpCost
+    double tolerance_nm = 0;  ///< 0: as exact as numbers are; for a stage on the way
+    bool may_yield = true;
+    std::optional<Jump>* last_jump = nullptr;  ///< of all iterations, if asked for
+  };
   TipSolution balance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, const Vec3& start_w_nm,
-                      TipState& state, Radius radius, bool may_yield = true) const noexcept;
-  TipSolution relax(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
+                      TipState& state, const Attempt& attempt) const noexcept;
+  TipSolution slide(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, int iterations,
                     TipState& state) const noexcept;
 
   std::shared_ptr<const Surface> surface_;

@@ -9,6 +9,7 @@
 namespace telenano::scene {
 namespace {
 
+constexpr int kMostSlide = 1000;
 constexpr double kSubstepMax_nm = 0.05;  // on a curved surface
 constexpr double kRowsMax = 1e7;
 
@@ -61,7 +62,12 @@ class CurveWalk {
  private:
   void solve(double base_z_nm) {
     const physics::TipSolution before = solution_;
-    solution_ = scene_.equilibrium->advance(Vec3(x_, y_, surface_z_ + base_z_nm), compliance_, state_);
+    const Vec3 end(x_, y_, surface_z_ + base_z_nm);
+    solution_ = scene_.equilibrium->advance(end, compliance_, state_);
+    // A slide that takes more than a step: the curve shows where it ends.
+    for (int i = 0; solution_.under_way && !solution_.stuck && i < kMostSlide; ++i) {
+      solution_ = scene_.equilibrium->advance(end, compliance_, state_);
+    }
     if (solution_.status != physics::SolveStatus::kOk) {
       std::ostringstream text;
       text << scene_.path << ": no balance of tip and cantilever at base height " << base_z_nm << " nm over ("

@@ -203,13 +203,18 @@ void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcep
     trace_.dissipated_aj += lost;
     trace_.mode_numerical_aj += lost;
   }
-  if (after.solution.slid) {
-    const double trapezium = 0.5 * (first + last);
-    if (trapezium > charge) {
-      trace_.dissipated_aj += trapezium - charge;
-      charge = trapezium;
-    }
-    ++trace_.slides;
+  const double work = 0.5 * (first + last);
+  double least = after.solution.slid ? work : charge;
+  if (after.solution.slid) ++trace_.slides;
+  if (after.solution.under_way) ++trace_.under_way_steps;
+  if (!flat_) {
+    least = std::max(least, work - paid_ahead_aj_);
+    paid_ahead_aj_ += std::max(charge, least) - work;
+  }
+  if (charge < least) {
+    trace_.dissipated_aj += least - charge;
+    trace_.unbooked_aj += least - charge;
+    charge = least;
   }
   if (charge > 0.0) {
     energy_in_aj_ += charge;
@@ -260,6 +265,11 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
     if (held_back) faults |= link::kFaultForceLimit;
     book(port(), piece, after);
     accept_trial();
+    // A slide takes its time; what is left of the way is gone when the tip has come down.
+    if (left > 1 && port().solution.under_way) {
+      faults |= link::kFaultStepLimit;
+      break;
+    }
   }
   if (port().solution.outside) ++trace_.outside_steps;
   if (port().solution.radius_clamped) ++trace_.clamped_radius_steps;

@@ -24,7 +24,9 @@ namespace telenano::slave {
 /// without force shifts the free end along its shape u, and what the force of this step adds is a compliance
 /// c_m u uᵀ besides that of the rest of the lever. The step is cut so that the mode is resolved, or, where
 /// that took more than ProbeMode::kMaxPieces, the mode is quasi-static; on a curved surface also into pieces
-/// of kSubstepRadii tip radii. The commanded end moves evenly over the pieces.
+/// of kSubstepRadii tip radii. The commanded end moves evenly over the pieces; where a piece ends with the
+/// tip on its way down a slide, the rest is left for the next step (kFaultStepLimit), so that a slide costs a
+/// step no more than one search for a balance.
 ///
 /// Force limit: both the normal force and the magnitude of the whole force on the tip, lateral part included,
 /// stay within force_max; the end is drawn back along the normal, which relieves friction too, since that
@@ -42,7 +44,11 @@ namespace telenano::slave {
 /// the mode's damping + friction + flow; the positive steps sum to energy_in, the negative ones to
 /// energy_out. U is a function of the state, so that no path, however sampled, draws more than was put in. A
 /// tip that slides off a summit loses energy that is in none of these: such a step is charged no less than
-/// the trapezium of force and commanded displacement. So does a mode that moves between samples, by its
+/// the trapezium of force and commanded displacement. On a curved sample U follows R_eff and the force does
+/// not (tip_equilibrium.h), so that round a closed path the port may work more than is stored or dissipated:
+/// there the charges, summed since the slave began, are never less than the trapezia; what they lack is
+/// charged, and dissipated. So the book is passive both ways: it never gives back more than it holds, and
+/// never asks for less than the port has brought. So does a mode that moves between samples, by its
 /// numerical loss. On a flat sample the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge
 /// below is raised to it, the difference being dissipated; a charge above (the end of the step has more than
 /// was brought, as a strongly curved attraction may do) is lowered by slowing down the mode. On a curved
@@ -70,6 +76,8 @@ class NveSlave final : public Slave {
     std::uint64_t clamped_radius_steps = 0;
     std::uint64_t outside_steps = 0;
     std::uint64_t slides = 0;
+    std::uint64_t under_way_steps = 0;  ///< that ended without a balance, the tip on its way down
+    double unbooked_aj = 0;  ///< cumulative, of these: work that potential and losses do not account for
   };
   const Trace& trace() const noexcept { return trace_; }
   const TouchedSample& sample() const noexcept { return sample_; }
@@ -116,6 +124,7 @@ class NveSlave final : public Slave {
   Trace trace_;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;
+  double paid_ahead_aj_ = 0;  // by how much the charges so far exceed the port's work
 };
 
 }  // namespace telenano::slave

@@ -218,13 +218,22 @@ TEST(EquilibriumProperty, WorkIsStoredOrDissipated) {
   }
 }
 
-// Whatever the tip, the ground, the springs and the step: a balance is found, finite, and where it is not the
-// state is left as it was. Returns the part of the steps without a balance.
-double search_everywhere(bool friction) {
+// Whatever the tip, the ground, the springs and the step: a balance is found, or the tip is on its way to
+// one, finite, within the iterations of a step; otherwise the state is left as it was.
+struct Found {
+  int steps = 0;
+  int failed = 0;
+  int under_way = 0;        // no balance in this step, the tip slides
+  int stuck = 0;            // of these: or stays
+  int most_iterations = 0;  // but for the first balance
+};
+
+Found search_everywhere(bool friction) {
   std::mt19937_64 random(7);
   std::uniform_real_distribution<double> uniform(0, 1);
   std::normal_distribution<double> normal;
-  int steps = 0, failed = 0, pressed = 0, corners = 0;
+  Found found;
+  int &steps = found.steps, &failed = found.failed, pressed = 0, corners = 0;
   for (int world = 0; world < 150; ++world) {
     const double radius = log_uniform(random, 1, 1e4);
     const HeightGrid grid = ground(random, radius, world % 5);
@@ -262,11 +271,21 @@ double search_everywhere(bool friction) {
       const TipState before = state;
       const TipSolution s = equilibrium.advance(end, c, state);
       ++steps;
+      found.under_way += s.under_way;
+      found.stuck += s.stuck;
+      if (step > 0) found.most_iterations = std::max(found.most_iterations, s.iterations);
       if (s.status != SolveStatus::kOk) {
         ++failed;
         EXPECT_EQ(state.apex_w_nm, before.apex_w_nm);
         EXPECT_EQ(state.foot_count, before.foot_count);
         continue;
+      }
+      if (s.stuck && step % 2 == 0) {  // and stays, at no cost, until the end moves
+        const TipSolution still = equilibrium.advance(end, c, state);
+        EXPECT_TRUE(still.stuck);
+        EXPECT_EQ(still.iterations, 0);
+        EXPECT_EQ(still.apex_w_nm, s.apex_w_nm);
+        EXPECT_EQ(still.potential_aj, s.potential_aj);
       }
       EXPECT_TRUE(is_finite(s.apex_w_nm) && is_finite(s.force_w_nn) && std::isfinite(s.potential_aj));
       EXPECT_GE(s.friction_dissipated_aj, 0);
@@ -276,18 +295,29 @@ double search_everywhere(bool friction) {
     }
   }
   EXPECT_GT(pressed, steps / 4);
-  EXPECT_GT(corners, steps / 200);
-  return 1.0 * failed / steps;
+  EXPECT_GT(corners, steps / 300);
+  EXPECT_LE(found.most_iterations, 54 + 15);  // a step's limit, passed by what its last attempt takes
+  ::testing::Test::RecordProperty("under_way", found.under_way);
+  ::testing::Test::RecordProperty("stuck", found.stuck);
+  return found;
 }
 
-// Seen 2.4e-4: corners pressed by springs softer than 0.01 N/m, and feet that take turns.
-TEST(EquilibriumProperty, FindsABalanceAnywhere) {
-  EXPECT_LT(search_everywhere(false), 4e-4);
+// No step without an end. Under way, seen 1.0 % (0.05 % stuck): leaps of up to a micrometre on springs softer
+// than 0.01 N/m end in mid-slide, and in corners whose feet differ much in radius there may be no balance.
+TEST(EquilibriumProperty, EndsEveryStep) {
+  const Found found = search_everywhere(false);
+  EXPECT_EQ(found.failed, 0);
+  EXPECT_LT(found.under_way, 0.015 * found.steps);
+  EXPECT_GT(found.stuck, 0);
+  EXPECT_LT(found.stuck, 0.003 * found.steps);
 }
 
-// With friction on springs softer than 0.01 N/m some worlds hold for many steps on end.
-TEST(EquilibriumProperty, FindsABalanceAnywhereWithFriction) {
-  EXPECT_LT(search_everywhere(true), 1e-2);
+// Seen 6.8 % and 1.1 %: stick–slip at a kinetic ratio of 0.7 in half of these worlds.
+TEST(EquilibriumProperty, EndsEveryStepWithFriction) {
+  const Found found = search_everywhere(true);
+  EXPECT_EQ(found.failed, 0);
+  EXPECT_LT(found.under_way, 0.08 * found.steps);
+  EXPECT_LT(found.stuck, 0.015 * found.steps);
 }
 
 }  // namespace
