@@ -34,8 +34,10 @@ std::string refusal(const link::Refuse& refuse, double rate_hz, const std::strin
 
 }  // namespace
 
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
+void connect(link::ClientSession& session, ServerLink& way, const net::Address& server, double rate_hz,
              const RunOptions& options, const std::atomic<bool>& stop) {
+  way.secure(options, stop);
+  net::Datagram& socket = way.datagram();
   const rt::SteadyClock clock;
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
   const std::int64_t start_ns = clock.now_ns();
@@ -59,13 +61,14 @@ void connect(link::ClientSession& session, net::Udp& socket, const net::Address&
                         options.server, link::kProtocolVersion));
       }
       throw RunError(
-          fmt::format("no answer from {} within {:g} s; is telenano-nve serve running there, and does the "
+          fmt::format("no answer from {} within {:g} s; is telenano-nve serve running there{}, and does the "
                       "firewall let UDP through?",
-                      options.server, options.connect_timeout_s));
+                      options.server, options.connect_timeout_s,
+                      way.is_secure() ? "" : " (one with --keys asks for --key here)"));
     }
     if (const std::size_t n = session.poll(now_ns, buffer))
       socket.send(std::span<const std::uint8_t>(buffer).first(n), server);
-    socket.wait_readable(1'000'000);
+    way.wait_readable(1'000'000);
   }
 }
 

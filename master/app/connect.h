@@ -3,22 +3,24 @@
 #include <atomic>
 
 #include "common/link/client_session.h"
-#include "common/net/udp.h"
+#include "common/net/datagram.h"
 #include "master/app/run_options.h"
+#include "master/app/server_link.h"
 
 namespace telenano::app {
 
-/// Handshake before there is a station: the slave's limits come with the Welcome. Returns with an established
+/// Handshakes before there is a station: the secure one if there is to be one, then the session's, since the
+/// slave's limits come with the Welcome. Returns with an established
 /// session. Throws RunError, one line with what to do, when there is no answer in time, when the server
 /// refuses, or on `stop`.
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server, double rate_hz,
+void connect(link::ClientSession& session, ServerLink& way, const net::Address& server, double rate_hz,
              const RunOptions& options, const std::atomic<bool>& stop);
 
 /// Says goodbye for a session that ends before its loop begins, so that the server need not wait for its
 /// time-out.
 class Farewell {
  public:
-  Farewell(link::ClientSession& session, net::Udp& socket, const net::Address& server)
+  Farewell(link::ClientSession& session, net::Datagram& socket, const net::Address& server)
       : session_(session), socket_(socket), server_(server) {}
   ~Farewell() {
     if (!needed_) return;
@@ -33,7 +35,7 @@ class Farewell {
 
  private:
   link::ClientSession& session_;
-  net::Udp& socket_;
+  net::Datagram& socket_;
   net::Address server_;
   bool needed_ = true;
 };

@@ -25,6 +25,7 @@
 #include "master/app/connect.h"
 #include "master/app/real_time_session.h"
 #include "master/app/run_options.h"
+#include "master/app/server_link.h"
 #include "master/app/station_file.h"
 #include "master/device/sim_device.h"
 #include "master/station/station.h"
@@ -122,6 +123,7 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   about.extra = describe(file.station, file.plant);
   about.extra.emplace_back("task", options.task);
   about.extra.emplace_back("server", options.server);
+  about.extra.emplace_back("security", describe_security(options));
   about.extra.emplace_back("protocol_version", fmt::format("{}", welcome.version));
   about.extra.emplace_back("surface_z_w_nm", fmt::format("{:.17g}", welcome.surface_z_w_nm));
   about.extra.emplace_back("start_pos_w_nm",
@@ -181,19 +183,13 @@ int run(const RunOptions& options) {
   const station::StationConfig& config = file.station;
   intended_motion(options, file.task, 0);  // a bad task or script is found before a server is asked
   const net::Address server = net::parse_address(options.server, "--server");
-  if (!net::is_loopback(server)) {
-    throw UserError(
-        fmt::format("--server {}: sessions off loopback would travel in the clear, and this version cannot "
-                    "encrypt; use a loopback address or a tunnel that ends there",
-                    options.server));
-  }
-  net::Udp socket = net::Udp::open_for(server);
+  ServerLink way(options, server);
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_seed();
   link::ClientSession session(client_config);
-  connect(session, socket, server, config.rate_hz, options, g_stop);
-  Farewell farewell(session, socket, server);
+  connect(session, way, server, config.rate_hz, options, g_stop);
+  Farewell farewell(session, way.datagram(), server);
 
   const link::Welcome welcome = session.welcome();
   const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
@@ -214,7 +210,8 @@ int run(const RunOptions& options) {
                control::method_name(config.method), check.text);
   }
   station::Station station(config, device.info(), port);
-  RealTimeSession live(device, socket, server, session, station, recorder.get(), options.give_up_s, g_stop);
+  RealTimeSession live(device, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
+                       g_stop);
   farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
@@ -261,6 +258,18 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   options->command_line = command_line;
   CLI::App* const command = app.add_subcommand("run", "Run one session with a server: feel its sample");
   command->add_option("--server", options->server, "HOST:PORT of telenano-nve serve")->capture_default_str();
+  command->add_option("--key", options->key, "Key file of this station, for an encrypted session")
+      ->type_name("FILE");
+  command
+      ->add_option("--cert", options->certificate,
+                   "Certificate of this station (PEM), instead of --key; with --cert-key and --ca")
+      ->type_name("FILE");
+  command->add_option("--cert-key", options->certificate_key, "Private key of --cert (PEM)")
+      ->type_name("FILE");
+  command
+      ->add_option("--ca", options->authority,
+                   "Authorities that may have signed the server's certificate (PEM)")
+      ->type_name("FILE");
   command->add_option("--config", options->config_file, "Station file (TOML); flags win over it");
   command->add_option("--device", options->device, "Haptic device: sim")->capture_default_str();
   command->add_option("--task", options->task, "position | contact | indent | scan | script")

@@ -8,6 +8,10 @@ namespace telenano::app {
 /// The flags of `telenano-master run`. What is left out keeps the station file's value.
 struct RunOptions {
   std::string server = "127.0.0.1:5100";
+  std::string key;  ///< the station's key file; or the next three
+  std::string certificate;
+  std::string certificate_key;
+  std::string authority;
   std::string config_file;
   std::string device = "sim";
   std::string task = "indent";
