@@ -22,7 +22,7 @@ struct DtlsServerConfig {
   /// that comes back need not make a new one.
   std::int64_t idle_ns = 120'000'000'000;
   double handshake_share = 0.1;                  ///< of the loop's time, in the long run
-  std::int64_t handshake_burst_ns = 10'000'000;  ///< and at once
+  std::int64_t handshake_burst_ns = 2'000'000;  ///< and at once
   double cookies_per_s = 20000;                  ///< answers to strangers, all together
   double handshakes_per_address_s = 4;           ///< begun, for one IP address
   double handshakes_per_address_burst = 16;
