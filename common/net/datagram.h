@@ -23,7 +23,7 @@ struct Received {
   Address from;
   std::int64_t age_ns =
       0;  ///< since it reached this machine, where that is known; a reader that polls needs it
-  Standing standing;  ///< what the channel vouches for
+  Standing standing{};  ///< what the channel vouches for
 };
 
 /// Seam: unreliable datagrams that never wait. Implemented by UDP sockets and by the simulated link.

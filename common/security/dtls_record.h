@@ -26,8 +26,8 @@ inline constexpr std::size_t kMaxWireBytes = 2048;
 inline constexpr std::size_t kHandshakeMtu = 1200;
 
 /// Are these whole records, one after the other, that may be shown to OpenSSL? A sealed one that is too short
-/// for its seal must not: OpenSSL 3.0 answers it with a fatal alert before it looks at the seal, and anybody
-/// who knows two addresses could end a session with 14 bytes.
+/// for its seal must not: OpenSSL 3.0.19 answers it with a fatal alert before it looks at the seal, and
+/// anybody who knows two addresses could end a session with 14 bytes (3.0.22 does not, but machines differ).
 constexpr bool well_formed(std::span<const std::uint8_t> bytes) noexcept {
   while (!bytes.empty()) {
     if (bytes.size() < kRecordHeaderBytes) return false;

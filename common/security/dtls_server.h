@@ -21,10 +21,10 @@ struct DtlsServerConfig {
   /// An association that nobody uses is forgotten. Longer than a session can be resumed, so that a station
   /// that comes back need not make a new one.
   std::int64_t idle_ns = 120'000'000'000;
-  double handshake_share = 0.1;                  ///< of the loop's time, in the long run
+  double handshake_share = 0.1;                 ///< of the loop's time, in the long run
   std::int64_t handshake_burst_ns = 2'000'000;  ///< and at once
-  double cookies_per_s = 20000;                  ///< answers to strangers, all together
-  double handshakes_per_address_s = 4;           ///< begun, for one IP address
+  double cookies_per_s = 20000;                 ///< answers to strangers, all together
+  double handshakes_per_address_s = 4;          ///< begun, for one IP address
   double handshakes_per_address_burst = 16;
   double datagrams_per_peer_s = 20000;  ///< sealed ones; a station sends 8000 at most
   double datagrams_per_peer_burst = 5000;

@@ -90,6 +90,16 @@ TEST_F(KeysTest, HexIsReadDigitByDigit) {
   EXPECT_EQ(station_key_text(key).find(kHex) != std::string::npos, true);
 }
 
+TEST_F(KeysTest, EveryBitOfAKeyCounts) {
+  const Psk a;
+  EXPECT_TRUE(equal(a, Psk()));
+  for (std::size_t bit = 0; bit < 8 * Psk::kBytes; ++bit) {
+    Psk b;
+    b.bytes[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8));
+    EXPECT_FALSE(equal(a, b)) << bit;
+  }
+}
+
 TEST_F(KeysTest, CertificatesAreKnownByNameOrFingerprint) {
   const std::string print(64, 'a');
   const KeyList list = load_key_list(write("keys.toml",
