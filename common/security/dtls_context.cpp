@@ -74,10 +74,6 @@ DtlsContext make_context(bool server, bool use_psk, const std::optional<Certific
   // server keeps a bounded cache of sessions instead.
   SSL_CTX_set_options(c, SSL_OP_NO_TICKET | SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_COMPRESSION |
                              SSL_OP_NO_QUERY_MTU | SSL_OP_CIPHER_SERVER_PREFERENCE);
-  // A record is read into a buffer that stays: nothing is allocated for the next.
-  SSL_CTX_clear_mode(c, SSL_MODE_RELEASE_BUFFERS);
-  // OpenSSL would read ahead only for streams; here a read is one datagram anyway.
-  SSL_CTX_set_read_ahead(c, 1);
   std::string suites;
   if (use_psk) suites = kPskSuites;
   if (files) suites += (suites.empty() ? "" : ":") + std::string(kCertificateSuites);

@@ -10,9 +10,8 @@
 namespace telenano::app {
 
 /// Handshakes before there is a station: the secure one if there is to be one, then the session's, since the
-/// slave's limits come with the Welcome. Returns with an established
-/// session. Throws RunError, one line with what to do, when there is no answer in time, when the server
-/// refuses, or on `stop`.
+/// slave's limits come with the Welcome. Returns with an established session. Throws RunError, one line with
+/// what to do, when there is no answer in time, when the server refuses, or on `stop`.
 void connect(link::ClientSession& session, ServerLink& way, const net::Address& server, double rate_hz,
              const RunOptions& options, const std::atomic<bool>& stop);
 

@@ -244,8 +244,8 @@ int run(const RunOptions& options) {
       throw RunError(fmt::format("the station stopped itself: {}; the force is zero",
                                  station::fault_name(station.latched_faults())));
     case Ending::kServerGone:
-      throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero",
-                                 options.server, options.give_up_s));
+      throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero{}",
+                                 options.server, options.give_up_s, way.failure()));
   }
   if (recorder && recorder->failed()) return 1;
   return 0;

@@ -59,6 +59,12 @@ net::Datagram& ServerLink::datagram() noexcept {
   return socket_;
 }
 
+std::string ServerLink::failure() const {
+  if (!dtls_ || dtls_->established()) return "";
+  const std::string why = dtls_->failure();
+  return why.empty() ? "" : "; " + why;
+}
+
 void ServerLink::secure(const RunOptions& options, const std::atomic<bool>& stop) {
   if (!dtls_) return;
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;

@@ -24,6 +24,9 @@ class ServerLink {
 
   net::Datagram& datagram() noexcept;
   bool is_secure() const noexcept { return dtls_ != nullptr; }
+  /// Why there is no secure session any more, for the end of a message: "; the server does not know …", or
+  /// "".
+  std::string failure() const;
   void wait_readable(std::int64_t timeout_ns) noexcept { socket_.wait_readable(timeout_ns); }
 
  private:

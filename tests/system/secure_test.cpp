@@ -123,6 +123,7 @@ TEST_F(SecureTest, RevokingAKeyEndsItsSession) {
   ASSERT_TRUE(run.wait(std::chrono::seconds(10))) << run.err();
   EXPECT_EQ(run.exit_code(), 1);
   EXPECT_NE(run.err().find("has been silent for 1 s"), std::string::npos) << run.err();
+  EXPECT_NE(run.err().find("does not know the key 'omega-1'"), std::string::npos) << run.err();
   expect_failed(session(server, {"--key", path("omega-1.key")}), {"does not know the key 'omega-1'"});
   EXPECT_EQ(session(server, {"--key", path("stays.key")}).exit_code, 0);
   // A list that nobody can read changes nothing, but is told.

@@ -549,6 +549,55 @@ TEST(Dtls, NoMoreAssociationsThanThereIsRoom) {
   EXPECT_EQ(rig.events(Event::kFull), 4u);
 }
 
+/// Every look at it takes a quarter of a millisecond: so do the steps of handshakes, by this clock.
+class SlowClock final : public rt::Clock {
+ public:
+  std::int64_t now_ns() const noexcept override { return now_ns_ += 250'000; }
+
+ private:
+  mutable std::int64_t now_ns_ = 1'000'000'000;
+};
+
+// A crowd that shows up all the time gets a tenth of the time, and a session its datagrams.
+TEST(Dtls, HandshakesTakeATenthOfTheTimeAndNoMore) {
+  DatagramNet network;
+  DatagramNet::End server_end(network, DatagramNet::address(1, 5100)),
+      station_end(network, DatagramNet::address(2, 1));
+  SlowClock clock;
+  rt::VirtualClock station_clock;
+  station_clock.advance_to(1'000'000'000);
+  DtlsServer server({}, two_keys(), server_end, clock);
+  DtlsClientConfig config;
+  config.key = StationKey{"omega-1", psk_of(1)};
+  DtlsClient station(config, station_end, server_end.address(), station_clock);
+  std::array<std::uint8_t, 513> buffer{};
+  net::Received received;
+  for (int i = 0; i < 6; ++i) {
+    server.receive(buffer, received);
+    station.receive(buffer, received);
+  }
+  ASSERT_TRUE(station.established());
+  const auto hello = network.sent().at(0).bytes;
+  const std::uint64_t cookies_before = server.counters()[Event::kCookies];
+  const std::int64_t begin_ns = clock.now_ns();
+  int heard = 0;
+  for (int i = 0; i < 4000; ++i) {
+    for (std::uint8_t k = 0; k < 20; ++k)
+      network.deliver(
+          {DatagramNet::address(100, static_cast<std::uint16_t>(20 * i + k)), server_end.address(), hello});
+    station.send(bytes_of("tick"), server_end.address());
+    while (server.receive(buffer, received)) ++heard;
+    network.sent().clear();
+  }
+  const double elapsed_ns = static_cast<double>(clock.now_ns() - begin_ns);
+  const double spent_ns =
+      250'000.0 * static_cast<double>(server.counters()[Event::kCookies] - cookies_before);
+  EXPECT_EQ(heard, 4000);
+  EXPECT_LE(spent_ns, 0.1 * elapsed_ns + 2'000'000 + 250'000);
+  EXPECT_GE(spent_ns, 0.09 * elapsed_ns);
+  EXPECT_GT(server.counters()[Event::kRateLimited], 70'000u);
+}
+
 // Loss, repetition and reordering: a quarter of everything is lost. OpenSSL repeats by the wall clock.
 TEST(Dtls, HandshakesEndOverABadNetwork) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
