@@ -9,10 +9,10 @@ H
 }
 parse_common_flags "$@"
 [ "$install" = no ] || install_missing "${build_packages[@]}"
-configure_and_build bench_contact bench_link bench_scene bench_session >&2
+configure_and_build bench_contact bench_link bench_scene bench_security bench_session >&2
 printf '# %s, %s\n' "$(git -C "$project" describe --always --dirty 2>/dev/null || echo unknown)" "$(date -u +%F)"
 printf '# %s, %s cores\n' "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo | head -n 1)" "$(nproc)"
-for b in bench_contact bench_link bench_scene bench_session; do
+for b in bench_contact bench_link bench_scene bench_security bench_session; do
   printf '\n# %s\n' "$b"
   "$project/build/release/bin/$b" --benchmark_repetitions=5 --benchmark_report_aggregates_only=true "${rest[@]}" 2>/dev/null |
     grep -E '^Benchmark|_median|_cv' || true

@@ -12,17 +12,26 @@
 namespace telenano::config {
 namespace {
 
-// What the parser could not make out, in one line.
-std::string explain(const CLI::App& app, const CLI::ParseError& error,
-                    const std::vector<std::string>& arguments) {
+// What the parser could not make out, in one line: by the words and flags of the command that was reached
+// ("keys new" is two words).
+std::string explain(const CLI::App& app, const CLI::ParseError& error, std::vector<std::string> arguments) {
   std::vector<std::string> commands;
   std::vector<std::string> flags{"--help", "--version"};
-  for (const CLI::App* command : app.get_subcommands({})) {
-    commands.push_back(command->get_name());
-    if (arguments.empty() || arguments[0] != command->get_name()) continue;
-    for (const CLI::Option* option : command->get_options()) {
+  for (const CLI::App* level = &app; level != nullptr;) {
+    const auto subcommands = level->get_subcommands({});
+    if (subcommands.empty()) break;
+    commands.clear();
+    const CLI::App* next = nullptr;
+    for (const CLI::App* command : subcommands) {
+      commands.push_back(command->get_name());
+      if (!arguments.empty() && arguments[0] == command->get_name()) next = command;
+    }
+    level = next;
+    if (level == nullptr) break;
+    for (const CLI::Option* option : level->get_options()) {
       for (const std::string& name : option->get_lnames()) flags.push_back("--" + name);
     }
+    if (!level->get_subcommands({}).empty()) arguments.erase(arguments.begin());
   }
   return usage_error(app.get_name(), error.what(), arguments, commands, flags);
 }

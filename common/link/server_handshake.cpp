@@ -25,7 +25,8 @@ std::uint64_t ServerHandshake::cookie(const PeerKey& peer, std::uint64_t nonce,
 }
 
 HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
-                                       SessionTable& table, bool shutting_down) noexcept {
+                                       SessionTable& table, bool shutting_down,
+                                       bool address_proven) noexcept {
   using Kind = HelloVerdict::Kind;
   HelloVerdict verdict;
   const auto refuse = [&](RefuseReason reason, DropCause cause) {
@@ -41,8 +42,9 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   };
 
   const std::int64_t time_slot = now_ns / kCookieSlotNs;
-  const bool proven = hello.cookie != 0 && (hello.cookie == cookie(peer, hello.nonce, time_slot) ||
-                                            hello.cookie == cookie(peer, hello.nonce, time_slot - 1));
+  const bool proven =
+      address_proven || (hello.cookie != 0 && (hello.cookie == cookie(peer, hello.nonce, time_slot) ||
+                                               hello.cookie == cookie(peer, hello.nonce, time_slot - 1)));
   // Strangers share a bounded rate of answers; it does not starve those who have shown a cookie.
   if (!proven && !challenges_.take(now_ns)) return drop(DropCause::kRateLimited);
   if (hello.version_min > kProtocolVersion || hello.version_max < kProtocolVersion) {

@@ -30,13 +30,14 @@ struct HelloVerdict {
 
 /// The server's side of Hello → Challenge → Hello → Welcome. Nothing is kept for a peer before it has shown,
 /// by returning a cookie, that it receives at its address: cookie = SipHash-2-4(secret; address, nonce, 30 s
-/// slot), the present and the last slot accepted.
+/// slot), the present and the last slot accepted. `address_proven`: a secure channel has done that already,
+/// and the first Hello is answered by a Welcome.
 class ServerHandshake {
  public:
   explicit ServerHandshake(const ServerHandshakeConfig& config) noexcept;
 
   HelloVerdict on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns, SessionTable& table,
-                        bool shutting_down = false) noexcept;
+                        bool shutting_down = false, bool address_proven = false) noexcept;
   /// May an answer be sent now to somebody who has not proven an address?
   bool may_answer(std::int64_t now_ns) noexcept { return challenges_.take(now_ns); }
 

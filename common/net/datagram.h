@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <span>
 
+#include "common/net/rights.h"
+
 namespace telenano::net {
 
 /// An IPv6 address (IPv4 as ::ffff:a.b.c.d) and a port in host order. Compared as a whole.
@@ -21,6 +23,7 @@ struct Received {
   Address from;
   std::int64_t age_ns =
       0;  ///< since it reached this machine, where that is known; a reader that polls needs it
+  Standing standing{};  ///< what the channel vouches for
 };
 
 /// Seam: unreliable datagrams that never wait. Implemented by UDP sockets and by the simulated link.

@@ -35,24 +35,16 @@ std::string refusal(const link::Refuse& refuse, double rate_hz, const std::strin
 
 }  // namespace
 
-net::Address server_address(const std::string& text) {
-  const net::Address server = net::parse_address(text, "--server");
-  if (!net::is_loopback(server)) {
-    throw UserError(
-        fmt::format("--server {}: sessions off loopback would travel in the clear, and this version cannot "
-                    "encrypt; use a loopback address or a tunnel that ends there",
-                    text));
-  }
-  return server;
-}
-
 std::uint64_t random_nonce_seed() {
   std::random_device device;
   return (static_cast<std::uint64_t>(device()) << 32) | device();
 }
 
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server,
-             const std::string& name, double rate_hz, double timeout_s, const std::atomic<bool>& stop) {
+void connect(link::ClientSession& session, ServerLink& way, const net::Address& server, double rate_hz,
+             const ServerAccess& access, const std::atomic<bool>& stop) {
+  way.secure(access, stop);
+  net::Datagram& socket = way.datagram();
+  const std::string& name = access.server;
   const rt::SteadyClock clock;
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
   const std::int64_t start_ns = clock.now_ns();
@@ -68,7 +60,7 @@ void connect(link::ClientSession& session, net::Udp& socket, const net::Address&
     if (session.state() == link::ClientState::kRefused)
       throw RunError(refusal(session.refuse(), rate_hz, name));
     if (stop) throw RunError("stopped before the server answered");
-    if (static_cast<double>(now_ns - start_ns) * 1e-9 > timeout_s) {
+    if (static_cast<double>(now_ns - start_ns) * 1e-9 > access.connect_timeout_s) {
       const std::uint64_t wrong = session.drops()[link::DropCause::kWrongVersion];
       if (wrong > 0) {
         throw RunError(
@@ -76,13 +68,14 @@ void connect(link::ClientSession& session, net::Udp& socket, const net::Address&
                         name, link::kProtocolVersion));
       }
       throw RunError(
-          fmt::format("no answer from {} within {:g} s; is telenano-nve serve running there, and does the "
+          fmt::format("no answer from {} within {:g} s; is telenano-nve serve running there{}, and does the "
                       "firewall let UDP through?",
-                      name, timeout_s));
+                      name, access.connect_timeout_s,
+                      way.is_secure() ? "" : " (one with --keys asks for --key here)"));
     }
     if (const std::size_t n = session.poll(now_ns, buffer))
       socket.send(std::span<const std::uint8_t>(buffer).first(n), server);
-    socket.wait_readable(1'000'000);
+    way.wait_readable(1'000'000);
   }
 }
 

@@ -6,28 +6,25 @@
 #include <string>
 
 #include "common/link/client_session.h"
-#include "common/net/udp.h"
+#include "master/app/server_access.h"
+#include "master/app/server_link.h"
 
 namespace telenano::app {
-
-/// The address that a station may talk to. Throws UserError for one that is none, or is not on this machine:
-/// sessions are not encrypted.
-net::Address server_address(const std::string& text);
 
 /// Random, for ClientConfig::nonce_seed.
 std::uint64_t random_nonce_seed();
 
-/// Handshake before there is a station: the slave's limits come with the Welcome. Returns with an established
-/// session. Throws RunError, one line with what to do, when there is no answer within `timeout_s`, when the
-/// server refuses, or on `stop`. `name`: of the server, as the person gave it.
-void connect(link::ClientSession& session, net::Udp& socket, const net::Address& server,
-             const std::string& name, double rate_hz, double timeout_s, const std::atomic<bool>& stop);
+/// Handshakes before there is a station: the secure one if there is to be one, then the session's, since the
+/// slave's limits come with the Welcome. Returns with an established session. Throws RunError, one line with
+/// what to do, when there is no answer in time, when the server refuses, or on `stop`.
+void connect(link::ClientSession& session, ServerLink& way, const net::Address& server, double rate_hz,
+             const ServerAccess& access, const std::atomic<bool>& stop);
 
 /// Says goodbye for a session that ends before its loop begins, so that the server need not wait for its
 /// time-out.
 class Farewell {
  public:
-  Farewell(link::ClientSession& session, net::Udp& socket, const net::Address& server)
+  Farewell(link::ClientSession& session, net::Datagram& socket, const net::Address& server)
       : session_(session), socket_(socket), server_(server) {}
   ~Farewell() {
     if (!needed_) return;
@@ -42,7 +39,7 @@ class Farewell {
 
  private:
   link::ClientSession& session_;
-  net::Udp& socket_;
+  net::Datagram& socket_;
   net::Address server_;
   bool needed_ = true;
 };

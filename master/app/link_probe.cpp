@@ -23,9 +23,10 @@ double quantile_s(const std::vector<std::int64_t>& sorted_ns, double part) {
 
 }  // namespace
 
-LinkDelay measure_link(link::ClientSession& session, net::Udp& socket, const net::Address& server,
+LinkDelay measure_link(link::ClientSession& session, ServerLink& way, const net::Address& server,
                        double rate_hz, int count, double timeout_s, const std::atomic<bool>& stop) {
   const rt::SteadyClock clock;
+  net::Datagram& socket = way.datagram();
   const std::int64_t period_ns = std::llround(1e9 / rate_hz);
   const std::int64_t timeout_ns = std::llround(1e9 * timeout_s);
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
@@ -64,7 +65,7 @@ LinkDelay measure_link(link::ClientSession& session, net::Udp& socket, const net
       const bool all = round_trips_ns.size() >= static_cast<std::size_t>(count);
       if (all || now_ns - (next_ns - period_ns) > patience_ns) break;
     }
-    socket.wait_readable(sent < count ? std::max<std::int64_t>(next_ns - clock.now_ns(), 1) : 1'000'000);
+    way.wait_readable(sent < count ? std::max<std::int64_t>(next_ns - clock.now_ns(), 1) : 1'000'000);
   }
   if (round_trips_ns.empty())
     throw RunError("the server opened a session but answers no command; is the link one-way or very lossy?");

@@ -28,9 +28,10 @@ constexpr double kProbeS = 0.5;
 constexpr int kProbeMin = 20;
 constexpr int kProbeMax = 500;
 
-struct PlanOptions {
+struct PlanOptions : ServerAccess {
+  PlanOptions() { server.clear(); }  // a server or a file of limits: neither is taken for granted
+
   std::string config_file;
-  std::string server;
   std::string limits;
   std::string device = "sim";
   std::optional<double> rate_hz;
@@ -38,7 +39,6 @@ struct PlanOptions {
   std::optional<double> rtt_ms;
   Workspaces workspaces;
   std::string plot;
-  double connect_timeout_s = 3;
 };
 
 /// What is planned for: a slave, and the way to it.
@@ -82,19 +82,19 @@ void validate(const PlanOptions& options) {
 }
 
 Far ask_server(const PlanOptions& options, double rate_hz) {
-  const net::Address server = server_address(options.server);
+  const net::Address server = net::parse_address(options.server, "--server");
   const std::atomic<bool>& stop = catch_stop_signals();
-  net::Udp socket = net::Udp::open_for(server);
+  ServerLink way(options, server);
   link::ClientConfig config;
   config.rate_hz = static_cast<std::uint32_t>(rate_hz);
   config.nonce_seed = random_nonce_seed();
   link::ClientSession session(config);
-  connect(session, socket, server, options.server, rate_hz, options.connect_timeout_s, stop);
-  const Farewell farewell(session, socket, server);
+  connect(session, way, server, rate_hz, options, stop);
+  const Farewell farewell(session, way.datagram(), server);
   Far far;
   far.slave = slave_limits(session.welcome());
   if (!options.rtt_ms) {
-    far.link = measure_link(session, socket, server, rate_hz,
+    far.link = measure_link(session, way, server, rate_hz,
                             std::clamp(static_cast<int>(kProbeS * rate_hz), kProbeMin, kProbeMax),
                             options.connect_timeout_s, stop);
   }
@@ -286,11 +286,7 @@ void add_plan_command(CLI::App& app) {
   command->add_option("--nano-nm", options->workspaces.nano_nm,
                       "Edge of the tip's workspace (default: the slave's shortest)");
   command->add_option("--plot", options->plot, "FILE.svg or FILE.png: draw the region, by gnuplot");
-  command
-      ->add_option("--connect-timeout-s", options->connect_timeout_s,
-                   "How long to wait for the server's first answer")
-      ->capture_default_str()
-      ->check(CLI::Range(0.1, 60.0));
+  add_access_flags(*command, *options);
   command->footer(
       "CSV on standard output (key,value,unit), the plan in words on standard error. `run` uses the same "
       "plan "

@@ -24,6 +24,7 @@
 #include "master/app/link_probe.h"
 #include "master/app/real_time_session.h"
 #include "master/app/run_options.h"
+#include "master/app/server_link.h"
 #include "master/app/station_file.h"
 #include "master/app/station_plan.h"
 #include "master/app/stop_signals.h"
@@ -109,6 +110,7 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   about.extra.emplace_back("round_trip_p99_s", fmt::format("{:.9g}", link.p99_s));
   about.extra.emplace_back("task", options.task);
   about.extra.emplace_back("server", options.server);
+  about.extra.emplace_back("security", describe_security(options));
   about.extra.emplace_back("protocol_version", fmt::format("{}", welcome.version));
   about.extra.emplace_back("surface_z_w_nm", fmt::format("{:.17g}", welcome.surface_z_w_nm));
   about.extra.emplace_back("start_pos_w_nm",
@@ -167,18 +169,18 @@ int run(const RunOptions& options) {
   StationFile file = station_file(options);
   const station::StationConfig& config = file.station;
   intended_motion(options, file.task, 0);  // a bad task or script is found before a server is asked
-  const net::Address server = server_address(options.server);
-  net::Udp socket = net::Udp::open_for(server);
+  const net::Address server = net::parse_address(options.server, "--server");
+  ServerLink way(options, server);
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_nonce_seed();
   link::ClientSession session(client_config);
-  connect(session, socket, server, options.server, config.rate_hz, options.connect_timeout_s, stop);
-  Farewell farewell(session, socket, server);
+  connect(session, way, server, config.rate_hz, options, stop);
+  Farewell farewell(session, way.datagram(), server);
 
   const link::Welcome welcome = session.welcome();
   const LinkDelay link =
-      measure_link(session, socket, server, config.rate_hz,
+      measure_link(session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
                    options.connect_timeout_s, stop);
   const int delay_samples = control::loop_delay_samples(link.median_s, 1 / config.rate_hz);
@@ -203,7 +205,8 @@ int run(const RunOptions& options) {
     if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   }
   station::Station station(config, device.info(), port);
-  RealTimeSession live(device, socket, server, session, station, recorder.get(), options.give_up_s, stop);
+  RealTimeSession live(device, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
+                       stop);
   farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
@@ -236,8 +239,8 @@ int run(const RunOptions& options) {
       throw RunError(fmt::format("the station stopped itself: {}; the force is zero",
                                  station::fault_name(station.latched_faults())));
     case Ending::kServerGone:
-      throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero",
-                                 options.server, options.give_up_s));
+      throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero{}",
+                                 options.server, options.give_up_s, way.failure()));
   }
   if (recorder && recorder->failed()) return 1;
   return 0;
@@ -250,6 +253,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   options->command_line = command_line;
   CLI::App* const command = app.add_subcommand("run", "Run one session with a server: feel its sample");
   command->add_option("--server", options->server, "HOST:PORT of telenano-nve serve")->capture_default_str();
+  add_access_flags(*command, *options);
   command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
   command->add_option("--device", options->device, "Haptic device: sim")->capture_default_str();
   command->add_option("--task", options->task, "position | contact | indent | scan | script")
@@ -277,11 +281,6 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
                    "SCHED_FIFO priority of the loop; 0 = ordinary")
       ->capture_default_str()
       ->check(CLI::Range(0, 99));
-  command
-      ->add_option("--connect-timeout-s", options->connect_timeout_s,
-                   "How long to wait for the server's first answer")
-      ->capture_default_str()
-      ->check(CLI::Range(0.1, 60.0));
   command->add_option("--give-up-s", options->give_up_s, "End the session after so much silence")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));

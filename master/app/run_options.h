@@ -3,11 +3,12 @@
 #include <optional>
 #include <string>
 
+#include "master/app/server_access.h"
+
 namespace telenano::app {
 
 /// The flags of `telenano-master run`. What is left out keeps the station file's value.
-struct RunOptions {
-  std::string server = "127.0.0.1:5100";
+struct RunOptions : ServerAccess {
   std::string config_file;
   std::string device = "sim";
   std::string task = "indent";
@@ -22,7 +23,6 @@ struct RunOptions {
   std::string record;
   bool overwrite = false;
   int realtime_priority = 80;
-  double connect_timeout_s = 3;
   double give_up_s = 10;
   bool quiet = false;
   std::string command_line;

@@ -6,6 +6,7 @@
 #include "common/config/program.h"
 #include "nve_server/app/check_command.h"
 #include "nve_server/app/curve_command.h"
+#include "nve_server/app/keys_command.h"
 #include "nve_server/app/serve_command.h"
 #include "nve_server/app/surface_keeper.h"
 #include "nve_server/app/trace_command.h"
@@ -39,5 +40,6 @@ int main(int argc, char** argv) {
   telenano::app::add_curve_command(app);
   telenano::app::add_check_command(app);
   telenano::app::add_trace_command(app);
+  telenano::app::add_keys_command(app);
   return telenano::config::run_program(app, argc, argv, exit_code);
 }

@@ -16,6 +16,8 @@
 
 #include "common/net/udp.h"
 #include "common/rt/steady_clock.h"
+#include "nve_server/app/key_watcher.h"
+#include "nve_server/app/serve_security.h"
 #include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
@@ -45,8 +47,10 @@ link::SipKey fresh_secret() {
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
 class StatusPrinter {
  public:
-  StatusPrinter(const server::LoopStatus& status, std::shared_ptr<spdlog::logger> log)
-      : status_(status), log_(std::move(log)), thread_([this] { run(); }) {}
+  /// `channels` may be null: there are none in the clear.
+  StatusPrinter(const server::LoopStatus& status, const security::SecurityCounters* channels,
+                std::shared_ptr<spdlog::logger> log)
+      : status_(status), channels_(channels), log_(std::move(log)), thread_([this] { run(); }) {}
   ~StatusPrinter() {
     {
       const std::lock_guard lock(mutex_);
@@ -61,6 +65,7 @@ class StatusPrinter {
 
   void run() {
     std::uint64_t last_exchanges = 0;
+    std::string last_channels;
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, kPeriod, [this] { return done_; })) {
       const std::uint64_t exchanges = status_.exchanges.load(std::memory_order_relaxed);
@@ -73,10 +78,16 @@ class StatusPrinter {
                    status_.timed_out.load(std::memory_order_relaxed));
       }
       last_exchanges = exchanges;
+      if (channels_ == nullptr) continue;
+      // Strangers and forgers are told of, whether or not there are sessions.
+      const std::string channels = text_of(*channels_);
+      if (channels != last_channels) log_->info("channels: {}", channels);
+      last_channels = channels;
     }
   }
 
   const server::LoopStatus& status_;
+  const security::SecurityCounters* channels_;
   std::shared_ptr<spdlog::logger> log_;
   std::mutex mutex_;
   std::condition_variable wake_;
@@ -92,11 +103,16 @@ struct ServeOptions {
   std::optional<int> timeout_ms;  // left out: as the scene says
   int resume_s = 30;
   bool busy_poll = false;
+  ServeSecurity security;
 };
 
 void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const net::Address address = net::parse_address(options.listen, "--listen");
+  options.security.check(options.listen, net::is_loopback(address));
   net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
+  const rt::SteadyClock clock;
+  const std::unique_ptr<security::DtlsServer> secure =
+      options.security.is_secure() ? options.security.make(options.max_sessions, socket, clock) : nullptr;
   server::ServedScene scene = load_scene(options.scene, options.surfaces);
   server::ServerConfig config;
   config.secret = fresh_secret();
@@ -109,21 +125,24 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
-  if (!net::is_loopback(address))
-    log->warn("{} is not loopback: datagrams travel in the clear", options.listen);
   g_stop = false;
   catch_signals();
-  log->info("serving {} on {}", options.scene, net::to_string(socket.local()));
+  log->info("serving {} on {}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "");
 
-  const rt::SteadyClock clock;
   server::LoopStatus status;
   {
-    const StatusPrinter printer(status, log);
+    std::optional<KeyWatcher> watcher;
+    if (secure) {
+      watcher.emplace(
+          options.security.key_list_path(), *secure, [&](const std::string& text) { log->warn(text); },
+          [&](const std::string& text) { log->info(text); });
+    }
+    const StatusPrinter printer(status, secure ? &secure->counters() : nullptr, log);
     server::LoopOptions loop_options;
     loop_options.busy_poll = options.busy_poll;
     server::run_loop(
-        server, socket, clock, [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, g_stop,
-        loop_options, status);
+        server, secure ? static_cast<net::Datagram&>(*secure) : socket, clock,
+        [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, g_stop, loop_options, status);
   }
 
   std::string drops;
@@ -135,6 +154,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   }
   log->info("stopped: {} exchanges in {} sessions ({} resumed); dropped: {}", server.counters().exchanges,
             server.counters().opened, server.counters().resumed, drops.empty() ? "none" : drops);
+  if (secure) log->info("channels: {}", text_of(secure->counters()));
 }
 
 }  // namespace
@@ -161,6 +181,7 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->add_option("--save-surface", options->surfaces,
                    "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")
       ->type_name("DIR");
+  options->security.add_flags(*command);
   command->callback([options, load = std::move(load_scene), &exit_code] {
     serve(*options, load);
     exit_code = 0;

@@ -78,16 +78,17 @@ std::size_t Server::drop(DropCause cause) noexcept {
 }
 
 std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::Address& from,
-                                std::int64_t now_ns, std::span<std::uint8_t> out,
-                                const rt::Clock* clock) noexcept {
+                                std::int64_t now_ns, std::span<std::uint8_t> out, const rt::Clock* clock,
+                                const net::Standing& standing) noexcept {
   ++counters_.datagrams;
   const DropCause cause = codec_.decode(bytes, incoming_);
   if (cause != DropCause::kNone) return drop(cause);
+  may_operate_ = standing.rights >= net::Rights::kOperate;
   switch (incoming_.type) {
     case link::MessageType::kCommand:
       return on_command(incoming_.command, from, now_ns, out, clock);
     case link::MessageType::kHello:
-      return on_hello(incoming_.hello, from, now_ns, out);
+      return on_hello(incoming_.hello, from, now_ns, out, standing);
     case link::MessageType::kBye:
       on_bye(incoming_.bye, from, now_ns);
       return 0;
@@ -140,9 +141,10 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
 }
 
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                             std::span<std::uint8_t> out) noexcept {
+                             std::span<std::uint8_t> out, const net::Standing& standing) noexcept {
   using Kind = link::HelloVerdict::Kind;
-  link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, shutting_down_);
+  link::HelloVerdict verdict =
+      handshake_.on_hello(hello, peer_key(from), now_ns, table_, shutting_down_, standing.address_proven);
   if (verdict.kind == Kind::kOpen && !make_port(verdict.slot, now_ns)) {
     table_.release(verdict.slot);
     verdict.kind = Kind::kRefuse;
@@ -190,9 +192,9 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   slave::SlaveInput input;
   input.tip_target_pos_w_nm = command.tip_pos_w_nm;
   input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
-  input.retract = (command.flags & link::kFlagStop) != 0;
+  input.retract = may_operate_ && (command.flags & link::kFlagStop) != 0;
   constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
-  input.follow = !input.retract && (command.flags & kEngaged) == kEngaged;
+  input.follow = may_operate_ && !input.retract && (command.flags & kEngaged) == kEngaged;
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const bool models = (session.feature_bits & link::kFeatureLocalModel) != 0;
   input.wants_model = models && command.control.method == link::kMethodModel;

@@ -63,9 +63,11 @@ class Server {
 
   /// Returns the bytes of the answer to `from` in `out` (512 needed), 0 = none; to an address that has not
   /// been proven never more than came in. With `clock` the reply carries the time taken here as hold time;
-  /// without, it counts as none.
+  /// without, it counts as none. `standing`: what the channel of this datagram vouches for; a command that may
+  /// not operate is answered, but moves nothing.
   std::size_t on_datagram(std::span<const std::uint8_t> bytes, const net::Address& from, std::int64_t now_ns,
-                          std::span<std::uint8_t> out, const rt::Clock* clock = nullptr) noexcept;
+                          std::span<std::uint8_t> out, const rt::Clock* clock = nullptr,
+                          const net::Standing& standing = {}) noexcept;
 
   /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
   void poll(std::int64_t now_ns) noexcept;
@@ -88,7 +90,7 @@ class Server {
 
   std::size_t drop(link::DropCause cause) noexcept;
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                       std::span<std::uint8_t> out) noexcept;
+                       std::span<std::uint8_t> out, const net::Standing& standing) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
   void on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept;
@@ -107,6 +109,7 @@ class Server {
   link::Incoming incoming_;
   std::vector<Port> ports_;
   bool shutting_down_ = false;
+  bool may_operate_ = true;  ///< the datagram at hand
   link::DropCounters drops_;
   ServerCounters counters_;
 };

@@ -35,7 +35,8 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
         break;
       }
       const std::size_t size = received.size < in.size() ? received.size : in.size();
-      const std::size_t n = server.on_datagram({in.data(), size}, received.from, clock.now_ns(), out, &clock);
+      const std::size_t n = server.on_datagram({in.data(), size}, received.from, clock.now_ns(), out, &clock,
+                                               received.standing);
       // A full send queue loses the answer, as the network may: the next one says more.
       if (n > 0) socket.send({out.data(), n}, received.from);
     }

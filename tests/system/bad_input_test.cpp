@@ -121,7 +121,7 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
       {"server port 99999", with(run, {"--server", "127.0.0.1:99999"}), {"--server", "99999", "0 to 65535"}},
       {"server off loopback",
        with(run, {"--server", "192.0.2.1:5100"}),
-       {"--server", "192.0.2.1:5100", "loopback"}},
+       {"--server", "192.0.2.1:5100", "loopback", "--key"}},
       {"script task, no script", with(run, {"--task", "script"}), {"--script", "t_s,x_nm,y_nm,z_nm"}},
       {"script missing", with(run, {"--task", "script", "--script", "none.csv"}), {"none.csv"}},
       {"script with a bad line",
@@ -265,9 +265,9 @@ TEST_F(BadInputTest, FlagsOfTheServerAndTheLaboratory) {
   write("empty.h5", "");
   expect_refused(std::vector<Bad>{
       {"port in use", {kNve, "serve", "--scene", scene, "--listen", "127.0.0.1:" + port}, {port, "in use"}},
-      {"foreign address",
+      {"off loopback without keys",
        {kNve, "serve", "--scene", scene, "--listen", "192.0.2.1:5100"},
-       {"192.0.2.1:5100", "this machine"}},
+       {"192.0.2.1:5100", "off loopback", "--keys"}},
       {"listen without port",
        {kNve, "serve", "--scene", scene, "--listen", "127.0.0.1"},
        {"--listen", "HOST:PORT"}},

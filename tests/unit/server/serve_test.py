@@ -102,7 +102,7 @@ def main():
 
     for arguments, words in ((["--listen", "127.0.0.1:99999"], ["--listen", "0 to 65535"]),
                              (["--listen", "nowhere"], ["--listen", "no port"]),
-                             (["--listen", "192.0.2.1:5100"], ["192.0.2.1", "address of this machine"]),
+                             (["--listen", "192.0.2.1:5100"], ["192.0.2.1", "off loopback", "--keys"]),
                              (["--max-sessions", "0"], ["--max-sessions"])):
         wrong = subprocess.run([program, "serve", "--scene", "x", *arguments], stderr=subprocess.PIPE,
                                stdout=subprocess.PIPE, text=True, timeout=20)

@@ -1,0 +1,510 @@
+#include "common/security/dtls_server.h"
+
+#include <openssl/crypto.h>
+#include <openssl/err.h>
+#include <openssl/hmac.h>
+#include <openssl/rand.h>
+#include <openssl/ssl.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstring>
+#include <new>
+#include <vector>
+
+#include "common/base/error.h"
+#include "common/link/siphash.h"
+#include "common/link/token_bucket.h"
+#include "common/security/dtls_channel.h"
+#include "common/security/dtls_context.h"
+#include "common/security/dtls_record.h"
+#include "common/security/handshake_budget.h"
+
+namespace telenano::security {
+namespace {
+
+using Event = SecurityEvent;
+
+constexpr std::size_t kNone = SIZE_MAX;
+constexpr std::int64_t kCookieSlotNs = 30'000'000'000;
+constexpr std::int64_t kTickNs = 5'000'000;
+// What is not for the loop behind must not keep it from its time-outs for long.
+constexpr int kDatagramsPerReceive = 64;
+constexpr std::size_t kAddressBuckets = 256;
+
+using Cookie = std::array<std::uint8_t, 32>;
+
+}  // namespace
+
+struct DtlsServer::Impl {
+  enum class State : std::uint8_t { kFree, kHandshaking, kEstablished };
+
+  struct Peer {
+    State state = State::kFree;
+    std::unique_ptr<DtlsChannel> channel;
+    net::Address address;
+    std::array<std::uint8_t, 32> random{};  // of its ClientHello
+    std::array<char, 65> identity{};
+    net::Rights rights = net::Rights::kObserve;
+    std::int64_t since_ns = 0;  // begin of the handshake, or last datagram opened
+    link::TokenBucket rate{1, 1};
+  };
+
+  Impl(const DtlsServerConfig& c, KeyList k, net::Datagram& w, const rt::Clock& time)
+      : config(c),
+        keys(std::make_unique<const KeyList>(std::move(k))),
+        context(make_context(true, true, c.certificates)),
+        wire(w),
+        clock(time),
+        tags(c.capacity),
+        peers(c.capacity),
+        addresses(kAddressBuckets, {c.handshakes_per_address_s, c.handshakes_per_address_burst}),
+        strangers(c.cookies_per_s, std::max(1.0, c.cookies_per_s / 10)),
+        budget(c.handshake_share, c.handshake_burst_ns) {
+    if (RAND_bytes(secret.data(), static_cast<int>(secret.size())) != 1 ||
+        RAND_bytes(reinterpret_cast<unsigned char*>(&tag_key), sizeof tag_key) != 1) {
+      throw RunError("no random numbers: " + openssl_reason());
+    }
+    SSL_CTX* const ssl = context.get();
+    SSL_CTX_set_app_data(ssl, this);
+    SSL_CTX_set_psk_server_callback(ssl, &Impl::on_psk);
+    SSL_CTX_set_cookie_generate_cb(ssl, &Impl::on_cookie_wanted);
+    SSL_CTX_set_cookie_verify_cb(ssl, &Impl::on_cookie);
+    SSL_CTX_set_verify(ssl, SSL_CTX_get_verify_mode(ssl), &Impl::on_certificate);
+    // A station that roams resumes what it had agreed on, which saves a round trip.
+    constexpr std::array<unsigned char, 8> kName = {'t', 'e', 'l', 'e', 'n', 'a', 'n', 'o'};
+    SSL_CTX_set_session_id_context(ssl, kName.data(), kName.size());
+    SSL_CTX_set_session_cache_mode(ssl, SSL_SESS_CACHE_SERVER);
+    SSL_CTX_sess_set_cache_size(ssl, static_cast<long>(4 * c.capacity));
+    SSL_CTX_set_timeout(ssl, 3600);
+    listener = DtlsChannel::make(ssl, wire, {});
+    if (!listener || !nothing) throw RunError("DTLS cannot be set up: " + openssl_reason());
+  }
+
+  ~Impl() {
+    for (Peer& peer : peers) {
+      if (peer.state == State::kEstablished) peer.channel->close();
+    }
+    delete fresh_keys.load();
+    delete retired_keys.load();
+  }
+
+  static Impl& of(SSL* ssl) noexcept {
+    return *static_cast<Impl*>(SSL_CTX_get_app_data(SSL_get_SSL_CTX(ssl)));
+  }
+
+  // --- strangers -----------------------------------------------------------------------------------------
+
+  /// HMAC-SHA-256 under a secret of this start, over address, port and time slot: nothing is kept for whom it
+  /// was made. False if OpenSSL has no memory.
+  bool make_cookie(const net::Address& address, std::int64_t slot, Cookie& cookie) const noexcept {
+    std::array<std::uint8_t, 26> text{};
+    std::copy(address.ip.begin(), address.ip.end(), text.begin());
+    text[16] = static_cast<std::uint8_t>(address.port & 0xff);
+    text[17] = static_cast<std::uint8_t>(address.port >> 8);
+    std::memcpy(text.data() + 18, &slot, sizeof slot);
+    unsigned size = 0;
+    return HMAC(EVP_sha256(), secret.data(), static_cast<int>(secret.size()), text.data(), text.size(),
+                cookie.data(), &size) != nullptr &&
+           size == cookie.size();
+  }
+
+  static int on_cookie_wanted(SSL* ssl, unsigned char* out, unsigned* size) {
+    Impl& self = of(ssl);
+    Cookie cookie;
+    if (!self.make_cookie(self.speaking->peer(), self.now_ns / kCookieSlotNs, cookie)) return 0;
+    std::copy(cookie.begin(), cookie.end(), out);
+    *size = static_cast<unsigned>(cookie.size());
+    self.counters.add(Event::kCookies);
+    return 1;
+  }
+
+  // The present slot and the last; compared in constant time, so that a guess is not told how much of it
+  // fits.
+  static int on_cookie(SSL* ssl, const unsigned char* shown, unsigned size) {
+    Impl& self = of(ssl);
+    Cookie cookie;
+    if (size != cookie.size()) return 0;
+    const std::int64_t slot = self.now_ns / kCookieSlotNs;
+    bool fits = false;
+    for (const std::int64_t s : {slot, slot - 1}) {
+      fits |= self.make_cookie(self.speaking->peer(), s, cookie) &&
+              CRYPTO_memcmp(cookie.data(), shown, size) == 0;
+    }
+    return fits ? 1 : 0;
+  }
+
+  // --- keys ----------------------------------------------------------------------------------------------
+
+  static unsigned on_psk(SSL* ssl, const char* identity, unsigned char* out, unsigned capacity) {
+    Impl& self = of(ssl);
+    const KeyEntry* const entry = identity != nullptr ? self.keys->find_key(identity) : nullptr;
+    if (entry == nullptr || capacity < Psk::kBytes) {
+      self.counters.add(Event::kUnknownKey);
+      return 0;  // alert unknown_psk_identity: names are no secret, and a person is told what to mend
+    }
+    std::copy(entry->psk.bytes.begin(), entry->psk.bytes.end(), out);
+    return static_cast<unsigned>(Psk::kBytes);
+  }
+
+  // After OpenSSL's own judgement of each certificate, from the authority's down to the peer's.
+  static int on_certificate(int good, X509_STORE_CTX* store) {
+    SSL* const ssl =
+        static_cast<SSL*>(X509_STORE_CTX_get_ex_data(store, SSL_get_ex_data_X509_STORE_CTX_idx()));
+    Impl& self = of(ssl);
+    if (good == 1 && X509_STORE_CTX_get_error_depth(store) == 0) {
+      CertificateIdentity identity;
+      if (!identify(X509_STORE_CTX_get_current_cert(store), identity) ||
+          self.keys->find_certificate(identity.name.data(), identity.fingerprint.data()) == nullptr) {
+        X509_STORE_CTX_set_error(store, X509_V_ERR_CERT_REJECTED);
+        good = 0;
+      }
+    }
+    if (good != 1) self.counters.add(Event::kRefusedCertificate);
+    return good;
+  }
+
+  /// Who is at the other end, by the list as it is now: also for a resumed association, whose key may have
+  /// been revoked in between.
+  bool find_identity(Peer& peer) noexcept {
+    SSL* const ssl = peer.channel->ssl();
+    peer.identity = {};
+    if (X509* const certificate = SSL_get0_peer_certificate(ssl)) {
+      CertificateIdentity identity;
+      if (!identify(certificate, identity)) return false;
+      const CertificateEntry* const entry =
+          keys->find_certificate(identity.name.data(), identity.fingerprint.data());
+      if (entry == nullptr) return false;
+      peer.identity = entry->name.empty() ? identity.fingerprint : identity.name;
+      peer.rights = entry->rights;
+      return true;
+    }
+    const char* const name = SSL_get_psk_identity(ssl);
+    const KeyEntry* const entry = name != nullptr ? keys->find_key(name) : nullptr;
+    if (entry == nullptr) return false;
+    std::copy_n(entry->identity.begin(), std::min(entry->identity.size(), peer.identity.size() - 1),
+                peer.identity.begin());
+    peer.rights = entry->rights;
+    return true;
+  }
+
+  /// Ends what the new list no longer allows. An identity with another key or right ends too: it may come
+  /// again with what it has now.
+  void adopt_keys() noexcept {
+    const KeyList* const fresh = fresh_keys.exchange(nullptr, std::memory_order_acq_rel);
+    if (fresh == nullptr) return;
+    std::unique_ptr<const KeyList> old = std::move(keys);
+    keys.reset(fresh);
+    // A resumed session would not show its key again.
+    SSL_CTX_flush_sessions(context.get(), 0);
+    for (std::size_t slot = 0; slot < peers.size(); ++slot) {
+      Peer& peer = peers[slot];
+      if (peer.state == State::kFree) continue;
+      if (peer.state == State::kHandshaking) {  // it may have been given a key that is no more
+        release(slot);
+        continue;
+      }
+      const net::Rights rights = peer.rights;
+      const KeyEntry* const before = old->find_key(peer.identity.data());
+      const KeyEntry* const after = keys->find_key(peer.identity.data());
+      const bool same_key = before == nullptr || (after != nullptr && equal(before->psk, after->psk));
+      if (find_identity(peer) && same_key && peer.rights == rights) continue;
+      counters.add(Event::kRevoked);
+      peer.channel->close();
+      release(slot);
+    }
+    // The thread that brings lists frees the old one.
+    delete retired_keys.exchange(old.release(), std::memory_order_acq_rel);
+  }
+
+  // --- the table -----------------------------------------------------------------------------------------
+
+  std::uint64_t tag_of(const net::Address& address) const noexcept {
+    std::array<std::uint64_t, 3> words{};
+    std::memcpy(words.data(), address.ip.data(), 16);
+    words[2] = address.port;
+    return std::max<std::uint64_t>(link::siphash_words(tag_key, words), 1);  // 0: free
+  }
+
+  std::size_t find(const net::Address& address, State state) const noexcept {
+    if (last < peers.size() && peers[last].state == state && peers[last].address == address) return last;
+    const std::uint64_t tag = tag_of(address);
+    for (std::size_t slot = 0; slot < tags.size(); ++slot) {
+      if (tags[slot] == tag && peers[slot].state == state && peers[slot].address == address) {
+        last = slot;
+        return slot;
+      }
+    }
+    return kNone;
+  }
+
+  std::size_t count(State state) const noexcept {
+    return static_cast<std::size_t>(
+        std::count_if(peers.begin(), peers.end(), [&](const Peer& peer) { return peer.state == state; }));
+  }
+
+  void release(std::size_t slot) noexcept {
+    peers[slot] = {};
+    tags[slot] = 0;
+  }
+
+  /// A slot for a handshake. Those under way share a quarter of the room, and the oldest of them gives way: a
+  /// crowd that never finishes neither takes the room of sessions nor keeps others out for long.
+  std::size_t free_slot() noexcept {
+    const std::size_t handshakes_max = std::max<std::size_t>(peers.size() / 4, 1);
+    std::size_t under_way = 0, oldest = kNone, free = kNone;
+    for (std::size_t slot = 0; slot < peers.size(); ++slot) {
+      if (peers[slot].state == State::kFree && free == kNone) free = slot;
+      if (peers[slot].state != State::kHandshaking) continue;
+      ++under_way;
+      if (oldest == kNone || peers[slot].since_ns < peers[oldest].since_ns) oldest = slot;
+    }
+    if (under_way < handshakes_max && free != kNone) return free;
+    if (oldest == kNone) return kNone;
+    counters.add(Event::kHandshakesFailed);
+    release(oldest);
+    return oldest;
+  }
+
+  // --- handshakes ----------------------------------------------------------------------------------------
+
+  link::TokenBucket& bucket_of(const net::Address& address) noexcept {
+    std::array<std::uint64_t, 2> words{};
+    std::memcpy(words.data(), address.ip.data(), 16);
+    return addresses[link::siphash_words(tag_key, words) % kAddressBuckets];
+  }
+
+  void on_client_hello(std::span<const std::uint8_t> bytes, const net::Address& from) noexcept {
+    ClientHelloView hello;
+    if (!parse_client_hello(bytes, hello)) return counters.add(Event::kNotDtls);
+    if (const std::size_t slot = find(from, State::kEstablished);
+        slot != kNone && peers[slot].random == hello.random)
+      return counters.add(Event::kForged);  // long done: a late repetition
+    const std::size_t under_way = find(from, State::kHandshaking);
+    const bool again = under_way != kNone && peers[under_way].random == hello.random;
+    if (!strangers.take(now_ns)) return counters.add(Event::kRateLimited);
+    if (again) {
+      if (hello.has_cookie) advance(under_way, bytes);
+      return;
+    }
+    if (hello.has_cookie && !bucket_of(from).take(now_ns)) return counters.add(Event::kRateLimited);
+
+    speaking = listener.get();
+    listener->set_peer(from);
+    listener->offer(bytes);
+    ERR_clear_error();
+    const int result = DTLSv1_listen(listener->ssl(), nothing.get());
+    listener->forget();
+    if (result != 1) return;  // it was sent a cookie, or made no sense
+    std::unique_ptr<DtlsChannel> next = DtlsChannel::make(context.get(), wire, {});
+    const std::size_t slot = under_way != kNone ? under_way : free_slot();
+    if (!next || slot == kNone) {
+      // The listener has taken this Hello in: what it knows now must not reach the next stranger.
+      if (next) listener = std::move(next);
+      return counters.add(Event::kFull);
+    }
+    release(slot);
+    Peer& peer = peers[slot];
+    peer.state = State::kHandshaking;
+    peer.channel = std::move(listener);
+    peer.address = from;
+    peer.random = hello.random;
+    peer.since_ns = now_ns;
+    tags[slot] = tag_of(from);
+    listener = std::move(next);
+    advance(slot, {});
+  }
+
+  void fail(std::size_t slot) noexcept {
+    counters.add(Event::kHandshakesFailed);
+    release(slot);
+  }
+
+  void advance(std::size_t slot, std::span<const std::uint8_t> bytes) noexcept {
+    Peer& peer = peers[slot];
+    speaking = peer.channel.get();
+    peer.channel->offer(bytes);
+    switch (peer.channel->handshake()) {
+      case DtlsChannel::Step::kWaiting:
+        return;
+      case DtlsChannel::Step::kFailed:
+        return fail(slot);
+      case DtlsChannel::Step::kDone:
+        break;
+    }
+    if (!find_identity(peer)) {
+      peer.channel->close();
+      return fail(slot);
+    }
+    counters.add(Event::kHandshakesDone);
+    if (const std::size_t old = find(peer.address, State::kEstablished); old != kNone) {
+      peers[old].channel->retire();
+      release(old);
+    }
+    peer.state = State::kEstablished;
+    peer.since_ns = now_ns;
+    peer.rate = {config.datagrams_per_peer_s, config.datagrams_per_peer_burst};
+  }
+
+  /// A step of a handshake, if the budget has room for it.
+  template <class Work>
+  void within_budget(Work&& work) noexcept {
+    if (!budget.allows(now_ns)) return counters.add(Event::kRateLimited);
+    const std::int64_t begin_ns = clock.now_ns();
+    work();
+    budget.charge(clock.now_ns() - begin_ns);
+  }
+
+  void tick() noexcept {
+    next_tick_ns = now_ns + kTickNs;
+    for (std::size_t slot = 0; slot < peers.size(); ++slot) {
+      Peer& peer = peers[slot];
+      if (peer.state == State::kHandshaking) {
+        speaking = peer.channel.get();
+        if (now_ns - peer.since_ns > config.handshake_timeout_ns ||
+            peer.channel->on_timer() == DtlsChannel::Step::kFailed) {
+          fail(slot);
+        }
+      } else if (peer.state == State::kEstablished && now_ns - peer.since_ns > config.idle_ns) {
+        counters.add(Event::kIdle);
+        peer.channel->close();
+        release(slot);
+      }
+    }
+  }
+
+  // --- the exchange --------------------------------------------------------------------------------------
+
+  /// Opens a datagram that is not part of a handshake in the clear. True if there is something to read.
+  bool open(std::size_t slot, std::span<const std::uint8_t> bytes, std::span<std::uint8_t> buffer,
+            net::Received& received) noexcept {
+    Peer& peer = peers[slot];
+    if (!peer.rate.take(now_ns)) {
+      counters.add(Event::kRateLimited);
+      return false;
+    }
+    speaking = peer.channel.get();
+    switch (peer.channel->open(bytes, buffer, received.size)) {
+      case DtlsChannel::Open::kData:
+        counters.add(Event::kOpened);
+        peer.since_ns = now_ns;
+        received.standing = {true, peer.rights};
+        return true;
+      case DtlsChannel::Open::kNothing:
+        counters.add(Event::kForged);
+        return false;
+      case DtlsChannel::Open::kClosed:
+        counters.add(Event::kClosed);
+        release(slot);
+        return false;
+    }
+    return false;
+  }
+
+  bool on_wire(std::span<const std::uint8_t> bytes, std::span<std::uint8_t> buffer,
+               net::Received& received) noexcept {
+    const RecordKind kind = kind_of(bytes);
+    if (kind == RecordKind::kNotDtls) {
+      counters.add(Event::kNotDtls);
+      return false;
+    }
+    if (kind == RecordKind::kClientHello) {
+      within_budget([&] { on_client_hello(bytes, received.from); });
+      return false;
+    }
+    // Data and alerts concern what is established, a handshake's parts the one under way; each the other if
+    // there is only that (the last part may come again when all is done, data may overtake it).
+    const bool data = kind == RecordKind::kData || kind == RecordKind::kAlert;
+    const std::size_t first = find(received.from, data ? State::kEstablished : State::kHandshaking);
+    const std::size_t slot =
+        first != kNone ? first : find(received.from, data ? State::kHandshaking : State::kEstablished);
+    if (slot == kNone) {
+      counters.add(Event::kNoHandshake);
+      return false;
+    }
+    if (peers[slot].state == State::kEstablished) return open(slot, bytes, buffer, received);
+    within_budget([&] { advance(slot, bytes); });
+    return false;
+  }
+
+  bool receive(std::span<std::uint8_t> buffer, net::Received& received) noexcept {
+    now_ns = clock.now_ns();
+    if (fresh_keys.load(std::memory_order_relaxed) != nullptr) adopt_keys();
+    if (now_ns >= next_tick_ns) tick();
+    for (int i = 0; i < kDatagramsPerReceive; ++i) {
+      if (!wire.receive(cipher, received)) return false;
+      if (received.size > cipher.size()) {
+        counters.add(Event::kOversize);
+        continue;
+      }
+      if (on_wire({cipher.data(), received.size}, buffer, received)) return true;
+    }
+    return false;
+  }
+
+  DtlsServerConfig config;
+  std::unique_ptr<const KeyList> keys;
+  std::atomic<const KeyList*> fresh_keys{nullptr};
+  std::atomic<const KeyList*> retired_keys{nullptr};
+  DtlsContext context;
+  net::Datagram& wire;
+  const rt::Clock& clock;
+  std::array<std::uint8_t, 32> secret{};
+  link::SipKey tag_key;
+  std::vector<std::uint64_t> tags;  // of the peers' addresses, packed: the search reads nothing else
+  std::vector<Peer> peers;
+  mutable std::size_t last = 0;  // found: mostly the next one's too
+  std::vector<link::TokenBucket> addresses;
+  link::TokenBucket strangers;
+  HandshakeBudget budget;
+  std::unique_ptr<DtlsChannel> listener;  // hears strangers; becomes the channel of the one that is taken in
+  DtlsChannel* speaking = nullptr;        // whose callbacks run
+  struct FreeAddress {
+    void operator()(BIO_ADDR* address) const noexcept { BIO_ADDR_free(address); }
+  };
+  std::unique_ptr<BIO_ADDR, FreeAddress> nothing{BIO_ADDR_new()};  // that DTLSv1_listen wants to fill
+  std::int64_t now_ns = 0;
+  std::int64_t next_tick_ns = 0;
+  std::array<std::uint8_t, kMaxWireBytes> cipher{};
+  SecurityCounters counters;
+};
+
+DtlsServer::DtlsServer(const DtlsServerConfig& config, KeyList keys, net::Datagram& wire,
+                       const rt::Clock& clock)
+    : impl_(std::make_unique<Impl>(config, std::move(keys), wire, clock)) {}
+
+DtlsServer::~DtlsServer() = default;
+
+bool DtlsServer::receive(std::span<std::uint8_t> buffer, net::Received& received) noexcept {
+  return impl_->receive(buffer, received);
+}
+
+net::SendStatus DtlsServer::send(std::span<const std::uint8_t> bytes, const net::Address& to) noexcept {
+  const std::size_t slot = impl_->find(to, Impl::State::kEstablished);
+  return slot == kNone ? net::SendStatus::kFailed : impl_->peers[slot].channel->send(bytes);
+}
+
+void DtlsServer::offer_keys(KeyList keys) {
+  delete impl_->retired_keys.exchange(nullptr, std::memory_order_acq_rel);
+  delete impl_->fresh_keys.exchange(new KeyList(std::move(keys)), std::memory_order_acq_rel);
+}
+
+const SecurityCounters& DtlsServer::counters() const noexcept {
+  return impl_->counters;
+}
+
+std::size_t DtlsServer::established() const noexcept {
+  return impl_->count(Impl::State::kEstablished);
+}
+
+std::size_t DtlsServer::under_way() const noexcept {
+  return impl_->count(Impl::State::kHandshaking);
+}
+
+const char* DtlsServer::identity(const net::Address& address) const noexcept {
+  const std::size_t slot = impl_->find(address, Impl::State::kEstablished);
+  return slot == kNone ? "" : impl_->peers[slot].identity.data();
+}
+
+}  // namespace telenano::security

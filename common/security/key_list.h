@@ -1,0 +1,72 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/net/rights.h"
+
+namespace telenano::security {
+
+/// A pre-shared key: 256 random bits that wipe themselves.
+struct Psk {
+  static constexpr std::size_t kBytes = 32;
+  std::array<std::uint8_t, kBytes> bytes{};
+
+  Psk() = default;
+  Psk(const Psk&) = default;
+  Psk& operator=(const Psk&) = default;
+  ~Psk();
+};
+
+/// In constant time.
+bool equal(const Psk& a, const Psk& b) noexcept;
+
+/// What a station holds: its name and its key.
+struct StationKey {
+  std::string identity;
+  Psk psk;
+};
+
+/// Reads a file as `telenano-nve keys new` writes it. Throws UserError: one line with file, key and what is
+/// expected, never with a secret.
+StationKey load_station_key(const std::string& path);
+std::string station_key_text(const StationKey& key);
+
+struct KeyEntry {
+  std::string identity;
+  Psk psk;
+  net::Rights rights = net::Rights::kOperate;
+};
+
+/// A certificate that an authority of the server's has signed, known by its common name or its SHA-256.
+struct CertificateEntry {
+  std::string name;         ///< common name; empty if by fingerprint
+  std::string fingerprint;  ///< 64 lower-case hexadecimal digits; empty if by name
+  net::Rights rights = net::Rights::kOperate;
+};
+
+/// Who may come in, and what each may do: the server's allow-list. What is not in it is refused.
+struct KeyList {
+  std::vector<KeyEntry> keys;
+  std::vector<CertificateEntry> certificates;
+
+  const KeyEntry* find_key(std::string_view identity) const noexcept;
+  /// A fingerprint wins over a name.
+  const CertificateEntry* find_certificate(std::string_view name,
+                                           std::string_view fingerprint) const noexcept;
+};
+
+/// Reads the list: TOML with tables [[key]] (identity, psk, rights) and [[certificate]] (name or fingerprint,
+/// rights). Throws UserError as load_station_key.
+KeyList load_key_list(const std::string& path);
+std::string key_list_text(const KeyList& list);
+
+/// 1 to 64 letters, digits, dots, dashes and underscores: goes over the wire in the clear, into messages and
+/// file names.
+bool is_identity(std::string_view text) noexcept;
+
+}  // namespace telenano::security

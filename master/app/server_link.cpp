@@ -1,0 +1,97 @@
+#include "master/app/server_link.h"
+
+#include <fmt/format.h>
+
+#include <array>
+
+#include "common/base/error.h"
+#include "common/link/messages.h"
+
+namespace telenano::app {
+namespace {
+
+bool wants_security(const ServerAccess& options) {
+  return !options.key.empty() || !options.certificate.empty();
+}
+
+void check_flags(const ServerAccess& options, const net::Address& server) {
+  const bool any =
+      !options.certificate.empty() || !options.certificate_key.empty() || !options.authority.empty();
+  const bool all =
+      !options.certificate.empty() && !options.certificate_key.empty() && !options.authority.empty();
+  if (any && !all) throw UserError("--cert, --cert-key and --ca go together; give all three, or --key FILE");
+  if (any && !options.key.empty()) throw UserError("--key and --cert: give one of them");
+  if (!net::is_loopback(server) && !wants_security(options)) {
+    throw UserError(fmt::format(
+        "--server {}: off loopback sessions are encrypted; give --key FILE (telenano-nve keys new makes "
+        "one on the server's machine) or --cert, --cert-key and --ca",
+        options.server));
+  }
+}
+
+// "host.lab:5100" → "host.lab", "[::1]:5100" → "::1".
+std::string host_of(const std::string& server) {
+  const std::string host = server.substr(0, server.rfind(':'));
+  return host.size() >= 2 && host.front() == '[' ? host.substr(1, host.size() - 2) : host;
+}
+
+net::Udp open_socket(const ServerAccess& options, const net::Address& server) {
+  check_flags(options, server);
+  return net::Udp::open_for(server);
+}
+
+}  // namespace
+
+ServerLink::ServerLink(const ServerAccess& options, const net::Address& server)
+    : socket_(open_socket(options, server)) {
+  if (!wants_security(options)) return;
+  security::DtlsClientConfig config;
+  config.server_name = host_of(options.server);
+  if (!options.key.empty())
+    config.key = security::load_station_key(options.key);
+  else
+    config.certificates = {options.certificate, options.certificate_key, options.authority};
+  dtls_ = std::make_unique<security::DtlsClient>(config, socket_, server, clock_);
+}
+
+net::Datagram& ServerLink::datagram() noexcept {
+  if (dtls_) return *dtls_;
+  return socket_;
+}
+
+std::string ServerLink::failure() const {
+  if (!dtls_ || dtls_->established()) return "";
+  const std::string why = dtls_->failure();
+  return why.empty() ? "" : "; " + why;
+}
+
+void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& stop) {
+  if (!dtls_) return;
+  std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
+  net::Received received;
+  const std::int64_t start_ns = clock_.now_ns();
+  while (!dtls_->established()) {
+    dtls_->receive(buffer, received);
+    const bool late = static_cast<double>(clock_.now_ns() - start_ns) * 1e-9 > options.connect_timeout_s;
+    if (dtls_->refused() || late) {
+      const std::string why = dtls_->failure();
+      if (!why.empty()) throw RunError(fmt::format("no secure session with {}: {}", options.server, why));
+    }
+    if (late) {
+      throw RunError(fmt::format(
+          "no answer from {} within {:g} s; is telenano-nve serve running there with --keys, and does the "
+          "firewall let UDP through?",
+          options.server, options.connect_timeout_s));
+    }
+    if (stop) throw RunError("stopped before the server answered");
+    wait_readable(1'000'000);
+  }
+}
+
+std::string describe_security(const ServerAccess& options) {
+  if (!options.key.empty()) return "DTLS 1.2, key " + security::load_station_key(options.key).identity;
+  if (!options.certificate.empty()) return "DTLS 1.2, certificate " + options.certificate;
+  return "none";
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+
+#include "common/net/udp.h"
+#include "common/rt/steady_clock.h"
+#include "common/security/dtls_client.h"
+#include "master/app/server_access.h"
+
+namespace telenano::app {
+
+/// The way to the server: plain UDP on loopback, DTLS over it wherever a key or a certificate is given, which
+/// it must be off loopback.
+class ServerLink {
+ public:
+  /// Throws UserError for flags that do not go together or files that do not serve.
+  ServerLink(const ServerAccess& options, const net::Address& server);
+
+  /// Waits for the handshake. Throws RunError, one line with what to do: nobody answers, one side refuses the
+  /// other, or `stop`. Nothing to do over plain UDP.
+  void secure(const ServerAccess& options, const std::atomic<bool>& stop);
+
+  net::Datagram& datagram() noexcept;
+  bool is_secure() const noexcept { return dtls_ != nullptr; }
+  /// Why there is no secure session any more, for the end of a message: "; the server does not know …", or
+  /// "".
+  std::string failure() const;
+  void wait_readable(std::int64_t timeout_ns) noexcept { socket_.wait_readable(timeout_ns); }
+
+ private:
+  net::Udp socket_;
+  rt::SteadyClock clock_;
+  std::unique_ptr<security::DtlsClient> dtls_;
+};
+
+/// How this station shows who it is, for the recording: "none", "key omega-1", "certificate FILE".
+std::string describe_security(const ServerAccess& options);
+
+}  // namespace telenano::app

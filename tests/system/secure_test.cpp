@@ -1,0 +1,257 @@
+// Encrypted sessions between the two programs, and what a person is told who gets keys or certificates wrong.
+#include <sys/stat.h>
+
+#include <thread>
+
+#include "common/recording/recording_reader.h"
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+using recording::RecordingReader;
+
+class SecureTest : public ProgramsTest {
+ protected:
+  void SetUp() override {
+    ProgramsTest::SetUp();
+    if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
+    make_key("omega-1");
+  }
+  std::string keys() const { return path("keys.toml"); }
+  std::string make_key(const std::string& name, const std::string& rights = "operate") const {
+    const std::string file = path(name + ".key");
+    const Finished made =
+        run_program({kNve, "keys", "new", name, "--rights", rights, "--keys", keys(), "--out", file});
+    EXPECT_EQ(made.exit_code, 0) << made.err;
+    EXPECT_EQ(made.out, "");
+    return file;
+  }
+  Finished session(const Server& server, const std::vector<std::string>& more) const {
+    std::vector<std::string> command = station(server, {"--duration-s", "1", "--task", "contact"});
+    command.insert(command.end(), more.begin(), more.end());
+    return run_program(command, {}, kLong);
+  }
+  /// One line, exit code 1, that names all of these.
+  static void expect_failed(const Finished& run, const std::vector<std::string>& named) {
+    EXPECT_EQ(run.exit_code, 1) << run.err;
+    EXPECT_EQ(run.out, "");
+    EXPECT_EQ(lines_of(run.err).size(), 1u) << run.err;
+    for (const auto& word : named)
+      EXPECT_NE(run.err.find(word), std::string::npos) << word << "\n" << run.err;
+  }
+  /// The secret of a key file, which nobody may print.
+  static std::string secret_of(const std::string& file) {
+    const std::string text = file_text(file);
+    const auto at = text.find("psk = \"");
+    EXPECT_NE(at, std::string::npos);
+    return text.substr(at + 7, 64);
+  }
+};
+
+TEST_F(SecureTest, ASessionRunsAndIsRecordedAsEncrypted) {
+  Server server(scene_path("flakes"), 0, {"--keys", keys()});
+  const std::string file = path("secure.h5");
+  const Finished run = session(server, {"--key", path("omega-1.key"), "--record", file});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const std::string said = server.stop();
+  EXPECT_NE(said.find("encrypted"), std::string::npos);
+  EXPECT_NE(said.find("in 1 sessions"), std::string::npos) << said;
+  EXPECT_NE(said.find("handshakes 1"), std::string::npos) << said;
+  EXPECT_NE(said.find("closed 1"), std::string::npos) << said;  // the station said goodbye
+  const std::string secret = secret_of(path("omega-1.key"));
+  for (const std::string& text : {said, run.err, run.out, file_text(file)})
+    EXPECT_EQ(text.find(secret), std::string::npos);
+  EXPECT_NE(file_text(file).find("DTLS 1.2, key omega-1"), std::string::npos);
+  EXPECT_GT(RecordingReader(file).rows(), 900u);
+}
+
+TEST_F(SecureTest, EveryAddressIsServedWithKeys) {
+  ChildProcess server(
+      {kNve, "serve", "--scene", scene_path("flat_pdms"), "--listen", ":0", "--keys", folder_.string()});
+  const std::string before = " on 0.0.0.0:";
+  ASSERT_TRUE(server.wait_for_err(", encrypted\n", kLong)) << server.err();
+  const std::string text = server.err();
+  const std::string port = std::to_string(std::atoi(text.c_str() + text.find(before) + before.size()));
+  const Finished run = run_program({kMaster, "run", "--quiet", "--server", "127.0.0.1:" + port,
+                                    "--duration-s", "1", "--task", "contact", "--key", path("omega-1.key")},
+                                   {}, kLong);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
+TEST_F(SecureTest, AnObserverFeelsNothingAndMovesNothing) {
+  const std::string key = make_key("guest", "observe");
+  Server server(scene_path("flakes"), 0, {"--keys", keys()});
+  const std::string file = path("observer.h5");
+  const Finished run = session(server, {"--key", key, "--record", file});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const RecordingReader reader(file);
+  double lowest = 1e300, highest = -1e300;
+  for (const double z : reader.read("tip_pos_w_nm", 2)) {
+    if (z == 0) continue;  // no reply yet
+    lowest = std::min(lowest, z);
+    highest = std::max(highest, z);
+  }
+  EXPECT_LT(highest - lowest, 1e-6) << "the tip moved";
+}
+
+TEST_F(SecureTest, AServerKilledAndStartedAgainIsFound) {
+  auto first = std::make_unique<Server>(scene_path("flakes"), 0, std::vector<std::string>{"--keys", keys()});
+  const int port = first->port();
+  const std::string file = path("again.h5");
+  ChildProcess run(station(
+      *first, {"--duration-s", "4", "--task", "contact", "--key", path("omega-1.key"), "--record", file}));
+  std::this_thread::sleep_for(Milliseconds(1500));
+  first->child().signal(SIGKILL);
+  ASSERT_TRUE(first->child().wait(kLong));
+  Server second(scene_path("flakes"), port, {"--keys", keys()});
+  ASSERT_TRUE(run.wait(kLong)) << run.err();
+  EXPECT_EQ(run.exit_code(), 0) << run.err();
+  const std::string said = second.stop();
+  EXPECT_NE(said.find("in 1 sessions"), std::string::npos) << said;
+  EXPECT_NE(said.find("handshakes 1"), std::string::npos) << said;
+}
+
+TEST_F(SecureTest, RevokingAKeyEndsItsSession) {
+  make_key("stays");
+  Server server(scene_path("flakes"), 0, {"--keys", keys()});
+  ChildProcess run(station(
+      server, {"--duration-s", "30", "--task", "contact", "--key", path("omega-1.key"), "--give-up-s", "1"}));
+  std::this_thread::sleep_for(Milliseconds(1500));
+  ASSERT_TRUE(run.running()) << run.err();
+  EXPECT_EQ(run_program({kNve, "keys", "revoke", "omega-1", "--keys", keys()}).exit_code, 0);
+  ASSERT_TRUE(run.wait(std::chrono::seconds(10))) << run.err();
+  EXPECT_EQ(run.exit_code(), 1);
+  EXPECT_NE(run.err().find("has been silent for 1 s"), std::string::npos) << run.err();
+  EXPECT_NE(run.err().find("does not know the key 'omega-1'"), std::string::npos) << run.err();
+  expect_failed(session(server, {"--key", path("omega-1.key")}), {"does not know the key 'omega-1'"});
+  EXPECT_EQ(session(server, {"--key", path("stays.key")}).exit_code, 0);
+  // A list that nobody can read changes nothing, but is told.
+  ::chmod(keys().c_str(), 0644);
+  ASSERT_TRUE(server.child().wait_for_err("chmod 600", kLong));
+  EXPECT_EQ(session(server, {"--key", path("stays.key")}).exit_code, 0);
+  const std::string said = server.stop();
+  EXPECT_NE(said.find("revoked 1"), std::string::npos) << said;
+}
+
+TEST_F(SecureTest, WhatAPersonGetsWrongIsToldInOneLine) {
+  Server server(scene_path("flat_pdms"), 0, {"--keys", keys()});
+  Server plain(scene_path("flat_pdms"));
+  const std::string text = file_text(path("omega-1.key"));
+  const auto key_file = [&](const std::string& name, const std::string& from, const std::string& to) {
+    std::string changed = text;
+    changed.replace(changed.find(from), from.size(), to);
+    const std::string file = write(name, changed);
+    ::chmod(file.c_str(), 0600);
+    return file;
+  };
+  const std::string secret = secret_of(path("omega-1.key"));
+  expect_failed(session(server, {"--key", key_file("other.key", "omega-1", "omega-7")}),
+                {server.address(), "does not know the key 'omega-7'", "keys list"});
+  expect_failed(session(server, {"--key", key_file("wrong.key", secret, std::string(64, 'a'))}),
+                {server.address(), "most likely the key 'omega-1' is not the one"});
+  expect_failed(session(server, {"--connect-timeout-s", "1"}), {server.address(), "--key"});
+  expect_failed(session(plain, {"--key", path("omega-1.key"), "--connect-timeout-s", "1"}),
+                {plain.address(), "--keys"});
+  EXPECT_NE(server.stop().find("unknown keys 1"), std::string::npos);
+  expect_failed(session(server, {"--key", path("omega-1.key"), "--connect-timeout-s", "1"}),
+                {server.address(), "firewall"});
+}
+
+TEST_F(SecureTest, CertificatesFromTheCommandLine) {
+  if (run_program({"/bin/sh", "-c", "command -v openssl"}).exit_code != 0)
+    GTEST_SKIP() << "no openssl program to make them";
+  const std::string script =
+      "set -e; umask 077; ec='-newkey ec -pkeyopt ec_paramgen_curve:P-256 -nodes'; "
+      "openssl req -x509 $ec -keyout ca.key -out ca.pem -subj /CN=lab -days 2; "
+      "make() { openssl req $ec -keyout $1.key -out $1.csr -subj /CN=$1; "
+      "printf '%s' \"$2\" > $1.ext; openssl x509 -req -in $1.csr -CA ca.pem -CAkey ca.key -CAcreateserial "
+      "-days 2 "
+      "-extfile $1.ext -out $1.pem; }; "
+      "make nve subjectAltName=IP:127.0.0.1; make omega-3 ''; make stranger ''";
+  ChildOptions here;
+  here.folder = folder_;
+  const Finished made = run_program({"/bin/sh", "-c", script}, here);
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  write("list.toml", "[[certificate]]\nname = \"omega-3\"\nrights = \"operate\"\n");
+  ::chmod(path("list.toml").c_str(), 0600);
+  Server server(scene_path("flat_pdms"), 0,
+                {"--keys", path("list.toml"), "--cert", path("nve.pem"), "--cert-key", path("nve.key"),
+                 "--ca", path("ca.pem")});
+  const auto as = [&](const std::string& name) {
+    return session(
+        server, {"--cert", path(name + ".pem"), "--cert-key", path(name + ".key"), "--ca", path("ca.pem")});
+  };
+  EXPECT_EQ(as("omega-3").exit_code, 0);
+  expect_failed(as("stranger"),
+                {"the server refuses the certificate", "stranger.pem", "not in the server's list"});
+  expect_failed(session(server, {"--cert", path("omega-3.pem"), "--cert-key", path("omega-3.key"), "--ca",
+                                 path("stranger.pem")}),
+                {"signed by none of --ca"});
+  EXPECT_NE(server.stop().find("refused certificates 1"), std::string::npos);
+}
+
+TEST_F(SecureTest, FlagsThatDoNotGoTogether) {
+  const std::string scene = scene_path("flat_pdms");
+  const std::vector<std::string> serve{kNve, "serve", "--scene", scene, "--listen", "127.0.0.1:0"};
+  const std::vector<std::string> run{kMaster, "run", "--server", "127.0.0.1:9"};
+  const std::string open = write("open.toml", file_text(keys()));
+  ::chmod(open.c_str(), 0644);
+  const std::string empty = write("empty.toml", "");
+  ::chmod(empty.c_str(), 0600);
+  const struct {
+    std::vector<std::string> command, more, named;
+  } all[] = {
+      {serve, {"--insecure", "--keys", keys()}, {"--insecure", "--keys"}},
+      {{kNve, "serve", "--scene", scene, "--listen", ":0"},
+       {"--insecure"},
+       {"--insecure", "only on loopback"}},
+      {{kNve, "serve", "--scene", scene, "--listen", "192.0.2.77:5100"},
+       {"--keys", keys()},
+       {"192.0.2.77", "this machine"}},
+      {serve, {"--cert", "a"}, {"--cert-key", "--ca", "--keys"}},
+      {serve, {"--keys", keys(), "--ca", "a"}, {"--cert-key", "--ca"}},
+      {serve, {"--keys", "none.toml"}, {"none.toml", "No such file"}},
+      {serve, {"--keys", open}, {open, "chmod 600"}},
+      {serve, {"--keys", empty}, {empty, "empty", "keys new"}},
+      {serve, {"--keys", keys(), "--cert", "a", "--cert-key", "b", "--ca", "c"}, {"--cert a", "PEM"}},
+      {run, {"--key", "none.key"}, {"none.key", "No such file"}},
+      {run, {"--key", open}, {open, "chmod 600"}},
+      {run, {"--key", keys()}, {keys(), "identity"}},
+      {run,
+       {"--key", path("omega-1.key"), "--cert", "a", "--cert-key", "b", "--ca", "c"},
+       {"--key", "--cert"}},
+      {run, {"--cert", "a"}, {"--cert-key", "--ca"}},
+      {run, {"--cert", "a", "--cert-key", "b", "--ca", "c"}, {"--cert a"}},
+      {{kNve, "keys"}, {}, {"new, list or revoke"}},
+      {{kNve, "keys"}, {"nwe"}, {"'nwe'", "did you mean new?"}},
+      {{kNve, "keys", "new"}, {}, {"name"}},
+      {{kNve, "keys", "new"},
+       {"x", "--keys", keys(), "--right", "observe"},
+       {"--right", "did you mean --rights?"}},
+      {{kNve, "keys", "new"}, {"x", "--keys", keys(), "--rights", "all"}, {"--rights", "all"}},
+      {{kNve, "keys", "new"}, {"omega-1", "--keys", keys()}, {"omega-1", "already"}},
+      {{kNve, "keys", "new"}, {"x y", "--keys", keys()}, {"'x y'"}},
+      {{kNve, "keys", "revoke"}, {"omega-2", "--keys", keys()}, {"omega-2"}},
+      {{kNve, "keys", "list"}, {"--keys", "none.toml"}, {"none.toml"}},
+  };
+  for (const auto& bad : all) {
+    std::vector<std::string> command = bad.command;
+    command.insert(command.end(), bad.more.begin(), bad.more.end());
+    const Finished run_of = run_program(command, {}, kLong);
+    EXPECT_EQ(run_of.exit_code, 2) << run_of.err;
+    EXPECT_EQ(run_of.out, "");
+    EXPECT_EQ(lines_of(run_of.err).size(), 1u) << run_of.err;
+    for (const auto& word : bad.named)
+      EXPECT_NE(run_of.err.find(word), std::string::npos) << word << "\n" << run_of.err;
+  }
+  const Finished list = run_program({kNve, "keys", "list", "--keys", keys()});
+  EXPECT_EQ(list.exit_code, 0);
+  EXPECT_EQ(list.out, "kind,identity,rights\npsk,omega-1,operate\n");
+  const Finished insecure =
+      run_program({kNve, "serve", "--scene", "none.toml", "--listen", "127.0.0.1:0", "--insecure"});
+  EXPECT_NE(insecure.err.find("none.toml"), std::string::npos) << "accepted on loopback";
+}
+
+}  // namespace
+}  // namespace telenano::programs

@@ -1,0 +1,210 @@
+// Key files: what is taken, what is refused and in which words, and that no message holds a secret.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "common/base/error.h"
+#include "common/security/key_admin.h"
+#include "common/security/key_list.h"
+#include "common/security/private_file.h"
+
+namespace telenano::security {
+namespace {
+
+const std::string kHex = "00112233445566778899aabbccddeeff0123456789abcdef0123456789abcdef";
+
+class KeysTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::temp_directory_path() / ("telenano_keys_" + std::to_string(::getpid()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string write(const std::string& name, const std::string& text, mode_t mode = 0600) const {
+    std::ofstream(path(name), std::ios::binary) << text;
+    ::chmod(path(name).c_str(), mode);
+    return path(name);
+  }
+  static std::string text_of(const std::string& file) {
+    std::ostringstream text;
+    text << std::ifstream(file).rdbuf();
+    return text.str();
+  }
+  static mode_t mode_of(const std::string& file) {
+    struct stat info {};
+    ::stat(file.c_str(), &info);
+    return info.st_mode & 07777;
+  }
+  template <class Work>
+  static std::string complaint(Work&& work) {
+    try {
+      work();
+    } catch (const UserError& error) {
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+      return error.what();
+    }
+    return "";
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(KeysTest, ANewKeyIsInTheListAndInTheStationsFile) {
+  new_key(path("keys.toml"), "omega-1", net::Rights::kObserve, path("omega-1.key"));
+  new_key(path("keys.toml"), "omega-2", net::Rights::kAdminister, path("omega-2.key"));
+  EXPECT_EQ(mode_of(path("keys.toml")), 0600u);
+  EXPECT_EQ(mode_of(path("omega-1.key")), 0600u);
+  const KeyList list = load_key_list(path("keys.toml"));
+  ASSERT_EQ(list.keys.size(), 2u);
+  const StationKey one = load_station_key(path("omega-1.key"));
+  const StationKey two = load_station_key(path("omega-2.key"));
+  EXPECT_EQ(one.identity, "omega-1");
+  EXPECT_TRUE(equal(one.psk, list.find_key("omega-1")->psk));
+  EXPECT_TRUE(equal(two.psk, list.find_key("omega-2")->psk));
+  EXPECT_FALSE(equal(one.psk, two.psk));
+  EXPECT_EQ(list.find_key("omega-1")->rights, net::Rights::kObserve);
+  EXPECT_EQ(list.find_key("omega-2")->rights, net::Rights::kAdminister);
+  EXPECT_EQ(list.find_key("omega"), nullptr);
+  EXPECT_EQ(list_keys(path("keys.toml")),
+            "kind,identity,rights\npsk,omega-1,observe\npsk,omega-2,administer\n");
+
+  revoke_key(path("keys.toml"), "omega-1");
+  EXPECT_EQ(load_key_list(path("keys.toml")).find_key("omega-1"), nullptr);
+  EXPECT_NE(load_key_list(path("keys.toml")).find_key("omega-2"), nullptr);
+  EXPECT_EQ(mode_of(path("keys.toml")), 0600u);
+}
+
+TEST_F(KeysTest, HexIsReadDigitByDigit) {
+  const StationKey key = load_station_key(write("a.key", "identity = \"a\"\npsk = \"" + kHex + "\"\n"));
+  EXPECT_EQ(key.psk.bytes[0], 0x00);
+  EXPECT_EQ(key.psk.bytes[1], 0x11);
+  EXPECT_EQ(key.psk.bytes[15], 0xff);
+  EXPECT_EQ(key.psk.bytes[16], 0x01);
+  EXPECT_EQ(key.psk.bytes[31], 0xef);
+  EXPECT_EQ(station_key_text(key).find(kHex) != std::string::npos, true);
+}
+
+TEST_F(KeysTest, EveryBitOfAKeyCounts) {
+  const Psk a;
+  EXPECT_TRUE(equal(a, Psk()));
+  for (std::size_t bit = 0; bit < 8 * Psk::kBytes; ++bit) {
+    Psk b;
+    b.bytes[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8));
+    EXPECT_FALSE(equal(a, b)) << bit;
+  }
+}
+
+TEST_F(KeysTest, CertificatesAreKnownByNameOrFingerprint) {
+  const std::string print(64, 'a');
+  const KeyList list = load_key_list(write("keys.toml",
+                                           "[[certificate]]\nname = \"omega-3\"\nrights = \"observe\"\n"
+                                           "[[certificate]]\nfingerprint = \"" +
+                                               print + "\"\nrights = \"operate\"\n"));
+  ASSERT_NE(list.find_certificate("omega-3", ""), nullptr);
+  EXPECT_EQ(list.find_certificate("omega-3", "")->rights, net::Rights::kObserve);
+  EXPECT_EQ(list.find_certificate("omega-3", print)->rights, net::Rights::kOperate);
+  // No name and no fingerprint must not fit an entry that has none.
+  EXPECT_EQ(list.find_certificate("", ""), nullptr);
+  const KeyList again = load_key_list(write("again.toml", key_list_text(list)));
+  EXPECT_EQ(again.certificates.size(), 2u);
+  revoke_key(path("again.toml"), print);
+  revoke_key(path("again.toml"), "omega-3");
+  EXPECT_TRUE(load_key_list(path("again.toml")).certificates.empty());
+}
+
+TEST_F(KeysTest, FilesThatOthersCanReadAreRefusedWithTheCommandThatMendsIt) {
+  const std::string text = "identity = \"a\"\npsk = \"" + kHex + "\"\n";
+  for (const mode_t mode : {0640u, 0604u, 0620u, 0602u, 0610u, 0601u, 0644u, 0777u}) {
+    const std::string file = write("open.key", text, mode);
+    EXPECT_NE(complaint([&] { load_station_key(file); }).find("chmod 600 " + file), std::string::npos)
+        << mode;
+    EXPECT_NE(complaint([&] { load_key_list(file); }).find("chmod 600 " + file), std::string::npos) << mode;
+    EXPECT_NE(complaint([&] { require_private_file(file, "--cert-key"); }).find("--cert-key"),
+              std::string::npos);
+  }
+  for (const mode_t mode : {0600u, 0400u, 0700u})
+    EXPECT_EQ(complaint([&] { load_station_key(write("mine.key", text, mode)); }), "") << mode;
+  ::mkfifo(path("pipe").c_str(), 0600);
+  EXPECT_NE(complaint([&] { load_station_key(path("pipe")); }).find("not a plain file"), std::string::npos);
+  EXPECT_NE(complaint([&] { load_station_key(folder_.string()); }).find("not a plain file"),
+            std::string::npos);
+  EXPECT_NE(complaint([&] { load_station_key(path("none")); }).find("No such file"), std::string::npos);
+}
+
+TEST_F(KeysTest, WhatIsWrongIsNamedAndNeverTheSecret) {
+  const std::string psk = "psk = \"" + kHex + "\"\n";
+  const std::string id = "identity = \"a\"\n";
+  const struct {
+    std::string text, named;
+  } station[] = {
+      {id, "psk"},
+      {psk, "identity"},
+      {id + "psk = \"" + kHex + "00\"\n", "64 lower-case"},
+      {id + "psk = \"" + kHex.substr(1) + "\"\n", "64 lower-case"},
+      {id + "psk = \"G" + kHex.substr(1) + "\"\n", "64 lower-case"},
+      {id + "psk = " + kHex + "\n", "TOML"},
+      {id + "psk = \"" + kHex + "\n", "TOML"},
+      {id + psk + psk, "psk"},
+      {id + psk + "right = 1\n", "right"},
+      {"identity = \"a b\"\n" + psk, "1 to 64 letters"},
+      {"identity = \"\"\n" + psk, "1 to 64 letters"},
+      {"identity = \"" + std::string(65, 'a') + "\"\n" + psk, "1 to 64 letters"},
+  };
+  const auto expect = [&](const std::string& said, const std::string& named) {
+    EXPECT_NE(said.find(named), std::string::npos) << said;
+    EXPECT_EQ(said.find(kHex.substr(4, 8)), std::string::npos) << said;
+  };
+  for (const auto& wrong : station)
+    expect(complaint([&] { load_station_key(write("wrong.key", wrong.text)); }), wrong.named);
+  const struct {
+    std::string text, named;
+  } lists[] = {
+      {"[[key]]\n" + id + psk, "rights"},
+      {"[[key]]\n" + id + psk + "rights = \"all\"\n", "observe"},
+      {"[[key]]\n" + id + psk + "rights = \"observe\"\n[[key]]\n" + id + psk + "rights = \"observe\"\n",
+       "comes twice"},
+      {"[[keys]]\n" + id + psk, "keys"},
+      {"[[certificate]]\nrights = \"observe\"\n", "either a name or a fingerprint"},
+      {"[[certificate]]\nname=\"a\"\nfingerprint = \"" + std::string(64, 'a') + "\"\nrights = \"observe\"\n",
+       "either a name or a fingerprint"},
+      {"[[certificate]]\nfingerprint = \"AA:BB\"\nrights = \"observe\"\n", "without colons"},
+  };
+  for (const auto& wrong : lists)
+    expect(complaint([&] { load_key_list(write("wrong.toml", wrong.text)); }), wrong.named);
+}
+
+TEST_F(KeysTest, NothingIsOverwrittenAndNothingHalfDone) {
+  new_key(path("keys.toml"), "a", net::Rights::kOperate, path("a.key"));
+  const std::string before = text_of(path("keys.toml"));
+  EXPECT_NE(complaint([&] {
+              new_key(path("keys.toml"), "a", net::Rights::kOperate, path("b.key"));
+            }).find("'a' already"),
+            std::string::npos);
+  EXPECT_NE(complaint([&] {
+              new_key(path("keys.toml"), "b", net::Rights::kOperate, path("a.key"));
+            }).find("exists"),
+            std::string::npos);
+  EXPECT_NE(complaint([&] {
+              new_key(path("keys.toml"), "../b", net::Rights::kOperate, path("b.key"));
+            }).find("name"),
+            std::string::npos);
+  EXPECT_NE(complaint([&] { revoke_key(path("keys.toml"), "aa"); }).find("'aa'"), std::string::npos);
+  EXPECT_NE(complaint([&] { revoke_key(path("none.toml"), "a"); }).find("none.toml"), std::string::npos);
+  // Another program at work on the same list.
+  write("keys.toml.new", "");
+  EXPECT_NE(complaint([&] {
+              new_key(path("keys.toml"), "b", net::Rights::kOperate, path("b.key"));
+            }).find("keys.toml.new"),
+            std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(path("b.key")));
+  EXPECT_EQ(text_of(path("keys.toml")), before);
+}
+
+}  // namespace
+}  // namespace telenano::security
