@@ -1,13 +1,16 @@
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 
+#include "common/base/error.h"
 #include "common/base/random.h"
 #include "common/control/method.h"
 #include "master/station/station_config.h"
 #include "tests/studies/methods/adversary.h"
 #include "tests/studies/methods/shown_stiffness.h"
+#include "tests/studies/zwidth/on_all_cores.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/mass_spring_hand.h"
 #include "tests/support/plant_oracle.h"
@@ -18,12 +21,27 @@ namespace {
 
 using control::Method;
 
+// Those that a person may ask for.
 std::vector<Method> available_methods() {
   std::vector<Method> methods;
   for (int i = 0; i <= static_cast<int>(Method::kModel); ++i) {
-    if (control::method_available(static_cast<Method>(i))) methods.push_back(static_cast<Method>(i));
+    try {
+      methods.push_back(control::parse_method(control::method_name(static_cast<Method>(i))));
+    } catch (const UserError&) {
+    }
   }
   return methods;
+}
+
+TEST(OnAllCores, DoesEachOnceAndSaysWhatWentWrong) {
+  std::vector<std::atomic<int>> done(1000);
+  on_all_cores(done.size(), [&](std::size_t i) { ++done[i]; });
+  for (const auto& count : done) ASSERT_EQ(count, 1);
+  EXPECT_THROW(on_all_cores(100,
+                            [](std::size_t i) {
+                              if (i % 7 == 3) throw RunError("broken");
+                            }),
+               RunError);
 }
 
 // The measuring instruments first: nothing that they say of a method is worth more than they are.
