@@ -1,13 +1,16 @@
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstring>
 
+#include "common/base/error.h"
 #include "common/base/random.h"
 #include "common/control/method.h"
 #include "master/station/station_config.h"
 #include "tests/studies/methods/adversary.h"
 #include "tests/studies/methods/shown_stiffness.h"
+#include "tests/studies/zwidth/on_all_cores.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/mass_spring_hand.h"
 #include "tests/support/plant_oracle.h"
@@ -154,6 +157,17 @@ TEST(DrivenHand, IsNeverTooFastAndGoesWhereItIsSent) {
   for (int k = 0; k < 200; ++k) hand.advance(1'000'000);
   EXPECT_DOUBLE_EQ(hand.pos_m(), 0.001);
   EXPECT_FALSE(hand.too_fast());
+}
+
+TEST(OnAllCores, DoesEachOnceAndSaysWhatWentWrong) {
+  std::vector<std::atomic<int>> done(1000);
+  on_all_cores(done.size(), [&](std::size_t i) { ++done[i]; });
+  for (const auto& count : done) ASSERT_EQ(count, 1);
+  EXPECT_THROW(on_all_cores(100,
+                            [](std::size_t i) {
+                              if (i % 7 == 3) throw RunError("broken");
+                            }),
+               RunError);
 }
 
 // What is shown of a wall.
