@@ -2,6 +2,7 @@
 // server do. Every datagram is a real one, made or changed by the test.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <thread>
 
@@ -547,6 +548,32 @@ TEST(Dtls, NoMoreAssociationsThanThereIsRoom) {
   EXPECT_EQ(made, 4);
   EXPECT_EQ(rig.server->established(), 4u);
   EXPECT_EQ(rig.events(Event::kFull), 4u);
+}
+
+// The list comes from another thread than the loop's, many times while a session runs.
+TEST(Dtls, ListsComeFromAnotherThread) {
+  DtlsRig rig;
+  rig.connect();
+  rig.turns(4);
+  std::atomic<bool> done{false};
+  std::thread other([&] {
+    for (int i = 0; i < 300; ++i) {
+      rig.server->offer_keys(two_keys());
+      if (i % 10 == 0) std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+    done = true;
+  });
+  int heard = 0, said = 0;
+  while (!done) {
+    rig.pass_ms(1);  // within what one peer may send
+    heard += rig.hears("tick") ? 1 : 0;
+    ++said;
+    rig.network.sent().clear();
+  }
+  other.join();
+  EXPECT_EQ(heard, said);
+  EXPECT_EQ(rig.server->established(), 1u);
+  EXPECT_EQ(rig.events(Event::kRevoked), 0u);
 }
 
 /// Every look at it takes a quarter of a millisecond: so do the steps of handshakes, by this clock.
