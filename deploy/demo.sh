@@ -69,7 +69,8 @@ unsafe=(--velocity-scale 1e-6 --force-scale 8e8 --allow-unsafe-scaling --task in
 run "Without control (KS fig. 13)"               --method none     "${unsafe[@]}" --record "$out/recordings/sio2_none.h5" ||
   say "The station stopped this run itself, as it should when the hand gets too fast; its recording is kept"
 run "KS's controller as published"               --method ks       "${unsafe[@]}" --record "$out/recordings/sio2_ks.h5"
-run "The default, ks-clamp (KS fig. 14)"         --method ks-clamp "${unsafe[@]}" --record "$out/recordings/sio2_ks_clamp.h5"
+run "With an energy clamp, ks-clamp"             --method ks-clamp "${unsafe[@]}" --record "$out/recordings/sio2_ks_clamp.h5"
+run "The default, a local model (KS fig. 14)"    --method model    "${unsafe[@]}" --record "$out/recordings/sio2_model.h5"
 stop_server
 
 say "Force against distance on silicon oxide, approach and retract (KS fig. 6)"
@@ -81,6 +82,6 @@ r=$out/recordings
   --run "Task (a): position=$r/position.h5" --run "Task (b): contact=$r/contact.h5" \
   --run "Task (c): indent=$r/indent.h5" --run "Scan=$r/scan.h5" \
   --run "Silicon oxide, no control=$r/sio2_none.h5" --run "Silicon oxide, ks=$r/sio2_ks.h5" \
-  --run "Silicon oxide, ks-clamp=$r/sio2_ks_clamp.h5" \
-  --pair "none=$r/sio2_none.h5" --pair "ks=$r/sio2_ks.h5" --pair "ks-clamp=$r/sio2_ks_clamp.h5"
+  --run "Silicon oxide, ks-clamp=$r/sio2_ks_clamp.h5" --run "Silicon oxide, model=$r/sio2_model.h5" \
+  --pair "none=$r/sio2_none.h5" --pair "ks=$r/sio2_ks.h5" --pair "ks-clamp=$r/sio2_ks_clamp.h5" --pair "model=$r/sio2_model.h5"
 say "Open $out/report/index.html"
