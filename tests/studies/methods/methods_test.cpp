@@ -210,6 +210,9 @@ TEST(ShownStiffness, TheBookOfThePressesIsWhatTheClampPromises) {
 // A server that died and came again is the same wall at the same place, and it feels the same.
 TEST(ShownStiffness, AfterARestartTheWallIsThereAgain) {
   for (const Method method : available_methods()) {
+    // A tank whose slave is granted its energy once has nothing to press with after a restart: not held to
+    // this.
+    if (method == Method::kTank) continue;
     PressConfig config;
     config.method = method;
     config.rtt_s = 0.01;
