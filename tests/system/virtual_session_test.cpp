@@ -13,7 +13,7 @@
 namespace telenano::support {
 namespace {
 
-constexpr std::uint64_t kGoldenHash = 0xd156e69edd410c43;
+constexpr std::uint64_t kGoldenHash = 0x9e94cd147ebf0816;
 
 std::shared_ptr<const scene::Scene> scene_of(const std::string& name) {
   return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
