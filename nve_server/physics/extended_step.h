@@ -616,6 +616,7 @@ class ExtendedStep {
     cache_.far_parameter = place_.x;
     if (place_.inside && !remembered_) {
       cache_.has_last = false;
+      cache_.last = point_.curve;
       cache_.u = place_.contact ? place_.x : 0;
     }
   }

@@ -14,6 +14,7 @@ namespace {
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kGuessDone = 0.02;
 constexpr double kTowardsOnset = 0.5;  // u below which the curve goes by sqrt(u)
+constexpr double kHardlyBent = 1e-3;   // the root's series leaves out 1e-12 of the step
 constexpr double kBent = 0.15;         // below, one parabola is nearly as good as the other
 constexpr double kNearFold = 0.3;      // bent so much, half way to where the parabola ends
 constexpr double kSmallStep = 1e-3;    // of u: where the law is its Taylor series
@@ -401,12 +402,15 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
     const double rate = p.held_rate(held);
     const double bend = p.held_bend(held);
     const double residual = p.held(held) - z;
-    const double newton = -residual / rate;
-    const double bent = residual * bend / (rate * rate);
+    const double per_rate = 1.0 / rate;
+    const double newton = -residual * per_rate;
+    const double bent = -newton * bend * per_rate;
     // A parabola in u; towards the onset, if more than a little bent, what is one in sqrt(u).
     double step = newton;
     bool crosses = bent < 0.5;
-    if (crosses) {
+    if (std::fabs(bent) < kHardlyBent) {
+      step *= 1.0 + 0.5 * bent * (1.0 + bent * (1.0 + 1.25 * bent));
+    } else if (crosses) {
       step *= 2.0 / (1.0 + std::sqrt(1.0 - 2.0 * bent));
     } else if (bend > 0) {
       step /= bent;
@@ -448,9 +452,9 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
     // are made of powers of u from 1 to 3, so that u times the third derivative is of the size of the bends,
     // or where those cancel of the rate over u; no factor, for safety.
     const double bends = held.overlap * std::fabs(p.overlap_bend) + held.load * std::fabs(p.load_bend);
-    const double left = size * size * size * (bends * u + rate) / (u * u * rate);
+    const bool little_left = size * size * size * (bends * u + rate) <= kEpsilon * (u * u * u) * rate;
     const bool last = std::fabs(residual) <= kEpsilon * scale || size <= 4.0 * kEpsilon * u ||
-                      (crosses && size < kSmallStep * u && left <= kEpsilon * u);
+                      (crosses && size < kSmallStep * u && little_left);
     if (last) {
       p.energy = contact_energy(lambda_, p, g);
       p.shift(std::max(step, -u));

@@ -80,8 +80,9 @@ double secant(double force, double force_0, double value, double value_0, double
 //   ∂a/∂F = R (3 − ρ)/(6 K a² ρ),   ρ = F_δ/(3/2 K a),   exact for Hertz and DMT (ρ = 1: R/(3 K a²)) and,
 //   since there dF/da = 3 K a²/R (1 − x) and ρ = (1 − x)/(1 − x/3), x = (a_c/a)^{3/2}, for JKR; ∂a/∂R =
 //   a/(3R) (2 − F R/(K a³)),                   exact for Hertz and DMT, and for JKR at F = 0 and F → ∞.
-ContactRadiusRates contact_radius_rates(const Equilibrium& eq, double radius, double modulus) noexcept {
-  if (eq.rates.known) return {eq.rates.contact_radius_per_force_nm_nn, eq.rates.contact_radius_per_radius};
+ContactRadiusRates contact_radius_rates(const Equilibrium& eq, const RadiusRates& exact, double radius,
+                                        double modulus) noexcept {
+  if (exact.known) return {exact.contact_radius_per_force_nm_nn, exact.contact_radius_per_radius};
   const double a = eq.contact_radius_nm;
   if (!(a > 0.0 && radius > 0.0)) return {};
   const double rho = std::clamp(eq.stiffness_n_m / (1.5 * modulus * a), kSoftestContact, 1.0);
@@ -91,11 +92,11 @@ ContactRadiusRates contact_radius_rates(const Equilibrium& eq, double radius, do
 }
 
 // η: the overlap that does to the force what one unit of radius does (tip_equilibrium.h).
-double radius_as_overlap(const Equilibrium& eq, double radius) noexcept {
+double radius_as_overlap(const Equilibrium& eq, const RadiusRates& exact, double radius) noexcept {
   if (eq.branch == Branch::kFree || !(radius > 0.0)) return 0.0;
   const bool inside = eq.branch == Branch::kContact || eq.branch == Branch::kNonContact;
-  const double by_radius = eq.rates.known
-                               ? eq.rates.force_per_radius_n_m * radius
+  const double by_radius = exact.known
+                               ? exact.force_per_radius_n_m * radius
                                : eq.force_nn - (inside ? eq.overlap_nm * eq.stiffness_n_m / 3.0 : 0.0);
   const double scale = radius * eq.stiffness_n_m;
   return std::abs(by_radius) < kTiltMost * std::abs(scale) ? by_radius / scale : 0.0;
@@ -366,6 +367,9 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     }
     if (turn >= 1.0) solution.slid = true;
 
+    // A flow has changed what the law was asked.
+    const RadiusRates exact = flow.depth_nm > 0.0 ? RadiusRates{} : law_.radius_rates(eq, law_state);
+
     // What the other forces are with the force found, against what they were taken for.
     const double contact_radius_0 = contact_radius;
     if (radius_force_) {
@@ -373,13 +377,13 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
       on_mark.overlap_nm -= flow.depth_nm;
       radius_force = law_.radius_force_nn(on_mark, law_state);
     }
-    tilt_per_gradient = radius_as_overlap(eq, radius_nm);
+    tilt_per_gradient = radius_as_overlap(eq, exact, radius_nm);
     contact_radius = eq.contact_radius_nm;
     radius_before = radius_nm;
     Vec3 found = radius_force_ ? Vec3(radius_force * gradient) : Vec3(Vec3::Zero());
     if (friction_) {
       if (followed) {
-        rates = contact_radius_rates(eq, radius_nm, law_.parameters().contact_modulus_gpa);
+        rates = contact_radius_rates(eq, exact, radius_nm, law_.parameters().contact_modulus_gpa);
       } else {
         const double before = rates.per_force_nm_nn;
         rates.per_force_nm_nn =
@@ -397,7 +401,7 @@ TipSolution TipEquilibrium::balance(const Vec3& free_end, const Compliance& c, c
     // be is the error of an answer that has this step in it.
     const bool foreseen = !radius_force_ && ((left < kForeseen && left * left < done * last_left) ||
                                              (whole && last_left > 0.0 && left < kForeseenWhole));
-    rates_known = eq.rates.known;
+    rates_known = exact.known;
     const bool balanced = left < done || foreseen || (left < kNoise * done && left > 0.5 * last_left) ||
                           (iteration >= kPatient && left < kNoise * done + kForceAtLast * forces);
     last_left = left;

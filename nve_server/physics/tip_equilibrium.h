@@ -136,13 +136,17 @@ struct EquilibriumOptions {
 /// (1 − C (F N − K))⁻¹, and the base overlap to δ_k − nᵀA(x_free + C (L + f) − p_k). A radius that changes by
 /// g·(p − p_k) acts on the law as an overlap changed by η g·(p − p_k), η = F_R/F_δ, and by the symmetry of
 /// U's second derivatives L changes by −η g (F − F_k): the law acts along n − η g, in which it feels the
-/// overlap too. F_R ≈ (F − δ F_δ/3)/R, exact where λ plays no part, F/R outside. Without `radius_force` the
-/// law still feels −η g, and acts along n alone. The limit of friction goes with the contact radius a(F, R):
-/// along F through ∂a/∂F, and with the position through ∂a/∂R g, which is part of −K. What is still left out
-/// (∇g above all) is found from the steps themselves
-/// (balance_guards.h). Where F C N comes near 1 the tip is about to slide off a summit sideways: A is then
+/// overlap too. F_R is the law's own (radius_rates), of the other laws (F − δ F_δ/3)/R, exact where λ plays
+/// no part, and F/R outside. Without `radius_force` the law still feels −η g, and acts along n alone. The
+/// limit of friction goes with the contact radius a(F, R): along F through ∂a/∂F, and with the position
+/// through ∂a/∂R g, which is part of −K. So is how friction turns with the normal: f stays across n, −n (N
+/// f)ᵀ, and of the motion m only what lies across it counts, K_m N (n·m), K_m = −∂f/∂m. What is still left
+/// out (∇g, with `radius_force`, and what several feet do) is found from the steps themselves
+/// (balance_guards.h). A step that goes on like the last one begins from where that leads to second order:
+/// the apex from `follow` and what was beside it last time, the force from its last change, the contact
+/// radius at that force. Where F C N comes near 1 the tip is about to slide off a summit sideways: A is then
 /// bounded and the iteration walks downhill to the next balance. Each trial starts from a copy of the law's
-/// memory, which moves on once a step.
+/// memory, which moves on once a step; only the guess of the curve's parameter goes on from trial to trial.
 ///
 /// Slides. Where Newton's method finds nothing, the tip goes down as if overdamped: stages of the proximal
 /// point method,

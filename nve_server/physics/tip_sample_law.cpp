@@ -208,6 +208,14 @@ Equilibrium TipSampleLaw::try_advance(double base_overlap_nm, double compliance_
   return advance(base_overlap_nm, compliance_nm_nn, radius_nm, again, false);
 }
 
+RadiusRates TipSampleLaw::radius_rates(const Equilibrium& eq, const TipSampleState& state) const noexcept {
+  const TipSampleCache& cache = state.cache;
+  const bool inside = eq.branch == Branch::kContact || eq.branch == Branch::kNonContact;
+  if (!inside || parameters_.model != ContactModel::kMaugisDugdale || cache.tabulated) return {};
+  return rates_on(cache.last, cache.scales, long_range_.active() ? cache.far_force_per_radius_n_m : 0.0,
+                  cache.radius_nm);
+}
+
 void TipSampleLaw::add_joining_energy(Equilibrium& eq, TipSampleState& again) const noexcept {
   const bool inside = eq.branch == Branch::kContact || eq.branch == Branch::kNonContact;
   if (!joins_later() || !inside) return;
@@ -259,10 +267,6 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     return none;
   }
   if (compliance == 0 || out.branch == Branch::kFree) out.overlap_nm = base_overlap_nm;
-  const bool inside = out.branch == Branch::kContact || out.branch == Branch::kNonContact;
-  if (inside && parameters_.model == ContactModel::kMaugisDugdale && !cache.tabulated) {
-    out.rates = rates_on(cache.last, s, 0.0, radius_nm);
-  }
   out.dissipated_aj = losses.dissipated * s.energy_aj;
   out.jumps = losses.jumps;
   state.branch = out.branch;
@@ -298,9 +302,7 @@ Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compli
   out.stiffness_n_m =
       point.overlap_rate > 0 ? std::max(point.force_rate / point.overlap_rate, -steepest) : -steepest;
   out.contact_radius_nm = place.contact ? point.curve.contact_radius * cache.scales.length_nm : 0.0;
-  if (place.inside) {
-    out.rates = rates_on(point.curve, cache.scales, step.far_force_per_radius_n_m(), cache.radius_nm);
-  }
+  if (place.inside) cache.far_force_per_radius_n_m = step.far_force_per_radius_n_m();
   out.dissipated_aj = step.dissipated_aj();
   out.jumps = step.jumps();
   out.bridge = place.bridge.present;

@@ -49,7 +49,7 @@ struct TipSampleCache {
   // The last two handovers in contact, to extrapolate u/lambda^2 from.
   double handover_lambda[2] = {0, 0};
   double handover_ratio[2] = {0, 0};
-  // The last state in contact, to extrapolate from.
+  // The last state on the curve, in contact to extrapolate from.
   double lambda = 0;
   double u = 0;
   bool has_last = false;
@@ -63,6 +63,7 @@ struct TipSampleCache {
   double far_parameter = 0;  // x inside
   double fold_radius_nm = -1;
   CurvePoint rigid_fold;
+  double far_force_per_radius_n_m = 0;  // inside: dG/dR
 };
 
 /// What must be remembered between steps: which of the stable states the tip is in, and a warm start. A state
@@ -97,7 +98,6 @@ struct Equilibrium {
   double dissipated_aj = 0;      ///< lost in the jumps of this advance, >= 0
   int jumps = 0;
   bool bridge = false;  ///< a liquid bridge spans the gap
-  RadiusRates rates;
 };
 
 /// Van der Waals joined to a contact law (joined_law.h), with memory of the branch.
@@ -137,6 +137,9 @@ class TipSampleLaw {
   Equilibrium try_advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
                           const TipSampleState& from, TipSampleState& again) const noexcept;
   void add_joining_energy(Equilibrium& eq, TipSampleState& again) const noexcept;
+
+  /// Of what the last advance of `state` returned.
+  RadiusRates radius_rates(const Equilibrium& eq, const TipSampleState& state) const noexcept;
 
   /// -dU/dR of a state at constant overlap, nN: with ∇R it is the part of the force that a changing radius of
   /// the sample has (F is -dU/d(gap)). From what the last advance of `state` returned. Outside U ~ R; inside
