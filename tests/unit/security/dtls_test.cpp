@@ -385,6 +385,23 @@ TEST(Dtls, ANewAddressTakesTwoRoundTripsAndTheHelloGoesWithTheLast) {
   EXPECT_EQ(rig.station->counters().resumed, 1u);
 }
 
+// An outage that ends while the station is at a new handshake: the old association goes on giving.
+TEST(Dtls, TheOldAssociationGivesUntilTheNewOneIsComplete) {
+  DtlsRig rig;
+  rig.connect();
+  rig.turns(4);
+  rig.station->send(bytes_of("lost"), rig.server_end.address());
+  rig.pass_ms(501);
+  rig.network.cut = true;
+  rig.station->receive(rig.station_buffer, rig.station_received);
+  ASSERT_EQ(kind_of(rig.network.sent().back().bytes), RecordKind::kClientHello);
+  rig.network.cut = false;
+  rig.server->send(bytes_of("force"), rig.station_end.address());
+  ASSERT_TRUE(rig.station->receive(rig.station_buffer, rig.station_received));
+  EXPECT_EQ(std::memcmp(rig.station_buffer.data(), "force", 5), 0);
+  EXPECT_TRUE(rig.station->established());
+}
+
 // Also when the address stays: the association that is replaced must leave its keys to the next.
 TEST(Dtls, KeysAreResumedAgainAndAgain) {
   DtlsRig rig;
