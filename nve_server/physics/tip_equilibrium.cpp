@@ -40,7 +40,7 @@ constexpr double kTiltLongest = 0.5;    // of the normal
 constexpr double kSoftestContact =
     0.05;  // of a Hertzian one: near the fold a goes with F as steeply as it likes
 constexpr double kMostRadiusRate = 4.0;
-constexpr double kFrictionDrift = 0.9;  // of the step, that friction may change by over a changing radius
+constexpr double kFrictionDrift = 0.5;  // of the step, that friction may change by over a changing radius
 constexpr int kNewtonAlone = 3;         // iterations before what Newton leaves out is looked for
 
 void describe(const Equilibrium& eq, TipSolution& solution) noexcept {

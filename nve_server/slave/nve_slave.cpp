@@ -81,6 +81,7 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
     : scene_(std::move(scene)),
       limits_(limits_of(*scene_)),
       flat_(scene_->surface->is_flat()),
+      scalar_(flat_ && !scene_->friction && !scene_->particle),
       sample_(scene_),
       model_(scene_) {
   port().commanded_w_nm = limits_.start_pos_w_nm;
@@ -126,7 +127,11 @@ bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from
   const double k_c = scene_->coupling.stiffness_n_m;
   const double b_over_dt = scene_->coupling.damping_n_s_m / piece.dt_s;
   const double k_total = k_c + b_over_dt;
-  to.tip = from.tip;
+  if (scalar_) {
+    to.tip.law = from.tip.law;  // all that a flat sample's balance goes on from; the rest it writes
+  } else {
+    to.tip = from.tip;
+  }
   to.mode = from.mode;
   to.commanded_w_nm = commanded;
   Vec3 free_end = commanded - from.extension_w_nm * (b_over_dt / k_total);
@@ -289,11 +294,16 @@ void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   output.energy_in_aj = energy_in_aj_;
   output.energy_out_aj = energy_out_aj_;
   output.measurement_age_ns = 0;
-  trace_.commanded_end_w_nm = port().commanded_w_nm;
-  trace_.coupling_extension_w_nm = port().extension_w_nm;
-  trace_.tip = port().solution;
-  trace_.mode = port().mode;
-  trace_.stored_aj = port().stored_aj;
+}
+
+NveSlave::Trace NveSlave::trace() const noexcept {
+  Trace trace = trace_;
+  trace.commanded_end_w_nm = port().commanded_w_nm;
+  trace.coupling_extension_w_nm = port().extension_w_nm;
+  trace.tip = port().solution;
+  trace.mode = port().mode;
+  trace.stored_aj = port().stored_aj;
+  return trace;
 }
 
 }  // namespace telenano::slave

@@ -79,7 +79,7 @@ class NveSlave final : public Slave {
     std::uint64_t under_way_steps = 0;  ///< that ended without a balance, the tip on its way down
     double unbooked_aj = 0;  ///< cumulative, of these: work that potential and losses do not account for
   };
-  const Trace& trace() const noexcept { return trace_; }
+  Trace trace() const noexcept;
   const TouchedSample& sample() const noexcept { return sample_; }
   /// This session's own surface; null where no marks stay.
   const physics::SplineSurface* marked_surface() const noexcept { return sample_.marked_surface(); }
@@ -117,6 +117,7 @@ class NveSlave final : public Slave {
   std::shared_ptr<const scene::Scene> scene_;
   SlaveLimits limits_;
   bool flat_;
+  bool scalar_;  // flat, without friction or particle: nothing turns
   TouchedSample sample_;
   PortModel model_;
   std::array<Port, 2> ports_;  // the accepted one and the trial take turns, lest large states be copied
