@@ -26,8 +26,8 @@ struct ContactModel {
   double friction_nn = 0;
 
   /// Depth of `commanded_w_nm`, and in `slope_w` its gradient, turned round: the direction of the force. The
-  /// plane is taken at its word up to kTrustNm beside its point, and as level with W's plane beyond: its tilt,
-  /// carried on for as far as a hand moves in a long round trip, would be a cliff that is not there.
+  /// plane is taken at its word up to kTrustNm beside its point, and as level with W's plane beyond: its
+  /// tilt, carried on for as far as a hand moves in a long round trip, would be a cliff that is not there.
   double depth_nm(const Vec3& commanded_w_nm, Vec3& slope_w) const noexcept;
   double depth_nm(const Vec3& commanded_w_nm) const noexcept {
     Vec3 slope_w;

@@ -6,7 +6,8 @@ namespace telenano::control {
 
 ModelRenderer LocalModel::renderer_for(const MethodConfig& config) noexcept {
   const PassivityConfig& p = config.passivity;
-  return ModelRenderer(kStiffnessPart * 2 * p.damping_certain_n_s_m / p.period_s / config.scaling.impedance());
+  return ModelRenderer(kStiffnessPart * 2 * p.damping_certain_n_s_m / p.period_s /
+                       config.scaling.impedance());
 }
 
 LocalModel::LocalModel(const MethodConfig& config) noexcept
@@ -40,9 +41,9 @@ Vec3 LocalModel::force_h_n(const RenderPoint& at) noexcept {
   const double stored_j = config_.scaling.hand_energy_j(renderer_.potential_aj(at.target_w_nm));
   const double there_is_j = controller_.ledger_j() + config_.passivity.allowance_j - stored_j;
   const double force_step_n = config_.model_slew_n_s * at.dt_s;
-  const Vec3 near_h_n = config_.scaling.hand_force_n(
-      renderer_.force_w_nn(at.target_w_nm, at.command, config_.scaling.tip_energy_aj(std::max(0.0, there_is_j)),
-                           force_step_n / config_.scaling.hand_force_n(Vec3::UnitX()).x()));
+  const Vec3 near_h_n = config_.scaling.hand_force_n(renderer_.force_w_nn(
+      at.target_w_nm, at.command, config_.scaling.tip_energy_aj(std::max(0.0, there_is_j)),
+      force_step_n / config_.scaling.hand_force_n(Vec3::UnitX()).x()));
   const bool apart = !slave_touches_ && !renderer_.attached();
   const Vec3 wanted_h_n = apart ? slave_force_h_n_ : Vec3(Vec3::Zero());
   far_field_h_n_ += std::min(1.0, at.dt_s / kFarField_s) * (wanted_h_n - far_field_h_n_);

@@ -22,7 +22,8 @@ Method parse_method(std::string_view name) {
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     if (kNames[i] == name) return static_cast<Method>(i);
   }
-  throw UserError("method '" + std::string(name) + "' is unknown; use none, ks, ks-clamp, tdpa, wave, tank or model");
+  throw UserError("method '" + std::string(name) +
+                  "' is unknown; use none, ks, ks-clamp, tdpa, wave, tank or model");
 }
 
 }  // namespace telenano::control

@@ -15,8 +15,9 @@ std::string_view method_name(Method method) noexcept;
 /// Throws UserError for an unknown name.
 Method parse_method(std::string_view name);
 
-inline constexpr std::array<Method, 7> kAllMethods = {Method::kNone, Method::kKs,   Method::kKsClamp, Method::kTdpa,
-                                                      Method::kWave, Method::kTank, Method::kModel};
+inline constexpr std::array<Method, 7> kAllMethods = {Method::kNone, Method::kKs,   Method::kKsClamp,
+                                                      Method::kTdpa, Method::kWave, Method::kTank,
+                                                      Method::kModel};
 
 /// Does it promise that no hand slower than v_max extracts more than the allowances, whatever the network and
 /// the other side do? Such a method commits no force that it could not pay for.

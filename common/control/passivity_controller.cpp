@@ -45,8 +45,7 @@ void PassivityController::damp(const Vec3& deficit_axes_j, double deficit_j,
   };
   if (config_.damper == DamperDirection::kAlongMotion) {
     damper_n_s_m_ = damping(deficit_j, interval.displacement_h_m.squaredNorm());
-    if (damper_n_s_m_ > 0)
-      damper_force_h_n_ = -damper_n_s_m_ / interval.dt_s * interval.displacement_h_m;
+    if (damper_n_s_m_ > 0) damper_force_h_n_ = -damper_n_s_m_ / interval.dt_s * interval.displacement_h_m;
     return;
   }
   for (int axis = 0; axis < 3; ++axis) {

@@ -23,7 +23,7 @@ struct PassivityConfig {
   double damping_certain_n_s_m = 0;  ///< b, the device's own viscous damping that is certainly there
   double shown_stiffness_n_m = 0;    ///< K = α_v α_F k_c, the largest that can be shown
   double shown_damping_n_s_m = 0;    ///< B = α_v α_F b_c
-  double position_quantum_m = 0;  ///< q, of the encoder
+  double position_quantum_m = 0;     ///< q, of the encoder
   DamperDirection damper = DamperDirection::kAlongMotion;
   /// Reset policy: time constant with which stored passivity (a positive ledger) leaks away; 0 = never. A
   /// long session in a lossy sample stores joules, behind which a later activity of the loop stays unseen for

@@ -18,9 +18,9 @@ namespace telenano::control {
 struct SlaveNews {
   Vec3 force_h_n = Vec3::Zero();  ///< α_F F_tip
   bool touching = false;
-  double energy_in_j = 0;    ///< put into the slave's port, ≥ 0
-  double energy_out_j = 0;   ///< given back by it, ≥ 0
-  double energy_sent_j = 0;  ///< ≥ 0
+  double energy_in_j = 0;      ///< put into the slave's port, ≥ 0
+  double energy_out_j = 0;     ///< given back by it, ≥ 0
+  double energy_sent_j = 0;    ///< ≥ 0
   Vec3 wave_h = Vec3::Zero();  ///< Σ w T, √(J s)
   double wave_j = 0;           ///< Σ ½ w² T, ≥ 0
   ContactModel model;          ///< version 0 = none
@@ -37,15 +37,16 @@ struct RenderPoint {
 /// What a method has to tell the slave; cumulative, hand units.
 struct SlaveOrder {
   double energy_sent_j = 0;
-  Vec3 wave_sum_h = Vec3::Zero();  ///< Σ u T, √(J s)
-  double wave_j = 0;               ///< Σ ½ u² T
-  double wave_impedance_n_s_m = 0; ///< b_w, hand units; 0 = no waves
+  Vec3 wave_sum_h = Vec3::Zero();   ///< Σ u T, √(J s)
+  double wave_j = 0;                ///< Σ ½ u² T
+  double wave_impedance_n_s_m = 0;  ///< b_w, hand units; 0 = no waves
 };
 
 struct MethodConfig {
   PassivityConfig passivity{};  ///< its `method` is set by each method itself
   Scaling scaling{};
-  double model_slew_n_s = 100;  ///< how fast a local model's own changes may change the force at a resting hand
+  double model_slew_n_s =
+      100;  ///< how fast a local model's own changes may change the force at a resting hand
 };
 
 /// A control method of the station's port. Order of calls in a tick: book() — hear(), if there is news —
@@ -58,8 +59,8 @@ class StationMethod {
   StationMethod& operator=(const StationMethod&) = delete;
   virtual ~StationMethod() = default;
 
-  /// Becomes the method in use: `ledger_j` is what the last one had. Its deficit is taken over, its surplus is
-  /// not: a change of method grants no allowance. Likewise a change of scale.
+  /// Becomes the method in use: `ledger_j` is what the last one had. Its deficit is taken over, its surplus
+  /// is not: a change of method grants no allowance. Likewise a change of scale.
   virtual void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept = 0;
   /// A session has begun or was resumed: what was on the way is lost; with a new epoch the slave is another
   /// one, which knows of no energy that was sent to the last.

@@ -5,8 +5,7 @@
 
 namespace telenano::control {
 
-WavePort::WavePort(const MethodConfig& config) noexcept
-    : impedance_n_s_m_(impedance(config)) {}
+WavePort::WavePort(const MethodConfig& config) noexcept : impedance_n_s_m_(impedance(config)) {}
 
 double WavePort::impedance(const MethodConfig& config) noexcept {
   return std::max(config.passivity.damping_certain_n_s_m, kImpedanceLeast_n_s_m);

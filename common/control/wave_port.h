@@ -9,14 +9,14 @@ namespace telenano::control {
 ///   u = (f + b_w v)/√(2 b_w) goes to the slave,  w = (f − b_w v)/√(2 b_w) comes back,  f v = ½u² − ½w²,
 ///
 /// so the station shows f = b_w v + √(2 b_w) w, and no delay makes the link active. A wave
-/// impedance is shown as a sampled damper, which is passive up to the device's own: b_w = b. Sampled, with the energy
-/// kept exactly: at the end of an interval the wave that leaves has at most the energy
+/// impedance is shown as a sampled damper, which is passive up to the device's own: b_w = b. Sampled, with
+/// the energy kept exactly: at the end of an interval the wave that leaves has at most the energy
 ///
 ///   ½u²T ≤ f(k−1)·Δx(k) + ½w(k−1)²T + (what is owed from before, ≤ 0),
 ///
-/// its direction and, as far as that allows, its size are the formula's. A wave that does not come is 0, never
-/// the last one again. Sums of u T and of ½u²T travel: after a loss the sum brings the lost displacement, and
-/// the sum of squares bounds the energy with which it may be played out.
+/// its direction and, as far as that allows, its size are the formula's. A wave that does not come is 0,
+/// never the last one again. Sums of u T and of ½u²T travel: after a loss the sum brings the lost
+/// displacement, and the sum of squares bounds the energy with which it may be played out.
 class WavePort final : public StationMethod {
  public:
   explicit WavePort(const MethodConfig& config) noexcept;

@@ -22,7 +22,7 @@ struct Received {
   std::size_t size = 0;  ///< bytes of the datagram; larger than the buffer means that it was cut
   Address from;
   std::int64_t age_ns =
-      0;  ///< since it reached this machine, where that is known; a reader that polls needs it
+      0;                ///< since it reached this machine, where that is known; a reader that polls needs it
   Standing standing{};  ///< what the channel vouches for
 };
 

@@ -266,8 +266,9 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
       ->check(CLI::Range(0.0, 1000.0));
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command->add_option("--method", options->method,
-                      "How the port is kept passive: none | ks | ks-clamp | tdpa | wave | tank | model (default)");
+  command->add_option(
+      "--method", options->method,
+      "How the port is kept passive: none | ks | ks-clamp | tdpa | wave | tank | model (default)");
   command->add_option("--velocity-scale", options->velocity_scale,
                       "alpha_v, tip metres per hand metre (default: planned, see plan)");
   command->add_option("--force-scale", options->force_scale,

@@ -35,8 +35,8 @@ void read_control(const TomlTable& table, station::StationConfig& station) {
   const std::string damper = table.text_or("damper", "along-motion");
   if (damper != "along-motion" && damper != "per-axis")
     table.fail("damper", "expected \"along-motion\" or \"per-axis\"");
-  station.damper = damper == "per-axis" ? control::DamperDirection::kPerAxis
-                                        : control::DamperDirection::kAlongMotion;
+  station.damper =
+      damper == "per-axis" ? control::DamperDirection::kPerAxis : control::DamperDirection::kAlongMotion;
   station.leak_time_s = table.number_or("leak_time_s", between(0, 1e6), station.leak_time_s);
   station.allowance_j = table.number_or("allowance_j", between(1e-6, 1), station.allowance_j);
   station.guaranteed_velocity_m_s =

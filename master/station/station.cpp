@@ -69,7 +69,8 @@ control::Method usable_method(control::Method wanted, std::uint64_t features) no
   using control::Method;
   constexpr std::uint64_t kModelling = link::kFeatureLocalModel | link::kFeaturePortControl;
   if (wanted == Method::kModel && (features & kModelling) != kModelling) wanted = Method::kTank;
-  if (control::needs_port_control(wanted) && !(features & link::kFeaturePortControl)) wanted = Method::kKsClamp;
+  if (control::needs_port_control(wanted) && !(features & link::kFeaturePortControl))
+    wanted = Method::kKsClamp;
   return wanted;
 }
 

@@ -66,9 +66,9 @@ struct StationTrace {
   std::uint32_t slave_faults = 0;
   Vec3 applied_force_h_n = Vec3::Zero();  ///< in the interval that just ended
   control::Method method = control::Method::kNone;
-  std::uint32_t model_version = 0;        ///< of the slave's newest local model; 0 = none
-  Vec3 scaled_force_h_n = Vec3::Zero();   ///< α_F F_tip of the newest reply
-  Vec3 rendered_force_h_n = Vec3::Zero(); ///< that the method shows, before damper, ramp and limits
+  std::uint32_t model_version = 0;         ///< of the slave's newest local model; 0 = none
+  Vec3 scaled_force_h_n = Vec3::Zero();    ///< α_F F_tip of the newest reply
+  Vec3 rendered_force_h_n = Vec3::Zero();  ///< that the method shows, before damper, ramp and limits
   Vec3 damper_force_h_n = Vec3::Zero();
   Vec3 commanded_force_h_n = Vec3::Zero();  ///< after everything
   double damper_n_s_m = 0;                  ///< γ
@@ -96,9 +96,9 @@ struct StationOutput {
 
 /// The whole of the station's step: pure, no clock, no allocation, no exception.
 ///
-/// Forces, in this order: what the method shows + damper, times the ramp; slew; force limit; energy clamp; stop and
-/// non-finite → 0. Each later one has the higher priority and can only take force away, so the earlier ones
-/// cannot undo it.
+/// Forces, in this order: what the method shows + damper, times the ramp; slew; force limit; energy clamp;
+/// stop and non-finite → 0. Each later one has the higher priority and can only take force away, so the
+/// earlier ones cannot undo it.
 class Station {
  public:
   Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave);
@@ -110,8 +110,8 @@ class Station {
 
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
-  /// Another control method, from the next tick on. Bumpless: the energy that is owed is carried over, none is
-  /// granted, and the force goes over by the ramp. One that needs what the slave does not offer becomes
+  /// Another control method, from the next tick on. Bumpless: the energy that is owed is carried over, none
+  /// is granted, and the force goes over by the ramp. One that needs what the slave does not offer becomes
   /// usable_method() of it.
   void change_method(control::Method method) noexcept;
   /// Another scale, likewise; hand and tip stay where they are. False, and nothing changes, where the config

@@ -59,10 +59,10 @@ struct TipState {
   FrictionState friction;
   Mat3 follow = Mat3::Identity();  ///< ∂apex/∂free end, to predict the next apex from
   TipTrend trend;
-  double stored_aj = 0;            ///< in the tip–sample law and the bristle
-  bool under_way = false;          ///< no balance yet: the tip slides, and goes on sliding in the next step
-  bool stuck = false;              ///< nor a way down: it stays until the free end moves
-  double slide_part = 0;           ///< β of the slide that goes on
+  double stored_aj = 0;    ///< in the tip–sample law and the bristle
+  bool under_way = false;  ///< no balance yet: the tip slides, and goes on sliding in the next step
+  bool stuck = false;      ///< nor a way down: it stays until the free end moves
+  double slide_part = 0;   ///< β of the slide that goes on
 };
 
 /// What yielded in a step, and where: at every foot that bore a part. The surface is not yet lowered

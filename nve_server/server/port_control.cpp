@@ -65,15 +65,15 @@ Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last
   const double wave_aj = 0.5 * wave.squaredNorm() * dt_s;
   if (wave_aj > wave_came_aj_) wave *= std::sqrt(wave_came_aj_ / wave_aj);
   wave_used_aj_ = std::min(wave_aj, wave_came_aj_);
-  const Vec3 velocity_nm_s =
-      (std::sqrt(2 * b) * wave + last.force_w_nn) / (b + stiffness_n_m * dt_s);
+  const Vec3 velocity_nm_s = (std::sqrt(2 * b) * wave + last.force_w_nn) / (b + stiffness_n_m * dt_s);
   const Vec3 move_w_nm = velocity_nm_s * dt_s;
   const Vec3 catch_up_w_nm = lag_w_nm * std::min(1.0, dt_s / kCatchUp_s);
   return move_w_nm + paid_move(catch_up_w_nm, last.force_w_nn, stiffness_n_m, wave_surplus_aj_);
 }
 
 slave::SlaveInput PortControl::before(const link::Command& command, const slave::SlaveInput& input,
-                               const slave::SlaveOutput& last, const slave::SlaveLimits& limits, double dt_s) noexcept {
+                                      const slave::SlaveOutput& last, const slave::SlaveLimits& limits,
+                                      double dt_s) noexcept {
   receive(command.control);
   const bool first = !has_target_;
   const Vec3 old_target_w_nm = target_w_nm_;
@@ -90,9 +90,8 @@ slave::SlaveInput PortControl::before(const link::Command& command, const slave:
       const Vec3 lag_w_nm = old_target_w_nm - last.commanded_pos_w_nm;
       move_w_nm = (target_w_nm_ - old_target_w_nm) + lag_w_nm * std::min(1.0, dt_s / kCatchUp_s);
     }
-    told.tip_target_pos_w_nm =
-        last.commanded_pos_w_nm +
-        paid_move(move_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, level_aj_));
+    told.tip_target_pos_w_nm = last.commanded_pos_w_nm +
+                               paid_move(move_w_nm, last.force_w_nn, stiffness_n_m, std::max(0.0, level_aj_));
   } else if (method_ == link::kMethodWave && wave_impedance_n_s_m_ > 0) {
     const Vec3 lag_w_nm = first ? Vec3(Vec3::Zero()) : Vec3(old_target_w_nm - last.commanded_pos_w_nm);
     told.tip_target_pos_w_nm = last.commanded_pos_w_nm + wave_move(lag_w_nm, last, stiffness_n_m, dt_s);

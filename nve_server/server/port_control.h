@@ -18,7 +18,8 @@ namespace telenano::server {
 ///   tdpa:  W = Σ received − Σ put into the port                        (its output is in the reply already)
 ///   tank:  level = Σ received − Σ put in + Σ given back − Σ sent
 /// The slave has no allowance of its own, which a restart would grant once more: the station sends it one,
-/// once (two_layer_tank.h). The tank sends what the port gave back, and within kSurplusReturn_s what was not needed.
+/// once (two_layer_tank.h). The tank sends what the port gave back, and within kSurplusReturn_s what was not
+/// needed.
 ///
 /// `wave`. The end moves by the wave that came: with f = −F, b = b_w as the tip feels it, and the port's
 /// stiffness K against a step into the sample taken implicitly,
@@ -34,8 +35,9 @@ class PortControl {
   void begin_session() noexcept;
 
   /// What the slave is to be told for `command`. `last` is its last output, `limits` its own.
-  slave::SlaveInput before(const link::Command& command, const slave::SlaveInput& input, const slave::SlaveOutput& last,
-                    const slave::SlaveLimits& limits, double dt_s) noexcept;
+  slave::SlaveInput before(const link::Command& command, const slave::SlaveInput& input,
+                           const slave::SlaveOutput& last, const slave::SlaveLimits& limits,
+                           double dt_s) noexcept;
   /// Books the step that the slave has made of it.
   void after(const slave::SlaveOutput& last, const slave::SlaveOutput& now, double dt_s) noexcept;
   /// Fills the reply's part.
@@ -52,8 +54,10 @@ class PortControl {
   void receive(const link::PortControl& control) noexcept;
   Vec3 paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,
                  double budget_aj) const noexcept;
-  Vec3 wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last, double stiffness_n_m, double dt_s) noexcept;
-  void send_wave(const slave::SlaveOutput& now, const Vec3& moved_w_nm, double charge_aj, double dt_s) noexcept;
+  Vec3 wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last, double stiffness_n_m,
+                 double dt_s) noexcept;
+  void send_wave(const slave::SlaveOutput& now, const Vec3& moved_w_nm, double charge_aj,
+                 double dt_s) noexcept;
 
   std::uint32_t method_ = 0;
   double energy_scale_aj_j_ = 0;

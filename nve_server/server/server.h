@@ -63,8 +63,8 @@ class Server {
 
   /// Returns the bytes of the answer to `from` in `out` (512 needed), 0 = none; to an address that has not
   /// been proven never more than came in. With `clock` the reply carries the time taken here as hold time;
-  /// without, it counts as none. `standing`: what the channel of this datagram vouches for; a command that may
-  /// not operate is answered, but moves nothing.
+  /// without, it counts as none. `standing`: what the channel of this datagram vouches for; a command that
+  /// may not operate is answered, but moves nothing.
   std::size_t on_datagram(std::span<const std::uint8_t> bytes, const net::Address& from, std::int64_t now_ns,
                           std::span<std::uint8_t> out, const rt::Clock* clock = nullptr,
                           const net::Standing& standing = {}) noexcept;

@@ -55,14 +55,12 @@ link::LocalModel PortModel::of(const physics::TipSolution& tip, const Vec3& comm
   const bool touching = tip.branch == physics::Branch::kContact;
   model.normal_w = normal_w;
   model.adhesion_nn = pull_off_nn_ * tip.radius_nm / scene_->probe.tip_radius_nm;  // every term goes with R
-  model.stiffness_n_m =
-      port_stiffness_n_m(touching ? std::max(tip.stiffness_n_m, rest_stiffness_n_m_) : rest_stiffness_n_m_,
-                         normal_w);
+  model.stiffness_n_m = port_stiffness_n_m(
+      touching ? std::max(tip.stiffness_n_m, rest_stiffness_n_m_) : rest_stiffness_n_m_, normal_w);
   if (touching) {
     model.point_w_nm = commanded_w_nm + normal_w * (tip.force_w_nn.dot(normal_w) / model.stiffness_n_m);
     if (friction_) {
-      const double across_nm_nn =
-          0.5 * (springs_nm_nn_.trace() - normal_w.dot(springs_nm_nn_ * normal_w));
+      const double across_nm_nn = 0.5 * (springs_nm_nn_.trace() - normal_w.dot(springs_nm_nn_ * normal_w));
       const double contact_n_m = friction_->stiffness_n_m(tip.contact_radius_nm);
       model.shear_stiffness_n_m = contact_n_m / (1 + contact_n_m * across_nm_nn);
       model.friction_nn = friction_->limit_nn(tip.contact_radius_nm, tip.normal_force_nn);

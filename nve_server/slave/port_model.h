@@ -34,7 +34,7 @@ class PortModel {
   std::shared_ptr<const scene::Scene> scene_;
   physics::Compliance springs_nm_nn_;
   std::optional<physics::Friction> friction_;
-  double rest_overlap_nm_ = 0;    // of a contact without load
+  double rest_overlap_nm_ = 0;  // of a contact without load
   double rest_stiffness_n_m_ = 0;
   double pull_off_nn_ = 0;  // against the port's springs, all terms
   link::LocalModel last_;

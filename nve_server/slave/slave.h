@@ -11,7 +11,7 @@ namespace telenano::slave {
 struct SlaveInput {
   Vec3 tip_target_pos_w_nm = Vec3::Zero();  ///< commanded end of the virtual coupling
   Vec3 tip_target_vel_w_nm_s = Vec3::Zero();
-  bool follow = true;    ///< false: hold the present commanded position (clutch open, deadman released)
+  bool follow = true;        ///< false: hold the present commanded position (clutch open, deadman released)
   bool wants_model = false;  ///< fill SlaveOutput::model
   bool retract = false;      ///< withdraw to a safe height whatever is commanded
 };

@@ -111,7 +111,8 @@ void add_session_command(CLI::App& app, int& exit_code) {
       "A whole session in virtual time (device, hand, station, link, server): CSV, one row a tick");
   command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
   command->add_option("--task", options->task, "position | contact | indent | scan")->capture_default_str();
-  command->add_option("--method", options->method, "none | ks | ks-clamp | tdpa | wave | tank | model")->capture_default_str();
+  command->add_option("--method", options->method, "none | ks | ks-clamp | tdpa | wave | tank | model")
+      ->capture_default_str();
   command->add_option("--rate", options->station.rate_hz, "Hz of the station")
       ->capture_default_str()
       ->check(CLI::Range(100.0, 8000.0));

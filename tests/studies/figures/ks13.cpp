@@ -68,7 +68,8 @@ HardContact run_ideal_contact(double force_scale) {
     input.tip_target_pos_w_nm = start_w_nm + scaling.tip_displacement_nm(device.plant().pos_m());
     slave.step(input, 1 / kRateHz, output);
     const Vec3 wanted_n = scaling.hand_force_n(output.force_w_nn);
-    const Vec3 applied_n = device.write_force(wanted_n * std::min(1.0, limit_n / std::max(wanted_n.norm(), 1e-9)));
+    const Vec3 applied_n =
+        device.write_force(wanted_n * std::min(1.0, limit_n / std::max(wanted_n.norm(), 1e-9)));
     if (k % 50 == 0) result.rows.push_back({k / kRateHz, 1e3 * device.plant().pos_m().z(), applied_n.z()});
     result.greatest_n = std::max(result.greatest_n, applied_n.norm());
     result.greatest_push_n = std::max(result.greatest_push_n, applied_n.z());
@@ -80,8 +81,7 @@ HardContact run_ideal_contact(double force_scale) {
 
 HardContact run_hard_contact(control::Method method, double force_scale) {
   support::VirtualSessionConfig config;
-  config.scene =
-      scene::load_scene(TELENANO_SOURCE_DIR + std::string(kScene));
+  config.scene = scene::load_scene(TELENANO_SOURCE_DIR + std::string(kScene));
   config.task = device::Task::kIndent;
   config.station.method = method;
   config.station.scaling.force = force_scale;
@@ -131,7 +131,8 @@ std::string found(const HardContact& run) {
   return fmt::format(
       "greatest force {:.3g} N, RMS speed of the hand in contact {:.3g} mm/s, RMS force step {:.3g} N, "
       "energy "
-      "taken out of the port {:.3g} mJ; in the last half second of the hold {:.3g} N with {:.2g} % peak to peak{}{}",
+      "taken out of the port {:.3g} mJ; in the last half second of the hold {:.3g} N with {:.2g} % peak to "
+      "peak{}{}",
       run.greatest_n, 1e3 * run.hand_speed_rms_m_s, run.force_step_rms_n, run.extracted_mj, run.static_n,
       100 * run.swing_n / std::max(std::fabs(run.static_n), 1e-9),
       run.settled_after_s >= 0
@@ -173,18 +174,22 @@ Figure draw_ks14(const FigureFolder& folder) {
   const HardContact clamp = run_hard_contact(control::Method::kKsClamp, kHardContactForceScale);
   const HardContact model = run_hard_contact(control::Method::kModel, kHardContactForceScale);
   const HardContact ideal = run_ideal_contact(kHardContactForceScale);
-  folder.write("ks14.csv",
-               "# time_s,hand_z_mm,hand_force_n; blocks: ks as published, ks-clamp, model, continuous ideal\n" +
-                   rows_of(published) + rows_of(clamp) + rows_of(model) + rows_of(ideal));
+  folder.write(
+      "ks14.csv",
+      "# time_s,hand_z_mm,hand_force_n; blocks: ks as published, ks-clamp, model, continuous ideal\n" +
+          rows_of(published) + rows_of(clamp) + rows_of(model) + rows_of(ideal));
   Figure figure{
       "ks14", "Silicon oxide with a passivity controller",
       std::string(kSetting) + "KS's controller as published: " + found(published) +
           ". With a clamp, ks-clamp: " + found(clamp) + ". The default, model: " + found(model) +
-          fmt::format(". Its greatest push is {:.3g} N; the same hand on the same sample without sampling, link and "
-                      "control (50 kHz) feels {:.3g} N. ",
-                      model.greatest_push_n, ideal.greatest_push_n) +
-          "What KS report, a hand brought to rest, is what the default does; their controller as printed books its "
-          "damper twice and has no cap on it. The pull before and after the hold is the sample's adhesion, cut by "
+          fmt::format(
+              ". Its greatest push is {:.3g} N; the same hand on the same sample without sampling, link and "
+              "control (50 kHz) feels {:.3g} N. ",
+              model.greatest_push_n, ideal.greatest_push_n) +
+          "What KS report, a hand brought to rest, is what the default does; their controller as printed "
+          "books its "
+          "damper twice and has no cap on it. The pull before and after the hold is the sample's adhesion, "
+          "cut by "
           "the force limit.",
       ""};
   const auto lines = [](int column) {

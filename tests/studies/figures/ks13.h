@@ -27,9 +27,9 @@ struct HardContact {
   // Of the hold, 5 to 6.5 s of motion, while the operator's intention rests.
   double static_n = 0;          ///< mean over its last half second
   double swing_n = 0;           ///< peak to peak over the same
-  double settled_after_s = -1;  ///< after the first touch: from then on to the end of the hold within ±2.5 % of
-                                ///< the static force; negative: never
-  double greatest_push_n = 0;   ///< away from the sample: what adhesion does not make
+  double settled_after_s = -1;  ///< after the first touch: from then on to the end of the hold within ±2.5 %
+                                ///< of the static force; negative: never
+  double greatest_push_n = 0;  ///< away from the sample: what adhesion does not make
 };
 
 inline constexpr double kHardContactForceScale = 8e8;

@@ -47,7 +47,9 @@ void run_methods(const MethodsOptions& options) {
   if (!folder.has_gnuplot())
     std::fprintf(stderr, "methods: gnuplot is not installed: CSV only, no figures\n");
   const std::vector<control::Method> methods =
-      options.methods.empty() ? std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end()) : options.methods;
+      options.methods.empty()
+          ? std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end())
+          : options.methods;
   const auto begin = std::chrono::steady_clock::now();
   std::string html = page_begin(
       "Methods for a passive port, compared",
@@ -79,7 +81,8 @@ void add_methods_command(CLI::App& app) {
   };
   const auto a = std::make_shared<Arguments>();
   std::string names;
-  for (const control::Method method : std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end()))
+  for (const control::Method method :
+       std::vector<control::Method>(control::kAllMethods.begin(), control::kAllMethods.end()))
     names += (names.empty() ? "" : ", ") + std::string(control::method_name(method));
   CLI::App* command = app.add_subcommand(
       "methods", "What each method of control shows of a wall over a delay, and what it lets a hand extract");

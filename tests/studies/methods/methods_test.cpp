@@ -14,6 +14,7 @@
 #include "tests/support/driven_hand.h"
 #include "tests/support/mass_spring_hand.h"
 #include "tests/support/plant_oracle.h"
+#include "tests/support/virtual_session.h"
 #include "tests/support/wall_slave.h"
 
 namespace telenano::studies {
@@ -411,6 +412,55 @@ TEST(Adversary, NoHandBreaksAPromiseWithoutDamping) {
 }
 
 // The hands have teeth: what promises nothing gives joules away.
+// The same promise on the product's own samples, with adhesion, marks and friction, whose models change while
+// they are felt: the default method, over round trips, restarts and hands that go with the force.
+TEST(Adversary, NoHandBreaksTheDefaultsPromiseOnRealSamples) {
+  for (const char* name : {"flat_silicon_oxide", "flat_pdms", "humid_flakes", "lithography"}) {
+    const auto scene =
+        scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
+    for (const double rtt_s : {0.0, 0.1, 0.5}) {
+      for (const int hand : {0, 1, 2}) {
+        support::BookedHandConfig hand_config;
+        auto random = std::make_shared<Random>(17 + static_cast<std::uint64_t>(hand));
+        const double wall_m = -0.04;  // the scenes start 40 nm above their ground
+        double goal_m = wall_m;
+        const auto driven = std::make_shared<support::DrivenHand>(
+            hand_config, [=](const support::DrivenHand::View& view) mutable {
+              switch (hand) {
+                case 0:  // with the force, after a press
+                  return view.tick % 400 < 150 ? wall_m - 0.006 : view.pos_m + (view.force_n > 0 ? 1 : -1);
+                case 1:  // telegraph about the ground
+                  if (random->chance(0.02)) goal_m = wall_m + 0.012 * (random->uniform() - 0.7);
+                  return goal_m;
+                default:  // in slowly, out at once
+                  return view.tick % 300 < 250 ? wall_m - 2e-5 * static_cast<double>(view.tick % 300)
+                                               : wall_m + 0.02;
+              }
+            });
+        support::VirtualSessionConfig config;
+        config.scene = scene;
+        config.hand = driven;
+        config.station.scaling = {1e-6, 4e7};
+        config.station.allow_unsafe_scaling = true;
+        config.to_server.delay_ns = config.to_station.delay_ns = static_cast<std::int64_t>(0.5e9 * rtt_s);
+        support::VirtualSession session(config);
+        const int ticks = static_cast<int>(3000 + 4e3 * rtt_s);
+        double most_tip_nn = 0;
+        for (int k = 0; k < ticks; ++k) {
+          const recording::Sample& row = session.step();
+          most_tip_nn = std::max(most_tip_nn, std::fabs(row.force_w_nn[2]));
+          if (k == ticks / 2) session.restart_server();
+        }
+        EXPECT_LE(driven->book().most_extracted_j(), 2 * config.station.allowance_j + 1e-12)
+            << name << ' ' << rtt_s << ' ' << hand;
+        EXPECT_LE(most_tip_nn, scene->limits.force_max_nn) << name << ' ' << rtt_s << ' ' << hand;
+        EXPECT_FALSE(driven->too_fast());
+        EXPECT_GT(most_tip_nn, 5) << "the sample was never felt";
+      }
+    }
+  }
+}
+
 TEST(Adversary, MethodsWithoutAPromiseLeak) {
   AttackConfig config;
   config.rtt_s = 0.1;

@@ -53,7 +53,8 @@ struct Rig {
 };
 
 TEST(PortControl, OtherMethodsLeaveTheCommandAsItIs) {
-  for (std::uint32_t method : {link::kMethodNone, link::kMethodKs, link::kMethodKsClamp, link::kMethodModel}) {
+  for (std::uint32_t method :
+       {link::kMethodNone, link::kMethodKs, link::kMethodKsClamp, link::kMethodModel}) {
     Rig rig(method);
     rig.tick(Vec3(3, -4, -50));
     EXPECT_EQ(rig.wall.output.commanded_pos_w_nm, Vec3(3, -4, -50));
@@ -73,8 +74,8 @@ TEST(PortControl, NothingIsPressedThatWasNotPaidFor) {
   rig.tick(Vec3(0, 0, 0.0));
   for (int k = 1; k <= 100; ++k) rig.tick(Vec3(0, 0, -0.1 * k));  // 10 nm deep, nothing sent
   EXPECT_LE(rig.wall.output.energy_in_aj, PortControl::kUnforeseenJ * 1e5);
-  rig.command.control.energy_sent_j = 4e-3;                    // 400 aJ
-  for (int k = 0; k < 2000; ++k) rig.tick(Vec3(0, 0, -10));    // of ½·20·100 = 1000
+  rig.command.control.energy_sent_j = 4e-3;                  // 400 aJ
+  for (int k = 0; k < 2000; ++k) rig.tick(Vec3(0, 0, -10));  // of ½·20·100 = 1000
   EXPECT_NEAR(rig.wall.output.energy_in_aj, 400, 1);
   EXPECT_NEAR(rig.z(), -std::sqrt(2 * 400 / kStiffness), 0.02);
   rig.command.control.energy_sent_j = 12e-3;

@@ -62,7 +62,8 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
 
 TEST(StationFile, ReadsWhatItIsTold) {
   const StationFile file = parse_station_file(
-      "rate_hz = 2000\n[scaling]\nforce = 1e6\n[control]\nmethod = \"ks\"\ndamper = \"per-axis\"\n[hand]\narm_mass_kg = "
+      "rate_hz = 2000\n[scaling]\nforce = 1e6\n[control]\nmethod = \"ks\"\ndamper = "
+      "\"per-axis\"\n[hand]\narm_mass_kg = "
       "2\n[device]\n"
       "damping_n_s_m = 1.5\n[workspaces]\nnano_nm = 50.0\n",
       "a.toml");

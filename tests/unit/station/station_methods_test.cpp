@@ -52,7 +52,8 @@ TEST(UsableMethod, FallsBackToWhatTheSlaveOffers) {
   EXPECT_EQ(usable_method(Method::kModel, link::kFeatureLocalModel), Method::kKsClamp);
   for (Method method : {Method::kModel, Method::kTank, Method::kWave, Method::kTdpa})
     EXPECT_EQ(usable_method(method, 0), Method::kKsClamp);
-  for (Method method : {Method::kNone, Method::kKs, Method::kKsClamp}) EXPECT_EQ(usable_method(method, 0), method);
+  for (Method method : {Method::kNone, Method::kKs, Method::kKsClamp})
+    EXPECT_EQ(usable_method(method, 0), method);
 }
 
 TEST(StationMethods, TheSlaveIsToldOnlyWhatItHasAgreedTo) {
