@@ -201,6 +201,11 @@ int run(const RunOptions& options) {
   if (!options.quiet) {
     fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, slave.scene_name,
                control::method_name(config.method), check.text);
+    const control::Method used = station::usable_method(config.method, welcome.feature_bits);
+    if (used != config.method) {
+      fmt::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
+                 control::method_name(config.method), control::method_name(used));
+    }
     if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
     if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   }
