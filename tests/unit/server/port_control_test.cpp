@@ -105,6 +105,19 @@ TEST(PortControl, TheEndMayAlwaysYield) {
   EXPECT_NEAR(rig.z(), 0, 1e-9);
 }
 
+// With tdpa what the port gives back is the station's to count; at the slave it buys no second press.
+TEST(PortControl, OutputIsNoNewInput) {
+  Rig rig(link::kMethodTdpa);
+  rig.tick(Vec3(0, 0, 0));
+  rig.command.control.energy_sent_j = 1e-2;  // 1000 aJ: one press of 10 nm
+  for (int k = 0; k < 3000; ++k) rig.tick(Vec3(0, 0, -10));
+  ASSERT_NEAR(rig.z(), -10, 1e-2);
+  for (int k = 0; k < 3000; ++k) rig.tick(Vec3(0, 0, 0));
+  ASSERT_NEAR(rig.z(), 0, 1e-6);
+  for (int k = 0; k < 3000; ++k) rig.tick(Vec3(0, 0, -10));
+  EXPECT_GT(rig.z(), -std::sqrt(2 * 2 * PortControl::kUnforeseenJ * 1e5 / kStiffness));
+}
+
 TEST(PortControl, TheTankConservesEnergy) {
   Rig rig(link::kMethodTank);
   std::mt19937_64 random(11);
