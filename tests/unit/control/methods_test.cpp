@@ -43,6 +43,20 @@ TEST(TwoPort, SplitsByDirectionAndComparesWithWhatCame) {
   EXPECT_NEAR(order.energy_sent_j, 3e-3, 1e-18);  // output is never sent
 }
 
+TEST(TwoPort, ANewSlaveOwesNothingOfTheOldOnesAndForgivesNothing) {
+  TwoPort port(config_of());
+  SlaveNews news;
+  news.energy_out_j = 2e-3;
+  port.hear(news);
+  port.begin_session(false);  // the same slave: what it gave back is still there
+  EXPECT_NEAR(port.ledger_j(), 2e-3, 1e-18);
+  port.begin_session(true);
+  EXPECT_EQ(port.ledger_j(), 0);
+  port.book(interval(Vec3(3, 0, 0), Vec3(1e-3, 0, 0)));
+  port.begin_session(true);
+  EXPECT_NEAR(port.ledger_j(), -3e-3, 1e-18);
+}
+
 TEST(TwoPort, WhatTheDamperTakesRepaysAndIsNoInput) {
   TwoPort port(config_of());
   port.book(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));  // 4 mJ out of nothing
