@@ -5,8 +5,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -133,6 +135,39 @@ TEST(Relay, TheImpairmentsReachTheBytes) {
   ASSERT_EQ(down.size(), 1u);
   EXPECT_LT(down[0].size(), 100u);
   EXPECT_EQ(down[0], Bytes(down[0].size(), 7));
+}
+
+TEST(Relay, TheWaysDrawApartAndASeedRepeats) {
+  // Which of 200 datagrams each way survive a loss of one half; equal by chance once in 2^200.
+  const auto survivors = [](std::uint64_t seed, std::vector<Bytes>& up, std::vector<Bytes>& down) {
+    RelayConfig config;
+    config.to_server.loss = config.to_client.loss = 0.5;
+    config.seed = seed;
+    Bench bench(config);
+    net::Udp a = bench.client();
+    net::Address outside;
+    for (std::uint8_t i = 0; i < 200; ++i) {
+      bench.send(a, {i});
+      bench.at_ms(i + 1);
+      const auto got = Bench::all(bench.server, &outside);
+      up.insert(up.end(), got.begin(), got.end());
+    }
+    for (std::uint8_t i = 0; i < 200; ++i) {
+      bench.server.send(Bytes{i}, outside);
+      bench.at_ms(300 + i);
+      const auto got = Bench::all(a);
+      down.insert(down.end(), got.begin(), got.end());
+    }
+  };
+  std::vector<Bytes> up, down, up_again, down_again, up_other, down_other;
+  survivors(1, up, down);
+  survivors(1, up_again, down_again);
+  survivors(2, up_other, down_other);
+  EXPECT_NEAR(static_cast<double>(up.size()), 100, 5 * std::sqrt(200 * 0.25));
+  EXPECT_NE(up, down);
+  EXPECT_EQ(up, up_again);
+  EXPECT_EQ(down, down_again);
+  EXPECT_NE(up, up_other);
 }
 
 TEST(Relay, PlacesAreBoundedAndIdleOnesGivenUp) {
