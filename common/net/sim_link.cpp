@@ -1,130 +1,45 @@
 #include "common/net/sim_link.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <cstring>
-#include <vector>
 
 #include "common/base/random.h"
+#include "common/net/delay_line.h"
 
 namespace telenano::net {
 namespace {
 
-constexpr std::size_t kSlotBytes = 512;
+constexpr std::size_t kSlotBytes = 512;  // as the protocol's longest datagram
 
-struct Slot {
-  std::size_t size = 0;  ///< as sent; only the first 512 bytes are kept
-  std::array<std::uint8_t, kSlotBytes> bytes;
-};
-
-/// One direction: datagrams in slots, and a heap of who arrives when. Equal times keep the order of sending.
+/// One direction: what becomes of a datagram, and where it is until it arrives.
 class Path {
  public:
   Path(const SimPath& path, std::uint64_t seed, std::size_t capacity)
-      : config(path), random_(seed), slots_(capacity) {
-    free_.reserve(capacity);
-    for (std::size_t i = capacity; i-- > 0;) free_.push_back(i);
-    heap_.reserve(capacity);
-  }
+      : impairment(path, seed), line_(capacity, kSlotBytes) {}
 
   void send(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
-    ++counts.sent;
-    if (lost()) {
-      ++counts.lost;
-      return;
-    }
-    put(bytes, now_ns);
-    if (config.duplicate > 0 && random_.chance(config.duplicate)) {
-      ++counts.duplicated;
-      put(bytes, now_ns);
-    }
+    const Fate fate = impairment.send(bytes.size(), now_ns, line_.room());
+    for (std::size_t i = 0; i < fate.n; ++i) line_.put(bytes, fate.copies[i]);
   }
 
   bool receive(std::span<std::uint8_t> buffer, Received& received, std::int64_t now_ns) noexcept {
-    if (heap_.empty() || heap_.front().arrival_ns > now_ns) return false;
-    const std::size_t index = heap_.front().slot;
-    received.age_ns = now_ns - heap_.front().arrival_ns;
-    std::pop_heap(heap_.begin(), heap_.end(), later);
-    heap_.pop_back();
-    const Slot& slot = slots_[index];
-    received.size = slot.size;
-    std::memcpy(buffer.data(), slot.bytes.data(), std::min({slot.size, kSlotBytes, buffer.size()}));
-    free_.push_back(index);
-    ++counts.delivered;
+    if (line_.next_arrival_ns() > now_ns || line_.empty()) return false;
+    const DelayLine::Item item = line_.front();
+    received.age_ns = now_ns - item.arrival_ns;
+    received.size = item.size;
+    const std::size_t n = std::min(item.bytes.size(), buffer.size());
+    if (n > 0) std::memcpy(buffer.data(), item.bytes.data(), n);
+    line_.pop();
+    ++impairment.counts.delivered;
     return true;
   }
 
-  std::int64_t next_arrival_ns() const noexcept {
-    return heap_.empty() ? INT64_MAX : heap_.front().arrival_ns;
-  }
+  std::int64_t next_arrival_ns() const noexcept { return line_.next_arrival_ns(); }
 
-  SimPath config;
-  SimCounts counts;
+  Impairment impairment;
 
  private:
-  struct Arrival {
-    std::int64_t arrival_ns;
-    std::uint64_t order;
-    std::size_t slot;
-  };
-  static bool later(const Arrival& a, const Arrival& b) noexcept {
-    return a.arrival_ns != b.arrival_ns ? a.arrival_ns > b.arrival_ns : a.order > b.order;
-  }
-
-  bool lost() noexcept {
-    if (config.down) return true;
-    if (config.loss <= 0) return false;
-    if (config.burst_datagrams <= 1) return random_.chance(config.loss);
-    // Gilbert–Elliott with loss 1 in the bad state: mean stay there = burst, share of time there = loss.
-    const double leave = 1.0 / config.burst_datagrams;
-    const double enter = config.loss >= 1 ? 1.0 : leave * config.loss / (1.0 - config.loss);
-    bad_ = bad_ ? !(config.loss < 1 && random_.chance(leave)) : random_.chance(enter);
-    return bad_;
-  }
-
-  std::int64_t jitter_ns() noexcept {
-    if (config.jitter_ns <= 0) return 0;
-    const auto scale = static_cast<double>(config.jitter_ns);
-    switch (config.jitter) {
-      case SimPath::Jitter::kUniform:
-        return static_cast<std::int64_t>(scale * random_.uniform());
-      case SimPath::Jitter::kHalfNormal:
-        return static_cast<std::int64_t>(scale * std::fabs(random_.normal()));
-      case SimPath::Jitter::kExponential:
-        return static_cast<std::int64_t>(scale * random_.exponential());
-    }
-    return 0;
-  }
-
-  void put(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
-    if (free_.empty()) {
-      ++counts.lost;
-      return;
-    }
-    std::int64_t arrival_ns = now_ns + config.delay_ns + jitter_ns();
-    if (config.reorder > 0 && random_.chance(config.reorder)) {
-      ++counts.reordered;
-      arrival_ns += config.reorder_ns;
-    } else if (config.in_order) {
-      arrival_ns = last_in_order_ns_ = std::max(arrival_ns, last_in_order_ns_);
-    }
-    const std::size_t index = free_.back();
-    free_.pop_back();
-    Slot& slot = slots_[index];
-    slot.size = bytes.size();
-    std::memcpy(slot.bytes.data(), bytes.data(), std::min(bytes.size(), kSlotBytes));
-    heap_.push_back({arrival_ns, order_++, index});
-    std::push_heap(heap_.begin(), heap_.end(), later);
-  }
-
-  Random random_;
-  std::vector<Slot> slots_;
-  std::vector<std::size_t> free_;
-  std::vector<Arrival> heap_;
-  std::uint64_t order_ = 0;
-  std::int64_t last_in_order_ns_ = INT64_MIN;
-  bool bad_ = false;
+  DelayLine line_;
 };
 
 Address simulated(std::uint8_t host, std::uint16_t port) {
@@ -210,16 +125,16 @@ void SimLink::set_address_a(const Address& address) noexcept {
   impl_->address_a = address;
 }
 SimPath& SimLink::path_a_to_b() noexcept {
-  return impl_->ab.config;
+  return impl_->ab.impairment.config;
 }
 SimPath& SimLink::path_b_to_a() noexcept {
-  return impl_->ba.config;
+  return impl_->ba.impairment.config;
 }
 const SimCounts& SimLink::counts_a_to_b() const noexcept {
-  return impl_->ab.counts;
+  return impl_->ab.impairment.counts;
 }
 const SimCounts& SimLink::counts_b_to_a() const noexcept {
-  return impl_->ba.counts;
+  return impl_->ba.impairment.counts;
 }
 
 }  // namespace telenano::net

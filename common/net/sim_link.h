@@ -5,31 +5,13 @@
 #include <memory>
 
 #include "common/net/datagram.h"
+#include "common/net/impairment.h"
 
 namespace telenano::net {
 
-/// One direction of a simulated link. Everything is drawn from a seed.
-struct SimPath {
-  std::int64_t delay_ns = 0;
-  std::int64_t jitter_ns =
-      0;  ///< added to the delay: standard deviation of a half-normal, exponential mean, or width
-  enum class Jitter : std::uint8_t { kUniform, kHalfNormal, kExponential } jitter = Jitter::kUniform;
-  bool in_order = true;        ///< a late one delays those behind it (a queue); false: jitter reorders
-  double loss = 0;             ///< mean probability
-  double burst_datagrams = 1;  ///< mean length of a run of losses; 1 = independent, more = Gilbert–Elliott
-  double duplicate = 0;        ///< probability of coming twice
-  double reorder = 0;          ///< probability of being held back by reorder_ns, past those sent later
-  std::int64_t reorder_ns = 2'000'000;
-  bool down = false;  ///< an outage: everything sent is lost
-};
-
-struct SimCounts {
-  std::uint64_t sent = 0;
-  std::uint64_t delivered = 0;
-  std::uint64_t lost = 0;  ///< by loss, outage or a full queue
-  std::uint64_t duplicated = 0;
-  std::uint64_t reordered = 0;  ///< held back
-};
+/// One direction of a simulated link, and what it counts.
+using SimPath = ImpairmentConfig;
+using SimCounts = ImpairmentCounts;
 
 /// Two ends of a link in virtual time: whole sessions run through it as fast as the machine can, with the
 /// same Datagram seam as UDP. One thread. `capacity` datagrams (of at most 512 bytes, as the protocol's) may

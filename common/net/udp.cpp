@@ -259,4 +259,8 @@ Address Udp::local() const noexcept {
   return error ? Address{} : from_asio(endpoint);
 }
 
+int Udp::handle() const noexcept {
+  return impl_->handle;
+}
+
 }  // namespace telenano::net

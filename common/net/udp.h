@@ -33,6 +33,7 @@ class Udp final : public Datagram {
   /// Sleeps until a datagram is there (true), or the time has passed or a signal has come (false).
   bool wait_readable(std::int64_t timeout_ns) noexcept;
   Address local() const noexcept;
+  int handle() const noexcept;  ///< the file descriptor, to wait for several sockets at once
 
  private:
   struct Impl;

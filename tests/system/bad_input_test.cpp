@@ -263,6 +263,8 @@ TEST_F(BadInputTest, FlagsOfTheServerAndTheLaboratory) {
   const std::string port = std::to_string(taken.local().port);
   const std::string text = write("notes.txt", "no recording\n");
   write("empty.h5", "");
+  const std::vector<std::string> relay{kLab, "relay", "--listen", "127.0.0.1:0"};
+  const std::vector<std::string> good_relay = with(relay, {"--to", "127.0.0.1:5100"});
   expect_refused(std::vector<Bad>{
       {"port in use", {kNve, "serve", "--scene", scene, "--listen", "127.0.0.1:" + port}, {port, "in use"}},
       {"off loopback without keys",
@@ -300,6 +302,39 @@ TEST_F(BadInputTest, FlagsOfTheServerAndTheLaboratory) {
       {"methods: unknown", {kLab, "methods", "--methods", "none,magic", "--out", "methods"}, {"'magic'"}},
       {"methods: part", {kLab, "methods", "--only", "all", "--out", "methods"}, {"--only: 'all'", "press"}},
       {"methods: no folder", {kLab, "methods", "--out", text + "/x"}, {text + "/x", "cannot be created"}},
+      {"relay: no server", {kLab, "relay", "--listen", "127.0.0.1:0"}, {"--to"}},
+      {"relay: address", with(relay, {"--to", "here"}), {"--to", "'here'", "HOST:PORT"}},
+      {"relay: port in use",
+       {kLab, "relay", "--listen", "127.0.0.1:" + port, "--to", "127.0.0.1:5100"},
+       {port, "in use"}},
+      {"relay: itself",
+       {kLab, "relay", "--listen", "127.0.0.1:5100", "--to", "127.0.0.1:5100"},
+       {"--to: '127.0.0.1:5100'", "itself"}},
+      {"relay: exposed",
+       {kLab, "relay", "--listen", "0.0.0.0:0", "--to", "127.0.0.1:5100"},
+       {"0.0.0.0:0", "off loopback", "--expose"}},
+      {"relay: nan", with(good_relay, {"--delay-ms", "nan"}), {"--delay-ms: nan", "0 to 60000"}},
+      {"relay: inf", with(good_relay, {"--rate-bit-s", "inf"}), {"--rate-bit-s: inf", "10000000000"}},
+      {"relay: duration nan", with(good_relay, {"--duration-s", "nan"}), {"--duration-s: nan", "1000000"}},
+      {"relay: idle", with(good_relay, {"--idle-s", "0"}), {"--idle-s: 0;", "0.1"}},
+      {"relay: loss", with(good_relay, {"--loss", "0.1,1.5"}), {"--loss: 1.5", "0 to 1"}},
+      {"relay: three", with(good_relay, {"--loss", "0,0,0"}), {"--loss", "3 numbers"}},
+      {"relay: word", with(good_relay, {"--corrupt", "some"}), {"--corrupt", "'some'"}},
+      {"relay: slow", with(good_relay, {"--rate-bit-s", "10"}), {"--rate-bit-s: 10", "1000"}},
+      {"relay: queue", with(good_relay, {"--queue-bytes", "1"}), {"--queue-bytes: 1;", "100"}},
+      {"relay: jitter", with(good_relay, {"--jitter", "pareto"}), {"'pareto'", "half-normal"}},
+      {"relay: bursts",
+       with(good_relay, {"--burst", "5", "--burst-ms", "5"}),
+       {"--burst-ms", "leave one out"}},
+      {"relay: no such bursts",
+       with(good_relay, {"--burst", "2", "--loss", "0.9"}),
+       {"--loss: 0.9", "2 datagrams", "0.666667"}},
+      {"relay: outage", with(good_relay, {"--outage", "5"}), {"--outage", "'5'", "START:LENGTH"}},
+      {"relay: outage nan", with(good_relay, {"--outage", "5:nan"}), {"--outage: nan"}},
+      {"relay: random outage", with(good_relay, {"--random-outage", "0:1"}), {"--random-outage: 0", "0.001"}},
+      {"relay: no trace", with(good_relay, {"--trace", "none.csv"}), {"none.csv", "cannot be read"}},
+      {"relay: trace", with(good_relay, {"--trace", text}), {text, "line 1", "time_s,delay_ms,lost"}},
+      {"relay: clients", with(good_relay, {"--max-clients", "0"}), {"--max-clients: 0", "1024"}},
       {"session: task", {kLab, "session", "--scene", scene, "--task", "polish"}, {"polish"}},
   });
 }

@@ -1,0 +1,135 @@
+#include "tests/studies/relay/relay_command.h"
+
+#include <fmt/format.h>
+#include <sys/prctl.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "common/rt/steady_clock.h"
+#include "tests/studies/relay/relay.h"
+#include "tests/studies/relay/relay_options.h"
+
+namespace telenano::studies {
+namespace {
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+// A signal that comes between the look at the flag and the wait must not be slept over for long.
+constexpr std::int64_t kLongestWait_ns = 50'000'000;
+
+// Signal handlers can reach nothing else.
+std::atomic<bool> g_stop{false};
+
+void catch_stop_signals() {
+  g_stop = false;
+  struct sigaction action {};
+  action.sa_handler = [](int) { g_stop.store(true, std::memory_order_relaxed); };
+  sigaction(SIGINT, &action, nullptr);
+  sigaction(SIGTERM, &action, nullptr);
+}
+
+std::string in_words(const net::ImpairmentCounts& now, const net::ImpairmentCounts& before) {
+  return fmt::format("{} in, {} out, {} lost", now.sent - before.sent, now.delivered - before.delivered,
+                     now.lost - before.lost);
+}
+
+void print_summary(const Relay& relay) {
+  fmt::print(
+      "direction,sent,delivered,lost_chance,lost_outage,lost_trace,lost_rate,lost_room,duplicated,reordered,"
+      "corrupted,truncated,too_long,not_sent,late_p50_us,late_p99_us,late_max_us\n");
+  const auto row = [](const char* name, const Relay::Direction& d) {
+    const net::ImpairmentCounts& c = d.impairment.counts;
+    const auto us = [](std::int64_t ns) { return static_cast<double>(ns) * 1e-3; };
+    fmt::print("{},{},{},{},{},{},{},{},{},{},{},{},{},{},{:.1f},{:.1f},{:.1f}\n", name, c.sent, c.delivered,
+               c.lost_chance, c.lost_outage, c.lost_trace, c.lost_rate, c.lost_room, c.duplicated,
+               c.reordered, c.corrupted, c.truncated, d.too_long, d.not_sent, us(d.late.percentile_ns(0.5)),
+               us(d.late.percentile_ns(0.99)), us(d.late.max_ns()));
+  };
+  row("to_server", relay.to_server());
+  row("to_client", relay.to_client());
+}
+
+void run(const RelayOptions& options) {
+  const RelayConfig config = relay_config(options);
+  catch_stop_signals();
+  // The kernel else gathers wake-ups within 50 µs, which would be jitter that nobody asked for.
+  ::prctl(PR_SET_TIMERSLACK, 1UL);
+  const rt::SteadyClock clock;
+  Relay relay(config, clock);
+  fmt::print(stderr, "telenano-lab: relay on {} to {}, seed {}\n", net::to_string(relay.local()),
+             net::to_string(config.to), config.seed);
+  const std::int64_t end_ns =
+      options.duration_s > 0 ? static_cast<std::int64_t>(options.duration_s * 1e9) : INT64_MAX;
+  std::int64_t next_line_ns = kSecond;
+  net::ImpairmentCounts up, down;
+  for (std::int64_t now = 0; now < end_ns && !g_stop.load(std::memory_order_relaxed); now = relay.now_ns()) {
+    relay.step(std::clamp<std::int64_t>(std::min(end_ns, next_line_ns) - now, 0, kLongestWait_ns));
+    if (relay.now_ns() < next_line_ns) continue;
+    const net::ImpairmentCounts& up_now = relay.to_server().impairment.counts;
+    const net::ImpairmentCounts& down_now = relay.to_client().impairment.counts;
+    if (!options.quiet) {
+      fmt::print(stderr, "{} s: {} clients; to server {}; to client {}\n", next_line_ns / kSecond,
+                 relay.clients().now, in_words(up_now, up), in_words(down_now, down));
+    }
+    up = up_now;
+    down = down_now;
+    next_line_ns += kSecond;
+  }
+  const Relay::Clients& clients = relay.clients();
+  fmt::print(stderr,
+             "telenano-lab: relay ends; {} clients came, {} left idle, {} datagrams of others refused\n",
+             clients.seen, clients.idled, clients.refused);
+  print_summary(relay);
+}
+
+}  // namespace
+
+void add_relay_command(CLI::App& app) {
+  auto o = std::make_shared<RelayOptions>();
+  CLI::App* const c = app.add_subcommand(
+      "relay",
+      "UDP datagrams between stations and a server over a bad link. A,B: to the server, to the client; one "
+      "number: both. Times of outages and traces count from the start. Ends with CSV, one row a direction");
+  c->add_option("--listen", o->listen, "HOST:PORT for the stations; port 0: any free one")->required();
+  c->add_option("--to", o->to, "HOST:PORT of the server")->required();
+  const auto number = [&](const char* flag, std::string& value, const char* text) {
+    c->add_option(flag, value, text)->capture_default_str();
+  };
+  number("--delay-ms", o->delay_ms, "Delay one way, A[,B]; 0 to 60000");
+  number("--jitter-ms", o->jitter_ms,
+         "Added at random, A[,B]: width, standard deviation or mean; 0 to 60000");
+  number("--jitter", o->jitter, "uniform | half-normal | exponential");
+  c->add_flag("--any-order", o->any_order,
+              "Jitter reorders; otherwise a late datagram delays those behind it");
+  number("--loss", o->loss, "Probability, A[,B]; 0 to 1");
+  number("--burst", o->burst, "Mean run of losses, datagrams (Gilbert-Elliott), A[,B]; 1: independent");
+  number("--burst-ms", o->burst_ms, "Mean run of losses in time instead, A[,B]; 0 to 60000");
+  number("--duplicate", o->duplicate, "Probability of coming twice, A[,B]; 0 to 1");
+  number("--reorder", o->reorder, "Probability of being held back, A[,B]; 0 to 1");
+  number("--reorder-ms", o->reorder_ms, "How long then, A[,B]; 0 to 60000");
+  number("--corrupt", o->corrupt, "Probability that one bit is flipped, A[,B]; 0 to 1");
+  number("--truncate", o->truncate, "Probability of being cut to any shorter length, A[,B]; 0 to 1");
+  number("--rate-bit-s", o->rate_bit_s,
+         "What the link carries, headers counted, A[,B]; 0: all, or 1000 to 1e10");
+  number("--queue-bytes", o->queue_bytes, "Room before it, A[,B]; what does not fit is lost; 100 to 1e9");
+  number("--drift-ppm", o->drift_ppm, "Delay grows by this part of the time, A[,B]; -1000 to 1000");
+  c->add_option("--outage", o->outage, "START:LENGTH,... in seconds");
+  c->add_option("--random-outage", o->random_outage, "GAP:LENGTH, mean seconds between outages and of one");
+  c->add_option("--trace", o->trace, "CSV time_s,delay_ms,lost, replayed over and over, both ways");
+  c->add_option("--seed", o->seed, "Same seed, same draws")->capture_default_str();
+  c->add_option("--max-clients", o->max_clients, "Stations at once; 1 to 1024")->capture_default_str();
+  c->add_option("--idle-s", o->idle_s, "A silent station gives its place up after this; 0.1 to 1e6")
+      ->capture_default_str();
+  c->add_option("--duration-s", o->duration_s, "Ends after this; 0: at SIGINT or SIGTERM")
+      ->capture_default_str();
+  c->add_flag("--expose", o->expose, "Listen off loopback though the server is on it");
+  c->add_flag("--quiet", o->quiet, "No line a second");
+  c->callback([o] { run(*o); });
+}
+
+}  // namespace telenano::studies

@@ -1,0 +1,106 @@
+// The real programs over a bad link: telenano-lab relay between a station and its server.
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+#include "common/recording/recording_reader.h"
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+/// A cell of the relay's summary by the names of its row and column.
+double summary(const std::string& out, const std::string& row, const std::string& column) {
+  const auto lines = lines_of(out);
+  const auto split = [](const std::string& line) {
+    std::vector<std::string> cells;
+    std::istringstream stream(line);
+    for (std::string cell; std::getline(stream, cell, ',');) cells.push_back(cell);
+    return cells;
+  };
+  if (lines.size() != 3) return std::nan("");
+  const auto names = split(lines[0]);
+  for (std::size_t i = 1; i < 3; ++i) {
+    const auto cells = split(lines[i]);
+    if (cells.size() != names.size() || cells[0] != row) continue;
+    for (std::size_t k = 0; k < names.size(); ++k) {
+      if (names[k] == column) return std::strtod(cells[k].c_str(), nullptr);
+    }
+  }
+  return std::nan("");
+}
+
+TEST_F(ProgramsTest, ASessionOverDelayLossAndDuplicatesEndsWell) {
+  Server server(scene_path("flakes"));
+  ChildProcess relay({kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--delay-ms", "20",
+                      "--loss", "0.05", "--duplicate", "0.1", "--seed", "7"});
+  const std::string before = "relay on 127.0.0.1:";
+  ASSERT_TRUE(relay.wait_for_err(before, kLong)) << relay.err();
+  ASSERT_TRUE(relay.wait_for_err("\n", kLong));
+  const std::string said = relay.err();
+  const std::string address =
+      "127.0.0.1:" + std::to_string(std::atoi(said.c_str() + said.find(before) + before.size()));
+
+  const std::string file = path("relayed.h5");
+  const Finished run = run_program({kMaster, "run", "--quiet", "--server", address, "--task", "indent",
+                                    "--duration-s", "3", "--rate", "1000", "--record", file},
+                                   {}, kLong);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  // The last Byes are still on their way: three of them, with 20 ms each; half a second is far more.
+  ::usleep(500'000);
+  relay.signal(SIGTERM);
+  ASSERT_TRUE(relay.wait(kLong));
+  EXPECT_EQ(relay.exit_code(), 0) << relay.err();
+  EXPECT_NE(relay.err().find("1 clients came, 0 left idle"), std::string::npos) << relay.err();
+  const std::string out = relay.out();
+
+  const recording::RecordingReader reader(file);
+  EXPECT_TRUE(reader.closed());
+  const auto contact = reader.read("contact_state");
+  EXPECT_GT(std::count(contact.begin(), contact.end(), 3.0), 0) << "never touched";
+  // A round trip is twice the delay at least, by the station's own measure; and on a shared machine, where
+  // both may be late, at least half of them within 10 ms of it.
+  std::vector<double> rtt_us = reader.read("rtt_us");
+  std::erase(rtt_us, 0.0);
+  ASSERT_GT(rtt_us.size(), 500u);
+  std::sort(rtt_us.begin(), rtt_us.end());
+  EXPECT_GE(rtt_us.front(), 40'000);
+  EXPECT_LT(rtt_us[rtt_us.size() / 2], 50'000);
+
+  for (const char* row : {"to_server", "to_client"}) {
+    SCOPED_TRACE(row);
+    const double sent = summary(out, row, "sent");
+    const double lost = summary(out, row, "lost_chance");
+    const double twice = summary(out, row, "duplicated");
+    ASSERT_GT(sent, 1000) << out;
+    // Five deviations of the binomial counts.
+    EXPECT_NEAR(lost, 0.05 * sent, 5 * std::sqrt(sent * 0.05 * 0.95));
+    EXPECT_NEAR(twice, 0.1 * (sent - lost), 5 * std::sqrt(sent * 0.1 * 0.9));
+    EXPECT_EQ(summary(out, row, "delivered"), sent - lost + twice) << out;
+    EXPECT_EQ(summary(out, row, "not_sent"), 0);
+  }
+  // The server counted the duplicates that the relay made, and at most 6 more: Byes that came again.
+  const std::string server_said = server.stop();
+  const std::string word = "duplicate ";
+  const auto at = server_said.find(word);
+  ASSERT_NE(at, std::string::npos) << server_said;
+  const double seen = std::atof(server_said.c_str() + at + word.size());
+  const double made = summary(out, "to_server", "duplicated");
+  EXPECT_GE(seen, made - 6) << server_said;
+  EXPECT_LE(seen, made + 6) << server_said;
+  // What the relay was sent by the server is what the server answered: a reply to every new command.
+  EXPECT_NEAR(summary(out, "to_client", "sent"),
+              summary(out, "to_server", "sent") - summary(out, "to_server", "lost_chance"), 10);
+}
+
+TEST_F(ProgramsTest, ARelayWithNothingToDoEndsByItsTimeWithASummary) {
+  const Finished run = run_program({kLab, "relay", "--listen", "127.0.0.1:0", "--to", "127.0.0.1:9",
+                                    "--outage", "0:1", "--duration-s", "1.2", "--rate-bit-s", "1e6"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.err.find("1 s: 0 clients"), std::string::npos) << run.err;
+  EXPECT_EQ(summary(run.out, "to_server", "sent"), 0) << run.out;
+  EXPECT_EQ(summary(run.out, "to_client", "late_max_us"), 0) << run.out;
+}
+
+}  // namespace
+}  // namespace telenano::programs
