@@ -83,5 +83,5 @@ r=$out/recordings
   --run "Task (c): indent=$r/indent.h5" --run "Scan=$r/scan.h5" \
   --run "Silicon oxide, no control=$r/sio2_none.h5" --run "Silicon oxide, ks=$r/sio2_ks.h5" \
   --run "Silicon oxide, ks-clamp=$r/sio2_ks_clamp.h5" --run "Silicon oxide, model=$r/sio2_model.h5" \
-  --pair "none=$r/sio2_none.h5" --pair "ks=$r/sio2_ks.h5" --pair "ks-clamp=$r/sio2_ks_clamp.h5" --pair "model=$r/sio2_model.h5"
+  --pair "none=$r/sio2_none.h5" --pair "ks=$r/sio2_ks.h5" --pair "model=$r/sio2_model.h5"
 say "Open $out/report/index.html"
