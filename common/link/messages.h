@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 
 #include "common/base/vec3.h"
@@ -169,6 +170,12 @@ struct LocalModel {
            adhesion_nn == 0 && shear_stiffness_n_m == 0 && friction_nn == 0;
   }
 };
+
+inline bool is_finite(const LocalModel& m) noexcept {
+  return telenano::is_finite(m.point_w_nm) && telenano::is_finite(m.normal_w) &&
+         std::isfinite(m.stiffness_n_m) && std::isfinite(m.adhesion_nn) &&
+         std::isfinite(m.shear_stiffness_n_m) && std::isfinite(m.friction_nn);
+}
 
 /// Server → station, one for each accepted command.
 struct Reply {

@@ -14,7 +14,9 @@ constexpr double kBelievableForce = 2.0;  // times what the device can do
 
 bool finite_reply(const link::Reply& reply) noexcept {
   return is_finite(reply.force_w_nn) && is_finite(reply.tip_pos_w_nm) && std::isfinite(reply.deflection_nm) &&
-         std::isfinite(reply.energy_in_aj) && std::isfinite(reply.energy_out_aj);
+         std::isfinite(reply.energy_in_aj) && std::isfinite(reply.energy_out_aj) &&
+         std::isfinite(reply.port.energy_sent_aj) && is_finite(reply.port.wave_sum) &&
+         std::isfinite(reply.port.wave_energy_aj) && link::is_finite(reply.model);
 }
 
 control::ContactModel contact_model(const link::LocalModel& m) noexcept {

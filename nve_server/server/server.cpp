@@ -35,6 +35,7 @@ void step_guarded(slave::Slave& slave, const slave::SlaveInput& input, double dt
                   slave::SlaveOutput& output) noexcept {
   slave::SlaveOutput next = output;
   slave.step(input, dt_s, next);
+  if (!link::is_finite(next.model)) next.model = {};  // the force may be right all the same
   if (is_finite(next)) {
     output = next;
     return;
