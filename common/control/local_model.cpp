@@ -20,7 +20,9 @@ void LocalModel::take_over(double ledger_j, const MethodConfig& config, const Ve
   controller_ = PassivityController(OnePort::with(Method::kModel, config.passivity));
   controller_.take_over(ledger_j, hand_pos_h_m);
   renderer_ = renderer_for(config);
+  slave_force_h_n_.setZero();
   far_field_h_n_.setZero();
+  slave_touches_ = other_slave_ = false;
 }
 
 void LocalModel::begin_session(bool new_epoch) noexcept {

@@ -13,6 +13,7 @@ class OnePort final : public StationMethod {
   void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
     controller_ = PassivityController(with(controller_.config().method, config.passivity));
     controller_.take_over(ledger_j, hand_pos_h_m);
+    force_h_n_.setZero();
   }
   void begin_session(bool) noexcept override {}
   void book(const PortInterval& interval) noexcept override { controller_.book(interval); }

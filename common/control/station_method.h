@@ -18,7 +18,6 @@ namespace telenano::control {
 struct SlaveNews {
   Vec3 force_h_n = Vec3::Zero();  ///< α_F F_tip
   bool touching = false;
-  double energy_in_j = 0;      ///< put into the slave's port, ≥ 0
   double energy_out_j = 0;     ///< given back by it, ≥ 0
   double energy_sent_j = 0;    ///< ≥ 0
   Vec3 wave_h = Vec3::Zero();  ///< Σ w T, √(J s)
@@ -60,7 +59,8 @@ class StationMethod {
   virtual ~StationMethod() = default;
 
   /// Becomes the method in use: `ledger_j` is what the last one had. Its deficit is taken over, its surplus
-  /// is not: a change of method grants no allowance. Likewise a change of scale.
+  /// is not: a change of method grants no allowance. Likewise a change of scale. What it knew of the slave is
+  /// forgotten; the caller lets it hear() the newest reply again.
   virtual void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept = 0;
   /// A session has begun or was resumed: what was on the way is lost; with a new epoch the slave is another
   /// one, which knows of no energy that was sent to the last.

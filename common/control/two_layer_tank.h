@@ -30,6 +30,7 @@ class TwoLayerTank final : public StationMethod {
   void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
     controller_ = PassivityController(OnePort::with(Method::kTank, config.passivity));
     controller_.take_over(ledger_j, hand_pos_h_m);
+    force_h_n_.setZero();
     granted_ = granted_ || ledger_j < 0;  // who comes with a debt has had an allowance
   }
   void begin_session(bool) noexcept override {}

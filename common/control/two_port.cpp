@@ -10,6 +10,7 @@ TwoPort::TwoPort(const MethodConfig& config) noexcept
 void TwoPort::take_over(double ledger_j, const MethodConfig& config, const Vec3&) noexcept {
   damper_cap_n_s_m_ = PassivityController(config.passivity).damper_cap_n_s_m();
   surplus_j_ = std::min(0.0, ledger_j);
+  force_h_n_.setZero();
   damper_force_h_n_.setZero();
   damper_n_s_m_ = 0;
 }

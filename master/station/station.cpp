@@ -110,6 +110,7 @@ void Station::change_method(control::Method method) noexcept {
   method = usable_method(method, features_);
   if (method == methods_.method()) return;
   methods_.change_to(method, method_config(), hand_pos_h_m_);
+  if (has_reply_) tell_method({});
   bump_ahead_ = true;
 }
 
@@ -130,7 +131,10 @@ bool Station::change_scaling(const control::Scaling& scaling) noexcept {
   }
   mapping_.rescale(scaling, hand_pos_h_m_);
   methods_.change_to(methods_.method(), method_config(), hand_pos_h_m_);
-  tip_force_h_n_ = scaling.hand_force_n(reply_.force_w_nn);
+  if (has_reply_) {
+    tip_force_h_n_ = scaling.hand_force_n(reply_.force_w_nn);
+    tell_method({});
+  }
   bump_ahead_ = true;
   return true;
 }
@@ -209,7 +213,7 @@ void Station::accept_reply(const StationInput& input) noexcept {
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
-      tell_method(input);
+      tell_method(slave_sums_.update(reply_));
     } else {
       faults_ |= kFaultReplyNonFinite;
       has_reply_ = false;
@@ -220,20 +224,18 @@ void Station::accept_reply(const StationInput& input) noexcept {
   if (has_reply_ && stale_s_ > config_.stale_hold_s) faults_ |= kFaultStale;
 }
 
-/// Energies and waves come as sums; the method is told what has been added to them.
-void Station::tell_method(const StationInput& input) noexcept {
-  const link::Reply& reply = *input.reply;
-  const link::ReceivedSums::News added = slave_sums_.update(reply);
+/// What the newest reply says. Energies and waves come as sums; the method is told what has been added to
+/// them: nothing, when it hears the same reply again after a change.
+void Station::tell_method(const link::ReceivedSums::News& added) noexcept {
   control::SlaveNews news;
   news.force_h_n = tip_force_h_n_;
-  news.touching = reply.contact_state == link::ContactState::kContact;
-  news.energy_in_j = config_.scaling.hand_energy_j(added.energy_in_aj);
+  news.touching = reply_.contact_state == link::ContactState::kContact;
   news.energy_out_j = config_.scaling.hand_energy_j(added.energy_out_aj);
   news.energy_sent_j = config_.scaling.hand_energy_j(added.energy_sent_aj);
   news.wave_h = added.wave * std::sqrt(config_.scaling.hand_energy_j(1));
   news.wave_j = config_.scaling.hand_energy_j(added.wave_aj);
-  news.model = contact_model(reply.model);
-  news.answers = reply.command_sequence;
+  news.model = contact_model(reply_.model);
+  news.answers = reply_.command_sequence;
   methods_.now().hear(news);
 }
 

@@ -130,7 +130,7 @@ class Station {
 
  private:
   void accept_reply(const StationInput& input) noexcept;
-  void tell_method(const StationInput& input) noexcept;
+  void tell_method(const link::ReceivedSums::News& added) noexcept;
   void render(const StationInput& input, double dt_s, StationTrace& trace) noexcept;
   control::MethodConfig method_config() const noexcept;
   void tell_slave(link::Command& command) const noexcept;

@@ -124,6 +124,34 @@ TEST(StationMethods, AChangeOfScaleMovesNeitherTipNorHand) {
   EXPECT_NEAR(rig.output.command.tip_pos_w_nm.z(), target.z() - 2, 1e-9);  // 1 mm at α_v = 2e-6
 }
 
+// The next reply may be a round trip away: the change must not wait for it, nor leap when it comes.
+TEST(StationMethods, AChangeIsBumplessBetweenRepliesToo) {
+  for (Method method : {Method::kKsClamp, Method::kTank, Method::kTdpa, Method::kModel}) {
+    FeatureRig rig(method);
+    rig.engage(kPush);
+    ASSERT_TRUE(rig.station.change_scaling({1e-6, 4e7}));
+    double last_n = 1, largest_n = 0;
+    for (int k = 0; k < 300; ++k) {
+      rig.tick(k >= 5);
+      largest_n = std::fmax(largest_n, rig.force_n() - last_n);
+      last_n = rig.force_n();
+    }
+    EXPECT_LE(largest_n, 2.0 / 200 + 1e-9) << control::method_name(method);
+  }
+}
+
+TEST(StationMethods, AMethodThatComesBackDoesNotShowWhatItLastHeard) {
+  for (Method method : {Method::kKsClamp, Method::kTank, Method::kTdpa, Method::kModel}) {
+    FeatureRig rig(method);
+    rig.engage(kPush);
+    rig.station.change_method(Method::kNone);
+    rig.engage(Vec3(0, 0, 5));  // the sample is hardly there any more
+    rig.station.change_method(method);
+    rig.tick(false);
+    EXPECT_LE(rig.output.trace.rendered_force_h_n.norm(), 0.1 + 1e-12) << control::method_name(method);
+  }
+}
+
 TEST(StationMethods, AnUnsafeOrSenselessScaleIsNotTaken) {
   FeatureRig rig(Method::kKsClamp);  // the slave shows 10 N/m: 2b/((1+1)² T k_c) = 100 at one sample
   rig.engage(kPush);
