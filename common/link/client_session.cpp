@@ -98,11 +98,14 @@ std::size_t ClientSession::poll(std::int64_t now_ns, std::span<std::uint8_t> out
 
 ClientEvent ClientSession::drop(DropCause cause) noexcept {
   drops_.add(cause);
+  last_drop_ = cause;
   return ClientEvent::kDropped;
 }
 
 ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
   overtaken_ = false;
+  last_drop_ = DropCause::kNone;
+  incoming_.type = MessageType::kNone;
   const DropCause cause = codec_.decode(bytes, incoming_);
   if (cause != DropCause::kNone) return drop(cause);
   switch (incoming_.type) {

@@ -90,6 +90,10 @@ class ClientSession {
   /// The datagram just taken was a reply that a newer one had overtaken (dropped as stale): for a play-out
   /// buffer that has not come to it yet. Null otherwise; valid until the next datagram.
   const Reply* overtaken_reply() const noexcept { return overtaken_ ? &incoming_.reply : nullptr; }
+  /// The datagram just taken: what it was (kNone: could not be decoded) and why it was dropped (kNone: it was
+  /// not).
+  const Incoming& incoming() const noexcept { return incoming_; }
+  DropCause last_drop() const noexcept { return last_drop_; }
   const ReceivedEnergy& slave_energy_aj() const noexcept { return slave_energy_; }
 
   const Refuse& refuse() const noexcept { return refuse_; }      ///< valid in kRefused
@@ -159,6 +163,7 @@ class ClientSession {
 
   LinkStats stats_;
   DropCounters drops_;
+  DropCause last_drop_ = DropCause::kNone;
 };
 
 }  // namespace telenano::link

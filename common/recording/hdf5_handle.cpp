@@ -65,6 +65,17 @@ hid_t file_type(ColumnType type) {
   return H5T_IEEE_F64LE;
 }
 
+Handle datagram_type() {
+  Handle type(H5Tcreate(H5T_COMPOUND, sizeof(DatagramRow)), H5Tclose);
+  H5Tinsert(type.get(), "tick", offsetof(DatagramRow, tick), H5T_STD_I64LE);
+  H5Tinsert(type.get(), "came_ns", offsetof(DatagramRow, came_ns), H5T_STD_I64LE);
+  H5Tinsert(type.get(), "sequence", offsetof(DatagramRow, sequence), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "answers", offsetof(DatagramRow, answers), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "type", offsetof(DatagramRow, type), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "drop", offsetof(DatagramRow, drop), H5T_STD_U32LE);
+  return type;
+}
+
 Handle event_type(bool packed) {
   Handle text(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(text.get(), sizeof(Event::text));

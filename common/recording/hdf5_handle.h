@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "common/recording/datagram_row.h"
 #include "common/recording/sample.h"
 
 /// The little of HDF5 that writer, reader and recovery share. Included by this folder's .cpp files only.
@@ -44,6 +45,7 @@ inline constexpr std::uint32_t kFormatVersion = 1;
 inline constexpr const char* kSamplesGroup = "/samples";
 inline constexpr const char* kConfigurationGroup = "/configuration";
 inline constexpr const char* kEventsDataset = "/events";
+inline constexpr const char* kDatagramsDataset = "/datagrams";
 inline constexpr const char* kProgressDataset = "/progress";
 
 /// /progress: what the writer has confirmed after everything before it had been written.
@@ -67,6 +69,9 @@ hid_t memory_type(ColumnType type);
 hid_t file_type(ColumnType type);
 /// A compound of Event; `packed` as it lies in the file, otherwise as it lies in memory.
 Handle event_type(bool packed);
+
+/// A compound of DatagramRow, which has no padding.
+Handle datagram_type();
 
 /// False when the attribute is missing or not a string.
 bool read_text_attribute(hid_t object, const char* name, std::string& text);

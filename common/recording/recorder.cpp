@@ -53,9 +53,11 @@ class Recorder::Impl {
       : options_(options),
         file_(options.path, options.overwrite, configuration),
         samples_(options.queue_rows),
-        events_(options.queue_events) {
+        events_(options.queue_events),
+        datagrams_(options.queue_datagrams) {
     rows_.reserve(RecordingFile::kChunkRows);
     event_rows_.reserve(RecordingFile::kChunkRows);
+    datagram_rows_.reserve(RecordingFile::kChunkRows);
     const SignalsBlocked blocked;
     thread_ = std::thread([this] { run(); });
   }
@@ -70,6 +72,7 @@ class Recorder::Impl {
   }
   bool push(const Sample& sample) noexcept { return push(samples_, sample, rows_dropped_); }
   bool push(const Event& event) noexcept { return push(events_, event, events_dropped_); }
+  bool push(const DatagramRow& row) noexcept { return push(datagrams_, row, datagrams_dropped_); }
 
   void close() {
     if (!thread_.joinable()) return;
@@ -87,6 +90,9 @@ class Recorder::Impl {
     return rows_dropped_.load(std::memory_order_relaxed) + rows_lost_.load(std::memory_order_relaxed);
   }
   std::uint64_t events_dropped() const noexcept { return events_dropped_.load(std::memory_order_relaxed); }
+  std::uint64_t datagrams_dropped() const noexcept {
+    return datagrams_dropped_.load(std::memory_order_relaxed);
+  }
 
  private:
   void run() {
@@ -102,12 +108,12 @@ class Recorder::Impl {
       if (!stopping) std::this_thread::sleep_for(kPollPeriod);
       good = take_all();
       if (good && !stopping && SteadyTime::now() >= next_flush) {
-        good = write_rows() && write_events() && file_.confirm(rows_dropped());
+        good = write_all() && file_.confirm(rows_dropped());
         if (good) rows_written_.store(file_.rows(), std::memory_order_relaxed);
         next_flush = SteadyTime::now() + flush_period;
       }
     }
-    if (good) good = write_rows() && write_events() && file_.close(rows_dropped());
+    if (good) good = write_all() && file_.close(rows_dropped());
     if (good) {
       rows_written_.store(file_.rows(), std::memory_order_relaxed);
     } else {
@@ -127,6 +133,11 @@ class Recorder::Impl {
       event_rows_.push_back(event);
       if (event_rows_.size() == RecordingFile::kChunkRows && !write_events()) return false;
     }
+    DatagramRow datagram;
+    while (datagrams_.pop(datagram)) {
+      datagram_rows_.push_back(datagram);
+      if (datagram_rows_.size() == RecordingFile::kChunkRows && !write_datagrams()) return false;
+    }
     return true;
   }
 
@@ -141,6 +152,14 @@ class Recorder::Impl {
     event_rows_.clear();
     return true;
   }
+
+  bool write_datagrams() {
+    if (!file_.append(datagram_rows_)) return false;
+    datagram_rows_.clear();
+    return true;
+  }
+
+  bool write_all() { return write_rows() && write_events() && write_datagrams(); }
 
   void stop_recording() {
     {
@@ -159,8 +178,10 @@ class Recorder::Impl {
   RecordingFile file_;
   rt::SpscQueue<Sample> samples_;
   rt::SpscQueue<Event> events_;
+  rt::SpscQueue<DatagramRow> datagrams_;
   std::vector<Sample> rows_;  // of the writer's thread, like event_rows_ and file_
   std::vector<Event> event_rows_;
+  std::vector<DatagramRow> datagram_rows_;
 
   std::atomic<bool> stop_{false};
   std::atomic<bool> failed_{false};
@@ -168,6 +189,7 @@ class Recorder::Impl {
   std::atomic<std::uint64_t> rows_dropped_{0};  // by the loop's thread
   std::atomic<std::uint64_t> rows_lost_{0};     // by the writer's thread, after a failure
   std::atomic<std::uint64_t> events_dropped_{0};
+  std::atomic<std::uint64_t> datagrams_dropped_{0};
   mutable std::mutex failure_mutex_;
   std::string failure_;
   std::thread thread_;
@@ -182,6 +204,9 @@ bool Recorder::push(const Sample& sample) noexcept {
 }
 bool Recorder::push(const Event& event) noexcept {
   return impl_->push(event);
+}
+bool Recorder::push(const DatagramRow& row) noexcept {
+  return impl_->push(row);
 }
 void Recorder::close() {
   impl_->close();
@@ -200,6 +225,10 @@ std::uint64_t Recorder::rows_dropped() const noexcept {
 }
 std::uint64_t Recorder::events_dropped() const noexcept {
   return impl_->events_dropped();
+}
+
+std::uint64_t Recorder::datagrams_dropped() const noexcept {
+  return impl_->datagrams_dropped();
 }
 
 Event make_event(std::int64_t tick, double time_s, std::uint32_t code, const char* text,

@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/recording/datagram_row.h"
 #include "common/recording/sample.h"
 
 namespace telenano::recording {
@@ -35,6 +36,7 @@ struct RecorderOptions {
   bool overwrite = false;          ///< an existing file is refused otherwise
   std::size_t queue_rows = 16384;  ///< rows that may wait while the disk is busy: 4 s at 4 kHz, 6 MB
   std::size_t queue_events = 1024;
+  std::size_t queue_datagrams = 16384;
   double flush_period_s = 0.25;  ///< at most this much, twice, is lost when the process is killed
   /// Told once, from the recorder's thread, when writing fails (a full disk): one line. The loop is not
   /// disturbed.
@@ -59,6 +61,7 @@ class Recorder {
   /// The loop's thread only. False when the row was dropped (and counted).
   bool push(const Sample& sample) noexcept;
   bool push(const Event& event) noexcept;
+  bool push(const DatagramRow& row) noexcept;
 
   /// Writes what is still queued and closes the file. Not from the loop. Does nothing the second time.
   void close();
@@ -69,6 +72,7 @@ class Recorder {
   std::uint64_t rows_written() const noexcept;
   std::uint64_t rows_dropped() const noexcept;  ///< queue full, or recording has stopped
   std::uint64_t events_dropped() const noexcept;
+  std::uint64_t datagrams_dropped() const noexcept;
 
  private:
   class Impl;

@@ -146,6 +146,12 @@ void RecordingFile::create_datasets() {
   const Handle events = create_extendable(file_.get(), kEventsDataset, packed.get(), 1, kEventChunkRows);
   good =
       good && events && write_text_attribute(events.get(), "description", "what happened, and at which tick");
+  const Handle datagrams =
+      create_extendable(file_.get(), kDatagramsDataset, datagram_type().get(), 1, kChunkRows);
+  good = good && datagrams &&
+         write_text_attribute(datagrams.get(), "description",
+                              "every datagram that came: tick and time (ns, station clock), a reply's number "
+                              "and the command it answers, type, cause if dropped (PROTOCOL.md)");
 
   const hsize_t fields = kProgressFields;
   const Handle space(H5Screate_simple(1, &fields, nullptr), H5Sclose);
@@ -173,8 +179,10 @@ void RecordingFile::open_datasets() {
   gathered_.resize(widest * kChunkRows);
   events_ = Handle(H5Dopen2(file_.get(), kEventsDataset, H5P_DEFAULT), H5Dclose);
   event_type_ = event_type(false);
+  datagrams_ = Handle(H5Dopen2(file_.get(), kDatagramsDataset, H5P_DEFAULT), H5Dclose);
+  datagram_type_ = datagram_type();
   progress_ = Handle(H5Dopen2(file_.get(), kProgressDataset, H5P_DEFAULT), H5Dclose);
-  if (!good || !events_ || !progress_) throw UserError(name_ + ": cannot be written: " + hdf5_reason());
+  if (!good || !events_ || !datagrams_ || !progress_) throw UserError(name_ + ": cannot be written: " + hdf5_reason());
 }
 
 bool RecordingFile::append(std::span<const Sample> samples) {
@@ -199,6 +207,14 @@ bool RecordingFile::append(std::span<const Event> events) {
   if (!append_to(events_.get(), event_type_.get(), event_rows_, events.size(), 1, events.data()))
     return false;
   event_rows_ += events.size();
+  return true;
+}
+
+bool RecordingFile::append(std::span<const DatagramRow> datagrams) {
+  if (!append_to(datagrams_.get(), datagram_type_.get(), datagram_rows_, datagrams.size(), 1,
+                 datagrams.data()))
+    return false;
+  datagram_rows_ += datagrams.size();
   return true;
 }
 
@@ -242,6 +258,7 @@ bool RecordingFile::close(std::uint64_t rows_dropped) {
   bool good = progress_.reset();
   for (Handle& column : columns_) good = column.reset() && good;
   good = events_.reset() && good;
+  good = datagrams_.reset() && good;
   good = file_.reset() && good;
   if (!good) return fail("close");
   abandon();
@@ -252,6 +269,7 @@ void RecordingFile::abandon() noexcept {
   for (Handle& column : columns_) column.abandon();
   columns_.clear();
   events_.abandon();
+  datagrams_.abandon();
   progress_.abandon();
   file_.abandon();
   if (lock_fd_ >= 0) ::close(lock_fd_);

@@ -143,6 +143,24 @@ class RecordingReader::Impl {
     return events;
   }
 
+  /// Nothing confirms them: a writer that was killed may have left rows that lie beyond the samples, or were
+  /// never filled (tick 0 again).
+  std::vector<DatagramRow> datagrams() const {
+    if (H5Lexists(file_.get(), kDatagramsDataset, H5P_DEFAULT) <= 0 || rows_ == 0) return {};
+    const Handle dataset(H5Dopen2(file_.get(), kDatagramsDataset, H5P_DEFAULT), H5Dclose);
+    std::vector<DatagramRow> rows(dataset ? dataset_rows(dataset.get()) : 0);
+    if (!rows.empty() && H5Dread(dataset.get(), datagram_type().get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, rows.data()) < 0)
+      broken("/datagrams cannot be read: " + hdf5_reason());
+    Sample last;
+    read_samples(rows_ - 1, std::span(&last, 1));
+    std::size_t good = 0;
+    while (good < rows.size() && rows[good].tick <= last.tick && rows[good].came_ns != 0 &&
+           (good == 0 || rows[good].tick >= rows[good - 1].tick))
+      ++good;
+    rows.resize(good);
+    return rows;
+  }
+
   std::vector<std::pair<std::string, std::string>> configuration() const {
     const Handle group(H5Gopen2(file_.get(), kConfigurationGroup, H5P_DEFAULT), H5Gclose);
     if (!group) broken("has no /configuration");
@@ -258,6 +276,9 @@ void RecordingReader::read_samples(std::size_t first, std::span<Sample> samples)
 }
 std::vector<Event> RecordingReader::events() const {
   return impl_->events();
+}
+std::vector<DatagramRow> RecordingReader::datagrams() const {
+  return impl_->datagrams();
 }
 std::vector<std::pair<std::string, std::string>> RecordingReader::configuration() const {
   return impl_->configuration();

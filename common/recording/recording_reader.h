@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/recording/datagram_row.h"
 #include "common/recording/sample.h"
 
 namespace telenano::recording {
@@ -40,6 +41,8 @@ class RecordingReader {
   /// not be more than rows().
   void read_samples(std::size_t first, std::span<Sample> samples) const;
   std::vector<Event> events() const;
+  /// Of the ticks that are shown; empty for recordings made before there were any.
+  std::vector<DatagramRow> datagrams() const;
 
   /// Text of a key of /configuration; empty when there is none.
   std::string configuration(const std::string& key) const;

@@ -85,6 +85,10 @@ struct Sample {
   double lateness_us = 0;
   double step_us = 0;
   std::int64_t overruns = 0;
+  std::int64_t now_ns = 0;
+  double dt_s = 0;
+  std::int64_t sent_ns = 0;
+  std::int64_t device_status = 0;
 
   std::uint32_t contact_state = 0;
   std::uint32_t fault_bits = 0;

@@ -53,6 +53,7 @@ void RealTimeSession::run() noexcept {
     sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
     summary_.add(sample);
     if (recorder_ != nullptr) {
+      for (const recording::DatagramRow& row : loop_.datagrams()) recorder_->push(row);
       recorder_->push(sample);
       record_events(sample);
     }

@@ -4,13 +4,6 @@
 
 namespace telenano::loop {
 
-namespace {
-
-// Enough for what gathers in a quarter of a second at 1 kHz; the rest of a flood waits for the next tick.
-constexpr int kDatagramsPerTick = 256;
-
-}  // namespace
-
 StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
                          link::ClientSession& session, station::Station& station,
                          const rt::Clock* clock, const LinkOptions& options)
@@ -41,12 +34,14 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
 
   bool replied = false;
   net::Received received;
-  for (int i = 0; i < kDatagramsPerTick && socket_.receive(buffer_, received); ++i) {
+  datagram_count_ = 0;
+  for (std::size_t i = 0; i < kDatagramsPerTick && socket_.receive(buffer_, received); ++i) {
     if (!(received.from == server_)) continue;  // somebody else's
     const std::size_t size = received.size < buffer_.size() ? received.size : buffer_.size();
     const std::int64_t came_ns = (clock_ != nullptr ? clock_->now_ns() : now_ns) - received.age_ns;
     const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), came_ns);
     replied |= event == link::ClientEvent::kReply;
+    note_datagram(came_ns);
     if (!playout_.active()) continue;
     if (event == link::ClientEvent::kWelcome) playout_.clear();
     if (event == link::ClientEvent::kReply) playout_.push(session_.reply());
@@ -69,14 +64,31 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.command_sequence = session_.commands_sent() + 1;
   input_.reply = next_reply(now_ns, replied);
   station_.step(input_, dt_s, output_);
+  sample.now_ns = now_ns;
+  sample.dt_s = dt_s;
+  sample.device_status = static_cast<std::int64_t>(reading.status);
   applied_h_n_ = device_.write_force(output_.hand_force_h_n);
 
   send(session_.poll(now_ns, buffer_));
-  if (gate_.wants(output_.command, output_.hand_force_h_n, now_ns))
-    send(session_.make_command(output_.command, clock_ != nullptr ? clock_->now_ns() : now_ns, buffer_));
+  sample.sent_ns = 0;
+  if (gate_.wants(output_.command, output_.hand_force_h_n, now_ns)) {
+    const std::int64_t sent_ns = clock_ != nullptr ? clock_->now_ns() : now_ns;
+    const std::size_t size = session_.make_command(output_.command, sent_ns, buffer_);
+    if (size > 0) sample.sent_ns = sent_ns;
+    send(size);
+  }
 
   fill(now_ns, applied_h_n_, sample);
   ++ticks_;
+}
+
+void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
+  const link::Incoming& in = session_.incoming();
+  recording::DatagramRow& row = datagrams_[datagram_count_++];
+  row = {ticks_, came_ns, 0, 0, static_cast<std::uint32_t>(in.type), static_cast<std::uint32_t>(session_.last_drop())};
+  if (in.type != link::MessageType::kReply) return;
+  row.sequence = in.reply.sequence;
+  row.answers = in.reply.command_sequence;
 }
 
 void StationLoop::say_bye(link::ByeReason reason) noexcept {

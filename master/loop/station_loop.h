@@ -1,10 +1,13 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "common/link/client_session.h"
 #include "common/net/datagram.h"
+#include "common/recording/datagram_row.h"
 #include "common/recording/sample.h"
 #include "common/rt/clock.h"
 #include "master/device/haptic_device.h"
@@ -44,9 +47,17 @@ class StationLoop {
   const link::SendGate& gate() const noexcept { return gate_; }
   /// Of the tick that was last.
   const link::LinkQuality& quality() const noexcept { return quality_; }
+  /// What came in the tick that was last, for the recording.
+  std::span<const recording::DatagramRow> datagrams() const noexcept {
+    return std::span(datagrams_).first(datagram_count_);
+  }
 
  private:
+  // Enough for what gathers in a quarter of a second at 1 kHz; the rest of a flood waits for the next tick.
+  static constexpr std::size_t kDatagramsPerTick = 256;
+
   void send(std::size_t size) noexcept;
+  void note_datagram(std::int64_t came_ns) noexcept;
   const link::Reply* next_reply(std::int64_t now_ns, bool replied) noexcept;
   void fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept;
 
@@ -66,6 +77,8 @@ class StationLoop {
   std::int64_t ticks_ = 0;
   std::int64_t start_ns_ = 0;
   std::uint64_t send_failures_ = 0;
+  std::array<recording::DatagramRow, kDatagramsPerTick> datagrams_{};
+  std::size_t datagram_count_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
   /// One byte more than the largest datagram, so that an oversize one is seen as such.
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer_{};

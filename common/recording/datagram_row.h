@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+#include <type_traits>
+
+namespace telenano::recording {
+
+/// One datagram that the station took in, in the order in which it looked at them. With the samples' own
+/// columns it is what a replay needs to know of the network: what came when, which reply answered which
+/// command and so, by the replies' numbers, in which order the slave stepped.
+struct DatagramRow {
+  std::int64_t tick = 0;       ///< at whose start it was looked at
+  std::int64_t came_ns = 0;    ///< when it reached this machine, station clock
+  std::uint64_t sequence = 0;  ///< of a reply; else 0
+  std::uint64_t answers = 0;   ///< the command that a reply answers; else 0
+  std::uint32_t type = 0;      ///< link::MessageType; 0 = could not be decoded
+  std::uint32_t drop = 0;      ///< link::DropCause; 0 = accepted
+};
+
+static_assert(std::is_trivially_copyable_v<DatagramRow> && sizeof(DatagramRow) == 40);
+
+}  // namespace telenano::recording
