@@ -59,7 +59,7 @@ more(6, { 24, "wave_energy_aj", "d" }, { 25, "model_version", "i" })
 xyz(messages[6], 26, "model_point_w_{}_nm")
 xyz(messages[6], 29, "model_normal_w_{}")
 more(6, { 32, "model_stiffness_n_m", "d" }, { 33, "model_adhesion_nn", "d" }, { 34, "model_shear_stiffness_n_m", "d" },
-  { 35, "model_friction_nn", "d" })
+  { 35, "model_friction_nn", "d" }, { 36, "steps_before", "q" })
 
 local header = {
   magic = ProtoField.string("telenano.magic", "Magic"),

@@ -223,7 +223,8 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   if (reply.command_sequence > command_sequence_) return drop(DropCause::kOutOfRange);
   const bool port_unasked = (features() & kFeaturePortControl) == 0 && !reply.port.empty();
   const bool model_unasked = (features() & kFeatureLocalModel) == 0 && !reply.model.empty();
-  if (port_unasked || model_unasked) return drop(DropCause::kUnexpected);
+  const bool history_unasked = (features() & kFeatureStepHistory) == 0 && reply.steps_before != 0;
+  if (port_unasked || model_unasked || history_unasked) return drop(DropCause::kUnexpected);
   const DropCause cause = replies_.accept(reply.sequence);
   overtaken_ = cause == DropCause::kStale;
   if (cause != DropCause::kNone) return drop(cause);

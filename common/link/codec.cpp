@@ -263,6 +263,7 @@ std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept 
   w.set_model_adhesion_nn(model.adhesion_nn);
   w.set_model_shear_stiffness_n_m(model.shear_stiffness_n_m);
   w.set_model_friction_nn(model.friction_nn);
+  w.set_steps_before(m.steps_before);
   return write(MessageType::kReply, w, out);
 }
 
@@ -457,6 +458,7 @@ DropCause read_features(const WireFrame& frame, const wire::Command& wire, Comma
 }
 
 DropCause read_features(const WireFrame& frame, const wire::Reply& wire, Reply& message) noexcept {
+  message.steps_before = frame.feature_fields ? wire.steps_before() : 0;
   if (frame.feature_fields) return first_cause(read(wire, message.port), read(wire, message.model));
   message.port = {};
   message.model = {};

@@ -20,9 +20,10 @@ enum FeatureBits : std::uint64_t {
   kFeaturePortControl = 1u << 0,  ///< PortControl in Command, PortAnswer in Reply
   kFeatureLocalModel = 1u << 1,   ///< LocalModel in Reply
   kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
+  kFeatureStepHistory = 1u << 4,  ///< Reply::steps_before
 };
 inline constexpr std::uint64_t kKnownFeatures =
-    kFeaturePortControl | kFeatureLocalModel | kFeatureRedundancy;
+    kFeaturePortControl | kFeatureLocalModel | kFeatureRedundancy | kFeatureStepHistory;
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {
@@ -198,6 +199,10 @@ struct Reply {
   double energy_out_aj = 0;          ///< slave port, given back so far, >= 0, monotone per epoch
   PortAnswer port;
   LocalModel model;
+  /// Bit i set: the command numbered command_sequence − 1 − i had come, and the slave had stepped by it. Behind
+  /// kFeatureStepHistory: what a station must know to tell, or repeat, in which order the slave stepped when
+  /// commands and replies were lost.
+  std::uint64_t steps_before = 0;
 };
 
 enum class ByeReason : std::uint32_t {

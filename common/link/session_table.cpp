@@ -74,6 +74,7 @@ void SessionTable::start(Session& session, std::size_t slot, const PeerKey& peer
   session.station_energy.reset();
   session.peer_stats.reset();
   session.missed = 0;
+  session.steps_before = 0;
 }
 
 std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
@@ -131,6 +132,9 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   s.spacing_s = clock_usable ? 1e-9 * static_cast<double>(elapsed_ns) : ticks / s.rate_hz;
   s.last_send_time_ns = command.send_time_ns;
   s.missed = command.sequence - before - 1;
+  const std::uint64_t leap = command.sequence - before;
+  const std::uint64_t older = leap < 64 ? s.steps_before << leap : 0;
+  s.steps_before = older | (before != 0 && leap <= 64 ? 1ull << (leap - 1) : 0);
   s.peer_stats.on_command(command.send_time_ns, now_ns, command.newest_reply);
   s.newest_reply = std::max(s.newest_reply, command.newest_reply);
   s.station_energy.update(command.energy_in_j, command.energy_out_j);

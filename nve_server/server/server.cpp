@@ -216,6 +216,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.energy_out_aj = port.output.energy_out_aj;
   if (controls) reply.port = port.control.answer();
   if (wants_model(session, command)) reply.model = port.output.model;
+  if ((session.feature_bits & link::kFeatureStepHistory) != 0) reply.steps_before = session.steps_before;
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
   reply.hold_time_ns = static_cast<std::uint64_t>(sent_ns - now_ns);

@@ -6,7 +6,7 @@ import secrets
 
 import telenano_pb2 as pb
 from rules import Received, SequenceWindow
-from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED, KNOWN_FEATURES,
+from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_STEP_HISTORY, KNOWN_FEATURES,
                   REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN, REFUSE_VERSION, STOP, VERSION, Drop, decode, encode,
                   features_used, need, recent_commands, set_vector, vector)
 
@@ -58,6 +58,7 @@ class Session:
         self.nonces.append(hello.nonce)
         self.address, self.rate_hz, self.features = address, hello.rate_hz, features
         self.commands, self.replies, self.last_send_ns = SequenceWindow(), 0, None
+        self.stepped = []  # numbers of the newest 64 commands accepted
         self.energy_in_j, self.energy_out_j = Received(), Received()
         self.state, self.heard_ns, self.since_ns = "active", now_ns, now_ns
 
@@ -98,7 +99,7 @@ class Server:
         if answer is None:
             return None
         answer = encode(answer)
-        assert isinstance(answer, bytes) and len(answer) <= max(len(datagram), 327)
+        assert isinstance(answer, bytes) and len(answer) <= max(len(datagram), 337)
         return answer
 
     def drop(self, cause, answer=None):
@@ -173,6 +174,8 @@ class Server:
         need(features_used(m) & ~session.features == 0, "unexpected")
         before = session.commands.newest
         session.commands.accept(m.sequence)
+        steps_before = sum(1 << m.sequence - 1 - n for n in session.stepped if m.sequence - n <= 64)
+        session.stepped = [n for n in session.stepped if m.sequence - n < 64] + [m.sequence]
         session.used, session.heard_ns = True, now_ns
         session.energy_in_j.update(m.energy_in_j)
         session.energy_out_j.update(m.energy_out_j)
@@ -195,6 +198,8 @@ class Server:
                      command_send_time_ns=m.send_time_ns, server_time_ns=now_ns % (1 << 64), epoch=session.epoch,
                      contact_state=3 if force > 0 else 0, fault_bits=slave.faults, energy_in_aj=slave.energy_in_aj,
                      energy_out_aj=slave.energy_out_aj)
+        if session.features & FEATURE_STEP_HISTORY:
+            r.steps_before = steps_before
         set_vector(r, "force_w_{}_nn", (0.0, 0.0, force))
         set_vector(r, "tip_pos_w_{}_nm", slave.position)
         return r

@@ -117,7 +117,7 @@ class StationAtTheServer(unittest.TestCase):
             answer = sock.recv(2048)
         except TimeoutError:
             return None
-        self.assertLessEqual(len(answer), max(len(datagram), 327))
+        self.assertLessEqual(len(answer), max(len(datagram), 337))
         return decode(answer)
 
     def test_a_session_indents_and_every_reply_keeps_the_rules(self):

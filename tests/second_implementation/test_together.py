@@ -93,6 +93,23 @@ class Together(unittest.TestCase):
             self.assertLess(abs(missing - 2000 * 0.2 ** (redundancy + 1)), 5 * (2000 * 0.2 ** (redundancy + 1)) ** 0.5 + 3)
             self.assertAlmostEqual(sum(dt for _, dt, _ in server.told), 2.002, delta=0.0021)
 
+    def test_replies_tell_which_commands_came_before(self):
+        station, server = Station(), Server()
+        link = Link(station, server, seed=7, delay_ms=0)
+        station.start(0)
+        link.ticks(20)
+        link.loss = 0.3
+        gaps = 0
+        for _ in range(500):
+            link.ticks(1)
+            numbers = [m.sequence for session, m in server.accepted if session == station.welcome.session_id]
+            if station.reply is None or station.reply.command_sequence != numbers[-1]:
+                continue
+            came = {numbers[-1] - 1 - i for i in range(64) if station.reply.steps_before >> i & 1}
+            self.assertEqual(came, {n for n in numbers[:-1] if numbers[-1] - n <= 64})
+            gaps += 64 - len(came) if numbers[-1] > 64 else 0
+        self.assertGreater(gaps, 1000)
+
     def test_fields_without_their_feature_are_unexpected(self):
         for granted, expected in ((FEATURE_LOCAL_MODEL, 1), (FEATURE_PORT_CONTROL, 0)):
             station, server = Station(), Server(features=granted)

@@ -29,6 +29,11 @@ REPLY = dict(session_id=ID["session_id"], sequence=999, command_sequence=1001, c
              energy_in_aj=4096.5, energy_out_aj=1024.25)
 FEATURES = dict(method=4, energy_scale_aj_j=2.5e17, energy_sent_j=1 / 128,
                 **xyz("wave_sum_w_{}_sqrt_aj_s", -5.5, 6.25, -7.125), wave_energy_aj=8192.5, wave_impedance_n_s_m=1 / 256)
+ANSWER = dict(
+    energy_sent_aj=512.5, **xyz("wave_sum_w_{}_sqrt_aj_s", 1.5, -2.75, 3.875), wave_energy_aj=256.25,
+    model_version=42, **xyz("model_point_w_{}_nm", 11, -12.5, 13.25),
+    **xyz("model_normal_w_{}", 0.75, -0.5, math.sqrt(3) / 4), model_stiffness_n_m=0.625, model_adhesion_nn=17.5,
+    model_shear_stiffness_n_m=0.3125, model_friction_nn=2.25)
 RECENT_COMMANDS = b"".join(
     RECENT.pack(250_000 * k, 2 if k == 4 else 3, 1.125 - 0.25 * k, -2.25 + 0.5 * k, 3.5 - 0.0625 * k, 8192.5 - 16 * k,
                 -5.5 + k, 6.25 - k, -7.125 + 2 * k) for k in range(1, 5))
@@ -49,11 +54,8 @@ VALUES = {
     "bye": pb.Bye(session_id=ID["session_id"], reason=1),
     "command_with_features": pb.Command(**COMMAND, **FEATURES),
     "command_with_recent": pb.Command(**COMMAND, **FEATURES, recent_commands=RECENT_COMMANDS),
-    "reply_with_features": pb.Reply(
-        **REPLY, energy_sent_aj=512.5, **xyz("wave_sum_w_{}_sqrt_aj_s", 1.5, -2.75, 3.875), wave_energy_aj=256.25,
-        model_version=42, **xyz("model_point_w_{}_nm", 11, -12.5, 13.25),
-        **xyz("model_normal_w_{}", 0.75, -0.5, math.sqrt(3) / 4), model_stiffness_n_m=0.625, model_adhesion_nn=17.5,
-        model_shear_stiffness_n_m=0.3125, model_friction_nn=2.25),
+    "reply_with_features": pb.Reply(**REPLY, **ANSWER),
+    "reply_with_history": pb.Reply(**REPLY, **ANSWER, steps_before=0xFEDCBA9876543210),
 }
 
 
@@ -107,8 +109,8 @@ class Document(unittest.TestCase):
             self.assertEqual(tables[descriptor.name], {f.number: (f.name, names[f.type]) for f in descriptor.fields})
 
     def test_its_largest_datagrams(self):
-        # Every field there, none left out as zero: 201 and 327 bytes.
-        for cls, size in ((pb.Command, 201), (pb.Reply, 327)):
+        # Every field there, none left out as zero: 201 and 337 bytes.
+        for cls, size in ((pb.Command, 201), (pb.Reply, 337)):
             total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
                                       for n, wire in FIELDS[cls].items() if wire != 2)
             self.assertEqual(total, size)
@@ -144,7 +146,7 @@ class Golden(unittest.TestCase):
     def test_features_used(self):
         used = {name: features_used(value) for name, value in VALUES.items()}
         self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3,
-                                "command_with_recent": 9})
+                                "command_with_recent": 9, "reply_with_history": 19})
 
 
 class Causes(unittest.TestCase):
@@ -203,7 +205,7 @@ class Causes(unittest.TestCase):
                 "command": {"sequence"}, "reply": {"sequence", "command_sequence"}, "bye": {"session_id", "reason"}}
         zero["command_with_features"] = zero["command"] | {"energy_scale_aj_j", "wave_impedance_n_s_m"}
         zero["command_with_recent"] = zero["command_with_features"]
-        zero["reply_with_features"] = zero["reply"]
+        zero["reply_with_features"] = zero["reply_with_history"] = zero["reply"]
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",

@@ -178,6 +178,7 @@ inline Reply any_reply(Random& random) {
   m.energy_out_aj = std::fabs(any_finite(random));
   m.port = any_answer(random);
   m.model = any_model(random);
+  if (random.chance(0.5)) m.steps_before = any_u64(random);
   return m;
 }
 

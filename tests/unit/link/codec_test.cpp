@@ -524,9 +524,10 @@ TEST(Codec, NoAnswerToAHelloIsLargerThanIt) {
   EXPECT_LE(codec.encode(largest.challenge, out), kMaxDatagramBytes);
   EXPECT_LE(codec.encode(largest.refuse, out), kMaxDatagramBytes);
   EXPECT_LE(codec.encode(largest.welcome, out), 300u) << "as PROTOCOL.md says";
-  // Nor is any reply: every field set, 201 and 327 bytes, as PROTOCOL.md says.
+  // Nor is any reply: every field set, 201 and 337 bytes, as PROTOCOL.md says.
   EXPECT_EQ(codec.encode(largest.command_with_features, out), 201u);
   EXPECT_EQ(codec.encode(largest.reply_with_features, out), 327u);
+  EXPECT_EQ(codec.encode(largest.reply_with_history, out), 337u);
 }
 
 TEST(DropCauses, HaveNamesOfTheirOwn) {

@@ -24,6 +24,8 @@ struct GoldenMessages {
   Reply reply_with_features = make_reply_with_features();
   /// That command with the four before it.
   RecentCommands recent = make_recent();
+  /// The reply with features, and which commands came before its own.
+  Reply reply_with_history = make_reply_with_history();
 
   static Welcome make_welcome() {
     Welcome m;
@@ -106,6 +108,12 @@ struct GoldenMessages {
     return m;
   }
 
+  static Reply make_reply_with_history() {
+    Reply m = make_reply_with_features();
+    m.steps_before = 0xfedcba9876543210;
+    return m;
+  }
+
   static RecentCommands make_recent() {
     RecentCommands m;
     m.count = 4;
@@ -142,11 +150,12 @@ struct GoldenMessages {
     std::array<std::uint8_t, kMaxDatagramBytes> out{};
     const std::size_t n = codec.encode(command_with_features, recent, out);
     all.emplace_back(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n));
+    add(reply_with_history);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 10> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 11> kGoldenNames = {"hello",
                                                              "challenge",
                                                              "welcome",
                                                              "refuse",
@@ -155,11 +164,12 @@ inline constexpr std::array<const char*, 10> kGoldenNames = {"hello",
                                                              "bye",
                                                              "command_with_features",
                                                              "reply_with_features",
-                                                             "command_with_recent"};
-inline constexpr std::array<MessageType, 10> kGoldenTypes = {
+                                                             "command_with_recent",
+                                                             "reply_with_history"};
+inline constexpr std::array<MessageType, 11> kGoldenTypes = {
     MessageType::kHello, MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
     MessageType::kCommand, MessageType::kReply, MessageType::kBye, MessageType::kCommand,
-    MessageType::kReply, MessageType::kCommand};
+    MessageType::kReply, MessageType::kCommand, MessageType::kReply};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -221,7 +231,7 @@ inline bool same(const Reply& a, const Reply& b) {
          a.contact_state == b.contact_state && a.fault_bits == b.fault_bits && a.force_w_nn == b.force_w_nn &&
          a.tip_pos_w_nm == b.tip_pos_w_nm && a.deflection_nm == b.deflection_nm &&
          a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj && same(a.port, b.port) &&
-         same(a.model, b.model);
+         same(a.model, b.model) && a.steps_before == b.steps_before;
 }
 inline bool same(const Bye& a, const Bye& b) {
   return a.session_id == b.session_id && a.reason == b.reason;
@@ -243,7 +253,9 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
       return same(in.command, which < 7 ? golden.command : golden.command_with_features) &&
              same(in.recent, which == 9 ? golden.recent : RecentCommands{});
     case MessageType::kReply:
-      return same(in.reply, which < 7 ? golden.reply : golden.reply_with_features);
+      return same(in.reply, which < 7    ? golden.reply
+                            : which == 8 ? golden.reply_with_features
+                                         : golden.reply_with_history);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
     case MessageType::kNone:
