@@ -11,9 +11,9 @@ namespace telenano::config {
 /// whatever folder it is called.
 std::filesystem::path shared_folder();
 
-/// "flakes" → "/usr/share/telenano/scenes/flakes.toml". What names an existing file is that file, and whatever
-/// has a slash in it is a path as it stands. Else it is looked up in `folder` of the shared files, with or
-/// without `extension`. Throws UserError, one line with the names there are, if there is none.
+/// "flakes" → "/usr/share/telenano/scenes/flakes.toml". What names an existing file is that file, and
+/// whatever has a slash in it is a path as it stands. Else it is looked up in `folder` of the shared files,
+/// with or without `extension`. Throws UserError, one line with the names there are, if there is none.
 std::string find_shared(const std::string& text, const std::string& folder, const std::string& extension);
 
 /// The names that find_shared knows, sorted.

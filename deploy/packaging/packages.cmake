@@ -9,6 +9,20 @@ endforeach()
 install(TARGETS telenano-master RUNTIME DESTINATION bin COMPONENT station)
 install(TARGETS telenano-lab RUNTIME DESTINATION bin COMPONENT lab)
 
+# Each program tells bash how to complete it.
+set(completions ${CMAKE_BINARY_DIR}/completions)
+file(MAKE_DIRECTORY ${completions})
+foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station telenano-lab:lab)
+  string(REPLACE : ";" pair ${pair})
+  list(GET pair 0 program)
+  list(GET pair 1 component)
+  if(TARGET ${program})
+    add_custom_target(${program}-completion ALL
+                      COMMAND ${program} --completion >${completions}/${program} VERBATIM)
+    install(FILES ${completions}/${program} DESTINATION share/bash-completion/completions COMPONENT ${component})
+  endif()
+endforeach()
+
 install(DIRECTORY deploy/scenes deploy/data DESTINATION ${share} COMPONENT common)
 install(FILES proto/PROTOCOL.md proto/telenano.proto proto/telenano.lua DESTINATION ${share}/proto COMPONENT common)
 install(FILES deploy/OPERATIONS.md CHANGELOG.md DESTINATION share/doc/telenano-common COMPONENT common)

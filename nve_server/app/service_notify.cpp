@@ -22,7 +22,8 @@ ServiceNotify::ServiceNotify(const server::LoopStatus& status) : status_(status)
   std::uint64_t watchdog_us = 0;
   watched_ = sd_watchdog_enabled(0, &watchdog_us) > 0;
   // Three signs of life in the time allowed, so that a late one is no death.
-  period_us_ = watched_ ? std::max<std::int64_t>(static_cast<std::int64_t>(watchdog_us) / 3, 1000) : kStatusPeriodUs;
+  period_us_ =
+      watched_ ? std::max<std::int64_t>(static_cast<std::int64_t>(watchdog_us) / 3, 1000) : kStatusPeriodUs;
   // > 0: somebody listens.
   if (sd_notify(0, "READY=1\nSTATUS=serving") > 0) thread_ = std::thread([this] { run(); });
 }

@@ -85,7 +85,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},
     {"systemd/", {"nve_server/app/service_notify"}},
-    {"CLI/", {"common/config/program", "master/app/", "nve_server/app/"}},
+    {"CLI/", {"common/config/program", "common/config/completion", "master/app/", "nve_server/app/"}},
     {"spdlog", {"master/app/", "nve_server/app/", "nve_server/server/server_loop"}},
 };
 

@@ -19,7 +19,8 @@ class SharedFiles : public testing::Test {
     home_ = fs::temp_directory_path() / ("telenano_shared_files_" + std::to_string(::getpid()));
     fs::create_directories(home_ / "shelf/scenes");
     fs::create_directories(home_ / "desk");
-    for (const char* name : {"gold.toml", "mica.toml", "notes.txt"}) std::ofstream(home_ / "shelf/scenes" / name) << name;
+    for (const char* name : {"gold.toml", "mica.toml", "notes.txt"})
+      std::ofstream(home_ / "shelf/scenes" / name) << name;
     before_ = fs::current_path();
     fs::current_path(home_ / "desk");
     ::setenv("TELENANO_SHARE", (home_ / "shelf").c_str(), 1);

@@ -19,7 +19,8 @@ namespace {
 class ServiceManager {
  public:
   ServiceManager() {
-    path_ = (std::filesystem::temp_directory_path() / ("telenano_notify_" + std::to_string(::getpid()))).string();
+    path_ =
+        (std::filesystem::temp_directory_path() / ("telenano_notify_" + std::to_string(::getpid()))).string();
     ::unlink(path_.c_str());
     socket_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
     sockaddr_un address{};
@@ -40,7 +41,8 @@ class ServiceManager {
     const auto end = std::chrono::steady_clock::now() + time;
     std::string heard;
     for (;;) {
-      const auto left = std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
+      const auto left =
+          std::chrono::duration_cast<std::chrono::milliseconds>(end - std::chrono::steady_clock::now());
       pollfd ready{socket_, POLLIN, 0};
       if (left.count() <= 0 || ::poll(&ready, 1, static_cast<int>(left.count())) <= 0) return heard;
       char text[512];
