@@ -18,7 +18,7 @@ foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station
   list(GET pair 1 component)
   if(TARGET ${program})
     add_custom_target(${program}-completion ALL
-                      COMMAND ${program} --completion >${completions}/${program} VERBATIM)
+                      COMMAND sh -c "'$<TARGET_FILE:${program}>' --completion >'${completions}/${program}'" VERBATIM)
     install(FILES ${completions}/${program} DESTINATION share/bash-completion/completions COMPONENT ${component})
   endif()
 endforeach()

@@ -48,6 +48,8 @@ class Packages(unittest.TestCase):
             names = run("dpkg-deb", "-c", package).stdout
             self.assertIn(f"usr/share/doc/telenano-{component}/copyright", names)
             self.assertNotRegex(names, r"\./(usr/local|home|root|tmp|var)/")
+            if component in PROGRAMS:
+                self.assertIn(f"usr/share/bash-completion/completions/{PROGRAMS[component]}\n", names)
             for other, program in PROGRAMS.items():
                 (self.assertIn if other == component else self.assertNotIn)(f"usr/bin/{program}\n", names)
 
