@@ -244,6 +244,8 @@ int run(const RunOptions& options) {
   farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
+  realtime.cpu = options.realtime_cpu;
+  realtime.hold_cpu_awake = options.cpu_awake;
   {
     rt::RealtimeThread thread(realtime, [&live](std::stop_token) { live.run(); });
     if (!options.quiet) {
@@ -330,6 +332,13 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
                    "SCHED_FIFO priority of the loop; 0 = ordinary")
       ->capture_default_str()
       ->check(CLI::Range(0, 99));
+  command
+      ->add_option("--rt-cpu", options->realtime_cpu,
+                   "Processor of the loop; left out: wherever there is room")
+      ->check(CLI::Range(0, 1023));
+  command->add_flag(
+      "--cpu-awake", options->cpu_awake,
+      "Keep the processors from sleeping deeply: wakes in a few microseconds, at the price of heat");
   command->add_option("--give-up-s", options->give_up_s, "End the session after so much silence")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));
