@@ -21,8 +21,7 @@ enum FeatureBits : std::uint64_t {
   kFeatureLocalModel = 1u << 1,   ///< LocalModel in Reply
   kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
 };
-inline constexpr std::uint64_t kKnownFeatures =
-    kFeaturePortControl | kFeatureLocalModel | kFeatureRedundancy;
+inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureRedundancy;
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {

@@ -157,9 +157,9 @@ inline constexpr std::array<const char*, 10> kGoldenNames = {"hello",
                                                              "reply_with_features",
                                                              "command_with_recent"};
 inline constexpr std::array<MessageType, 10> kGoldenTypes = {
-    MessageType::kHello, MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
-    MessageType::kCommand, MessageType::kReply, MessageType::kBye, MessageType::kCommand,
-    MessageType::kReply, MessageType::kCommand};
+    MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
+    MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
+    MessageType::kReply,   MessageType::kCommand};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
