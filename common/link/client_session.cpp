@@ -274,7 +274,8 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
 void ClientSession::count(LinkQuality& q) const noexcept {
   q.commands_sent += command_sequence_;
   // Every accepted command has one reply, numbered from 1: the rest had not been accepted.
-  if (has_reply_) q.commands_lost += reply_.command_sequence - std::min(reply_.sequence, reply_.command_sequence);
+  if (has_reply_)
+    q.commands_lost += reply_.command_sequence - std::min(reply_.sequence, reply_.command_sequence);
   q.replies += replies_.received();
   q.replies_lost += replies_.lost();
   q.reordered += replies_.reordered();

@@ -10,9 +10,9 @@ struct LinkQuality {
   double rtt_us = 0;  ///< smoothed, the server's hold time taken out
   double rtt_min_us = 0;
   double rtt_last_us = 0;
-  double jitter_us = 0;       ///< of the way back, RFC 3550
-  double offset_us = 0;       ///< server clock minus station clock, now
-  double drift_ppm = 0;       ///< server clock against station clock
+  double jitter_us = 0;  ///< of the way back, RFC 3550
+  double offset_us = 0;  ///< server clock minus station clock, now
+  double drift_ppm = 0;  ///< server clock against station clock
   double drift_error_ppm = 0;
   double up_excess_us = 0;    ///< newest exchange: above the least delay to the server
   double down_excess_us = 0;  ///< and back

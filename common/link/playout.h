@@ -36,10 +36,10 @@ struct PlayoutCounts {
 ///
 /// In time is what has come when that tick looks; the rest is late, and is dropped as a stale one would be:
 /// energies and waves are sums, the next reply has them. Replies that overtook one another are put in order.
-/// What nobody may wait for does not: a reply with one of kUrgentFaults (zero force, retracting) discards what
-/// waits and is shown in the next tick; the other fault bits of the newest reply are shown with whatever is
-/// due. After the last reply of a link that has gone down, those that wait are still shown, as by a link that
-/// much longer; the station's stale-force policy begins when there are no more.
+/// What nobody may wait for does not: a reply with one of kUrgentFaults (zero force, retracting) discards
+/// what waits and is shown in the next tick; the other fault bits of the newest reply are shown with whatever
+/// is due. After the last reply of a link that has gone down, those that wait are still shown, as by a link
+/// that much longer; the station's stale-force policy begins when there are no more.
 ///
 /// Nothing allocates after construction.
 class Playout {

@@ -21,7 +21,8 @@ struct RecentCommand {
   std::uint32_t age_ns = 0;  ///< send time of the datagram's own command, minus this one's
   std::uint32_t flags = 0;   ///< CommandFlags
   Vec3 tip_pos_w_nm = Vec3::Zero();
-  double energy = 0;  ///< its energy_sent_j with the methods tdpa and tank, its wave_energy_aj with wave; >= 0
+  double energy =
+      0;  ///< its energy_sent_j with the methods tdpa and tank, its wave_energy_aj with wave; >= 0
   Vec3 wave_sum = Vec3::Zero();  ///< with wave, √(aJ·s)
 };
 
@@ -105,7 +106,8 @@ inline void plan_steps(const RecentCommands& recent, std::uint64_t missed, doubl
 }
 
 /// The missed command in full: `newest` with what is its own.
-inline Command with_recent(const Command& newest, const RecentCommand& recent, const Vec3& vel_w_nm_s) noexcept {
+inline Command with_recent(const Command& newest, const RecentCommand& recent,
+                           const Vec3& vel_w_nm_s) noexcept {
   Command command = newest;
   command.flags = recent.flags;
   command.tip_pos_w_nm = recent.tip_pos_w_nm;

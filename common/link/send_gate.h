@@ -8,8 +8,8 @@
 namespace telenano::link {
 
 struct SendGateConfig {
-  double deadband_nm = 0;  ///< of the commanded position; 0: every change of it is sent
-  double deadband_n = 0;   ///< of the force shown to the hand; 0: the force is not looked at
+  double deadband_nm = 0;                  ///< of the commanded position; 0: every change of it is sent
+  double deadband_n = 0;                   ///< of the force shown to the hand; 0: the force is not looked at
   std::int64_t heartbeat_ns = 10'000'000;  ///< the longest time without a command
 
   bool enabled() const noexcept { return deadband_nm > 0 || deadband_n > 0; }

@@ -28,11 +28,11 @@ constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF
                                       kLen,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
                                       kF64,     kF64, kF64, kF64, kF64, kF64, kF64};
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
-constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 15: port control
+constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64, kF64, kF64,
+                                      kF64,     kF64, kF64, kF64, kF64,                    // 15: port control
                                       kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // to 22
                                       0,        0,    0,    0,    0,    0,    0,    0,     // to 30
-                                      0,        0,    0,    0,    0,    0,    0,    0,    0, kLen};
+                                      0,        0,    0,    0,    0,    0,    0,    0,    0,    kLen};
 constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
                                     kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
                                     kF64,     kF64, kF64,  // 20: port control; 25: local model
@@ -65,7 +65,8 @@ constexpr std::size_t value_bytes(std::uint8_t wire_type) {
 constexpr std::size_t longest_payload(const FieldList& fields) {
   std::size_t bytes = 0;
   for (std::uint32_t number = 1; number < fields.size(); ++number) {
-    if (fields[number] != kNoField && fields[number] != kLen) bytes += tag_bytes(number) + value_bytes(fields[number]);
+    if (fields[number] != kNoField && fields[number] != kLen)
+      bytes += tag_bytes(number) + value_bytes(fields[number]);
   }
   return bytes;
 }
@@ -140,7 +141,8 @@ InOrder scan_in_order(std::span<const std::uint8_t> payload, std::size_t& used) 
 
 /// Whole records, at least one; `at` is behind their length.
 bool fits_recent(std::size_t length, std::size_t at, std::size_t size) noexcept {
-  return length > 0 && length % kRecentBytes == 0 && length <= kMaxRecent * kRecentBytes && at + length == size;
+  return length > 0 && length % kRecentBytes == 0 && length <= kMaxRecent * kRecentBytes &&
+         at + length == size;
 }
 
 /// Is what begins at `at` the repeated commands of a Command, and the rest of it?

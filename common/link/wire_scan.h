@@ -16,8 +16,8 @@ inline constexpr std::size_t kMaxPayloadBytes = kMaxDatagramBytes - kHeaderBytes
 struct WireFrame {
   MessageType type = MessageType::kNone;
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
-  std::span<const std::uint8_t> recent;   ///< of a Command: its repeated commands, which Protobuf does not see
-  bool feature_fields = true;  ///< false: certainly none of the fields behind feature bits is in it
+  std::span<const std::uint8_t> recent;  ///< of a Command: its repeated commands, which Protobuf does not see
+  bool feature_fields = true;            ///< false: certainly none of the fields behind feature bits is in it
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,

@@ -30,8 +30,8 @@ prometheus::ClientMetric metric_of(const Page::Series& series, Page::Kind kind) 
       std::uint64_t cumulative = 0;
       for (std::size_t i = 0; i < series.bucket_counts.size(); ++i) {
         cumulative += series.bucket_counts[i];
-        const double bound = i < series.upper_bounds.size() ? series.upper_bounds[i]
-                                                            : std::numeric_limits<double>::infinity();
+        const double bound =
+            i < series.upper_bounds.size() ? series.upper_bounds[i] : std::numeric_limits<double>::infinity();
         metric.histogram.bucket.push_back({cumulative, bound});
       }
       metric.histogram.sample_count = cumulative;
@@ -103,18 +103,20 @@ Exporter::Exporter(const std::string& address, bool anybody, std::function<void(
     : impl_(std::make_unique<Impl>()) {
   net::Address at = net::parse_address(address, "--metrics");
   if (!net::is_loopback(at) && !anybody) {
-    throw UserError("--metrics " + address +
-                    ": off loopback anybody who reaches the port can read it, unencrypted; give --metrics-public "
-                    "too if that is meant, or 127.0.0.1:PORT");
+    throw UserError(
+        "--metrics " + address +
+        ": off loopback anybody who reaches the port can read it, unencrypted; give --metrics-public "
+        "too if that is meant, or 127.0.0.1:PORT");
   }
   impl_->collected = std::make_shared<Collected>(std::move(fill));
   const SignalsBlocked blocked;
   try {
     impl_->exposer = std::make_unique<prometheus::Exposer>(net::to_string(at), 1);
   } catch (const std::exception&) {
-    throw UserError("--metrics " + address +
-                    ": cannot listen there: another program may hold the port (ss -tlpn), or the address is not "
-                    "this machine's; choose another port");
+    throw UserError(
+        "--metrics " + address +
+        ": cannot listen there: another program may hold the port (ss -tlpn), or the address is not "
+        "this machine's; choose another port");
   }
   impl_->exposer->RegisterCollectable(impl_->collected);
   const auto ports = impl_->exposer->GetListeningPorts();

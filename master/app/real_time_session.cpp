@@ -84,8 +84,7 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
   silent_ = silent;
 }
 
-void RealTimeSession::publish(const recording::Sample& sample,
-                              const rt::PeriodicTimerStats& timer) noexcept {
+void RealTimeSession::publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept {
   Progress p;
   p.time_s = device_.motion_time_s();
   p.tip_height_nm = sample.tip_pos_w_nm[2] - surface_z_w_nm_;

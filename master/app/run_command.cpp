@@ -143,8 +143,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
       "{:5.1f}/{:.1f} s  {:<8} tip {:8.2f} nm  force {:8.2f} nN  hand {:6.2f} N  energy {:7.2f} mJ  "
       "RTT {:5.0f} us, least {:.0f}, jitter {:.0f}  lost {} up {} down  age {:.1f} ms  clock {:+.0f} ppm",
       p.time_s, duration_s, station::mode_name(static_cast<station::Mode>(p.mode)), p.tip_height_nm,
-      p.force_nn, p.hand_force_n, p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us,
-      p.link.jitter_us, p.link.commands_lost, p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
+      p.force_nn, p.hand_force_n, p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us, p.link.jitter_us,
+      p.link.commands_lost, p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
   if (p.playout_delay_ms > 0)
     line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
@@ -227,8 +227,10 @@ int run(const RunOptions& options) {
     if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
       fmt::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
     if (playout.mode == link::PlayoutConfig::Mode::kConstant && playout_s < link.p99_s) {
-      fmt::print(stderr, "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): what "
-                 "comes later is not felt\n", playout_s * 1e3, link.p99_s * 1e3);
+      fmt::print(stderr,
+                 "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): what "
+                 "comes later is not felt\n",
+                 playout_s * 1e3, link.p99_s * 1e3);
     }
     if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   }
@@ -244,6 +246,8 @@ int run(const RunOptions& options) {
   farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
+  realtime.cpu = options.realtime_cpu;
+  realtime.hold_cpu_awake = options.cpu_awake;
   {
     rt::RealtimeThread thread(realtime, [&live](std::stop_token) { live.run(); });
     if (!options.quiet) {
@@ -309,13 +313,16 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
                       "alpha_F, hand newtons per tip newton (default: planned, see plan)");
   command->add_flag("--allow-unsafe-scaling", options->allow_unsafe_scaling,
                     "Run beyond the scaling that the device can show passively; force limits stay");
-  command->add_option("--redundancy", options->redundancy,
-                      "Commands that each datagram repeats, so that the slave gets the whole path over a lossy link "
-                      "(default 0)")
+  command
+      ->add_option(
+          "--redundancy", options->redundancy,
+          "Commands that each datagram repeats, so that the slave gets the whole path over a lossy link "
+          "(default 0)")
       ->check(CLI::Range(0, 4));
   command
-      ->add_option("--dscp", options->dscp,
-                   "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->add_option(
+          "--dscp", options->dscp,
+          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
       ->capture_default_str();
   command
       ->add_option("--metrics", options->metrics,
@@ -330,6 +337,13 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
                    "SCHED_FIFO priority of the loop; 0 = ordinary")
       ->capture_default_str()
       ->check(CLI::Range(0, 99));
+  command
+      ->add_option("--rt-cpu", options->realtime_cpu,
+                   "Processor of the loop; left out: wherever there is room")
+      ->check(CLI::Range(0, 1023));
+  command->add_flag(
+      "--cpu-awake", options->cpu_awake,
+      "Keep the processors from sleeping deeply: wakes in a few microseconds, at the price of heat");
   command->add_option("--give-up-s", options->give_up_s, "End the session after so much silence")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));

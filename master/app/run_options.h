@@ -27,6 +27,8 @@ struct RunOptions : ServerAccess {
   std::string record;
   bool overwrite = false;
   int realtime_priority = 80;
+  int realtime_cpu = -1;
+  bool cpu_awake = false;
   double give_up_s = 10;
   bool quiet = false;
   std::string command_line;

@@ -81,12 +81,10 @@ void read_link(const TomlTable& table, StationFile& file) {
   const std::string mode = table.text_or("playout", "newest");
   if (mode != "newest" && mode != "constant" && mode != "adaptive")
     table.fail("playout", "expected \"newest\", \"constant\" or \"adaptive\"");
-  playout.mode = mode == "constant"   ? Mode::kConstant
-                 : mode == "adaptive" ? Mode::kAdaptive
-                                      : Mode::kNewest;
+  playout.mode = mode == "constant" ? Mode::kConstant : mode == "adaptive" ? Mode::kAdaptive : Mode::kNewest;
   const auto ns = [](double ms) { return std::llround(ms * 1e6); };
-  playout.delay_ns = ns(table.number_or("playout_delay_ms", between(0.1, 500),
-                                        static_cast<double>(playout.delay_ns) * 1e-6));
+  playout.delay_ns = ns(
+      table.number_or("playout_delay_ms", between(0.1, 500), static_cast<double>(playout.delay_ns) * 1e-6));
   file.redundancy = static_cast<int>(table.integer_or("redundancy", 0, link::kMaxRecent, file.redundancy));
   link::SendGateConfig& gate = file.link.gate;
   gate.deadband_nm = table.number_or("deadband_nm", between(0, 1e6), gate.deadband_nm);
@@ -213,7 +211,8 @@ void finish_station_file(StationFile& file, const std::string& source) {
   // Two heartbeats within the time that a force is held, whatever the file allows for that.
   const double hold_ms = file.station.stale_hold_s * 1e3;
   if (file.link.gate.enabled() && static_cast<double>(file.link.gate.heartbeat_ns) * 1e-6 > hold_ms / 2) {
-    throw UserError(source + ": [link] heartbeat_ms must be at most half of [limits] stale_hold_s, or the force "
+    throw UserError(source +
+                    ": [link] heartbeat_ms must be at most half of [limits] stale_hold_s, or the force "
                     "goes stale while nothing moves");
   }
   file.link.playout.rate_hz = file.station.rate_hz;

@@ -34,7 +34,7 @@ struct StationFile {
   GivenScaling scaling{};  ///< goes into station.scaling as well
   Workspaces workspaces{};
   loop::LinkOptions link{};
-  int redundancy = 0;  ///< commands that each datagram repeats, 0 to 4
+  int redundancy = 0;          ///< commands that each datagram repeats, 0 to 4
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording
 };

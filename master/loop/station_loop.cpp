@@ -5,8 +5,8 @@
 namespace telenano::loop {
 
 StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-                         link::ClientSession& session, station::Station& station,
-                         const rt::Clock* clock, const LinkOptions& options)
+                         link::ClientSession& session, station::Station& station, const rt::Clock* clock,
+                         const LinkOptions& options)
     : device_(device),
       socket_(socket),
       server_(server),

@@ -30,8 +30,8 @@ class StationLoop {
   /// With `clock`, datagrams are stamped with the moment at which they are sent and looked at, so that round
   /// trips do not contain the work of a tick; without (virtual time), with the tick's own time.
   StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-              link::ClientSession& session, station::Station& station,
-              const rt::Clock* clock = nullptr, const LinkOptions& options = {});
+              link::ClientSession& session, station::Station& station, const rt::Clock* clock = nullptr,
+              const LinkOptions& options = {});
 
   /// `dt_s` since the last tick. Fills `sample` (timing fields of the loop's owner excepted). The sample's
   /// applied force acts from this tick to the next.

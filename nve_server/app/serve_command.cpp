@@ -20,6 +20,7 @@
 #include "nve_server/app/key_watcher.h"
 #include "nve_server/app/serve_metrics.h"
 #include "nve_server/app/serve_security.h"
+#include "nve_server/app/service_notify.h"
 #include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
@@ -129,6 +130,14 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
   server::Server server(config, std::move(scene));
 
+  server::LoopStatus status;
+  const security::SecurityCounters* const channels = secure ? &secure->counters() : nullptr;
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(options.metrics, options.metrics_public,
+                     [&](metrics::Page& page) { write_metrics(status, channels, page); });
+  }
+
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
@@ -136,15 +145,9 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   catch_signals();
   log->info("serving {} on {}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "");
 
-  server::LoopStatus status;
-  const security::SecurityCounters* const channels = secure ? &secure->counters() : nullptr;
-  std::optional<metrics::Exporter> exporter;
-  if (!options.metrics.empty()) {
-    exporter.emplace(options.metrics, options.metrics_public,
-                     [&](metrics::Page& page) { write_metrics(status, channels, page); });
-    log->info("metrics at {}", exporter->url());
-  }
-  if (!marked) log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
+  if (exporter) log->info("metrics at {}", exporter->url());
+  if (!marked)
+    log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
   {
     std::optional<KeyWatcher> watcher;
     if (secure) {
@@ -153,6 +156,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
           [&](const std::string& text) { log->info(text); });
     }
     const StatusPrinter printer(status, channels, log);
+    const ServiceNotify service(status);
     server::LoopOptions loop_options;
     loop_options.busy_poll = options.busy_poll;
     server::run_loop(
@@ -179,7 +183,10 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
+  command
+      ->add_option("--scene", options->scene,
+                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required();
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
@@ -205,8 +212,9 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_flag("--metrics-public", options->metrics_public,
                     "Let --metrics listen off loopback, where anybody can read it");
   command
-      ->add_option("--dscp", options->dscp,
-                   "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->add_option(
+          "--dscp", options->dscp,
+          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
       ->capture_default_str();
   options->security.add_flags(*command);
   command->callback([options, load = std::move(load_scene), &exit_code] {

@@ -28,7 +28,8 @@ void write_sessions(const server::ServerSnapshot& s, metrics::Page& page) {
     page.gauge("telenano_session_rate_hz", "Commands a second that the station said it would send",
                row.rate_hz, slot);
     page.gauge("telenano_session_rtt_seconds",
-               "Smoothed round trip to the station, its wait for a tick included; 0 = none yet", row.rtt_s, slot);
+               "Smoothed round trip to the station, its wait for a tick included; 0 = none yet", row.rtt_s,
+               slot);
     page.gauge("telenano_session_jitter_seconds", "Interarrival jitter of its commands (RFC 3550)",
                row.jitter_s, slot);
     page.gauge("telenano_session_silent_seconds", "Since its last command", row.silent_s, slot);
@@ -55,7 +56,8 @@ void write_metrics(const server::LoopStatus& status, const security::SecurityCou
   page.gauge("telenano_sessions", "", s.occupied - s.active, {{"state", "silent_or_ending"}});
   page.counter("telenano_sessions_opened_total", "Sessions opened", number(s.counters.opened));
   page.counter("telenano_sessions_resumed_total", "Sessions resumed", number(s.counters.resumed));
-  page.counter("telenano_sessions_timed_out_total", "Sessions that fell silent", number(s.counters.timed_out));
+  page.counter("telenano_sessions_timed_out_total", "Sessions that fell silent",
+               number(s.counters.timed_out));
   page.counter("telenano_sessions_ended_total", "Sessions ended by Bye", number(s.counters.ended));
   page.counter("telenano_datagrams_total", "Datagrams received", number(s.counters.datagrams));
   page.counter("telenano_exchanges_total", "Commands answered", number(s.counters.exchanges));
@@ -67,7 +69,8 @@ void write_metrics(const server::LoopStatus& status, const security::SecurityCou
   }
   std::array<double, server::ServiceTimes::kUpperNs.size()> bounds_s{};
   for (std::size_t i = 0; i < bounds_s.size(); ++i)
-    bounds_s[i] = 1e-9 * static_cast<double>(server::ServiceTimes::kUpperNs[i]);
+    bounds_s[i] =
+        static_cast<double>(server::ServiceTimes::kUpperNs[i]) / 1e9;  // the nearest to 5e-07, as written
   page.histogram("telenano_service_seconds", "From reading a command to its answer, encoding not included",
                  bounds_s, s.service.counts, 1e-9 * static_cast<double>(s.service.sum_ns));
   write_sessions(s, page);

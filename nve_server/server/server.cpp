@@ -183,8 +183,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
 std::size_t Server::on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                                std::span<std::uint8_t> out, const rt::Clock* clock) noexcept {
   std::size_t slot = link::SessionTable::kNone;
-  const DropCause cause =
-      table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0);
+  const DropCause cause = table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0);
   if (cause != DropCause::kNone) {
     drops_.add(cause);
     // A station that talks to a session which is gone or asleep is told, so that it resumes without waiting.

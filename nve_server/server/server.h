@@ -49,7 +49,7 @@ struct ServerCounters {
   std::uint64_t opened = 0;
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
-  std::uint64_t ended = 0;  ///< by Bye
+  std::uint64_t ended = 0;      ///< by Bye
   std::uint64_t recovered = 0;  ///< lost commands that a later datagram repeated
 };
 

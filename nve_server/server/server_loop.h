@@ -15,6 +15,7 @@ namespace telenano::server {
 /// What the loop tells the rest of the program, read without locks: single words, and a snapshot a few times
 /// a second.
 struct LoopStatus {
+  std::atomic<std::uint64_t> turns{0};  ///< of the time-outs: grows as long as the loop is alive
   std::atomic<std::uint64_t> sessions{0};
   std::atomic<std::uint64_t> exchanges{0};
   std::atomic<std::uint64_t> drops{0};

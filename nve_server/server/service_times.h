@@ -11,7 +11,7 @@ namespace telenano::server {
 class ServiceTimes {
  public:
   static constexpr std::array<std::int64_t, 15> kUpperNs = {
-      500,     1'000,     2'000,     5'000,     10'000,    20'000,     50'000,     100'000,
+      500,     1'000,   2'000,     5'000,     10'000,    20'000,     50'000,     100'000,
       200'000, 500'000, 1'000'000, 2'000'000, 5'000'000, 10'000'000, 100'000'000};
 
   void add(std::int64_t service_ns) noexcept {

@@ -45,8 +45,8 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
       config_.station, device.info(),
       station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
                          welcome.force_max_nn});
-  loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_, nullptr,
-                                              config_.link_options);
+  loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_,
+                                              nullptr, config_.link_options);
 }
 
 void VirtualSession::make_device(const link::Welcome& welcome) {

@@ -198,7 +198,8 @@ TEST(LinkOptions, DeadbandSavesPacketsWithinItsErrorAndKeepsTheBooks) {
   EXPECT_NEAR(all.packets_s, 1000, 2);
   std::printf("%-12s %10s %12s %12s %12s\n", "deadband", "packets/s", "error nm", "pull-off nN", "net aJ");
   const auto print = [](const char* name, const Result& r) {
-    std::printf("%-12s %10.0f %12.4f %12.3f %12.2f\n", name, r.packets_s, r.worst_error_nm, r.pull_off_nn, r.net_aj);
+    std::printf("%-12s %10.0f %12.4f %12.3f %12.2f\n", name, r.packets_s, r.worst_error_nm, r.pull_off_nn,
+                r.net_aj);
   };
   print("none", all);
   for (const auto& [name, nm, n] : {std::tuple("0.02 nm", 0.02, 0.0), std::tuple("0.1 nm", 0.1, 0.0),
@@ -224,7 +225,9 @@ TEST(LinkOptions, SessionsOfEveryRateTouchStablyAndGoQuietInTime) {
     config.task_options.contact_depth_nm = 2;
     VirtualSession session(config);
     const double period_s = 1 / rate_hz;
-    const auto ticks = [&](double seconds) { return static_cast<std::int64_t>(std::llround(seconds * rate_hz)); };
+    const auto ticks = [&](double seconds) {
+      return static_cast<std::int64_t>(std::llround(seconds * rate_hz));
+    };
     double least_j = 0, bound_j = 0, low_mm = 1e9, high_mm = -1e9, force_nn = 0;
     double worst_rise_n = 0, previous_n = 0;
     std::uint32_t faults = 0;
@@ -262,7 +265,8 @@ TEST(LinkOptions, SessionsOfEveryRateTouchStablyAndGoQuietInTime) {
     EXPECT_EQ(session.server().counters().timed_out, 0u) << rate_hz;
     for (std::int64_t k = 0; k < ticks(0.03) + 2; ++k) session.step();
     EXPECT_EQ(session.server().counters().timed_out, 1u) << rate_hz;
-    std::printf("%8.0f %12.2f %14.3f %14.1f %12.3f\n", rate_hz, force_nn, high_mm - low_mm, zero_ms, 1e3 * least_j);
+    std::printf("%8.0f %12.2f %14.3f %14.1f %12.3f\n", rate_hz, force_nn, high_mm - low_mm, zero_ms,
+                1e3 * least_j);
   }
 }
 

@@ -1,4 +1,5 @@
-// What the programs tell a monitor: real scrapes over HTTP, and what is said where there is nothing to scrape.
+// What the programs tell a monitor: real scrapes over HTTP, and what is said where there is nothing to
+// scrape.
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
@@ -24,7 +25,8 @@ std::string scrape(int port) {
     const std::string get = "GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
     EXPECT_EQ(::send(fd, get.data(), get.size(), MSG_NOSIGNAL), static_cast<ssize_t>(get.size()));
     char buffer[4096];
-    for (ssize_t n; (n = ::recv(fd, buffer, sizeof buffer, 0)) > 0;) answer.append(buffer, static_cast<std::size_t>(n));
+    for (ssize_t n; (n = ::recv(fd, buffer, sizeof buffer, 0)) > 0;)
+      answer.append(buffer, static_cast<std::size_t>(n));
   }
   ::close(fd);
   return answer;
@@ -67,8 +69,8 @@ TEST_F(MetricsTest, ServerAndStationAnswerScrapesWhileTheyWork) {
   EXPECT_EQ(idle["telenano_sessions{state=\"active\"}"], 0);
   EXPECT_TRUE(idle.contains("telenano_drops_total{cause=\"bad_magic\"}"));
 
-  ChildProcess station({kMaster, "run", "--server", server.address(), "--task", "contact", "--duration-s", "6",
-                        "--metrics", "127.0.0.1:0", "--redundancy", "2"});
+  ChildProcess station({kMaster, "run", "--server", server.address(), "--task", "contact", "--duration-s",
+                        "6", "--metrics", "127.0.0.1:0", "--redundancy", "2"});
   ASSERT_TRUE(station.wait_for_err("/metrics\n", kLong)) << station.err();
   const int station_port = port_in(station.err());
   ASSERT_GT(station_port, 0) << station.err();
@@ -117,7 +119,8 @@ TEST_F(MetricsTest, ServerAndStationAnswerScrapesWhileTheyWork) {
   std::this_thread::sleep_for(Milliseconds(300));
   auto after = values_of(scrape(server_port));
   EXPECT_EQ(after["telenano_sessions_ended_total"], 1);
-  EXPECT_FALSE(after.contains("telenano_session_rtt_seconds{slot=\"0\"}")) << "no series for those that are gone";
+  EXPECT_FALSE(after.contains("telenano_session_rtt_seconds{slot=\"0\"}"))
+      << "no series for those that are gone";
   EXPECT_EQ(scrape(station_port), "");
   server.stop();
 }
@@ -126,24 +129,28 @@ TEST_F(MetricsTest, MistakesAreOneLine) {
   Server server(scene_path("flat_silicon_oxide"), 0, {"--metrics", "127.0.0.1:0"});
   ASSERT_TRUE(server.child().wait_for_err("/metrics", kLong));
   const std::string taken = "127.0.0.1:" + std::to_string(port_in(server.child().err()));
-  const std::vector<std::string> serve = {kNve, "serve", "--scene", scene_path("flat_silicon_oxide"), "--listen",
-                                          "127.0.0.1:0"};
-  const std::vector<std::string> run = {kMaster,        "run",  "--quiet",      "--server", server.address(),
-                                        "--duration-s", "0.5"};
+  const std::vector<std::string> serve = {
+      kNve, "serve", "--scene", scene_path("flat_silicon_oxide"), "--listen", "127.0.0.1:0"};
+  const std::vector<std::string> run = {kMaster,          "run",          "--quiet", "--server",
+                                        server.address(), "--duration-s", "0.5"};
   const auto with = [](std::vector<std::string> command, std::initializer_list<std::string> more) {
     command.insert(command.end(), more);
     return command;
   };
-  const auto expect_error = [](const std::vector<std::string>& command, const std::vector<std::string>& words) {
+  const auto expect_error = [](const std::vector<std::string>& command,
+                               const std::vector<std::string>& words) {
     const Finished done = run_program(command, {}, kLong);
     EXPECT_EQ(done.exit_code, 2) << done.err;
     std::size_t about = 0;
-    for (const std::string& line : lines_of(done.err)) about += line.find(words[0]) != std::string::npos ? 1 : 0;
+    for (const std::string& line : lines_of(done.err))
+      about += line.find(words[0]) != std::string::npos ? 1 : 0;
     EXPECT_EQ(about, 1u) << done.err;
-    for (const std::string& word : words) EXPECT_NE(done.err.find(word), std::string::npos) << word << "\n" << done.err;
+    for (const std::string& word : words)
+      EXPECT_NE(done.err.find(word), std::string::npos) << word << "\n" << done.err;
   };
   for (const auto& command : {serve, run}) {
-    expect_error(with(command, {"--metrics", taken}), {"--metrics " + taken, "another program", "choose another port"});
+    expect_error(with(command, {"--metrics", taken}),
+                 {"--metrics " + taken, "another program", "choose another port"});
     expect_error(with(command, {"--metrics", "0.0.0.0:0"}), {"--metrics 0.0.0.0:0", "--metrics-public"});
     expect_error(with(command, {"--metrics", "nonsense"}), {"--metrics", "expected HOST:PORT"});
     expect_error(with(command, {"--dscp", "best"}), {"--dscp 'best'", "0 to 63"});

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/base/random.h"
@@ -12,14 +13,12 @@ namespace {
 /// A link with known delays between two clocks with a known drift: the oracle.
 struct Oracle {
   double ppm = 0;
-  double origin_ns = 5e12;   ///< the server's clock began long ago
-  double up_ns = 3e6;        ///< least delays
+  double origin_ns = 5e12;  ///< the server's clock began long ago
+  double up_ns = 3e6;       ///< least delays
   double down_ns = 4e6;
-  double jitter_ns = 1e6;    ///< mean of what is added to each way, exponential
+  double jitter_ns = 1e6;  ///< mean of what is added to each way, exponential
 
-  std::int64_t at_server(double t_ns) const {
-    return std::llround(origin_ns + t_ns * (1 + ppm * 1e-6));
-  }
+  std::int64_t at_server(double t_ns) const { return std::llround(origin_ns + t_ns * (1 + ppm * 1e-6)); }
   /// One exchange that begins at `t1_ns`; what was added to each way is left in `up`, `down`.
   void exchange(ClockDrift& drift, double t1_ns, Random& random) {
     added_up_ns = -std::log(1 - random.uniform()) * jitter_ns;
@@ -72,6 +71,24 @@ TEST(ClockDrift, ExcessOfEachWayIsWhatTheLinkAdded) {
     EXPECT_LT(worst_ns, 60'000) << ppm;
     EXPECT_GT(least_ns, -1) << "the base is a lower bound, the newest included";
   }
+}
+
+TEST(ClockDrift, StandsThroughABusyStretchOfOneWay) {
+  Oracle oracle;
+  oracle.ppm = 20;
+  oracle.jitter_ns = 2e5;
+  ClockDrift drift;
+  Random random(5);
+  double worst_ppm = 0;
+  for (int k = 0; k < 60'000; ++k) {
+    // For 12 s somebody else fills the queue up: 20 ms, 10 ms of offset, which over a minute are 200 ppm.
+    const bool busy = k >= 40'000 && k < 52'000;
+    oracle.up_ns = busy ? 23e6 : 3e6;
+    oracle.exchange(drift, 1e6 * k, random);
+    if (k > 20'000) worst_ppm = std::max(worst_ppm, std::fabs(drift.drift_ppm() - 20));
+  }
+  // The busy blocks weigh (20 us/10 ms)^2 of the others.
+  EXPECT_LT(worst_ppm, 1);
 }
 
 TEST(ClockDrift, ForgetsAndSaysNothingTooEarly) {

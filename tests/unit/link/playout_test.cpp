@@ -39,7 +39,7 @@ struct Exchange {
   std::uint64_t arrived = 0;
 
   Exchange(Playout& playout, int ticks, std::int64_t least_ns, std::int64_t width_ns, double loss,
-      std::int64_t tick_ns = kTickNs, std::int64_t phase_ns = 0) {
+           std::int64_t tick_ns = kTickNs, std::int64_t phase_ns = 0) {
     Random random(42);
     std::multimap<std::int64_t, Reply> on_the_way;
     std::vector<std::int64_t> sent;
@@ -49,7 +49,8 @@ struct Exchange {
         const auto& [came_ns, reply] = *on_the_way.begin();
         ++arrived;
         // The first tick at least D after the command is the one that shows it; by then it must be here.
-        const std::int64_t due_ns = static_cast<std::int64_t>(reply.command_send_time_ns) + playout.delay_ns();
+        const std::int64_t due_ns =
+            static_cast<std::int64_t>(reply.command_send_time_ns) + playout.delay_ns();
         const std::int64_t tick_of_due = (due_ns - phase_ns + tick_ns - 1) / tick_ns;
         if (k > tick_of_due) ++expected_late;
         playout.push(reply);
@@ -60,7 +61,8 @@ struct Exchange {
                          due->energy_in_aj});
       }
       if (!random.chance(loss)) {
-        const auto delay_ns = least_ns + static_cast<std::int64_t>(random.uniform() * static_cast<double>(width_ns));
+        const auto delay_ns =
+            least_ns + static_cast<std::int64_t>(random.uniform() * static_cast<double>(width_ns));
         on_the_way.emplace(now_ns + delay_ns, reply_to(static_cast<std::uint64_t>(k + 1), now_ns));
       }
     }

@@ -93,8 +93,8 @@ TEST(Dscp, IsOnTheDatagramsThatArrive) {
       continue;  // no IPv6 here
     }
     const int on = 1;
-    ASSERT_EQ(::setsockopt(server->handle(), v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_RECVTCLASS : IP_RECVTOS, &on,
-                           sizeof on),
+    ASSERT_EQ(::setsockopt(server->handle(), v6 ? IPPROTO_IPV6 : IPPROTO_IP,
+                           v6 ? IPV6_RECVTCLASS : IP_RECVTOS, &on, sizeof on),
               0);
     Udp client = Udp::open_for(server->local());
     const std::array<std::uint8_t, 3> bytes = {1, 2, 3};
@@ -102,7 +102,8 @@ TEST(Dscp, IsOnTheDatagramsThatArrive) {
       ASSERT_TRUE(client.set_dscp(dscp));
       int octet = -1;
       socklen_t length = sizeof octet;
-      ASSERT_EQ(::getsockopt(client.handle(), v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_TCLASS : IP_TOS, &octet, &length),
+      ASSERT_EQ(::getsockopt(client.handle(), v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_TCLASS : IP_TOS,
+                             &octet, &length),
                 0);
       EXPECT_EQ(octet, dscp << 2);
       ASSERT_EQ(client.send(bytes, server->local()), SendStatus::kSent);

@@ -95,9 +95,9 @@ TEST(LinkQuality, TimesAndClockAreThoseOfTheLink) {
       jitter_sum_us += q.jitter_us;
       rtt_sum_us += q.rtt_us;
       ++samples;
-      worst_excess_us =
-          std::max({worst_excess_us, std::fabs(q.up_excess_us - static_cast<double>(s.up_ns - 4'000'000) * 1e-3),
-                    std::fabs(q.down_excess_us - static_cast<double>(s.down_ns - 9'000'000) * 1e-3)});
+      worst_excess_us = std::max(
+          {worst_excess_us, std::fabs(q.up_excess_us - static_cast<double>(s.up_ns - 4'000'000) * 1e-3),
+           std::fabs(q.down_excess_us - static_cast<double>(s.down_ns - 9'000'000) * 1e-3)});
     };
     s.ticks(60'000);
     const link::LinkQuality q = s.client.quality(s.now_ns);

@@ -101,7 +101,8 @@ struct Drawing {
     std::vector<Commanded> all;
     for (std::size_t k = 0; k < commanded.size(); ++k) {
       bool there = false;
-      for (std::size_t i = k; i <= k + n && i < commanded.size(); ++i) there = there || commanded[i].delivered;
+      for (std::size_t i = k; i <= k + n && i < commanded.size(); ++i)
+        there = there || commanded[i].delivered;
       if (there) all.push_back(commanded[k]);
     }
     return all;
