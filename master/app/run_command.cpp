@@ -94,7 +94,7 @@ device::SimDeviceConfig sim_device_config(const StationFile& file, double start_
 
 // Null without --record. What makes the file explain itself goes in here.
 std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
-                                                   const link::Welcome& welcome, const LinkDelay& link,
+                                                   const device::DeviceInfo& device, const link::Welcome& welcome, const LinkDelay& link,
                                                    const std::string& planned, std::uint64_t nonce_seed) {
   if (options.record.empty()) return nullptr;
   const std::string scene_name = slave_limits(welcome).scene_name;
@@ -110,6 +110,9 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   about.rate_hz = file.station.rate_hz;
   about.extra = describe(file.station, file.plant);
   for (auto& setting : describe_link(file)) about.extra.push_back(std::move(setting));
+  for (auto& setting : describe_device(device)) about.extra.push_back(std::move(setting));
+  about.extra.emplace_back("features", fmt::format("{:x}", welcome.feature_bits));
+  about.extra.emplace_back("slave_timeout_ms", fmt::format("{}", welcome.timeout_ms));
   about.extra.emplace_back("scaling_chosen", planned.empty() ? "given" : planned);
   about.extra.emplace_back("round_trip_median_s", fmt::format("{:.9g}", link.median_s));
   about.extra.emplace_back("round_trip_p99_s", fmt::format("{:.9g}", link.p99_s));
@@ -186,6 +189,8 @@ int run(const RunOptions& options) {
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_nonce_seed();
   client_config.redundancy = static_cast<std::size_t>(file.redundancy);
+  // Only a replay needs to know in which order the slave stepped.
+  if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
   link::ClientSession session(client_config);
   connect(session, way, server, config.rate_hz, options, stop);
   Farewell farewell(session, way.datagram(), server);
@@ -214,7 +219,7 @@ int run(const RunOptions& options) {
   const device::IntendedMotion motion = intended_motion(options, file.task, start_height_nm);
   device::SimDevice device(sim_device_config(file, start_height_nm), motion);
   const std::unique_ptr<recording::Recorder> recorder =
-      make_recorder(options, file, welcome, link, planned, client_config.nonce_seed);
+      make_recorder(options, file, device_info, welcome, link, planned, client_config.nonce_seed);
   if (!options.quiet) {
     fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, slave.scene_name,
                control::method_name(config.method), check.text);

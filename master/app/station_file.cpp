@@ -181,6 +181,22 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
   return list;
 }
 
+std::vector<std::pair<std::string, std::string>> describe_device(const device::DeviceInfo& info) {
+  std::vector<std::pair<std::string, std::string>> list{{"haptic.name", info.name}};
+  const auto add = [&](const char* key, double value) {
+    std::array<char, 40> text{};
+    std::snprintf(text.data(), text.size(), "%.17g", value);
+    list.emplace_back(key, text.data());
+  };
+  add("haptic.force_max_n", info.force_max_n);
+  add("haptic.position_quantum_m", info.position_quantum_m);
+  add("haptic.damping_n_s_m", info.damping_n_s_m);
+  add("haptic.mass_kg", info.mass_kg);
+  add("haptic.workspace_radius_m", info.workspace_radius_m);
+  list.emplace_back("haptic.has_force", info.has_force ? "true" : "false");
+  return list;
+}
+
 std::vector<std::pair<std::string, std::string>> describe_link(const StationFile& file) {
   using Mode = link::PlayoutConfig::Mode;
   const link::PlayoutConfig& playout = file.link.playout;

@@ -48,6 +48,8 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
                                                           const device::PlantConfig& plant);
 
 /// Its [link], likewise.
+/// What the station was told of the haptic device.
+std::vector<std::pair<std::string, std::string>> describe_device(const device::DeviceInfo& info);
 std::vector<std::pair<std::string, std::string>> describe_link(const StationFile& file);
 
 /// After flags have changed it: checks the whole and makes the simulated device follow the rate.

@@ -85,10 +85,11 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
 void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
   const link::Incoming& in = session_.incoming();
   recording::DatagramRow& row = datagrams_[datagram_count_++];
-  row = {ticks_, came_ns, 0, 0, static_cast<std::uint32_t>(in.type), static_cast<std::uint32_t>(session_.last_drop())};
+  row = {ticks_, came_ns, 0, 0, 0, static_cast<std::uint32_t>(in.type), static_cast<std::uint32_t>(session_.last_drop())};
   if (in.type != link::MessageType::kReply) return;
   row.sequence = in.reply.sequence;
   row.answers = in.reply.command_sequence;
+  row.steps_before = in.reply.steps_before;
 }
 
 void StationLoop::say_bye(link::ByeReason reason) noexcept {

@@ -9,6 +9,7 @@
 #include "tests/studies/methods/methods_command.h"
 #include "tests/studies/precision/precision_command.h"
 #include "tests/studies/relay/relay_command.h"
+#include "tests/studies/replay/replay_command.h"
 #include "tests/studies/report/report_command.h"
 #include "tests/studies/session_command.h"
 #include "tests/studies/zwidth/zwidth_command.h"
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
   telenano::studies::add_methods_command(app);
   telenano::studies::add_precision_command(app);
   telenano::studies::add_relay_command(app);
+  telenano::studies::add_replay_command(app, exit_code);
   telenano::studies::add_report_command(app);
   telenano::studies::add_session_command(app, exit_code);
   telenano::studies::add_scaling_command(app);

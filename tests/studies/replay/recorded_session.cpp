@@ -1,0 +1,138 @@
+#include "tests/studies/replay/recorded_session.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+
+#include "common/base/error.h"
+#include "common/link/messages.h"
+#include "common/recording/recording_reader.h"
+
+namespace telenano::studies {
+namespace {
+
+using recording::RecordingReader;
+
+std::string text_of(const RecordingReader& reader, const std::string& key) {
+  std::string text = reader.configuration(key);
+  if (text.empty())
+    throw UserError(reader.path().string() + ": does not say '" + key +
+                    "'; it was recorded by a program that is too old to be replayed");
+  return text;
+}
+
+double number_of(const RecordingReader& reader, const std::string& key) {
+  return std::strtod(text_of(reader, key).c_str(), nullptr);
+}
+
+std::int64_t ns_of_ms(const RecordingReader& reader, const std::string& key, std::int64_t otherwise) {
+  const std::string text = reader.configuration(key);
+  return text.empty() ? otherwise : std::llround(std::strtod(text.c_str(), nullptr) * 1e6);
+}
+
+station::StationConfig station_of(const RecordingReader& reader) {
+  station::StationConfig c;
+  c.rate_hz = number_of(reader, "rate_hz");
+  c.scaling.velocity = number_of(reader, "scaling.velocity");
+  c.scaling.force = number_of(reader, "scaling.force");
+  c.method = control::parse_method(text_of(reader, "control.method"));
+  c.damper = text_of(reader, "control.damper") == "per-axis" ? control::DamperDirection::kPerAxis
+                                                              : control::DamperDirection::kAlongMotion;
+  c.leak_time_s = number_of(reader, "control.leak_time_s");
+  c.allowance_j = number_of(reader, "control.allowance_j");
+  c.guaranteed_velocity_m_s = number_of(reader, "control.guaranteed_velocity_m_s");
+  c.trip_velocity_m_s = number_of(reader, "limits.trip_velocity_m_s");
+  c.force_safety = number_of(reader, "limits.force_safety");
+  c.slew_n_s = number_of(reader, "limits.slew_n_s");
+  c.stale_hold_s = number_of(reader, "limits.stale_hold_s");
+  c.stale_zero_s = number_of(reader, "limits.stale_zero_s");
+  c.engage_ramp_s = number_of(reader, "limits.engage_ramp_s");
+  c.require_deadman = text_of(reader, "limits.require_deadman") == "true";
+  c.allow_unsafe_scaling = text_of(reader, "allow_unsafe_scaling") == "true";
+  if (const std::string damping = reader.configuration("device.damping_n_s_m"); !damping.empty())
+    c.device_damping_n_s_m = std::strtod(damping.c_str(), nullptr);
+  return c;
+}
+
+device::DeviceInfo device_of(const RecordingReader& reader) {
+  device::DeviceInfo info;
+  info.name = text_of(reader, "haptic.name");
+  info.force_max_n = number_of(reader, "haptic.force_max_n");
+  info.position_quantum_m = number_of(reader, "haptic.position_quantum_m");
+  info.damping_n_s_m = number_of(reader, "haptic.damping_n_s_m");
+  info.mass_kg = number_of(reader, "haptic.mass_kg");
+  info.workspace_radius_m = number_of(reader, "haptic.workspace_radius_m");
+  info.has_force = text_of(reader, "haptic.has_force") == "true";
+  return info;
+}
+
+loop::LinkOptions link_of(const RecordingReader& reader) {
+  using Mode = link::PlayoutConfig::Mode;
+  loop::LinkOptions link;
+  const std::string playout = text_of(reader, "link.playout");
+  link.playout.mode = playout == "constant" ? Mode::kConstant : playout == "adaptive" ? Mode::kAdaptive : Mode::kNewest;
+  link.playout.delay_ns = ns_of_ms(reader, "link.playout_delay_ms", link.playout.delay_ns);
+  link.gate.deadband_nm = number_of(reader, "link.deadband_nm");
+  link.gate.deadband_n = number_of(reader, "link.deadband_n");
+  link.gate.heartbeat_ns = ns_of_ms(reader, "link.heartbeat_ms", link.gate.heartbeat_ns);
+  return link;
+}
+
+}  // namespace
+
+RecordedSession load_session(const std::filesystem::path& path) {
+  const RecordingReader reader(path);
+  if (!reader.has("now_ns") || !reader.has("sent_ns"))
+    throw UserError(path.string() + ": was recorded by a program that is too old to be replayed (no column now_ns)");
+  RecordedSession session;
+  session.path = path;
+  session.scene_name = text_of(reader, "scene_name");
+  session.scene_hash = text_of(reader, "scene_hash");
+  session.station = station_of(reader);
+  session.device = device_of(reader);
+  session.link = link_of(reader);
+  session.redundancy = static_cast<std::size_t>(number_of(reader, "link.redundancy"));
+  session.features = std::strtoull(text_of(reader, "features").c_str(), nullptr, 16);
+  session.slave_timeout_ns = std::llround(1e6 * number_of(reader, "slave_timeout_ms"));
+  session.samples.resize(reader.rows());
+  reader.read_samples(0, session.samples);
+  session.datagrams = reader.datagrams();
+  if (session.samples.empty()) throw UserError(path.string() + ": holds no row");
+  return session;
+}
+
+StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams) {
+  struct Answer {
+    std::uint64_t command = 0, before = 0;
+  };
+  std::map<std::uint64_t, Answer> replies;  // by their number: the order in which they were sent
+  for (const auto& row : datagrams) {
+    if (row.type == static_cast<std::uint32_t>(link::MessageType::kReply) && row.sequence != 0)
+      replies[row.sequence] = {row.answers, row.steps_before};
+  }
+  StepOrder order;
+  std::uint64_t last_reply = 0, last_command = 0;
+  for (const auto& [number, answer] : replies) {
+    // Every accepted command has one reply, numbered on from the last: so many were accepted in between.
+    const std::uint64_t accepted = number - last_reply - 1;
+    const std::uint64_t sent = answer.command - last_command - 1;
+    std::uint64_t known = 0;
+    for (std::uint64_t i = 0; i < 64 && i + 1 < answer.command - last_command; ++i) {
+      if ((answer.before >> i & 1) == 0) continue;
+      order.commands.insert(answer.command - 1 - i);
+      ++known;
+    }
+    if (accepted == sent) {
+      for (std::uint64_t c = last_command + 1; c < answer.command; ++c) order.commands.insert(c);
+    } else if (known != accepted && last_reply != 0) {
+      order.unknown_from = std::min(order.unknown_from, last_command + 1);
+    }
+    order.commands.insert(answer.command);
+    last_reply = number;
+    last_command = answer.command;
+  }
+  return order;
+}
+
+}  // namespace telenano::studies

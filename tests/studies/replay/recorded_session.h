@@ -1,0 +1,46 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/recording/datagram_row.h"
+#include "common/recording/sample.h"
+#include "master/device/haptic_device.h"
+#include "master/loop/link_options.h"
+#include "master/station/station_config.h"
+
+namespace telenano::studies {
+
+/// What a recording holds of a session, as a replay needs it.
+struct RecordedSession {
+  std::filesystem::path path;
+  std::string scene_name;
+  std::string scene_hash;  ///< 16 hexadecimal digits
+  station::StationConfig station;
+  device::DeviceInfo device;
+  loop::LinkOptions link;
+  std::size_t redundancy = 0;
+  std::uint64_t features = 0;  ///< agreed
+  std::int64_t slave_timeout_ns = 0;  ///< silence after which the slave withdraws, by the server's clock
+  std::vector<recording::Sample> samples;
+  std::vector<recording::DatagramRow> datagrams;
+};
+
+/// Throws UserError, one line: not a recording, or one that was made before recordings held what came when.
+RecordedSession load_session(const std::filesystem::path& path);
+
+/// By which commands the slave stepped, from the replies' numbers, those that they answer and what they say of
+/// the commands before.
+struct StepOrder {
+  std::set<std::uint64_t> commands;
+  /// From this command on (its number) it is not known any more; UINT64_MAX: it is known throughout. Only where
+  /// more than 64 commands lie between two replies that came, and some of them had come, but not all.
+  std::uint64_t unknown_from = UINT64_MAX;
+};
+StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams);
+
+}  // namespace telenano::studies

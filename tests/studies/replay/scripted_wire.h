@@ -1,0 +1,65 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <span>
+#include <vector>
+
+#include "common/link/codec.h"
+#include "common/net/datagram.h"
+#include "common/rt/clock.h"
+#include "nve_server/server/server.h"
+#include "tests/studies/replay/recorded_session.h"
+
+namespace telenano::studies {
+
+/// The station's clock as it was when the recording was made: it shows what it is set to.
+class RecordedClock final : public rt::Clock {
+ public:
+  std::int64_t now_ns() const noexcept override { return now_ns_; }
+  void set(std::int64_t now_ns) noexcept { now_ns_ = now_ns; }
+
+ private:
+  std::int64_t now_ns_ = 0;
+};
+
+/// The network as it was: a command reaches the server if the slave had stepped by it, and its reply comes back
+/// in the ticks in which it did.
+class ScriptedWire final : public net::Datagram {
+ public:
+  ScriptedWire(server::Server& server, RecordedClock& clock, StepOrder order)
+      : server_(server), clock_(clock), order_(std::move(order)) {}
+
+  /// For the handshake everything comes and is answered at once; commands go by the script.
+  void open_to_all(bool open) noexcept { open_ = open; }
+  /// The answer to a command; null: the slave did not step by it.
+  const std::vector<std::uint8_t>* reply_to(std::uint64_t command) const;
+  /// What came in the tick that is next.
+  void begin_tick(std::int64_t now_ns, std::span<const recording::DatagramRow> rows) {
+    clock_.set(now_ns);
+    rows_ = rows;
+  }
+
+  net::SendStatus send(std::span<const std::uint8_t> bytes, const net::Address& to) noexcept override;
+  bool receive(std::span<std::uint8_t> buffer, net::Received& received) noexcept override;
+
+  std::int64_t steps() const noexcept { return steps_; }
+  const net::Address& address() const noexcept { return address_; }
+
+ private:
+  server::Server& server_;
+  RecordedClock& clock_;
+  StepOrder order_;
+  net::Address address_{.port = 1};
+  link::Codec codec_;
+  link::Incoming incoming_;
+  bool open_ = true;
+  std::int64_t steps_ = 0;
+  std::span<const recording::DatagramRow> rows_;
+  std::deque<std::vector<std::uint8_t>> waiting_;  ///< while open to all
+  std::map<std::uint64_t, std::vector<std::uint8_t>> replies_;  ///< by the command answered
+};
+
+}  // namespace telenano::studies
