@@ -133,12 +133,13 @@ struct Udp::Impl {
   asio::io_context context;
   udp::socket socket{context};
   int handle = -1;
+  std::int64_t busy_poll_ns = 0;
   // The last peer's address as the kernel wants it: nearly always the next one's too.
   Address cached;
   sockaddr_storage cached_name{};
   socklen_t cached_length = 0;
 
-  void open(const Address& local) {
+  void open(const Address& local, const UdpOptions& options) {
     const udp::endpoint endpoint = to_asio(local);
     boost::system::error_code error;
     socket.open(endpoint.protocol(), error);
@@ -147,6 +148,18 @@ struct Udp::Impl {
     socket.set_option(asio::socket_base::receive_buffer_size(kSocketBufferBytes), ignored);
     socket.set_option(asio::socket_base::send_buffer_size(kSocketBufferBytes), ignored);
     if (endpoint.address().is_v6()) socket.set_option(asio::ip::v6_only(false), ignored);
+    const int yes = 1;
+    if (options.share_port &&
+        ::setsockopt(socket.native_handle(), SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes) != 0) {
+      throw UserError("this kernel cannot share UDP port " + std::to_string(local.port) +
+                      " between sockets (SO_REUSEPORT): " + std::strerror(errno) + "; use one worker");
+    }
+    if (options.busy_poll_ns > 0) {
+      const int us = static_cast<int>(std::clamp<std::int64_t>(options.busy_poll_ns / 1000, 1, 1'000'000));
+      if (::setsockopt(socket.native_handle(), SOL_SOCKET, SO_BUSY_POLL, &us, sizeof us) == 0) {
+        busy_poll_ns = us * std::int64_t{1000};
+      }
+    }
     socket.bind(endpoint, error);
     if (error == asio::error::address_in_use) {
       throw UserError("UDP port " + std::to_string(local.port) + " on " + to_string(local) +
@@ -163,8 +176,7 @@ struct Udp::Impl {
     handle = socket.native_handle();
     // The kernel notes when each datagram came (CLOCK_REALTIME): a loop that looks once a tick would
     // otherwise measure its own period as round trip. Where it is not to be had, age_ns stays 0.
-    const int on = 1;
-    ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+    ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &yes, sizeof yes);
   }
 
   void cache(const Address& to) noexcept {
@@ -194,9 +206,9 @@ Udp::Udp(Udp&&) noexcept = default;
 Udp& Udp::operator=(Udp&&) noexcept = default;
 Udp::~Udp() = default;
 
-Udp Udp::listen(const Address& local) {
+Udp Udp::listen(const Address& local, const UdpOptions& options) {
   auto impl = std::make_unique<Impl>();
-  impl->open(local);
+  impl->open(local, options);
   return Udp(std::move(impl));
 }
 
@@ -257,6 +269,10 @@ Address Udp::local() const noexcept {
   boost::system::error_code error;
   const auto endpoint = impl_->socket.local_endpoint(error);
   return error ? Address{} : from_asio(endpoint);
+}
+
+std::int64_t Udp::busy_poll_ns() const noexcept {
+  return impl_->busy_poll_ns;
 }
 
 int Udp::handle() const noexcept {

@@ -15,12 +15,21 @@ std::string to_string(const Address& address);
 /// Datagrams to and from this machine only?
 bool is_loopback(const Address& address) noexcept;
 
+struct UdpOptions {
+  /// Several sockets, of this process's user, may be bound to the port if all ask for it: the kernel then
+  /// gives each peer (address and port) to one of them, always the same as long as none comes or goes.
+  bool share_port = false;
+  /// So long a wait may look at the network card itself before it sleeps (SO_BUSY_POLL); 0: not at all. Has no
+  /// effect on loopback; a kernel that does not grant it is no error (Udp::busy_poll_ns tells).
+  std::int64_t busy_poll_ns = 0;
+};
+
 /// A UDP socket that never waits in send() and receive(). IPv4 and IPv6.
 class Udp final : public Datagram {
  public:
   /// Bound to `local` (the server's end). Throws UserError if the port is taken or the address is not this
   /// machine's.
-  static Udp listen(const Address& local);
+  static Udp listen(const Address& local, const UdpOptions& options = {});
   /// Bound to any free port, for talking to `peer` (the station's end).
   static Udp open_for(const Address& peer);
 
@@ -33,6 +42,7 @@ class Udp final : public Datagram {
   /// Sleeps until a datagram is there (true), or the time has passed or a signal has come (false).
   bool wait_readable(std::int64_t timeout_ns) noexcept;
   Address local() const noexcept;
+  std::int64_t busy_poll_ns() const noexcept;  ///< granted
   int handle() const noexcept;  ///< the file descriptor, to wait for several sockets at once
 
  private:

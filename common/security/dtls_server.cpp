@@ -485,6 +485,10 @@ net::SendStatus DtlsServer::send(std::span<const std::uint8_t> bytes, const net:
   return slot == kNone ? net::SendStatus::kFailed : impl_->peers[slot].channel->send(bytes);
 }
 
+void DtlsServer::flush() noexcept {
+  impl_->wire.flush();
+}
+
 void DtlsServer::offer_keys(KeyList keys) {
   delete impl_->retired_keys.exchange(nullptr, std::memory_order_acq_rel);
   delete impl_->fresh_keys.exchange(new KeyList(std::move(keys)), std::memory_order_acq_rel);

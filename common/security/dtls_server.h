@@ -52,6 +52,7 @@ class DtlsServer final : public net::Datagram {
 
   net::SendStatus send(std::span<const std::uint8_t> bytes, const net::Address& to) noexcept override;
   bool receive(std::span<std::uint8_t> buffer, net::Received& received) noexcept override;
+  void flush() noexcept override;
 
   /// From another thread: the list from now on. Associations whose key or right is no longer the same end
   /// with the loop's next datagram or idle look.

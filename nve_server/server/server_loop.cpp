@@ -40,6 +40,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
       // A full send queue loses the answer, as the network may: the next one says more.
       if (n > 0) socket.send({out.data(), n}, received.from);
     }
+    socket.flush();
     const std::int64_t now_ns = clock.now_ns();
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
@@ -51,6 +52,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   }
   net::Address to;
   while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
+  socket.flush();
   publish(server, status);
 }
 
