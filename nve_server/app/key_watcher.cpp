@@ -23,11 +23,11 @@ std::string state_of(const std::string& path) {
 
 }  // namespace
 
-KeyWatcher::KeyWatcher(std::string path, security::DtlsServer& server,
+KeyWatcher::KeyWatcher(std::string path, std::vector<security::DtlsServer*> servers,
                        std::function<void(const std::string&)> warn,
                        std::function<void(const std::string&)> inform)
     : path_(std::move(path)),
-      server_(server),
+      servers_(std::move(servers)),
       warn_(std::move(warn)),
       inform_(std::move(inform)),
       thread_([this] { run(); }) {}
@@ -50,9 +50,9 @@ void KeyWatcher::run() {
     const bool first = seen_.empty();
     seen_ = std::move(state);
     try {
-      security::KeyList list = security::load_key_list(path_);
+      const security::KeyList list = security::load_key_list(path_);
       const std::size_t entries = list.keys.size() + list.certificates.size();
-      server_.offer_keys(std::move(list));
+      for (security::DtlsServer* const server : servers_) server->offer_keys(list);
       if (!first) inform_("keys read again: " + std::to_string(entries) + " entries");
     } catch (const std::exception& error) {
       warn_(std::string(error.what()) + "; the keys known so far stay valid");

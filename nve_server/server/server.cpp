@@ -55,6 +55,15 @@ std::unique_ptr<slave::Slave> first_slave(const ServedScene& scene) {
   return slave;
 }
 
+link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
+  link::SessionTableConfig table = config.table;
+  if (config.mail != nullptr) {
+    table.shard = static_cast<std::uint32_t>(config.worker);
+    table.shards = static_cast<std::uint32_t>(config.mail->workers());
+  }
+  return table;
+}
+
 }  // namespace
 
 link::SceneName scene_name(const std::string& text) noexcept {
@@ -68,10 +77,11 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       scene_(std::move(scene)),
       spare_(first_slave(scene_)),
       limits_(spare_->limits()),
-      table_(config.table, config.secret),
+      table_(table_of(config), config.secret),
       handshake_({config.secret, config.feature_bits, limits_.rate_max_hz, config.challenges_per_s,
                   config.openings_per_s}),
-      ports_(table_.capacity()) {}
+      ports_(table_.capacity()),
+      search_(config.mail, config.worker) {}
 
 std::size_t Server::drop(DropCause cause) noexcept {
   drops_.add(cause);
@@ -142,19 +152,38 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
 }
 
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                             std::span<std::uint8_t> out, const net::Standing& standing) noexcept {
+                             std::span<std::uint8_t> out, const net::Standing& standing,
+                             bool others) noexcept {
   using Kind = link::HelloVerdict::Kind;
-  link::HelloVerdict verdict =
-      handshake_.on_hello(hello, peer_key(from), now_ns, table_, shutting_down_, standing.address_proven);
+  link::HelloContext context;
+  context.shutting_down = shutting_down_;
+  context.address_proven = standing.address_proven;
+  context.others = others && search_.has_others();
+  if (config_.cap != nullptr) {
+    context.of = this;
+    context.take_place = [](void* of) noexcept {
+      auto& self = *static_cast<Server*>(of);
+      const bool taken = self.config_.cap->take();
+      self.cap_held_ += taken ? 1 : 0;
+      return taken;
+    };
+  }
+  link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, context);
+  if (verdict.kind == Kind::kAskOthers) {
+    verdict.kind = Kind::kDrop;
+    verdict.cause = search_.ask(hello, from, standing, now_ns);
+  }
   if (verdict.kind == Kind::kOpen && !make_port(verdict.slot, now_ns)) {
     table_.release(verdict.slot);
     verdict.kind = Kind::kRefuse;
     verdict.cause = DropCause::kFull;
     verdict.refuse = {hello.nonce, link::RefuseReason::kFull, link::kProtocolVersion, link::kProtocolVersion};
   }
+  settle_cap();
   if (verdict.cause != DropCause::kNone) drops_.add(verdict.cause);
   switch (verdict.kind) {
     case Kind::kDrop:
+    case Kind::kAskOthers:
       return 0;
     case Kind::kChallenge:
       return codec_.encode(verdict.challenge, out);
@@ -240,6 +269,7 @@ void Server::on_bye(const link::Bye& bye, const net::Address& from, std::int64_t
     drops_.add(DropCause::kDuplicate);  // Byes are sent more than once
   } else {
     table_.end(slot, now_ns);
+    settle_cap();
     ++counters_.ended;
   }
 }
@@ -266,6 +296,8 @@ void Server::poll(std::int64_t now_ns) noexcept {
     }
     if (state == link::SlotState::kFree) ports_[slot] = {};
   });
+  settle_cap();
+  search_.forget_old(now_ns);
   for (std::size_t slot = 0; slot < ports_.size(); ++slot) {
     const link::Session& session = table_[slot];
     const bool leaving =
@@ -281,6 +313,7 @@ std::size_t Server::next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, n
   for (std::size_t slot = 0; slot < ports_.size(); ++slot) {
     if (table_[slot].state != link::SlotState::kActive) continue;
     table_.end(slot, now_ns);
+    settle_cap();
     to = ports_[slot].address;
     return codec_.encode(link::Bye{table_[slot].session_id, link::ByeReason::kShuttingDown}, out);
   }

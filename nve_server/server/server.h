@@ -14,6 +14,10 @@
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
 #include "nve_server/server/port_control.h"
+#include "nve_server/server/session_cap.h"
+#include "nve_server/server/session_port.h"
+#include "nve_server/server/token_search.h"
+#include "nve_server/server/worker_mail.h"
 #include "nve_server/slave/slave.h"
 
 namespace telenano::server {
@@ -40,6 +44,12 @@ struct ServerConfig {
   double challenges_per_s = 20000;
   double openings_per_s = 64;
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
+
+  /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
+  /// same secret, so that cookies hold everywhere. Both outlive the servers; null: this one is alone.
+  WorkerMail* mail = nullptr;
+  std::size_t worker = 0;
+  SessionCap* cap = nullptr;  ///< of all workers' active sessions; table.capacity holds for each besides
 };
 
 struct ServerCounters {
@@ -48,7 +58,9 @@ struct ServerCounters {
   std::uint64_t opened = 0;
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
-  std::uint64_t ended = 0;  ///< by Bye
+  std::uint64_t ended = 0;      ///< by Bye
+  std::uint64_t moved_in = 0;   ///< handed over by another worker
+  std::uint64_t moved_out = 0;  ///< to another worker
 };
 
 /// The server without its socket: datagrams and times go in, answers come out. The same object serves real
@@ -72,6 +84,14 @@ class Server {
   /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
   void poll(std::int64_t now_ns) noexcept;
 
+  /// With other workers: hands over sessions that they ask for, takes in those that come. Call it with every
+  /// look at the socket, and then next_answer() until it returns 0, sending each answer to `to`: those to
+  /// Hellos whose session was with another worker.
+  void exchange_mail() noexcept;
+  std::size_t next_answer(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
+  /// Does a Hello wait for another worker's answer? Look again soon.
+  bool awaits_mail() const noexcept { return search_.waits(); }
+
   /// Shutting down: from now on Hellos are refused; call until it returns 0, sending each Bye to `to`.
   std::size_t next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
 
@@ -80,17 +100,15 @@ class Server {
   const link::SessionTable& sessions() const noexcept { return table_; }
 
  private:
-  struct Port {
-    std::unique_ptr<slave::Slave> slave;
-    slave::SlaveOutput output;
-    PortControl control;
-    net::Address address;
-    std::int64_t last_step_ns = 0;
-  };
+  using Port = SessionPort;
 
   std::size_t drop(link::DropCause cause) noexcept;
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                       std::span<std::uint8_t> out, const net::Standing& standing) noexcept;
+                       std::span<std::uint8_t> out, const net::Standing& standing,
+                       bool others = true) noexcept;
+  void settle_cap() noexcept;
+  void hand_over(std::size_t slot, const Letter& question) noexcept;
+  void adopt(SessionParcel& parcel) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
   void on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept;
@@ -108,6 +126,8 @@ class Server {
   link::Codec codec_;
   link::Incoming incoming_;
   std::vector<Port> ports_;
+  TokenSearch search_;
+  std::int64_t cap_held_ = 0;  // places that this worker has of config_.cap
   bool shutting_down_ = false;
   bool may_operate_ = true;  ///< the datagram at hand
   link::DropCounters drops_;

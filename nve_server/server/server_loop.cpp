@@ -1,5 +1,6 @@
 #include "nve_server/server/server_loop.h"
 
+#include <algorithm>
 #include <array>
 
 #include "common/link/messages.h"
@@ -14,6 +15,7 @@ void publish(const Server& server, LoopStatus& status) noexcept {
   status.drops.store(server.drops().total(), kRelaxed);
   status.opened.store(server.counters().opened, kRelaxed);
   status.timed_out.store(server.counters().timed_out, kRelaxed);
+  status.moved_in.store(server.counters().moved_in, kRelaxed);
 }
 
 }  // namespace
@@ -25,6 +27,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> in{};
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
   net::Received received;
+  net::Address to;
   std::int64_t next_poll_ns = clock.now_ns();
   while (!stop.load(std::memory_order_relaxed)) {
     // At most a batch before the time-outs are looked at again, so that a flood cannot keep them waiting.
@@ -40,17 +43,20 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
       // A full send queue loses the answer, as the network may: the next one says more.
       if (n > 0) socket.send({out.data(), n}, received.from);
     }
+    server.exchange_mail();
+    while (const std::size_t n = server.next_answer(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
     socket.flush();
     const std::int64_t now_ns = clock.now_ns();
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
       publish(server, status);
-      next_poll_ns =
-          now_ns + (server.sessions().occupied() > 0 ? options.poll_period_ns : options.idle_period_ns);
+      const bool busy = server.sessions().occupied() > 0 || server.awaits_mail();
+      next_poll_ns = now_ns + (busy ? options.poll_period_ns : options.idle_period_ns);
     }
-    if (drained && !options.busy_poll) wait(next_poll_ns - now_ns);
+    if (!drained || options.busy_poll) continue;
+    const std::int64_t sleep_ns = next_poll_ns - now_ns;
+    wait(server.awaits_mail() ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
   }
-  net::Address to;
   while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
   socket.flush();
   publish(server, status);
