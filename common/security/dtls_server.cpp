@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <bit>
 #include <cstring>
 #include <new>
 #include <vector>
@@ -58,6 +59,8 @@ struct DtlsServer::Impl {
         wire(w),
         clock(time),
         tags(c.capacity),
+        buckets(std::bit_ceil(2 * c.capacity), kNone),
+        next_of_bucket(c.capacity, kNone),
         peers(c.capacity),
         addresses(kAddressBuckets, {c.handshakes_per_address_s, c.handshakes_per_address_burst}),
         strangers(c.cookies_per_s, std::max(1.0, c.cookies_per_s / 10)),
@@ -230,7 +233,7 @@ struct DtlsServer::Impl {
   std::size_t find(const net::Address& address, State state) const noexcept {
     if (last < peers.size() && peers[last].state == state && peers[last].address == address) return last;
     const std::uint64_t tag = tag_of(address);
-    for (std::size_t slot = 0; slot < tags.size(); ++slot) {
+    for (std::size_t slot = first_of(tag); slot != kNone; slot = next_of_bucket[slot]) {
       if (tags[slot] == tag && peers[slot].state == state && peers[slot].address == address) {
         last = slot;
         return slot;
@@ -246,8 +249,22 @@ struct DtlsServer::Impl {
 
   void release(std::size_t slot) noexcept {
     peers[slot] = {};
+    if (tags[slot] == 0) return;
+    std::size_t* link = &first_of(tags[slot]);
+    while (*link != slot) link = &next_of_bucket[*link];
+    *link = next_of_bucket[slot];
     tags[slot] = 0;
   }
+
+  void enter(std::size_t slot, const net::Address& address) noexcept {  // a slot that was released
+    tags[slot] = tag_of(address);
+    std::size_t& first = first_of(tags[slot]);
+    next_of_bucket[slot] = first;
+    first = slot;
+  }
+
+  std::size_t& first_of(std::uint64_t tag) noexcept { return buckets[tag & (buckets.size() - 1)]; }
+  std::size_t first_of(std::uint64_t tag) const noexcept { return buckets[tag & (buckets.size() - 1)]; }
 
   /// A slot for a handshake. Those under way share a quarter of the room, and the oldest of them gives way: a
   /// crowd that never finishes neither takes the room of sessions nor keeps others out for long.
@@ -311,7 +328,7 @@ struct DtlsServer::Impl {
     peer.address = from;
     peer.random = hello.random;
     peer.since_ns = now_ns;
-    tags[slot] = tag_of(from);
+    enter(slot, from);
     listener = std::move(next);
     advance(slot, {});
   }
@@ -452,7 +469,10 @@ struct DtlsServer::Impl {
   const rt::Clock& clock;
   std::array<std::uint8_t, 32> secret{};
   link::SipKey tag_key;
-  std::vector<std::uint64_t> tags;  // of the peers' addresses, packed: the search reads nothing else
+  // Found by the tag of its address: those with the same low bits are a chain through next_of_bucket.
+  std::vector<std::uint64_t> tags;
+  std::vector<std::size_t> buckets;
+  std::vector<std::size_t> next_of_bucket;
   std::vector<Peer> peers;
   mutable std::size_t last = 0;  // found: mostly the next one's too
   std::vector<link::TokenBucket> addresses;

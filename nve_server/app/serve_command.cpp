@@ -7,6 +7,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
+#include <cstring>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,10 +16,11 @@
 #include <utility>
 
 #include "common/net/udp.h"
+#include "common/rt/realtime_thread.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
 #include "nve_server/app/serve_security.h"
-#include "nve_server/server/server_loop.h"
+#include "nve_server/app/serve_workers.h"
 
 namespace telenano::app {
 namespace {
@@ -47,10 +49,8 @@ link::SipKey fresh_secret() {
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
 class StatusPrinter {
  public:
-  /// `channels` may be null: there are none in the clear.
-  StatusPrinter(const server::LoopStatus& status, const security::SecurityCounters* channels,
-                std::shared_ptr<spdlog::logger> log)
-      : status_(status), channels_(channels), log_(std::move(log)), thread_([this] { run(); }) {}
+  StatusPrinter(const Workers& workers, std::shared_ptr<spdlog::logger> log)
+      : workers_(workers), log_(std::move(log)), thread_([this] { run(); }) {}
   ~StatusPrinter() {
     {
       const std::lock_guard lock(mutex_);
@@ -68,26 +68,23 @@ class StatusPrinter {
     std::string last_channels;
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, kPeriod, [this] { return done_; })) {
-      const std::uint64_t exchanges = status_.exchanges.load(std::memory_order_relaxed);
-      const std::uint64_t sessions = status_.sessions.load(std::memory_order_relaxed);
-      if (sessions > 0 || exchanges != last_exchanges) {
-        log_->info("sessions {}  exchanges/s {:.0f}  drops {}  opened {}  timed out {}", sessions,
+      const WorkersStatus status = workers_.status();
+      const std::uint64_t exchanges = status.exchanges;
+      if (status.sessions > 0 || exchanges != last_exchanges) {
+        log_->info("sessions {}  exchanges/s {:.0f}  drops {}  opened {}  timed out {}", status.sessions,
                    static_cast<double>(exchanges - last_exchanges) / static_cast<double>(kPeriod.count()),
-                   status_.drops.load(std::memory_order_relaxed),
-                   status_.opened.load(std::memory_order_relaxed),
-                   status_.timed_out.load(std::memory_order_relaxed));
+                   status.drops, status.opened, status.timed_out);
       }
       last_exchanges = exchanges;
-      if (channels_ == nullptr) continue;
+      if (workers_.channels().empty()) continue;
       // Strangers and forgers are told of, whether or not there are sessions.
-      const std::string channels = text_of(*channels_);
+      const std::string channels = workers_.channels_text();
       if (channels != last_channels) log_->info("channels: {}", channels);
       last_channels = channels;
     }
   }
 
-  const server::LoopStatus& status_;
-  const security::SecurityCounters* channels_;
+  const Workers& workers_;
   std::shared_ptr<spdlog::logger> log_;
   std::mutex mutex_;
   std::condition_variable wake_;
@@ -102,59 +99,74 @@ struct ServeOptions {
   std::size_t max_sessions = 64;
   std::optional<int> timeout_ms;  // left out: as the scene says
   int resume_s = 30;
+  std::size_t workers = 1;
   bool busy_poll = false;
+  bool low_latency = false;
   ServeSecurity security;
 };
 
 void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
-  net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
   const rt::SteadyClock clock;
-  const std::unique_ptr<security::DtlsServer> secure =
-      options.security.is_secure() ? options.security.make(options.max_sessions, socket, clock) : nullptr;
+  // Before the scene: a taken port is the quicker answer.
+  Workers workers({address, options.workers, options.max_sessions, options.busy_poll}, clock);
   server::ServedScene scene = load_scene(options.scene, options.surfaces);
   server::ServerConfig config;
   config.secret = fresh_secret();
-  config.table.capacity = options.max_sessions;
   const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
   config.table.timeout_ns = timeout_ms * 1'000'000;
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
-  server::Server server(config, std::move(scene));
+  workers.prepare(options.security, config, scene);
+  const bool secure = options.security.is_secure();
 
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
   g_stop = false;
   catch_signals();
-  log->info("serving {} on {}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "");
-
-  server::LoopStatus status;
+  log->info("serving {} on {}{}{}", options.scene, net::to_string(workers.local()),
+            secure ? ", encrypted" : "",
+            options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
+  std::optional<rt::CpuAwake> awake;
+  if (options.low_latency) {
+    awake.emplace();
+    if (awake->held()) {
+      log->info("processors are kept awake (/dev/cpu_dma_latency)");
+    } else {
+      log->warn("--low-latency: /dev/cpu_dma_latency: {}; give this user write access by a udev rule, or run "
+                "with --busy-poll; serving without",
+                std::strerror(awake->error()));
+    }
+  }
+  if (options.busy_poll && !workers.nic_busy_poll())
+    log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
   {
     std::optional<KeyWatcher> watcher;
     if (secure) {
       watcher.emplace(
-          options.security.key_list_path(), *secure, [&](const std::string& text) { log->warn(text); },
+          options.security.key_list_path(), workers.channels(),
+          [&](const std::string& text) { log->warn(text); },
           [&](const std::string& text) { log->info(text); });
     }
-    const StatusPrinter printer(status, secure ? &secure->counters() : nullptr, log);
-    server::LoopOptions loop_options;
-    loop_options.busy_poll = options.busy_poll;
-    server::run_loop(
-        server, secure ? static_cast<net::Datagram&>(*secure) : socket, clock,
-        [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, g_stop, loop_options, status);
+    const StatusPrinter printer(workers, log);
+    workers.run(g_stop);
   }
 
+  const server::ServerCounters counters = workers.counters();
+  const link::DropCounters dropped = workers.drops();
   std::string drops;
   for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
     const auto cause = static_cast<link::DropCause>(i);
-    if (server.drops()[cause] == 0) continue;
+    if (dropped[cause] == 0) continue;
     drops += std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " +
-             std::to_string(server.drops()[cause]);
+             std::to_string(dropped[cause]);
   }
-  log->info("stopped: {} exchanges in {} sessions ({} resumed); dropped: {}", server.counters().exchanges,
-            server.counters().opened, server.counters().resumed, drops.empty() ? "none" : drops);
-  if (secure) log->info("channels: {}", text_of(secure->counters()));
+  log->info("stopped: {} exchanges in {} sessions ({} resumed{}); dropped: {}", counters.exchanges,
+            counters.opened, counters.resumed,
+            counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
+            drops.empty() ? "none" : drops);
+  if (secure) log->info("channels: {}", workers.channels_text());
 }
 
 }  // namespace
@@ -167,7 +179,12 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
       ->capture_default_str()
-      ->check(CLI::Range(1, 256));
+      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
+  command
+      ->add_option("--workers", options->workers,
+                   "Threads that serve; each station is one thread's, by its address and port")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
   command
       ->add_option("--timeout-ms", options->timeout_ms,
                    "Silence after which a session's slave retracts; left out: as the scene says")
@@ -176,7 +193,9 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
   command->add_flag("--busy-poll", options->busy_poll,
-                    "Spin instead of sleeping: quickest answers, one core busy");
+                    "Spin instead of sleeping: quickest answers, a core busy for each worker");
+  command->add_flag("--low-latency", options->low_latency,
+                    "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");
   command
       ->add_option("--save-surface", options->surfaces,
                    "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")

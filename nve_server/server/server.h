@@ -61,6 +61,17 @@ struct ServerCounters {
   std::uint64_t ended = 0;      ///< by Bye
   std::uint64_t moved_in = 0;   ///< handed over by another worker
   std::uint64_t moved_out = 0;  ///< to another worker
+
+  void add(const ServerCounters& more) noexcept {
+    datagrams += more.datagrams;
+    exchanges += more.exchanges;
+    opened += more.opened;
+    resumed += more.resumed;
+    timed_out += more.timed_out;
+    ended += more.ended;
+    moved_in += more.moved_in;
+    moved_out += more.moved_out;
+  }
 };
 
 /// The server without its socket: datagrams and times go in, answers come out. The same object serves real
