@@ -14,9 +14,11 @@ namespace telenano::support {
 
 /// The network's end of a station and nothing else: a socket of its own, perhaps a secure channel, a session.
 struct WireStation {
+  /// `from`: an address of its own; left out, any.
   WireStation(const net::Address& at, const link::ClientConfig& config,
-              const std::optional<security::DtlsClientConfig>& secure = {})
-      : server(at), socket(net::Udp::open_for(at)), client(config) {
+              const std::optional<security::DtlsClientConfig>& secure = {},
+              const std::optional<net::Address>& from = {})
+      : server(at), socket(from ? net::Udp::listen(*from) : net::Udp::open_for(at)), client(config) {
     if (secure) channel = std::make_unique<security::DtlsClient>(*secure, socket, server, clock);
     client.start(clock.now_ns());
   }
