@@ -1,7 +1,7 @@
 #include "common/link/wire_scan.h"
 
 #include <array>
-#include <utility>
+#include <cstring>
 
 namespace telenano::link {
 namespace {
@@ -33,9 +33,6 @@ constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64
                                     kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
                                     kF64,     kF64, kF64,  // 20: port control; 25: local model
                                     kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64};
-// The first field behind a feature bit: without features a stream ends before it.
-constexpr std::uint32_t kFirstCommandFeatureField = 15;
-constexpr std::uint32_t kFirstReplyFeatureField = 20;
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
 constexpr FieldList kNoFields = {};
 
@@ -97,39 +94,6 @@ bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size
   return true;
 }
 
-/// The usual case, quickly: the fields of the list in rising order, some left out (proto3 leaves out zeros),
-/// none of them length-delimited. Certain unless kUnsure; which may only mean another order. The branch on
-/// each tag goes the same way in nearly every datagram of a stream, so the processor runs ahead instead of
-/// waiting for each field's place.
-enum class InOrder : std::uint8_t { kUnsure, kWithoutFeatureFields, kWithFeatureFields };
-
-template <const FieldList& kFields, std::uint32_t kFirstFeatureField, std::uint32_t... kIndex>
-InOrder scan_in_order(std::span<const std::uint8_t> payload,
-                      std::integer_sequence<std::uint32_t, kIndex...>) noexcept {
-  const std::uint8_t* at = payload.data();
-  const std::uint8_t* const end = at + payload.size();
-  const auto field = [&at, end](std::uint32_t number, std::uint8_t wire_type) {
-    if (wire_type == kNoField) return;
-    const std::uint32_t tag = (number << 3) | wire_type;
-    const auto step = static_cast<std::ptrdiff_t>(tag_bytes(number) + value_bytes(wire_type));
-    if (end - at < step) [[unlikely]]
-      return;
-    if (number < 16 ? at[0] != tag : (at[0] != ((tag & 0x7fu) | 0x80u) || at[1] != tag >> 7)) [[unlikely]]
-      return;
-    at += step;
-  };
-  ((kIndex < kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
-  if (at == end) return InOrder::kWithoutFeatureFields;
-  ((kIndex >= kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
-  return at == end ? InOrder::kWithFeatureFields : InOrder::kUnsure;
-}
-
-template <const FieldList& kFields, std::uint32_t kFirstFeatureField>
-InOrder scan_in_order(std::span<const std::uint8_t> payload) noexcept {
-  return scan_in_order<kFields, kFirstFeatureField>(
-      payload, std::make_integer_sequence<std::uint32_t, kMaxFields + 1>());
-}
-
 /// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding.
 bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::size_t& parse_bytes) noexcept {
   const TagTable& table = kTagTables[static_cast<std::size_t>(type)];
@@ -180,13 +144,11 @@ void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
   out[7] = static_cast<std::uint8_t>(payload_bytes >> 8);
 }
 
-DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept {
+DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept {
   frame = {};
   if (datagram.size() > kMaxDatagramBytes) return DropCause::kOversize;
   if (datagram.size() < kHeaderBytes) return DropCause::kTruncated;
-  for (std::size_t i = 0; i < kMagic.size(); ++i) {
-    if (datagram[i] != kMagic[i]) return DropCause::kBadMagic;
-  }
+  if (std::memcmp(datagram.data(), kMagic.data(), kMagic.size()) != 0) return DropCause::kBadMagic;
   const std::uint8_t type_byte = datagram[5];
   const auto type = static_cast<MessageType>(type_byte);
   // Hello and Refuse never change their layout: they are how two versions find out about each other.
@@ -199,18 +161,24 @@ DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcep
   if (behind_header < payload_bytes) return DropCause::kTruncated;
   if (behind_header > payload_bytes) return DropCause::kBadLength;
   if (type == MessageType::kHello && datagram.size() != kMaxDatagramBytes) return DropCause::kBadLength;
-  const auto payload = datagram.subspan(kHeaderBytes);
-  std::size_t parse_bytes = payload_bytes;
-  InOrder in_order = InOrder::kUnsure;
-  if (type == MessageType::kCommand)
-    in_order = scan_in_order<kCommandFields, kFirstCommandFeatureField>(payload);
-  if (type == MessageType::kReply) in_order = scan_in_order<kReplyFields, kFirstReplyFeatureField>(payload);
-  if (in_order == InOrder::kUnsure && !scan_fields(type, payload, parse_bytes))
-    return DropCause::kMalformedField;
   frame.type = type;
-  frame.payload = payload.first(parse_bytes);
-  frame.feature_fields = in_order != InOrder::kWithoutFeatureFields;
+  frame.payload = datagram.subspan(kHeaderBytes);
   return DropCause::kNone;
+}
+
+DropCause scan_payload(WireFrame& frame) noexcept {
+  std::size_t parse_bytes = frame.payload.size();
+  if (!scan_fields(frame.type, frame.payload, parse_bytes)) {
+    frame = {};
+    return DropCause::kMalformedField;
+  }
+  frame.payload = frame.payload.first(parse_bytes);
+  return DropCause::kNone;
+}
+
+DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept {
+  const DropCause cause = scan_header(datagram, frame);
+  return cause == DropCause::kNone ? scan_payload(frame) : cause;
 }
 
 }  // namespace telenano::link

@@ -16,7 +16,6 @@ inline constexpr std::size_t kMaxPayloadBytes = kMaxDatagramBytes - kHeaderBytes
 struct WireFrame {
   MessageType type = MessageType::kNone;
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
-  bool feature_fields = true;  ///< false: certainly none of the fields behind feature bits is in it
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
@@ -26,5 +25,9 @@ void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
 /// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field
 /// would make Protobuf allocate twice, and a hostile peer decides what comes.
 DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept;
+
+/// Its two parts: header and length; then the fields of what it has found.
+DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept;
+DropCause scan_payload(WireFrame& frame) noexcept;
 
 }  // namespace telenano::link
