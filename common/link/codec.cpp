@@ -362,6 +362,15 @@ DropCause read_features(const wire::Reply& wire, Reply& message) noexcept {
   return first_cause(read(wire, message.port), read(wire, message.model));
 }
 
+void clear_features(Command& m) noexcept {
+  m.control = {};
+}
+
+void clear_features(Reply& m) noexcept {
+  m.port = {};
+  m.model = {};
+}
+
 DropCause check_features(const Command& m) noexcept {
   return check(m.control);
 }
@@ -385,12 +394,13 @@ template <class Message>
 DropCause read_flat(std::span<const std::uint8_t> payload, Message& message) noexcept {
   FlatReader reader{payload.data(), payload.data() + payload.size()};
   visit_fields(message, reader);
-  const bool more = reader.at != reader.end;
-  // Without any of them they are zero, which is in order.
+  if (reader.at == reader.end) {  // most sessions: all of these zero, which is in order
+    clear_features(message);
+    return check(message);
+  }
   visit_feature_fields(message, reader);
   if (reader.at != reader.end) return DropCause::kMalformedField;
-  const DropCause cause = check(message);
-  return more ? first_cause(cause, check_features(message)) : cause;
+  return first_cause(check(message), check_features(message));
 }
 
 }  // namespace

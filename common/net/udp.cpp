@@ -221,7 +221,7 @@ Udp Udp::open_for(const Address& peer) {
 SendStatus Udp::send(std::span<const std::uint8_t> bytes, const Address& to) noexcept {
   impl_->cache(to);
   for (int tries = 0; tries < 3; ++tries) {
-    const ssize_t n = ::sendto(impl_->handle, bytes.data(), bytes.size(), MSG_NOSIGNAL,
+    const ssize_t n = ::sendto(impl_->handle, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT,
                                reinterpret_cast<const sockaddr*>(&impl_->cached_name), impl_->cached_length);
     if (n >= 0) return SendStatus::kSent;
     if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) return SendStatus::kWouldBlock;
@@ -245,7 +245,7 @@ bool Udp::receive(std::span<std::uint8_t> buffer, Received& received) noexcept {
     header.msg_control = control.data();
     header.msg_controllen = control.size();
     // MSG_TRUNC: the true size of a datagram that is cut, so that the receiver can tell.
-    const ssize_t n = ::recvmsg(impl_->handle, &header, MSG_TRUNC);
+    const ssize_t n = ::recvmsg(impl_->handle, &header, MSG_TRUNC | MSG_DONTWAIT);
     if (n >= 0) {
       received.size = static_cast<std::size_t>(n);
       received.age_ns = age_ns(header);

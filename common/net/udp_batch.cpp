@@ -1,7 +1,9 @@
 #include "common/net/udp_batch.h"
 
+#include <fcntl.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <time.h>
 
 #include <algorithm>
@@ -100,10 +102,15 @@ struct UdpBatch::Impl {
     socklen_t length = sizeof name;
     ::getsockname(handle, reinterpret_cast<sockaddr*>(&name), &length);
     v6 = name.ss_family == AF_INET6;
+    // Every call here says for itself whether it waits.
+    const int flags = ::fcntl(handle, F_GETFL);
+    const timeval patience{0, static_cast<suseconds_t>(kShortWaitNs / 1000)};
+    may_wait = flags >= 0 && ::setsockopt(handle, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience) == 0 &&
+               ::fcntl(handle, F_SETFL, flags & ~O_NONBLOCK) == 0;
   }
 
-  /// Asks the kernel; true if it had anything.
-  bool fetch() noexcept {
+  /// Asks the kernel; true if it had anything. `wait_flag`: MSG_DONTWAIT, or MSG_WAITFORONE to wait for it.
+  bool fetch(int wait_flag) noexcept {
     for (std::size_t i = 0; i < touched; ++i) {  // the kernel has shortened these
       msghdr& header = in.headers[i].msg_hdr;
       header.msg_namelen = sizeof(sockaddr_storage);
@@ -117,7 +124,7 @@ struct UdpBatch::Impl {
       ++counters.receive_calls;
       // MSG_TRUNC: the true size of a datagram that is cut, so that the receiver can tell.
       const int n = ::recvmmsg(handle, in.headers.data(), static_cast<unsigned>(in.headers.size()),
-                               MSG_TRUNC | MSG_DONTWAIT, nullptr);
+                               MSG_TRUNC | wait_flag, nullptr);
       if (n > 0) {
         filled = touched = static_cast<std::size_t>(n);
         emptied = filled < in.headers.size();
@@ -126,9 +133,20 @@ struct UdpBatch::Impl {
         return true;
       }
       // A port that was unreachable a moment ago (ICMP) is reported here, for a datagram sent earlier.
-      if (errno != EINTR && errno != ECONNREFUSED && errno != EHOSTUNREACH && errno != ENETUNREACH) break;
+      const bool again = errno == ECONNREFUSED || errno == EHOSTUNREACH || errno == ENETUNREACH ||
+                         (errno == EINTR && wait_flag == MSG_DONTWAIT);
+      if (!again) break;
     }
     return false;
+  }
+
+  /// 1, or -1: a call for one costs less than one for many.
+  int send_one(std::size_t i) const noexcept {
+    const msghdr& header = out.headers[i].msg_hdr;
+    return ::sendto(handle, header.msg_iov->iov_base, header.msg_iov->iov_len, MSG_NOSIGNAL | MSG_DONTWAIT,
+                    static_cast<const sockaddr*>(header.msg_name), header.msg_namelen) >= 0
+               ? 1
+               : -1;
   }
 
   void flush() noexcept {
@@ -136,8 +154,10 @@ struct UdpBatch::Impl {
     int tries = 0;
     while (first < kept) {
       ++counters.send_calls;
-      const int n = ::sendmmsg(handle, out.headers.data() + first, static_cast<unsigned>(kept - first),
-                               MSG_NOSIGNAL | MSG_DONTWAIT);
+      const int n = kept - first == 1
+                        ? send_one(first)
+                        : ::sendmmsg(handle, out.headers.data() + first, static_cast<unsigned>(kept - first),
+                                     MSG_NOSIGNAL | MSG_DONTWAIT);
       if (n > 0) {
         first += static_cast<std::size_t>(n);
         counters.sent += static_cast<std::size_t>(n);
@@ -157,6 +177,7 @@ struct UdpBatch::Impl {
   Udp& socket;
   int handle;
   bool v6 = false;
+  bool may_wait = false;
   Ring in;
   Ring out;
   std::vector<Stamp> stamps;
@@ -202,7 +223,7 @@ bool UdpBatch::receive(std::span<std::uint8_t> buffer, Received& received) noexc
       m.emptied = false;
       return false;
     }
-    if (!m.fetch()) return false;
+    if (!m.fetch(MSG_DONTWAIT)) return false;
   }
   const std::size_t i = m.next++;
   mmsghdr& header = m.in.headers[i];
@@ -216,6 +237,15 @@ bool UdpBatch::receive(std::span<std::uint8_t> buffer, Received& received) noexc
 
 void UdpBatch::flush() noexcept {
   impl_->flush();
+}
+
+bool UdpBatch::wait(std::int64_t timeout_ns) noexcept {
+  Impl& m = *impl_;
+  m.flush();
+  if (m.next < m.filled) return true;
+  if (timeout_ns <= 0) return false;
+  m.emptied = false;
+  return m.may_wait && timeout_ns <= kShortWaitNs ? m.fetch(MSG_WAITFORONE) : m.socket.wait_readable(timeout_ns);
 }
 
 const UdpBatch::Counters& UdpBatch::counters() const noexcept {

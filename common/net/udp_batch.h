@@ -15,7 +15,8 @@ namespace telenano::net {
 /// answers to what came together leave together, before anything else is fetched; flush() sends them at once.
 ///
 /// A call that brought fewer than it had room for has emptied the socket: the next receive() says so without
-/// asking the kernel. An exchange that comes alone thus costs one wait, one receive and one send.
+/// asking the kernel. A short wait() is a receive that waits. So an exchange that comes alone costs one receive
+/// and one send.
 ///
 /// Allocates at construction only. One thread.
 class UdpBatch final : public Datagram {
@@ -34,6 +35,11 @@ class UdpBatch final : public Datagram {
   /// `age_ns` is that at the moment of the fetch.
   bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override;
   void flush() noexcept override;
+  /// Sleeps until a datagram is there (true), or about the time has passed or a signal has come (false). Up to
+  /// kShortWaitNs it fetches what it has waited for, and may be some milliseconds late with nothing: the kernel
+  /// counts this time in ticks.
+  bool wait(std::int64_t timeout_ns) noexcept;
+  static constexpr std::int64_t kShortWaitNs = 2'000'000;
 
   struct Counters {
     std::uint64_t receive_calls = 0;  ///< of the kernel

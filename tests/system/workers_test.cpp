@@ -98,8 +98,8 @@ TEST_F(WorkersTest, APortThatAnotherServerSharesIsInUse) {
 }
 
 /// What an exchange costs in system calls: while a session runs at one exchange at a time, the server makes
-/// one wait, one receive and one send for each, and nothing else.
-TEST_F(WorkersTest, AnExchangeIsOneWaitOneReceiveAndOneSend) {
+/// one receive, which waits, and one send for each, and nothing else.
+TEST_F(WorkersTest, AnExchangeIsOneReceiveAndOneSend) {
   if (run_program({"/usr/bin/env", "strace", "-V"}).exit_code != 0) GTEST_SKIP() << "no strace (apt install strace)";
   Server server(scene_path("flat_silicon_oxide"));
   const net::Address at = net::parse_address(server.address(), "test");
@@ -118,7 +118,7 @@ TEST_F(WorkersTest, AnExchangeIsOneWaitOneReceiveAndOneSend) {
   const auto exchanges = static_cast<double>(station.client.replies().newest() - before);
   strace.signal(SIGINT);
   ASSERT_TRUE(strace.wait(kLong));
-  double waits = 0, receives = 0, sends = 0, others = 0;
+  double receives = 0, sends = 0, others = 0;
   std::istringstream lines(file_text(table));
   std::string said;
   for (std::string line; std::getline(lines, line);) {
@@ -127,17 +127,13 @@ TEST_F(WorkersTest, AnExchangeIsOneWaitOneReceiveAndOneSend) {
     double calls = 0;
     if (!(words >> name >> calls) || name == "total") continue;
     said += name + " " + std::to_string(calls) + "; ";
-    (name == "ppoll"       ? waits
-     : name == "recvmmsg"  ? receives
-     : name == "sendmmsg"  ? sends
-                           : others) += calls;
+    (name == "recvmmsg" ? receives : name == "sendto" ? sends : others) += calls;
   }
   ASSERT_GT(exchanges, 1000);
   EXPECT_NEAR(sends, exchanges, 2) << said;
   EXPECT_GE(receives, exchanges - 2) << said;
-  // A wait that ends by its own time (time-outs are looked at every millisecond) is followed by a receive that
-  // finds nothing.
-  EXPECT_LE(receives, waits + 3) << said;
+  // A station that is kept waiting by its machine lets the server's wait end by its own time, some milliseconds.
+  EXPECT_LE(receives, 1.5 * exchanges) << said;
   // The printer of the status wakes every five seconds (futex).
   EXPECT_LE(others, 20) << said;
 }

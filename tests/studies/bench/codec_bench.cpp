@@ -21,6 +21,7 @@ void touch(T& value) {
   asm volatile("" : : "r"(&value) : "memory");
 }
 
+/// The floor: the struct into the buffer and out of it.
 template <class Message>
 void copy(Message& message, Buffer& buffer, Message& back) {
   touch(message);

@@ -87,7 +87,7 @@ class PingPong {
 class Exchange {
  public:
   Exchange(const std::shared_ptr<const scene::Scene>& scene, const Mode& mode, int cpu)
-      : polled_(mode.polled), served_(scene, cpu, mode.polled, 8), station_(served_.address(), {}) {
+      : polled_(mode.polled), served_(scene, cpu, mode.polled, 8), station_(served_.address(), {}), wire_(station_.socket, 1) {
     link::Command hold;
     if (!station_.exchange(1, hold, 10'000'000'000)) throw RunError("bench: no session");
     motion_ = Motion::of(station_.client.welcome(), true);
@@ -98,12 +98,13 @@ class Exchange {
       motion_.fill(command_, tick_++);
       const std::int64_t begin_ns = now_ns();
       const std::size_t n = station_.client.make_command(command_, begin_ns, station_.buffer);
-      station_.socket.send({station_.buffer.data(), n}, station_.server);
+      wire_.send({station_.buffer.data(), n}, station_.server);
+      wire_.flush();
       command_bytes = n;
       bool came = false;
       while (!came && now_ns() - begin_ns < kLostNs) {
-        if (!polled_ && !station_.socket.wait_readable(50'000'000)) continue;
-        if (!station_.socket.receive(station_.buffer, received)) continue;
+        if (!polled_ && !wire_.wait(net::UdpBatch::kShortWaitNs)) continue;
+        if (!wire_.receive(station_.buffer, received)) continue;
         reply_bytes = received.size;
         came = station_.client.on_datagram({station_.buffer.data(), received.size}, now_ns()) ==
                link::ClientEvent::kReply;
@@ -124,6 +125,7 @@ class Exchange {
   bool polled_;
   Served served_;
   support::WireStation station_;
+  net::UdpBatch wire_;
   Motion motion_;
   link::Command command_;
   std::int64_t tick_ = 0;

@@ -253,6 +253,46 @@ TEST(UdpBatch, AgesAreThoseOfTheKernel) {
   EXPECT_GE(p.received.age_ns, 0);
 }
 
+TEST(UdpBatch, AWaitEndsWithADatagramOrWithItsTime) {
+  for (const std::int64_t timeout_ns : {UdpBatch::kShortWaitNs, std::int64_t{30'000'000}}) {
+    Pair p;
+    const auto begin = std::chrono::steady_clock::now();
+    EXPECT_FALSE(p.batch.wait(timeout_ns));
+    const std::chrono::duration<double, std::nano> waited = std::chrono::steady_clock::now() - begin;
+    EXPECT_GE(waited.count(), 0.9 * static_cast<double>(timeout_ns)) << "the kernel's ticks round a little";
+    p.say({1});
+    p.say({2});
+    ASSERT_TRUE(p.batch.wait(timeout_ns));
+    ASSERT_TRUE(p.batch.wait(timeout_ns)) << "what was fetched is still there";
+    ASSERT_TRUE(p.take());
+    EXPECT_EQ(p.buffer[0], 1);
+    ASSERT_TRUE(p.take());
+    EXPECT_EQ(p.buffer[0], 2);
+    EXPECT_FALSE(p.take()) << "and never waits";
+    EXPECT_FALSE(p.batch.wait(0));
+  }
+}
+
+TEST(UdpBatch, AShortWaitIsTheReceive) {
+  Pair p;
+  p.say({1});
+  ASSERT_TRUE(p.batch.wait(UdpBatch::kShortWaitNs));
+  ASSERT_TRUE(p.take());
+  p.batch.send(Bytes{2}, p.received.from);
+  EXPECT_FALSE(p.take());
+  EXPECT_EQ(p.batch.counters().receive_calls, 1u);
+  EXPECT_EQ(p.batch.counters().send_calls, 1u);
+}
+
+TEST(UdpBatch, AWaitSendsWhatIsKeptFirst) {
+  Pair p;
+  p.say({1});
+  ASSERT_TRUE(p.take());
+  p.batch.send(Bytes{2}, p.received.from);
+  EXPECT_FALSE(p.batch.wait(1'000'000));
+  EXPECT_TRUE(p.peer.wait_readable(0));
+}
+
 TEST(UdpBatch, AllocatesNothingAfterConstruction) {
   Pair p(4);
   const support::AllocGuard guard;
