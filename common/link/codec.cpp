@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -125,15 +126,79 @@ std::size_t Codec::encode(const Refuse& m, std::span<std::uint8_t> out) noexcept
 
 namespace {
 
+// The repeated commands by hand, behind the other fields: to Protobuf a nested message or a byte string there would
+// cost an allocation each.
+
+void put(std::uint8_t*& at, std::uint64_t bits, int bytes) noexcept {
+  for (int i = 0; i < bytes; ++i) *at++ = static_cast<std::uint8_t>(bits >> (8 * i));
+}
+void put(std::uint8_t*& at, double value) noexcept {
+  put(at, std::bit_cast<std::uint64_t>(value), 8);
+}
+std::uint64_t take(const std::uint8_t*& at, int bytes) noexcept {
+  std::uint64_t bits = 0;
+  for (int i = 0; i < bytes; ++i) bits |= std::uint64_t{*at++} << (8 * i);
+  return bits;
+}
+double take(const std::uint8_t*& at) noexcept {
+  return std::bit_cast<double>(take(at, 8));
+}
+
+std::size_t recent_field_bytes(std::size_t count) noexcept {
+  const std::size_t length = count * kRecentBytes;
+  return count == 0 ? 0 : kRecentTagBytes + (length < 0x80 ? 1 : 2) + length;
+}
+
+void write_recent(const RecentCommands& recent, std::uint8_t* at) noexcept {
+  constexpr std::uint32_t kTag = (kRecentField << 3) | 2u;
+  const std::size_t length = recent.count * kRecentBytes;
+  put(at, (kTag & 0x7fu) | 0x80u, 1);
+  put(at, kTag >> 7, 1);
+  put(at, length < 0x80 ? length : (length & 0x7fu) | 0x80u, 1);
+  if (length >= 0x80) put(at, length >> 7, 1);
+  for (std::size_t i = 0; i < recent.count; ++i) {
+    const RecentCommand& r = recent.record[i];
+    put(at, r.age_ns, 4);
+    put(at, r.flags, 4);
+    for (int axis = 0; axis < 3; ++axis) put(at, r.tip_pos_w_nm[axis]);
+    put(at, r.energy);
+    for (int axis = 0; axis < 3; ++axis) put(at, r.wave_sum[axis]);
+  }
+}
+
+DropCause read_recent(std::span<const std::uint8_t> bytes, std::uint64_t sequence,
+                      RecentCommands& recent) noexcept {
+  recent.count = bytes.size() / kRecentBytes;
+  const std::uint8_t* at = bytes.data();
+  bool finite = true, good = recent.count < sequence;
+  std::uint32_t last_age_ns = 0;
+  for (std::size_t i = 0; i < recent.count; ++i) {
+    RecentCommand& r = recent.record[i];
+    r.age_ns = static_cast<std::uint32_t>(take(at, 4));
+    r.flags = static_cast<std::uint32_t>(take(at, 4));
+    for (int axis = 0; axis < 3; ++axis) r.tip_pos_w_nm[axis] = take(at);
+    r.energy = take(at);
+    for (int axis = 0; axis < 3; ++axis) r.wave_sum[axis] = take(at);
+    finite = finite && all_finite(r.tip_pos_w_nm) && all_finite(r.wave_sum) && all_finite(r.energy);
+    good = good && r.age_ns >= last_age_ns && r.energy >= 0;
+    last_age_ns = r.age_ns;
+  }
+  return !finite ? DropCause::kNonFinite : good ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+const RecentCommands kNoRecent;
+
 template <class Message>
-std::size_t write_flat(MessageType type, const Message& message, std::span<std::uint8_t> out) noexcept {
+std::size_t write_flat(MessageType type, const Message& message, const RecentCommands& recent,
+                       std::span<std::uint8_t> out) noexcept {
   std::array<std::uint8_t, kMaxDatagramBytes> apart;  // where `out` might be too short
   const bool fits = out.size() >= kMaxDatagramBytes;
   std::uint8_t* const begin = fits ? out.data() : apart.data();
   FlatWriter writer{begin + kHeaderBytes};
   visit_fields(message, writer);
   visit_feature_fields(message, writer);
-  const auto total = static_cast<std::size_t>(writer.at - begin);
+  if (recent.count > 0) write_recent(recent, writer.at);
+  const std::size_t total = static_cast<std::size_t>(writer.at - begin) + recent_field_bytes(recent.count);
   write_header(std::span<std::uint8_t, kHeaderBytes>(begin, kHeaderBytes), type, total - kHeaderBytes);
   if (fits) return total;
   if (out.size() < total) return 0;
@@ -144,11 +209,16 @@ std::size_t write_flat(MessageType type, const Message& message, std::span<std::
 }  // namespace
 
 std::size_t Codec::encode(const Command& m, std::span<std::uint8_t> out) noexcept {
-  return write_flat(MessageType::kCommand, m, out);
+  return write_flat(MessageType::kCommand, m, kNoRecent, out);
+}
+
+std::size_t Codec::encode(const Command& m, const RecentCommands& recent,
+                          std::span<std::uint8_t> out) noexcept {
+  return write_flat(MessageType::kCommand, m, recent, out);
 }
 
 std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept {
-  return write_flat(MessageType::kReply, m, out);
+  return write_flat(MessageType::kReply, m, kNoRecent, out);
 }
 
 std::size_t Codec::encode(const Bye& m, std::span<std::uint8_t> out) noexcept {
@@ -388,18 +458,19 @@ DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
   return first_cause(cause, read_features(wire, message));
 }
 
-/// The usual form of the stream's messages (flat_fields.h). kMalformedField: in another form, or wrong; then
-/// `message` has no meaning.
+/// The usual form of the stream's messages (flat_fields.h). Where `used` is less than all of the payload, what
+/// is behind came in another form.
 template <class Message>
-DropCause read_flat(std::span<const std::uint8_t> payload, Message& message) noexcept {
+DropCause read_flat(std::span<const std::uint8_t> payload, Message& message, std::size_t& used) noexcept {
   FlatReader reader{payload.data(), payload.data() + payload.size()};
   visit_fields(message, reader);
-  if (reader.at == reader.end) {  // most sessions: all of these zero, which is in order
+  if (reader.at == reader.end) {  // most sessions: all of the others zero, which is in order
+    used = payload.size();
     clear_features(message);
     return check(message);
   }
   visit_feature_fields(message, reader);
-  if (reader.at != reader.end) return DropCause::kMalformedField;
+  used = static_cast<std::size_t>(reader.at - payload.data());
   return first_cause(check(message), check_features(message));
 }
 
@@ -410,11 +481,20 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
   WireFrame frame;
   DropCause cause = scan_header(datagram, frame);
   if (cause != DropCause::kNone) return cause;
-  if (frame.type == MessageType::kCommand || frame.type == MessageType::kReply) {
-    cause = frame.type == MessageType::kCommand ? read_flat(frame.payload, incoming.command)
-                                                : read_flat(frame.payload, incoming.reply);
-    if (cause == DropCause::kNone) incoming.type = frame.type;
-    if (cause != DropCause::kMalformedField) return cause;
+  std::size_t used = 0;
+  if (frame.type == MessageType::kCommand) {
+    cause = read_flat(frame.payload, incoming.command, used);
+    if (used == frame.payload.size() || take_recent(frame.payload, used, frame.recent)) {
+      cause = first_cause(cause, read_recent(frame.recent, incoming.command.sequence, incoming.recent));
+      if (cause == DropCause::kNone) incoming.type = frame.type;
+      return cause;
+    }
+  } else if (frame.type == MessageType::kReply) {
+    cause = read_flat(frame.payload, incoming.reply, used);
+    if (used == frame.payload.size()) {
+      if (cause == DropCause::kNone) incoming.type = frame.type;
+      return cause;
+    }
   }
   cause = scan_payload(frame);
   if (cause != DropCause::kNone) return cause;
@@ -433,6 +513,7 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
       break;
     case MessageType::kCommand:
       cause = parse(frame, messages_->command, incoming.command);
+      cause = first_cause(cause, read_recent(frame.recent, incoming.command.sequence, incoming.recent));
       break;
     case MessageType::kReply:
       cause = parse(frame, messages_->reply, incoming.reply);

@@ -15,12 +15,15 @@
 #include <thread>
 #include <utility>
 
+#include "common/metrics/exporter.h"
 #include "common/net/udp.h"
 #include "common/rt/realtime_thread.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
+#include "nve_server/app/serve_metrics.h"
 #include "nve_server/app/serve_security.h"
 #include "nve_server/app/serve_workers.h"
+#include "nve_server/app/service_notify.h"
 
 namespace telenano::app {
 namespace {
@@ -102,15 +105,20 @@ struct ServeOptions {
   std::size_t workers = 1;
   bool busy_poll = false;
   bool low_latency = false;
+  std::string metrics;
+  bool metrics_public = false;
+  std::string dscp = "ef";
   ServeSecurity security;
 };
 
 void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
+  const int dscp = net::parse_dscp(options.dscp, "--dscp");
   const rt::SteadyClock clock;
   // Before the scene: a taken port is the quicker answer.
   Workers workers({address, options.workers, options.max_sessions, options.busy_poll}, clock);
+  const bool marked = dscp == 0 || workers.set_dscp(dscp);
   server::ServedScene scene = load_scene(options.scene, options.surfaces);
   server::ServerConfig config;
   config.secret = fresh_secret();
@@ -119,6 +127,12 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
   workers.prepare(options.security, config, scene);
   const bool secure = options.security.is_secure();
+
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(options.metrics, options.metrics_public,
+                     [&](metrics::Page& page) { write_metrics(workers.loops(), workers.channels(), page); });
+  }
 
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
@@ -141,6 +155,9 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   }
   if (options.busy_poll && !workers.nic_busy_poll())
     log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
+  if (exporter) log->info("metrics at {}", exporter->url());
+  if (!marked)
+    log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
   {
     std::optional<KeyWatcher> watcher;
     if (secure) {
@@ -150,6 +167,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
           [&](const std::string& text) { log->info(text); });
     }
     const StatusPrinter printer(workers, log);
+    const ServiceNotify service(workers.loops());
     workers.run(g_stop);
   }
 
@@ -166,6 +184,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
             counters.opened, counters.resumed,
             counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
             drops.empty() ? "none" : drops);
+  if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
   if (secure) log->info("channels: {}", workers.channels_text());
 }
 
@@ -174,7 +193,10 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
+  command
+      ->add_option("--scene", options->scene,
+                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required();
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
@@ -200,6 +222,17 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->add_option("--save-surface", options->surfaces,
                    "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")
       ->type_name("DIR");
+  command
+      ->add_option("--metrics", options->metrics,
+                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
+      ->type_name("HOST:PORT");
+  command->add_flag("--metrics-public", options->metrics_public,
+                    "Let --metrics listen off loopback, where anybody can read it");
+  command
+      ->add_option(
+          "--dscp", options->dscp,
+          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->capture_default_str();
   options->security.add_flags(*command);
   command->callback([options, load = std::move(load_scene), &exit_code] {
     serve(*options, load);

@@ -62,6 +62,18 @@ void Workers::run(const std::atomic<bool>& stop) {
   serve(*workers_.front(), stop);
 }
 
+bool Workers::set_dscp(int dscp) noexcept {
+  bool all = true;
+  for (const auto& worker : workers_) all = worker->socket.set_dscp(dscp) && all;
+  return all;
+}
+
+std::vector<const server::LoopStatus*> Workers::loops() const {
+  std::vector<const server::LoopStatus*> all;
+  for (const auto& worker : workers_) all.push_back(&worker->status);
+  return all;
+}
+
 std::vector<security::DtlsServer*> Workers::channels() const {
   std::vector<security::DtlsServer*> all;
   for (const auto& worker : workers_) {

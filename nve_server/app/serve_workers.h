@@ -50,7 +50,9 @@ class Workers {
 
   net::Address local() const noexcept { return workers_.front()->socket.local(); }
   bool nic_busy_poll() const noexcept { return workers_.front()->socket.busy_poll_ns() > 0; }
+  bool set_dscp(int dscp) noexcept;  ///< see net::Udp
   std::vector<security::DtlsServer*> channels() const;
+  std::vector<const server::LoopStatus*> loops() const;
   WorkersStatus status() const noexcept;  ///< any thread, while they run
   std::string channels_text() const;      ///< likewise
 

@@ -14,6 +14,7 @@
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
 #include "nve_server/server/port_control.h"
+#include "nve_server/server/service_times.h"
 #include "nve_server/server/session_cap.h"
 #include "nve_server/server/session_port.h"
 #include "nve_server/server/token_search.h"
@@ -59,6 +60,7 @@ struct ServerCounters {
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
   std::uint64_t ended = 0;      ///< by Bye
+  std::uint64_t recovered = 0;  ///< lost commands that a later datagram repeated
   std::uint64_t moved_in = 0;   ///< handed over by another worker
   std::uint64_t moved_out = 0;  ///< to another worker
 
@@ -71,6 +73,7 @@ struct ServerCounters {
     ended += more.ended;
     moved_in += more.moved_in;
     moved_out += more.moved_out;
+    recovered += more.recovered;
   }
 };
 
@@ -109,6 +112,8 @@ class Server {
   const link::DropCounters& drops() const noexcept { return drops_; }
   const ServerCounters& counters() const noexcept { return counters_; }
   const link::SessionTable& sessions() const noexcept { return table_; }
+  /// Of the commands for which there was a clock.
+  const ServiceTimes& service_times() const noexcept { return service_; }
 
  private:
   using Port = SessionPort;
@@ -122,6 +127,10 @@ class Server {
   void adopt(SessionParcel& parcel) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
+  /// Steps the slave of `slot` by one command, and by those before it that it repeats.
+  void play(std::size_t slot, const link::Command& command, const link::RecentCommands& recent) noexcept;
+  void play_one(Port& port, const link::Session& session, const link::Command& command,
+                double spacing_s) noexcept;
   void on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept;
   std::size_t welcome(std::size_t slot, std::uint64_t nonce, std::span<std::uint8_t> out) noexcept;
   bool make_port(std::size_t slot, std::int64_t now_ns) noexcept;
@@ -143,6 +152,7 @@ class Server {
   bool may_operate_ = true;  ///< the datagram at hand
   link::DropCounters drops_;
   ServerCounters counters_;
+  ServiceTimes service_;
 };
 
 }  // namespace telenano::server

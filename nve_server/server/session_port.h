@@ -17,6 +17,7 @@ struct SessionPort {
   PortControl control;
   net::Address address;
   std::int64_t last_step_ns = 0;
+  Vec3 last_target_w_nm = Vec3::Zero();  ///< of the newest command
 };
 
 /// A whole session on its way from one worker to another.

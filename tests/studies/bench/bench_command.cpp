@@ -196,15 +196,11 @@ void add_memory(CLI::App& bench) {
 
 }  // namespace
 
-void add_bench_command(CLI::App& app) {
-  CLI::App* const bench = app.add_subcommand(
-      "bench", "What the product costs beside a floor that is measured in the same run. CSV on standard output, what "
-               "misses its target on standard error");
-  bench->require_subcommand(1);
-  add_net(*bench);
-  add_codec(*bench);
-  add_server(*bench);
-  add_memory(*bench);
+void add_throughput_benches(CLI::App& bench) {
+  add_net(bench);
+  add_codec(bench);
+  add_server(bench);
+  add_memory(bench);
 }
 
 }  // namespace telenano::studies

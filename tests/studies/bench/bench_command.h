@@ -6,7 +6,8 @@ class App;
 
 namespace telenano::studies {
 
-/// Adds `bench net|codec|server|memory`: the product beside its floor in one run, CSV on standard output.
-void add_bench_command(CLI::App& app);
+/// Adds `net`, `codec`, `server` and `memory` to `bench`: the product beside its floor in one run, CSV on standard
+/// output, what misses its target on standard error.
+void add_throughput_benches(CLI::App& bench);
 
 }  // namespace telenano::studies
