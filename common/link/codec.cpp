@@ -126,8 +126,8 @@ std::size_t Codec::encode(const Refuse& m, std::span<std::uint8_t> out) noexcept
 
 namespace {
 
-// The repeated commands by hand, behind the other fields: to Protobuf a nested message or a byte string there would
-// cost an allocation each.
+// The repeated commands by hand, behind the other fields: to Protobuf a nested message or a byte string there
+// would cost an allocation each.
 
 void put(std::uint8_t*& at, std::uint64_t bits, int bytes) noexcept {
   for (int i = 0; i < bytes; ++i) *at++ = static_cast<std::uint8_t>(bits >> (8 * i));
@@ -458,8 +458,8 @@ DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
   return first_cause(cause, read_features(wire, message));
 }
 
-/// The usual form of the stream's messages (flat_fields.h). Where `used` is less than all of the payload, what
-/// is behind came in another form.
+/// The usual form of the stream's messages (flat_fields.h). Where `used` is less than all of the payload,
+/// what is behind came in another form.
 template <class Message>
 DropCause read_flat(std::span<const std::uint8_t> payload, Message& message, std::size_t& used) noexcept {
   FlatReader reader{payload.data(), payload.data() + payload.size()};

@@ -9,8 +9,8 @@
 
 /// The two messages of the stream, field by field, and a writer and a reader of their usual form: fixed-width
 /// fields in rising order, zeros left out, as proto3 writes them. It is the same form on the wire as
-/// Protobuf's (a test holds the two together, bit by bit); but each value is moved once instead of three times
-/// (scan, parse, copy), which the loops feel. Whatever comes in another form is Protobuf's business.
+/// Protobuf's (a test holds the two together, bit by bit); but each value is moved once instead of three
+/// times (scan, parse, copy), which the loops feel. Whatever comes in another form is Protobuf's business.
 ///
 /// One line a field: `visit.template operator()<NUMBER>(member)`, in rising order. Fields behind feature bits
 /// stand apart: most sessions have none.
@@ -25,7 +25,7 @@ void visit_three(Visit& visit, Vector& v) noexcept {
 
 /// `Message` is Command or const Command, and so on.
 template <class Message, class Visit>
-  requires std::is_same_v<std::remove_const_t<Message>, Command>
+requires std::is_same_v<std::remove_const_t<Message>, Command>
 void visit_fields(Message& m, Visit& visit) noexcept {
   visit.template operator()<1>(m.session_id);
   visit.template operator()<2>(m.sequence);
@@ -40,7 +40,7 @@ void visit_fields(Message& m, Visit& visit) noexcept {
 }
 
 template <class Message, class Visit>
-  requires std::is_same_v<std::remove_const_t<Message>, Command>
+requires std::is_same_v<std::remove_const_t<Message>, Command>
 void visit_feature_fields(Message& m, Visit& visit) noexcept {
   visit.template operator()<15>(m.control.method);
   visit.template operator()<16>(m.control.energy_scale_aj_j);
@@ -51,7 +51,7 @@ void visit_feature_fields(Message& m, Visit& visit) noexcept {
 }
 
 template <class Message, class Visit>
-  requires std::is_same_v<std::remove_const_t<Message>, Reply>
+requires std::is_same_v<std::remove_const_t<Message>, Reply>
 void visit_fields(Message& m, Visit& visit) noexcept {
   visit.template operator()<1>(m.session_id);
   visit.template operator()<2>(m.sequence);
@@ -71,7 +71,7 @@ void visit_fields(Message& m, Visit& visit) noexcept {
 }
 
 template <class Message, class Visit>
-  requires std::is_same_v<std::remove_const_t<Message>, Reply>
+requires std::is_same_v<std::remove_const_t<Message>, Reply>
 void visit_feature_fields(Message& m, Visit& visit) noexcept {
   visit.template operator()<20>(m.port.energy_sent_aj);
   visit_three<21>(visit, m.port.wave_sum);
@@ -93,7 +93,8 @@ struct FieldTag {
   static constexpr std::size_t kTagBytes = kTag < 0x80 ? 1 : 2;
   static_assert(kTag < 0x4000);
   static constexpr std::size_t kBytes = kTagBytes + sizeof(Value);
-  static constexpr std::uint8_t kFirst = kTagBytes == 1 ? kTag : static_cast<std::uint8_t>((kTag & 0x7f) | 0x80);
+  static constexpr std::uint8_t kFirst =
+      kTagBytes == 1 ? kTag : static_cast<std::uint8_t>((kTag & 0x7f) | 0x80);
   static constexpr std::uint8_t kSecond = static_cast<std::uint8_t>(kTag >> 7);
 };
 

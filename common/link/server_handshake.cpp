@@ -42,9 +42,9 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   const auto has_place = [&] { return context.take_place == nullptr || context.take_place(context.of); };
 
   const std::int64_t time_slot = now_ns / kCookieSlotNs;
-  const bool proven =
-      context.address_proven || (hello.cookie != 0 && (hello.cookie == cookie(peer, hello.nonce, time_slot) ||
-                                               hello.cookie == cookie(peer, hello.nonce, time_slot - 1)));
+  const bool proven = context.address_proven ||
+                      (hello.cookie != 0 && (hello.cookie == cookie(peer, hello.nonce, time_slot) ||
+                                             hello.cookie == cookie(peer, hello.nonce, time_slot - 1)));
   // Strangers share a bounded rate of answers; it does not starve those who have shown a cookie.
   if (!proven && !challenges_.take(now_ns)) return drop(DropCause::kRateLimited);
   if (hello.version_min > kProtocolVersion || hello.version_max < kProtocolVersion) {

@@ -34,7 +34,8 @@ struct HelloContext {
   bool shutting_down = false;
   bool address_proven = false;  ///< by a secure channel: the first Hello is answered by a Welcome
   bool others = false;          ///< there are shards that have not been asked for the token
-  /// Asked before one more session becomes active: is there a place for it beyond this table's own? Null: yes.
+  /// Asked before one more session becomes active: is there a place for it beyond this table's own? Null:
+  /// yes.
   bool (*take_place)(void* of) noexcept = nullptr;
   void* of = nullptr;
 };

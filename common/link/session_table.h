@@ -91,8 +91,8 @@ class SessionTable {
   void end(std::size_t slot,
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
   void release(std::size_t slot) noexcept { replace(slot, {}); }
-  /// Takes in a session of another shard, as it is there, so that it can be resumed here; it then gets an id of
-  /// this table. In place of what open() would give up; kNone: all active.
+  /// Takes in a session of another shard, as it is there, so that it can be resumed here; it then gets an id
+  /// of this table. In place of what open() would give up; kNone: all active.
   std::size_t adopt(const Session& session) noexcept;
 
   /// Is this command of a known session, from its address, of its epoch, without fields of features that were

@@ -23,8 +23,8 @@ struct UdpOptions {
   /// Several sockets, of this process's user, may be bound to the port if all ask for it: the kernel then
   /// gives each peer (address and port) to one of them, always the same as long as none comes or goes.
   bool share_port = false;
-  /// So long a wait may look at the network card itself before it sleeps (SO_BUSY_POLL); 0: not at all. Has no
-  /// effect on loopback; a kernel that does not grant it is no error (Udp::busy_poll_ns tells).
+  /// So long a wait may look at the network card itself before it sleeps (SO_BUSY_POLL); 0: not at all. Has
+  /// no effect on loopback; a kernel that does not grant it is no error (Udp::busy_poll_ns tells).
   std::int64_t busy_poll_ns = 0;
 };
 
@@ -50,7 +50,7 @@ class Udp final : public Datagram {
   bool set_dscp(int dscp) noexcept;
   Address local() const noexcept;
   std::int64_t busy_poll_ns() const noexcept;  ///< granted
-  int handle() const noexcept;  ///< the file descriptor, to wait for several sockets at once
+  int handle() const noexcept;                 ///< the file descriptor, to wait for several sockets at once
 
  private:
   struct Impl;

@@ -165,7 +165,8 @@ struct UdpBatch::Impl {
         continue;
       }
       if ((errno == EINTR || errno == ECONNREFUSED) && ++tries < 3) continue;
-      if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) break;  // no room for the others either
+      if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS)
+        break;  // no room for the others either
       ++first;  // this one cannot go (no route, a filter): the others can
       ++counters.not_sent;
       tries = 0;
@@ -245,7 +246,8 @@ bool UdpBatch::wait(std::int64_t timeout_ns) noexcept {
   if (m.next < m.filled) return true;
   if (timeout_ns <= 0) return false;
   m.emptied = false;
-  return m.may_wait && timeout_ns <= kShortWaitNs ? m.fetch(MSG_WAITFORONE) : m.socket.wait_readable(timeout_ns);
+  return m.may_wait && timeout_ns <= kShortWaitNs ? m.fetch(MSG_WAITFORONE)
+                                                  : m.socket.wait_readable(timeout_ns);
 }
 
 const UdpBatch::Counters& UdpBatch::counters() const noexcept {

@@ -15,8 +15,8 @@ namespace telenano::net {
 /// answers to what came together leave together, before anything else is fetched; flush() sends them at once.
 ///
 /// A call that brought fewer than it had room for has emptied the socket: the next receive() says so without
-/// asking the kernel. A short wait() is a receive that waits. So an exchange that comes alone costs one receive
-/// and one send.
+/// asking the kernel. A short wait() is a receive that waits. So an exchange that comes alone costs one
+/// receive and one send.
 ///
 /// Allocates at construction only. One thread.
 class UdpBatch final : public Datagram {
@@ -30,14 +30,15 @@ class UdpBatch final : public Datagram {
   UdpBatch(const UdpBatch&) = delete;
   UdpBatch& operator=(const UdpBatch&) = delete;
 
-  /// kSent: kept, or handed over. What the kernel then refuses is lost, as a network may lose it, and counted.
+  /// kSent: kept, or handed over. What the kernel then refuses is lost, as a network may lose it, and
+  /// counted.
   SendStatus send(std::span<const std::uint8_t> bytes, const Address& to) noexcept override;
   /// `age_ns` is that at the moment of the fetch.
   bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override;
   void flush() noexcept override;
-  /// Sleeps until a datagram is there (true), or about the time has passed or a signal has come (false). Up to
-  /// kShortWaitNs it fetches what it has waited for, and may be some milliseconds late with nothing: the kernel
-  /// counts this time in ticks.
+  /// Sleeps until a datagram is there (true), or about the time has passed or a signal has come (false). Up
+  /// to kShortWaitNs it fetches what it has waited for, and may be some milliseconds late with nothing: the
+  /// kernel counts this time in ticks.
   bool wait(std::int64_t timeout_ns) noexcept;
   static constexpr std::int64_t kShortWaitNs = 2'000'000;
 

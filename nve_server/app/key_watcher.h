@@ -12,8 +12,8 @@
 namespace telenano::app {
 
 /// Looks once a second, from a thread of its own, whether the list of keys has changed, and gives the server
-/// the new one (each of its workers): a revoked key ends its sessions while the server runs. A list that cannot be read changes
-/// nothing; `warn` is told, once.
+/// the new one (each of its workers): a revoked key ends its sessions while the server runs. A list that
+/// cannot be read changes nothing; `warn` is told, once.
 class KeyWatcher {
  public:
   KeyWatcher(std::string path, std::vector<security::DtlsServer*> servers,

@@ -148,9 +148,10 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
     if (awake->held()) {
       log->info("processors are kept awake (/dev/cpu_dma_latency)");
     } else {
-      log->warn("--low-latency: /dev/cpu_dma_latency: {}; give this user write access by a udev rule, or run "
-                "with --busy-poll; serving without",
-                std::strerror(awake->error()));
+      log->warn(
+          "--low-latency: /dev/cpu_dma_latency: {}; give this user write access by a udev rule, or run "
+          "with --busy-poll; serving without",
+          std::strerror(awake->error()));
     }
   }
   if (options.busy_poll && !workers.nic_busy_poll())
@@ -177,8 +178,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
     const auto cause = static_cast<link::DropCause>(i);
     if (dropped[cause] == 0) continue;
-    drops += std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " +
-             std::to_string(dropped[cause]);
+    drops +=
+        std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " + std::to_string(dropped[cause]);
   }
   log->info("stopped: {} exchanges in {} sessions ({} resumed{}); dropped: {}", counters.exchanges,
             counters.opened, counters.resumed,
@@ -216,8 +217,9 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->check(CLI::Range(0, 3600));
   command->add_flag("--busy-poll", options->busy_poll,
                     "Spin instead of sleeping: quickest answers, a core busy for each worker");
-  command->add_flag("--low-latency", options->low_latency,
-                    "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");
+  command->add_flag(
+      "--low-latency", options->low_latency,
+      "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");
   command
       ->add_option("--save-surface", options->surfaces,
                    "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")

@@ -50,8 +50,8 @@ void Workers::serve(Worker& worker, const std::atomic<bool>& stop) {
   if (workers_.size() > 1) options.idle_period_ns = kIdleWithOthersNs;
   net::Datagram& wire = worker.secure ? static_cast<net::Datagram&>(*worker.secure) : worker.batch;
   server::run_loop(
-      *worker.server, wire, clock_, [&](std::int64_t timeout_ns) { worker.batch.wait(timeout_ns); },
-      stop, options, worker.status);
+      *worker.server, wire, clock_, [&](std::int64_t timeout_ns) { worker.batch.wait(timeout_ns); }, stop,
+      options, worker.status);
 }
 
 void Workers::run(const std::atomic<bool>& stop) {

@@ -47,7 +47,8 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
       if (n > 0) socket.send({out.data(), n}, received.from);
     }
     server.exchange_mail();
-    while (const std::size_t n = server.next_answer(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
+    while (const std::size_t n = server.next_answer(clock.now_ns(), out, to))
+      socket.send({out.data(), n}, to);
     socket.flush();
     const std::int64_t now_ns = clock.now_ns();
     if (now_ns >= next_poll_ns) {

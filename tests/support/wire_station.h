@@ -28,7 +28,8 @@ struct WireStation {
   /// Takes what has come; says what the handshake wants to say, and one command.
   void pump(link::Command command) {
     net::Received received;
-    while (wire().receive(buffer, received)) client.on_datagram({buffer.data(), received.size}, clock.now_ns());
+    while (wire().receive(buffer, received))
+      client.on_datagram({buffer.data(), received.size}, clock.now_ns());
     if (const std::size_t n = client.poll(clock.now_ns(), buffer)) wire().send({buffer.data(), n}, server);
     if (const std::size_t n = client.make_command(command, clock.now_ns(), buffer))
       wire().send({buffer.data(), n}, server);

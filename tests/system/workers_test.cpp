@@ -42,7 +42,8 @@ class WorkersTest : public ProgramsTest {
       EXPECT_NE(again->client.welcome().session_id, before.session_id);
       stations.push_back(std::move(again));
     }
-    for (auto& s : stations) s->wire().send({s->buffer.data(), s->client.make_bye(link::ByeReason::kDone, s->buffer)}, at);
+    for (auto& s : stations)
+      s->wire().send({s->buffer.data(), s->client.make_bye(link::ByeReason::kDone, s->buffer)}, at);
     stations.clear();
     const std::string said = server.stop();
     EXPECT_NE(said.find("in 16 sessions (16 resumed, "), std::string::npos) << said;
@@ -100,7 +101,8 @@ TEST_F(WorkersTest, APortThatAnotherServerSharesIsInUse) {
 /// What an exchange costs in system calls: while a session runs at one exchange at a time, the server makes
 /// one receive, which waits, and one send for each, and nothing else.
 TEST_F(WorkersTest, AnExchangeIsOneReceiveAndOneSend) {
-  if (run_program({"/usr/bin/env", "strace", "-V"}).exit_code != 0) GTEST_SKIP() << "no strace (apt install strace)";
+  if (run_program({"/usr/bin/env", "strace", "-V"}).exit_code != 0)
+    GTEST_SKIP() << "no strace (apt install strace)";
   Server server(scene_path("flat_silicon_oxide"));
   const net::Address at = net::parse_address(server.address(), "test");
   WireStation station(at, {});
@@ -132,7 +134,8 @@ TEST_F(WorkersTest, AnExchangeIsOneReceiveAndOneSend) {
   ASSERT_GT(exchanges, 1000);
   EXPECT_NEAR(sends, exchanges, 2) << said;
   EXPECT_GE(receives, exchanges - 2) << said;
-  // A station that is kept waiting by its machine lets the server's wait end by its own time, some milliseconds.
+  // A station that is kept waiting by its machine lets the server's wait end by its own time, some
+  // milliseconds.
   EXPECT_LE(receives, 1.5 * exchanges) << said;
   // The printer of the status wakes every five seconds (futex).
   EXPECT_LE(others, 20) << said;

@@ -61,11 +61,16 @@ void add_net(CLI::App& bench) {
   auto all = std::make_shared<All>();
   all->o.scene = flat_table();
   CLI::App* const c = bench.add_subcommand(
-      "net", "Round trip of an exchange beside a UDP ping-pong of the same bytes: polled, blocking on one core, "
-             "blocking across cores");
+      "net",
+      "Round trip of an exchange beside a UDP ping-pong of the same bytes: polled, blocking on one core, "
+      "blocking across cores");
   c->add_option("--scene", all->o.scene, "Scene file")->capture_default_str();
-  c->add_option("--rounds", all->o.rounds, "Of product and floor in turn")->capture_default_str()->check(CLI::Range(1, 1000));
-  c->add_option("--exchanges", all->o.exchanges, "A round")->capture_default_str()->check(CLI::Range(100, 1000000));
+  c->add_option("--rounds", all->o.rounds, "Of product and floor in turn")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  c->add_option("--exchanges", all->o.exchanges, "A round")
+      ->capture_default_str()
+      ->check(CLI::Range(100, 1000000));
   c->add_flag("--low-latency", all->o.low_latency,
               "Keep the processors awake meanwhile (/dev/cpu_dma_latency = 0)");
   all->cpus.add_flags(*c);
@@ -79,8 +84,11 @@ void add_net(CLI::App& bench) {
 
 void add_codec(CLI::App& bench) {
   auto rounds = std::make_shared<int>(25);
-  CLI::App* const c = bench.add_subcommand("codec", "Command and reply to bytes and back beside copying the structs");
-  c->add_option("--rounds", *rounds, "Of product and floor in turn")->capture_default_str()->check(CLI::Range(1, 10000));
+  CLI::App* const c =
+      bench.add_subcommand("codec", "Command and reply to bytes and back beside copying the structs");
+  c->add_option("--rounds", *rounds, "Of product and floor in turn")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10000));
   c->callback([rounds] { print_rows("codec", run_codec_bench(*rounds)); });
 }
 
@@ -90,8 +98,12 @@ std::vector<BenchRow> rows_of(const std::string& what, const PacedResult& r) {
   rows.push_back({what, "service_p99_us", r.p99_us, {}, 1000.0, false});
   rows.push_back({what, "service_p999_us", r.p999_us, {}, {}, false});
   rows.push_back({what, "service_max_us", r.max_us, {}, {}, false});
-  rows.push_back({what, "answered_part", static_cast<double>(r.replies) / static_cast<double>(r.commands), {},
-                  0.999, true});
+  rows.push_back({what,
+                  "answered_part",
+                  static_cast<double>(r.replies) / static_cast<double>(r.commands),
+                  {},
+                  0.999,
+                  true});
   rows.push_back({what, "sent_late_p99_us", r.late_p99_us, {}, {}, false});
   rows.push_back({what, "server_core_share", r.server_share, {}, {}, false});
   return rows;
@@ -104,10 +116,11 @@ std::vector<BenchRow> find_max(PacedOptions o) {
   const auto holds = [&](std::size_t sessions) {
     o.sessions = sessions;
     const PacedResult r = run_paced(o);
-    fmt::print(stderr, "telenano-lab: {} sessions: p99 {:.0f} us, answered {:.5f}, server {:.0f} %, sent {:.0f}/s{}\n",
-               sessions, r.p99_us, static_cast<double>(r.replies) / static_cast<double>(r.commands),
-               100 * r.server_share, r.sent_rate_hz,
-               r.keeps_time() ? "" : ", the stations themselves are late");
+    fmt::print(
+        stderr,
+        "telenano-lab: {} sessions: p99 {:.0f} us, answered {:.5f}, server {:.0f} %, sent {:.0f}/s{}\n",
+        sessions, r.p99_us, static_cast<double>(r.replies) / static_cast<double>(r.commands),
+        100 * r.server_share, r.sent_rate_hz, r.keeps_time() ? "" : ", the stations themselves are late");
     if (r.holds()) best = r;
     return r.holds();
   };
@@ -138,21 +151,32 @@ void add_server(CLI::App& bench) {
   auto all = std::make_shared<All>();
   all->capacity.flat = all->paced.scene = flat_table();
   all->capacity.scan = scenes_folder() + "flakes.toml";
-  CLI::App* const c = bench.add_subcommand(
-      "server",
-      "Exchanges for a second of one core beside an echo of the same bytes; --sessions: does this many at --rate "
-      "hold? --find-max: how many do?");
+  CLI::App* const c = bench.add_subcommand("server",
+                                           "Exchanges for a second of one core beside an echo of the same "
+                                           "bytes; --sessions: does this many at --rate "
+                                           "hold? --find-max: how many do?");
   c->add_option("--flat", all->capacity.flat, "Scene file of the flat sample")->capture_default_str();
   c->add_option("--scan", all->capacity.scan, "Scene file of the scan")->capture_default_str();
-  c->add_option("--rounds", all->capacity.rounds, "Of product and floor in turn")->capture_default_str()->check(CLI::Range(1, 1000));
-  c->add_option("--round-s", all->capacity.round_s, "Seconds a round")->capture_default_str()->check(CLI::Range(0.01, 60.0));
-  CLI::Option* const sessions = c->add_option("--sessions", all->sessions, "Stations at --rate instead, for --seconds")
-                                    ->check(CLI::Range(1, 4096));
-  c->add_flag("--find-max", all->find_max, "Largest number of stations at --rate that holds, --seconds each try")
+  c->add_option("--rounds", all->capacity.rounds, "Of product and floor in turn")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  c->add_option("--round-s", all->capacity.round_s, "Seconds a round")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 60.0));
+  CLI::Option* const sessions =
+      c->add_option("--sessions", all->sessions, "Stations at --rate instead, for --seconds")
+          ->check(CLI::Range(1, 4096));
+  c->add_flag("--find-max", all->find_max,
+              "Largest number of stations at --rate that holds, --seconds each try")
       ->excludes(sessions);
-  c->add_option("--rate", all->paced.rate_hz, "Commands a second of each")->capture_default_str()->check(CLI::Range(100, 8000));
-  c->add_option("--seconds", all->paced.seconds, "How long")->capture_default_str()->check(CLI::Range(0.1, 3600.0));
-  c->add_option("--scene", all->paced.scene, "Scene file for --sessions and --find-max")->capture_default_str();
+  c->add_option("--rate", all->paced.rate_hz, "Commands a second of each")
+      ->capture_default_str()
+      ->check(CLI::Range(100, 8000));
+  c->add_option("--seconds", all->paced.seconds, "How long")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 3600.0));
+  c->add_option("--scene", all->paced.scene, "Scene file for --sessions and --find-max")
+      ->capture_default_str();
   all->cpus.add_flags(*c);
   c->callback([all] {
     all->cpus.check();
@@ -164,10 +188,11 @@ void add_server(CLI::App& bench) {
       all->paced.sessions = all->sessions;
       const PacedResult r = run_paced(all->paced);
       if (!r.keeps_time()) {
-        fmt::print(stderr,
-                   "telenano-lab: the stations themselves sent {:.0f} us late (p99): this machine is busy, or their "
-                   "core is the limit\n",
-                   r.late_p99_us);
+        fmt::print(
+            stderr,
+            "telenano-lab: the stations themselves sent {:.0f} us late (p99): this machine is busy, or their "
+            "core is the limit\n",
+            r.late_p99_us);
       }
       print_rows("server", rows_of(fmt::format("{}_sessions", all->sessions), r));
     } else {
@@ -181,12 +206,14 @@ void add_memory(CLI::App& bench) {
   o->program = nve_beside_this();
   o->flat = flat_table();
   o->scan = scenes_folder() + "flakes.toml";
-  CLI::App* const c =
-      bench.add_subcommand("memory", "What one more session takes of a server's memory, in the clear and encrypted");
+  CLI::App* const c = bench.add_subcommand(
+      "memory", "What one more session takes of a server's memory, in the clear and encrypted");
   c->add_option("--program", o->program, "telenano-nve")->capture_default_str();
   c->add_option("--flat", o->flat, "Scene file of the flat sample")->capture_default_str();
   c->add_option("--scan", o->scan, "Scene file of the scan")->capture_default_str();
-  c->add_option("--from", o->from, "Sessions at the first look")->capture_default_str()->check(CLI::Range(1, 2000));
+  c->add_option("--from", o->from, "Sessions at the first look")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 2000));
   c->add_option("--to", o->to, "Sessions at the second")->capture_default_str()->check(CLI::Range(2, 4096));
   c->callback([o] {
     if (o->to <= o->from) throw UserError("--to: more than --from, please");

@@ -14,10 +14,9 @@ namespace {
 struct EchoServer {
   EchoServer(std::size_t reply_bytes, std::int64_t work_ns, int cpu) {
     socket.blocking(false);
-    thread = std::make_unique<PinnedThread>(
-        cpu, [this, reply_bytes, work_ns](const std::atomic<bool>& stop) {
-          echo_batched(socket, reply_bytes, work_ns, stop, answered);
-        });
+    thread = std::make_unique<PinnedThread>(cpu, [this, reply_bytes, work_ns](const std::atomic<bool>& stop) {
+      echo_batched(socket, reply_bytes, work_ns, stop, answered);
+    });
   }
   net::Address address() const {
     return net::parse_address("127.0.0.1:" + std::to_string(socket.port()), "bench");
@@ -92,16 +91,20 @@ std::vector<BenchRow> run_capacity_bench(const ServerBenchOptions& o) {
     pings.run(100'000'000);
     Capacity product, floor;
     for (int round = 0; round < o.rounds; ++round) {
-      floor.measure(pings, [&] { return echo.thread->cpu_ns(); }, o.round_s);
-      product.measure(stations, [&] { return served.cpu_ns(); }, o.round_s);
+      floor.measure(
+          pings, [&] { return echo.thread->cpu_ns(); }, o.round_s);
+      product.measure(
+          stations, [&] { return served.cpu_ns(); }, o.round_s);
     }
-    fmt::print(stderr,
-               "telenano-lab: server {}: {} sessions, {} B there, {} B back{}; processor used {:.0f} % (floor "
-               "{:.0f} %), lost {}\n",
-               c.name, sessions, stations.command_bytes(), stations.reply_bytes(),
-               c.with_work ? fmt::format(", step {:.0f} ns", work_ns) : "", 100 * median(product.share),
-               100 * median(floor.share), stations.lost());
-    rows.push_back({c.name, "exchanges_per_core_s", median(product.per_cpu_s), median(floor.per_cpu_s), 0.8, true});
+    fmt::print(
+        stderr,
+        "telenano-lab: server {}: {} sessions, {} B there, {} B back{}; processor used {:.0f} % (floor "
+        "{:.0f} %), lost {}\n",
+        c.name, sessions, stations.command_bytes(), stations.reply_bytes(),
+        c.with_work ? fmt::format(", step {:.0f} ns", work_ns) : "", 100 * median(product.share),
+        100 * median(floor.share), stations.lost());
+    rows.push_back(
+        {c.name, "exchanges_per_core_s", median(product.per_cpu_s), median(floor.per_cpu_s), 0.8, true});
   }
   return rows;
 }

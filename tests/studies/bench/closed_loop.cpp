@@ -115,8 +115,8 @@ void ClosedLoop::collect(Group& group) {
       // One server thread answers in the order in which it was asked.
       const std::size_t which = std::min(group.answered - 1, group.stations.size() - 1);
       Station& station = group.stations[which];
-      const auto event =
-          station.session->on_datagram({in[static_cast<std::size_t>(i)].data(), size}, station.tick * kTickNs);
+      const auto event = station.session->on_datagram({in[static_cast<std::size_t>(i)].data(), size},
+                                                      station.tick * kTickNs);
       ++(event == link::ClientEvent::kReply ? answers_ : lost_);
     }
     if (n <= 0 && now_ns() > end_ns) break;

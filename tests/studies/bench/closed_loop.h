@@ -19,7 +19,8 @@ class ClosedLoop {
  public:
   /// Opens the sessions. `floor`: the server only echoes, so the same bytes are sent again and again, and
   /// nothing is looked at. Throws RunError if a session does not open.
-  ClosedLoop(const net::Address& server, std::size_t sockets, std::size_t sessions_each, bool model, bool floor);
+  ClosedLoop(const net::Address& server, std::size_t sockets, std::size_t sessions_each, bool model,
+             bool floor);
 
   /// For so long; answers that came.
   std::uint64_t run(std::int64_t duration_ns);

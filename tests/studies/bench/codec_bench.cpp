@@ -57,9 +57,9 @@ std::vector<BenchRow> run_codec_bench(int rounds) {
     link::Reply reply;
     std::vector<double> product, floor;
   };
-  std::array<Case, 2> cases = {{{"exchange", golden.command, golden.reply, {}, {}},
-                                {"exchange_with_features", golden.command_with_features,
-                                 golden.reply_with_features, {}, {}}}};
+  std::array<Case, 2> cases = {
+      {{"exchange", golden.command, golden.reply, {}, {}},
+       {"exchange_with_features", golden.command_with_features, golden.reply_with_features, {}, {}}}};
   std::uint64_t refused = 0;
   link::Command command_back;
   link::Reply reply_back;

@@ -44,8 +44,9 @@ struct Folder {
 
 double kib_per_session(const MemoryBenchOptions& o, const std::string& scene, bool encrypted) {
   const Folder folder;
-  std::vector<std::string> command{o.program, "serve", "--scene", scene, "--listen", "127.0.0.1:0",
-                                   "--max-sessions", std::to_string(o.to), "--timeout-ms", "60000"};
+  std::vector<std::string> command{o.program,      "serve",       "--scene",        scene,
+                                   "--listen",     "127.0.0.1:0", "--max-sessions", std::to_string(o.to),
+                                   "--timeout-ms", "60000"};
   std::optional<security::DtlsClientConfig> secure;
   if (encrypted) {
     const std::string keys = (folder.path / "keys.toml").string(), key = (folder.path / "one.key").string();
@@ -57,7 +58,8 @@ double kib_per_session(const MemoryBenchOptions& o, const std::string& scene, bo
   }
   ChildProcess server(command);
   const std::string before = " on 127.0.0.1:";
-  if (!server.wait_for_err(before, std::chrono::seconds(30)) || !server.wait_for_err("\n", std::chrono::seconds(5)))
+  if (!server.wait_for_err(before, std::chrono::seconds(30)) ||
+      !server.wait_for_err("\n", std::chrono::seconds(5)))
     throw RunError("bench: " + o.program + " does not serve: " + server.err());
   const std::string said = server.err();
   const int port = std::atoi(said.c_str() + said.find(before) + before.size());
@@ -75,7 +77,8 @@ double kib_per_session(const MemoryBenchOptions& o, const std::string& scene, bo
     stations.push_back(std::make_unique<WireStation>(at, config, secure, from));
     link::Command hold;
     hold.flags = link::kFlagClutch | link::kFlagDeadman;
-    if (!stations.back()->exchange(20, hold, 30'000'000'000)) throw RunError("bench: a session does not open");
+    if (!stations.back()->exchange(20, hold, 30'000'000'000))
+      throw RunError("bench: a session does not open");
     if (stations.size() == o.from) first_kib = resident_kib(server.pid());
   }
   const double last_kib = resident_kib(server.pid());

@@ -56,8 +56,9 @@ class PingPong {
     server_.blocking(!polled_);
     client_.blocking(!polled_);
     client_.connect_to(server_.port());
-    thread_ = std::make_unique<PinnedThread>(
-        cpu, [this, reply_bytes](const std::atomic<bool>& stop) { echo_one_by_one(server_, reply_bytes, stop); });
+    thread_ = std::make_unique<PinnedThread>(cpu, [this, reply_bytes](const std::atomic<bool>& stop) {
+      echo_one_by_one(server_, reply_bytes, stop);
+    });
   }
   void round(int exchanges, Series& series) {
     for (int i = 0; i < exchanges; ++i) {
@@ -87,7 +88,10 @@ class PingPong {
 class Exchange {
  public:
   Exchange(const std::shared_ptr<const scene::Scene>& scene, const Mode& mode, int cpu)
-      : polled_(mode.polled), served_(scene, cpu, mode.polled, 8), station_(served_.address(), {}), wire_(station_.socket, 1) {
+      : polled_(mode.polled),
+        served_(scene, cpu, mode.polled, 8),
+        station_(served_.address(), {}),
+        wire_(station_.socket, 1) {
     link::Command hold;
     if (!station_.exchange(1, hold, 10'000'000'000)) throw RunError("bench: no session");
     motion_ = Motion::of(station_.client.welcome(), true);
@@ -139,7 +143,8 @@ std::vector<BenchRow> run_net_bench(const NetBenchOptions& options) {
   if (options.low_latency) {
     awake.emplace();
     if (!awake->held())
-      throw RunError("--low-latency: cannot hold /dev/cpu_dma_latency; run as root, or give this user write access");
+      throw RunError(
+          "--low-latency: cannot hold /dev/cpu_dma_latency; run as root, or give this user write access");
   }
   std::vector<BenchRow> rows;
   for (const Mode& mode : kModes) {

@@ -19,7 +19,6 @@ struct Station {
   Motion motion;
   link::Command command;
   std::int64_t tick = 0;
-  std::uint64_t replies_before = 0;
   std::uint64_t commands = 0;
 };
 
@@ -39,11 +38,11 @@ PacedResult run_paced(const PacedOptions& o) {
     if (!s.wire->exchange(1, hold, 10'000'000'000)) throw RunError("bench: a session does not open");
     s.motion = Motion::of(s.wire->client.welcome(), true);
     s.tick = static_cast<std::int64_t>(37 * i);
-    s.replies_before = s.wire->client.replies().received();
   }
   PacedResult result;
   rt::LogHistogram service, late;
   net::Received received;
+  std::int64_t start_ns = INT64_MAX;  // answers to what was sent before are not counted
   const auto now = [] { return clock_ns(CLOCK_MONOTONIC); };
   // One datagram at most a call: what is late is found at the next, and the kernel knows when it came.
   const auto take = [&](Station& s) {
@@ -52,12 +51,14 @@ PacedResult run_paced(const PacedOptions& o) {
     const std::int64_t came_ns = now() - received.age_ns;
     if (wire.client.on_datagram({wire.buffer.data(), received.size}, came_ns) != link::ClientEvent::kReply)
       return true;
-    service.add(came_ns - static_cast<std::int64_t>(wire.client.reply().command_send_time_ns));
+    const auto sent_ns = static_cast<std::int64_t>(wire.client.reply().command_send_time_ns);
+    if (sent_ns >= start_ns) service.add(came_ns - sent_ns);
     return true;
   };
   const std::int64_t period_ns = 1'000'000'000 / o.rate_hz;
   const auto ticks = static_cast<std::int64_t>(o.seconds * o.rate_hz);
-  const std::int64_t start_ns = now() + 1'000'000, cpu_before = served.cpu_ns();
+  const std::int64_t cpu_before = served.cpu_ns();
+  start_ns = now() + 1'000'000;
   const auto n = static_cast<std::int64_t>(o.sessions);
   for (std::int64_t tick = 0; tick < ticks; ++tick) {
     for (std::int64_t i = 0; i < n; ++i) {
@@ -74,17 +75,16 @@ PacedResult run_paced(const PacedOptions& o) {
     }
   }
   const std::int64_t end_ns = now();
-  result.server_share = static_cast<double>(served.cpu_ns() - cpu_before) / static_cast<double>(end_ns - start_ns);
+  result.server_share =
+      static_cast<double>(served.cpu_ns() - cpu_before) / static_cast<double>(end_ns - start_ns);
   const std::int64_t last_ns = now() + 200'000'000;
   while (now() < last_ns) {
     bool any = false;
     for (Station& s : stations) any |= take(s);
     if (!any && now() > end_ns + 50'000'000) break;
   }
-  for (Station& s : stations) {
-    result.commands += s.commands;
-    result.replies += s.wire->client.replies().received() - s.replies_before;
-  }
+  for (const Station& s : stations) result.commands += s.commands;
+  result.replies = service.count();
   const auto us = [](std::int64_t ns) { return 1e-3 * static_cast<double>(ns); };
   result.p50_us = us(service.percentile_ns(0.5));
   result.p99_us = us(service.percentile_ns(0.99));

@@ -36,8 +36,7 @@ Served::Served(std::shared_ptr<const scene::Scene> scene, int cpu, bool busy_pol
         server::LoopOptions options;
         options.busy_poll = busy_poll;
         server::run_loop(
-            server_, batch_, clock_, [this](std::int64_t t) { batch_.wait(t); }, stop, options,
-            status_);
+            server_, batch_, clock_, [this](std::int64_t t) { batch_.wait(t); }, stop, options, status_);
       })) {}
 
 }  // namespace telenano::studies

@@ -20,8 +20,8 @@ struct ServerBenchOptions {
 };
 
 /// Exchanges for a second of one processor's time: the product's server in full use beside an echo by
-/// recvmmsg and sendmmsg of the same bytes; with the scan beside an echo that spins for as long as the scene's
-/// own step takes.
+/// recvmmsg and sendmmsg of the same bytes; with the scan beside an echo that spins for as long as the
+/// scene's own step takes.
 std::vector<BenchRow> run_capacity_bench(const ServerBenchOptions& options);
 
 struct PacedOptions {

@@ -1,5 +1,5 @@
-// Many datagrams a system call, over real loopback sockets: nothing may be lost, cut or mixed up that one call
-// a datagram would not lose, and the kernel is asked no oftener than promised.
+// Many datagrams a system call, over real loopback sockets: nothing may be lost, cut or mixed up that one
+// call a datagram would not lose, and the kernel is asked no oftener than promised.
 #include "common/net/udp_batch.h"
 
 #include <gtest/gtest.h>
@@ -19,7 +19,9 @@ using Bytes = std::vector<std::uint8_t>;
 
 struct Pair {
   explicit Pair(std::size_t n = 8, const char* at = "127.0.0.1:0")
-      : socket(Udp::listen(parse_address(at, "test"))), batch(socket, n), peer(Udp::open_for(socket.local())) {}
+      : socket(Udp::listen(parse_address(at, "test"))),
+        batch(socket, n),
+        peer(Udp::open_for(socket.local())) {}
   Udp socket;
   UdpBatch batch;
   Udp peer;
@@ -69,7 +71,8 @@ TEST(UdpBatch, AnIpv6SocketServesIpv4Peers) {
     Received received;
     peer.send(Bytes{7}, at);
     ASSERT_TRUE(batch.receive(buffer, received));
-    EXPECT_EQ(to_string(received.from), to_string(parse_address("127.0.0.1:" + std::to_string(peer.local().port), "")));
+    EXPECT_EQ(to_string(received.from),
+              to_string(parse_address("127.0.0.1:" + std::to_string(peer.local().port), "")));
     batch.send(Bytes{8, 9}, received.from);
     batch.flush();
     ASSERT_TRUE(peer.wait_readable(10'000'000'000));
