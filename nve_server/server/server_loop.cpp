@@ -64,7 +64,10 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     }
     if (!drained || options.busy_poll) continue;
     const std::int64_t sleep_ns = next_poll_ns - now_ns;
-    wait(server.awaits_mail() ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
+    // Also where the next look at the time-outs is farther away, as just after the first Hello: what is short
+    // can be waited for by receiving.
+    const bool soon = server.awaits_mail() || server.sessions().occupied() > 0;
+    wait(soon ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
   }
   while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
   socket.flush();
