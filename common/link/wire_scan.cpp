@@ -14,7 +14,7 @@ constexpr std::uint8_t kF64 = 1;
 constexpr std::uint8_t kLen = 2;
 constexpr std::uint8_t kF32 = 5;
 
-constexpr std::size_t kMaxFields = 35;
+constexpr std::size_t kMaxFields = 39;
 
 /// Wire type by field number, as in telenano.proto (the codec's tests hold the two together).
 using FieldList = std::array<std::uint8_t, kMaxFields + 1>;
@@ -28,11 +28,14 @@ constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
 constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64,
                                       kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 15: port control
-                                      kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64};
+                                      kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,
+                                      0,        0,    0,    0,    0,    0,    0,    0,  // 31: sharing
+                                      kF32};
 constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
                                     kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
                                     kF64,     kF64, kF64,  // 20: port control; 25: local model
-                                    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64};
+                                    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
+                                    kF32,     kF64, kF64, kF64};  // 36: sharing
 // The first field behind a feature bit: without features a stream ends before it.
 constexpr std::uint32_t kFirstCommandFeatureField = 15;
 constexpr std::uint32_t kFirstReplyFeatureField = 20;
@@ -64,7 +67,7 @@ constexpr std::size_t longest_payload(const FieldList& fields) {
   }
   return bytes;
 }
-static_assert(longest_payload(kCommandFields) == 193 && longest_payload(kReplyFields) == 319,
+static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 355,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
 
 constexpr TagTable tag_table(const FieldList& fields) {

@@ -24,6 +24,9 @@ struct RunOptions : ServerAccess {
   bool overwrite = false;
   int realtime_priority = 80;
   double give_up_s = 10;
+  bool observe = false;
+  bool take_over = false;
+  std::string session_file;
   bool quiet = false;
   std::string command_line;
 };

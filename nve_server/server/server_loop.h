@@ -7,6 +7,7 @@
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
 #include "nve_server/server/server.h"
+#include "nve_server/server/server_shutdown.h"
 
 namespace telenano::server {
 
@@ -18,6 +19,7 @@ struct LoopStatus {
   std::atomic<std::uint64_t> drops{0};
   std::atomic<std::uint64_t> opened{0};
   std::atomic<std::uint64_t> timed_out{0};
+  std::atomic<std::uint64_t> holdings{0};
 };
 
 struct LoopOptions {
@@ -25,10 +27,10 @@ struct LoopOptions {
   std::int64_t poll_period_ns = 1'000'000;  ///< of time-outs and retracting slaves
   std::int64_t idle_period_ns =
       50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
+  ShutdownOptions shutdown;
 };
 
-/// Drains the socket into the server and sends its answers until `stop` is set; then says Bye to every
-/// session. `wait(timeout_ns)` sleeps until a datagram may be there.
+/// Drains the socket into the server and sends its answers until `stop` is set; then shut_down(). `wait(timeout_ns)` sleeps until a datagram may be there.
 void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
               const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
               const LoopOptions& options, LoopStatus& status);

@@ -8,14 +8,14 @@ import struct
 import sys
 
 TYPES = {1: "hello", 2: "challenge", 3: "welcome", 4: "refuse", 5: "command", 6: "reply", 7: "bye"}
-# Field list of each type in PROTOCOL.md's order: q = fixed64, i = fixed32, d = double, b = bytes.
+# Field list of each type in PROTOCOL.md's order: q = fixed64, i = fixed32, d = double, b = bytes, . = no such field.
 FIELDS = {
     "hello": "iiqqqqi",
     "challenge": "qq",
     "welcome": "iqqqqiiibq" + "d" * 14,
     "refuse": "qiii",
-    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7,
-    "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10,
+    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "." * 8 + "i",
+    "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10 + "i" + "d" * 3,
     "bye": "qi",
 }
 WIRE = {"q": 1, "d": 1, "b": 2, "i": 5}
@@ -64,10 +64,14 @@ def main():
     decoded = {}
     for path in sorted(folder.glob("*.bin")):
         name, values = decode(path.read_bytes())
-        assert name == path.stem.removesuffix("_with_features"), path
-        assert len(values) == len(FIELDS[name]) or path.stem == name, path
+        assert name == path.stem.partition("_with_")[0], path
         decoded[path.stem] = values
-    assert set(decoded) == set(TYPES.values()) | {"command_with_features", "reply_with_features"}, decoded.keys()
+    more = {f"{name}_with_{what}" for name in ("command", "reply") for what in ("features", "sharing")}
+    assert set(decoded) == set(TYPES.values()) | more, decoded.keys()
+    for name, fields in FIELDS.items():
+        seen = set().union(*(values for stem, values in decoded.items() if stem.partition("_with_")[0] == name))
+        assert seen | ({15} if name == "hello" else {2} if name == "welcome" else set()) >= {
+            number for number, kind in enumerate(fields, 1) if kind != "."}, name
     assert len((folder / "hello.bin").read_bytes()) == 512
     assert decoded["hello"][7] == 4000
     assert decoded["welcome"][9] == b"flakes" and decoded["welcome"][24] == -0.375
@@ -77,6 +81,8 @@ def main():
     assert command[15] == 4 and command[17] == 0.0078125 and command[20] == -7.125 and command[22] == 0.00390625
     assert reply[20] == 512.5 and reply[24] == 256.25 and reply[25] == 42 and reply[28] == 13.25 and reply[30] == -0.5
     assert [reply[k] for k in range(32, 36)] == [0.625, 17.5, 0.3125, 2.25]
+    assert decoded["command_with_sharing"][31] == 5 and decoded["command_with_sharing"][6] == 11
+    assert [decoded["reply_with_sharing"][k] for k in range(36, 40)] == [6, 1.25, -2.5, 3.75]
     assert decoded["bye"] == {1: 0x4142434445464740, 2: 1}
     print("decoded", len(decoded), "golden datagrams")
 

@@ -22,6 +22,9 @@ struct GoldenMessages {
   /// Every field behind a feature bit besides.
   Command command_with_features = make_command_with_features();
   Reply reply_with_features = make_reply_with_features();
+  /// With sharing alone.
+  Command command_with_sharing = make_command_with_sharing();
+  Reply reply_with_sharing = make_reply_with_sharing();
 
   static Welcome make_welcome() {
     Welcome m;
@@ -104,6 +107,18 @@ struct GoldenMessages {
     return m;
   }
 
+  static Command make_command_with_sharing() {
+    Command m = make_command();
+    m.flags |= kFlagTakeOver;
+    m.tip_hold = 5;
+    return m;
+  }
+  static Reply make_reply_with_sharing() {
+    Reply m = make_reply();
+    m.tip = {6, {1.25, -2.5, 3.75}};
+    return m;
+  }
+
   /// All of them as datagrams: the seven types in the order of their numbers, then those with features.
   std::vector<std::vector<std::uint8_t>> encoded() const {
     Codec codec;
@@ -122,11 +137,13 @@ struct GoldenMessages {
     add(bye);
     add(command_with_features);
     add(reply_with_features);
+    add(command_with_sharing);
+    add(reply_with_sharing);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 9> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 11> kGoldenNames = {"hello",
                                                             "challenge",
                                                             "welcome",
                                                             "refuse",
@@ -134,11 +151,14 @@ inline constexpr std::array<const char*, 9> kGoldenNames = {"hello",
                                                             "reply",
                                                             "bye",
                                                             "command_with_features",
-                                                            "reply_with_features"};
-inline constexpr std::array<MessageType, 9> kGoldenTypes = {
+                                                            "reply_with_features",
+                                                            "command_with_sharing",
+                                                            "reply_with_sharing"};
+inline constexpr std::array<MessageType, 11> kGoldenTypes = {
     MessageType::kHello,  MessageType::kChallenge, MessageType::kWelcome,
     MessageType::kRefuse, MessageType::kCommand,   MessageType::kReply,
-    MessageType::kBye,    MessageType::kCommand,   MessageType::kReply};
+    MessageType::kBye,    MessageType::kCommand,   MessageType::kReply,
+    MessageType::kCommand, MessageType::kReply};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -180,7 +200,8 @@ inline bool same(const Command& a, const Command& b) {
   return a.session_id == b.session_id && a.sequence == b.sequence && a.send_time_ns == b.send_time_ns &&
          a.newest_reply == b.newest_reply && a.epoch == b.epoch && a.flags == b.flags &&
          a.tip_vel_w_nm_s == b.tip_vel_w_nm_s && a.tip_pos_w_nm == b.tip_pos_w_nm &&
-         a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j && same(a.control, b.control);
+         a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j && same(a.control, b.control) &&
+         a.tip_hold == b.tip_hold;
 }
 inline bool same(const Reply& a, const Reply& b) {
   return a.session_id == b.session_id && a.sequence == b.sequence &&
@@ -190,7 +211,7 @@ inline bool same(const Reply& a, const Reply& b) {
          a.contact_state == b.contact_state && a.fault_bits == b.fault_bits && a.force_w_nn == b.force_w_nn &&
          a.tip_pos_w_nm == b.tip_pos_w_nm && a.deflection_nm == b.deflection_nm &&
          a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj && same(a.port, b.port) &&
-         same(a.model, b.model);
+         same(a.model, b.model) && a.tip.hold == b.tip.hold && a.tip.pos_w_nm == b.tip.pos_w_nm;
 }
 inline bool same(const Bye& a, const Bye& b) {
   return a.session_id == b.session_id && a.reason == b.reason;
@@ -209,9 +230,13 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:
-      return same(in.command, which < 7 ? golden.command : golden.command_with_features);
+      return same(in.command, which < 7   ? golden.command
+                              : which < 9 ? golden.command_with_features
+                                          : golden.command_with_sharing);
     case MessageType::kReply:
-      return same(in.reply, which < 7 ? golden.reply : golden.reply_with_features);
+      return same(in.reply, which < 7   ? golden.reply
+                            : which < 9 ? golden.reply_with_features
+                                        : golden.reply_with_sharing);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
     case MessageType::kNone:
