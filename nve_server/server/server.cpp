@@ -24,6 +24,9 @@ link::PeerKey peer_key(const net::Address& address) noexcept {
 /// together.
 constexpr double kStepMinS = 1e-6;
 
+/// A slave that has not moved for so long on its way up has arrived: it may have a rate of its own.
+constexpr std::int64_t kRestNs = 50'000'000;
+
 /// Who moved a shared tip last is no longer known: nobody who comes.
 constexpr std::size_t kForgotten = SIZE_MAX - 1;
 
@@ -264,7 +267,7 @@ void Server::move_tip(std::size_t slot, const link::Command& command, std::int64
       seat.control.after(last, tip.output, dt_s);
     }
   }
-  tip.last_step_ns = now_ns;
+  tip.last_step_ns = tip.moved_ns = now_ns;
   tip.at_rest = false;
 }
 
@@ -354,7 +357,9 @@ void Server::retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexce
   step_guarded(*tip.slave, input, dt_s, tip.output);
   if (control != nullptr) control->after(last, tip.output, dt_s);
   tip.last_step_ns = now_ns;
-  tip.at_rest = tip.output.commanded_pos_w_nm == last.commanded_pos_w_nm;
+  const bool stuck = (tip.output.fault_bits & link::kFaultNoEquilibrium) != 0;
+  if (stuck || tip.output.commanded_pos_w_nm != last.commanded_pos_w_nm) tip.moved_ns = now_ns;
+  tip.at_rest = now_ns - tip.moved_ns >= kRestNs;
 }
 
 void Server::poll(std::int64_t now_ns) noexcept {
@@ -382,8 +387,8 @@ void Server::withdraw_shared_tip(std::int64_t now_ns) noexcept {
       withdrawing_, holder_.must_withdraw(now_ns, shutting_down_ ? 0 : table_.config().timeout_ns));
   if (!withdrawing_) return;
   Tip& tip = tips_[0];
-  if (!was_withdrawing) tip.last_step_ns = now_ns;  // not all at once what was not moved until now
-  retract(tip, nullptr, now_ns);                    // nobody's energy
+  if (!was_withdrawing) tip.last_step_ns = tip.moved_ns = now_ns;  // not all at once what was not moved until now
+  retract(tip, nullptr, now_ns);                                   // nobody's energy
   if (tip.at_rest) holder_.withdrawn();
 }
 

@@ -98,7 +98,8 @@ class Server {
     std::unique_ptr<slave::Slave> slave;
     slave::SlaveOutput output;
     std::int64_t last_step_ns = 0;
-    bool at_rest = true;  // withdrawn as far as it goes, or never moved
+    std::int64_t moved_ns = 0;  // last command, or last change of its position on the way up
+    bool at_rest = true;        // withdrawn as far as it goes, or never moved
     std::size_t moved_by = TipHolder::kNobody;
   };
   /// What a session has besides its tip.

@@ -9,12 +9,10 @@ bool TipHolder::on_command(std::size_t slot, net::Rights rights, std::uint32_t f
   Seat& seat = seats_[slot];
   const bool takes = (flags & link::kFlagTakeOver) != 0;
   const bool operates = rights >= net::Rights::kOperate && (flags & link::kFlagHandOver) == 0;
-  if (takes && !seat.took) seat.asking = true;
-  if (!takes || !operates) seat.asking = false;
-  seat.took = takes;
+  if (!takes) seat.granted = false;
   if (holder_ == slot) {
     constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
-    seat.asking = false;
+    seat.granted = takes;
     if (!operates) {
       release(now_ns);
     } else if ((flags & kEngaged) == kEngaged) {
@@ -22,14 +20,14 @@ bool TipHolder::on_command(std::size_t slot, net::Rights rights, std::uint32_t f
     }
     return false;
   }
-  const bool begins = seat.begins;
-  if (!operates || !(seat.asking || begins)) return false;
+  const bool begins = seat.begins, asks = takes && !seat.granted;
+  if (!operates || !(asks || begins)) return false;
   if (!withdrawing_) seat.begins = false;  // who comes while the tip is on its way up waits
   const bool free = holder_ == kNobody && !withdrawing_;
   const bool released = holder_ != kNobody && now_ns - engaged_ns_ > kReleasedNs;
   const bool by_right = rights == net::Rights::kAdminister || released;
-  if (!free && !(seat.asking && by_right)) return false;
-  seat = {false, takes, false};
+  if (!free && !(asks && by_right)) return false;
+  seat = {false, takes};
   holder_ = slot;
   if (++number_ == 0) number_ = 1;
   engaged_ns_ = now_ns;
@@ -38,7 +36,6 @@ bool TipHolder::on_command(std::size_t slot, net::Rights rights, std::uint32_t f
 }
 
 void TipHolder::leave(std::size_t slot, std::int64_t now_ns) noexcept {
-  seats_[slot].asking = false;
   if (holder_ != slot) return;
   release(now_ns);
   withdrawing_ = true;

@@ -12,9 +12,9 @@ namespace telenano::server {
 ///
 /// The tip goes to a session with the right to operate
 ///   - that begins (its first command without kFlagHandOver), while nobody holds the tip;
-///   - that asks (kFlagTakeOver becomes set, and stays set), as soon as nobody holds it, or its holder has not
-///     engaged for kReleasedNs; with the right to administer at once, from anybody. Asking is used up when the
-///     tip has come: two that ask do not take it from each other for ever.
+///   - that asks (kFlagTakeOver is set), as soon as nobody holds it, or its holder has not
+///     engaged for kReleasedNs; with the right to administer at once, from anybody. What has brought the tip
+///     once must be clear before it asks again: two that ask do not take it from each other for ever.
 /// A session holds it until another one gets it, it hands over (kFlagHandOver), may no longer operate, falls
 /// silent or ends. A tip that was left (not handed over) is withdrawn before it is free again; only who
 /// administers may have it before.
@@ -46,9 +46,8 @@ class TipHolder {
 
  private:
   struct Seat {
-    bool begins = true;   // no command yet that wanted the tip, and found it free or held
-    bool took = false;    // kFlagTakeOver in its last command
-    bool asking = false;  // has become set, and not been granted yet
+    bool begins = true;    // no command yet that wanted the tip, and found it free or held
+    bool granted = false;  // its kFlagTakeOver has brought it the tip, and was not clear since
   };
 
   void release(std::int64_t now_ns) noexcept;

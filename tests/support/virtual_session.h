@@ -35,6 +35,14 @@ struct VirtualSessionConfig {
   net::SimPath to_station{};
   std::size_t link_capacity = 4096;  ///< datagrams on the way, each way; what is more is lost
   std::uint64_t seed = 1;
+  server::Share share = server::Share::kPrivate;
+  /// Instead of a server of its own: another session's (VirtualSession::shared_server), which must be stepped
+  /// at the same rate.
+  std::shared_ptr<server::Server> server{};
+  std::uint16_t port = 0;        ///< of the station's address, where one server has several; 0: the link's
+  net::Standing standing{};      ///< what the station's channel vouches for
+  std::uint64_t resume_token = 0;  ///< of an earlier station
+  std::uint32_t tip_wish = 0;    ///< link::kFlagTakeOver, link::kFlagHandOver
 };
 
 /// A whole session in virtual time: the same device, station, session and server objects as the programs,
@@ -51,6 +59,12 @@ class VirtualSession {
 
   /// The server process dies and another one starts in its place, knowing nothing.
   void restart_server();
+  /// The server says Bye to all and withdraws the tips for `ms`, as at SIGTERM; then there is none until
+  /// restart_server().
+  void stop_server(int ms);
+  /// What a server made from now on says of its scene.
+  void set_scene_hash(std::uint64_t hash) noexcept { scene_hash_ = hash; }
+  const std::shared_ptr<server::Server>& shared_server() const noexcept { return server_; }
 
   /// The task is over; a hand of the test's own is never done.
   bool done() const noexcept { return device_ && device_->motion_done(); }
@@ -70,7 +84,9 @@ class VirtualSession {
   VirtualSessionConfig config_;
   net::SimLink link_;
   rt::VirtualClock clock_;
-  std::unique_ptr<server::Server> server_;
+  std::shared_ptr<server::Server> server_;
+  bool down_ = false;
+  std::uint64_t scene_hash_ = 0;
   std::uint64_t servers_made_ = 0;
   link::ClientSession client_;
   std::unique_ptr<device::SimDevice> device_;

@@ -158,9 +158,9 @@ TEST_F(Sharing, ATipThatWasLeftIsWithdrawnAndThenFree) {
     step = std::max(step, std::abs(slave->commanded_w_nm().z() - last_z));
     last_z = slave->commanded_w_nm().z();
   }
-  EXPECT_TRUE(b->holds()) << "110 nm at 1000 nm/s, then it is free";
+  EXPECT_TRUE(b->holds()) << "110 nm at 1000 nm/s and 50 ms at rest, then it is free";
   EXPECT_EQ(last_z, 100);
-  EXPECT_LE(step, 1.0 + 1e-9) << "not all at once, though nothing had moved it for half a second";
+  EXPECT_LE(step, 1.0 + 2e-3) << "not all at once, though nothing had moved it for half a second";
   EXPECT_EQ(b->reply().energy_out_aj, 0) << "what came out on the way up is nobody's";
   // a comes back, in the same session and book, and observes.
   a->s.link.path_a_to_b().down = a->s.link.path_b_to_a().down = false;

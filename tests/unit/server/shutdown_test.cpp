@@ -97,9 +97,9 @@ TEST_F(Shutdown, SaysByeThreeTimesWithdrawsAndAnswersMeanwhile) {
     comes(c);
   };
   shut();
-  // From −3 to 100 nm at 1000 nm/s.
+  // From −3 to 100 nm at 1000 nm/s, and 50 ms at rest.
   EXPECT_EQ(slave->commanded_w_nm().z(), 100);
-  EXPECT_NEAR(1e-6 * static_cast<double>(clock.ns - start_ns), 103, 3);
+  EXPECT_NEAR(1e-6 * static_cast<double>(clock.ns - start_ns), 153, 4);
   int byes = 0, refusals = 0;
   for (const auto& sent : wire.sent) {
     if (sent.type == link::MessageType::kRefuse) {
