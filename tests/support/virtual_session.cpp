@@ -20,6 +20,9 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
         return c;
       }()) {
   period_ns_ = std::llround(1e9 / config_.station.rate_hz);
+  now_ns_ = config_.start_ns;
+  link_.advance_to(now_ns_);
+  clock_.advance_to(now_ns_);
   if (config_.port != 0) {
     net::Address address = link_.address_a();
     address.port = config_.port;

@@ -39,6 +39,7 @@ struct VirtualSessionConfig {
   /// Instead of a server of its own: another session's (VirtualSession::shared_server), which must be stepped
   /// at the same rate.
   std::shared_ptr<server::Server> server{};
+  std::int64_t start_ns = 0;     ///< its now_ns(): one server has one time
   std::uint16_t port = 0;        ///< of the station's address, where one server has several; 0: the link's
   net::Standing standing{};      ///< what the station's channel vouches for
   std::uint64_t resume_token = 0;  ///< of an earlier station
@@ -74,6 +75,7 @@ class VirtualSession {
   server::Server& server() noexcept { return *server_; }
   net::SimLink& link() noexcept { return link_; }
   loop::StationLoop& loop() noexcept { return *loop_; }
+  std::int64_t now_ns() const noexcept { return now_ns_; }
   double period_s() const noexcept { return static_cast<double>(period_ns_) * 1e-9; }
 
  private:

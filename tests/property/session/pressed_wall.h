@@ -22,9 +22,13 @@ struct PressedWall {
   explicit PressedWall(control::Method method, std::uint64_t seed = 1) {
     config.station.method = method;
     config.seed = seed;
-    config.make_slave = [watch = watch] { return std::make_unique<WallSlave>(WallSlaveConfig{}, watch); };
+    WallSlaveConfig wall_config;
+    wall_config.stiffness_n_m = 10;  // 200 N/m at the hand: stable without control, over a short way
+    config.make_slave = [wall_config, watch = watch] {
+      return std::make_unique<WallSlave>(wall_config, watch);
+    };
     MassSpringConfig hand_config;
-    hand_config.goal_m = hand_config.lowest_goal_m = -0.008;  // 8 nm at 1e-6: 3 nm into the wall, 150 nN, 3 N
+    hand_config.goal_m = hand_config.lowest_goal_m = -0.008;  // 8 nm at 1e-6: 3 nm into the wall
     hand_config.arm_stiffness_n_m = 1000;
     hand = std::make_shared<MassSpringHand>(hand_config);
     config.hand = hand;

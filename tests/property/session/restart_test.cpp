@@ -110,6 +110,7 @@ TEST(Restart, ARestartedStationIsNotCreditedWithWhatTheLastOneHadPutIn) {
   VirtualSession& a = *first.session;
   PressedWall second(Method::kTdpa, 2);
   second.config.server = a.shared_server();
+  second.config.start_ns = a.now_ns();
   second.config.port = 4711;
   second.config.resume_token = a.client().resume_token();
   second.watch = first.watch;
