@@ -197,7 +197,8 @@ class Causes(unittest.TestCase):
                 "welcome": {"version", "nonce", "session_id", "epoch", "timeout_ms"}, "refuse": {"nonce", "reason"},
                 "command": {"sequence"}, "reply": {"sequence", "command_sequence"}, "bye": {"session_id", "reason"}}
         zero["command_with_features"] = zero["command"] | {"energy_scale_aj_j", "wave_impedance_n_s_m"}
-        zero["reply_with_features"] = zero["reply"]
+        zero["reply_with_features"] = zero["reply_with_sharing"] = zero["reply"]
+        zero["command_with_sharing"] = zero["command"]
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",
