@@ -19,7 +19,8 @@ class SequenceWindow {
   /// by kLeapSlackS at most, and the clocks may run apart. What a longer delay cuts off comes in a little
   /// later, since the bound grows.
   static constexpr std::uint64_t max_leap(std::uint32_t rate_hz, std::int64_t since_ns) noexcept {
-    constexpr std::int64_t kLongest_ns = std::int64_t{86'400'000'000'000};  // a day: 8 kHz stay far below 2^32
+    constexpr std::int64_t kLongest_ns =
+        std::int64_t{86'400'000'000'000};  // a day: 8 kHz stay far below 2^32
     const std::int64_t since = since_ns < 0 ? 0 : since_ns > kLongest_ns ? kLongest_ns : since_ns;
     const double numbers = 1.25 * rate_hz * (1e-9 * static_cast<double>(since) + kLeapSlackS);
     return kLeapAtLeast + static_cast<std::uint64_t>(numbers);

@@ -25,8 +25,8 @@ std::uint64_t ServerHandshake::cookie(const PeerKey& peer, std::uint64_t nonce,
 }
 
 HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
-                                       SessionTable& table, bool shutting_down,
-                                       bool address_proven, std::uint64_t owner) noexcept {
+                                       SessionTable& table, bool shutting_down, bool address_proven,
+                                       std::uint64_t owner) noexcept {
   using Kind = HelloVerdict::Kind;
   HelloVerdict verdict;
   const auto refuse = [&](RefuseReason reason, DropCause cause) {

@@ -33,7 +33,7 @@ struct Session {
   std::uint32_t rate_hz = 0;
   std::uint64_t feature_bits = 0;  ///< agreed
   PeerKey peer;
-  std::uint64_t owner = 0;                 ///< identity of the key that opened it; nobody else's may use it
+  std::uint64_t owner = 0;                ///< identity of the key that opened it; nobody else's may use it
   std::array<std::uint64_t, 4> nonces{};  ///< of the Hellos that opened and resumed it, newest first
   SequenceWindow commands;
   std::uint64_t last_send_time_ns = 0;  ///< of the newest command, station clock

@@ -48,7 +48,7 @@ struct DtlsServer::Impl {
     std::array<std::uint8_t, 32> random{};  // of its ClientHello
     std::array<char, 65> identity{};
     net::Rights rights = net::Rights::kObserve;
-    std::uint64_t number = 0;  // of its identity: net::Standing::identity
+    std::uint64_t number = 0;   // of its identity: net::Standing::identity
     std::int64_t since_ns = 0;  // begin of the handshake, or last datagram opened
     link::TokenBucket rate{1, 1};
   };

@@ -44,7 +44,8 @@ struct Progress {
 /// silent.
 class RealTimeSession {
  public:
-  /// `recorder` may be null. `observe_s`: how long it looks on if it never gets a shared tip. Everything referred to must outlive run().
+  /// `recorder` may be null. `observe_s`: how long it looks on if it never gets a shared tip. Everything
+  /// referred to must outlive run().
   RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
                   link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
                   double give_up_s, double observe_s, const std::atomic<bool>& stop);

@@ -219,9 +219,9 @@ int run(const RunOptions& options) {
 
   const link::Welcome welcome = session.welcome();
   if (!options.quiet && client_config.resume_token != 0) {
-    fmt::print(stderr, "{}\n", session.resumed_unknown_book()
-                                   ? "resuming the session of the last run"
-                                   : "the session of the last run is gone; this is a new one");
+    fmt::print(stderr, "{}\n",
+               session.resumed_unknown_book() ? "resuming the session of the last run"
+                                              : "the session of the last run is gone; this is a new one");
   }
   session_file.keep(welcome.resume_token);
   const std::uint32_t wish = tip_wish(options, (welcome.feature_bits & link::kFeatureSharing) != 0);
@@ -297,13 +297,15 @@ int run(const RunOptions& options) {
       throw RunError(fmt::format("the station stopped itself: {}; the force is zero",
                                  station::fault_name(station.latched_faults())));
     case Ending::kServerEnded:
-      throw RunError(fmt::format("the server at {} has ended the session; the force is zero", options.server));
+      throw RunError(
+          fmt::format("the server at {} has ended the session; the force is zero", options.server));
     case Ending::kRefused:
       throw RunError(refusal_text(session.refuse(), config.rate_hz, options.server));
     case Ending::kServerGone:
       if (live.progress().shutting_down) {
-        throw RunError(fmt::format("the server at {} has shut down and not come back within {:g} s; the force is zero",
-                                   options.server, options.give_up_s));
+        throw RunError(
+            fmt::format("the server at {} has shut down and not come back within {:g} s; the force is zero",
+                        options.server, options.give_up_s));
       }
       throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero{}",
                                  options.server, options.give_up_s, way.failure()));
@@ -354,14 +356,16 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   CLI::Option* const observe = command->add_flag(
       "--observe", options->observe, "Of a shared tip (serve --share one-tip): look on, never hold it");
   command
-      ->add_flag("--take-over", options->take_over,
-                 "Of a shared tip: ask for it, and get it as soon as it is free or its holder lets go; with the "
-                 "right to administer at once")
+      ->add_flag(
+          "--take-over", options->take_over,
+          "Of a shared tip: ask for it, and get it as soon as it is free or its holder lets go; with the "
+          "right to administer at once")
       ->excludes(observe);
   command
-      ->add_option("--session-file", options->session_file,
-                   "Keep the session's token here: a run that was killed and started again within the server's "
-                   "--resume-s goes on with the same tip and book")
+      ->add_option(
+          "--session-file", options->session_file,
+          "Keep the session's token here: a run that was killed and started again within the server's "
+          "--resume-s goes on with the same tip and book")
       ->type_name("FILE");
   command->add_flag("--quiet", options->quiet, "No progress, only the summary");
   command->footer(

@@ -45,12 +45,15 @@ void SessionFile::keep(std::uint64_t token) {
   const std::string fresh = path_ + ".new";
   const std::string text = fmt::format("{}{:016x}\n", kHead, token);
   const int file = ::open(fresh.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
-  const bool written = file >= 0 && ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
+  const bool written =
+      file >= 0 && ::write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
   if (file >= 0) ::close(file);
   if (written && std::rename(fresh.c_str(), path_.c_str()) == 0) return;
   if (!std::exchange(warned_, true)) {
-    fmt::print(stderr, "telenano-master: warning: --session-file {}: {}; this session cannot be resumed by a new run\n",
-               path_, std::strerror(errno));
+    fmt::print(
+        stderr,
+        "telenano-master: warning: --session-file {}: {}; this session cannot be resumed by a new run\n",
+        path_, std::strerror(errno));
   }
 }
 

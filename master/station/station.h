@@ -109,8 +109,8 @@ class Station {
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
   /// makes a force step; the book goes on (a new session grants no new allowance). Scaling, damper and clamp
   /// were planned for one slave: a stiffer or more damped one is a latched stop; so is another scene than the
-  /// last session's, which is no longer what the operator was shown. `known_book` false: the slave's sums began
-  /// before this station, and what they hold already is credited to nobody here.
+  /// last session's, which is no longer what the operator was shown. `known_book` false: the slave's sums
+  /// began before this station, and what they hold already is credited to nobody here.
   void begin_session(const link::Welcome& welcome, bool known_book = true) noexcept;
 
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;

@@ -8,8 +8,8 @@
 
 namespace telenano::app {
 
-/// Calls `reload` in a thread of its own, within 100 ms after `asked` has become true, and clears it: a signal
-/// handler can neither read files nor write logs.
+/// Calls `reload` in a thread of its own, within 100 ms after `asked` has become true, and clears it: a
+/// signal handler can neither read files nor write logs.
 class ReloadWatcher {
  public:
   ReloadWatcher(std::atomic<bool>& asked, std::function<void()> reload);

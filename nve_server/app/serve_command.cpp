@@ -118,8 +118,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
   ServerSignals& signals = catch_server_signals();
-  log->info("serving {} on {}{}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "",
-            one_tip ? ", one tip for all" : "");
+  log->info("serving {} on {}{}{}", options.scene, net::to_string(socket.local()),
+            secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "");
 
   server::LoopStatus status;
   {
@@ -140,7 +140,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
     loop_options.shutdown.at_once = &signals.at_once;
     server::run_loop(
         server, secure ? static_cast<net::Datagram&>(*secure) : socket, clock,
-        [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, signals.stop, loop_options, status);
+        [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, signals.stop, loop_options,
+        status);
   }
 
   std::string drops;
@@ -174,9 +175,10 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
   command
-      ->add_option("--share", options->share,
-                   "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
-                   "the tip, the others observe")
+      ->add_option(
+          "--share", options->share,
+          "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
+          "the tip, the others observe")
       ->check(CLI::IsMember({"private", "one-tip"}));
   command->add_flag("--busy-poll", options->busy_poll,
                     "Spin instead of sleeping: quickest answers, one core busy");

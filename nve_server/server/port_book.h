@@ -6,14 +6,14 @@
 
 namespace telenano::server {
 
-/// One session's part of the book of a tip that others move too, aJ: what was exchanged while the session held
-/// it. Both sums only rise, and stand still while it observes, so that taking over neither credits nor charges
-/// anybody.
+/// One session's part of the book of a tip that others move too, aJ: what was exchanged while the session
+/// held it. Both sums only rise, and stand still while it observes, so that taking over neither credits nor
+/// charges anybody.
 ///
 /// What another operator has put into springs and contact may come out when this one lets go. It is not this
 /// one's energy: until the tip has been free (contact state free: nothing is pressed or stuck) once, out is
-/// credited only as far as this session has put in since it took over. The rest is nobody's, which errs on the
-/// passive side.
+/// credited only as far as this session has put in since it took over. The rest is nobody's, which errs on
+/// the passive side.
 class PortBook {
  public:
   /// The session gets a tip that another one has moved last.

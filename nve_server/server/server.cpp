@@ -97,8 +97,9 @@ Server::Server(const ServerConfig& config, ServedScene scene)
   if (shared()) {
     make_tip(0, 0);
   } else if (scene_.one_tip_only) {
-    throw UserError("the scene '" + text_of(scene_.name) +
-                    "' has only one tip: it cannot be private to each session; serve it with --share one-tip");
+    throw UserError(
+        "the scene '" + text_of(scene_.name) +
+        "' has only one tip: it cannot be private to each session; serve it with --share one-tip");
   }
 }
 
@@ -195,16 +196,17 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
     case Kind::kRefuse:
       return codec_.encode(verdict.refuse, out);
     case Kind::kOpen:
+      holder_.begin_session(verdict.slot);
       ++counters_.opened;
       break;
     case Kind::kResume:
       seats_[verdict.slot].control.begin_session();
+      holder_.resume_session(verdict.slot);
       ++counters_.resumed;
       break;
     case Kind::kAgain:
       break;
   }
-  if (verdict.kind != Kind::kAgain) holder_.begin_session(verdict.slot);
   seats_[verdict.slot].address = from;
   return welcome(verdict.slot, hello.nonce, out);
 }
@@ -254,15 +256,15 @@ void Server::move_tip(std::size_t slot, const link::Command& command, std::int64
   input.wants_model = models && command.control.method == link::kMethodModel;
   const double dt_s = std::clamp(session.spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
-  const slave::SlaveOutput last_seen = shared() ? seat.book.seen(last) : last;
-  if (controls && anchored)
-    input = seat.control.before(command, input, last_seen, tip.slave->limits(), dt_s);
+  // Of a shared slave's book the port's control sees this session's part.
+  const PortBook before = seat.book;
+  if (controls && anchored) input = seat.control.before(command, input, last, tip.slave->limits(), dt_s);
   if (controls && !anchored) seat.control.observe(command.control);
   step_guarded(*tip.slave, input, dt_s, tip.output);
   if (shared()) seat.book.add(last, tip.output);
   if (controls && anchored) {
     if (shared()) {
-      seat.control.after(last_seen, seat.book.seen(tip.output), dt_s);
+      seat.control.after(before.seen(last), seat.book.seen(tip.output), dt_s);
     } else {
       seat.control.after(last, tip.output, dt_s);
     }
@@ -387,8 +389,9 @@ void Server::withdraw_shared_tip(std::int64_t now_ns) noexcept {
       withdrawing_, holder_.must_withdraw(now_ns, shutting_down_ ? 0 : table_.config().timeout_ns));
   if (!withdrawing_) return;
   Tip& tip = tips_[0];
-  if (!was_withdrawing) tip.last_step_ns = tip.moved_ns = now_ns;  // not all at once what was not moved until now
-  retract(tip, nullptr, now_ns);                                   // nobody's energy
+  if (!was_withdrawing)
+    tip.last_step_ns = tip.moved_ns = now_ns;  // not all at once what was not moved until now
+  retract(tip, nullptr, now_ns);               // nobody's energy
   if (tip.at_rest) holder_.withdrawn();
 }
 

@@ -20,8 +20,8 @@
 
 namespace telenano::server {
 
-/// private: every session has a slave of its own, with its own state. one-tip: one slave; one session moves it
-/// (TipHolder says which), the others observe.
+/// private: every session has a slave of its own, with its own state. one-tip: one slave; one session moves
+/// it (TipHolder says which), the others observe.
 enum class Share : std::uint8_t { kPrivate, kOneTip };
 
 /// What is served.

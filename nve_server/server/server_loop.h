@@ -30,7 +30,8 @@ struct LoopOptions {
   ShutdownOptions shutdown;
 };
 
-/// Drains the socket into the server and sends its answers until `stop` is set; then shut_down(). `wait(timeout_ns)` sleeps until a datagram may be there.
+/// Drains the socket into the server and sends its answers until `stop` is set; then shut_down().
+/// `wait(timeout_ns)` sleeps until a datagram may be there.
 void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
               const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
               const LoopOptions& options, LoopStatus& status);

@@ -25,8 +25,8 @@ void shut_down(Server& server, net::Datagram& socket, const rt::Clock& clock,
                const std::function<void(std::int64_t timeout_ns)>& wait, const ShutdownOptions& options) {
   const std::int64_t start_ns = clock.now_ns();
   std::vector<Farewell> farewells(1);
-  while ((farewells.back().size =
-              server.next_bye(start_ns, farewells.back().bytes, farewells.back().to)) != 0) {
+  while ((farewells.back().size = server.next_bye(start_ns, farewells.back().bytes, farewells.back().to)) !=
+         0) {
     farewells.emplace_back();
   }
   farewells.pop_back();

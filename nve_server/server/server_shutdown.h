@@ -11,7 +11,7 @@
 namespace telenano::server {
 
 struct ShutdownOptions {
-  std::int64_t at_most_ns = 1'000'000'000;  ///< for the tips to be withdrawn
+  std::int64_t at_most_ns = 1'000'000'000;     ///< for the tips to be withdrawn
   const std::atomic<bool>* at_once = nullptr;  ///< when it becomes true, nothing more is waited for
 };
 

@@ -27,8 +27,10 @@ class TipHolder {
 
   explicit TipHolder(std::size_t slots) : seats_(slots) {}
 
-  /// A session begins, or goes on under a new id.
   void begin_session(std::size_t slot) noexcept { seats_[slot] = {}; }
+  /// Goes on under a new id: may have a free tip back without asking, but what it had asked for stays used
+  /// up.
+  void resume_session(std::size_t slot) noexcept { seats_[slot].begins = true; }
   /// An accepted command of `slot`. True if it brings the tip to this session: a new holding begins.
   bool on_command(std::size_t slot, net::Rights rights, std::uint32_t flags, std::int64_t now_ns) noexcept;
   /// A session is silent, ended or forgotten.

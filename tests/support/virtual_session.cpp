@@ -122,9 +122,8 @@ void VirtualSession::serve_until(std::int64_t until_ns) {
     while (link_.b().receive(in, received)) {
       any = true;
       if (down_) continue;
-      const std::size_t n =
-          server_->on_datagram(std::span(in).first(received.size), received.from, arrival, out, &clock_,
-                                config_.standing);
+      const std::size_t n = server_->on_datagram(std::span(in).first(received.size), received.from, arrival,
+                                                 out, &clock_, config_.standing);
       if (n > 0) link_.b().send(std::span<const std::uint8_t>(out).first(n), received.from);
     }
     if (!any && link_.next_arrival_ns() <= arrival) break;  // only the station's datagrams are waiting

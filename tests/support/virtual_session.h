@@ -39,11 +39,11 @@ struct VirtualSessionConfig {
   /// Instead of a server of its own: another session's (VirtualSession::shared_server), which must be stepped
   /// at the same rate.
   std::shared_ptr<server::Server> server{};
-  std::int64_t start_ns = 0;     ///< its now_ns(): one server has one time
-  std::uint16_t port = 0;        ///< of the station's address, where one server has several; 0: the link's
-  net::Standing standing{};      ///< what the station's channel vouches for
+  std::int64_t start_ns = 0;       ///< its now_ns(): one server has one time
+  std::uint16_t port = 0;          ///< of the station's address, where one server has several; 0: the link's
+  net::Standing standing{};        ///< what the station's channel vouches for
   std::uint64_t resume_token = 0;  ///< of an earlier station
-  std::uint32_t tip_wish = 0;    ///< link::kFlagTakeOver, link::kFlagHandOver
+  std::uint32_t tip_wish = 0;      ///< link::kFlagTakeOver, link::kFlagHandOver
 };
 
 /// A whole session in virtual time: the same device, station, session and server objects as the programs,

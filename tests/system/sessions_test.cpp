@@ -1,7 +1,9 @@
-// Sessions of the real programs: a shared tip, the server's end and return, keys read again, a station that was killed.
+// Sessions of the real programs: a shared tip, the server's end and return, keys read again, a station that
+// was killed.
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cmath>
 #include <thread>
 
 #include "common/recording/recording_reader.h"
@@ -154,7 +156,9 @@ TEST_F(SessionsTest, AHangUpReadsTheKeysAgainAndSaysWhatItDoesNot) {
   ASSERT_EQ(make("two"), 0);
   server.child().signal(SIGHUP);
   ASSERT_TRUE(server.child().wait_for_err("keys read again: 2 entries", kLong)) << server.child().err();
-  EXPECT_EQ(run_program(station(server, {"--duration-s", "0.5", "--key", path("two.key")}), {}, kLong).exit_code, 0);
+  EXPECT_EQ(
+      run_program(station(server, {"--duration-s", "0.5", "--key", path("two.key")}), {}, kLong).exit_code,
+      0);
   EXPECT_TRUE(says(server.stop(), "SIGHUP: reading the list of keys"));
 }
 
@@ -162,9 +166,10 @@ TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
   const std::string keys = path("keys.toml");
   for (const char* name : {"one", "two"}) {
-    ASSERT_EQ(run_program({kNve, "keys", "new", name, "--keys", keys, "--out", path(std::string(name) + ".key")})
-                  .exit_code,
-              0);
+    ASSERT_EQ(
+        run_program({kNve, "keys", "new", name, "--keys", keys, "--out", path(std::string(name) + ".key")})
+            .exit_code,
+        0);
   }
   Server server(scene_path("flat_pdms"), 0, {"--keys", keys});
   const std::string file = path("session");

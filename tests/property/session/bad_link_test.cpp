@@ -64,7 +64,8 @@ TEST(BadLink, NoDriftNoEnergyLostNoForceStepOnceItHeals) {
     pressed += wall.watch->energy_in_aj > 1;
     // Methods that pay for motion lag by what they could not pay for; the others stand where they were told.
     if (!control::needs_port_control(s.station().method())) {
-      EXPECT_EQ(wall.watch->commanded_z_w_nm, std::clamp(wall.target_z_nm(), -50.0, 100.0)) << "no drift at all";
+      EXPECT_EQ(wall.watch->commanded_z_w_nm, std::clamp(wall.target_z_nm(), -50.0, 100.0))
+          << "no drift at all";
     }
     // The station's book at the server counts from the Welcome: with one session, all of it.
     const link::Session& at_server = s.server().sessions()[s.client().welcome().session_id & 0xff];
@@ -92,8 +93,8 @@ TEST(BadLink, NoDriftNoEnergyLostNoForceStepOnceItHeals) {
 }
 
 TEST(BadLink, FlippedBitsNeitherStepTheForceNorEndTheSession) {
-  // Without UDP's checksum and without DTLS, so that every flip arrives. Values may be wrong then; limits hold,
-  // nothing is locked out, and the position heals.
+  // Without UDP's checksum and without DTLS, so that every flip arrives. Values may be wrong then; limits
+  // hold, nothing is locked out, and the position heals.
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     PressedWall wall(seed % 2 ? Method::kKsClamp : Method::kModel, seed);
     wall.config.to_server.corrupt = wall.config.to_station.corrupt = 0.05;

@@ -26,7 +26,8 @@ void comes_back(PressedWall& wall, std::uint32_t epoch) {
   EXPECT_EQ(s.station().mode(), station::Mode::kEngaged);
   EXPECT_EQ(wall.watch->made, 2);
   // The slave's new book, and none of the old one's.
-  EXPECT_NEAR(s.client().slave_energy_aj().in(), wall.watch->energy_in_aj, 0.02 * wall.watch->energy_in_aj + 0.1);
+  EXPECT_NEAR(s.client().slave_energy_aj().in(), wall.watch->energy_in_aj,
+              0.02 * wall.watch->energy_in_aj + 0.1);
   // No new allowance: from both sessions together no more than the one.
   const Method method = s.station().method();
   if (promises(method)) {

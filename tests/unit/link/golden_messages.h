@@ -144,21 +144,20 @@ struct GoldenMessages {
 };
 
 inline constexpr std::array<const char*, 11> kGoldenNames = {"hello",
-                                                            "challenge",
-                                                            "welcome",
-                                                            "refuse",
-                                                            "command",
-                                                            "reply",
-                                                            "bye",
-                                                            "command_with_features",
-                                                            "reply_with_features",
-                                                            "command_with_sharing",
-                                                            "reply_with_sharing"};
+                                                             "challenge",
+                                                             "welcome",
+                                                             "refuse",
+                                                             "command",
+                                                             "reply",
+                                                             "bye",
+                                                             "command_with_features",
+                                                             "reply_with_features",
+                                                             "command_with_sharing",
+                                                             "reply_with_sharing"};
 inline constexpr std::array<MessageType, 11> kGoldenTypes = {
-    MessageType::kHello,  MessageType::kChallenge, MessageType::kWelcome,
-    MessageType::kRefuse, MessageType::kCommand,   MessageType::kReply,
-    MessageType::kBye,    MessageType::kCommand,   MessageType::kReply,
-    MessageType::kCommand, MessageType::kReply};
+    MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
+    MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
+    MessageType::kReply,   MessageType::kCommand,   MessageType::kReply};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&

@@ -63,7 +63,8 @@ TEST(SequenceWindow, ALeapIsBoundByRateAndTime) {
     ASSERT_EQ(w.accept(500, most), DropCause::kNone);
     w.accept(501 ^ (1ull << bit), most);
     EXPECT_LE(w.newest(), 500 + most) << bit;
-    EXPECT_EQ(w.accept(500 + 60'000, SequenceWindow::max_leap(1000, 60'000'000'000)), DropCause::kNone) << bit;
+    EXPECT_EQ(w.accept(500 + 60'000, SequenceWindow::max_leap(1000, 60'000'000'000)), DropCause::kNone)
+        << bit;
   }
 }
 

@@ -97,7 +97,8 @@ TEST_F(Rules, ForAReply) {
   reply.command_sequence = 1000;
   link::Reply r = reply;
   r.command_sequence = 999;
-  EXPECT_EQ(to_client(r), DropCause::kOutOfRange) << "the 1000th reply answers the 1000th command or a later one";
+  EXPECT_EQ(to_client(r), DropCause::kOutOfRange)
+      << "the 1000th reply answers the 1000th command or a later one";
   r = reply;
   r.session_id ^= 0x100;
   EXPECT_EQ(to_client(r), DropCause::kUnknownSession);

@@ -279,10 +279,11 @@ TEST(Owner, ATokenResumesOnlyItsOwnersSession) {
   c.session_id = a.client.welcome().session_id;
   c.epoch = a.client.welcome().epoch;
   c.sequence = 900;
-  server.on_datagram({a.buffer.data(), codec.encode(c, a.buffer)}, a.link.address_a(), a.now_ns, a.answer, nullptr,
-                     b.standing);
-  server.on_datagram({a.buffer.data(), codec.encode(link::Bye{c.session_id, link::ByeReason::kDone}, a.buffer)},
-                     a.link.address_a(), a.now_ns, a.answer, nullptr, b.standing);
+  server.on_datagram({a.buffer.data(), codec.encode(c, a.buffer)}, a.link.address_a(), a.now_ns, a.answer,
+                     nullptr, b.standing);
+  server.on_datagram(
+      {a.buffer.data(), codec.encode(link::Bye{c.session_id, link::ByeReason::kDone}, a.buffer)},
+      a.link.address_a(), a.now_ns, a.answer, nullptr, b.standing);
   EXPECT_EQ(server.drops()[DropCause::kUnauthenticated], 2u);
 
   // The owner itself, restarted and somewhere else: the same slave and book, within three round trips.

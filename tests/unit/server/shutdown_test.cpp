@@ -54,7 +54,8 @@ struct Shutdown : testing::Test {
     wire.from = s.link.address_a();
   }
   void shut(const ShutdownOptions& options = {}) {
-    shut_down(server, wire, clock, [this](std::int64_t ns) { wait(ns); }, options);
+    shut_down(
+        server, wire, clock, [this](std::int64_t ns) { wait(ns); }, options);
   }
   void wait(std::int64_t ns) {
     clock.ns += ns;

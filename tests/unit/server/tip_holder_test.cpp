@@ -112,6 +112,16 @@ TEST_F(Tip, OfASessionThatEndedIsNotTakenAlongByTheNextInItsSlot) {
   EXPECT_TRUE(says(0, kEngaged));
 }
 
+TEST_F(Tip, ResumingDoesNotTakeItBackFromWhoTookItMeanwhile) {
+  EXPECT_TRUE(says(0, kAsk, Rights::kAdminister));
+  EXPECT_TRUE(says(1, kAsk, Rights::kAdminister));
+  holder.resume_session(0);
+  EXPECT_FALSE(says(0, kAsk, Rights::kAdminister));
+  EXPECT_FALSE(says(1, kAsk | link::kFlagHandOver, Rights::kAdminister));
+  holder.resume_session(0);
+  EXPECT_TRUE(says(0, kAsk, Rights::kAdminister)) << "a free one it may have back";
+}
+
 slave::SlaveOutput at(double in_aj, double out_aj, link::ContactState contact) {
   slave::SlaveOutput o;
   o.energy_in_aj = in_aj;

@@ -23,8 +23,8 @@ struct VirtualSession {
     net::Received received;
     while (link.b().receive(buffer, received)) {
       if (server == nullptr) continue;  // killed
-      const std::size_t n =
-          server->on_datagram({buffer.data(), received.size}, received.from, link.now_ns(), answer, nullptr, standing);
+      const std::size_t n = server->on_datagram({buffer.data(), received.size}, received.from, link.now_ns(),
+                                                answer, nullptr, standing);
       if (n > 0) link.b().send({answer.data(), n}, received.from);
     }
   }
