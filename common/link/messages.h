@@ -20,8 +20,10 @@ enum FeatureBits : std::uint64_t {
   kFeaturePortControl = 1u << 0,  ///< PortControl in Command, PortAnswer in Reply
   kFeatureLocalModel = 1u << 1,   ///< LocalModel in Reply
   kFeatureSharing = 1u << 2,      ///< one tip for all sessions: tip_hold in Command, TipShare in Reply
+  kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
 };
-inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing;
+inline constexpr std::uint64_t kKnownFeatures =
+    kFeaturePortControl | kFeatureLocalModel | kFeatureSharing | kFeatureRedundancy;
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {

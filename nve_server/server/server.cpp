@@ -50,6 +50,11 @@ void step_guarded(slave::Slave& slave, const slave::SlaveInput& input, double dt
   output.fault_bits |= link::kFaultNonFinite;
 }
 
+bool wants_model(const link::Session& session, const link::Command& command) noexcept {
+  return (session.feature_bits & link::kFeatureLocalModel) != 0 &&
+         command.control.method == link::kMethodModel;
+}
+
 /// A name that fills its place has no zero at its end.
 std::string text_of(const link::SceneName& name) {
   return {name.text.begin(), std::find(name.text.begin(), name.text.end(), '\0')};
@@ -142,6 +147,7 @@ bool Server::make_tip(std::size_t slot, std::int64_t now_ns) noexcept {
   }
   if (!tip.slave) return false;
   tip.output.tip_pos_w_nm = tip.output.commanded_pos_w_nm = tip.slave->limits().start_pos_w_nm;
+  tip.last_target_w_nm = tip.slave->limits().start_pos_w_nm;
   tip.last_step_ns = now_ns;
   return true;
 }
@@ -238,7 +244,7 @@ void Server::share_tip(std::size_t slot, const link::Command& command, std::int6
 }
 
 /// Steps the tip by a command of a session that may do so.
-void Server::move_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept {
+void Server::move_tip_once(std::size_t slot, const link::Command& command, double spacing_s) noexcept {
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
   Seat& seat = seats_[slot];
@@ -251,10 +257,9 @@ void Server::move_tip(std::size_t slot, const link::Command& command, std::int64
   input.retract = operates && (command.flags & link::kFlagStop) != 0;
   constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
   input.follow = operates && !input.retract && (command.flags & kEngaged) == kEngaged;
+  input.wants_model = wants_model(session, command);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
-  const bool models = (session.feature_bits & link::kFeatureLocalModel) != 0;
-  input.wants_model = models && command.control.method == link::kMethodModel;
-  const double dt_s = std::clamp(session.spacing_s, kStepMinS, config_.step_max_s);
+  const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
   // Of a shared slave's book the port's control sees this session's part.
   const PortBook before = seat.book;
@@ -269,6 +274,22 @@ void Server::move_tip(std::size_t slot, const link::Command& command, std::int64
       seat.control.after(last, tip.output, dt_s);
     }
   }
+  tip.last_target_w_nm = command.tip_pos_w_nm;
+}
+
+void Server::move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
+                      std::int64_t now_ns) noexcept {
+  const link::Session& session = table_[slot];
+  Tip& tip = tip_of(slot);
+  link::MissedSteps plan;
+  link::plan_steps(recent, session.missed, session.spacing_s, 1.0 / session.rate_hz, plan);
+  for (std::size_t i = 0; i < plan.count; ++i) {
+    const link::MissedSteps::Step& step = plan.step[i];
+    const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - tip.last_target_w_nm) / step.spacing_s;
+    move_tip_once(slot, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
+  }
+  counters_.recovered += plan.count;
+  move_tip_once(slot, command, plan.last_spacing_s);
   tip.last_step_ns = tip.moved_ns = now_ns;
   tip.at_rest = false;
 }
@@ -276,7 +297,8 @@ void Server::move_tip(std::size_t slot, const link::Command& command, std::int64
 std::size_t Server::on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                                std::span<std::uint8_t> out, const rt::Clock* clock) noexcept {
   std::size_t slot = link::SessionTable::kNone;
-  const DropCause cause = table_.accept(command, peer_key(from), now_ns, slot, standing_.identity);
+  const DropCause cause =
+      table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0, standing_.identity);
   if (cause != DropCause::kNone) return on_unusable_command(command, cause, slot, now_ns, out);
 
   link::Session& session = table_[slot];
@@ -286,7 +308,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   if (shared()) share_tip(slot, command, now_ns);
   const bool moves = !shared() || holder_.holds(slot);
   if (moves) {
-    move_tip(slot, command, now_ns);
+    move_tip(slot, command, incoming_.recent, now_ns);
   } else if (controls) {
     seat.control.observe(command.control);
   }
@@ -305,8 +327,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.energy_in_aj = shared() ? seat.book.in_aj() : tip.output.energy_in_aj;
   reply.energy_out_aj = shared() ? seat.book.out_aj() : tip.output.energy_out_aj;
   if (controls) reply.port = seat.control.answer();
-  const bool models = (session.feature_bits & link::kFeatureLocalModel) != 0;
-  if (moves && models && command.control.method == link::kMethodModel) reply.model = tip.output.model;
+  if (moves && wants_model(session, command)) reply.model = tip.output.model;
   if (shared()) reply.tip = {moves ? holder_.number() : 0, tip.output.commanded_pos_w_nm};
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
@@ -314,6 +335,8 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   const std::int64_t since_step_ns = moves ? 0 : sent_ns - tip.last_step_ns;
   reply.measurement_age_ns =
       static_cast<std::uint64_t>(std::max<std::int64_t>(tip.output.measurement_age_ns + since_step_ns, 0));
+  if (clock != nullptr) service_.add(sent_ns - now_ns);
+  session.peer_stats.on_reply(reply.sequence, sent_ns);
   ++counters_.exchanges;
   return codec_.encode(reply, out);
 }

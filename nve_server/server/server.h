@@ -15,6 +15,7 @@
 #include "common/rt/clock.h"
 #include "nve_server/server/port_book.h"
 #include "nve_server/server/port_control.h"
+#include "nve_server/server/service_times.h"
 #include "nve_server/server/tip_holder.h"
 #include "nve_server/slave/slave.h"
 
@@ -56,8 +57,9 @@ struct ServerCounters {
   std::uint64_t opened = 0;
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
-  std::uint64_t ended = 0;     ///< by Bye
-  std::uint64_t holdings = 0;  ///< how often a shared tip went to somebody
+  std::uint64_t ended = 0;      ///< by Bye
+  std::uint64_t holdings = 0;   ///< how often a shared tip went to somebody
+  std::uint64_t recovered = 0;  ///< lost commands that a later datagram repeated
 };
 
 /// The server without its socket: datagrams and times go in, answers come out. The same object serves real
@@ -92,12 +94,15 @@ class Server {
   const ServerCounters& counters() const noexcept { return counters_; }
   const link::SessionTable& sessions() const noexcept { return table_; }
   const TipHolder& tip_holder() const noexcept { return holder_; }  ///< of Share::kOneTip
+  /// Of the commands for which there was a clock.
+  const ServiceTimes& service_times() const noexcept { return service_; }
 
  private:
   struct Tip {
     std::unique_ptr<slave::Slave> slave;
     slave::SlaveOutput output;
     std::int64_t last_step_ns = 0;
+    Vec3 last_target_w_nm = Vec3::Zero();  // of the newest command
     std::int64_t moved_ns = 0;  // last command, or last change of its position on the way up
     bool at_rest = true;        // withdrawn as far as it goes, or never moved
     std::size_t moved_by = TipHolder::kNobody;
@@ -122,7 +127,10 @@ class Server {
   std::size_t on_unusable_command(const link::Command& command, link::DropCause cause, std::size_t slot,
                                   std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void share_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
-  void move_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
+  /// Steps the tip of `slot` by one command, and by those before it that it repeats.
+  void move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
+                std::int64_t now_ns) noexcept;
+  void move_tip_once(std::size_t slot, const link::Command& command, double spacing_s) noexcept;
   void end(std::size_t slot, std::int64_t now_ns) noexcept;
   void forget(std::size_t slot, std::int64_t now_ns) noexcept;
   void withdraw_shared_tip(std::int64_t now_ns) noexcept;
@@ -145,6 +153,7 @@ class Server {
   net::Standing standing_;  ///< of the datagram at hand
   link::DropCounters drops_;
   ServerCounters counters_;
+  ServiceTimes service_;
 };
 
 }  // namespace telenano::server

@@ -44,6 +44,8 @@ struct VirtualSessionConfig {
   net::Standing standing{};        ///< what the station's channel vouches for
   std::uint64_t resume_token = 0;  ///< of an earlier station
   std::uint32_t tip_wish = 0;      ///< link::kFlagTakeOver, link::kFlagHandOver
+  loop::LinkOptions link_options{};
+  std::size_t redundancy = 0;  ///< commands that each datagram repeats
 };
 
 /// A whole session in virtual time: the same device, station, session and server objects as the programs,

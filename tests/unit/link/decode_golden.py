@@ -8,13 +8,13 @@ import struct
 import sys
 
 TYPES = {1: "hello", 2: "challenge", 3: "welcome", 4: "refuse", 5: "command", 6: "reply", 7: "bye"}
-# Field list of each type in PROTOCOL.md's order: q = fixed64, i = fixed32, d = double, b = bytes, . = no such field.
+# Field list of each type in PROTOCOL.md's order: q = fixed64, i = fixed32, d = double, b = bytes.
 FIELDS = {
     "hello": "iiqqqqi",
     "challenge": "qq",
     "welcome": "iqqqqiiibq" + "d" * 14,
     "refuse": "qiii",
-    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "." * 8 + "i",
+    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "-" * 8 + "i" + "-" * 8 + "b",  # - = no such field
     "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10 + "i" + "d" * 3,
     "bye": "qi",
 }
@@ -67,11 +67,11 @@ def main():
         assert name == path.stem.partition("_with_")[0], path
         decoded[path.stem] = values
     more = {f"{name}_with_{what}" for name in ("command", "reply") for what in ("features", "sharing")}
-    assert set(decoded) == set(TYPES.values()) | more, decoded.keys()
+    assert set(decoded) == set(TYPES.values()) | more | {"command_with_recent"}, decoded.keys()
     for name, fields in FIELDS.items():
         seen = set().union(*(values for stem, values in decoded.items() if stem.partition("_with_")[0] == name))
         assert seen | ({15} if name == "hello" else {2} if name == "welcome" else set()) >= {
-            number for number, kind in enumerate(fields, 1) if kind != "."}, name
+            number for number, kind in enumerate(fields, 1) if kind != "-"}, name
     assert len((folder / "hello.bin").read_bytes()) == 512
     assert decoded["hello"][7] == 4000
     assert decoded["welcome"][9] == b"flakes" and decoded["welcome"][24] == -0.375
@@ -83,6 +83,9 @@ def main():
     assert [reply[k] for k in range(32, 36)] == [0.625, 17.5, 0.3125, 2.25]
     assert decoded["command_with_sharing"][31] == 5 and decoded["command_with_sharing"][6] == 11
     assert [decoded["reply_with_sharing"][k] for k in range(36, 40)] == [6, 1.25, -2.5, 3.75]
+    recent = list(struct.iter_unpack("<II7d", decoded["command_with_recent"][40]))
+    assert len(recent) == 4 and recent[0] == (250000, 3, 0.875, -1.75, 3.4375, 8176.5, -4.5, 5.25, -5.125), recent
+    assert recent[3][:2] == (1000000, 2)
     assert decoded["bye"] == {1: 0x4142434445464740, 2: 1}
     print("decoded", len(decoded), "golden datagrams")
 

@@ -25,6 +25,8 @@ struct GoldenMessages {
   /// With sharing alone.
   Command command_with_sharing = make_command_with_sharing();
   Reply reply_with_sharing = make_reply_with_sharing();
+  /// That command with the four before it.
+  RecentCommands recent = make_recent();
 
   static Welcome make_welcome() {
     Welcome m;
@@ -118,6 +120,20 @@ struct GoldenMessages {
     m.tip = {6, {1.25, -2.5, 3.75}};
     return m;
   }
+  static RecentCommands make_recent() {
+    RecentCommands m;
+    m.count = 4;
+    for (std::size_t i = 0; i < m.count; ++i) {
+      RecentCommand& r = m.record[i];
+      const auto k = static_cast<double>(i + 1);
+      r.age_ns = static_cast<std::uint32_t>(250'000 * (i + 1));
+      r.flags = i == 3 ? std::uint32_t{kFlagDeadman} : kFlagClutch | kFlagDeadman;
+      r.tip_pos_w_nm = {1.125 - 0.25 * k, -2.25 + 0.5 * k, 3.5 - 0.0625 * k};
+      r.energy = 8192.5 - 16 * k;
+      r.wave_sum = {-5.5 + k, 6.25 - k, -7.125 + 2 * k};
+    }
+    return m;
+  }
 
   /// All of them as datagrams: the seven types in the order of their numbers, then those with features.
   std::vector<std::vector<std::uint8_t>> encoded() const {
@@ -137,13 +153,16 @@ struct GoldenMessages {
     add(bye);
     add(command_with_features);
     add(reply_with_features);
+    std::array<std::uint8_t, kMaxDatagramBytes> out{};
+    const std::size_t n = codec.encode(command_with_features, recent, out);
+    all.emplace_back(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n));
     add(command_with_sharing);
     add(reply_with_sharing);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 11> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 12> kGoldenNames = {"hello",
                                                              "challenge",
                                                              "welcome",
                                                              "refuse",
@@ -152,12 +171,13 @@ inline constexpr std::array<const char*, 11> kGoldenNames = {"hello",
                                                              "bye",
                                                              "command_with_features",
                                                              "reply_with_features",
+                                                             "command_with_recent",
                                                              "command_with_sharing",
                                                              "reply_with_sharing"};
-inline constexpr std::array<MessageType, 11> kGoldenTypes = {
+inline constexpr std::array<MessageType, 12> kGoldenTypes = {
     MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
     MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
-    MessageType::kReply,   MessageType::kCommand,   MessageType::kReply};
+    MessageType::kReply,   MessageType::kCommand,   MessageType::kCommand, MessageType::kReply};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -202,6 +222,16 @@ inline bool same(const Command& a, const Command& b) {
          a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j && same(a.control, b.control) &&
          a.tip_hold == b.tip_hold;
 }
+inline bool same(const RecentCommands& a, const RecentCommands& b) {
+  if (a.count != b.count) return false;
+  for (std::size_t i = 0; i < a.count; ++i) {
+    const RecentCommand &x = a.record[i], &y = b.record[i];
+    if (x.age_ns != y.age_ns || x.flags != y.flags || x.tip_pos_w_nm != y.tip_pos_w_nm ||
+        x.energy != y.energy || x.wave_sum != y.wave_sum)
+      return false;
+  }
+  return true;
+}
 inline bool same(const Reply& a, const Reply& b) {
   return a.session_id == b.session_id && a.sequence == b.sequence &&
          a.command_sequence == b.command_sequence && a.command_send_time_ns == b.command_send_time_ns &&
@@ -229,12 +259,13 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:
-      return same(in.command, which < 7   ? golden.command
-                              : which < 9 ? golden.command_with_features
-                                          : golden.command_with_sharing);
+      return same(in.command, which < 7    ? golden.command
+                              : which < 10 ? golden.command_with_features
+                                           : golden.command_with_sharing) &&
+             same(in.recent, which == 9 ? golden.recent : RecentCommands{});
     case MessageType::kReply:
       return same(in.reply, which < 7   ? golden.reply
-                            : which < 9 ? golden.reply_with_features
+                            : which < 10 ? golden.reply_with_features
                                         : golden.reply_with_sharing);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
