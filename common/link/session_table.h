@@ -92,8 +92,8 @@ class SessionTable {
 
   /// Is this command of a known session, from its address and owner, of its epoch, without fields of features
   /// that were not agreed (`repeats_others`: it brings older ones along), and newer than all before, but no
-  /// further ahead than the rate explains? If so, books it: sequence, energies, time. `slot` is set as soon as
-  /// the session is known.
+  /// further ahead than the rate explains? If so, books it: sequence, energies, time. `slot` is set as soon
+  /// as the session is known.
   DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns, std::size_t& slot,
                    bool repeats_others = false, std::uint64_t owner = 0) noexcept;
 

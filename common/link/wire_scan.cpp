@@ -33,11 +33,11 @@ constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF
                                       kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // to 22
                                       0,        0,    0,    0,    0,    0,    0,    0,     // 31: sharing
                                       kF32,     0,    0,    0,    0,    0,    0,    0,    0,    kLen};
-constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
-                                    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                    kF64,     kF64, kF64,  // 20: port control; 25: local model
-                                    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                    kF32,     kF64, kF64, kF64};  // 36: sharing
+constexpr FieldList kReplyFields = {
+    kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kF64, kF64, kF64, kF64, kF64,
+    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 20: port control; 25: local model
+    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF64, kF64, kF64};  // 36:
+                                                                                                    // sharing
 // The first field behind a feature bit: without features a stream ends before it.
 constexpr std::uint32_t kFirstCommandFeatureField = 15;
 constexpr std::uint32_t kFirstReplyFeatureField = 20;

@@ -103,8 +103,8 @@ class Server {
     slave::SlaveOutput output;
     std::int64_t last_step_ns = 0;
     Vec3 last_target_w_nm = Vec3::Zero();  // of the newest command
-    std::int64_t moved_ns = 0;  // last command, or last change of its position on the way up
-    bool at_rest = true;        // withdrawn as far as it goes, or never moved
+    std::int64_t moved_ns = 0;             // last command, or last change of its position on the way up
+    bool at_rest = true;                   // withdrawn as far as it goes, or never moved
     std::size_t moved_by = TipHolder::kNobody;
   };
   /// What a session has besides its tip.

@@ -60,7 +60,7 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
       station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
                          welcome.force_max_nn});
   loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_,
-                                               nullptr, config_.link_options);
+                                              nullptr, config_.link_options);
   loop_->set_tip_wish(config_.tip_wish);
 }
 

@@ -264,9 +264,9 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
                                            : golden.command_with_sharing) &&
              same(in.recent, which == 9 ? golden.recent : RecentCommands{});
     case MessageType::kReply:
-      return same(in.reply, which < 7   ? golden.reply
+      return same(in.reply, which < 7    ? golden.reply
                             : which < 10 ? golden.reply_with_features
-                                        : golden.reply_with_sharing);
+                                         : golden.reply_with_sharing);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
     case MessageType::kNone:
