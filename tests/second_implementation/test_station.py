@@ -10,7 +10,7 @@ from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE
                   FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, vector)
 
 RATE_HZ = 200
-ALL = KNOWN_FEATURES
+ALL = KNOWN_FEATURES & ~FEATURE_SHARING  # of a server with private tips
 
 
 class Client:
