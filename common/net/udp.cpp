@@ -23,10 +23,6 @@ namespace {
 using boost::asio::ip::udp;
 namespace asio = boost::asio;
 
-// A burst of 64 stations at 4 kHz during a 20 ms stall of the loop is about 5000 datagrams; the kernel
-// charges some 800 bytes for each.
-constexpr int kSocketBufferBytes = 4 << 20;
-
 constexpr std::array<std::uint8_t, 12> kV4Prefix = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
 
 bool is_v4(const Address& a) noexcept {
@@ -144,8 +140,8 @@ struct Udp::Impl {
     socket.open(endpoint.protocol(), error);
     if (error) throw UserError("cannot open a UDP socket for " + to_string(local) + ": " + error.message());
     boost::system::error_code ignored;  // smaller buffers or IPv6 without IPv4 still work
-    socket.set_option(asio::socket_base::receive_buffer_size(kSocketBufferBytes), ignored);
-    socket.set_option(asio::socket_base::send_buffer_size(kSocketBufferBytes), ignored);
+    set_buffer(SO_RCVBUF, SO_RCVBUFFORCE);
+    set_buffer(SO_SNDBUF, SO_SNDBUFFORCE);
     if (endpoint.address().is_v6()) socket.set_option(asio::ip::v6_only(false), ignored);
     socket.bind(endpoint, error);
     if (error == asio::error::address_in_use) {
@@ -165,6 +161,13 @@ struct Udp::Impl {
     // otherwise measure its own period as round trip. Where it is not to be had, age_ns stays 0.
     const int on = 1;
     ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  }
+
+  /// Up to net.core.{r,w}mem_max, or beyond for a program that may administer the network.
+  void set_buffer(int option, int forced) noexcept {
+    const int bytes = kBufferBytes;
+    if (::setsockopt(socket.native_handle(), SOL_SOCKET, forced, &bytes, sizeof bytes) != 0)
+      ::setsockopt(socket.native_handle(), SOL_SOCKET, option, &bytes, sizeof bytes);
   }
 
   void cache(const Address& to) noexcept {
@@ -257,6 +260,13 @@ Address Udp::local() const noexcept {
   boost::system::error_code error;
   const auto endpoint = impl_->socket.local_endpoint(error);
   return error ? Address{} : from_asio(endpoint);
+}
+
+std::size_t Udp::receive_buffer_bytes() const noexcept {
+  int bytes = 0;
+  socklen_t size = sizeof bytes;
+  if (::getsockopt(impl_->handle, SOL_SOCKET, SO_RCVBUF, &bytes, &size) != 0 || bytes < 0) return 0;
+  return static_cast<std::size_t>(bytes) / 2;  // Linux doubles what is asked for, for its own bookkeeping
 }
 
 int Udp::handle() const noexcept {

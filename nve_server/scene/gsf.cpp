@@ -152,7 +152,7 @@ Scan parse_gsf(const std::string& bytes, const std::string& name) {
   grid.dy_nm = scan.height_nm / grid.rows;
   grid.x_first_nm = 0.5 * grid.dx_nm;
   grid.y_first_nm = 0.5 * grid.dy_nm;
-  if (const auto title = header.find("Title"); title != header.end()) scan.title = title->second;
+  if (const auto title = header.find("Title"); title != header.end()) scan.title = one_line(title->second);
 
   const std::size_t data = (header_end / 4 + 1) * 4;
   const std::size_t count = static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows);

@@ -5,6 +5,7 @@
 #include "common/config/program.h"
 #include "tests/studies/contact_command.h"
 #include "tests/studies/figures/figures_command.h"
+#include "tests/studies/flood/flood_command.h"
 #include "tests/studies/methods/methods_command.h"
 #include "tests/studies/precision/precision_command.h"
 #include "tests/studies/relay/relay_command.h"
@@ -19,6 +20,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   telenano::studies::add_contact_command(app);
   telenano::studies::add_figures_command(app);
+  telenano::studies::add_flood_command(app);
   telenano::studies::add_methods_command(app);
   telenano::studies::add_precision_command(app);
   telenano::studies::add_relay_command(app);
