@@ -1,5 +1,6 @@
 #include "common/net/udp.h"
 
+#include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <time.h>
@@ -129,6 +130,8 @@ struct Udp::Impl {
   asio::io_context context;
   udp::socket socket{context};
   int handle = -1;
+  bool notices = false;
+  Unreachable unreachable = Unreachable::kNo;
   // The last peer's address as the kernel wants it: nearly always the next one's too.
   Address cached;
   sockaddr_storage cached_name{};
@@ -168,6 +171,22 @@ struct Udp::Impl {
     const int bytes = kBufferBytes;
     if (::setsockopt(socket.native_handle(), SOL_SOCKET, forced, &bytes, sizeof bytes) != 0)
       ::setsockopt(socket.native_handle(), SOL_SOCKET, option, &bytes, sizeof bytes);
+  }
+
+  /// What a call has just ended with: the network's word on an earlier datagram? Then it is noted, and true.
+  bool note(int error) noexcept {
+    if (error == ECONNREFUSED) unreachable = Unreachable::kPort;
+    if (error == EHOSTUNREACH || error == ENETUNREACH) unreachable = Unreachable::kHost;
+    const bool noted = error == ECONNREFUSED || error == EHOSTUNREACH || error == ENETUNREACH;
+    if (!noted || !notices) return noted;
+    // The kernel keeps the whole story besides; until it is fetched, every wait ends at once.
+    std::array<std::byte, 512> story;
+    msghdr header{};
+    header.msg_control = story.data();
+    do {
+      header.msg_controllen = story.size();
+    } while (::recvmsg(handle, &header, MSG_ERRQUEUE | MSG_DONTWAIT) >= 0);
+    return noted;
   }
 
   void cache(const Address& to) noexcept {
@@ -218,7 +237,7 @@ SendStatus Udp::send(std::span<const std::uint8_t> bytes, const Address& to) noe
     if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) return SendStatus::kWouldBlock;
     // A port that was unreachable a moment ago (ICMP) is reported here, for an earlier datagram: try this
     // one.
-    if (errno != EINTR && errno != ECONNREFUSED) break;
+    if (errno != EINTR && !impl_->note(errno)) break;
   }
   return SendStatus::kFailed;
 }
@@ -240,11 +259,11 @@ bool Udp::receive(std::span<std::uint8_t> buffer, Received& received) noexcept {
     if (n >= 0) {
       received.size = static_cast<std::size_t>(n);
       received.age_ns = age_ns(header);
+      impl_->unreachable = Unreachable::kNo;
       impl_->remember(name, header.msg_namelen, received.from);
       return true;
     }
-    if (errno != EINTR && errno != ECONNREFUSED && errno != EHOSTUNREACH && errno != ENETUNREACH)
-      return false;
+    if (errno != EINTR && !impl_->note(errno)) return false;
   }
   return false;
 }
@@ -254,6 +273,17 @@ bool Udp::wait_readable(std::int64_t timeout_ns) noexcept {
   const std::int64_t ns = std::max<std::int64_t>(timeout_ns, 0);
   const timespec timeout{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
   return ::ppoll(&entry, 1, &timeout, nullptr) > 0;
+}
+
+void Udp::notice_unreachable() noexcept {
+  const int on = 1;
+  const bool v4 = ::setsockopt(impl_->handle, IPPROTO_IP, IP_RECVERR, &on, sizeof on) == 0;
+  const bool v6 = ::setsockopt(impl_->handle, IPPROTO_IPV6, IPV6_RECVERR, &on, sizeof on) == 0;
+  impl_->notices = v4 || v6;
+}
+
+Unreachable Udp::unreachable() const noexcept {
+  return impl_->unreachable;
 }
 
 Address Udp::local() const noexcept {

@@ -15,6 +15,9 @@ std::string to_string(const Address& address);
 /// Datagrams to and from this machine only?
 bool is_loopback(const Address& address) noexcept;
 
+/// What the network has answered (ICMP) instead of the peer: nobody listens on that port, or there is no way to that host.
+enum class Unreachable : std::uint8_t { kNo, kPort, kHost };
+
 /// A UDP socket that never waits in send() and receive(). IPv4 and IPv6.
 class Udp final : public Datagram {
  public:
@@ -36,6 +39,10 @@ class Udp final : public Datagram {
   bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override;
   /// Sleeps until a datagram is there (true), or the time has passed or a signal has come (false).
   bool wait_readable(std::int64_t timeout_ns) noexcept;
+  /// From now on listens to such answers. For the end that talks to one peer: they do not say to which datagram.
+  void notice_unreachable() noexcept;
+  /// The last one since a datagram came. A peer that is being restarted looks like this too: a reason to tell, not to give up.
+  Unreachable unreachable() const noexcept;
   Address local() const noexcept;
   /// What the kernel has granted of kBufferBytes: less than that (net.core.rmem_max) and a stall of the loop loses datagrams
   /// sooner.

@@ -5,6 +5,7 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -62,10 +63,10 @@ void limit(int resource, rlim_t soft, rlim_t hard) noexcept {
 
 /// The child: answers until its parent hangs up. Never returns, so that nothing of the parent's is undone twice.
 [[noreturn]] void serve_until_hung_up(int fd, const std::string& subject, const ChildCall::Serve& serve,
-                                      std::chrono::seconds cpu_limit) {
+                                      std::chrono::seconds time_limit) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   limit(RLIMIT_CORE, 0, 0);
-  const auto seconds = static_cast<rlim_t>(cpu_limit.count());
+  const auto seconds = static_cast<rlim_t>(time_limit.count());
   limit(RLIMIT_CPU, seconds, seconds + 1);
   for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU}) ::signal(number, SIG_DFL);
   // Ctrl-C goes to the whole group: the parent decides.
@@ -93,7 +94,7 @@ void limit(int resource, rlim_t soft, rlim_t hard) noexcept {
 
 }  // namespace
 
-ChildCall::ChildCall(std::string subject, const Serve& serve, std::chrono::seconds cpu_limit)
+ChildCall::ChildCall(std::string subject, const Serve& serve, std::chrono::seconds time_limit)
     : subject_(std::move(subject)) {
   int ends[2] = {-1, -1};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
@@ -101,11 +102,13 @@ ChildCall::ChildCall(std::string subject, const Serve& serve, std::chrono::secon
   pid_ = ::fork();
   if (pid_ == 0) {
     ::close(ends[0]);
-    serve_until_hung_up(ends[1], subject_, serve, cpu_limit);
+    serve_until_hung_up(ends[1], subject_, serve, time_limit);
   }
   const int error = errno;
   ::close(ends[1]);
   fd_ = ends[0];
+  const timeval patience{static_cast<time_t>(time_limit.count()), 0};
+  ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
   if (pid_ < 0) {
     ::close(fd_);
     throw RunError(subject_ + ": cannot be read in a process of its own: " + std::strerror(error));
@@ -125,6 +128,7 @@ ChildCall::~ChildCall() {
 std::string ChildCall::ask(std::string_view request) {
   Outcome outcome{};
   std::string answer;
+  errno = 0;
   if (pid_ < 0 || !send_text(fd_, request) || !receive_all(fd_, &outcome, sizeof outcome) ||
       !receive_text(fd_, answer)) {
     ended();
@@ -135,14 +139,16 @@ std::string ChildCall::ask(std::string_view request) {
 }
 
 void ChildCall::ended() {
+  const bool too_slow = errno == EAGAIN || errno == EWOULDBLOCK;  // else it has hung up
   int status = 0;
   if (pid_ > 0) {
+    if (too_slow) ::kill(pid_, SIGKILL);
     while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
     }
     pid_ = -1;
   }
   std::string how = "ended early";
-  if (WIFSIGNALED(status) && (WTERMSIG(status) == SIGXCPU || WTERMSIG(status) == SIGKILL)) {
+  if (too_slow || (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)) {
     how = "found no end";
   } else if (WIFSIGNALED(status)) {
     how = std::string("crashed (") + ::strsignal(WTERMSIG(status)) + ")";

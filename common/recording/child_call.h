@@ -18,8 +18,9 @@ class ChildCall {
  public:
   using Serve = std::function<std::string(std::string_view request)>;
 
-  /// `subject` begins every error (a file's name). `cpu_limit` is for the whole life of the process.
-  ChildCall(std::string subject, const Serve& serve, std::chrono::seconds cpu_limit = std::chrono::seconds(600));
+  /// `subject` begins every error (a file's name). `time_limit` is for the processor's time of the whole process, and for the
+  /// wait for each answer.
+  ChildCall(std::string subject, const Serve& serve, std::chrono::seconds time_limit = std::chrono::seconds(300));
   ~ChildCall();
   ChildCall(const ChildCall&) = delete;
   ChildCall& operator=(const ChildCall&) = delete;

@@ -43,6 +43,10 @@ bool is_packed(hid_t dataset) {
 /// The best compression of HDF5's filters (deflate) makes 1032 bytes of one.
 constexpr std::uintmax_t kBytesPerByteMax = 1032;
 
+/// A reader beside a writer may see a block half written and reads it again, after 1, 2, 4 … ns. HDF5's own limit of 100
+/// such waits is never reached: over a damaged block it slept for ever. These are 8 ms in all; a writer needs microseconds.
+constexpr unsigned kReadAttempts = 23;
+
 class FileSource final : public RecordingSource {
  public:
   explicit FileSource(const std::filesystem::path& path) : path_(path) {
@@ -173,6 +177,9 @@ class FileSource final : public RecordingSource {
   }
 
  private:
+  bool has(const std::string& column) const {
+    return std::find(facts_.columns.begin(), facts_.columns.end(), column) != facts_.columns.end();
+  }
   std::size_t rows() const { return static_cast<std::size_t>(facts_.rows); }
   [[noreturn]] void broken(const std::string& why) const { throw UserError(path_.string() + ": " + why); }
 
@@ -184,8 +191,11 @@ class FileSource final : public RecordingSource {
     file_ = Handle(H5Fopen(name.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
     plain_ = static_cast<bool>(file_);
     // Refused when the writer is at work or was killed: then as one of many readers beside a writer.
-    if (!file_)
-      file_ = Handle(H5Fopen(name.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT), H5Fclose);
+    if (!file_) {
+      const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+      H5Pset_metadata_read_attempts(access.get(), kReadAttempts);
+      file_ = Handle(H5Fopen(name.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access.get()), H5Fclose);
+    }
     if (!file_) broken("not a recording that can be read: " + hdf5_reason());
   }
 
@@ -215,8 +225,7 @@ class FileSource final : public RecordingSource {
 
   Handle open_column(const std::string& column) const {
     Handle dataset;
-    const auto& all = facts_.columns;
-    if (std::find(all.begin(), all.end(), column) != all.end()) {
+    if (has(column)) {
       dataset = Handle(
           H5Dopen2(file_.get(), (std::string(kSamplesGroup) + "/" + column).c_str(), H5P_DEFAULT), H5Dclose);
     }

@@ -66,7 +66,7 @@ class Answerer {
 
  private:
   std::filesystem::path path_;
-  std::unique_ptr<RecordingSource> source_;
+  std::shared_ptr<RecordingSource> source_;  // shared only so that it can be copied
 };
 
 class IsolatedSource final : public RecordingSource {

@@ -155,7 +155,7 @@ TEST_F(SecureTest, WhatAPersonGetsWrongIsToldInOneLine) {
                 {plain.address(), "--keys"});
   EXPECT_NE(server.stop().find("unknown keys 1"), std::string::npos);
   expect_failed(session(server, {"--key", path("omega-1.key"), "--connect-timeout-s", "1"}),
-                {server.address(), "firewall"});
+                {server.address(), "nothing listens on UDP port"});
 }
 
 TEST_F(SecureTest, CertificatesFromTheCommandLine) {
@@ -168,7 +168,9 @@ TEST_F(SecureTest, CertificatesFromTheCommandLine) {
       "printf '%s' \"$2\" > $1.ext; openssl x509 -req -in $1.csr -CA ca.pem -CAkey ca.key -CAcreateserial "
       "-days 2 "
       "-extfile $1.ext -out $1.pem; }; "
-      "make nve subjectAltName=IP:127.0.0.1; make omega-3 ''; make stranger ''";
+      "make nve subjectAltName=IP:127.0.0.1; make omega-3 ''; make stranger ''; "
+      "openssl x509 -req -in omega-3.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days -1 -out old.pem; "
+      "cp omega-3.key old.key";
   ChildOptions here;
   here.folder = folder_;
   const Finished made = run_program({"/bin/sh", "-c", script}, here);
@@ -188,6 +190,18 @@ TEST_F(SecureTest, CertificatesFromTheCommandLine) {
   expect_failed(session(server, {"--cert", path("omega-3.pem"), "--cert-key", path("omega-3.key"), "--ca",
                                  path("stranger.pem")}),
                 {"signed by none of --ca"});
+  // Expired: told before anything is sent, whoever it is.
+  const Finished old = session(server, {"--cert", path("old.pem"), "--cert-key", path("old.key"), "--ca", path("ca.pem")});
+  EXPECT_EQ(old.exit_code, 2);
+  EXPECT_EQ(lines_of(old.err).size(), 1u) << old.err;
+  for (const char* word : {"old.pem", "expired"}) EXPECT_NE(old.err.find(word), std::string::npos) << old.err;
+  const Finished old_server =
+      run_program({kNve, "serve", "--scene", scene_path("flat_pdms"), "--listen", "127.0.0.1:0", "--keys", path("list.toml"),
+                   "--cert", path("old.pem"), "--cert-key", path("old.key"), "--ca", path("ca.pem")},
+                  {}, kLong);
+  EXPECT_EQ(old_server.exit_code, 2);
+  EXPECT_EQ(lines_of(old_server.err).size(), 1u) << old_server.err;
+  EXPECT_NE(old_server.err.find("expired"), std::string::npos) << old_server.err;
   EXPECT_NE(server.stop().find("refused certificates 1"), std::string::npos);
 }
 

@@ -28,7 +28,7 @@ cannot() { printf 'vm: cannot run here: %s\n' "$*" >&2; exit 77; }
 wrong() { printf 'vm: %s; see --help\n' "$*" >&2; exit 2; }
 
 install_tools() {
-  local need=(qemu-system-x86 busybox-static kmod cpio) missing=() package
+  local need=(qemu-system-x86 busybox-static kmod cpio iproute2) missing=() package
   for package in "${need[@]}"; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
   done

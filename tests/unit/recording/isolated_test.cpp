@@ -2,16 +2,17 @@
 #include <gtest/gtest.h>
 #include <hdf5.h>
 #include <signal.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <iterator>
 #include <new>
+#include <thread>
 
 #include "common/base/error.h"
 #include "common/recording/child_call.h"
@@ -34,8 +35,8 @@ std::string message_of(const std::function<void()>& act) {
   return "no such error";
 }
 
-std::string outcome_of(const ChildCall::Serve& serve, std::chrono::seconds cpu_limit = std::chrono::seconds(60)) {
-  return message_of<RunError>([&] { ChildCall("a.h5", serve, cpu_limit).ask("x"); });
+std::string outcome_of(const ChildCall::Serve& serve, std::chrono::seconds time_limit = std::chrono::seconds(60)) {
+  return message_of<RunError>([&] { ChildCall("a.h5", serve, time_limit).ask("x"); });
 }
 
 TEST(ChildCall, AnswersAreThoseOfTheFunction) {
@@ -82,10 +83,15 @@ TEST(ChildCall, EveryKindOfEndIsOneClearLine) {
 
 TEST(ChildCall, ALoopWithoutEndIsEnded) {
   const auto forever = [](std::string_view) -> std::string {
-    for (volatile unsigned i = 0;; i = i + 1) {
-    }
+    std::atomic<unsigned> turns{0};
+    for (;;) ++turns;
   };
   EXPECT_NE(outcome_of(forever, std::chrono::seconds(1)).find("found no end"), std::string::npos);
+}
+
+TEST(ChildCall, ASleepWithoutEndIsEndedToo) {
+  const auto asleep = [](std::string_view) -> std::string { return ::pause(), ""; };
+  EXPECT_NE(outcome_of(asleep, std::chrono::seconds(1)).find("found no end"), std::string::npos);
 }
 
 TEST(ChildCall, AskingAfterTheEndIsAnErrorToo) {
@@ -154,6 +160,32 @@ TEST_F(IsolatedTest, TheSameAsReadHere) {
   EXPECT_EQ(message_of<UserError>([&] { there.read("rtt"); }), message_of<UserError>([&] { here.read("rtt"); }));
   EXPECT_EQ(message_of<UserError>([&] { there.read("hand_pos_h_m", 3); }),
             message_of<UserError>([&] { here.read("hand_pos_h_m", 3); }));
+}
+
+TEST_F(IsolatedTest, ADamagedFileOfAKilledWriterIsNotWaitedForForEver) {
+  // As a killed writer leaves it: still marked as being written, so that a reader takes what is damaged for half written.
+  {
+    Recorder recorder({.path = folder_ / "live.h5", .flush_period_s = 0.01}, {});
+    for (int i = 0; i < 20; ++i) recorder.push(numbered_row(i, 0));
+    while (recorder.rows_written() < 20) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    std::filesystem::copy_file(folder_ / "live.h5", folder_ / "killed.h5");
+  }
+  const auto file = folder_ / "killed.h5";
+  std::string bytes;
+  {
+    std::ifstream in(file, std::ios::binary);
+    bytes.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  // The checksum of every object header: the first one's is read with the file, others with what they belong to.
+  int spoilt = 0;
+  for (std::size_t at = bytes.find("OHDR"); at != std::string::npos; at = bytes.find("OHDR", at + 4), ++spoilt)
+    bytes[at + 6] = static_cast<char>(bytes[at + 6] ^ 0x10);
+  ASSERT_GT(spoilt, 10);
+  std::ofstream(file, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  const auto start = std::chrono::steady_clock::now();
+  expect_refused(file, "");
+  EXPECT_EQ(message_of<UserError>([&] { recover(file); }).rfind(file.string() + ": ", 0), 0u);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::seconds(20));
 }
 
 // HDF5 writes as many values as the file says, into whatever room it is given: each of these wrote beyond it.
