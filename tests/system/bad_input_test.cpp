@@ -218,6 +218,10 @@ TEST_F(BadInputTest, ScenesAndScans) {
   expect_refused(std::vector<Bad>{
       {"missing scene", check("none.toml"), {"none.toml", "No such file"}},
       {"scene is a folder", check("."), {"."}},
+      {"scene without end", check("/dev/zero"), {"/dev/zero", "1 MiB", "TOML"}},
+      {"scan without end",
+       check(scene_with("zero.toml", "../data/wsxm_600nm.gsf", "/dev/zero")),
+       {"/dev/zero", "longer than the largest scan"}},
       {"unknown key", check(unknown), {unknown, "van_der_wals", "van_der_waals"}},
       {"wrong unit", check(unit), {unit, "youngs_modulus_pa", "youngs_modulus_gpa"}},
       {"poisson 0.7", check(poisson), {poisson, "'poisson_ratio' in [sample]", "0.7", "(-1, 0.5]"}},
