@@ -94,6 +94,17 @@ Address parse_address(const std::string& text, const std::string& what) {
   return from_asio(results.begin()->endpoint());
 }
 
+int parse_dscp(const std::string& text, const std::string& what) {
+  if (text == "ef") return kDscpEf;
+  if (text == "none") return 0;
+  int value = -1;
+  const char* const end = text.data() + text.size();
+  const auto parsed = std::from_chars(text.data(), end, value);
+  if (text.empty() || parsed.ec != std::errc() || parsed.ptr != end || value < 0 || value > 63)
+    throw UserError(what + " '" + text + "': expected ef, none or a number from 0 to 63");
+  return value;
+}
+
 std::string to_string(const Address& address) {
   const udp::endpoint endpoint = to_asio(address);
   const std::string host = endpoint.address().to_string();
@@ -284,6 +295,15 @@ void Udp::notice_unreachable() noexcept {
 
 Unreachable Udp::unreachable() const noexcept {
   return impl_->unreachable;
+}
+
+bool Udp::set_dscp(int dscp) noexcept {
+  // The upper six bits of the octet; the lower two are congestion notification's (RFC 3168).
+  const int octet = dscp << 2;
+  const bool v4 = ::setsockopt(impl_->handle, IPPROTO_IP, IP_TOS, &octet, sizeof octet) == 0;
+  // A socket of IPv6 carries IPv4 too: one option for each, and an IPv4 socket has only the first.
+  const bool v6 = ::setsockopt(impl_->handle, IPPROTO_IPV6, IPV6_TCLASS, &octet, sizeof octet) == 0;
+  return v4 || v6;
 }
 
 Address Udp::local() const noexcept {

@@ -12,6 +12,10 @@ namespace telenano::net {
 /// UserError, naming `what` (e.g. "--listen"), if it cannot be understood or resolved.
 Address parse_address(const std::string& text, const std::string& what);
 std::string to_string(const Address& address);
+/// Expedited Forwarding, RFC 3246: low delay, low jitter.
+inline constexpr int kDscpEf = 46;
+/// "ef" → 46, "none" → 0, "0" … "63". Throws UserError, naming `what`, for anything else.
+int parse_dscp(const std::string& text, const std::string& what);
 /// Datagrams to and from this machine only?
 bool is_loopback(const Address& address) noexcept;
 
@@ -43,6 +47,9 @@ class Udp final : public Datagram {
   void notice_unreachable() noexcept;
   /// The last one since a datagram came. A peer that is being restarted looks like this too: a reason to tell, not to give up.
   Unreachable unreachable() const noexcept;
+  /// Marks what is sent from now on with a differentiated services code point, 0 … 63 (RFC 2474), so that
+  /// routers that look at it can put it first. False where the system does not let us.
+  bool set_dscp(int dscp) noexcept;
   Address local() const noexcept;
   /// What the kernel has granted of kBufferBytes: less than that (net.core.rmem_max) and a stall of the loop loses datagrams
   /// sooner.

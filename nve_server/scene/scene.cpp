@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "common/base/constants.h"
+#include "common/config/shared_files.h"
 #include "common/config/toml_document.h"
 #include "nve_server/scene/fnv1a.h"
 #include "nve_server/scene/readers.h"
@@ -116,8 +117,8 @@ physics::Compliance Scene::probe_compliance_nm_nn() const {
   return cantilever.compliance_nm_nn();
 }
 
-std::shared_ptr<const Scene> load_scene(const std::string& path) {
-  return make_scene(config::TomlDocument::load(path));
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
+  return make_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")));
 }
 
 std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name) {

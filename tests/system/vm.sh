@@ -86,9 +86,10 @@ mkdir -p /new/dev/pts /new/dev/shm /new/out
 mount -t devpts pts /new/dev/pts; mount -t tmpfs shm /new/dev/shm
 mount -t 9p -o trans=virtio,version=9p2000.L,msize=262144 out /new/out
 export PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root
-chroot /new /bin/bash /out/.start
-echo $? >/new/out/.status; echo 1 >/proc/sys/kernel/printk
-sync; poweroff -f
+# The layer becomes the root itself, not a folder that is seen as one: in a mere chroot no user namespace can be made.
+cd /new && mount --move . /
+chroot . /bin/bash -c '/bin/bash /out/.start; echo $? >/out/.status; echo 1 >/proc/sys/kernel/printk; sync'
+poweroff -f
 INIT
   chmod +x "$work/init"
   (cd "$work" && find . | cpio -o -H newc --quiet | gzip -1) >"$work.gz"
