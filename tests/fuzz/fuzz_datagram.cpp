@@ -24,7 +24,7 @@ std::size_t encode_again(Codec& codec, const Incoming& in, std::span<std::uint8_
     case MessageType::kRefuse:
       return codec.encode(in.refuse, out);
     case MessageType::kCommand:
-      return codec.encode(in.command, out);
+      return in.recent.count > 0 ? codec.encode(in.command, in.recent, out) : codec.encode(in.command, out);
     case MessageType::kReply:
       return codec.encode(in.reply, out);
     case MessageType::kBye:

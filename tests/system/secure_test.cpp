@@ -3,6 +3,7 @@
 
 #include <thread>
 
+#include "common/net/udp.h"
 #include "common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
@@ -156,6 +157,19 @@ TEST_F(SecureTest, WhatAPersonGetsWrongIsToldInOneLine) {
   EXPECT_NE(server.stop().find("unknown keys 1"), std::string::npos);
   expect_failed(session(server, {"--key", path("omega-1.key"), "--connect-timeout-s", "1"}),
                 {server.address(), "nothing listens on UDP port"});
+}
+
+TEST_F(SecureTest, AServerOfAnOlderDtlsIsTold) {
+  if (run_program({"/bin/sh", "-c", "command -v openssl"}).exit_code != 0) GTEST_SKIP() << "no openssl program to be one";
+  const std::string address =
+      net::to_string(net::Udp::listen(net::parse_address("127.0.0.1:0", "test")).local());  // free a moment ago
+  const ChildProcess old({"/bin/sh", "-c",
+                          "exec timeout 60 openssl s_server -dtls1 -psk " + secret_of(path("omega-1.key")) +
+                              " -psk_identity omega-1 -nocert -accept " + address +
+                              " -cipher 'PSK:@SECLEVEL=0' -quiet </dev/zero >/dev/null 2>&1"});
+  expect_failed(run_program({kMaster, "run", "--server", address, "--key", path("omega-1.key"), "--connect-timeout-s", "20"},
+                            {}, kLong),
+                {address, "DTLS 1.2"});
 }
 
 TEST_F(SecureTest, CertificatesFromTheCommandLine) {
