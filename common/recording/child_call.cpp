@@ -61,7 +61,8 @@ void limit(int resource, rlim_t soft, rlim_t hard) noexcept {
   ::setrlimit(static_cast<__rlimit_resource>(resource), &value);
 }
 
-/// The child: answers until its parent hangs up. Never returns, so that nothing of the parent's is undone twice.
+/// The child: answers until its parent hangs up. Never returns, so that nothing of the parent's is undone
+/// twice.
 [[noreturn]] void serve_until_hung_up(int fd, const std::string& subject, const ChildCall::Serve& serve,
                                       std::chrono::seconds time_limit) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);

@@ -31,7 +31,8 @@ herr_t collect_attribute(hid_t, const char* name, const H5A_info_t*, void* names
 /// Does the dataset keep its rows in this very file? HDF5 would follow it to any other.
 bool is_inside(hid_t dataset) {
   const Handle creation(H5Dget_create_plist(dataset), H5Pclose);
-  return creation && H5Pget_external_count(creation.get()) == 0 && H5Pget_layout(creation.get()) != H5D_VIRTUAL;
+  return creation && H5Pget_external_count(creation.get()) == 0 &&
+         H5Pget_layout(creation.get()) != H5D_VIRTUAL;
 }
 
 /// Somebody may have repacked a recording; we never do.
@@ -43,8 +44,9 @@ bool is_packed(hid_t dataset) {
 /// The best compression of HDF5's filters (deflate) makes 1032 bytes of one.
 constexpr std::uintmax_t kBytesPerByteMax = 1032;
 
-/// A reader beside a writer may see a block half written and reads it again, after 1, 2, 4 … ns. HDF5's own limit of 100
-/// such waits is never reached: over a damaged block it slept for ever. These are 8 ms in all; a writer needs microseconds.
+/// A reader beside a writer may see a block half written and reads it again, after 1, 2, 4 … ns. HDF5's own
+/// limit of 100 such waits is never reached: over a damaged block it slept for ever. These are 8 ms in all; a
+/// writer needs microseconds.
 constexpr unsigned kReadAttempts = 23;
 
 class FileSource final : public RecordingSource {
@@ -69,7 +71,8 @@ class FileSource final : public RecordingSource {
     }
     // Rows that were never written take no place in a file, but all of it in memory.
     const std::uintmax_t rows_max = std::filesystem::file_size(path_) * (packed ? kBytesPerByteMax : 1);
-    if (facts_.rows > rows_max) broken("says that it has " + std::to_string(facts_.rows) + " rows, more than fit into it");
+    if (facts_.rows > rows_max)
+      broken("says that it has " + std::to_string(facts_.rows) + " rows, more than fit into it");
     events_ = static_cast<std::size_t>(std::max<std::int64_t>(progress.events, 0));
   }
 
@@ -144,9 +147,11 @@ class FileSource final : public RecordingSource {
     const Handle dataset(H5Dopen2(file_.get(), kEventsDataset, H5P_DEFAULT), H5Dclose);
     if (!dataset) broken("has no /events");
     const Handle space(H5Dget_space(dataset.get()), H5Sclose);
-    if (H5Sget_simple_extent_ndims(space.get()) != 1 || !is_inside(dataset.get())) broken("has no readable /events");
+    if (H5Sget_simple_extent_ndims(space.get()) != 1 || !is_inside(dataset.get()))
+      broken("has no readable /events");
     const hsize_t count = std::min<hsize_t>(events_, dataset_rows(dataset.get()));
-    const std::uintmax_t bytes_max = std::filesystem::file_size(path_) * (is_packed(dataset.get()) ? kBytesPerByteMax : 1);
+    const std::uintmax_t bytes_max =
+        std::filesystem::file_size(path_) * (is_packed(dataset.get()) ? kBytesPerByteMax : 1);
     if (count > bytes_max / sizeof(Event))
       broken("says that it has " + std::to_string(count) + " events, more than fit into it");
     std::vector<Event> events(count);
@@ -207,7 +212,8 @@ class FileSource final : public RecordingSource {
     }
     std::uint32_t version = 0;
     const Handle attribute(H5Aopen(file_.get(), "format_version", H5P_DEFAULT), H5Aclose);
-    if (!attribute || !is_single(attribute.get()) || H5Aread(attribute.get(), H5T_NATIVE_UINT32, &version) < 0 || version == 0) {
+    if (!attribute || !is_single(attribute.get()) ||
+        H5Aread(attribute.get(), H5T_NATIVE_UINT32, &version) < 0 || version == 0) {
       broken("has no readable format_version");
     }
     if (version > kFormatVersion) {
@@ -248,4 +254,3 @@ std::unique_ptr<RecordingSource> open_recording(const std::filesystem::path& pat
 }
 
 }  // namespace telenano::recording
-

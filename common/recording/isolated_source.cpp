@@ -86,17 +86,20 @@ class IsolatedSource final : public RecordingSource {
     return child_.ask(Packer().put(Ask::kAttribute).text(column).text(name).take());
   }
   std::vector<double> read(const std::string& column, std::size_t component) const override {
-    return rows_from<double>(child_.ask(Packer().put(Ask::kColumn).text(column).put(std::uint64_t{component}).take()));
+    return rows_from<double>(
+        child_.ask(Packer().put(Ask::kColumn).text(column).put(std::uint64_t{component}).take()));
   }
   void read_samples(std::size_t first, std::span<Sample> samples) const override {
-    const std::string answer =
-        child_.ask(Packer().put(Ask::kSamples).put(std::uint64_t{first}).put(std::uint64_t{samples.size()}).take());
+    const std::string answer = child_.ask(
+        Packer().put(Ask::kSamples).put(std::uint64_t{first}).put(std::uint64_t{samples.size()}).take());
     if (!samples.empty()) {
       std::memcpy(static_cast<void*>(samples.data()), Unpacker(answer).raw(samples.size_bytes()).data(),
                   samples.size_bytes());
     }
   }
-  std::vector<Event> events() const override { return rows_from<Event>(child_.ask(Packer().put(Ask::kEvents).take())); }
+  std::vector<Event> events() const override {
+    return rows_from<Event>(child_.ask(Packer().put(Ask::kEvents).take()));
+  }
   std::vector<std::pair<std::string, std::string>> configuration() const override {
     const std::string answer = child_.ask(Packer().put(Ask::kConfiguration).take());
     Unpacker from(answer);

@@ -20,7 +20,9 @@ class Packer {
     static_assert(std::is_trivially_copyable_v<T>);
     return raw(&value, sizeof value);
   }
-  Packer& text(std::string_view value) { return put(std::uint64_t{value.size()}).raw(value.data(), value.size()); }
+  Packer& text(std::string_view value) {
+    return put(std::uint64_t{value.size()}).raw(value.data(), value.size());
+  }
   Packer& raw(const void* data, std::size_t size) {
     bytes_.append(static_cast<const char*>(data), size);
     return *this;

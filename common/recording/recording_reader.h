@@ -19,8 +19,8 @@ class RecordingReader {
  public:
   /// With HDF5 in this process: for files that this program has written.
   explicit RecordingReader(const std::filesystem::path& path);
-  /// With HDF5 in a process of its own: for files from anywhere. What the library does to itself over a damaged or hostile
-  /// file is a RunError then. Forks: call it while no other thread works with HDF5.
+  /// With HDF5 in a process of its own: for files from anywhere. What the library does to itself over a
+  /// damaged or hostile file is a RunError then. Forks: call it while no other thread works with HDF5.
   static RecordingReader isolated(const std::filesystem::path& path);
   ~RecordingReader();
   RecordingReader(RecordingReader&&) noexcept;

@@ -72,7 +72,8 @@ std::string ServerLink::advice(const std::string& server) const {
   const std::string start = dtls_ ? "telenano-nve serve with --keys" : "telenano-nve serve";
   switch (socket_.unreachable()) {
     case net::Unreachable::kPort:
-      return fmt::format("nothing listens on UDP port {} there: start {}, or correct the port of --server", port, start);
+      return fmt::format("nothing listens on UDP port {} there: start {}, or correct the port of --server",
+                         port, start);
     case net::Unreachable::kHost:
       return "there is no way to that host: check --server, the cable and the network (ip route get)";
     case net::Unreachable::kNo:
@@ -96,8 +97,8 @@ void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& st
       if (!why.empty()) throw RunError(fmt::format("no secure session with {}: {}", options.server, why));
     }
     if (late) {
-      throw RunError(fmt::format("no answer from {} within {:g} s; {}", options.server, options.connect_timeout_s,
-                                 advice(options.server)));
+      throw RunError(fmt::format("no answer from {} within {:g} s; {}", options.server,
+                                 options.connect_timeout_s, advice(options.server)));
     }
     if (stop) throw RunError("stopped before the server answered");
     wait_readable(1'000'000);

@@ -52,8 +52,9 @@ link::SipKey fresh_secret() {
 std::string buffer_text(std::size_t granted) {
   const std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
   if (granted >= net::Udp::kBufferBytes) return text;
-  return text + fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
-                            net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
+  return text +
+         fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
+                     net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
 }
 
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.

@@ -1,5 +1,5 @@
-// Any bytes as a datagram: scanning never reads beyond them, each outcome is one cause or one message, a message that is
-// accepted keeps the promises of PROTOCOL.md and comes back the same from our own encoder.
+// Any bytes as a datagram: scanning never reads beyond them, each outcome is one cause or one message, a
+// message that is accepted keeps the promises of PROTOCOL.md and comes back the same from our own encoder.
 #include <array>
 #include <cmath>
 #include <memory>
@@ -47,7 +47,8 @@ void check_promises(const Incoming& in) {
       break;
     case MessageType::kCommand:
       FUZZ_CHECK(in.command.sequence != 0);
-      FUZZ_CHECK(telenano::is_finite(in.command.tip_pos_w_nm) && telenano::is_finite(in.command.tip_vel_w_nm_s));
+      FUZZ_CHECK(telenano::is_finite(in.command.tip_pos_w_nm) &&
+                 telenano::is_finite(in.command.tip_vel_w_nm_s));
       FUZZ_CHECK(in.command.energy_in_j >= 0 && in.command.energy_out_j >= 0);
       break;
     case MessageType::kReply:

@@ -1,5 +1,6 @@
-// A script of what strangers and a bad network can do to the encrypted port, with a real station among them. Whatever the
-// script: what the server reads are the station's own words, each at most once, and a stranger is sent no more bytes than he sent.
+// A script of what strangers and a bad network can do to the encrypted port, with a real station among them.
+// Whatever the script: what the server reads are the station's own words, each at most once, and a stranger
+// is sent no more bytes than he sent.
 #include <openssl/rand.h>
 
 #include <algorithm>
@@ -36,7 +37,8 @@ class World {
   World() {
     rig_.connect();
     strangers_.reserve(3);
-    for (std::uint8_t i = 0; i < 3; ++i) strangers_.push_back(DatagramNet::address(static_cast<std::uint8_t>(10 + i), 4000));
+    for (std::uint8_t i = 0; i < 3; ++i)
+      strangers_.push_back(DatagramNet::address(static_cast<std::uint8_t>(10 + i), 4000));
   }
 
   void run(Script script) {
@@ -135,19 +137,22 @@ class World {
       for (std::size_t i = 0; i < 8; ++i) number |= std::uint64_t{rig_.buffer[i]} << (8 * i);
       FUZZ_CHECK(number < said_);
       FUZZ_CHECK(heard_.insert(number).second);  // nothing twice
-      FUZZ_CHECK(rig_.received.standing.rights == net::Rights::kOperate && rig_.received.standing.address_proven);
+      FUZZ_CHECK(rig_.received.standing.rights == net::Rights::kOperate &&
+                 rig_.received.standing.address_proven);
       const std::array<std::uint8_t, 4> answer{1, 2, 3, 4};
       rig_.server->send(answer, rig_.received.from);
     }
   }
   void hear() {
     while (rig_.station->receive(rig_.station_buffer, rig_.station_received)) {
-      FUZZ_CHECK(rig_.station_received.size == 4 && rig_.station_buffer[0] == 1 && rig_.station_buffer[3] == 4);
+      FUZZ_CHECK(rig_.station_received.size == 4 && rig_.station_buffer[0] == 1 &&
+                 rig_.station_buffer[3] == 4);
     }
   }
 
   void put(const net::Address& from, std::vector<std::uint8_t> bytes) {
-    if (!(from == rig_.station_end.address())) balance_[from.ip[15]] += static_cast<std::int64_t>(bytes.size());
+    if (!(from == rig_.station_end.address()))
+      balance_[from.ip[15]] += static_cast<std::int64_t>(bytes.size());
     rig_.network.deliver({from, rig_.server_end.address(), std::move(bytes)});
   }
   std::vector<std::uint8_t> seen(Script& script) {

@@ -17,7 +17,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     return 0;
   }
   const auto& grid = scan.grid;
-  FUZZ_CHECK(grid.z_nm.size() == static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns));
+  FUZZ_CHECK(grid.z_nm.size() ==
+             static_cast<std::size_t>(grid.rows) * static_cast<std::size_t>(grid.columns));
   double lowest_nm = INFINITY;
   for (const double z : grid.z_nm) {
     FUZZ_CHECK(std::isfinite(z) && z >= 0);

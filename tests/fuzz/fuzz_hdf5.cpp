@@ -1,11 +1,12 @@
-// A recording with changes anywhere, as a report and as the recovery read it: each in a process of its own, so that whatever
-// happens to the HDF5 library becomes one clear line here. The input is what is changed, not the file: most bytes of a file
-// are samples, and those that matter are found by taking only places that are not zero.
+// A recording with changes anywhere, as a report and as the recovery read it: each in a process of its own,
+// so that whatever happens to the HDF5 library becomes one clear line here. The input is what is changed, not
+// the file: most bytes of a file are samples, and those that matter are found by taking only places that are
+// not zero.
 #include <unistd.h>
 
 #include <array>
-#include <cmath>
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -40,7 +41,8 @@ class Bases {
  public:
   Bases() {
     const fs::path shm = "/dev/shm";
-    folder_ = (fs::exists(shm) ? shm : fs::temp_directory_path()) / ("telenano_fuzz_" + std::to_string(::getpid()));
+    folder_ =
+        (fs::exists(shm) ? shm : fs::temp_directory_path()) / ("telenano_fuzz_" + std::to_string(::getpid()));
     fs::create_directories(folder_);
     RecorderOptions options;
     options.path = folder_ / "base.h5";
@@ -83,7 +85,8 @@ std::vector<std::uint8_t> changed(const Base& base, Script& script) {
   const auto place = [&]() -> std::size_t {
     const std::size_t at = base.places[script.word() % base.places.size()];
     const auto near = static_cast<std::int8_t>(script.byte());
-    return std::min(at + static_cast<std::size_t>(near + 128) - std::min<std::size_t>(at, 128), bytes.size() - 1);
+    return std::min(at + static_cast<std::size_t>(near + 128) - std::min<std::size_t>(at, 128),
+                    bytes.size() - 1);
   };
   for (int i = 0; i < 16 && !script.done() && !bytes.empty(); ++i) {
     switch (script.byte() % 5) {
@@ -105,7 +108,8 @@ std::vector<std::uint8_t> changed(const Base& base, Script& script) {
         const std::size_t from = base.places[script.word() % base.places.size()];
         const std::size_t to = base.places[script.word() % base.places.size()];
         const std::size_t n = script.byte();
-        for (std::size_t k = 0; k < n && std::max(from, to) + k < bytes.size(); ++k) bytes[to + k] = bytes[from + k];
+        for (std::size_t k = 0; k < n && std::max(from, to) + k < bytes.size(); ++k)
+          bytes[to + k] = bytes[from + k];
         break;
       }
       default: {
@@ -141,7 +145,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   fuzz::Script script(data, size);
   const std::uint8_t kind = script.byte();
   const auto bytes = changed(bases[kind & 1], script);
-  std::ofstream(bases.file(), std::ios::binary).write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(bases.file(), std::ios::binary)
+      .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   try {
     if ((kind & 2) == 0) {
       read_everything(bases.file());

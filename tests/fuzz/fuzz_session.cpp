@@ -1,5 +1,6 @@
-// A script of what a network and its strangers can do, between a server and two stations: any order of datagrams, from any
-// address, whole, changed, replayed, at any time. Whatever the script, the rules of PROTOCOL.md hold.
+// A script of what a network and its strangers can do, between a server and two stations: any order of
+// datagrams, from any address, whole, changed, replayed, at any time. Whatever the script, the rules of
+// PROTOCOL.md hold.
 #include <array>
 #include <cmath>
 #include <map>
@@ -15,7 +16,7 @@ namespace {
 using fuzz::Script;
 
 struct Packet {
-  std::uint8_t address = 0;  ///< of the station's side
+  std::uint8_t address = 0;
   std::vector<std::uint8_t> bytes;
 };
 
@@ -30,7 +31,9 @@ struct Said {
 
 class World {
  public:
-  World() : server_(config(), spring_scene()), stations_{link::ClientSession(client(1)), link::ClientSession(client(2))} {}
+  World()
+      : server_(config(), spring_scene()),
+        stations_{link::ClientSession(client(1)), link::ClientSession(client(2))} {}
 
   void run(Script script) {
     // A script's end is also the end of a test: more steps than this show nothing new.
@@ -77,7 +80,7 @@ class World {
         station.start(now_ns_);
         break;
       case 3:
-        keep(up_, {from, {out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(station.poll(now_ns_, out_))}});
+        keep(up_, from, station.poll(now_ns_, out_));
         break;
       case 4:
         command(station, from, script);
@@ -110,14 +113,14 @@ class World {
         break;
       case 11: {
         const std::size_t n = station.make_bye(static_cast<link::ByeReason>(1 + script.byte() % 5), out_);
-        keep(up_, {from, {out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(n)}});
+        keep(up_, from, n);
         break;
       }
       case 12:
         if (script.byte() == 0xff) {  // rarely: nothing begins after it
           net::Address to;
           const std::size_t n = server_.next_bye(now_ns_, out_, to);
-          if (n > 0) keep(down_, {0, {out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(n)}});
+          if (n > 0) keep(down_, 0, n);
         }
         break;
       default:
@@ -133,7 +136,7 @@ class World {
     server_.poll(now_ns_);
     if (station.state() == link::ClientState::kIdle) station.start(now_ns_);
     if (const std::size_t n = station.poll(now_ns_, out_)) {
-      keep(up_, {from, {out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(n)}});
+      keep(up_, from, n);
       exchange(station, up_.back().bytes, from);
     }
     if (command(station, from, script)) exchange(station, up_.back().bytes, from);
@@ -163,7 +166,7 @@ class World {
     FUZZ_CHECK((n > 0) == alive);
     FUZZ_CHECK(station.commands_sent() == sent + (n > 0 ? 1 : 0));
     if (n == 0) return false;
-    keep(up_, {from, {out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(n)}});
+    keep(up_, from, n);
     return true;
   }
 
@@ -177,15 +180,19 @@ class World {
     }
   }
 
-  static void keep(std::vector<Packet>& packets, Packet packet) {
-    if (packet.bytes.empty()) return;
+  /// The first n bytes of out_.
+  void keep(std::vector<Packet>& packets, std::uint8_t from, std::size_t n) {
+    if (n == 0) return;
     if (packets.size() >= kKept) packets.erase(packets.begin());
-    packets.push_back(std::move(packet));
+    Packet& packet = packets.emplace_back();
+    packet.address = from;
+    packet.bytes.assign(out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(n));
   }
   /// Counted from the newest.
   static std::vector<std::uint8_t> pick(const std::vector<Packet>& packets, Script& script) {
     const std::size_t back = script.byte();
-    return packets.empty() ? std::vector<std::uint8_t>() : packets[packets.size() - 1 - back % packets.size()].bytes;
+    return packets.empty() ? std::vector<std::uint8_t>()
+                           : packets[packets.size() - 1 - back % packets.size()].bytes;
   }
 
   bool to_server(const std::vector<std::uint8_t>& bytes, std::uint8_t from) {
@@ -207,7 +214,7 @@ class World {
     if (kind != link::MessageType::kReply) FUZZ_CHECK(n <= bytes.size());
     FUZZ_CHECK((kind == link::MessageType::kReply) == (after.exchanges == before.exchanges + 1));
     if (kind == link::MessageType::kReply) FUZZ_CHECK(server_.sessions().active() > 0);
-    keep(down_, {from, {out_.begin(), out_.begin() + static_cast<std::ptrdiff_t>(n)}});
+    keep(down_, from, n);
     return true;
   }
 

@@ -1,5 +1,5 @@
-// Any text as one of the project's TOML files: a scene, a list of keys, a slave's limits or a station's settings. One clear
-// line, or something that works.
+// Any text as one of the project's TOML files: a scene, a list of keys, a slave's limits or a station's
+// settings. One clear line, or something that works.
 #include <cmath>
 #include <utility>
 
@@ -20,10 +20,12 @@ void read_as_what_it_looks_like(const std::string& text) {
   if (root.has("key") || root.has("certificate")) {
     const security::KeyList list = security::parse_key_list(text, "keys.toml");
     const security::KeyList again = security::parse_key_list(security::key_list_text(list), "keys.toml");
-    FUZZ_CHECK(again.keys.size() == list.keys.size() && again.certificates.size() == list.certificates.size());
+    FUZZ_CHECK(again.keys.size() == list.keys.size() &&
+               again.certificates.size() == list.certificates.size());
   } else if (root.has("scene_hash")) {
     const config::SlaveLimits limits = config::parse_slave_limits(text, "limits.toml");
-    const config::SlaveLimits again = config::parse_slave_limits(config::slave_limits_text(limits), "limits.toml");
+    const config::SlaveLimits again =
+        config::parse_slave_limits(config::slave_limits_text(limits), "limits.toml");
     FUZZ_CHECK(again.start_pos_w_nm == limits.start_pos_w_nm && again.force_max_nn == limits.force_max_nn);
   } else if (root.has("sample") || root.has("surface")) {
     const auto scene = scene::parse_scene(text, "scene.toml");

@@ -1,4 +1,5 @@
-// Runs a fuzz target over files and folders of files, with any compiler: seeds and regressions as ordinary tests.
+// Runs a fuzz target over files and folders of files, with any compiler: seeds and regressions as ordinary
+// tests.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>

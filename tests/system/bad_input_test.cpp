@@ -382,12 +382,15 @@ TEST_F(BadInputTest, NoServerAndTheWrongServer) {
   const std::string silent = "127.0.0.1:" + std::to_string(nobody.local().port);
   const std::vector<std::string> run{kMaster, "run",     "--record", path("new.h5"), "--connect-timeout-s",
                                      "0.5",   "--server"};
-  expect_refused(
-      Bad{"silent", with(run, {silent}), {"no answer from " + silent, "0.5 s", "telenano-nve serve", "firewall"}, 1});
-  expect_refused(Bad{"closed port",
-                     with(run, {"127.0.0.1:1"}),
-                     {"no answer from 127.0.0.1:1", "nothing listens on UDP port 1 there", "telenano-nve serve"},
+  expect_refused(Bad{"silent",
+                     with(run, {silent}),
+                     {"no answer from " + silent, "0.5 s", "telenano-nve serve", "firewall"},
                      1});
+  expect_refused(
+      Bad{"closed port",
+          with(run, {"127.0.0.1:1"}),
+          {"no answer from 127.0.0.1:1", "nothing listens on UDP port 1 there", "telenano-nve serve"},
+          1});
 
   // Answers every Hello in version 9: with a Refuse, which every version reads, or with something of its own.
   for (const bool refuses : {true, false}) {

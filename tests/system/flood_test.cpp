@@ -1,5 +1,5 @@
-// A session while hostile datagrams come as fast as this machine makes them: nothing is accepted, the session lives. How much it
-// loses is the machine's business too; bounds here are loose, telenano-lab flood measures.
+// A session while hostile datagrams come as fast as this machine makes them: nothing is accepted, the session
+// lives. How much it loses is the machine's business too; bounds here are loose, telenano-lab flood measures.
 #include <cstdlib>
 #include <map>
 #include <sstream>
@@ -34,7 +34,8 @@ class FloodTest : public ProgramsTest {};
 TEST_F(FloodTest, NothingIsAcceptedAndTheSessionLives) {
   Server server(scene_path("flat_pdms"));
   ASSERT_TRUE(server.child().wait_for_err("receive buffer ", kLong)) << "the server says what it was granted";
-  const Finished flood = run_program({kLab, "flood", "--server", server.address(), "--seconds", "2", "--echo"}, {}, kLong);
+  const Finished flood =
+      run_program({kLab, "flood", "--server", server.address(), "--seconds", "2", "--echo"}, {}, kLong);
   ASSERT_EQ(flood.exit_code, 0) << flood.err;
   std::printf("%s", flood.out.c_str());
   auto rows = rows_of(flood.out);
@@ -50,7 +51,8 @@ TEST_F(FloodTest, NothingIsAcceptedAndTheSessionLives) {
   const double asked = rows["session_alone"]["asked"] + flooded["asked"];
   const auto at = said.find("stopped: ");
   ASSERT_NE(at, std::string::npos) << said;
-  EXPECT_LE(std::strtod(said.c_str() + at + 9, nullptr), asked) << "only the stations' own commands were answered";
+  EXPECT_LE(std::strtod(said.c_str() + at + 9, nullptr), asked)
+      << "only the stations' own commands were answered";
   EXPECT_NE(said.find(" in 2 sessions (0 resumed)"), std::string::npos) << said;
   for (const char* cause : {"bad_magic", "truncated", "unknown_session", "unauthenticated"})
     EXPECT_NE(said.find(cause, at), std::string::npos) << cause << "\n" << said;

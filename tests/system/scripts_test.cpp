@@ -1,4 +1,5 @@
-// The scripts of deploy/ and of the tests, as far as they run anywhere: what they would do, and what they refuse.
+// The scripts of deploy/ and of the tests, as far as they run anywhere: what they would do, and what they
+// refuse.
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -11,8 +12,8 @@ Finished script(const std::string& name, std::vector<std::string> arguments) {
   return run_program(arguments, {}, kLong);
 }
 
-void expect_refused(const std::string& name, const std::vector<std::string>& arguments, const std::string& said,
-                    int exit_code = 2) {
+void expect_refused(const std::string& name, const std::vector<std::string>& arguments,
+                    const std::string& said, int exit_code = 2) {
   const Finished run = script(name, arguments);
   EXPECT_EQ(run.exit_code, exit_code) << run.err;
   EXPECT_EQ(lines_of(run.err).size(), 1u) << run.err;
@@ -28,9 +29,11 @@ TEST(NetemScript, SaysItInTheWordsOfTc) {
   };
   const std::string begin = "tc qdisc replace dev eth9 root netem limit 10000";
   EXPECT_EQ(words({}), begin + "\n");
-  EXPECT_EQ(words({"--delay-ms", "20", "--jitter-ms", "2", "--any-order"}), begin + " delay 20ms 2ms distribution normal\n");
+  EXPECT_EQ(words({"--delay-ms", "20", "--jitter-ms", "2", "--any-order"}),
+            begin + " delay 20ms 2ms distribution normal\n");
   // A rate keeps the order.
-  EXPECT_EQ(words({"--delay-ms", "20", "--jitter-ms", "2"}), begin + " delay 20ms 2ms distribution normal rate 100gbit\n");
+  EXPECT_EQ(words({"--delay-ms", "20", "--jitter-ms", "2"}),
+            begin + " delay 20ms 2ms distribution normal rate 100gbit\n");
   // Into a burst with p, out of it with 1/4: p/(p + 1/4) = 5 %.
   EXPECT_EQ(words({"--loss", "0.05", "--burst", "4"}), begin + " loss gemodel 1.31578947% 25% 100% 0%\n");
   EXPECT_EQ(words({"--loss", "0.05", "--duplicate", "0.01", "--corrupt", "1e-3", "--rate-bit-s", "1e6"}),
@@ -59,9 +62,10 @@ TEST(VmScript, SaysWhyItCannot) {
   expect_refused("tests/system/vm.sh", {}, "no script is named");
   expect_refused("tests/system/vm.sh", {"/nowhere.sh"}, "there is no script /nowhere.sh");
   expect_refused("tests/system/vm.sh", {"--modules"}, "--modules needs a value");
-  const Finished none = run_program({"/usr/bin/env", "TELENANO_VM_CACHE=/nowhere", "/bin/bash",
-                                     kProject + "/tests/system/vm.sh", kProject + "/tests/system/netem_vm.sh"},
-                                    {}, kLong);
+  const Finished none =
+      run_program({"/usr/bin/env", "TELENANO_VM_CACHE=/nowhere", "/bin/bash",
+                   kProject + "/tests/system/vm.sh", kProject + "/tests/system/netem_vm.sh"},
+                  {}, kLong);
   EXPECT_EQ(none.exit_code, 77) << "CTest's word for skipped";
   EXPECT_NE(none.err.find("--prepare"), std::string::npos) << none.err;
 }

@@ -23,7 +23,9 @@ constexpr std::size_t kDatagramBytes = link::kMaxDatagramBytes + 1;
 class SendTimes {
  public:
   void put(std::uint64_t number, std::int64_t now_ns) noexcept { sent_ns_[number % kKept] = now_ns; }
-  std::int64_t since(std::uint64_t number, std::int64_t now_ns) const noexcept { return now_ns - sent_ns_[number % kKept]; }
+  std::int64_t since(std::uint64_t number, std::int64_t now_ns) const noexcept {
+    return now_ns - sent_ns_[number % kKept];
+  }
 
  private:
   static constexpr std::size_t kKept = 16384;
@@ -36,8 +38,8 @@ struct Talk {
   std::function<std::uint64_t(std::span<const std::uint8_t> bytes, std::int64_t now_ns)> take;
 };
 
-void talk(net::Udp& socket, const net::Address& to, double rate_hz, double seconds, Flooder* flooder, const Talk& with,
-          StationRun& run) {
+void talk(net::Udp& socket, const net::Address& to, double rate_hz, double seconds, Flooder* flooder,
+          const Talk& with, StationRun& run) {
   const rt::SteadyClock clock;
   SendTimes times;
   std::array<std::uint8_t, kDatagramBytes> buffer{};
@@ -134,7 +136,8 @@ StationRun run_station(const net::Address& server, double rate_hz, double second
     talk(socket, server, rate_hz, seconds, flooder, with, run);
     run.sessions = session.sessions();
     for (int i = 0; i < 2; ++i)
-      if (const std::size_t n = session.make_bye(link::ByeReason::kDone, buffer)) socket.send({buffer.data(), n}, server);
+      if (const std::size_t n = session.make_bye(link::ByeReason::kDone, buffer))
+        socket.send({buffer.data(), n}, server);
   });
   return run;
 }

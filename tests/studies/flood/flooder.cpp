@@ -58,7 +58,8 @@ void Flooder::fill_pool() {
     switch (i % 6) {
       case 0:
         bytes.size = random_.below(bytes.data.size() + 1);
-        for (std::size_t k = 0; k < bytes.size; ++k) bytes.data[k] = static_cast<std::uint8_t>(random_.bits());
+        for (std::size_t k = 0; k < bytes.size; ++k)
+          bytes.data[k] = static_cast<std::uint8_t>(random_.bits());
         break;
       case 1: {
         link::Command command;

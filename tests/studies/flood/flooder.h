@@ -14,8 +14,9 @@
 
 namespace telenano::studies {
 
-/// What a hostile machine sends: random bytes, truncated and forged datagrams, Hellos with wrong cookies, Byes for sessions
-/// that it guesses, and replays of what it has overheard; from several sockets of its own, at a steady rate.
+/// What a hostile machine sends: random bytes, truncated and forged datagrams, Hellos with wrong cookies,
+/// Byes for sessions that it guesses, and replays of what it has overheard; from several sockets of its own,
+/// at a steady rate.
 class Flooder {
  public:
   Flooder(const net::Address& to, double rate_per_s, std::uint64_t seed);

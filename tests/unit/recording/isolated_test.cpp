@@ -35,15 +35,15 @@ std::string message_of(const std::function<void()>& act) {
   return "no such error";
 }
 
-std::string outcome_of(const ChildCall::Serve& serve, std::chrono::seconds time_limit = std::chrono::seconds(60)) {
+std::string outcome_of(const ChildCall::Serve& serve,
+                       std::chrono::seconds time_limit = std::chrono::seconds(60)) {
   return message_of<RunError>([&] { ChildCall("a.h5", serve, time_limit).ask("x"); });
 }
 
 TEST(ChildCall, AnswersAreThoseOfTheFunction) {
   const int here = ::getpid();
-  ChildCall child("a.h5", [](std::string_view request) {
-    return std::string(request) + std::to_string(::getpid());
-  });
+  ChildCall child("a.h5",
+                  [](std::string_view request) { return std::string(request) + std::to_string(::getpid()); });
   const std::string answer = child.ask("pid ");
   EXPECT_EQ(answer.rfind("pid ", 0), 0u);
   EXPECT_NE(answer, "pid " + std::to_string(here)) << "in another process";
@@ -68,10 +68,12 @@ TEST(ChildCall, EveryKindOfEndIsOneClearLine) {
     ChildCall::Serve serve;
     const char* said;
   } all[] = {
-      {"crash", [](std::string_view) -> std::string { return ::raise(SIGSEGV), ""; }, "crashed (Segmentation fault)"},
+      {"crash", [](std::string_view) -> std::string { return ::raise(SIGSEGV), ""; },
+       "crashed (Segmentation fault)"},
       {"abort", [](std::string_view) -> std::string { return ::raise(SIGABRT), ""; }, "crashed (Aborted)"},
       {"exit", [](std::string_view) -> std::string { ::_exit(3); }, "ended early"},
-      {"no memory", [](std::string_view) -> std::string { throw std::bad_alloc(); }, "do not fit into memory"},
+      {"no memory", [](std::string_view) -> std::string { throw std::bad_alloc(); },
+       "do not fit into memory"},
   };
   for (const auto& one : all) {
     const std::string message = outcome_of(one.serve);
@@ -157,13 +159,15 @@ TEST_F(IsolatedTest, TheSameAsReadHere) {
   ASSERT_EQ(there.events().size(), 1u);
   EXPECT_STREQ(there.events()[0].text.data(), "contact");
   EXPECT_EQ(summary_lines(summarise(there)), summary_lines(summarise(here)));
-  EXPECT_EQ(message_of<UserError>([&] { there.read("rtt"); }), message_of<UserError>([&] { here.read("rtt"); }));
+  EXPECT_EQ(message_of<UserError>([&] { there.read("rtt"); }),
+            message_of<UserError>([&] { here.read("rtt"); }));
   EXPECT_EQ(message_of<UserError>([&] { there.read("hand_pos_h_m", 3); }),
             message_of<UserError>([&] { here.read("hand_pos_h_m", 3); }));
 }
 
 TEST_F(IsolatedTest, ADamagedFileOfAKilledWriterIsNotWaitedForForEver) {
-  // As a killed writer leaves it: still marked as being written, so that a reader takes what is damaged for half written.
+  // As a killed writer leaves it: still marked as being written, so that a reader takes what is damaged for
+  // half written.
   {
     Recorder recorder({.path = folder_ / "live.h5", .flush_period_s = 0.01}, {});
     for (int i = 0; i < 20; ++i) recorder.push(numbered_row(i, 0));
@@ -176,9 +180,11 @@ TEST_F(IsolatedTest, ADamagedFileOfAKilledWriterIsNotWaitedForForEver) {
     std::ifstream in(file, std::ios::binary);
     bytes.assign(std::istreambuf_iterator<char>(in), {});
   }
-  // The checksum of every object header: the first one's is read with the file, others with what they belong to.
+  // The checksum of every object header: the first one's is read with the file, others with what they belong
+  // to.
   int spoilt = 0;
-  for (std::size_t at = bytes.find("OHDR"); at != std::string::npos; at = bytes.find("OHDR", at + 4), ++spoilt)
+  for (std::size_t at = bytes.find("OHDR"); at != std::string::npos;
+       at = bytes.find("OHDR", at + 4), ++spoilt)
     bytes[at + 6] = static_cast<char>(bytes[at + 6] ^ 0x10);
   ASSERT_GT(spoilt, 10);
   std::ofstream(file, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));

@@ -139,7 +139,9 @@ TEST(Gsf, WritesWhatTheFormatSays) {
 }
 
 TEST(Gsf, ATitleWithControlCharactersComesBackAsItWasRead) {
-  const Scan scan = parse_gsf(gsf(std::string(kGood) + "Title = a\x01" "b\x02\n"), "s.gsf");
+  const Scan scan = parse_gsf(gsf(std::string(kGood) + "Title = a\x01"
+                                                       "b\x02\n"),
+                              "s.gsf");
   EXPECT_EQ(scan.title, "a b");
   EXPECT_EQ(parse_gsf(format_gsf(scan, "s.gsf"), "s.gsf").title, scan.title);
 }
