@@ -164,7 +164,7 @@ def check(m):
     for field in m.DESCRIPTOR.fields:
         value = getattr(m, field.name)
         need(not isinstance(value, float) or math.isfinite(value), "non_finite")
-    if isinstance(m, pb.Command):
+    if isinstance(m, pb.Command) and m.recent_commands:
         for _, _, position, energy, wave_sum in recent_commands(m):
             need(all(math.isfinite(x) for x in (*position, energy, *wave_sum)), "non_finite")
     good = CHECKS[type(m)](m)
@@ -183,9 +183,11 @@ def check_command(m):
                        m.wave_impedance_n_s_m) >= 0
     scale = m.energy_scale_aj_j > 0 or m.method not in (3, 4, 5)
     impedance = m.wave_impedance_n_s_m > 0 or m.method != 4
-    recent = recent_commands(m)
-    ages = [record[0] for record in recent]
-    repeated = len(recent) < m.sequence and ages == sorted(ages) and all(record[3] >= 0 for record in recent)
+    repeated = True
+    if m.recent_commands:
+        recent = recent_commands(m)
+        ages = [record[0] for record in recent]
+        repeated = len(recent) < m.sequence and ages == sorted(ages) and all(record[3] >= 0 for record in recent)
     return m.sequence and m.method <= 6 and not_negative and scale and impedance and repeated
 
 
