@@ -64,10 +64,8 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
             fmt::format("the server at {} answers in another protocol version than {}; update the older one",
                         name, link::kProtocolVersion));
       }
-      throw RunError(fmt::format(
-          "no answer from {} within {:g} s; is telenano-nve serve running there{}, and does the "
-          "firewall let UDP through?",
-          name, access.connect_timeout_s, way.is_secure() ? "" : " (one with --keys asks for --key here)"));
+      throw RunError(fmt::format("no answer from {} within {:g} s; {}", name, access.connect_timeout_s,
+                                 way.advice(name)));
     }
     if (const std::size_t n = session.poll(now_ns, buffer))
       socket.send(std::span<const std::uint8_t>(buffer).first(n), server);

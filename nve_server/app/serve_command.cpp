@@ -1,5 +1,6 @@
 #include "nve_server/app/serve_command.h"
 
+#include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
@@ -30,6 +31,15 @@ link::SipKey fresh_secret() {
   std::random_device device;  // the kernel's generator
   const auto word = [&] { return (static_cast<std::uint64_t>(device()) << 32) | device(); };
   return {word(), word()};
+}
+
+/// How much may wait for the loop before the kernel drops it, whoever sent it.
+std::string buffer_text(std::size_t granted) {
+  const std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
+  if (granted >= net::Udp::kBufferBytes) return text;
+  return text +
+         fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
+                     net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
 }
 
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
@@ -136,7 +146,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   ServerSignals& signals = catch_server_signals();
   log->info("serving {} on {}{}{}", options.scene, net::to_string(socket.local()),
             secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "");
-
+  log->info("{}", buffer_text(socket.receive_buffer_bytes()));
   if (exporter) log->info("metrics at {}", exporter->url());
   if (!marked)
     log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
