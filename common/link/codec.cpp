@@ -361,6 +361,16 @@ DropCause check(const Command& m) noexcept {
   return m.sequence != 0 && energies ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
+DropCause check(const TipShare& m) noexcept {
+  return all_finite(m.pos_w_nm) ? DropCause::kNone : DropCause::kNonFinite;
+}
+
+DropCause read(const wire::Reply& w, TipShare& m) noexcept {
+  m.hold = w.tip_hold();
+  m.pos_w_nm = {w.hold_pos_w_x_nm(), w.hold_pos_w_y_nm(), w.hold_pos_w_z_nm()};
+  return check(m);
+}
+
 DropCause read(const wire::Command& w, Command& m) noexcept {
   m.session_id = w.session_id();
   m.sequence = w.sequence();
@@ -425,20 +435,24 @@ DropCause read_features(const Wire&, Message&) noexcept {
 }
 
 DropCause read_features(const wire::Command& wire, Command& message) noexcept {
+  message.tip_hold = wire.tip_hold();
   return read(wire, message.control);
 }
 
 DropCause read_features(const wire::Reply& wire, Reply& message) noexcept {
-  return first_cause(read(wire, message.port), read(wire, message.model));
+  return first_cause(first_cause(read(wire, message.port), read(wire, message.model)),
+                     read(wire, message.tip));
 }
 
 void clear_features(Command& m) noexcept {
   m.control = {};
+  m.tip_hold = 0;
 }
 
 void clear_features(Reply& m) noexcept {
   m.port = {};
   m.model = {};
+  m.tip = {};
 }
 
 DropCause check_features(const Command& m) noexcept {
@@ -446,7 +460,7 @@ DropCause check_features(const Command& m) noexcept {
 }
 
 DropCause check_features(const Reply& m) noexcept {
-  return first_cause(check(m.port), check(m.model));
+  return first_cause(first_cause(check(m.port), check(m.model)), check(m.tip));
 }
 
 template <class Wire, class Message>

@@ -48,6 +48,7 @@ void visit_feature_fields(Message& m, Visit& visit) noexcept {
   visit_three<18>(visit, m.control.wave_sum);
   visit.template operator()<21>(m.control.wave_energy_aj);
   visit.template operator()<22>(m.control.wave_impedance_n_s_m);
+  visit.template operator()<31>(m.tip_hold);
 }
 
 template <class Message, class Visit>
@@ -83,6 +84,8 @@ void visit_feature_fields(Message& m, Visit& visit) noexcept {
   visit.template operator()<33>(m.model.adhesion_nn);
   visit.template operator()<34>(m.model.shear_stiffness_n_m);
   visit.template operator()<35>(m.model.friction_nn);
+  visit.template operator()<36>(m.tip.hold);
+  visit_three<37>(visit, m.tip.pos_w_nm);
 }
 
 /// A field's tag as it stands on the wire: number << 3 | wire type, seven bits a byte, the low ones first.

@@ -59,18 +59,21 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   }
   if (hello.rate_hz == 0 || hello.rate_hz > config_.rate_max_hz)
     return refuse(RefuseReason::kRate, DropCause::kOutOfRange);
+  if ((hello.feature_bits & config_.required_bits) != config_.required_bits)
+    return refuse(RefuseReason::kVersion, DropCause::kUnexpected);
 
   bool newest = false;
   const std::size_t known = table.find_nonce(peer, hello.nonce, newest);
   if (known != SessionTable::kNone) {
-    if (!newest || table[known].state == SlotState::kEnding) return drop(DropCause::kDuplicate);
+    if (!newest || table[known].state == SlotState::kEnding || table[known].owner != context.owner)
+      return drop(DropCause::kDuplicate);
     if (table[known].state == SlotState::kActive) {
       verdict.kind = Kind::kAgain;
       verdict.slot = known;
       return verdict;
     }
   }
-  const std::size_t old = table.find_token(hello.resume_token);
+  const std::size_t old = table.find_token(hello.resume_token, context.owner);
   if (old != SessionTable::kNone) {
     if (table[old].state != SlotState::kActive && !has_place())
       return refuse(RefuseReason::kFull, DropCause::kFull);
@@ -86,7 +89,7 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   }
   if (!has_place()) return refuse(RefuseReason::kFull, DropCause::kFull);
   if (!openings_.take(now_ns)) return drop(DropCause::kRateLimited);
-  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns);
+  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, context.owner);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
   table[verdict.slot].feature_bits = hello.feature_bits & config_.feature_bits;
   verdict.kind = Kind::kOpen;

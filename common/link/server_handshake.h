@@ -13,6 +13,7 @@ namespace telenano::link {
 struct ServerHandshakeConfig {
   SipKey secret;                                ///< 128 fresh random bits at each start of the server
   std::uint64_t feature_bits = kKnownFeatures;  ///< granted to a station that asks for them
+  std::uint64_t required_bits = 0;              ///< of these: a station without them is refused as too old
   std::uint32_t rate_max_hz = 8000;
   double challenges_per_s = 20000;  ///< answers to peers that have not proven their address
   double openings_per_s = 64;       ///< new sessions: each may cost the making of a slave
@@ -33,6 +34,7 @@ struct HelloVerdict {
 struct HelloContext {
   bool shutting_down = false;
   bool address_proven = false;  ///< by a secure channel: the first Hello is answered by a Welcome
+  std::uint64_t owner = 0;      ///< identity of the channel's key; a token resumes only its owner's session
   bool others = false;          ///< there are shards that have not been asked for the token
   /// Asked before one more session becomes active: is there a place for it beyond this table's own? Null:
   /// yes.

@@ -44,22 +44,23 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
   }
 }
 
-void Workers::serve(Worker& worker, const std::atomic<bool>& stop) {
+void Workers::serve(Worker& worker, const ServerSignals& signals) {
   server::LoopOptions options;
   options.busy_poll = config_.busy_poll;
+  options.shutdown.at_once = &signals.at_once;
   if (workers_.size() > 1) options.idle_period_ns = kIdleWithOthersNs;
   net::Datagram& wire = worker.secure ? static_cast<net::Datagram&>(*worker.secure) : worker.batch;
   server::run_loop(
-      *worker.server, wire, clock_, [&](std::int64_t timeout_ns) { worker.batch.wait(timeout_ns); }, stop,
-      options, worker.status);
+      *worker.server, wire, clock_, [&](std::int64_t timeout_ns) { worker.batch.wait(timeout_ns); },
+      signals.stop, options, worker.status);
 }
 
-void Workers::run(const std::atomic<bool>& stop) {
+void Workers::run(const ServerSignals& signals) {
   std::vector<std::jthread> others;
   for (std::size_t i = 1; i < workers_.size(); ++i) {
-    others.emplace_back([this, i, &stop] { serve(*workers_[i], stop); });
+    others.emplace_back([this, i, &signals] { serve(*workers_[i], signals); });
   }
-  serve(*workers_.front(), stop);
+  serve(*workers_.front(), signals);
 }
 
 bool Workers::set_dscp(int dscp) noexcept {
@@ -93,6 +94,7 @@ WorkersStatus Workers::status() const noexcept {
     sum.opened += s.opened.load(kRelaxed);
     sum.timed_out += s.timed_out.load(kRelaxed);
     sum.moved += s.moved_in.load(kRelaxed);
+    sum.holdings += s.holdings.load(kRelaxed);
   }
   return sum;
 }

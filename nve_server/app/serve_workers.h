@@ -11,6 +11,7 @@
 #include "common/rt/clock.h"
 #include "common/security/dtls_server.h"
 #include "nve_server/app/serve_security.h"
+#include "nve_server/app/server_signals.h"
 #include "nve_server/server/server_loop.h"
 #include "nve_server/server/session_cap.h"
 #include "nve_server/server/worker_mail.h"
@@ -32,6 +33,7 @@ struct WorkersStatus {
   std::uint64_t opened = 0;
   std::uint64_t timed_out = 0;
   std::uint64_t moved = 0;
+  std::uint64_t holdings = 0;
 };
 
 /// The threads of `serve`, each with a socket of its own on the same address, its secure end and its server.
@@ -45,12 +47,15 @@ class Workers {
   void prepare(const ServeSecurity& security, const server::ServerConfig& base,
                const server::ServedScene& scene);
 
-  /// Serves until `stop`, the first worker in the calling thread.
-  void run(const std::atomic<bool>& stop);
+  /// Serves until `signals.stop`, the first worker in the calling thread; then says goodbye.
+  void run(const ServerSignals& signals);
 
   net::Address local() const noexcept { return workers_.front()->socket.local(); }
   bool nic_busy_poll() const noexcept { return workers_.front()->socket.busy_poll_ns() > 0; }
   bool set_dscp(int dscp) noexcept;  ///< see net::Udp
+  std::size_t receive_buffer_bytes() const noexcept {
+    return workers_.front()->socket.receive_buffer_bytes();
+  }
   std::vector<security::DtlsServer*> channels() const;
   std::vector<const server::LoopStatus*> loops() const;
   WorkersStatus status() const noexcept;  ///< any thread, while they run
@@ -69,7 +74,7 @@ class Workers {
     std::optional<server::Server> server;
     server::LoopStatus status;
   };
-  void serve(Worker& worker, const std::atomic<bool>& stop);
+  void serve(Worker& worker, const ServerSignals& signals);
 
   WorkersConfig config_;
   const rt::Clock& clock_;

@@ -17,6 +17,7 @@ void publish(const Server& server, LoopStatus& status) noexcept {
   status.opened.store(server.counters().opened, kRelaxed);
   status.timed_out.store(server.counters().timed_out, kRelaxed);
   status.moved_in.store(server.counters().moved_in, kRelaxed);
+  status.holdings.store(server.counters().holdings, kRelaxed);
 }
 
 }  // namespace
@@ -69,8 +70,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     const bool soon = server.awaits_mail() || server.sessions().occupied() > 0;
     wait(soon ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
   }
-  while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
-  socket.flush();
+  shut_down(server, socket, clock, wait, options.shutdown);
   publish(server, status);
   take_snapshot(server, clock.now_ns(), snapshot);
   status.snapshot.store(snapshot);

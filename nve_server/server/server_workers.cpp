@@ -19,7 +19,8 @@ void Server::settle_cap() noexcept {
 
 /// Where it cannot be sent, it stays, and no answer goes: the station asks again.
 void Server::hand_over(std::size_t slot, const Letter& question) noexcept {
-  SessionParcel* const parcel = new (std::nothrow) SessionParcel{table_[slot], std::move(ports_[slot])};
+  SessionParcel* const parcel =
+      new (std::nothrow) SessionParcel{table_[slot], std::move(tips_[slot]), std::move(seats_[slot])};
   if (parcel == nullptr) return;
   Letter letter;
   letter.kind = Letter::Kind::kParcel;
@@ -27,14 +28,16 @@ void Server::hand_over(std::size_t slot, const Letter& question) noexcept {
   letter.ticket = question.ticket;
   letter.parcel = parcel;
   if (!config_.mail->post(question.from, letter)) {
-    ports_[slot] = std::move(parcel->port);
+    tips_[slot] = std::move(parcel->tip);
+    seats_[slot] = std::move(parcel->seat);
     delete parcel;
     return;
   }
   // From here on the parcel is the other worker's; its place under the cap goes with it.
   if (table_[slot].state == SlotState::kActive) --cap_held_;
   table_.release(slot);
-  ports_[slot] = {};
+  tips_[slot] = {};
+  seats_[slot] = {};
   ++counters_.moved_out;
 }
 
@@ -42,7 +45,10 @@ void Server::adopt(SessionParcel& parcel) noexcept {
   if (parcel.session.state == SlotState::kActive) ++cap_held_;
   const std::size_t slot = table_.adopt(parcel.session);
   // With a cap there is a place: at most as many sessions are active as each worker has slots.
-  if (slot != link::SessionTable::kNone) ports_[slot] = std::move(parcel.port);
+  if (slot != link::SessionTable::kNone) {
+    tips_[slot] = std::move(parcel.tip);
+    seats_[slot] = std::move(parcel.seat);
+  }
   settle_cap();
   ++counters_.moved_in;
 }
@@ -53,7 +59,7 @@ void Server::exchange_mail() noexcept {
   while (config_.mail->fetch(config_.worker, letter)) {
     switch (letter.kind) {
       case Letter::Kind::kAsk: {
-        const std::size_t slot = table_.find_token(letter.token);
+        const std::size_t slot = table_.find_token(letter.token, letter.owner);
         if (slot != link::SessionTable::kNone) {
           hand_over(slot, letter);
           break;

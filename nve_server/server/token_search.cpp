@@ -35,6 +35,7 @@ link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& f
   letter.from = static_cast<std::uint32_t>(worker_);
   letter.ticket = static_cast<std::uint32_t>(free) | (q.generation << kIndexBits);
   letter.token = hello.resume_token;
+  letter.owner = standing.identity;
   for (std::size_t to = 0; to < mail_->workers(); ++to) {
     if (to == worker_) continue;
     ++q.unheard;

@@ -21,6 +21,7 @@ struct Letter {
   std::uint32_t from = 0;    ///< worker
   std::uint32_t ticket = 0;  ///< of the question, given back with the answer
   std::uint64_t token = 0;
+  std::uint64_t owner = 0;  ///< identity of the channel by which it was shown
   SessionParcel* parcel = nullptr;
 };
 
