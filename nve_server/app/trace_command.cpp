@@ -13,7 +13,7 @@
 #include "common/base/error.h"
 #include "nve_server/app/path_file.h"
 #include "nve_server/scene/force_curve.h"
-#include "nve_server/scene/gsf.h"
+#include "common/surface/gsf.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
 
@@ -135,10 +135,10 @@ void run(const Options& options) {
         faulty);
   }
   if (!options.surface.empty()) {
-    scene::Scan scan;
+    surface::Scan scan;
     scan.grid = slave.marked_surface()->heights();
     scan.title = scene->name;
-    scene::write_gsf(options.surface, scan);
+    surface::write_gsf(options.surface, scan);
   }
 }
 

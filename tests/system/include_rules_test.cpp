@@ -55,6 +55,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"common/net", {"common/base"}},
     {"common/recording", {"common/base", "common/rt"}},
     {"common/plot", {"common/base"}},
+    {"common/surface", {"common/base"}},
     {"common/security", {"common/base", "common/config", "common/link", "common/net", "common/rt"}},
     {"master/device", {"common/base", "common/control"}},
     {"master/station", {"common/base", "common/control", "common/link", "master/device"}},
@@ -65,13 +66,13 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base", "common/config", "common/rt", "common/control", "common/link", "common/net",
       "common/recording", "common/plot", "common/security", "master/device", "master/station",
       "master/loop"}},
-    {"nve_server/physics", {"common/base"}},
-    {"nve_server/scene", {"common/base", "common/config", "nve_server/physics"}},
+    {"nve_server/physics", {"common/base", "common/surface"}},
+    {"nve_server/scene", {"common/base", "common/config", "common/surface", "nve_server/physics"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
     {"nve_server/app",
      {"common/base", "common/config", "common/rt", "common/link", "common/net", "common/security",
-      "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
+      "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
