@@ -17,17 +17,17 @@ double silent_s(const recording::Sample& sample) noexcept {
 
 }  // namespace
 
-RealTimeSession::RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
+RealTimeSession::RealTimeSession(const SessionHand& hand, net::Datagram& socket, const net::Address& server,
                                  link::ClientSession& session, station::Station& station,
                                  recording::Recorder* recorder, double give_up_s,
                                  const std::atomic<bool>& stop)
-    : device_(device),
+    : hand_(hand),
       session_(session),
       station_(station),
       recorder_(recorder),
       give_up_s_(give_up_s),
       stop_(stop),
-      loop_(device, socket, server, session, station, &clock_),
+      loop_(hand.device, socket, server, session, station, &clock_),
       surface_z_w_nm_(session.welcome().surface_z_w_nm),
       summary_({station.config().rate_hz, surface_z_w_nm_}),
       last_sessions_(session.sessions()),
@@ -41,12 +41,14 @@ void RealTimeSession::run() noexcept {
   do {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
-    device_.advance(elapsed_ns);
+    hand_.device.advance(elapsed_ns);
     if (stop_.load(std::memory_order_relaxed)) {
       loop_.set_buttons(device::kButtonStop);
       ++stop_ticks_;
     }
-    if (!device_.motion_started() && station_.mode() == station::Mode::kEngaged) device_.start_motion();
+    device::PlayedMotion* const motion = hand_.motion;
+    if (motion != nullptr && !motion->motion_started() && station_.mode() == station::Mode::kEngaged)
+      motion->start_motion();
     loop_.tick(tick.woke_ns, static_cast<double>(elapsed_ns) * 1e-9, sample);
     sample.lateness_us = static_cast<double>(tick.lateness_ns) * 1e-3;
     sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
@@ -58,7 +60,7 @@ void RealTimeSession::run() noexcept {
     }
     publish(sample);
   } while (!over(sample));
-  device_.write_force(Vec3::Zero());
+  hand_.device.write_force(Vec3::Zero());
   loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
   timer_stats_ = timer.stats();
   finished_.store(true, std::memory_order_release);
@@ -85,7 +87,7 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
 
 void RealTimeSession::publish(const recording::Sample& sample) noexcept {
   Progress p;
-  p.time_s = device_.motion_time_s();
+  p.time_s = hand_time_s(sample);
   p.tip_height_nm = sample.tip_pos_w_nm[2] - surface_z_w_nm_;
   p.force_nn = sample.force_w_nn[2];
   p.hand_force_n = loop_.trace().commanded_force_h_n.norm();
@@ -94,7 +96,17 @@ void RealTimeSession::publish(const recording::Sample& sample) noexcept {
   p.energy_j = sample.energy_j;
   p.mode = sample.station_mode;
   p.silent_s = silent_s(sample);
+  p.force_off = loop_.force_off();
   progress_.store(p);
+}
+
+double RealTimeSession::hand_time_s(const recording::Sample& sample) const noexcept {
+  return hand_.motion != nullptr ? hand_.motion->motion_time_s() : sample.time_s;
+}
+
+bool RealTimeSession::motion_over(const recording::Sample& sample) const noexcept {
+  if (hand_.motion != nullptr) return hand_.motion->motion_done();
+  return hand_.duration_s > 0 && sample.time_s >= hand_.duration_s;
 }
 
 bool RealTimeSession::over(const recording::Sample& sample) noexcept {
@@ -110,8 +122,7 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     ending_ = Ending::kServerGone;
     return true;
   }
-  return device_.motion_done() &&
-         static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
+  return motion_over(sample) && static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
 }
 
 }  // namespace telenano::app

@@ -9,7 +9,8 @@
 #include "common/rt/latest_value.h"
 #include "common/rt/periodic_timer.h"
 #include "common/rt/steady_clock.h"
-#include "master/device/sim_device.h"
+#include "master/device/haptic_device.h"
+#include "master/device/played_motion.h"
 #include "master/loop/station_loop.h"
 #include "master/station/station.h"
 
@@ -18,7 +19,7 @@ namespace telenano::app {
 /// Why a session ended.
 enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone };
 
-/// Codes of events in a recording besides the station's modes, 0 to 4. Stored in files: never renumber.
+/// Codes of events in a recording besides the station's modes, 0 to 5. Stored in files: never renumber.
 inline constexpr std::uint32_t kEventSilent = 100;
 inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy book
 
@@ -33,15 +34,23 @@ struct Progress {
   double energy_j = 0;
   std::uint32_t mode = 0;
   double silent_s = 0;
+  device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
 };
 
-/// The station's loop in real time: paces StationLoop with a timer, advances the simulated hand, records and
-/// sums up, until the task is over, a stop is asked for, the station has stopped itself or the server stays
-/// silent.
+/// The hand of a session: the device, and what decides when the session is over.
+struct SessionHand {
+  device::HapticDevice& device;
+  device::PlayedMotion* motion = nullptr;  ///< null: a person moves it
+  double duration_s = 0;                   ///< for a person's hand: ends after so long; 0 = until stopped
+};
+
+/// The station's loop in real time: paces StationLoop with a timer, lets the device's time pass, records and
+/// sums up, until the motion or the time is over, a stop is asked for, the station has stopped itself or the
+/// server stays silent.
 class RealTimeSession {
  public:
   /// `recorder` may be null. Everything referred to must outlive run().
-  RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
+  RealTimeSession(const SessionHand& hand, net::Datagram& socket, const net::Address& server,
                   link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
                   double give_up_s, const std::atomic<bool>& stop);
 
@@ -60,9 +69,11 @@ class RealTimeSession {
  private:
   void record_events(const recording::Sample& sample) noexcept;
   void publish(const recording::Sample& sample) noexcept;
+  double hand_time_s(const recording::Sample& sample) const noexcept;
+  bool motion_over(const recording::Sample& sample) const noexcept;
   bool over(const recording::Sample& sample) noexcept;
 
-  device::SimDevice& device_;
+  SessionHand hand_;
   link::ClientSession& session_;
   station::Station& station_;
   recording::Recorder* recorder_;

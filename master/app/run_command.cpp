@@ -210,8 +210,8 @@ int run(const RunOptions& options) {
     if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   }
   station::Station station(config, device.info(), port);
-  RealTimeSession live(device, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
-                       stop);
+  RealTimeSession live({device, &device}, way.datagram(), server, session, station, recorder.get(),
+                       options.give_up_s, stop);
   farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;

@@ -38,6 +38,8 @@ class StationLoop {
 
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
   const station::StationTrace& trace() const noexcept { return output_.trace; }
+  /// Why the device showed no force in the last tick.
+  device::ForceOffCause force_off() const noexcept { return reading_.cause; }
   std::uint64_t send_failures() const noexcept { return send_failures_; }
 
  private:
@@ -50,6 +52,9 @@ class StationLoop {
   link::ClientSession& session_;
   station::Station& station_;
   const rt::Clock* clock_;
+  double hand_interval_s(double dt_s) noexcept;
+
+  device::DeviceReading reading_;
   station::StationInput input_;
   station::StationOutput output_;
   std::uint64_t sessions_begun_ = 0;
@@ -57,6 +62,7 @@ class StationLoop {
   std::int64_t ticks_ = 0;
   std::int64_t start_ns_ = 0;
   std::uint64_t send_failures_ = 0;
+  std::int64_t last_read_ns_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
   /// One byte more than the largest datagram, so that an oversize one is seen as such.
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer_{};

@@ -57,7 +57,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"common/plot", {"common/base"}},
     {"common/surface", {"common/base"}},
     {"common/security", {"common/base", "common/config", "common/link", "common/net", "common/rt"}},
-    {"master/device", {"common/base", "common/control"}},
+    {"master/device", {"common/base", "common/control", "common/rt"}},
     {"master/station", {"common/base", "common/control", "common/link", "master/device"}},
     {"master/loop",
      {"common/base", "common/rt", "common/link", "common/net", "common/recording", "master/device",
