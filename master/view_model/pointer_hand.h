@@ -11,6 +11,9 @@ namespace telenano::view_model {
 ///
 /// Gripping is the deadman: the left button or Space while held, and half a second after a turn of the wheel.
 /// A window that loses the focus lets go.
+///
+/// The hand's box is small and the sample is large: letting go brings the hand back to the middle of its box
+/// (the tip stands still meanwhile), and a new grip counts only once it is back there.
 class PointerHand {
  public:
   /// Directions in frame W that right and up on the screen stand for.
@@ -20,12 +23,17 @@ class PointerHand {
     double nm_per_pixel = 1;
   };
 
+  /// `half_m`: half the edge of the hand's box; `back_s`: the time in which it comes back to the middle.
+  PointerHand(double half_m, double back_s) noexcept : half_m_(half_m), back_s_(back_s) {}
+
   /// α_v, to cross from the tip to the hand.
   void set_velocity_scale(double velocity_scale) noexcept;
   void drag(double dx_px, double dy_px, const Axes& axes) noexcept;  ///< dy down, as screens count
   void turn_wheel(double notches, double nm_per_notch, double time_s) noexcept;
 
   void hold(bool held) noexcept { held_ = held; }
+  /// Once a frame, after the events of that frame.
+  void update(double time_s) noexcept;
   void clutch(bool held) noexcept { clutch_ = held; }
   void let_go() noexcept;
 
@@ -34,12 +42,20 @@ class PointerHand {
 
  private:
   void move_tip(const Vec3& tip_nm) noexcept;
+  bool gripping(double time_s) const noexcept { return held_ || time_s < wheel_until_s_; }
 
+  bool coming_back() const noexcept { return now_s_ < ready_s_; }
+
+  double half_m_;
+  double back_s_;
   double velocity_scale_ = 1e-6;
   Vec3 pos_h_m_ = Vec3::Zero();
   bool held_ = false;
   bool clutch_ = false;
   double wheel_until_s_ = -1e300;
+  bool gripped_ = false;
+  double now_s_ = -1e300;
+  double ready_s_ = -1e300;  // from when on a new grip counts
 };
 
 inline constexpr double kWheelGripS = 0.5;

@@ -10,7 +10,15 @@ namespace {
 // Just inside, so that the station's own check, which multiplies in another order, agrees.
 constexpr double kInside = 1 - 1e-9;
 
+constexpr double kAboveBorder = 10;
+
 }  // namespace
+
+double ScalingRegion::force_top() const noexcept {
+  const double largest = *std::max_element(impedance_bound.begin(), impedance_bound.end()) / velocity_planned;
+  const double top = kAboveBorder * std::max(largest, device_force_scale);
+  return std::isfinite(top) && top > kAboveBorder * force_min ? top : kAboveBorder * force_min;
+}
 
 double ScalingRegion::force_max(control::Method method, double velocity) const noexcept {
   if (unsafe_allowed) return std::numeric_limits<double>::infinity();

@@ -15,11 +15,14 @@ struct ScalingRegion {
   double velocity_min = 1e-9;     ///< ends of the sliders
   double velocity_max = 1e-4;
   double force_min = 1;
+  double velocity_planned = 1e-6;  ///< of the session's start
   bool unsafe_allowed = false;  ///< the person insisted at the start: the limit is drawn, not kept
 
   double bound(control::Method method) const noexcept {
     return impedance_bound[static_cast<std::size_t>(method)];
   }
+  /// Upper end of the slider of α_F: what lies beyond the border is seen, too.
+  double force_top() const noexcept;
   /// Largest α_F for this α_v.
   double force_max(control::Method method, double velocity) const noexcept;
   /// The nearest scaling that may be asked for: α_v is kept within its ends, α_F gives way.
