@@ -1,6 +1,7 @@
 #include "master/view_model/live_session.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "common/link/messages.h"
 #include "master/view_model/nice_step.h"
@@ -12,6 +13,16 @@ constexpr std::size_t kTrailPoints = 1500;
 constexpr std::size_t kTouchedPoints = 20000;
 constexpr double kTouchedCell_nm = 1;
 constexpr double kLeastFull_nn = 5;
+constexpr double kLeastFull_nm = 0.2;
+
+// 1, 2, 5 · 10^n not less than the greatest of the window.
+double full_scale(const Strip& sizes, double least_full) noexcept {
+  double least = 0;
+  double greatest = 0;
+  if (!sizes.range(least, greatest)) return least_full;
+  const double step = nice_step(greatest);
+  return std::max(greatest <= step ? step : nice_step(step * 2.5), least_full);
+}
 
 }  // namespace
 
@@ -19,6 +30,7 @@ LiveSession::LiveSession(double trail_step_nm)
     : gap_strip_(kWindowS, kBins),
       tip_force_(kWindowS, kBins),
       force_size_(kWindowS, kBins),
+      deflection_size_(kWindowS, kBins),
       raw_force_(kWindowS, kBins),
       limited_force_(kWindowS, kBins),
       applied_force_(kWindowS, kBins),
@@ -47,6 +59,7 @@ void LiveSession::take(const recording::Sample& sample, const Ground& ground) {
   gap_strip_.add(t, gap_nm_);
   tip_force_.add(t, force.z());
   force_size_.add(t, force.norm());
+  deflection_size_.add(t, std::abs(sample.deflection_nm));
   if (sample.reply_sequence == reply_seen_) return;  // nothing new was heard
   reply_seen_ = sample.reply_sequence;
   if (sample.measurement_age_ms > 0) origin_ = Origin::kMeasured;
@@ -57,12 +70,11 @@ void LiveSession::take(const recording::Sample& sample, const Ground& ground) {
 }
 
 double LiveSession::force_full_nn() const noexcept {
-  double least = 0;
-  double greatest = 0;
-  if (!force_size_.range(least, greatest)) return kLeastFull_nn;
-  const double step = nice_step(greatest);
-  const double full = greatest <= step ? step : nice_step(step * 2.5);
-  return std::max(full, kLeastFull_nn);
+  return full_scale(force_size_, kLeastFull_nn);
+}
+
+double LiveSession::deflection_full_nm() const noexcept {
+  return full_scale(deflection_size_, kLeastFull_nm);
 }
 
 }  // namespace telenano::view_model

@@ -47,6 +47,8 @@ class LiveSession {
   /// Tip force at which the cone has its full length: 2 or 5 or 10 … nN, not less than what was felt in the
   /// window.
   double force_full_nn() const noexcept;
+  /// Likewise of the lever's deflection, in nm, at least 0.2.
+  double deflection_full_nm() const noexcept;
 
  private:
   recording::Sample now_{};
@@ -57,6 +59,7 @@ class LiveSession {
   Strip gap_strip_;
   Strip tip_force_;
   Strip force_size_;
+  Strip deflection_size_;
   Strip raw_force_;
   Strip limited_force_;
   Strip applied_force_;

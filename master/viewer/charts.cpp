@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "master/view_model/nice_step.h"
@@ -12,6 +13,8 @@ namespace telenano::viewer {
 namespace {
 
 using view_model::Strip;
+
+constexpr std::array<const char*, 7> kDecades = {"1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s"};
 
 struct Axis {
   double low = 0;
@@ -50,7 +53,7 @@ Axis axis_of(std::span<const Curve> curves, const ChartScale& scale) {
 
 std::string number(double value, double step) {
   const int digits = std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 6);
-  const double shown = std::abs(value) < 1e-9 * step ? 0 : value;
+  const double shown = std::abs(value) < 0.5 * std::pow(10.0, -digits) ? 0 : value;  // no "-0.0"
   return fmt::format("{:.{}f}", shown, digits);
 }
 
@@ -61,7 +64,7 @@ ChartBox begin_chart(const Gui& gui, const ChartBox& box, const char* title, flo
   list->AddRectFilled(box.from, box.to, ink(palette::kBackground), 4 * s);
   list->AddText(gui.small(), gui.small()->FontSize, {box.from.x + 8 * s, box.from.y + 4 * s},
                 ink(palette::kQuiet), title);
-  return {{box.from.x + 40 * s, box.from.y + 24 * s}, {box.to.x - right_margin * s, box.to.y - 10 * s}};
+  return {{box.from.x + 40 * s, box.from.y + 40 * s}, {box.to.x - right_margin * s, box.to.y - 10 * s}};
 }
 
 void draw_grid(const Gui& gui, const ChartBox& plot, const Axis& axis, bool left, const palette::Rgb& colour) {
@@ -109,11 +112,14 @@ float draw_values(const Gui& gui, const ChartBox& box, const Curve& curve, const
                   float right) {
   const Strip::Bin& newest = curve.strip.bin(curve.strip.size() - 1);
   const std::string value = newest.empty ? "–" : number(newest.greatest, step / 10);
-  const std::string text = *curve.name == 0 ? fmt::format("{} {}", value, unit) : fmt::format("{} {}", curve.name, value);
+  // Without room for names and units the colours must do; the axes say the rest.
+  const bool narrow = box.to.x - box.from.x < 170 * gui.scale();
+  std::string text = value;
+  if (!narrow) text = *curve.name == 0 ? fmt::format("{} {}", value, unit) : fmt::format("{} {}", curve.name, value);
   const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
   const float s = gui.scale();
   ImGui::GetWindowDrawList()->AddText(gui.small(), gui.small()->FontSize,
-                                      {right - size.x, box.from.y + 4 * s}, ink(curve.colour), text.c_str());
+                                      {right - size.x, box.from.y + 20 * s}, ink(curve.colour), text.c_str());
   return right - size.x - 10 * s;
 }
 
@@ -192,7 +198,7 @@ void draw_round_trips(const Gui& gui, const ChartBox& box, const view_model::Rou
     if (bin % 10 == 0) {
       list->AddLine({x, bars.from.y}, {x, bars.to.y}, ink(palette::kEdge, 0.55f), s);
       list->AddText(gui.small(), gui.small()->FontSize, {x, bars.to.y + s}, ink(palette::kQuiet),
-                    view_model::time_text(RoundTrips::lower_us(bin)).c_str());
+                    kDecades[static_cast<std::size_t>(bin / 10)]);
     }
     if (count == 0) continue;
     const auto part = static_cast<float>(std::log1p(count) / top);
@@ -202,7 +208,7 @@ void draw_round_trips(const Gui& gui, const ChartBox& box, const view_model::Rou
   const std::string text = fmt::format("p50 {}   p99 {}", view_model::time_text(trips.percentile_us(0.5)),
                                        view_model::time_text(trips.percentile_us(0.99)));
   const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
-  list->AddText(gui.small(), gui.small()->FontSize, {box.to.x - 8 * s - size.x, box.from.y + 4 * s},
+  list->AddText(gui.small(), gui.small()->FontSize, {box.to.x - 8 * s - size.x, box.from.y + 20 * s},
                 ink(palette::kTarget), text.c_str());
 }
 

@@ -81,38 +81,36 @@ void ControlPanel::ask_method(Method method, const recording::Sample& now) {
   port_.requests.push(request);
 }
 
-void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now) {
+void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float high) {
   const float wide = ImGui::GetContentRegionAvail().x;
   ImGui::PushFont(gui.large());
   if (stopped(now)) {
     ImGui::PushStyleColor(ImGuiCol_Button, vec4(palette::kRaised));
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(palette::kWarning));
-    if (ImGui::Button("Clear the stop  (R)", {wide, 52 * gui.scale()})) ask(ViewRequest::Kind::kClearStop);
+    if (ImGui::Button("Clear the stop  (R)", {wide, high})) ask(ViewRequest::Kind::kClearStop);
   } else {
     ImGui::PushStyleColor(ImGuiCol_Button, vec4(palette::kAlarm));
     ImGui::PushStyleColor(ImGuiCol_Text, ImVec4(1, 1, 1, 1));
     ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {1.0f, 0.4f, 0.4f, 1});
     ImGui::PushStyleColor(ImGuiCol_ButtonActive, {0.7f, 0.15f, 0.15f, 1});
-    if (ImGui::Button("STOP  (Esc)", {wide, 52 * gui.scale()})) ask(ViewRequest::Kind::kStop);
+    if (ImGui::Button("STOP  (Esc)", {wide, high})) ask(ViewRequest::Kind::kStop);
     ImGui::PopStyleColor(2);
   }
   ImGui::PopStyleColor(2);
   ImGui::PopFont();
 }
 
-void ControlPanel::draw_messages(const Gui& gui, const recording::Sample& now) {
+void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
   auto messages = view_model::force_words(now);
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
-  ImGui::BeginChild("messages", {0, 3.3f * ImGui::GetTextLineHeightWithSpacing()});
-  if (messages.empty()) ImGui::TextColored(vec4(palette::kGood), "All is well: the force is shown as planned");
-  ImGui::PushFont(gui.text());
+  ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
+  if (messages.empty()) messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
   for (const auto& message : messages) {
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour_of(message.mood)));
     ImGui::TextWrapped("%s", message.text.c_str());
     ImGui::PopStyleColor();
   }
-  ImGui::PopFont();
   ImGui::EndChild();
 }
 
@@ -136,10 +134,11 @@ void ControlPanel::draw_method(const recording::Sample& now) {
   }
 }
 
-void ControlPanel::draw_region(const Gui& gui, Method method, const control::Scaling& shown, float wide) {
+void ControlPanel::draw_region(const Gui& gui, Method method, const control::Scaling& shown, ImVec2 size) {
   const view_model::ScalingRegion& region = facts_.region;
   const float s = gui.scale();
-  const float high = 92 * s;
+  const float wide = size.x;
+  const float high = size.y;
   const ImVec2 from = ImGui::GetCursorScreenPos();
   const ImVec2 to{from.x + wide, from.y + high};
   ImGui::Dummy({wide, high});
@@ -178,13 +177,17 @@ void ControlPanel::draw_region(const Gui& gui, Method method, const control::Sca
     list->AddText(gui.small(), gui.small()->FontSize, at, ink(colour), text);
   };
   write({from.x + 6 * s, to.y - 17 * s}, "passive", palette::kGood);
+  const char* const across = gui.has_greek() ? "α_v →" : "alpha_v >";
+  const float across_wide = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, across).x;
+  write({to.x - across_wide - 6 * s, to.y - 17 * s}, across, palette::kQuiet);
+  write({from.x + 6 * s, from.y + 3 * s}, gui.has_greek() ? "α_F ↑" : "alpha_F ^", palette::kQuiet);
   const float label_y = y_device - 14 * s > from.y ? y_device - 14 * s : y_device + 2 * s;
   const char* const saturates = "device saturates above";
   const float label_wide = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, saturates).x;
   if (y_device > from.y && y_device < to.y) write({to.x - label_wide - 6 * s, label_y}, saturates, palette::kWarning);
 }
 
-void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now) {
+void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, float region_high) {
   const view_model::ScalingRegion& region = facts_.region;
   const auto method = static_cast<Method>(now.method);
   control::Scaling shown = dragged_.value_or(scaling_of(now));
@@ -201,10 +204,10 @@ void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now) {
   const double nm_per_mm = shown.velocity * 1e6;
   const double newton_per_nn = shown.force * 1e-9;
   const std::string velocity_text =
-      fmt::format("{} = {:.3g}   1 mm of the hand: {:.3g} nm", gui.has_greek() ? "αᵥ" : "alpha_v", shown.velocity,
+      fmt::format("{} = {:.3g}   (1 mm moves {:.3g} nm)", gui.has_greek() ? "α_v" : "alpha_v", shown.velocity,
                   nm_per_mm);
   const std::string force_text =
-      fmt::format("{} = {:.3g}   1 nN at the tip: {:.3g} N", gui.has_greek() ? "α_F" : "alpha_F", shown.force,
+      fmt::format("{} = {:.3g}   (1 nN feels {:.3g} N)", gui.has_greek() ? "α_F" : "alpha_F", shown.force,
                   newton_per_nn);
   limited_slider(gui, "velocity", velocity_text.c_str(), wide, velocity);
   limited_slider(gui, "force", force_text.c_str(), wide, force);
@@ -217,7 +220,7 @@ void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now) {
     port_.requests.push(request);
     dragged_.reset();
   }
-  draw_region(gui, method, shown, wide);
+  draw_region(gui, method, shown, {wide, region_high});
 }
 
 void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& live) {
@@ -226,17 +229,17 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
   ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 84 * gui.scale());
   ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
   const auto& tip = now.tip_pos_w_nm;
-  row("tip", fmt::format("x {:.1f}  y {:.1f}  z {:.2f} nm", tip[0], tip[1], tip[2]));
+  row("tip x y z", fmt::format("{:.1f}  {:.1f}  {:.2f} nm", tip[0], tip[1], tip[2]));
   row("gap", fmt::format("{}, {}", view_model::length_text(live.gap_nm()), view_model::contact_words(now.contact_state)),
       live.contact() ? palette::kRepulsion : palette::kText);
   const auto& f = now.force_w_nn;
   row("tip force", fmt::format("{} along z", view_model::force_text(f[2])),
       f[2] >= 0 ? palette::kRepulsion : palette::kAttraction);
   row("lever", fmt::format("bent {}", view_model::length_text(now.deflection_nm)));
-  row("hand force", fmt::format("{:+.2f} N of {:.1f} N", now.hand_force_applied_h_n[2], facts_.hand_force_limit_n));
+  row("hand force", fmt::format("{:+.2f} of {:.1f} N", now.hand_force_applied_h_n[2], facts_.hand_force_limit_n));
   row("energy", fmt::format("{:+.2f} mJ put in", 1e3 * now.energy_j));
   row("link", fmt::format("RTT {}, lost {}", view_model::time_text(now.rtt_us), now.lost));
-  row("loop", fmt::format("late {}, overruns {}", view_model::time_text(now.lateness_us), now.overruns));
+  row("loop", fmt::format("late {}, missed {}", view_model::time_text(now.lateness_us), now.overruns));
   ImGui::EndTable();
 }
 
@@ -269,12 +272,15 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
                    ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
                    ImGuiWindowFlags_NoBringToFrontOnFocus);
   const recording::Sample& now = live.now();
-  draw_stop(gui, now);
-  draw_messages(gui, now);
-  ImGui::Checkbox("Clutch: hand free, tip stands (C)", &clutch_);
+  const float s = gui.scale();
+  const auto high = static_cast<float>(area.height_px);
+  const bool low = high < 720 * s;
+  draw_stop(gui, now, (low ? 40 : 54) * s);
+  draw_messages(now, low ? 2.3f : 3.3f);
+  ImGui::Checkbox("Clutch: the tip stands (C)", &clutch_);
   ImGui::Separator();
   draw_method(now);
-  draw_scaling(gui, now);
+  draw_scaling(gui, now, low ? 58 * s : std::clamp(104 * s + 0.8f * (high - 720 * s), 104 * s, 190 * s));
   ImGui::Separator();
   draw_numbers(gui, live);
   ImGui::Separator();

@@ -34,11 +34,11 @@ class ControlPanel {
   bool take_help_wanted() noexcept { return std::exchange(help_wanted_, false); }
 
  private:
-  void draw_stop(const Gui& gui, const recording::Sample& now);
-  void draw_messages(const Gui& gui, const recording::Sample& now);
+  void draw_stop(const Gui& gui, const recording::Sample& now, float high);
+  void draw_messages(const recording::Sample& now, float lines);
   void draw_method(const recording::Sample& now);
-  void draw_scaling(const Gui& gui, const recording::Sample& now);
-  void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, float wide);
+  void draw_scaling(const Gui& gui, const recording::Sample& now, float region_high);
+  void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, ImVec2 size);
   void draw_numbers(const Gui& gui, const view_model::LiveSession& live);
   void draw_foot(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording);
 

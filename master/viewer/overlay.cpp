@@ -35,6 +35,8 @@ ImVec2 text_size(const ImFont* font, const char* text) {
   return font->CalcTextSizeA(font->FontSize, 1e9f, 0, text);
 }
 
+constexpr double kConeHalves = SceneRenderer::kConeInCloseUp;  // of half the picture's height
+
 // Draws in one picture: nothing leaves it.
 class Pen {
  public:
@@ -153,7 +155,7 @@ void draw_height_legend(const Pen& pen, const SceneState& state, double exaggera
              "no scan given (--surface): the plane at the touch height", palette::kQuiet, {0, 1});
     return;
   }
-  const ImVec2 from{pen.left() + 14 * s, pen.bottom() - 124 * s};
+  const ImVec2 from{pen.left() + 14 * s, pen.top() + 64 * s};
   const float wide = 11 * s;
   const float high_px = 84 * s;
   constexpr int kBands = 48;
@@ -164,8 +166,8 @@ void draw_height_legend(const Pen& pen, const SceneState& state, double exaggera
                               ink(colour));
   }
   const float x = from.x + wide + 5 * s;
-  pen.text({x, from.y}, view_model::length_text(high), palette::kText, {0, 0.3f});
-  pen.text({x, from.y + high_px}, view_model::length_text(low), palette::kText, {0, 0.7f});
+  pen.text({x, from.y}, fmt::format("{:.1f} nm", high), palette::kText, {0, 0.3f});
+  pen.text({x, from.y + high_px}, fmt::format("{:.1f} nm", low), palette::kText, {0, 0.7f});
   pen.text({from.x, from.y - 6 * s}, scan ? "height" : "height where touched", palette::kQuiet, {0, 1});
   if (exaggeration != 1)
     pen.text({from.x, from.y + high_px + 8 * s}, fmt::format("heights × {:g}", exaggeration), palette::kQuiet);
@@ -177,10 +179,8 @@ std::string force_words(double force_nn) {
 
 }  // namespace
 
-void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneState& state,
-                         const view_model::LiveSession& live, const Camera& camera, const SceneFrame& frame,
-                         const Area& area) {
-  static_cast<void>(facts);
+void draw_overview_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
+                         const Camera& camera, const SceneFrame& frame, const Area& area) {
   const Pen pen(gui, camera, frame, area);
   draw_axes(pen, state, camera);
   draw_ground_bar(pen, state, camera);
@@ -194,9 +194,8 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
   pen.text({tip.x + 22 * s, tip.y + 19 * s}, "gap " + view_model::length_text(live.gap_nm()), palette::kText,
            {0, 0.5f});
   pen.text({pen.right() - 10 * s, pen.bottom() - 10 * s},
-           fmt::format("lever's bend × {:g}; cone {} long at full length",
-                       SceneRenderer::lever_exaggeration(state.ground),
-                       view_model::force_text(state.force_full_nn)),
+           fmt::format("lever's bend × {:g}    full cone: {:g} nN", state.lever_exaggeration,
+                       state.force_full_nn),
            palette::kQuiet, {1, 1});
 }
 
@@ -205,21 +204,29 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   const Pen pen(gui, camera, frame, area);
   const float s = pen.s();
   pen.list()->AddLine({pen.left(), pen.top()}, {pen.left(), pen.bottom()}, ink(palette::kEdge), 2 * s);
-  pen.text({pen.left() + 10 * s, pen.top() + 8 * s}, "Section through the tip along x", palette::kText, {0, 0},
+  pen.text({pen.left() + 10 * s, pen.top() + 8 * s}, static_cast<float>(area.width_px) > 300 * s ? "Section through the tip along x" : "Section along x", palette::kText, {0, 0},
            gui.text());
-  pen.text({pen.left() + 10 * s, pen.top() + 27 * s}, "true proportions", palette::kQuiet);
+  pen.text({pen.left() + 10 * s, pen.top() + 27 * s}, fmt::format("true proportions; tip radius drawn: {:g} nm", state.tip_radius_nm), palette::kQuiet);
   draw_target(pen, state);
-  // The gap, beside the line from apex to ground.
+  // The gap as an engineer would draw it: beside what it measures, between two thin lines.
   Vec3 foot = state.tip_pos_w_nm;
   foot.z() = state.ground.height_w_nm(foot.x(), foot.y());
   const ImVec2 a = pen.at(state.tip_pos_w_nm);
   const ImVec2 b = pen.at(foot);
-  for (const ImVec2& p : {a, b}) pen.line({p.x - 5 * s, p.y}, {p.x + 5 * s, p.y}, palette::kText);
+  const float x = a.x + 0.24f * static_cast<float>(area.width_px);
+  for (const ImVec2& p : {a, b}) pen.line({p.x, p.y}, {x + 4 * s, p.y}, palette::kText, 1, 0.55f);
+  pen.line({x, a.y}, {x, b.y}, palette::kText, 1.4f);
+  for (const ImVec2& p : {a, b}) pen.list()->AddCircleFilled({x, p.y}, 2.5f * s, ink(palette::kText));
   const float y = std::clamp(0.5f * (a.y + b.y), pen.top() + 60 * s, pen.bottom() - 60 * s);
-  pen.text({a.x + 12 * s, y}, view_model::length_text(live.gap_nm()), palette::kText, {0, 0.5f}, gui.text());
+  const std::string gap = view_model::length_text(live.gap_nm());
+  const bool room = x + 9 * s + text_size(gui.text(), gap.c_str()).x < pen.right();
+  pen.text({room ? x + 9 * s : x - 9 * s, y}, gap, palette::kText, {room ? 0.0f : 1.0f, 0.5f}, gui.text());
   const double force = state.force_w_nn.z();
-  pen.text({a.x - 14 * s, y}, force_words(force), force >= 0 ? palette::kRepulsion : palette::kAttraction,
-           {1, 0.5f}, gui.text());
+  const float above = force >= 0 ? -1.0f : 1.0f;
+  const float cone_px = static_cast<float>(kConeHalves * std::min(std::abs(force) / state.force_full_nn, 1.0) * 0.5 * area.height_px);
+  const float word_y = std::clamp(a.y + above * (cone_px + 14 * s), pen.top() + 56 * s, pen.bottom() - 40 * s);
+  pen.text({a.x, word_y}, force_words(force), force >= 0 ? palette::kRepulsion : palette::kAttraction,
+           {0.5f, 0.5f}, gui.text());
   // The picture is orthographic: a bar across it is true everywhere.
   const double per_px = camera.nm_per_pixel(area.height_px);
   const double length = view_model::nice_step(0.35 * per_px * area.width_px);
@@ -228,9 +235,6 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   pen.line({end.x - long_px, end.y}, end, palette::kBackground, 5, 0.7f);
   pen.line({end.x - long_px, end.y}, end, palette::kText, 3);
   pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText, {0.5f, 1});
-  pen.text({pen.left() + 10 * s, pen.bottom() - 10 * s},
-           fmt::format("tip drawn with {}", view_model::length_text(state.tip_radius_nm)), palette::kQuiet,
-           {0, 1});
 }
 
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live, const Area& area) {

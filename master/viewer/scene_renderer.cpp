@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "master/view_model/meshes.h"
 #include "master/view_model/nice_step.h"
@@ -18,6 +19,8 @@ using view_model::Ground;
 using view_model::Mat4;
 using view_model::Rgb;
 
+constexpr double kLeverBend = 0.15;  // of the ground's extent, at most
+constexpr int kOutline = 120;        // sides of the tip's outline
 constexpr double kNowhere = -1e9;  // a cut that cuts nothing
 
 double extent_nm(const Ground& ground) noexcept {
@@ -121,13 +124,15 @@ SceneRenderer::SceneRenderer(const Ground& ground)
       patch_({3, 2, 1}),
       sphere_({3, 3}),
       cone_({3, 3}),
+      disc_({3, 3}),
       shank_({3, 3}),
       lever_({3, 3}),
       lines_({4, 4}) {
   const auto table = view_model::height_colour_table();
   colours_.set_rgb8(view_model::kHeightColours, 1, table);
-  upload(sphere_, view_model::unit_sphere(28, 48));
+  upload(sphere_, view_model::unit_sphere(32, 64));
   upload(cone_, view_model::unit_cone(40));
+  upload(disc_, view_model::unit_cone(kOutline));
   upload(shank_, view_model::frustum(0.45, 1.0, 32));
   set_ground(ground);
 }
@@ -154,8 +159,8 @@ SceneFrame SceneRenderer::close_up_frame(const Ground& ground) {
   return frame;
 }
 
-double SceneRenderer::lever_exaggeration(const Ground& ground) noexcept {
-  return std::max(1.0, view_model::nice_step(0.02 * extent_nm(ground)));
+double SceneRenderer::lever_exaggeration(const Ground& ground, double full_nm) noexcept {
+  return std::max(1.0, view_model::nice_step(kLeverBend * extent_nm(ground) / full_nm));
 }
 
 void SceneRenderer::begin(const Area& area, int canvas_height_px) const {
@@ -259,8 +264,7 @@ void SceneRenderer::draw_overview(const SceneState& state, const Camera& camera,
   draw_solid(shank_, along_axis(middle, Vec3::UnitZ(), 0.6 * radius + 0.006 * extent, shank_nm),
              palette::kTip, 1);
   const Vec3 end = middle + (shank_nm + 0.008 * extent) * Vec3::UnitZ();
-  const double bend_nm = std::clamp(state.deflection_nm * lever_exaggeration(state.ground), -0.3 * extent,
-                                    0.3 * extent);
+  const double bend_nm = std::clamp(state.deflection_nm * state.lever_exaggeration, -0.3 * extent, 0.3 * extent);
   upload(lever_, view_model::bent_lever(0.45 * extent, 0.085 * extent, 0.01 * extent, bend_nm, 24));
   draw_solid(lever_, moved_to(end, 1), palette::kLever, 1);
   glEnable(GL_BLEND);
@@ -354,11 +358,12 @@ void SceneRenderer::draw_close_up(const SceneState& state, const Camera& camera,
   solid_program_.set("cut_y", apex.y());
   draw_solid(sphere_, moved_to(middle, radius), palette::kTip, 1);
   solid_program_.set("cut_y", kNowhere);
+  const Vec3 before_cut = middle - 0.02 * radius * Vec3::UnitY();  // wins against the sample's cut
+  draw_solid(disc_, along_axis(before_cut, Vec3::UnitY(), radius, 1e-3 * radius), palette::kLever, 1);
   glEnable(GL_BLEND);
   glDepthMask(GL_FALSE);
   glDisable(GL_DEPTH_TEST);
-  draw_solid(cone_, along_axis(middle, Vec3::UnitY(), radius, 1e-3 * radius), palette::kLever, 0.55);
-  draw_cone(state, apex, 0.10 * camera.half_height_nm, 0.8 * camera.half_height_nm);
+  draw_cone(state, apex, 0.07 * camera.half_height_nm, kConeInCloseUp * camera.half_height_nm);
   draw_trail(state, clip, frame, area, 1.3);
   LineBatch profile(clip, area.width_px, area.height_px);
   Vec3 before = Vec3::Zero();
@@ -370,9 +375,13 @@ void SceneRenderer::draw_close_up(const SceneState& state, const Camera& camera,
     if (i > 0) profile.add(before, here, palette::kText, 0.9, 1.6);
     before = here;
   }
-  Vec3 foot = state.tip_pos_w_nm;
-  foot.z() = state.ground.height_w_nm(foot.x(), foot.y());
-  profile.add(apex, frame.scene_nm(foot), palette::kText, 0.8, 1.2);
+  for (int i = 0; i < kOutline; ++i) {
+    const auto rim = [&](int k) {
+      const double around = 2 * std::numbers::pi * k / kOutline;
+      return Vec3(middle + radius * Vec3(std::cos(around), 0, std::sin(around)));
+    };
+    profile.add(rim(i), rim(i + 1), palette::kTip, 1, 1.8);
+  }
   lines_.set(profile.corners(), GL_STREAM_DRAW);
   line_program_.use();
   lines_.draw(GL_TRIANGLES);

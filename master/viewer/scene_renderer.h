@@ -36,6 +36,7 @@ class SceneRenderer {
  public:
   static constexpr int kOverviewCells = 96;
   static constexpr int kPatchCells = 64;
+  static constexpr double kConeInCloseUp = 0.7;  ///< length of the full cone over half the picture's height
 
   explicit SceneRenderer(const view_model::Ground& ground);
   void set_ground(const view_model::Ground& ground);
@@ -49,8 +50,8 @@ class SceneRenderer {
 
   static SceneFrame overview_frame(const view_model::Ground& ground);
   static SceneFrame close_up_frame(const view_model::Ground& ground);
-  /// Exaggeration of the lever's deflection so that 1 nm can be seen in the overview.
-  static double lever_exaggeration(const view_model::Ground& ground) noexcept;
+  /// Exaggeration of the lever's deflection so that `full_nm` of it can be seen in the overview.
+  static double lever_exaggeration(const view_model::Ground& ground, double full_nm) noexcept;
 
  private:
   void begin(const Area& area, int canvas_height_px) const;
@@ -74,6 +75,7 @@ class SceneRenderer {
   Buffer patch_;
   Buffer sphere_;
   Buffer cone_;
+  Buffer disc_;
   Buffer shank_;
   Buffer lever_;
   Buffer lines_;

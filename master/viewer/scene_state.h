@@ -16,6 +16,7 @@ struct SceneState {
   Vec3 force_w_nn = Vec3::Zero();       ///< on the tip
   double force_full_nn = 100;           ///< force at which the cone has its full length
   double deflection_nm = 0;             ///< of the lever, up positive
+  double lever_exaggeration = 1;        ///< of that, in the overview
   bool contact = false;
   double tip_radius_nm = 20;
 };

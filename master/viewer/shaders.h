@@ -65,7 +65,7 @@ void main() {
     float line = 1.0 - clamp(min(from_line.x, from_line.y), 0.0, 1.0);
     lit = mix(lit, lit * 1.55 + 0.03, 0.35 * line);
   }
-  vec3 side = base * 0.30 + vec3(0.015, 0.02, 0.03);
+  vec3 side = base * 0.45 + vec3(0.02, 0.025, 0.035);
   colour = vec4(mix(lit, side, cut), 1.0);
 })";
 

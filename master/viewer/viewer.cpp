@@ -55,9 +55,9 @@ void Viewer::reset_cameras() {
   overview_camera_ = {};
   overview_camera_.azimuth_deg = -62;
   overview_camera_.elevation_deg = 32;
-  overview_camera_.target_nm = {0, 0, 0.10 * extent};
-  overview_camera_.distance_nm = 2.25 * extent;
-  overview_camera_.depth_range_nm = 2 * extent;
+  overview_camera_.target_nm = {0, 0, 0.06 * extent};
+  overview_camera_.distance_nm = 2.7 * extent;
+  overview_camera_.depth_range_nm = 3 * extent;
   close_up_camera_ = {};
   close_up_camera_.azimuth_deg = -90;
   close_up_camera_.elevation_deg = kCloseUpElevation_deg;
@@ -84,6 +84,7 @@ SceneState Viewer::state() const {
   state.force_w_nn = vec(now.force_w_nn);
   state.force_full_nn = live_.force_full_nn();
   state.deflection_nm = now.deflection_nm;
+  state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground_, live_.deflection_full_nm());
   state.contact = live_.contact();
   state.tip_radius_nm = facts_.tip_radius_nm;
   return state;
@@ -101,7 +102,14 @@ void Viewer::follow_tip() {
   Vec3 middle = tip;
   middle.z() -= 0.5 * std::clamp(live_.gap_nm(), -kCloseUpMost_nm, kCloseUpMost_nm);
   close_up_camera_.target_nm = SceneRenderer::close_up_frame(ground_).scene_nm(middle);
-  close_up_camera_.target_nm.z() += 0.18 * close_up_camera_.half_height_nm;
+  close_up_camera_.target_nm.z() += 0.12 * close_up_camera_.half_height_nm;
+}
+
+// A picture that is higher than wide sees less to the sides: it stands back.
+view_model::Camera Viewer::fitted_overview(const Area& area) const noexcept {
+  view_model::Camera camera = overview_camera_;
+  camera.distance_nm /= std::clamp(area.aspect(), 0.2, 1.25);
+  return camera;
 }
 
 void Viewer::settle(int frames) {
@@ -155,7 +163,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   hand_.hold(facts_.mouse_is_hand && (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) && !io.WantTextInput)));
   hand_.update(time_s);
 
-  const view_model::Camera& camera = overview_camera_;
+  const view_model::Camera camera = fitted_overview(l.overview);
   const double overview_nm_px = camera.nm_per_pixel(l.overview.height_px);
   const double close_up_nm_px = close_up_camera_.nm_per_pixel(l.close_up.height_px);
   const double dx = io.MouseDelta.x;
@@ -308,8 +316,9 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneFrame frame = SceneRenderer::overview_frame(ground_);
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
   if (views_ != Views::kCloseUp) {
-    renderer_.draw_overview(now, overview_camera_, frame, layout.overview, height_px);
-    draw_overview_words(gui_, facts_, now, live_, overview_camera_, frame, layout.overview);
+    const view_model::Camera camera = fitted_overview(layout.overview);
+    renderer_.draw_overview(now, camera, frame, layout.overview, height_px);
+    draw_overview_words(gui_, now, live_, camera, frame, layout.overview);
   }
   if (views_ != Views::kOverview) {
     renderer_.draw_close_up(now, close_up_camera_, close_frame, layout.close_up, height_px);

@@ -56,6 +56,7 @@ class Viewer {
   void draw_help();
   void draw_words(double time_s, const Area& area);
   SceneState state() const;
+  view_model::Camera fitted_overview(const Area& area) const noexcept;
 
   ViewFacts facts_;
   view_model::ViewPort& port_;
