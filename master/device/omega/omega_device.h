@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "master/device/call_watch.h"
 #include "master/device/device_map.h"
 #include "master/device/haptic_device.h"
-#include "master/device/omega/call_watch.h"
 #include "master/device/omega/sdk.h"
 #include "master/device/omega/usb_nodes.h"
 
