@@ -86,9 +86,10 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},
-    {"CLI/", {"common/config/program", "master/app/", "nve_server/app/"}},
     {"dlfcn.h", {"master/device/omega/sdk"}},
     {"hidapi", {"master/device/hid/hidapi_"}},
+    {"systemd/", {"nve_server/app/service_notify"}},
+    {"CLI/", {"common/config/program", "common/config/completion", "master/app/", "nve_server/app/"}},
     {"spdlog", {"master/app/", "nve_server/app/", "nve_server/server/server_loop"}},
 };
 
