@@ -60,6 +60,7 @@ class RealTimeSession {
   // For other threads, while it runs.
   bool finished() const noexcept { return finished_.load(std::memory_order_acquire); }
   Progress progress() const noexcept { return progress_.load(); }
+  std::uint64_t ticks() const noexcept { return progress_.count(); }
 
   // After it has finished.
   Ending ending() const noexcept { return ending_; }

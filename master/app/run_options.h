@@ -10,7 +10,8 @@ namespace telenano::app {
 /// The flags of `telenano-master run`. What is left out keeps the station file's value.
 struct RunOptions : ServerAccess {
   std::string config_file;
-  std::string device = "sim";
+  std::optional<std::string> device;
+  bool home = false;
   std::string task = "indent";
   std::string script;
   std::optional<double> duration_s;

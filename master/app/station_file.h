@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "master/app/device_settings.h"
 #include "master/device/intended_motion.h"
 #include "master/device/plant.h"
 #include "master/station/station_config.h"
@@ -32,6 +33,7 @@ struct StationFile {
       plant{};  ///< of the simulated device and its operator's hand; its period follows station.rate_hz
   GivenScaling scaling{};  ///< goes into station.scaling as well
   Workspaces workspaces{};
+  DeviceSettings device{};
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording
 };

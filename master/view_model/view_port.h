@@ -7,6 +7,7 @@
 #include "common/recording/sample.h"
 #include "common/rt/latest_value.h"
 #include "common/rt/spsc_queue.h"
+#include "master/device/haptic_device.h"
 
 namespace telenano::view_model {
 
@@ -28,8 +29,8 @@ struct ViewRequest {
 /// Between the loop and the screen. Neither side ever waits: what finds a queue full is dropped and counted.
 struct ViewPort {
   // From the loop.
-  rt::LatestValue<recording::Sample> now;
-  rt::SpscQueue<recording::Sample> samples{8192};
+  rt::SpscQueue<recording::Sample> samples{8192};  ///< two seconds at 4 kHz
+  rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};
   rt::LatestValue<std::uint32_t> buttons;  ///< device::ButtonBits held on the screen, or-ed to the device's

@@ -65,14 +65,18 @@ Message mode_words(const recording::Sample& now) {
       return {(now.limit_flags & recording::kLimitRamp) != 0 ? "Engaging" : "Engaged", Mood::kGood};
     case station::Mode::kHeld:
       return {"Held", Mood::kWarning};
+    case station::Mode::kHoming:
+      return {"Homing", Mood::kWarning};
     case station::Mode::kStopped:
       return {"Stopped", Mood::kAlarm};
   }
   return {"Unknown", Mood::kAlarm};
 }
 
-std::vector<Message> force_words(const recording::Sample& now) {
+std::vector<Message> force_words(const recording::Sample& now, device::ForceOffCause device_cause) {
   std::vector<Message> messages;
+  if (device_cause != device::ForceOffCause::kNone)
+    messages.push_back({std::string("Device: ") + device::force_off_text(device_cause), Mood::kAlarm});
   const auto mode = static_cast<station::Mode>(now.station_mode);
   for (const Fault& fault : kStationFaults) {
     if ((now.station_faults & fault.bit) == 0) continue;
@@ -83,6 +87,8 @@ std::vector<Message> force_words(const recording::Sample& now) {
   if (mode == station::Mode::kIdle) messages.push_back({"No session: zero force until the server answers", Mood::kWarning});
   if (mode == station::Mode::kHeld)
     messages.push_back({"The server is silent: zero force, the tip's target stands still", Mood::kWarning});
+  if (mode == station::Mode::kHoming)
+    messages.push_back({"The device is not calibrated: zero force until it is", Mood::kWarning});
   if (mode == station::Mode::kReady) {
     if ((now.buttons & device::kButtonClutch) != 0)
       messages.push_back({"Clutch held: move the hand where it is comfortable", Mood::kCalm});

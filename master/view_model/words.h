@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/recording/sample.h"
+#include "master/device/haptic_device.h"
 
 namespace telenano::view_model {
 
@@ -20,7 +21,8 @@ Message mode_words(const recording::Sample& now);
 
 /// Why the hand feels no force, or less than it should, in words that say what to do; empty when all is as
 /// it should be. One line for each cause, the gravest first.
-std::vector<Message> force_words(const recording::Sample& now);
+std::vector<Message> force_words(const recording::Sample& now,
+                                 device::ForceOffCause device_cause = device::ForceOffCause::kNone);
 
 /// What the slave reports (link::FaultBits).
 std::vector<Message> slave_words(std::uint32_t slave_faults);

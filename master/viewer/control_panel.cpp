@@ -101,7 +101,7 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
 }
 
 void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
-  auto messages = view_model::force_words(now);
+  auto messages = view_model::force_words(now, port_.force_off.load());
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});

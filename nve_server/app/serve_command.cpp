@@ -18,6 +18,7 @@
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
 #include "nve_server/app/serve_security.h"
+#include "nve_server/app/service_notify.h"
 #include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
@@ -138,6 +139,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
           [&](const std::string& text) { log->info(text); });
     }
     const StatusPrinter printer(status, secure ? &secure->counters() : nullptr, log);
+    const ServiceNotify service(status);
     server::LoopOptions loop_options;
     loop_options.busy_poll = options.busy_poll;
     server::run_loop(
@@ -162,7 +164,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
+  command->add_option("--scene", options->scene, "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")->required();
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")

@@ -9,6 +9,7 @@ namespace {
 
 void publish(const Server& server, LoopStatus& status) noexcept {
   constexpr auto kRelaxed = std::memory_order_relaxed;
+  status.turns.fetch_add(1, kRelaxed);
   status.sessions.store(server.sessions().active(), kRelaxed);
   status.exchanges.store(server.counters().exchanges, kRelaxed);
   status.drops.store(server.drops().total(), kRelaxed);

@@ -13,6 +13,7 @@ namespace telenano::server {
 /// What the loop tells the rest of the program. Single words, read without locks; no snapshot of all at one
 /// instant.
 struct LoopStatus {
+  std::atomic<std::uint64_t> turns{0};  ///< of the time-outs: grows as long as the loop is alive
   std::atomic<std::uint64_t> sessions{0};
   std::atomic<std::uint64_t> exchanges{0};
   std::atomic<std::uint64_t> drops{0};
