@@ -42,7 +42,8 @@ void RealTimeSession::run() noexcept {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
     hand_.device.advance(elapsed_ns);
-    if (stop_.load(std::memory_order_relaxed)) {
+    if (desk_ != nullptr) ask_screen(sample);
+    if (quit_ || stop_.load(std::memory_order_relaxed)) {
       loop_.set_buttons(device::kButtonStop);
       ++stop_ticks_;
     }
@@ -59,11 +60,23 @@ void RealTimeSession::run() noexcept {
       record_events(sample);
     }
     publish(sample);
+    if (desk_ != nullptr) desk_->show(sample, loop_.force_off());
   } while (!over(sample));
   hand_.device.write_force(Vec3::Zero());
   loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
   timer_stats_ = timer.stats();
   finished_.store(true, std::memory_order_release);
+}
+
+void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
+  const view_model::RequestDesk::Asked asked = desk_->answer(station_);
+  loop_.set_buttons(asked.buttons);
+  quit_ |= asked.quit;
+  for (int i = 0; i < asked.marks; ++i) {
+    ++marks_;
+    if (recorder_ != nullptr)
+      recorder_->push(recording::make_event(before.tick, before.time_s, kEventMark, "mark", marks_));
+  }
 }
 
 void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
@@ -114,7 +127,7 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     ending_ = Ending::kStopped;
     return true;
   }
-  if (stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped && ++fault_ticks_ > kStopTicks) {
+  if (desk_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped && ++fault_ticks_ > kStopTicks) {
     ending_ = Ending::kFault;
     return true;
   }

@@ -13,6 +13,7 @@
 #include "master/device/played_motion.h"
 #include "master/loop/station_loop.h"
 #include "master/station/station.h"
+#include "master/view_model/request_desk.h"
 
 namespace telenano::app {
 
@@ -22,6 +23,7 @@ enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone };
 /// Codes of events in a recording besides the station's modes, 0 to 5. Stored in files: never renumber.
 inline constexpr std::uint32_t kEventSilent = 100;
 inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy book
+inline constexpr std::uint32_t kEventMark = 102;     ///< a person's; value: its number, from 1
 
 /// What the loop tells the progress line.
 struct Progress {
@@ -54,6 +56,10 @@ class RealTimeSession {
                   link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
                   double give_up_s, const std::atomic<bool>& stop);
 
+  /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
+  /// then waits for the person there instead of ending the session.
+  void show_on(view_model::RequestDesk& desk) noexcept { desk_ = &desk; }
+
   /// The loop, in the thread that calls it. Neither allocates, locks nor writes.
   void run() noexcept;
 
@@ -68,6 +74,7 @@ class RealTimeSession {
   const rt::PeriodicTimerStats& timer_stats() const noexcept { return timer_stats_; }
 
  private:
+  void ask_screen(const recording::Sample& before) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
   void publish(const recording::Sample& sample) noexcept;
   double hand_time_s(const recording::Sample& sample) const noexcept;
@@ -78,6 +85,7 @@ class RealTimeSession {
   link::ClientSession& session_;
   station::Station& station_;
   recording::Recorder* recorder_;
+  view_model::RequestDesk* desk_ = nullptr;
   double give_up_s_;
   const std::atomic<bool>& stop_;
   rt::SteadyClock clock_;
@@ -90,6 +98,8 @@ class RealTimeSession {
   Ending ending_ = Ending::kTaskDone;
 
   std::int64_t stop_ticks_ = 0;
+  bool quit_ = false;
+  std::uint32_t marks_ = 0;
   std::int64_t fault_ticks_ = 0;
   std::int64_t done_ticks_ = 0;
   bool silent_ = false;

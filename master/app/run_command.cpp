@@ -28,6 +28,7 @@
 #include "master/app/run_options.h"
 #include "master/app/server_link.h"
 #include "master/app/session_device.h"
+#include "master/app/session_view.h"
 #include "master/app/station_file.h"
 #include "master/app/station_plan.h"
 #include "master/app/stop_signals.h"
@@ -43,6 +44,8 @@ constexpr int kProbeMin = 5;
 constexpr int kProbeMax = 40;
 // A loop that has not come back so long after a stop is left behind.
 constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
+constexpr std::chrono::milliseconds kLineAgain(200);
+constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
 // CLI11's ranges let "nan" through: no comparison fails with it.
 void require_numbers(const RunOptions& options) {
@@ -201,7 +204,8 @@ int run(const RunOptions& options) {
   const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
   // What is wrong with a task, a script or a device is found before a server is asked.
   if (simulated) intended_motion(options, file.task, 0);
-  SessionDevice opened = open_session_device(spec, file.device, options.home, nullptr);
+  SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
+  SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
   if (!options.quiet && !simulated) {
     fmt::print(stderr, "device: {}\n", opened.description);
     for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
@@ -256,7 +260,11 @@ int run(const RunOptions& options) {
   station::Station station(config, device_info, port);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        stop);
+  if (view_model::RequestDesk* const desk =
+          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record}))
+    live.show_on(*desk);
   farewell.leave_to_loop();
+  std::string frames;
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
   {
@@ -272,16 +280,23 @@ int run(const RunOptions& options) {
                                   fmt::print(stderr, "{}telenano-master: warning: {}\n",
                                              terminal && !options.quiet ? "\n" : "", text);
                                 });
-    int waited = 0;
+    auto shown = std::chrono::steady_clock::now();
+    const auto look = [&] {
+      if (stop.load() && monitor.stuck_ns() > kGiveUpStuckNs) end_stuck(opened, recorder.get());
+      const auto now = std::chrono::steady_clock::now();
+      if (options.quiet || now - shown < (terminal ? kLineAgain : kLineAgainInLog)) return;
+      shown = now;
+      print_progress(live.progress(), session_s, terminal);
+    };
+    if (view.wanted()) frames = view.run(live, recorder.get(), look);
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
-      if (stop.load() && monitor.stuck_ns() > kGiveUpStuckNs) end_stuck(opened, recorder.get());
-      if (!options.quiet && ++waited % (terminal ? 4 : 40) == 0)
-        print_progress(live.progress(), session_s, terminal);
+      look();
     }
     thread.join();
     if (terminal && !options.quiet) fmt::print(stderr, "\n");
   }
+  if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
   if (recorder) recorder->close();
 
   print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
@@ -348,6 +363,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--give-up-s", options->give_up_s, "End the session after so much silence")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));
+  add_view_flags(*command, options->view);
   command->add_flag("--quiet", options->quiet, "No progress, only the summary");
   command->footer(
       "Exit code: 0 the task is done, or stopped by a signal; 1 failed while running: no server, server "

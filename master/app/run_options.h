@@ -4,6 +4,7 @@
 #include <string>
 
 #include "master/app/server_access.h"
+#include "master/app/session_view.h"
 
 namespace telenano::app {
 
@@ -26,6 +27,7 @@ struct RunOptions : ServerAccess {
   int realtime_priority = 80;
   double give_up_s = 10;
   bool quiet = false;
+  ViewOptions view;
   std::string command_line;
 };
 

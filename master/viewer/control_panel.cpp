@@ -184,7 +184,7 @@ void ControlPanel::draw_region(const Gui& gui, Method method, const control::Sca
   const float label_y = y_device - 14 * s > from.y ? y_device - 14 * s : y_device + 2 * s;
   const char* const saturates = "device saturates above";
   const float label_wide = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, saturates).x;
-  if (y_device > from.y && y_device < to.y) write({to.x - label_wide - 6 * s, label_y}, saturates, palette::kWarning);
+  if (high > 80 * s && y_device > from.y && y_device < to.y) write({to.x - label_wide - 6 * s, label_y}, saturates, palette::kWarning);
 }
 
 void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, float region_high) {
@@ -239,7 +239,7 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
   row("hand force", fmt::format("{:+.2f} of {:.1f} N", now.hand_force_applied_h_n[2], facts_.hand_force_limit_n));
   row("energy", fmt::format("{:+.2f} mJ put in", 1e3 * now.energy_j));
   row("link", fmt::format("RTT {}, lost {}", view_model::time_text(now.rtt_us), now.lost));
-  row("loop", fmt::format("late {}, missed {}", view_model::time_text(now.lateness_us), now.overruns));
+  row("loop", fmt::format("late {}, over {}", view_model::time_text(now.lateness_us), now.overruns));
   ImGui::EndTable();
 }
 

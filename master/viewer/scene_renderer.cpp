@@ -355,7 +355,7 @@ void SceneRenderer::draw_close_up(const SceneState& state, const Camera& camera,
   const Vec3 apex = frame.scene_nm(state.tip_pos_w_nm);
   const Vec3 middle = apex + radius * Vec3::UnitZ();
   use_solids(camera, clip);
-  solid_program_.set("cut_y", apex.y());
+  solid_program_.set("cut_y", apex.y() + 0.01 * radius);  // behind the sample's cut, whatever rounding does
   draw_solid(sphere_, moved_to(middle, radius), palette::kTip, 1);
   solid_program_.set("cut_y", kNowhere);
   const Vec3 before_cut = middle - 0.02 * radius * Vec3::UnitY();  // wins against the sample's cut
