@@ -4,12 +4,19 @@
 #include <cmath>
 
 namespace telenano::view_model {
+namespace {
+
+constexpr double kGreatest = 1e30;
+constexpr double kGreatestTimeS = 1e12;
+
+}  // namespace
 
 Strip::Strip(double window_s, std::size_t bins)
     : window_s_(window_s), bin_s_(window_s / static_cast<double>(bins)), bins_(bins) {}
 
 void Strip::add(double time_s, double value) noexcept {
-  if (!std::isfinite(value) || !std::isfinite(time_s)) return;
+  // Beyond what a float holds is no number either; nor is a time whose bins cannot be counted.
+  if (!(std::abs(value) <= kGreatest) || !(std::abs(time_s) <= kGreatestTimeS)) return;
   const auto number = static_cast<long long>(std::floor(time_s / bin_s_));
   if (any_ && number < newest_number_) return;
   if (!any_) newest_number_ = number;

@@ -16,6 +16,8 @@ using view_model::Strip;
 
 constexpr std::array<const char*, 7> kDecades = {"1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s"};
 
+constexpr int kLinesMax = 12;
+
 struct Axis {
   double low = 0;
   double high = 1;
@@ -70,7 +72,9 @@ ChartBox begin_chart(const Gui& gui, const ChartBox& box, const char* title, flo
 void draw_grid(const Gui& gui, const ChartBox& plot, const Axis& axis, bool left, const palette::Rgb& colour) {
   ImDrawList* const list = ImGui::GetWindowDrawList();
   const float s = gui.scale();
-  for (double v = std::ceil(axis.low / axis.step) * axis.step; v <= axis.high; v += axis.step) {
+  const double first = std::ceil(axis.low / axis.step);
+  for (int i = 0; i < kLinesMax && (first + i) * axis.step <= axis.high; ++i) {
+    const double v = (first + i) * axis.step;
     const float y = axis.y(plot, v);
     const bool zero = std::abs(v) < 1e-6 * axis.step;
     if (left) list->AddLine({plot.from.x, y}, {plot.to.x, y}, ink(palette::kEdge, zero ? 1.0f : 0.55f), s);

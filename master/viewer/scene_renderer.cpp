@@ -21,6 +21,8 @@ using view_model::Rgb;
 
 constexpr double kLeverBend = 0.15;  // of the ground's extent, at most
 constexpr int kOutline = 120;        // sides of the tip's outline
+constexpr double kAmbient = 0.38;
+constexpr double kConeAmbient = 0.62;  // a cone that points down must keep its colour in its own shade
 constexpr double kNowhere = -1e9;  // a cut that cuts nothing
 
 double extent_nm(const Ground& ground) noexcept {
@@ -130,7 +132,7 @@ SceneRenderer::SceneRenderer(const Ground& ground)
       lines_({4, 4}) {
   const auto table = view_model::height_colour_table();
   colours_.set_rgb8(view_model::kHeightColours, 1, table);
-  upload(sphere_, view_model::unit_sphere(32, 64));
+  upload(sphere_, view_model::unit_sphere(20, 40));
   upload(cone_, view_model::unit_cone(40));
   upload(disc_, view_model::unit_cone(kOutline));
   upload(shank_, view_model::frustum(0.45, 1.0, 32));
@@ -210,6 +212,7 @@ void SceneRenderer::use_solids(const Camera& camera, const Mat4& clip) const {
   solid_program_.set("light", light_of(camera));
   solid_program_.set("eye", camera.direction());
   solid_program_.set("cut_y", kNowhere);
+  solid_program_.set("ambient", kAmbient);
 }
 
 void SceneRenderer::draw_solid(const Buffer& mesh, const Mat4& scene_of_model, const Rgb& colour,
@@ -226,7 +229,9 @@ void SceneRenderer::draw_cone(const SceneState& state, const Vec3& foot_nm, doub
   const double part = std::min(force_nn / state.force_full_nn, 1.0);
   if (!(part > 0.005)) return;
   const Rgb& colour = state.force_w_nn.z() >= 0 ? palette::kRepulsion : palette::kAttraction;
+  solid_program_.set("ambient", kConeAmbient);
   draw_solid(cone_, along_axis(foot_nm, state.force_w_nn, radius_nm, full_nm * part), colour, 0.95);
+  solid_program_.set("ambient", kAmbient);
 }
 
 void SceneRenderer::draw_trail(const SceneState& state, const Mat4& clip, const SceneFrame& frame,

@@ -34,8 +34,8 @@ struct SceneFrame {
 /// tip's x–z plane.
 class SceneRenderer {
  public:
-  static constexpr int kOverviewCells = 96;
-  static constexpr int kPatchCells = 64;
+  static constexpr int kOverviewCells = 72;
+  static constexpr int kPatchCells = 48;
   static constexpr double kConeInCloseUp = 0.7;  ///< length of the full cone over half the picture's height
 
   explicit SceneRenderer(const view_model::Ground& ground);

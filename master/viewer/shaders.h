@@ -92,6 +92,7 @@ uniform vec3 eye;
 uniform float cut_y;              // what lies before this is cut away
 uniform vec3 base;
 uniform float alpha;
+uniform float ambient;
 out vec4 colour;
 void main() {
   if (depth_y < cut_y) discard;
@@ -100,7 +101,7 @@ void main() {
   float diffuse = max(dot(normal, light), 0.0);
   float shine = pow(max(dot(normal, normalize(light + eye)), 0.0), 50.0);
   float rim = pow(1.0 - max(dot(normal, eye), 0.0), 3.0);
-  colour = vec4(base * (0.38 + 0.66 * diffuse) + 0.22 * shine + 0.10 * rim, alpha);
+  colour = vec4(base * (ambient + 0.66 * diffuse) + 0.22 * shine + 0.10 * rim, alpha);
 })";
 
 // Lines and points with their colour at each corner, already in clip space.

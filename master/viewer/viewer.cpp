@@ -56,7 +56,7 @@ void Viewer::reset_cameras() {
   overview_camera_.azimuth_deg = -62;
   overview_camera_.elevation_deg = 32;
   overview_camera_.target_nm = {0, 0, 0.06 * extent};
-  overview_camera_.distance_nm = 2.4 * extent;
+  overview_camera_.distance_nm = 2.55 * extent;
   overview_camera_.depth_range_nm = 3 * extent;
   close_up_camera_ = {};
   close_up_camera_.azimuth_deg = -90;

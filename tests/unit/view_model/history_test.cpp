@@ -66,6 +66,8 @@ TEST(Strip, LeavesOutWhatIsNoNumberOrComesLate) {
   double greatest = 0;
   strip.add(0, std::numeric_limits<double>::quiet_NaN());
   strip.add(std::numeric_limits<double>::infinity(), 1);
+  strip.add(1e300, 1);
+  strip.add(0, -1e300);
   EXPECT_FALSE(strip.range(least, greatest));
   strip.add(0.95, 5);
   strip.add(0.1, 7);

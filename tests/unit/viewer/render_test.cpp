@@ -187,7 +187,8 @@ TEST_F(Render, ConeIsOrangeAboveTheTipWhenPushedAndBlueBelowWhenPulled) {
   camera = viewer_->close_up_camera();
   const auto& tip2 = viewer_->live().now().tip_pos_w_nm;
   apex = {tip2[0] - middle.x(), tip2[1] - middle.y(), tip2[2] - ground.min_w_nm().z()};
-  EXPECT_TRUE(blue(at(project(camera, apex - Vec3(0, 0, 0.2 * camera.half_height_nm), layout().close_up))));
+  const Rgb below = at(project(camera, apex - Vec3(0, 0, 0.2 * camera.half_height_nm), layout().close_up));
+  EXPECT_TRUE(blue(below)) << below.r << " " << below.g << " " << below.b;
 }
 
 // The section's line runs through the formula's heights.
