@@ -127,7 +127,8 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     ending_ = Ending::kStopped;
     return true;
   }
-  if (desk_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped && ++fault_ticks_ > kStopTicks) {
+  if (desk_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped &&
+      ++fault_ticks_ > kStopTicks) {
     ending_ = Ending::kFault;
     return true;
   }

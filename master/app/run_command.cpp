@@ -260,8 +260,8 @@ int run(const RunOptions& options) {
   station::Station station(config, device_info, port);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        stop);
-  if (view_model::RequestDesk* const desk =
-          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record}))
+  if (view_model::RequestDesk* const desk = view.begin(
+          {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record}))
     live.show_on(*desk);
   farewell.leave_to_loop();
   std::string frames;
@@ -288,7 +288,7 @@ int run(const RunOptions& options) {
       shown = now;
       print_progress(live.progress(), session_s, terminal);
     };
-    if (view.wanted()) frames = view.run(live, recorder.get(), look);
+    if (view.wanted()) frames = view.run(live, recorder.get(), !thread.report().fifo, look);
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       look();

@@ -32,7 +32,8 @@ struct Size {
 
 Size parse_size(const std::string& text) {
   const auto fail = [&text] {
-    throw UserError("--screenshot-size: '" + text + "' is no size, expected WIDTHxHEIGHT, 320x240 to 4096x4096");
+    throw UserError("--screenshot-size: '" + text +
+                    "' is no size, expected WIDTHxHEIGHT, 320x240 to 4096x4096");
   };
   const std::size_t x = text.find('x');
   if (x == std::string::npos) fail();
@@ -48,8 +49,8 @@ Size parse_size(const std::string& text) {
   return size;
 }
 
-// Reads the scan again when the file has changed since. A file that is just being written, or has gone, changes
-// nothing: the old picture stays.
+// Reads the scan again when the file has changed since. A file that is just being written, or has gone,
+// changes nothing: the old picture stays.
 class WatchedScan {
  public:
   explicit WatchedScan(std::string path) : path_(std::move(path)), seen_(fs::last_write_time(path_)) {}
@@ -84,9 +85,10 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
   photo_ = !options.screenshot.empty();
   window_ = !photo_ && !options.no_view && (options.view || (mouse && viewer::has_display()));
   if (mouse && !window_) {
-    throw UserError(photo_ || options.no_view
-                        ? "--device mouse needs the window that --screenshot and --no-view leave out"
-                        : "--device mouse needs a window, and there is no display: log in graphically or with ssh -X");
+    throw UserError(
+        photo_ || options.no_view
+            ? "--device mouse needs the window that --screenshot and --no-view leave out"
+            : "--device mouse needs a window, and there is no display: log in graphically or with ssh -X");
   }
   if (!std::isfinite(options.tip_radius_nm) || !std::isfinite(options.at_s))
     throw UserError("--tip-radius-nm, --at: expected finite numbers");
@@ -97,7 +99,8 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
       throw UserError("--screenshot: " + folder.string() + " is no folder");
   }
   if (window_ && !viewer::has_display())
-    throw UserError("--view: there is no display; log in graphically or with ssh -X, or use --screenshot FILE.png");
+    throw UserError(
+        "--view: there is no display; log in graphically or with ssh -X, or use --screenshot FILE.png");
   if (!options.surface.empty()) parts_->scan = surface::read_gsf(options.surface).grid;
 }
 
@@ -110,6 +113,7 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
   facts.server = session.server;
   facts.device_name = session.device.name;
   facts.mouse_is_hand = mouse_;
+  facts.shows_force = session.device.has_force;
   const device::HandMotionLimits hand{};
   facts.hand_half_m = session.device.workspace_radius_m;
   // From the border of the box to its middle, and until what rounds the corners has died away.
@@ -126,7 +130,8 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
     station::StationConfig config = session.station;
     config.method = method;
     region.impedance_bound[i] =
-        station::check_scaling(config, session.device, slave_port(session.slave), session.delay_samples).exact_bound;
+        station::check_scaling(config, session.device, slave_port(session.slave), session.delay_samples)
+            .exact_bound;
     facts.method_offered[i] = station::usable_method(method, session.feature_bits) == method;
   }
   region.device_force_scale = control::device_force_scale_bound(
@@ -146,9 +151,9 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
   return desk_.get();
 }
 
-std::string SessionView::run(const RealTimeSession& live, const recording::Recorder* recorder,
+std::string SessionView::run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
                              const std::function<void()>& each) {
-  rt::enter_background();
+  if (give_way) rt::enter_background();
   viewer::ViewHooks hooks;
   hooks.session_over = [&] {
     each();
@@ -177,7 +182,8 @@ std::string SessionView::run(const RealTimeSession& live, const recording::Recor
 
 std::string SessionView::draw(const viewer::ViewHooks& hooks, const RealTimeSession& live) {
   if (photo_) {
-    viewer::PhotoOptions photo{options_.screenshot, options_.at_s, parts_->size.width_px, parts_->size.height_px};
+    viewer::PhotoOptions photo{options_.screenshot, options_.at_s, parts_->size.width_px,
+                               parts_->size.height_px};
     viewer::photograph(parts_->facts, std::move(*parts_->ground), port_, hooks, photo,
                        [&live] { return live.progress().time_s; });
     return "picture: " + options_.screenshot;

@@ -57,13 +57,16 @@ class SessionView {
   SessionView& operator=(const SessionView&) = delete;
 
   bool wanted() const noexcept { return window_ || photo_; }
-  const rt::LatestValue<device::PointerState>* pointer() const noexcept { return window_ ? &pointer_ : nullptr; }
+  const rt::LatestValue<device::PointerState>* pointer() const noexcept {
+    return window_ ? &pointer_ : nullptr;
+  }
 
   /// The loop's side, for RealTimeSession; null when no picture is wanted.
   view_model::RequestDesk* begin(const ViewedSession& session);
   /// The picture, until the session is over; `each` is called every now and then. In the main thread.
+  /// `give_way`: the loop has no real-time priority, so drawing has to leave it the processors.
   /// Returns one line about the frames for a person; empty when there is none.
-  std::string run(const RealTimeSession& live, const recording::Recorder* recorder,
+  std::string run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
                   const std::function<void()>& each);
 
  private:

@@ -8,8 +8,9 @@ struct SessionView::Parts {};
 
 SessionView::SessionView(const ViewOptions& options, bool mouse) : options_(options) {
   if (options.view || mouse || !options.screenshot.empty()) {
-    throw UserError("this build has no viewer: install libglfw3-dev libimgui-dev libepoxy-dev libgl-dev libegl-dev and "
-                    "configure with -DTELENANO_VIEWER=ON; --device sim needs none");
+    throw UserError(
+        "this build has no viewer: install libglfw3-dev libimgui-dev libepoxy-dev libgl-dev libegl-dev and "
+        "configure with -DTELENANO_VIEWER=ON; --device sim needs none");
   }
 }
 
@@ -19,7 +20,8 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession&) {
   return nullptr;
 }
 
-std::string SessionView::run(const RealTimeSession&, const recording::Recorder*, const std::function<void()>&) {
+std::string SessionView::run(const RealTimeSession&, const recording::Recorder*, bool,
+                             const std::function<void()>&) {
   return "";
 }
 

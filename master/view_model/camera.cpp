@@ -68,8 +68,7 @@ double Camera::nm_per_pixel(double height_px) const noexcept {
 
 void Camera::orbit(double azimuth_deg_more, double elevation_deg_more) noexcept {
   azimuth_deg = std::remainder(azimuth_deg + azimuth_deg_more, 360);
-  elevation_deg =
-      std::clamp(elevation_deg + elevation_deg_more, -kElevationMax_deg, kElevationMax_deg);
+  elevation_deg = std::clamp(elevation_deg + elevation_deg_more, -kElevationMax_deg, kElevationMax_deg);
 }
 
 void Camera::zoom(double factor) noexcept {

@@ -24,7 +24,7 @@ struct Camera {
   double elevation_deg = 35;  ///< -89 … 89
   double distance_nm = 1000;
   bool orthographic = false;
-  double half_height_nm = 10;   ///< of the picture, orthographic only
+  double half_height_nm = 10;     ///< of the picture, orthographic only
   double field_of_view_deg = 32;  ///< vertical, perspective only
   double depth_range_nm = 2000;   ///< what is drawn before and behind the target
 

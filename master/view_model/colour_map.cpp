@@ -36,9 +36,7 @@ Rgb to_srgb(const Oklab& c) noexcept {
   const double l = std::pow(c.lightness + 0.3963377774 * c.a + 0.2158037573 * c.b, 3);
   const double m = std::pow(c.lightness - 0.1055613458 * c.a - 0.0638541728 * c.b, 3);
   const double s = std::pow(c.lightness - 0.0894841775 * c.a - 1.2914855480 * c.b, 3);
-  const auto channel = [](double linear) {
-    return static_cast<float>(std::clamp(encode(linear), 0.0, 1.0));
-  };
+  const auto channel = [](double linear) { return static_cast<float>(std::clamp(encode(linear), 0.0, 1.0)); };
   return {channel(4.0767416621 * l - 3.3077115913 * m + 0.2309699292 * s),
           channel(-1.2684380046 * l + 2.6097574011 * m - 0.3413193965 * s),
           channel(-0.0041960863 * l - 0.7034186147 * m + 1.7076147010 * s)};
@@ -64,8 +62,8 @@ Rgb height_colour(double height) noexcept {
   const Tint& low = kTints[i - 1];
   const Tint& high = kTints[i];
   const double u = (t - low.height) / (high.height - low.height);
-  return to_srgb({kDarkest + (kLightest - kDarkest) * t, low.a + u * (high.a - low.a),
-                  low.b + u * (high.b - low.b)});
+  return to_srgb(
+      {kDarkest + (kLightest - kDarkest) * t, low.a + u * (high.a - low.a), low.b + u * (high.b - low.b)});
 }
 
 std::array<unsigned char, 3 * kHeightColours> height_colour_table() noexcept {

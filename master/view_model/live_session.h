@@ -34,8 +34,8 @@ class LiveSession {
   Origin origin() const noexcept { return origin_; }
 
   const Strip& gap() const noexcept { return gap_strip_; }
-  const Strip& tip_force() const noexcept { return tip_force_; }   ///< nN, along z
-  const Strip& raw_force() const noexcept { return raw_force_; }   ///< N, α_F times it
+  const Strip& tip_force() const noexcept { return tip_force_; }          ///< nN, along z
+  const Strip& raw_force() const noexcept { return raw_force_; }          ///< N, α_F times it
   const Strip& limited_force() const noexcept { return limited_force_; }  ///< N, what was sent to the device
   const Strip& applied_force() const noexcept { return applied_force_; }  ///< N, what the device applied
   const Strip& energy() const noexcept { return energy_; }  ///< mJ, of the observer, put in by the hand

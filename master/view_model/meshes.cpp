@@ -38,8 +38,7 @@ Mesh unit_sphere(int rings, int sectors) {
     const double polar = std::numbers::pi * ring / rings;
     for (int sector = 0; sector <= sectors; ++sector) {
       const double around = kTurn * sector / sectors;
-      const Vec3 p(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around),
-                   std::cos(polar));
+      const Vec3 p(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar));
       add(mesh, p, p);
     }
   }
@@ -98,7 +97,7 @@ Mesh bent_lever(double length, double width, double thickness, double deflection
   for (int i = 0; i < segments; ++i) {
     const Vec3 a = cut(i);
     const Vec3 b = cut(i + 1);
-    add_quad(mesh, a - across, a + across, b + across, b - across);                          // top
+    add_quad(mesh, a - across, a + across, b + across, b - across);                              // top
     add_quad(mesh, b - across + down, b + across + down, a + across + down, a - across + down);  // bottom
     add_quad(mesh, a + across, a + across + down, b + across + down, b + across);
     add_quad(mesh, b - across, b - across + down, a - across + down, a - across);

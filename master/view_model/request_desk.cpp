@@ -29,7 +29,8 @@ RequestDesk::Asked RequestDesk::answer(station::Station& station) noexcept {
         }
         break;
       case ViewRequest::Kind::kScaling:
-        if (!safe(station.method(), request.scaling, station) || !station.change_scaling(request.scaling)) ++refused_;
+        if (!safe(station.method(), request.scaling, station) || !station.change_scaling(request.scaling))
+          ++refused_;
         break;
       case ViewRequest::Kind::kMarker:
         ++asked.marks;

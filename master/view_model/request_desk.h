@@ -31,7 +31,8 @@ class RequestDesk {
   std::uint64_t refused() const noexcept { return refused_; }
 
  private:
-  bool safe(control::Method method, const control::Scaling& scaling, const station::Station& station) const noexcept;
+  bool safe(control::Method method, const control::Scaling& scaling,
+            const station::Station& station) const noexcept;
 
   ViewPort& port_;
   std::array<double, control::kAllMethods.size()> impedance_bound_;

@@ -25,10 +25,11 @@ double ScalingRegion::force_max(control::Method method, double velocity) const n
   return std::max(bound(method), 0.0) / velocity * kInside;
 }
 
-control::Scaling ScalingRegion::clamped(control::Method method, const control::Scaling& wanted) const noexcept {
+control::Scaling ScalingRegion::clamped(control::Method method,
+                                        const control::Scaling& wanted) const noexcept {
   control::Scaling scaling;
-  scaling.velocity = std::clamp(std::isfinite(wanted.velocity) ? wanted.velocity : velocity_min, velocity_min,
-                                velocity_max);
+  scaling.velocity =
+      std::clamp(std::isfinite(wanted.velocity) ? wanted.velocity : velocity_min, velocity_min, velocity_max);
   const double force = std::isfinite(wanted.force) ? std::max(wanted.force, force_min) : force_min;
   scaling.force = std::min(force, force_max(method, scaling.velocity));
   return scaling;

@@ -16,7 +16,7 @@ struct ScalingRegion {
   double velocity_max = 1e-4;
   double force_min = 1;
   double velocity_planned = 1e-6;  ///< of the session's start
-  bool unsafe_allowed = false;  ///< the person insisted at the start: the limit is drawn, not kept
+  bool unsafe_allowed = false;     ///< the person insisted at the start: the limit is drawn, not kept
 
   double bound(control::Method method) const noexcept {
     return impedance_bound[static_cast<std::size_t>(method)];

@@ -21,8 +21,7 @@ void Strip::add(double time_s, double value) noexcept {
   if (any_ && number < newest_number_) return;
   if (!any_) newest_number_ = number;
   any_ = true;
-  const long long ahead =
-      std::min<long long>(number - newest_number_, static_cast<long long>(bins_.size()));
+  const long long ahead = std::min<long long>(number - newest_number_, static_cast<long long>(bins_.size()));
   for (long long i = 0; i < ahead; ++i) {
     newest_ = (newest_ + 1) % bins_.size();
     bins_[newest_] = {};

@@ -29,7 +29,7 @@ struct ViewRequest {
 /// Between the loop and the screen. Neither side ever waits: what finds a queue full is dropped and counted.
 struct ViewPort {
   // From the loop.
-  rt::SpscQueue<recording::Sample> samples{8192};  ///< two seconds at 4 kHz
+  rt::SpscQueue<recording::Sample> samples{8192};    ///< two seconds at 4 kHz
   rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};

@@ -20,10 +20,13 @@ struct Fault {
 constexpr std::array<Fault, 10> kStationFaults = {{
     {station::kFaultDeviceFailed, "The device has failed: zero force. Check its cable and power, then clear"},
     {station::kFaultForceNonFinite, "The station's own force was no number: zero force. Please report this"},
-    {station::kFaultHandPosNonFinite, "The device reported an impossible position: zero force. Look at it, then clear"},
-    {station::kFaultAppliedNonFinite, "The device reported an impossible force: zero force. Look at it, then clear"},
+    {station::kFaultHandPosNonFinite,
+     "The device reported an impossible position: zero force. Look at it, then clear"},
+    {station::kFaultAppliedNonFinite,
+     "The device reported an impossible force: zero force. Look at it, then clear"},
     {station::kFaultVelocityTrip, "The hand moved too fast: zero force. Take hold again, then clear"},
-    {station::kFaultSlaveStiffer, "The new sample is stiffer than what was planned for: start the session anew"},
+    {station::kFaultSlaveStiffer,
+     "The new sample is stiffer than what was planned for: start the session anew"},
     {station::kFaultStopPressed, "Stopped by the operator: zero force, the tip retracts. Clear when ready"},
     {station::kFaultBadTick, "A tick without length: zero force in it"},
     {station::kFaultReplyNonFinite, "A reply was no number: left out, the force comes back by a ramp"},
@@ -84,7 +87,8 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
                        fault.bit != station::kFaultBadTick;
     messages.push_back({fault.text, grave ? Mood::kAlarm : Mood::kWarning});
   }
-  if (mode == station::Mode::kIdle) messages.push_back({"No session: zero force until the server answers", Mood::kWarning});
+  if (mode == station::Mode::kIdle)
+    messages.push_back({"No session: zero force until the server answers", Mood::kWarning});
   if (mode == station::Mode::kHeld)
     messages.push_back({"The server is silent: zero force, the tip's target stands still", Mood::kWarning});
   if (mode == station::Mode::kHoming)
@@ -100,8 +104,7 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
     messages.push_back({"Force limit: you feel less than the tip does", Mood::kWarning});
   if ((limits & recording::kLimitClamp) != 0)
     messages.push_back({"Energy clamp: force held back to keep touch passive", Mood::kWarning});
-  if ((limits & recording::kLimitDamper) != 0)
-    messages.push_back({"Passivity damper at work", Mood::kCalm});
+  if ((limits & recording::kLimitDamper) != 0) messages.push_back({"Passivity damper at work", Mood::kCalm});
   return messages;
 }
 

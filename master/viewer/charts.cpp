@@ -69,7 +69,8 @@ ChartBox begin_chart(const Gui& gui, const ChartBox& box, const char* title, flo
   return {{box.from.x + 40 * s, box.from.y + 40 * s}, {box.to.x - right_margin * s, box.to.y - 10 * s}};
 }
 
-void draw_grid(const Gui& gui, const ChartBox& plot, const Axis& axis, bool left, const palette::Rgb& colour) {
+void draw_grid(const Gui& gui, const ChartBox& plot, const Axis& axis, bool left,
+               const palette::Rgb& colour) {
   ImDrawList* const list = ImGui::GetWindowDrawList();
   const float s = gui.scale();
   const double first = std::ceil(axis.low / axis.step);
@@ -119,7 +120,8 @@ float draw_values(const Gui& gui, const ChartBox& box, const Curve& curve, const
   // Without room for names and units the colours must do; the axes say the rest.
   const bool narrow = box.to.x - box.from.x < 170 * gui.scale();
   std::string text = value;
-  if (!narrow) text = *curve.name == 0 ? fmt::format("{} {}", value, unit) : fmt::format("{} {}", curve.name, value);
+  if (!narrow)
+    text = *curve.name == 0 ? fmt::format("{} {}", value, unit) : fmt::format("{} {}", curve.name, value);
   const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
   const float s = gui.scale();
   ImGui::GetWindowDrawList()->AddText(gui.small(), gui.small()->FontSize,

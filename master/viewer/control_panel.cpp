@@ -105,6 +105,8 @@ void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
+  if (messages.empty() && !facts_.shows_force)
+    messages.push_back({"This hand has no motors: see the force at the tip", Mood::kCalm});
   if (messages.empty()) messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
   for (const auto& message : messages) {
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour_of(message.mood)));
@@ -146,7 +148,8 @@ void ControlPanel::draw_region(const Gui& gui, Method method, const control::Sca
   list->AddRectFilled(from, to, ink(palette::kBackground), 4 * s);
   const double force_max = region.force_top();
   const auto x_of = [&](double v) {
-    return from.x + static_cast<float>(view_model::slider_of(v, region.velocity_min, region.velocity_max)) * wide;
+    return from.x +
+           static_cast<float>(view_model::slider_of(v, region.velocity_min, region.velocity_max)) * wide;
   };
   const auto y_of = [&](double f) {
     return to.y - static_cast<float>(view_model::slider_of(f, region.force_min, force_max)) * high;
@@ -157,7 +160,8 @@ void ControlPanel::draw_region(const Gui& gui, Method method, const control::Sca
   constexpr int kParts = 48;
   ImVec2 before{};
   for (int i = 0; i <= kParts; ++i) {
-    const double v = view_model::value_of(static_cast<double>(i) / kParts, region.velocity_min, region.velocity_max);
+    const double v =
+        view_model::value_of(static_cast<double>(i) / kParts, region.velocity_min, region.velocity_max);
     const ImVec2 here{x_of(v), y_of(bound / v)};
     if (i > 0) {
       list->AddQuadFilled({before.x, before.y}, here, {here.x, to.y}, {before.x, to.y},
@@ -184,7 +188,8 @@ void ControlPanel::draw_region(const Gui& gui, Method method, const control::Sca
   const float label_y = y_device - 14 * s > from.y ? y_device - 14 * s : y_device + 2 * s;
   const char* const saturates = "device saturates above";
   const float label_wide = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, saturates).x;
-  if (high > 80 * s && y_device > from.y && y_device < to.y) write({to.x - label_wide - 6 * s, label_y}, saturates, palette::kWarning);
+  if (high > 80 * s && y_device > from.y && y_device < to.y)
+    write({to.x - label_wide - 6 * s, label_y}, saturates, palette::kWarning);
 }
 
 void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, float region_high) {
@@ -203,12 +208,10 @@ void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, fl
   force.limit = std::max(region.bound(method), 0.0) / shown.velocity;
   const double nm_per_mm = shown.velocity * 1e6;
   const double newton_per_nn = shown.force * 1e-9;
-  const std::string velocity_text =
-      fmt::format("{} = {:.3g}   (1 mm moves {:.3g} nm)", gui.has_greek() ? "α_v" : "alpha_v", shown.velocity,
-                  nm_per_mm);
-  const std::string force_text =
-      fmt::format("{} = {:.3g}   (1 nN feels {:.3g} N)", gui.has_greek() ? "α_F" : "alpha_F", shown.force,
-                  newton_per_nn);
+  const std::string velocity_text = fmt::format(
+      "{} = {:.3g}   (1 mm moves {:.3g} nm)", gui.has_greek() ? "α_v" : "alpha_v", shown.velocity, nm_per_mm);
+  const std::string force_text = fmt::format("{} = {:.3g}   (1 nN feels {:.3g} N)",
+                                             gui.has_greek() ? "α_F" : "alpha_F", shown.force, newton_per_nn);
   limited_slider(gui, "velocity", velocity_text.c_str(), wide, velocity);
   limited_slider(gui, "force", force_text.c_str(), wide, force);
   if (velocity.changed) dragged_ = region.clamped(method, {velocity.value, shown.force});
@@ -230,20 +233,26 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
   ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
   const auto& tip = now.tip_pos_w_nm;
   row("tip x y z", fmt::format("{:.1f}  {:.1f}  {:.2f} nm", tip[0], tip[1], tip[2]));
-  row("gap", fmt::format("{}, {}", view_model::length_text(live.gap_nm()), view_model::contact_words(now.contact_state)),
+  row("gap",
+      fmt::format("{}, {}", view_model::length_text(live.gap_nm()),
+                  view_model::contact_words(now.contact_state)),
       live.contact() ? palette::kRepulsion : palette::kText);
   const auto& f = now.force_w_nn;
   row("tip force", fmt::format("{} along z", view_model::force_text(f[2])),
       f[2] >= 0 ? palette::kRepulsion : palette::kAttraction);
   row("lever", fmt::format("bent {}", view_model::length_text(now.deflection_nm)));
-  row("hand force", fmt::format("{:+.2f} of {:.1f} N", now.hand_force_applied_h_n[2], facts_.hand_force_limit_n));
+  row("hand force",
+      facts_.shows_force
+          ? fmt::format("{:+.2f} of {:.1f} N", now.hand_force_applied_h_n[2], facts_.hand_force_limit_n)
+          : fmt::format("not shown ({:+.2f} N)", now.hand_force_commanded_h_n[2]));
   row("energy", fmt::format("{:+.2f} mJ put in", 1e3 * now.energy_j));
   row("link", fmt::format("RTT {}, lost {}", view_model::time_text(now.rtt_us), now.lost));
   row("loop", fmt::format("late {}, over {}", view_model::time_text(now.lateness_us), now.overruns));
   ImGui::EndTable();
 }
 
-void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording) {
+void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live,
+                             const RecordingStatus& recording) {
   const float s = gui.scale();
   if (!facts_.recording.empty()) {
     const ImVec2 p = ImGui::GetCursorScreenPos();
@@ -253,7 +262,8 @@ void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live
     ImGui::Dummy({14 * s, 0});
     ImGui::SameLine();
     ImGui::TextColored(vec4(recording.failed ? palette::kAlarm : palette::kText), "%s",
-                       recording.failed ? "recording has failed" : fmt::format("recording: {} rows", recording.rows).c_str());
+                       recording.failed ? "recording has failed"
+                                        : fmt::format("recording: {} rows", recording.rows).c_str());
   } else {
     ImGui::TextColored(vec4(palette::kQuiet), "not recording (--record FILE)");
   }

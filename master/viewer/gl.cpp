@@ -103,8 +103,8 @@ void Buffer::set(std::span<const float> corners, std::span<const std::uint32_t> 
     glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(indices.size_bytes()), indices.data(),
                  usage);
   }
-  count_ = static_cast<GLsizei>(indexed_ ? indices.size()
-                                         : corners.size() / static_cast<std::size_t>(stride_));
+  count_ =
+      static_cast<GLsizei>(indexed_ ? indices.size() : corners.size() / static_cast<std::size_t>(stride_));
   glBindVertexArray(0);
 }
 

@@ -30,7 +30,9 @@ void set_style(float scale) {
   style.ItemSpacing = {8, 6};
   style.ScrollbarSize = 10;
   style.ScaleAllSizes(scale);
-  const auto set = [&style](ImGuiCol what, const Rgb& c, float alpha = 1) { style.Colors[what] = vec4(c, alpha); };
+  const auto set = [&style](ImGuiCol what, const Rgb& c, float alpha = 1) {
+    style.Colors[what] = vec4(c, alpha);
+  };
   set(ImGuiCol_Text, kText);
   set(ImGuiCol_TextDisabled, kQuiet);
   set(ImGuiCol_WindowBg, kPanel);

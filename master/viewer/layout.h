@@ -9,7 +9,8 @@ namespace telenano::viewer {
 
 enum class Views : std::uint8_t { kBoth, kOverview, kCloseUp };
 
-/// Where everything is in a window: two pictures side by side, four charts under them, the panel at the right.
+/// Where everything is in a window: two pictures side by side, four charts under them, the panel at the
+/// right.
 struct Layout {
   Area overview;
   Area close_up;

@@ -14,7 +14,8 @@ class LineBatch {
   LineBatch(const view_model::Mat4& clip_of_scene, double width_px, double height_px)
       : clip_of_scene_(clip_of_scene), width_px_(width_px), height_px_(height_px) {}
 
-  void add(const Vec3& from_nm, const Vec3& to_nm, const view_model::Rgb& colour, double alpha, double wide_px);
+  void add(const Vec3& from_nm, const Vec3& to_nm, const view_model::Rgb& colour, double alpha,
+           double wide_px);
   void add_point(const Vec3& at_nm, const view_model::Rgb& colour, double alpha);
   const std::vector<float>& corners() const noexcept { return corners_; }
 

@@ -46,9 +46,9 @@ class Pen {
         clip_(camera.clip_of_scene(area.aspect())),
         frame_(frame),
         area_(area) {
-    list_->PushClipRect({static_cast<float>(area.x_px), static_cast<float>(area.y_px)},
-                        {static_cast<float>(area.x_px + area.width_px),
-                         static_cast<float>(area.y_px + area.height_px)});
+    list_->PushClipRect(
+        {static_cast<float>(area.x_px), static_cast<float>(area.y_px)},
+        {static_cast<float>(area.x_px + area.width_px), static_cast<float>(area.y_px + area.height_px)});
   }
   ~Pen() { list_->PopClipRect(); }
   Pen(const Pen&) = delete;
@@ -124,8 +124,8 @@ void draw_axes(const Pen& pen, const SceneState& state, const Camera& camera) {
       pen.line(a, b, palette::kQuiet);
       pen.text(pen.at(place(v) + 2.3 * outward), fmt::format("{:g}", v), palette::kQuiet, {0.5f, 0.5f});
     }
-    pen.text(pen.at(place(0.5 * (from + to)) + 4.6 * outward), axis == 0 ? "x (nm)" : "y (nm)", palette::kText,
-             {0.5f, 0.5f});
+    pen.text(pen.at(place(0.5 * (from + to)) + 4.6 * outward), axis == 0 ? "x (nm)" : "y (nm)",
+             palette::kText, {0.5f, 0.5f});
   }
 }
 
@@ -170,7 +170,8 @@ void draw_height_legend(const Pen& pen, const SceneState& state, double exaggera
   pen.text({x, from.y + high_px}, fmt::format("{:.1f} nm", low), palette::kText, {0, 0.7f});
   pen.text({from.x, from.y - 6 * s}, scan ? "height" : "height where touched", palette::kQuiet, {0, 1});
   if (exaggeration != 1)
-    pen.text({from.x, from.y + high_px + 8 * s}, fmt::format("heights × {:g}", exaggeration), palette::kQuiet);
+    pen.text({from.x, from.y + high_px + 8 * s}, fmt::format("heights × {:g}", exaggeration),
+             palette::kQuiet);
 }
 
 std::string force_words(double force_nn) {
@@ -193,10 +194,10 @@ void draw_overview_words(const Gui& gui, const SceneState& state, const view_mod
            force >= 0 ? palette::kRepulsion : palette::kAttraction, {0, 0.5f}, gui.text());
   pen.text({tip.x + 22 * s, tip.y + 19 * s}, "gap " + view_model::length_text(live.gap_nm()), palette::kText,
            {0, 0.5f});
-  pen.text({pen.right() - 10 * s, pen.bottom() - 10 * s},
-           fmt::format("lever's bend × {:g}    full cone: {:g} nN", state.lever_exaggeration,
-                       state.force_full_nn),
-           palette::kQuiet, {1, 1});
+  pen.text(
+      {pen.right() - 10 * s, pen.bottom() - 10 * s},
+      fmt::format("lever's bend × {:g}    full cone: {:g} nN", state.lever_exaggeration, state.force_full_nn),
+      palette::kQuiet, {1, 1});
 }
 
 void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
@@ -204,9 +205,12 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   const Pen pen(gui, camera, frame, area);
   const float s = pen.s();
   pen.list()->AddLine({pen.left(), pen.top()}, {pen.left(), pen.bottom()}, ink(palette::kEdge), 2 * s);
-  pen.text({pen.left() + 10 * s, pen.top() + 8 * s}, static_cast<float>(area.width_px) > 300 * s ? "Section through the tip along x" : "Section along x", palette::kText, {0, 0},
-           gui.text());
-  pen.text({pen.left() + 10 * s, pen.top() + 27 * s}, fmt::format("true proportions; tip radius drawn: {:g} nm", state.tip_radius_nm), palette::kQuiet);
+  pen.text(
+      {pen.left() + 10 * s, pen.top() + 8 * s},
+      static_cast<float>(area.width_px) > 300 * s ? "Section through the tip along x" : "Section along x",
+      palette::kText, {0, 0}, gui.text());
+  pen.text({pen.left() + 10 * s, pen.top() + 27 * s},
+           fmt::format("true proportions; tip radius drawn: {:g} nm", state.tip_radius_nm), palette::kQuiet);
   draw_target(pen, state);
   // The gap as an engineer would draw it: beside what it measures, between two thin lines.
   Vec3 foot = state.tip_pos_w_nm;
@@ -223,8 +227,10 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   pen.text({room ? x + 9 * s : x - 9 * s, y}, gap, palette::kText, {room ? 0.0f : 1.0f, 0.5f}, gui.text());
   const double force = state.force_w_nn.z();
   const float above = force >= 0 ? -1.0f : 1.0f;
-  const float cone_px = static_cast<float>(kConeHalves * std::min(std::abs(force) / state.force_full_nn, 1.0) * 0.5 * area.height_px);
-  const float word_y = std::clamp(a.y + above * (cone_px + 14 * s), pen.top() + 56 * s, pen.bottom() - 40 * s);
+  const float cone_px = static_cast<float>(
+      kConeHalves * std::min(std::abs(force) / state.force_full_nn, 1.0) * 0.5 * area.height_px);
+  const float word_y =
+      std::clamp(a.y + above * (cone_px + 14 * s), pen.top() + 56 * s, pen.bottom() - 40 * s);
   pen.text({a.x, word_y}, force_words(force), force >= 0 ? palette::kRepulsion : palette::kAttraction,
            {0.5f, 0.5f}, gui.text());
   // The picture is orthographic: a bar across it is true everywhere.
@@ -234,10 +240,12 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   const ImVec2 end{pen.right() - 14 * s, pen.bottom() - 16 * s};
   pen.line({end.x - long_px, end.y}, end, palette::kBackground, 5, 0.7f);
   pen.line({end.x - long_px, end.y}, end, palette::kText, 3);
-  pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText, {0.5f, 1});
+  pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText,
+           {0.5f, 1});
 }
 
-void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live, const Area& area) {
+void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
+                 const Area& area) {
   ImDrawList* const list = ImGui::GetBackgroundDrawList();
   const float s = gui.scale();
   float x = static_cast<float>(area.x_px) + 10 * s;

@@ -15,6 +15,7 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
                          const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
 
 /// SIM or LIVE, the sample's name and what the station is doing, across the top.
-void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live, const Area& area);
+void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
+                 const Area& area);
 
 }  // namespace telenano::viewer

@@ -23,7 +23,7 @@ constexpr double kLeverBend = 0.15;  // of the ground's extent, at most
 constexpr int kOutline = 120;        // sides of the tip's outline
 constexpr double kAmbient = 0.38;
 constexpr double kConeAmbient = 0.62;  // a cone that points down must keep its colour in its own shade
-constexpr double kNowhere = -1e9;  // a cut that cuts nothing
+constexpr double kNowhere = -1e9;      // a cut that cuts nothing
 
 double extent_nm(const Ground& ground) noexcept {
   return std::max(ground.width_nm(), ground.depth_nm());
@@ -269,7 +269,8 @@ void SceneRenderer::draw_overview(const SceneState& state, const Camera& camera,
   draw_solid(shank_, along_axis(middle, Vec3::UnitZ(), 0.6 * radius + 0.006 * extent, shank_nm),
              palette::kTip, 1);
   const Vec3 end = middle + (shank_nm + 0.008 * extent) * Vec3::UnitZ();
-  const double bend_nm = std::clamp(state.deflection_nm * state.lever_exaggeration, -0.3 * extent, 0.3 * extent);
+  const double bend_nm =
+      std::clamp(state.deflection_nm * state.lever_exaggeration, -0.3 * extent, 0.3 * extent);
   upload(lever_, view_model::bent_lever(0.45 * extent, 0.085 * extent, 0.01 * extent, bend_nm, 24));
   draw_solid(lever_, moved_to(end, 1), palette::kLever, 1);
   glEnable(GL_BLEND);

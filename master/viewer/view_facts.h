@@ -15,6 +15,7 @@ struct ViewFacts {
   std::string server;
   std::string device_name;
   bool mouse_is_hand = false;
+  bool shows_force = true;     ///< the device has motors
   double hand_half_m = 0.055;  ///< half the edge of the box of the mouse's hand
   double hand_back_s = 0.35;   ///< in which that hand comes back to its middle
   std::string recording;       ///< file; empty: none

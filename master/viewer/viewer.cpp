@@ -132,9 +132,12 @@ void Viewer::handle_keys(double time_s) {
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) panel_.ask(ViewRequest::Kind::kQuit);
   if (pressed(GLFW_KEY_HOME)) reset_cameras();
   if (pressed(GLFW_KEY_V))
-    views_ = views_ == Views::kBoth ? Views::kOverview : views_ == Views::kOverview ? Views::kCloseUp : Views::kBoth;
+    views_ = views_ == Views::kBoth       ? Views::kOverview
+             : views_ == Views::kOverview ? Views::kCloseUp
+                                          : Views::kBoth;
   for (int i = 0; i < static_cast<int>(control::kAllMethods.size()); ++i) {
-    if (pressed(GLFW_KEY_1 + i)) panel_.ask_method(control::kAllMethods[static_cast<std::size_t>(i)], live_.now());
+    if (pressed(GLFW_KEY_1 + i))
+      panel_.ask_method(control::kAllMethods[static_cast<std::size_t>(i)], live_.now());
   }
   const bool clutch = panel_.clutch_on_screen() || ImGui::IsKeyDown(GLFW_KEY_C);
   hand_.clutch(clutch);
@@ -145,8 +148,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
   const Layout& l = layout;
   const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(io.MousePos.x, io.MousePos.y);
-  const bool over_close_up =
-      views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
+  const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
   const bool free = !io.WantCaptureMouse;
   if (drag_ == Drag::kNone && free && (over_overview || over_close_up)) {
     const bool hand = facts_.mouse_is_hand;
@@ -160,7 +162,8 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
 
   hand_.set_velocity_scale(live_.now().velocity_scale);
   const bool dragging_hand = drag_ == Drag::kHandInOverview || drag_ == Drag::kHandInCloseUp;
-  hand_.hold(facts_.mouse_is_hand && (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) && !io.WantTextInput)));
+  hand_.hold(facts_.mouse_is_hand &&
+             (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) && !io.WantTextInput)));
   hand_.update(time_s);
 
   const view_model::Camera camera = fitted_overview(l.overview);
@@ -207,11 +210,12 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
 
 void Viewer::draw_charts(const Layout& layout, int height_px) {
   ImGui::SetNextWindowPos({0, static_cast<float>(layout.overview.height_px)});
-  ImGui::SetNextWindowSize({static_cast<float>(layout.panel.x_px),
-                            static_cast<float>(height_px - layout.overview.height_px)});
+  ImGui::SetNextWindowSize(
+      {static_cast<float>(layout.panel.x_px), static_cast<float>(height_px - layout.overview.height_px)});
   ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kPanel));
-  ImGui::Begin("charts", nullptr, ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
-                                      ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoInputs);
+  ImGui::Begin("charts", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
+                   ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoInputs);
   const Curve gap{live_.gap(), "", palette::kFree};
   const Curve force{live_.tip_force(), "", palette::kRepulsion};
   ChartScale gap_scale{"nm", 2, true, 0};
@@ -226,7 +230,8 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
   const Curve damper{live_.damper(), "", palette::kTarget};
   ChartScale energy_scale{"mJ", 0.5, true, 1e3 * facts_.energy_bound_j};
   ChartScale damper_scale{"N·s/m", 1, true, 0};
-  draw_two_scales(gui_, box_of(layout.charts[2]), "Energy, damper", energy, energy_scale, damper, damper_scale);
+  draw_two_scales(gui_, box_of(layout.charts[2]), "Energy, damper", energy, energy_scale, damper,
+                  damper_scale);
   draw_round_trips(gui_, box_of(layout.charts[3]), live_.round_trips());
   ImGui::End();
   ImGui::PopStyleColor();
@@ -234,11 +239,12 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
 
 void Viewer::draw_help() {
   if (!help_) return;
-  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x * 0.5f, ImGui::GetIO().DisplaySize.y * 0.5f}, ImGuiCond_Always,
-                          {0.5f, 0.5f});
+  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x * 0.5f, ImGui::GetIO().DisplaySize.y * 0.5f},
+                          ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kRaised, 0.97f));
-  ImGui::Begin("help", nullptr, ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
-                                    ImGuiWindowFlags_NoSavedSettings);
+  ImGui::Begin("help", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoSavedSettings);
   ImGui::PushFont(gui_.large());
   ImGui::TextUnformatted("Keys and mouse");
   ImGui::PopFont();
@@ -252,7 +258,8 @@ void Viewer::draw_help() {
       ImGui::TextUnformatted(what);
     };
     if (facts_.mouse_is_hand) {
-      row("left drag, section", "take hold and move the tip along x and z, a nanometre to the picture's nanometre");
+      row("left drag, section",
+          "take hold and move the tip along x and z, a nanometre to the picture's nanometre");
       row("left drag, overview", "take hold and move the tip over the sample; with Shift: up and down");
       row("wheel", "tip up or down by 0.5 nm a notch; with Shift 0.1 nm");
       row("Space held", "keep hold (deadman); letting go stops the tip where it is");
@@ -293,7 +300,8 @@ void Viewer::say(const std::string& text, double time_s) {
 void Viewer::draw_words(double time_s, const Area& area) {
   if (time_s > said_until_s_) return;
   const ImVec2 size = gui_.text()->CalcTextSizeA(gui_.text()->FontSize, 1e9f, 0, said_.c_str());
-  const ImVec2 p{static_cast<float>(area.x_px) + 12 * gui_.scale(), static_cast<float>(area.y_px) + 44 * gui_.scale()};
+  const ImVec2 p{static_cast<float>(area.x_px) + 12 * gui_.scale(),
+                 static_cast<float>(area.y_px) + 44 * gui_.scale()};
   ImDrawList* const list = ImGui::GetForegroundDrawList();
   list->AddRectFilled({p.x - 6, p.y - 4}, {p.x + size.x + 6, p.y + size.y + 4}, ink(palette::kRaised), 4);
   list->AddText(gui_.text(), gui_.text()->FontSize, p, ink(palette::kText), said_.c_str());

@@ -5,12 +5,12 @@
 
 #include "common/base/constants.h"
 #include "common/base/error.h"
+#include "common/surface/gsf.h"
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/physics/plane_surface.h"
 #include "nve_server/physics/sampled_shapes.h"
 #include "nve_server/physics/sphere_surface.h"
 #include "nve_server/physics/spline_surface.h"
-#include "common/surface/gsf.h"
 #include "nve_server/scene/levelling.h"
 #include "nve_server/scene/readers.h"
 

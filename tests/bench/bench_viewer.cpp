@@ -1,5 +1,6 @@
-// Frames of the viewer without a display: a scan of 256 × 256, what a session of 10 s leaves in the charts, and a
-// tip that moves in every frame. Rendered on whatever EGL gives, llvmpipe where there is no graphics card.
+// Frames of the viewer without a display: a scan of 256 × 256, what a session of 10 s leaves in the charts,
+// and a tip that moves in every frame. Rendered on whatever EGL gives, llvmpipe where there is no graphics
+// card.
 #include <benchmark/benchmark.h>
 #include <epoxy/gl.h>
 
@@ -42,18 +43,24 @@ void BM_Frame(benchmark::State& state) {
     shown.take_samples();
     shown.draw(width_px, height_px, 1e-3 * static_cast<double>(tick), {});
     glFinish();
-    frames_ms.push_back(std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count());
+    frames_ms.push_back(
+        std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - began).count());
   }
   std::sort(frames_ms.begin(), frames_ms.end());
   const auto at = [&](double part) {
     return frames_ms[static_cast<std::size_t>(part * static_cast<double>(frames_ms.size() - 1))];
   };
-  state.counters["cpu_ms"] =
-      1e3 * static_cast<double>(std::clock() - worked) / CLOCKS_PER_SEC / static_cast<double>(frames_ms.size());
+  state.counters["cpu_ms"] = 1e3 * static_cast<double>(std::clock() - worked) / CLOCKS_PER_SEC /
+                             static_cast<double>(frames_ms.size());
   state.counters["p50_ms"] = at(0.5);
   state.counters["p99_ms"] = at(0.99);
   state.counters["frames_per_s"] = 1e3 / at(0.5);
 }
-BENCHMARK(BM_Frame)->Args({800, 600})->Args({1280, 800})->Unit(benchmark::kMillisecond)->MinTime(3)->UseRealTime();
+BENCHMARK(BM_Frame)
+    ->Args({800, 600})
+    ->Args({1280, 800})
+    ->Unit(benchmark::kMillisecond)
+    ->MinTime(3)
+    ->UseRealTime();
 
 }  // namespace

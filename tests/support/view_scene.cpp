@@ -34,7 +34,8 @@ surface::HeightGrid view_scan(int side) {
   grid.x_first_nm = grid.y_first_nm = 300.0 / side;
   for (int row = 0; row < side; ++row) {
     for (int column = 0; column < side; ++column)
-      grid.z_nm.push_back(view_height_nm(grid.x_first_nm + column * grid.dx_nm, grid.y_first_nm + row * grid.dy_nm));
+      grid.z_nm.push_back(
+          view_height_nm(grid.x_first_nm + column * grid.dx_nm, grid.y_first_nm + row * grid.dy_nm));
   }
   return grid;
 }

@@ -107,8 +107,8 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
 };
 
 // Pure folders: no clock, thread, file, socket or log.
-const std::set<std::string> kPure = {"common/base", "common/control", "common/link", "master/station",
-                                     "master/view_model", "nve_server/physics"};
+const std::set<std::string> kPure = {"common/base",    "common/control",    "common/link",
+                                     "master/station", "master/view_model", "nve_server/physics"};
 const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
                                        "fstream",       "iostream",     "filesystem", "cstdio",
                                        "stdio.h",       "time.h",       "ctime",      "unistd.h",

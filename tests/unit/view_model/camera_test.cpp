@@ -20,7 +20,8 @@ ScreenPoint pinhole(const Camera& camera, const Vec3& point, double width, doubl
   const Vec3 d = point - eye;
   const double deep = -d.dot(back);
   const double focal_px = 0.5 * height / std::tan(0.5 * camera.field_of_view_deg * std::numbers::pi / 180);
-  return {0.5 * width + focal_px * d.dot(side) / deep, 0.5 * height - focal_px * d.dot(over) / deep, 0, deep > 0};
+  return {0.5 * width + focal_px * d.dot(side) / deep, 0.5 * height - focal_px * d.dot(over) / deep, 0,
+          deep > 0};
 }
 
 TEST(Camera, ProjectsAsAPinholeDoes) {

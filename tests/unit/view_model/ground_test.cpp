@@ -36,8 +36,8 @@ TEST(Ground, IsTheScanAtItsPixels) {
   }
 }
 
-// Catmull-Rom has the central differences as slopes: it repeats polynomials of second degree exactly, away from
-// the rim.
+// Catmull-Rom has the central differences as slopes: it repeats polynomials of second degree exactly, away
+// from the rim.
 TEST(Ground, RepeatsAParabolaBetweenPixels) {
   const Ground ground(grid_of(30, 2, parabola));
   for (double x = 10; x < 55; x += 0.73) {
@@ -51,7 +51,8 @@ TEST(Ground, NormalIsTheOneOfTheFormula) {
   const double x = 31.3;
   const double y = 22.2;
   const Vec3 expected = Vec3(-(0.02 * x + 0.03 * y + 1), -(-0.04 * y + 0.03 * x - 2), 1).normalized();
-  EXPECT_LT((ground.normal_w(x, y, 0.1) - expected).norm(), 1e-9);  // central differences: exact for a parabola
+  EXPECT_LT((ground.normal_w(x, y, 0.1) - expected).norm(),
+            1e-9);  // central differences: exact for a parabola
 }
 
 TEST(Ground, BeyondTheRimItIsAsAtTheRimAndNeverWild) {

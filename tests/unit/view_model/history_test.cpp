@@ -17,9 +17,9 @@ namespace telenano::view_model {
 namespace {
 
 TEST(NiceStep, IsOneTwoOrFiveAndTheLargestThatFits) {
-  const std::pair<double, double> cases[] = {{1, 1},       {1.99, 1},  {2, 2},    {4.9, 2}, {5, 5},
-                                             {9.99, 5},    {10, 10},   {0.2, 0.2}, {0.03, 0.02}, {7000, 5000},
-                                             {0.00123, 0.001}};
+  const std::pair<double, double> cases[] = {{1, 1},       {1.99, 1},    {2, 2},          {4.9, 2},
+                                             {5, 5},       {9.99, 5},    {10, 10},        {0.2, 0.2},
+                                             {0.03, 0.02}, {7000, 5000}, {0.00123, 0.001}};
   for (const auto& [value, step] : cases) EXPECT_NEAR(nice_step(value), step, 1e-12 * step) << value;
   EXPECT_EQ(nice_step(0), 1);
   EXPECT_EQ(nice_step(-3), 1);

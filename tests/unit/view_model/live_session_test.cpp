@@ -15,7 +15,8 @@ recording::Sample sample_at(std::int64_t tick, double z_nm, double force_nn) {
   s.tip_pos_w_nm = {0.5 * static_cast<double>(tick), 0, z_nm};
   s.force_w_nn = {0, 0, force_nn};
   s.deflection_nm = 0.1 * force_nn;
-  s.contact_state = static_cast<std::uint32_t>(force_nn > 0 ? link::ContactState::kContact : link::ContactState::kFree);
+  s.contact_state =
+      static_cast<std::uint32_t>(force_nn > 0 ? link::ContactState::kContact : link::ContactState::kFree);
   s.rtt_us = 100;
   return s;
 }

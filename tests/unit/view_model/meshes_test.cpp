@@ -18,7 +18,8 @@ Vec3 pos(const Mesh& mesh, std::uint32_t i) {
 double volume(const Mesh& mesh) {
   double sum = 0;
   for (std::size_t i = 0; i < mesh.triangles.size(); i += 3)
-    sum += pos(mesh, mesh.triangles[i]).dot(pos(mesh, mesh.triangles[i + 1]).cross(pos(mesh, mesh.triangles[i + 2])));
+    sum += pos(mesh, mesh.triangles[i])
+               .dot(pos(mesh, mesh.triangles[i + 1]).cross(pos(mesh, mesh.triangles[i + 2])));
   return sum / 6;
 }
 
@@ -40,12 +41,16 @@ TEST(Meshes, NormalsAreOfLengthOneAndLookOutOfTheSphere) {
 // The bent lever solves EI w'''' = 0, clamped at one end, with no moment and a shear force at the other.
 TEST(Meshes, LeverBendsAsAClampedBeamWithAnEndLoad) {
   const double h = 1e-3;
-  const auto second = [h](double s) { return (lever_bend(s + h) - 2 * lever_bend(s) + lever_bend(s - h)) / (h * h); };
+  const auto second = [h](double s) {
+    return (lever_bend(s + h) - 2 * lever_bend(s) + lever_bend(s - h)) / (h * h);
+  };
   EXPECT_EQ(lever_bend(0), 0);
   EXPECT_EQ(lever_bend(1), 1);
-  EXPECT_NEAR((lever_bend(h) - lever_bend(-h)) / (2 * h), 0, 1e-6);  // slope at the clamp; h² of the third derivative
-  EXPECT_NEAR(second(1), 0, 1e-6);                                   // no moment at the free end
-  for (double s = 0.1; s < 1; s += 0.1) EXPECT_NEAR(second(s), 3 * (1 - s), 1e-6);  // moment grows to the clamp
+  EXPECT_NEAR((lever_bend(h) - lever_bend(-h)) / (2 * h), 0,
+              1e-6);                // slope at the clamp; h² of the third derivative
+  EXPECT_NEAR(second(1), 0, 1e-6);  // no moment at the free end
+  for (double s = 0.1; s < 1; s += 0.1)
+    EXPECT_NEAR(second(s), 3 * (1 - s), 1e-6);  // moment grows to the clamp
 }
 
 TEST(Meshes, LeverKeepsItsClampAndRisesAtItsTip) {

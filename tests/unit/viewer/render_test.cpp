@@ -1,5 +1,5 @@
-// The picture itself, drawn without a display: things are where an independent projection puts them, have the colours
-// that they should, and the mouse and keys do what the help says.
+// The picture itself, drawn without a display: things are where an independent projection puts them, have the
+// colours that they should, and the mouse and keys do what the help says.
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <gtest/gtest.h>
@@ -43,7 +43,8 @@ Pixel project(const view_model::Camera& camera, const Vec3& point, const Area& a
   const Vec3 d = point - camera.target_nm;
   double px_per_nm = 0.5 * area.height_px / camera.half_height_nm;
   if (!camera.orthographic) {
-    const double focal_px = 0.5 * area.height_px / std::tan(0.5 * camera.field_of_view_deg * std::numbers::pi / 180);
+    const double focal_px =
+        0.5 * area.height_px / std::tan(0.5 * camera.field_of_view_deg * std::numbers::pi / 180);
     px_per_nm = focal_px / (camera.distance_nm - d.dot(back));
   }
   return {area.x_px + 0.5 * area.width_px + px_per_nm * d.dot(side),
@@ -123,8 +124,8 @@ class Render : public ::testing::Test {
   double time_s_ = 0;
 };
 
-// Hue of the ground at places that nothing covers, against the colour of the formula's height. Light changes the
-// lightness, not the hue; of the shine a little white remains.
+// Hue of the ground at places that nothing covers, against the colour of the formula's height. Light changes
+// the lightness, not the hue; of the shine a little white remains.
 TEST_F(Render, GroundHasTheColourOfItsHeightWhereAPinholeSeesIt) {
   make();
   play(0, 3000);
@@ -132,8 +133,13 @@ TEST_F(Render, GroundHasTheColourOfItsHeightWhereAPinholeSeesIt) {
   const view_model::Camera camera = overview_camera();
   const auto& ground = viewer_->ground();
   int seen = 0;
-  for (const auto& [x, y] : {std::pair{430.0, 200.0}, {400.0, 120.0}, {100.0, 200.0}, {200.0, 100.0}, {540.0, 120.0},
-                             {300.0, 180.0}, {190.0, 420.0}}) {
+  for (const auto& [x, y] : {std::pair{430.0, 200.0},
+                             {400.0, 120.0},
+                             {100.0, 200.0},
+                             {200.0, 100.0},
+                             {540.0, 120.0},
+                             {300.0, 180.0},
+                             {190.0, 420.0}}) {
     const double z = support::view_height_nm(x, y);
     const Rgb shown = at(project(camera, in_overview(x, y, z), layout().overview));
     const double t = (z - ground.min_w_nm().z()) / (ground.max_w_nm().z() - ground.min_w_nm().z());
@@ -202,7 +208,8 @@ TEST_F(Render, SectionShowsTheProfileThroughTheTip) {
   const Vec3 middle = 0.5 * (ground.min_w_nm() + ground.max_w_nm());
   for (const double dx : {-0.5, -0.3, 0.35}) {
     const double x = tip[0] + dx * camera.half_height_nm;
-    const Vec3 place(x - middle.x(), tip[1] - middle.y(), support::view_height_nm(x, tip[1]) - ground.min_w_nm().z());
+    const Vec3 place(x - middle.x(), tip[1] - middle.y(),
+                     support::view_height_nm(x, tip[1]) - ground.min_w_nm().z());
     const Pixel line = project(camera, place, layout().close_up);
     double brightest = 0;
     double brightest_y = 0;
@@ -226,8 +233,8 @@ TEST_F(Render, APlaneAndItsTouchedPointsAreDrawnWithoutAScan) {
   EXPECT_GT(ground.g, ground.r);  // the colour of the middle of the map, teal
 }
 
-// The same state gives the picture that is committed: within what other versions of Mesa and of the fonts change.
-// TELENANO_NEW_PICTURES=1 writes it anew; look at it before committing.
+// The same state gives the picture that is committed: within what other versions of Mesa and of the fonts
+// change. TELENANO_NEW_PICTURES=1 writes it anew; look at it before committing.
 TEST_F(Render, LooksAsItDid) {
   make();
   play(0, 5000);
@@ -317,7 +324,8 @@ TEST_F(Render, SlidersEndAtTheBorderOfTheSafeRegion) {
   play(0, 10);
   for (int i = 0; i < 3; ++i) frame();
   ImGuiIO& io = ImGui::GetIO();
-  // Searched downwards in the panel: the first row at which holding the button at the right end asks for a force.
+  // Searched downwards in the panel: the first row at which holding the button at the right end asks for a
+  // force.
   std::optional<ViewRequest> request;
   for (int y = 100; y < 400 && !(request && request->scaling.force != 2e7); y += 5) {
     io.MousePos = {kWidth - 30.0f, static_cast<float>(y)};
@@ -327,7 +335,8 @@ TEST_F(Render, SlidersEndAtTheBorderOfTheSafeRegion) {
     frame();
     io.MouseDown[0] = false;
     frame();
-    if (const auto r = asked(); r && r->kind == ViewRequest::Kind::kScaling && r->scaling.velocity == 1e-6) request = r;
+    if (const auto r = asked(); r && r->kind == ViewRequest::Kind::kScaling && r->scaling.velocity == 1e-6)
+      request = r;
     while (asked()) {
     }
     press(GLFW_KEY_ENTER);  // nothing: lets a list that was opened close
