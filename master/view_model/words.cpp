@@ -1,8 +1,9 @@
 #include "master/view_model/words.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "common/link/messages.h"
 #include "master/device/haptic_device.h"
@@ -51,9 +52,7 @@ std::string with_unit(double value, const std::array<const char*, 4>& units) {
   }
   const double magnitude = std::abs(shown);
   const int digits = magnitude >= 99.95 ? 0 : magnitude >= 9.995 ? 1 : 2;
-  std::array<char, 48> text{};
-  std::snprintf(text.data(), text.size(), "%.*f %s", digits, shown, units[unit]);
-  return text.data();
+  return fmt::format("{:.{}f} {}", shown, digits, units[unit]);
 }
 
 }  // namespace

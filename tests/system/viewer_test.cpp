@@ -55,7 +55,7 @@ TEST_F(ViewerPrograms, AScreenshotNeedsNoDisplayAndDisturbsNoSession) {
   for (int y = 180; y < 400; ++y) {
     for (int x = 40; x < 380; ++x) {
       sum += at(x, y)[2];
-      squares += double{at(x, y)[2]} * at(x, y)[2];
+      squares += 1.0 * at(x, y)[2] * at(x, y)[2];
     }
   }
   const double count = 220 * 340;
@@ -63,7 +63,7 @@ TEST_F(ViewerPrograms, AScreenshotNeedsNoDisplayAndDisturbsNoSession) {
   const recording::RecordingReader recording(path("a.h5"));
   EXPECT_TRUE(recording.closed());
   EXPECT_EQ(recording.rows_dropped(), 0u);
-  EXPECT_GT(recording.rows(), 2900u);
+  EXPECT_GE(recording.read("time_s").back(), 3.0);
 }
 
 TEST_F(ViewerPrograms, AWindowUnderXvfbLastsAsLongAsTheSession) {
