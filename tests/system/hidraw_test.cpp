@@ -31,7 +31,8 @@ const VirtualHid::Description kOrdinaryMouse{"Ordinary Keyboard", "", 0x046d, 0x
 
 template <class Condition>
 bool soon(const Condition& condition) {
-  for (int k = 0; k < 10'000; ++k) {
+  const auto end = std::chrono::steady_clock::now() + Seconds(10);
+  while (std::chrono::steady_clock::now() < end) {
     if (condition()) return true;
     std::this_thread::sleep_for(Milliseconds(1));
   }
