@@ -98,7 +98,6 @@ void describe(const DeviceSettings& settings, std::vector<std::pair<std::string,
   buttons("stop_buttons", settings.stop_buttons);
   number("watchdog_ms", settings.watchdog_ms);
   number("force_max_n", settings.force_max_n);
-  number("damping_n_s_m", settings.damping_n_s_m);
   number("mass_kg", settings.mass_kg);
   number("speed_m_s", settings.speed_m_s);
   number("hold_s", settings.hold_s);

@@ -33,7 +33,7 @@ struct DeviceSettings {
 
 DeviceSettings read_device_settings(const config::TomlTable& table);
 
-/// What was given, by its name in the file.
+/// What was given, by its name in the file; but for kind and damping, which a recording has anyway.
 void describe(const DeviceSettings& settings, std::vector<std::pair<std::string, std::string>>& list);
 
 }  // namespace telenano::app

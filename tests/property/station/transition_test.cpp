@@ -92,7 +92,8 @@ const std::vector<Step>& steps() {
        [](Rig& r) { r.input.applied_force_h_n.z() = kNan; }},
       {"applied force not believable", Mode::kEngaged, Mode::kStopped, true,
        [](Rig& r) { r.input.applied_force_h_n.z() = 1000; }},
-      {"replies not finite", Mode::kEngaged, Mode::kHeld, true, [](Rig& r) { r.reply.force_w_nn.z() = kNan; }},
+      {"replies not finite", Mode::kEngaged, Mode::kHeld, true,
+       [](Rig& r) { r.reply.force_w_nn.z() = kNan; }},
       {"stiffer slave", Mode::kEngaged, Mode::kStopped, true,
        [](Rig& r) {
          link::Welcome stiff = r.welcome;
