@@ -72,7 +72,7 @@ TEST_F(HidrawTest, SplitReportsByteForByteAndTheLight) {
     EXPECT_EQ(usable[0].name, what.name);
     EXPECT_THAT(usable[0].node, HasSubstr("/dev/hidraw"));
     std::string description;
-    const HidReader reader(device::open_puck({}, description));
+    const HidReader reader(device::open_puck({}, description), device::take_puck_report);
     EXPECT_THAT(description, HasSubstr(what.name));
     const auto light = puck.output(2000);
     ASSERT_TRUE(light.has_value());
@@ -94,7 +94,7 @@ TEST_F(HidrawTest, AReceiverWithTwoInterfacesAndNoName) {
   ASSERT_EQ(usable.size(), 1u) << "its keyboard, or an ordinary one, was taken for a puck";
   EXPECT_EQ(usable[0].serial, "A1");
   std::string description;
-  const HidReader reader(device::open_puck({"A1"}, description));
+  const HidReader reader(device::open_puck({"A1"}, description), device::take_puck_report);
   ASSERT_TRUE(puck.send(support::kCombined));
   EXPECT_TRUE(soon([&] { return reader.news().load().reports == 1; }));
   EXPECT_EQ(reader.news().load().puck.axes, (std::array<std::int16_t, 6>{350, -350, -175, 10, -10, 300}));
@@ -110,7 +110,7 @@ TEST_F(HidrawTest, AFloodLeavesNoBacklogAndUnpluggingIsTold) {
   auto puck = std::make_unique<VirtualHid>(kCompact);
   ASSERT_EQ(found(1).size(), 1u);
   std::string description;
-  const HidReader reader(device::open_puck({}, description));
+  const HidReader reader(device::open_puck({}, description), device::take_puck_report);
   for (int k = 0; k < 5000; ++k)
     ASSERT_TRUE(puck->send(k % 2 == 0 ? support::kSplitRight : support::kSplitTurned));
   ASSERT_TRUE(puck->send(support::kRightPressed));
