@@ -8,7 +8,7 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 build=$(realpath "$1")
 
 if [ "${2:-}" != inside ]; then
-  exec bash "$here/vm.sh" --seconds 280 --modules "uhid hid-generic dummy_hcd libcomposite usb_f_acm" "$here/hid_vm.sh" "$build" inside
+  exec bash "$here/vm.sh" --seconds 550 --modules "uhid hid-generic dummy_hcd libcomposite usb_f_acm" "$here/hid_vm.sh" "$build" inside
 fi
 
 failed=0
@@ -68,7 +68,7 @@ tagged() { # node
 if [ -x /lib/systemd/systemd-udevd ]; then
   mkdir -p /etc/udev/rules.d && cp "$here/../../deploy/udev/70-telenano-haptic.rules" /etc/udev/rules.d/
   /lib/systemd/systemd-udevd --daemon 2>/dev/null
-  udevadm trigger --action=add
+  udevadm trigger --action=add --subsystem-match=usb
   check "the omega's node is tagged for whoever sits here" tagged "$node"
   check "udevd finds no mistake in the rules" bash -c "! udevadm test \$(udevadm info --query=path --name=$node) 2>&1 | grep -E '70-telenano-haptic.rules:[0-9]+ .*(nvalid|nknown|rror)'"
   TELENANO_HOLD_PUCK_S=20 "$build/bin/system_hidraw" --gtest_filter='*StaysForAWhile' >/dev/null &

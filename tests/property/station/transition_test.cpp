@@ -265,6 +265,7 @@ TEST(Transitions, HomingBooksNothingAndAnchorsAnew) {
   }
   rig.input.device_status = DeviceStatus::kOk;
   rig.input.hand_pos_h_m = Vec3(0.03, 0.02, 0.01);
+  rig.input.applied_force_h_n = Vec3(0, 0, 1);  // even if the device says that it showed a force: over no way
   rig.run(300);
   EXPECT_EQ(rig.station.latched_faults(), 0u);
   EXPECT_EQ(rig.output.trace.energy_j, energy_j);
