@@ -72,6 +72,19 @@ DeviceSettings read_device_settings(const TomlTable& table) {
   return settings;
 }
 
+PedalSettings read_pedal_settings(const TomlTable& table) {
+  PedalSettings settings;
+  settings.vendor = static_cast<std::uint16_t>(table.integer("vendor", 1, 65535));
+  settings.product = static_cast<std::uint16_t>(table.integer("product", 0, 65535));
+  settings.buttons.deadman = read_buttons(table, "deadman_buttons").value_or(0);
+  settings.buttons.clutch = read_buttons(table, "clutch_buttons").value_or(0);
+  settings.buttons.stop = read_buttons(table, "stop_buttons").value_or(0);
+  if ((settings.buttons.deadman | settings.buttons.clutch | settings.buttons.stop) == 0)
+    table.fail("stop_buttons",
+               "no pedal has a meaning: give deadman_buttons, clutch_buttons or stop_buttons");
+  return settings;
+}
+
 void describe(const DeviceSettings& settings, std::vector<std::pair<std::string, std::string>>& list) {
   const auto number = [&](const char* key, const auto& value) {
     if (value)
@@ -98,7 +111,6 @@ void describe(const DeviceSettings& settings, std::vector<std::pair<std::string,
   buttons("stop_buttons", settings.stop_buttons);
   number("watchdog_ms", settings.watchdog_ms);
   number("force_max_n", settings.force_max_n);
-  number("damping_n_s_m", settings.damping_n_s_m);
   number("mass_kg", settings.mass_kg);
   number("speed_m_s", settings.speed_m_s);
   number("hold_s", settings.hold_s);

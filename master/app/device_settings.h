@@ -31,9 +31,17 @@ struct DeviceSettings {
   std::optional<double> dead_zone;
 };
 
+/// [pedal] of the station file: foot pedals besides the device.
+struct PedalSettings {
+  std::uint16_t vendor = 0;  ///< 0: there are none
+  std::uint16_t product = 0;
+  device::ButtonMap buttons{};
+};
+
+PedalSettings read_pedal_settings(const config::TomlTable& table);
 DeviceSettings read_device_settings(const config::TomlTable& table);
 
-/// What was given, by its name in the file.
+/// What was given, by its name in the file; but for kind and damping, which a recording has anyway.
 void describe(const DeviceSettings& settings, std::vector<std::pair<std::string, std::string>>& list);
 
 }  // namespace telenano::app

@@ -206,6 +206,7 @@ int run(const RunOptions& options) {
   if (simulated) intended_motion(options, file.task, 0);
   SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
   SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
+  if (!simulated) add_pedals(opened, file.pedal);
   if (!options.quiet && !simulated) {
     fmt::print(stderr, "device: {}\n", opened.description);
     for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
@@ -241,6 +242,7 @@ int run(const RunOptions& options) {
                                                       intended_motion(options, file.task, start_height_nm));
     opened.motion = device.get();
     opened.device = std::move(device);
+    add_pedals(opened, file.pedal);
   }
   const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
   const double session_s = hand.motion != nullptr ? hand.motion->motion_duration_s() : hand.duration_s;

@@ -6,6 +6,7 @@
 #include "master/app/hand_track_file.h"
 #include "master/device/hid/hid_device.h"
 #include "master/device/hid/hid_port.h"
+#include "master/device/hid/pedalled_device.h"
 #include "master/device/omega/omega_device.h"
 #include "master/device/replay_device.h"
 
@@ -69,8 +70,8 @@ SessionDevice open_omega(const DeviceSettings& settings, bool may_home) {
 SessionDevice open_hid(const DeviceSettings& settings) {
   SessionDevice opened;
   const device::HidConfig config = hid_config(settings);
-  opened.reader =
-      std::make_unique<device::HidReader>(device::open_puck({settings.serial}, opened.description));
+  opened.reader = std::make_unique<device::HidReader>(
+      device::open_puck({settings.serial}, opened.description), device::take_puck_report);
   opened.device = std::make_unique<device::HidDevice>(opened.reader->news(), config);
   opened.notes.emplace_back("a SpaceMouse shows no force; it moves while its deadman button is held");
   return opened;
@@ -132,6 +133,16 @@ SessionDevice open_session_device(const DeviceSpec& spec, const DeviceSettings& 
       break;
   }
   return {};
+}
+
+void add_pedals(SessionDevice& opened, const PedalSettings& settings) {
+  if (settings.vendor == 0) return;
+  std::string description;
+  opened.pedals = std::make_unique<device::HidReader>(
+      device::open_pedals(settings.vendor, settings.product, description), device::take_pedal_report);
+  opened.device = std::make_unique<device::PedalledDevice>(std::move(opened.device), opened.pedals->news(),
+                                                           settings.buttons);
+  opened.notes.push_back("pedals: " + description);
 }
 
 }  // namespace telenano::app

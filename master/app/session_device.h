@@ -26,6 +26,7 @@ DeviceSpec parse_device_spec(const std::string& text);
 
 /// An open device with what keeps it going.
 struct SessionDevice {
+  std::unique_ptr<device::HidReader> pedals;
   std::unique_ptr<device::HidReader> reader;  // before the device that listens to it: goes after it
   std::unique_ptr<device::HapticDevice> device;
   device::PlayedMotion* motion = nullptr;    ///< of a device that plays one
@@ -39,5 +40,8 @@ struct SessionDevice {
 /// Throws UserError or RunError.
 SessionDevice open_session_device(const DeviceSpec& spec, const DeviceSettings& settings, bool may_home,
                                   const rt::LatestValue<device::PointerState>* pointer);
+
+/// Foot pedals besides it, where the station file names some.
+void add_pedals(SessionDevice& opened, const PedalSettings& settings);
 
 }  // namespace telenano::app

@@ -98,6 +98,7 @@ StationFile read(const config::TomlDocument& document) {
     file.device = read_device_settings(*table);
     if (file.device.damping_n_s_m) file.station.device_damping_n_s_m = *file.device.damping_n_s_m;
   }
+  if (const auto table = root.optional_table("pedal")) file.pedal = read_pedal_settings(*table);
   if (const auto table = root.optional_table("simulated_device")) {
     read_simulated_device(*table, file.plant);
   }

@@ -34,6 +34,7 @@ struct StationFile {
   GivenScaling scaling{};  ///< goes into station.scaling as well
   Workspaces workspaces{};
   DeviceSettings device{};
+  PedalSettings pedal{};
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording
 };

@@ -164,7 +164,10 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command->add_option("--scene", options->scene, "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")->required();
+  command
+      ->add_option("--scene", options->scene,
+                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required();
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")

@@ -56,10 +56,7 @@ void HidDevice::advance(std::int64_t dt_ns) noexcept {
   const bool motion = looked && newest.reports != news_.reports;
   silent_ns_ = motion ? 0 : silent_ns_ + dt_ns;
   if (looked) {
-    for (std::size_t i = 0; i < newest.presses.size(); ++i) {
-      const bool is_stop = ((config_.buttons.stop >> i) & 1u) != 0;
-      if (begun_ && is_stop && newest.presses[i] != news_.presses[i]) stop_pressed_ = true;
-    }
+    if (begun_ && pressed_since(news_, newest, config_.buttons.stop)) stop_pressed_ = true;
     news_ = newest;
     begun_ = true;
   }

@@ -28,6 +28,9 @@ struct HidChoice {
 /// RunError or UserError: one line with what to do; UserError where this build has no HID.
 std::unique_ptr<HidPort> open_puck(const HidChoice& choice, std::string& description);
 
+/// Opens foot pedals by their vendor and product, in the same way.
+std::unique_ptr<HidPort> open_pedals(std::uint16_t vendor, std::uint16_t product, std::string& description);
+
 /// Every SpaceMouse attached, opened and closed to see whether it can be.
 std::vector<FoundDevice> find_pucks();
 

@@ -26,7 +26,10 @@ struct HidNews {
 /// that may lock or allocate, and a backlog cannot build up, however fast reports come.
 class HidReader {
  public:
-  explicit HidReader(std::unique_ptr<HidPort> port);
+  /// One report into the news. Pure.
+  using Take = void (*)(std::span<const std::uint8_t> report, HidNews& news) noexcept;
+
+  explicit HidReader(std::unique_ptr<HidPort> port, Take take);
 
   const rt::LatestValue<HidNews>& news() const noexcept { return news_; }
 
@@ -34,11 +37,15 @@ class HidReader {
   void run(const std::stop_token& stop) noexcept;
 
   std::unique_ptr<HidPort> port_;
+  Take take_;
   rt::LatestValue<HidNews> news_;
   std::jthread thread_;
 };
 
-/// One report into the news. Pure.
-void take_report(std::span<const std::uint8_t> report, HidNews& news) noexcept;
+void take_puck_report(std::span<const std::uint8_t> report, HidNews& news) noexcept;
+void take_pedal_report(std::span<const std::uint8_t> report, HidNews& news) noexcept;
+
+/// True when one of the buttons in `mask` was pressed between two looks, even if it was released again.
+bool pressed_since(const HidNews& last, const HidNews& now, std::uint32_t mask) noexcept;
 
 }  // namespace telenano::device

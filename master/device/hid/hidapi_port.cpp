@@ -31,16 +31,21 @@ struct Node {
   std::string serial;
 };
 
-/// Nodes of pucks, each once: the library lists a node once for every usage it has.
-std::vector<Node> nodes() {
+bool puck(const hid_device_info& info) {
+  return is_puck(info.vendor_id, info.product_id, info.usage_page, info.usage);
+}
+
+/// Nodes that are `wanted`, each once: the library lists a node once for every usage it has.
+template <class Wanted>
+std::vector<Node> nodes(const char* kind, const Wanted& wanted) {
   std::vector<Node> list;
   std::set<std::string> seen;
   hid_device_info* const all = hid_enumerate(0, 0);
   for (const hid_device_info* it = all; it != nullptr; it = it->next) {
-    if (it->path == nullptr || !is_puck(it->vendor_id, it->product_id, it->usage_page, it->usage)) continue;
+    if (it->path == nullptr || !wanted(*it)) continue;
     if (!seen.insert(it->path).second) continue;
     std::array<char, 32> id{};
-    std::snprintf(id.data(), id.size(), "SpaceMouse %04x:%04x", it->vendor_id, it->product_id);
+    std::snprintf(id.data(), id.size(), "%s %04x:%04x", kind, it->vendor_id, it->product_id);
     const std::string product = narrow(it->product_string);  // empty on some receivers
     list.push_back({it->path, product.empty() ? id.data() : product, narrow(it->serial_number)});
   }
@@ -63,7 +68,9 @@ std::string why_not(const Node& node) {
 
 class HidapiPort final : public HidPort {
  public:
-  explicit HidapiPort(hid_device* device) noexcept : device_(device) { light(1); }
+  HidapiPort(hid_device* device, bool has_light) noexcept : device_(device), has_light_(has_light) {
+    light(1);
+  }
   ~HidapiPort() override {
     light(0);
     hid_close(device_);
@@ -78,11 +85,13 @@ class HidapiPort final : public HidPort {
  private:
   /// The ring around the puck says that somebody listens. Not every product has one: no error.
   void light(std::uint8_t on) noexcept {
+    if (!has_light_) return;
     const std::array<std::uint8_t, 2> report = {0x04, on};
     hid_write(device_, report.data(), report.size());
   }
 
   hid_device* device_;
+  bool has_light_;
 };
 
 }  // namespace
@@ -91,7 +100,7 @@ std::unique_ptr<HidPort> open_puck(const HidChoice& choice, std::string& descrip
   hid_init();
   std::string others;
   std::string why;
-  for (const Node& node : nodes()) {
+  for (const Node& node : nodes("SpaceMouse", puck)) {
     if (choice.serial && node.serial != *choice.serial) {
       others += (others.empty() ? "" : ", ") + (node.serial.empty() ? "(none)" : node.serial);
       continue;
@@ -103,7 +112,7 @@ std::unique_ptr<HidPort> open_puck(const HidChoice& choice, std::string& descrip
     }
     description =
         node.name + (node.serial.empty() ? "" : ", serial number " + node.serial) + " at " + node.path;
-    return std::make_unique<HidapiPort>(device);
+    return std::make_unique<HidapiPort>(device, true);
   }
   if (!why.empty()) throw RunError("hid: " + why);
   if (!others.empty()) {
@@ -113,10 +122,30 @@ std::unique_ptr<HidPort> open_puck(const HidChoice& choice, std::string& descrip
   throw RunError(std::string("hid: ") + kNone);
 }
 
+std::unique_ptr<HidPort> open_pedals(std::uint16_t vendor, std::uint16_t product, std::string& description) {
+  hid_init();
+  std::string why;
+  for (const Node& node : nodes("pedals", [&](const hid_device_info& info) {
+         return info.vendor_id == vendor && info.product_id == product;
+       })) {
+    hid_device* const device = hid_open_path(node.path.c_str());
+    if (device != nullptr) {
+      description = node.name + " at " + node.path;
+      return std::make_unique<HidapiPort>(device, false);
+    }
+    why = why_not(node);
+  }
+  if (!why.empty()) throw RunError("pedal: " + why);
+  std::array<char, 96> text{};
+  std::snprintf(text.data(), text.size(),
+                "pedal: no HID device %04x:%04x (pedal.vendor, pedal.product); plug it in", vendor, product);
+  throw RunError(text.data());
+}
+
 std::vector<FoundDevice> find_pucks() {
   hid_init();
   std::vector<FoundDevice> found;
-  for (const Node& node : nodes()) {
+  for (const Node& node : nodes("SpaceMouse", puck)) {
     FoundDevice one{"hid", node.name, node.serial, node.path, true, ""};
     hid_device* const device = hid_open_path(node.path.c_str());
     if (device != nullptr) {

@@ -14,6 +14,10 @@ std::unique_ptr<HidPort> open_puck(const HidChoice&, std::string&) {
   throw UserError(std::string("hid: ") + kWithout);
 }
 
+std::unique_ptr<HidPort> open_pedals(std::uint16_t, std::uint16_t, std::string&) {
+  throw UserError(std::string("pedal: ") + kWithout);
+}
+
 std::vector<FoundDevice> find_pucks() {
   return {{"hid", "", "", "", false, kWithout}};
 }

@@ -18,7 +18,7 @@ constexpr std::int64_t kMs = 1'000'000;
 class HidDeviceTest : public ::testing::Test {
  protected:
   void say(const support::Bytes& report) {
-    take_report(report, news_);
+    take_puck_report(report, news_);
     source_.store(news_);
   }
   DeviceReading tick(std::int64_t dt_ns = kMs) {

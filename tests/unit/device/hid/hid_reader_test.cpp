@@ -67,7 +67,7 @@ TEST(HidReaderTest, PublishesTheNewestAndCountsPressesAndUnknown) {
   script.reports = {support::kSplitRight,  support::kRightPressed, support::kNonePressed,
                     support::kBattery,     support::kRightPressed, support::kNonePressed,
                     support::kSplitLifted, support::kSplitTurned};
-  const HidReader reader(std::make_unique<ScriptedPort>(script));
+  const HidReader reader(std::make_unique<ScriptedPort>(script), take_puck_report);
   ASSERT_TRUE(soon([&] { return reader.news().load().reports == 3; }));
   const HidNews news = reader.news().load();
   EXPECT_EQ(news.puck.axes, (std::array<std::int16_t, 6>{0, 0, -175, 10, -10, 300}));
@@ -79,14 +79,14 @@ TEST(HidReaderTest, PublishesTheNewestAndCountsPressesAndUnknown) {
 
 TEST(HidReaderTest, SilenceStillBeats) {
   Script script;
-  const HidReader reader(std::make_unique<ScriptedPort>(script));
+  const HidReader reader(std::make_unique<ScriptedPort>(script), take_puck_report);
   const std::uint64_t before = reader.news().count();
   EXPECT_TRUE(soon([&] { return reader.news().count() > before + 3; }));
 }
 
 TEST(HidReaderTest, UnpluggedIsTold) {
   Script script;
-  const HidReader reader(std::make_unique<ScriptedPort>(script));
+  const HidReader reader(std::make_unique<ScriptedPort>(script), take_puck_report);
   script.unplugged = true;
   EXPECT_TRUE(soon([&] { return reader.news().load().gone; }));
 }
@@ -96,7 +96,7 @@ TEST(HidReaderTest, AFloodLeavesNoBacklog) {
   script.flood = true;
   std::uint64_t reports = 0;
   {
-    const HidReader reader(std::make_unique<ScriptedPort>(script));
+    const HidReader reader(std::make_unique<ScriptedPort>(script), take_puck_report);
     EXPECT_TRUE(soon([&] { return reader.news().load().reports > 10'000; }));
     {
       const std::lock_guard lock(script.mutex);
@@ -119,7 +119,7 @@ TEST(HidReaderTest, RandomReportsOfAllLengthsAreHarmless) {
   for (int k = 0; k < 300'000; ++k) {
     for (auto& byte : bytes) byte = static_cast<std::uint8_t>(random.bits());
     if (random.chance(0.7)) bytes[0] = static_cast<std::uint8_t>(random.below(5));
-    take_report(std::span<const std::uint8_t>(bytes).first(random.below(bytes.size() + 1)), news);
+    take_puck_report(std::span<const std::uint8_t>(bytes).first(random.below(bytes.size() + 1)), news);
   }
   EXPECT_GT(news.reports, 0u);
   EXPECT_GT(news.unknown, 0u);
