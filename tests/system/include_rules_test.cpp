@@ -56,6 +56,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"common/recording", {"common/base", "common/rt"}},
     {"common/plot", {"common/base"}},
     {"common/surface", {"common/base"}},
+    {"common/metrics", {"common/base", "common/net"}},
     {"common/security", {"common/base", "common/config", "common/link", "common/net", "common/rt"}},
     {"master/device", {"common/base", "common/control", "common/rt"}},
     {"master/device/omega", {"common/base", "master/device"}},
@@ -66,7 +67,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
       "master/station"}},
     {"master/app",
      {"common/base", "common/config", "common/rt", "common/control", "common/link", "common/net",
-      "common/recording", "common/plot", "common/security", "common/surface", "master/device",
+      "common/recording", "common/metrics", "common/plot", "common/security", "common/surface", "master/device",
       "master/device/hid", "master/device/omega", "master/station", "master/loop", "master/view_model",
       "master/viewer"}},
     {"master/view_model",
@@ -80,8 +81,8 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
     {"nve_server/app",
-     {"common/base", "common/config", "common/rt", "common/link", "common/net", "common/security",
-      "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
+     {"common/base", "common/config", "common/metrics", "common/rt", "common/link", "common/net",
+      "common/security", "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
@@ -91,6 +92,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"proto/telenano.pb.h", {"common/link/codec"}},
     {"boost/asio", {"common/net/udp"}},
     {"openssl/", {"common/security/dtls_"}},
+    {"prometheus/", {"common/metrics/exporter"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},
