@@ -18,7 +18,7 @@ struct Fault {
 };
 
 // The gravest first. Those that latch end with what a person has to do.
-constexpr std::array<Fault, 10> kStationFaults = {{
+constexpr std::array<Fault, 11> kStationFaults = {{
     {station::kFaultDeviceFailed, "The device has failed: zero force. Check its cable and power, then clear"},
     {station::kFaultForceNonFinite, "The station's own force was no number: zero force. Please report this"},
     {station::kFaultHandPosNonFinite,
@@ -28,6 +28,7 @@ constexpr std::array<Fault, 10> kStationFaults = {{
     {station::kFaultVelocityTrip, "The hand moved too fast: zero force. Take hold again, then clear"},
     {station::kFaultSlaveStiffer,
      "The new sample is stiffer than what was planned for: start the session anew"},
+    {station::kFaultOtherScene, "The server that came back has another sample: start the session anew"},
     {station::kFaultStopPressed, "Stopped by the operator: zero force, the tip retracts. Clear when ready"},
     {station::kFaultBadTick, "A tick without length: zero force in it"},
     {station::kFaultReplyNonFinite, "A reply was no number: left out, the force comes back by a ramp"},
