@@ -4,13 +4,15 @@
 #include <string>
 
 #include "master/app/server_access.h"
+#include "master/app/session_view.h"
 
 namespace telenano::app {
 
 /// The flags of `telenano-master run`. What is left out keeps the station file's value.
 struct RunOptions : ServerAccess {
   std::string config_file;
-  std::string device = "sim";
+  std::optional<std::string> device;
+  bool home = false;
   std::string task = "indent";
   std::string script;
   std::optional<double> duration_s;
@@ -34,6 +36,7 @@ struct RunOptions : ServerAccess {
   bool take_over = false;
   std::string session_file;
   bool quiet = false;
+  ViewOptions view;
   std::string command_line;
 };
 

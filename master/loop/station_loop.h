@@ -41,6 +41,8 @@ class StationLoop {
   /// link::kFlagTakeOver: ask for a shared tip; link::kFlagHandOver: leave it to others; 0: as it comes.
   void set_tip_wish(std::uint32_t flags) noexcept { input_.tip_wish = flags; }
   const station::StationTrace& trace() const noexcept { return output_.trace; }
+  /// Why the device showed no force in the last tick.
+  device::ForceOffCause force_off() const noexcept { return reading_.cause; }
   std::uint64_t send_failures() const noexcept { return send_failures_; }
   const link::Playout& playout() const noexcept { return playout_; }
   const link::SendGate& gate() const noexcept { return gate_; }
@@ -58,6 +60,9 @@ class StationLoop {
   link::ClientSession& session_;
   station::Station& station_;
   const rt::Clock* clock_;
+  double hand_interval_s(double dt_s) noexcept;
+
+  device::DeviceReading reading_;
   link::Playout playout_;
   link::SendGate gate_;
   link::LinkQuality quality_;
@@ -68,6 +73,7 @@ class StationLoop {
   std::int64_t ticks_ = 0;
   std::int64_t start_ns_ = 0;
   std::uint64_t send_failures_ = 0;
+  std::int64_t last_read_ns_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
   /// One byte more than the largest datagram, so that an oversize one is seen as such.
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer_{};

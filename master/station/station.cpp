@@ -46,6 +46,8 @@ const char* mode_name(Mode mode) noexcept {
       return "held";
     case Mode::kStopped:
       return "stopped";
+    case Mode::kHoming:
+      return "homing";
   }
   return "unknown";
 }
@@ -177,6 +179,13 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   hand_step_h_m_.setZero();
   if (input.buttons & device::kButtonStop) latched_ |= kFaultStopPressed;
   if (input.device_status == device::DeviceStatus::kFailed) latched_ |= kFaultDeviceFailed;
+  if (input.device_status == device::DeviceStatus::kHoming) {
+    // Where the hand is means nothing until the device is calibrated, and leaps when it is. No force acts
+    // meanwhile, so there is nothing to book, and the book goes on where the first good position finds it.
+    has_hand_pos_ = false;
+    applied_force_h_n_.setZero();
+    return;
+  }
   const bool believable_pos =
       is_finite(input.hand_pos_h_m) &&
       (!has_hand_pos_ || (input.hand_pos_h_m - hand_pos_h_m_).cwiseAbs().maxCoeff() <= kBelievableStepM);
@@ -187,7 +196,8 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   if (!believable_force) latched_ |= kFaultAppliedNonFinite;
   // What cannot be measured cannot be booked; the stop holds the force at zero until a person has looked.
   if (!believable_pos || !believable_force) return;
-  const bool first = !observer_.started();
+  if (!has_hand_pos_ && observer_.started()) observer_.resume_at(input.hand_pos_h_m);
+  const bool first = !observer_.started() || !has_hand_pos_;
   control::PortInterval interval;
   interval.applied_force_h_n = input.applied_force_h_n;
   interval.hand_pos_h_m = input.hand_pos_h_m;
@@ -298,6 +308,10 @@ void Station::follow_a_retracted_tip() noexcept {
 void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   if (latched_ != 0) {
     mode_ = Mode::kStopped;
+    return;
+  }
+  if (input.device_status == device::DeviceStatus::kHoming) {
+    mode_ = input.session_up ? Mode::kHoming : Mode::kIdle;
     return;
   }
   const bool was_engaged = mode_ == Mode::kEngaged || mode_ == Mode::kHeld;

@@ -14,10 +14,11 @@
 
 namespace telenano::station {
 
-/// idle: no session. ready: a session, not engaged. engaged: the tip follows, forces are shown. held: replies
-/// have stopped coming while engaged, force is zero, the tip target is frozen until they come again. stopped:
-/// latched.
-enum class Mode : std::uint8_t { kIdle, kReady, kEngaged, kHeld, kStopped };
+/// idle: no session. homing: the device is not calibrated, its positions mean nothing yet. ready: a session,
+/// not engaged. engaged: the tip follows, forces are shown. held: replies have stopped coming while engaged,
+/// force is zero, the tip target is frozen until they come again. stopped: latched. Stored in files: never
+/// renumber.
+enum class Mode : std::uint8_t { kIdle, kReady, kEngaged, kHeld, kStopped, kHoming };
 const char* mode_name(Mode mode) noexcept;
 
 /// Named faults; several may be set at once.

@@ -2,16 +2,16 @@
 #include <cmath>
 
 #include "common/base/error.h"
+#include "common/surface/gsf.h"
 #include "fuzz_input.h"
-#include "nve_server/scene/gsf.h"
 #include "nve_server/scene/levelling.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace telenano;
   const std::string bytes(reinterpret_cast<const char*>(data), size);
-  scene::Scan scan;
+  surface::Scan scan;
   try {
-    scan = scene::parse_gsf(bytes, "scan.gsf");
+    scan = surface::parse_gsf(bytes, "scan.gsf");
   } catch (const UserError& error) {
     fuzz::check_error_line(error.what());
     return 0;
@@ -26,7 +26,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   FUZZ_CHECK(lowest_nm == 0);
 
-  const scene::Scan again = scene::parse_gsf(scene::format_gsf(scan, "out.gsf"), "out.gsf");
+  const surface::Scan again = surface::parse_gsf(surface::format_gsf(scan, "out.gsf"), "out.gsf");
   FUZZ_CHECK(again.grid.rows == grid.rows && again.grid.columns == grid.columns && again.title == scan.title);
   FUZZ_CHECK(again.width_nm == scan.width_nm && again.height_nm == scan.height_nm);
 

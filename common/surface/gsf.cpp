@@ -1,4 +1,4 @@
-#include "nve_server/scene/gsf.h"
+#include "common/surface/gsf.h"
 
 #include <algorithm>
 #include <bit>
@@ -17,7 +17,7 @@
 #include "common/base/constants.h"
 #include "common/base/error.h"
 
-namespace telenano::scene {
+namespace telenano::surface {
 namespace {
 
 constexpr std::string_view kMagic = "Gwyddion Simple Field 1.0\n";
@@ -143,7 +143,7 @@ Scan parse_gsf(const std::string& bytes, const std::string& name) {
       parse_header(std::string_view(bytes).substr(kMagic.size(), header_end - kMagic.size()), name);
 
   Scan scan;
-  physics::HeightGrid& grid = scan.grid;
+  HeightGrid& grid = scan.grid;
   grid.columns = resolution(header, "XRes", name);
   grid.rows = resolution(header, "YRes", name);
   require_metres(header, "XYUnits", name);
@@ -210,7 +210,7 @@ Scan read_gsf(const std::string& path, std::string* content) {
 }
 
 std::string format_gsf(const Scan& scan, const std::string& name) {
-  const physics::HeightGrid& grid = scan.grid;
+  const HeightGrid& grid = scan.grid;
   const auto in_range = [](int n) { return n >= kSizeMin && n <= kSizeMax; };
   if (!in_range(grid.columns) || !in_range(grid.rows) ||
       grid.z_nm.size() != static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows)) {
@@ -276,4 +276,4 @@ void write_gsf(const std::string& path, const Scan& scan) {
   if (error) give_up(error.message());
 }
 
-}  // namespace telenano::scene
+}  // namespace telenano::surface

@@ -2,13 +2,13 @@
 
 #include <string>
 
-#include "nve_server/physics/height_grid.h"
+#include "common/surface/height_grid.h"
 
-namespace telenano::scene {
+namespace telenano::surface {
 
 /// A scan as read from a Gwyddion Simple Field: heights in nm, frame W.
 struct Scan {
-  physics::HeightGrid grid;
+  HeightGrid grid;
   std::string title;
   double width_nm = 0;   ///< XReal
   double height_nm = 0;  ///< YReal
@@ -37,4 +37,4 @@ std::string format_gsf(const Scan& scan, const std::string& name);
 /// the new one whole. Throws RunError: one line naming the file.
 void write_gsf(const std::string& path, const Scan& scan);
 
-}  // namespace telenano::scene
+}  // namespace telenano::surface

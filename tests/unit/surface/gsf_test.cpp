@@ -1,4 +1,4 @@
-#include "nve_server/scene/gsf.h"
+#include "common/surface/gsf.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -10,7 +10,7 @@
 
 #include "common/base/error.h"
 
-namespace telenano::scene {
+namespace telenano::surface {
 namespace {
 
 constexpr const char* kGood = "XRes = 3\nYRes = 2\nXReal = 3e-08\nYReal = 1e-08\nXYUnits = m\nZUnits = m\n";
@@ -180,4 +180,4 @@ TEST(Gsf, ReplacesAFileInOneMove) {
 }
 
 }  // namespace
-}  // namespace telenano::scene
+}  // namespace telenano::surface
