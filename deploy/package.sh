@@ -20,7 +20,7 @@ while [ ${#rest[@]} -gt 0 ]; do
   esac
 done
 [ "$install" = no ] || install_missing "${build_packages[@]}" dpkg-dev file
-configure_and_build
+configure_and_build programs
 say "Packing"
 mkdir -p "$out"
 log=$(mktemp)

@@ -12,6 +12,7 @@ install(TARGETS telenano-lab RUNTIME DESTINATION bin COMPONENT lab)
 # Each program tells bash how to complete it.
 set(completions ${CMAKE_BINARY_DIR}/completions)
 file(MAKE_DIRECTORY ${completions})
+add_custom_target(programs)  # what is packed, without tests
 foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station telenano-lab:lab)
   string(REPLACE : ";" pair ${pair})
   list(GET pair 0 program)
@@ -19,6 +20,7 @@ foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station
   if(TARGET ${program})
     add_custom_target(${program}-completion ALL
                       COMMAND sh -c "'$<TARGET_FILE:${program}>' --completion >'${completions}/${program}'" VERBATIM)
+    add_dependencies(programs ${program}-completion)
     install(FILES ${completions}/${program} DESTINATION share/bash-completion/completions COMPONENT ${component})
   endif()
 endforeach()

@@ -8,6 +8,7 @@
 #include "master/app/device_settings.h"
 #include "master/device/intended_motion.h"
 #include "master/device/plant.h"
+#include "master/loop/link_options.h"
 #include "master/station/station_config.h"
 
 namespace telenano::app {
@@ -35,6 +36,8 @@ struct StationFile {
   Workspaces workspaces{};
   DeviceSettings device{};
   PedalSettings pedal{};
+  loop::LinkOptions link{};
+  int redundancy = 0;          ///< commands that each datagram repeats, 0 to 4
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording
 };
@@ -46,6 +49,9 @@ StationFile parse_station_file(std::string content, const std::string& name);
 /// Every setting by its name in the file, so that a recording explains itself.
 std::vector<std::pair<std::string, std::string>> describe(const station::StationConfig& station,
                                                           const device::PlantConfig& plant);
+
+/// Its [link], likewise.
+std::vector<std::pair<std::string, std::string>> describe_link(const StationFile& file);
 
 /// After flags have changed it: checks the whole and makes the simulated device follow the rate.
 void finish_station_file(StationFile& file, const std::string& source);
