@@ -107,7 +107,7 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
        with(run, {"--task", "polish"}),
        {"polish", "position, contact, indent, scan or script"}},
       {"unknown method", with(run, {"--method", "magic"}), {"magic", "none, ks, ks-clamp"}},
-      {"unknown device", with(run, {"--device", "omega"}), {"--device", "omega", "sim"}},
+      {"unknown device", with(run, {"--device", "omega9"}), {"--device", "omega9", "sim"}},
       {"rate no number", with(run, {"--rate", "fast"}), {"--rate", "fast"}},
       {"rate out of range", with(run, {"--rate", "50"}), {"--rate", "50", "100", "8000"}},
       {"rate nan", with(run, {"--rate", "nan"}), {"--rate"}},
