@@ -50,6 +50,7 @@ class StationLoop {
   const link::LinkQuality& quality() const noexcept { return quality_; }
 
  private:
+  double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;
   const link::Reply* next_reply(std::int64_t now_ns, bool replied) noexcept;
   void fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept;

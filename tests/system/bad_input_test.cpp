@@ -99,15 +99,20 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
   const std::string outside = write("outside.toml", "[limits]\nslew_n_s = -5.0\n");
   const std::string not_toml = write("not.toml", "slew = = 5\n");
   expect_refused(std::vector<Bad>{
-      {"no command", {kMaster}, {"a command is missing", "run, plan, recover or export", "telenano-master --help"}},
-      {"unknown command", {kMaster, "rum"}, {"'rum'", "run, plan, recover or export", "did you mean run?"}},
+      {"no command",
+       {kMaster},
+       {"a command is missing", "run, plan, devices, calibrate, recover or export",
+        "telenano-master --help"}},
+      {"unknown command",
+       {kMaster, "rum"},
+       {"'rum'", "run, plan, devices, calibrate, recover or export", "did you mean run?"}},
       {"unknown flag", with(run, {"--tasks", "indent"}), {"--tasks", "did you mean --task?"}},
       {"flag without value", with(run, {"--task"}), {"--task"}},
       {"unknown task",
        with(run, {"--task", "polish"}),
        {"polish", "position, contact, indent, scan or script"}},
       {"unknown method", with(run, {"--method", "magic"}), {"magic", "none, ks, ks-clamp"}},
-      {"unknown device", with(run, {"--device", "omega"}), {"--device", "omega", "sim"}},
+      {"unknown device", with(run, {"--device", "omega9"}), {"--device", "omega9", "sim"}},
       {"rate no number", with(run, {"--rate", "fast"}), {"--rate", "fast"}},
       {"rate out of range", with(run, {"--rate", "50"}), {"--rate", "50", "100", "8000"}},
       {"rate nan", with(run, {"--rate", "nan"}), {"--rate"}},

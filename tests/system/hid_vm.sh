@@ -68,7 +68,7 @@ tagged() { # node
 if [ -x /lib/systemd/systemd-udevd ]; then
   mkdir -p /etc/udev/rules.d && cp "$here/../../deploy/udev/70-telenano-haptic.rules" /etc/udev/rules.d/
   /lib/systemd/systemd-udevd --daemon 2>/dev/null
-  udevadm trigger --action=add --subsystem-match=usb
+  echo add >"${found%idVendor}uevent"  # udevadm trigger does nothing there either
   check "the omega's node is tagged for whoever sits here" tagged "$node"
   check "udevd finds no mistake in the rules" bash -c "! udevadm test \$(udevadm info --query=path --name=$node) 2>&1 | grep -E '70-telenano-haptic.rules:[0-9]+ .*(nvalid|nknown|rror)'"
   TELENANO_HOLD_PUCK_S=20 "$build/bin/system_hidraw" --gtest_filter='*StaysForAWhile' >/dev/null &
