@@ -61,8 +61,6 @@ class StationLoop {
   link::ClientSession& session_;
   station::Station& station_;
   const rt::Clock* clock_;
-  double hand_interval_s(double dt_s) noexcept;
-
   device::DeviceReading reading_;
   link::Playout playout_;
   link::SendGate gate_;
