@@ -69,6 +69,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"nve_server/scene", {"common/base", "common/config", "nve_server/physics"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
+    {"nve_server/nanonis", {"common/base"}},
     {"nve_server/app",
      {"common/base", "common/config", "common/rt", "common/link", "common/net", "common/security",
       "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
@@ -90,7 +91,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
 
 // Pure folders: no clock, thread, file, socket or log.
 const std::set<std::string> kPure = {"common/base", "common/control", "common/link", "master/station",
-                                     "nve_server/physics"};
+                                     "nve_server/physics", "nve_server/nanonis"};
 const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
                                        "fstream",       "iostream",     "filesystem", "cstdio",
                                        "stdio.h",       "time.h",       "ctime",      "unistd.h",
