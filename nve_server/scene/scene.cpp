@@ -85,11 +85,12 @@ physics::Compliance Scene::probe_compliance_nm_nn() const {
   return cantilever.compliance_nm_nn();
 }
 
-std::shared_ptr<const Scene> load_scene(const std::string& path) {
-  const config::TomlDocument document = config::TomlDocument::load(path);
+namespace {
+
+std::shared_ptr<const Scene> build_scene(const config::TomlDocument& document) {
   const TomlTable root = document.root();
   auto scene = std::make_shared<Scene>();
-  scene->path = path;
+  scene->path = document.path();
   scene->name = root.text("name");
   if (scene->name.empty() || scene->name.size() > kNameBytesMax) {
     root.fail("name", "expected 1 to " + std::to_string(kNameBytesMax) + " bytes");
@@ -114,6 +115,16 @@ std::shared_ptr<const Scene> load_scene(const std::string& path) {
   document.finish();
   scene->hash = fnv1a(scan_bytes, fnv1a(document.content()));
   return scene;
+}
+
+}  // namespace
+
+std::shared_ptr<const Scene> load_scene(const std::string& path) {
+  return build_scene(config::TomlDocument::load(path));
+}
+
+std::shared_ptr<const Scene> parse_scene(std::string description, const std::string& name) {
+  return build_scene(config::TomlDocument::parse(std::move(description), name));
 }
 
 }  // namespace telenano::scene

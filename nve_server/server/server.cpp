@@ -194,6 +194,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   input.tip_target_pos_w_nm = command.tip_pos_w_nm;
   input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
   input.retract = may_operate_ && (command.flags & link::kFlagStop) != 0;
+  input.by_operator = input.retract;
   constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
   input.follow = may_operate_ && !input.retract && (command.flags & kEngaged) == kEngaged;
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;

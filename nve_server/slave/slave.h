@@ -14,6 +14,7 @@ struct SlaveInput {
   bool follow = true;        ///< false: hold the present commanded position (clutch open, deadman released)
   bool wants_model = false;  ///< fill SlaveOutput::model
   bool retract = false;      ///< withdraw to a safe height whatever is commanded
+  bool by_operator = false;  ///< the retract is a stop that the station sends, not the server's own (silence)
 };
 
 struct SlaveOutput {

@@ -70,9 +70,15 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
     {"nve_server/nanonis", {"common/base"}},
+    {"nve_server/afm_sim",
+     {"common/base", "common/net", "common/rt", "nve_server/nanonis", "nve_server/physics", "nve_server/scene"}},
+    {"nve_server/afm",
+     {"common/base", "common/config", "common/link", "common/net", "common/rt", "nve_server/nanonis",
+      "nve_server/slave"}},
     {"nve_server/app",
      {"common/base", "common/config", "common/rt", "common/link", "common/net", "common/security",
-      "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
+      "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server", "nve_server/afm",
+      "nve_server/afm_sim", "nve_server/nanonis"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
@@ -80,7 +86,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"google/protobuf", {"common/link/codec"}},
     {"telenano.pb.h", {"common/link/codec"}},
     {"proto/telenano.pb.h", {"common/link/codec"}},
-    {"boost/asio", {"common/net/udp"}},
+    {"boost/asio", {"common/net/udp", "common/net/tcp"}},
     {"openssl/", {"common/security/dtls_"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
