@@ -22,7 +22,8 @@ AfmConfig load_afm_config(const std::string& path) {
   if (c.z_sign == 0)
     calibration.fail("z_sign", "expected 1 (larger Z is away from the sample) or -1 (towards it)");
   c.sensitivity_nm_v = calibration.number("sensitivity_nm_v", between(-1e4, 1e4));
-  if (c.sensitivity_nm_v == 0) calibration.fail("sensitivity_nm_v", "0 measures nothing; expected nm a volt, signed");
+  if (c.sensitivity_nm_v == 0)
+    calibration.fail("sensitivity_nm_v", "0 measures nothing; expected nm a volt, signed");
   c.spring_constant_n_m = calibration.number("spring_constant_n_m", between(0.001, 1000));
   c.lateral_nn_v = calibration.number("lateral_nn_v", between(-1e6, 1e6));
 
@@ -42,6 +43,9 @@ AfmConfig load_afm_config(const std::string& path) {
     c.force_rate_hz = t->number_or("force_rate_hz", between(5, 2000), standard.force_rate_hz);
     c.link_loss_ms = t->number_or("link_loss_ms", between(10, 10000), standard.link_loss_ms);
     c.reply_timeout_ms = t->number_or("reply_timeout_ms", between(10, 10000), standard.reply_timeout_ms);
+    if (t->has("stale_force_ms")) c.stale_force_ms = t->number("stale_force_ms", between(10, 10000));
+    if (c.stale_force_ms > 0 && 1e-3 * c.stale_force_ms < 1.5 * c.period_s())
+      t->fail("stale_force_ms", "less than one and a half periods of force_rate_hz");
   }
   if (const auto t = root.optional_table("approach")) {
     c.lift_nm = t->number_or("lift_nm", between(2, 1e4), standard.lift_nm);
@@ -51,8 +55,7 @@ AfmConfig load_afm_config(const std::string& path) {
     c.timeout_s = t->number_or("timeout_s", between(1, 3600), standard.timeout_s);
     c.withdraw_nm_s = t->number_or("withdraw_nm_s", between(1000, 1e6), standard.withdraw_nm_s);
     c.park_after_s = t->number_or("park_after_s", between(1, 1e5), standard.park_after_s);
-    if (c.touch_force_nn > 0.5 * c.force_max_nn)
-      t->fail("touch_force_nn", "more than half of force_max_nn");
+    if (c.touch_force_nn > 0.5 * c.force_max_nn) t->fail("touch_force_nn", "more than half of force_max_nn");
     if (c.lift_nm > c.top_nm) t->fail("lift_nm", "above the workspace: more than limits.top_nm");
   }
   document.finish();

@@ -22,29 +22,36 @@ struct AfmConfig {
   double step_nm = 1;  ///< of one command, along Z and across
   double force_max_nn = 300;
   double lateral_max_nn = 200;
-  double slope_max = 0.5;       ///< steepest ground that a move across must reckon with
-  double half_width_nm = 500;   ///< workspace, across, about where the tip stands at the start
-  double top_nm = 60;           ///< above and
-  double depth_nm = 40;         ///< below the surface there
-  double drift_max_nm_s = 5;    ///< more than this between two touches is no drift
+  double slope_max = 0.5;      ///< steepest ground that a move across must reckon with
+  double half_width_nm = 500;  ///< workspace, across, about where the tip stands at the start
+  double top_nm = 60;          ///< above and
+  double depth_nm = 40;        ///< below the surface there
+  double drift_max_nm_s = 5;   ///< more than this between two touches is no drift
   // [timing]
   double force_rate_hz = 200;
   double link_loss_ms = 100;      ///< without a command from a session
   double reply_timeout_ms = 100;  ///< of the controller, besides an acquisition period where it reads
+  double stale_force_ms = 0;      ///< without a reading; 0: two periods and 20 ms, at least 60 ms
   // [approach]
   double lift_nm = 25;  ///< above the surface, where the tip waits
   int tare_readings = 20;
   double touch_force_nn = 40;
-  double touch_pause_s = 1;   ///< between the two touches that measure the drift
-  double timeout_s = 60;      ///< of the whole approach
+  double touch_pause_s = 1;  ///< between the two touches that measure the drift
+  double timeout_s = 60;     ///< of the whole approach
   double withdraw_nm_s = 20000;
   double park_after_s = 60;  ///< without a session: the tip is withdrawn until one comes
 
   double period_s() const noexcept { return 1 / force_rate_hz; }
-  /// After this long without a reading the force is not known: two periods and 20 ms, at least 60 ms.
+  /// After this long without a reading the force is not known.
   double stale_force_s() const noexcept {
+    if (stale_force_ms > 0) return 1e-3 * stale_force_ms;
     const double two_s = 2 * period_s() + 0.02;
     return two_s > 0.06 ? two_s : 0.06;
+  }
+  /// The guard withdraws when the server's thread has been silent for so long.
+  int guard_silence_ms() const noexcept {
+    const double four = 4 * reply_timeout_ms;
+    return four > 400 ? static_cast<int>(four) : 400;
   }
 };
 

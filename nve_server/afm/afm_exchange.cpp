@@ -24,14 +24,9 @@ void AfmExchange::store_state(const PortState& s) noexcept {
   p.measured_force = plain(s.measured_force_w_nn);
   p.point = plain(s.model.point_w_nm);
   p.normal = plain(s.model.normal_w);
-  p.numbers = {s.model.stiffness_n_m,
-               s.model.adhesion_nn,
-               s.model.shear_stiffness_n_m,
-               s.model.friction_nn,
-               s.noise_nn,
-               s.energy_in_aj,
-               s.energy_out_aj,
-               s.energy_bound_aj};
+  p.numbers = {s.model.stiffness_n_m, s.model.adhesion_nn, s.model.shear_stiffness_n_m,
+               s.model.friction_nn,   s.noise_nn,          s.energy_in_aj,
+               s.energy_out_aj,       s.energy_bound_aj};
   p.version = s.model.version;
   p.phase = static_cast<std::uint8_t>(s.phase);
   p.cause = static_cast<std::uint8_t>(s.cause);

@@ -59,9 +59,9 @@ std::string_view name(Cause cause) noexcept;
 struct PortState {
   std::int64_t time_ns = 0;
   Phase phase = Phase::kChecking;
-  Cause cause = Cause::kNone;             ///< while withdrawing or withdrawn
-  std::uint64_t latches = 0;              ///< counts the withdrawals that an operator must clear
-  Vec3 base_w_nm = Vec3::Zero();          ///< as last sent
+  Cause cause = Cause::kNone;     ///< while withdrawing or withdrawn
+  std::uint64_t latches = 0;      ///< counts the withdrawals that an operator must clear
+  Vec3 base_w_nm = Vec3::Zero();  ///< as last sent
   Vec3 measured_base_w_nm = Vec3::Zero();
   Vec3 measured_force_w_nn = Vec3::Zero();
   std::int64_t measured_ns = 0;  ///< middle of the averaging

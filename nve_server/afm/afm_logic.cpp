@@ -75,7 +75,8 @@ double AfmLogic::force_trip_nn() const noexcept {
 }
 
 bool AfmLogic::all_connected() const noexcept {
-  return std::all_of(connections_.begin(), connections_.end(), [](const Connection& c) { return c.connected; });
+  return std::all_of(connections_.begin(), connections_.end(),
+                     [](const Connection& c) { return c.connected; });
 }
 
 void AfmLogic::tell(const std::string& line) {
@@ -122,7 +123,12 @@ void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
                                    : who + "closed by the controller; is it in use by another client?");
     return;
   }
-  if (!withdrawing()) withdraw(loss == Loss::kSilent ? Cause::kSilent : Cause::kConnection, now_ns);
+  if (withdrawing()) return;
+  withdraw(loss == Loss::kSilent ? Cause::kSilent : Cause::kConnection, now_ns);
+  tell("withdrawing: port of " + std::string(name(role)) +
+       (loss == Loss::kSilent    ? " does not answer"
+        : loss == Loss::kGarbage ? " answers no Nanonis"
+                                 : " was closed"));
 }
 
 bool AfmLogic::take_close(Role role) noexcept {
@@ -164,8 +170,8 @@ bool AfmLogic::next(Role role, std::int64_t now_ns, Call& call) {
   }
   switch (role) {
     case Role::kReads:
-      return send(role, kSignalValsGet,
-                  {1.0 * config_.deflection_signal, 1.0 * config_.lateral_signal, 0.0}, now_ns, call);
+      return send(role, kSignalValsGet, {1.0 * config_.deflection_signal, 1.0 * config_.lateral_signal, 0.0},
+                  now_ns, call);
     case Role::kMotion:
       return next_motion(now_ns, call);
     case Role::kData:
@@ -244,7 +250,8 @@ void AfmLogic::checked(const Check& check, const Answer& answer) {
       return refuse(port + "signals " + std::to_string(config_.deflection_signal) + " and " +
                     std::to_string(config_.lateral_signal) + " are not answered: " + answer.error_text);
     return refuse(port + std::string(nanonis::command(check.call.id).name) + " is refused (" +
-                  answer.error_text + "): is this the port for that role? --ports lists motion, reads, data, emergency");
+                  answer.error_text +
+                  "): is this the port for that role? --ports lists motion, reads, data, emergency");
   }
   const auto& n = answer.numbers;
   switch (check.call.id) {
@@ -294,9 +301,10 @@ void AfmLogic::checked(const Check& check, const Answer& answer) {
     case kZPosGet: {
       top_height_nm_ = height_nm_ = height_of(n[0]);
       if (height_nm_ < -kNearEnd * range_z_nm_)
-        return refuse(file + ": [calibration] z_sign: the tip stands at Z = " + text("%g nm", 1e9 * n[0]) +
-                      ", which by this sign is at the sample's end of the range: wrong sign, or the tip is not "
-                      "withdrawn");
+        return refuse(
+            file + ": [calibration] z_sign: the tip stands at Z = " + text("%g nm", 1e9 * n[0]) +
+            ", which by this sign is at the sample's end of the range: wrong sign, or the tip is not "
+            "withdrawn");
       if (height_nm_ < kNearEnd * range_z_nm_)
         return refuse(port + text("the tip stands at Z = %g nm: withdraw it first", 1e9 * n[0]));
       return;
@@ -310,8 +318,10 @@ void AfmLogic::checked(const Check& check, const Answer& answer) {
       const double volts = (n[0] - offset_) / calibration_m_v_;
       free_deflection_nm_ = config_.sensitivity_nm_v * volts;
       // SafeTip looks at the signal itself: its size where the lever is free, and what the trip adds.
-      const double per_nn = std::fabs(calibration_m_v_ / (config_.sensitivity_nm_v * config_.spring_constant_n_m));
-      const double threshold = std::fabs(n[0]) + per_nn * (force_trip_nn() + 2 * config_.step_nm * config_.spring_constant_n_m);
+      const double per_nn =
+          std::fabs(calibration_m_v_ / (config_.sensitivity_nm_v * config_.spring_constant_n_m));
+      const double threshold =
+          std::fabs(n[0]) + per_nn * (force_trip_nn() + 2 * config_.step_nm * config_.spring_constant_n_m);
       for (Check& later : checks_) {
         if (later.call.id == kSafeTipPropsSet) later.call.numbers = {0, 0, threshold};
       }
@@ -428,8 +438,11 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
       height_nm_ = height_of(answer.numbers[0]);
       const double lifted = height_nm_ - settled_height_nm_;
       if (lifted < 0.5 * config_.lift_nm) {
-        refusal_ = config_.path + text(": [calibration] z_sign: a lift of %g nm moved Z by %g nm: wrong sign (the "
-                                       "tip was withdrawn)", config_.lift_nm, lifted);
+        refusal_ =
+            config_.path + text(
+                               ": [calibration] z_sign: a lift of %g nm moved Z by %g nm: wrong sign (the "
+                               "tip was withdrawn)",
+                               config_.lift_nm, lifted);
         return withdraw(Cause::kController, now_ns);
       }
       surface_height_nm_ = settled_height_nm_;
@@ -532,8 +545,9 @@ void AfmLogic::touched(std::int64_t now_ns) {
   state_.base_w_nm = sent_w_nm_;
   // The same ground in the new frame: known where the touch saw it.
   model_.forget_place();
-  model_.add(Vec3(sent_w_nm_.x(), sent_w_nm_.y(), -model_.contact_threshold_nn() * 1.01 / model_.stiffness_n_m()),
-             model_.contact_threshold_nn() * 1.01, now_ns);
+  model_.add(
+      Vec3(sent_w_nm_.x(), sent_w_nm_.y(), -model_.contact_threshold_nn() * 1.01 / model_.stiffness_n_m()),
+      model_.contact_threshold_nn() * 1.01, now_ns);
   model_.forget_place();
   state_.model = model_.model();
   if (touches_ < 2) {
@@ -547,8 +561,8 @@ void AfmLogic::touched(std::int64_t now_ns) {
   session_ns_ = now_ns;
   last_book_ns_ = now_ns;
   book_.interrupt();
-  tell(text("surface found; drift %+.3f nm/s, noise %.2f nN, stiffness %.3g N/m", drift_nm_s_, state_.noise_nn,
-            model_.stiffness_n_m()));
+  tell(text("surface found; drift %+.3f nm/s, noise %.2f nN, stiffness %.3g N/m", drift_nm_s_,
+            state_.noise_nn, model_.stiffness_n_m()));
 }
 
 // ---- following
@@ -580,18 +594,21 @@ bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
   const double stale_z = std::fabs(drift_nm_s_) * 1e-9 * static_cast<double>(now_ns - last_move_ns_);
   const bool wants_z = std::fabs(up) > least || stale_z > 0.05 * config_.step_nm;
   if (wants_across && (across_next_ || !wants_z)) {
-    const double may = std::min(config_.step_nm, config_.speed_nm_s * 1e-9 * static_cast<double>(now_ns - last_xy_ns_));
+    const double may =
+        std::min(config_.step_nm, config_.speed_nm_s * 1e-9 * static_cast<double>(now_ns - last_xy_ns_));
     // Ground may rise under a move across: not where that could pass the limit before it is read.
     const bool room = sent_w_nm_.z() - config_.slope_max * may >= lowest || across.norm() <= 0;
     across_next_ = false;
     if (may > least && room) {
-      const Eigen::Vector2d move = across.norm() > may ? Eigen::Vector2d(across * (may / across.norm())) : across;
+      const Eigen::Vector2d move =
+          across.norm() > may ? Eigen::Vector2d(across * (may / across.norm())) : across;
       sent_w_nm_.head<2>() += move;
       last_xy_ns_ = now_ns;
       history_.add(now_ns, sent_w_nm_);
       state_.base_w_nm = sent_w_nm_;
       return send(Role::kMotion, kXyPosSet,
-                  {1e-9 * (start_x_nm_ + sent_w_nm_.x()), 1e-9 * (start_y_nm_ + sent_w_nm_.y()), 0}, now_ns, call);
+                  {1e-9 * (start_x_nm_ + sent_w_nm_.x()), 1e-9 * (start_y_nm_ + sent_w_nm_.y()), 0}, now_ns,
+                  call);
     }
   }
   if (!wants_z || !(reach > least)) {
@@ -606,7 +623,8 @@ bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
 void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64_t now_ns) {
   if (answer.numbers.size() != 2) return withdraw(Cause::kController, now_ns);
   const double deflection_nm = config_.sensitivity_nm_v * (answer.numbers[0] - offset_) / calibration_m_v_;
-  const double lateral_nn = config_.lateral_nn_v * (answer.numbers[1] - lateral_offset_) / lateral_calibration_;
+  const double lateral_nn =
+      config_.lateral_nn_v * (answer.numbers[1] - lateral_offset_) / lateral_calibration_;
   const std::int64_t period_ns = ns(config_.period_s());
   const bool free = state_.phase == Phase::kEngaging || state_.phase == Phase::kLifting;
   const double zero_nm = free ? free_deflection_nm_ : tare_nm_;
@@ -641,7 +659,8 @@ void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64
   reading.force_w_nn = force;
   reading.way_nm = history_.between(last_book_ns_, now_ns).path_nm;
   reading.window_way_nm = history_.between(reading_from_ns_, now_ns).path_nm;
-  const bool changes = state_.touching != was_touching_ || std::fabs(force.z()) > model_.contact_threshold_nn();
+  const bool changes =
+      state_.touching != was_touching_ || std::fabs(force.z()) > model_.contact_threshold_nn();
   book_.add(reading, 3 * state_.noise_nn, changes ? model_.model().adhesion_nn : 0);
   was_touching_ = state_.touching;
   last_book_ns_ = now_ns - period_ns;
@@ -668,7 +687,8 @@ void AfmLogic::on_status(double status, std::int64_t now_ns) {
     return;
   }
   const bool off = status == static_cast<double>(ZStatus::kOff);
-  if ((state_.phase == Phase::kTouching || state_.phase == Phase::kFollowing || state_.phase == Phase::kTaring) &&
+  if ((state_.phase == Phase::kTouching || state_.phase == Phase::kFollowing ||
+       state_.phase == Phase::kTaring) &&
       !off) {
     tell(text("the Z controller was switched by someone else (status %g)", status));
     withdraw(Cause::kController, now_ns);

@@ -25,8 +25,8 @@ enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 /// a simulated one. A value: a copy goes on alike. One thread; it allocates, so never the server's loop.
 ///
 /// Safety. After the start-up checks, in which nothing moves, every fault ends in one latched withdrawal: on
-/// the emergency connection (Stop, Withdraw, then looking whether the tip is up, and again), and on the motion
-/// connection besides, until the height that the controller reports is that of a withdrawn tip.
+/// the emergency connection (Stop, Withdraw, then looking whether the tip is up, and again), and on the
+/// motion connection besides, until the height that the controller reports is that of a withdrawn tip.
 ///
 /// Force limit. The base goes lower only as far as no reading is needed to know that the force stays below
 /// the limit. A reading F is the average over a window in which the base was no higher than z_hi and after
@@ -144,7 +144,7 @@ class AfmLogic {
   int calm_ = 0;
   double last_height_nm_ = 0;
   double settled_height_nm_ = 0;
-  double height_nm_ = 0;       // as last sent or read, of the base
+  double height_nm_ = 0;  // as last sent or read, of the base
   int tared_ = 0;
   double tare_sum_ = 0, tare_squares_ = 0, tare_lateral_sum_ = 0;
   double tare_nm_ = 0, tare_nn_ = 0, tare_lateral_nn_ = 0;

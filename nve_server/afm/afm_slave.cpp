@@ -68,7 +68,8 @@ void AfmSlave::publish(std::uint32_t faults, const slave::SlaveInput& input,
     output.force_w_nn.setZero();
     output.deflection_nm = 0;
     output.contact_state = link::ContactState::kFree;
-    output.commanded_pos_w_nm = Vec3(state_.base_w_nm.x(), state_.base_w_nm.y(), limits_.workspace_max_w_nm.z());
+    output.commanded_pos_w_nm =
+        Vec3(state_.base_w_nm.x(), state_.base_w_nm.y(), limits_.workspace_max_w_nm.z());
     output.tip_pos_w_nm = output.commanded_pos_w_nm;
     return;
   }
@@ -80,14 +81,16 @@ void AfmSlave::publish(std::uint32_t faults, const slave::SlaveInput& input,
     force = m.stiffness_n_m * depth_nm * m.normal_w;
     // Across, what was read holds until the next reading.
     if (state_.touching) force.x() += state_.measured_force_w_nn.x() - force.x();
-  } else if (!state_.touching && std::fabs(state_.measured_force_w_nn.z()) > threshold_factor_ * state_.noise_nn) {
+  } else if (!state_.touching &&
+             std::fabs(state_.measured_force_w_nn.z()) > threshold_factor_ * state_.noise_nn) {
     force.z() = std::min(0.0, state_.measured_force_w_nn.z());  // attraction across the gap
   }
   output.force_w_nn = force;
   output.deflection_nm = force.z() / lever_n_m_;
   output.commanded_pos_w_nm = base;
   output.tip_pos_w_nm = base + Vec3(0, 0, output.deflection_nm);
-  output.contact_state = depth_nm > 0 || state_.touching ? link::ContactState::kContact : link::ContactState::kFree;
+  output.contact_state =
+      depth_nm > 0 || state_.touching ? link::ContactState::kContact : link::ContactState::kFree;
   if (state_.held_by_force) faults |= link::kFaultForceLimit;
   if (wish_.follow && !state_.held_by_force && (wish_.target_w_nm - base).norm() > lag_nm_)
     faults |= link::kFaultStepLimit;

@@ -20,10 +20,10 @@ class MotionHistory {
   void clear() noexcept { next_ = 0; }
 
   struct Stretch {
-    double highest_nm = 0;                  ///< largest z held
-    double path_across_nm = 0;              ///< way travelled across
-    double path_nm = 0;                     ///< way travelled
-    Vec3 mean_w_nm = Vec3::Zero();          ///< over time
+    double highest_nm = 0;          ///< largest z held
+    double path_across_nm = 0;      ///< way travelled across
+    double path_nm = 0;             ///< way travelled
+    Vec3 mean_w_nm = Vec3::Zero();  ///< over time
   };
   /// From `from_ns` to `to_ns`; the position held at its beginning counts. Needs at least one entry.
   Stretch between(std::int64_t from_ns, std::int64_t to_ns) const noexcept {

@@ -15,8 +15,8 @@ namespace telenano::afm {
 ///
 /// about the newest reading, by weighted least squares over the last ones (weights fall with age and with the
 /// distance across, since ground further away is other ground). With few readings, or ones at the same place,
-/// K, B and C stay near what they were: a prior worth a handful of readings spread over kSpread_nm. K is within
-/// the lever's stiffness. Then in the terms of the station (link::LocalModel)
+/// K, B and C stay near what they were: a prior worth a handful of readings spread over kSpread_nm. K is
+/// within the lever's stiffness. Then in the terms of the station (link::LocalModel)
 ///
 ///   normal n ∝ (−B/K, −C/K, 1),   stiffness K/n_z²,   point = base + n F_z/(K_n n_z),
 ///

@@ -12,9 +12,9 @@ namespace telenano::afm {
 ///
 /// Between two readings the base goes from p₀ to p₁ = p₀ + Δ, |Δ| ≤ the way s that it really travelled. The
 /// force is a function of the base that is nowhere steeper than the lever, k, but where the tip snaps in or
-/// lets go, by at most j. So on the way it lies within k s + j of either reading, and each reading within e of
-/// the true force at p: e = n + k w, n the noise (three standard deviations) and w the way travelled while it
-/// was averaged and on its way. The trapezium's error is then at most (½|ΔF| + e₀ + e₁ + k s + j) s.
+/// lets go, by at most j. So on the way it lies within k s + j of either reading, and each reading within e
+/// of the true force at p: e = n + k w, n the noise (three standard deviations) and w the way travelled while
+/// it was averaged and on its way. The trapezium's error is then at most (½|ΔF| + e₀ + e₁ + k s + j) s.
 class WorkBook {
  public:
   struct Reading {

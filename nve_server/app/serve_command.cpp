@@ -17,6 +17,7 @@
 #include "common/net/udp.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
+#include "nve_server/app/serve_afm.h"
 #include "nve_server/app/serve_security.h"
 #include "nve_server/server/server_loop.h"
 
@@ -104,16 +105,28 @@ struct ServeOptions {
   int resume_s = 30;
   bool busy_poll = false;
   ServeSecurity security;
+  ServeAfm afm;
 };
 
-void serve(const ServeOptions& options, const SceneLoader& load_scene) {
+void serve(ServeOptions& options, const SceneLoader& load_scene) {
+  options.afm.check(options.scene);
+  if (options.afm.wanted()) options.max_sessions = 1;  // there is one tip
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
   net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
   const rt::SteadyClock clock;
   const std::unique_ptr<security::DtlsServer> secure =
       options.security.is_secure() ? options.security.make(options.max_sessions, socket, clock) : nullptr;
-  server::ServedScene scene = load_scene(options.scene, options.surfaces);
+
+  auto log =
+      std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  log->set_pattern("%H:%M:%S %n: %v");
+  g_stop = false;
+  catch_signals();
+  server::ServedScene scene =
+      options.afm.wanted()
+          ? options.afm.start(clock, g_stop, [log](const std::string& text) { log->info("afm: {}", text); })
+          : load_scene(options.scene, options.surfaces);
   server::ServerConfig config;
   config.secret = fresh_secret();
   config.table.capacity = options.max_sessions;
@@ -122,12 +135,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
   server::Server server(config, std::move(scene));
 
-  auto log =
-      std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  log->set_pattern("%H:%M:%S %n: %v");
-  g_stop = false;
-  catch_signals();
-  log->info("serving {} on {}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "");
+  log->info("serving {} on {}{}", options.afm.wanted() ? "an AFM" : options.scene,
+            net::to_string(socket.local()), secure ? ", encrypted" : "");
 
   server::LoopStatus status;
   {
@@ -145,6 +154,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
         [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, g_stop, loop_options, status);
   }
 
+  options.afm.stop();
   std::string drops;
   for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
     const auto cause = static_cast<link::DropCause>(i);
@@ -162,7 +172,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
+  command->add_option("--scene", options->scene, "Scene file (TOML), with --slave nve");
+  options->afm.add_flags(*command);
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")

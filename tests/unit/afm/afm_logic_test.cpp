@@ -49,7 +49,8 @@ struct Bench {
 TEST(AfmLogic, ItFindsTheSurfaceTaresAndMeasuresTheDrift) {
   Bench b;
   b.start();
-  ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().news() << b.afm->logic().refusal() << int(b.phase());
+  ASSERT_TRUE(b.until(Phase::kFollowing))
+      << b.afm->logic().news() << b.afm->logic().refusal() << int(b.phase());
   const AfmLogic& logic = b.afm->logic();
   // Two touches a second apart, each known to a fraction of the step of 1 nm.
   EXPECT_NEAR(logic.drift_nm_s(), -b.rig.drift_z_nm_s, 0.3) << "the surface comes up as the tip sinks";
@@ -60,8 +61,9 @@ TEST(AfmLogic, ItFindsTheSurfaceTaresAndMeasuresTheDrift) {
   EXPECT_EQ(b.afm->controller().status(), nanonis::ZStatus::kOff);
   EXPECT_NEAR(logic.state().base_w_nm.z(), b.config.lift_nm, 2);
   EXPECT_EQ(b.afm->controller().safe_tips(), 0u);
-  std::printf("after %.2f s: %s; model point %.2f K %.2f; true force %.2f\n", 1e-9 * static_cast<double>(b.afm->now_ns()),
-              logic.news().c_str(), logic.state().model.point_w_nm.z(), logic.state().model.stiffness_n_m,
+  std::printf("after %.2f s: %s; model point %.2f K %.2f; true force %.2f\n",
+              1e-9 * static_cast<double>(b.afm->now_ns()), logic.news().c_str(),
+              logic.state().model.point_w_nm.z(), logic.state().model.stiffness_n_m,
               b.afm->controller().tip().normal_force_nn());
 }
 
@@ -123,9 +125,9 @@ TEST(AfmLogic, LinkLossStopAndSilenceWithdraw) {
     b.run(100);
     EXPECT_EQ(b.phase(), Phase::kWithdrawn) << kind;
     const Cause cause = b.afm->logic().state().cause;
-    EXPECT_TRUE(kind == 0 ? cause == Cause::kLinkLoss : kind == 1 ? cause == Cause::kStop
-                                                                  : cause == Cause::kStaleForce ||
-                                                                        cause == Cause::kSilent)
+    EXPECT_TRUE(kind == 0   ? cause == Cause::kLinkLoss
+                : kind == 1 ? cause == Cause::kStop
+                            : cause == Cause::kStaleForce || cause == Cause::kSilent)
         << name(cause);
     // Latched, until it is cleared.
     b.wish.retract = false;
