@@ -21,6 +21,7 @@ constexpr std::int64_t kDataPeriodNs = 40 * kMs;
 constexpr std::int64_t kSettleNs = 20 * kMs;  // of lever and piezo after a lift
 constexpr double kCalmNm = 0.5;               // between two looks at an engaged tip
 constexpr int kCalmLooks = 4;
+constexpr double kContactPart = 0.125;  // of the force of a touch: less is no contact
 constexpr double kSwitchOff_s = 0.02;
 constexpr double kNearEnd = 0.25;  // of the range: withdrawn, or as far from it as can be
 
@@ -66,7 +67,9 @@ std::string_view name(Cause cause) noexcept {
 }
 
 AfmLogic::AfmLogic(const AfmConfig& config)
-    : config_(config), model_(config.spring_constant_n_m, 0), book_(config.spring_constant_n_m) {
+    : config_(config),
+      model_(config.spring_constant_n_m, 0, kContactPart * config.touch_force_nn, config.slope_max),
+      book_(config.spring_constant_n_m) {
   make_checks();
 }
 
@@ -659,9 +662,9 @@ void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64
   reading.force_w_nn = force;
   reading.way_nm = history_.between(last_book_ns_, now_ns).path_nm;
   reading.window_way_nm = history_.between(reading_from_ns_, now_ns).path_nm;
-  const bool changes =
-      state_.touching != was_touching_ || std::fabs(force.z()) > model_.contact_threshold_nn();
-  book_.add(reading, 3 * state_.noise_nn, changes ? model_.model().adhesion_nn : 0);
+  const bool touches =
+      state_.touching || was_touching_ || std::fabs(force.z()) > model_.contact_threshold_nn();
+  book_.add(reading, 3 * state_.noise_nn, touches, model_.model().adhesion_nn);
   was_touching_ = state_.touching;
   last_book_ns_ = now_ns - period_ns;
   state_.energy_in_aj = book_.energy_in_aj();

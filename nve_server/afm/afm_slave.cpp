@@ -79,12 +79,14 @@ void AfmSlave::publish(std::uint32_t faults, const slave::SlaveInput& input,
   const double depth_nm = m.version != 0 ? m.normal_w.dot(m.point_w_nm - base) : -1;
   if (depth_nm > 0 || (state_.touching && m.stiffness_n_m * depth_nm > -m.adhesion_nn)) {
     force = m.stiffness_n_m * depth_nm * m.normal_w;
-    // Across, what was read holds until the next reading.
-    if (state_.touching) force.x() += state_.measured_force_w_nn.x() - force.x();
+    if (state_.touching) force.x() = state_.measured_force_w_nn.x();  // holds until the next reading
   } else if (!state_.touching &&
              std::fabs(state_.measured_force_w_nn.z()) > threshold_factor_ * state_.noise_nn) {
     force.z() = std::min(0.0, state_.measured_force_w_nn.z());  // attraction across the gap
   }
+  // A model that runs ahead of the readings says no more than what is allowed, or was read.
+  const double most_nn = std::max(limits_.force_max_nn, state_.measured_force_w_nn.norm());
+  if (force.norm() > most_nn) force *= most_nn / force.norm();
   output.force_w_nn = force;
   output.deflection_nm = force.z() / lever_n_m_;
   output.commanded_pos_w_nm = base;

@@ -10,18 +10,24 @@ namespace telenano::afm {
 namespace {
 
 constexpr double kPriorReadings = 5;
-constexpr double kSteepest = 2;  // of the ground that is believed
+constexpr double kWellKnown = 4;  // times the prior: becomes the prior
 constexpr double kLeastPart = 0.02;
 
 }  // namespace
 
-TouchModel::TouchModel(double lever_n_m, double noise_nn) noexcept
-    : lever_n_m_(lever_n_m), noise_nn_(noise_nn), stiffness_n_m_(kFirstPart * lever_n_m) {}
+TouchModel::TouchModel(double lever_n_m, double noise_nn, double contact_nn, double slope_max) noexcept
+    : lever_n_m_(lever_n_m),
+      noise_nn_(noise_nn),
+      contact_nn_(contact_nn),
+      slope_max_(slope_max),
+      stiffness_n_m_(kFirstPart * lever_n_m),
+      known_n_m_(stiffness_n_m_) {}
 
 void TouchModel::forget_place() noexcept {
   count_ = 0;
   touching_ = false;
   slope_.setZero();
+  known_slope_.setZero();
 }
 
 void TouchModel::fit() noexcept {
@@ -34,10 +40,10 @@ void TouchModel::fit() noexcept {
   const double weigh_k = kPriorReadings * kSpread_nm * kSpread_nm;
   const double weigh_b = kPriorReadings * kSlopeSpread_nm * kSlopeSpread_nm;
   normal(1, 1) = weigh_k;
-  right(1) = weigh_k * stiffness_n_m_;
+  right(1) = weigh_k * known_n_m_;
   for (int i = 0; i < 2; ++i) {
     normal(2 + i, 2 + i) = weigh_b;
-    right(2 + i) = weigh_b * stiffness_n_m_ * slope_[i];
+    right(2 + i) = weigh_b * known_n_m_ * known_slope_[i];
   }
   for (std::size_t i = 1; i <= n; ++i) {
     const Entry& e = entries_[(count_ - i) % kKept];
@@ -52,7 +58,15 @@ void TouchModel::fit() noexcept {
   const Vec4 fitted = normal.ldlt().solve(right);
   if (!fitted.allFinite()) return;
   stiffness_n_m_ = std::clamp(fitted(1), kLeastPart * lever_n_m_, lever_n_m_);
-  for (int i = 0; i < 2; ++i) slope_[i] = std::clamp(fitted(2 + i) / stiffness_n_m_, -kSteepest, kSteepest);
+  for (int i = 0; i < 2; ++i) slope_[i] = std::clamp(fitted(2 + i) / stiffness_n_m_, -slope_max_, slope_max_);
+  // What these readings alone say of K and of the slopes: their spread about their mean.
+  const auto spread = [&](int i, double prior) {
+    return normal(i, i) - prior - normal(0, i) * normal(0, i) / normal(0, 0);
+  };
+  if (spread(1, weigh_k) > kWellKnown * weigh_k) known_n_m_ = stiffness_n_m_;
+  for (int i = 0; i < 2; ++i) {
+    if (spread(2 + i, weigh_b) > kWellKnown * weigh_b) known_slope_[i] = slope_[i];
+  }
 }
 
 void TouchModel::anchor(const Vec3& base_w_nm, double force_nn) noexcept {

@@ -10,11 +10,12 @@ namespace telenano::afm {
 /// The energy book of a port whose force is read now and then: the force–position integral, by trapezia
 /// between readings, with a bound of what it may be wrong by.
 ///
-/// Between two readings the base goes from p₀ to p₁ = p₀ + Δ, |Δ| ≤ the way s that it really travelled. The
-/// force is a function of the base that is nowhere steeper than the lever, k, but where the tip snaps in or
-/// lets go, by at most j. So on the way it lies within k s + j of either reading, and each reading within e
-/// of the true force at p: e = n + k w, n the noise (three standard deviations) and w the way travelled while
-/// it was averaged and on its way. The trapezium's error is then at most (½|ΔF| + e₀ + e₁ + k s + j) s.
+/// Between two readings the base goes from p₀ to p₁ = p₀ + Δ, over a way s ≥ |Δ|; it strays from the straight
+/// way by at most x = (s − |Δ|)/2. Where the tip can touch, the force is a function of the base that is
+/// nowhere steeper than the lever, k, but where it snaps in or lets go, by at most j; so on the way it lies
+/// within k x + j of what is between both readings, and each reading within e of the true force at p: e = n +
+/// k w, n the noise (three standard deviations) and w the way travelled while it was averaged and on its way.
+/// The trapezium's error is then at most (½|ΔF| + e₀ + e₁ + k x + j) s. Free at both ends, e = n and j = 0.
 class WorkBook {
  public:
   struct Reading {
@@ -26,16 +27,18 @@ class WorkBook {
 
   WorkBook(double lever_n_m) noexcept : lever_n_m_(lever_n_m) {}
 
-  /// `jump_nn`: what the force may jump by; 0 while the tip has stayed in contact or out of it.
-  void add(const Reading& now, double noise_nn, double jump_nn) noexcept {
+  /// `touches`: the tip may have been in contact since the last reading; `jump_nn`: j.
+  void add(const Reading& now, double noise_nn, bool touches, double jump_nn) noexcept {
     if (has_last_) {
       const Vec3 move = now.base_w_nm - last_.base_w_nm;
       const double work_aj = -0.5 * (now.force_w_nn + last_.force_w_nn).dot(move);
       (work_aj > 0 ? energy_in_aj_ : energy_out_aj_) += std::fabs(work_aj);
-      const double way_nm = std::max(now.way_nm, move.norm());
-      const double step_nn = (now.force_w_nn - last_.force_w_nn).norm();
-      const double readings_nn = 2 * noise_nn + lever_n_m_ * (now.window_way_nm + last_.window_way_nm);
-      bound_aj_ += (0.5 * step_nn + readings_nn + lever_n_m_ * way_nm + jump_nn) * way_nm;
+      const double straight_nm = move.norm();
+      const double way_nm = std::max(now.way_nm, straight_nm);
+      double error_nn = 0.5 * (now.force_w_nn - last_.force_w_nn).norm() + 2 * noise_nn +
+                        lever_n_m_ * 0.5 * (way_nm - straight_nm);
+      if (touches) error_nn += lever_n_m_ * (now.window_way_nm + last_.window_way_nm) + jump_nn;
+      bound_aj_ += error_nn * way_nm;
     }
     last_ = now;
     has_last_ = true;

@@ -30,8 +30,10 @@ class Simulator {
   }
   std::string ports(const std::vector<int>& order = {0, 1, 2, 3}) const {
     std::string text;
-    for (const int i : order)
-      text += (text.empty() ? "" : ",") + std::to_string(ports_[static_cast<std::size_t>(i)]);
+    for (const int i : order) {
+      if (!text.empty()) text += ',';
+      text += std::to_string(ports_[static_cast<std::size_t>(i)]);
+    }
     return text;
   }
   /// What it says at the end: whether the tip is up, the greatest force, how often SafeTip acted.

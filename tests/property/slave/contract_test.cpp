@@ -150,7 +150,7 @@ TEST_P(SlaveContract, RetractGoesUpWhateverIsCommandedAndSaysSo) {
   input.retract = true;
   go(slave->limits().surface_z_w_nm - 10, 1);
   EXPECT_NE(output.fault_bits & link::kFaultRetracted, 0u);
-  EXPECT_NEAR(output.force_w_nn.norm(), 0, 1e-6);
+  EXPECT_NEAR(output.force_w_nn.norm(), 0, 1e-3) << "van der Waals attraction reaches that far";
   EXPECT_GT(output.commanded_pos_w_nm.z(), slave->limits().start_pos_w_nm.z() - 1e-9);
 }
 
@@ -186,7 +186,7 @@ TEST_P(SlaveContract, AnotherOneBeginsAtTheStart) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, SlaveContract, ::testing::Values(&nve, &wall, &afm_kind),
-                         [](const auto& info) { return info.param().name; });
+                         [](const auto& kind) { return kind.param().name; });
 
 // What only a slave with a measurement can get wrong.
 

@@ -18,8 +18,8 @@ namespace {
 constexpr double kFirstFromS = 3.5, kFirstToS = 4.5, kSecondFromS = 6.0, kSecondToS = 7.0;
 
 std::vector<device::IntendedMotion::Waypoint> press(double height_nm) {
-  return {{0, {0, 0, height_nm}}, {1.5, {0, 0, 2}},  {2.5, {0, 0, -3}}, {4.5, {0, 0, -3}},
-          {5.0, {0, 0, -7}},      {7.0, {0, 0, -7}}, {8.5, {0, 0, 20}}, {9.5, {0, 0, 20}}};
+  return {{0, {0, 0, height_nm}}, {1.5, {0, 0, 2}},   {2.5, {0, 0, -4}}, {4.5, {0, 0, -4}},
+          {5.0, {0, 0, -14}},     {7.0, {0, 0, -14}}, {8.5, {0, 0, 20}}, {9.5, {0, 0, 20}}};
 }
 
 /// A virtual environment whose coupling is as good as rigid, as an AFM has none.
