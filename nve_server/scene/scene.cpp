@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "common/base/constants.h"
+#include "common/config/shared_files.h"
 #include "common/config/toml_document.h"
 #include "nve_server/scene/fnv1a.h"
 #include "nve_server/scene/readers.h"
@@ -119,8 +120,8 @@ std::shared_ptr<const Scene> build_scene(const config::TomlDocument& document) {
 
 }  // namespace
 
-std::shared_ptr<const Scene> load_scene(const std::string& path) {
-  return build_scene(config::TomlDocument::load(path));
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
+  return build_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")));
 }
 
 std::shared_ptr<const Scene> parse_scene(std::string description, const std::string& name) {
