@@ -12,7 +12,7 @@ TEST(AfmFaults, NoFaultPressesHarderThanOneStepAndTheDrift) {
   for (const double rate : {200.0, 20.0}) {
     afm::AfmConfig config;
     config.force_rate_hz = rate;
-    const auto trials = run_fault_trials(config, afm_sim::SimConfig{}, rate > 100 ? 250 : 100, 7);
+    const auto trials = run_fault_trials(config, afm_sim::SimConfig{}, rate > 100 ? 700 : 300, 7);
     int at_limit = 0;
     for (const FaultTrial& t : trials) {
       SCOPED_TRACE(std::string(fault_name(t.fault)) + " at " + std::to_string(t.at_s) + " s for " +
