@@ -119,6 +119,7 @@ void AfmLogic::connected(Role role, std::int64_t now_ns) {
 void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   Connection& c = at(role);
   c = {};
+  if (state_.phase == Phase::kRefused) return;
   if (state_.phase == Phase::kChecking) {
     const std::string who = "port of " + std::string(name(role)) + ": ";
     refuse(loss == Loss::kGarbage  ? who + "what answers there does not speak the Nanonis protocol"

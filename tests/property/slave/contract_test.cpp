@@ -278,9 +278,6 @@ TEST(AfmContract, TheBookIsTheTrueWorkWithinItsBound) {
       const double bound = slave.afm().logic().state().energy_bound_aj - bound_before;
       const double drift = 0.1 * 300 * 0.7 * (i + 1);
       EXPECT_LE(std::fabs(work - booked), bound + drift) << rate_hz << " Hz, " << i;
-      if (i == 11)
-        std::printf("%g Hz: work %.1f booked %.1f bound %.1f in %.1f\n", rate_hz, work, booked, bound,
-                    output.energy_in_aj);
     }
   }
 }

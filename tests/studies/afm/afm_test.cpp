@@ -49,13 +49,10 @@ TEST(AfmTouch, StableAndAsStiffAsTheSampleAtSlowReadingsAndLongRoundTrips) {
       config.rtt_s = 1e-3 * rtt_ms;
       const TouchResult r = run_touch(config);
       SCOPED_TRACE(std::to_string(rate) + " Hz, " + std::to_string(rtt_ms) + " ms");
-      std::printf(
-          "%g Hz %g ms: shown %.1f port %.1f swing %.3f peak %.1f static %.1f age %.1f lag %.2f stopped %d\n",
-          rate, rtt_ms, r.stiffness_n_m, r.port_n_m, r.swing_part, r.peak_tip_nn, r.static_tip_nn, r.age_ms,
-          r.lag_nm, r.stopped);
       EXPECT_FALSE(r.stopped);
-      EXPECT_LT(r.swing_part, 0.1);
-      EXPECT_NEAR(r.stiffness_n_m / r.port_n_m, 1, 0.15);
+      EXPECT_LT(r.swing_part, 0.1) << "noise and drift of the rig are in it";
+      // Drift, creep and thermal bending of a tenth of a nanometre, on levels 2 to 3 nm apart, are 5 %.
+      EXPECT_NEAR(r.stiffness_n_m / r.port_n_m, 1, 0.08);
     }
   }
 }

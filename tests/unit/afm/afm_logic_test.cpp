@@ -61,10 +61,6 @@ TEST(AfmLogic, ItFindsTheSurfaceTaresAndMeasuresTheDrift) {
   EXPECT_EQ(b.afm->controller().status(), nanonis::ZStatus::kOff);
   EXPECT_NEAR(logic.state().base_w_nm.z(), b.config.lift_nm, 2);
   EXPECT_EQ(b.afm->controller().safe_tips(), 0u);
-  std::printf("after %.2f s: %s; model point %.2f K %.2f; true force %.2f\n",
-              1e-9 * static_cast<double>(b.afm->now_ns()), logic.news().c_str(),
-              logic.state().model.point_w_nm.z(), logic.state().model.stiffness_n_m,
-              b.afm->controller().tip().normal_force_nn());
 }
 
 TEST(AfmLogic, ItFollowsPressesAndComesBack) {
@@ -79,8 +75,6 @@ TEST(AfmLogic, ItFollowsPressesAndComesBack) {
   const auto& s = b.afm->logic().state();
   EXPECT_TRUE(s.touching);
   EXPECT_NEAR(s.measured_force_w_nn.z(), b.afm->controller().tip().force_w_nn().z(), 5);
-  std::printf("force %.2f true %.2f, K %.2f, point %.3f\n", s.measured_force_w_nn.z(),
-              b.afm->controller().tip().force_w_nn().z(), s.model.stiffness_n_m, s.model.point_w_nm.z());
   b.follow(Vec3(10, -5, 20));
   b.run(500);
   EXPECT_FALSE(b.afm->logic().state().touching);
@@ -97,7 +91,6 @@ TEST(AfmLogic, TheForceLimitHoldsTheTipBack) {
   EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
   EXPECT_TRUE(b.afm->logic().state().held_by_force);
   const double peak = b.afm->controller().tip().peak_force_nn();
-  std::printf("peak %.2f\n", peak);
   // Over the limit by noise and what the thermal bending has drifted since the tare.
   EXPECT_LT(peak, b.config.force_max_nn + 40 * 2 * b.rig.thermal_nm + 2);
   EXPECT_GT(peak, 0.9 * b.config.force_max_nn);
@@ -137,6 +130,32 @@ TEST(AfmLogic, LinkLossStopAndSilenceWithdraw) {
     ++b.wish.clears;
     EXPECT_TRUE(b.until(Phase::kFollowing)) << kind << b.afm->logic().news();
   }
+}
+
+TEST(AfmLogic, AForceThatIsStaleWithdrawsThoughEveryReplyComesInTime) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.follow(Vec3(0, 0, -4));
+  b.run(500);
+  b.afm->apply({0, afm_sim::FaultKind::kSlow, 400 * kMs, 85 * kMs});  // less than the time-out of a reply
+  b.run(200);
+  EXPECT_EQ(b.afm->logic().state().cause, Cause::kStaleForce) << b.afm->logic().news();
+  EXPECT_TRUE(b.afm->controller().withdrawn());
+}
+
+TEST(AfmLogic, ACommandThatComesAfterTheWithdrawalDoesNotLeaveTheTipDown) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.wish.session = 1;
+  b.wish.retract = true;
+  b.run(300);
+  ASSERT_EQ(b.phase(), Phase::kWithdrawn);
+  b.afm->controller().begin({nanonis::CommandId::kZPosSet, {0.0}}, -1, b.afm->now_ns());
+  ASSERT_FALSE(b.afm->controller().withdrawn());
+  b.run(200);
+  EXPECT_TRUE(b.afm->controller().withdrawn());
 }
 
 }  // namespace
