@@ -28,9 +28,14 @@ AfmSlave::AfmSlave(const AfmConfig& config, std::shared_ptr<AfmExchange> exchang
 void AfmSlave::step(const slave::SlaveInput& input, double, slave::SlaveOutput& output) noexcept {
   exchange_->load_state(state_);
   std::uint32_t faults = 0;
-  if (wish_.session == 0) wish_.session = exchange_->next_session();
-  const bool clears = (input.follow && !followed_) || (stopped_ && !input.retract);
+  if (wish_.session == 0) {
+    if (input.retract && !input.by_operator) return publish(faults, input, output);  // nobody has come yet
+    wish_.session = exchange_->next_session();
+  }
+  const bool another = input.follow && (!followed_ || input.opening != opening_);
+  const bool clears = another || (stopped_ && !input.retract);
   followed_ = followed_ || input.follow;
+  if (input.follow) opening_ = input.opening;
   if (input.retract && input.by_operator) stopped_ = true;
   if (clears) {
     exchange_->clear();

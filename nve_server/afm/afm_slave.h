@@ -20,7 +20,7 @@ slave::SlaveLimits limits_of(const AfmConfig& config) noexcept;
 /// a stop that is sent and then released, or by a new session with the right to operate, once it follows. The
 /// server's own retract on silence clears nothing.
 ///
-/// One slave a session; they share the exchange, and only one may be stepped.
+/// One slave for all sessions (SlaveInput::opening tells them apart): there is one tip.
 class AfmSlave final : public slave::Slave {
  public:
   AfmSlave(const AfmConfig& config, std::shared_ptr<AfmExchange> exchange, const rt::Clock& clock);
@@ -41,6 +41,7 @@ class AfmSlave final : public slave::Slave {
   PortWish wish_;
   PortState state_;
   bool followed_ = false;
+  std::uint64_t opening_ = 0;  // of the session that followed last
   bool stopped_ = false;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;

@@ -68,6 +68,7 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
 
   server::ServedScene served;
   served.name = server::scene_name("afm");
+  served.one_tip_only = true;
   served.make_slave = [config, exchange = running_->exchange, &clock] {
     return std::make_unique<afm::AfmSlave>(config, exchange, clock);
   };

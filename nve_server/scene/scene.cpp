@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <utility>
 
 #include "common/base/constants.h"
 #include "common/config/shared_files.h"
@@ -76,19 +77,7 @@ void read_start(const TomlTable& table, Scene& scene) {
   scene.start_apex_w_nm = Vec3(x, y, scene.start_touch_w_nm + height);
 }
 
-}  // namespace
-
-physics::Compliance Scene::port_compliance_nm_nn() const {
-  return Mat3::Identity() / coupling.stiffness_n_m + probe_compliance_nm_nn();
-}
-
-physics::Compliance Scene::probe_compliance_nm_nn() const {
-  return cantilever.compliance_nm_nn();
-}
-
-namespace {
-
-std::shared_ptr<const Scene> build_scene(const config::TomlDocument& document) {
+std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document) {
   const TomlTable root = document.root();
   auto scene = std::make_shared<Scene>();
   scene->path = document.path();
@@ -120,12 +109,20 @@ std::shared_ptr<const Scene> build_scene(const config::TomlDocument& document) {
 
 }  // namespace
 
-std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
-  return build_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")));
+physics::Compliance Scene::port_compliance_nm_nn() const {
+  return Mat3::Identity() / coupling.stiffness_n_m + probe_compliance_nm_nn();
 }
 
-std::shared_ptr<const Scene> parse_scene(std::string description, const std::string& name) {
-  return build_scene(config::TomlDocument::parse(std::move(description), name));
+physics::Compliance Scene::probe_compliance_nm_nn() const {
+  return cantilever.compliance_nm_nn();
+}
+
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
+  return make_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")));
+}
+
+std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name) {
+  return make_scene(config::TomlDocument::parse(std::move(content), name));
 }
 
 }  // namespace telenano::scene

@@ -6,6 +6,7 @@
 #include "tests/studies/afm/afm_command.h"
 #include "tests/studies/contact_command.h"
 #include "tests/studies/figures/figures_command.h"
+#include "tests/studies/flood/flood_command.h"
 #include "tests/studies/loop_bench/loop_bench_command.h"
 #include "tests/studies/methods/methods_command.h"
 #include "tests/studies/precision/precision_command.h"
@@ -22,6 +23,7 @@ int main(int argc, char** argv) {
   telenano::studies::add_afm_command(app);
   telenano::studies::add_contact_command(app);
   telenano::studies::add_figures_command(app);
+  telenano::studies::add_flood_command(app);
   CLI::App* bench = app.add_subcommand("bench", "The product beside its floor, in one run");
   bench->require_subcommand(1);
   telenano::studies::add_loop_bench(*bench);

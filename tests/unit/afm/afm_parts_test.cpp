@@ -183,9 +183,16 @@ TEST(AfmSlave, WhoMayClearTheLatch) {
   EXPECT_EQ(exchange->clears(), 1u);
   first.step(moves, 1e-3, output);
   EXPECT_EQ(exchange->clears(), 2u) << "a stop, released";
+  moves.opening = 7;
+  first.step(moves, 1e-3, output);
+  EXPECT_EQ(exchange->clears(), 3u) << "another session, on the same tip";
+  first.step(silence, 1e-3, output);
+  first.step(moves, 1e-3, output);
+  EXPECT_EQ(exchange->clears(), 3u) << "that resumes";
   AfmSlave second(AfmConfig{}, exchange, clock);
+  second.step(silence, 1e-3, output);
   second.step(moves, 1e-3, output);
-  EXPECT_EQ(exchange->clears(), 3u);
+  EXPECT_EQ(exchange->clears(), 4u);
 }
 
 TEST(AfmConfigFile, TheOneInTheTreeIsTheDefault) {
