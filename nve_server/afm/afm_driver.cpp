@@ -182,7 +182,9 @@ void AfmDriver::send(Role role, const nanonis::Bytes& bytes, std::int64_t now_ns
 void AfmDriver::turn(std::int64_t now_ns) {
   exchange_->load_wish(wish_);
   logic_.tick(now_ns, wish_);
-  for (std::size_t i = 0; i < kRoles; ++i) {
+  // Emergency first: a withdrawal goes before all else, and its heart beat before the first motion.
+  for (std::size_t k = 0; k < kRoles; ++k) {
+    const std::size_t i = (k + kRoles - 1) % kRoles;
     const Role role = static_cast<Role>(i);
     if (logic_.take_close(role)) close(role, now_ns);
     connect(role, now_ns);

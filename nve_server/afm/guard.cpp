@@ -24,7 +24,9 @@ namespace {
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kRetryNs = 20 * kMs;
 constexpr std::int64_t kReplyNs = 3000 * kMs;  // to a withdrawal that waits until it is done
-constexpr std::int64_t kAgainNs = 100 * kMs;   // before the second withdrawal
+// The start-up checks ask the emergency connection once; the heart beat begins before anything moves.
+constexpr int kCheckRequests = 1;
+constexpr std::int64_t kAgainNs = 100 * kMs;  // before the second withdrawal
 
 class Guard {
  public:
@@ -38,6 +40,7 @@ class Guard {
       connect(now);
       if (never_ && !tcp_.open()) return 3;
       if (server_ && !read_server(now)) {
+        if (passed_on_ <= kCheckRequests) return 0;  // refused in the checks: nothing has moved
         server_ = false;
         begin(now);
       }
@@ -108,6 +111,7 @@ class Guard {
         nanonis::Call call;
         if (command != nullptr && nanonis::decode_call(*command, body, call))
           write(nanonis::encode_call(call), now);
+        ++passed_on_;
       }
     }
   }
@@ -173,7 +177,8 @@ class Guard {
   bool never_ = true;  // no answer yet
   bool server_ = true;
   bool armed_ = false;
-  int left_ = 0;  // withdrawals still to be done
+  int passed_on_ = 0;  // requests
+  int left_ = 0;       // withdrawals still to be done
   std::int64_t heard_ns_ = 0;
   std::int64_t begun_ns_ = 0;
   std::int64_t asked_ns_ = 0;

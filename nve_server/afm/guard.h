@@ -10,8 +10,9 @@ namespace telenano::afm {
 /// requests on, whole frames only, and replies back. When the server's end of `handle` closes, as it does
 /// however the server ends, or is silent for `silence_ms` (it beats every 40 ms), the guard withdraws the
 /// tip: again until the controller says that it is done, and once more for a request of the server's that
-/// comes late. Returns the process's exit code: 0 withdrawn, 1 the controller could not be reached for
-/// kGiveUpS, 3 it was never reached at all.
+/// comes late. A server that ends in its checks, before the heart beat, has moved nothing, and the guard just
+/// ends. Returns the process's exit code: 0 withdrawn, 1 the controller could not be reached for kGiveUpS, 3
+/// it was never reached at all.
 int run_guard(int handle, const net::Address& emergency, int silence_ms);
 
 inline constexpr int kGuardGiveUpS = 600;
