@@ -73,9 +73,9 @@ void AfmSlave::publish(std::uint32_t faults, const slave::SlaveInput& input,
     output.force_w_nn.setZero();
     output.deflection_nm = 0;
     output.contact_state = link::ContactState::kFree;
-    output.commanded_pos_w_nm =
-        Vec3(state_.base_w_nm.x(), state_.base_w_nm.y(), limits_.workspace_max_w_nm.z());
-    output.tip_pos_w_nm = output.commanded_pos_w_nm;
+    // Where it will stand when it is back: who resumes begins there.
+    output.commanded_pos_w_nm = Vec3(state_.base_w_nm.x(), state_.base_w_nm.y(), limits_.start_pos_w_nm.z());
+    output.tip_pos_w_nm = Vec3(state_.base_w_nm.x(), state_.base_w_nm.y(), limits_.workspace_max_w_nm.z());
     return;
   }
   const link::LocalModel& m = state_.model;
