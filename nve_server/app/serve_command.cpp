@@ -15,12 +15,14 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/error.h"
 #include "common/metrics/exporter.h"
 #include "common/net/udp.h"
 #include "common/rt/realtime_thread.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
 #include "nve_server/app/reload_watcher.h"
+#include "nve_server/app/serve_afm.h"
 #include "nve_server/app/serve_metrics.h"
 #include "nve_server/app/serve_security.h"
 #include "nve_server/app/serve_workers.h"
@@ -109,9 +111,15 @@ struct ServeOptions {
   bool metrics_public = false;
   std::string dscp = "ef";
   ServeSecurity security;
+  ServeAfm afm;
 };
 
-void serve(const ServeOptions& options, const SceneLoader& load_scene) {
+void serve(ServeOptions& options, const SceneLoader& load_scene) {
+  options.afm.check(options.scene);
+  if (options.afm.wanted() && options.share == "private")
+    throw UserError("serve: --share private: an AFM has one tip; leave it out, or --share one-tip");
+  if (options.afm.wanted() && options.workers > 1)
+    throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
@@ -119,7 +127,15 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   // Before the scene: a taken port is the quicker answer.
   Workers workers({address, options.workers, options.max_sessions, options.busy_poll}, clock);
   const bool marked = dscp == 0 || workers.set_dscp(dscp);
-  server::ServedScene scene = load_scene(options.scene, options.surfaces);
+
+  auto log =
+      std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  log->set_pattern("%H:%M:%S %n: %v");
+  ServerSignals& signals = catch_server_signals();
+  server::ServedScene scene =
+      options.afm.wanted() ? options.afm.start(clock, signals.stop,
+                                               [log](const std::string& text) { log->info("afm: {}", text); })
+                           : load_scene(options.scene, options.surfaces);
   server::ServerConfig config;
   config.secret = fresh_secret();
   const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
@@ -136,12 +152,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
                      [&](metrics::Page& page) { write_metrics(workers.loops(), workers.channels(), page); });
   }
 
-  auto log =
-      std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
-  log->set_pattern("%H:%M:%S %n: %v");
-  ServerSignals& signals = catch_server_signals();
-  log->info("serving {} on {}{}{}{}", options.scene, net::to_string(workers.local()),
-            secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
+  log->info("serving {} on {}{}{}{}", options.afm.wanted() ? "an AFM" : options.scene,
+            net::to_string(workers.local()), secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
             options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
   log->info("{}", buffer_text(workers.receive_buffer_bytes()));
   std::optional<rt::CpuAwake> awake;
@@ -179,6 +191,7 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
     workers.run(signals);
   }
 
+  options.afm.stop();
   const server::ServerCounters counters = workers.counters();
   const link::DropCounters dropped = workers.drops();
   std::string drops;
@@ -201,10 +214,10 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command
-      ->add_option("--scene", options->scene,
-                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
-      ->required();
+  command->add_option(
+      "--scene", options->scene,
+      "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, e.g. flakes");
+  options->afm.add_flags(*command);
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")

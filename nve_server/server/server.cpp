@@ -234,7 +234,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       return codec_.encode(verdict.refuse, out);
     case Kind::kOpen:
       holder_.begin_session(verdict.slot);
-      ++counters_.opened;
+      seats_[verdict.slot].opening = ++counters_.opened;
       break;
     case Kind::kResume:
       seats_[verdict.slot].control.begin_session();
@@ -286,6 +286,8 @@ void Server::move_tip_once(std::size_t slot, const link::Command& command, doubl
   input.tip_target_pos_w_nm = command.tip_pos_w_nm;
   input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
   input.retract = operates && (command.flags & link::kFlagStop) != 0;
+  input.by_operator = input.retract;
+  input.opening = seat.opening;
   constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
   input.follow = operates && !input.retract && (command.flags & kEngaged) == kEngaged;
   input.wants_model = wants_model(session, command);

@@ -25,6 +25,7 @@ struct Tip {
 
 /// What a session has besides its tip.
 struct Seat {
+  std::uint64_t opening = 0;  ///< counts the sessions opened; one that is resumed keeps its number
   PortControl control;
   PortBook book;  ///< of a shared tip; a private one's is the slave's own
   net::Address address;

@@ -3,6 +3,7 @@
 
 #include "common/base/version.h"
 #include "common/config/program.h"
+#include "tests/studies/afm/afm_command.h"
 #include "tests/studies/bench/bench_command.h"
 #include "tests/studies/contact_command.h"
 #include "tests/studies/figures/figures_command.h"
@@ -20,6 +21,7 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("telenano-lab ") + telenano::kVersion);
   app.require_subcommand(1);
   int exit_code = 0;
+  telenano::studies::add_afm_command(app);
   telenano::studies::add_contact_command(app);
   telenano::studies::add_figures_command(app);
   telenano::studies::add_flood_command(app);

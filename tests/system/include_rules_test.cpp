@@ -67,9 +67,9 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
       "master/station"}},
     {"master/app",
      {"common/base", "common/config", "common/rt", "common/control", "common/link", "common/net",
-      "common/recording", "common/metrics", "common/plot", "common/security", "common/surface", "master/device",
-      "master/device/hid", "master/device/omega", "master/station", "master/loop", "master/view_model",
-      "master/viewer"}},
+      "common/recording", "common/metrics", "common/plot", "common/security", "common/surface",
+      "master/device", "master/device/hid", "master/device/omega", "master/station", "master/loop",
+      "master/view_model", "master/viewer"}},
     {"master/view_model",
      {"common/base", "common/control", "common/link", "common/recording", "common/rt", "common/surface",
       "master/device", "master/station"}},
@@ -80,9 +80,17 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"nve_server/scene", {"common/base", "common/config", "common/surface", "nve_server/physics"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
+    {"nve_server/nanonis", {"common/base"}},
+    {"nve_server/afm_sim",
+     {"common/base", "common/net", "common/rt", "nve_server/nanonis", "nve_server/physics",
+      "nve_server/scene"}},
+    {"nve_server/afm",
+     {"common/base", "common/config", "common/link", "common/net", "common/rt", "nve_server/nanonis",
+      "nve_server/slave"}},
     {"nve_server/app",
      {"common/base", "common/config", "common/metrics", "common/rt", "common/link", "common/net",
-      "common/security", "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
+      "common/security", "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave",
+      "nve_server/server", "nve_server/afm", "nve_server/afm_sim", "nve_server/nanonis"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
@@ -90,7 +98,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"google/protobuf", {"common/link/codec"}},
     {"telenano.pb.h", {"common/link/codec"}},
     {"proto/telenano.pb.h", {"common/link/codec"}},
-    {"boost/asio", {"common/net/udp"}},
+    {"boost/asio", {"common/net/udp", "common/net/tcp"}},
     {"openssl/", {"common/security/dtls_"}},
     {"prometheus/", {"common/metrics/exporter"}},
     {"hdf5", {"common/recording/"}},
@@ -109,8 +117,9 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
 };
 
 // Pure folders: no clock, thread, file, socket or log.
-const std::set<std::string> kPure = {"common/base",    "common/control",    "common/link",
-                                     "master/station", "master/view_model", "nve_server/physics"};
+const std::set<std::string> kPure = {"common/base",       "common/control",    "common/link",
+                                     "master/station",    "master/view_model", "nve_server/physics",
+                                     "nve_server/nanonis"};
 const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
                                        "fstream",       "iostream",     "filesystem", "cstdio",
                                        "stdio.h",       "time.h",       "ctime",      "unistd.h",
