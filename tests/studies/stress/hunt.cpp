@@ -40,6 +40,11 @@ std::vector<RunSpec> ground() {
       bursts.loss = 0.3;
       add(bursts, HandKind::kGreedy, 0.1, 0.01);
       add(bursts, HandKind::kTelegraph, 0.012, 30);
+      // Lost waves by the sample, not by the burst: what is held then comes twice.
+      RunSpec short_bursts = s;
+      short_bursts.loss = 0.3;
+      short_bursts.burst_ms = 3;
+      add(short_bursts, HandKind::kSine, 0.008, 3);
       RunSpec spite = s;
       spite.drops = Drops::kSpite;
       add(spite, HandKind::kGreedy, 0.5, 0);

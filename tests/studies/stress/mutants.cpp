@@ -201,8 +201,9 @@ class MutantDevice final : public support::VirtualHand {
 MutantInfo mutant_info(Mutant mutant) noexcept {
   if (mutant == Mutant::kHeldWave) return {mutant, Method::kWave};
   if (mutant == Mutant::kFreeTank) return {mutant, Method::kTank};
-  if (mutant == Mutant::kNoClamp || mutant == Mutant::kHalfVelocity || mutant == Mutant::kUncappedDamper ||
-      mutant == Mutant::kMissingEpoch || mutant == Mutant::kDamperAfterClamp || mutant == Mutant::kWrongIndex)
+  if (mutant == Mutant::kCreditedDamping || mutant == Mutant::kNoClamp || mutant == Mutant::kHalfVelocity ||
+      mutant == Mutant::kUncappedDamper || mutant == Mutant::kMissingEpoch ||
+      mutant == Mutant::kDamperAfterClamp || mutant == Mutant::kWrongIndex)
     return {mutant, Method::kKsClamp};
   return {mutant, Method::kModel};
 }
