@@ -66,8 +66,10 @@ double promised_extraction_j(control::Method method, double allowance_j) noexcep
   return (method == control::Method::kKsClamp ? 1 : 2) * allowance_j;
 }
 
-void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, double given_before_j,
-                          double q_before_j, const SlaveWatch& slave, double time_s, int periods) noexcept {
+void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
+                          const Around& around) noexcept {
+  const double time_s = around.time_s;
+  const int periods = around.periods;
   const Vec3 force_h_n = vec3(row.hand_force_applied_h_n);
   const double norm_n = force_h_n.norm();
   if (!all_finite(row) || slave.non_finite) violate(kInvariantFinite, time_s);
@@ -90,7 +92,7 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
     if (limits_.balance &&
         generated_j > 2 * limits_.allowance_j + book.quantum_bound_j() + late_j_ + kRoundingJ)
       violate(kInvariantBalance, time_s);
-    if (std::fabs(row.energy_j + given_before_j) > q_before_j + kBookRoundingJ)
+    if (std::fabs(row.energy_j + around.given_before_j) > around.q_before_j + kBookRoundingJ)
       violate(kInvariantBook, time_s);
   }
   if (row.energy_in_j < in_j_ || row.energy_out_j < out_j_ || slave.sums_fell)
@@ -104,11 +106,10 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   const double slew_step_n = limits_.slew_n_s * limits_.period_s;
   if (norm_n > along_n + slew_step_n * (1 + 1e-9) + 1e-12) violate(kInvariantSlew, time_s);
 
-  // News by the number of the newest reply; the tick's own time.
-  const bool news = row.reply_sequence != last_reply_;
+  const bool news = around.reply_ns != last_reply_ns_;
   const double silent_s = time_s - last_news_s_;
   if (news) {
-    if (silent_s > limits_.stale_zero_s + limits_.period_s && last_reply_ >= 0) {
+    if (silent_s > limits_.stale_zero_s + limits_.period_s && last_reply_ns_ >= 0) {
       const double shown_n =
           vec3(row.hand_force_rendered_h_n).norm() + row.damper_n_s_m * limits_.velocity_max_m_s;
       if (norm_n > last_h_n_.norm() + shown_n * limits_.period_s / limits_.ramp_s * (1 + 1e-9) + 1e-12)
@@ -118,7 +119,7 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   } else if (silent_s > limits_.stale_zero_s * (1 + 1e-9) && norm_n > 0) {
     violate(kInvariantStale, time_s);
   }
-  last_reply_ = row.reply_sequence;
+  last_reply_ns_ = around.reply_ns;
   last_h_n_ = force_h_n;
   last_tick_s_ = time_s;
 

@@ -70,10 +70,18 @@ class InvariantWatch {
   };
   explicit InvariantWatch(const Limits& limits) : limits_(limits) {}
 
-  /// After a tick of the station, `periods` long, and the hand's motion in it. `book_before`: what the true
-  /// book had given when the tick began.
-  void look(const recording::Sample& row, const StressHand& hand, double given_before_j, double q_before_j,
-            const SlaveWatch& slave, double time_s, int periods) noexcept;
+  /// What of a tick is not in its row.
+  struct Around {
+    double given_before_j = 0;  ///< by the true book, when the tick began
+    double q_before_j = 0;      ///< its Q then
+    std::int64_t reply_ns =
+        0;              ///< when the link accepted its newest reply (numbers begin anew with sessions)
+    double time_s = 0;  ///< of the tick
+    int periods = 1;    ///< until the next one
+  };
+  /// After a tick of the station, and the hand's motion until the next one.
+  void look(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
+            const Around& around) noexcept;
   /// Link and server are well again from here on; how long until touch is back is measured.
   void well_again(double time_s) noexcept {
     well_since_s_ = time_s;
@@ -101,7 +109,7 @@ class InvariantWatch {
   double most_generated_j_ = 0;
   Vec3 last_h_n_ = Vec3::Zero();
   double in_j_ = 0, out_j_ = 0;
-  std::int64_t last_reply_ = -1;
+  std::int64_t last_reply_ns_ = -1;
   double last_news_s_ = -1e9;
   double last_tick_s_ = -1;
   bool waiting_ = false;

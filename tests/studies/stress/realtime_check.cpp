@@ -7,12 +7,14 @@
 #include <atomic>
 #include <cmath>
 #include <cstdio>
+#include <exception>
 #include <span>
 #include <thread>
 
 #include "common/base/error.h"
 #include "common/net/udp.h"
 #include "common/rt/periodic_timer.h"
+#include "common/rt/realtime_thread.h"
 #include "common/rt/steady_clock.h"
 #include "master/loop/station_loop.h"
 #include "nve_server/server/server_loop.h"
@@ -27,6 +29,8 @@ namespace {
 
 constexpr double kSeconds = 6;
 constexpr double kStartHeightNm = 5;
+constexpr int kAttempts = 4;
+constexpr double kPauseMs = 20;  // as long as a stale force is held
 
 /// What a press is like, whoever drives the session.
 struct Metrics {
@@ -37,6 +41,7 @@ struct Metrics {
   double rtt_ms = 0;        ///< the station's own figure at the end
   std::uint32_t violated = 0;
   std::int64_t ticks = 0, late = 0;
+  double pause_ms = 0;  ///< the longest that the machine kept the station from its tick
 
   double stiffness_n_m() const noexcept { return hold_mm > 0 ? 1e3 * hold_n / hold_mm : 0; }
 };
@@ -67,10 +72,11 @@ class Press {
 
   bool over() const noexcept { return period_s_ * static_cast<double>(moved_) >= kSeconds + 0.5; }
   /// After a tick and the hand's motion up to the next one.
-  void add(const recording::Sample& row, const StressHand& hand, double wall_m, double given_before_j,
-           double q_before_j, int periods) {
+  void add(const recording::Sample& row, const StressHand& hand, double wall_m,
+           const InvariantWatch::Around& around) {
     static const SlaveWatch kUnseen;
-    invariants_.look(row, hand, given_before_j, q_before_j, kUnseen, row.time_s, periods);
+    invariants_.look(row, hand, kUnseen, around);
+    const int periods = around.periods;
     if (hand.started()) moved_ += periods;
     const double t = period_s_ * static_cast<double>(moved_);
     const double force_n = row.hand_force_applied_h_n[2];
@@ -78,6 +84,7 @@ class Press {
     metrics_.rtt_ms = 1e-3 * row.rtt_us;
     ++metrics_.ticks;
     metrics_.late += periods > 1;
+    metrics_.pause_ms = std::max(metrics_.pause_ms, 1e3 * period_s_ * (periods - 1));
     if (t < times_.out_s && t > times_.out_s - 0.25 * (times_.out_s - times_.held_s)) {
       force_sum_ += force_n;
       depth_sum_ += wall_m - hand.pos_h_m().z();
@@ -129,6 +136,13 @@ struct Setting {
   std::unique_ptr<slave::Slave> make_slave() const { return scenes.make(spec.scene, kStartHeightNm); }
 };
 
+InvariantWatch::Around before(const StressHand& hand) {
+  InvariantWatch::Around around;
+  around.given_before_j = hand.book().given_j();
+  around.q_before_j = hand.book().quantum_bound_j();
+  return around;
+}
+
 Metrics in_virtual_time(const Setting& setting) {
   const std::shared_ptr<StressHand> hand = make_hand(setting.spec, setting.ground);
   support::VirtualSessionConfig config;
@@ -139,11 +153,21 @@ Metrics in_virtual_time(const Setting& setting) {
   support::VirtualSession session(config);
   Press press(setting.spec, config.station, setting.force_scale);
   while (!press.over()) {
-    const double given_j = hand->book().given_j(), q_j = hand->book().quantum_bound_j();
+    InvariantWatch::Around around = before(*hand);
     const recording::Sample& row = session.step();
-    press.add(row, *hand, setting.ground.wall_m, given_j, q_j, 1);
+    around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
+    around.time_s = row.time_s;
+    press.add(row, *hand, setting.ground.wall_m, around);
   }
   return press.metrics(*hand);
+}
+
+/// Where the system permits it, all that a session needs goes before the machine's other work.
+rt::RealtimeConfig realtime(int priority) {
+  rt::RealtimeConfig config;
+  config.priority = priority;
+  config.lock_memory = false;
+  return config;
 }
 
 /// Ends its threads whatever happens.
@@ -182,11 +206,13 @@ Metrics in_real_time(const Setting& setting) {
   net::Udp socket = net::Udp::open_for(relay.local());
   Threads threads;
   threads.start([&] {
+    rt::enter_realtime(realtime(70));
     server::run_loop(
         server, server_socket, clock, [&](std::int64_t ns) { server_socket.wait_readable(ns); }, threads.stop,
         {}, status);
   });
   threads.start([&] {
+    rt::enter_realtime(realtime(60));
     while (!threads.stop) relay.step(2'000'000);
   });
 
@@ -223,12 +249,14 @@ Metrics in_real_time(const Setting& setting) {
   while (!press.over()) {
     if (station.mode() == station::Mode::kEngaged) hand->start_motion();
     loop.tick(tick.woke_ns, dt_s, row);
-    const double given_j = hand->book().given_j(), q_j = hand->book().quantum_bound_j();
+    InvariantWatch::Around around = before(*hand);
+    around.reply_ns = client.has_reply() ? client.reply_time_ns() : -1;
+    around.time_s = row.time_s;
     const std::int64_t last_ns = tick.woke_ns;
     tick = timer.wait();
-    const auto periods = static_cast<int>(1 + tick.missed);
-    for (int i = 0; i < periods; ++i) hand->advance(timer_config.period_ns);
-    press.add(row, *hand, setting.ground.wall_m, given_j, q_j, periods);
+    around.periods = static_cast<int>(1 + tick.missed);
+    for (int i = 0; i < around.periods; ++i) hand->advance(timer_config.period_ns);
+    press.add(row, *hand, setting.ground.wall_m, around);
     dt_s = 1e-9 * static_cast<double>(tick.woke_ns - last_ns);
   }
   loop.say_bye(link::ByeReason::kDone);
@@ -243,7 +271,7 @@ int check_realtime(const std::string& scene_folder) {
   std::printf(
       "method,rtt_ms,stiffness_virtual_n_m,stiffness_real_n_m,peak_virtual_n,peak_real_n,extracted_virtual_"
       "mj,"
-      "extracted_real_mj,rtt_virtual_ms,rtt_real_ms,violated,late_ticks,ticks,agrees\n");
+      "extracted_real_mj,rtt_virtual_ms,rtt_real_ms,violated,longest_pause_ms,late_ticks,ticks,agrees\n");
   bool all = true;
   for (const control::Method method : {control::Method::kModel, control::Method::kKsClamp}) {
     for (const double rtt_ms : {0.0, 20.0, 100.0}) {
@@ -253,7 +281,23 @@ int check_realtime(const std::string& scene_folder) {
       spec.seconds = kSeconds;
       const Setting setting(spec, scenes);
       const Metrics v = in_virtual_time(setting);
-      const Metrics r = in_real_time(setting);
+      // A machine that keeps a station waiting for longer than a force may be held shows an outage, which the
+      // virtual run does not have: once more, some times.
+      Metrics r;
+      for (int attempt = 0; attempt < kAttempts; ++attempt) {
+        std::exception_ptr failure;
+        std::thread([&] {
+          try {
+            rt::enter_realtime(realtime(80));
+            r = in_real_time(setting);
+          } catch (...) {
+            failure = std::current_exception();
+          }
+        }).join();
+        if (failure) std::rethrow_exception(failure);
+        if (r.pause_ms < kPauseMs) break;
+      }
+      const bool decided = r.pause_ms < kPauseMs;
       // A method that yields over a delay shows what it can pay for, which the least difference in timing
       // moves: it is held to the bound where it shows the wall.
       const bool shows_wall = method == control::Method::kModel || rtt_ms <= 20;
@@ -262,12 +306,15 @@ int check_realtime(const std::string& scene_folder) {
           std::fabs(r.peak_n / v.peak_n - 1) <= bounds.peak &&
           std::fabs(r.extracted_mj - v.extracted_mj) <= bounds.extracted_mj &&
           std::fabs(r.rtt_ms - v.rtt_ms) <= bounds.rtt_ms && r.violated == 0 && v.violated == 0;
-      all = all && agrees;
-      std::printf("%s,%g,%.1f,%.1f,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,%s,%lld,%lld,%s\n",
+      all = all && agrees && decided;
+      std::printf("%s,%g,%.1f,%.1f,%.3f,%.3f,%.3f,%.3f,%.3f,%.3f,%s,%g,%lld,%lld,%s\n",
                   std::string(control::method_name(method)).c_str(), rtt_ms, v.stiffness_n_m(),
                   r.stiffness_n_m(), v.peak_n, r.peak_n, v.extracted_mj, r.extracted_mj, v.rtt_ms, r.rtt_ms,
-                  invariant_names(v.violated | r.violated).c_str(), static_cast<long long>(r.late),
-                  static_cast<long long>(r.ticks), agrees ? "yes" : "no");
+                  invariant_names(v.violated | r.violated).c_str(), r.pause_ms,
+                  static_cast<long long>(r.late), static_cast<long long>(r.ticks),
+                  !decided ? "the machine was too busy"
+                  : agrees ? "yes"
+                           : "no");
       std::fflush(stdout);
     }
   }

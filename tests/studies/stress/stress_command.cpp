@@ -24,7 +24,7 @@ namespace {
 using namespace stress;
 
 struct Arguments {
-  bool quick = false, full = false, mutants = false, realtime = false, no_report = false;
+  bool quick = false, full = false, mutants = false, realtime = false, no_report = false, wait = false;
   std::vector<std::string> methods, scenes;
   std::string out = "stress", rtt_ms, loss, shard, merge_folder, replay, shrink_spec, trace;
   std::string scene_folder = TELENANO_SOURCE_DIR "/deploy/scenes";
@@ -93,6 +93,7 @@ SweepOptions sweep_options(const Arguments& a) {
   options.scenes = a.scene_folder;
   options.shard = parse_shard(a.shard);
   options.threads = a.threads;
+  options.wait = a.wait;
   return options;
 }
 
@@ -221,6 +222,8 @@ void add_stress_command(CLI::App& app, int& exit_code) {
   command->add_option("--seed", a->seed, "same seed, same bits")->capture_default_str();
   command->add_option("--shard", a->shard,
                       "I/N: only each N-th run, from the I-th on (0 to N-1); see --merge");
+  command->add_flag("--wait", a->wait,
+                    "if another process is writing this shard, wait until it is done or dead");
   command->add_option("--threads", a->threads, "[one a core]")->check(CLI::Range(1u, 256u));
   command->add_option("--scene-folder", a->scene_folder, "where the scenes' files are")
       ->capture_default_str();

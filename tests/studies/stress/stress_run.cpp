@@ -166,10 +166,14 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   double now_s = 0;
   for (std::int64_t k = 0; k < first_ticks && moved < ticks && now_s < stop_after_s; ++k, ++done) {
     const int periods = trouble.periods();
-    const double given_before_j = hand->book().given_j();
-    const double q_before_j = hand->book().quantum_bound_j();
+    InvariantWatch::Around around;
+    around.given_before_j = hand->book().given_j();
+    around.q_before_j = hand->book().quantum_bound_j();
+    around.periods = periods;
     const recording::Sample& row = session.step(periods);
-    invariants.look(row, *hand, given_before_j, q_before_j, *watch, row.time_s, periods);
+    around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
+    around.time_s = row.time_s;
+    invariants.look(row, *hand, *watch, around);
     now_s = row.time_s;
     if (hand->started()) moved += periods;
     const double t_s = session.period_s() * static_cast<double>(moved);

@@ -108,7 +108,6 @@ struct Bench {
     limits.balance = true;
     limits.hand_j_per_aj = 1e-3;
     row.station_mode = 2;
-    row.reply_sequence = 1;
     HandConfig config;
     class Still final : public HandMotion {
      public:
@@ -121,16 +120,20 @@ struct Bench {
   }
   /// A tick: the force, and how far the hand moves until the next one.
   void tick(double force_n, double moved_m = 0, int periods = 1, bool news = true) {
-    const double given_j = hand->book().given_j(), q_j = hand->book().quantum_bound_j();
-    row.reply_sequence += news;
+    InvariantWatch::Around around;
+    around.given_before_j = hand->book().given_j();
+    around.q_before_j = hand->book().quantum_bound_j();
+    around.periods = periods;
+    around.reply_ns = reply_ns += news;
     row.hand_force_applied_h_n[2] = row.hand_force_rendered_h_n[2] = force_n;
-    if (!lies) row.energy_j = -given_j;
+    if (!lies) row.energy_j = -around.given_before_j;
     hand->write_force(Vec3(0, 0, force_n));
     step_m = moved_m / periods;
     for (int i = 0; i < periods; ++i) hand->advance(0);
     time_s += 1e-3 * periods;
     if (!watch) watch = std::make_unique<InvariantWatch>(limits);
-    watch->look(row, *hand, given_j, q_j, slave, time_s, periods);
+    around.time_s = time_s;
+    watch->look(row, *hand, slave, around);
   }
   std::uint32_t violated() const { return watch->violated(); }
 
@@ -141,6 +144,7 @@ struct Bench {
   recording::Sample row;
   SlaveWatch slave;
   double time_s = 0;
+  std::int64_t reply_ns = 0;
   bool lies = false;
 };
 

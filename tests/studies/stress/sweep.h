@@ -14,6 +14,7 @@ struct SweepOptions {
   std::filesystem::path scenes;  ///< folder of the scenes' files
   Shard shard;
   unsigned threads = 0;  ///< 0: one a core
+  bool wait = false;     ///< for another process that writes this shard
   bool quiet = false;    ///< no progress on standard error
 };
 

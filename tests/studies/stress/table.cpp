@@ -195,7 +195,7 @@ Manifest read_manifest(const fs::path& folder) {
   return manifest;
 }
 
-ShardTable::ShardTable(const fs::path& folder, const Manifest& manifest, const Shard& shard) {
+ShardTable::ShardTable(const fs::path& folder, const Manifest& manifest, const Shard& shard, bool wait) {
   std::error_code error;
   fs::create_directories(folder / kShards, error);
   if (error) throw UserError(folder.string() + ": cannot be created: " + error.message());
@@ -203,7 +203,9 @@ ShardTable::ShardTable(const fs::path& folder, const Manifest& manifest, const S
   path_ = folder / kShards / fmt::format("{:04}-of-{:04}.csv", shard.number, shard.of);
   file_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
   if (file_ < 0) fail(path_, "cannot be written");
-  if (::flock(file_, LOCK_EX | LOCK_NB) != 0) {
+  int locked = ::flock(file_, LOCK_EX | LOCK_NB);
+  while (locked != 0 && wait && (errno == EWOULDBLOCK || errno == EINTR)) locked = ::flock(file_, LOCK_EX);
+  if (locked != 0) {
     ::close(file_);
     throw UserError(path_.string() + ": another process is writing this shard");
   }

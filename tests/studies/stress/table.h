@@ -41,7 +41,9 @@ class ShardTable {
  public:
   /// Throws UserError if the folder or the file belongs to another profile, seed, commit or version, if
   /// another process is writing it, or if it cannot be written.
-  ShardTable(const std::filesystem::path& folder, const Manifest& manifest, const Shard& shard);
+  /// `wait`: while another process is writing it, wait until that one is done or dead.
+  ShardTable(const std::filesystem::path& folder, const Manifest& manifest, const Shard& shard,
+             bool wait = false);
   ~ShardTable();
   ShardTable(const ShardTable&) = delete;
   ShardTable& operator=(const ShardTable&) = delete;
