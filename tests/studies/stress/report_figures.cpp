@@ -118,8 +118,9 @@ Figure survival_figure(const std::vector<Row>& rows, const FigureFolder& folder)
   script += fmt::format("set xrange [-0.5:{}]\nset yrange [-0.5:{}]\nset xtics ({})\nset ytics ({})\n",
                         static_cast<double>(rtts.size()) - 0.5, static_cast<double>(losses.size()) - 0.5,
                         tics(rtts, 1), tics(losses, 100));
-  script += fmt::format("set multiplot layout {},{} margins 0.07,0.99,0.06,0.96 spacing 0.07,0.07\n",
-                        lines_of, columns);
+  const auto height = static_cast<double>(60 + 220 * lines_of);
+  script += fmt::format("set multiplot layout {},{} margins 0.07,0.99,{:.4f},{:.4f} spacing 0.07,{:.4f}\n",
+                        lines_of, columns, 50 / height, 1 - 25 / height, 52 / height);
   for (std::size_t m = 0; m < methods.size(); ++m) {
     script += fmt::format("set title '{}' offset 0,-0.6\n", control::method_name(methods[m]));
     script += fmt::format(
@@ -132,20 +133,22 @@ Figure survival_figure(const std::vector<Row>& rows, const FigureFolder& folder)
         "rgb variable\n",
         m, m);
   }
-  folder.draw(figure, 900, static_cast<int>(80 + 210 * lines_of), script + "unset multiplot\n");
+  folder.draw(figure, 900, static_cast<int>(height), script + "unset multiplot\n");
   return figure;
 }
 
 Figure round_trip_figure(const std::vector<Row>& rows, const FigureFolder& folder) {
-  Figure figure{"round_trip", "What is shown over the round trip",
-                "A firm hand presses once on the wall (planned scaling, no loss). Above: shown over local "
-                "force, by least squares over all "
-                "samples in which the wall itself would push, the first touch of an unknown wall included. "
-                "Middle: how far the tip's command is from where "
-                "the hand left it, at the end. Below: least net energy that had been put in; below zero the "
-                "hand had got more out. Runs that were "
-                "stopped have no point.",
-                ""};
+  Figure figure{
+      "round_trip", "What is shown over the round trip",
+      "First panel: stiffness shown of a wall of 1000 N/m by a firm hand's second and third press "
+      "(telenano-lab "
+      "methods; holds that swing by more than 0.2 mm have no point). The others, from the table: a firm "
+      "hand presses once on a wall that nobody knows (planned scaling, no loss). Shown over local force, "
+      "least squares over all "
+      "samples in which the wall itself would push; how far the tip's command is at the end from where "
+      "the hand left it; least net energy that had been put in: below zero the hand had got more out. Runs "
+      "that were stopped have no point.",
+      ""};
   const std::vector<Method> methods = methods_of(rows);
   const auto which = [](const Row& r) {
     return is_plain(r.spec) && r.spec.hand == HandKind::kPress && r.spec.scene == SceneKind::kWall &&
@@ -168,18 +171,33 @@ Figure round_trip_figure(const std::vector<Row>& rows, const FigureFolder& folde
   }
   folder.write("round_trip.csv", csv);
   if (rtts.empty()) return figure;
+  std::vector<double> rtts_ms = rtts;
+  const std::vector<PressResult> presses = run_presses(methods, rtts_ms, rtts_ms.front(), 1);
+  std::string stiffness = "# place,rtt_ms,stiffness_n_m; one block a method\n";
+  for (const Method method : methods) {
+    for (const PressResult& press : presses) {
+      if (press.config.method != method || press.stopped_at_s >= 0 || press.worst_swing_mm() > 0.2) continue;
+      const auto place = std::find_if(rtts.begin(), rtts.end(), [&](double rtt_ms) {
+        return std::fabs(1e-3 * rtt_ms - press.config.rtt_s) < 1e-9;
+      });
+      stiffness += fmt::format("{},{:g},{:.6g}\n", place - rtts.begin(), 1e3 * press.config.rtt_s,
+                               press.later_stiffness_n_m());
+    }
+    stiffness += "\n\n";
+  }
+  folder.write("shown_stiffness.csv", stiffness);
   std::string script = fmt::format(
-      "set datafile separator ','\nset xtics ({})\nset xrange [-0.3:{}]\nset multiplot layout 3,1 margins "
-      "0.09,0.98,0.07,0.95 spacing 0.06\nset key at graph 1, graph 1.02 bottom right horizontal\nset ylabel "
-      "'shown / local force' offset 0.5,0\nset yrange [0:*]\n",
+      "set datafile separator ','\nset xtics ({})\nset xrange [-0.3:{}]\nset multiplot layout 4,1 margins "
+      "0.09,0.98,0.06,0.96 spacing 0.05\nset key at graph 1, graph 1.02 bottom right horizontal\nset ylabel "
+      "'shown (N/m)' offset 0.5,0\nset yrange [0:*]\n",
       tics(rtts, 1), static_cast<double>(rtts.size()) - 0.7);
-  script += lines("round_trip.csv", methods, 3) +
-            "unset key\nset ylabel 'drift (mm)'\nset format y '%.0e'\n" +
+  script += lines("shown_stiffness.csv", methods, 3) + "unset key\nset ylabel 'shown / local force'\n" +
+            lines("round_trip.csv", methods, 3) + "set ylabel 'drift (mm)'\nset format y '%.1e'\n" +
             lines("round_trip.csv", methods, 4) +
             "set format y '%g'\nset ylabel 'least net energy (mJ)'\nset yrange [*:*]\nset xlabel 'round trip "
             "(ms)' offset 0,0.4\n" +
             lines("round_trip.csv", methods, 5);
-  folder.draw(figure, 900, 760, script + "unset multiplot\n");
+  folder.draw(figure, 900, 960, script + "unset multiplot\n");
   return figure;
 }
 
@@ -203,6 +221,7 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
       rows, [](const Row& r) { return r.spec.rate_hz; }, which);
   std::string csv = "# place,rate_hz,force_error_n; one block a method\n",
               cost = "# ns_per_step,force_error_n; one block a method\n";
+  double slowest_ns = 0;
   for (const Method method : methods) {
     for (std::size_t i = 0; i < rates.size(); ++i) {
       for (const Row& row : rows) {
@@ -213,7 +232,9 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
     RunSpec spec;
     spec.method = method;
     spec.rtt_ms = 20;
-    cost += fmt::format("{:.4g},{:.6g}\n\n\n", ns_a_step(spec, scenes), run(spec, scenes).force_error_n);
+    const double ns = ns_a_step(spec, scenes);
+    slowest_ns = std::max(slowest_ns, ns);
+    cost += fmt::format("{:.4g},{:.6g}\n\n\n", ns, run(spec, scenes).force_error_n);
     csv += "\n\n";
   }
   folder.write("force_error_rate.csv", csv);
@@ -226,9 +247,10 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
     script += fmt::format("set xtics ({})\nset xrange [-0.3:{}]\nset xlabel 'rate (Hz)' offset 0,0.3\n",
                           tics(rates, 1), static_cast<double>(rates.size()) - 0.7) +
               lines("force_error_rate.csv", methods, 3);
-  script +=
-      "unset key\nunset ylabel\nset xtics auto\nset xrange [0:*]\nset xlabel 'run time of a step "
-      "(ns)'\nplot ";
+  script += fmt::format(
+      "unset key\nunset ylabel\nset xtics auto\nset xrange [0:{:.6g}]\nset xlabel 'run time of a step "
+      "(ns)' offset 0,0.3\nplot ",
+      1.25 * slowest_ns);
   for (std::size_t m = 0; m < methods.size(); ++m)
     script += fmt::format(
         "{}'force_error_time.csv' index {} using 1:2 with points pt 7 ps 1 lc rgb '{}', '' index {} using "
@@ -239,24 +261,25 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
 }
 
 Figure budget_figure(const Scenes& scenes, const FigureFolder& folder) {
-  Figure figure{"budget", "Energy budget through a burst of loss, and through a server's death",
-                "A strong hand goes 10 mm into the wall and out again, 1.5 times a second, four times the "
-                "planned scaling, 50 ms round "
-                "trip. Above: what it has extracted (true book, the device's certain loss taken off); below "
-                "zero it has put "
-                "in. Middle: what the method's own ledger says is owed, and the allowance, which it must not "
-                "pass. Below: the force. "
-                "Left: everything is lost for 150 ms, shaded. Right: the server dies in contact and is back "
-                "after 500 ms, "
-                "shaded, as another epoch: the deficit is carried over, nothing is granted.",
-                ""};
+  Figure figure{
+      "budget", "Energy budget through a burst of loss, and through a server's death",
+      "A passive arm (masses and springs without loss, 4 Hz) leans on the wall, four times the planned "
+      "scaling, 50 ms round trip. "
+      "Above: what it has extracted (true book, the device's certain loss taken off); below zero it has put "
+      "in. Middle: what the method's own ledger says is owed, and the allowance, which it must not pass. "
+      "Below: the force. "
+      "Without control the arm is thrown off at the first touch, and the station stops. "
+      "Left: everything is lost for 150 ms, shaded. Right: the server dies in contact and is back after 500 "
+      "ms, "
+      "shaded, as another epoch: the deficit is carried over, nothing is granted.",
+      ""};
   RunSpec burst;
-  burst.hand = HandKind::kSine;
-  burst.hand_a = 0.010;
-  burst.hand_b = 1.5;
+  burst.hand = HandKind::kPassive;
+  burst.hand_a = 1;
+  burst.hand_b = 4;
   burst.rtt_ms = 50;
   burst.scale = 4;
-  burst.seconds = 4;
+  burst.seconds = 6;
   burst.outage_ms = 150;
   RunSpec death = burst;
   death.outage_ms = 0;
@@ -301,10 +324,10 @@ Figure budget_figure(const Scenes& scenes, const FigureFolder& folder) {
                                  column == 0 ? y[row] : "");
       panels[row] += row == 0 ? fmt::format(
                                     "set title '{}' offset 0,0.4\nset key at graph 1, graph 1.0 bottom right "
-                                    "horizontal\nset format x ''\nset yrange [-150:150]\n",
+                                    "horizontal\nset format x ''\nset yrange [-20:35]\n",
                                     column == 0 ? "a burst of loss" : "the server dies in contact")
                               : std::string("unset title\nunset key\n");
-      if (row == 1) panels[row] += "set yrange [-150:30]\n";
+      if (row == 1) panels[row] += "set yrange [-5:15]\n";
       if (row == 2)
         panels[row] += "set yrange [*:*]\nset format x '%g'\nset xlabel 'time (s)' offset 0,0.4\n";
       panels[row] += "plot ";

@@ -25,7 +25,8 @@ if command -v gnuplot >/dev/null; then
 fi
 
 echo "== some of it: one thread, two threads, shards, one of them killed and resumed"
-some=(--quick --seed 7 --methods model,tank --scenes wall,oxide --rtt-ms 0:20 --no-report)
+part=(--quick --methods model,tank --scenes wall,oxide --rtt-ms 0:20 --no-report)
+some=("${part[@]}" --seed 7)
 "$lab" stress "${some[@]}" --out one --threads 1 >/dev/null
 "$lab" stress "${some[@]}" --out two --threads 3 >/dev/null
 cmp one/runs.csv two/runs.csv || fail "the table depends on the number of threads"
@@ -33,9 +34,9 @@ cmp one/runs.csv two/runs.csv || fail "the table depends on the number of thread
 "$lab" stress "${some[@]}" --out shards --shard 2/3
 "$lab" stress "${some[@]}" --out shards --shard 1/3 --threads 1 2>/dev/null &
 victim=$!
-for _ in $(seq 200); do
+for _ in $(seq 1500); do
   [ "$(cat shards/shards/0001-of-0003.csv 2>/dev/null | wc -l)" -gt 5 ] && break
-  sleep 0.02
+  sleep 0.04
 done
 kill -9 $victim 2>/dev/null || true
 wait $victim 2>/dev/null || true
@@ -50,7 +51,7 @@ cmp one/runs.csv shards/runs.csv || fail "shards give another table"
 
 echo "== bad input"
 before=$(cat one/runs.csv one/shards/* | cksum)
-refuses 2 "another sweep" "$lab" stress "${some[@]}" --seed 8 --out one
+refuses 2 "another sweep" "$lab" stress "${part[@]}" --seed 8 --out one
 refuses 2 "another sweep" "$lab" stress --quick --seed 7 --out one
 [ "$before" = "$(cat one/runs.csv one/shards/* | cksum)" ] || fail "something was overwritten"
 refuses 2 "unknown" "$lab" stress --quick --methods magic --out x
@@ -72,7 +73,7 @@ refuses 2 "missing" "$lab" stress --merge lacking
 cp -r shards double && rm double/runs.csv && cp one/shards/0000-of-0001.csv double/shards/
 refuses 2 "overlap" "$lab" stress --merge double
 cp -r shards foreign && rm foreign/runs.csv
-"$lab" stress "${some[@]}" --seed 8 --out other --shard 2/3 2>/dev/null
+"$lab" stress "${part[@]}" --seed 8 --out other --shard 2/3 2>/dev/null
 cp other/shards/0002-of-0003.csv foreign/shards/
 refuses 2 "another sweep" "$lab" stress --merge foreign
 echo "== wrong controllers"
