@@ -8,9 +8,9 @@ die() { printf 'error: %s\n' "$*" >&2; exit "${2:-1}"; }
 
 # Debian 12 packages: what the build needs, what the plots and tests need. Only missing ones are installed.
 build_packages=(g++ cmake ninja-build pkg-config git ca-certificates libboost-dev libprotobuf-dev protobuf-compiler
-  libeigen3-dev libhdf5-dev libssl-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev libgtest-dev libbenchmark-dev
-  gnuplot-nox)
-test_packages=(python3 python3-h5py python3-protobuf)
+  libeigen3-dev libhdf5-dev libssl-dev libsystemd-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev libgtest-dev libbenchmark-dev
+  prometheus-cpp-dev gnuplot-nox)
+test_packages=(python3 python3-h5py python3-protobuf dpkg-dev file)
 
 install_missing() {
   local missing=() p

@@ -49,7 +49,7 @@ xyz(messages[5], 10, "tip_pos_w_{}_nm")
 more(5, { 13, "energy_in_j", "d" }, { 14, "energy_out_j", "d" }, { 15, "method", "i", methods },
   { 16, "energy_scale_aj_j", "d" }, { 17, "energy_sent_j", "d" })
 xyz(messages[5], 18, "wave_sum_w_{}_sqrt_aj_s")
-more(5, { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" })
+more(5, { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" }, { 40, "recent_commands", "b" })
 xyz(messages[6], 11, "force_w_{}_nn")
 xyz(messages[6], 14, "tip_pos_w_{}_nm")
 more(6, { 17, "deflection_nm", "d" }, { 18, "energy_in_aj", "d" }, { 19, "energy_out_aj", "d" },
@@ -127,6 +127,9 @@ local function add_fields(buffer, at, type, tree)
       if not bytes then return "length cut or too long" end
     end
     if at + bytes > buffer:len() then return "field " .. number .. " is cut" end
+    if type == 5 and wire == 2 and (bytes == 0 or bytes % 64 ~= 0 or bytes > 256 or at + bytes ~= buffer:len()) then
+      return "repeated commands are not 1 to 4 whole records at the end"
+    end
     if wire == 2 then
       tree:add(known.field, buffer(at, bytes))
     else

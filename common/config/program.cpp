@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "common/base/error.h"
+#include "common/config/completion.h"
 #include "common/config/usage_error.h"
 
 namespace telenano::config {
@@ -40,6 +41,13 @@ std::string explain(const CLI::App& app, const CLI::ParseError& error, std::vect
 
 int run_program(CLI::App& app, int argc, char** argv, const int& exit_code) {
   const std::string name = app.get_name();
+  app.add_flag_callback(
+      "--completion",
+      [&app] {
+        std::fputs(bash_completion(app).c_str(), stdout);
+        throw CLI::Success();
+      },
+      "Print a script by which bash completes this program's words");
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {

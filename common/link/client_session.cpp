@@ -27,7 +27,10 @@ const char* name(ClientState state) noexcept {
 }
 
 ClientSession::ClientSession(const ClientConfig& config)
-    : config_(config), resume_token_(config.resume_token) {}
+    : config_(config), resume_token_(config.resume_token) {
+  config_.redundancy = std::min(config_.redundancy, kMaxRecent);
+  if (config_.redundancy == 0) config_.feature_bits &= ~std::uint64_t{kFeatureRedundancy};
+}
 
 void ClientSession::set_state(ClientState state, std::int64_t now_ns) noexcept {
   if (state == state_) return;
@@ -99,6 +102,7 @@ ClientEvent ClientSession::drop(DropCause cause) noexcept {
 }
 
 ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
+  overtaken_ = false;
   const DropCause cause = codec_.decode(bytes, incoming_);
   if (cause != DropCause::kNone) return drop(cause);
   switch (incoming_.type) {
@@ -152,6 +156,8 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
     stats_.reset();  // another server, perhaps: another clock
   }
   if (sessions_ == 0 || welcome.epoch != welcome_.epoch) slave_energy_.reset();
+  count(past_);
+  sent_.clear();
   welcome_ = welcome;
   ++sessions_;
   session_alive_ = true;
@@ -216,6 +222,7 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   const bool model_unasked = (features() & kFeatureLocalModel) == 0 && !reply.model.empty();
   if (port_unasked || model_unasked) return drop(DropCause::kUnexpected);
   const DropCause cause = replies_.accept(reply.sequence);
+  overtaken_ = cause == DropCause::kStale;
   if (cause != DropCause::kNone) return drop(cause);
   reply_ = reply;
   has_reply_ = true;
@@ -253,7 +260,43 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
   } else {
     command.control = {};
   }
-  return codec_.encode(command, out);
+  if ((features() & kFeatureRedundancy) == 0) return codec_.encode(command, out);
+  sent_.before(command, config_.redundancy, recent_);
+  sent_.add(command);
+  return codec_.encode(command, recent_, out);
+}
+
+/// Adds what this session has counted.
+void ClientSession::count(LinkQuality& q) const noexcept {
+  q.commands_sent += command_sequence_;
+  // Every accepted command has one reply, numbered from 1: the rest had not been accepted.
+  if (has_reply_)
+    q.commands_lost += reply_.command_sequence - std::min(reply_.sequence, reply_.command_sequence);
+  q.replies += replies_.received();
+  q.replies_lost += replies_.lost();
+  q.reordered += replies_.reordered();
+  q.duplicates += replies_.duplicate();
+}
+
+LinkQuality ClientSession::quality(std::int64_t now_ns) const noexcept {
+  LinkQuality q = past_;
+  count(q);
+  q.dropped = drops_.total();
+  q.rtt_us = stats_.rtt_ns() * 1e-3;
+  q.rtt_min_us = static_cast<double>(stats_.rtt_min_ns()) * 1e-3;
+  q.rtt_last_us = static_cast<double>(stats_.rtt_last_ns()) * 1e-3;
+  q.jitter_us = stats_.jitter_ns() * 1e-3;
+  q.drift_ppm = stats_.drift_ppm();
+  q.drift_error_ppm = stats_.drift_error_ppm();
+  q.up_excess_us = stats_.up_excess_ns() * 1e-3;
+  q.down_excess_us = stats_.down_excess_ns() * 1e-3;
+  if (stats_.samples() > 0) q.offset_us = stats_.offset_ns(now_ns) * 1e-3;
+  if (has_reply_) {
+    const double age_ns = static_cast<double>(now_ns - reply_time_ns_) + stats_.down_delay_ns() +
+                          static_cast<double>(reply_.measurement_age_ns);
+    q.force_age_ms = age_ns * 1e-6;
+  }
+  return q;
 }
 
 std::size_t ClientSession::make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept {

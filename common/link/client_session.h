@@ -6,9 +6,11 @@
 
 #include "common/link/codec.h"
 #include "common/link/drop_cause.h"
+#include "common/link/link_quality.h"
 #include "common/link/link_stats.h"
 #include "common/link/messages.h"
 #include "common/link/received_energy.h"
+#include "common/link/recent_commands.h"
 #include "common/link/sequence_window.h"
 
 namespace telenano::link {
@@ -26,6 +28,8 @@ struct ClientConfig {
   /// Without a new reply for this long (or, if longer, twice what the link's round trips explain) the server
   /// counts as lost and the session is resumed.
   std::int64_t silence_ns = 200'000'000;
+  /// Commands that each datagram repeats, at most 4; 0: none, and the feature is not asked for.
+  std::size_t redundancy = 0;
 };
 
 /// idle → hello_sent → challenged → established ⇄ lost → …; closed and refused are final until start().
@@ -83,6 +87,9 @@ class ClientSession {
   std::int64_t reply_time_ns() const noexcept {
     return reply_time_ns_;
   }  ///< when it came: the force's age counts from here
+  /// The datagram just taken was a reply that a newer one had overtaken (dropped as stale): for a play-out
+  /// buffer that has not come to it yet. Null otherwise; valid until the next datagram.
+  const Reply* overtaken_reply() const noexcept { return overtaken_ ? &incoming_.reply : nullptr; }
   const ReceivedEnergy& slave_energy_aj() const noexcept { return slave_energy_; }
 
   const Refuse& refuse() const noexcept { return refuse_; }      ///< valid in kRefused
@@ -91,12 +98,15 @@ class ClientSession {
   std::uint32_t hellos_sent() const noexcept { return hellos_sent_; }  ///< of the present attempt
 
   const SequenceWindow& replies() const noexcept { return replies_; }
+  /// Everything that is known of the link, for those who watch it.
+  LinkQuality quality(std::int64_t now_ns) const noexcept;
   const LinkStats& stats() const noexcept { return stats_; }
   const DropCounters& drops() const noexcept { return drops_; }
   std::uint64_t commands_sent() const noexcept { return command_sequence_; }  ///< of this session id
 
  private:
   void set_state(ClientState state, std::int64_t now_ns) noexcept;
+  void count(LinkQuality& quality) const noexcept;
   void new_attempt(std::int64_t now_ns) noexcept;
   std::int64_t silence_limit_ns() const noexcept;
   ClientEvent drop(DropCause cause) noexcept;
@@ -139,6 +149,10 @@ class ClientSession {
   std::int64_t reply_time_ns_ = 0;
   std::int64_t last_news_ns_ = 0;
   SequenceWindow replies_;
+  bool overtaken_ = false;
+  SentCommands sent_;
+  RecentCommands recent_;
+  LinkQuality past_;  ///< counts of the sessions before this one
   ReceivedEnergy slave_energy_;
   Refuse refuse_;
   ByeReason bye_reason_ = ByeReason::kDone;

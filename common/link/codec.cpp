@@ -1,6 +1,7 @@
 #include "common/link/codec.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -121,7 +122,76 @@ std::size_t Codec::encode(const Refuse& m, std::span<std::uint8_t> out) noexcept
   return write(MessageType::kRefuse, w, out);
 }
 
+namespace {
+
+// The repeated commands by hand, behind what Protobuf writes: a nested message or a byte string there would
+// cost an allocation each.
+
+void put(std::uint8_t*& at, std::uint64_t bits, int bytes) noexcept {
+  for (int i = 0; i < bytes; ++i) *at++ = static_cast<std::uint8_t>(bits >> (8 * i));
+}
+void put(std::uint8_t*& at, double value) noexcept {
+  put(at, std::bit_cast<std::uint64_t>(value), 8);
+}
+std::uint64_t take(const std::uint8_t*& at, int bytes) noexcept {
+  std::uint64_t bits = 0;
+  for (int i = 0; i < bytes; ++i) bits |= std::uint64_t{*at++} << (8 * i);
+  return bits;
+}
+double take(const std::uint8_t*& at) noexcept {
+  return std::bit_cast<double>(take(at, 8));
+}
+
+std::size_t recent_field_bytes(std::size_t count) noexcept {
+  const std::size_t length = count * kRecentBytes;
+  return count == 0 ? 0 : kRecentTagBytes + (length < 0x80 ? 1 : 2) + length;
+}
+
+void write_recent(const RecentCommands& recent, std::uint8_t* at) noexcept {
+  constexpr std::uint32_t kTag = (kRecentField << 3) | 2u;
+  const std::size_t length = recent.count * kRecentBytes;
+  put(at, (kTag & 0x7fu) | 0x80u, 1);
+  put(at, kTag >> 7, 1);
+  put(at, length < 0x80 ? length : (length & 0x7fu) | 0x80u, 1);
+  if (length >= 0x80) put(at, length >> 7, 1);
+  for (std::size_t i = 0; i < recent.count; ++i) {
+    const RecentCommand& r = recent.record[i];
+    put(at, r.age_ns, 4);
+    put(at, r.flags, 4);
+    for (int axis = 0; axis < 3; ++axis) put(at, r.tip_pos_w_nm[axis]);
+    put(at, r.energy);
+    for (int axis = 0; axis < 3; ++axis) put(at, r.wave_sum[axis]);
+  }
+}
+
+DropCause read_recent(std::span<const std::uint8_t> bytes, std::uint64_t sequence,
+                      RecentCommands& recent) noexcept {
+  recent.count = bytes.size() / kRecentBytes;
+  const std::uint8_t* at = bytes.data();
+  bool finite = true, good = recent.count < sequence;
+  std::uint32_t last_age_ns = 0;
+  for (std::size_t i = 0; i < recent.count; ++i) {
+    RecentCommand& r = recent.record[i];
+    r.age_ns = static_cast<std::uint32_t>(take(at, 4));
+    r.flags = static_cast<std::uint32_t>(take(at, 4));
+    for (int axis = 0; axis < 3; ++axis) r.tip_pos_w_nm[axis] = take(at);
+    r.energy = take(at);
+    for (int axis = 0; axis < 3; ++axis) r.wave_sum[axis] = take(at);
+    finite = finite && all_finite(r.tip_pos_w_nm) && all_finite(r.wave_sum) && all_finite(r.energy);
+    good = good && r.age_ns >= last_age_ns && r.energy >= 0;
+    last_age_ns = r.age_ns;
+  }
+  return !finite ? DropCause::kNonFinite : good ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+}  // namespace
+
 std::size_t Codec::encode(const Command& m, std::span<std::uint8_t> out) noexcept {
+  return encode(m, RecentCommands{}, out);
+}
+
+std::size_t Codec::encode(const Command& m, const RecentCommands& recent,
+                          std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->command;
   w.set_session_id(m.session_id);
   w.set_sequence(m.sequence);
@@ -146,7 +216,13 @@ std::size_t Codec::encode(const Command& m, std::span<std::uint8_t> out) noexcep
   w.set_wave_sum_w_z_sqrt_aj_s(c.wave_sum.z());
   w.set_wave_energy_aj(c.wave_energy_aj);
   w.set_wave_impedance_n_s_m(c.wave_impedance_n_s_m);
-  return write(MessageType::kCommand, w, out);
+  const std::size_t fields = w.ByteSizeLong();
+  const std::size_t payload_bytes = fields + recent_field_bytes(recent.count);
+  if (out.size() < kHeaderBytes + payload_bytes) return 0;
+  write_header(out.first<kHeaderBytes>(), MessageType::kCommand, payload_bytes);
+  w.SerializeWithCachedSizesToArray(out.data() + kHeaderBytes);
+  if (recent.count > 0) write_recent(recent, out.data() + kHeaderBytes + fields);
+  return kHeaderBytes + payload_bytes;
 }
 
 std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept {
@@ -418,6 +494,7 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
       break;
     case MessageType::kCommand:
       cause = parse(frame, messages_->command, incoming.command);
+      cause = first_cause(cause, read_recent(frame.recent, incoming.command.sequence, incoming.recent));
       break;
     case MessageType::kReply:
       cause = parse(frame, messages_->reply, incoming.reply);

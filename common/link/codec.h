@@ -7,6 +7,7 @@
 
 #include "common/link/drop_cause.h"
 #include "common/link/messages.h"
+#include "common/link/recent_commands.h"
 
 namespace telenano::link {
 
@@ -18,6 +19,7 @@ struct Incoming {
   Welcome welcome;
   Refuse refuse;
   Command command;
+  RecentCommands recent;  ///< with the command
   Reply reply;
   Bye bye;
 };
@@ -40,6 +42,9 @@ class Codec {
   std::size_t encode(const Welcome& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Refuse& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Command& message, std::span<std::uint8_t> out) noexcept;
+  /// With the commands before it, where kFeatureRedundancy was agreed.
+  std::size_t encode(const Command& message, const RecentCommands& recent,
+                     std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Reply& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Bye& message, std::span<std::uint8_t> out) noexcept;
 

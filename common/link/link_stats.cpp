@@ -1,5 +1,6 @@
 #include "common/link/link_stats.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace telenano::link {
@@ -39,11 +40,14 @@ bool LinkStats::on_reply(const Reply& reply, std::int64_t now_ns) noexcept {
     block_ = {};
     block_start_ns_ = now_ns;
   }
+  const std::int64_t up_ns = minus(reply.server_time_ns - reply.hold_time_ns, reply.command_send_time_ns);
   if (rtt_ns <= block_.rtt_ns) {
-    const std::int64_t t2_minus_t1 =
-        minus(reply.server_time_ns - reply.hold_time_ns, reply.command_send_time_ns);
-    block_ = {rtt_ns, 0.5 * (static_cast<double>(t2_minus_t1) - static_cast<double>(transit_ns))};
+    block_ = {rtt_ns, 0.5 * (static_cast<double>(up_ns) - static_cast<double>(transit_ns)), now_ns};
   }
+  drift_.add(now_ns, rtt_ns, up_ns, transit_ns);
+  up_excess_ns_ = std::max(0.0, static_cast<double>(up_ns) - drift_.base_up_ns(now_ns));
+  down_excess_ns_ = std::max(0.0, static_cast<double>(transit_ns) - drift_.base_down_ns(now_ns));
+  down_delay_ns_ = std::clamp(static_cast<double>(transit_ns) + offset_ns(now_ns), 0.0, r);
   return true;
 }
 

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "common/link/clock_drift.h"
 #include "common/link/messages.h"
 
 namespace telenano::link {
@@ -16,6 +17,7 @@ namespace telenano::link {
 ///   offset     θ = ((T2 - T1) + (T3 - T4))/2, server clock minus station clock, as NTP: taken from the
 ///   sample with the
 ///              least R of the last 10 to 20 s, wrong by at most R/2 (all of R on one way).
+///   drift      dθ/dt, and delays of each way above the least: clock_drift.h
 class LinkStats {
  public:
   void reset() noexcept { *this = {}; }
@@ -33,6 +35,18 @@ class LinkStats {
   double jitter_ns() const noexcept { return jitter_ns_; }
   double offset_ns() const noexcept { return best().offset_ns; }
   double offset_error_ns() const noexcept { return 0.5 * static_cast<double>(best().rtt_ns); }
+  /// The offset carried on to `now_ns` by the drift: the best sample may be 20 s old, 4 ms at 200 ppm.
+  double offset_ns(std::int64_t now_ns) const noexcept {
+    return best().offset_ns + 1e-6 * drift_.drift_ppm() * static_cast<double>(now_ns - best().time_ns);
+  }
+  /// Server's clock against the station's, parts per million; 0 until it is known (a second).
+  double drift_ppm() const noexcept { return drift_.drift_ppm(); }
+  double drift_error_ppm() const noexcept { return drift_.drift_error_ppm(); }
+  /// How much longer than over the idle link the newest exchange was on its way, to the server and back.
+  double up_excess_ns() const noexcept { return up_excess_ns_; }
+  double down_excess_ns() const noexcept { return down_excess_ns_; }
+  /// On the way back, by the offset: right within half of the least round trip; 0 … the last round trip.
+  double down_delay_ns() const noexcept { return down_delay_ns_; }
   /// RFC 6298 without its 1 s floor: how long an answer may take before it is worth worrying.
   double timeout_ns() const noexcept { return srtt_ns_ + 4 * rttvar_ns_; }
 
@@ -42,6 +56,7 @@ class LinkStats {
   struct OffsetSample {
     std::int64_t rtt_ns = INT64_MAX;
     double offset_ns = 0;
+    std::int64_t time_ns = 0;
   };
   const OffsetSample& best() const noexcept {
     return block_.rtt_ns <= last_block_.rtt_ns ? block_ : last_block_;
@@ -58,6 +73,10 @@ class LinkStats {
   std::int64_t block_start_ns_ = 0;
   OffsetSample block_;
   OffsetSample last_block_;
+  ClockDrift drift_;
+  double up_excess_ns_ = 0;
+  double down_excess_ns_ = 0;
+  double down_delay_ns_ = 0;
 };
 
 }  // namespace telenano::link

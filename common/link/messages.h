@@ -19,8 +19,9 @@ inline constexpr std::size_t kSceneNameBytes = 48;
 enum FeatureBits : std::uint64_t {
   kFeaturePortControl = 1u << 0,  ///< PortControl in Command, PortAnswer in Reply
   kFeatureLocalModel = 1u << 1,   ///< LocalModel in Reply
+  kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
 };
-inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel;
+inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureRedundancy;
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {

@@ -72,6 +72,8 @@ void SessionTable::start(Session& session, std::size_t slot, const PeerKey& peer
   session.newest_reply = 0;
   session.last_heard_ns = session.state_since_ns = now_ns;
   session.station_energy.reset();
+  session.peer_stats.reset();
+  session.missed = 0;
 }
 
 std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
@@ -107,7 +109,7 @@ void SessionTable::end(std::size_t slot, std::int64_t now_ns) noexcept {
 }
 
 DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std::int64_t now_ns,
-                               std::size_t& slot) noexcept {
+                               std::size_t& slot, bool repeats_others) noexcept {
   slot = find(command.session_id);
   if (slot == kNone) return DropCause::kUnknownSession;
   Session& s = sessions_[slot];
@@ -116,6 +118,7 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   if (command.epoch != s.epoch) return DropCause::kWrongEpoch;
   if (command.newest_reply > s.reply_sequence) return DropCause::kOutOfRange;
   if ((s.feature_bits & kFeaturePortControl) == 0 && !command.control.empty()) return DropCause::kUnexpected;
+  if ((s.feature_bits & kFeatureRedundancy) == 0 && repeats_others) return DropCause::kUnexpected;
   const std::uint64_t before = s.commands.newest();
   const DropCause cause = s.commands.accept(command.sequence);
   if (cause != DropCause::kNone) return cause;
@@ -127,6 +130,8 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   const bool clock_usable = before != 0 && elapsed_ns > 0 && elapsed_ns < 10'000'000'000;
   s.spacing_s = clock_usable ? 1e-9 * static_cast<double>(elapsed_ns) : ticks / s.rate_hz;
   s.last_send_time_ns = command.send_time_ns;
+  s.missed = command.sequence - before - 1;
+  s.peer_stats.on_command(command.send_time_ns, now_ns, command.newest_reply);
   s.newest_reply = std::max(s.newest_reply, command.newest_reply);
   s.station_energy.update(command.energy_in_j, command.energy_out_j);
   s.used = true;

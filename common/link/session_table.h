@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/link/drop_cause.h"
+#include "common/link/link_quality.h"
 #include "common/link/messages.h"
 #include "common/link/received_energy.h"
 #include "common/link/sequence_window.h"
@@ -37,9 +38,11 @@ struct Session {
   SequenceWindow commands;
   std::uint64_t last_send_time_ns = 0;  ///< of the newest command, station clock
   double spacing_s = 0;                 ///< between the two newest commands, by the station's clock
-  std::uint64_t reply_sequence = 0;     ///< of the last reply sent
-  std::uint64_t newest_reply = 0;       ///< that the station has seen
-  bool used = false;                    ///< a command has come, under this id or one before
+  std::uint64_t missed = 0;             ///< commands between those two that did not come, or not in time
+  PeerStats peer_stats;
+  std::uint64_t reply_sequence = 0;  ///< of the last reply sent
+  std::uint64_t newest_reply = 0;    ///< that the station has seen
+  bool used = false;                 ///< a command has come, under this id or one before
   std::int64_t last_heard_ns = 0;
   std::int64_t state_since_ns = 0;
   ReceivedEnergy station_energy;  ///< J, since the Welcome of this session id
@@ -86,10 +89,10 @@ class SessionTable {
   void release(std::size_t slot) noexcept { sessions_[slot] = {}; }
 
   /// Is this command of a known session, from its address, of its epoch, without fields of features that were
-  /// not agreed, and newer than all before? If so, books it: sequence, energies, time. `slot` is set as soon
-  /// as the session is known.
-  DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns,
-                   std::size_t& slot) noexcept;
+  /// not agreed (`repeats_others`: it brings older ones along), and newer than all before? If so, books it:
+  /// sequence, energies, time. `slot` is set as soon as the session is known.
+  DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns, std::size_t& slot,
+                   bool repeats_others = false) noexcept;
 
   /// Applies the time-outs. Calls `changed(slot, state)` for every session that becomes silent or free.
   template <class Changed>

@@ -3,6 +3,8 @@
 #include <array>
 #include <utility>
 
+#include "common/link/recent_commands.h"
+
 namespace telenano::link {
 namespace {
 
@@ -14,7 +16,7 @@ constexpr std::uint8_t kF64 = 1;
 constexpr std::uint8_t kLen = 2;
 constexpr std::uint8_t kF32 = 5;
 
-constexpr std::size_t kMaxFields = 35;
+constexpr std::size_t kMaxFields = kRecentField;
 
 /// Wire type by field number, as in telenano.proto (the codec's tests hold the two together).
 using FieldList = std::array<std::uint8_t, kMaxFields + 1>;
@@ -26,9 +28,11 @@ constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF
                                       kLen,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
                                       kF64,     kF64, kF64, kF64, kF64, kF64, kF64};
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
-constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 15: port control
-                                      kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64};
+constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64, kF64, kF64,
+                                      kF64,     kF64, kF64, kF64, kF64,                    // 15: port control
+                                      kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // to 22
+                                      0,        0,    0,    0,    0,    0,    0,    0,     // to 30
+                                      0,        0,    0,    0,    0,    0,    0,    0,    0,    kLen};
 constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
                                     kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
                                     kF64,     kF64, kF64,  // 20: port control; 25: local model
@@ -56,16 +60,19 @@ constexpr std::size_t value_bytes(std::uint8_t wire_type) {
   return wire_type == kF32 ? 4 : 8;
 }
 
-/// The longest payload of a type without a byte string: every field there.
+/// The longest payload of a type: every field there, byte strings not counted.
 constexpr std::size_t longest_payload(const FieldList& fields) {
   std::size_t bytes = 0;
   for (std::uint32_t number = 1; number < fields.size(); ++number) {
-    if (fields[number] != kNoField) bytes += tag_bytes(number) + value_bytes(fields[number]);
+    if (fields[number] != kNoField && fields[number] != kLen)
+      bytes += tag_bytes(number) + value_bytes(fields[number]);
   }
   return bytes;
 }
 static_assert(longest_payload(kCommandFields) == 193 && longest_payload(kReplyFields) == 319,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
+static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kMaxRecent * kRecentBytes <=
+              kMaxPayloadBytes);
 
 constexpr TagTable tag_table(const FieldList& fields) {
   TagTable table{};
@@ -104,12 +111,12 @@ bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size
 enum class InOrder : std::uint8_t { kUnsure, kWithoutFeatureFields, kWithFeatureFields };
 
 template <const FieldList& kFields, std::uint32_t kFirstFeatureField, std::uint32_t... kIndex>
-InOrder scan_in_order(std::span<const std::uint8_t> payload,
+InOrder scan_in_order(std::span<const std::uint8_t> payload, std::size_t& used,
                       std::integer_sequence<std::uint32_t, kIndex...>) noexcept {
   const std::uint8_t* at = payload.data();
   const std::uint8_t* const end = at + payload.size();
   const auto field = [&at, end](std::uint32_t number, std::uint8_t wire_type) {
-    if (wire_type == kNoField) return;
+    if (wire_type == kNoField || wire_type == kLen) return;
     const std::uint32_t tag = (number << 3) | wire_type;
     const auto step = static_cast<std::ptrdiff_t>(tag_bytes(number) + value_bytes(wire_type));
     if (end - at < step) [[unlikely]]
@@ -121,16 +128,35 @@ InOrder scan_in_order(std::span<const std::uint8_t> payload,
   ((kIndex < kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
   if (at == end) return InOrder::kWithoutFeatureFields;
   ((kIndex >= kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
+  used = static_cast<std::size_t>(at - payload.data());
   return at == end ? InOrder::kWithFeatureFields : InOrder::kUnsure;
 }
 
 template <const FieldList& kFields, std::uint32_t kFirstFeatureField>
-InOrder scan_in_order(std::span<const std::uint8_t> payload) noexcept {
+InOrder scan_in_order(std::span<const std::uint8_t> payload, std::size_t& used) noexcept {
   return scan_in_order<kFields, kFirstFeatureField>(
-      payload, std::make_integer_sequence<std::uint32_t, kMaxFields + 1>());
+      payload, used, std::make_integer_sequence<std::uint32_t, kMaxFields + 1>());
 }
 
-/// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding.
+/// Whole records, at least one; `at` is behind their length.
+bool fits_recent(std::size_t length, std::size_t at, std::size_t size) noexcept {
+  return length > 0 && length % kRecentBytes == 0 && length <= kMaxRecent * kRecentBytes &&
+         at + length == size;
+}
+
+/// Is what begins at `at` the repeated commands of a Command, and the rest of it?
+bool is_recent(std::span<const std::uint8_t> payload, std::size_t at) noexcept {
+  constexpr std::uint32_t kTag = (kRecentField << 3) | kLen;
+  if (payload.size() - at < kRecentTagBytes || payload[at] != ((kTag & 0x7fu) | 0x80u) ||
+      payload[at + 1] != kTag >> 7)
+    return false;
+  at += kRecentTagBytes;
+  std::size_t length = 0;
+  return read_length(payload, at, length) && fits_recent(length, at, payload.size());
+}
+
+/// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding and
+/// before a Command's repeated commands.
 bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::size_t& parse_bytes) noexcept {
   const TagTable& table = kTagTables[static_cast<std::size_t>(type)];
   const std::uint8_t* const bytes = payload.data();
@@ -156,9 +182,14 @@ bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::s
       at += entry.step;  // beyond the end: a field cut short, seen below
       continue;
     }
-    const std::size_t field_start = at++;  // both fields of this kind have one-byte tags
+    const std::size_t field_start = at;
+    at += tag_bytes(entry.number);
     std::size_t length = 0;
     if (!read_length(payload, at, length)) return false;
+    if (type == MessageType::kCommand) {
+      if (!fits_recent(length, at, size)) return false;
+      parse_bytes = field_start;
+    }
     at += length;
     if (type == MessageType::kWelcome && length > kSceneNameBytes) return false;
     if (type == MessageType::kHello) {
@@ -202,13 +233,24 @@ DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcep
   const auto payload = datagram.subspan(kHeaderBytes);
   std::size_t parse_bytes = payload_bytes;
   InOrder in_order = InOrder::kUnsure;
-  if (type == MessageType::kCommand)
-    in_order = scan_in_order<kCommandFields, kFirstCommandFeatureField>(payload);
-  if (type == MessageType::kReply) in_order = scan_in_order<kReplyFields, kFirstReplyFeatureField>(payload);
+  std::size_t used = 0;
+  if (type == MessageType::kCommand) {
+    in_order = scan_in_order<kCommandFields, kFirstCommandFeatureField>(payload, used);
+    if (in_order == InOrder::kUnsure && is_recent(payload, used)) {
+      in_order = InOrder::kWithFeatureFields;
+      parse_bytes = used;
+    }
+  }
+  if (type == MessageType::kReply)
+    in_order = scan_in_order<kReplyFields, kFirstReplyFeatureField>(payload, used);
   if (in_order == InOrder::kUnsure && !scan_fields(type, payload, parse_bytes))
     return DropCause::kMalformedField;
   frame.type = type;
   frame.payload = payload.first(parse_bytes);
+  if (type == MessageType::kCommand && parse_bytes < payload_bytes) {
+    const std::size_t tail = payload_bytes - parse_bytes - kRecentTagBytes;  // length and records
+    frame.recent = payload.last(tail - tail % kRecentBytes);
+  }
   frame.feature_fields = in_order != InOrder::kWithoutFeatureFields;
   return DropCause::kNone;
 }

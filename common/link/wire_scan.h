@@ -16,11 +16,16 @@ inline constexpr std::size_t kMaxPayloadBytes = kMaxDatagramBytes - kHeaderBytes
 struct WireFrame {
   MessageType type = MessageType::kNone;
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
-  bool feature_fields = true;  ///< false: certainly none of the fields behind feature bits is in it
+  std::span<const std::uint8_t> recent;  ///< of a Command: its repeated commands, which Protobuf does not see
+  bool feature_fields = true;            ///< false: certainly none of the fields behind feature bits is in it
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
                   std::size_t payload_bytes) noexcept;
+
+/// Before the repeated commands of a Command: the tag of field kRecentField and a length, 3 or 4 bytes.
+inline constexpr std::uint32_t kRecentField = 40;
+inline constexpr std::size_t kRecentTagBytes = 2;
 
 /// Checks a datagram down to the last tag before Protobuf sees it: header, total length, and that every field
 /// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field

@@ -1,5 +1,6 @@
 #include "common/net/udp.h"
 
+#include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <time.h>
@@ -95,6 +96,17 @@ Address parse_address(const std::string& text, const std::string& what) {
     if (entry.endpoint().address().is_v4()) return from_asio(entry.endpoint());
   }
   return from_asio(results.begin()->endpoint());
+}
+
+int parse_dscp(const std::string& text, const std::string& what) {
+  if (text == "ef") return kDscpEf;
+  if (text == "none") return 0;
+  int value = -1;
+  const char* const end = text.data() + text.size();
+  const auto parsed = std::from_chars(text.data(), end, value);
+  if (text.empty() || parsed.ec != std::errc() || parsed.ptr != end || value < 0 || value > 63)
+    throw UserError(what + " '" + text + "': expected ef, none or a number from 0 to 63");
+  return value;
 }
 
 std::string to_string(const Address& address) {
@@ -251,6 +263,15 @@ bool Udp::wait_readable(std::int64_t timeout_ns) noexcept {
   const std::int64_t ns = std::max<std::int64_t>(timeout_ns, 0);
   const timespec timeout{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
   return ::ppoll(&entry, 1, &timeout, nullptr) > 0;
+}
+
+bool Udp::set_dscp(int dscp) noexcept {
+  // The upper six bits of the octet; the lower two are congestion notification's (RFC 3168).
+  const int octet = dscp << 2;
+  const bool v4 = ::setsockopt(impl_->handle, IPPROTO_IP, IP_TOS, &octet, sizeof octet) == 0;
+  // A socket of IPv6 carries IPv4 too: one option for each, and an IPv4 socket has only the first.
+  const bool v6 = ::setsockopt(impl_->handle, IPPROTO_IPV6, IPV6_TCLASS, &octet, sizeof octet) == 0;
+  return v4 || v6;
 }
 
 Address Udp::local() const noexcept {

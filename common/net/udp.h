@@ -12,6 +12,10 @@ namespace telenano::net {
 /// UserError, naming `what` (e.g. "--listen"), if it cannot be understood or resolved.
 Address parse_address(const std::string& text, const std::string& what);
 std::string to_string(const Address& address);
+/// Expedited Forwarding, RFC 3246: low delay, low jitter.
+inline constexpr int kDscpEf = 46;
+/// "ef" → 46, "none" → 0, "0" … "63". Throws UserError, naming `what`, for anything else.
+int parse_dscp(const std::string& text, const std::string& what);
 /// Datagrams to and from this machine only?
 bool is_loopback(const Address& address) noexcept;
 
@@ -32,6 +36,9 @@ class Udp final : public Datagram {
   bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override;
   /// Sleeps until a datagram is there (true), or the time has passed or a signal has come (false).
   bool wait_readable(std::int64_t timeout_ns) noexcept;
+  /// Marks what is sent from now on with a differentiated services code point, 0 … 63 (RFC 2474), so that
+  /// routers that look at it can put it first. False where the system does not let us.
+  bool set_dscp(int dscp) noexcept;
   Address local() const noexcept;
   int handle() const noexcept;  ///< the file descriptor, to wait for several sockets at once
 

@@ -69,6 +69,18 @@ struct Sample {
   std::int64_t reordered = 0;
   std::int64_t duplicates = 0;
   std::int64_t dropped = 0;
+  double rtt_smoothed_us = 0;
+  double rtt_min_us = 0;
+  double jitter_us = 0;
+  double clock_offset_us = 0;
+  double clock_drift_ppm = 0;
+  double up_excess_us = 0;
+  double down_excess_us = 0;
+  double force_age_ms = 0;
+  std::int64_t commands_sent = 0;
+  std::int64_t commands_lost = 0;
+  double playout_delay_ms = 0;
+  std::int64_t playout_late = 0;
 
   double lateness_us = 0;
   double step_us = 0;

@@ -60,6 +60,13 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   add("force step, RMS", text("%.3g N a tick", s.force_step_rms_n));
   add("hand, z from / to", text("%.3g / %.3g mm", s.hand_z_min_mm, s.hand_z_max_mm));
   add("round trip p50 / p99 / max", text("%.0f / %.0f / %.0f us", s.rtt_us.p50, s.rtt_us.p99, s.rtt_us.max));
+  add("round trip, least; jitter", text("%.0f us; %.1f us", s.rtt_min_us, s.jitter_us));
+  add("clock drift of the server", text("%+.1f ppm", s.clock_drift_ppm));
+  add("age of the force p50 / p99 / max", text("%.2f / %.2f / %.2f ms", 1e-3 * s.force_age_us.p50,
+                                               1e-3 * s.force_age_us.p99, 1e-3 * s.force_age_us.max));
+  add("commands lost",
+      text("%lld of %lld", static_cast<long long>(s.commands_lost), static_cast<long long>(s.commands_sent)));
+  add("replies too late for play-out", text("%lld", static_cast<long long>(s.playout_late)));
   add("replies lost", text("%lld of %lld (%.2f %%)", static_cast<long long>(s.lost),
                            static_cast<long long>(s.replies), 100 * s.loss_fraction));
   add("reordered / duplicate / other drops",

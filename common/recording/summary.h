@@ -45,6 +45,13 @@ struct Summary {
   std::int64_t duplicates = 0;
   std::int64_t dropped = 0;
   double loss_fraction = 0;
+  double jitter_us = 0;  ///< at the end, as the next two
+  double clock_drift_ppm = 0;
+  double rtt_min_us = 0;
+  Percentiles force_age_us;  ///< over ticks that have a reply
+  std::int64_t commands_sent = 0;
+  std::int64_t commands_lost = 0;
+  std::int64_t playout_late = 0;
 
   double energy_end_j = 0;    ///< observer, at the end
   double energy_least_j = 0;  ///< observer, its lowest

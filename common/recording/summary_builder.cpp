@@ -98,6 +98,7 @@ void SummaryBuilder::add_hand(const Sample& sample) noexcept {
 void SummaryBuilder::add_link(const Sample& sample) noexcept {
   const std::int64_t before = so_far_.rows == 0 ? 0 : last_.reply_sequence;
   if (sample.reply_sequence != before && sample.rtt_us > 0) rtt_.add(nanoseconds(sample.rtt_us));
+  if (sample.force_age_ms > 0) force_age_.add(nanoseconds(sample.force_age_ms * 1e3));
   // A new session after a lost server counts its replies from the start.
   if (sample.reply_sequence < before) replies_of_past_epochs_ += before;
 }
@@ -141,6 +142,14 @@ Summary SummaryBuilder::finish() const noexcept {
   s.duplicates = last_.duplicates;
   s.dropped = last_.dropped;
   if (s.replies > 0) s.loss_fraction = static_cast<double>(s.lost) / static_cast<double>(s.replies);
+
+  s.jitter_us = last_.jitter_us;
+  s.clock_drift_ppm = last_.clock_drift_ppm;
+  s.rtt_min_us = last_.rtt_min_us;
+  s.force_age_us = percentiles_us(force_age_);
+  s.commands_sent = last_.commands_sent;
+  s.commands_lost = last_.commands_lost;
+  s.playout_late = last_.playout_late;
 
   s.energy_end_j = last_.energy_j;
   s.energy_in_j = last_.energy_in_j;

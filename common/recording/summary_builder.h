@@ -15,7 +15,7 @@ struct SummaryContext {
   std::optional<double> surface_z_w_nm;  ///< under the start
 };
 
-/// Gathers a Summary row by row in fixed memory (15 kB), without allocating, so that it can run in the loop.
+/// Gathers a Summary row by row in fixed memory (20 kB), without allocating, so that it can run in the loop.
 /// Rows come in the order of time; a gap in their ticks is allowed.
 class SummaryBuilder {
  public:
@@ -48,6 +48,7 @@ class SummaryBuilder {
   std::uint64_t clamped_ = 0;
   std::uint64_t limited_ = 0;
   rt::LogHistogram rtt_;
+  rt::LogHistogram force_age_;
   rt::LogHistogram lateness_;
   rt::LogHistogram step_;
 };

@@ -76,6 +76,11 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
       socket.send(std::span<const std::uint8_t>(buffer).first(n), server);
     way.wait_readable(1'000'000);
   }
+  const std::uint32_t rate_max_hz = session.welcome().slave_rate_max_hz;
+  if (rate_max_hz != 0 && rate_hz > rate_max_hz) {
+    throw RunError(fmt::format("the slave at {} takes at most {} commands a second; give --rate {} or less",
+                               name, rate_max_hz, rate_max_hz));
+  }
 }
 
 }  // namespace telenano::app

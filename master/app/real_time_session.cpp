@@ -20,14 +20,14 @@ double silent_s(const recording::Sample& sample) noexcept {
 RealTimeSession::RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
                                  link::ClientSession& session, station::Station& station,
                                  recording::Recorder* recorder, double give_up_s,
-                                 const std::atomic<bool>& stop)
+                                 const std::atomic<bool>& stop, const loop::LinkOptions& link)
     : device_(device),
       session_(session),
       station_(station),
       recorder_(recorder),
       give_up_s_(give_up_s),
       stop_(stop),
-      loop_(device, socket, server, session, station, &clock_),
+      loop_(device, socket, server, session, station, &clock_, link),
       surface_z_w_nm_(session.welcome().surface_z_w_nm),
       summary_({station.config().rate_hz, surface_z_w_nm_}),
       last_sessions_(session.sessions()),
@@ -56,7 +56,7 @@ void RealTimeSession::run() noexcept {
       recorder_->push(sample);
       record_events(sample);
     }
-    publish(sample);
+    publish(sample, timer.stats());
   } while (!over(sample));
   device_.write_force(Vec3::Zero());
   loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
@@ -83,14 +83,22 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
   silent_ = silent;
 }
 
-void RealTimeSession::publish(const recording::Sample& sample) noexcept {
+void RealTimeSession::publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept {
   Progress p;
   p.time_s = device_.motion_time_s();
   p.tip_height_nm = sample.tip_pos_w_nm[2] - surface_z_w_nm_;
   p.force_nn = sample.force_w_nn[2];
   p.hand_force_n = loop_.trace().commanded_force_h_n.norm();
-  p.rtt_us = sample.rtt_us;
-  p.lost = sample.lost;
+  p.link = loop_.quality();
+  p.playout_delay_ms = sample.playout_delay_ms;
+  p.playout_late = loop_.playout().counts().late;
+  p.commands_held = loop_.gate().held();
+  p.ticks = sample.tick + 1;
+  p.overruns = timer.overruns;
+  p.missed_ticks = timer.missed;
+  p.sessions = session_.sessions();
+  p.station_faults = sample.station_faults;
+  p.slave_faults = sample.fault_bits;
   p.energy_j = sample.energy_j;
   p.mode = sample.station_mode;
   p.silent_s = silent_s(sample);

@@ -28,11 +28,19 @@ struct Progress {
   double tip_height_nm = 0;
   double force_nn = 0;
   double hand_force_n = 0;
-  double rtt_us = 0;
-  std::int64_t lost = 0;
+  link::LinkQuality link;
+  double playout_delay_ms = 0;  ///< 0: none
+  std::uint64_t playout_late = 0;
+  std::uint64_t commands_held = 0;  ///< by the deadband
   double energy_j = 0;
   std::uint32_t mode = 0;
   double silent_s = 0;
+  std::int64_t ticks = 0;
+  std::uint64_t overruns = 0;
+  std::uint64_t missed_ticks = 0;
+  std::uint64_t sessions = 0;  ///< Welcomes
+  std::uint32_t station_faults = 0;
+  std::uint32_t slave_faults = 0;
 };
 
 /// The station's loop in real time: paces StationLoop with a timer, advances the simulated hand, records and
@@ -43,7 +51,7 @@ class RealTimeSession {
   /// `recorder` may be null. Everything referred to must outlive run().
   RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
                   link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
-                  double give_up_s, const std::atomic<bool>& stop);
+                  double give_up_s, const std::atomic<bool>& stop, const loop::LinkOptions& link = {});
 
   /// The loop, in the thread that calls it. Neither allocates, locks nor writes.
   void run() noexcept;
@@ -59,7 +67,7 @@ class RealTimeSession {
 
  private:
   void record_events(const recording::Sample& sample) noexcept;
-  void publish(const recording::Sample& sample) noexcept;
+  void publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept;
   bool over(const recording::Sample& sample) noexcept;
 
   device::SimDevice& device_;

@@ -10,12 +10,14 @@
 #include <cstdio>
 #include <cstring>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
 #include "common/base/error.h"
 #include "common/base/version.h"
 #include "common/link/client_session.h"
+#include "common/metrics/exporter.h"
 #include "common/net/udp.h"
 #include "common/recording/recorder.h"
 #include "common/recording/summary.h"
@@ -23,6 +25,7 @@
 #include "master/app/connect.h"
 #include "master/app/link_probe.h"
 #include "master/app/real_time_session.h"
+#include "master/app/run_metrics.h"
 #include "master/app/run_options.h"
 #include "master/app/server_link.h"
 #include "master/app/station_file.h"
@@ -62,6 +65,7 @@ StationFile station_file(const RunOptions& options) {
   if (options.force_scale) file.scaling.force = *options.force_scale;
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
   if (options.duration_s) file.task.duration_s = *options.duration_s;
+  if (options.redundancy) file.redundancy = *options.redundancy;
   if (options.depth_nm) file.task.depth_nm = *options.depth_nm;
   finish_station_file(file, options.config_file.empty() ? "command line" : options.config_file);
   return file;
@@ -105,6 +109,7 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   about.seed = fmt::format("{}", nonce_seed);
   about.rate_hz = file.station.rate_hz;
   about.extra = describe(file.station, file.plant);
+  for (auto& setting : describe_link(file)) about.extra.push_back(std::move(setting));
   about.extra.emplace_back("scaling_chosen", planned.empty() ? "given" : planned);
   about.extra.emplace_back("round_trip_median_s", fmt::format("{:.9g}", link.median_s));
   about.extra.emplace_back("round_trip_p99_s", fmt::format("{:.9g}", link.p99_s));
@@ -136,12 +141,15 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
 void print_progress(const Progress& p, double duration_s, bool terminal) {
   std::string line = fmt::format(
       "{:5.1f}/{:.1f} s  {:<8} tip {:8.2f} nm  force {:8.2f} nN  hand {:6.2f} N  energy {:7.2f} mJ  "
-      "RTT {:5.0f} us  lost {}",
+      "RTT {:5.0f} us, least {:.0f}, jitter {:.0f}  lost {} up {} down  age {:.1f} ms  clock {:+.0f} ppm",
       p.time_s, duration_s, station::mode_name(static_cast<station::Mode>(p.mode)), p.tip_height_nm,
-      p.force_nn, p.hand_force_n, p.energy_j * 1e3, p.rtt_us, p.lost);
+      p.force_nn, p.hand_force_n, p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us, p.link.jitter_us,
+      p.link.commands_lost, p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
+  if (p.playout_delay_ms > 0)
+    line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
   if (terminal) {
-    fmt::print(stderr, "\r{:<150}", line);
+    fmt::print(stderr, "\r{:<190}", line);
     std::fflush(stderr);
   } else {
     fmt::print(stderr, "{}\n", line);
@@ -170,10 +178,14 @@ int run(const RunOptions& options) {
   const station::StationConfig& config = file.station;
   intended_motion(options, file.task, 0);  // a bad task or script is found before a server is asked
   const net::Address server = net::parse_address(options.server, "--server");
+  const int dscp = net::parse_dscp(options.dscp, "--dscp");
   ServerLink way(options, server);
+  if (dscp != 0 && !way.set_dscp(dscp))
+    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_nonce_seed();
+  client_config.redundancy = static_cast<std::size_t>(file.redundancy);
   link::ClientSession session(client_config);
   connect(session, way, server, config.rate_hz, options, stop);
   Farewell farewell(session, way.datagram(), server);
@@ -183,7 +195,12 @@ int run(const RunOptions& options) {
       measure_link(session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
                    options.connect_timeout_s, stop);
-  const int delay_samples = control::loop_delay_samples(link.median_s, 1 / config.rate_hz);
+  // With play-out the controller sees the buffer's delay, not the link's.
+  const link::PlayoutConfig& playout = file.link.playout;
+  const double playout_s =
+      playout.mode == link::PlayoutConfig::Mode::kNewest ? 0 : 1e-9 * static_cast<double>(playout.delay_ns);
+  const int delay_samples =
+      control::loop_delay_samples(std::max(link.median_s, playout_s), 1 / config.rate_hz);
   const config::SlaveLimits slave = slave_limits(welcome);
   const device::DeviceInfo device_info = device::sim_device_info(file.plant);
   const std::string planned = choose_scaling(file, device_info, slave, delay_samples);
@@ -207,14 +224,30 @@ int run(const RunOptions& options) {
                  control::method_name(config.method), control::method_name(used));
     }
     if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
+    if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
+      fmt::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
+    if (playout.mode == link::PlayoutConfig::Mode::kConstant && playout_s < link.p99_s) {
+      fmt::print(stderr,
+                 "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): what "
+                 "comes later is not felt\n",
+                 playout_s * 1e3, link.p99_s * 1e3);
+    }
     if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   }
   station::Station station(config, device.info(), port);
   RealTimeSession live(device, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
-                       stop);
+                       stop, file.link);
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(options.metrics, options.metrics_public,
+                     [&live](metrics::Page& page) { write_metrics(live.progress(), page); });
+    if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
+  }
   farewell.leave_to_loop();
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
+  realtime.cpu = options.realtime_cpu;
+  realtime.hold_cpu_awake = options.cpu_awake;
   {
     rt::RealtimeThread thread(realtime, [&live](std::stop_token) { live.run(); });
     if (!options.quiet) {
@@ -269,7 +302,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
       ->check(CLI::Range(0.5, 3600.0));
   command->add_option("--depth-nm", options->depth_nm, "Intended depth of --task indent (default 5)")
       ->check(CLI::Range(0.0, 1000.0));
-  command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")
+  command->add_option("--rate,--rate-hz", options->rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
   command->add_option(
       "--method", options->method,
@@ -280,6 +313,23 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
                       "alpha_F, hand newtons per tip newton (default: planned, see plan)");
   command->add_flag("--allow-unsafe-scaling", options->allow_unsafe_scaling,
                     "Run beyond the scaling that the device can show passively; force limits stay");
+  command
+      ->add_option(
+          "--redundancy", options->redundancy,
+          "Commands that each datagram repeats, so that the slave gets the whole path over a lossy link "
+          "(default 0)")
+      ->check(CLI::Range(0, 4));
+  command
+      ->add_option(
+          "--dscp", options->dscp,
+          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->capture_default_str();
+  command
+      ->add_option("--metrics", options->metrics,
+                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
+      ->type_name("HOST:PORT");
+  command->add_flag("--metrics-public", options->metrics_public,
+                    "Let --metrics listen off loopback, where anybody can read it");
   command->add_option("--record", options->record, "Write a recording (HDF5) to this file");
   command->add_flag("--overwrite", options->overwrite, "Replace the recording if it exists");
   command
@@ -287,6 +337,13 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
                    "SCHED_FIFO priority of the loop; 0 = ordinary")
       ->capture_default_str()
       ->check(CLI::Range(0, 99));
+  command
+      ->add_option("--rt-cpu", options->realtime_cpu,
+                   "Processor of the loop; left out: wherever there is room")
+      ->check(CLI::Range(0, 1023));
+  command->add_flag(
+      "--cpu-awake", options->cpu_awake,
+      "Keep the processors from sleeping deeply: wakes in a few microseconds, at the price of heat");
   command->add_option("--give-up-s", options->give_up_s, "End the session after so much silence")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));

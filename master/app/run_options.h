@@ -20,9 +20,15 @@ struct RunOptions : ServerAccess {
   std::optional<double> velocity_scale;
   std::optional<double> force_scale;
   bool allow_unsafe_scaling = false;
+  std::optional<int> redundancy;
+  std::string dscp = "ef";
+  std::string metrics;
+  bool metrics_public = false;
   std::string record;
   bool overwrite = false;
   int realtime_priority = 80;
+  int realtime_cpu = -1;
+  bool cpu_awake = false;
   double give_up_s = 10;
   bool quiet = false;
   std::string command_line;

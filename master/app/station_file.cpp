@@ -1,10 +1,13 @@
 #include "master/app/station_file.h"
 
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <utility>
 
+#include "common/base/error.h"
 #include "common/config/toml_document.h"
+#include "common/link/recent_commands.h"
 
 namespace telenano::app {
 namespace {
@@ -72,6 +75,25 @@ void read_hand(const TomlTable& table, device::PlantConfig& plant) {
   plant.grip_damping_n_s_m = table.number_or("grip_damping_n_s_m", between(0, 1e4), plant.grip_damping_n_s_m);
 }
 
+void read_link(const TomlTable& table, StationFile& file) {
+  using Mode = link::PlayoutConfig::Mode;
+  link::PlayoutConfig& playout = file.link.playout;
+  const std::string mode = table.text_or("playout", "newest");
+  if (mode != "newest" && mode != "constant" && mode != "adaptive")
+    table.fail("playout", "expected \"newest\", \"constant\" or \"adaptive\"");
+  playout.mode = mode == "constant" ? Mode::kConstant : mode == "adaptive" ? Mode::kAdaptive : Mode::kNewest;
+  const auto ns = [](double ms) { return std::llround(ms * 1e6); };
+  playout.delay_ns = ns(
+      table.number_or("playout_delay_ms", between(0.1, 500), static_cast<double>(playout.delay_ns) * 1e-6));
+  file.redundancy = static_cast<int>(table.integer_or("redundancy", 0, link::kMaxRecent, file.redundancy));
+  link::SendGateConfig& gate = file.link.gate;
+  gate.deadband_nm = table.number_or("deadband_nm", between(0, 1e6), gate.deadband_nm);
+  gate.deadband_n = table.number_or("deadband_n", between(0, 1e3), gate.deadband_n);
+  // A command asks for a reply: without the heartbeat the force would go stale (20 ms) while nothing moves.
+  gate.heartbeat_ns =
+      ns(table.number_or("heartbeat_ms", between(1, 10), static_cast<double>(gate.heartbeat_ns) * 1e-6));
+}
+
 void read_task(const TomlTable& table, device::TaskOptions& task) {
   const auto height = between(0, 1e6);
   task.duration_s = table.number_or("duration_s", between(0.1, 86'400), task.duration_s);
@@ -94,6 +116,7 @@ StationFile read(const config::TomlDocument& document) {
   if (const auto table = root.optional_table("workspaces")) read_workspaces(*table, file.workspaces);
   if (const auto table = root.optional_table("control")) read_control(*table, file.station);
   if (const auto table = root.optional_table("limits")) read_limits(*table, file.station);
+  if (const auto table = root.optional_table("link")) read_link(*table, file);
   if (const auto table = root.optional_table("device")) {
     const auto damping = table->optional_number("damping_n_s_m", between(0, 1000));
     if (damping) file.station.device_damping_n_s_m = *damping;
@@ -158,10 +181,41 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
   return list;
 }
 
+std::vector<std::pair<std::string, std::string>> describe_link(const StationFile& file) {
+  using Mode = link::PlayoutConfig::Mode;
+  const link::PlayoutConfig& playout = file.link.playout;
+  const link::SendGateConfig& gate = file.link.gate;
+  const auto text = [](double value) {
+    std::array<char, 40> buffer{};
+    std::snprintf(buffer.data(), buffer.size(), "%.17g", value);
+    return std::string(buffer.data());
+  };
+  const char* const mode = playout.mode == Mode::kConstant   ? "constant"
+                           : playout.mode == Mode::kAdaptive ? "adaptive"
+                                                             : "newest";
+  std::vector<std::pair<std::string, std::string>> list = {{"link.playout", mode}};
+  if (playout.mode != Mode::kNewest)
+    list.emplace_back("link.playout_delay_ms", text(static_cast<double>(playout.delay_ns) * 1e-6));
+  list.emplace_back("link.redundancy", text(file.redundancy));
+  list.emplace_back("link.deadband_nm", text(gate.deadband_nm));
+  list.emplace_back("link.deadband_n", text(gate.deadband_n));
+  if (gate.enabled())
+    list.emplace_back("link.heartbeat_ms", text(static_cast<double>(gate.heartbeat_ns) * 1e-6));
+  return list;
+}
+
 void finish_station_file(StationFile& file, const std::string& source) {
   if (file.scaling.velocity) file.station.scaling.velocity = *file.scaling.velocity;
   if (file.scaling.force) file.station.scaling.force = *file.scaling.force;
   file.station.validate(source);
+  // Two heartbeats within the time that a force is held, whatever the file allows for that.
+  const double hold_ms = file.station.stale_hold_s * 1e3;
+  if (file.link.gate.enabled() && static_cast<double>(file.link.gate.heartbeat_ns) * 1e-6 > hold_ms / 2) {
+    throw UserError(source +
+                    ": [link] heartbeat_ms must be at most half of [limits] stale_hold_s, or the force "
+                    "goes stale while nothing moves");
+  }
+  file.link.playout.rate_hz = file.station.rate_hz;
   file.plant.period_s = 1 / file.station.rate_hz;
   file.plant.validate();
 }

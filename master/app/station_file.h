@@ -7,6 +7,7 @@
 
 #include "master/device/intended_motion.h"
 #include "master/device/plant.h"
+#include "master/loop/link_options.h"
 #include "master/station/station_config.h"
 
 namespace telenano::app {
@@ -32,6 +33,8 @@ struct StationFile {
       plant{};  ///< of the simulated device and its operator's hand; its period follows station.rate_hz
   GivenScaling scaling{};  ///< goes into station.scaling as well
   Workspaces workspaces{};
+  loop::LinkOptions link{};
+  int redundancy = 0;          ///< commands that each datagram repeats, 0 to 4
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording
 };
@@ -43,6 +46,9 @@ StationFile parse_station_file(std::string content, const std::string& name);
 /// Every setting by its name in the file, so that a recording explains itself.
 std::vector<std::pair<std::string, std::string>> describe(const station::StationConfig& station,
                                                           const device::PlantConfig& plant);
+
+/// Its [link], likewise.
+std::vector<std::pair<std::string, std::string>> describe_link(const StationFile& file);
 
 /// After flags have changed it: checks the whole and makes the simulated device follow the rate.
 void finish_station_file(StationFile& file, const std::string& source);

@@ -12,18 +12,28 @@ constexpr int kDatagramsPerTick = 256;
 }  // namespace
 
 StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-                         link::ClientSession& session, station::Station& station,
-                         const rt::Clock* clock) noexcept
+                         link::ClientSession& session, station::Station& station, const rt::Clock* clock,
+                         const LinkOptions& options)
     : device_(device),
       socket_(socket),
       server_(server),
       session_(session),
       station_(station),
-      clock_(clock) {}
+      clock_(clock),
+      playout_(options.playout),
+      gate_(options.gate) {}
 
 void StationLoop::send(std::size_t size) noexcept {
   if (size == 0) return;
   if (socket_.send(std::span(buffer_).first(size), server_) != net::SendStatus::kSent) ++send_failures_;
+}
+
+/// What the station is to hear of in this tick; null: nothing new.
+const link::Reply* StationLoop::next_reply(std::int64_t now_ns, bool replied) noexcept {
+  if (!playout_.active()) return replied && session_.has_reply() ? &session_.reply() : nullptr;
+  if (session_.stats().samples() > 0)
+    playout_.set_link(session_.stats().rtt_ns(), session_.stats().rtt_var_ns());
+  return playout_.due(now_ns);
 }
 
 void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& sample) noexcept {
@@ -37,10 +47,15 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     const std::int64_t came_ns = (clock_ != nullptr ? clock_->now_ns() : now_ns) - received.age_ns;
     const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), came_ns);
     replied |= event == link::ClientEvent::kReply;
+    if (!playout_.active()) continue;
+    if (event == link::ClientEvent::kWelcome) playout_.clear();
+    if (event == link::ClientEvent::kReply) playout_.push(session_.reply());
+    if (const link::Reply* const overtaken = session_.overtaken_reply()) playout_.push(*overtaken);
   }
   if (session_.sessions() != sessions_begun_) {
     sessions_begun_ = session_.sessions();
     station_.begin_session(session_.welcome());
+    gate_.clear();
   }
 
   device::DeviceReading reading;
@@ -52,12 +67,13 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.applied_force_h_n = applied_h_n_;
   input_.session_up = session_.has_session();
   input_.command_sequence = session_.commands_sent() + 1;
-  input_.reply = replied && session_.has_reply() ? &session_.reply() : nullptr;
+  input_.reply = next_reply(now_ns, replied);
   station_.step(input_, dt_s, output_);
   applied_h_n_ = device_.write_force(output_.hand_force_h_n);
 
   send(session_.poll(now_ns, buffer_));
-  send(session_.make_command(output_.command, clock_ != nullptr ? clock_->now_ns() : now_ns, buffer_));
+  if (gate_.wants(output_.command, output_.hand_force_h_n, now_ns))
+    send(session_.make_command(output_.command, clock_ != nullptr ? clock_->now_ns() : now_ns, buffer_));
 
   fill(now_ns, applied_h_n_, sample);
   ++ticks_;
@@ -107,8 +123,20 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
     sample.slave_energy_out_aj = reply.energy_out_aj;
     sample.measurement_age_ms = static_cast<double>(reply.measurement_age_ns) * 1e-6;
   }
-  const link::LinkStats& stats = session_.stats();
-  sample.rtt_us = static_cast<double>(stats.rtt_last_ns()) * 1e-3;
+  quality_ = session_.quality(now_ns);
+  sample.rtt_us = quality_.rtt_last_us;
+  sample.rtt_smoothed_us = quality_.rtt_us;
+  sample.rtt_min_us = quality_.rtt_min_us;
+  sample.jitter_us = quality_.jitter_us;
+  sample.clock_offset_us = quality_.offset_us;
+  sample.clock_drift_ppm = quality_.drift_ppm;
+  sample.up_excess_us = quality_.up_excess_us;
+  sample.down_excess_us = quality_.down_excess_us;
+  sample.force_age_ms = quality_.force_age_ms;
+  sample.commands_sent = static_cast<std::int64_t>(quality_.commands_sent);
+  sample.commands_lost = static_cast<std::int64_t>(quality_.commands_lost);
+  sample.playout_delay_ms = playout_.active() ? static_cast<double>(playout_.delay_ns()) * 1e-6 : 0;
+  sample.playout_late = static_cast<std::int64_t>(playout_.counts().late);
   const link::SequenceWindow& replies = session_.replies();
   sample.lost = static_cast<std::int64_t>(replies.lost());
   sample.reordered = static_cast<std::int64_t>(replies.reordered());

@@ -8,6 +8,7 @@
 #include "common/recording/sample.h"
 #include "common/rt/clock.h"
 #include "master/device/haptic_device.h"
+#include "master/loop/link_options.h"
 #include "master/station/station.h"
 
 namespace telenano::loop {
@@ -17,8 +18,8 @@ namespace telenano::loop {
 /// simulated link.
 ///
 /// A tick, in this order:
-///   receive every waiting datagram (a bounded number) → read the hand → Station::step → write the force →
-///   send handshake or command.
+///   receive every waiting datagram (a bounded number) → read the hand → play out the reply that is due →
+///   Station::step → write the force → send handshake or command.
 /// A command sent in tick k is answered before tick k+1 if the link is fast: one sample of delay, which
 /// planning counts. Nothing allocates, waits or throws.
 class StationLoop {
@@ -26,8 +27,8 @@ class StationLoop {
   /// With `clock`, datagrams are stamped with the moment at which they are sent and looked at, so that round
   /// trips do not contain the work of a tick; without (virtual time), with the tick's own time.
   StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
-              link::ClientSession& session, station::Station& station,
-              const rt::Clock* clock = nullptr) noexcept;
+              link::ClientSession& session, station::Station& station, const rt::Clock* clock = nullptr,
+              const LinkOptions& options = {});
 
   /// `dt_s` since the last tick. Fills `sample` (timing fields of the loop's owner excepted). The sample's
   /// applied force acts from this tick to the next.
@@ -39,9 +40,14 @@ class StationLoop {
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
   const station::StationTrace& trace() const noexcept { return output_.trace; }
   std::uint64_t send_failures() const noexcept { return send_failures_; }
+  const link::Playout& playout() const noexcept { return playout_; }
+  const link::SendGate& gate() const noexcept { return gate_; }
+  /// Of the tick that was last.
+  const link::LinkQuality& quality() const noexcept { return quality_; }
 
  private:
   void send(std::size_t size) noexcept;
+  const link::Reply* next_reply(std::int64_t now_ns, bool replied) noexcept;
   void fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept;
 
   device::HapticDevice& device_;
@@ -50,6 +56,9 @@ class StationLoop {
   link::ClientSession& session_;
   station::Station& station_;
   const rt::Clock* clock_;
+  link::Playout playout_;
+  link::SendGate gate_;
+  link::LinkQuality quality_;
   station::StationInput input_;
   station::StationOutput output_;
   std::uint64_t sessions_begun_ = 0;

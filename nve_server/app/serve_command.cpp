@@ -14,10 +14,13 @@
 #include <thread>
 #include <utility>
 
+#include "common/metrics/exporter.h"
 #include "common/net/udp.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
+#include "nve_server/app/serve_metrics.h"
 #include "nve_server/app/serve_security.h"
+#include "nve_server/app/service_notify.h"
 #include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
@@ -103,13 +106,18 @@ struct ServeOptions {
   std::optional<int> timeout_ms;  // left out: as the scene says
   int resume_s = 30;
   bool busy_poll = false;
+  std::string metrics;
+  bool metrics_public = false;
+  std::string dscp = "ef";
   ServeSecurity security;
 };
 
 void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
+  const int dscp = net::parse_dscp(options.dscp, "--dscp");
   net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
+  const bool marked = dscp == 0 || socket.set_dscp(dscp);
   const rt::SteadyClock clock;
   const std::unique_ptr<security::DtlsServer> secure =
       options.security.is_secure() ? options.security.make(options.max_sessions, socket, clock) : nullptr;
@@ -122,6 +130,14 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
   server::Server server(config, std::move(scene));
 
+  server::LoopStatus status;
+  const security::SecurityCounters* const channels = secure ? &secure->counters() : nullptr;
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(options.metrics, options.metrics_public,
+                     [&](metrics::Page& page) { write_metrics(status, channels, page); });
+  }
+
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
@@ -129,7 +145,9 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   catch_signals();
   log->info("serving {} on {}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "");
 
-  server::LoopStatus status;
+  if (exporter) log->info("metrics at {}", exporter->url());
+  if (!marked)
+    log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
   {
     std::optional<KeyWatcher> watcher;
     if (secure) {
@@ -137,7 +155,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
           options.security.key_list_path(), *secure, [&](const std::string& text) { log->warn(text); },
           [&](const std::string& text) { log->info(text); });
     }
-    const StatusPrinter printer(status, secure ? &secure->counters() : nullptr, log);
+    const StatusPrinter printer(status, channels, log);
+    const ServiceNotify service(status);
     server::LoopOptions loop_options;
     loop_options.busy_poll = options.busy_poll;
     server::run_loop(
@@ -154,6 +173,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   }
   log->info("stopped: {} exchanges in {} sessions ({} resumed); dropped: {}", server.counters().exchanges,
             server.counters().opened, server.counters().resumed, drops.empty() ? "none" : drops);
+  if (server.counters().recovered > 0)
+    log->info("{} lost commands were repeated in time", server.counters().recovered);
   if (secure) log->info("channels: {}", text_of(secure->counters()));
 }
 
@@ -162,7 +183,10 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command->add_option("--scene", options->scene, "Scene file (TOML)")->required();
+  command
+      ->add_option("--scene", options->scene,
+                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required();
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
@@ -181,6 +205,17 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->add_option("--save-surface", options->surfaces,
                    "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")
       ->type_name("DIR");
+  command
+      ->add_option("--metrics", options->metrics,
+                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
+      ->type_name("HOST:PORT");
+  command->add_flag("--metrics-public", options->metrics_public,
+                    "Let --metrics listen off loopback, where anybody can read it");
+  command
+      ->add_option(
+          "--dscp", options->dscp,
+          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->capture_default_str();
   options->security.add_flags(*command);
   command->callback([options, load = std::move(load_scene), &exit_code] {
     serve(*options, load);

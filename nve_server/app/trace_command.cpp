@@ -148,7 +148,7 @@ void add_trace_command(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("trace", "the tip along a path from a file; forces as CSV, marks as .gsf");
   auto options = std::make_shared<Options>();
-  command->add_option("--scene", options->scene, "scene description (TOML)")->required()->type_name("FILE");
+  command->add_option("--scene", options->scene, "file (TOML), or the name of one that came with the program, e.g. flakes")->required()->type_name("FILE");
   command
       ->add_option("--path", options->path,
                    "CSV with the header t_s,x_nm,y_nm,z_nm: the commanded end, frame W")

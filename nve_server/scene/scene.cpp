@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "common/base/constants.h"
+#include "common/config/shared_files.h"
 #include "common/config/toml_document.h"
 #include "nve_server/scene/fnv1a.h"
 #include "nve_server/scene/readers.h"
@@ -85,7 +86,8 @@ physics::Compliance Scene::probe_compliance_nm_nn() const {
   return cantilever.compliance_nm_nn();
 }
 
-std::shared_ptr<const Scene> load_scene(const std::string& path) {
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
+  const std::string path = config::find_shared(name_or_path, "scenes", ".toml");
   const config::TomlDocument document = config::TomlDocument::load(path);
   const TomlTable root = document.root();
   auto scene = std::make_shared<Scene>();

@@ -90,6 +90,6 @@ struct Scene {
 
 /// Reads and checks a description (TOML) and its scan, and builds the pipeline. Throws UserError: one line
 /// naming file, line, key and expected range.
-std::shared_ptr<const Scene> load_scene(const std::string& path);
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path);
 
 }  // namespace telenano::scene

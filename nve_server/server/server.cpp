@@ -44,6 +44,11 @@ void step_guarded(slave::Slave& slave, const slave::SlaveInput& input, double dt
   output.fault_bits |= link::kFaultNonFinite;
 }
 
+bool wants_model(const link::Session& session, const link::Command& command) noexcept {
+  return (session.feature_bits & link::kFeatureLocalModel) != 0 &&
+         command.control.method == link::kMethodModel;
+}
+
 /// A name that fills its place has no zero at its end.
 std::string text_of(const link::SceneName& name) {
   return {name.text.begin(), std::find(name.text.begin(), name.text.end(), '\0')};
@@ -112,6 +117,7 @@ bool Server::make_port(std::size_t slot, std::int64_t now_ns) noexcept {
   }
   if (!port.slave) return false;
   port.output.tip_pos_w_nm = port.output.commanded_pos_w_nm = port.slave->limits().start_pos_w_nm;
+  port.last_target_w_nm = port.slave->limits().start_pos_w_nm;
   port.last_step_ns = now_ns;
   return true;
 }
@@ -177,7 +183,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
 std::size_t Server::on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                                std::span<std::uint8_t> out, const rt::Clock* clock) noexcept {
   std::size_t slot = link::SessionTable::kNone;
-  const DropCause cause = table_.accept(command, peer_key(from), now_ns, slot);
+  const DropCause cause = table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0);
   if (cause != DropCause::kNone) {
     drops_.add(cause);
     // A station that talks to a session which is gone or asleep is told, so that it resumes without waiting.
@@ -190,21 +196,9 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
 
   link::Session& session = table_[slot];
   Port& port = ports_[slot];
-  slave::SlaveInput input;
-  input.tip_target_pos_w_nm = command.tip_pos_w_nm;
-  input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
-  input.retract = may_operate_ && (command.flags & link::kFlagStop) != 0;
-  constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
-  input.follow = may_operate_ && !input.retract && (command.flags & kEngaged) == kEngaged;
-  const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
-  const bool models = (session.feature_bits & link::kFeatureLocalModel) != 0;
-  input.wants_model = models && command.control.method == link::kMethodModel;
-  const double dt_s = std::clamp(session.spacing_s, kStepMinS, config_.step_max_s);
-  const slave::SlaveOutput last = port.output;
-  if (controls) input = port.control.before(command, input, last, port.slave->limits(), dt_s);
-  step_guarded(*port.slave, input, dt_s, port.output);
-  if (controls) port.control.after(last, port.output, dt_s);
+  play(slot, command, incoming_.recent);
   port.last_step_ns = now_ns;
+  const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
 
   link::Reply reply;
   reply.session_id = session.session_id;
@@ -220,14 +214,49 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.energy_in_aj = port.output.energy_in_aj;
   reply.energy_out_aj = port.output.energy_out_aj;
   if (controls) reply.port = port.control.answer();
-  if (input.wants_model) reply.model = port.output.model;
+  if (wants_model(session, command)) reply.model = port.output.model;
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
   reply.hold_time_ns = static_cast<std::uint64_t>(sent_ns - now_ns);
   reply.measurement_age_ns =
       static_cast<std::uint64_t>(std::max<std::int64_t>(port.output.measurement_age_ns, 0));
+  if (clock != nullptr) service_.add(sent_ns - now_ns);
+  session.peer_stats.on_reply(reply.sequence, sent_ns);
   ++counters_.exchanges;
   return codec_.encode(reply, out);
+}
+
+void Server::play_one(Port& port, const link::Session& session, const link::Command& command,
+                      double spacing_s) noexcept {
+  slave::SlaveInput input;
+  input.tip_target_pos_w_nm = command.tip_pos_w_nm;
+  input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
+  input.retract = may_operate_ && (command.flags & link::kFlagStop) != 0;
+  constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
+  input.follow = may_operate_ && !input.retract && (command.flags & kEngaged) == kEngaged;
+  input.wants_model = wants_model(session, command);
+  const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
+  const slave::SlaveOutput last = port.output;
+  const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
+  if (controls) input = port.control.before(command, input, last, port.slave->limits(), dt_s);
+  step_guarded(*port.slave, input, dt_s, port.output);
+  if (controls) port.control.after(last, port.output, dt_s);
+  port.last_target_w_nm = command.tip_pos_w_nm;
+}
+
+void Server::play(std::size_t slot, const link::Command& command,
+                  const link::RecentCommands& recent) noexcept {
+  Port& port = ports_[slot];
+  const link::Session& session = table_[slot];
+  link::MissedSteps plan;
+  link::plan_steps(recent, session.missed, session.spacing_s, 1.0 / session.rate_hz, plan);
+  for (std::size_t i = 0; i < plan.count; ++i) {
+    const link::MissedSteps::Step& step = plan.step[i];
+    const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - port.last_target_w_nm) / step.spacing_s;
+    play_one(port, session, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
+  }
+  counters_.recovered += plan.count;
+  play_one(port, session, command, plan.last_spacing_s);
 }
 
 void Server::on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept {

@@ -14,6 +14,7 @@
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
 #include "nve_server/server/port_control.h"
+#include "nve_server/server/service_times.h"
 #include "nve_server/slave/slave.h"
 
 namespace telenano::server {
@@ -48,7 +49,8 @@ struct ServerCounters {
   std::uint64_t opened = 0;
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
-  std::uint64_t ended = 0;  ///< by Bye
+  std::uint64_t ended = 0;      ///< by Bye
+  std::uint64_t recovered = 0;  ///< lost commands that a later datagram repeated
 };
 
 /// The server without its socket: datagrams and times go in, answers come out. The same object serves real
@@ -78,6 +80,8 @@ class Server {
   const link::DropCounters& drops() const noexcept { return drops_; }
   const ServerCounters& counters() const noexcept { return counters_; }
   const link::SessionTable& sessions() const noexcept { return table_; }
+  /// Of the commands for which there was a clock.
+  const ServiceTimes& service_times() const noexcept { return service_; }
 
  private:
   struct Port {
@@ -86,6 +90,7 @@ class Server {
     PortControl control;
     net::Address address;
     std::int64_t last_step_ns = 0;
+    Vec3 last_target_w_nm = Vec3::Zero();  ///< of the newest command
   };
 
   std::size_t drop(link::DropCause cause) noexcept;
@@ -93,6 +98,10 @@ class Server {
                        std::span<std::uint8_t> out, const net::Standing& standing) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
+  /// Steps the slave of `slot` by one command, and by those before it that it repeats.
+  void play(std::size_t slot, const link::Command& command, const link::RecentCommands& recent) noexcept;
+  void play_one(Port& port, const link::Session& session, const link::Command& command,
+                double spacing_s) noexcept;
   void on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept;
   std::size_t welcome(std::size_t slot, std::uint64_t nonce, std::span<std::uint8_t> out) noexcept;
   bool make_port(std::size_t slot, std::int64_t now_ns) noexcept;
@@ -112,6 +121,7 @@ class Server {
   bool may_operate_ = true;  ///< the datagram at hand
   link::DropCounters drops_;
   ServerCounters counters_;
+  ServiceTimes service_;
 };
 
 }  // namespace telenano::server

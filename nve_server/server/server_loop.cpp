@@ -9,6 +9,7 @@ namespace {
 
 void publish(const Server& server, LoopStatus& status) noexcept {
   constexpr auto kRelaxed = std::memory_order_relaxed;
+  status.turns.fetch_add(1, kRelaxed);
   status.sessions.store(server.sessions().active(), kRelaxed);
   status.exchanges.store(server.counters().exchanges, kRelaxed);
   status.drops.store(server.drops().total(), kRelaxed);
@@ -25,6 +26,8 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> in{};
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
   net::Received received;
+  ServerSnapshot snapshot;
+  std::int64_t next_snapshot_ns = clock.now_ns();
   std::int64_t next_poll_ns = clock.now_ns();
   while (!stop.load(std::memory_order_relaxed)) {
     // At most a batch before the time-outs are looked at again, so that a flood cannot keep them waiting.
@@ -44,6 +47,11 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
       publish(server, status);
+      if (now_ns >= next_snapshot_ns) {
+        take_snapshot(server, now_ns, snapshot);
+        status.snapshot.store(snapshot);
+        next_snapshot_ns = now_ns + options.snapshot_period_ns;
+      }
       next_poll_ns =
           now_ns + (server.sessions().occupied() > 0 ? options.poll_period_ns : options.idle_period_ns);
     }
@@ -52,6 +60,8 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   net::Address to;
   while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
   publish(server, status);
+  take_snapshot(server, clock.now_ns(), snapshot);
+  status.snapshot.store(snapshot);
 }
 
 }  // namespace telenano::server

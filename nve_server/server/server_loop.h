@@ -6,21 +6,26 @@
 
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
+#include "common/rt/latest_value.h"
 #include "nve_server/server/server.h"
+#include "nve_server/server/server_snapshot.h"
 
 namespace telenano::server {
 
-/// What the loop tells the rest of the program. Single words, read without locks; no snapshot of all at one
-/// instant.
+/// What the loop tells the rest of the program, read without locks: single words, and a snapshot a few times
+/// a second.
 struct LoopStatus {
+  std::atomic<std::uint64_t> turns{0};  ///< of the time-outs: grows as long as the loop is alive
   std::atomic<std::uint64_t> sessions{0};
   std::atomic<std::uint64_t> exchanges{0};
   std::atomic<std::uint64_t> drops{0};
   std::atomic<std::uint64_t> opened{0};
   std::atomic<std::uint64_t> timed_out{0};
+  rt::LatestValue<ServerSnapshot> snapshot;  ///< everything at one instant, every snapshot_period_ns
 };
 
 struct LoopOptions {
+  std::int64_t snapshot_period_ns = 100'000'000;
   bool busy_poll = false;                   ///< spin instead of sleeping: shortest answer, one core at 100 %
   std::int64_t poll_period_ns = 1'000'000;  ///< of time-outs and retracting slaves
   std::int64_t idle_period_ns =

@@ -67,6 +67,22 @@ void codec_command_with_features(benchmark::State& state) {
 }
 BENCHMARK(codec_command_with_features);
 
+void codec_command_with_recent(benchmark::State& state) {
+  link::Codec codec;
+  link::Incoming in;
+  Buffer buffer{};
+  auto m = link::GoldenMessages{}.command_with_features;
+  auto recent = link::GoldenMessages{}.recent;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(m);
+    benchmark::DoNotOptimize(recent);
+    const std::size_t n = codec.encode(m, recent, buffer);
+    benchmark::DoNotOptimize(codec.decode({buffer.data(), n}, in));
+    benchmark::DoNotOptimize(in);
+  }
+}
+BENCHMARK(codec_command_with_recent);
+
 void codec_reply(benchmark::State& state) {
   link::Codec codec;
   link::Incoming in;

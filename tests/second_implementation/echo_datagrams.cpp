@@ -22,7 +22,7 @@ std::size_t encode(Codec& codec, const Incoming& in, std::span<std::uint8_t> out
     case MessageType::kRefuse:
       return codec.encode(in.refuse, out);
     case MessageType::kCommand:
-      return codec.encode(in.command, out);
+      return codec.encode(in.command, in.recent, out);
     case MessageType::kReply:
       return codec.encode(in.reply, out);
     case MessageType::kBye:

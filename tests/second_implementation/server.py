@@ -8,7 +8,7 @@ import telenano_pb2 as pb
 from rules import Received, SequenceWindow
 from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED, KNOWN_FEATURES,
                   REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN, REFUSE_VERSION, STOP, VERSION, Drop, decode, encode,
-                  features_used, need, set_vector, vector)
+                  features_used, need, recent_commands, set_vector, vector)
 
 SECOND = 1_000_000_000
 
@@ -77,6 +77,7 @@ class Server:
         self.drops = collections.Counter()
         self.challenges = 0
         self.accepted = []  # (session, command), for a test to look into
+        self.told = []  # (target, dt, follow) of every step of a slave, likewise
 
     # Handshake
 
@@ -179,10 +180,14 @@ class Server:
         if session.last_send_ns is not None and 0 < m.send_time_ns - session.last_send_ns < 10 * SECOND:
             dt_s = (m.send_time_ns - session.last_send_ns) * 1e-9
         session.last_send_ns = m.send_time_ns
-        stop = bool(m.flags & STOP)
-        follow = not stop and m.flags & (CLUTCH | DEADMAN) == CLUTCH | DEADMAN
-        slave = session.slave
-        slave.step(vector(m, "tip_pos_w_{}_nm"), min(max(dt_s, 1e-6), 0.1), follow, stop)
+        # Commands that did not come and that this one repeats: oldest first, each once; then its own.
+        slave, left_s = session.slave, dt_s
+        missed = recent_commands(m)[:m.sequence - before - 1]
+        for age_ns, flags, position, _, _ in reversed(missed):
+            age_s = age_ns * 1e-9
+            self.step(slave, position, left_s - age_s if left_s > age_s else 1 / session.rate_hz, flags)
+            left_s = age_s if age_s > 0 else 1 / session.rate_hz
+        self.step(slave, vector(m, "tip_pos_w_{}_nm"), left_s, m.flags)
         self.accepted.append((session.session_id, m))
         session.replies += 1
         force = slave.force_nn()
@@ -193,6 +198,12 @@ class Server:
         set_vector(r, "force_w_{}_nn", (0.0, 0.0, force))
         set_vector(r, "tip_pos_w_{}_nm", slave.position)
         return r
+
+    def step(self, slave, target, dt_s, flags):
+        stop = bool(flags & STOP)
+        follow = not stop and flags & (CLUTCH | DEADMAN) == CLUTCH | DEADMAN
+        slave.step(target, min(max(dt_s, 1e-6), 0.1), follow, stop)
+        self.told.append((tuple(target), dt_s, follow))
 
     # Silence and end
 

@@ -4,8 +4,8 @@ import secrets
 
 import telenano_pb2 as pb
 from rules import LinkTimes, Received, SequenceWindow
-from wire import (BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION, KNOWN_FEATURES, REFUSE_FULL,
-                  REFUSE_SHUTTING_DOWN, VERSION, Drop, decode, encode, features_used, need, set_vector)
+from wire import (BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION, FEATURE_REDUNDANCY,
+                  KNOWN_FEATURES, RECENT, REFUSE_FULL, REFUSE_SHUTTING_DOWN, VERSION, Drop, decode, encode, features_used, need, set_vector)
 
 MS = 1_000_000
 #: Sums of a command that count from the session's Welcome.
@@ -20,7 +20,8 @@ class Station:
     command(now, ...) returns (None while there is no session).
     """
 
-    def __init__(self, rate_hz=1000, features=KNOWN_FEATURES, token=0, versions=(VERSION, VERSION)):
+    def __init__(self, rate_hz=1000, features=KNOWN_FEATURES, token=0, versions=(VERSION, VERSION), redundancy=0):
+        self.redundancy, self.last_sent = redundancy, collections.deque(maxlen=4)
         self.rate_hz, self.asked, self.token, self.versions = rate_hz, features, token, versions
         self.state = "idle"
         self.alive = False  # may commands be sent?
@@ -104,6 +105,7 @@ class Station:
         self.alive, self.state, self.nonce = True, "established", 0
         self.handshake_ns = now_ns - self.attempt_ns
         self.replies, self.reply, self.sent, self.first_sums = SequenceWindow(), None, 0, None
+        self.last_sent.clear()
         self.news_ns = now_ns
 
     def on_refuse(self, m, now_ns):
@@ -132,8 +134,22 @@ class Station:
         m.sequence = self.sent
         set_vector(m, "tip_pos_w_{}_nm", position_w_nm)
         set_vector(m, "tip_vel_w_{}_nm_s", velocity_w_nm_s)
+        if self.redundancy and self.welcome.feature_bits & FEATURE_REDUNDANCY:
+            self.repeat(m)
         assert features_used(m) & ~self.welcome.feature_bits == 0, "a field of a feature that was not agreed"
         return encode(m)
+
+    def repeat(self, m):
+        """The last commands with this one, and this one kept for those that come."""
+        wave = m.method == 4
+        for old_method, time_ns, record in list(self.last_sent)[:self.redundancy]:
+            if old_method != m.method or m.send_time_ns - time_ns >= 1 << 32:
+                break
+            m.recent_commands += RECENT.pack(m.send_time_ns - time_ns, *record)
+        energy = m.wave_energy_aj if wave else m.energy_sent_j
+        sums = [getattr(m, f"wave_sum_w_{axis}_sqrt_aj_s") if wave else 0.0 for axis in "xyz"]
+        self.last_sent.appendleft((m.method, m.send_time_ns, (m.flags, m.tip_pos_w_x_nm, m.tip_pos_w_y_nm,
+                                                              m.tip_pos_w_z_nm, energy, *sums)))
 
     def on_reply(self, m, now_ns):
         need(self.alive, "unexpected")

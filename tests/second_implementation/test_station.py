@@ -6,10 +6,10 @@ import unittest
 import telenano_pb2 as pb
 from programs import counted, now_ns, serve, udp
 from station import Station
-from wire import (FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, KNOWN_FEATURES, Drop, decode, encode, vector)
+from wire import (FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY, KNOWN_FEATURES, RECENT, Drop, decode, encode, vector)
 
 RATE_HZ = 200
-ALL = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL
+ALL = KNOWN_FEATURES
 
 
 class Client:
@@ -186,6 +186,22 @@ class StationAtTheServer(unittest.TestCase):
             answer = self.ask(client.sock, encode(command))
             self.assertEqual(isinstance(answer, pb.Reply), answered)
         self.assertEqual(counted(self.end()), {"unexpected": 1})
+
+    def test_repeated_commands_are_played_once(self):
+        client = Client(self, self.server, features=FEATURE_REDUNDANCY)
+        w = client.connect()
+
+        def command(sequence, repeats):
+            records = b"".join(RECENT.pack(1_000_000 * k, 3, 0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 0.0) for k in range(1, repeats + 1))
+            return self.ask(client.sock, encode(pb.Command(
+                session_id=w.session_id, sequence=sequence, send_time_ns=sequence * 1_000_000, epoch=w.epoch, flags=3,
+                tip_pos_w_z_nm=20, recent_commands=records)))
+
+        self.assertEqual(command(1, 0).sequence, 1)
+        self.assertEqual(command(2, 1).sequence, 2, "nothing is missing")
+        self.assertEqual(command(5, 4).sequence, 3, "3 and 4; one reply a datagram")
+        self.assertEqual(command(12, 4).sequence, 4, "8 to 11; 6 and 7 are lost for good")
+        self.assertIn("6 lost commands were repeated in time", self.end())
 
     def test_what_is_late_repeated_or_not_ours_is_dropped(self):
         client = Client(self, self.server)

@@ -70,6 +70,29 @@ class Together(unittest.TestCase):
                 self.assertEqual(station.welcome.feature_bits, asked & granted)
                 self.assertEqual(server.drops["unexpected"] + station.drops["out_of_range"], 0)
 
+    def test_repeated_commands_give_the_slave_the_whole_path(self):
+        for redundancy in range(5):
+            station, server = Station(redundancy=redundancy), Server()
+            link = Link(station, server, seed=3, delay_ms=0)
+            station.start(0)
+            link.ticks(20)
+            server.told.clear()
+            link.loss = 0.2
+            commanded = []
+            for k in range(2000):
+                link.loss = 0.2 if k < 1980 else 0.0
+                link.target = (0.01 * k, 0.0, 3.0)
+                commanded.append(link.target)
+                link.ticks(1)
+            link.ticks(2)
+            # From the first target on, without the last ones, which were all the same.
+            told = [target for target, _, _ in server.told if target[2] > 0 and target != commanded[-1]]
+            missing = len(set(commanded[:-1]) - set(told))
+            self.assertEqual(sorted(set(told)), told, "each once, in their order")
+            # Lost for good: a run longer than what is repeated, 0.2^(n+1) of all.
+            self.assertLess(abs(missing - 2000 * 0.2 ** (redundancy + 1)), 5 * (2000 * 0.2 ** (redundancy + 1)) ** 0.5 + 3)
+            self.assertAlmostEqual(sum(dt for _, dt, _ in server.told), 2.002, delta=0.0021)
+
     def test_fields_without_their_feature_are_unexpected(self):
         for granted, expected in ((FEATURE_LOCAL_MODEL, 1), (FEATURE_PORT_CONTROL, 0)):
             station, server = Station(), Server(features=granted)

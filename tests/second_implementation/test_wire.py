@@ -7,7 +7,7 @@ import struct
 import unittest
 
 import telenano_pb2 as pb
-from wire import ANY_VERSION, FIELDS, HEADER, TYPES, Drop, decode, encode, features_used, scan
+from wire import (ANY_VERSION, FIELDS, HEADER, MAX_RECENT, RECENT, TYPES, Drop, decode, encode, features_used, scan)
 
 PROTO = pathlib.Path(os.environ["TELENANO_SOURCE_DIR"]) / "proto"
 GOLDEN = PROTO / "golden"
@@ -27,6 +27,11 @@ REPLY = dict(session_id=ID["session_id"], sequence=999, command_sequence=1001, c
              server_time_ns=987654321, hold_time_ns=1500, measurement_age_ns=250, epoch=7, contact_state=3, fault_bits=2,
              **xyz("force_w_{}_nn", 0.5, -0.25, 12.75), **xyz("tip_pos_w_{}_nm", 1, -2, 3.25), deflection_nm=6.375,
              energy_in_aj=4096.5, energy_out_aj=1024.25)
+FEATURES = dict(method=4, energy_scale_aj_j=2.5e17, energy_sent_j=1 / 128,
+                **xyz("wave_sum_w_{}_sqrt_aj_s", -5.5, 6.25, -7.125), wave_energy_aj=8192.5, wave_impedance_n_s_m=1 / 256)
+RECENT_COMMANDS = b"".join(
+    RECENT.pack(250_000 * k, 2 if k == 4 else 3, 1.125 - 0.25 * k, -2.25 + 0.5 * k, 3.5 - 0.0625 * k, 8192.5 - 16 * k,
+                -5.5 + k, 6.25 - k, -7.125 + 2 * k) for k in range(1, 5))
 #: What the golden files hold, from tests/unit/link/golden_messages.h, by the names of the document.
 VALUES = {
     "hello": pb.Hello(version_min=1, version_max=1, feature_bits=0x0102030405060708, nonce=ID["nonce"],
@@ -42,9 +47,8 @@ VALUES = {
     "command": pb.Command(**COMMAND),
     "reply": pb.Reply(**REPLY),
     "bye": pb.Bye(session_id=ID["session_id"], reason=1),
-    "command_with_features": pb.Command(
-        **COMMAND, method=4, energy_scale_aj_j=2.5e17, energy_sent_j=1 / 128,
-        **xyz("wave_sum_w_{}_sqrt_aj_s", -5.5, 6.25, -7.125), wave_energy_aj=8192.5, wave_impedance_n_s_m=1 / 256),
+    "command_with_features": pb.Command(**COMMAND, **FEATURES),
+    "command_with_recent": pb.Command(**COMMAND, **FEATURES, recent_commands=RECENT_COMMANDS),
     "reply_with_features": pb.Reply(
         **REPLY, energy_sent_aj=512.5, **xyz("wave_sum_w_{}_sqrt_aj_s", 1.5, -2.75, 3.875), wave_energy_aj=256.25,
         model_version=42, **xyz("model_point_w_{}_nm", 11, -12.5, 13.25),
@@ -105,10 +109,13 @@ class Document(unittest.TestCase):
     def test_its_largest_datagrams(self):
         # Every field there, none left out as zero: 201 and 327 bytes.
         for cls, size in ((pb.Command, 201), (pb.Reply, 327)):
-            total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8) for n, wire in FIELDS[cls].items())
+            total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
+                                      for n, wire in FIELDS[cls].items() if wire != 2)
             self.assertEqual(total, size)
             self.assertIn(f"At most {size} bytes", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
             self.assertLessEqual(total, 512)
+        self.assertEqual(201 + 2 + 2 + MAX_RECENT * RECENT.size, 461)
+        self.assertIn("with redundancy 461", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
 
 
 class Golden(unittest.TestCase):
@@ -136,7 +143,8 @@ class Golden(unittest.TestCase):
 
     def test_features_used(self):
         used = {name: features_used(value) for name, value in VALUES.items()}
-        self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3})
+        self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3,
+                                "command_with_recent": 9})
 
 
 class Causes(unittest.TestCase):
@@ -194,6 +202,7 @@ class Causes(unittest.TestCase):
                 "welcome": {"version", "nonce", "session_id", "epoch", "timeout_ms"}, "refuse": {"nonce", "reason"},
                 "command": {"sequence"}, "reply": {"sequence", "command_sequence"}, "bye": {"session_id", "reason"}}
         zero["command_with_features"] = zero["command"] | {"energy_scale_aj_j", "wave_impedance_n_s_m"}
+        zero["command_with_recent"] = zero["command_with_features"]
         zero["reply_with_features"] = zero["reply"]
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
@@ -205,7 +214,7 @@ class Causes(unittest.TestCase):
                 if field.name.startswith(("padding", "version_m", "workspace", "model_normal")):
                     continue
                 expected = "out_of_range" if field.name in zero[name] else None
-                default = b"" if field.name == "scene_name" else 0
+                default = b"" if field.name in ("scene_name", "recent_commands") else 0
                 self.assertEqual(self.changed(name, **{field.name: default}), expected, (name, field.name))
                 if isinstance(getattr(value, field.name), float):
                     expected = "out_of_range" if field.name in not_negative else None
@@ -216,6 +225,16 @@ class Causes(unittest.TestCase):
             self.assertIsNone(self.changed(name, version_max=2))
         self.assertEqual(self.changed("command_with_features", method=7), "out_of_range")
         self.assertEqual(self.changed("reply", contact_state=4), "out_of_range")
+        self.assertEqual(self.changed("command_with_recent", sequence=4), "out_of_range")
+        self.assertIsNone(self.changed("command_with_recent", sequence=5))
+        first, second = RECENT_COMMANDS[:64], RECENT_COMMANDS[64:128]
+        for records, expected in ((first, None), (second + first, "out_of_range"), (first[:63], "malformed_field"),
+                                  (RECENT_COMMANDS + RECENT.pack(2_000_000, *[0] * 8), "malformed_field")):
+            self.assertEqual(cause(encode(pb.Command(sequence=9, recent_commands=records))), expected)
+        for at, bad, expected in ((32, -1.0, "out_of_range"), (32, math.nan, "non_finite"), (8, math.inf, "non_finite"),
+                                  (56, -math.inf, "non_finite"), (24, -1.0, None)):
+            records = first[:at] + struct.pack("<d", bad) + first[at + 8:]
+            self.assertEqual(self.changed("command_with_recent", recent_commands=records), expected, at)
         self.assertEqual(self.changed("refuse", reason=5), "out_of_range")
         self.assertEqual(self.changed("bye", reason=6), "out_of_range")
         self.assertEqual(self.changed("welcome", workspace_min_w_x_nm=301), "out_of_range")

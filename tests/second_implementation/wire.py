@@ -19,10 +19,11 @@ SCENE_NAME_BYTES = 48
 
 FEATURE_PORT_CONTROL = 1 << 0
 FEATURE_LOCAL_MODEL = 1 << 1
-KNOWN_FEATURES = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL
+FEATURE_REDUNDANCY = 1 << 3
+KNOWN_FEATURES = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_REDUNDANCY
 #: Field numbers behind each feature (section 9).
 FEATURE_FIELDS = {
-    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23)},
+    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_REDUNDANCY: (40,)},
     pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36)},
 }
 
@@ -31,6 +32,10 @@ REFUSE_VERSION, REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN = 1, 2, 3, 4
 BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION = 1, 2, 3, 4, 5
 FAULT_RETRACTED = 1 << 3
 MAX_LEAP = 1 << 32
+
+#: A record of Command.recent_commands: age_ns, flags, position, energy, wave's sum.
+RECENT = struct.Struct("<II3dd3d")
+MAX_RECENT = 4
 
 
 class Drop(Exception):
@@ -50,9 +55,14 @@ def features_used(message):
     """Bits of the features of which a field differs from zero."""
     used = 0
     for bit, numbers in FEATURE_FIELDS.get(type(message), {}).items():
-        if any(getattr(message, message.DESCRIPTOR.fields_by_number[n].name) != 0 for n in numbers):
+        if any(getattr(message, message.DESCRIPTOR.fields_by_number[n].name) for n in numbers):
             used |= bit
     return used
+
+
+def recent_commands(command):
+    """[(age_ns, flags, position, energy, wave_sum)] of the commands that this one repeats, newest first."""
+    return [(r[0], r[1], r[2:5], r[5], r[6:9]) for r in RECENT.iter_unpack(command.recent_commands)]
 
 
 def vector(message, pattern):
@@ -140,7 +150,9 @@ def scan(payload, cls):
         if wire == 2:
             size, at = varint(payload, at)
             need(cls is not pb.Welcome or size <= SCENE_NAME_BYTES, "malformed_field")
-            need(cls is not pb.Hello or at + size == len(payload), "malformed_field")
+            need(cls not in (pb.Hello, pb.Command) or at + size == len(payload), "malformed_field")
+            whole = size > 0 and size % RECENT.size == 0 and size <= MAX_RECENT * RECENT.size
+            need(cls is not pb.Command or whole, "malformed_field")
         else:
             size = SIZE[wire]
         at += size
@@ -152,6 +164,9 @@ def check(m):
     for field in m.DESCRIPTOR.fields:
         value = getattr(m, field.name)
         need(not isinstance(value, float) or math.isfinite(value), "non_finite")
+    if isinstance(m, pb.Command) and m.recent_commands:
+        for _, _, position, energy, wave_sum in recent_commands(m):
+            need(all(math.isfinite(x) for x in (*position, energy, *wave_sum)), "non_finite")
     good = CHECKS[type(m)](m)
     need(good, "out_of_range")
 
@@ -168,7 +183,12 @@ def check_command(m):
                        m.wave_impedance_n_s_m) >= 0
     scale = m.energy_scale_aj_j > 0 or m.method not in (3, 4, 5)
     impedance = m.wave_impedance_n_s_m > 0 or m.method != 4
-    return m.sequence and m.method <= 6 and not_negative and scale and impedance
+    repeated = True
+    if m.recent_commands:
+        recent = recent_commands(m)
+        ages = [record[0] for record in recent]
+        repeated = len(recent) < m.sequence and ages == sorted(ages) and all(record[3] >= 0 for record in recent)
+    return m.sequence and m.method <= 6 and not_negative and scale and impedance and repeated
 
 
 def check_reply(m):

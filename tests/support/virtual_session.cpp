@@ -16,6 +16,7 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
         link::ClientConfig c;
         c.rate_hz = static_cast<std::uint32_t>(config.station.rate_hz);
         c.nonce_seed = config.seed;
+        c.redundancy = config.redundancy;
         return c;
       }()) {
   period_ns_ = std::llround(1e9 / config_.station.rate_hz);
@@ -45,7 +46,8 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
       station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
                          welcome.force_max_nn},
       config_.make_method ? config_.make_method() : nullptr);
-  loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_);
+  loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_,
+                                              nullptr, config_.link_options);
 }
 
 void VirtualSession::make_device(const link::Welcome& welcome) {

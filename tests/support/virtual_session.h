@@ -38,6 +38,8 @@ struct VirtualSessionConfig {
   std::size_t link_capacity = 4096;  ///< datagrams on the way, each way; what is more is lost
   double server_drift_ppm = 0;  ///< how much faster than the station's the server's clock runs
   std::uint64_t seed = 1;
+  loop::LinkOptions link_options{};
+  std::size_t redundancy = 0;  ///< commands that each datagram repeats
 };
 
 /// A whole session in virtual time: the same device, station, session and server objects as the programs,

@@ -55,6 +55,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"common/net", {"common/base"}},
     {"common/recording", {"common/base", "common/rt"}},
     {"common/plot", {"common/base"}},
+    {"common/metrics", {"common/base", "common/net"}},
     {"common/security", {"common/base", "common/config", "common/link", "common/net", "common/rt"}},
     {"master/device", {"common/base", "common/control"}},
     {"master/station", {"common/base", "common/control", "common/link", "master/device"}},
@@ -63,15 +64,15 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
       "master/station"}},
     {"master/app",
      {"common/base", "common/config", "common/rt", "common/control", "common/link", "common/net",
-      "common/recording", "common/plot", "common/security", "master/device", "master/station",
-      "master/loop"}},
+      "common/recording", "common/plot", "common/metrics", "common/security", "master/device",
+      "master/station", "master/loop"}},
     {"nve_server/physics", {"common/base"}},
     {"nve_server/scene", {"common/base", "common/config", "nve_server/physics"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
     {"nve_server/app",
-     {"common/base", "common/config", "common/rt", "common/link", "common/net", "common/security",
-      "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
+     {"common/base", "common/config", "common/rt", "common/link", "common/metrics", "common/net",
+      "common/security", "nve_server/physics", "nve_server/scene", "nve_server/slave", "nve_server/server"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
@@ -81,10 +82,12 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"proto/telenano.pb.h", {"common/link/codec"}},
     {"boost/asio", {"common/net/udp"}},
     {"openssl/", {"common/security/dtls_"}},
+    {"prometheus/", {"common/metrics/exporter"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},
-    {"CLI/", {"common/config/program", "master/app/", "nve_server/app/"}},
+    {"systemd/", {"nve_server/app/service_notify"}},
+    {"CLI/", {"common/config/program", "common/config/completion", "master/app/", "nve_server/app/"}},
     {"spdlog", {"master/app/", "nve_server/app/", "nve_server/server/server_loop"}},
 };
 

@@ -49,6 +49,23 @@ TEST(RoundTrip, Refuse) {
 TEST(RoundTrip, Command) {
   round_trip<Command>(any_command, &Incoming::command, MessageType::kCommand);
 }
+TEST(RoundTrip, CommandWithTheOnesBefore) {
+  Random random(40);
+  Codec codec;
+  Incoming in;
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  std::array<std::uint8_t, kMaxDatagramBytes> again{};
+  for (int i = 0; i < kRounds; ++i) {
+    const Command message = any_command(random);
+    const RecentCommands recent = any_recent(random, message.sequence);
+    const std::size_t n = codec.encode(message, recent, out);
+    ASSERT_GT(n, 0u);
+    ASSERT_EQ(codec.decode({out.data(), n}, in), DropCause::kNone) << "round " << i;
+    ASSERT_TRUE(same(in.command, message) && same(in.recent, recent)) << "round " << i;
+    ASSERT_EQ(codec.encode(in.command, in.recent, again), n);
+    ASSERT_TRUE(std::equal(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n), again.begin()));
+  }
+}
 TEST(RoundTrip, Reply) {
   round_trip<Reply>(any_reply, &Incoming::reply, MessageType::kReply);
 }

@@ -5,6 +5,7 @@
 
 #include "common/base/random.h"
 #include "common/link/messages.h"
+#include "common/link/recent_commands.h"
 
 namespace telenano::link {
 
@@ -140,6 +141,21 @@ inline Command any_command(Random& random) {
   m.energy_in_j = std::fabs(any_finite(random));
   m.energy_out_j = std::fabs(any_finite(random));
   m.control = any_control(random);
+  return m;
+}
+
+inline RecentCommands any_recent(Random& random, std::uint64_t sequence) {
+  RecentCommands m;
+  m.count = std::min<std::uint64_t>(random.below(kMaxRecent + 1), sequence - 1);
+  std::uint32_t age_ns = 0;
+  for (std::size_t i = 0; i < m.count; ++i) {
+    RecentCommand& r = m.record[i];
+    r.age_ns = age_ns += static_cast<std::uint32_t>(random.below(1u << 30));
+    r.flags = any_u32(random);
+    r.tip_pos_w_nm = any_vec(random);
+    r.energy = std::fabs(any_finite(random));
+    r.wave_sum = any_vec(random);
+  }
   return m;
 }
 

@@ -14,7 +14,7 @@ namespace telenano::studies {
 
 namespace {
 
-constexpr const char* kScene = "/deploy/scenes/flat_silicon_oxide.toml";
+constexpr const char* kScene = "flat_silicon_oxide";
 constexpr double kHoldEndS = 6.5, kStaticS = 0.5, kSettledPart = 0.025;
 
 // What the rows say of the hold.
@@ -46,7 +46,7 @@ void judge_hold(HardContact& result) {
 
 HardContact run_ideal_contact(double force_scale) {
   constexpr double kRateHz = 50'000;
-  const auto scene = scene::load_scene(TELENANO_SOURCE_DIR + std::string(kScene));
+  const auto scene = scene::load_scene(kScene);
   slave::NveSlave slave(scene);
   const control::Scaling scaling{station::StationConfig{}.scaling.velocity, force_scale};
   const Vec3 start_w_nm = slave.limits().start_pos_w_nm;
@@ -81,7 +81,7 @@ HardContact run_ideal_contact(double force_scale) {
 
 HardContact run_hard_contact(control::Method method, double force_scale) {
   support::VirtualSessionConfig config;
-  config.scene = scene::load_scene(TELENANO_SOURCE_DIR + std::string(kScene));
+  config.scene = scene::load_scene(kScene);
   config.task = device::Task::kIndent;
   config.station.method = method;
   config.station.scaling.force = force_scale;

@@ -65,9 +65,8 @@ Indents run_ks16(const std::string& scene_path) {
 }
 
 Figure draw_ks16(const FigureFolder& folder) {
-  const std::string scenes = std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/";
-  const Indents soft = run_ks16(scenes + "flat_polystyrene.toml");
-  const Indents hard = run_ks16(scenes + "flat_silicon_oxide.toml");
+  const Indents soft = run_ks16("flat_polystyrene");
+  const Indents hard = run_ks16("flat_silicon_oxide");
   std::string csv = "# time_s,tip_height_nm,hand_force_n; blocks: " + soft.sample + ", " + hard.sample + "\n";
   std::string found;
   for (const Indents* run : {&soft, &hard}) {

@@ -88,7 +88,7 @@ namespace {
 
 Figure draw_transitions(const FigureFolder& folder, const std::string& id, const std::string& scene,
                         const std::string& comparison) {
-  const TaskTransitions run = run_ks18(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + scene);
+  const TaskTransitions run = run_ks18(scene);
   std::string csv = "# time_s,tip_height_nm,hand_force_n\n";
   for (std::size_t i = 0; i < run.rows.size(); i += 4) {
     const auto& row = run.rows[i];
@@ -132,13 +132,13 @@ Figure draw_transitions(const FigureFolder& folder, const std::string& id, const
 
 Figure draw_ks17(const FigureFolder& folder) {
   return draw_transitions(
-      folder, "ks17", "flat_silicon_oxide.toml",
+      folder, "ks17", "flat_silicon_oxide",
       " As in KS a stable contact on the hardest sample, at a scaling that is passive; their "
       "hand, scaling and axes are not given.");
 }
 
 Figure draw_ks18(const FigureFolder& folder) {
-  return draw_transitions(folder, "ks18", "flat_polystyrene.toml",
+  return draw_transitions(folder, "ks18", "flat_polystyrene",
                           " As in KS the forces between (a) and (b) are too small to be felt.");
 }
 

@@ -69,26 +69,6 @@ TEST(Decimate, KeepsEveryExtremeOfItsStretchAndBothEnds) {
   EXPECT_EQ(decimate({1, 2, 3}, {4, 5, 6}, 100).size(), 3u) << "short series stay whole";
 }
 
-TEST(Legs, AreCutAtTheTurningPointsAndIgnoreTremor) {
-  std::vector<double> height;
-  std::vector<double> still;
-  for (int i = 0; i <= 400; ++i) {
-    const double tremor = 0.3 * std::sin(1.3 * i);
-    height.push_back(10 * std::cos(2 * M_PI * i / 200.0) + tremor);  // down 100, up 100, down 100, up 100
-    still.push_back(0);
-  }
-  const std::vector<Leg> legs = find_legs(height, still, 2.0);
-  ASSERT_EQ(legs.size(), 4u);
-  for (std::size_t i = 0; i < legs.size(); ++i) {
-    EXPECT_EQ(legs[i].approach, i % 2 == 0);
-    // The tremor may move an extreme by some samples, about sqrt(2 * 0.3 / curvature) = 25.
-    EXPECT_NEAR(static_cast<double>(legs[i].begin), 100.0 * static_cast<double>(i), 25);
-  }
-  std::vector<double> sideways;
-  for (std::size_t i = 0; i < height.size(); ++i) sideways.push_back(static_cast<double>(i));
-  EXPECT_TRUE(find_legs(height, sideways, 2.0).empty()) << "a scan has no approach";
-}
-
 TEST_F(ReportTest, SummaryGivesTheKnownAnswers) {
   SyntheticRun synthetic;
   synthetic.write(folder_ / "a.h5");

@@ -59,41 +59,6 @@ std::string slug_of(const std::string& label) {
   return slug.empty() ? "run" : slug;
 }
 
-std::vector<Leg> find_legs(const Values& height, const Values& lateral, double threshold) {
-  std::vector<Leg> legs;
-  if (height.size() < 2) return legs;
-  const auto close_leg = [&](std::size_t begin, std::size_t end) {
-    const double rise = height[end] - height[begin];
-    double sideways = 0;
-    for (std::size_t i = begin; i <= end; ++i)
-      sideways = std::max(sideways, std::abs(lateral[i] - lateral[begin]));
-    if (std::abs(rise) >= threshold && sideways < 0.25 * std::abs(rise))
-      legs.push_back({rise < 0, begin, end + 1});
-  };
-  // Zigzag: an extreme counts once the height has come back from it by the threshold.
-  std::size_t begin = 0;
-  std::size_t low = 0;
-  std::size_t high = 0;
-  int direction = 0;  // of the leg under way; 0 = not known yet
-  for (std::size_t i = 1; i < height.size(); ++i) {
-    if (height[i] < height[low]) low = i;
-    if (height[i] > height[high]) high = i;
-    if (direction >= 0 && height[high] - height[i] >= threshold) {
-      if (direction > 0) close_leg(begin, high);
-      begin = high;
-      low = i;
-      direction = -1;
-    } else if (direction <= 0 && height[i] - height[low] >= threshold) {
-      if (direction < 0) close_leg(begin, low);
-      begin = low;
-      high = i;
-      direction = 1;
-    }
-  }
-  if (direction != 0) close_leg(begin, direction > 0 ? high : low);
-  return legs;
-}
-
 std::string RunData::about(const std::string& key) const {
   for (const auto& [name, text] : configuration) {
     if (name == key) return text;
@@ -156,8 +121,8 @@ RunData load_run(const std::string& label, const std::filesystem::path& path) {
     run.stop_reason = fault_name(run.about("station_fault_names"), static_cast<unsigned>(faults[i - 1]));
   }
 
-  const auto [low, high] = std::minmax_element(run.target_height_nm.begin(), run.target_height_nm.end());
-  run.legs = find_legs(run.target_height_nm, run.lateral_nm, std::max(0.1 * (*high - *low), 0.2));
+  run.legs = recording::find_legs(run.target_height_nm, run.lateral_nm,
+                                  recording::leg_threshold_nm(run.target_height_nm));
   run.contacts = find_contacts(run.time_s, reader.read("contact_state"));
   return run;
 }

@@ -5,16 +5,12 @@
 #include <utility>
 #include <vector>
 
+#include "common/recording/legs.h"
 #include "common/recording/summary.h"
 
 namespace telenano::studies {
 
-/// A stretch of one recording in which the tip was driven one way: down (approach) or up (retract).
-struct Leg {
-  bool approach = true;
-  std::size_t begin = 0;
-  std::size_t end = 0;  ///< one past the last row
-};
+using recording::Leg;
 
 /// What the figures need of one recording, in the units of their axes.
 struct RunData {
@@ -56,10 +52,5 @@ std::string slug_of(const std::string& label);
 
 /// Throws UserError for a file that is not a recording or holds no row.
 RunData load_run(const std::string& label, const std::filesystem::path& path);
-
-/// Turning points of `height` that are further than `threshold` apart make the legs; those in which the tip
-/// moved sideways, by more than a quarter of the rise, are left out.
-std::vector<Leg> find_legs(const std::vector<double>& height, const std::vector<double>& lateral,
-                           double threshold);
 
 }  // namespace telenano::studies

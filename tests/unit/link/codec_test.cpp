@@ -74,7 +74,7 @@ TEST(Golden, AMessageWithoutFeaturesClearsThoseOfTheOneBefore) {
   Codec codec;
   Incoming in;
   const auto files = golden_files();
-  for (const std::size_t which : {7u, 4u, 8u, 5u}) {
+  for (const std::size_t which : {9u, 7u, 4u, 8u, 5u}) {
     ASSERT_EQ(codec.decode(files[which], in), DropCause::kNone);
     EXPECT_TRUE(matches(in, golden, which)) << kGoldenNames[which];
   }
@@ -167,6 +167,79 @@ TEST(Codec, NamesTheCauseOfEachDrop) {
   EXPECT_EQ(decode(datagram(MessageType::kBye, {0x09, 1, 0, 0, 0, 0, 0, 0, 0})), DropCause::kOutOfRange)
       << "no reason";
   EXPECT_EQ(decode(datagram(MessageType::kBye, {})), DropCause::kOutOfRange) << "no session";
+}
+
+TEST(Codec, RepeatedCommandsAreWholeRecordsInOrderAtTheEnd) {
+  const GoldenMessages golden;
+  Codec codec;
+  Incoming in;
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  const auto cause_of = [&](const RecentCommands& recent, std::uint64_t sequence = 1001) {
+    Command c = golden.command_with_features;
+    c.sequence = sequence;
+    const std::size_t n = codec.encode(c, recent, out);
+    EXPECT_LE(n, kMaxDatagramBytes);
+    return codec.decode(std::span(out).first(n), in);
+  };
+  for (std::size_t count = 0; count <= kMaxRecent; ++count) {
+    RecentCommands recent = golden.recent;
+    recent.count = count;
+    EXPECT_EQ(cause_of(recent), DropCause::kNone) << count;
+    EXPECT_TRUE(same(in.recent, recent)) << count;
+  }
+  EXPECT_EQ(cause_of(golden.recent, 5), DropCause::kNone);
+  EXPECT_EQ(cause_of(golden.recent, 4), DropCause::kOutOfRange) << "a command before the first";
+  RecentCommands bad = golden.recent;
+  bad.record[2].age_ns = bad.record[1].age_ns - 1;
+  EXPECT_EQ(cause_of(bad), DropCause::kOutOfRange) << "an older one that is younger";
+  bad = golden.recent;
+  bad.record[3].energy = -1;
+  EXPECT_EQ(cause_of(bad), DropCause::kOutOfRange);
+  for (int k = 0; k < 7; ++k) {
+    bad = golden.recent;
+    RecentCommand& r = bad.record[3];
+    double* const fields[] = {&r.tip_pos_w_nm.x(), &r.tip_pos_w_nm.y(), &r.tip_pos_w_nm.z(), &r.energy,
+                              &r.wave_sum.x(),     &r.wave_sum.y(),     &r.wave_sum.z()};
+    *fields[k] = std::numeric_limits<double>::quiet_NaN();
+    EXPECT_EQ(cause_of(bad), DropCause::kNonFinite) << k;
+  }
+
+  const std::size_t plain = codec.encode(golden.command, out);
+  const Bytes command(out.begin() + kHeaderBytes, out.begin() + static_cast<std::ptrdiff_t>(plain));
+  const auto with = [&](const Bytes& tail, bool in_front = false) {
+    Bytes payload = in_front ? tail : command;
+    const Bytes& rest = in_front ? command : tail;
+    payload.insert(payload.end(), rest.begin(), rest.end());
+    return decode(datagram(MessageType::kCommand, payload));
+  };
+  const auto records = [](std::size_t bytes) {
+    Bytes tail = {0xc2, 0x02};
+    if (bytes >= 0x80) tail.push_back(static_cast<std::uint8_t>((bytes & 0x7f) | 0x80));
+    tail.push_back(static_cast<std::uint8_t>(bytes >= 0x80 ? bytes >> 7 : bytes));
+    tail.insert(tail.end(), bytes, 0);
+    return tail;
+  };
+  EXPECT_EQ(with(records(64)), DropCause::kNone);
+  EXPECT_EQ(with(records(256)), DropCause::kNone);
+  EXPECT_EQ(with(records(0)), DropCause::kMalformedField) << "none are not sent";
+  EXPECT_EQ(with(records(63)), DropCause::kMalformedField) << "half a record";
+  EXPECT_EQ(with(records(320)), DropCause::kMalformedField) << "five";
+  EXPECT_EQ(with(records(64), true), DropCause::kMalformedField) << "not the last field";
+  Bytes twice = records(64);
+  const Bytes again = twice;
+  twice.insert(twice.end(), again.begin(), again.end());
+  EXPECT_EQ(with(twice), DropCause::kMalformedField);
+  Bytes cut = records(64);
+  cut.pop_back();
+  EXPECT_EQ(with(cut), DropCause::kMalformedField);
+  // Fields in another order before them take the slow way through the scan; the same must come out.
+  Bytes turned(command.begin() + 9, command.end());
+  turned.insert(turned.end(), command.begin(), command.begin() + 9);
+  const std::size_t n = codec.encode(golden.command, golden.recent, out);
+  turned.insert(turned.end(), out.begin() + static_cast<std::ptrdiff_t>(plain),
+                out.begin() + static_cast<std::ptrdiff_t>(n));
+  ASSERT_EQ(codec.decode(datagram(MessageType::kCommand, turned), in), DropCause::kNone);
+  EXPECT_TRUE(same(in.command, golden.command) && same(in.recent, golden.recent));
 }
 
 TEST(Codec, RefusesALongSceneName) {

@@ -22,6 +22,8 @@ struct GoldenMessages {
   /// Every field behind a feature bit besides.
   Command command_with_features = make_command_with_features();
   Reply reply_with_features = make_reply_with_features();
+  /// That command with the four before it.
+  RecentCommands recent = make_recent();
 
   static Welcome make_welcome() {
     Welcome m;
@@ -104,6 +106,21 @@ struct GoldenMessages {
     return m;
   }
 
+  static RecentCommands make_recent() {
+    RecentCommands m;
+    m.count = 4;
+    for (std::size_t i = 0; i < m.count; ++i) {
+      RecentCommand& r = m.record[i];
+      const auto k = static_cast<double>(i + 1);
+      r.age_ns = static_cast<std::uint32_t>(250'000 * (i + 1));
+      r.flags = i == 3 ? std::uint32_t{kFlagDeadman} : kFlagClutch | kFlagDeadman;
+      r.tip_pos_w_nm = {1.125 - 0.25 * k, -2.25 + 0.5 * k, 3.5 - 0.0625 * k};
+      r.energy = 8192.5 - 16 * k;
+      r.wave_sum = {-5.5 + k, 6.25 - k, -7.125 + 2 * k};
+    }
+    return m;
+  }
+
   /// All of them as datagrams: the seven types in the order of their numbers, then those with features.
   std::vector<std::vector<std::uint8_t>> encoded() const {
     Codec codec;
@@ -122,23 +139,27 @@ struct GoldenMessages {
     add(bye);
     add(command_with_features);
     add(reply_with_features);
+    std::array<std::uint8_t, kMaxDatagramBytes> out{};
+    const std::size_t n = codec.encode(command_with_features, recent, out);
+    all.emplace_back(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n));
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 9> kGoldenNames = {"hello",
-                                                            "challenge",
-                                                            "welcome",
-                                                            "refuse",
-                                                            "command",
-                                                            "reply",
-                                                            "bye",
-                                                            "command_with_features",
-                                                            "reply_with_features"};
-inline constexpr std::array<MessageType, 9> kGoldenTypes = {
-    MessageType::kHello,  MessageType::kChallenge, MessageType::kWelcome,
-    MessageType::kRefuse, MessageType::kCommand,   MessageType::kReply,
-    MessageType::kBye,    MessageType::kCommand,   MessageType::kReply};
+inline constexpr std::array<const char*, 10> kGoldenNames = {"hello",
+                                                             "challenge",
+                                                             "welcome",
+                                                             "refuse",
+                                                             "command",
+                                                             "reply",
+                                                             "bye",
+                                                             "command_with_features",
+                                                             "reply_with_features",
+                                                             "command_with_recent"};
+inline constexpr std::array<MessageType, 10> kGoldenTypes = {
+    MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
+    MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
+    MessageType::kReply,   MessageType::kCommand};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -182,6 +203,16 @@ inline bool same(const Command& a, const Command& b) {
          a.tip_vel_w_nm_s == b.tip_vel_w_nm_s && a.tip_pos_w_nm == b.tip_pos_w_nm &&
          a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j && same(a.control, b.control);
 }
+inline bool same(const RecentCommands& a, const RecentCommands& b) {
+  if (a.count != b.count) return false;
+  for (std::size_t i = 0; i < a.count; ++i) {
+    const RecentCommand &x = a.record[i], &y = b.record[i];
+    if (x.age_ns != y.age_ns || x.flags != y.flags || x.tip_pos_w_nm != y.tip_pos_w_nm ||
+        x.energy != y.energy || x.wave_sum != y.wave_sum)
+      return false;
+  }
+  return true;
+}
 inline bool same(const Reply& a, const Reply& b) {
   return a.session_id == b.session_id && a.sequence == b.sequence &&
          a.command_sequence == b.command_sequence && a.command_send_time_ns == b.command_send_time_ns &&
@@ -209,7 +240,8 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:
-      return same(in.command, which < 7 ? golden.command : golden.command_with_features);
+      return same(in.command, which < 7 ? golden.command : golden.command_with_features) &&
+             same(in.recent, which == 9 ? golden.recent : RecentCommands{});
     case MessageType::kReply:
       return same(in.reply, which < 7 ? golden.reply : golden.reply_with_features);
     case MessageType::kBye:

@@ -1,8 +1,12 @@
 #include "common/net/udp.h"
 
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
 
 #include <array>
+#include <cstring>
+#include <memory>
 #include <vector>
 
 #include "common/base/error.h"
@@ -39,6 +43,74 @@ TEST(Address, MistakesAreNamed) {
     EXPECT_NE(error.find("--server"), std::string::npos) << text;
     EXPECT_NE(error.find("expected HOST:PORT"), std::string::npos) << text;
     EXPECT_EQ(error.find('\n'), std::string::npos) << text;
+  }
+}
+
+TEST(Dscp, IsParsedAndMistakesAreNamed) {
+  EXPECT_EQ(parse_dscp("ef", "--dscp"), 46);
+  EXPECT_EQ(parse_dscp("none", "--dscp"), 0);
+  EXPECT_EQ(parse_dscp("0", "--dscp"), 0);
+  EXPECT_EQ(parse_dscp("63", "--dscp"), 63);
+  for (const char* text : {"", "64", "-1", "EF", "46 ", "4.6", "af"}) {
+    try {
+      parse_dscp(text, "--dscp");
+      ADD_FAILURE() << text;
+    } catch (const UserError& e) {
+      EXPECT_NE(std::string(e.what()).find("--dscp '" + std::string(text) + "'"), std::string::npos);
+      EXPECT_NE(std::string(e.what()).find("ef, none or a number from 0 to 63"), std::string::npos);
+    }
+  }
+}
+
+/// The octet that a datagram arrives with, as the receiver's kernel reports it; -1 if it does not.
+int received_octet(int handle, bool v6) {
+  std::array<std::uint8_t, 16> bytes{};
+  std::array<std::byte, 256> control{};
+  iovec part{bytes.data(), bytes.size()};
+  msghdr header{};
+  header.msg_iov = &part;
+  header.msg_iovlen = 1;
+  header.msg_control = control.data();
+  header.msg_controllen = control.size();
+  if (::recvmsg(handle, &header, 0) < 0) return -1;
+  for (cmsghdr* m = CMSG_FIRSTHDR(&header); m != nullptr; m = CMSG_NXTHDR(&header, m)) {
+    if (!v6 && m->cmsg_level == IPPROTO_IP && m->cmsg_type == IP_TOS) return *CMSG_DATA(m);
+    if (v6 && m->cmsg_level == IPPROTO_IPV6 && m->cmsg_type == IPV6_TCLASS) {
+      int value = 0;
+      std::memcpy(&value, CMSG_DATA(m), sizeof value);
+      return value;
+    }
+  }
+  return -1;
+}
+
+TEST(Dscp, IsOnTheDatagramsThatArrive) {
+  for (const bool v6 : {false, true}) {
+    std::unique_ptr<Udp> server;
+    try {
+      server = std::make_unique<Udp>(Udp::listen(parse_address(v6 ? "[::1]:0" : "127.0.0.1:0", "x")));
+    } catch (const UserError&) {
+      continue;  // no IPv6 here
+    }
+    const int on = 1;
+    ASSERT_EQ(::setsockopt(server->handle(), v6 ? IPPROTO_IPV6 : IPPROTO_IP,
+                           v6 ? IPV6_RECVTCLASS : IP_RECVTOS, &on, sizeof on),
+              0);
+    Udp client = Udp::open_for(server->local());
+    const std::array<std::uint8_t, 3> bytes = {1, 2, 3};
+    for (const int dscp : {0, kDscpEf, 63, 0}) {
+      ASSERT_TRUE(client.set_dscp(dscp));
+      int octet = -1;
+      socklen_t length = sizeof octet;
+      ASSERT_EQ(::getsockopt(client.handle(), v6 ? IPPROTO_IPV6 : IPPROTO_IP, v6 ? IPV6_TCLASS : IP_TOS,
+                             &octet, &length),
+                0);
+      EXPECT_EQ(octet, dscp << 2);
+      ASSERT_EQ(client.send(bytes, server->local()), SendStatus::kSent);
+      ASSERT_TRUE(server->wait_readable(1'000'000'000));
+      EXPECT_EQ(received_octet(server->handle(), v6), dscp << 2) << (v6 ? "IPv6" : "IPv4");
+    }
+    EXPECT_EQ(kDscpEf << 2, 0xb8);
   }
 }
 

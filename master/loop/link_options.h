@@ -1,0 +1,14 @@
+#pragma once
+
+#include "common/link/playout.h"
+#include "common/link/send_gate.h"
+
+namespace telenano::loop {
+
+/// How the station uses its link. The default: every reply when it comes, a command in every tick.
+struct LinkOptions {
+  link::PlayoutConfig playout{};
+  link::SendGateConfig gate{};
+};
+
+}  // namespace telenano::loop

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "nve_server/server/server_loop.h"
+
+namespace telenano::app {
+
+/// Tells the service manager how the server is (sd_notify(3)): READY once it serves, a line of status, and
+/// the watchdog's sign of life, which is given only while the loop turns: a loop that hangs is killed and
+/// started again. Works from a thread of its own, and is nothing where no service manager asked (no
+/// NOTIFY_SOCKET), or where the build left libsystemd out.
+class ServiceNotify {
+ public:
+  explicit ServiceNotify(const server::LoopStatus& status);
+  ~ServiceNotify();  ///< says STOPPING
+  ServiceNotify(const ServiceNotify&) = delete;
+  ServiceNotify& operator=(const ServiceNotify&) = delete;
+
+ private:
+  void run();
+
+  const server::LoopStatus& status_;
+  std::int64_t period_us_ = 0;  ///< between two signs of life; 0 = nobody asked
+  bool watched_ = false;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool done_ = false;
+  std::thread thread_;
+};
+
+}  // namespace telenano::app

@@ -1,0 +1,96 @@
+#!/usr/bin/env bash
+# The packages under a real systemd: installed, started, hung, killed, used, reloaded, stopped, misconfigured, purged; in a
+# small virtual machine, so that this machine stays as it is.
+#   service_vm.sh BUILD_DIR        exit status 77: no virtual machine can be had here (vm.sh says why)
+set -euo pipefail
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+
+# 3: what systemd runs. Every check is a line on standard output.
+checks() {
+  failed=0
+  check() { # words, then a command that must succeed
+    local words=$1; shift
+    if "$@" >/out/last 2>&1; then echo "ok   $words"; else echo "FAIL $words: $(tail -n 1 /out/last)"; failed=1; fi
+  }
+  value() { systemctl show -P "$1" telenano-nve; }
+  is() { [ "$(value "$1")" = "$2" ] || { echo "$1 is $(value "$1"), not $2"; return 1; }; }
+  until_is() { # property value seconds
+    local i
+    for ((i = 0; i < 10 * $3; ++i)); do [ "$(value "$1")" = "$2" ] && [ "$(value ActiveState)" != activating ] && return 0; sleep 0.1; done
+    is "$1" "$2"
+  }
+  status_of() { grep -E "^$1:" "/proc/$(value MainPID)/status" | awk '{print $2}'; }
+  equals() { [ "$1" = "$2" ] || { echo "'$1', not '$2'"; return 1; }; }
+  session() { telenano-master run --server 127.0.0.1:5100 --task position --duration-s 1 --rate 200 --quiet; }
+
+  check "starts, and says when it is ready" systemctl start telenano-nve
+  check "runs as its own user" equals "$(stat -c %U "/proc/$(value MainPID)")" telenano
+  check "no new privileges" equals "$(status_of NoNewPrivs)" 1
+  check "no capability" equals "$(status_of CapBnd)" 0000000000000000
+  check "system calls filtered" equals "$(status_of Seccomp)" 2
+  check "may run in real time" grep -q 'Max realtime priority *90' "/proc/$(value MainPID)/limits"
+  check "may lock memory" grep -q 'Max locked memory *unlimited' "/proc/$(value MainPID)/limits"
+  check "serves a station" session
+  check "tells its state" grep -qE '^[0-9]+ sessions|^serving' <(value StatusText)
+  local first; first=$(value MainPID)
+  check "reloads" systemctl reload telenano-nve
+  sleep 1
+  check "is the same process after a reload" is MainPID "$first"
+  kill -STOP "$first"
+  check "a hung one is killed and started again" until_is NRestarts 1 20
+  kill -KILL "$(value MainPID)"
+  check "a killed one is started again" until_is NRestarts 2 20
+  check "serves a station again" session
+  check "stops" systemctl stop telenano-nve
+  check "ended well" is ExecMainStatus 0
+  sed -i 's/flakes/nowhere/' /etc/telenano/nve.env
+  systemctl start telenano-nve 2>/dev/null || true
+  sleep 2
+  check "a wrong scene is told once, not tried for ever" is ExecMainStatus 2
+  check "and is a failure" is ActiveState failed
+  sed -i 's/nowhere/flakes/' /etc/telenano/nve.env
+  check "starts when mended" systemctl start telenano-nve
+  check "is removed" dpkg --purge telenano-server
+  check "and stopped by that" is ActiveState inactive
+  check "nothing is left" bash -c '! ls -d /etc/telenano /var/lib/telenano /lib/systemd/system/telenano* /usr/lib/systemd/system/telenano* 2>/dev/null | grep .'
+  echo "failed $failed"
+}
+
+# 2: in the machine: installs, then a systemd of its own that runs the checks.
+inside() {
+  mount -t cgroup2 cgroup2 /sys/fs/cgroup
+  mount -t tmpfs run /run
+  # Dependencies are this machine's: the programs were built here.
+  dpkg --install --force-depends /out/telenano-common_*.deb /out/telenano-server_*.deb /out/telenano-station_*.deb >/out/install.log 2>&1 ||
+    { tail -n 5 /out/install.log; exit 1; }
+  cat >/etc/systemd/system/checks.service <<UNIT
+[Unit]
+DefaultDependencies=no
+[Service]
+Type=oneshot
+ExecStart=/bin/bash $here/service_vm.sh --checks
+StandardOutput=append:/out/checks.log
+StandardError=append:/out/checks.log
+ExecStopPost=/bin/systemctl exit 0
+UNIT
+  # The service wants a network and a whole system to be up; here there is only what it needs.
+  mkdir -p /etc/systemd/system/telenano-nve.service.d
+  printf '[Unit]\nDefaultDependencies=no\nWants=\nAfter=\n' >/etc/systemd/system/telenano-nve.service.d/alone.conf
+  env -i container=vm PATH="$PATH" unshare --fork --pid --mount-proc /lib/systemd/systemd --unit=checks.service --log-target=console \
+    --show-status=0 >/out/systemd.log 2>&1
+}
+
+case ${1:-} in
+  --checks) checks; exit ;;
+  --inside) inside; exit ;;
+  '') sed -n '2,5p' "$0"; exit 2 ;;
+esac
+
+build=$(realpath "$1")
+out=$(mktemp -d)
+trap 'rm -rf "$out"' EXIT
+bash "$here/vm.sh" --help >/dev/null
+(cd "$build" && cpack -B "$out") >"$out/cpack.log" 2>&1 || { tail -n 5 "$out/cpack.log"; exit 1; }
+bash "$here/vm.sh" --out "$out" --seconds 240 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
+cat "$out/checks.log"
+grep -q '^failed 0$' "$out/checks.log" || { tail -n 40 "$out/systemd.log"; exit 1; }
