@@ -216,6 +216,7 @@ std::size_t Codec::encode(const Command& m, const RecentCommands& recent,
   w.set_wave_sum_w_z_sqrt_aj_s(c.wave_sum.z());
   w.set_wave_energy_aj(c.wave_energy_aj);
   w.set_wave_impedance_n_s_m(c.wave_impedance_n_s_m);
+  w.set_tip_hold(m.tip_hold);
   const std::size_t fields = w.ByteSizeLong();
   const std::size_t payload_bytes = fields + recent_field_bytes(recent.count);
   if (out.size() < kHeaderBytes + payload_bytes) return 0;
@@ -263,6 +264,10 @@ std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept 
   w.set_model_adhesion_nn(model.adhesion_nn);
   w.set_model_shear_stiffness_n_m(model.shear_stiffness_n_m);
   w.set_model_friction_nn(model.friction_nn);
+  w.set_tip_hold(m.tip.hold);
+  w.set_hold_pos_w_x_nm(m.tip.pos_w_nm.x());
+  w.set_hold_pos_w_y_nm(m.tip.pos_w_nm.y());
+  w.set_hold_pos_w_z_nm(m.tip.pos_w_nm.z());
   return write(MessageType::kReply, w, out);
 }
 
@@ -385,6 +390,12 @@ DropCause read(const wire::Reply& w, LocalModel& m) noexcept {
   return normal && contact ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
+DropCause read(const wire::Reply& w, TipShare& m) noexcept {
+  m.hold = w.tip_hold();
+  m.pos_w_nm = {w.hold_pos_w_x_nm(), w.hold_pos_w_y_nm(), w.hold_pos_w_z_nm()};
+  return all_finite(m.pos_w_nm) ? DropCause::kNone : DropCause::kNonFinite;
+}
+
 DropCause read(const wire::Command& w, Command& m) noexcept {
   m.session_id = w.session_id();
   m.sequence = w.sequence();
@@ -451,15 +462,20 @@ DropCause read_features(const WireFrame&, const Wire&, Message&) noexcept {
 }
 
 DropCause read_features(const WireFrame& frame, const wire::Command& wire, Command& message) noexcept {
+  message.tip_hold = wire.tip_hold();
   if (frame.feature_fields) return read(wire, message.control);
   message.control = {};
   return DropCause::kNone;
 }
 
 DropCause read_features(const WireFrame& frame, const wire::Reply& wire, Reply& message) noexcept {
-  if (frame.feature_fields) return first_cause(read(wire, message.port), read(wire, message.model));
+  if (frame.feature_fields) {
+    return first_cause(first_cause(read(wire, message.port), read(wire, message.model)),
+                       read(wire, message.tip));
+  }
   message.port = {};
   message.model = {};
+  message.tip = {};
   return DropCause::kNone;
 }
 

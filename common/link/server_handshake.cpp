@@ -25,8 +25,8 @@ std::uint64_t ServerHandshake::cookie(const PeerKey& peer, std::uint64_t nonce,
 }
 
 HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
-                                       SessionTable& table, bool shutting_down,
-                                       bool address_proven) noexcept {
+                                       SessionTable& table, bool shutting_down, bool address_proven,
+                                       std::uint64_t owner) noexcept {
   using Kind = HelloVerdict::Kind;
   HelloVerdict verdict;
   const auto refuse = [&](RefuseReason reason, DropCause cause) {
@@ -59,18 +59,21 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   }
   if (hello.rate_hz == 0 || hello.rate_hz > config_.rate_max_hz)
     return refuse(RefuseReason::kRate, DropCause::kOutOfRange);
+  if ((hello.feature_bits & config_.required_bits) != config_.required_bits)
+    return refuse(RefuseReason::kVersion, DropCause::kUnexpected);
 
   bool newest = false;
   const std::size_t known = table.find_nonce(peer, hello.nonce, newest);
   if (known != SessionTable::kNone) {
-    if (!newest || table[known].state == SlotState::kEnding) return drop(DropCause::kDuplicate);
+    if (!newest || table[known].state == SlotState::kEnding || table[known].owner != owner)
+      return drop(DropCause::kDuplicate);
     if (table[known].state == SlotState::kActive) {
       verdict.kind = Kind::kAgain;
       verdict.slot = known;
       return verdict;
     }
   }
-  const std::size_t old = table.find_token(hello.resume_token);
+  const std::size_t old = table.find_token(hello.resume_token, owner);
   if (old != SessionTable::kNone) {
     table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
     table[old].feature_bits = hello.feature_bits & config_.feature_bits;
@@ -79,7 +82,7 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     return verdict;
   }
   if (!openings_.take(now_ns)) return drop(DropCause::kRateLimited);
-  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns);
+  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, owner);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
   table[verdict.slot].feature_bits = hello.feature_bits & config_.feature_bits;
   verdict.kind = Kind::kOpen;

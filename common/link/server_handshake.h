@@ -13,6 +13,7 @@ namespace telenano::link {
 struct ServerHandshakeConfig {
   SipKey secret;                                ///< 128 fresh random bits at each start of the server
   std::uint64_t feature_bits = kKnownFeatures;  ///< granted to a station that asks for them
+  std::uint64_t required_bits = 0;              ///< of these: a station without them is refused as too old
   std::uint32_t rate_max_hz = 8000;
   double challenges_per_s = 20000;  ///< answers to peers that have not proven their address
   double openings_per_s = 64;       ///< new sessions: each may cost the making of a slave
@@ -36,8 +37,10 @@ class ServerHandshake {
  public:
   explicit ServerHandshake(const ServerHandshakeConfig& config) noexcept;
 
+  /// `owner`: identity of the channel's key (net::Standing); a token resumes only its owner's session.
   HelloVerdict on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns, SessionTable& table,
-                        bool shutting_down = false, bool address_proven = false) noexcept;
+                        bool shutting_down = false, bool address_proven = false,
+                        std::uint64_t owner = 0) noexcept;
   /// May an answer be sent now to somebody who has not proven an address?
   bool may_answer(std::int64_t now_ns) noexcept { return challenges_.take(now_ns); }
 

@@ -36,12 +36,12 @@ std::size_t SessionTable::find(std::uint64_t session_id) const noexcept {
   return slot;
 }
 
-std::size_t SessionTable::find_token(std::uint64_t resume_token) const noexcept {
+std::size_t SessionTable::find_token(std::uint64_t resume_token, std::uint64_t owner) const noexcept {
   if (resume_token == 0) return kNone;
   for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
     const Session& s = sessions_[slot];
     const bool resumable = s.state == SlotState::kActive || s.state == SlotState::kSilent;
-    if (resumable && s.resume_token == resume_token) return slot;
+    if (resumable && s.resume_token == resume_token && s.owner == owner) return slot;
   }
   return kNone;
 }
@@ -77,7 +77,7 @@ void SessionTable::start(Session& session, std::size_t slot, const PeerKey& peer
 }
 
 std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
-                               std::int64_t now_ns) noexcept {
+                               std::int64_t now_ns, std::uint64_t owner) noexcept {
   std::size_t best = kNone;
   for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
     const Session& s = sessions_[slot];
@@ -91,6 +91,7 @@ std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::ui
   if (best == kNone) return kNone;
   Session& session = sessions_[best];
   session = {};
+  session.owner = owner;
   session.resume_token = secret_number();
   if (next_epoch_ == 0) next_epoch_ = 1;
   session.epoch = next_epoch_++;
@@ -109,18 +110,20 @@ void SessionTable::end(std::size_t slot, std::int64_t now_ns) noexcept {
 }
 
 DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std::int64_t now_ns,
-                               std::size_t& slot, bool repeats_others) noexcept {
+                               std::size_t& slot, bool repeats_others, std::uint64_t owner) noexcept {
   slot = find(command.session_id);
   if (slot == kNone) return DropCause::kUnknownSession;
   Session& s = sessions_[slot];
-  if (!(s.peer == peer)) return DropCause::kUnauthenticated;
+  if (!(s.peer == peer) || s.owner != owner) return DropCause::kUnauthenticated;
   if (s.state != SlotState::kActive) return DropCause::kUnexpected;
   if (command.epoch != s.epoch) return DropCause::kWrongEpoch;
   if (command.newest_reply > s.reply_sequence) return DropCause::kOutOfRange;
   if ((s.feature_bits & kFeaturePortControl) == 0 && !command.control.empty()) return DropCause::kUnexpected;
+  if ((s.feature_bits & kFeatureSharing) == 0 && command.tip_hold != 0) return DropCause::kUnexpected;
   if ((s.feature_bits & kFeatureRedundancy) == 0 && repeats_others) return DropCause::kUnexpected;
   const std::uint64_t before = s.commands.newest();
-  const DropCause cause = s.commands.accept(command.sequence);
+  const DropCause cause =
+      s.commands.accept(command.sequence, SequenceWindow::max_leap(s.rate_hz, now_ns - s.last_heard_ns));
   if (cause != DropCause::kNone) return cause;
 
   // Spacing by the station's clock: the network's jitter is not in it. Where that clock makes no sense, count

@@ -34,6 +34,7 @@ struct Session {
   std::uint32_t rate_hz = 0;
   std::uint64_t feature_bits = 0;  ///< agreed
   PeerKey peer;
+  std::uint64_t owner = 0;                ///< identity of the key that opened it; nobody else's may use it
   std::array<std::uint64_t, 4> nonces{};  ///< of the Hellos that opened and resumed it, newest first
   SequenceWindow commands;
   std::uint64_t last_send_time_ns = 0;  ///< of the newest command, station clock
@@ -72,15 +73,16 @@ class SessionTable {
   const SessionTableConfig& config() const noexcept { return config_; }
 
   std::size_t find(std::uint64_t session_id) const noexcept;
-  std::size_t find_token(std::uint64_t resume_token) const noexcept;
+  /// The session that this token resumes, if it is `owner`'s.
+  std::size_t find_token(std::uint64_t resume_token, std::uint64_t owner = 0) const noexcept;
   /// The session that the same Hello has opened before (its Welcome was lost); `newest` tells whether by its
   /// latest.
   std::size_t find_nonce(const PeerKey& peer, std::uint64_t nonce, bool& newest) const noexcept;
 
   /// A new session in a free slot, else in place of the one that has been silent or ending longest; kNone:
   /// all active.
-  std::size_t open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
-                   std::int64_t now_ns) noexcept;
+  std::size_t open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz, std::int64_t now_ns,
+                   std::uint64_t owner = 0) noexcept;
   /// The same slave and book under a new session id, perhaps from another address.
   void resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
               std::int64_t now_ns) noexcept;
@@ -88,11 +90,12 @@ class SessionTable {
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
   void release(std::size_t slot) noexcept { sessions_[slot] = {}; }
 
-  /// Is this command of a known session, from its address, of its epoch, without fields of features that were
-  /// not agreed (`repeats_others`: it brings older ones along), and newer than all before? If so, books it:
-  /// sequence, energies, time. `slot` is set as soon as the session is known.
+  /// Is this command of a known session, from its address and owner, of its epoch, without fields of features
+  /// that were not agreed (`repeats_others`: it brings older ones along), and newer than all before, but no
+  /// further ahead than the rate explains? If so, books it: sequence, energies, time. `slot` is set as soon
+  /// as the session is known.
   DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns, std::size_t& slot,
-                   bool repeats_others = false) noexcept;
+                   bool repeats_others = false, std::uint64_t owner = 0) noexcept;
 
   /// Applies the time-outs. Calls `changed(slot, state)` for every session that becomes silent or free.
   template <class Changed>

@@ -31,12 +31,13 @@ constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
 constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64, kF64, kF64,
                                       kF64,     kF64, kF64, kF64, kF64,                    // 15: port control
                                       kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // to 22
-                                      0,        0,    0,    0,    0,    0,    0,    0,     // to 30
-                                      0,        0,    0,    0,    0,    0,    0,    0,    0,    kLen};
-constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
-                                    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                    kF64,     kF64, kF64,  // 20: port control; 25: local model
-                                    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64};
+                                      0,        0,    0,    0,    0,    0,    0,    0,     // 31: sharing
+                                      kF32,     0,    0,    0,    0,    0,    0,    0,    0,    kLen};
+constexpr FieldList kReplyFields = {
+    kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kF64, kF64, kF64, kF64, kF64,
+    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 20: port control; 25: local model
+    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF64, kF64, kF64};  // 36:
+                                                                                                    // sharing
 // The first field behind a feature bit: without features a stream ends before it.
 constexpr std::uint32_t kFirstCommandFeatureField = 15;
 constexpr std::uint32_t kFirstReplyFeatureField = 20;
@@ -69,7 +70,7 @@ constexpr std::size_t longest_payload(const FieldList& fields) {
   }
   return bytes;
 }
-static_assert(longest_payload(kCommandFields) == 193 && longest_payload(kReplyFields) == 319,
+static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 355,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
 static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kMaxRecent * kRecentBytes <=
               kMaxPayloadBytes);

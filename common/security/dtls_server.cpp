@@ -11,6 +11,7 @@
 #include <atomic>
 #include <cstring>
 #include <new>
+#include <string_view>
 #include <vector>
 
 #include "common/base/error.h"
@@ -47,6 +48,7 @@ struct DtlsServer::Impl {
     std::array<std::uint8_t, 32> random{};  // of its ClientHello
     std::array<char, 65> identity{};
     net::Rights rights = net::Rights::kObserve;
+    std::uint64_t number = 0;   // of its identity: net::Standing::identity
     std::int64_t since_ns = 0;  // begin of the handshake, or last datagram opened
     link::TokenBucket rate{1, 1};
   };
@@ -178,6 +180,7 @@ struct DtlsServer::Impl {
       if (entry == nullptr) return false;
       peer.identity = entry->name.empty() ? identity.fingerprint : identity.name;
       peer.rights = entry->rights;
+      peer.number = number_of('c', peer.identity.data());
       return true;
     }
     const char* const name = SSL_get_psk_identity(ssl);
@@ -186,7 +189,16 @@ struct DtlsServer::Impl {
     std::copy_n(entry->identity.begin(), std::min(entry->identity.size(), peer.identity.size() - 1),
                 peer.identity.begin());
     peer.rights = entry->rights;
+    peer.number = number_of('k', peer.identity.data());
     return true;
+  }
+
+  /// Never 0. The names are those of the list, so that nobody can choose one that collides.
+  static std::uint64_t number_of(char kind, const char* identity) noexcept {
+    const std::string_view text(identity);
+    const link::SipKey key{static_cast<std::uint64_t>(kind), 0};
+    return std::max<std::uint64_t>(
+        link::siphash(key, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}), 1);
   }
 
   /// Ends what the new list no longer allows. An identity with another key or right ends too: it may come
@@ -389,7 +401,7 @@ struct DtlsServer::Impl {
       case DtlsChannel::Open::kData:
         counters.add(Event::kOpened);
         peer.since_ns = now_ns;
-        received.standing = {true, peer.rights};
+        received.standing = {true, peer.rights, peer.number};
         return true;
       case DtlsChannel::Open::kNothing:
         counters.add(Event::kForged);

@@ -19,13 +19,14 @@ double silent_s(const recording::Sample& sample) noexcept {
 
 RealTimeSession::RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
                                  link::ClientSession& session, station::Station& station,
-                                 recording::Recorder* recorder, double give_up_s,
+                                 recording::Recorder* recorder, double give_up_s, double observe_s,
                                  const std::atomic<bool>& stop, const loop::LinkOptions& link)
     : device_(device),
       session_(session),
       station_(station),
       recorder_(recorder),
       give_up_s_(give_up_s),
+      observe_s_(observe_s),
       stop_(stop),
       loop_(device, socket, server, session, station, &clock_, link),
       surface_z_w_nm_(session.welcome().surface_z_w_nm),
@@ -77,6 +78,12 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
     last_sessions_ = session_.sessions();
     last_epoch_ = epoch;
   }
+  if (const bool observes = loop_.trace().observes; observes != last_observes_) {
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventTip,
+                                          observes ? "observes the shared tip" : "holds the shared tip",
+                                          observes ? 0 : 1));
+    last_observes_ = observes;
+  }
   const bool silent = silent_s(sample) > kSilentS;
   if (silent && !silent_)
     recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSilent, "server silent"));
@@ -102,6 +109,10 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.energy_j = sample.energy_j;
   p.mode = sample.station_mode;
   p.silent_s = silent_s(sample);
+  p.observes = loop_.trace().observes;
+  p.shutting_down = session_.state() == link::ClientState::kLost && !session_.has_session() &&
+                    session_.bye_reason() == link::ByeReason::kShuttingDown;
+  p.resume_token = session_.resume_token();
   progress_.store(p);
 }
 
@@ -114,10 +125,17 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     ending_ = Ending::kFault;
     return true;
   }
+  // Final: nothing more will come, and nobody needs to wait for it.
+  if (session_.state() == link::ClientState::kClosed || session_.state() == link::ClientState::kRefused) {
+    ending_ = session_.state() == link::ClientState::kClosed ? Ending::kServerEnded : Ending::kRefused;
+    return true;
+  }
   if (silent_s(sample) > give_up_s_) {
     ending_ = Ending::kServerGone;
     return true;
   }
+  // Who does not move the tip watches for as long as the task would take.
+  if (!device_.motion_started() && loop_.trace().observes && sample.time_s > observe_s_) return true;
   return device_.motion_done() &&
          static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
 }

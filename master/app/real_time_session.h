@@ -16,11 +16,12 @@
 namespace telenano::app {
 
 /// Why a session ended.
-enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone };
+enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone, kServerEnded, kRefused };
 
 /// Codes of events in a recording besides the station's modes, 0 to 4. Stored in files: never renumber.
 inline constexpr std::uint32_t kEventSilent = 100;
 inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy book
+inline constexpr std::uint32_t kEventTip = 102;      ///< of a shared tip; value: 1 = holds it, 0 = observes
 
 /// What the loop tells the progress line.
 struct Progress {
@@ -35,6 +36,9 @@ struct Progress {
   double energy_j = 0;
   std::uint32_t mode = 0;
   double silent_s = 0;
+  bool observes = false;       ///< of a shared tip
+  bool shutting_down = false;  ///< the server has said so, and is not back yet
+  std::uint64_t resume_token = 0;
   std::int64_t ticks = 0;
   std::uint64_t overruns = 0;
   std::uint64_t missed_ticks = 0;
@@ -48,10 +52,15 @@ struct Progress {
 /// silent.
 class RealTimeSession {
  public:
-  /// `recorder` may be null. Everything referred to must outlive run().
+  /// `recorder` may be null. `observe_s`: how long it looks on if it never gets a shared tip. Everything
+  /// referred to must outlive run().
   RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
                   link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
-                  double give_up_s, const std::atomic<bool>& stop, const loop::LinkOptions& link = {});
+                  double give_up_s, double observe_s, const std::atomic<bool>& stop,
+                  const loop::LinkOptions& link = {});
+
+  /// Of a shared tip: link::kFlagTakeOver or link::kFlagHandOver. Before run().
+  void set_tip_wish(std::uint32_t flags) noexcept { loop_.set_tip_wish(flags); }
 
   /// The loop, in the thread that calls it. Neither allocates, locks nor writes.
   void run() noexcept;
@@ -75,6 +84,7 @@ class RealTimeSession {
   station::Station& station_;
   recording::Recorder* recorder_;
   double give_up_s_;
+  double observe_s_;
   const std::atomic<bool>& stop_;
   rt::SteadyClock clock_;
   loop::StationLoop loop_;
@@ -92,6 +102,7 @@ class RealTimeSession {
   station::Mode last_mode_ = station::Mode::kIdle;
   std::uint64_t last_sessions_;
   std::uint32_t last_epoch_;
+  bool last_observes_ = false;
 };
 
 }  // namespace telenano::app

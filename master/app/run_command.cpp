@@ -28,6 +28,7 @@
 #include "master/app/run_metrics.h"
 #include "master/app/run_options.h"
 #include "master/app/server_link.h"
+#include "master/app/session_file.h"
 #include "master/app/station_file.h"
 #include "master/app/station_plan.h"
 #include "master/app/stop_signals.h"
@@ -147,6 +148,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
       p.link.commands_lost, p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
   if (p.playout_delay_ms > 0)
     line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
+  if (p.observes) line += "  observing: another session holds the tip, or none";
+  if (p.shutting_down) line += "  server has shut down, trying again";
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
   if (terminal) {
     fmt::print(stderr, "\r{:<190}", line);
@@ -168,6 +171,40 @@ void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& tim
              recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");
 }
 
+// What is told of a shared tip before the session begins, and what is asked for.
+std::uint32_t tip_wish(const RunOptions& options, bool shared) {
+  if (!shared && options.observe) {
+    throw RunError(fmt::format(
+        "--observe: the server at {} gives each session a tip of its own, so there is none to observe; it "
+        "would have to run with --share one-tip",
+        options.server));
+  }
+  if (!shared && options.take_over && !options.quiet)
+    fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
+  if (shared && !options.quiet) {
+    fmt::print(stderr, "note: this server's tip is shared: {}\n",
+               options.observe     ? "observing it"
+               : options.take_over ? "asking for it"
+                                   : "taking it if it is free, else observing (--take-over asks for it)");
+  }
+  if (options.observe) return link::kFlagHandOver;
+  return options.take_over ? std::uint32_t{link::kFlagTakeOver} : 0u;
+}
+
+// What changes of a shared tip and of the server, a line each.
+void print_changes(const Progress& before, const Progress& now, bool terminal) {
+  const char* const end_of_line = terminal ? "\n" : "";
+  if (before.observes != now.observes) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               now.observes ? "the tip is another session's, or nobody's: observing, the force is zero"
+                            : "the tip is this session's");
+  }
+  if (!before.shutting_down && now.shutting_down) {
+    fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
+               end_of_line);
+  }
+}
+
 int run(const RunOptions& options) {
   if (options.device != "sim") {
     throw UserError(fmt::format("--device {}: unknown device; this build has: sim", options.device));
@@ -185,12 +222,21 @@ int run(const RunOptions& options) {
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_nonce_seed();
+  SessionFile session_file(options.session_file);
+  client_config.resume_token = session_file.token();
   client_config.redundancy = static_cast<std::size_t>(file.redundancy);
   link::ClientSession session(client_config);
   connect(session, way, server, config.rate_hz, options, stop);
   Farewell farewell(session, way.datagram(), server);
 
   const link::Welcome welcome = session.welcome();
+  if (!options.quiet && client_config.resume_token != 0) {
+    fmt::print(stderr, "{}\n",
+               session.resumed_unknown_book() ? "resuming the session of the last run"
+                                              : "the session of the last run is gone; this is a new one");
+  }
+  session_file.keep(welcome.resume_token);
+  const std::uint32_t wish = tip_wish(options, (welcome.feature_bits & link::kFeatureSharing) != 0);
   const LinkDelay link =
       measure_link(session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
@@ -236,7 +282,8 @@ int run(const RunOptions& options) {
   }
   station::Station station(config, device.info(), port);
   RealTimeSession live(device, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
-                       stop, file.link);
+                       motion.duration_s(), stop, file.link);
+  live.set_tip_wish(wish);
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
     exporter.emplace(options.metrics, options.metrics_public,
@@ -256,8 +303,13 @@ int run(const RunOptions& options) {
     }
     const bool terminal = isatty(STDERR_FILENO) != 0;
     int waited = 0;
+    Progress told;
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      const Progress now = live.progress();
+      if (now.resume_token != 0) session_file.keep(now.resume_token);
+      if (!options.quiet) print_changes(told, now, terminal);
+      told = now;
       if (!options.quiet && ++waited % (terminal ? 4 : 40) == 0)
         print_progress(live.progress(), motion.duration_s(), terminal);
     }
@@ -265,6 +317,7 @@ int run(const RunOptions& options) {
     if (terminal && !options.quiet) fmt::print(stderr, "\n");
   }
   if (recorder) recorder->close();
+  session_file.remove();  // ended by a Bye, one way or the other
 
   print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
   switch (live.ending()) {
@@ -276,7 +329,17 @@ int run(const RunOptions& options) {
     case Ending::kFault:
       throw RunError(fmt::format("the station stopped itself: {}; the force is zero",
                                  station::fault_name(station.latched_faults())));
+    case Ending::kServerEnded:
+      throw RunError(
+          fmt::format("the server at {} has ended the session; the force is zero", options.server));
+    case Ending::kRefused:
+      throw RunError(refusal_text(session.refuse(), config.rate_hz, options.server));
     case Ending::kServerGone:
+      if (live.progress().shutting_down) {
+        throw RunError(
+            fmt::format("the server at {} has shut down and not come back within {:g} s; the force is zero",
+                        options.server, options.give_up_s));
+      }
       throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero{}",
                                  options.server, options.give_up_s, way.failure()));
   }
@@ -347,6 +410,20 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--give-up-s", options->give_up_s, "End the session after so much silence")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));
+  CLI::Option* const observe = command->add_flag(
+      "--observe", options->observe, "Of a shared tip (serve --share one-tip): look on, never hold it");
+  command
+      ->add_flag(
+          "--take-over", options->take_over,
+          "Of a shared tip: ask for it, and get it as soon as it is free or its holder lets go; with the "
+          "right to administer at once")
+      ->excludes(observe);
+  command
+      ->add_option(
+          "--session-file", options->session_file,
+          "Keep the session's token here: a run that was killed and started again within the server's "
+          "--resume-s goes on with the same tip and book")
+      ->type_name("FILE");
   command->add_flag("--quiet", options->quiet, "No progress, only the summary");
   command->footer(
       "Exit code: 0 the task is done, or stopped by a signal; 1 failed while running: no server, server "

@@ -30,6 +30,9 @@ struct RunOptions : ServerAccess {
   int realtime_cpu = -1;
   bool cpu_awake = false;
   double give_up_s = 10;
+  bool observe = false;
+  bool take_over = false;
+  std::string session_file;
   bool quiet = false;
   std::string command_line;
 };

@@ -54,7 +54,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   }
   if (session_.sessions() != sessions_begun_) {
     sessions_begun_ = session_.sessions();
-    station_.begin_session(session_.welcome());
+    station_.begin_session(session_.welcome(), !session_.resumed_unknown_book());
     gate_.clear();
   }
 

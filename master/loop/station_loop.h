@@ -38,6 +38,8 @@ class StationLoop {
   void say_bye(link::ByeReason reason) noexcept;
 
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
+  /// link::kFlagTakeOver: ask for a shared tip; link::kFlagHandOver: leave it to others; 0: as it comes.
+  void set_tip_wish(std::uint32_t flags) noexcept { input_.tip_wish = flags; }
   const station::StationTrace& trace() const noexcept { return output_.trace; }
   std::uint64_t send_failures() const noexcept { return send_failures_; }
   const link::Playout& playout() const noexcept { return playout_; }

@@ -21,8 +21,12 @@ class KeyWatcher {
   KeyWatcher(const KeyWatcher&) = delete;
   KeyWatcher& operator=(const KeyWatcher&) = delete;
 
+  /// Reads the list now, changed or not, and says so. From any thread.
+  void reload();
+
  private:
   void run();
+  void read(bool say);
 
   std::string path_;
   security::DtlsServer& server_;

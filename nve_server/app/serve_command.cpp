@@ -1,12 +1,11 @@
 #include "nve_server/app/serve_command.h"
 
+#include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
-#include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <csignal>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -18,33 +17,29 @@
 #include "common/net/udp.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
+#include "nve_server/app/reload_watcher.h"
 #include "nve_server/app/serve_metrics.h"
 #include "nve_server/app/serve_security.h"
+#include "nve_server/app/server_signals.h"
 #include "nve_server/app/service_notify.h"
 #include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
 namespace {
 
-// Signal handlers can reach nothing else.
-std::atomic<bool> g_stop{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void on_signal(int) {
-  g_stop.store(true, std::memory_order_relaxed);
-}
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = on_signal;  // no SA_RESTART: a sleeping wait returns at once
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
-
 link::SipKey fresh_secret() {
   std::random_device device;  // the kernel's generator
   const auto word = [&] { return (static_cast<std::uint64_t>(device()) << 32) | device(); };
   return {word(), word()};
+}
+
+/// How much may wait for the loop before the kernel drops it, whoever sent it.
+std::string buffer_text(std::size_t granted) {
+  const std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
+  if (granted >= net::Udp::kBufferBytes) return text;
+  return text +
+         fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
+                     net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
 }
 
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
@@ -68,6 +63,7 @@ class StatusPrinter {
 
   void run() {
     std::uint64_t last_exchanges = 0;
+    std::uint64_t last_holdings = 0;
     std::string last_channels;
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, kPeriod, [this] { return done_; })) {
@@ -80,6 +76,9 @@ class StatusPrinter {
                    status_.opened.load(std::memory_order_relaxed),
                    status_.timed_out.load(std::memory_order_relaxed));
       }
+      const std::uint64_t holdings = status_.holdings.load(std::memory_order_relaxed);
+      if (holdings != last_holdings) log_->info("the tip went to a session {} times", holdings);
+      last_holdings = holdings;
       last_exchanges = exchanges;
       if (channels_ == nullptr) continue;
       // Strangers and forgers are told of, whether or not there are sessions.
@@ -105,6 +104,7 @@ struct ServeOptions {
   std::size_t max_sessions = 64;
   std::optional<int> timeout_ms;  // left out: as the scene says
   int resume_s = 30;
+  std::string share;  // left out: as the scene's slave must be, else private
   bool busy_poll = false;
   std::string metrics;
   bool metrics_public = false;
@@ -128,6 +128,8 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
   config.table.timeout_ns = timeout_ms * 1'000'000;
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
+  const bool one_tip = options.share == "one-tip" || (options.share.empty() && scene.one_tip_only);
+  config.share = one_tip ? server::Share::kOneTip : server::Share::kPrivate;
   server::Server server(config, std::move(scene));
 
   server::LoopStatus status;
@@ -141,10 +143,10 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
-  g_stop = false;
-  catch_signals();
-  log->info("serving {} on {}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "");
-
+  ServerSignals& signals = catch_server_signals();
+  log->info("serving {} on {}{}{}", options.scene, net::to_string(socket.local()),
+            secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "");
+  log->info("{}", buffer_text(socket.receive_buffer_bytes()));
   if (exporter) log->info("metrics at {}", exporter->url());
   if (!marked)
     log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
@@ -155,13 +157,20 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
           options.security.key_list_path(), *secure, [&](const std::string& text) { log->warn(text); },
           [&](const std::string& text) { log->info(text); });
     }
+    const ReloadWatcher reloader(signals.reload, [&] {
+      log->info("SIGHUP: {}; the scene stays as it was loaded: restart to serve another one",
+                watcher ? "reading the list of keys" : "there are no keys to read");
+      if (watcher) watcher->reload();
+    });
     const StatusPrinter printer(status, channels, log);
     const ServiceNotify service(status);
     server::LoopOptions loop_options;
     loop_options.busy_poll = options.busy_poll;
+    loop_options.shutdown.at_once = &signals.at_once;
     server::run_loop(
         server, secure ? static_cast<net::Datagram&>(*secure) : socket, clock,
-        [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, g_stop, loop_options, status);
+        [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, signals.stop, loop_options,
+        status);
   }
 
   std::string drops;
@@ -199,6 +208,12 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
+  command
+      ->add_option(
+          "--share", options->share,
+          "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
+          "the tip, the others observe")
+      ->check(CLI::IsMember({"private", "one-tip"}));
   command->add_flag("--busy-poll", options->busy_poll,
                     "Spin instead of sleeping: quickest answers, one core busy");
   command

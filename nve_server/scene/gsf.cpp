@@ -12,6 +12,7 @@
 #include <map>
 #include <sstream>
 #include <string_view>
+#include <vector>
 
 #include "common/base/constants.h"
 #include "common/base/error.h"
@@ -23,6 +24,7 @@ constexpr std::string_view kMagic = "Gwyddion Simple Field 1.0\n";
 constexpr std::size_t kHeaderMax = 65536;
 constexpr int kSizeMin = 2;
 constexpr int kSizeMax = 8192;
+constexpr std::size_t kFileBytesMax = kHeaderMax + 8 + 4 * std::size_t{kSizeMax} * kSizeMax;
 constexpr double kExtentMin_m = 1e-10;
 constexpr double kExtentMax_m = 1e-3;
 constexpr double kHeightMax_nm = 1e5;
@@ -152,7 +154,7 @@ Scan parse_gsf(const std::string& bytes, const std::string& name) {
   grid.dy_nm = scan.height_nm / grid.rows;
   grid.x_first_nm = 0.5 * grid.dx_nm;
   grid.y_first_nm = 0.5 * grid.dy_nm;
-  if (const auto title = header.find("Title"); title != header.end()) scan.title = title->second;
+  if (const auto title = header.find("Title"); title != header.end()) scan.title = one_line(title->second);
 
   const std::size_t data = (header_end / 4 + 1) * 4;
   const std::size_t count = static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows);
@@ -194,9 +196,14 @@ Scan read_gsf(const std::string& path, std::string* content) {
   if (std::filesystem::is_directory(path, error)) fail(path, "is a folder, expected a .gsf scan");
   std::ifstream file(path, std::ios::binary);
   if (!file) fail(path, std::string("the scan cannot be read: ") + std::strerror(errno));
-  std::ostringstream buffer;
-  buffer << file.rdbuf();
-  std::string bytes = buffer.str();
+  // A device or a wrong file may have no end.
+  std::string bytes;
+  std::vector<char> block(std::size_t{1} << 20);
+  while (file) {
+    file.read(block.data(), static_cast<std::streamsize>(block.size()));
+    bytes.append(block.data(), static_cast<std::size_t>(file.gcount()));
+    if (bytes.size() > kFileBytesMax) fail(path, "is longer than the largest scan, 8192 x 8192 heights");
+  }
   Scan scan = parse_gsf(bytes, path);
   if (content != nullptr) *content = std::move(bytes);
   return scan;

@@ -15,6 +15,7 @@ void publish(const Server& server, LoopStatus& status) noexcept {
   status.drops.store(server.drops().total(), kRelaxed);
   status.opened.store(server.counters().opened, kRelaxed);
   status.timed_out.store(server.counters().timed_out, kRelaxed);
+  status.holdings.store(server.counters().holdings, kRelaxed);
 }
 
 }  // namespace
@@ -57,8 +58,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     }
     if (drained && !options.busy_poll) wait(next_poll_ns - now_ns);
   }
-  net::Address to;
-  while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
+  shut_down(server, socket, clock, wait, options.shutdown);
   publish(server, status);
   take_snapshot(server, clock.now_ns(), snapshot);
   status.snapshot.store(snapshot);

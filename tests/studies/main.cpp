@@ -5,6 +5,7 @@
 #include "common/config/program.h"
 #include "tests/studies/contact_command.h"
 #include "tests/studies/figures/figures_command.h"
+#include "tests/studies/flood/flood_command.h"
 #include "tests/studies/loop_bench/loop_bench_command.h"
 #include "tests/studies/methods/methods_command.h"
 #include "tests/studies/precision/precision_command.h"
@@ -21,6 +22,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   telenano::studies::add_contact_command(app);
   telenano::studies::add_figures_command(app);
+  telenano::studies::add_flood_command(app);
   CLI::App* bench = app.add_subcommand("bench", "The product beside its floor, in one run");
   bench->require_subcommand(1);
   telenano::studies::add_loop_bench(*bench);

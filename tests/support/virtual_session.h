@@ -38,6 +38,15 @@ struct VirtualSessionConfig {
   std::size_t link_capacity = 4096;  ///< datagrams on the way, each way; what is more is lost
   double server_drift_ppm = 0;  ///< how much faster than the station's the server's clock runs
   std::uint64_t seed = 1;
+  server::Share share = server::Share::kPrivate;
+  /// Instead of a server of its own: another session's (VirtualSession::shared_server), which must be stepped
+  /// at the same rate.
+  std::shared_ptr<server::Server> server{};
+  std::int64_t start_ns = 0;       ///< its now_ns(): one server has one time
+  std::uint16_t port = 0;          ///< of the station's address, where one server has several; 0: the link's
+  net::Standing standing{};        ///< what the station's channel vouches for
+  std::uint64_t resume_token = 0;  ///< of an earlier station
+  std::uint32_t tip_wish = 0;      ///< link::kFlagTakeOver, link::kFlagHandOver
   loop::LinkOptions link_options{};
   std::size_t redundancy = 0;  ///< commands that each datagram repeats
 };
@@ -58,9 +67,15 @@ class VirtualSession {
   /// The server process dies and another one starts in its place, knowing nothing.
   void restart_server();
   /// The server process dies: what arrives is lost until restart_server().
-  void kill_server() noexcept { server_.reset(); }
+  void kill_server() noexcept { down_ = true; }
   /// The server's clock leaps ahead, as after its machine was suspended.
   void leap_server_clock(std::int64_t ns) noexcept { server_ahead_ns_ += ns; }
+  /// The server says Bye to all and withdraws the tips for `ms`, as at SIGTERM; then there is none until
+  /// restart_server().
+  void stop_server(int ms);
+  /// What a server made from now on says of its scene.
+  void set_scene_hash(std::uint64_t hash) noexcept { scene_hash_ = hash; }
+  const std::shared_ptr<server::Server>& shared_server() const noexcept { return server_; }
 
   /// The task is over; a hand of the test's own is never done.
   bool done() const noexcept { return device_ && device_->motion_done(); }
@@ -70,6 +85,7 @@ class VirtualSession {
   server::Server& server() noexcept { return *server_; }
   net::SimLink& link() noexcept { return link_; }
   loop::StationLoop& loop() noexcept { return *loop_; }
+  std::int64_t now_ns() const noexcept { return now_ns_; }
   double period_s() const noexcept { return static_cast<double>(period_ns_) * 1e-9; }
 
  private:
@@ -81,7 +97,9 @@ class VirtualSession {
   VirtualSessionConfig config_;
   net::SimLink link_;
   rt::VirtualClock clock_;
-  std::unique_ptr<server::Server> server_;
+  std::shared_ptr<server::Server> server_;
+  bool down_ = false;
+  std::uint64_t scene_hash_ = 0;
   std::uint64_t servers_made_ = 0;
   link::ClientSession client_;
   std::unique_ptr<device::SimDevice> device_;

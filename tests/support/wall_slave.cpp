@@ -57,6 +57,8 @@ void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOu
   }
   if (watch_) {
     watch_->commanded_z_w_nm = commanded_w_nm_.z();
+    watch_->energy_in_aj = energy_in_aj_;
+    watch_->energy_out_aj = energy_out_aj_;
     watch_->force_nn = force_nn;
     watch_->most_force_nn = std::max(watch_->most_force_nn, force_nn);
   }

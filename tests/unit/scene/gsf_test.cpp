@@ -138,6 +138,14 @@ TEST(Gsf, WritesWhatTheFormatSays) {
                 "m\nTitle = two lines\n"));
 }
 
+TEST(Gsf, ATitleWithControlCharactersComesBackAsItWasRead) {
+  const Scan scan = parse_gsf(gsf(std::string(kGood) + "Title = a\x01"
+                                                       "b\x02\n"),
+                              "s.gsf");
+  EXPECT_EQ(scan.title, "a b");
+  EXPECT_EQ(parse_gsf(format_gsf(scan, "s.gsf"), "s.gsf").title, scan.title);
+}
+
 TEST(Gsf, ReplacesAFileInOneMove) {
   const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "gsf_write_test";
   std::filesystem::create_directories(folder);
