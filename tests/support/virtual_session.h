@@ -36,7 +36,7 @@ struct VirtualSessionConfig {
   net::SimPath to_server{};
   net::SimPath to_station{};
   std::size_t link_capacity = 4096;  ///< datagrams on the way, each way; what is more is lost
-  double server_drift_ppm = 0;  ///< how much faster than the station's the server's clock runs
+  double server_drift_ppm = 0;       ///< how much faster than the station's the server's clock runs
   std::uint64_t seed = 1;
   server::Share share = server::Share::kPrivate;
   /// Instead of a server of its own: another session's (VirtualSession::shared_server), which must be stepped
