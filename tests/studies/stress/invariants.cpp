@@ -109,7 +109,7 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   const bool news = around.reply_ns != last_reply_ns_;
   const double silent_s = time_s - last_news_s_;
   if (news) {
-    if (silent_s > limits_.stale_zero_s + limits_.period_s && last_reply_ns_ >= 0) {
+    if (last_reply_ns_ >= 0 && last_h_n_.isZero(0) && silent_s > limits_.stale_zero_s + limits_.period_s) {
       const double shown_n =
           vec3(row.hand_force_rendered_h_n).norm() + row.damper_n_s_m * limits_.velocity_max_m_s;
       if (norm_n > last_h_n_.norm() + shown_n * limits_.period_s / limits_.ramp_s * (1 + 1e-9) + 1e-12)

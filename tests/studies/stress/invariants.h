@@ -26,7 +26,7 @@ enum Invariant : std::uint32_t {
   /// act: they can only take away. How often they act is counted.
   kInvariantSlew = 1u << 4,
   kInvariantStale = 1u << 5,   ///< no force later than stale_zero_s after the last new reply
-  kInvariantLeap = 1u << 6,    ///< back after such a silence: no more than one tick of the ramp at once
+  kInvariantLeap = 1u << 6,    ///< back after such a silence: from no force one tick of the ramp at most
   kInvariantTip = 1u << 7,     ///< the slave's force within its own limit
   kInvariantFinite = 1u << 8,  ///< no NaN, no infinity
   /// The product's observer says what the true book says, up to Q.
