@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 namespace telenano::station {
 namespace {
@@ -79,7 +80,8 @@ control::Method usable_method(control::Method wanted, std::uint64_t features) no
   return wanted;
 }
 
-Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave)
+Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave,
+                 std::unique_ptr<control::StationMethod> stand_in)
     : config_((config.validate(), config)),
       slave_(slave),
       device_damping_n_s_m_(config.device_damping_n_s_m < 0 ? device.damping_n_s_m
@@ -90,7 +92,9 @@ Station::Station(const StationConfig& config, const device::DeviceInfo& device, 
       force_limit_n_(config.force_safety * device.force_max_n),
       observer_(device.position_quantum_m),
       methods_(config.method, method_config()),
-      mapping_(config.scaling) {}
+      mapping_(config.scaling) {
+  methods_.stand_in(std::move(stand_in));
+}
 
 control::MethodConfig Station::method_config() const noexcept {
   control::MethodConfig method;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "common/base/vec3.h"
 #include "common/control/energy_observer.h"
@@ -105,7 +106,9 @@ struct StationOutput {
 /// earlier ones cannot undo it.
 class Station {
  public:
-  Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave);
+  /// `stand_in`: a method of the caller's own in place of the configured one (control::Methods::stand_in).
+  Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave,
+          std::unique_ptr<control::StationMethod> stand_in = nullptr);
 
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
   /// makes a force step; the book goes on (a new session grants no new allowance). Scaling, damper and clamp

@@ -14,6 +14,7 @@
 #include "tests/studies/relay/relay_command.h"
 #include "tests/studies/report/report_command.h"
 #include "tests/studies/session_command.h"
+#include "tests/studies/stress/stress_command.h"
 #include "tests/studies/zwidth/zwidth_command.h"
 
 int main(int argc, char** argv) {
@@ -35,6 +36,7 @@ int main(int argc, char** argv) {
   telenano::studies::add_report_command(app);
   telenano::studies::add_session_command(app, exit_code);
   telenano::studies::add_scaling_command(app);
+  telenano::studies::add_stress_command(app, exit_code);
   telenano::studies::add_zwidth_command(app);
   return telenano::config::run_program(app, argc, argv, exit_code);
 }

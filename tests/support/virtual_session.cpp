@@ -58,7 +58,8 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
   station_ = std::make_unique<station::Station>(
       config_.station, device.info(),
       station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
-                         welcome.force_max_nn});
+                         welcome.force_max_nn},
+      config_.make_method ? config_.make_method() : nullptr);
   loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_,
                                               nullptr, config_.link_options);
   loop_->set_tip_wish(config_.tip_wish);
@@ -118,32 +119,41 @@ void VirtualSession::serve_until(std::int64_t until_ns) {
   for (std::int64_t arrival = link_.next_arrival_ns(); arrival < until_ns;
        arrival = link_.next_arrival_ns()) {
     link_.advance_to(arrival);
-    clock_.advance_to(arrival);
+    clock_.advance_to(server_ns(arrival));
     net::Received received;
     bool any = false;
     while (link_.b().receive(in, received)) {
       any = true;
       if (down_) continue;
-      const std::size_t n = server_->on_datagram(std::span(in).first(received.size), received.from, arrival,
-                                                 out, &clock_, config_.standing);
+      const std::size_t n = server_->on_datagram(std::span(in).first(received.size), received.from,
+                                                 server_ns(arrival), out, &clock_, config_.standing);
       if (n > 0) link_.b().send(std::span<const std::uint8_t>(out).first(n), received.from);
     }
     if (!any && link_.next_arrival_ns() <= arrival) break;  // only the station's datagrams are waiting
   }
   link_.advance_to(until_ns);
-  clock_.advance_to(until_ns);
-  if (!down_) server_->poll(until_ns);
+  clock_.advance_to(server_ns(until_ns));
+  if (!down_) server_->poll(server_ns(until_ns));
 }
 
-const recording::Sample& VirtualSession::step() {
+std::int64_t VirtualSession::server_ns(std::int64_t now_ns) const noexcept {
+  return now_ns + std::llround(config_.server_drift_ppm * 1e-6 * static_cast<double>(now_ns)) +
+         server_ahead_ns_;
+}
+
+const recording::Sample& VirtualSession::step(int periods) {
   if (!motion_started_ && station_->mode() == station::Mode::kEngaged) {
     motion_started_ = true;
     config_.hand ? config_.hand->start_motion() : device_->start_motion();
   }
-  loop_->tick(now_ns_, period_s(), sample_);
-  serve_until(now_ns_ + period_ns_);
-  config_.hand ? config_.hand->advance(period_ns_) : device_->advance(period_ns_);
-  now_ns_ += period_ns_;
+  loop_->tick(now_ns_, since_last_tick_ns_ > 0 ? 1e-9 * static_cast<double>(since_last_tick_ns_) : period_s(),
+              sample_);
+  since_last_tick_ns_ = periods * period_ns_;
+  for (int i = 0; i < periods; ++i) {
+    serve_until(now_ns_ + period_ns_);
+    config_.hand ? config_.hand->advance(period_ns_) : device_->advance(period_ns_);
+    now_ns_ += period_ns_;
+  }
   return sample_;
 }
 

@@ -27,6 +27,8 @@ struct VirtualSessionConfig {
   /// Instead of the simulated device and operator, whose task, script and plant then do not matter.
   std::shared_ptr<VirtualHand> hand{};
   station::StationConfig station{};
+  /// Instead of the method that the station is configured for: the same name on the wire, other contents.
+  std::function<std::unique_ptr<control::StationMethod>()> make_method{};
   device::Task task = device::Task::kIndent;
   device::TaskOptions task_options{};
   std::vector<device::IntendedMotion::Waypoint> script{};  ///< of Task::kScript
@@ -34,6 +36,7 @@ struct VirtualSessionConfig {
   net::SimPath to_server{};
   net::SimPath to_station{};
   std::size_t link_capacity = 4096;  ///< datagrams on the way, each way; what is more is lost
+  double server_drift_ppm = 0;       ///< how much faster than the station's the server's clock runs
   std::uint64_t seed = 1;
   server::Share share = server::Share::kPrivate;
   /// Instead of a server of its own: another session's (VirtualSession::shared_server), which must be stepped
@@ -55,13 +58,18 @@ class VirtualSession {
  public:
   explicit VirtualSession(const VirtualSessionConfig& config);
 
-  /// One tick of the station and all that the server does until the next one. Returns its row.
-  const recording::Sample& step();
+  /// One tick of the station and all that the server does until the next one, `periods` later: with more than
+  /// one the station misses ticks, while device and link go on. Returns its row.
+  const recording::Sample& step(int periods = 1);
   /// Steps until the task is over (or max_ticks); calls `each` after every step.
   std::int64_t run(std::int64_t max_ticks, const std::function<void(const recording::Sample&)>& each = {});
 
   /// The server process dies and another one starts in its place, knowing nothing.
   void restart_server();
+  /// The server process dies: what arrives is lost until restart_server().
+  void kill_server() noexcept { down_ = true; }
+  /// The server's clock leaps ahead, as after its machine was suspended.
+  void leap_server_clock(std::int64_t ns) noexcept { server_ahead_ns_ += ns; }
   /// The server says Bye to all and withdraws the tips for `ms`, as at SIGTERM; then there is none until
   /// restart_server().
   void stop_server(int ms);
@@ -84,6 +92,7 @@ class VirtualSession {
   void make_server();
   void make_device(const link::Welcome& welcome);
   void serve_until(std::int64_t until_ns);
+  std::int64_t server_ns(std::int64_t now_ns) const noexcept;  ///< what the server's clock says then
 
   VirtualSessionConfig config_;
   net::SimLink link_;
@@ -99,6 +108,8 @@ class VirtualSession {
   recording::Sample sample_;
   std::int64_t period_ns_ = 0;
   std::int64_t now_ns_ = 0;
+  std::int64_t since_last_tick_ns_ = 0;
+  std::int64_t server_ahead_ns_ = 0;
   bool motion_started_ = false;
 };
 
