@@ -2,24 +2,32 @@
 # Takes a fresh Debian 12 all the way to a recorded session: installs what is missing, configures, builds, then runs a
 # server and a station as two processes over loopback UDP, with a simulated Omega and a simulated hand: the three tasks of
 # Kim & Sitti on a real AFM scan, then silicon oxide at a scaling that oscillates without control. Ends with a report.
+# With --view instead: the same scan in a window, and the mouse is the hand.
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 usage() {
   cat <<'H'
-usage: deploy/demo.sh [--no-install] [--out DIR]
+usage: deploy/demo.sh [--no-install] [--view] [--out DIR]
   --no-install   do not call apt; fail if something is missing
+  --view         no tasks and no report: a window on the scan, with your mouse as the hand, until you close it
   --out DIR      where recordings and report go (default: demo-out; an earlier demo there is replaced)
 H
 }
 parse_common_flags "$@"
 out=$project/demo-out
+view=no
 while [ ${#rest[@]} -gt 0 ]; do
   case ${rest[0]} in
     --out) [ ${#rest[@]} -ge 2 ] || { usage >&2; exit 2; }; out=$(realpath -m "${rest[1]}"); rest=("${rest[@]:2}") ;;
+    --view) view=yes; rest=("${rest[@]:1}") ;;
     *) printf 'error: unknown argument %s\n' "${rest[0]}" >&2; usage >&2; exit 2 ;;
   esac
 done
+if [ "$view" = yes ] && [ -z "${DISPLAY:-}${WAYLAND_DISPLAY:-}" ]; then
+  die "--view: there is no display; log in graphically or with ssh -X" 2
+fi
 [ "$install" = no ] || install_missing "${build_packages[@]}"
-configure_and_build telenano-nve telenano-master telenano-lab
+if [ "$view" = yes ]; then configure_and_build telenano-nve telenano-master
+else configure_and_build telenano-nve telenano-master telenano-lab; fi
 
 bin=$project/build/release/bin scenes=$project/deploy/scenes
 mkdir -p "$out/recordings"
@@ -55,6 +63,14 @@ run() { # label, then arguments of telenano-master run
 
 say "Server: a real AFM scan (flakes on a flat substrate, 600 x 600 nm)"
 start_server flakes.toml
+if [ "$view" = yes ]; then
+  say "Your mouse is the hand: drag down in the right picture until you touch. F1 tells the keys; close the window to end"
+  status=0
+  "$bin/telenano-master" run --server "$address" --device mouse --surface "$project/deploy/data/wsxm_600nm.gsf" \
+    --record "$out/recordings/mouse.h5" || status=$?
+  stop_server
+  exit "$status"
+fi
 run "Task (a): hold 10-20 nm above the surface"  --task position --record "$out/recordings/position.h5"
 run "Task (b): just in contact"                  --task contact  --record "$out/recordings/contact.h5"
 run "Task (c): below the surface"                --task indent   --record "$out/recordings/indent.h5"

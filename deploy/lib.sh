@@ -4,13 +4,13 @@ project=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 jobs=${TELENANO_JOBS:-$(nproc)}
 
 say() { if [ -t 2 ]; then printf '\033[1m== %s\033[0m\n' "$*" >&2; else printf '== %s\n' "$*" >&2; fi; }
-die() { printf 'error: %s\n' "$*" >&2; exit "${2:-1}"; }
+die() { printf 'error: %s\n' "$1" >&2; exit "${2:-1}"; }
 
 # Debian 12 packages: what the build needs, what the plots and tests need. Only missing ones are installed.
 build_packages=(g++ cmake ninja-build pkg-config git ca-certificates libboost-dev libprotobuf-dev protobuf-compiler
-  libeigen3-dev libhdf5-dev libssl-dev libsystemd-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev libgtest-dev libbenchmark-dev
-  prometheus-cpp-dev gnuplot-nox)
-test_packages=(python3 python3-h5py python3-protobuf dpkg-dev file)
+  libeigen3-dev libhdf5-dev libssl-dev libsystemd-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev libhidapi-dev libgtest-dev libbenchmark-dev
+  prometheus-cpp-dev gnuplot-nox libglfw3-dev libimgui-dev libstb-dev libepoxy-dev libgl-dev libegl-dev libgl1-mesa-dri fonts-dejavu-core)
+test_packages=(python3 python3-h5py python3-protobuf xvfb xauth dpkg-dev file)
 
 install_missing() {
   local missing=() p

@@ -9,7 +9,11 @@ usage: deploy/test.sh [--no-install] [CTEST ARGUMENT ...]
 H
 }
 parse_common_flags "$@"
-[ "$install" = no ] || install_missing "${build_packages[@]}" "${test_packages[@]}"
+if [ "$install" = yes ]; then
+  install_missing "${build_packages[@]}" "${test_packages[@]}"
+  say 'Preparing the virtual machine of the network tests'
+  bash "$project/tests/system/vm.sh" --prepare || say 'There will be none: tests that need it are skipped'
+fi
 configure_and_build
 say "Running the tests"
 cd "$project/build/release"

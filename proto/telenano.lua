@@ -49,7 +49,8 @@ xyz(messages[5], 10, "tip_pos_w_{}_nm")
 more(5, { 13, "energy_in_j", "d" }, { 14, "energy_out_j", "d" }, { 15, "method", "i", methods },
   { 16, "energy_scale_aj_j", "d" }, { 17, "energy_sent_j", "d" })
 xyz(messages[5], 18, "wave_sum_w_{}_sqrt_aj_s")
-more(5, { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" }, { 40, "recent_commands", "b" })
+more(5, { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" }, { 31, "tip_hold", "i" },
+  { 40, "recent_commands", "b" })
 xyz(messages[6], 11, "force_w_{}_nn")
 xyz(messages[6], 14, "tip_pos_w_{}_nm")
 more(6, { 17, "deflection_nm", "d" }, { 18, "energy_in_aj", "d" }, { 19, "energy_out_aj", "d" },
@@ -59,7 +60,9 @@ more(6, { 24, "wave_energy_aj", "d" }, { 25, "model_version", "i" })
 xyz(messages[6], 26, "model_point_w_{}_nm")
 xyz(messages[6], 29, "model_normal_w_{}")
 more(6, { 32, "model_stiffness_n_m", "d" }, { 33, "model_adhesion_nn", "d" }, { 34, "model_shear_stiffness_n_m", "d" },
-  { 35, "model_friction_nn", "d" }, { 36, "steps_before", "q" })
+  { 35, "model_friction_nn", "d" }, { 36, "tip_hold", "i" })
+xyz(messages[6], 37, "hold_pos_w_{}_nm")
+more(6, { 40, "steps_before", "q" })
 
 local header = {
   magic = ProtoField.string("telenano.magic", "Magic"),

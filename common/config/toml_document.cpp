@@ -295,6 +295,10 @@ void TomlTable::fail(std::string_view key, const std::string& message) const {
                   ": " + message);
 }
 
+namespace {
+constexpr std::size_t kFileBytesMax = std::size_t{1} << 20;  // ours have 2 KiB
+}  // namespace
+
 TomlDocument TomlDocument::load(const std::string& path) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) {
@@ -302,9 +306,12 @@ TomlDocument TomlDocument::load(const std::string& path) {
   }
   std::ifstream file(path, std::ios::binary);
   if (!file) throw UserError(path + ": cannot be read: " + std::strerror(errno));
-  std::ostringstream content;
-  content << file.rdbuf();
-  return parse(content.str(), path);
+  // A device or a wrong file may have no end.
+  std::string content(kFileBytesMax + 1, '\0');
+  file.read(content.data(), static_cast<std::streamsize>(content.size()));
+  content.resize(static_cast<std::size_t>(file.gcount()));
+  if (content.size() > kFileBytesMax) throw UserError(path + ": is longer than 1 MiB, expected a TOML file");
+  return parse(std::move(content), path);
 }
 
 TomlDocument TomlDocument::parse(std::string content, const std::string& name) {

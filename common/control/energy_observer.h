@@ -69,6 +69,13 @@ class EnergyObserver {
     return put_in_j;
   }
 
+  /// The position is taken up anew, without an exchange: what lies before means nothing (a device that has
+  /// just been calibrated). No force may have acted meanwhile.
+  void resume_at(const Vec3& hand_pos_h_m) noexcept {
+    last_pos_h_m_ = hand_pos_h_m;
+    displacement_h_m_.setZero();
+  }
+
   double energy_j() const noexcept { return energy_.value(); }        ///< put in by the hand, net
   double energy_in_j() const noexcept { return energy_in_.value(); }  ///< ≥ 0, never falls
   double energy_out_j() const noexcept {

@@ -1,5 +1,8 @@
 #pragma once
 
+#include <memory>
+#include <utility>
+
 #include "common/control/local_model.h"
 #include "common/control/one_port.h"
 #include "common/control/station_method.h"
@@ -22,8 +25,12 @@ class Methods {
         model_(config),
         method_(method) {}
 
-  StationMethod& now() noexcept { return of(method_); }
-  const StationMethod& now() const noexcept { return const_cast<Methods*>(this)->of(method_); }
+  /// From now on a method of the caller's own stands in for whichever is in use: a candidate, or one that is
+  /// known to be wrong and must be found out. The slave is told what `method()` says.
+  void stand_in(std::unique_ptr<StationMethod> other) noexcept { other_ = std::move(other); }
+
+  StationMethod& now() noexcept { return other_ ? *other_ : of(method_); }
+  const StationMethod& now() const noexcept { return const_cast<Methods*>(this)->now(); }
   Method method() const noexcept { return method_; }
 
   /// Bumpless in energy: the deficit is carried over, nothing is granted. The caller takes care of the force.
@@ -62,6 +69,7 @@ class Methods {
   TwoLayerTank tank_;
   LocalModel model_;
   Method method_;
+  std::unique_ptr<StationMethod> other_;
 };
 
 }  // namespace telenano::control

@@ -98,14 +98,11 @@ std::size_t ClientSession::poll(std::int64_t now_ns, std::span<std::uint8_t> out
 
 ClientEvent ClientSession::drop(DropCause cause) noexcept {
   drops_.add(cause);
-  last_drop_ = cause;
   return ClientEvent::kDropped;
 }
 
 ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept {
   overtaken_ = false;
-  last_drop_ = DropCause::kNone;
-  incoming_.type = MessageType::kNone;
   const DropCause cause = codec_.decode(bytes, incoming_);
   if (cause != DropCause::kNone) return drop(cause);
   switch (incoming_.type) {
@@ -159,6 +156,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
     stats_.reset();  // another server, perhaps: another clock
   }
   if (sessions_ == 0 || welcome.epoch != welcome_.epoch) slave_energy_.reset();
+  unknown_book_ = sessions_ == 0 && resume_token_ != 0 && welcome.resume_token == resume_token_;
   count(past_);
   sent_.clear();
   welcome_ = welcome;
@@ -223,9 +221,13 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   if (reply.command_sequence > command_sequence_) return drop(DropCause::kOutOfRange);
   const bool port_unasked = (features() & kFeaturePortControl) == 0 && !reply.port.empty();
   const bool model_unasked = (features() & kFeatureLocalModel) == 0 && !reply.model.empty();
+  const bool tip_unasked = (features() & kFeatureSharing) == 0 && !reply.tip.empty();
   const bool history_unasked = (features() & kFeatureStepHistory) == 0 && reply.steps_before != 0;
-  if (port_unasked || model_unasked || history_unasked) return drop(DropCause::kUnexpected);
-  const DropCause cause = replies_.accept(reply.sequence);
+  if (port_unasked || model_unasked || tip_unasked || history_unasked) return drop(DropCause::kUnexpected);
+  // The n-th reply answers the n-th accepted command, or a later one.
+  if (reply.sequence > reply.command_sequence) return drop(DropCause::kOutOfRange);
+  const DropCause cause =
+      replies_.accept(reply.sequence, SequenceWindow::max_leap(config_.rate_hz, now_ns - last_news_ns_));
   overtaken_ = cause == DropCause::kStale;
   if (cause != DropCause::kNone) return drop(cause);
   reply_ = reply;
@@ -263,6 +265,10 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
     c.wave_energy_aj = std::max(0.0, c.wave_energy_aj - control_base_.wave_energy_aj);
   } else {
     command.control = {};
+  }
+  if ((features() & kFeatureSharing) == 0) {
+    command.tip_hold = 0;
+    command.flags &= ~(kFlagTakeOver | kFlagHandOver);
   }
   if ((features() & kFeatureRedundancy) == 0) return codec_.encode(command, out);
   sent_.before(command, config_.redundancy, recent_);

@@ -1,10 +1,12 @@
 #include "common/link/codec.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstring>
 
+#include "common/link/flat_fields.h"
 #include "common/link/wire_scan.h"
 #include "proto/telenano.pb.h"
 
@@ -124,8 +126,8 @@ std::size_t Codec::encode(const Refuse& m, std::span<std::uint8_t> out) noexcept
 
 namespace {
 
-// The repeated commands by hand, behind what Protobuf writes: a nested message or a byte string there would
-// cost an allocation each.
+// The repeated commands by hand, behind the other fields: to Protobuf a nested message or a byte string there
+// would cost an allocation each.
 
 void put(std::uint8_t*& at, std::uint64_t bits, int bytes) noexcept {
   for (int i = 0; i < bytes; ++i) *at++ = static_cast<std::uint8_t>(bits >> (8 * i));
@@ -184,87 +186,39 @@ DropCause read_recent(std::span<const std::uint8_t> bytes, std::uint64_t sequenc
   return !finite ? DropCause::kNonFinite : good ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
+const RecentCommands kNoRecent;
+
+template <class Message>
+std::size_t write_flat(MessageType type, const Message& message, const RecentCommands& recent,
+                       std::span<std::uint8_t> out) noexcept {
+  std::array<std::uint8_t, kMaxDatagramBytes> apart;  // where `out` might be too short
+  const bool fits = out.size() >= kMaxDatagramBytes;
+  std::uint8_t* const begin = fits ? out.data() : apart.data();
+  FlatWriter writer{begin + kHeaderBytes};
+  visit_fields(message, writer);
+  visit_feature_fields(message, writer);
+  if (recent.count > 0) write_recent(recent, writer.at);
+  const std::size_t total = static_cast<std::size_t>(writer.at - begin) + recent_field_bytes(recent.count);
+  write_header(std::span<std::uint8_t, kHeaderBytes>(begin, kHeaderBytes), type, total - kHeaderBytes);
+  if (fits) return total;
+  if (out.size() < total) return 0;
+  std::memcpy(out.data(), begin, total);
+  return total;
+}
+
 }  // namespace
 
 std::size_t Codec::encode(const Command& m, std::span<std::uint8_t> out) noexcept {
-  return encode(m, RecentCommands{}, out);
+  return write_flat(MessageType::kCommand, m, kNoRecent, out);
 }
 
 std::size_t Codec::encode(const Command& m, const RecentCommands& recent,
                           std::span<std::uint8_t> out) noexcept {
-  auto& w = messages_->command;
-  w.set_session_id(m.session_id);
-  w.set_sequence(m.sequence);
-  w.set_send_time_ns(m.send_time_ns);
-  w.set_newest_reply(m.newest_reply);
-  w.set_epoch(m.epoch);
-  w.set_flags(m.flags);
-  w.set_tip_vel_w_x_nm_s(m.tip_vel_w_nm_s.x());
-  w.set_tip_vel_w_y_nm_s(m.tip_vel_w_nm_s.y());
-  w.set_tip_vel_w_z_nm_s(m.tip_vel_w_nm_s.z());
-  w.set_tip_pos_w_x_nm(m.tip_pos_w_nm.x());
-  w.set_tip_pos_w_y_nm(m.tip_pos_w_nm.y());
-  w.set_tip_pos_w_z_nm(m.tip_pos_w_nm.z());
-  w.set_energy_in_j(m.energy_in_j);
-  w.set_energy_out_j(m.energy_out_j);
-  const PortControl& c = m.control;
-  w.set_method(c.method);
-  w.set_energy_scale_aj_j(c.energy_scale_aj_j);
-  w.set_energy_sent_j(c.energy_sent_j);
-  w.set_wave_sum_w_x_sqrt_aj_s(c.wave_sum.x());
-  w.set_wave_sum_w_y_sqrt_aj_s(c.wave_sum.y());
-  w.set_wave_sum_w_z_sqrt_aj_s(c.wave_sum.z());
-  w.set_wave_energy_aj(c.wave_energy_aj);
-  w.set_wave_impedance_n_s_m(c.wave_impedance_n_s_m);
-  const std::size_t fields = w.ByteSizeLong();
-  const std::size_t payload_bytes = fields + recent_field_bytes(recent.count);
-  if (out.size() < kHeaderBytes + payload_bytes) return 0;
-  write_header(out.first<kHeaderBytes>(), MessageType::kCommand, payload_bytes);
-  w.SerializeWithCachedSizesToArray(out.data() + kHeaderBytes);
-  if (recent.count > 0) write_recent(recent, out.data() + kHeaderBytes + fields);
-  return kHeaderBytes + payload_bytes;
+  return write_flat(MessageType::kCommand, m, recent, out);
 }
 
 std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept {
-  auto& w = messages_->reply;
-  w.set_session_id(m.session_id);
-  w.set_sequence(m.sequence);
-  w.set_command_sequence(m.command_sequence);
-  w.set_command_send_time_ns(m.command_send_time_ns);
-  w.set_server_time_ns(m.server_time_ns);
-  w.set_hold_time_ns(m.hold_time_ns);
-  w.set_measurement_age_ns(m.measurement_age_ns);
-  w.set_epoch(m.epoch);
-  w.set_contact_state(static_cast<std::uint32_t>(m.contact_state));
-  w.set_fault_bits(m.fault_bits);
-  w.set_force_w_x_nn(m.force_w_nn.x());
-  w.set_force_w_y_nn(m.force_w_nn.y());
-  w.set_force_w_z_nn(m.force_w_nn.z());
-  w.set_tip_pos_w_x_nm(m.tip_pos_w_nm.x());
-  w.set_tip_pos_w_y_nm(m.tip_pos_w_nm.y());
-  w.set_tip_pos_w_z_nm(m.tip_pos_w_nm.z());
-  w.set_deflection_nm(m.deflection_nm);
-  w.set_energy_in_aj(m.energy_in_aj);
-  w.set_energy_out_aj(m.energy_out_aj);
-  w.set_energy_sent_aj(m.port.energy_sent_aj);
-  w.set_wave_sum_w_x_sqrt_aj_s(m.port.wave_sum.x());
-  w.set_wave_sum_w_y_sqrt_aj_s(m.port.wave_sum.y());
-  w.set_wave_sum_w_z_sqrt_aj_s(m.port.wave_sum.z());
-  w.set_wave_energy_aj(m.port.wave_energy_aj);
-  const LocalModel& model = m.model;
-  w.set_model_version(model.version);
-  w.set_model_point_w_x_nm(model.point_w_nm.x());
-  w.set_model_point_w_y_nm(model.point_w_nm.y());
-  w.set_model_point_w_z_nm(model.point_w_nm.z());
-  w.set_model_normal_w_x(model.normal_w.x());
-  w.set_model_normal_w_y(model.normal_w.y());
-  w.set_model_normal_w_z(model.normal_w.z());
-  w.set_model_stiffness_n_m(model.stiffness_n_m);
-  w.set_model_adhesion_nn(model.adhesion_nn);
-  w.set_model_shear_stiffness_n_m(model.shear_stiffness_n_m);
-  w.set_model_friction_nn(model.friction_nn);
-  w.set_steps_before(m.steps_before);
-  return write(MessageType::kReply, w, out);
+  return write_flat(MessageType::kReply, m, kNoRecent, out);
 }
 
 std::size_t Codec::encode(const Bye& m, std::span<std::uint8_t> out) noexcept {
@@ -340,13 +294,7 @@ DropCause read(const wire::Refuse& w, Refuse& m) noexcept {
   return DropCause::kNone;
 }
 
-DropCause read(const wire::Command& w, PortControl& m) noexcept {
-  m.method = w.method();
-  m.energy_scale_aj_j = w.energy_scale_aj_j();
-  m.energy_sent_j = w.energy_sent_j();
-  m.wave_sum = {w.wave_sum_w_x_sqrt_aj_s(), w.wave_sum_w_y_sqrt_aj_s(), w.wave_sum_w_z_sqrt_aj_s()};
-  m.wave_energy_aj = w.wave_energy_aj();
-  m.wave_impedance_n_s_m = w.wave_impedance_n_s_m();
+DropCause check(const PortControl& m) noexcept {
   if (!all_finite(m.energy_scale_aj_j, m.energy_sent_j, m.wave_sum.x(), m.wave_sum.y(), m.wave_sum.z(),
                   m.wave_energy_aj, m.wave_impedance_n_s_m)) {
     return DropCause::kNonFinite;
@@ -358,14 +306,39 @@ DropCause read(const wire::Command& w, PortControl& m) noexcept {
   return m.method <= kMethodModel && scale && impedance && sums ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
-DropCause read(const wire::Reply& w, PortAnswer& m) noexcept {
-  m.energy_sent_aj = w.energy_sent_aj();
+DropCause read(const wire::Command& w, PortControl& m) noexcept {
+  m.method = w.method();
+  m.energy_scale_aj_j = w.energy_scale_aj_j();
+  m.energy_sent_j = w.energy_sent_j();
   m.wave_sum = {w.wave_sum_w_x_sqrt_aj_s(), w.wave_sum_w_y_sqrt_aj_s(), w.wave_sum_w_z_sqrt_aj_s()};
   m.wave_energy_aj = w.wave_energy_aj();
+  m.wave_impedance_n_s_m = w.wave_impedance_n_s_m();
+  return check(m);
+}
+
+DropCause check(const PortAnswer& m) noexcept {
   if (!all_finite(m.energy_sent_aj, m.wave_sum.x(), m.wave_sum.y(), m.wave_sum.z(), m.wave_energy_aj)) {
     return DropCause::kNonFinite;
   }
   return m.energy_sent_aj >= 0 && m.wave_energy_aj >= 0 ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::Reply& w, PortAnswer& m) noexcept {
+  m.energy_sent_aj = w.energy_sent_aj();
+  m.wave_sum = {w.wave_sum_w_x_sqrt_aj_s(), w.wave_sum_w_y_sqrt_aj_s(), w.wave_sum_w_z_sqrt_aj_s()};
+  m.wave_energy_aj = w.wave_energy_aj();
+  return check(m);
+}
+
+DropCause check(const LocalModel& m) noexcept {
+  if (!all_finite(m.point_w_nm) || !all_finite(m.normal_w) ||
+      !all_finite(m.stiffness_n_m, m.adhesion_nn, m.shear_stiffness_n_m, m.friction_nn)) {
+    return DropCause::kNonFinite;
+  }
+  const bool normal = std::fabs(m.normal_w.norm() - 1) <= 1e-6 || (m.version == 0 && m.normal_w.isZero(0));
+  const bool contact =
+      m.stiffness_n_m >= 0 && m.adhesion_nn >= 0 && m.shear_stiffness_n_m >= 0 && m.friction_nn >= 0;
+  return normal && contact ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
 DropCause read(const wire::Reply& w, LocalModel& m) noexcept {
@@ -376,14 +349,26 @@ DropCause read(const wire::Reply& w, LocalModel& m) noexcept {
   m.adhesion_nn = w.model_adhesion_nn();
   m.shear_stiffness_n_m = w.model_shear_stiffness_n_m();
   m.friction_nn = w.model_friction_nn();
-  if (!all_finite(m.point_w_nm) || !all_finite(m.normal_w) ||
-      !all_finite(m.stiffness_n_m, m.adhesion_nn, m.shear_stiffness_n_m, m.friction_nn)) {
+  return check(m);
+}
+
+DropCause check(const Command& m) noexcept {
+  if (!all_finite(m.tip_vel_w_nm_s.x(), m.tip_vel_w_nm_s.y(), m.tip_vel_w_nm_s.z(), m.tip_pos_w_nm.x(),
+                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.energy_in_j, m.energy_out_j)) {
     return DropCause::kNonFinite;
   }
-  const bool normal = std::fabs(m.normal_w.norm() - 1) <= 1e-6 || (m.version == 0 && m.normal_w.isZero(0));
-  const bool contact =
-      m.stiffness_n_m >= 0 && m.adhesion_nn >= 0 && m.shear_stiffness_n_m >= 0 && m.friction_nn >= 0;
-  return normal && contact ? DropCause::kNone : DropCause::kOutOfRange;
+  const bool energies = m.energy_in_j >= 0 && m.energy_out_j >= 0;
+  return m.sequence != 0 && energies ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause check(const TipShare& m) noexcept {
+  return all_finite(m.pos_w_nm) ? DropCause::kNone : DropCause::kNonFinite;
+}
+
+DropCause read(const wire::Reply& w, TipShare& m) noexcept {
+  m.hold = w.tip_hold();
+  m.pos_w_nm = {w.hold_pos_w_x_nm(), w.hold_pos_w_y_nm(), w.hold_pos_w_z_nm()};
+  return check(m);
 }
 
 DropCause read(const wire::Command& w, Command& m) noexcept {
@@ -397,12 +382,18 @@ DropCause read(const wire::Command& w, Command& m) noexcept {
   m.tip_pos_w_nm = {w.tip_pos_w_x_nm(), w.tip_pos_w_y_nm(), w.tip_pos_w_z_nm()};
   m.energy_in_j = w.energy_in_j();
   m.energy_out_j = w.energy_out_j();
-  if (!all_finite(m.tip_vel_w_nm_s.x(), m.tip_vel_w_nm_s.y(), m.tip_vel_w_nm_s.z(), m.tip_pos_w_nm.x(),
-                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.energy_in_j, m.energy_out_j)) {
+  return check(m);
+}
+
+DropCause check(const Reply& m) noexcept {
+  if (!all_finite(m.force_w_nn.x(), m.force_w_nn.y(), m.force_w_nn.z(), m.tip_pos_w_nm.x(),
+                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.deflection_nm, m.energy_in_aj, m.energy_out_aj)) {
     return DropCause::kNonFinite;
   }
-  const bool energies = m.energy_in_j >= 0 && m.energy_out_j >= 0;
-  return m.sequence != 0 && energies ? DropCause::kNone : DropCause::kOutOfRange;
+  const bool contact = m.contact_state <= ContactState::kContact;
+  const bool energies = m.energy_in_aj >= 0 && m.energy_out_aj >= 0;
+  return m.sequence != 0 && m.command_sequence != 0 && contact && energies ? DropCause::kNone
+                                                                           : DropCause::kOutOfRange;
 }
 
 DropCause read(const wire::Reply& w, Reply& m) noexcept {
@@ -421,14 +412,7 @@ DropCause read(const wire::Reply& w, Reply& m) noexcept {
   m.deflection_nm = w.deflection_nm();
   m.energy_in_aj = w.energy_in_aj();
   m.energy_out_aj = w.energy_out_aj();
-  if (!all_finite(m.force_w_nn.x(), m.force_w_nn.y(), m.force_w_nn.z(), m.tip_pos_w_nm.x(),
-                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.deflection_nm, m.energy_in_aj, m.energy_out_aj)) {
-    return DropCause::kNonFinite;
-  }
-  const bool contact = w.contact_state() <= static_cast<std::uint32_t>(ContactState::kContact);
-  const bool energies = m.energy_in_aj >= 0 && m.energy_out_aj >= 0;
-  return m.sequence != 0 && m.command_sequence != 0 && contact && energies ? DropCause::kNone
-                                                                           : DropCause::kOutOfRange;
+  return check(m);
 }
 
 DropCause read(const wire::Bye& w, Bye& m) noexcept {
@@ -443,26 +427,42 @@ DropCause first_cause(DropCause a, DropCause b) noexcept {
   return a == DropCause::kNone || b == DropCause::kNonFinite ? b : a;
 }
 
-// Fields behind feature bits. Most sessions have none: their absence is known from the scan, and costs
-// nothing.
+// Fields behind feature bits.
 
 template <class Wire, class Message>
-DropCause read_features(const WireFrame&, const Wire&, Message&) noexcept {
+DropCause read_features(const Wire&, Message&) noexcept {
   return DropCause::kNone;
 }
 
-DropCause read_features(const WireFrame& frame, const wire::Command& wire, Command& message) noexcept {
-  if (frame.feature_fields) return read(wire, message.control);
-  message.control = {};
-  return DropCause::kNone;
+DropCause read_features(const wire::Command& wire, Command& message) noexcept {
+  message.tip_hold = wire.tip_hold();
+  return read(wire, message.control);
 }
 
-DropCause read_features(const WireFrame& frame, const wire::Reply& wire, Reply& message) noexcept {
-  message.steps_before = frame.feature_fields ? wire.steps_before() : 0;
-  if (frame.feature_fields) return first_cause(read(wire, message.port), read(wire, message.model));
-  message.port = {};
-  message.model = {};
-  return DropCause::kNone;
+DropCause read_features(const wire::Reply& wire, Reply& message) noexcept {
+  message.steps_before = wire.steps_before();
+  return first_cause(first_cause(read(wire, message.port), read(wire, message.model)),
+                     read(wire, message.tip));
+}
+
+void clear_features(Command& m) noexcept {
+  m.control = {};
+  m.tip_hold = 0;
+}
+
+void clear_features(Reply& m) noexcept {
+  m.port = {};
+  m.model = {};
+  m.steps_before = 0;
+  m.tip = {};
+}
+
+DropCause check_features(const Command& m) noexcept {
+  return check(m.control);
+}
+
+DropCause check_features(const Reply& m) noexcept {
+  return first_cause(first_cause(check(m.port), check(m.model)), check(m.tip));
 }
 
 template <class Wire, class Message>
@@ -471,7 +471,23 @@ DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
     return DropCause::kMalformedField;
   }
   const DropCause cause = read(wire, message);
-  return first_cause(cause, read_features(frame, wire, message));
+  return first_cause(cause, read_features(wire, message));
+}
+
+/// The usual form of the stream's messages (flat_fields.h). Where `used` is less than all of the payload,
+/// what is behind came in another form.
+template <class Message>
+DropCause read_flat(std::span<const std::uint8_t> payload, Message& message, std::size_t& used) noexcept {
+  FlatReader reader{payload.data(), payload.data() + payload.size()};
+  visit_fields(message, reader);
+  if (reader.at == reader.end) {  // most sessions: all of the others zero, which is in order
+    used = payload.size();
+    clear_features(message);
+    return check(message);
+  }
+  visit_feature_fields(message, reader);
+  used = static_cast<std::size_t>(reader.at - payload.data());
+  return first_cause(check(message), check_features(message));
 }
 
 }  // namespace
@@ -479,7 +495,24 @@ DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
 DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept {
   incoming.type = MessageType::kNone;
   WireFrame frame;
-  DropCause cause = scan(datagram, frame);
+  DropCause cause = scan_header(datagram, frame);
+  if (cause != DropCause::kNone) return cause;
+  std::size_t used = 0;
+  if (frame.type == MessageType::kCommand) {
+    cause = read_flat(frame.payload, incoming.command, used);
+    if (used == frame.payload.size() || take_recent(frame.payload, used, frame.recent)) {
+      cause = first_cause(cause, read_recent(frame.recent, incoming.command.sequence, incoming.recent));
+      if (cause == DropCause::kNone) incoming.type = frame.type;
+      return cause;
+    }
+  } else if (frame.type == MessageType::kReply) {
+    cause = read_flat(frame.payload, incoming.reply, used);
+    if (used == frame.payload.size()) {
+      if (cause == DropCause::kNone) incoming.type = frame.type;
+      return cause;
+    }
+  }
+  cause = scan_payload(frame);
   if (cause != DropCause::kNone) return cause;
   switch (frame.type) {
     case MessageType::kHello:

@@ -61,6 +61,9 @@ constexpr const char* name(DropCause cause) noexcept {
 class DropCounters {
  public:
   void add(DropCause cause) noexcept { ++count_[static_cast<std::size_t>(cause)]; }
+  void add(const DropCounters& more) noexcept {
+    for (std::size_t i = 0; i < kDropCauseCount; ++i) count_[i] += more.count_[i];
+  }
   std::uint64_t operator[](DropCause cause) const noexcept { return count_[static_cast<std::size_t>(cause)]; }
   std::uint64_t total() const noexcept {
     std::uint64_t sum = 0;

@@ -19,11 +19,12 @@ inline constexpr std::size_t kSceneNameBytes = 48;
 enum FeatureBits : std::uint64_t {
   kFeaturePortControl = 1u << 0,  ///< PortControl in Command, PortAnswer in Reply
   kFeatureLocalModel = 1u << 1,   ///< LocalModel in Reply
+  kFeatureSharing = 1u << 2,      ///< one tip for all sessions: tip_hold in Command, TipShare in Reply
   kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
   kFeatureStepHistory = 1u << 4,  ///< Reply::steps_before
 };
 inline constexpr std::uint64_t kKnownFeatures =
-    kFeaturePortControl | kFeatureLocalModel | kFeatureRedundancy | kFeatureStepHistory;
+    kFeaturePortControl | kFeatureLocalModel | kFeatureSharing | kFeatureRedundancy | kFeatureStepHistory;
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {
@@ -86,6 +87,9 @@ enum CommandFlags : std::uint32_t {
   kFlagClutch = 1u << 0,   ///< engaged: the slave follows; clear: the slave holds its commanded position
   kFlagDeadman = 1u << 1,  ///< held by the operator; clear: the slave holds
   kFlagStop = 1u << 2,     ///< latched stop: the slave retracts
+  // Behind kFeatureSharing.
+  kFlagTakeOver = 1u << 3,  ///< asks for the tip; what counts is that it becomes set
+  kFlagHandOver = 1u << 4,  ///< gives the tip up, or does not want it
 };
 
 /// The control method that a station runs, as the wire numbers it: those of control::Method.
@@ -135,6 +139,8 @@ struct Command {
   double energy_in_j = 0;              ///< station port, put in by the hand so far, >= 0, monotone
   double energy_out_j = 0;             ///< station port, given to the hand so far, >= 0, monotone
   PortControl control;
+  /// Behind kFeatureSharing: the holding of the tip (TipShare::hold) that tip_pos_w_nm is anchored to.
+  std::uint32_t tip_hold = 0;
 };
 
 enum class ContactState : std::uint32_t { kFree = 0, kVanDerWaals = 1, kNonContact = 2, kContact = 3 };
@@ -180,6 +186,16 @@ inline bool is_finite(const LocalModel& m) noexcept {
          std::isfinite(m.shear_stiffness_n_m) && std::isfinite(m.friction_nn);
 }
 
+/// Whose the one tip is. Behind kFeatureSharing; all zero without it.
+struct TipShare {
+  /// 0: this session observes. Else it holds the tip, and this is the number of the holding: a new one each
+  /// time that the tip goes to somebody.
+  std::uint32_t hold = 0;
+  Vec3 pos_w_nm = Vec3::Zero();  ///< commanded position that the slave holds: where a new holder begins
+
+  bool empty() const noexcept { return hold == 0 && pos_w_nm.isZero(0); }
+};
+
 /// Server → station, one for each accepted command.
 struct Reply {
   std::uint64_t session_id = 0;
@@ -199,9 +215,10 @@ struct Reply {
   double energy_out_aj = 0;          ///< slave port, given back so far, >= 0, monotone per epoch
   PortAnswer port;
   LocalModel model;
-  /// Bit i set: the command numbered command_sequence − 1 − i had come, and the slave had stepped by it. Behind
-  /// kFeatureStepHistory: what a station must know to tell, or repeat, in which order the slave stepped when
-  /// commands and replies were lost.
+  TipShare tip;
+  /// Bit i set: the command numbered command_sequence − 1 − i had come, and the slave had stepped by it.
+  /// Behind kFeatureStepHistory: what a station must know to tell, or repeat, in which order the slave
+  /// stepped when commands and replies were lost.
   std::uint64_t steps_before = 0;
 };
 

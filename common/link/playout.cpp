@@ -24,7 +24,7 @@ Playout::Playout(const PlayoutConfig& config)
 void Playout::clear() noexcept {
   first_ = count_ = 0;
   last_played_ = newest_ = 0;
-  newest_faults_ = 0;
+  newest_faults_ = newest_hold_ = 0;
   urgent_ = false;
 }
 
@@ -39,7 +39,9 @@ void Playout::push(const Reply& reply) noexcept {
   if (reply.sequence > newest_) {
     newest_ = reply.sequence;
     newest_faults_ = reply.fault_bits;
-    if ((reply.fault_bits & kUrgentFaults) != 0) {
+    const bool changes_hands = reply.tip.hold != newest_hold_;
+    newest_hold_ = reply.tip.hold;
+    if ((reply.fault_bits & kUrgentFaults) != 0 || changes_hands) {
       first_ = count_ = 0;
       shown_ = reply;
       urgent_ = true;

@@ -78,6 +78,7 @@ class Playout {
   std::uint64_t last_played_ = 0;
   std::uint64_t newest_ = 0;
   std::uint32_t newest_faults_ = 0;
+  std::uint32_t newest_hold_ = 0;  // of a shared tip: who loses it must not feel it a moment longer
   bool urgent_ = false;
   Reply shown_;
   PlayoutCounts counts_;

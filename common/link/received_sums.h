@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <utility>
 
 #include "common/base/vec3.h"
 #include "common/link/messages.h"
@@ -21,6 +22,8 @@ class ReceivedSums {
   };
 
   void reset() noexcept { *this = {}; }  ///< with the epoch
+  /// The next reply's sums are where counting begins: they hold what was before our time.
+  void begin_with_next() noexcept { begins_ = true; }
 
   News update(const Reply& reply) noexcept {
     const ReceivedEnergy port = port_, sent = sent_;
@@ -29,13 +32,14 @@ class ReceivedSums {
     News news{port_.in() - port.in(), port_.out() - port.out(), sent_.in() - sent.in(),
               sent_.out() - sent.out(), reply.port.wave_sum - wave_sum_};
     wave_sum_ = reply.port.wave_sum;
-    return news;
+    return std::exchange(begins_, false) ? News{} : news;
   }
 
  private:
   ReceivedEnergy port_;
   ReceivedEnergy sent_;  // energy and wave energy
   Vec3 wave_sum_ = Vec3::Zero();
+  bool begins_ = false;
 };
 
 }  // namespace telenano::link

@@ -37,10 +37,12 @@ class SentCommands {
  public:
   void clear() noexcept { count_ = 0; }
 
-  /// `command` as it was sent. Another method begins anew: its sums mean something else.
+  /// `command` as it was sent. Another method begins anew: its sums mean something else. So does another
+  /// holding of a shared tip: positions of the last one are not to be gone to.
   void add(const Command& command) noexcept {
-    if (command.control.method != method_) clear();
+    if (command.control.method != method_ || command.tip_hold != tip_hold_) clear();
     method_ = command.control.method;
+    tip_hold_ = command.tip_hold;
     std::shift_right(sent_.begin(), sent_.end(), 1);
     Sent& sent = sent_[0];
     sent.time_ns = command.send_time_ns;
@@ -55,7 +57,7 @@ class SentCommands {
   /// The last `n` before `next`, which is about to be sent. Fewer after a gap too long for an age (4.29 s).
   void before(const Command& next, std::size_t n, RecentCommands& out) const noexcept {
     out.count = 0;
-    if (next.control.method != method_) return;
+    if (next.control.method != method_ || next.tip_hold != tip_hold_) return;
     for (std::size_t i = 0; i < std::min(n, count_); ++i) {
       const std::uint64_t age_ns = next.send_time_ns - sent_[i].time_ns;
       if (age_ns > UINT32_MAX) return;
@@ -73,6 +75,7 @@ class SentCommands {
   std::array<Sent, kMaxRecent> sent_{};
   std::size_t count_ = 0;
   std::uint32_t method_ = kMethodNone;
+  std::uint32_t tip_hold_ = 0;
 };
 
 /// The server's end: the steps that a slave is to make for one accepted command, oldest first; the last one

@@ -13,18 +13,29 @@ namespace telenano::link {
 /// were not used, `duplicate()` those that came again (or so late that it cannot be told).
 class SequenceWindow {
  public:
-  /// The largest leap that a peer may make: 12 days at 4 kHz. Beyond it the number is an error, not a gap,
-  /// and following it would lock out every later datagram.
-  static constexpr std::uint64_t kMaxLeap = 1ull << 32;
+  /// How far ahead of the newest a number may be that comes `since_ns` after it: beyond that it is an error,
+  /// not a gap, and following it would lock out every later datagram. A sender counts rate_hz numbers a
+  /// second; of two datagrams that both come, the delay of the first may have been longer than the second's,
+  /// by kLeapSlackS at most, and the clocks may run apart. What a longer delay cuts off comes in a little
+  /// later, since the bound grows.
+  static constexpr std::uint64_t max_leap(std::uint32_t rate_hz, std::int64_t since_ns) noexcept {
+    constexpr std::int64_t kLongest_ns =
+        std::int64_t{86'400'000'000'000};  // a day: 8 kHz stay far below 2^32
+    const std::int64_t since = since_ns < 0 ? 0 : since_ns > kLongest_ns ? kLongest_ns : since_ns;
+    const double numbers = 1.25 * rate_hz * (1e-9 * static_cast<double>(since) + kLeapSlackS);
+    return kLeapAtLeast + static_cast<std::uint64_t>(numbers);
+  }
+  static constexpr double kLeapSlackS = 1;
+  static constexpr std::uint64_t kLeapAtLeast = 64;
 
   void reset() noexcept { *this = {}; }
 
   /// kNone: newer than all before, and remembered. kStale, kDuplicate, kOutOfRange: do not use.
-  DropCause accept(std::uint64_t sequence) noexcept {
+  DropCause accept(std::uint64_t sequence, std::uint64_t max_leap) noexcept {
     if (sequence == 0) return DropCause::kOutOfRange;
     if (sequence > newest_) {
       const std::uint64_t leap = sequence - newest_;
-      if (leap > kMaxLeap) return DropCause::kOutOfRange;
+      if (leap > max_leap) return DropCause::kOutOfRange;
       seen_ = leap < 64 ? (seen_ << leap) | 1u : 1u;
       newest_ = sequence;
       ++received_;

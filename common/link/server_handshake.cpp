@@ -25,8 +25,7 @@ std::uint64_t ServerHandshake::cookie(const PeerKey& peer, std::uint64_t nonce,
 }
 
 HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
-                                       SessionTable& table, bool shutting_down,
-                                       bool address_proven) noexcept {
+                                       SessionTable& table, const HelloContext& context) noexcept {
   using Kind = HelloVerdict::Kind;
   HelloVerdict verdict;
   const auto refuse = [&](RefuseReason reason, DropCause cause) {
@@ -40,17 +39,18 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     verdict.cause = cause;
     return verdict;
   };
+  const auto has_place = [&] { return context.take_place == nullptr || context.take_place(context.of); };
 
   const std::int64_t time_slot = now_ns / kCookieSlotNs;
-  const bool proven =
-      address_proven || (hello.cookie != 0 && (hello.cookie == cookie(peer, hello.nonce, time_slot) ||
-                                               hello.cookie == cookie(peer, hello.nonce, time_slot - 1)));
+  const bool proven = context.address_proven ||
+                      (hello.cookie != 0 && (hello.cookie == cookie(peer, hello.nonce, time_slot) ||
+                                             hello.cookie == cookie(peer, hello.nonce, time_slot - 1)));
   // Strangers share a bounded rate of answers; it does not starve those who have shown a cookie.
   if (!proven && !challenges_.take(now_ns)) return drop(DropCause::kRateLimited);
   if (hello.version_min > kProtocolVersion || hello.version_max < kProtocolVersion) {
     return refuse(RefuseReason::kVersion, DropCause::kWrongVersion);
   }
-  if (shutting_down) return refuse(RefuseReason::kShuttingDown, DropCause::kUnexpected);
+  if (context.shutting_down) return refuse(RefuseReason::kShuttingDown, DropCause::kUnexpected);
   if (!proven) {
     verdict.kind = Kind::kChallenge;
     verdict.cause = hello.cookie == 0 ? DropCause::kNone : DropCause::kUnauthenticated;
@@ -59,27 +59,37 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   }
   if (hello.rate_hz == 0 || hello.rate_hz > config_.rate_max_hz)
     return refuse(RefuseReason::kRate, DropCause::kOutOfRange);
+  if ((hello.feature_bits & config_.required_bits) != config_.required_bits)
+    return refuse(RefuseReason::kVersion, DropCause::kUnexpected);
 
   bool newest = false;
   const std::size_t known = table.find_nonce(peer, hello.nonce, newest);
   if (known != SessionTable::kNone) {
-    if (!newest || table[known].state == SlotState::kEnding) return drop(DropCause::kDuplicate);
+    if (!newest || table[known].state == SlotState::kEnding || table[known].owner != context.owner)
+      return drop(DropCause::kDuplicate);
     if (table[known].state == SlotState::kActive) {
       verdict.kind = Kind::kAgain;
       verdict.slot = known;
       return verdict;
     }
   }
-  const std::size_t old = table.find_token(hello.resume_token);
+  const std::size_t old = table.find_token(hello.resume_token, context.owner);
   if (old != SessionTable::kNone) {
+    if (table[old].state != SlotState::kActive && !has_place())
+      return refuse(RefuseReason::kFull, DropCause::kFull);
     table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
     table[old].feature_bits = hello.feature_bits & config_.feature_bits;
     verdict.kind = Kind::kResume;
     verdict.slot = old;
     return verdict;
   }
+  if (hello.resume_token != 0 && context.others) {
+    verdict.kind = Kind::kAskOthers;
+    return verdict;
+  }
+  if (!has_place()) return refuse(RefuseReason::kFull, DropCause::kFull);
   if (!openings_.take(now_ns)) return drop(DropCause::kRateLimited);
-  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns);
+  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, context.owner);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
   table[verdict.slot].feature_bits = hello.feature_bits & config_.feature_bits;
   verdict.kind = Kind::kOpen;

@@ -5,43 +5,54 @@
 namespace telenano::link {
 
 SessionTable::SessionTable(const SessionTableConfig& config, const SipKey& secret) : config_(config) {
-  const std::uint64_t labels[] = {3, 4, 5};
+  // Further shards have words of their own, lest two of them give out the same number.
+  config_.shards = std::max<std::uint32_t>(config.shards, 1);
+  config_.shard = config.shard % config_.shards;
+  const std::uint64_t labels[] = {3 + (std::uint64_t{config_.shard} << 32),
+                                  4 + (std::uint64_t{config_.shard} << 32), 5};
   secret_ = {siphash_words(secret, {labels, 1}), siphash_words(secret, {labels + 1, 1})};
-  // A restarted server starts somewhere else, so that a station notices that the slave is a new one.
-  next_epoch_ = static_cast<std::uint32_t>(siphash_words(secret, {labels + 2, 1}));
-  sessions_.resize(std::clamp<std::size_t>(config.capacity, 1, 256));
+  // A restarted server starts somewhere else, so that a station notices that the slave is a new one. The
+  // shards take turns.
+  next_epoch_ = static_cast<std::uint32_t>(siphash_words(secret, {labels + 2, 1})) + config_.shard;
+  config_.capacity = std::clamp<std::size_t>(config.capacity, 1, kCapacityMax);
+  sessions_.resize(config_.capacity);
+  slot_mask_ = (sessions_.size() > 256 ? kCapacityMax : 256) - 1;
 }
 
 std::uint64_t SessionTable::secret_number() noexcept {
   for (;;) {
     const std::uint64_t word = ++counter_;
     const std::uint64_t number = siphash_words(secret_, {&word, 1});
-    if (number > 0xff) return number;
+    if (number > slot_mask_) return number;
   }
 }
 
-std::size_t SessionTable::active() const noexcept {
-  return static_cast<std::size_t>(std::count_if(
-      sessions_.begin(), sessions_.end(), [](const Session& s) { return s.state == SlotState::kActive; }));
+void SessionTable::set_state(std::size_t slot, SlotState state) noexcept {
+  SlotState& now = sessions_[slot].state;
+  if (now == SlotState::kActive) --active_;
+  if (now != SlotState::kFree) --occupied_;
+  now = state;
+  if (now == SlotState::kActive) ++active_;
+  if (now != SlotState::kFree) ++occupied_;
 }
 
-std::size_t SessionTable::occupied() const noexcept {
-  return static_cast<std::size_t>(std::count_if(
-      sessions_.begin(), sessions_.end(), [](const Session& s) { return s.state != SlotState::kFree; }));
+void SessionTable::replace(std::size_t slot, const Session& session) noexcept {
+  set_state(slot, session.state);
+  sessions_[slot] = session;
 }
 
 std::size_t SessionTable::find(std::uint64_t session_id) const noexcept {
-  const std::size_t slot = session_id & 0xff;
+  const std::size_t slot = session_id & slot_mask_;
   if (slot >= sessions_.size() || session_id == 0 || sessions_[slot].session_id != session_id) return kNone;
   return slot;
 }
 
-std::size_t SessionTable::find_token(std::uint64_t resume_token) const noexcept {
+std::size_t SessionTable::find_token(std::uint64_t resume_token, std::uint64_t owner) const noexcept {
   if (resume_token == 0) return kNone;
   for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
     const Session& s = sessions_[slot];
     const bool resumable = s.state == SlotState::kActive || s.state == SlotState::kSilent;
-    if (resumable && s.resume_token == resume_token) return slot;
+    if (resumable && s.resume_token == resume_token && s.owner == owner) return slot;
   }
   return kNone;
 }
@@ -58,10 +69,11 @@ std::size_t SessionTable::find_nonce(const PeerKey& peer, std::uint64_t nonce, b
   return kNone;
 }
 
-void SessionTable::start(Session& session, std::size_t slot, const PeerKey& peer, std::uint64_t nonce,
-                         std::uint32_t rate_hz, std::int64_t now_ns) noexcept {
-  session.state = SlotState::kActive;
-  session.session_id = (secret_number() & ~0xffull) | slot;
+void SessionTable::start(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
+                         std::int64_t now_ns) noexcept {
+  set_state(slot, SlotState::kActive);
+  Session& session = sessions_[slot];
+  session.session_id = (secret_number() & ~slot_mask_) | slot;
   session.rate_hz = std::max<std::uint32_t>(rate_hz, 1);
   session.peer = peer;
   std::shift_right(session.nonces.begin(), session.nonces.end(), 1);
@@ -77,51 +89,63 @@ void SessionTable::start(Session& session, std::size_t slot, const PeerKey& peer
   session.steps_before = 0;
 }
 
-std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
-                               std::int64_t now_ns) noexcept {
+std::size_t SessionTable::place() const noexcept {
   std::size_t best = kNone;
   for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
     const Session& s = sessions_[slot];
-    if (s.state == SlotState::kFree) {
-      best = slot;
-      break;
-    }
+    if (s.state == SlotState::kFree) return slot;
     if (s.state == SlotState::kActive) continue;
     if (best == kNone || s.state_since_ns < sessions_[best].state_since_ns) best = slot;
   }
+  return best;
+}
+
+std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
+                               std::int64_t now_ns, std::uint64_t owner) noexcept {
+  const std::size_t best = place();
   if (best == kNone) return kNone;
+  release(best);
   Session& session = sessions_[best];
-  session = {};
+  session.owner = owner;
   session.resume_token = secret_number();
-  if (next_epoch_ == 0) next_epoch_ = 1;
-  session.epoch = next_epoch_++;
-  start(session, best, peer, nonce, rate_hz, now_ns);
+  if (next_epoch_ == 0) next_epoch_ += config_.shards;  // 0 is "none"
+  session.epoch = next_epoch_;
+  next_epoch_ += config_.shards;
+  start(best, peer, nonce, rate_hz, now_ns);
+  return best;
+}
+
+std::size_t SessionTable::adopt(const Session& session) noexcept {
+  const std::size_t best = place();
+  if (best != kNone) replace(best, session);
   return best;
 }
 
 void SessionTable::resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
                           std::int64_t now_ns) noexcept {
-  start(sessions_[slot], slot, peer, nonce, rate_hz, now_ns);
+  start(slot, peer, nonce, rate_hz, now_ns);
 }
 
 void SessionTable::end(std::size_t slot, std::int64_t now_ns) noexcept {
-  sessions_[slot].state = SlotState::kEnding;
+  set_state(slot, SlotState::kEnding);
   sessions_[slot].state_since_ns = now_ns;
 }
 
 DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std::int64_t now_ns,
-                               std::size_t& slot, bool repeats_others) noexcept {
+                               std::size_t& slot, bool repeats_others, std::uint64_t owner) noexcept {
   slot = find(command.session_id);
   if (slot == kNone) return DropCause::kUnknownSession;
   Session& s = sessions_[slot];
-  if (!(s.peer == peer)) return DropCause::kUnauthenticated;
+  if (!(s.peer == peer) || s.owner != owner) return DropCause::kUnauthenticated;
   if (s.state != SlotState::kActive) return DropCause::kUnexpected;
   if (command.epoch != s.epoch) return DropCause::kWrongEpoch;
   if (command.newest_reply > s.reply_sequence) return DropCause::kOutOfRange;
   if ((s.feature_bits & kFeaturePortControl) == 0 && !command.control.empty()) return DropCause::kUnexpected;
+  if ((s.feature_bits & kFeatureSharing) == 0 && command.tip_hold != 0) return DropCause::kUnexpected;
   if ((s.feature_bits & kFeatureRedundancy) == 0 && repeats_others) return DropCause::kUnexpected;
   const std::uint64_t before = s.commands.newest();
-  const DropCause cause = s.commands.accept(command.sequence);
+  const DropCause cause =
+      s.commands.accept(command.sequence, SequenceWindow::max_leap(s.rate_hz, now_ns - s.last_heard_ns));
   if (cause != DropCause::kNone) return cause;
 
   // Spacing by the station's clock: the network's jitter is not in it. Where that clock makes no sense, count
@@ -143,7 +167,8 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   return DropCause::kNone;
 }
 
-SlotState SessionTable::expire_one(Session& s, std::int64_t now_ns) noexcept {
+SlotState SessionTable::expire_one(std::size_t slot, std::int64_t now_ns) noexcept {
+  Session& s = sessions_[slot];
   switch (s.state) {
     case SlotState::kFree:
       break;
@@ -152,18 +177,18 @@ SlotState SessionTable::expire_one(Session& s, std::int64_t now_ns) noexcept {
         // Nothing to resume if not one command came: a Hello repeated by the network, or a station that gave
         // up.
         if (!s.used) {
-          s = {};
+          release(slot);
         } else {
-          s.state = SlotState::kSilent;
+          set_state(slot, SlotState::kSilent);
           s.state_since_ns = now_ns;
         }
       }
       break;
     case SlotState::kSilent:
-      if (now_ns - s.state_since_ns > config_.resume_ns) s = {};
+      if (now_ns - s.state_since_ns > config_.resume_ns) release(slot);
       break;
     case SlotState::kEnding:
-      if (now_ns - s.state_since_ns > config_.ending_ns) s = {};
+      if (now_ns - s.state_since_ns > config_.ending_ns) release(slot);
       break;
   }
   return s.state;

@@ -34,6 +34,7 @@ struct Session {
   std::uint32_t rate_hz = 0;
   std::uint64_t feature_bits = 0;  ///< agreed
   PeerKey peer;
+  std::uint64_t owner = 0;                ///< identity of the key that opened it; nobody else's may use it
   std::array<std::uint64_t, 4> nonces{};  ///< of the Hellos that opened and resumed it, newest first
   SequenceWindow commands;
   std::uint64_t steps_before = 0;  ///< which of the 64 commands before the newest one had been accepted
@@ -50,72 +51,89 @@ struct Session {
 };
 
 struct SessionTableConfig {
-  std::size_t capacity = 64;                ///< 1 … 256
+  std::size_t capacity = 64;                ///< 1 … kCapacityMax
   std::int64_t timeout_ns = 2'000'000'000;  ///< silence after which a session is silent (its slave retracts)
   std::int64_t resume_ns = 30'000'000'000;  ///< how long a silent one can be resumed
   std::int64_t ending_ns =
       2'000'000'000;  ///< how long an ended one keeps its slot, so that its slave can retract
+  /// One of several tables that serve the same address with the same secret: their numbers and epochs differ.
+  std::uint32_t shard = 0;
+  std::uint32_t shards = 1;
 };
 
 /// The server's sessions: a fixed number of slots, found by session id in constant time (the slot's index is
-/// the id's low byte; the other 56 bits cannot be guessed).
+/// the id's low byte, or its low 12 bits in a table of more than 256 slots; the others cannot be guessed).
 class SessionTable {
  public:
   static constexpr std::size_t kNone = SIZE_MAX;
+  static constexpr std::size_t kCapacityMax = 4096;
 
   SessionTable(const SessionTableConfig& config, const SipKey& secret);
 
   std::size_t capacity() const noexcept { return sessions_.size(); }
   Session& operator[](std::size_t slot) noexcept { return sessions_[slot]; }
   const Session& operator[](std::size_t slot) const noexcept { return sessions_[slot]; }
-  std::size_t active() const noexcept;
-  std::size_t occupied() const noexcept;  ///< active, silent or ending
+  std::size_t active() const noexcept { return active_; }
+  std::size_t occupied() const noexcept { return occupied_; }  ///< active, silent or ending
   const SessionTableConfig& config() const noexcept { return config_; }
 
   std::size_t find(std::uint64_t session_id) const noexcept;
-  std::size_t find_token(std::uint64_t resume_token) const noexcept;
+  /// The session that this token resumes, if it is `owner`'s.
+  std::size_t find_token(std::uint64_t resume_token, std::uint64_t owner = 0) const noexcept;
   /// The session that the same Hello has opened before (its Welcome was lost); `newest` tells whether by its
   /// latest.
   std::size_t find_nonce(const PeerKey& peer, std::uint64_t nonce, bool& newest) const noexcept;
 
   /// A new session in a free slot, else in place of the one that has been silent or ending longest; kNone:
   /// all active.
-  std::size_t open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
-                   std::int64_t now_ns) noexcept;
+  std::size_t open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz, std::int64_t now_ns,
+                   std::uint64_t owner = 0) noexcept;
   /// The same slave and book under a new session id, perhaps from another address.
   void resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
               std::int64_t now_ns) noexcept;
   void end(std::size_t slot,
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
-  void release(std::size_t slot) noexcept { sessions_[slot] = {}; }
+  void release(std::size_t slot) noexcept { replace(slot, {}); }
+  /// Takes in a session of another shard, as it is there, so that it can be resumed here; it then gets an id
+  /// of this table. In place of what open() would give up; kNone: all active.
+  std::size_t adopt(const Session& session) noexcept;
 
-  /// Is this command of a known session, from its address, of its epoch, without fields of features that were
-  /// not agreed (`repeats_others`: it brings older ones along), and newer than all before? If so, books it:
-  /// sequence, energies, time. `slot` is set as soon as the session is known.
+  /// Is this command of a known session, from its address and owner, of its epoch, without fields of features
+  /// that were not agreed (`repeats_others`: it brings older ones along), and newer than all before, but no
+  /// further ahead than the rate explains? If so, books it: sequence, energies, time. `slot` is set as soon
+  /// as the session is known.
   DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns, std::size_t& slot,
-                   bool repeats_others = false) noexcept;
+                   bool repeats_others = false, std::uint64_t owner = 0) noexcept;
 
   /// Applies the time-outs. Calls `changed(slot, state)` for every session that becomes silent or free.
   template <class Changed>
   void expire(std::int64_t now_ns, Changed&& changed) noexcept {
     for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
       const SlotState before = sessions_[slot].state;
-      const SlotState after = expire_one(sessions_[slot], now_ns);
+      if (before == SlotState::kFree) continue;
+      const SlotState after = expire_one(slot, now_ns);
       if (after != before) changed(slot, after);
     }
   }
 
  private:
-  void start(Session& session, std::size_t slot, const PeerKey& peer, std::uint64_t nonce,
-             std::uint32_t rate_hz, std::int64_t now_ns) noexcept;
-  SlotState expire_one(Session& session, std::int64_t now_ns) noexcept;
+  void start(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
+             std::int64_t now_ns) noexcept;
+  SlotState expire_one(std::size_t slot, std::int64_t now_ns) noexcept;
+  std::size_t place() const noexcept;
+  // All changes of state go through these two, which keep the counts.
+  void set_state(std::size_t slot, SlotState state) noexcept;
+  void replace(std::size_t slot, const Session& session) noexcept;
   std::uint64_t secret_number() noexcept;
 
   SessionTableConfig config_;
   SipKey secret_;
   std::uint64_t counter_ = 0;
   std::uint32_t next_epoch_;
+  std::uint64_t slot_mask_;
   std::vector<Session> sessions_;
+  std::size_t active_ = 0;
+  std::size_t occupied_ = 0;
 };
 
 }  // namespace telenano::link

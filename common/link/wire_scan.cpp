@@ -1,7 +1,7 @@
 #include "common/link/wire_scan.h"
 
 #include <array>
-#include <utility>
+#include <cstring>
 
 #include "common/link/recent_commands.h"
 
@@ -31,16 +31,14 @@ constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
 constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64, kF64, kF64,
                                       kF64,     kF64, kF64, kF64, kF64,                    // 15: port control
                                       kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // to 22
-                                      0,        0,    0,    0,    0,    0,    0,    0,     // to 30
-                                      0,        0,    0,    0,    0,    0,    0,    0,    0,    kLen};
-constexpr FieldList kReplyFields = {kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
-                                    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                    kF64,     kF64, kF64,  // 20: port control; 25: local model
-                                    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                    kF64};  // 36: step history
-// The first field behind a feature bit: without features a stream ends before it.
-constexpr std::uint32_t kFirstCommandFeatureField = 15;
-constexpr std::uint32_t kFirstReplyFeatureField = 20;
+                                      0,        0,    0,    0,    0,    0,    0,    0,     // 31: sharing
+                                      kF32,     0,    0,    0,    0,    0,    0,    0,    0,    kLen};
+constexpr FieldList kReplyFields = {
+    kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kF64, kF64,
+    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 20: port control; 25:
+                                                                                 // local model
+    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,        // 36: sharing
+    kF32,     kF64, kF64, kF64, kF64};                                           // 40: step history
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
 constexpr FieldList kNoFields = {};
 
@@ -70,7 +68,7 @@ constexpr std::size_t longest_payload(const FieldList& fields) {
   }
   return bytes;
 }
-static_assert(longest_payload(kCommandFields) == 193 && longest_payload(kReplyFields) == 329,
+static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 365,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
 static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kMaxRecent * kRecentBytes <=
               kMaxPayloadBytes);
@@ -105,55 +103,10 @@ bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size
   return true;
 }
 
-/// The usual case, quickly: the fields of the list in rising order, some left out (proto3 leaves out zeros),
-/// none of them length-delimited. Certain unless kUnsure; which may only mean another order. The branch on
-/// each tag goes the same way in nearly every datagram of a stream, so the processor runs ahead instead of
-/// waiting for each field's place.
-enum class InOrder : std::uint8_t { kUnsure, kWithoutFeatureFields, kWithFeatureFields };
-
-template <const FieldList& kFields, std::uint32_t kFirstFeatureField, std::uint32_t... kIndex>
-InOrder scan_in_order(std::span<const std::uint8_t> payload, std::size_t& used,
-                      std::integer_sequence<std::uint32_t, kIndex...>) noexcept {
-  const std::uint8_t* at = payload.data();
-  const std::uint8_t* const end = at + payload.size();
-  const auto field = [&at, end](std::uint32_t number, std::uint8_t wire_type) {
-    if (wire_type == kNoField || wire_type == kLen) return;
-    const std::uint32_t tag = (number << 3) | wire_type;
-    const auto step = static_cast<std::ptrdiff_t>(tag_bytes(number) + value_bytes(wire_type));
-    if (end - at < step) [[unlikely]]
-      return;
-    if (number < 16 ? at[0] != tag : (at[0] != ((tag & 0x7fu) | 0x80u) || at[1] != tag >> 7)) [[unlikely]]
-      return;
-    at += step;
-  };
-  ((kIndex < kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
-  if (at == end) return InOrder::kWithoutFeatureFields;
-  ((kIndex >= kFirstFeatureField ? field(kIndex, kFields[kIndex]) : void()), ...);
-  used = static_cast<std::size_t>(at - payload.data());
-  return at == end ? InOrder::kWithFeatureFields : InOrder::kUnsure;
-}
-
-template <const FieldList& kFields, std::uint32_t kFirstFeatureField>
-InOrder scan_in_order(std::span<const std::uint8_t> payload, std::size_t& used) noexcept {
-  return scan_in_order<kFields, kFirstFeatureField>(
-      payload, used, std::make_integer_sequence<std::uint32_t, kMaxFields + 1>());
-}
-
 /// Whole records, at least one; `at` is behind their length.
 bool fits_recent(std::size_t length, std::size_t at, std::size_t size) noexcept {
   return length > 0 && length % kRecentBytes == 0 && length <= kMaxRecent * kRecentBytes &&
          at + length == size;
-}
-
-/// Is what begins at `at` the repeated commands of a Command, and the rest of it?
-bool is_recent(std::span<const std::uint8_t> payload, std::size_t at) noexcept {
-  constexpr std::uint32_t kTag = (kRecentField << 3) | kLen;
-  if (payload.size() - at < kRecentTagBytes || payload[at] != ((kTag & 0x7fu) | 0x80u) ||
-      payload[at + 1] != kTag >> 7)
-    return false;
-  at += kRecentTagBytes;
-  std::size_t length = 0;
-  return read_length(payload, at, length) && fits_recent(length, at, payload.size());
 }
 
 /// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding and
@@ -212,13 +165,11 @@ void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
   out[7] = static_cast<std::uint8_t>(payload_bytes >> 8);
 }
 
-DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept {
+DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept {
   frame = {};
   if (datagram.size() > kMaxDatagramBytes) return DropCause::kOversize;
   if (datagram.size() < kHeaderBytes) return DropCause::kTruncated;
-  for (std::size_t i = 0; i < kMagic.size(); ++i) {
-    if (datagram[i] != kMagic[i]) return DropCause::kBadMagic;
-  }
+  if (std::memcmp(datagram.data(), kMagic.data(), kMagic.size()) != 0) return DropCause::kBadMagic;
   const std::uint8_t type_byte = datagram[5];
   const auto type = static_cast<MessageType>(type_byte);
   // Hello and Refuse never change their layout: they are how two versions find out about each other.
@@ -231,29 +182,39 @@ DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcep
   if (behind_header < payload_bytes) return DropCause::kTruncated;
   if (behind_header > payload_bytes) return DropCause::kBadLength;
   if (type == MessageType::kHello && datagram.size() != kMaxDatagramBytes) return DropCause::kBadLength;
-  const auto payload = datagram.subspan(kHeaderBytes);
-  std::size_t parse_bytes = payload_bytes;
-  InOrder in_order = InOrder::kUnsure;
-  std::size_t used = 0;
-  if (type == MessageType::kCommand) {
-    in_order = scan_in_order<kCommandFields, kFirstCommandFeatureField>(payload, used);
-    if (in_order == InOrder::kUnsure && is_recent(payload, used)) {
-      in_order = InOrder::kWithFeatureFields;
-      parse_bytes = used;
-    }
-  }
-  if (type == MessageType::kReply)
-    in_order = scan_in_order<kReplyFields, kFirstReplyFeatureField>(payload, used);
-  if (in_order == InOrder::kUnsure && !scan_fields(type, payload, parse_bytes))
-    return DropCause::kMalformedField;
   frame.type = type;
-  frame.payload = payload.first(parse_bytes);
-  if (type == MessageType::kCommand && parse_bytes < payload_bytes) {
-    const std::size_t tail = payload_bytes - parse_bytes - kRecentTagBytes;  // length and records
-    frame.recent = payload.last(tail - tail % kRecentBytes);
-  }
-  frame.feature_fields = in_order != InOrder::kWithoutFeatureFields;
+  frame.payload = datagram.subspan(kHeaderBytes);
   return DropCause::kNone;
+}
+
+bool take_recent(std::span<const std::uint8_t> payload, std::size_t at,
+                 std::span<const std::uint8_t>& recent) noexcept {
+  constexpr std::uint32_t kTag = (kRecentField << 3) | kLen;
+  if (payload.size() - at < kRecentTagBytes || payload[at] != ((kTag & 0x7fu) | 0x80u) ||
+      payload[at + 1] != kTag >> 7)
+    return false;
+  at += kRecentTagBytes;
+  std::size_t length = 0;
+  if (!read_length(payload, at, length) || !fits_recent(length, at, payload.size())) return false;
+  recent = payload.subspan(at);
+  return true;
+}
+
+DropCause scan_payload(WireFrame& frame) noexcept {
+  std::size_t parse_bytes = frame.payload.size();
+  if (!scan_fields(frame.type, frame.payload, parse_bytes)) {
+    frame = {};
+    return DropCause::kMalformedField;
+  }
+  if (frame.type == MessageType::kCommand && parse_bytes < frame.payload.size())
+    take_recent(frame.payload, parse_bytes, frame.recent);
+  frame.payload = frame.payload.first(parse_bytes);
+  return DropCause::kNone;
+}
+
+DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept {
+  const DropCause cause = scan_header(datagram, frame);
+  return cause == DropCause::kNone ? scan_payload(frame) : cause;
 }
 
 }  // namespace telenano::link

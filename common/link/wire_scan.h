@@ -17,7 +17,6 @@ struct WireFrame {
   MessageType type = MessageType::kNone;
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
   std::span<const std::uint8_t> recent;  ///< of a Command: its repeated commands, which Protobuf does not see
-  bool feature_fields = true;            ///< false: certainly none of the fields behind feature bits is in it
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
@@ -31,5 +30,13 @@ inline constexpr std::size_t kRecentTagBytes = 2;
 /// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field
 /// would make Protobuf allocate twice, and a hostile peer decides what comes.
 DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept;
+
+/// Its two parts: header and length; then the fields of what it has found.
+DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept;
+DropCause scan_payload(WireFrame& frame) noexcept;
+/// True if what begins at `at` of a Command's payload is its repeated commands and the rest of it; then
+/// `recent` are their records.
+bool take_recent(std::span<const std::uint8_t> payload, std::size_t at,
+                 std::span<const std::uint8_t>& recent) noexcept;
 
 }  // namespace telenano::link

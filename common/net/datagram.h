@@ -33,6 +33,8 @@ class Datagram {
   virtual SendStatus send(std::span<const std::uint8_t> bytes, const Address& to) noexcept = 0;
   /// True when a datagram was put into `buffer` and `received`; false when none is waiting.
   virtual bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept = 0;
+  /// Hands over at once what send() may have kept back to send it together with more.
+  virtual void flush() noexcept {}
 };
 
 }  // namespace telenano::net

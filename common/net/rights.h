@@ -33,6 +33,8 @@ constexpr std::optional<Rights> parse_rights(std::string_view text) noexcept {
 struct Standing {
   bool address_proven = false;
   Rights rights = Rights::kAdminister;
+  /// Who: a number of the key or certificate, the same in every channel that it opens. 0: nobody has said.
+  std::uint64_t identity = 0;
 };
 
 }  // namespace telenano::net

@@ -24,10 +24,6 @@ namespace {
 using boost::asio::ip::udp;
 namespace asio = boost::asio;
 
-// A burst of 64 stations at 4 kHz during a 20 ms stall of the loop is about 5000 datagrams; the kernel
-// charges some 800 bytes for each.
-constexpr int kSocketBufferBytes = 4 << 20;
-
 constexpr std::array<std::uint8_t, 12> kV4Prefix = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
 
 bool is_v4(const Address& a) noexcept {
@@ -145,20 +141,35 @@ struct Udp::Impl {
   asio::io_context context;
   udp::socket socket{context};
   int handle = -1;
+  std::int64_t busy_poll_ns = 0;
+  bool notices = false;
+  Unreachable unreachable = Unreachable::kNo;
   // The last peer's address as the kernel wants it: nearly always the next one's too.
   Address cached;
   sockaddr_storage cached_name{};
   socklen_t cached_length = 0;
 
-  void open(const Address& local) {
+  void open(const Address& local, const UdpOptions& options) {
     const udp::endpoint endpoint = to_asio(local);
     boost::system::error_code error;
     socket.open(endpoint.protocol(), error);
     if (error) throw UserError("cannot open a UDP socket for " + to_string(local) + ": " + error.message());
     boost::system::error_code ignored;  // smaller buffers or IPv6 without IPv4 still work
-    socket.set_option(asio::socket_base::receive_buffer_size(kSocketBufferBytes), ignored);
-    socket.set_option(asio::socket_base::send_buffer_size(kSocketBufferBytes), ignored);
+    set_buffer(SO_RCVBUF, SO_RCVBUFFORCE);
+    set_buffer(SO_SNDBUF, SO_SNDBUFFORCE);
     if (endpoint.address().is_v6()) socket.set_option(asio::ip::v6_only(false), ignored);
+    const int yes = 1;
+    if (options.share_port &&
+        ::setsockopt(socket.native_handle(), SOL_SOCKET, SO_REUSEPORT, &yes, sizeof yes) != 0) {
+      throw UserError("this kernel cannot share UDP port " + std::to_string(local.port) +
+                      " between sockets (SO_REUSEPORT): " + std::strerror(errno) + "; use one worker");
+    }
+    if (options.busy_poll_ns > 0) {
+      const int us = static_cast<int>(std::clamp<std::int64_t>(options.busy_poll_ns / 1000, 1, 1'000'000));
+      if (::setsockopt(socket.native_handle(), SOL_SOCKET, SO_BUSY_POLL, &us, sizeof us) == 0) {
+        busy_poll_ns = us * std::int64_t{1000};
+      }
+    }
     socket.bind(endpoint, error);
     if (error == asio::error::address_in_use) {
       throw UserError("UDP port " + std::to_string(local.port) + " on " + to_string(local) +
@@ -175,8 +186,30 @@ struct Udp::Impl {
     handle = socket.native_handle();
     // The kernel notes when each datagram came (CLOCK_REALTIME): a loop that looks once a tick would
     // otherwise measure its own period as round trip. Where it is not to be had, age_ns stays 0.
-    const int on = 1;
-    ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+    ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &yes, sizeof yes);
+  }
+
+  /// Up to net.core.{r,w}mem_max, or beyond for a program that may administer the network.
+  void set_buffer(int option, int forced) noexcept {
+    const int bytes = kBufferBytes;
+    if (::setsockopt(socket.native_handle(), SOL_SOCKET, forced, &bytes, sizeof bytes) != 0)
+      ::setsockopt(socket.native_handle(), SOL_SOCKET, option, &bytes, sizeof bytes);
+  }
+
+  /// What a call has just ended with: the network's word on an earlier datagram? Then it is noted, and true.
+  bool note(int error) noexcept {
+    if (error == ECONNREFUSED) unreachable = Unreachable::kPort;
+    if (error == EHOSTUNREACH || error == ENETUNREACH) unreachable = Unreachable::kHost;
+    const bool noted = error == ECONNREFUSED || error == EHOSTUNREACH || error == ENETUNREACH;
+    if (!noted || !notices) return noted;
+    // The kernel keeps the whole story besides; until it is fetched, every wait ends at once.
+    std::array<std::byte, 512> story;
+    msghdr header{};
+    header.msg_control = story.data();
+    do {
+      header.msg_controllen = story.size();
+    } while (::recvmsg(handle, &header, MSG_ERRQUEUE | MSG_DONTWAIT) >= 0);
+    return noted;
   }
 
   void cache(const Address& to) noexcept {
@@ -206,9 +239,9 @@ Udp::Udp(Udp&&) noexcept = default;
 Udp& Udp::operator=(Udp&&) noexcept = default;
 Udp::~Udp() = default;
 
-Udp Udp::listen(const Address& local) {
+Udp Udp::listen(const Address& local, const UdpOptions& options) {
   auto impl = std::make_unique<Impl>();
-  impl->open(local);
+  impl->open(local, options);
   return Udp(std::move(impl));
 }
 
@@ -221,13 +254,13 @@ Udp Udp::open_for(const Address& peer) {
 SendStatus Udp::send(std::span<const std::uint8_t> bytes, const Address& to) noexcept {
   impl_->cache(to);
   for (int tries = 0; tries < 3; ++tries) {
-    const ssize_t n = ::sendto(impl_->handle, bytes.data(), bytes.size(), MSG_NOSIGNAL,
+    const ssize_t n = ::sendto(impl_->handle, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT,
                                reinterpret_cast<const sockaddr*>(&impl_->cached_name), impl_->cached_length);
     if (n >= 0) return SendStatus::kSent;
     if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) return SendStatus::kWouldBlock;
     // A port that was unreachable a moment ago (ICMP) is reported here, for an earlier datagram: try this
     // one.
-    if (errno != EINTR && errno != ECONNREFUSED) break;
+    if (errno != EINTR && !impl_->note(errno)) break;
   }
   return SendStatus::kFailed;
 }
@@ -245,15 +278,15 @@ bool Udp::receive(std::span<std::uint8_t> buffer, Received& received) noexcept {
     header.msg_control = control.data();
     header.msg_controllen = control.size();
     // MSG_TRUNC: the true size of a datagram that is cut, so that the receiver can tell.
-    const ssize_t n = ::recvmsg(impl_->handle, &header, MSG_TRUNC);
+    const ssize_t n = ::recvmsg(impl_->handle, &header, MSG_TRUNC | MSG_DONTWAIT);
     if (n >= 0) {
       received.size = static_cast<std::size_t>(n);
       received.age_ns = age_ns(header);
+      impl_->unreachable = Unreachable::kNo;
       impl_->remember(name, header.msg_namelen, received.from);
       return true;
     }
-    if (errno != EINTR && errno != ECONNREFUSED && errno != EHOSTUNREACH && errno != ENETUNREACH)
-      return false;
+    if (errno != EINTR && !impl_->note(errno)) return false;
   }
   return false;
 }
@@ -263,6 +296,17 @@ bool Udp::wait_readable(std::int64_t timeout_ns) noexcept {
   const std::int64_t ns = std::max<std::int64_t>(timeout_ns, 0);
   const timespec timeout{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
   return ::ppoll(&entry, 1, &timeout, nullptr) > 0;
+}
+
+void Udp::notice_unreachable() noexcept {
+  const int on = 1;
+  const bool v4 = ::setsockopt(impl_->handle, IPPROTO_IP, IP_RECVERR, &on, sizeof on) == 0;
+  const bool v6 = ::setsockopt(impl_->handle, IPPROTO_IPV6, IPV6_RECVERR, &on, sizeof on) == 0;
+  impl_->notices = v4 || v6;
+}
+
+Unreachable Udp::unreachable() const noexcept {
+  return impl_->unreachable;
 }
 
 bool Udp::set_dscp(int dscp) noexcept {
@@ -278,6 +322,17 @@ Address Udp::local() const noexcept {
   boost::system::error_code error;
   const auto endpoint = impl_->socket.local_endpoint(error);
   return error ? Address{} : from_asio(endpoint);
+}
+
+std::int64_t Udp::busy_poll_ns() const noexcept {
+  return impl_->busy_poll_ns;
+}
+
+std::size_t Udp::receive_buffer_bytes() const noexcept {
+  int bytes = 0;
+  socklen_t size = sizeof bytes;
+  if (::getsockopt(impl_->handle, SOL_SOCKET, SO_RCVBUF, &bytes, &size) != 0 || bytes < 0) return 0;
+  return static_cast<std::size_t>(bytes) / 2;  // Linux doubles what is asked for, for its own bookkeeping
 }
 
 int Udp::handle() const noexcept {

@@ -30,7 +30,12 @@ herr_t keep_reason(unsigned, const H5E_error2_t* error, void* text) {
 
 void prepare_hdf5() {
   static std::once_flag once;
-  std::call_once(once, [] { H5dont_atexit(); });
+  std::call_once(once, [] {
+    H5dont_atexit();
+    // A file may name code and other files that the library would go and get: ours needs neither.
+    H5PLset_loading_state(0);
+    H5Lunregister(H5L_TYPE_EXTERNAL);
+  });
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
 }
 
@@ -91,13 +96,20 @@ Handle event_type(bool packed) {
   return type;
 }
 
+bool is_single(hid_t attribute) {
+  const Handle space(H5Aget_space(attribute), H5Sclose);
+  return space && H5Sget_simple_extent_npoints(space.get()) == 1;
+}
+
 bool read_text_attribute(hid_t object, const char* name, std::string& text) {
   if (H5Aexists(object, name) <= 0) return false;
   const Handle attribute(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
   if (!attribute) return false;
   const Handle type(H5Aget_type(attribute.get()), H5Tclose);
   if (!type || H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) != 0) return false;
-  std::string read(H5Tget_size(type.get()), '\0');
+  const std::size_t size = H5Tget_size(type.get());
+  if (size > kTextBytesMax || !is_single(attribute.get())) return false;
+  std::string read(size, '\0');
   if (H5Aread(attribute.get(), type.get(), read.data()) < 0) return false;
   read.resize(std::strlen(read.c_str()));
   text = std::move(read);

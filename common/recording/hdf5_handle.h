@@ -69,11 +69,14 @@ hid_t memory_type(ColumnType type);
 hid_t file_type(ColumnType type);
 /// A compound of Event; `packed` as it lies in the file, otherwise as it lies in memory.
 Handle event_type(bool packed);
-
 /// A compound of DatagramRow, which has no padding.
 Handle datagram_type();
 
-/// False when the attribute is missing or not a string.
+/// Has the attribute one value? H5Aread writes as many as the file says, whatever the room.
+bool is_single(hid_t attribute);
+
+/// False when the attribute is missing or not a string (of at most 16 MiB).
+inline constexpr std::size_t kTextBytesMax = std::size_t{1} << 24;
 bool read_text_attribute(hid_t object, const char* name, std::string& text);
 bool write_text_attribute(hid_t object, const char* name, const std::string& text);
 

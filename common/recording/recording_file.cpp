@@ -182,7 +182,8 @@ void RecordingFile::open_datasets() {
   datagrams_ = Handle(H5Dopen2(file_.get(), kDatagramsDataset, H5P_DEFAULT), H5Dclose);
   datagram_type_ = datagram_type();
   progress_ = Handle(H5Dopen2(file_.get(), kProgressDataset, H5P_DEFAULT), H5Dclose);
-  if (!good || !events_ || !datagrams_ || !progress_) throw UserError(name_ + ": cannot be written: " + hdf5_reason());
+  if (!good || !events_ || !datagrams_ || !progress_)
+    throw UserError(name_ + ": cannot be written: " + hdf5_reason());
 }
 
 bool RecordingFile::append(std::span<const Sample> samples) {

@@ -18,7 +18,11 @@ namespace telenano::recording {
 /// Every error is a UserError of one line that names the file.
 class RecordingReader {
  public:
+  /// With HDF5 in this process: for files that this program has written.
   explicit RecordingReader(const std::filesystem::path& path);
+  /// With HDF5 in a process of its own: for files from anywhere. What the library does to itself over a
+  /// damaged or hostile file is a RunError then. Forks: call it while no other thread works with HDF5.
+  static RecordingReader isolated(const std::filesystem::path& path);
   ~RecordingReader();
   RecordingReader(RecordingReader&&) noexcept;
   RecordingReader& operator=(RecordingReader&&) noexcept;
@@ -50,6 +54,7 @@ class RecordingReader {
 
  private:
   class Impl;
+  explicit RecordingReader(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

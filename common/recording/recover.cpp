@@ -10,7 +10,9 @@
 #include <vector>
 
 #include "common/base/error.h"
+#include "common/recording/child_call.h"
 #include "common/recording/hdf5_handle.h"
+#include "common/recording/packed.h"
 #include "common/recording/recording_reader.h"
 
 namespace telenano::recording {
@@ -55,9 +57,7 @@ Handle repairing_access() {
   return access;
 }
 
-}  // namespace
-
-Recovered recover(const std::filesystem::path& path) {
+Recovered recover_here(const std::filesystem::path& path) {
   const std::string name = path.string();
   Recovered result;
   std::vector<std::string> columns;
@@ -105,6 +105,14 @@ Recovered recover(const std::filesystem::path& path) {
     throw RunError(name + ": was repaired but does not open plainly; try h5clear -s");
   }
   return result;
+}
+
+}  // namespace
+
+Recovered recover(const std::filesystem::path& path) {
+  ChildCall child(path.string(), [&](std::string_view) { return Packer().put(recover_here(path)).take(); });
+  const std::string answer = child.ask({});
+  return Unpacker(answer).get<Recovered>();
 }
 
 }  // namespace telenano::recording

@@ -15,7 +15,7 @@ struct Recovered {
 /// Makes a recording whose writer was killed open plainly in every HDF5 program: clears the flags that say it
 /// is still being written, cuts all columns to the complete rows, and proves it by a plain open. Refuses a
 /// file that is being written now. Throws UserError for what is not a recording, RunError when the repair
-/// fails.
+/// fails. HDF5 works in a process of its own (RecordingReader::isolated says why and when).
 Recovered recover(const std::filesystem::path& path);
 
 }  // namespace telenano::recording

@@ -45,7 +45,7 @@ std::string alert_text(int alert, const std::string& who) {
     case SSL_AD_HANDSHAKE_FAILURE:
       return "the server and this station agree on no way of proving who they are: a server with --keys "
              "takes "
-             "--key, one with --cert takes --cert too";
+             "--key, one with --cert takes --cert too, and both speak DTLS 1.2";
     default:
       return "the server refuses " + who + " (" + SSL_alert_desc_string_long(alert) + ")";
   }

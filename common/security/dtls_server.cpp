@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <bit>
 #include <cstring>
 #include <new>
+#include <string_view>
 #include <vector>
 
 #include "common/base/error.h"
@@ -47,6 +49,7 @@ struct DtlsServer::Impl {
     std::array<std::uint8_t, 32> random{};  // of its ClientHello
     std::array<char, 65> identity{};
     net::Rights rights = net::Rights::kObserve;
+    std::uint64_t number = 0;   // of its identity: net::Standing::identity
     std::int64_t since_ns = 0;  // begin of the handshake, or last datagram opened
     link::TokenBucket rate{1, 1};
   };
@@ -58,6 +61,8 @@ struct DtlsServer::Impl {
         wire(w),
         clock(time),
         tags(c.capacity),
+        buckets(std::bit_ceil(2 * c.capacity), kNone),
+        next_of_bucket(c.capacity, kNone),
         peers(c.capacity),
         addresses(kAddressBuckets, {c.handshakes_per_address_s, c.handshakes_per_address_burst}),
         strangers(c.cookies_per_s, std::max(1.0, c.cookies_per_s / 10)),
@@ -178,6 +183,7 @@ struct DtlsServer::Impl {
       if (entry == nullptr) return false;
       peer.identity = entry->name.empty() ? identity.fingerprint : identity.name;
       peer.rights = entry->rights;
+      peer.number = number_of('c', peer.identity.data());
       return true;
     }
     const char* const name = SSL_get_psk_identity(ssl);
@@ -186,7 +192,16 @@ struct DtlsServer::Impl {
     std::copy_n(entry->identity.begin(), std::min(entry->identity.size(), peer.identity.size() - 1),
                 peer.identity.begin());
     peer.rights = entry->rights;
+    peer.number = number_of('k', peer.identity.data());
     return true;
+  }
+
+  /// Never 0. The names are those of the list, so that nobody can choose one that collides.
+  static std::uint64_t number_of(char kind, const char* identity) noexcept {
+    const std::string_view text(identity);
+    const link::SipKey key{static_cast<std::uint64_t>(kind), 0};
+    return std::max<std::uint64_t>(
+        link::siphash(key, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}), 1);
   }
 
   /// Ends what the new list no longer allows. An identity with another key or right ends too: it may come
@@ -230,7 +245,7 @@ struct DtlsServer::Impl {
   std::size_t find(const net::Address& address, State state) const noexcept {
     if (last < peers.size() && peers[last].state == state && peers[last].address == address) return last;
     const std::uint64_t tag = tag_of(address);
-    for (std::size_t slot = 0; slot < tags.size(); ++slot) {
+    for (std::size_t slot = first_of(tag); slot != kNone; slot = next_of_bucket[slot]) {
       if (tags[slot] == tag && peers[slot].state == state && peers[slot].address == address) {
         last = slot;
         return slot;
@@ -246,8 +261,22 @@ struct DtlsServer::Impl {
 
   void release(std::size_t slot) noexcept {
     peers[slot] = {};
+    if (tags[slot] == 0) return;
+    std::size_t* link = &first_of(tags[slot]);
+    while (*link != slot) link = &next_of_bucket[*link];
+    *link = next_of_bucket[slot];
     tags[slot] = 0;
   }
+
+  void enter(std::size_t slot, const net::Address& address) noexcept {  // a slot that was released
+    tags[slot] = tag_of(address);
+    std::size_t& first = first_of(tags[slot]);
+    next_of_bucket[slot] = first;
+    first = slot;
+  }
+
+  std::size_t& first_of(std::uint64_t tag) noexcept { return buckets[tag & (buckets.size() - 1)]; }
+  std::size_t first_of(std::uint64_t tag) const noexcept { return buckets[tag & (buckets.size() - 1)]; }
 
   /// A slot for a handshake. Those under way share a quarter of the room, and the oldest of them gives way: a
   /// crowd that never finishes neither takes the room of sessions nor keeps others out for long.
@@ -311,7 +340,7 @@ struct DtlsServer::Impl {
     peer.address = from;
     peer.random = hello.random;
     peer.since_ns = now_ns;
-    tags[slot] = tag_of(from);
+    enter(slot, from);
     listener = std::move(next);
     advance(slot, {});
   }
@@ -389,7 +418,7 @@ struct DtlsServer::Impl {
       case DtlsChannel::Open::kData:
         counters.add(Event::kOpened);
         peer.since_ns = now_ns;
-        received.standing = {true, peer.rights};
+        received.standing = {true, peer.rights, peer.number};
         return true;
       case DtlsChannel::Open::kNothing:
         counters.add(Event::kForged);
@@ -452,7 +481,10 @@ struct DtlsServer::Impl {
   const rt::Clock& clock;
   std::array<std::uint8_t, 32> secret{};
   link::SipKey tag_key;
-  std::vector<std::uint64_t> tags;  // of the peers' addresses, packed: the search reads nothing else
+  // Found by the tag of its address: those with the same low bits are a chain through next_of_bucket.
+  std::vector<std::uint64_t> tags;
+  std::vector<std::size_t> buckets;
+  std::vector<std::size_t> next_of_bucket;
   std::vector<Peer> peers;
   mutable std::size_t last = 0;  // found: mostly the next one's too
   std::vector<link::TokenBucket> addresses;
@@ -483,6 +515,10 @@ bool DtlsServer::receive(std::span<std::uint8_t> buffer, net::Received& received
 net::SendStatus DtlsServer::send(std::span<const std::uint8_t> bytes, const net::Address& to) noexcept {
   const std::size_t slot = impl_->find(to, Impl::State::kEstablished);
   return slot == kNone ? net::SendStatus::kFailed : impl_->peers[slot].channel->send(bytes);
+}
+
+void DtlsServer::flush() noexcept {
+  impl_->wire.flush();
 }
 
 void DtlsServer::offer_keys(KeyList keys) {

@@ -16,7 +16,7 @@ namespace telenano::security {
 
 struct DtlsServerConfig {
   std::optional<CertificateFiles> certificates;  ///< left out: pre-shared keys only
-  std::size_t capacity = 128;  ///< associations at once, those under way included; 1 … 1024
+  std::size_t capacity = 128;  ///< associations at once, those under way included; 1 … 16384
   std::int64_t handshake_timeout_ns = 5'000'000'000;
   /// An association that nobody uses is forgotten. Longer than a session can be resumed, so that a station
   /// that comes back need not make a new one.
@@ -52,6 +52,7 @@ class DtlsServer final : public net::Datagram {
 
   net::SendStatus send(std::span<const std::uint8_t> bytes, const net::Address& to) noexcept override;
   bool receive(std::span<std::uint8_t> buffer, net::Received& received) noexcept override;
+  void flush() noexcept override;
 
   /// From another thread: the list from now on. Associations whose key or right is no longer the same end
   /// with the loop's next datagram or idle look.

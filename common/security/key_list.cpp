@@ -130,7 +130,11 @@ const CertificateEntry* KeyList::find_certificate(std::string_view name,
 }
 
 KeyList load_key_list(const std::string& path) {
-  const TomlDocument document = TomlDocument::parse(read_private_file(path, "--keys"), path);
+  return parse_key_list(read_private_file(path, "--keys"), path);
+}
+
+KeyList parse_key_list(std::string content, const std::string& name) {
+  const TomlDocument document = TomlDocument::parse(std::move(content), name);
   KeyList list;
   for (const TomlTable& table : document.root().tables("key")) {
     KeyEntry entry{read_identity(table), read_psk(table), read_rights(table)};

@@ -63,6 +63,7 @@ struct KeyList {
 /// Reads the list: TOML with tables [[key]] (identity, psk, rights) and [[certificate]] (name or fingerprint,
 /// rights). Throws UserError as load_station_key.
 KeyList load_key_list(const std::string& path);
+KeyList parse_key_list(std::string content, const std::string& name);
 std::string key_list_text(const KeyList& list);
 
 /// 1 to 64 letters, digits, dots, dashes and underscores: goes over the wire in the clear, into messages and

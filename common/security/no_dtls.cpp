@@ -25,6 +25,7 @@ DtlsServer::~DtlsServer() = default;
 net::SendStatus DtlsServer::send(std::span<const std::uint8_t>, const net::Address&) noexcept {
   return net::SendStatus::kFailed;
 }
+void DtlsServer::flush() noexcept {}
 bool DtlsServer::receive(std::span<std::uint8_t>, net::Received&) noexcept {
   return false;
 }

@@ -45,6 +45,10 @@ class SecurityCounters {
     auto& count = count_[static_cast<std::size_t>(event)];
     count.store(count.load(std::memory_order_relaxed) + 1, std::memory_order_relaxed);
   }
+  void add(const SecurityCounters& more) noexcept {
+    for (std::size_t i = 0; i < kSecurityEvents; ++i)
+      count_[i].fetch_add(more.count_[i].load(std::memory_order_relaxed), std::memory_order_relaxed);
+  }
   std::uint64_t operator[](SecurityEvent event) const noexcept {
     return count_[static_cast<std::size_t>(event)].load(std::memory_order_relaxed);
   }

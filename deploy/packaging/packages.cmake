@@ -29,6 +29,7 @@ install(DIRECTORY deploy/scenes deploy/data DESTINATION ${share} COMPONENT commo
 install(FILES proto/PROTOCOL.md proto/telenano.proto proto/telenano.lua DESTINATION ${share}/proto COMPONENT common)
 install(FILES deploy/OPERATIONS.md CHANGELOG.md DESTINATION share/doc/telenano-common COMPONENT common)
 install(FILES deploy/station.toml DESTINATION ${share} COMPONENT station)
+install(FILES deploy/afm.toml DESTINATION ${share} COMPONENT server)
 foreach(component common server station lab)
   install(FILES LICENSE DESTINATION share/doc/telenano-${component} RENAME copyright COMPONENT ${component})
 endforeach()

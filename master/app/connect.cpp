@@ -11,9 +11,8 @@
 #include "common/rt/steady_clock.h"
 
 namespace telenano::app {
-namespace {
 
-std::string refusal(const link::Refuse& refuse, double rate_hz, const std::string& server) {
+std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::string& server) {
   switch (refuse.reason) {
     case link::RefuseReason::kVersion:
       return fmt::format(
@@ -32,8 +31,6 @@ std::string refusal(const link::Refuse& refuse, double rate_hz, const std::strin
   }
   return fmt::format("the server at {} refuses, for a reason that this station does not know", server);
 }
-
-}  // namespace
 
 std::uint64_t random_nonce_seed() {
   std::random_device device;
@@ -58,7 +55,7 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
       }
     }
     if (session.state() == link::ClientState::kRefused)
-      throw RunError(refusal(session.refuse(), rate_hz, name));
+      throw RunError(refusal_text(session.refuse(), rate_hz, name));
     if (stop) throw RunError("stopped before the server answered");
     if (static_cast<double>(now_ns - start_ns) * 1e-9 > access.connect_timeout_s) {
       const std::uint64_t wrong = session.drops()[link::DropCause::kWrongVersion];
@@ -67,10 +64,8 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
             fmt::format("the server at {} answers in another protocol version than {}; update the older one",
                         name, link::kProtocolVersion));
       }
-      throw RunError(fmt::format(
-          "no answer from {} within {:g} s; is telenano-nve serve running there{}, and does the "
-          "firewall let UDP through?",
-          name, access.connect_timeout_s, way.is_secure() ? "" : " (one with --keys asks for --key here)"));
+      throw RunError(fmt::format("no answer from {} within {:g} s; {}", name, access.connect_timeout_s,
+                                 way.advice(name)));
     }
     if (const std::size_t n = session.poll(now_ns, buffer))
       socket.send(std::span<const std::uint8_t>(buffer).first(n), server);

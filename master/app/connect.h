@@ -20,6 +20,9 @@ std::uint64_t random_nonce_seed();
 void connect(link::ClientSession& session, ServerLink& way, const net::Address& server, double rate_hz,
              const ServerAccess& access, const std::atomic<bool>& stop);
 
+/// Why the server refuses, and what to do about it; one line.
+std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::string& server);
+
 /// Says goodbye for a session that ends before its loop begins, so that the server need not wait for its
 /// time-out.
 class Farewell {

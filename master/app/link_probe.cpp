@@ -53,6 +53,7 @@ LinkDelay measure_link(link::ClientSession& session, ServerLink& way, const net:
     if (sent < count && now_ns >= next_ns) {
       link::Command command;
       command.tip_pos_w_nm = session.welcome().start_pos_w_nm;
+      command.flags = link::kFlagHandOver;  // who measures need not hold a shared tip
       now_ns = clock.now_ns();
       const std::size_t size = session.make_command(command, now_ns, buffer);
       socket.send(std::span<const std::uint8_t>(buffer).first(size), server);

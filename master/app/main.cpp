@@ -3,6 +3,8 @@
 
 #include "common/base/version.h"
 #include "common/config/program.h"
+#include "master/app/calibrate_command.h"
+#include "master/app/devices_command.h"
 #include "master/app/export_command.h"
 #include "master/app/plan_command.h"
 #include "master/app/recover_command.h"
@@ -17,6 +19,8 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   telenano::app::add_run_command(app, command_line, exit_code);
   telenano::app::add_plan_command(app);
+  telenano::app::add_devices_command(app);
+  telenano::app::add_calibrate_command(app);
   telenano::app::add_recover_command(app);
   telenano::app::add_export_command(app);
   return telenano::config::run_program(app, argc, argv, exit_code);

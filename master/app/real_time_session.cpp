@@ -17,17 +17,18 @@ double silent_s(const recording::Sample& sample) noexcept {
 
 }  // namespace
 
-RealTimeSession::RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
+RealTimeSession::RealTimeSession(const SessionHand& hand, net::Datagram& socket, const net::Address& server,
                                  link::ClientSession& session, station::Station& station,
-                                 recording::Recorder* recorder, double give_up_s,
+                                 recording::Recorder* recorder, double give_up_s, double observe_s,
                                  const std::atomic<bool>& stop, const loop::LinkOptions& link)
-    : device_(device),
+    : hand_(hand),
       session_(session),
       station_(station),
       recorder_(recorder),
       give_up_s_(give_up_s),
+      observe_s_(observe_s),
       stop_(stop),
-      loop_(device, socket, server, session, station, &clock_, link),
+      loop_(hand.device, socket, server, session, station, &clock_, link),
       surface_z_w_nm_(session.welcome().surface_z_w_nm),
       summary_({station.config().rate_hz, surface_z_w_nm_}),
       last_sessions_(session.sessions()),
@@ -41,12 +42,15 @@ void RealTimeSession::run() noexcept {
   do {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
-    device_.advance(elapsed_ns);
-    if (stop_.load(std::memory_order_relaxed)) {
+    hand_.device.advance(elapsed_ns);
+    if (desk_ != nullptr) ask_screen(sample);
+    if (quit_ || stop_.load(std::memory_order_relaxed)) {
       loop_.set_buttons(device::kButtonStop);
       ++stop_ticks_;
     }
-    if (!device_.motion_started() && station_.mode() == station::Mode::kEngaged) device_.start_motion();
+    device::PlayedMotion* const motion = hand_.motion;
+    if (motion != nullptr && !motion->motion_started() && station_.mode() == station::Mode::kEngaged)
+      motion->start_motion();
     loop_.tick(tick.woke_ns, static_cast<double>(elapsed_ns) * 1e-9, sample);
     sample.lateness_us = static_cast<double>(tick.lateness_ns) * 1e-3;
     sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
@@ -58,11 +62,23 @@ void RealTimeSession::run() noexcept {
       record_events(sample);
     }
     publish(sample, timer.stats());
+    if (desk_ != nullptr) desk_->show(sample, loop_.force_off());
   } while (!over(sample));
-  device_.write_force(Vec3::Zero());
+  hand_.device.write_force(Vec3::Zero());
   loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
   timer_stats_ = timer.stats();
   finished_.store(true, std::memory_order_release);
+}
+
+void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
+  const view_model::RequestDesk::Asked asked = desk_->answer(station_);
+  loop_.set_buttons(asked.buttons);
+  quit_ |= asked.quit;
+  for (int i = 0; i < asked.marks; ++i) {
+    ++marks_;
+    if (recorder_ != nullptr)
+      recorder_->push(recording::make_event(before.tick, before.time_s, kEventMark, "mark", marks_));
+  }
 }
 
 void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
@@ -78,6 +94,12 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
     last_sessions_ = session_.sessions();
     last_epoch_ = epoch;
   }
+  if (const bool observes = loop_.trace().observes; observes != last_observes_) {
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventTip,
+                                          observes ? "observes the shared tip" : "holds the shared tip",
+                                          observes ? 0 : 1));
+    last_observes_ = observes;
+  }
   const bool silent = silent_s(sample) > kSilentS;
   if (silent && !silent_)
     recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSilent, "server silent"));
@@ -86,7 +108,7 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
 
 void RealTimeSession::publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept {
   Progress p;
-  p.time_s = device_.motion_time_s();
+  p.time_s = hand_time_s(sample);
   p.tip_height_nm = sample.tip_pos_w_nm[2] - surface_z_w_nm_;
   p.force_nn = sample.force_w_nn[2];
   p.hand_force_n = loop_.trace().commanded_force_h_n.norm();
@@ -103,7 +125,21 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.energy_j = sample.energy_j;
   p.mode = sample.station_mode;
   p.silent_s = silent_s(sample);
+  p.force_off = loop_.force_off();
+  p.observes = loop_.trace().observes;
+  p.shutting_down = session_.state() == link::ClientState::kLost && !session_.has_session() &&
+                    session_.bye_reason() == link::ByeReason::kShuttingDown;
+  p.resume_token = session_.resume_token();
   progress_.store(p);
+}
+
+double RealTimeSession::hand_time_s(const recording::Sample& sample) const noexcept {
+  return hand_.motion != nullptr ? hand_.motion->motion_time_s() : sample.time_s;
+}
+
+bool RealTimeSession::motion_over(const recording::Sample& sample) const noexcept {
+  if (hand_.motion != nullptr) return hand_.motion->motion_done();
+  return hand_.duration_s > 0 && sample.time_s >= hand_.duration_s;
 }
 
 bool RealTimeSession::over(const recording::Sample& sample) noexcept {
@@ -111,16 +147,24 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     ending_ = Ending::kStopped;
     return true;
   }
-  if (stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped && ++fault_ticks_ > kStopTicks) {
+  if (desk_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped &&
+      ++fault_ticks_ > kStopTicks) {
     ending_ = Ending::kFault;
+    return true;
+  }
+  // Final: nothing more will come, and nobody needs to wait for it.
+  if (session_.state() == link::ClientState::kClosed || session_.state() == link::ClientState::kRefused) {
+    ending_ = session_.state() == link::ClientState::kClosed ? Ending::kServerEnded : Ending::kRefused;
     return true;
   }
   if (silent_s(sample) > give_up_s_) {
     ending_ = Ending::kServerGone;
     return true;
   }
-  return device_.motion_done() &&
-         static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
+  // Who does not move the tip watches for as long as the task would take.
+  const bool still = hand_.motion == nullptr || !hand_.motion->motion_started();
+  if (observe_s_ > 0 && still && loop_.trace().observes && sample.time_s > observe_s_) return true;
+  return motion_over(sample) && static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
 }
 
 }  // namespace telenano::app

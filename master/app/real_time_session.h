@@ -9,18 +9,22 @@
 #include "common/rt/latest_value.h"
 #include "common/rt/periodic_timer.h"
 #include "common/rt/steady_clock.h"
-#include "master/device/sim_device.h"
+#include "master/device/haptic_device.h"
+#include "master/device/played_motion.h"
 #include "master/loop/station_loop.h"
 #include "master/station/station.h"
+#include "master/view_model/request_desk.h"
 
 namespace telenano::app {
 
 /// Why a session ended.
-enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone };
+enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone, kServerEnded, kRefused };
 
-/// Codes of events in a recording besides the station's modes, 0 to 4. Stored in files: never renumber.
+/// Codes of events in a recording besides the station's modes, 0 to 5. Stored in files: never renumber.
 inline constexpr std::uint32_t kEventSilent = 100;
 inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy book
+inline constexpr std::uint32_t kEventTip = 102;      ///< of a shared tip; value: 1 = holds it, 0 = observes
+inline constexpr std::uint32_t kEventMark = 103;     ///< a person's; value: its number, from 1
 
 /// What the loop tells the progress line.
 struct Progress {
@@ -35,6 +39,10 @@ struct Progress {
   double energy_j = 0;
   std::uint32_t mode = 0;
   double silent_s = 0;
+  device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
+  bool observes = false;                                           ///< of a shared tip
+  bool shutting_down = false;  ///< the server has said so, and is not back yet
+  std::uint64_t resume_token = 0;
   std::int64_t ticks = 0;
   std::uint64_t overruns = 0;
   std::uint64_t missed_ticks = 0;
@@ -43,15 +51,31 @@ struct Progress {
   std::uint32_t slave_faults = 0;
 };
 
-/// The station's loop in real time: paces StationLoop with a timer, advances the simulated hand, records and
-/// sums up, until the task is over, a stop is asked for, the station has stopped itself or the server stays
-/// silent.
+/// The hand of a session: the device, and what decides when the session is over.
+struct SessionHand {
+  device::HapticDevice& device;
+  device::PlayedMotion* motion = nullptr;  ///< null: a person moves it
+  double duration_s = 0;                   ///< for a person's hand: ends after so long; 0 = until stopped
+};
+
+/// The station's loop in real time: paces StationLoop with a timer, lets the device's time pass, records and
+/// sums up, until the motion or the time is over, a stop is asked for, the station has stopped itself or the
+/// server stays silent.
 class RealTimeSession {
  public:
-  /// `recorder` may be null. Everything referred to must outlive run().
-  RealTimeSession(device::SimDevice& device, net::Datagram& socket, const net::Address& server,
+  /// `recorder` may be null. `observe_s`: how long it looks on if it never gets a shared tip. Everything
+  /// referred to must outlive run().
+  RealTimeSession(const SessionHand& hand, net::Datagram& socket, const net::Address& server,
                   link::ClientSession& session, station::Station& station, recording::Recorder* recorder,
-                  double give_up_s, const std::atomic<bool>& stop, const loop::LinkOptions& link = {});
+                  double give_up_s, double observe_s, const std::atomic<bool>& stop,
+                  const loop::LinkOptions& link = {});
+
+  /// Of a shared tip: link::kFlagTakeOver or link::kFlagHandOver. Before run().
+  void set_tip_wish(std::uint32_t flags) noexcept { loop_.set_tip_wish(flags); }
+
+  /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
+  /// then waits for the person there instead of ending the session.
+  void show_on(view_model::RequestDesk& desk) noexcept { desk_ = &desk; }
 
   /// The loop, in the thread that calls it. Neither allocates, locks nor writes.
   void run() noexcept;
@@ -59,6 +83,7 @@ class RealTimeSession {
   // For other threads, while it runs.
   bool finished() const noexcept { return finished_.load(std::memory_order_acquire); }
   Progress progress() const noexcept { return progress_.load(); }
+  std::uint64_t ticks() const noexcept { return progress_.count(); }
 
   // After it has finished.
   Ending ending() const noexcept { return ending_; }
@@ -66,15 +91,20 @@ class RealTimeSession {
   const rt::PeriodicTimerStats& timer_stats() const noexcept { return timer_stats_; }
 
  private:
+  void ask_screen(const recording::Sample& before) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
   void publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept;
+  double hand_time_s(const recording::Sample& sample) const noexcept;
+  bool motion_over(const recording::Sample& sample) const noexcept;
   bool over(const recording::Sample& sample) noexcept;
 
-  device::SimDevice& device_;
+  SessionHand hand_;
   link::ClientSession& session_;
   station::Station& station_;
   recording::Recorder* recorder_;
+  view_model::RequestDesk* desk_ = nullptr;
   double give_up_s_;
+  double observe_s_;
   const std::atomic<bool>& stop_;
   rt::SteadyClock clock_;
   loop::StationLoop loop_;
@@ -86,12 +116,15 @@ class RealTimeSession {
   Ending ending_ = Ending::kTaskDone;
 
   std::int64_t stop_ticks_ = 0;
+  bool quit_ = false;
+  std::uint32_t marks_ = 0;
   std::int64_t fault_ticks_ = 0;
   std::int64_t done_ticks_ = 0;
   bool silent_ = false;
   station::Mode last_mode_ = station::Mode::kIdle;
   std::uint64_t last_sessions_;
   std::uint32_t last_epoch_;
+  bool last_observes_ = false;
 };
 
 }  // namespace telenano::app

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <memory>
 #include <optional>
@@ -23,11 +24,15 @@
 #include "common/recording/summary.h"
 #include "common/rt/realtime_thread.h"
 #include "master/app/connect.h"
+#include "master/app/device_monitor.h"
 #include "master/app/link_probe.h"
 #include "master/app/real_time_session.h"
 #include "master/app/run_metrics.h"
 #include "master/app/run_options.h"
 #include "master/app/server_link.h"
+#include "master/app/session_device.h"
+#include "master/app/session_file.h"
+#include "master/app/session_view.h"
 #include "master/app/station_file.h"
 #include "master/app/station_plan.h"
 #include "master/app/stop_signals.h"
@@ -41,6 +46,10 @@ namespace {
 constexpr double kProbeS = 0.02;
 constexpr int kProbeMin = 5;
 constexpr int kProbeMax = 40;
+// A loop that has not come back so long after a stop is left behind.
+constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
+constexpr std::chrono::milliseconds kLineAgain(200);
+constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
 // CLI11's ranges let "nan" through: no comparison fails with it.
 void require_numbers(const RunOptions& options) {
@@ -94,12 +103,15 @@ device::SimDeviceConfig sim_device_config(const StationFile& file, double start_
 
 // Null without --record. What makes the file explain itself goes in here.
 std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
-                                                   const device::DeviceInfo& device, const link::Welcome& welcome, const LinkDelay& link,
+                                                   const link::Welcome& welcome, const LinkDelay& link,
+                                                   const SessionDevice& opened,
+                                                   const device::DeviceInfo& device,
                                                    const std::string& planned, std::uint64_t nonce_seed) {
   if (options.record.empty()) return nullptr;
   const std::string scene_name = slave_limits(welcome).scene_name;
   recording::Configuration about;
-  about.title = fmt::format("{} on {}", options.task, scene_name);
+  const bool simulated = opened.description.empty();
+  about.title = fmt::format("{} on {}", simulated ? options.task : opened.device->info().name, scene_name);
   about.program = std::string("telenano-master ") + kVersion;
   about.git_commit = kGitCommit;
   about.command_line = options.command_line;
@@ -116,7 +128,9 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   about.extra.emplace_back("scaling_chosen", planned.empty() ? "given" : planned);
   about.extra.emplace_back("round_trip_median_s", fmt::format("{:.9g}", link.median_s));
   about.extra.emplace_back("round_trip_p99_s", fmt::format("{:.9g}", link.p99_s));
-  about.extra.emplace_back("task", options.task);
+  about.extra.emplace_back("device", simulated ? "sim" : opened.description);
+  describe(file.device, about.extra);
+  if (simulated) about.extra.emplace_back("task", options.task);
   about.extra.emplace_back("server", options.server);
   about.extra.emplace_back("security", describe_security(options));
   about.extra.emplace_back("protocol_version", fmt::format("{}", welcome.version));
@@ -143,13 +157,18 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
 
 void print_progress(const Progress& p, double duration_s, bool terminal) {
   std::string line = fmt::format(
-      "{:5.1f}/{:.1f} s  {:<8} tip {:8.2f} nm  force {:8.2f} nN  hand {:6.2f} N  energy {:7.2f} mJ  "
+      "{:5.1f}{} s  {:<8} tip {:8.2f} nm  force {:8.2f} nN  hand {:6.2f} N  energy {:7.2f} mJ  "
       "RTT {:5.0f} us, least {:.0f}, jitter {:.0f}  lost {} up {} down  age {:.1f} ms  clock {:+.0f} ppm",
-      p.time_s, duration_s, station::mode_name(static_cast<station::Mode>(p.mode)), p.tip_height_nm,
-      p.force_nn, p.hand_force_n, p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us, p.link.jitter_us,
-      p.link.commands_lost, p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
+      p.time_s, duration_s > 0 ? fmt::format("/{:.1f}", duration_s) : "",
+      station::mode_name(static_cast<station::Mode>(p.mode)), p.tip_height_nm, p.force_nn, p.hand_force_n,
+      p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us, p.link.jitter_us, p.link.commands_lost,
+      p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
   if (p.playout_delay_ms > 0)
     line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
+  if (p.force_off != device::ForceOffCause::kNone)
+    line += fmt::format("  no force: {}", device::force_off_text(p.force_off));
+  if (p.observes) line += "  observing: another session holds the tip, or none";
+  if (p.shutting_down) line += "  server has shut down, trying again";
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
   if (terminal) {
     fmt::print(stderr, "\r{:<190}", line);
@@ -171,15 +190,76 @@ void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& tim
              recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");
 }
 
-int run(const RunOptions& options) {
-  if (options.device != "sim") {
-    throw UserError(fmt::format("--device {}: unknown device; this build has: sim", options.device));
+/// A vendor's library that does not come back keeps the loop's thread for ever: what is recorded is saved,
+/// and the program ends without waiting for it.
+[[noreturn]] void end_stuck(const SessionDevice& opened, recording::Recorder* recorder) {
+  if (recorder != nullptr) recorder->close();
+  const device::CallWatch::Look look =
+      opened.calls != nullptr ? opened.calls->look() : device::CallWatch::Look{};
+  fmt::print(
+      stderr,
+      "telenano-master: the loop does not come back{}{}; ended without it, the device's own watchdog has "
+      "taken the force away\n",
+      look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
+  std::fflush(nullptr);
+  std::_Exit(1);
+}
+
+std::string device_trouble(const RealTimeSession& live) {
+  const device::ForceOffCause cause = live.progress().force_off;
+  return cause == device::ForceOffCause::kNone ? "" : fmt::format(": {}", device::force_off_text(cause));
+}
+
+// What is told of a shared tip before the session begins, and what is asked for.
+std::uint32_t tip_wish(const RunOptions& options, bool shared) {
+  if (!shared && options.observe) {
+    throw RunError(fmt::format(
+        "--observe: the server at {} gives each session a tip of its own, so there is none to observe; it "
+        "would have to run with --share one-tip",
+        options.server));
   }
+  if (!shared && options.take_over && !options.quiet)
+    fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
+  if (shared && !options.quiet) {
+    fmt::print(stderr, "note: this server's tip is shared: {}\n",
+               options.observe     ? "observing it"
+               : options.take_over ? "asking for it"
+                                   : "taking it if it is free, else observing (--take-over asks for it)");
+  }
+  if (options.observe) return link::kFlagHandOver;
+  return options.take_over ? std::uint32_t{link::kFlagTakeOver} : 0u;
+}
+
+// What changes of a shared tip and of the server, a line each.
+void print_changes(const Progress& before, const Progress& now, bool terminal) {
+  const char* const end_of_line = terminal ? "\n" : "";
+  if (before.observes != now.observes) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               now.observes ? "the tip is another session's, or nobody's: observing, the force is zero"
+                            : "the tip is this session's");
+  }
+  if (!before.shutting_down && now.shutting_down) {
+    fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
+               end_of_line);
+  }
+}
+
+int run(const RunOptions& options) {
   const std::atomic<bool>& stop = catch_stop_signals();
   require_numbers(options);
   StationFile file = station_file(options);
   const station::StationConfig& config = file.station;
-  intended_motion(options, file.task, 0);  // a bad task or script is found before a server is asked
+  const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
+  const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
+  // What is wrong with a task, a script or a device is found before a server is asked.
+  if (simulated) intended_motion(options, file.task, 0);
+  SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
+  SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
+  if (!simulated) add_pedals(opened, file.pedal);
+  if (!options.quiet && !simulated) {
+    fmt::print(stderr, "device: {}\n", opened.description);
+    for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
+  }
   const net::Address server = net::parse_address(options.server, "--server");
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
   ServerLink way(options, server);
@@ -188,6 +268,8 @@ int run(const RunOptions& options) {
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = random_nonce_seed();
+  SessionFile session_file(options.session_file);
+  client_config.resume_token = session_file.token();
   client_config.redundancy = static_cast<std::size_t>(file.redundancy);
   // Only a replay needs to know in which order the slave stepped.
   if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
@@ -196,6 +278,13 @@ int run(const RunOptions& options) {
   Farewell farewell(session, way.datagram(), server);
 
   const link::Welcome welcome = session.welcome();
+  if (!options.quiet && client_config.resume_token != 0) {
+    fmt::print(stderr, "{}\n",
+               session.resumed_unknown_book() ? "resuming the session of the last run"
+                                              : "the session of the last run is gone; this is a new one");
+  }
+  session_file.keep(welcome.resume_token);
+  const std::uint32_t wish = tip_wish(options, (welcome.feature_bits & link::kFeatureSharing) != 0);
   const LinkDelay link =
       measure_link(session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
@@ -207,7 +296,8 @@ int run(const RunOptions& options) {
   const int delay_samples =
       control::loop_delay_samples(std::max(link.median_s, playout_s), 1 / config.rate_hz);
   const config::SlaveLimits slave = slave_limits(welcome);
-  const device::DeviceInfo device_info = device::sim_device_info(file.plant);
+  const device::DeviceInfo device_info =
+      simulated ? device::sim_device_info(file.plant) : opened.device->info();
   const std::string planned = choose_scaling(file, device_info, slave, delay_samples);
   const station::SlavePort port = slave_port(slave);
   const station::ScalingCheck check = station::check_scaling(config, device_info, port, delay_samples);
@@ -216,10 +306,17 @@ int run(const RunOptions& options) {
   }
 
   const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
-  const device::IntendedMotion motion = intended_motion(options, file.task, start_height_nm);
-  device::SimDevice device(sim_device_config(file, start_height_nm), motion);
+  if (simulated) {
+    auto device = std::make_unique<device::SimDevice>(sim_device_config(file, start_height_nm),
+                                                      intended_motion(options, file.task, start_height_nm));
+    opened.motion = device.get();
+    opened.device = std::move(device);
+    add_pedals(opened, file.pedal);
+  }
+  const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
+  const double session_s = hand.motion != nullptr ? hand.motion->motion_duration_s() : hand.duration_s;
   const std::unique_ptr<recording::Recorder> recorder =
-      make_recorder(options, file, device_info, welcome, link, planned, client_config.nonce_seed);
+      make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed);
   if (!options.quiet) {
     fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, slave.scene_name,
                control::method_name(config.method), check.text);
@@ -239,9 +336,13 @@ int run(const RunOptions& options) {
     }
     if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
   }
-  station::Station station(config, device.info(), port);
-  RealTimeSession live(device, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
-                       stop, file.link);
+  station::Station station(config, device_info, port);
+  RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
+                       session_s, stop, file.link);
+  if (view_model::RequestDesk* const desk = view.begin(
+          {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record}))
+    live.show_on(*desk);
+  live.set_tip_wish(wish);
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
     exporter.emplace(options.metrics, options.metrics_public,
@@ -249,6 +350,7 @@ int run(const RunOptions& options) {
     if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
   }
   farewell.leave_to_loop();
+  std::string frames;
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
   realtime.cpu = options.realtime_cpu;
@@ -260,16 +362,36 @@ int run(const RunOptions& options) {
       if (!thread.report().advice.empty()) fmt::print(stderr, "{}\n", thread.report().advice);
     }
     const bool terminal = isatty(STDERR_FILENO) != 0;
-    int waited = 0;
+    const DeviceMonitor monitor({[&live] { return live.finished() ? 0 : live.ticks(); },
+                                 [&live] { return live.progress().force_off; }, opened.calls},
+                                [&options, terminal](const std::string& text) {
+                                  fmt::print(stderr, "{}telenano-master: warning: {}\n",
+                                             terminal && !options.quiet ? "\n" : "", text);
+                                });
+    Progress told;
+    auto shown = std::chrono::steady_clock::now();
+    const auto look = [&] {
+      if (stop.load() && monitor.stuck_ns() > kGiveUpStuckNs) end_stuck(opened, recorder.get());
+      const Progress progress = live.progress();
+      if (progress.resume_token != 0) session_file.keep(progress.resume_token);
+      if (!options.quiet) print_changes(told, progress, terminal);
+      told = progress;
+      const auto now = std::chrono::steady_clock::now();
+      if (options.quiet || now - shown < (terminal ? kLineAgain : kLineAgainInLog)) return;
+      shown = now;
+      print_progress(progress, session_s, terminal);
+    };
+    if (view.wanted()) frames = view.run(live, recorder.get(), !thread.report().fifo, look);
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
-      if (!options.quiet && ++waited % (terminal ? 4 : 40) == 0)
-        print_progress(live.progress(), motion.duration_s(), terminal);
+      look();
     }
     thread.join();
     if (terminal && !options.quiet) fmt::print(stderr, "\n");
   }
+  if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
   if (recorder) recorder->close();
+  session_file.remove();  // ended by a Bye, one way or the other
 
   print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
   switch (live.ending()) {
@@ -279,9 +401,19 @@ int run(const RunOptions& options) {
       fmt::print(stderr, "stopped by the operator\n");
       break;
     case Ending::kFault:
-      throw RunError(fmt::format("the station stopped itself: {}; the force is zero",
-                                 station::fault_name(station.latched_faults())));
+      throw RunError(fmt::format("the station stopped itself: {}{}; the force is zero",
+                                 station::fault_name(station.latched_faults()), device_trouble(live)));
+    case Ending::kServerEnded:
+      throw RunError(
+          fmt::format("the server at {} has ended the session; the force is zero", options.server));
+    case Ending::kRefused:
+      throw RunError(refusal_text(session.refuse(), config.rate_hz, options.server));
     case Ending::kServerGone:
+      if (live.progress().shutting_down) {
+        throw RunError(
+            fmt::format("the server at {} has shut down and not come back within {:g} s; the force is zero",
+                        options.server, options.give_up_s));
+      }
       throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero{}",
                                  options.server, options.give_up_s, way.failure()));
   }
@@ -298,12 +430,19 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--server", options->server, "HOST:PORT of telenano-nve serve")->capture_default_str();
   add_access_flags(*command, *options);
   command->add_option("--station,--config", options->config_file, "Station file (TOML); flags win over it");
-  command->add_option("--device", options->device, "Haptic device: sim")->capture_default_str();
+  command->add_option(
+      "--device", options->device,
+      "Hand: sim (default) | omega | hid | mouse | replay:FILE.h5; see devices for what is attached");
+  command->add_flag(
+      "--home", options->home,
+      "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
   command->add_option("--task", options->task, "position | contact | indent | scan | script")
       ->capture_default_str();
   command->add_option("--script", options->script,
                       "CSV with t_s,x_nm,y_nm,z_nm for --task script; z above the surface");
-  command->add_option("--duration-s", options->duration_s, "Length of the task (default 10)")
+  command
+      ->add_option("--duration-s", options->duration_s,
+                   "Length of the task (default 10); of a person's session (default: until stopped)")
       ->check(CLI::Range(0.5, 3600.0));
   command->add_option("--depth-nm", options->depth_nm, "Intended depth of --task indent (default 5)")
       ->check(CLI::Range(0.0, 1000.0));
@@ -352,6 +491,21 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--give-up-s", options->give_up_s, "End the session after so much silence")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 86400.0));
+  add_view_flags(*command, options->view);
+  CLI::Option* const observe = command->add_flag(
+      "--observe", options->observe, "Of a shared tip (serve --share one-tip): look on, never hold it");
+  command
+      ->add_flag(
+          "--take-over", options->take_over,
+          "Of a shared tip: ask for it, and get it as soon as it is free or its holder lets go; with the "
+          "right to administer at once")
+      ->excludes(observe);
+  command
+      ->add_option(
+          "--session-file", options->session_file,
+          "Keep the session's token here: a run that was killed and started again within the server's "
+          "--resume-s goes on with the same tip and book")
+      ->type_name("FILE");
   command->add_flag("--quiet", options->quiet, "No progress, only the summary");
   command->footer(
       "Exit code: 0 the task is done, or stopped by a signal; 1 failed while running: no server, server "

@@ -4,13 +4,15 @@
 #include <string>
 
 #include "master/app/server_access.h"
+#include "master/app/session_view.h"
 
 namespace telenano::app {
 
 /// The flags of `telenano-master run`. What is left out keeps the station file's value.
 struct RunOptions : ServerAccess {
   std::string config_file;
-  std::string device = "sim";
+  std::optional<std::string> device;
+  bool home = false;
   std::string task = "indent";
   std::string script;
   std::optional<double> duration_s;
@@ -30,7 +32,11 @@ struct RunOptions : ServerAccess {
   int realtime_cpu = -1;
   bool cpu_awake = false;
   double give_up_s = 10;
+  bool observe = false;
+  bool take_over = false;
+  std::string session_file;
   bool quiet = false;
+  ViewOptions view;
   std::string command_line;
 };
 

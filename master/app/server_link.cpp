@@ -37,7 +37,9 @@ std::string host_of(const std::string& server) {
 
 net::Udp open_socket(const ServerAccess& options, const net::Address& server) {
   check_flags(options, server);
-  return net::Udp::open_for(server);
+  net::Udp socket = net::Udp::open_for(server);
+  socket.notice_unreachable();
+  return socket;
 }
 
 }  // namespace
@@ -65,6 +67,23 @@ std::string ServerLink::failure() const {
   return why.empty() ? "" : "; " + why;
 }
 
+std::string ServerLink::advice(const std::string& server) const {
+  const std::string port = server.substr(server.rfind(':') + 1);
+  const std::string start = dtls_ ? "telenano-nve serve with --keys" : "telenano-nve serve";
+  switch (socket_.unreachable()) {
+    case net::Unreachable::kPort:
+      return fmt::format("nothing listens on UDP port {} there: start {}, or correct the port of --server",
+                         port, start);
+    case net::Unreachable::kHost:
+      return "there is no way to that host: check --server, the cable and the network (ip route get)";
+    case net::Unreachable::kNo:
+      break;
+  }
+  return fmt::format(
+      "silence: is {} running there{}, and does every firewall on the way let UDP port {} through?", start,
+      dtls_ ? "" : " (one with --keys asks for --key here)", port);
+}
+
 void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& stop) {
   if (!dtls_) return;
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
@@ -78,10 +97,8 @@ void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& st
       if (!why.empty()) throw RunError(fmt::format("no secure session with {}: {}", options.server, why));
     }
     if (late) {
-      throw RunError(fmt::format(
-          "no answer from {} within {:g} s; is telenano-nve serve running there with --keys, and does the "
-          "firewall let UDP through?",
-          options.server, options.connect_timeout_s));
+      throw RunError(fmt::format("no answer from {} within {:g} s; {}", options.server,
+                                 options.connect_timeout_s, advice(options.server)));
     }
     if (stop) throw RunError("stopped before the server answered");
     wait_readable(1'000'000);

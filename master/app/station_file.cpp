@@ -118,9 +118,10 @@ StationFile read(const config::TomlDocument& document) {
   if (const auto table = root.optional_table("limits")) read_limits(*table, file.station);
   if (const auto table = root.optional_table("link")) read_link(*table, file);
   if (const auto table = root.optional_table("device")) {
-    const auto damping = table->optional_number("damping_n_s_m", between(0, 1000));
-    if (damping) file.station.device_damping_n_s_m = *damping;
+    file.device = read_device_settings(*table);
+    if (file.device.damping_n_s_m) file.station.device_damping_n_s_m = *file.device.damping_n_s_m;
   }
+  if (const auto table = root.optional_table("pedal")) file.pedal = read_pedal_settings(*table);
   if (const auto table = root.optional_table("simulated_device")) {
     read_simulated_device(*table, file.plant);
   }

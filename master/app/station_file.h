@@ -5,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "master/app/device_settings.h"
 #include "master/device/intended_motion.h"
 #include "master/device/plant.h"
 #include "master/loop/link_options.h"
@@ -33,6 +34,8 @@ struct StationFile {
       plant{};  ///< of the simulated device and its operator's hand; its period follows station.rate_hz
   GivenScaling scaling{};  ///< goes into station.scaling as well
   Workspaces workspaces{};
+  DeviceSettings device{};
+  PedalSettings pedal{};
   loop::LinkOptions link{};
   int redundancy = 0;          ///< commands that each datagram repeats, 0 to 4
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here

@@ -6,6 +6,7 @@
 #include "master/device/haptic_device.h"
 #include "master/device/intended_motion.h"
 #include "master/device/plant.h"
+#include "master/device/played_motion.h"
 
 namespace telenano::device {
 
@@ -23,7 +24,7 @@ DeviceInfo sim_device_info(const PlantConfig& plant);
 /// Simulated omega.3 with a simulated operator's hand. Its owner advances it once a tick, in virtual or real
 /// time: read(), station step, write_force(), advance(). A tick of another length than the plant's period is
 /// made of whole periods; the rest is carried to the next tick.
-class SimDevice final : public HapticDevice {
+class SimDevice final : public HapticDevice, public PlayedMotion {
  public:
   /// Throws UserError, e.g. if the motion leaves the device's workspace.
   SimDevice(const SimDeviceConfig& config, const IntendedMotion& motion);
@@ -33,13 +34,12 @@ class SimDevice final : public HapticDevice {
   Vec3 write_force(const Vec3& hand_force_h_n) noexcept override;
 
   /// Lets `dt_ns` of time pass with the force held. The intended motion moves only while started.
-  void advance(std::int64_t dt_ns) noexcept;
+  void advance(std::int64_t dt_ns) noexcept override;
 
-  /// The intended motion starts (the session is up and engaged); before that the operator holds still.
-  void start_motion() noexcept { started_ = true; }
-  bool motion_started() const noexcept { return started_; }
-  double motion_time_s() const noexcept { return static_cast<double>(motion_ns_) * 1e-9; }
-  bool motion_done() const noexcept { return motion_time_s() >= motion_.duration_s(); }
+  void start_motion() noexcept override { started_ = true; }
+  bool motion_started() const noexcept override { return started_; }
+  double motion_time_s() const noexcept override { return static_cast<double>(motion_ns_) * 1e-9; }
+  double motion_duration_s() const noexcept override { return motion_.duration_s(); }
   void set_buttons(std::uint32_t buttons) noexcept { buttons_ = buttons; }
 
   const Plant& plant() const noexcept { return plant_; }  ///< the truth, for tests and studies

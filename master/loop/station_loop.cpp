@@ -49,24 +49,24 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   }
   if (session_.sessions() != sessions_begun_) {
     sessions_begun_ = session_.sessions();
-    station_.begin_session(session_.welcome());
+    station_.begin_session(session_.welcome(), !session_.resumed_unknown_book());
     gate_.clear();
   }
 
-  device::DeviceReading reading;
-  device_.read(reading);
+  const double interval_s = hand_interval_s(dt_s);
+  device_.read(reading_);
   input_.time_ns = now_ns;
-  input_.device_status = reading.status;
-  input_.hand_pos_h_m = reading.hand_pos_h_m;
-  input_.buttons = reading.buttons | extra_buttons_;
+  input_.device_status = reading_.status;
+  input_.hand_pos_h_m = reading_.hand_pos_h_m;
+  input_.buttons = reading_.buttons | extra_buttons_;
   input_.applied_force_h_n = applied_h_n_;
   input_.session_up = session_.has_session();
   input_.command_sequence = session_.commands_sent() + 1;
   input_.reply = next_reply(now_ns, replied);
-  station_.step(input_, dt_s, output_);
+  station_.step(input_, interval_s, output_);
   sample.now_ns = now_ns;
-  sample.dt_s = dt_s;
-  sample.device_status = static_cast<std::int64_t>(reading.status);
+  sample.dt_s = interval_s;
+  sample.device_status = static_cast<std::int64_t>(reading_.status);
   applied_h_n_ = device_.write_force(output_.hand_force_h_n);
 
   send(session_.poll(now_ns, buffer_));
@@ -82,10 +82,29 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   ++ticks_;
 }
 
+/// The time that lies between two positions of the hand. A hand that moves by the clock on the wall has moved
+/// for longer than whole periods where the tick is late: taken for a period, an ordinary motion would look
+/// too fast and trip. The tick after a late one is shorter than a period; it is taken for whole ones, because
+/// a step of the encoder over a sliver of time would look fast as well.
+double StationLoop::hand_interval_s(double dt_s) noexcept {
+  if (clock_ == nullptr || !device_.info().moves_by_itself) return dt_s;
+  const std::int64_t now_ns = clock_->now_ns();
+  const double since_s = static_cast<double>(now_ns - last_read_ns_) * 1e-9;
+  const bool first = last_read_ns_ == 0;
+  last_read_ns_ = now_ns;
+  return first || !(since_s > dt_s) ? dt_s : since_s;
+}
+
 void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
   const link::Incoming& in = session_.incoming();
   recording::DatagramRow& row = datagrams_[datagram_count_++];
-  row = {ticks_, came_ns, 0, 0, 0, static_cast<std::uint32_t>(in.type), static_cast<std::uint32_t>(session_.last_drop())};
+  row = {ticks_,
+         came_ns,
+         0,
+         0,
+         0,
+         static_cast<std::uint32_t>(in.type),
+         static_cast<std::uint32_t>(session_.last_drop())};
   if (in.type != link::MessageType::kReply) return;
   row.sequence = in.reply.sequence;
   row.answers = in.reply.command_sequence;

@@ -41,7 +41,11 @@ class StationLoop {
   void say_bye(link::ByeReason reason) noexcept;
 
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
+  /// link::kFlagTakeOver: ask for a shared tip; link::kFlagHandOver: leave it to others; 0: as it comes.
+  void set_tip_wish(std::uint32_t flags) noexcept { input_.tip_wish = flags; }
   const station::StationTrace& trace() const noexcept { return output_.trace; }
+  /// Why the device showed no force in the last tick.
+  device::ForceOffCause force_off() const noexcept { return reading_.cause; }
   std::uint64_t send_failures() const noexcept { return send_failures_; }
   const link::Playout& playout() const noexcept { return playout_; }
   const link::SendGate& gate() const noexcept { return gate_; }
@@ -56,6 +60,7 @@ class StationLoop {
   // Enough for what gathers in a quarter of a second at 1 kHz; the rest of a flood waits for the next tick.
   static constexpr std::size_t kDatagramsPerTick = 256;
 
+  double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;
   void note_datagram(std::int64_t came_ns) noexcept;
   const link::Reply* next_reply(std::int64_t now_ns, bool replied) noexcept;
@@ -67,6 +72,7 @@ class StationLoop {
   link::ClientSession& session_;
   station::Station& station_;
   const rt::Clock* clock_;
+  device::DeviceReading reading_;
   link::Playout playout_;
   link::SendGate gate_;
   link::LinkQuality quality_;
@@ -79,6 +85,7 @@ class StationLoop {
   std::uint64_t send_failures_ = 0;
   std::array<recording::DatagramRow, kDatagramsPerTick> datagrams_{};
   std::size_t datagram_count_ = 0;
+  std::int64_t last_read_ns_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
   /// One byte more than the largest datagram, so that an oversize one is seen as such.
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer_{};

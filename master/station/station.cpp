@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <utility>
 
 namespace telenano::station {
 namespace {
@@ -46,6 +47,8 @@ const char* mode_name(Mode mode) noexcept {
       return "held";
     case Mode::kStopped:
       return "stopped";
+    case Mode::kHoming:
+      return "homing";
   }
   return "unknown";
 }
@@ -60,7 +63,8 @@ const char* fault_name(std::uint32_t faults) noexcept {
                                            "computed force not finite",
                                            "no new reply",
                                            "bad tick length",
-                                           "slave stiffer than planned"};
+                                           "slave stiffer than planned",
+                                           "another scene than before"};
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if (faults & (1u << bit)) return kNames[bit];
   }
@@ -76,7 +80,8 @@ control::Method usable_method(control::Method wanted, std::uint64_t features) no
   return wanted;
 }
 
-Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave)
+Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave,
+                 std::unique_ptr<control::StationMethod> stand_in)
     : config_((config.validate(), config)),
       slave_(slave),
       device_damping_n_s_m_(config.device_damping_n_s_m < 0 ? device.damping_n_s_m
@@ -87,7 +92,9 @@ Station::Station(const StationConfig& config, const device::DeviceInfo& device, 
       force_limit_n_(config.force_safety * device.force_max_n),
       observer_(device.position_quantum_m),
       methods_(config.method, method_config()),
-      mapping_(config.scaling) {}
+      mapping_(config.scaling) {
+  methods_.stand_in(std::move(stand_in));
+}
 
 control::MethodConfig Station::method_config() const noexcept {
   control::MethodConfig method;
@@ -139,7 +146,7 @@ bool Station::change_scaling(const control::Scaling& scaling) noexcept {
   return true;
 }
 
-void Station::begin_session(const link::Welcome& welcome) noexcept {
+void Station::begin_session(const link::Welcome& welcome, bool known_book) noexcept {
   mapping_.begin(welcome.start_pos_w_nm, welcome.workspace_min_w_nm, welcome.workspace_max_w_nm);
   last_target_w_nm_ = mapping_.target_w_nm();
   has_reply_ = false;  // the last force may only fade until the new session answers
@@ -149,6 +156,11 @@ void Station::begin_session(const link::Welcome& welcome) noexcept {
   epoch_ = welcome.epoch;
   features_ = welcome.feature_bits;
   if (new_epoch) slave_sums_.reset();
+  if (new_epoch && !known_book) slave_sums_.begin_with_next();
+  tip_hold_ = 0;
+  if (has_scene_ && welcome.scene_hash != scene_hash_) latched_ |= kFaultOtherScene;
+  scene_hash_ = welcome.scene_hash;
+  has_scene_ = true;
   const control::Method method = usable_method(config_.method, features_);
   if (method != methods_.method()) methods_.change_to(method, method_config(), hand_pos_h_m_);
   methods_.now().begin_session(new_epoch);
@@ -171,6 +183,13 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   hand_step_h_m_.setZero();
   if (input.buttons & device::kButtonStop) latched_ |= kFaultStopPressed;
   if (input.device_status == device::DeviceStatus::kFailed) latched_ |= kFaultDeviceFailed;
+  if (input.device_status == device::DeviceStatus::kHoming) {
+    // Where the hand is means nothing until the device is calibrated, and leaps when it is. No force acts
+    // meanwhile, so there is nothing to book, and the book goes on where the first good position finds it.
+    has_hand_pos_ = false;
+    applied_force_h_n_.setZero();
+    return;
+  }
   const bool believable_pos =
       is_finite(input.hand_pos_h_m) &&
       (!has_hand_pos_ || (input.hand_pos_h_m - hand_pos_h_m_).cwiseAbs().maxCoeff() <= kBelievableStepM);
@@ -181,7 +200,8 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   if (!believable_force) latched_ |= kFaultAppliedNonFinite;
   // What cannot be measured cannot be booked; the stop holds the force at zero until a person has looked.
   if (!believable_pos || !believable_force) return;
-  const bool first = !observer_.started();
+  if (!has_hand_pos_ && observer_.started()) observer_.resume_at(input.hand_pos_h_m);
+  const bool first = !observer_.started() || !has_hand_pos_;
   control::PortInterval interval;
   interval.applied_force_h_n = input.applied_force_h_n;
   interval.hand_pos_h_m = input.hand_pos_h_m;
@@ -200,6 +220,22 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   if (hand_step_h_m_.norm() > config_.trip_velocity_m_s * dt_s) latched_ |= kFaultVelocityTrip;
 }
 
+/// Of a shared tip only the holder is moved by forces and moves it. Who gets it begins where it stands; who
+/// loses it keeps the last force that was his, and lets it fade.
+void Station::hear_who_holds(const link::TipShare& tip) noexcept {
+  const bool begins = tip.hold != tip_hold_ && tip.hold != 0;
+  const bool stays = tip.hold == tip_hold_ && tip.hold != 0;
+  tip_hold_ = tip.hold;
+  if (stays) return;
+  if (mode_ == Mode::kEngaged || mode_ == Mode::kHeld) mode_ = Mode::kReady;
+  mapping_.update(false, hand_pos_h_m_);
+  mapping_.stand_at(tip.pos_w_nm);
+  last_target_w_nm_ = mapping_.target_w_nm();
+  if (!begins) return;
+  methods_.change_to(methods_.method(), method_config(), hand_pos_h_m_);
+  bump_ahead_ = true;
+}
+
 void Station::accept_reply(const StationInput& input) noexcept {
   const bool is_new = input.reply != nullptr && input.session_up && input.reply->sequence > newest_sequence_;
   stale_s_ = static_cast<double>(input.time_ns - last_reply_ns_) * 1e-9;
@@ -208,12 +244,16 @@ void Station::accept_reply(const StationInput& input) noexcept {
     if (finite_reply(*input.reply)) {
       const bool resumes = !has_reply_ || stale_s_ > config_.stale_hold_s;
       reply_ = *input.reply;
-      tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
+      if (shares_tip()) hear_who_holds(reply_.tip);
       has_reply_ = true;
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
-      tell_method(slave_sums_.update(reply_));
+      const link::ReceivedSums::News added = slave_sums_.update(reply_);
+      if (holds_tip()) {
+        tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
+        tell_method(added);
+      }
     } else {
       faults_ |= kFaultReplyNonFinite;
       has_reply_ = false;
@@ -260,6 +300,11 @@ void Station::render(const StationInput& input, double dt_s, StationTrace& trace
 /// must not be driven back there by the next engagement.
 void Station::follow_a_retracted_tip() noexcept {
   if (mode_ == Mode::kEngaged || !has_reply_ || !(reply_.fault_bits & link::kFaultRetracted)) return;
+  if (shares_tip()) {
+    mapping_.stand_at(reply_.tip.pos_w_nm);  // better than the tip's own place: what the slave goes on from
+    last_target_w_nm_ = mapping_.target_w_nm();
+    return;
+  }
   mapping_.stand_at(reply_.tip_pos_w_nm);
   last_target_w_nm_ = mapping_.target_w_nm();
 }
@@ -269,6 +314,10 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
     mode_ = Mode::kStopped;
     return;
   }
+  if (input.device_status == device::DeviceStatus::kHoming) {
+    mode_ = input.session_up ? Mode::kHoming : Mode::kIdle;
+    return;
+  }
   const bool was_engaged = mode_ == Mode::kEngaged || mode_ == Mode::kHeld;
   if (!input.session_up) {
     mode_ = was_engaged ? Mode::kHeld : Mode::kIdle;
@@ -276,7 +325,7 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   }
   const bool wanted = (!config_.require_deadman || (input.buttons & device::kButtonDeadman)) &&
                       !(input.buttons & device::kButtonClutch) &&
-                      input.device_status == device::DeviceStatus::kOk;
+                      input.device_status == device::DeviceStatus::kOk && holds_tip();
   if (!wanted) {
     mode_ = Mode::kReady;
   } else if (mode_ == Mode::kEngaged) {
@@ -371,6 +420,8 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   if (!config_.require_deadman || (input.buttons & device::kButtonDeadman))
     command.flags |= link::kFlagDeadman;
   if (mode_ == Mode::kStopped) command.flags |= link::kFlagStop;
+  command.flags |= input.tip_wish;
+  command.tip_hold = tip_hold_;
   if (good_tick) command.tip_vel_w_nm_s = (target_w_nm - last_target_w_nm_) / dt_s;
   command.tip_pos_w_nm = target_w_nm;
   command.energy_in_j = observer_.energy_in_j();
@@ -404,6 +455,7 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   trace.slave_energy_out_j = config_.scaling.hand_energy_j(reply_.energy_out_aj);
   trace.stale_s = stale_s_;
   trace.reply_sequence = reply_.sequence;
+  trace.observes = has_reply_ && !holds_tip();
 }
 
 }  // namespace telenano::station

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 
 #include "common/base/vec3.h"
 #include "common/control/energy_observer.h"
@@ -14,10 +15,11 @@
 
 namespace telenano::station {
 
-/// idle: no session. ready: a session, not engaged. engaged: the tip follows, forces are shown. held: replies
-/// have stopped coming while engaged, force is zero, the tip target is frozen until they come again. stopped:
-/// latched.
-enum class Mode : std::uint8_t { kIdle, kReady, kEngaged, kHeld, kStopped };
+/// idle: no session. homing: the device is not calibrated, its positions mean nothing yet. ready: a session,
+/// not engaged. engaged: the tip follows, forces are shown. held: replies have stopped coming while engaged,
+/// force is zero, the tip target is frozen until they come again. stopped: latched. Stored in files: never
+/// renumber.
+enum class Mode : std::uint8_t { kIdle, kReady, kEngaged, kHeld, kStopped, kHoming };
 const char* mode_name(Mode mode) noexcept;
 
 /// Named faults; several may be set at once.
@@ -32,6 +34,7 @@ enum StationFaults : std::uint32_t {
   kFaultStale = 1u << 7,             ///< no new reply for longer than the hold time
   kFaultBadTick = 1u << 8,  ///< a tick without a positive, finite length: nothing was done but zero force
   kFaultSlaveStiffer = 1u << 9,  ///< latched: the new session's slave is stiffer than what was planned for
+  kFaultOtherScene = 1u << 10,   ///< latched: the server that came back serves another scene
 };
 /// Name of the lowest fault bit set; "none" if none.
 const char* fault_name(std::uint32_t faults) noexcept;
@@ -49,6 +52,7 @@ struct StationInput {
   bool session_up = false;
   const link::Reply* reply = nullptr;  ///< newest accepted since the last tick; null if none came
   std::uint64_t command_sequence = 0;  ///< that the command of this tick will carry
+  std::uint32_t tip_wish = 0;          ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
 };
 
 /// What one tick did, for recording and display. Plain data.
@@ -86,6 +90,7 @@ struct StationTrace {
   double slave_energy_out_j = 0;
   double stale_s = 0;  ///< since the last new reply
   std::uint64_t reply_sequence = 0;
+  bool observes = false;  ///< another session moves the tip, or none: no force, no commanded motion
 };
 
 struct StationOutput {
@@ -101,12 +106,16 @@ struct StationOutput {
 /// earlier ones cannot undo it.
 class Station {
  public:
-  Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave);
+  /// `stand_in`: a method of the caller's own in place of the configured one (control::Methods::stand_in).
+  Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave,
+          std::unique_ptr<control::StationMethod> stand_in = nullptr);
 
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
   /// makes a force step; the book goes on (a new session grants no new allowance). Scaling, damper and clamp
-  /// were planned for one slave: a stiffer or more damped one is a latched stop.
-  void begin_session(const link::Welcome& welcome) noexcept;
+  /// were planned for one slave: a stiffer or more damped one is a latched stop; so is another scene than the
+  /// last session's, which is no longer what the operator was shown. `known_book` false: the slave's sums
+  /// began before this station, and what they hold already is credited to nobody here.
+  void begin_session(const link::Welcome& welcome, bool known_book = true) noexcept;
 
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
@@ -119,6 +128,10 @@ class Station {
   bool change_scaling(const control::Scaling& scaling) noexcept;
   control::Method method() const noexcept { return methods_.method(); }
 
+  /// Does the tip follow this station, once engaged? Always where each session has its own; of a shared one,
+  /// while the slave's replies say so.
+  bool holds_tip() const noexcept { return !shares_tip() || tip_hold_ != 0; }
+
   /// Only a person may call this, after looking. Does nothing unless stopped; the force ramps up from zero.
   void clear_stop() noexcept;
 
@@ -129,7 +142,9 @@ class Station {
   const control::EnergyObserver& observer() const noexcept { return observer_; }
 
  private:
+  bool shares_tip() const noexcept { return (features_ & link::kFeatureSharing) != 0; }
   void accept_reply(const StationInput& input) noexcept;
+  void hear_who_holds(const link::TipShare& tip) noexcept;
   void tell_method(const link::ReceivedSums::News& added) noexcept;
   void render(const StationInput& input, double dt_s, StationTrace& trace) noexcept;
   control::MethodConfig method_config() const noexcept;
@@ -152,6 +167,9 @@ class Station {
   control::Methods methods_;
   std::uint64_t features_ = 0;  // of the session
   std::uint32_t epoch_ = 0;
+  std::uint64_t scene_hash_ = 0;
+  bool has_scene_ = false;
+  std::uint32_t tip_hold_ = 0;  // of a shared tip: the holding that the target is anchored to; 0 = observes
   link::ReceivedSums slave_sums_;
   WorkspaceMapping mapping_;
   Mode mode_ = Mode::kIdle;

@@ -23,11 +23,11 @@ std::string state_of(const std::string& path) {
 
 }  // namespace
 
-KeyWatcher::KeyWatcher(std::string path, security::DtlsServer& server,
+KeyWatcher::KeyWatcher(std::string path, std::vector<security::DtlsServer*> servers,
                        std::function<void(const std::string&)> warn,
                        std::function<void(const std::string&)> inform)
     : path_(std::move(path)),
-      server_(server),
+      servers_(std::move(servers)),
       warn_(std::move(warn)),
       inform_(std::move(inform)),
       thread_([this] { run(); }) {}
@@ -41,6 +41,23 @@ KeyWatcher::~KeyWatcher() {
   thread_.join();
 }
 
+void KeyWatcher::reload() {
+  const std::lock_guard lock(mutex_);
+  seen_ = state_of(path_);
+  read(true);
+}
+
+void KeyWatcher::read(bool say) {
+  try {
+    const security::KeyList list = security::load_key_list(path_);
+    const std::size_t entries = list.keys.size() + list.certificates.size();
+    for (security::DtlsServer* const server : servers_) server->offer_keys(list);
+    if (say) inform_("keys read again: " + std::to_string(entries) + " entries");
+  } catch (const std::exception& error) {
+    warn_(std::string(error.what()) + "; the keys known so far stay valid");
+  }
+}
+
 void KeyWatcher::run() {
   std::unique_lock lock(mutex_);
   do {
@@ -49,14 +66,7 @@ void KeyWatcher::run() {
     if (state == seen_) continue;
     const bool first = seen_.empty();
     seen_ = std::move(state);
-    try {
-      security::KeyList list = security::load_key_list(path_);
-      const std::size_t entries = list.keys.size() + list.certificates.size();
-      server_.offer_keys(std::move(list));
-      if (!first) inform_("keys read again: " + std::to_string(entries) + " entries");
-    } catch (const std::exception& error) {
-      warn_(std::string(error.what()) + "; the keys known so far stay valid");
-    }
+    read(!first);
   } while (!wake_.wait_for(lock, kPeriod, [this] { return done_; }));
 }
 

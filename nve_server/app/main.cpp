@@ -7,6 +7,7 @@
 #include "nve_server/app/check_command.h"
 #include "nve_server/app/curve_command.h"
 #include "nve_server/app/keys_command.h"
+#include "nve_server/app/serve_afm.h"
 #include "nve_server/app/serve_command.h"
 #include "nve_server/app/surface_keeper.h"
 #include "nve_server/app/trace_command.h"
@@ -37,6 +38,7 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   int exit_code = 0;
   telenano::app::add_serve_command(app, serve_scene, exit_code);
+  telenano::app::add_afm_guard_command(app, exit_code);
   telenano::app::add_curve_command(app);
   telenano::app::add_check_command(app);
   telenano::app::add_trace_command(app);

@@ -1,12 +1,13 @@
 #include "nve_server/app/serve_command.h"
 
+#include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
-#include <csignal>
+#include <cstring>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -14,32 +15,22 @@
 #include <thread>
 #include <utility>
 
+#include "common/base/error.h"
 #include "common/metrics/exporter.h"
 #include "common/net/udp.h"
+#include "common/rt/realtime_thread.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/app/key_watcher.h"
+#include "nve_server/app/reload_watcher.h"
+#include "nve_server/app/serve_afm.h"
 #include "nve_server/app/serve_metrics.h"
 #include "nve_server/app/serve_security.h"
+#include "nve_server/app/serve_workers.h"
+#include "nve_server/app/server_signals.h"
 #include "nve_server/app/service_notify.h"
-#include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
 namespace {
-
-// Signal handlers can reach nothing else.
-std::atomic<bool> g_stop{false};
-static_assert(std::atomic<bool>::is_always_lock_free);
-
-void on_signal(int) {
-  g_stop.store(true, std::memory_order_relaxed);
-}
-
-void catch_signals() {
-  struct sigaction action {};
-  action.sa_handler = on_signal;  // no SA_RESTART: a sleeping wait returns at once
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-}
 
 link::SipKey fresh_secret() {
   std::random_device device;  // the kernel's generator
@@ -47,13 +38,20 @@ link::SipKey fresh_secret() {
   return {word(), word()};
 }
 
+/// How much may wait for the loop before the kernel drops it, whoever sent it.
+std::string buffer_text(std::size_t granted) {
+  const std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
+  if (granted >= net::Udp::kBufferBytes) return text;
+  return text +
+         fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
+                     net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
+}
+
 /// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
 class StatusPrinter {
  public:
-  /// `channels` may be null: there are none in the clear.
-  StatusPrinter(const server::LoopStatus& status, const security::SecurityCounters* channels,
-                std::shared_ptr<spdlog::logger> log)
-      : status_(status), channels_(channels), log_(std::move(log)), thread_([this] { run(); }) {}
+  StatusPrinter(const Workers& workers, std::shared_ptr<spdlog::logger> log)
+      : workers_(workers), log_(std::move(log)), thread_([this] { run(); }) {}
   ~StatusPrinter() {
     {
       const std::lock_guard lock(mutex_);
@@ -68,29 +66,29 @@ class StatusPrinter {
 
   void run() {
     std::uint64_t last_exchanges = 0;
+    std::uint64_t last_holdings = 0;
     std::string last_channels;
     std::unique_lock lock(mutex_);
     while (!wake_.wait_for(lock, kPeriod, [this] { return done_; })) {
-      const std::uint64_t exchanges = status_.exchanges.load(std::memory_order_relaxed);
-      const std::uint64_t sessions = status_.sessions.load(std::memory_order_relaxed);
-      if (sessions > 0 || exchanges != last_exchanges) {
-        log_->info("sessions {}  exchanges/s {:.0f}  drops {}  opened {}  timed out {}", sessions,
+      const WorkersStatus status = workers_.status();
+      const std::uint64_t exchanges = status.exchanges;
+      if (status.sessions > 0 || exchanges != last_exchanges) {
+        log_->info("sessions {}  exchanges/s {:.0f}  drops {}  opened {}  timed out {}", status.sessions,
                    static_cast<double>(exchanges - last_exchanges) / static_cast<double>(kPeriod.count()),
-                   status_.drops.load(std::memory_order_relaxed),
-                   status_.opened.load(std::memory_order_relaxed),
-                   status_.timed_out.load(std::memory_order_relaxed));
+                   status.drops, status.opened, status.timed_out);
       }
+      if (status.holdings != last_holdings) log_->info("the tip went to a session {} times", status.holdings);
+      last_holdings = status.holdings;
       last_exchanges = exchanges;
-      if (channels_ == nullptr) continue;
+      if (workers_.channels().empty()) continue;
       // Strangers and forgers are told of, whether or not there are sessions.
-      const std::string channels = text_of(*channels_);
+      const std::string channels = workers_.channels_text();
       if (channels != last_channels) log_->info("channels: {}", channels);
       last_channels = channels;
     }
   }
 
-  const server::LoopStatus& status_;
-  const security::SecurityCounters* channels_;
+  const Workers& workers_;
   std::shared_ptr<spdlog::logger> log_;
   std::mutex mutex_;
   std::condition_variable wake_;
@@ -105,46 +103,73 @@ struct ServeOptions {
   std::size_t max_sessions = 64;
   std::optional<int> timeout_ms;  // left out: as the scene says
   int resume_s = 30;
+  std::string share;  // left out: as the scene's slave must be, else private
+  std::size_t workers = 1;
   bool busy_poll = false;
+  bool low_latency = false;
   std::string metrics;
   bool metrics_public = false;
   std::string dscp = "ef";
   ServeSecurity security;
+  ServeAfm afm;
 };
 
-void serve(const ServeOptions& options, const SceneLoader& load_scene) {
+void serve(ServeOptions& options, const SceneLoader& load_scene) {
+  options.afm.check(options.scene);
+  if (options.afm.wanted() && options.share == "private")
+    throw UserError("serve: --share private: an AFM has one tip; leave it out, or --share one-tip");
+  if (options.afm.wanted() && options.workers > 1)
+    throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
-  net::Udp socket = net::Udp::listen(address);  // before the scene: a taken port is the quicker answer
-  const bool marked = dscp == 0 || socket.set_dscp(dscp);
   const rt::SteadyClock clock;
-  const std::unique_ptr<security::DtlsServer> secure =
-      options.security.is_secure() ? options.security.make(options.max_sessions, socket, clock) : nullptr;
-  server::ServedScene scene = load_scene(options.scene, options.surfaces);
-  server::ServerConfig config;
-  config.secret = fresh_secret();
-  config.table.capacity = options.max_sessions;
-  const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
-  config.table.timeout_ns = timeout_ms * 1'000'000;
-  config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
-  server::Server server(config, std::move(scene));
-
-  server::LoopStatus status;
-  const security::SecurityCounters* const channels = secure ? &secure->counters() : nullptr;
-  std::optional<metrics::Exporter> exporter;
-  if (!options.metrics.empty()) {
-    exporter.emplace(options.metrics, options.metrics_public,
-                     [&](metrics::Page& page) { write_metrics(status, channels, page); });
-  }
+  // Before the scene: a taken port is the quicker answer.
+  Workers workers({address, options.workers, options.max_sessions, options.busy_poll}, clock);
+  const bool marked = dscp == 0 || workers.set_dscp(dscp);
 
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
-  g_stop = false;
-  catch_signals();
-  log->info("serving {} on {}{}", options.scene, net::to_string(socket.local()), secure ? ", encrypted" : "");
+  ServerSignals& signals = catch_server_signals();
+  server::ServedScene scene =
+      options.afm.wanted() ? options.afm.start(clock, signals.stop,
+                                               [log](const std::string& text) { log->info("afm: {}", text); })
+                           : load_scene(options.scene, options.surfaces);
+  server::ServerConfig config;
+  config.secret = fresh_secret();
+  const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
+  config.table.timeout_ns = timeout_ms * 1'000'000;
+  config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
+  const bool one_tip = options.share == "one-tip" || (options.share.empty() && scene.one_tip_only);
+  config.share = one_tip ? server::Share::kOneTip : server::Share::kPrivate;
+  workers.prepare(options.security, config, scene);
+  const bool secure = options.security.is_secure();
 
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(options.metrics, options.metrics_public,
+                     [&](metrics::Page& page) { write_metrics(workers.loops(), workers.channels(), page); });
+  }
+
+  log->info("serving {} on {}{}{}{}", options.afm.wanted() ? "an AFM" : options.scene,
+            net::to_string(workers.local()), secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
+            options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
+  log->info("{}", buffer_text(workers.receive_buffer_bytes()));
+  std::optional<rt::CpuAwake> awake;
+  if (options.low_latency) {
+    awake.emplace();
+    if (awake->held()) {
+      log->info("processors are kept awake (/dev/cpu_dma_latency)");
+    } else {
+      log->warn(
+          "--low-latency: /dev/cpu_dma_latency: {}; give this user write access by a udev rule, or run "
+          "with --busy-poll; serving without",
+          std::strerror(awake->error()));
+    }
+  }
+  if (options.busy_poll && !workers.nic_busy_poll())
+    log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
   if (exporter) log->info("metrics at {}", exporter->url());
   if (!marked)
     log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
@@ -152,30 +177,36 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
     std::optional<KeyWatcher> watcher;
     if (secure) {
       watcher.emplace(
-          options.security.key_list_path(), *secure, [&](const std::string& text) { log->warn(text); },
+          options.security.key_list_path(), workers.channels(),
+          [&](const std::string& text) { log->warn(text); },
           [&](const std::string& text) { log->info(text); });
     }
-    const StatusPrinter printer(status, channels, log);
-    const ServiceNotify service(status);
-    server::LoopOptions loop_options;
-    loop_options.busy_poll = options.busy_poll;
-    server::run_loop(
-        server, secure ? static_cast<net::Datagram&>(*secure) : socket, clock,
-        [&](std::int64_t timeout_ns) { socket.wait_readable(timeout_ns); }, g_stop, loop_options, status);
+    const ReloadWatcher reloader(signals.reload, [&] {
+      log->info("SIGHUP: {}; the scene stays as it was loaded: restart to serve another one",
+                watcher ? "reading the list of keys" : "there are no keys to read");
+      if (watcher) watcher->reload();
+    });
+    const StatusPrinter printer(workers, log);
+    const ServiceNotify service(workers.loops());
+    workers.run(signals);
   }
 
+  options.afm.stop();
+  const server::ServerCounters counters = workers.counters();
+  const link::DropCounters dropped = workers.drops();
   std::string drops;
   for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
     const auto cause = static_cast<link::DropCause>(i);
-    if (server.drops()[cause] == 0) continue;
-    drops += std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " +
-             std::to_string(server.drops()[cause]);
+    if (dropped[cause] == 0) continue;
+    drops +=
+        std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " + std::to_string(dropped[cause]);
   }
-  log->info("stopped: {} exchanges in {} sessions ({} resumed); dropped: {}", server.counters().exchanges,
-            server.counters().opened, server.counters().resumed, drops.empty() ? "none" : drops);
-  if (server.counters().recovered > 0)
-    log->info("{} lost commands were repeated in time", server.counters().recovered);
-  if (secure) log->info("channels: {}", text_of(secure->counters()));
+  log->info("stopped: {} exchanges in {} sessions ({} resumed{}); dropped: {}", counters.exchanges,
+            counters.opened, counters.resumed,
+            counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
+            drops.empty() ? "none" : drops);
+  if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
+  if (secure) log->info("channels: {}", workers.channels_text());
 }
 
 }  // namespace
@@ -183,15 +214,20 @@ void serve(const ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command
-      ->add_option("--scene", options->scene,
-                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
-      ->required();
+  command->add_option(
+      "--scene", options->scene,
+      "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, e.g. flakes");
+  options->afm.add_flags(*command);
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();
   command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
       ->capture_default_str()
-      ->check(CLI::Range(1, 256));
+      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
+  command
+      ->add_option("--workers", options->workers,
+                   "Threads that serve; each station is one thread's, by its address and port")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
   command
       ->add_option("--timeout-ms", options->timeout_ms,
                    "Silence after which a session's slave retracts; left out: as the scene says")
@@ -199,8 +235,17 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
+  command
+      ->add_option(
+          "--share", options->share,
+          "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
+          "the tip, the others observe")
+      ->check(CLI::IsMember({"private", "one-tip"}));
   command->add_flag("--busy-poll", options->busy_poll,
-                    "Spin instead of sleeping: quickest answers, one core busy");
+                    "Spin instead of sleeping: quickest answers, a core busy for each worker");
+  command->add_flag(
+      "--low-latency", options->low_latency,
+      "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");
   command
       ->add_option("--save-surface", options->surfaces,
                    "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")

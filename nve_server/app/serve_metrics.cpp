@@ -21,10 +21,12 @@ std::string label(const char* name) {
   return text;
 }
 
-void write_sessions(const server::ServerSnapshot& s, metrics::Page& page) {
+/// `worker`: empty where there is only one.
+void write_sessions(const server::ServerSnapshot& s, const std::string& worker, metrics::Page& page) {
   for (std::uint32_t i = 0; i < std::min<std::size_t>(s.rows, s.session.size()); ++i) {
     const server::SessionRow& row = s.session[i];
-    const metrics::Labels slot = {{"slot", std::to_string(row.slot)}};
+    metrics::Labels slot = {{"slot", std::to_string(row.slot)}};
+    if (!worker.empty()) slot.emplace_back("worker", worker);
     page.gauge("telenano_session_rate_hz", "Commands a second that the station said it would send",
                row.rate_hz, slot);
     page.gauge("telenano_session_rtt_seconds",
@@ -44,12 +46,20 @@ void write_sessions(const server::ServerSnapshot& s, metrics::Page& page) {
 
 }  // namespace
 
-void write_metrics(const server::LoopStatus& status, const security::SecurityCounters* channels,
-                   metrics::Page& page) {
-  // Some 20 kB: not on the stack of a thread that the library made.
-  const auto snapshot = std::make_unique<server::ServerSnapshot>();
-  server::ServerSnapshot& s = *snapshot;
-  status.snapshot.try_load(s, 1'000'000);
+void write_metrics(const std::vector<const server::LoopStatus*>& workers,
+                   const std::vector<security::DtlsServer*>& channels, metrics::Page& page) {
+  // Some 20 kB each: not on the stack of a thread that the library made.
+  std::vector<server::ServerSnapshot> each(workers.size());
+  const auto sum = std::make_unique<server::ServerSnapshot>();
+  server::ServerSnapshot& s = *sum;
+  for (std::size_t i = 0; i < workers.size(); ++i) {
+    workers[i]->snapshot.try_load(each[i], 1'000'000);
+    s.counters.add(each[i].counters);
+    for (std::size_t k = 0; k < s.drops.size(); ++k) s.drops[k] += each[i].drops[k];
+    s.service.add(each[i].service);
+    s.active += each[i].active;
+    s.occupied += each[i].occupied;
+  }
 
   page.gauge("telenano_build_info", "1; what is running", 1, {{"version", kVersion}, {"commit", kGitCommit}});
   page.gauge("telenano_sessions", "Sessions in use", s.active, {{"state", "active"}});
@@ -73,12 +83,15 @@ void write_metrics(const server::LoopStatus& status, const security::SecurityCou
         static_cast<double>(server::ServiceTimes::kUpperNs[i]) / 1e9;  // the nearest to 5e-07, as written
   page.histogram("telenano_service_seconds", "From reading a command to its answer, encoding not included",
                  bounds_s, s.service.counts, 1e-9 * static_cast<double>(s.service.sum_ns));
-  write_sessions(s, page);
-  if (channels == nullptr) return;
+  for (std::size_t i = 0; i < each.size(); ++i)
+    write_sessions(each[i], each.size() > 1 ? std::to_string(i) : "", page);
+  if (channels.empty()) return;
+  security::SecurityCounters events;
+  for (const security::DtlsServer* const channel : channels) events.add(channel->counters());
   for (std::size_t i = 0; i < security::kSecurityEvents; ++i) {
     const auto event = static_cast<security::SecurityEvent>(i);
     page.counter("telenano_security_events_total", "What the encrypted channels have seen",
-                 number((*channels)[event]), {{"event", label(security::name(event))}});
+                 number(events[event]), {{"event", label(security::name(event))}});
   }
 }
 

@@ -1,14 +1,16 @@
 #pragma once
 
+#include <vector>
+
 #include "common/metrics/page.h"
-#include "common/security/security_counters.h"
+#include "common/security/dtls_server.h"
 #include "nve_server/server/server_loop.h"
 
 namespace telenano::app {
 
-/// What a scrape of the server is answered with. `channels` may be null: a server in the clear. Reads what
-/// the loop has published, no more.
-void write_metrics(const server::LoopStatus& status, const security::SecurityCounters* channels,
-                   metrics::Page& page);
+/// What a scrape of the server is answered with: the sums of all workers, and each one's sessions. `channels`
+/// is empty for a server in the clear. Reads what the loops have published, no more.
+void write_metrics(const std::vector<const server::LoopStatus*>& workers,
+                   const std::vector<security::DtlsServer*>& channels, metrics::Page& page);
 
 }  // namespace telenano::app

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <utility>
 
 namespace telenano::app {
 
@@ -18,7 +19,7 @@ constexpr std::int64_t kStatusPeriodUs = 5'000'000;
 
 }  // namespace
 
-ServiceNotify::ServiceNotify(const server::LoopStatus& status) : status_(status) {
+ServiceNotify::ServiceNotify(std::vector<const server::LoopStatus*> loops) : loops_(std::move(loops)) {
   std::uint64_t watchdog_us = 0;
   watched_ = sd_watchdog_enabled(0, &watchdog_us) > 0;
   // Three signs of life in the time allowed, so that a late one is no death.
@@ -40,21 +41,27 @@ ServiceNotify::~ServiceNotify() {
 }
 
 void ServiceNotify::run() {
-  std::uint64_t last_turns = 0;
+  std::vector<std::uint64_t> last_turns(loops_.size(), 0);
   std::unique_lock lock(mutex_);
   while (!wake_.wait_for(lock, std::chrono::microseconds(period_us_), [this] { return done_; })) {
-    const std::uint64_t turns = status_.turns.load(std::memory_order_relaxed);
-    if (watched_ && turns != last_turns) sd_notify(0, "WATCHDOG=1");
-    last_turns = turns;
-    sd_notifyf(0, "STATUS=%llu sessions, %llu exchanges",
-               static_cast<unsigned long long>(status_.sessions.load(std::memory_order_relaxed)),
-               static_cast<unsigned long long>(status_.exchanges.load(std::memory_order_relaxed)));
+    bool all_turn = true;
+    std::uint64_t sessions = 0, exchanges = 0;
+    for (std::size_t i = 0; i < loops_.size(); ++i) {
+      const std::uint64_t turns = loops_[i]->turns.load(std::memory_order_relaxed);
+      all_turn = all_turn && turns != last_turns[i];
+      last_turns[i] = turns;
+      sessions += loops_[i]->sessions.load(std::memory_order_relaxed);
+      exchanges += loops_[i]->exchanges.load(std::memory_order_relaxed);
+    }
+    if (watched_ && all_turn) sd_notify(0, "WATCHDOG=1");
+    sd_notifyf(0, "STATUS=%llu sessions, %llu exchanges", static_cast<unsigned long long>(sessions),
+               static_cast<unsigned long long>(exchanges));
   }
 }
 
 #else
 
-ServiceNotify::ServiceNotify(const server::LoopStatus& status) : status_(status) {}
+ServiceNotify::ServiceNotify(std::vector<const server::LoopStatus*> loops) : loops_(std::move(loops)) {}
 ServiceNotify::~ServiceNotify() = default;
 void ServiceNotify::run() {}
 

@@ -5,6 +5,7 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <vector>
 
 #include "nve_server/server/server_loop.h"
 
@@ -16,7 +17,10 @@ namespace telenano::app {
 /// NOTIFY_SOCKET), or where the build left libsystemd out.
 class ServiceNotify {
  public:
-  explicit ServiceNotify(const server::LoopStatus& status);
+  /// Of all workers' loops: one that hangs is enough.
+  explicit ServiceNotify(std::vector<const server::LoopStatus*> loops);
+  explicit ServiceNotify(const server::LoopStatus& loop)
+      : ServiceNotify(std::vector<const server::LoopStatus*>{&loop}) {}
   ~ServiceNotify();  ///< says STOPPING
   ServiceNotify(const ServiceNotify&) = delete;
   ServiceNotify& operator=(const ServiceNotify&) = delete;
@@ -24,7 +28,7 @@ class ServiceNotify {
  private:
   void run();
 
-  const server::LoopStatus& status_;
+  std::vector<const server::LoopStatus*> loops_;
   std::int64_t period_us_ = 0;  ///< between two signs of life; 0 = nobody asked
   bool watched_ = false;
   std::mutex mutex_;

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/base/error.h"
-#include "nve_server/scene/gsf.h"
+#include "common/surface/gsf.h"
 
 namespace telenano::app {
 namespace {
@@ -87,13 +87,13 @@ void SurfaceKeeper::run() {
 void SurfaceKeeper::write(const Left& left) const {
   if (!left.slave || left.slave->sample().marks() == 0) return;
   try {
-    scene::Scan scan;
+    surface::Scan scan;
     scan.grid = left.slave->marked_surface()->heights();
     scan.title = scene_->name;
     std::string name = scene_->name;
     std::replace_if(name.begin(), name.end(), not_for_a_file, '_');
     const auto file = std::filesystem::path(folder_) / (name + "-" + std::to_string(left.number) + ".gsf");
-    scene::write_gsf(file.string(), scan);
+    surface::write_gsf(file.string(), scan);
   } catch (const std::exception& error) {
     std::fprintf(stderr, "telenano-nve: warning: %s\n", error.what());
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <memory>
 #include <mutex>
@@ -42,7 +43,7 @@ class SurfaceKeeper {
 
   std::shared_ptr<const scene::Scene> scene_;
   std::string folder_;
-  int made_ = 0;
+  std::atomic<int> made_{0};  // by the loops of several workers
   std::mutex mutex_;
   std::condition_variable wake_;
   std::vector<Left> left_;

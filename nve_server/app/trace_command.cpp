@@ -11,9 +11,9 @@
 #include <string>
 
 #include "common/base/error.h"
+#include "common/surface/gsf.h"
 #include "nve_server/app/path_file.h"
 #include "nve_server/scene/force_curve.h"
-#include "nve_server/scene/gsf.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
 
@@ -135,10 +135,10 @@ void run(const Options& options) {
         faulty);
   }
   if (!options.surface.empty()) {
-    scene::Scan scan;
+    surface::Scan scan;
     scan.grid = slave.marked_surface()->heights();
     scan.title = scene->name;
-    scene::write_gsf(options.surface, scan);
+    surface::write_gsf(options.surface, scan);
   }
 }
 
@@ -148,7 +148,11 @@ void add_trace_command(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("trace", "the tip along a path from a file; forces as CSV, marks as .gsf");
   auto options = std::make_shared<Options>();
-  command->add_option("--scene", options->scene, "file (TOML), or the name of one that came with the program, e.g. flakes")->required()->type_name("FILE");
+  command
+      ->add_option("--scene", options->scene,
+                   "file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required()
+      ->type_name("FILE");
   command
       ->add_option("--path", options->path,
                    "CSV with the header t_s,x_nm,y_nm,z_nm: the commanded end, frame W")

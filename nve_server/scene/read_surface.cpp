@@ -5,12 +5,12 @@
 
 #include "common/base/constants.h"
 #include "common/base/error.h"
+#include "common/surface/gsf.h"
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/physics/plane_surface.h"
 #include "nve_server/physics/sampled_shapes.h"
 #include "nve_server/physics/sphere_surface.h"
 #include "nve_server/physics/spline_surface.h"
-#include "nve_server/scene/gsf.h"
 #include "nve_server/scene/levelling.h"
 #include "nve_server/scene/readers.h"
 
@@ -119,7 +119,7 @@ Built read_scan(const config::TomlDocument& document, const TomlTable& table, Su
   const std::string file = table.text("file");
   if (file.empty()) table.fail("file", "is empty, expected a .gsf scan");
   ground.scan_path = document.resolve(file);
-  Scan scan = read_gsf(ground.scan_path, &bytes);
+  surface::Scan scan = surface::read_gsf(ground.scan_path, &bytes);
   ground.scan_title = scan.title;
   const std::string levelling = table.choice_or("level", {"none", "plane", "lines"}, "none");
   level(scan.grid, *levelling_from_name(levelling));

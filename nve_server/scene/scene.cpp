@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <sstream>
+#include <utility>
 
 #include "common/base/constants.h"
 #include "common/config/shared_files.h"
@@ -76,22 +77,10 @@ void read_start(const TomlTable& table, Scene& scene) {
   scene.start_apex_w_nm = Vec3(x, y, scene.start_touch_w_nm + height);
 }
 
-}  // namespace
-
-physics::Compliance Scene::port_compliance_nm_nn() const {
-  return Mat3::Identity() / coupling.stiffness_n_m + probe_compliance_nm_nn();
-}
-
-physics::Compliance Scene::probe_compliance_nm_nn() const {
-  return cantilever.compliance_nm_nn();
-}
-
-std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
-  const std::string path = config::find_shared(name_or_path, "scenes", ".toml");
-  const config::TomlDocument document = config::TomlDocument::load(path);
+std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document) {
   const TomlTable root = document.root();
   auto scene = std::make_shared<Scene>();
-  scene->path = path;
+  scene->path = document.path();
   scene->name = root.text("name");
   if (scene->name.empty() || scene->name.size() > kNameBytesMax) {
     root.fail("name", "expected 1 to " + std::to_string(kNameBytesMax) + " bytes");
@@ -116,6 +105,24 @@ std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
   document.finish();
   scene->hash = fnv1a(scan_bytes, fnv1a(document.content()));
   return scene;
+}
+
+}  // namespace
+
+physics::Compliance Scene::port_compliance_nm_nn() const {
+  return Mat3::Identity() / coupling.stiffness_n_m + probe_compliance_nm_nn();
+}
+
+physics::Compliance Scene::probe_compliance_nm_nn() const {
+  return cantilever.compliance_nm_nn();
+}
+
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
+  return make_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")));
+}
+
+std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name) {
+  return make_scene(config::TomlDocument::parse(std::move(content), name));
 }
 
 }  // namespace telenano::scene

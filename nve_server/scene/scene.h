@@ -91,5 +91,7 @@ struct Scene {
 /// Reads and checks a description (TOML) and its scan, and builds the pipeline. Throws UserError: one line
 /// naming file, line, key and expected range.
 std::shared_ptr<const Scene> load_scene(const std::string& name_or_path);
+/// The same from a text; `name` stands for its path.
+std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name);
 
 }  // namespace telenano::scene

@@ -99,6 +99,13 @@ slave::SlaveInput PortControl::before(const link::Command& command, const slave:
   return told;
 }
 
+void PortControl::observe(const link::PortControl& control) noexcept {
+  receive(control);
+  if (method_ == link::kMethodTdpa || method_ == link::kMethodTank) level_aj_ += came_aj_;
+  has_target_ = false;
+  wave_used_aj_ = wave_surplus_aj_ = 0;  // a wave is of its moment
+}
+
 void PortControl::after(const slave::SlaveOutput& last, const slave::SlaveOutput& now, double dt_s) noexcept {
   const double charge = charge_aj(last, now);
   if (method_ == link::kMethodTdpa) {

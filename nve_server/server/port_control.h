@@ -38,6 +38,10 @@ class PortControl {
   slave::SlaveInput before(const link::Command& command, const slave::SlaveInput& input,
                            const slave::SlaveOutput& last, const slave::SlaveLimits& limits,
                            double dt_s) noexcept;
+  /// Instead of before() and after(), for a command that moves nothing because another one holds the tip, or
+  /// that has not taken up its position yet: what its station sends is kept for later, where the tip will be
+  /// then is nothing to catch up.
+  void observe(const link::PortControl& control) noexcept;
   /// Books the step that the slave has made of it.
   void after(const slave::SlaveOutput& last, const slave::SlaveOutput& now, double dt_s) noexcept;
   /// Fills the reply's part.

@@ -24,6 +24,12 @@ link::PeerKey peer_key(const net::Address& address) noexcept {
 /// together.
 constexpr double kStepMinS = 1e-6;
 
+/// A slave that has not moved for so long on its way up has arrived: it may have a rate of its own.
+constexpr std::int64_t kRestNs = 50'000'000;
+
+/// Who moved a shared tip last is no longer known: nobody who comes.
+constexpr std::size_t kForgotten = SIZE_MAX - 1;
+
 bool is_finite(const slave::SlaveOutput& o) noexcept {
   return telenano::is_finite(o.force_w_nn) && telenano::is_finite(o.tip_pos_w_nm) &&
          telenano::is_finite(o.commanded_pos_w_nm) && std::isfinite(o.deflection_nm) &&
@@ -60,6 +66,30 @@ std::unique_ptr<slave::Slave> first_slave(const ServedScene& scene) {
   return slave;
 }
 
+link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
+  link::SessionTableConfig table = config.table;
+  if (config.mail != nullptr) {
+    table.shard = static_cast<std::uint32_t>(config.worker);
+    table.shards = static_cast<std::uint32_t>(config.mail->workers());
+  }
+  return table;
+}
+
+/// Sharing is offered where there is something to share, and asked for there.
+link::ServerHandshakeConfig handshake_config(const ServerConfig& config, std::uint32_t rate_max_hz) {
+  link::ServerHandshakeConfig handshake;
+  handshake.secret = config.secret;
+  handshake.feature_bits = config.feature_bits & ~std::uint64_t{link::kFeatureSharing};
+  if (config.share == Share::kOneTip) {
+    handshake.required_bits = link::kFeatureSharing;
+    handshake.feature_bits |= link::kFeatureSharing;
+  }
+  handshake.rate_max_hz = rate_max_hz;
+  handshake.challenges_per_s = config.challenges_per_s;
+  handshake.openings_per_s = config.openings_per_s;
+  return handshake;
+}
+
 }  // namespace
 
 link::SceneName scene_name(const std::string& text) noexcept {
@@ -73,10 +103,21 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       scene_(std::move(scene)),
       spare_(first_slave(scene_)),
       limits_(spare_->limits()),
-      table_(config.table, config.secret),
-      handshake_({config.secret, config.feature_bits, limits_.rate_max_hz, config.challenges_per_s,
-                  config.openings_per_s}),
-      ports_(table_.capacity()) {}
+      table_(table_of(config), config.secret),
+      handshake_(handshake_config(config, limits_.rate_max_hz)),
+      tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
+      seats_(table_.capacity()),
+      holder_(table_.capacity()),
+      search_(config.mail, config.worker) {
+  if (shared()) {
+    if (search_.has_others()) throw UserError("one tip for all is one worker's: leave --workers at 1");
+    make_tip(0, 0);
+  } else if (scene_.one_tip_only) {
+    throw UserError(
+        "the scene '" + text_of(scene_.name) +
+        "' has only one tip: it cannot be private to each session; serve it with --share one-tip");
+  }
+}
 
 std::size_t Server::drop(DropCause cause) noexcept {
   drops_.add(cause);
@@ -89,12 +130,12 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
   ++counters_.datagrams;
   const DropCause cause = codec_.decode(bytes, incoming_);
   if (cause != DropCause::kNone) return drop(cause);
-  may_operate_ = standing.rights >= net::Rights::kOperate;
+  standing_ = standing;
   switch (incoming_.type) {
     case link::MessageType::kCommand:
       return on_command(incoming_.command, from, now_ns, out, clock);
     case link::MessageType::kHello:
-      return on_hello(incoming_.hello, from, now_ns, out, standing);
+      return on_hello(incoming_.hello, from, now_ns, out, standing_);
     case link::MessageType::kBye:
       on_bye(incoming_.bye, from, now_ns);
       return 0;
@@ -103,28 +144,29 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
   }
 }
 
-bool Server::make_port(std::size_t slot, std::int64_t now_ns) noexcept {
-  Port& port = ports_[slot];
-  port = {};
+bool Server::make_tip(std::size_t slot, std::int64_t now_ns) noexcept {
+  Tip& tip = tips_[slot];
+  tip = {};
   if (spare_) {
-    port.slave = std::move(spare_);
+    tip.slave = std::move(spare_);
   } else {
     try {
-      port.slave = scene_.make_slave();
+      tip.slave = scene_.make_slave();
     } catch (...) {  // out of memory, or a scene file that has vanished: no session, but those that run go on
-      port.slave = nullptr;
+      tip.slave = nullptr;
     }
   }
-  if (!port.slave) return false;
-  port.output.tip_pos_w_nm = port.output.commanded_pos_w_nm = port.slave->limits().start_pos_w_nm;
-  port.last_target_w_nm = port.slave->limits().start_pos_w_nm;
-  port.last_step_ns = now_ns;
+  if (!tip.slave) return false;
+  tip.output.tip_pos_w_nm = tip.output.commanded_pos_w_nm = tip.slave->limits().start_pos_w_nm;
+  tip.last_target_w_nm = tip.slave->limits().start_pos_w_nm;
+  tip.last_step_ns = now_ns;
   return true;
 }
 
 std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std::uint8_t> out) noexcept {
   const link::Session& session = table_[slot];
-  const slave::SlaveLimits& limits = ports_[slot].slave->limits();
+  const Tip& tip = tip_of(slot);
+  const slave::SlaveLimits& limits = tip.slave->limits();
   link::Welcome w;
   w.feature_bits = session.feature_bits;
   w.nonce = nonce;
@@ -139,7 +181,7 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.workspace_min_w_nm = limits.workspace_min_w_nm;
   w.workspace_max_w_nm = limits.workspace_max_w_nm;
   // Resuming must not be felt: go on at the command that the slave holds, with its force.
-  w.start_pos_w_nm = ports_[slot].output.commanded_pos_w_nm;
+  w.start_pos_w_nm = tip.output.commanded_pos_w_nm;
   w.surface_z_w_nm = limits.surface_z_w_nm;
   w.force_max_nn = limits.force_max_nn;
   w.coupling_stiffness_n_m = limits.coupling_stiffness_n_m;
@@ -148,57 +190,161 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
 }
 
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                             std::span<std::uint8_t> out, const net::Standing& standing) noexcept {
+                             std::span<std::uint8_t> out, const net::Standing& standing,
+                             bool others) noexcept {
   using Kind = link::HelloVerdict::Kind;
-  link::HelloVerdict verdict =
-      handshake_.on_hello(hello, peer_key(from), now_ns, table_, shutting_down_, standing.address_proven);
-  if (verdict.kind == Kind::kOpen && !make_port(verdict.slot, now_ns)) {
-    table_.release(verdict.slot);
-    verdict.kind = Kind::kRefuse;
-    verdict.cause = DropCause::kFull;
-    verdict.refuse = {hello.nonce, link::RefuseReason::kFull, link::kProtocolVersion, link::kProtocolVersion};
+  link::HelloContext context;
+  context.shutting_down = shutting_down_;
+  context.address_proven = standing.address_proven;
+  context.owner = standing.identity;
+  context.others = others && search_.has_others();
+  if (config_.cap != nullptr) {
+    context.of = this;
+    context.take_place = [](void* of) noexcept {
+      auto& self = *static_cast<Server*>(of);
+      const bool taken = self.config_.cap->take();
+      self.cap_held_ += taken ? 1 : 0;
+      return taken;
+    };
   }
+  link::HelloVerdict verdict = handshake_.on_hello(hello, peer_key(from), now_ns, table_, context);
+  if (verdict.kind == Kind::kAskOthers) {
+    verdict.kind = Kind::kDrop;
+    verdict.cause = search_.ask(hello, from, standing, now_ns);
+  }
+  if (verdict.kind == Kind::kOpen) {
+    forget(verdict.slot, now_ns);  // a silent session may have given up its slot
+    if (!shared() && !make_tip(verdict.slot, now_ns)) {
+      table_.release(verdict.slot);
+      verdict.kind = Kind::kRefuse;
+      verdict.cause = DropCause::kFull;
+      verdict.refuse = {hello.nonce, link::RefuseReason::kFull, link::kProtocolVersion,
+                        link::kProtocolVersion};
+    }
+  }
+  settle_cap();
   if (verdict.cause != DropCause::kNone) drops_.add(verdict.cause);
   switch (verdict.kind) {
     case Kind::kDrop:
+    case Kind::kAskOthers:
       return 0;
     case Kind::kChallenge:
       return codec_.encode(verdict.challenge, out);
     case Kind::kRefuse:
       return codec_.encode(verdict.refuse, out);
     case Kind::kOpen:
-      ++counters_.opened;
+      holder_.begin_session(verdict.slot);
+      seats_[verdict.slot].opening = ++counters_.opened;
       break;
     case Kind::kResume:
-      ports_[verdict.slot].control.begin_session();
+      seats_[verdict.slot].control.begin_session();
+      holder_.resume_session(verdict.slot);
       ++counters_.resumed;
       break;
     case Kind::kAgain:
       break;
   }
-  ports_[verdict.slot].address = from;
+  seats_[verdict.slot].address = from;
   return welcome(verdict.slot, hello.nonce, out);
+}
+
+/// A station that talks to a session which is gone, asleep or shutting down is told, so that it need not wait
+/// for its own time-out.
+std::size_t Server::on_unusable_command(const link::Command& command, DropCause cause, std::size_t slot,
+                                        std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
+  drops_.add(cause);
+  link::ByeReason reason = link::ByeReason::kUnknownSession;
+  if (cause == DropCause::kUnexpected && table_[slot].state == link::SlotState::kSilent) {
+    reason = link::ByeReason::kIdle;
+  } else if (cause == DropCause::kUnexpected && shutting_down_) {
+    reason = link::ByeReason::kShuttingDown;
+  } else if (cause != DropCause::kUnknownSession) {
+    return 0;
+  }
+  if (command.session_id == 0 || !handshake_.may_answer(now_ns)) return 0;
+  return codec_.encode(link::Bye{command.session_id, reason}, out);
+}
+
+/// May this command have the shared tip? Who gets it finds it where it stands.
+void Server::share_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept {
+  if (!holder_.on_command(slot, standing_.rights, command.flags, now_ns)) return;
+  ++counters_.holdings;
+  Tip& tip = tips_[0];
+  if (tip.moved_by != slot && tip.moved_by != TipHolder::kNobody) seats_[slot].book.take_over(tip.output);
+  tip.moved_by = slot;
+}
+
+/// Steps the tip by a command of a session that may do so.
+void Server::move_tip_once(std::size_t slot, const link::Command& command, double spacing_s) noexcept {
+  const link::Session& session = table_[slot];
+  Tip& tip = tip_of(slot);
+  Seat& seat = seats_[slot];
+  // Who has just got the tip must first have taken up its position.
+  const bool anchored = !shared() || command.tip_hold == holder_.number();
+  const bool operates = standing_.rights >= net::Rights::kOperate && anchored;
+  slave::SlaveInput input;
+  input.tip_target_pos_w_nm = command.tip_pos_w_nm;
+  input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
+  input.retract = operates && (command.flags & link::kFlagStop) != 0;
+  input.by_operator = input.retract;
+  input.opening = seat.opening;
+  constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
+  input.follow = operates && !input.retract && (command.flags & kEngaged) == kEngaged;
+  input.wants_model = wants_model(session, command);
+  const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
+  const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
+  const slave::SlaveOutput last = tip.output;
+  // Of a shared slave's book the port's control sees this session's part.
+  const PortBook before = seat.book;
+  if (controls && anchored) input = seat.control.before(command, input, last, tip.slave->limits(), dt_s);
+  if (controls && !anchored) seat.control.observe(command.control);
+  step_guarded(*tip.slave, input, dt_s, tip.output);
+  if (shared()) seat.book.add(last, tip.output);
+  if (controls && anchored) {
+    if (shared()) {
+      seat.control.after(before.seen(last), seat.book.seen(tip.output), dt_s);
+    } else {
+      seat.control.after(last, tip.output, dt_s);
+    }
+  }
+  tip.last_target_w_nm = command.tip_pos_w_nm;
+}
+
+void Server::move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
+                      std::int64_t now_ns) noexcept {
+  const link::Session& session = table_[slot];
+  Tip& tip = tip_of(slot);
+  link::MissedSteps plan;
+  link::plan_steps(recent, session.missed, session.spacing_s, 1.0 / session.rate_hz, plan);
+  for (std::size_t i = 0; i < plan.count; ++i) {
+    const link::MissedSteps::Step& step = plan.step[i];
+    const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - tip.last_target_w_nm) / step.spacing_s;
+    move_tip_once(slot, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
+  }
+  counters_.recovered += plan.count;
+  move_tip_once(slot, command, plan.last_spacing_s);
+  tip.last_step_ns = tip.moved_ns = now_ns;
+  tip.at_rest = false;
 }
 
 std::size_t Server::on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                                std::span<std::uint8_t> out, const rt::Clock* clock) noexcept {
   std::size_t slot = link::SessionTable::kNone;
-  const DropCause cause = table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0);
-  if (cause != DropCause::kNone) {
-    drops_.add(cause);
-    // A station that talks to a session which is gone or asleep is told, so that it resumes without waiting.
-    const bool gone = cause == DropCause::kUnknownSession;
-    const bool asleep = cause == DropCause::kUnexpected && table_[slot].state == link::SlotState::kSilent;
-    if ((!gone && !asleep) || !handshake_.may_answer(now_ns) || command.session_id == 0) return 0;
-    const auto reason = gone ? link::ByeReason::kUnknownSession : link::ByeReason::kIdle;
-    return codec_.encode(link::Bye{command.session_id, reason}, out);
-  }
+  const DropCause cause =
+      table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0, standing_.identity);
+  if (cause != DropCause::kNone) return on_unusable_command(command, cause, slot, now_ns, out);
 
   link::Session& session = table_[slot];
-  Port& port = ports_[slot];
-  play(slot, command, incoming_.recent);
-  port.last_step_ns = now_ns;
+  Seat& seat = seats_[slot];
+  const Tip& tip = tip_of(slot);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
+  if (shared()) share_tip(slot, command, now_ns);
+  const bool moves = !shared() || holder_.holds(slot);
+  if (moves) {
+    move_tip(slot, command, incoming_.recent, now_ns);
+  } else if (controls) {
+    seat.control.observe(command.control);
+  }
 
   link::Reply reply;
   reply.session_id = session.session_id;
@@ -206,115 +352,122 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.command_sequence = command.sequence;
   reply.command_send_time_ns = command.send_time_ns;
   reply.epoch = session.epoch;
-  reply.contact_state = port.output.contact_state;
-  reply.fault_bits = port.output.fault_bits;
-  reply.force_w_nn = port.output.force_w_nn;
-  reply.tip_pos_w_nm = port.output.tip_pos_w_nm;
-  reply.deflection_nm = port.output.deflection_nm;
-  reply.energy_in_aj = port.output.energy_in_aj;
-  reply.energy_out_aj = port.output.energy_out_aj;
-  if (controls) reply.port = port.control.answer();
-  if (wants_model(session, command)) reply.model = port.output.model;
+  reply.contact_state = tip.output.contact_state;
+  reply.fault_bits = tip.output.fault_bits;
+  reply.force_w_nn = tip.output.force_w_nn;
+  reply.tip_pos_w_nm = tip.output.tip_pos_w_nm;
+  reply.deflection_nm = tip.output.deflection_nm;
+  reply.energy_in_aj = shared() ? seat.book.in_aj() : tip.output.energy_in_aj;
+  reply.energy_out_aj = shared() ? seat.book.out_aj() : tip.output.energy_out_aj;
+  if (controls) reply.port = seat.control.answer();
+  if (moves && wants_model(session, command)) reply.model = tip.output.model;
   if ((session.feature_bits & link::kFeatureStepHistory) != 0) reply.steps_before = session.steps_before;
+  if (shared()) reply.tip = {moves ? holder_.number() : 0, tip.output.commanded_pos_w_nm};
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
   reply.hold_time_ns = static_cast<std::uint64_t>(sent_ns - now_ns);
+  const std::int64_t since_step_ns = moves ? 0 : sent_ns - tip.last_step_ns;
   reply.measurement_age_ns =
-      static_cast<std::uint64_t>(std::max<std::int64_t>(port.output.measurement_age_ns, 0));
+      static_cast<std::uint64_t>(std::max<std::int64_t>(tip.output.measurement_age_ns + since_step_ns, 0));
   if (clock != nullptr) service_.add(sent_ns - now_ns);
   session.peer_stats.on_reply(reply.sequence, sent_ns);
   ++counters_.exchanges;
   return codec_.encode(reply, out);
 }
 
-void Server::play_one(Port& port, const link::Session& session, const link::Command& command,
-                      double spacing_s) noexcept {
-  slave::SlaveInput input;
-  input.tip_target_pos_w_nm = command.tip_pos_w_nm;
-  input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
-  input.retract = may_operate_ && (command.flags & link::kFlagStop) != 0;
-  constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
-  input.follow = may_operate_ && !input.retract && (command.flags & kEngaged) == kEngaged;
-  input.wants_model = wants_model(session, command);
-  const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
-  const slave::SlaveOutput last = port.output;
-  const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
-  if (controls) input = port.control.before(command, input, last, port.slave->limits(), dt_s);
-  step_guarded(*port.slave, input, dt_s, port.output);
-  if (controls) port.control.after(last, port.output, dt_s);
-  port.last_target_w_nm = command.tip_pos_w_nm;
-}
-
-void Server::play(std::size_t slot, const link::Command& command,
-                  const link::RecentCommands& recent) noexcept {
-  Port& port = ports_[slot];
-  const link::Session& session = table_[slot];
-  link::MissedSteps plan;
-  link::plan_steps(recent, session.missed, session.spacing_s, 1.0 / session.rate_hz, plan);
-  for (std::size_t i = 0; i < plan.count; ++i) {
-    const link::MissedSteps::Step& step = plan.step[i];
-    const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - port.last_target_w_nm) / step.spacing_s;
-    play_one(port, session, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
-  }
-  counters_.recovered += plan.count;
-  play_one(port, session, command, plan.last_spacing_s);
-}
-
 void Server::on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept {
   const std::size_t slot = table_.find(bye.session_id);
   if (slot == link::SessionTable::kNone) {
     drops_.add(DropCause::kUnknownSession);
-  } else if (!(table_[slot].peer == peer_key(from))) {
+  } else if (!(table_[slot].peer == peer_key(from)) || table_[slot].owner != standing_.identity) {
     drops_.add(DropCause::kUnauthenticated);
   } else if (table_[slot].state == link::SlotState::kEnding) {
     drops_.add(DropCause::kDuplicate);  // Byes are sent more than once
   } else {
-    table_.end(slot, now_ns);
+    end(slot, now_ns);
     ++counters_.ended;
   }
 }
 
-void Server::retract(std::size_t slot, std::int64_t now_ns) noexcept {
-  Port& port = ports_[slot];
+void Server::end(std::size_t slot, std::int64_t now_ns) noexcept {
+  table_.end(slot, now_ns);
+  settle_cap();
+  holder_.leave(slot, now_ns);
+}
+
+/// Nothing is left of the session in this slot.
+void Server::forget(std::size_t slot, std::int64_t now_ns) noexcept {
+  holder_.leave(slot, now_ns);
+  seats_[slot] = {};
+  if (!shared()) {
+    tips_[slot] = {};
+  } else if (tips_[0].moved_by == slot) {
+    tips_[0].moved_by = kForgotten;
+  }
+}
+
+void Server::retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexcept {
   slave::SlaveInput input;
   input.follow = false;
   input.retract = true;
-  input.tip_target_pos_w_nm = port.output.commanded_pos_w_nm;
+  input.tip_target_pos_w_nm = tip.output.commanded_pos_w_nm;
   const double dt_s =
-      std::clamp(1e-9 * static_cast<double>(now_ns - port.last_step_ns), kStepMinS, config_.step_max_s);
-  const slave::SlaveOutput last = port.output;
-  step_guarded(*port.slave, input, dt_s, port.output);
-  port.control.after(last, port.output, dt_s);
-  port.last_step_ns = now_ns;
+      std::clamp(1e-9 * static_cast<double>(now_ns - tip.last_step_ns), kStepMinS, config_.step_max_s);
+  const slave::SlaveOutput last = tip.output;
+  step_guarded(*tip.slave, input, dt_s, tip.output);
+  if (control != nullptr) control->after(last, tip.output, dt_s);
+  tip.last_step_ns = now_ns;
+  const bool stuck = (tip.output.fault_bits & link::kFaultNoEquilibrium) != 0;
+  if (stuck || tip.output.commanded_pos_w_nm != last.commanded_pos_w_nm) tip.moved_ns = now_ns;
+  tip.at_rest = now_ns - tip.moved_ns >= kRestNs;
 }
 
 void Server::poll(std::int64_t now_ns) noexcept {
   table_.expire(now_ns, [&](std::size_t slot, link::SlotState state) {
+    holder_.leave(slot, now_ns);
     if (state == link::SlotState::kSilent) {
       ++counters_.timed_out;
-      ports_[slot].last_step_ns = now_ns;
+      if (!shared()) tips_[slot].last_step_ns = now_ns;
     }
-    if (state == link::SlotState::kFree) ports_[slot] = {};
+    if (state == link::SlotState::kFree) forget(slot, now_ns);
   });
-  for (std::size_t slot = 0; slot < ports_.size(); ++slot) {
+  settle_cap();
+  search_.forget_old(now_ns);
+  if (shared()) return withdraw_shared_tip(now_ns);
+  for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
     const bool leaving =
         session.state == link::SlotState::kSilent || session.state == link::SlotState::kEnding;
-    if (leaving && ports_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {
-      retract(slot, now_ns);
+    if (leaving && tips_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {
+      retract(tips_[slot], &seats_[slot].control, now_ns);
     }
   }
 }
 
+void Server::withdraw_shared_tip(std::int64_t now_ns) noexcept {
+  const bool was_withdrawing = std::exchange(
+      withdrawing_, holder_.must_withdraw(now_ns, shutting_down_ ? 0 : table_.config().timeout_ns));
+  if (!withdrawing_) return;
+  Tip& tip = tips_[0];
+  if (!was_withdrawing)
+    tip.last_step_ns = tip.moved_ns = now_ns;  // not all at once what was not moved until now
+  retract(tip, nullptr, now_ns);               // nobody's energy
+  if (tip.at_rest) holder_.withdrawn();
+}
+
 std::size_t Server::next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept {
   shutting_down_ = true;
-  for (std::size_t slot = 0; slot < ports_.size(); ++slot) {
+  for (std::size_t slot = 0; slot < seats_.size(); ++slot) {
     if (table_[slot].state != link::SlotState::kActive) continue;
-    table_.end(slot, now_ns);
-    to = ports_[slot].address;
+    end(slot, now_ns);
+    to = seats_[slot].address;
     return codec_.encode(link::Bye{table_[slot].session_id, link::ByeReason::kShuttingDown}, out);
   }
   return 0;
+}
+
+bool Server::at_rest() const noexcept {
+  return std::all_of(tips_.begin(), tips_.end(), [](const Tip& tip) { return !tip.slave || tip.at_rest; });
 }
 
 }  // namespace telenano::server

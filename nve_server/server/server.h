@@ -13,13 +13,23 @@
 #include "common/link/session_table.h"
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
+#include "nve_server/server/port_book.h"
 #include "nve_server/server/port_control.h"
 #include "nve_server/server/service_times.h"
+#include "nve_server/server/session_cap.h"
+#include "nve_server/server/session_port.h"
+#include "nve_server/server/tip_holder.h"
+#include "nve_server/server/token_search.h"
+#include "nve_server/server/worker_mail.h"
 #include "nve_server/slave/slave.h"
 
 namespace telenano::server {
 
-/// What is served: every session gets a slave of its own, with its own state.
+/// private: every session has a slave of its own, with its own state. one-tip: one slave; one session moves
+/// it (TipHolder says which), the others observe.
+enum class Share : std::uint8_t { kPrivate, kOneTip };
+
+/// What is served.
 struct ServedScene {
   link::SceneName name;
   std::uint64_t hash = 0;
@@ -28,6 +38,7 @@ struct ServedScene {
   /// to load.
   std::function<std::unique_ptr<slave::Slave>()> make_slave;
   std::uint32_t timeout_ms = 2000;  ///< that the scene asks for; who makes the SessionTableConfig decides
+  bool one_tip_only = false;        ///< there is only one, as with a real instrument: never Share::kPrivate
 };
 
 /// "flakes" → {'f','l',…,0}; cut to what fits.
@@ -37,10 +48,17 @@ struct ServerConfig {
   link::SipKey secret;  ///< 128 fresh random bits at each start: cookies, session ids, tokens and epochs
                         ///< follow from it
   link::SessionTableConfig table;
+  Share share = Share::kPrivate;
   std::uint64_t feature_bits = link::kKnownFeatures;  ///< granted to a station that asks for them
   double challenges_per_s = 20000;
   double openings_per_s = 64;
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
+
+  /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
+  /// same secret, so that cookies hold everywhere. Both outlive the servers; null: this one is alone.
+  WorkerMail* mail = nullptr;
+  std::size_t worker = 0;
+  SessionCap* cap = nullptr;  ///< of all workers' active sessions; table.capacity holds for each besides
 };
 
 struct ServerCounters {
@@ -50,7 +68,23 @@ struct ServerCounters {
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
   std::uint64_t ended = 0;      ///< by Bye
+  std::uint64_t holdings = 0;   ///< how often a shared tip went to somebody
   std::uint64_t recovered = 0;  ///< lost commands that a later datagram repeated
+  std::uint64_t moved_in = 0;   ///< handed over by another worker
+  std::uint64_t moved_out = 0;  ///< to another worker
+
+  void add(const ServerCounters& more) noexcept {
+    datagrams += more.datagrams;
+    exchanges += more.exchanges;
+    opened += more.opened;
+    resumed += more.resumed;
+    timed_out += more.timed_out;
+    ended += more.ended;
+    moved_in += more.moved_in;
+    moved_out += more.moved_out;
+    holdings += more.holdings;
+    recovered += more.recovered;
+  }
 };
 
 /// The server without its socket: datagrams and times go in, answers come out. The same object serves real
@@ -61,6 +95,8 @@ struct ServerCounters {
 /// datagram that is not used is counted under one cause.
 class Server {
  public:
+  /// Throws UserError for a scene that cannot be shared so (a shared tip has one worker), RunError if it
+  /// makes no slave.
   Server(const ServerConfig& config, ServedScene scene);
 
   /// Returns the bytes of the answer to `from` in `out` (512 needed), 0 = none; to an address that has not
@@ -74,38 +110,53 @@ class Server {
   /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
   void poll(std::int64_t now_ns) noexcept;
 
-  /// Shutting down: from now on Hellos are refused; call until it returns 0, sending each Bye to `to`.
+  /// With other workers: hands over sessions that they ask for, takes in those that come. Call it with every
+  /// look at the socket, and then next_answer() until it returns 0, sending each answer to `to`: those to
+  /// Hellos whose session was with another worker.
+  void exchange_mail() noexcept;
+  std::size_t next_answer(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
+  /// Does a Hello wait for another worker's answer? Look again soon.
+  bool awaits_mail() const noexcept { return search_.waits(); }
+
+  /// Shutting down: from now on Hellos are refused, and commands answered by a Bye; call until it returns 0,
+  /// sending each Bye to `to`. poll() goes on retracting.
   std::size_t next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
+  /// No slave is on its way up.
+  bool at_rest() const noexcept;
 
   const link::DropCounters& drops() const noexcept { return drops_; }
   const ServerCounters& counters() const noexcept { return counters_; }
   const link::SessionTable& sessions() const noexcept { return table_; }
+  const TipHolder& tip_holder() const noexcept { return holder_; }  ///< of Share::kOneTip
   /// Of the commands for which there was a clock.
   const ServiceTimes& service_times() const noexcept { return service_; }
 
  private:
-  struct Port {
-    std::unique_ptr<slave::Slave> slave;
-    slave::SlaveOutput output;
-    PortControl control;
-    net::Address address;
-    std::int64_t last_step_ns = 0;
-    Vec3 last_target_w_nm = Vec3::Zero();  ///< of the newest command
-  };
-
   std::size_t drop(link::DropCause cause) noexcept;
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
-                       std::span<std::uint8_t> out, const net::Standing& standing) noexcept;
+                       std::span<std::uint8_t> out, const net::Standing& standing,
+                       bool others = true) noexcept;
+  void settle_cap() noexcept;
+  void hand_over(std::size_t slot, const Letter& question) noexcept;
+  void adopt(SessionParcel& parcel) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
-  /// Steps the slave of `slot` by one command, and by those before it that it repeats.
-  void play(std::size_t slot, const link::Command& command, const link::RecentCommands& recent) noexcept;
-  void play_one(Port& port, const link::Session& session, const link::Command& command,
-                double spacing_s) noexcept;
   void on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept;
   std::size_t welcome(std::size_t slot, std::uint64_t nonce, std::span<std::uint8_t> out) noexcept;
-  bool make_port(std::size_t slot, std::int64_t now_ns) noexcept;
-  void retract(std::size_t slot, std::int64_t now_ns) noexcept;
+  bool shared() const noexcept { return config_.share == Share::kOneTip; }
+  Tip& tip_of(std::size_t slot) noexcept { return tips_[shared() ? 0 : slot]; }
+  bool make_tip(std::size_t slot, std::int64_t now_ns) noexcept;
+  std::size_t on_unusable_command(const link::Command& command, link::DropCause cause, std::size_t slot,
+                                  std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
+  void share_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
+  /// Steps the tip of `slot` by one command, and by those before it that it repeats.
+  void move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
+                std::int64_t now_ns) noexcept;
+  void move_tip_once(std::size_t slot, const link::Command& command, double spacing_s) noexcept;
+  void end(std::size_t slot, std::int64_t now_ns) noexcept;
+  void forget(std::size_t slot, std::int64_t now_ns) noexcept;
+  void withdraw_shared_tip(std::int64_t now_ns) noexcept;
+  void retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexcept;
 
   ServerConfig config_;
   ServedScene scene_;
@@ -116,9 +167,14 @@ class Server {
   link::ServerHandshake handshake_;
   link::Codec codec_;
   link::Incoming incoming_;
-  std::vector<Port> ports_;
+  std::vector<Tip> tips_;  ///< one a slot, or the one that all share
+  std::vector<Seat> seats_;
+  TipHolder holder_;
+  bool withdrawing_ = false;  ///< the shared tip
+  TokenSearch search_;
+  std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   bool shutting_down_ = false;
-  bool may_operate_ = true;  ///< the datagram at hand
+  net::Standing standing_;  ///< of the datagram at hand
   link::DropCounters drops_;
   ServerCounters counters_;
   ServiceTimes service_;

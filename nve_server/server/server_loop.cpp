@@ -1,5 +1,6 @@
 #include "nve_server/server/server_loop.h"
 
+#include <algorithm>
 #include <array>
 
 #include "common/link/messages.h"
@@ -15,6 +16,8 @@ void publish(const Server& server, LoopStatus& status) noexcept {
   status.drops.store(server.drops().total(), kRelaxed);
   status.opened.store(server.counters().opened, kRelaxed);
   status.timed_out.store(server.counters().timed_out, kRelaxed);
+  status.moved_in.store(server.counters().moved_in, kRelaxed);
+  status.holdings.store(server.counters().holdings, kRelaxed);
 }
 
 }  // namespace
@@ -26,6 +29,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> in{};
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
   net::Received received;
+  net::Address to;
   ServerSnapshot snapshot;
   std::int64_t next_snapshot_ns = clock.now_ns();
   std::int64_t next_poll_ns = clock.now_ns();
@@ -43,6 +47,10 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
       // A full send queue loses the answer, as the network may: the next one says more.
       if (n > 0) socket.send({out.data(), n}, received.from);
     }
+    server.exchange_mail();
+    while (const std::size_t n = server.next_answer(clock.now_ns(), out, to))
+      socket.send({out.data(), n}, to);
+    socket.flush();
     const std::int64_t now_ns = clock.now_ns();
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
@@ -52,13 +60,17 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
         status.snapshot.store(snapshot);
         next_snapshot_ns = now_ns + options.snapshot_period_ns;
       }
-      next_poll_ns =
-          now_ns + (server.sessions().occupied() > 0 ? options.poll_period_ns : options.idle_period_ns);
+      const bool busy = server.sessions().occupied() > 0 || server.awaits_mail();
+      next_poll_ns = now_ns + (busy ? options.poll_period_ns : options.idle_period_ns);
     }
-    if (drained && !options.busy_poll) wait(next_poll_ns - now_ns);
+    if (!drained || options.busy_poll) continue;
+    const std::int64_t sleep_ns = next_poll_ns - now_ns;
+    // Also where the next look at the time-outs is farther away, as just after the first Hello: what is short
+    // can be waited for by receiving.
+    const bool soon = server.awaits_mail() || server.sessions().occupied() > 0;
+    wait(soon ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
   }
-  net::Address to;
-  while (const std::size_t n = server.next_bye(clock.now_ns(), out, to)) socket.send({out.data(), n}, to);
+  shut_down(server, socket, clock, wait, options.shutdown);
   publish(server, status);
   take_snapshot(server, clock.now_ns(), snapshot);
   status.snapshot.store(snapshot);

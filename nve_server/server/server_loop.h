@@ -8,6 +8,7 @@
 #include "common/rt/clock.h"
 #include "common/rt/latest_value.h"
 #include "nve_server/server/server.h"
+#include "nve_server/server/server_shutdown.h"
 #include "nve_server/server/server_snapshot.h"
 
 namespace telenano::server {
@@ -21,6 +22,8 @@ struct LoopStatus {
   std::atomic<std::uint64_t> drops{0};
   std::atomic<std::uint64_t> opened{0};
   std::atomic<std::uint64_t> timed_out{0};
+  std::atomic<std::uint64_t> moved_in{0};  ///< from another worker
+  std::atomic<std::uint64_t> holdings{0};
   rt::LatestValue<ServerSnapshot> snapshot;  ///< everything at one instant, every snapshot_period_ns
 };
 
@@ -30,10 +33,11 @@ struct LoopOptions {
   std::int64_t poll_period_ns = 1'000'000;  ///< of time-outs and retracting slaves
   std::int64_t idle_period_ns =
       50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
+  ShutdownOptions shutdown;
 };
 
-/// Drains the socket into the server and sends its answers until `stop` is set; then says Bye to every
-/// session. `wait(timeout_ns)` sleeps until a datagram may be there.
+/// Drains the socket into the server and sends its answers until `stop` is set; then shut_down().
+/// `wait(timeout_ns)` sleeps until a datagram may be there.
 void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
               const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
               const LoopOptions& options, LoopStatus& status);

@@ -21,6 +21,11 @@ class ServiceTimes {
     sum_ns += service_ns;
   }
 
+  void add(const ServiceTimes& more) noexcept {
+    for (std::size_t i = 0; i < counts.size(); ++i) counts[i] += more.counts[i];
+    sum_ns += more.sum_ns;
+  }
+
   std::array<std::uint64_t, kUpperNs.size() + 1> counts{};  ///< the last: above all bounds
   std::int64_t sum_ns = 0;
 };

@@ -11,9 +11,11 @@ namespace telenano::slave {
 struct SlaveInput {
   Vec3 tip_target_pos_w_nm = Vec3::Zero();  ///< commanded end of the virtual coupling
   Vec3 tip_target_vel_w_nm_s = Vec3::Zero();
-  bool follow = true;        ///< false: hold the present commanded position (clutch open, deadman released)
-  bool wants_model = false;  ///< fill SlaveOutput::model
-  bool retract = false;      ///< withdraw to a safe height whatever is commanded
+  bool follow = true;         ///< false: hold the present commanded position (clutch open, deadman released)
+  bool wants_model = false;   ///< fill SlaveOutput::model
+  bool retract = false;       ///< withdraw to a safe height whatever is commanded
+  std::uint64_t opening = 0;  ///< which session it is that commands; 0: the server itself, or not known
+  bool by_operator = false;  ///< the retract is a stop that the station sends, not the server's own (silence)
 };
 
 struct SlaveOutput {

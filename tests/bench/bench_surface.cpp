@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "nve_server/physics/spline_surface.h"
-#include "nve_server/scene/gsf.h"
+#include "common/surface/gsf.h"
 
 // Time of the surface's part of a step, on the scan of deploy/data (256×256, 2.34 nm, some 10 nm deep) under
 // a tip of 20 nm: the centre goes on a wide Lissajous figure, hovering or pressed in, `range(0)` hundredths
@@ -24,7 +24,7 @@ constexpr int kPath = 20000;
 
 const telenano::physics::HeightGrid& scan() {
   static const telenano::physics::HeightGrid grid =
-      telenano::scene::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf").grid;
+      telenano::surface::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf").grid;
   return grid;
 }
 

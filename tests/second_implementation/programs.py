@@ -59,7 +59,7 @@ def serve(test, scene, *more):
     """telenano-nve serve on a free port of loopback: the child and its address."""
     child = Child(test, os.environ["TELENANO_NVE"], "serve", "--scene", SCENES / f"{scene}.toml", "--listen", "127.0.0.1:0",
                   *more)
-    return child, ("127.0.0.1", int(child.wait_for(r"serving .* on 127\.0\.0\.1:(\d+)\n").group(1)))
+    return child, ("127.0.0.1", int(child.wait_for(r"serving .* on 127\.0\.0\.1:(\d+)[,\n]").group(1)))
 
 
 def udp(test, *address):

@@ -1,24 +1,32 @@
 """Rules that both ends share, written from PROTOCOL.md sections 4, 5 and 7."""
 import collections
 
-from wire import MAX_LEAP, need
+from wire import need
 
 
 class SequenceWindow:
-    """Newest wins: accepts only what is higher than all before, and says what the others are."""
+    """Newest wins: accepts only what is higher than all before, but no further than the rate explains, and says what
+    the others are."""
 
-    def __init__(self):
+    def __init__(self, rate_hz, now_ns):
+        self.rate_hz = rate_hz
+        self.accepted_ns = now_ns
         self.newest = 0
         self.seen = set()
 
-    def accept(self, sequence):
-        need(0 < sequence <= self.newest + MAX_LEAP, "out_of_range")
+    def max_leap(self, now_ns):
+        since_s = min(max(now_ns - self.accepted_ns, 0) * 1e-9, 86400)
+        return 64 + int(1.25 * self.rate_hz * (since_s + 1))
+
+    def accept(self, sequence, now_ns):
+        need(0 < sequence <= self.newest + self.max_leap(now_ns), "out_of_range")
         if sequence <= self.newest:
             known = sequence in self.seen or self.newest - sequence >= 64
             self.seen.add(sequence)
             need(not known, "duplicate")
             need(False, "stale")
         self.newest = sequence
+        self.accepted_ns = now_ns
         self.seen.add(sequence)
 
 

@@ -1,4 +1,5 @@
-"""The server's end, written from PROTOCOL.md: bytes, addresses and times in, bytes out. Its slave is a spring wall."""
+"""The server's end, written from PROTOCOL.md: bytes, addresses and times in, bytes out. Its slave is a spring wall, one
+for each session."""
 import collections
 import hashlib
 import hmac
@@ -6,7 +7,8 @@ import secrets
 
 import telenano_pb2 as pb
 from rules import Received, SequenceWindow
-from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_STEP_HISTORY, KNOWN_FEATURES,
+from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED,
+                  FEATURE_SHARING, FEATURE_STEP_HISTORY, KNOWN_FEATURES,
                   REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN, REFUSE_VERSION, STOP, VERSION, Drop, decode, encode,
                   features_used, need, recent_commands, set_vector, vector)
 
@@ -57,8 +59,8 @@ class Session:
         self.session_id = secrets.randbits(64) | 1
         self.nonces.append(hello.nonce)
         self.address, self.rate_hz, self.features = address, hello.rate_hz, features
-        self.commands, self.replies, self.last_send_ns = SequenceWindow(), 0, None
         self.stepped = []  # numbers of the newest 64 commands accepted
+        self.commands, self.replies, self.last_send_ns = SequenceWindow(hello.rate_hz, now_ns), 0, None
         self.energy_in_j, self.energy_out_j = Received(), Received()
         self.state, self.heard_ns, self.since_ns = "active", now_ns, now_ns
 
@@ -70,6 +72,7 @@ class Server:
     """on_datagram(bytes, address, now) returns the answer or None; poll(now) applies the time-outs."""
 
     def __init__(self, capacity=4, features=KNOWN_FEATURES, timeout_ms=500, rate_max_hz=8000):
+        features &= ~FEATURE_SHARING  # there is nothing to share
         self.capacity, self.features, self.timeout_ms, self.rate_max_hz = capacity, features, timeout_ms, rate_max_hz
         self.shutting_down = False
         self.secret = secrets.token_bytes(32)
@@ -99,7 +102,7 @@ class Server:
         if answer is None:
             return None
         answer = encode(answer)
-        assert isinstance(answer, bytes) and len(answer) <= max(len(datagram), 337)
+        assert isinstance(answer, bytes) and len(answer) <= max(len(datagram), 373)
         return answer
 
     def drop(self, cause, answer=None):
@@ -168,12 +171,14 @@ class Server:
         need(session.address == address, "unauthenticated")
         if session.state != "active":
             idle = pb.Bye(session_id=m.session_id, reason=BYE_IDLE) if session.state == "silent" else None
+            if self.shutting_down:
+                idle = pb.Bye(session_id=m.session_id, reason=BYE_SHUTTING_DOWN)
             self.drop("unexpected", idle)
         need(m.epoch == session.epoch, "wrong_epoch")
         need(m.newest_reply <= session.replies, "out_of_range")
         need(features_used(m) & ~session.features == 0, "unexpected")
         before = session.commands.newest
-        session.commands.accept(m.sequence)
+        session.commands.accept(m.sequence, now_ns)
         steps_before = sum(1 << m.sequence - 1 - n for n in session.stepped if m.sequence - n <= 64)
         session.stepped = [n for n in session.stepped if m.sequence - n < 64] + [m.sequence]
         session.used, session.heard_ns = True, now_ns

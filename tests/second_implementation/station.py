@@ -14,7 +14,10 @@ RUNNING_SUMS = ("energy_in_j", "energy_out_j", "energy_sent_j", "wave_energy_aj"
 
 
 class Station:
-    """States idle, hello_sent, challenged, established, lost, closed, refused, as in section 3.
+    """A shared tip (section 13): `tip_hold` is that of the newest reply. Who calls command() takes up its position at the
+    reply's hold_pos when that changes, and shows no force while it is 0.
+
+    States idle, hello_sent, challenged, established, lost, closed, refused, as in section 3.
 
     Every tick: on_datagram(bytes, now) for what came, then send what poll(now) returns (a Hello, or None), then what
     command(now, ...) returns (None while there is no session).
@@ -31,8 +34,10 @@ class Station:
         self.welcomes = []
         self.reply = None
         self.refuse = self.bye = None
-        self.replies = SequenceWindow()
+        self.replies = None
         self.sent = 0
+        self.tip_hold = 0  # of a shared tip: the newest reply's
+        self.resumed_book = False  # one that an earlier station has begun
         self.first_sums = None
         self.news_ns = self.handshake_ns = 0
         self.energy_in_aj, self.energy_out_aj = Received(), Received()
@@ -99,12 +104,14 @@ class Station:
         if self.welcome is None or m.epoch != self.welcome.epoch:
             self.energy_in_aj, self.energy_out_aj = Received(), Received()
             self.times = LinkTimes()
+        self.resumed_book = not self.welcomes and self.token != 0 and m.resume_token == self.token
         self.welcome = m
         self.welcomes.append(m)
         self.token = m.resume_token
         self.alive, self.state, self.nonce = True, "established", 0
         self.handshake_ns = now_ns - self.attempt_ns
-        self.replies, self.reply, self.sent, self.first_sums = SequenceWindow(), None, 0, None
+        self.replies, self.reply, self.sent, self.first_sums = SequenceWindow(self.rate_hz, now_ns), None, 0, None
+        self.tip_hold = 0
         self.last_sent.clear()
         self.news_ns = now_ns
 
@@ -125,7 +132,8 @@ class Station:
         if not self.alive:
             return None
         m = pb.Command(session_id=self.welcome.session_id, send_time_ns=now_ns % (1 << 64),
-                       newest_reply=self.replies.newest, epoch=self.welcome.epoch, flags=flags, **more)
+                       newest_reply=self.replies.newest, epoch=self.welcome.epoch, flags=flags, tip_hold=self.tip_hold,
+                       **more)
         if self.first_sums is None:
             self.first_sums = {name: getattr(m, name) for name in RUNNING_SUMS}
         for name, first in self.first_sums.items():
@@ -142,13 +150,13 @@ class Station:
     def repeat(self, m):
         """The last commands with this one, and this one kept for those that come."""
         wave = m.method == 4
-        for old_method, time_ns, record in list(self.last_sent)[:self.redundancy]:
-            if old_method != m.method or m.send_time_ns - time_ns >= 1 << 32:
+        for kind, time_ns, record in list(self.last_sent)[:self.redundancy]:
+            if kind != (m.method, m.tip_hold) or m.send_time_ns - time_ns >= 1 << 32:
                 break
             m.recent_commands += RECENT.pack(m.send_time_ns - time_ns, *record)
         energy = m.wave_energy_aj if wave else m.energy_sent_j
         sums = [getattr(m, f"wave_sum_w_{axis}_sqrt_aj_s") if wave else 0.0 for axis in "xyz"]
-        self.last_sent.appendleft((m.method, m.send_time_ns, (m.flags, m.tip_pos_w_x_nm, m.tip_pos_w_y_nm,
+        self.last_sent.appendleft(((m.method, m.tip_hold), m.send_time_ns, (m.flags, m.tip_pos_w_x_nm, m.tip_pos_w_y_nm,
                                                               m.tip_pos_w_z_nm, energy, *sums)))
 
     def on_reply(self, m, now_ns):
@@ -157,7 +165,9 @@ class Station:
         need(m.epoch == self.welcome.epoch, "wrong_epoch")
         need(m.command_sequence <= self.sent, "out_of_range")
         need(features_used(m) & ~self.welcome.feature_bits == 0, "unexpected")
-        self.replies.accept(m.sequence)
+        need(m.sequence <= m.command_sequence, "out_of_range")
+        self.replies.accept(m.sequence, now_ns)
+        self.tip_hold = m.tip_hold
         self.reply, self.news_ns = m, now_ns
         self.energy_in_aj.update(m.energy_in_aj)
         self.energy_out_aj.update(m.energy_out_aj)

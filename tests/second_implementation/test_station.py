@@ -6,10 +6,11 @@ import unittest
 import telenano_pb2 as pb
 from programs import counted, now_ns, serve, udp
 from station import Station
-from wire import (FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY, KNOWN_FEATURES, RECENT, Drop, decode, encode, vector)
+from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY,
+                  FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, vector)
 
 RATE_HZ = 200
-ALL = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL
+ALL = KNOWN_FEATURES & ~FEATURE_SHARING  # of a server with private tips
 
 
 class Client:
@@ -117,7 +118,7 @@ class StationAtTheServer(unittest.TestCase):
             answer = sock.recv(2048)
         except TimeoutError:
             return None
-        self.assertLessEqual(len(answer), max(len(datagram), 337))
+        self.assertLessEqual(len(answer), max(len(datagram), 373))
         return decode(answer)
 
     def test_a_session_indents_and_every_reply_keeps_the_rules(self):
@@ -171,10 +172,10 @@ class StationAtTheServer(unittest.TestCase):
         cookie = self.ask(sock, hello(2, rate_hz=8001)).cookie
         refuse = self.ask(sock, hello(2, cookie, rate_hz=8001))
         self.assertEqual((refuse.nonce, refuse.reason), (2, 3))
-        for nonce, asked in enumerate((0, 1, 2, 3, 1 << 63 | 1), start=10):
+        for nonce, asked in enumerate((0, 1, 2, 3, 7, 1 << 63 | 1), start=10):
             cookie = self.ask(sock, hello(nonce)).cookie
             welcome = self.ask(sock, hello(nonce, cookie, feature_bits=asked))
-            self.assertEqual(welcome.feature_bits, asked & KNOWN_FEATURES)
+            self.assertEqual(welcome.feature_bits, asked & ALL, "what there is, and no shared tip")
         self.assertEqual(counted(self.end()), {"wrong_version": 1, "out_of_range": 1})
 
     def test_fields_of_features(self):
@@ -219,14 +220,14 @@ class StationAtTheServer(unittest.TestCase):
         self.assertIsNone(command(10), "duplicate")
         self.assertIsNone(command(5), "stale")
         self.assertIsNone(command(5), "duplicate of a stale one")
-        self.assertIsNone(command(10 + (1 << 32) + 1), "a leap")
+        self.assertIsNone(command(10 + (1 << 12)), "a leap: 200 Hz for less than ten seconds")
         self.assertIsNone(command(11, epoch=w.epoch ^ 1), "another book")
         self.assertIsNone(command(11, newest_reply=2), "a reply that was never sent")
         self.assertIsNone(command(11, sock=other), "another address")
         bye = command(11, session_id=w.session_id ^ (1 << 40))
         self.assertEqual((type(bye), bye.reason, bye.session_id), (pb.Bye, 5, w.session_id ^ (1 << 40)))
         self.assertEqual(command(11, newest_reply=1).sequence, 2, "none of them did harm")
-        self.assertEqual(command(11 + (1 << 32)).sequence, 3, "the largest leap")
+        self.assertEqual(command(11 + 64 + 250).sequence, 3, "the largest leap that needs no time")
         self.assertEqual(counted(self.end()), {"duplicate": 2, "stale": 1, "out_of_range": 2, "wrong_epoch": 1,
                                                "unauthenticated": 1, "unknown_session": 1})
 
@@ -289,8 +290,72 @@ class StationAtTheServer(unittest.TestCase):
         client.connect()
         client.run(lambda t: (0, 0, 20), 0.1)
         self.end()
-        self.assertEqual([m.reason for m in client.receive(0.2) if isinstance(m, pb.Bye)], [3])
+        self.assertEqual([m.reason for m in client.receive(0.2) if isinstance(m, pb.Bye)], [3], "the others are late")
         self.assertEqual((client.station.state, client.station.alive), ("lost", False))
+        self.assertEqual(client.station.drops["unexpected"], 2, "it is said three times")
+
+    def test_shutting_down_answers_while_the_tip_is_withdrawn(self):
+        client = Client(self, self.server)
+        w = client.connect()
+        client.run(indent(vector(w, "start_pos_w_{}_nm"), 8, 2.0), 1.0)
+        late = encode(pb.Command(session_id=w.session_id, sequence=1000, epoch=w.epoch))
+        stranger, answers = udp(self), set()
+        stranger.setblocking(False)
+        client.sock.setblocking(False)
+        self.child.process.terminate()
+        for k in range(80):
+            for sock, datagram in ((stranger, hello(100 + k)), (client.sock, late)):
+                try:
+                    sock.sendto(datagram, self.server)
+                    answer = decode(sock.recv(2048))
+                    answers.add((type(answer), getattr(answer, "reason", 0)))
+                except (BlockingIOError, ConnectionRefusedError):
+                    pass
+            time.sleep(0.002)
+        self.assertIn((pb.Refuse, 4), answers)
+        self.assertIn((pb.Bye, 3), answers)
+        self.assertEqual(self.child.wait(), 0, self.child.said())
+        self.assertGreater(counted(self.child.said()).get("unexpected", 0), 4, "more than the farewells' echo")
+
+    def test_a_shared_tip_goes_to_who_asks_by_right(self):
+        self.start_server("--share", "one-tip", "--timeout-ms", "5000")
+        old = udp(self)
+        cookie = self.ask(old, hello(3)).cookie
+        refuse = self.ask(old, hello(3, cookie, feature_bits=ALL))
+        self.assertEqual((type(refuse), refuse.reason), (pb.Refuse, 1), "does not know of it: too old")
+        a, b = Client(self, self.server), Client(self, self.server)
+        start = vector(a.connect(), "start_pos_w_{}_nm")
+        self.assertEqual(b.connect().feature_bits, KNOWN_FEATURES)
+        self.assertNotEqual(a.station.welcome.epoch, b.station.welcome.epoch, "a book for each")
+        down = indent(start, 8, 2.0)
+        a.run(down, 1.0)  # pressed
+        self.assertEqual(a.station.tip_hold, 1)
+        here = down(1.0 - 1 / RATE_HZ)
+        a.check, b.check = a.replies.append, b.replies.append  # an observer's replies are not computed for its commands
+        b.run(lambda t: (0, 0, -100 * t), 0.1)  # moves nothing
+        seen, own = b.replies[-1], a.replies[-1]
+        self.assertEqual((seen.tip_hold, seen.energy_in_aj, seen.energy_out_aj), (0, 0, 0))
+        self.assertEqual(vector(seen, "hold_pos_w_{}_nm"), here)
+        self.assertEqual(vector(seen, "force_w_{}_nn"), vector(own, "force_w_{}_nn"))
+        self.assertGreater(seen.measurement_age_ns, 50e6)
+        # Loopback in the clear administers: at once. Until its commands carry the new number, they move nothing.
+        b.tick((0, 0, -50), flags=CLUTCH | DEADMAN | TAKE_OVER)
+        b.receive(0.05)
+        self.assertEqual((b.station.tip_hold, vector(b.station.reply, "hold_pos_w_{}_nm")), (2, here))
+        late = pb.Command(session_id=b.station.welcome.session_id, sequence=b.station.sent + 5, epoch=b.station.welcome.epoch,
+                          flags=CLUTCH | DEADMAN, tip_pos_w_z_nm=-50, tip_hold=1)
+        self.assertEqual(vector(self.ask(b.sock, encode(late)), "hold_pos_w_{}_nm"), here, "of another holding")
+        a.run(lambda t: (0, 0, -50), 0.1)
+        self.assertEqual((a.station.tip_hold, vector(a.replies[-1], "hold_pos_w_{}_nm")), (0, here))
+        self.assertEqual(a.replies[-1].energy_in_aj, own.energy_in_aj)
+        b.station.sent += 10
+        b.run(lambda t: (*here[:2], here[2] + 100 * t), 0.5)
+        last = b.replies[-1]
+        self.assertLessEqual(last.energy_out_aj, last.energy_in_aj + 1e-9, "not credited with what a has put in")
+        self.assertGreater(vector(last, "hold_pos_w_{}_nm")[2], here[2] + 40)
+        for client in (a, b):
+            client.send(client.station.end())
+        self.end()
 
     def test_nonsense_is_counted_by_cause_and_not_answered(self):
         client = Client(self, self.server)

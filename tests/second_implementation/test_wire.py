@@ -56,6 +56,8 @@ VALUES = {
     "command_with_recent": pb.Command(**COMMAND, **FEATURES, recent_commands=RECENT_COMMANDS),
     "reply_with_features": pb.Reply(**REPLY, **ANSWER),
     "reply_with_history": pb.Reply(**REPLY, **ANSWER, steps_before=0xFEDCBA9876543210),
+    "command_with_sharing": pb.Command(**{**COMMAND, "flags": 11}, tip_hold=5),
+    "reply_with_sharing": pb.Reply(**REPLY, tip_hold=6, **xyz("hold_pos_w_{}_nm", 1.25, -2.5, 3.75)),
 }
 
 
@@ -109,15 +111,15 @@ class Document(unittest.TestCase):
             self.assertEqual(tables[descriptor.name], {f.number: (f.name, names[f.type]) for f in descriptor.fields})
 
     def test_its_largest_datagrams(self):
-        # Every field there, none left out as zero: 201 and 337 bytes.
-        for cls, size in ((pb.Command, 201), (pb.Reply, 337)):
+        # Every field there, none left out as zero: 207 and 373 bytes.
+        for cls, size in ((pb.Command, 207), (pb.Reply, 373)):
             total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
                                       for n, wire in FIELDS[cls].items() if wire != 2)
             self.assertEqual(total, size)
             self.assertIn(f"At most {size} bytes", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
             self.assertLessEqual(total, 512)
-        self.assertEqual(201 + 2 + 2 + MAX_RECENT * RECENT.size, 461)
-        self.assertIn("with redundancy 461", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
+        self.assertEqual(207 + 2 + 2 + MAX_RECENT * RECENT.size, 467)
+        self.assertIn("with redundancy 467", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
 
 
 class Golden(unittest.TestCase):
@@ -146,6 +148,7 @@ class Golden(unittest.TestCase):
     def test_features_used(self):
         used = {name: features_used(value) for name, value in VALUES.items()}
         self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3,
+                                "command_with_sharing": 4, "reply_with_sharing": 4,
                                 "command_with_recent": 9, "reply_with_history": 19})
 
 
@@ -205,7 +208,8 @@ class Causes(unittest.TestCase):
                 "command": {"sequence"}, "reply": {"sequence", "command_sequence"}, "bye": {"session_id", "reason"}}
         zero["command_with_features"] = zero["command"] | {"energy_scale_aj_j", "wave_impedance_n_s_m"}
         zero["command_with_recent"] = zero["command_with_features"]
-        zero["reply_with_features"] = zero["reply_with_history"] = zero["reply"]
+        zero["reply_with_features"] = zero["reply_with_sharing"] = zero["reply_with_history"] = zero["reply"]
+        zero["command_with_sharing"] = zero["command"]
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",

@@ -19,20 +19,21 @@ SCENE_NAME_BYTES = 48
 
 FEATURE_PORT_CONTROL = 1 << 0
 FEATURE_LOCAL_MODEL = 1 << 1
+FEATURE_SHARING = 1 << 2
 FEATURE_REDUNDANCY = 1 << 3
 FEATURE_STEP_HISTORY = 1 << 4
-KNOWN_FEATURES = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY
+KNOWN_FEATURES = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY
 #: Field numbers behind each feature (section 9).
 FEATURE_FIELDS = {
-    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_REDUNDANCY: (40,)},
-    pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36), FEATURE_STEP_HISTORY: (36,)},
+    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_SHARING: (31,), FEATURE_REDUNDANCY: (40,)},
+    pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36), FEATURE_SHARING: range(36, 40),
+               FEATURE_STEP_HISTORY: (40,)},
 }
 
-CLUTCH, DEADMAN, STOP = 1, 2, 4
+CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER = 1, 2, 4, 8, 16
 REFUSE_VERSION, REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN = 1, 2, 3, 4
 BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION = 1, 2, 3, 4, 5
 FAULT_RETRACTED = 1 << 3
-MAX_LEAP = 1 << 32
 
 #: A record of Command.recent_commands: age_ns, flags, position, energy, wave's sum.
 RECENT = struct.Struct("<II3dd3d")
@@ -165,7 +166,7 @@ def check(m):
     for field in m.DESCRIPTOR.fields:
         value = getattr(m, field.name)
         need(not isinstance(value, float) or math.isfinite(value), "non_finite")
-    if isinstance(m, pb.Command):
+    if isinstance(m, pb.Command) and m.recent_commands:
         for _, _, position, energy, wave_sum in recent_commands(m):
             need(all(math.isfinite(x) for x in (*position, energy, *wave_sum)), "non_finite")
     good = CHECKS[type(m)](m)
@@ -184,9 +185,11 @@ def check_command(m):
                        m.wave_impedance_n_s_m) >= 0
     scale = m.energy_scale_aj_j > 0 or m.method not in (3, 4, 5)
     impedance = m.wave_impedance_n_s_m > 0 or m.method != 4
-    recent = recent_commands(m)
-    ages = [record[0] for record in recent]
-    repeated = len(recent) < m.sequence and ages == sorted(ages) and all(record[3] >= 0 for record in recent)
+    repeated = True
+    if m.recent_commands:
+        recent = recent_commands(m)
+        ages = [record[0] for record in recent]
+        repeated = len(recent) < m.sequence and ages == sorted(ages) and all(record[3] >= 0 for record in recent)
     return m.sequence and m.method <= 6 and not_negative and scale and impedance and repeated
 
 

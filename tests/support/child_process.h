@@ -33,6 +33,7 @@ class ChildProcess {
   /// True as soon as standard error holds `text`; false when the time is up or the program ends without it.
   bool wait_for_err(const std::string& text, std::chrono::milliseconds timeout);
   void signal(int number) const;
+  pid_t pid() const noexcept { return pid_; }
 
   bool running();
   int exit_code() const { return exit_code_; }  ///< -1 while it runs, or when a signal ended it

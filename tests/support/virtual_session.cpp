@@ -16,11 +16,25 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
         link::ClientConfig c;
         c.rate_hz = static_cast<std::uint32_t>(config.station.rate_hz);
         c.nonce_seed = config.seed;
+        c.resume_token = config.resume_token;
         c.redundancy = config.redundancy;
         return c;
       }()) {
   period_ns_ = std::llround(1e9 / config_.station.rate_hz);
-  make_server();
+  now_ns_ = config_.start_ns;
+  link_.advance_to(now_ns_);
+  clock_.advance_to(now_ns_);
+  if (config_.port != 0) {
+    net::Address address = link_.address_a();
+    address.port = config_.port;
+    link_.set_address_a(address);
+  }
+  if (config_.scene) scene_hash_ = config_.scene->hash;
+  if (config_.server) {
+    server_ = config_.server;
+  } else {
+    make_server();
+  }
 
   // The handshake, before there is a station: its limits come with the Welcome.
   std::array<std::uint8_t, link::kMaxDatagramBytes> buffer;
@@ -44,9 +58,11 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
   station_ = std::make_unique<station::Station>(
       config_.station, device.info(),
       station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
-                         welcome.force_max_nn});
+                         welcome.force_max_nn},
+      config_.make_method ? config_.make_method() : nullptr);
   loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_,
                                               nullptr, config_.link_options);
+  loop_->set_tip_wish(config_.tip_wish);
 }
 
 void VirtualSession::make_device(const link::Welcome& welcome) {
@@ -72,18 +88,29 @@ void VirtualSession::make_server() {
   if (config_.scene) {
     config.table.timeout_ns = config_.scene->session_timeout_ms * std::int64_t{1'000'000};
     served.name = server::scene_name(config_.scene->name);
-    served.hash = config_.scene->hash;
   }
+  served.hash = scene_hash_;
+  config.share = config_.share;
   if (config_.make_slave) {
     served.make_slave = config_.make_slave;
   } else {
     served.make_slave = [scene = config_.scene] { return std::make_unique<slave::NveSlave>(scene); };
   }
-  server_ = std::make_unique<server::Server>(config, std::move(served));
+  server_ = std::make_shared<server::Server>(config, std::move(served));
+  down_ = false;
 }
 
 void VirtualSession::restart_server() {
   make_server();
+}
+
+void VirtualSession::stop_server(int ms) {
+  std::array<std::uint8_t, link::kMaxDatagramBytes> out;
+  net::Address to;
+  while (const std::size_t n = server_->next_bye(now_ns_, out, to))
+    link_.b().send(std::span<const std::uint8_t>(out).first(n), to);
+  for (int i = 1; i <= ms; ++i) server_->poll(now_ns_ + i * std::int64_t{1'000'000});
+  down_ = true;
 }
 
 void VirtualSession::serve_until(std::int64_t until_ns) {
@@ -92,31 +119,41 @@ void VirtualSession::serve_until(std::int64_t until_ns) {
   for (std::int64_t arrival = link_.next_arrival_ns(); arrival < until_ns;
        arrival = link_.next_arrival_ns()) {
     link_.advance_to(arrival);
-    clock_.advance_to(arrival);
+    clock_.advance_to(server_ns(arrival));
     net::Received received;
     bool any = false;
     while (link_.b().receive(in, received)) {
       any = true;
-      const std::size_t n =
-          server_->on_datagram(std::span(in).first(received.size), received.from, arrival, out, &clock_);
+      if (down_) continue;
+      const std::size_t n = server_->on_datagram(std::span(in).first(received.size), received.from,
+                                                 server_ns(arrival), out, &clock_, config_.standing);
       if (n > 0) link_.b().send(std::span<const std::uint8_t>(out).first(n), received.from);
     }
     if (!any && link_.next_arrival_ns() <= arrival) break;  // only the station's datagrams are waiting
   }
   link_.advance_to(until_ns);
-  clock_.advance_to(until_ns);
-  server_->poll(until_ns);
+  clock_.advance_to(server_ns(until_ns));
+  if (!down_) server_->poll(server_ns(until_ns));
 }
 
-const recording::Sample& VirtualSession::step() {
+std::int64_t VirtualSession::server_ns(std::int64_t now_ns) const noexcept {
+  return now_ns + std::llround(config_.server_drift_ppm * 1e-6 * static_cast<double>(now_ns)) +
+         server_ahead_ns_;
+}
+
+const recording::Sample& VirtualSession::step(int periods) {
   if (!motion_started_ && station_->mode() == station::Mode::kEngaged) {
     motion_started_ = true;
     config_.hand ? config_.hand->start_motion() : device_->start_motion();
   }
-  loop_->tick(now_ns_, period_s(), sample_);
-  serve_until(now_ns_ + period_ns_);
-  config_.hand ? config_.hand->advance(period_ns_) : device_->advance(period_ns_);
-  now_ns_ += period_ns_;
+  loop_->tick(now_ns_, since_last_tick_ns_ > 0 ? 1e-9 * static_cast<double>(since_last_tick_ns_) : period_s(),
+              sample_);
+  since_last_tick_ns_ = periods * period_ns_;
+  for (int i = 0; i < periods; ++i) {
+    serve_until(now_ns_ + period_ns_);
+    config_.hand ? config_.hand->advance(period_ns_) : device_->advance(period_ns_);
+    now_ns_ += period_ns_;
+  }
   return sample_;
 }
 

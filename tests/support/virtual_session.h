@@ -27,6 +27,8 @@ struct VirtualSessionConfig {
   /// Instead of the simulated device and operator, whose task, script and plant then do not matter.
   std::shared_ptr<VirtualHand> hand{};
   station::StationConfig station{};
+  /// Instead of the method that the station is configured for: the same name on the wire, other contents.
+  std::function<std::unique_ptr<control::StationMethod>()> make_method{};
   device::Task task = device::Task::kIndent;
   device::TaskOptions task_options{};
   std::vector<device::IntendedMotion::Waypoint> script{};  ///< of Task::kScript
@@ -34,7 +36,17 @@ struct VirtualSessionConfig {
   net::SimPath to_server{};
   net::SimPath to_station{};
   std::size_t link_capacity = 4096;  ///< datagrams on the way, each way; what is more is lost
+  double server_drift_ppm = 0;       ///< how much faster than the station's the server's clock runs
   std::uint64_t seed = 1;
+  server::Share share = server::Share::kPrivate;
+  /// Instead of a server of its own: another session's (VirtualSession::shared_server), which must be stepped
+  /// at the same rate.
+  std::shared_ptr<server::Server> server{};
+  std::int64_t start_ns = 0;       ///< its now_ns(): one server has one time
+  std::uint16_t port = 0;          ///< of the station's address, where one server has several; 0: the link's
+  net::Standing standing{};        ///< what the station's channel vouches for
+  std::uint64_t resume_token = 0;  ///< of an earlier station
+  std::uint32_t tip_wish = 0;      ///< link::kFlagTakeOver, link::kFlagHandOver
   loop::LinkOptions link_options{};
   std::size_t redundancy = 0;  ///< commands that each datagram repeats
 };
@@ -46,13 +58,24 @@ class VirtualSession {
  public:
   explicit VirtualSession(const VirtualSessionConfig& config);
 
-  /// One tick of the station and all that the server does until the next one. Returns its row.
-  const recording::Sample& step();
+  /// One tick of the station and all that the server does until the next one, `periods` later: with more than
+  /// one the station misses ticks, while device and link go on. Returns its row.
+  const recording::Sample& step(int periods = 1);
   /// Steps until the task is over (or max_ticks); calls `each` after every step.
   std::int64_t run(std::int64_t max_ticks, const std::function<void(const recording::Sample&)>& each = {});
 
   /// The server process dies and another one starts in its place, knowing nothing.
   void restart_server();
+  /// The server process dies: what arrives is lost until restart_server().
+  void kill_server() noexcept { down_ = true; }
+  /// The server's clock leaps ahead, as after its machine was suspended.
+  void leap_server_clock(std::int64_t ns) noexcept { server_ahead_ns_ += ns; }
+  /// The server says Bye to all and withdraws the tips for `ms`, as at SIGTERM; then there is none until
+  /// restart_server().
+  void stop_server(int ms);
+  /// What a server made from now on says of its scene.
+  void set_scene_hash(std::uint64_t hash) noexcept { scene_hash_ = hash; }
+  const std::shared_ptr<server::Server>& shared_server() const noexcept { return server_; }
 
   /// The task is over; a hand of the test's own is never done.
   bool done() const noexcept { return device_ && device_->motion_done(); }
@@ -62,17 +85,21 @@ class VirtualSession {
   server::Server& server() noexcept { return *server_; }
   net::SimLink& link() noexcept { return link_; }
   loop::StationLoop& loop() noexcept { return *loop_; }
+  std::int64_t now_ns() const noexcept { return now_ns_; }
   double period_s() const noexcept { return static_cast<double>(period_ns_) * 1e-9; }
 
  private:
   void make_server();
   void make_device(const link::Welcome& welcome);
   void serve_until(std::int64_t until_ns);
+  std::int64_t server_ns(std::int64_t now_ns) const noexcept;  ///< what the server's clock says then
 
   VirtualSessionConfig config_;
   net::SimLink link_;
   rt::VirtualClock clock_;
-  std::unique_ptr<server::Server> server_;
+  std::shared_ptr<server::Server> server_;
+  bool down_ = false;
+  std::uint64_t scene_hash_ = 0;
   std::uint64_t servers_made_ = 0;
   link::ClientSession client_;
   std::unique_ptr<device::SimDevice> device_;
@@ -81,6 +108,8 @@ class VirtualSession {
   recording::Sample sample_;
   std::int64_t period_ns_ = 0;
   std::int64_t now_ns_ = 0;
+  std::int64_t since_last_tick_ns_ = 0;
+  std::int64_t server_ahead_ns_ = 0;
   bool motion_started_ = false;
 };
 

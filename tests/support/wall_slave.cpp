@@ -1,6 +1,7 @@
 #include "tests/support/wall_slave.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace telenano::support {
 
@@ -18,7 +19,9 @@ WallSlave::WallSlave(const WallSlaveConfig& config, std::shared_ptr<WallWatch> w
 
 void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept {
   std::uint32_t faults = 0;
-  if (input.retract) {
+  const bool finite = is_finite(input.tip_target_pos_w_nm) && std::isfinite(dt_s);
+  if (!finite) faults |= link::kFaultNonFinite;
+  if (input.retract && std::isfinite(dt_s)) {
     faults |= link::kFaultRetracted;
     const double up_nm = commanded_w_nm_.z() + config_.retract_speed_nm_s * dt_s;
     commanded_w_nm_.z() = std::min(up_nm, config_.workspace_max_w_nm.z());
@@ -39,7 +42,7 @@ void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOu
   (stored_aj > stored_aj_ ? energy_in_aj_ : energy_out_aj_) += std::abs(stored_aj - stored_aj_);
   if (watch_) watch_->taken_in_aj += stored_aj - stored_aj_;
   stored_aj_ = stored_aj;
-  output.force_w_nn = Vec3(0, 0, force_nn);
+  output.force_w_nn = Vec3(0, 0, finite ? force_nn : 0.0);
   output.tip_pos_w_nm = output.commanded_pos_w_nm = commanded_w_nm_;
   output.deflection_nm = 0;
   output.contact_state = depth_nm > 0 ? link::ContactState::kContact : link::ContactState::kFree;
@@ -57,6 +60,8 @@ void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOu
   }
   if (watch_) {
     watch_->commanded_z_w_nm = commanded_w_nm_.z();
+    watch_->energy_in_aj = energy_in_aj_;
+    watch_->energy_out_aj = energy_out_aj_;
     watch_->force_nn = force_nn;
     watch_->most_force_nn = std::max(watch_->most_force_nn, force_nn);
   }

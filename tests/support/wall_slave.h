@@ -11,6 +11,8 @@ struct WallWatch {
   double commanded_z_w_nm = 0;  ///< end that it holds now
   double force_nn = 0;          ///< on the tip now
   double most_force_nn = 0;     ///< ever
+  double energy_in_aj = 0;      ///< of the newest slave
+  double energy_out_aj = 0;     ///< likewise
   double taken_in_aj = 0;  ///< in less out, of all slaves made: what was stored in one that died was lost
   int made = 0;
 };

@@ -99,15 +99,20 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
   const std::string outside = write("outside.toml", "[limits]\nslew_n_s = -5.0\n");
   const std::string not_toml = write("not.toml", "slew = = 5\n");
   expect_refused(std::vector<Bad>{
-      {"no command", {kMaster}, {"a command is missing", "run, plan or recover", "telenano-master --help"}},
-      {"unknown command", {kMaster, "rum"}, {"'rum'", "run, plan or recover", "did you mean run?"}},
+      {"no command",
+       {kMaster},
+       {"a command is missing", "run, plan, devices, calibrate, recover or export",
+        "telenano-master --help"}},
+      {"unknown command",
+       {kMaster, "rum"},
+       {"'rum'", "run, plan, devices, calibrate, recover or export", "did you mean run?"}},
       {"unknown flag", with(run, {"--tasks", "indent"}), {"--tasks", "did you mean --task?"}},
       {"flag without value", with(run, {"--task"}), {"--task"}},
       {"unknown task",
        with(run, {"--task", "polish"}),
        {"polish", "position, contact, indent, scan or script"}},
       {"unknown method", with(run, {"--method", "magic"}), {"magic", "none, ks, ks-clamp"}},
-      {"unknown device", with(run, {"--device", "omega"}), {"--device", "omega", "sim"}},
+      {"unknown device", with(run, {"--device", "omega9"}), {"--device", "omega9", "sim"}},
       {"rate no number", with(run, {"--rate", "fast"}), {"--rate", "fast"}},
       {"rate out of range", with(run, {"--rate", "50"}), {"--rate", "50", "100", "8000"}},
       {"rate nan", with(run, {"--rate", "nan"}), {"--rate"}},
@@ -218,6 +223,10 @@ TEST_F(BadInputTest, ScenesAndScans) {
   expect_refused(std::vector<Bad>{
       {"missing scene", check("none.toml"), {"none.toml", "No such file"}},
       {"scene is a folder", check("."), {"."}},
+      {"scene without end", check("/dev/zero"), {"/dev/zero", "1 MiB", "TOML"}},
+      {"scan without end",
+       check(scene_with("zero.toml", "../data/wsxm_600nm.gsf", "/dev/zero")),
+       {"/dev/zero", "longer than the largest scan"}},
       {"unknown key", check(unknown), {unknown, "van_der_wals", "van_der_waals"}},
       {"wrong unit", check(unit), {unit, "youngs_modulus_pa", "youngs_modulus_gpa"}},
       {"poisson 0.7", check(poisson), {poisson, "'poisson_ratio' in [sample]", "0.7", "(-1, 0.5]"}},
@@ -378,9 +387,15 @@ TEST_F(BadInputTest, NoServerAndTheWrongServer) {
   const std::string silent = "127.0.0.1:" + std::to_string(nobody.local().port);
   const std::vector<std::string> run{kMaster, "run",     "--record", path("new.h5"), "--connect-timeout-s",
                                      "0.5",   "--server"};
+  expect_refused(Bad{"silent",
+                     with(run, {silent}),
+                     {"no answer from " + silent, "0.5 s", "telenano-nve serve", "firewall"},
+                     1});
   expect_refused(
-      Bad{"silent", with(run, {silent}), {"no answer from " + silent, "0.5 s", "telenano-nve serve"}, 1});
-  expect_refused(Bad{"closed port", with(run, {"127.0.0.1:1"}), {"no answer from 127.0.0.1:1"}, 1});
+      Bad{"closed port",
+          with(run, {"127.0.0.1:1"}),
+          {"no answer from 127.0.0.1:1", "nothing listens on UDP port 1 there", "telenano-nve serve"},
+          1});
 
   // Answers every Hello in version 9: with a Refuse, which every version reads, or with something of its own.
   for (const bool refuses : {true, false}) {

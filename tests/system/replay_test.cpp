@@ -24,7 +24,8 @@ class ReplayTest : public ProgramsTest {
       address = "127.0.0.1:" + std::to_string(std::atoi(said.c_str() + said.find(before) + before.size()));
     }
     const std::string file = path("session.h5");
-    std::vector<std::string> command{kMaster, "run", "--quiet", "--overwrite", "--server", address, "--record", file};
+    std::vector<std::string> command{kMaster,    "run",   "--quiet",  "--overwrite",
+                                     "--server", address, "--record", file};
     command.insert(command.end(), station_flags.begin(), station_flags.end());
     const Finished run = run_program(command, {}, kLong);
     EXPECT_EQ(run.exit_code, 0) << run.err;
@@ -50,17 +51,18 @@ TEST_F(ReplayTest, EveryForceComesOutAsRecorded) {
 }
 
 TEST_F(ReplayTest, WhateverTheNetworkDid) {
-  const std::string file = record(
-      "flat_silicon_oxide",
-      {"--delay-ms", "10", "--jitter-ms", "4", "--loss", "0.2", "--duplicate", "0.1", "--seed", "3"},
-      {"--task", "indent", "--duration-s", "3", "--rate", "1000"});
+  const std::string file =
+      record("flat_silicon_oxide",
+             {"--delay-ms", "10", "--jitter-ms", "4", "--loss", "0.2", "--duplicate", "0.1", "--seed", "3"},
+             {"--task", "indent", "--duration-s", "3", "--rate", "1000"});
   const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
   EXPECT_EQ(replay.exit_code, 0) << replay.err << replay.out;
   EXPECT_NE(replay.out.find(",0,yes"), std::string::npos) << replay.out;
 }
 
 TEST_F(ReplayTest, AnotherSceneOrAnotherFileIsRefusedInOneLine) {
-  const std::string file = record("flat_pdms", {}, {"--task", "position", "--duration-s", "1", "--rate", "500"});
+  const std::string file =
+      record("flat_pdms", {}, {"--task", "position", "--duration-s", "1", "--rate", "500"});
   const Finished other = run_program({kLab, "replay", file, "--scene", scene_path("flakes")}, {}, kLong);
   EXPECT_EQ(other.exit_code, 2);
   EXPECT_NE(other.err.find("was recorded on another scene"), std::string::npos) << other.err;

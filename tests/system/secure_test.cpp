@@ -3,6 +3,7 @@
 
 #include <thread>
 
+#include "common/net/udp.h"
 #include "common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
@@ -155,7 +156,22 @@ TEST_F(SecureTest, WhatAPersonGetsWrongIsToldInOneLine) {
                 {plain.address(), "--keys"});
   EXPECT_NE(server.stop().find("unknown keys 1"), std::string::npos);
   expect_failed(session(server, {"--key", path("omega-1.key"), "--connect-timeout-s", "1"}),
-                {server.address(), "firewall"});
+                {server.address(), "nothing listens on UDP port"});
+}
+
+TEST_F(SecureTest, AServerOfAnOlderDtlsIsTold) {
+  if (run_program({"/bin/sh", "-c", "command -v openssl"}).exit_code != 0)
+    GTEST_SKIP() << "no openssl program to be one";
+  const std::string address = net::to_string(
+      net::Udp::listen(net::parse_address("127.0.0.1:0", "test")).local());  // free a moment ago
+  const ChildProcess old({"/bin/sh", "-c",
+                          "exec timeout 60 openssl s_server -dtls1 -psk " + secret_of(path("omega-1.key")) +
+                              " -psk_identity omega-1 -nocert -accept " + address +
+                              " -cipher 'PSK:@SECLEVEL=0' -quiet </dev/zero >/dev/null 2>&1"});
+  expect_failed(run_program({kMaster, "run", "--server", address, "--key", path("omega-1.key"),
+                             "--connect-timeout-s", "20"},
+                            {}, kLong),
+                {address, "DTLS 1.2"});
 }
 
 TEST_F(SecureTest, CertificatesFromTheCommandLine) {
@@ -168,7 +184,9 @@ TEST_F(SecureTest, CertificatesFromTheCommandLine) {
       "printf '%s' \"$2\" > $1.ext; openssl x509 -req -in $1.csr -CA ca.pem -CAkey ca.key -CAcreateserial "
       "-days 2 "
       "-extfile $1.ext -out $1.pem; }; "
-      "make nve subjectAltName=IP:127.0.0.1; make omega-3 ''; make stranger ''";
+      "make nve subjectAltName=IP:127.0.0.1; make omega-3 ''; make stranger ''; "
+      "openssl x509 -req -in omega-3.csr -CA ca.pem -CAkey ca.key -CAcreateserial -days -1 -out old.pem; "
+      "cp omega-3.key old.key";
   ChildOptions here;
   here.folder = folder_;
   const Finished made = run_program({"/bin/sh", "-c", script}, here);
@@ -188,6 +206,19 @@ TEST_F(SecureTest, CertificatesFromTheCommandLine) {
   expect_failed(session(server, {"--cert", path("omega-3.pem"), "--cert-key", path("omega-3.key"), "--ca",
                                  path("stranger.pem")}),
                 {"signed by none of --ca"});
+  // Expired: told before anything is sent, whoever it is.
+  const Finished old =
+      session(server, {"--cert", path("old.pem"), "--cert-key", path("old.key"), "--ca", path("ca.pem")});
+  EXPECT_EQ(old.exit_code, 2);
+  EXPECT_EQ(lines_of(old.err).size(), 1u) << old.err;
+  for (const char* word : {"old.pem", "expired"}) EXPECT_NE(old.err.find(word), std::string::npos) << old.err;
+  const Finished old_server = run_program(
+      {kNve, "serve", "--scene", scene_path("flat_pdms"), "--listen", "127.0.0.1:0", "--keys",
+       path("list.toml"), "--cert", path("old.pem"), "--cert-key", path("old.key"), "--ca", path("ca.pem")},
+      {}, kLong);
+  EXPECT_EQ(old_server.exit_code, 2);
+  EXPECT_EQ(lines_of(old_server.err).size(), 1u) << old_server.err;
+  EXPECT_NE(old_server.err.find("expired"), std::string::npos) << old_server.err;
   EXPECT_NE(server.stop().find("refused certificates 1"), std::string::npos);
 }
 

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nve_server/scene/gsf.h"
+#include "common/surface/gsf.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -36,7 +36,7 @@ class TraceTest : public ProgramsTest {
 };
 
 /// Of a scan whose middle is the origin of W.
-double height_at(const scene::Scan& scan, double x_nm, double y_nm) {
+double height_at(const surface::Scan& scan, double x_nm, double y_nm) {
   const physics::HeightGrid& grid = scan.grid;
   const int column = static_cast<int>(std::lround(x_nm / grid.dx_nm)) + grid.columns / 2;
   const int row = static_cast<int>(std::lround(y_nm / grid.dy_nm)) + grid.rows / 2;
@@ -75,7 +75,7 @@ TEST_F(TraceTest, WritesTheExampleIntoTheSample) {
     EXPECT_NEAR(unpaid, unpaid_at_start, 1e-9 * std::abs(work) + 1e-9);
   }
   EXPECT_LT(std::abs(unpaid_at_start), 1.0);
-  const scene::Scan scan = scene::read_gsf(path("marks.gsf"));
+  const surface::Scan scan = surface::read_gsf(path("marks.gsf"));
   EXPECT_EQ(scan.title, "lithography");
   EXPECT_EQ(scan.grid.columns, 301);
   EXPECT_NEAR(scan.grid.dx_nm, 1.0, 1e-9);
@@ -174,7 +174,7 @@ TEST_F(TraceTest, TheServerKeepsWhatASessionLeaves) {
       run_program(station(server, {"--task", "position", "--duration-s", "0.5"}), {}, kLong);
   EXPECT_EQ(above.exit_code, 0) << above.err;
   server.stop();
-  const scene::Scan scan = scene::read_gsf(path("lithography-1.gsf"));
+  const surface::Scan scan = surface::read_gsf(path("lithography-1.gsf"));
   // 5 nm intended, less what coupling and lever give; adhesion alone leaves 0.5 nm.
   EXPECT_LT(scan.lowest_before_shift_nm, -0.6);
   EXPECT_GT(scan.lowest_before_shift_nm, -5.0);

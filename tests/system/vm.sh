@@ -28,7 +28,7 @@ cannot() { printf 'vm: cannot run here: %s\n' "$*" >&2; exit 77; }
 wrong() { printf 'vm: %s; see --help\n' "$*" >&2; exit 2; }
 
 install_tools() {
-  local need=(qemu-system-x86 busybox-static kmod cpio) missing=() package
+  local need=(qemu-system-x86 busybox-static kmod cpio iproute2) missing=() package
   for package in "${need[@]}"; do
     dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
   done
@@ -152,7 +152,7 @@ timeout "$seconds" qemu-system-x86_64 "${accelerate[@]}" -cpu max -smp "$cpus" -
   -append "console=ttyS0 quiet loglevel=1 panic=-1 mitigations=off" \
   -fsdev local,id=host,path=/,security_model=none,readonly=on,multidevs=remap -device virtio-9p-pci,fsdev=host,mount_tag=host \
   -fsdev local,id=out,path="$out",security_model=none -device virtio-9p-pci,fsdev=out,mount_tag=out </dev/null 2>&1 |
-  tr -d '\r' || timed=${PIPESTATUS[0]}
+  sed -u 's|\r||g' || timed=${PIPESTATUS[0]}
 [ "$timed" != 124 ] || { echo "vm: out of time after $seconds s" >&2; exit 98; }
 status=$(cat "$out/.status" 2>/dev/null || echo 99)
 rm -f "$out/.status" "$out/.start"

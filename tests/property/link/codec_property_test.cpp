@@ -4,6 +4,8 @@
 #include <vector>
 
 #include "common/link/codec.h"
+#include "common/link/wire_scan.h"
+#include "proto/telenano.pb.h"
 #include "random_messages.h"
 #include "tests/unit/link/golden_messages.h"
 
@@ -71,6 +73,30 @@ TEST(RoundTrip, Reply) {
 }
 TEST(RoundTrip, Bye) {
   round_trip<Bye>(any_bye, &Incoming::bye, MessageType::kBye);
+}
+
+/// Command and Reply are written without Protobuf: their bytes must be Protobuf's own, whatever is in them.
+template <class Wire, class Make>
+void protobuf_writes_the_same(Make make, std::uint64_t seed) {
+  Random random(seed);
+  Codec codec;
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  Wire wire;
+  for (int i = 0; i < 20'000; ++i) {
+    const std::size_t n = codec.encode(make(random), out);
+    ASSERT_TRUE(wire.ParseFromArray(out.data() + kHeaderBytes, static_cast<int>(n - kHeaderBytes)));
+    const std::string bytes = wire.SerializeAsString();
+    ASSERT_EQ(bytes.size(), n - kHeaderBytes) << "round " << i;
+    ASSERT_TRUE(std::equal(bytes.begin(), bytes.end(), out.begin() + kHeaderBytes,
+                           [](char a, std::uint8_t b) { return static_cast<std::uint8_t>(a) == b; }))
+        << "round " << i;
+  }
+}
+TEST(SameAsProtobuf, Command) {
+  protobuf_writes_the_same<wire::Command>(any_command, 11);
+}
+TEST(SameAsProtobuf, Reply) {
+  protobuf_writes_the_same<wire::Reply>(any_reply, 12);
 }
 
 TEST(Decoding, DoesNotDependOnTheOrderOfFields) {

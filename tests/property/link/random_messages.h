@@ -141,6 +141,7 @@ inline Command any_command(Random& random) {
   m.energy_in_j = std::fabs(any_finite(random));
   m.energy_out_j = std::fabs(any_finite(random));
   m.control = any_control(random);
+  if (random.chance(0.5)) m.tip_hold = any_u32(random);
   return m;
 }
 
@@ -178,6 +179,7 @@ inline Reply any_reply(Random& random) {
   m.energy_out_aj = std::fabs(any_finite(random));
   m.port = any_answer(random);
   m.model = any_model(random);
+  if (random.chance(0.5)) m.tip = {any_u32(random), any_vec(random)};
   if (random.chance(0.5)) m.steps_before = any_u64(random);
   return m;
 }

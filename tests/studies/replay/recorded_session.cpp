@@ -38,7 +38,7 @@ station::StationConfig station_of(const RecordingReader& reader) {
   c.scaling.force = number_of(reader, "scaling.force");
   c.method = control::parse_method(text_of(reader, "control.method"));
   c.damper = text_of(reader, "control.damper") == "per-axis" ? control::DamperDirection::kPerAxis
-                                                              : control::DamperDirection::kAlongMotion;
+                                                             : control::DamperDirection::kAlongMotion;
   c.leak_time_s = number_of(reader, "control.leak_time_s");
   c.allowance_j = number_of(reader, "control.allowance_j");
   c.guaranteed_velocity_m_s = number_of(reader, "control.guaranteed_velocity_m_s");
@@ -71,7 +71,9 @@ loop::LinkOptions link_of(const RecordingReader& reader) {
   using Mode = link::PlayoutConfig::Mode;
   loop::LinkOptions link;
   const std::string playout = text_of(reader, "link.playout");
-  link.playout.mode = playout == "constant" ? Mode::kConstant : playout == "adaptive" ? Mode::kAdaptive : Mode::kNewest;
+  link.playout.mode = playout == "constant"   ? Mode::kConstant
+                      : playout == "adaptive" ? Mode::kAdaptive
+                                              : Mode::kNewest;
   link.playout.delay_ns = ns_of_ms(reader, "link.playout_delay_ms", link.playout.delay_ns);
   link.gate.deadband_nm = number_of(reader, "link.deadband_nm");
   link.gate.deadband_n = number_of(reader, "link.deadband_n");
@@ -82,9 +84,10 @@ loop::LinkOptions link_of(const RecordingReader& reader) {
 }  // namespace
 
 RecordedSession load_session(const std::filesystem::path& path) {
-  const RecordingReader reader(path);
+  const RecordingReader reader = RecordingReader::isolated(path);
   if (!reader.has("now_ns") || !reader.has("sent_ns"))
-    throw UserError(path.string() + ": was recorded by a program that is too old to be replayed (no column now_ns)");
+    throw UserError(path.string() +
+                    ": was recorded by a program that is too old to be replayed (no column now_ns)");
   RecordedSession session;
   session.path = path;
   session.scene_name = text_of(reader, "scene_name");

@@ -24,7 +24,7 @@ struct RecordedSession {
   device::DeviceInfo device;
   loop::LinkOptions link;
   std::size_t redundancy = 0;
-  std::uint64_t features = 0;  ///< agreed
+  std::uint64_t features = 0;         ///< agreed
   std::int64_t slave_timeout_ns = 0;  ///< silence after which the slave withdraws, by the server's clock
   std::vector<recording::Sample> samples;
   std::vector<recording::DatagramRow> datagrams;
@@ -33,12 +33,12 @@ struct RecordedSession {
 /// Throws UserError, one line: not a recording, or one that was made before recordings held what came when.
 RecordedSession load_session(const std::filesystem::path& path);
 
-/// By which commands the slave stepped, from the replies' numbers, those that they answer and what they say of
-/// the commands before.
+/// By which commands the slave stepped, from the replies' numbers, those that they answer and what they say
+/// of the commands before.
 struct StepOrder {
   std::set<std::uint64_t> commands;
-  /// From this command on (its number) it is not known any more; UINT64_MAX: it is known throughout. Only where
-  /// more than 64 commands lie between two replies that came, and some of them had come, but not all.
+  /// From this command on (its number) it is not known any more; UINT64_MAX: it is known throughout. Only
+  /// where more than 64 commands lie between two replies that came, and some of them had come, but not all.
   std::uint64_t unknown_from = UINT64_MAX;
 };
 StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams);

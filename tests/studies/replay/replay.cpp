@@ -16,16 +16,33 @@ namespace {
 using recording::Column;
 using recording::Sample;
 
-/// What the replay computes anew. Left out: what is told to it (hand, times, buttons, what the device applied)
-/// and what only describes the link.
-constexpr const char* kCompared[] = {
-    "tip_target_w_nm",      "tip_pos_w_nm",          "force_w_nn",        "hand_force_scaled_h_n",
-    "hand_force_rendered_h_n", "hand_force_commanded_h_n", "damper_n_s_m",  "clamp_n",
-    "energy_j",             "energy_bound_j",        "energy_in_j",       "energy_out_j",
-    "ledger_j",             "slave_energy_in_aj",    "slave_energy_out_aj", "deflection_nm",
-    "velocity_scale",       "force_scale",           "contact_state",     "fault_bits",
-    "station_mode",         "limit_flags",           "station_faults",    "method",
-    "model_version"};
+/// What the replay computes anew. Left out: what is told to it (hand, times, buttons, what the device
+/// applied) and what only describes the link.
+constexpr const char* kCompared[] = {"tip_target_w_nm",
+                                     "tip_pos_w_nm",
+                                     "force_w_nn",
+                                     "hand_force_scaled_h_n",
+                                     "hand_force_rendered_h_n",
+                                     "hand_force_commanded_h_n",
+                                     "damper_n_s_m",
+                                     "clamp_n",
+                                     "energy_j",
+                                     "energy_bound_j",
+                                     "energy_in_j",
+                                     "energy_out_j",
+                                     "ledger_j",
+                                     "slave_energy_in_aj",
+                                     "slave_energy_out_aj",
+                                     "deflection_nm",
+                                     "velocity_scale",
+                                     "force_scale",
+                                     "contact_state",
+                                     "fault_bits",
+                                     "station_mode",
+                                     "limit_flags",
+                                     "station_faults",
+                                     "method",
+                                     "model_version"};
 
 /// The hand where it was, a device that applied what it did.
 class RecordedDevice final : public device::HapticDevice {
@@ -85,16 +102,18 @@ bool compare(const Sample& recorded, const Sample& replayed, const std::vector<c
     for (std::size_t i = 0; i < column->components; ++i) {
       result.recorded = value_of(recorded, *column, i);
       result.replayed = value_of(replayed, *column, i);
-      if (std::bit_cast<std::uint64_t>(result.recorded) != std::bit_cast<std::uint64_t>(result.replayed)) break;
+      if (std::bit_cast<std::uint64_t>(result.recorded) != std::bit_cast<std::uint64_t>(result.replayed))
+        break;
     }
     return false;
   }
   return true;
 }
 
-/// The session up to the recording's first tick: the handshake, and the idle commands by which the station had
-/// measured its link.
-void prime(const RecordedSession& recorded, link::ClientSession& client, ScriptedWire& wire, RecordedClock& clock) {
+/// The session up to the recording's first tick: the handshake, and the idle commands by which the station
+/// had measured its link.
+void prime(const RecordedSession& recorded, link::ClientSession& client, ScriptedWire& wire,
+           RecordedClock& clock) {
   const Sample& first = recorded.samples.front();
   const auto period_ns = std::llround(1e9 / recorded.station.rate_hz);
   const std::int64_t probes = first.commands_sent - (first.sent_ns != 0 ? 1 : 0);
@@ -102,12 +121,15 @@ void prime(const RecordedSession& recorded, link::ClientSession& client, Scripte
   std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer;
   client.start(clock.now_ns());
   for (int i = 0; i < 10 && client.state() != link::ClientState::kEstablished; ++i) {
-    if (const std::size_t n = client.poll(clock.now_ns(), buffer)) wire.send(std::span(buffer).first(n), wire.address());
+    if (const std::size_t n = client.poll(clock.now_ns(), buffer))
+      wire.send(std::span(buffer).first(n), wire.address());
     net::Received received;
-    while (wire.receive(buffer, received)) client.on_datagram(std::span(buffer).first(received.size), clock.now_ns());
+    while (wire.receive(buffer, received))
+      client.on_datagram(std::span(buffer).first(received.size), clock.now_ns());
     clock.set(clock.now_ns() + 1);
   }
-  if (client.state() != link::ClientState::kEstablished) throw RunError("the replay's session was not established");
+  if (client.state() != link::ClientState::kEstablished)
+    throw RunError("the replay's session was not established");
   wire.open_to_all(false);
   std::set<std::uint64_t> come_later;
   for (const auto& row : recorded.datagrams) come_later.insert(row.answers);
@@ -132,8 +154,10 @@ std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uin
     return "more than 64 commands were lost in part: the order of the slave's steps is not known";
   for (const auto& datagram : rows) {
     if (datagram.drop != 0) continue;
-    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome)) return "the session was resumed";
-    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kBye)) return "the server ended the session";
+    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome))
+      return "the session was resumed";
+    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kBye))
+      return "the server ended the session";
   }
   return "";
 }
@@ -182,7 +206,8 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
     const auto rows = datagrams.first(count);
     datagrams = datagrams.subspan(count);
     result.ended = why_it_ends(recorded, k, unknown_from, rows);
-    if (result.ended.empty() && row.sent_ns != 0 && stepped.contains(static_cast<std::uint64_t>(row.commands_sent))) {
+    if (result.ended.empty() && row.sent_ns != 0 &&
+        stepped.contains(static_cast<std::uint64_t>(row.commands_sent))) {
       if (row.sent_ns - last_step_ns > recorded.slave_timeout_ns)
         result.ended = "no command had come for the slave's time-out: it withdrew by its own clock";
       last_step_ns = row.sent_ns;

@@ -13,7 +13,7 @@ namespace telenano::studies {
 struct ReplayResult {
   std::int64_t recorded_ticks = 0;
   std::int64_t replayed_ticks = 0;
-  std::int64_t equal_ticks = 0;       ///< every column that is compared, bit for bit
+  std::int64_t equal_ticks = 0;        ///< every column that is compared, bit for bit
   std::int64_t first_difference = -1;  ///< tick; -1: none
   std::string column;                  ///< that differs there
   double recorded = 0, replayed = 0;   ///< its values
@@ -23,9 +23,9 @@ struct ReplayResult {
   bool exact() const { return equal_ticks == replayed_ticks; }
 };
 
-/// Runs the whole session again, in virtual time: the same station, session, server and slave objects. The hand
-/// is where it was, the device applied what it did; datagrams are lost, late or doubled as they were. Nothing
-/// of the slave comes from the recording: its forces are computed anew, and compared.
+/// Runs the whole session again, in virtual time: the same station, session, server and slave objects. The
+/// hand is where it was, the device applied what it did; datagrams are lost, late or doubled as they were.
+/// Nothing of the slave comes from the recording: its forces are computed anew, and compared.
 ///
 /// It goes on to the end of the recording, or to where the recording does not hold what comes next: rows that
 /// were not written, a session that was resumed, a slave that withdrew by its own clock, an unknown order of

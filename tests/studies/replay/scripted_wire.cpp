@@ -15,7 +15,8 @@ constexpr std::size_t kRepliesKept = 1u << 16;
 net::SendStatus ScriptedWire::send(std::span<const std::uint8_t> bytes, const net::Address&) noexcept {
   std::uint64_t number = 0;
   if (!open_) {
-    if (codec_.decode(bytes, incoming_) != link::DropCause::kNone || incoming_.type != link::MessageType::kCommand)
+    if (codec_.decode(bytes, incoming_) != link::DropCause::kNone ||
+        incoming_.type != link::MessageType::kCommand)
       return net::SendStatus::kSent;
     number = incoming_.command.sequence;
     if (!order_.commands.contains(number)) return net::SendStatus::kSent;

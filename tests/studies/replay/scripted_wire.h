@@ -25,8 +25,8 @@ class RecordedClock final : public rt::Clock {
   std::int64_t now_ns_ = 0;
 };
 
-/// The network as it was: a command reaches the server if the slave had stepped by it, and its reply comes back
-/// in the ticks in which it did.
+/// The network as it was: a command reaches the server if the slave had stepped by it, and its reply comes
+/// back in the ticks in which it did.
 class ScriptedWire final : public net::Datagram {
  public:
   ScriptedWire(server::Server& server, RecordedClock& clock, StepOrder order)
@@ -58,7 +58,7 @@ class ScriptedWire final : public net::Datagram {
   bool open_ = true;
   std::int64_t steps_ = 0;
   std::span<const recording::DatagramRow> rows_;
-  std::deque<std::vector<std::uint8_t>> waiting_;  ///< while open to all
+  std::deque<std::vector<std::uint8_t>> waiting_;               ///< while open to all
   std::map<std::uint64_t, std::vector<std::uint8_t>> replies_;  ///< by the command answered
 };
 

@@ -67,7 +67,7 @@ std::string RunData::about(const std::string& key) const {
 }
 
 RunData load_run(const std::string& label, const std::filesystem::path& path) {
-  const recording::RecordingReader reader(path);
+  const auto reader = recording::RecordingReader::isolated(path);
   if (reader.rows() == 0)
     throw UserError(path.string() + ": holds no row; record for at least half a second");
   RunData run;

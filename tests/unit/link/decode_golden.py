@@ -14,8 +14,8 @@ FIELDS = {
     "challenge": "qq",
     "welcome": "iqqqqiiibq" + "d" * 14,
     "refuse": "qiii",
-    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "-" * 17 + "b",  # - = no such field
-    "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10 + "q",
+    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "-" * 8 + "i" + "-" * 8 + "b",  # - = no such field
+    "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10 + "i" + "d" * 3 + "q",
     "bye": "qi",
 }
 WIRE = {"q": 1, "d": 1, "b": 2, "i": 5}
@@ -64,12 +64,14 @@ def main():
     decoded = {}
     for path in sorted(folder.glob("*.bin")):
         name, values = decode(path.read_bytes())
-        assert name == path.stem.split("_with_")[0], path
-        every = set(range(1, len(FIELDS[name]) + 1)) - {k for k, kind in enumerate(FIELDS[name], 1) if kind == "-"}
-        assert set(values) == every - {"command_with_features": {40}, "reply_with_features": {36}}.get(path.stem, set()) or path.stem == name, path
+        assert name == path.stem.partition("_with_")[0], path
         decoded[path.stem] = values
-    assert set(decoded) == set(TYPES.values()) | {"command_with_features", "reply_with_features",
-                                                  "command_with_recent", "reply_with_history"}, decoded.keys()
+    more = {f"{name}_with_{what}" for name in ("command", "reply") for what in ("features", "sharing")}
+    assert set(decoded) == set(TYPES.values()) | more | {"command_with_recent", "reply_with_history"}, decoded.keys()
+    for name, fields in FIELDS.items():
+        seen = set().union(*(values for stem, values in decoded.items() if stem.partition("_with_")[0] == name))
+        assert seen | ({15} if name == "hello" else {2} if name == "welcome" else set()) >= {
+            number for number, kind in enumerate(fields, 1) if kind != "-"}, name
     assert len((folder / "hello.bin").read_bytes()) == 512
     assert decoded["hello"][7] == 4000
     assert decoded["welcome"][9] == b"flakes" and decoded["welcome"][24] == -0.375
@@ -79,10 +81,12 @@ def main():
     assert command[15] == 4 and command[17] == 0.0078125 and command[20] == -7.125 and command[22] == 0.00390625
     assert reply[20] == 512.5 and reply[24] == 256.25 and reply[25] == 42 and reply[28] == 13.25 and reply[30] == -0.5
     assert [reply[k] for k in range(32, 36)] == [0.625, 17.5, 0.3125, 2.25]
+    assert decoded["command_with_sharing"][31] == 5 and decoded["command_with_sharing"][6] == 11
+    assert [decoded["reply_with_sharing"][k] for k in range(36, 40)] == [6, 1.25, -2.5, 3.75]
     recent = list(struct.iter_unpack("<II7d", decoded["command_with_recent"][40]))
     assert len(recent) == 4 and recent[0] == (250000, 3, 0.875, -1.75, 3.4375, 8176.5, -4.5, 5.25, -5.125), recent
     assert recent[3][:2] == (1000000, 2)
-    assert decoded["reply_with_history"][36] == 0xFEDCBA9876543210
+    assert decoded["reply_with_history"][40] == 0xFEDCBA9876543210
     assert decoded["bye"] == {1: 0x4142434445464740, 2: 1}
     print("decoded", len(decoded), "golden datagrams")
 

@@ -22,10 +22,13 @@ struct GoldenMessages {
   /// Every field behind a feature bit besides.
   Command command_with_features = make_command_with_features();
   Reply reply_with_features = make_reply_with_features();
+  /// With sharing alone.
+  Command command_with_sharing = make_command_with_sharing();
+  Reply reply_with_sharing = make_reply_with_sharing();
   /// That command with the four before it.
-  RecentCommands recent = make_recent();
   /// The reply with features, and which commands came before its own.
   Reply reply_with_history = make_reply_with_history();
+  RecentCommands recent = make_recent();
 
   static Welcome make_welcome() {
     Welcome m;
@@ -108,6 +111,17 @@ struct GoldenMessages {
     return m;
   }
 
+  static Command make_command_with_sharing() {
+    Command m = make_command();
+    m.flags |= kFlagTakeOver;
+    m.tip_hold = 5;
+    return m;
+  }
+  static Reply make_reply_with_sharing() {
+    Reply m = make_reply();
+    m.tip = {6, {1.25, -2.5, 3.75}};
+    return m;
+  }
   static Reply make_reply_with_history() {
     Reply m = make_reply_with_features();
     m.steps_before = 0xfedcba9876543210;
@@ -150,12 +164,14 @@ struct GoldenMessages {
     std::array<std::uint8_t, kMaxDatagramBytes> out{};
     const std::size_t n = codec.encode(command_with_features, recent, out);
     all.emplace_back(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n));
+    add(command_with_sharing);
+    add(reply_with_sharing);
     add(reply_with_history);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 11> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 13> kGoldenNames = {"hello",
                                                              "challenge",
                                                              "welcome",
                                                              "refuse",
@@ -165,11 +181,14 @@ inline constexpr std::array<const char*, 11> kGoldenNames = {"hello",
                                                              "command_with_features",
                                                              "reply_with_features",
                                                              "command_with_recent",
+                                                             "command_with_sharing",
+                                                             "reply_with_sharing",
                                                              "reply_with_history"};
-inline constexpr std::array<MessageType, 11> kGoldenTypes = {
-    MessageType::kHello, MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
-    MessageType::kCommand, MessageType::kReply, MessageType::kBye, MessageType::kCommand,
-    MessageType::kReply, MessageType::kCommand, MessageType::kReply};
+inline constexpr std::array<MessageType, 13> kGoldenTypes = {
+    MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
+    MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
+    MessageType::kReply,   MessageType::kCommand,   MessageType::kCommand, MessageType::kReply,
+    MessageType::kReply};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -211,7 +230,8 @@ inline bool same(const Command& a, const Command& b) {
   return a.session_id == b.session_id && a.sequence == b.sequence && a.send_time_ns == b.send_time_ns &&
          a.newest_reply == b.newest_reply && a.epoch == b.epoch && a.flags == b.flags &&
          a.tip_vel_w_nm_s == b.tip_vel_w_nm_s && a.tip_pos_w_nm == b.tip_pos_w_nm &&
-         a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j && same(a.control, b.control);
+         a.energy_in_j == b.energy_in_j && a.energy_out_j == b.energy_out_j && same(a.control, b.control) &&
+         a.tip_hold == b.tip_hold;
 }
 inline bool same(const RecentCommands& a, const RecentCommands& b) {
   if (a.count != b.count) return false;
@@ -231,7 +251,8 @@ inline bool same(const Reply& a, const Reply& b) {
          a.contact_state == b.contact_state && a.fault_bits == b.fault_bits && a.force_w_nn == b.force_w_nn &&
          a.tip_pos_w_nm == b.tip_pos_w_nm && a.deflection_nm == b.deflection_nm &&
          a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj && same(a.port, b.port) &&
-         same(a.model, b.model) && a.steps_before == b.steps_before;
+         same(a.model, b.model) && a.tip.hold == b.tip.hold && a.tip.pos_w_nm == b.tip.pos_w_nm &&
+         a.steps_before == b.steps_before;
 }
 inline bool same(const Bye& a, const Bye& b) {
   return a.session_id == b.session_id && a.reason == b.reason;
@@ -250,11 +271,14 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:
-      return same(in.command, which < 7 ? golden.command : golden.command_with_features) &&
+      return same(in.command, which < 7    ? golden.command
+                              : which < 10 ? golden.command_with_features
+                                           : golden.command_with_sharing) &&
              same(in.recent, which == 9 ? golden.recent : RecentCommands{});
     case MessageType::kReply:
       return same(in.reply, which < 7    ? golden.reply
-                            : which == 8 ? golden.reply_with_features
+                            : which < 10 ? golden.reply_with_features
+                            : which < 12 ? golden.reply_with_sharing
                                          : golden.reply_with_history);
     case MessageType::kBye:
       return same(in.bye, golden.bye);

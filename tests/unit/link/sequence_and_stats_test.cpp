@@ -25,35 +25,57 @@ TEST(SipHash, GivesTheNumbersOfItsPaper) {
   EXPECT_EQ(siphash_words(key, {&word, 1}), 0x93f5f5799a932462ull);
 }
 
+constexpr std::uint64_t kFar = 1000;  // further than any leap of these tests but those that say so
+
 TEST(SequenceWindow, AcceptsOnlyNewerOnesAndCounts) {
   SequenceWindow w;
-  EXPECT_EQ(w.accept(0), DropCause::kOutOfRange);
-  EXPECT_EQ(w.accept(1), DropCause::kNone);
-  EXPECT_EQ(w.accept(1), DropCause::kDuplicate);
-  EXPECT_EQ(w.accept(5), DropCause::kNone);
+  EXPECT_EQ(w.accept(0, kFar), DropCause::kOutOfRange);
+  EXPECT_EQ(w.accept(1, kFar), DropCause::kNone);
+  EXPECT_EQ(w.accept(1, kFar), DropCause::kDuplicate);
+  EXPECT_EQ(w.accept(5, kFar), DropCause::kNone);
   EXPECT_EQ(w.lost(), 3u);
-  EXPECT_EQ(w.accept(3), DropCause::kStale);
-  EXPECT_EQ(w.accept(3), DropCause::kDuplicate);
+  EXPECT_EQ(w.accept(3, kFar), DropCause::kStale);
+  EXPECT_EQ(w.accept(3, kFar), DropCause::kDuplicate);
   EXPECT_EQ(w.lost(), 2u);
-  EXPECT_EQ(w.accept(1000), DropCause::kNone);
-  EXPECT_EQ(w.accept(936), DropCause::kDuplicate) << "too old to tell";
-  EXPECT_EQ(w.accept(937), DropCause::kStale);
+  EXPECT_EQ(w.accept(1000, kFar), DropCause::kNone);
+  EXPECT_EQ(w.accept(936, kFar), DropCause::kDuplicate) << "too old to tell";
+  EXPECT_EQ(w.accept(937, kFar), DropCause::kStale);
   EXPECT_EQ(w.reordered(), 2u);
   EXPECT_EQ(w.received(), 5u);
   EXPECT_EQ(w.lost(), 995u);
-  EXPECT_EQ(w.accept(1000 + SequenceWindow::kMaxLeap + 1), DropCause::kOutOfRange);
-  EXPECT_EQ(w.accept(1001), DropCause::kNone) << "a leap out of range locks nobody out";
-  EXPECT_EQ(w.accept(UINT64_MAX), DropCause::kOutOfRange);
+  EXPECT_EQ(w.accept(1000 + kFar + 1, kFar), DropCause::kOutOfRange);
+  EXPECT_EQ(w.accept(1001, kFar), DropCause::kNone) << "a leap out of range locks nobody out";
+  EXPECT_EQ(w.accept(UINT64_MAX, kFar), DropCause::kOutOfRange);
+}
+
+TEST(SequenceWindow, ALeapIsBoundByRateAndTime) {
+  // 1.25 · rate · (t + 1 s) + 64, by hand.
+  EXPECT_EQ(SequenceWindow::max_leap(1000, 0), 64u + 1250u);
+  EXPECT_EQ(SequenceWindow::max_leap(1000, 3'000'000'000), 64u + 5000u);
+  EXPECT_EQ(SequenceWindow::max_leap(8000, 1'000'000'000), 64u + 20000u);
+  EXPECT_EQ(SequenceWindow::max_leap(1000, -5), 64u + 1250u) << "a clock that goes back";
+  EXPECT_LT(SequenceWindow::max_leap(8000, INT64_MAX), 1ull << 32);
+  // Every single flipped bit of a stream's next number: never further than that, and what was honest and far
+  // after an outage is taken.
+  for (int bit = 0; bit < 64; ++bit) {
+    SequenceWindow w;
+    const std::uint64_t most = SequenceWindow::max_leap(1000, 1'000'000);
+    ASSERT_EQ(w.accept(500, most), DropCause::kNone);
+    w.accept(501 ^ (1ull << bit), most);
+    EXPECT_LE(w.newest(), 500 + most) << bit;
+    EXPECT_EQ(w.accept(500 + 60'000, SequenceWindow::max_leap(1000, 60'000'000'000)), DropCause::kNone)
+        << bit;
+  }
 }
 
 TEST(SequenceWindow, RemembersAcrossLeapsOfEveryLength) {
   for (std::uint64_t leap = 1; leap <= 130; ++leap) {
     SequenceWindow w;
-    EXPECT_EQ(w.accept(10), DropCause::kNone);
-    EXPECT_EQ(w.accept(10 + leap), DropCause::kNone);
-    EXPECT_EQ(w.accept(10), DropCause::kDuplicate) << leap;
+    EXPECT_EQ(w.accept(10, kFar), DropCause::kNone);
+    EXPECT_EQ(w.accept(10 + leap, kFar), DropCause::kNone);
+    EXPECT_EQ(w.accept(10, kFar), DropCause::kDuplicate) << leap;
     if (leap > 1 && leap <= 64) {
-      EXPECT_EQ(w.accept(11), DropCause::kStale) << leap;
+      EXPECT_EQ(w.accept(11, kFar), DropCause::kStale) << leap;
     }
   }
 }

@@ -186,6 +186,40 @@ TEST(Udp, AnUnreachablePortIsNotFatal) {
   }
 }
 
+TEST(Udp, NoticesThatNobodyListens) {
+  Address gone;
+  {
+    const Udp closed = Udp::listen(parse_address("127.0.0.1:0", "x"));
+    gone = closed.local();
+  }
+  Udp client = Udp::open_for(gone);
+  client.notice_unreachable();
+  EXPECT_EQ(client.unreachable(), Unreachable::kNo);
+  const std::array<std::uint8_t, 1> byte = {1};
+  std::array<std::uint8_t, 16> buffer{};
+  Received received;
+  for (int i = 0; i < 100 && client.unreachable() == Unreachable::kNo; ++i) {
+    client.send(byte, gone);
+    client.wait_readable(10'000'000);
+    EXPECT_FALSE(client.receive(buffer, received));
+  }
+  EXPECT_EQ(client.unreachable(), Unreachable::kPort);
+  // What the kernel keeps of it has been fetched: a wait waits again.
+  EXPECT_FALSE(client.wait_readable(1'000'000));
+
+  Udp server = Udp::listen(gone);
+  server.send(byte, client.local());
+  ASSERT_TRUE(client.wait_readable(10'000'000'000));
+  ASSERT_TRUE(client.receive(buffer, received));
+  EXPECT_EQ(client.unreachable(), Unreachable::kNo) << "somebody is there again";
+}
+
+TEST(Udp, SaysWhatTheKernelGranted) {
+  const Udp socket = Udp::listen(parse_address("127.0.0.1:0", "x"));
+  EXPECT_GT(socket.receive_buffer_bytes(), 0u);
+  EXPECT_LE(socket.receive_buffer_bytes(), Udp::kBufferBytes);
+}
+
 TEST(Udp, SendsToManyPeersInTurn) {
   Udp server = Udp::listen(parse_address("127.0.0.1:0", "x"));
   std::vector<Udp> peers;

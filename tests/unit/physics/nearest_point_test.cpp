@@ -4,10 +4,10 @@
 #include <functional>
 #include <random>
 
+#include "common/surface/gsf.h"
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/physics/relative_curvature.h"
 #include "nve_server/physics/spline_surface.h"
-#include "nve_server/scene/gsf.h"
 
 namespace telenano::physics {
 namespace {
@@ -197,7 +197,8 @@ TEST(NearestPoint, AgreesWithBruteForceOnACorrugation) {
 
 // On the real scan, cold, warm and after leaps of up to 1 µm: never farther than any of the samples.
 TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
-  const scene::Scan scan = scene::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
+  const surface::Scan scan =
+      surface::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
   const SplineSurface surface(scan.grid, kRadius);
   const SampleTops tops(scan.grid);
   std::mt19937 random(9);
@@ -241,7 +242,8 @@ TEST(NearestPoint, IsTheNearestOnTheRealScanHoweverFarItLeaps) {
 // On the real scan: from anywhere to anywhere, also beyond the rim, in leaps of a micrometre, the answer is
 // that of a search from nothing: what was remembered does not count, and nothing is passed through.
 TEST(NearestPoint, LeapsOfAMicrometreLeaveNoTrace) {
-  const scene::Scan scan = scene::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
+  const surface::Scan scan =
+      surface::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
   const SplineSurface surface(scan.grid, kRadius);
   std::mt19937 random(19);
   std::uniform_real_distribution<double> turn(0, 2 * std::acos(-1.0)), height(0, 1);

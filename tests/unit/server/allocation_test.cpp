@@ -112,6 +112,38 @@ TEST(Allocation, NoneWhenTheSessionIsLostAndResumed) {
   EXPECT_EQ(g_allocations.load(), before);
 }
 
+TEST(Allocation, NoneWhenASharedTipIsMovedObservedAndTakenOver) {
+  ServerConfig config = test_config();
+  config.share = Share::kOneTip;
+  Server server(config, spring_scene());
+  link::ClientConfig other;
+  other.nonce_seed = 2;
+  VirtualSession a(&server, {}, {}, {}, 1), b(&server, other, {}, {}, 2);
+  net::Address address = b.link.address_a();
+  address.port = 4002;
+  b.link.set_address_a(address);
+  const auto ticks = [&](int n) {
+    for (int i = 0; i < n; ++i) {
+      for (VirtualSession* s : {&a, &b}) {
+        s->command.tip_hold = s->client.has_reply() ? s->client.reply().tip.hold : 0;
+        s->tick();
+      }
+    }
+  };
+  a.client.start(0);
+  b.client.start(0);
+  ticks(500);
+  const auto before = g_allocations.load();
+  for (int i = 0; i < 10; ++i) {
+    a.command.flags ^= link::kFlagTakeOver;
+    ticks(100);
+    b.command.flags ^= link::kFlagTakeOver;
+    ticks(100);
+  }
+  EXPECT_EQ(g_allocations.load(), before);
+  EXPECT_GE(server.counters().holdings, 10u);
+}
+
 TEST(Allocation, NoneForRandomDatagrams) {
   Server server(test_config(), spring_scene());
   std::array<std::uint8_t, link::kMaxDatagramBytes> in{};

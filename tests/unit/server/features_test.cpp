@@ -45,7 +45,9 @@ struct Pair {
   }
   DropCause hand_made_reply(const link::PortAnswer& port, const link::LocalModel& model) {
     link::Reply r = s->client.reply();
-    r.sequence = 1000;
+    link::Command c = s->command;
+    s->client.make_command(c, s->now_ns, s->buffer);  // on its way while this answer to it comes
+    r.sequence = r.command_sequence = c.sequence;
     r.port = port;
     r.model = model;
     link::Codec codec;

@@ -89,7 +89,17 @@ TEST_F(Rules, ForACommand) {
 }
 
 TEST_F(Rules, ForAReply) {
+  // Nearly a thousand commands whose replies were lost: then number 1000 is one that may come.
+  while (s.client.commands_sent() < 1000) {
+    link::Command lost = s.command;
+    s.client.make_command(lost, s.now_ns, s.buffer);
+  }
+  reply.command_sequence = 1000;
   link::Reply r = reply;
+  r.command_sequence = 999;
+  EXPECT_EQ(to_client(r), DropCause::kOutOfRange)
+      << "the 1000th reply answers the 1000th command or a later one";
+  r = reply;
   r.session_id ^= 0x100;
   EXPECT_EQ(to_client(r), DropCause::kUnknownSession);
   r = reply;

@@ -17,6 +17,7 @@ class SpringSlave final : public slave::Slave {
     limits_.start_pos_w_nm = {0, 0, 50};
     limits_.force_max_nn = 1000;
     limits_.coupling_stiffness_n_m = 1;
+    pos_w_nm_ = limits_.start_pos_w_nm;
   }
 
   void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {

@@ -16,8 +16,8 @@ struct Told {
   std::uint64_t gaps = 0;  ///< commands before a reply's own that had not come
 };
 
-/// A station's commands through a link that loses, doubles and reorders; every reply is held against the set of
-/// commands that the server has accepted.
+/// A station's commands through a link that loses, doubles and reorders; every reply is held against the set
+/// of commands that the server has accepted.
 Told compare(std::uint64_t features, double loss) {
   VirtualSession session;
   link::ClientConfig config;
@@ -42,7 +42,8 @@ Told compare(std::uint64_t features, double loss) {
       link.advance_to(link.next_arrival_ns());
       while (link.b().receive(in, received)) {
         const std::uint64_t before = session.server.counters().exchanges;
-        const std::size_t n = session.server.on_datagram({in.data(), received.size}, received.from, link.now_ns(), out);
+        const std::size_t n =
+            session.server.on_datagram({in.data(), received.size}, received.from, link.now_ns(), out);
         if (session.server.counters().exchanges > before) {
           codec.decode({out.data(), n}, incoming);
           const link::Reply& reply = incoming.reply;
@@ -88,7 +89,8 @@ TEST(StepHistory, ALongGapLeavesNothingOfBefore) {
   const auto accept = [&](std::uint64_t sequence) {
     c.sequence = sequence;
     std::size_t found = 0;
-    EXPECT_EQ(table.accept(c, {}, static_cast<std::int64_t>(sequence) * 1'000'000, found), link::DropCause::kNone);
+    EXPECT_EQ(table.accept(c, {}, static_cast<std::int64_t>(sequence) * 1'000'000, found),
+              link::DropCause::kNone);
     return table[slot].steps_before;
   };
   EXPECT_EQ(accept(1), 0u);

@@ -23,8 +23,8 @@ struct VirtualSession {
     net::Received received;
     while (link.b().receive(buffer, received)) {
       if (server == nullptr) continue;  // killed
-      const std::size_t n =
-          server->on_datagram({buffer.data(), received.size}, received.from, link.now_ns(), answer);
+      const std::size_t n = server->on_datagram({buffer.data(), received.size}, received.from, link.now_ns(),
+                                                answer, nullptr, standing);
       if (n > 0) link.b().send({answer.data(), n}, received.from);
     }
   }
@@ -64,6 +64,7 @@ struct VirtualSession {
   Server* server;
   link::ClientSession client;
   net::SimLink link;
+  net::Standing standing{};  ///< what the channel to the server would vouch for
   link::Command command = engaged();
   std::int64_t now_ns = 0;
   std::uint64_t commands = 0;

@@ -127,5 +127,69 @@ TEST(StationFile, RefusesMistakesInOneLineThatNamesFileAndKey) {
   EXPECT_THROW(load_station_file("no/such.toml"), UserError);
 }
 
+TEST(StationFile, DeviceSettings) {
+  const StationFile none = parse_station_file("", "s.toml");
+  EXPECT_EQ(none.device.kind, "sim");
+  EXPECT_FALSE(none.device.axes || none.device.serial || none.device.watchdog_ms ||
+               none.device.deadman_buttons);
+  const StationFile file = parse_station_file(R"(
+[device]
+kind = "omega"
+serial = "4711"
+axes = "+x +y +z"
+centre_m = [0.01, 0, -0.02]
+workspace_half_m = 0.05
+deadman_buttons = [0, 3]
+clutch_buttons = [1]
+stop_buttons = [31]
+damping_n_s_m = 1.5
+mass_kg = 0.3
+force_max_n = 8
+watchdog_ms = 20
+speed_m_s = 0.1
+dead_zone = 0.1
+hold_s = 1
+)",
+                                              "s.toml");
+  EXPECT_EQ(file.device.kind, "omega");
+  EXPECT_EQ(file.device.serial, "4711");
+  EXPECT_EQ(file.device.axes->to_hand(Vec3(1, 2, 3)), Vec3(1, 2, 3));
+  EXPECT_EQ(*file.device.centre_m, Vec3(0.01, 0, -0.02));
+  EXPECT_EQ(file.device.deadman_buttons, 0b1001u);
+  EXPECT_EQ(file.device.stop_buttons, 1u << 31);
+  EXPECT_EQ(file.device.watchdog_ms, 20);
+  EXPECT_EQ(file.station.device_damping_n_s_m, 1.5);
+  std::vector<std::pair<std::string, std::string>> list;
+  describe(file.device, list);
+  EXPECT_EQ(list.size(), 13u)
+      << "a recording tells every setting that was given, and has kind and damping anyway";
+}
+
+TEST(StationFile, BadDeviceSettingsAreRefused) {
+  const auto expect = [](const std::string& line, const std::string& part) {
+    const std::string text = refusal("[device]\n" + line + "\n");
+    EXPECT_NE(text.find(part), std::string::npos) << line << " -> " << text;
+    EXPECT_NE(text.find("station.toml:2"), std::string::npos) << text;
+    EXPECT_EQ(text.find('\n'), std::string::npos) << text;
+  };
+  expect("kind = \"omega3\"", "omega");
+  expect("axes = \"+x +y\"", "three device axes");
+  expect("axes = \"+x +y +y\"", "twice");
+  expect("axes = \"+x +y -z\"", "mirror");
+  expect("axes = \"+x y z\"", "expected the device's axis with its sign");
+  expect("centre_m = [0, 0]", "centre_m");
+  expect("centre_m = [0, 0, 2]", "centre_m");
+  expect("watchdog_ms = 32", "31");
+  expect("watchdog_ms = -1", "watchdog_ms");
+  expect("deadman_buttons = [32]", "deadman_buttons");
+  expect("deadman_buttons = [0.5]", "whole");
+  expect("speed_m_s = 0", "speed_m_s");
+  expect("force_max_n = 0", "force_max_n");
+  expect("hold_s = inf", "hold_s");
+  expect("watchdog = 10", "watchdog");
+  EXPECT_NE(refusal("[device]\ndeadman_buttons = [1]\nstop_buttons = [1]\n").find("two of"),
+            std::string::npos);
+}
+
 }  // namespace
 }  // namespace telenano::app

@@ -1,0 +1,144 @@
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+
+#include "common/link/messages.h"
+
+/// The two messages of the stream, field by field, and a writer and a reader of their usual form: fixed-width
+/// fields in rising order, zeros left out, as proto3 writes them. It is the same form on the wire as
+/// Protobuf's (a test holds the two together, bit by bit); but each value is moved once instead of three
+/// times (scan, parse, copy), which the loops feel. Whatever comes in another form is Protobuf's business.
+///
+/// One line a field: `visit.template operator()<NUMBER>(member)`, in rising order. Fields behind feature bits
+/// stand apart: most sessions have none.
+namespace telenano::link {
+
+template <std::uint32_t kFirst, class Visit, class Vector>
+void visit_three(Visit& visit, Vector& v) noexcept {
+  visit.template operator()<kFirst>(v.x());
+  visit.template operator()<kFirst + 1>(v.y());
+  visit.template operator()<kFirst + 2>(v.z());
+}
+
+/// `Message` is Command or const Command, and so on.
+template <class Message, class Visit>
+requires std::is_same_v<std::remove_const_t<Message>, Command>
+void visit_fields(Message& m, Visit& visit) noexcept {
+  visit.template operator()<1>(m.session_id);
+  visit.template operator()<2>(m.sequence);
+  visit.template operator()<3>(m.send_time_ns);
+  visit.template operator()<4>(m.newest_reply);
+  visit.template operator()<5>(m.epoch);
+  visit.template operator()<6>(m.flags);
+  visit_three<7>(visit, m.tip_vel_w_nm_s);
+  visit_three<10>(visit, m.tip_pos_w_nm);
+  visit.template operator()<13>(m.energy_in_j);
+  visit.template operator()<14>(m.energy_out_j);
+}
+
+template <class Message, class Visit>
+requires std::is_same_v<std::remove_const_t<Message>, Command>
+void visit_feature_fields(Message& m, Visit& visit) noexcept {
+  visit.template operator()<15>(m.control.method);
+  visit.template operator()<16>(m.control.energy_scale_aj_j);
+  visit.template operator()<17>(m.control.energy_sent_j);
+  visit_three<18>(visit, m.control.wave_sum);
+  visit.template operator()<21>(m.control.wave_energy_aj);
+  visit.template operator()<22>(m.control.wave_impedance_n_s_m);
+  visit.template operator()<31>(m.tip_hold);
+}
+
+template <class Message, class Visit>
+requires std::is_same_v<std::remove_const_t<Message>, Reply>
+void visit_fields(Message& m, Visit& visit) noexcept {
+  visit.template operator()<1>(m.session_id);
+  visit.template operator()<2>(m.sequence);
+  visit.template operator()<3>(m.command_sequence);
+  visit.template operator()<4>(m.command_send_time_ns);
+  visit.template operator()<5>(m.server_time_ns);
+  visit.template operator()<6>(m.hold_time_ns);
+  visit.template operator()<7>(m.measurement_age_ns);
+  visit.template operator()<8>(m.epoch);
+  visit.template operator()<9>(m.contact_state);
+  visit.template operator()<10>(m.fault_bits);
+  visit_three<11>(visit, m.force_w_nn);
+  visit_three<14>(visit, m.tip_pos_w_nm);
+  visit.template operator()<17>(m.deflection_nm);
+  visit.template operator()<18>(m.energy_in_aj);
+  visit.template operator()<19>(m.energy_out_aj);
+}
+
+template <class Message, class Visit>
+requires std::is_same_v<std::remove_const_t<Message>, Reply>
+void visit_feature_fields(Message& m, Visit& visit) noexcept {
+  visit.template operator()<20>(m.port.energy_sent_aj);
+  visit_three<21>(visit, m.port.wave_sum);
+  visit.template operator()<24>(m.port.wave_energy_aj);
+  visit.template operator()<25>(m.model.version);
+  visit_three<26>(visit, m.model.point_w_nm);
+  visit_three<29>(visit, m.model.normal_w);
+  visit.template operator()<32>(m.model.stiffness_n_m);
+  visit.template operator()<33>(m.model.adhesion_nn);
+  visit.template operator()<34>(m.model.shear_stiffness_n_m);
+  visit.template operator()<35>(m.model.friction_nn);
+  visit.template operator()<36>(m.tip.hold);
+  visit_three<37>(visit, m.tip.pos_w_nm);
+  visit.template operator()<40>(m.steps_before);
+}
+
+/// A field's tag as it stands on the wire: number << 3 | wire type, seven bits a byte, the low ones first.
+template <std::uint32_t kNumber, class Value>
+struct FieldTag {
+  static_assert(std::is_trivially_copyable_v<Value> && (sizeof(Value) == 4 || sizeof(Value) == 8));
+  static constexpr std::uint32_t kTag = (kNumber << 3) | (sizeof(Value) == 4 ? 5u : 1u);
+  static constexpr std::size_t kTagBytes = kTag < 0x80 ? 1 : 2;
+  static_assert(kTag < 0x4000);
+  static constexpr std::size_t kBytes = kTagBytes + sizeof(Value);
+  static constexpr std::uint8_t kFirst =
+      kTagBytes == 1 ? kTag : static_cast<std::uint8_t>((kTag & 0x7f) | 0x80);
+  static constexpr std::uint8_t kSecond = static_cast<std::uint8_t>(kTag >> 7);
+};
+
+/// Writes fields to `at`, which needs room for all of them.
+struct FlatWriter {
+  std::uint8_t* at;
+
+  template <std::uint32_t kNumber, class Value>
+  void operator()(const Value& value) noexcept {
+    using Tag = FieldTag<kNumber, Value>;
+    using Bits = std::conditional_t<sizeof(Value) == 4, std::uint32_t, std::uint64_t>;
+    const auto bits = std::bit_cast<Bits>(value);
+    if (bits == 0) return;  // proto3: also where the value is zero; −0 is none
+    at[0] = Tag::kFirst;
+    if constexpr (Tag::kTagBytes == 2) at[1] = Tag::kSecond;
+    std::memcpy(at + Tag::kTagBytes, &bits, sizeof bits);
+    at += Tag::kBytes;
+  }
+};
+
+/// Reads fields from `at` as long as they come in order; one that does not come is zero. What is left at the
+/// end came in another form.
+struct FlatReader {
+  const std::uint8_t* at;
+  const std::uint8_t* end;
+
+  template <std::uint32_t kNumber, class Value>
+  void operator()(Value& value) noexcept {
+    using Tag = FieldTag<kNumber, Value>;
+    const bool here = end - at >= static_cast<std::ptrdiff_t>(Tag::kBytes) && at[0] == Tag::kFirst &&
+                      (Tag::kTagBytes == 1 || at[1] == Tag::kSecond);
+    if (!here) {
+      value = Value{};
+      return;
+    }
+    std::memcpy(&value, at + Tag::kTagBytes, sizeof value);
+    at += Tag::kBytes;
+  }
+};
+
+static_assert(std::endian::native == std::endian::little, "values go as they are");
+
+}  // namespace telenano::link

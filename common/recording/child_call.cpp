@@ -1,0 +1,160 @@
+#include "common/recording/child_call.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <cstring>
+#include <new>
+
+#include "common/base/error.h"
+
+namespace telenano::recording {
+namespace {
+
+enum class Outcome : std::uint8_t { kDone, kUserError, kRunError };
+
+bool send_all(int fd, const void* data, std::size_t size) noexcept {
+  const char* at = static_cast<const char*>(data);
+  while (size > 0) {
+    const ssize_t n = ::send(fd, at, size, MSG_NOSIGNAL);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    at += n;
+    size -= static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+bool receive_all(int fd, void* data, std::size_t size) noexcept {
+  char* at = static_cast<char*>(data);
+  while (size > 0) {
+    const ssize_t n = ::recv(fd, at, size, 0);
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    at += n;
+    size -= static_cast<std::size_t>(n);
+  }
+  return true;
+}
+
+bool send_text(int fd, std::string_view text) noexcept {
+  const std::uint64_t size = text.size();
+  return send_all(fd, &size, sizeof size) && send_all(fd, text.data(), text.size());
+}
+
+bool receive_text(int fd, std::string& text) {
+  std::uint64_t size = 0;
+  if (!receive_all(fd, &size, sizeof size)) return false;
+  text.resize(size);
+  return receive_all(fd, text.data(), text.size());
+}
+
+void limit(int resource, rlim_t soft, rlim_t hard) noexcept {
+  const rlimit value{soft, hard};
+  ::setrlimit(static_cast<__rlimit_resource>(resource), &value);
+}
+
+/// The child: answers until its parent hangs up. Never returns, so that nothing of the parent's is undone
+/// twice.
+[[noreturn]] void serve_until_hung_up(int fd, const std::string& subject, const ChildCall::Serve& serve,
+                                      std::chrono::seconds time_limit) {
+  ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+  limit(RLIMIT_CORE, 0, 0);
+  const auto seconds = static_cast<rlim_t>(time_limit.count());
+  limit(RLIMIT_CPU, seconds, seconds + 1);
+  for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU}) ::signal(number, SIG_DFL);
+  // Ctrl-C goes to the whole group: the parent decides.
+  ::signal(SIGINT, SIG_IGN);
+  std::string request;
+  while (receive_text(fd, request)) {
+    std::string answer;
+    Outcome outcome = Outcome::kDone;
+    try {
+      answer = serve(request);
+    } catch (const UserError& error) {
+      outcome = Outcome::kUserError;
+      answer = error.what();
+    } catch (const RunError& error) {
+      outcome = Outcome::kRunError;
+      answer = error.what();
+    } catch (const std::exception& error) {
+      outcome = Outcome::kRunError;
+      answer = subject + ": damaged: it names sizes that do not fit into memory (" + error.what() + ")";
+    }
+    if (!send_all(fd, &outcome, sizeof outcome) || !send_text(fd, answer)) break;
+  }
+  ::_exit(0);
+}
+
+}  // namespace
+
+ChildCall::ChildCall(std::string subject, const Serve& serve, std::chrono::seconds time_limit)
+    : subject_(std::move(subject)) {
+  int ends[2] = {-1, -1};
+  if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
+    throw RunError(subject_ + ": cannot be read in a process of its own: " + std::strerror(errno));
+  pid_ = ::fork();
+  if (pid_ == 0) {
+    ::close(ends[0]);
+    serve_until_hung_up(ends[1], subject_, serve, time_limit);
+  }
+  const int error = errno;
+  ::close(ends[1]);
+  fd_ = ends[0];
+  const timeval patience{static_cast<time_t>(time_limit.count()), 0};
+  ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  if (pid_ < 0) {
+    ::close(fd_);
+    throw RunError(subject_ + ": cannot be read in a process of its own: " + std::strerror(error));
+  }
+}
+
+ChildCall::~ChildCall() {
+  ::close(fd_);
+  // It is waiting for a request, or has ended; killing spares waiting for one that is lost in a loop.
+  if (pid_ > 0) {
+    ::kill(pid_, SIGKILL);
+    while (::waitpid(pid_, nullptr, 0) < 0 && errno == EINTR) {
+    }
+  }
+}
+
+std::string ChildCall::ask(std::string_view request) {
+  Outcome outcome{};
+  std::string answer;
+  errno = 0;
+  if (pid_ < 0 || !send_text(fd_, request) || !receive_all(fd_, &outcome, sizeof outcome) ||
+      !receive_text(fd_, answer)) {
+    ended();
+  }
+  if (outcome == Outcome::kUserError) throw UserError(answer);
+  if (outcome == Outcome::kRunError) throw RunError(answer);
+  return answer;
+}
+
+void ChildCall::ended() {
+  const bool too_slow = errno == EAGAIN || errno == EWOULDBLOCK;  // else it has hung up
+  int status = 0;
+  if (pid_ > 0) {
+    if (too_slow) ::kill(pid_, SIGKILL);
+    while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {
+    }
+    pid_ = -1;
+  }
+  std::string how = "ended early";
+  if (too_slow || (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)) {
+    how = "found no end";
+  } else if (WIFSIGNALED(status)) {
+    how = std::string("crashed (") + ::strsignal(WTERMSIG(status)) + ")";
+  }
+  throw RunError(subject_ + ": damaged: the HDF5 library " + how + " over it; take another copy of the file");
+}
+
+}  // namespace telenano::recording

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "common/config/slave_limits_file.h"
+#include "common/link/messages.h"
+#include "common/recording/recorder.h"
+#include "common/rt/latest_value.h"
+#include "master/app/real_time_session.h"
+#include "master/device/pointer_device.h"
+#include "master/station/station_config.h"
+#include "master/view_model/request_desk.h"
+#include "master/view_model/view_port.h"
+
+namespace telenano::viewer {
+struct ViewHooks;
+}
+
+namespace telenano::app {
+
+/// The flags of `run` that are about its picture.
+struct ViewOptions {
+  bool view = false;
+  bool no_view = false;
+  std::string surface;
+  double tip_radius_nm = 20;
+  std::string screenshot;
+  double at_s = 5;
+  std::string screenshot_size = "1280x800";
+};
+void add_view_flags(CLI::App& command, ViewOptions& options);
+
+/// What a session tells its picture before it begins.
+struct ViewedSession {
+  const station::StationConfig& station;
+  const device::DeviceInfo& device;
+  const config::SlaveLimits& slave;
+  std::uint64_t feature_bits = 0;
+  int delay_samples = 0;
+  std::string server;
+  std::string recording;  ///< file; empty: none
+};
+
+/// The picture of a session: a window, or one photograph without a display; nothing where neither is asked
+/// for. Made before the session, so that what is missing is said before a server is asked.
+class SessionView {
+ public:
+  /// `mouse`: the mouse is the hand. Throws UserError for flags that do not go together, a surface that
+  /// cannot be read, or a build without viewer; RunError without a display.
+  SessionView(const ViewOptions& options, bool mouse);
+  ~SessionView();
+  SessionView(const SessionView&) = delete;
+  SessionView& operator=(const SessionView&) = delete;
+
+  bool wanted() const noexcept { return window_ || photo_; }
+  const rt::LatestValue<device::PointerState>* pointer() const noexcept {
+    return window_ ? &pointer_ : nullptr;
+  }
+
+  /// The loop's side, for RealTimeSession; null when no picture is wanted.
+  view_model::RequestDesk* begin(const ViewedSession& session);
+  /// The picture, until the session is over; `each` is called every now and then. In the main thread.
+  /// `give_way`: the loop has no real-time priority, so drawing has to leave it the processors.
+  /// Returns one line about the frames for a person; empty when there is none.
+  std::string run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
+                  const std::function<void()>& each);
+
+ private:
+  struct Parts;
+  std::string draw(const viewer::ViewHooks& hooks, const RealTimeSession& live);
+
+  ViewOptions options_;
+  bool mouse_ = false;
+  bool window_ = false;
+  bool photo_ = false;
+  view_model::ViewPort port_;
+  rt::LatestValue<device::PointerState> pointer_;
+  std::unique_ptr<view_model::RequestDesk> desk_;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace telenano::app

@@ -1,0 +1,32 @@
+#include "master/app/session_view.h"
+
+namespace telenano::app {
+
+void add_view_flags(CLI::App& command, ViewOptions& options) {
+  command.add_flag("--view", options.view,
+                   "Open a window: sample, tip, forces, sliders, STOP; F1 in it tells its keys. "
+                   "Default with --device mouse");
+  command.add_flag("--no-view", options.no_view, "No window, whatever the device")->excludes("--view");
+  command.add_option(
+      "--surface", options.surface,
+      "Scan to draw (.gsf, as the server's scene has it), read again when it changes; without, a plane "
+      "and what has been touched");
+  command
+      .add_option("--tip-radius-nm", options.tip_radius_nm,
+                  "Of the tip as drawn; the server does not tell its own")
+      ->capture_default_str()
+      ->check(CLI::Range(0.5, 10000.0));
+  command
+      .add_option("--screenshot", options.screenshot,
+                  "Draw one picture of the session into this PNG; needs neither display nor graphics card")
+      ->excludes("--view");
+  command.add_option("--at", options.at_s, "Seconds of the hand's motion after which --screenshot is taken")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 3600.0))
+      ->needs("--screenshot");
+  command.add_option("--screenshot-size", options.screenshot_size, "WIDTHxHEIGHT of --screenshot, pixels")
+      ->capture_default_str()
+      ->needs("--screenshot");
+}
+
+}  // namespace telenano::app

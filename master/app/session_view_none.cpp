@@ -1,0 +1,28 @@
+// In a build without viewer: the same flags, and what to do about it.
+#include "common/base/error.h"
+#include "master/app/session_view.h"
+
+namespace telenano::app {
+
+struct SessionView::Parts {};
+
+SessionView::SessionView(const ViewOptions& options, bool mouse) : options_(options) {
+  if (options.view || mouse || !options.screenshot.empty()) {
+    throw UserError(
+        "this build has no viewer: install libglfw3-dev libimgui-dev libepoxy-dev libgl-dev libegl-dev and "
+        "configure with -DTELENANO_VIEWER=ON; --device sim needs none");
+  }
+}
+
+SessionView::~SessionView() = default;
+
+view_model::RequestDesk* SessionView::begin(const ViewedSession&) {
+  return nullptr;
+}
+
+std::string SessionView::run(const RealTimeSession&, const recording::Recorder*, bool,
+                             const std::function<void()>&) {
+  return "";
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,52 @@
+#include "master/view_model/pointer_hand.h"
+
+#include <cmath>
+
+#include "common/base/constants.h"
+#include "master/device/haptic_device.h"
+
+namespace telenano::view_model {
+
+void PointerHand::set_velocity_scale(double velocity_scale) noexcept {
+  if (velocity_scale > 0 && std::isfinite(velocity_scale)) velocity_scale_ = velocity_scale;
+}
+
+void PointerHand::move_tip(const Vec3& tip_nm) noexcept {
+  const Vec3 moved = pos_h_m_ + tip_nm / (velocity_scale_ * kNmPerM);
+  if (is_finite(moved)) pos_h_m_ = moved.cwiseMax(-half_m_).cwiseMin(half_m_);
+}
+
+void PointerHand::drag(double dx_px, double dy_px, const Axes& axes) noexcept {
+  if (coming_back()) return;
+  move_tip(axes.nm_per_pixel * (dx_px * axes.right - dy_px * axes.up));
+}
+
+void PointerHand::turn_wheel(double notches, double nm_per_notch, double time_s) noexcept {
+  if (!coming_back()) move_tip(notches * nm_per_notch * Vec3::UnitZ());
+  wheel_until_s_ = time_s + kWheelGripS;
+}
+
+void PointerHand::update(double time_s) noexcept {
+  now_s_ = time_s;
+  const bool grip = gripping(time_s);
+  if (gripped_ && !grip) {
+    pos_h_m_ = Vec3::Zero();
+    ready_s_ = time_s + back_s_;
+  }
+  gripped_ = grip;
+}
+
+void PointerHand::let_go() noexcept {
+  held_ = false;
+  clutch_ = false;
+  wheel_until_s_ = -1e300;
+}
+
+std::uint32_t PointerHand::buttons(double time_s) const noexcept {
+  std::uint32_t bits = 0;
+  if (gripping(time_s) && time_s >= ready_s_) bits |= device::kButtonDeadman;
+  if (clutch_) bits |= device::kButtonClutch;
+  return bits;
+}
+
+}  // namespace telenano::view_model

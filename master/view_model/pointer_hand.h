@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/base/vec3.h"
+
+namespace telenano::view_model {
+
+/// The mouse as a hand: turns drags and the wheel into a position of the hand (frame H) such that the tip
+/// keeps up with the cursor: a pixel moves the tip by what a pixel of that picture spans.
+///
+/// Gripping is the deadman: the left button or Space while held, and half a second after a turn of the wheel.
+/// A window that loses the focus lets go.
+///
+/// The hand's box is small and the sample is large: letting go brings the hand back to the middle of its box
+/// (the tip stands still meanwhile), and a new grip counts only once it is back there.
+class PointerHand {
+ public:
+  /// Directions in frame W that right and up on the screen stand for.
+  struct Axes {
+    Vec3 right = Vec3::UnitX();
+    Vec3 up = Vec3::UnitY();
+    double nm_per_pixel = 1;
+  };
+
+  /// `half_m`: half the edge of the hand's box; `back_s`: the time in which it comes back to the middle.
+  PointerHand(double half_m, double back_s) noexcept : half_m_(half_m), back_s_(back_s) {}
+
+  /// α_v, to cross from the tip to the hand.
+  void set_velocity_scale(double velocity_scale) noexcept;
+  void drag(double dx_px, double dy_px, const Axes& axes) noexcept;  ///< dy down, as screens count
+  void turn_wheel(double notches, double nm_per_notch, double time_s) noexcept;
+
+  void hold(bool held) noexcept { held_ = held; }
+  /// Once a frame, after the events of that frame.
+  void update(double time_s) noexcept;
+  void clutch(bool held) noexcept { clutch_ = held; }
+  void let_go() noexcept;
+
+  const Vec3& hand_pos_h_m() const noexcept { return pos_h_m_; }
+  std::uint32_t buttons(double time_s) const noexcept;  ///< device::ButtonBits
+
+ private:
+  void move_tip(const Vec3& tip_nm) noexcept;
+  bool gripping(double time_s) const noexcept { return held_ || time_s < wheel_until_s_; }
+
+  bool coming_back() const noexcept { return now_s_ < ready_s_; }
+
+  double half_m_;
+  double back_s_;
+  double velocity_scale_ = 1e-6;
+  Vec3 pos_h_m_ = Vec3::Zero();
+  bool held_ = false;
+  bool clutch_ = false;
+  double wheel_until_s_ = -1e300;
+  bool gripped_ = false;
+  double now_s_ = -1e300;
+  double ready_s_ = -1e300;  // from when on a new grip counts
+};
+
+inline constexpr double kWheelGripS = 0.5;
+
+}  // namespace telenano::view_model

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "master/station/station.h"
+#include "master/view_model/view_port.h"
+
+namespace telenano::view_model {
+
+/// The loop's side of a ViewPort: does what the screen asks for, once a tick, before it. Nothing waits,
+/// allocates or throws.
+class RequestDesk {
+ public:
+  /// `impedance_bound`: of α_v α_F by method (ScalingRegion); a method is not taken where the scaling in use
+  /// lies beyond its bound, nor a scaling beyond the bound of the method in use, unless the station's
+  /// configuration allows it.
+  RequestDesk(ViewPort& port, const std::array<double, control::kAllMethods.size()>& impedance_bound) noexcept
+      : port_(port), impedance_bound_(impedance_bound) {}
+
+  struct Asked {
+    std::uint32_t buttons = 0;  ///< device::ButtonBits, to be or-ed to the device's in this tick
+    bool quit = false;
+    int marks = 0;
+  };
+  Asked answer(station::Station& station) noexcept;
+
+  /// After the tick.
+  void show(const recording::Sample& sample, device::ForceOffCause force_off) noexcept;
+
+  std::uint64_t refused() const noexcept { return refused_; }
+
+ private:
+  bool safe(control::Method method, const control::Scaling& scaling,
+            const station::Station& station) const noexcept;
+
+  ViewPort& port_;
+  std::array<double, control::kAllMethods.size()> impedance_bound_;
+  std::uint64_t refused_ = 0;
+};
+
+}  // namespace telenano::view_model

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+
+#include "common/control/method.h"
+#include "common/control/scaling.h"
+#include "common/recording/sample.h"
+#include "common/rt/latest_value.h"
+#include "common/rt/spsc_queue.h"
+#include "master/device/haptic_device.h"
+
+namespace telenano::view_model {
+
+/// What a person at the screen asks of the loop.
+struct ViewRequest {
+  enum class Kind : std::uint8_t {
+    kStop,       ///< latched
+    kClearStop,  ///< a person has looked
+    kMethod,     ///< bumpless
+    kScaling,    ///< bumpless; not taken where it would not be safe
+    kMarker,     ///< a mark in the recording
+    kQuit,       ///< end the session
+  };
+  Kind kind = Kind::kStop;
+  control::Method method = control::Method::kNone;
+  control::Scaling scaling{};
+};
+
+/// Between the loop and the screen. Neither side ever waits: what finds a queue full is dropped and counted.
+struct ViewPort {
+  // From the loop.
+  rt::SpscQueue<recording::Sample> samples{8192};    ///< two seconds at 4 kHz
+  rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
+  // To the loop.
+  rt::SpscQueue<ViewRequest> requests{64};
+  rt::LatestValue<std::uint32_t> buttons;  ///< device::ButtonBits held on the screen, or-ed to the device's
+};
+
+}  // namespace telenano::view_model

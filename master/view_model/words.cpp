@@ -1,0 +1,152 @@
+#include "master/view_model/words.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <cmath>
+
+#include "common/link/messages.h"
+#include "master/device/haptic_device.h"
+#include "master/station/station.h"
+
+namespace telenano::view_model {
+namespace {
+
+struct Fault {
+  std::uint32_t bit;
+  const char* text;
+};
+
+// The gravest first. Those that latch end with what a person has to do.
+constexpr std::array<Fault, 11> kStationFaults = {{
+    {station::kFaultDeviceFailed, "The device has failed: zero force. Check its cable and power, then clear"},
+    {station::kFaultForceNonFinite, "The station's own force was no number: zero force. Please report this"},
+    {station::kFaultHandPosNonFinite,
+     "The device reported an impossible position: zero force. Look at it, then clear"},
+    {station::kFaultAppliedNonFinite,
+     "The device reported an impossible force: zero force. Look at it, then clear"},
+    {station::kFaultVelocityTrip, "The hand moved too fast: zero force. Take hold again, then clear"},
+    {station::kFaultSlaveStiffer,
+     "The new sample is stiffer than what was planned for: start the session anew"},
+    {station::kFaultOtherScene, "The server that came back has another sample: start the session anew"},
+    {station::kFaultStopPressed, "Stopped by the operator: zero force, the tip retracts. Clear when ready"},
+    {station::kFaultBadTick, "A tick without length: zero force in it"},
+    {station::kFaultReplyNonFinite, "A reply was no number: left out, the force comes back by a ramp"},
+    {station::kFaultStale, "No news from the server: the force is held, then fades to zero"},
+}};
+
+std::string with_unit(double value, const std::array<const char*, 4>& units) {
+  // units: of 1e-3, 1, 1e3, 1e6
+  if (!std::isfinite(value)) return "–";
+  const double size = std::abs(value);
+  std::size_t unit = 1;
+  double shown = value;
+  if (size >= 999.5e3) {
+    unit = 3;
+    shown = value * 1e-6;
+  } else if (size >= 999.5) {
+    unit = 2;
+    shown = value * 1e-3;
+  } else if (size < 0.9995 && size > 0) {
+    unit = 0;
+    shown = value * 1e3;
+  }
+  const double magnitude = std::abs(shown);
+  const int digits = magnitude >= 99.95 ? 0 : magnitude >= 9.995 ? 1 : 2;
+  return fmt::format("{:.{}f} {}", shown, digits, units[unit]);
+}
+
+}  // namespace
+
+Message mode_words(const recording::Sample& now) {
+  switch (static_cast<station::Mode>(now.station_mode)) {
+    case station::Mode::kIdle:
+      return {"Connecting", Mood::kWarning};
+    case station::Mode::kReady:
+      return {(now.buttons & device::kButtonClutch) != 0 ? "Clutch: hand is free" : "Ready", Mood::kCalm};
+    case station::Mode::kEngaged:
+      return {(now.limit_flags & recording::kLimitRamp) != 0 ? "Engaging" : "Engaged", Mood::kGood};
+    case station::Mode::kHeld:
+      return {"Held", Mood::kWarning};
+    case station::Mode::kHoming:
+      return {"Homing", Mood::kWarning};
+    case station::Mode::kStopped:
+      return {"Stopped", Mood::kAlarm};
+  }
+  return {"Unknown", Mood::kAlarm};
+}
+
+std::vector<Message> force_words(const recording::Sample& now, device::ForceOffCause device_cause) {
+  std::vector<Message> messages;
+  if (device_cause != device::ForceOffCause::kNone)
+    messages.push_back({std::string("Device: ") + device::force_off_text(device_cause), Mood::kAlarm});
+  const auto mode = static_cast<station::Mode>(now.station_mode);
+  for (const Fault& fault : kStationFaults) {
+    if ((now.station_faults & fault.bit) == 0) continue;
+    const bool grave = fault.bit != station::kFaultStale && fault.bit != station::kFaultReplyNonFinite &&
+                       fault.bit != station::kFaultBadTick;
+    messages.push_back({fault.text, grave ? Mood::kAlarm : Mood::kWarning});
+  }
+  if (mode == station::Mode::kIdle)
+    messages.push_back({"No session: zero force until the server answers", Mood::kWarning});
+  if (mode == station::Mode::kHeld)
+    messages.push_back({"The server is silent: zero force, the tip's target stands still", Mood::kWarning});
+  if (mode == station::Mode::kHoming)
+    messages.push_back({"The device is not calibrated: zero force until it is", Mood::kWarning});
+  if (mode == station::Mode::kReady) {
+    if ((now.buttons & device::kButtonClutch) != 0)
+      messages.push_back({"Clutch held: move the hand where it is comfortable", Mood::kCalm});
+    else if ((now.buttons & device::kButtonDeadman) == 0)
+      messages.push_back({"Take hold: the deadman is not pressed", Mood::kCalm});
+  }
+  const std::uint32_t limits = now.limit_flags;
+  if ((limits & recording::kLimitForce) != 0)
+    messages.push_back({"Force limit: you feel less than the tip does", Mood::kWarning});
+  if ((limits & recording::kLimitClamp) != 0)
+    messages.push_back({"Energy clamp: force held back to keep touch passive", Mood::kWarning});
+  if ((limits & recording::kLimitDamper) != 0) messages.push_back({"Passivity damper at work", Mood::kCalm});
+  return messages;
+}
+
+std::vector<Message> slave_words(std::uint32_t faults) {
+  constexpr std::array<Fault, 6> kFaults = {{
+      {link::kFaultNonFinite, "The slave met a value that is no number: zero force"},
+      {link::kFaultRetracted, "The tip has been retracted"},
+      {link::kFaultForceLimit, "The slave holds the tip back at its force limit"},
+      {link::kFaultWorkspace, "At the border of the workspace"},
+      {link::kFaultStepLimit, "Too fast for the slave: the tip follows late"},
+      {link::kFaultNoEquilibrium, "The slave's solver gave up in this step: tip held"},
+  }};
+  std::vector<Message> messages;
+  for (const Fault& fault : kFaults) {
+    if ((faults & fault.bit) == 0) continue;
+    messages.push_back({fault.text, fault.bit == link::kFaultNonFinite ? Mood::kAlarm : Mood::kWarning});
+  }
+  return messages;
+}
+
+const char* contact_words(std::uint32_t contact_state) {
+  switch (static_cast<link::ContactState>(contact_state)) {
+    case link::ContactState::kFree:
+      return "free";
+    case link::ContactState::kVanDerWaals:
+      return "attracted";
+    case link::ContactState::kNonContact:
+      return "adhesive gap";
+    case link::ContactState::kContact:
+      return "in contact";
+  }
+  return "unknown";
+}
+
+std::string length_text(double nm) {
+  return with_unit(nm, {"pm", "nm", "µm", "mm"});
+}
+std::string force_text(double nn) {
+  return with_unit(nn, {"pN", "nN", "µN", "mN"});
+}
+std::string time_text(double us) {
+  return with_unit(us, {"ns", "µs", "ms", "s"});
+}
+
+}  // namespace telenano::view_model

@@ -1,0 +1,221 @@
+#include "master/viewer/charts.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "master/view_model/nice_step.h"
+#include "master/view_model/words.h"
+
+namespace telenano::viewer {
+namespace {
+
+using view_model::Strip;
+
+constexpr std::array<const char*, 7> kDecades = {"1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms", "1 s"};
+
+constexpr int kLinesMax = 12;
+
+struct Axis {
+  double low = 0;
+  double high = 1;
+  double step = 1;
+  float y(const ChartBox& plot, double value) const {
+    const double part = (value - low) / (high - low);
+    return plot.to.y - static_cast<float>(part) * (plot.to.y - plot.from.y);
+  }
+};
+
+Axis axis_of(std::span<const Curve> curves, const ChartScale& scale) {
+  double low = 0;
+  double high = 0;
+  bool any = scale.from_zero;
+  for (const Curve& curve : curves) {
+    double least = 0;
+    double greatest = 0;
+    if (!curve.strip.range(least, greatest)) continue;
+    low = any ? std::min(low, least) : least;
+    high = any ? std::max(high, greatest) : greatest;
+    any = true;
+  }
+  const double middle = 0.5 * (low + high);
+  const double half = 0.5 * std::max(high - low, scale.least_span);
+  if (high - low < scale.least_span) {
+    low = scale.from_zero && low >= 0 ? 0 : middle - half;
+    high = low + 2 * half;
+  }
+  Axis axis;
+  axis.step = view_model::nice_step((high - low) / 2);
+  axis.low = low - 0.06 * (high - low);
+  axis.high = high + 0.06 * (high - low);
+  return axis;
+}
+
+std::string number(double value, double step) {
+  const int digits = std::clamp(static_cast<int>(std::ceil(-std::log10(step) - 1e-9)), 0, 6);
+  const double shown = std::abs(value) < 0.5 * std::pow(10.0, -digits) ? 0 : value;  // no "-0.0"
+  return fmt::format("{:.{}f}", shown, digits);
+}
+
+// Border and title; returns where the curves go.
+ChartBox begin_chart(const Gui& gui, const ChartBox& box, const char* title, float right_margin) {
+  ImDrawList* const list = ImGui::GetWindowDrawList();
+  const float s = gui.scale();
+  list->AddRectFilled(box.from, box.to, ink(palette::kBackground), 4 * s);
+  list->AddText(gui.small(), gui.small()->FontSize, {box.from.x + 8 * s, box.from.y + 4 * s},
+                ink(palette::kQuiet), title);
+  return {{box.from.x + 40 * s, box.from.y + 40 * s}, {box.to.x - right_margin * s, box.to.y - 10 * s}};
+}
+
+void draw_grid(const Gui& gui, const ChartBox& plot, const Axis& axis, bool left,
+               const palette::Rgb& colour) {
+  ImDrawList* const list = ImGui::GetWindowDrawList();
+  const float s = gui.scale();
+  const double first = std::ceil(axis.low / axis.step);
+  for (int i = 0; i < kLinesMax && (first + i) * axis.step <= axis.high; ++i) {
+    const double v = (first + i) * axis.step;
+    const float y = axis.y(plot, v);
+    const bool zero = std::abs(v) < 1e-6 * axis.step;
+    if (left) list->AddLine({plot.from.x, y}, {plot.to.x, y}, ink(palette::kEdge, zero ? 1.0f : 0.55f), s);
+    const std::string text = number(v, axis.step);
+    const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
+    const float x = left ? plot.from.x - size.x - 5 * s : plot.to.x + 5 * s;
+    list->AddText(gui.small(), gui.small()->FontSize, {x, y - 0.5f * size.y}, ink(colour), text.c_str());
+  }
+}
+
+// A bin becomes one upright stroke from its least to its greatest value, joined to the one before.
+void draw_curve(const Gui& gui, const ChartBox& plot, const Axis& axis, const Curve& curve) {
+  ImDrawList* const list = ImGui::GetWindowDrawList();
+  const Strip& strip = curve.strip;
+  const auto width = static_cast<double>(plot.to.x - plot.from.x);
+  const auto x_of = [&](double bin) {
+    return plot.from.x + static_cast<float>(width * bin / static_cast<double>(strip.size()));
+  };
+  const ImU32 colour = ink(curve.colour);
+  const float wide = 1.4f * gui.scale();
+  bool joined = false;
+  ImVec2 before{};
+  for (std::size_t i = 0; i < strip.size(); ++i) {
+    const Strip::Bin& bin = strip.bin(i);
+    if (bin.empty) continue;
+    const float x = x_of(static_cast<double>(i));
+    const float low = axis.y(plot, bin.least);
+    const float high = axis.y(plot, bin.greatest);
+    const ImVec2 middle{x, 0.5f * (low + high)};
+    if (joined) list->AddLine(before, middle, colour, wide);
+    if (low - high > wide) list->AddLine({x, low}, {x, high}, colour, wide);
+    before = middle;
+    joined = true;
+  }
+}
+
+// Newest values, from the right.
+float draw_values(const Gui& gui, const ChartBox& box, const Curve& curve, const char* unit, double step,
+                  float right) {
+  const Strip::Bin& newest = curve.strip.bin(curve.strip.size() - 1);
+  const std::string value = newest.empty ? "–" : number(newest.greatest, step / 10);
+  // Without room for names and units the colours must do; the axes say the rest.
+  const bool narrow = box.to.x - box.from.x < 170 * gui.scale();
+  std::string text = value;
+  if (!narrow)
+    text = *curve.name == 0 ? fmt::format("{} {}", value, unit) : fmt::format("{} {}", curve.name, value);
+  const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
+  const float s = gui.scale();
+  ImGui::GetWindowDrawList()->AddText(gui.small(), gui.small()->FontSize,
+                                      {right - size.x, box.from.y + 20 * s}, ink(curve.colour), text.c_str());
+  return right - size.x - 10 * s;
+}
+
+void draw_limit(const Gui& gui, const ChartBox& plot, const Axis& axis, double limit) {
+  if (!(limit > 0)) return;
+  const float s = gui.scale();
+  for (const double v : {limit, -limit}) {
+    if (v <= axis.low || v >= axis.high) continue;
+    const float y = axis.y(plot, v);
+    for (float x = plot.from.x; x < plot.to.x; x += 8 * s)
+      ImGui::GetWindowDrawList()->AddLine({x, y}, {std::min(x + 4 * s, plot.to.x), y},
+                                          ink(palette::kAlarm, 0.9f), s);
+  }
+}
+
+}  // namespace
+
+void draw_strip_chart(const Gui& gui, const ChartBox& box, const char* title, std::span<const Curve> curves,
+                      const ChartScale& scale) {
+  const std::string heading = fmt::format("{}  [{}]", title, scale.unit);
+  const ChartBox plot = begin_chart(gui, box, heading.c_str(), 10);
+  const Axis axis = axis_of(curves, scale);
+  draw_grid(gui, plot, axis, true, palette::kQuiet);
+  ImGui::PushClipRect(plot.from, plot.to, true);
+  draw_limit(gui, plot, axis, scale.limit);
+  for (const Curve& curve : curves) draw_curve(gui, plot, axis, curve);
+  ImGui::PopClipRect();
+  float right = box.to.x - 8 * gui.scale();
+  for (std::size_t i = curves.size(); i-- > 0;)
+    right = draw_values(gui, box, curves[i], scale.unit, axis.step, right);
+}
+
+void draw_two_scales(const Gui& gui, const ChartBox& box, const char* title, const Curve& left,
+                     const ChartScale& left_scale, const Curve& right, const ChartScale& right_scale) {
+  const ChartBox plot = begin_chart(gui, box, title, 40);
+  const Axis left_axis = axis_of({&left, 1}, left_scale);
+  const Axis right_axis = axis_of({&right, 1}, right_scale);
+  draw_grid(gui, plot, left_axis, true, left.colour);
+  draw_grid(gui, plot, right_axis, false, right.colour);
+  ImGui::PushClipRect(plot.from, plot.to, true);
+  draw_limit(gui, plot, left_axis, left_scale.limit);
+  draw_curve(gui, plot, right_axis, right);
+  draw_curve(gui, plot, left_axis, left);
+  ImGui::PopClipRect();
+  float at = box.to.x - 8 * gui.scale();
+  at = draw_values(gui, box, right, right_scale.unit, right_axis.step, at);
+  draw_values(gui, box, left, left_scale.unit, left_axis.step, at);
+}
+
+void draw_round_trips(const Gui& gui, const ChartBox& box, const view_model::RoundTrips& trips) {
+  using view_model::RoundTrips;
+  const ChartBox plot = begin_chart(gui, box, "Round trip", 10);
+  ImDrawList* const list = ImGui::GetWindowDrawList();
+  const float s = gui.scale();
+  const ChartBox bars{{box.from.x + 10 * s, plot.from.y}, {plot.to.x, plot.to.y - 10 * s}};
+  // Only the decades that there are, and one bin to either side.
+  int first = RoundTrips::kBins;
+  int last = -1;
+  int most = 1;
+  for (int bin = 0; bin < RoundTrips::kBins; ++bin) {
+    const int count = trips.counts()[static_cast<std::size_t>(bin)];
+    if (count == 0) continue;
+    first = std::min(first, bin);
+    last = bin;
+    most = std::max(most, count);
+  }
+  if (last < 0) return;
+  first = std::max(first / 10 * 10, 0);
+  last = std::min(last / 10 * 10 + 9, RoundTrips::kBins - 1);
+  const float wide = (bars.to.x - bars.from.x) / static_cast<float>(last - first + 1);
+  // The height goes with the logarithm of the count: single late replies are seen.
+  const double top = std::log1p(most);
+  for (int bin = first; bin <= last; ++bin) {
+    const int count = trips.counts()[static_cast<std::size_t>(bin)];
+    const float x = bars.from.x + wide * static_cast<float>(bin - first);
+    if (bin % 10 == 0) {
+      list->AddLine({x, bars.from.y}, {x, bars.to.y}, ink(palette::kEdge, 0.55f), s);
+      list->AddText(gui.small(), gui.small()->FontSize, {x, bars.to.y + s}, ink(palette::kQuiet),
+                    kDecades[static_cast<std::size_t>(bin / 10)]);
+    }
+    if (count == 0) continue;
+    const auto part = static_cast<float>(std::log1p(count) / top);
+    list->AddRectFilled({x + 0.5f, bars.to.y - part * (bars.to.y - bars.from.y)},
+                        {std::max(x + wide - 0.5f, x + 1.5f), bars.to.y}, ink(palette::kTarget, 0.85f));
+  }
+  const std::string text = fmt::format("p50 {}   p99 {}", view_model::time_text(trips.percentile_us(0.5)),
+                                       view_model::time_text(trips.percentile_us(0.99)));
+  const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
+  list->AddText(gui.small(), gui.small()->FontSize, {box.to.x - 8 * s - size.x, box.from.y + 20 * s},
+                ink(palette::kTarget), text.c_str());
+}
+
+}  // namespace telenano::viewer

@@ -1,0 +1,301 @@
+#include "master/viewer/control_panel.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "master/station/station.h"
+#include "master/view_model/words.h"
+#include "master/viewer/limited_slider.h"
+
+namespace telenano::viewer {
+namespace {
+
+using control::Method;
+using view_model::Mood;
+using view_model::ViewRequest;
+
+palette::Rgb colour_of(Mood mood) {
+  return mood == Mood::kAlarm     ? palette::kAlarm
+         : mood == Mood::kWarning ? palette::kWarning
+         : mood == Mood::kGood    ? palette::kGood
+                                  : palette::kQuiet;
+}
+
+const char* about(Method method) {
+  switch (method) {
+    case Method::kNone:
+      return "no control: swings when too stiff";
+    case Method::kKs:
+      return "Kim & Sitti, as published";
+    case Method::kKsClamp:
+      return "that, with a bound on energy";
+    case Method::kTdpa:
+      return "two ports, energies over the link";
+    case Method::kWave:
+      return "wave variables";
+    case Method::kTank:
+      return "two layers, energy tank";
+    case Method::kModel:
+      return "local model of the contact (default)";
+  }
+  return "";
+}
+
+void row(const char* name, const std::string& value, const palette::Rgb& colour = palette::kText) {
+  ImGui::TableNextRow();
+  ImGui::TableNextColumn();
+  ImGui::TextColored(vec4(palette::kQuiet), "%s", name);
+  ImGui::TableNextColumn();
+  ImGui::TextColored(vec4(colour), "%s", value.c_str());
+}
+
+bool stopped(const recording::Sample& now) {
+  return static_cast<station::Mode>(now.station_mode) == station::Mode::kStopped;
+}
+
+control::Scaling scaling_of(const recording::Sample& now) {
+  return {now.velocity_scale, now.force_scale};
+}
+
+}  // namespace
+
+void ControlPanel::ask(ViewRequest::Kind kind) {
+  ViewRequest request;
+  request.kind = kind;
+  port_.requests.push(request);
+}
+
+void ControlPanel::ask_method(Method method, const recording::Sample& now) {
+  if (!method_offered(method) || method == static_cast<Method>(now.method)) return;
+  ViewRequest request;
+  const control::Scaling safe = facts_.region.clamped(method, scaling_of(now));
+  if (safe.force < now.force_scale) {
+    request.kind = ViewRequest::Kind::kScaling;
+    request.scaling = safe;
+    port_.requests.push(request);
+  }
+  request.kind = ViewRequest::Kind::kMethod;
+  request.method = method;
+  port_.requests.push(request);
+}
+
+void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float high) {
+  const float wide = ImGui::GetContentRegionAvail().x;
+  ImGui::PushFont(gui.large());
+  if (stopped(now)) {
+    ImGui::PushStyleColor(ImGuiCol_Button, vec4(palette::kRaised));
+    ImGui::PushStyleColor(ImGuiCol_Text, vec4(palette::kWarning));
+    if (ImGui::Button("Clear the stop  (R)", {wide, high})) ask(ViewRequest::Kind::kClearStop);
+  } else {
+    ImGui::PushStyleColor(ImGuiCol_Button, vec4(palette::kAlarm));
+    ImGui::PushStyleColor(ImGuiCol_Text, ImVec4(1, 1, 1, 1));
+    ImGui::PushStyleColor(ImGuiCol_ButtonHovered, {1.0f, 0.4f, 0.4f, 1});
+    ImGui::PushStyleColor(ImGuiCol_ButtonActive, {0.7f, 0.15f, 0.15f, 1});
+    if (ImGui::Button("STOP  (Esc)", {wide, high})) ask(ViewRequest::Kind::kStop);
+    ImGui::PopStyleColor(2);
+  }
+  ImGui::PopStyleColor(2);
+  ImGui::PopFont();
+}
+
+void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
+  auto messages = view_model::force_words(now, port_.force_off.load());
+  for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
+  // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
+  ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
+  if (messages.empty() && !facts_.shows_force)
+    messages.push_back({"This hand has no motors: see the force at the tip", Mood::kCalm});
+  if (messages.empty()) messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
+  for (const auto& message : messages) {
+    ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour_of(message.mood)));
+    ImGui::TextWrapped("%s", message.text.c_str());
+    ImGui::PopStyleColor();
+  }
+  ImGui::EndChild();
+}
+
+void ControlPanel::draw_method(const recording::Sample& now) {
+  const auto current = static_cast<Method>(now.method);
+  ImGui::TextColored(vec4(palette::kQuiet), "Method");
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(-1);
+  const std::string name(control::method_name(current));
+  if (ImGui::BeginCombo("##method", name.c_str())) {
+    int number = 1;
+    for (const Method method : control::kAllMethods) {
+      const std::string label =
+          fmt::format("{}  {}: {}", number++, control::method_name(method), about(method));
+      const bool offered = method_offered(method);
+      if (ImGui::Selectable(label.c_str(), method == current,
+                            offered ? ImGuiSelectableFlags_None : ImGuiSelectableFlags_Disabled))
+        ask_method(method, now);
+    }
+    ImGui::EndCombo();
+  }
+}
+
+void ControlPanel::draw_region(const Gui& gui, Method method, const control::Scaling& shown, ImVec2 size) {
+  const view_model::ScalingRegion& region = facts_.region;
+  const float s = gui.scale();
+  const float wide = size.x;
+  const float high = size.y;
+  const ImVec2 from = ImGui::GetCursorScreenPos();
+  const ImVec2 to{from.x + wide, from.y + high};
+  ImGui::Dummy({wide, high});
+  ImDrawList* const list = ImGui::GetWindowDrawList();
+  list->AddRectFilled(from, to, ink(palette::kBackground), 4 * s);
+  const double force_max = region.force_top();
+  const auto x_of = [&](double v) {
+    return from.x +
+           static_cast<float>(view_model::slider_of(v, region.velocity_min, region.velocity_max)) * wide;
+  };
+  const auto y_of = [&](double f) {
+    return to.y - static_cast<float>(view_model::slider_of(f, region.force_min, force_max)) * high;
+  };
+  // The border is a hyperbola, a straight line between logarithms; the safe side is under it.
+  list->PushClipRect(from, to, true);
+  const double bound = std::max(region.bound(method), 0.0);
+  constexpr int kParts = 48;
+  ImVec2 before{};
+  for (int i = 0; i <= kParts; ++i) {
+    const double v =
+        view_model::value_of(static_cast<double>(i) / kParts, region.velocity_min, region.velocity_max);
+    const ImVec2 here{x_of(v), y_of(bound / v)};
+    if (i > 0) {
+      list->AddQuadFilled({before.x, before.y}, here, {here.x, to.y}, {before.x, to.y},
+                          ink(palette::kGood, 0.16f));
+      list->AddLine(before, here, ink(palette::kGood), 1.5f * s);
+    }
+    before = here;
+  }
+  const float y_device = y_of(region.device_force_scale);
+  for (float x = from.x; x < to.x; x += 8 * s)
+    list->AddLine({x, y_device}, {x + 4 * s, y_device}, ink(palette::kWarning, 0.9f), s);
+  const ImVec2 p{x_of(shown.velocity), y_of(shown.force)};
+  const bool safe = shown.impedance() <= bound;
+  list->AddCircleFilled(p, 5 * s, ink(safe ? palette::kText : palette::kAlarm));
+  list->PopClipRect();
+  const auto write = [&](ImVec2 at, const char* text, const palette::Rgb& colour) {
+    list->AddText(gui.small(), gui.small()->FontSize, at, ink(colour), text);
+  };
+  write({from.x + 6 * s, to.y - 17 * s}, "passive", palette::kGood);
+  const char* const across = gui.has_greek() ? "α_v →" : "alpha_v >";
+  const float across_wide = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, across).x;
+  write({to.x - across_wide - 6 * s, to.y - 17 * s}, across, palette::kQuiet);
+  write({from.x + 6 * s, from.y + 3 * s}, gui.has_greek() ? "α_F ↑" : "alpha_F ^", palette::kQuiet);
+  const float label_y = y_device - 14 * s > from.y ? y_device - 14 * s : y_device + 2 * s;
+  const char* const saturates = "device saturates above";
+  const float label_wide = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, saturates).x;
+  if (high > 80 * s && y_device > from.y && y_device < to.y)
+    write({to.x - label_wide - 6 * s, label_y}, saturates, palette::kWarning);
+}
+
+void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, float region_high) {
+  const view_model::ScalingRegion& region = facts_.region;
+  const auto method = static_cast<Method>(now.method);
+  control::Scaling shown = dragged_.value_or(scaling_of(now));
+  const float wide = ImGui::GetContentRegionAvail().x;
+  SliderState velocity;
+  velocity.value = shown.velocity;
+  velocity.least = region.velocity_min;
+  velocity.greatest = region.velocity_max;
+  SliderState force;
+  force.value = shown.force;
+  force.least = region.force_min;
+  force.greatest = region.force_top();
+  force.limit = std::max(region.bound(method), 0.0) / shown.velocity;
+  const double nm_per_mm = shown.velocity * 1e6;
+  const double newton_per_nn = shown.force * 1e-9;
+  const std::string velocity_text = fmt::format(
+      "{} = {:.3g}   (1 mm moves {:.3g} nm)", gui.has_greek() ? "α_v" : "alpha_v", shown.velocity, nm_per_mm);
+  const std::string force_text = fmt::format("{} = {:.3g}   (1 nN feels {:.3g} N)",
+                                             gui.has_greek() ? "α_F" : "alpha_F", shown.force, newton_per_nn);
+  limited_slider(gui, "velocity", velocity_text.c_str(), wide, velocity);
+  limited_slider(gui, "force", force_text.c_str(), wide, force);
+  if (velocity.changed) dragged_ = region.clamped(method, {velocity.value, shown.force});
+  if (force.changed) dragged_ = region.clamped(method, {shown.velocity, force.value});
+  if ((velocity.let_go || force.let_go) && dragged_) {
+    ViewRequest request;
+    request.kind = ViewRequest::Kind::kScaling;
+    request.scaling = *dragged_;
+    port_.requests.push(request);
+    dragged_.reset();
+  }
+  draw_region(gui, method, shown, {wide, region_high});
+}
+
+void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& live) {
+  const recording::Sample& now = live.now();
+  if (!ImGui::BeginTable("numbers", 2, ImGuiTableFlags_SizingFixedFit)) return;
+  ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 84 * gui.scale());
+  ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
+  const auto& tip = now.tip_pos_w_nm;
+  row("tip x y z", fmt::format("{:.1f}  {:.1f}  {:.2f} nm", tip[0], tip[1], tip[2]));
+  row("gap",
+      fmt::format("{}, {}", view_model::length_text(live.gap_nm()),
+                  view_model::contact_words(now.contact_state)),
+      live.contact() ? palette::kRepulsion : palette::kText);
+  const auto& f = now.force_w_nn;
+  row("tip force", fmt::format("{} along z", view_model::force_text(f[2])),
+      f[2] >= 0 ? palette::kRepulsion : palette::kAttraction);
+  row("lever", fmt::format("bent {}", view_model::length_text(now.deflection_nm)));
+  row("hand force",
+      facts_.shows_force
+          ? fmt::format("{:+.2f} of {:.1f} N", now.hand_force_applied_h_n[2], facts_.hand_force_limit_n)
+          : fmt::format("not shown ({:+.2f} N)", now.hand_force_commanded_h_n[2]));
+  row("energy", fmt::format("{:+.2f} mJ put in", 1e3 * now.energy_j));
+  row("link", fmt::format("RTT {}, lost {}", view_model::time_text(now.rtt_us), now.lost));
+  row("loop", fmt::format("late {}, over {}", view_model::time_text(now.lateness_us), now.overruns));
+  ImGui::EndTable();
+}
+
+void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live,
+                             const RecordingStatus& recording) {
+  const float s = gui.scale();
+  if (!facts_.recording.empty()) {
+    const ImVec2 p = ImGui::GetCursorScreenPos();
+    const bool bright = std::fmod(live.now().time_s, 1.0) < 0.7;
+    ImGui::GetWindowDrawList()->AddCircleFilled({p.x + 6 * s, p.y + 9 * s}, 5 * s,
+                                                ink(palette::kAlarm, bright ? 1.0f : 0.35f));
+    ImGui::Dummy({14 * s, 0});
+    ImGui::SameLine();
+    ImGui::TextColored(vec4(recording.failed ? palette::kAlarm : palette::kText), "%s",
+                       recording.failed ? "recording has failed"
+                                        : fmt::format("recording: {} rows", recording.rows).c_str());
+  } else {
+    ImGui::TextColored(vec4(palette::kQuiet), "not recording (--record FILE)");
+  }
+  const float half = 0.5f * (ImGui::GetContentRegionAvail().x - ImGui::GetStyle().ItemSpacing.x);
+  if (ImGui::Button("Picture (P)", {half, 0})) picture_wanted_ = true;
+  ImGui::SameLine();
+  if (ImGui::Button("Help (F1)", {half, 0})) help_wanted_ = true;
+}
+
+void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording,
+                        const Area& area) {
+  ImGui::SetNextWindowPos({static_cast<float>(area.x_px), static_cast<float>(area.y_px)});
+  ImGui::SetNextWindowSize({static_cast<float>(area.width_px), static_cast<float>(area.height_px)});
+  ImGui::Begin("panel", nullptr,
+               ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoCollapse |
+                   ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
+                   ImGuiWindowFlags_NoBringToFrontOnFocus);
+  const recording::Sample& now = live.now();
+  const float s = gui.scale();
+  const auto high = static_cast<float>(area.height_px);
+  const bool low = high < 720 * s;
+  draw_stop(gui, now, (low ? 40 : 54) * s);
+  draw_messages(now, low ? 2.3f : 3.3f);
+  ImGui::Checkbox("Clutch: the tip stands (C)", &clutch_);
+  ImGui::Separator();
+  draw_method(now);
+  draw_scaling(gui, now, low ? 58 * s : std::clamp(104 * s + 0.8f * (high - 720 * s), 104 * s, 190 * s));
+  ImGui::Separator();
+  draw_numbers(gui, live);
+  ImGui::Separator();
+  draw_foot(gui, live, recording);
+  ImGui::End();
+}
+
+}  // namespace telenano::viewer

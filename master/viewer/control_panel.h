@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <utility>
+
+#include "master/view_model/live_session.h"
+#include "master/view_model/view_port.h"
+#include "master/viewer/gui.h"
+#include "master/viewer/layout.h"
+#include "master/viewer/view_facts.h"
+
+namespace telenano::viewer {
+
+/// The panel at the right: stop, state, method, scales, numbers. What a person asks for goes into the queue
+/// of requests; what is shown is what the loop says, never what was asked.
+class ControlPanel {
+ public:
+  ControlPanel(const ViewFacts& facts, view_model::ViewPort& port) : facts_(facts), port_(port) {}
+
+  void draw(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording,
+            const Area& area);
+
+  void ask(view_model::ViewRequest::Kind kind);
+  /// With a scaling that is safe under it, if the present one is not.
+  void ask_method(control::Method method, const recording::Sample& now);
+  bool method_offered(control::Method method) const noexcept {
+    return facts_.method_offered[static_cast<std::size_t>(method)];
+  }
+
+  bool clutch_on_screen() const noexcept { return clutch_; }
+  void want_picture() noexcept { picture_wanted_ = true; }
+  bool take_picture_wanted() noexcept { return std::exchange(picture_wanted_, false); }
+  bool take_help_wanted() noexcept { return std::exchange(help_wanted_, false); }
+
+ private:
+  void draw_stop(const Gui& gui, const recording::Sample& now, float high);
+  void draw_messages(const recording::Sample& now, float lines);
+  void draw_method(const recording::Sample& now);
+  void draw_scaling(const Gui& gui, const recording::Sample& now, float region_high);
+  void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, ImVec2 size);
+  void draw_numbers(const Gui& gui, const view_model::LiveSession& live);
+  void draw_foot(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording);
+
+  const ViewFacts& facts_;
+  view_model::ViewPort& port_;
+  std::optional<control::Scaling> dragged_;  // while a slider is held
+  bool clutch_ = false;
+  bool picture_wanted_ = false;
+  bool help_wanted_ = false;
+};
+
+}  // namespace telenano::viewer

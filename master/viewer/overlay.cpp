@@ -1,0 +1,280 @@
+#include "master/viewer/overlay.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "master/view_model/nice_step.h"
+#include "master/view_model/words.h"
+
+namespace telenano::viewer {
+namespace {
+
+using view_model::Camera;
+using view_model::Mat4;
+using view_model::Mood;
+using view_model::ScreenPoint;
+
+palette::Rgb colour_of(Mood mood) {
+  switch (mood) {
+    case Mood::kGood:
+      return palette::kGood;
+    case Mood::kWarning:
+      return palette::kWarning;
+    case Mood::kAlarm:
+      return palette::kAlarm;
+    case Mood::kCalm:
+      break;
+  }
+  return palette::kQuiet;
+}
+
+ImVec2 text_size(const ImFont* font, const char* text) {
+  return font->CalcTextSizeA(font->FontSize, 1e9f, 0, text);
+}
+
+constexpr double kConeHalves = SceneRenderer::kConeInCloseUp;  // of half the picture's height
+
+// Draws in one picture: nothing leaves it.
+class Pen {
+ public:
+  Pen(const Gui& gui, const Camera& camera, const SceneFrame& frame, const Area& area)
+      : list_(ImGui::GetBackgroundDrawList()),
+        gui_(gui),
+        clip_(camera.clip_of_scene(area.aspect())),
+        frame_(frame),
+        area_(area) {
+    list_->PushClipRect(
+        {static_cast<float>(area.x_px), static_cast<float>(area.y_px)},
+        {static_cast<float>(area.x_px + area.width_px), static_cast<float>(area.y_px + area.height_px)});
+  }
+  ~Pen() { list_->PopClipRect(); }
+  Pen(const Pen&) = delete;
+  Pen& operator=(const Pen&) = delete;
+
+  ImVec2 at(const Vec3& pos_w_nm) const {
+    const ScreenPoint p =
+        view_model::project(clip_, frame_.scene_nm(pos_w_nm), area_.width_px, area_.height_px);
+    return {static_cast<float>(area_.x_px + p.x_px), static_cast<float>(area_.y_px + p.y_px)};
+  }
+  ImDrawList* list() const { return list_; }
+  float left() const { return static_cast<float>(area_.x_px); }
+  float top() const { return static_cast<float>(area_.y_px); }
+  float right() const { return static_cast<float>(area_.x_px + area_.width_px); }
+  float bottom() const { return static_cast<float>(area_.y_px + area_.height_px); }
+  float s() const { return gui_.scale(); }
+
+  /// `anchor`: which part of the text stands there, 0 … 1 from left and top.
+  void text(ImVec2 where, const std::string& words, const palette::Rgb& colour, ImVec2 anchor = {0, 0},
+            const ImFont* font = nullptr) const {
+    if (font == nullptr) font = gui_.small();
+    const ImVec2 size = text_size(font, words.c_str());
+    const ImVec2 p{where.x - anchor.x * size.x, where.y - anchor.y * size.y};
+    const float o = s();
+    // A dark edge keeps it readable on bright ground.
+    for (const auto& [dx, dy] : {std::pair{-o, 0.f}, {o, 0.f}, {0.f, -o}, {0.f, o}})
+      list_->AddText(font, font->FontSize, {p.x + dx, p.y + dy}, ink(palette::kBackground, 0.75f),
+                     words.c_str());
+    list_->AddText(font, font->FontSize, p, ink(colour), words.c_str());
+  }
+  void line(ImVec2 a, ImVec2 b, const palette::Rgb& colour, float wide = 1, float alpha = 1) const {
+    list_->AddLine(a, b, ink(colour, alpha), wide * s());
+  }
+
+ private:
+  ImDrawList* list_;
+  const Gui& gui_;
+  Mat4 clip_;
+  SceneFrame frame_;
+  Area area_;
+};
+
+// A lying or standing arrow from the tip to where the hand wants it would hide more than it tells: a diamond.
+void draw_target(const Pen& pen, const SceneState& state) {
+  const ImVec2 p = pen.at(state.target_pos_w_nm);
+  const float r = 5 * pen.s();
+  pen.list()->AddQuad({p.x - r, p.y}, {p.x, p.y - r}, {p.x + r, p.y}, {p.x, p.y + r},
+                      ink(palette::kTarget, 0.95f), 1.6f * pen.s());
+}
+
+// Ticks and lengths along the two edges of the ground that face the camera.
+void draw_axes(const Pen& pen, const SceneState& state, const Camera& camera) {
+  const auto& ground = state.ground;
+  const Vec3 low = ground.min_w_nm();
+  const Vec3 high = ground.max_w_nm();
+  const Vec3 towards = camera.direction();
+  const double y_edge = towards.y() < 0 ? low.y() : high.y();
+  const double x_edge = towards.x() < 0 ? low.x() : high.x();
+  const double step = view_model::nice_step(0.4 * std::max(ground.width_nm(), ground.depth_nm()));
+  const double z = low.z();
+  const double out = 0.03 * std::max(ground.width_nm(), ground.depth_nm());
+  for (int axis = 0; axis < 2; ++axis) {
+    const double from = low[axis];
+    const double to = high[axis];
+    Vec3 outward = Vec3::Zero();
+    outward[1 - axis] = axis == 0 ? (y_edge == low.y() ? -out : out) : (x_edge == low.x() ? -out : out);
+    const auto place = [&](double along) {
+      return axis == 0 ? Vec3(along, y_edge, z) : Vec3(x_edge, along, z);
+    };
+    for (double v = std::ceil(from / step - 1e-9) * step; v <= to + 1e-9 * step; v += step) {
+      const ImVec2 a = pen.at(place(v));
+      const ImVec2 b = pen.at(place(v) + outward);
+      pen.line(a, b, palette::kQuiet);
+      pen.text(pen.at(place(v) + 2.3 * outward), fmt::format("{:g}", v), palette::kQuiet, {0.5f, 0.5f});
+    }
+    pen.text(pen.at(place(0.5 * (from + to)) + 4.6 * outward), axis == 0 ? "x (nm)" : "y (nm)",
+             palette::kText, {0.5f, 0.5f});
+  }
+}
+
+// A bar that lies on the ground along its front edge, so that perspective shortens both alike.
+void draw_ground_bar(const Pen& pen, const SceneState& state, const Camera& camera) {
+  const auto& ground = state.ground;
+  const double length = view_model::nice_step(0.25 * ground.width_nm());
+  const double y = camera.direction().y() < 0 ? ground.min_w_nm().y() + 0.05 * ground.depth_nm()
+                                              : ground.max_w_nm().y() - 0.05 * ground.depth_nm();
+  const double x = ground.min_w_nm().x() + 0.05 * ground.width_nm();
+  const auto place = [&](double at) { return Vec3(at, y, ground.height_w_nm(at, y)); };
+  const ImVec2 a = pen.at(place(x));
+  const ImVec2 b = pen.at(place(x + length));
+  pen.line(a, b, palette::kBackground, 5, 0.7f);
+  pen.line(a, b, palette::kText, 3);
+  pen.text({0.5f * (a.x + b.x), 0.5f * (a.y + b.y) - 5 * pen.s()}, view_model::length_text(length),
+           palette::kText, {0.5f, 1});
+}
+
+void draw_height_legend(const Pen& pen, const SceneState& state, double exaggeration) {
+  const float s = pen.s();
+  const bool scan = state.ground.is_scan();
+  const double low = scan ? state.ground.min_w_nm().z() : state.touched.lowest_nm();
+  const double high = scan ? state.ground.max_w_nm().z() : state.touched.highest_nm();
+  if (!scan && state.touched.points_w_nm().empty()) {
+    pen.text({pen.left() + 12 * s, pen.bottom() - 12 * s},
+             "no scan given (--surface): the plane at the touch height", palette::kQuiet, {0, 1});
+    return;
+  }
+  const ImVec2 from{pen.left() + 14 * s, pen.top() + 64 * s};
+  const float wide = 11 * s;
+  const float high_px = 84 * s;
+  constexpr int kBands = 48;
+  for (int i = 0; i < kBands; ++i) {
+    const auto colour = view_model::height_colour(1 - (i + 0.5) / kBands);
+    pen.list()->AddRectFilled({from.x, from.y + high_px * static_cast<float>(i) / kBands},
+                              {from.x + wide, from.y + high_px * static_cast<float>(i + 1) / kBands},
+                              ink(colour));
+  }
+  const float x = from.x + wide + 5 * s;
+  pen.text({x, from.y}, fmt::format("{:.1f} nm", high), palette::kText, {0, 0.3f});
+  pen.text({x, from.y + high_px}, fmt::format("{:.1f} nm", low), palette::kText, {0, 0.7f});
+  pen.text({from.x, from.y - 6 * s}, scan ? "height" : "height where touched", palette::kQuiet, {0, 1});
+  if (exaggeration != 1)
+    pen.text({from.x, from.y + high_px + 8 * s}, fmt::format("heights × {:g}", exaggeration),
+             palette::kQuiet);
+}
+
+std::string force_words(double force_nn) {
+  return (force_nn < 0 ? "pull " : "push ") + view_model::force_text(std::abs(force_nn));
+}
+
+}  // namespace
+
+void draw_overview_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
+                         const Camera& camera, const SceneFrame& frame, const Area& area) {
+  const Pen pen(gui, camera, frame, area);
+  draw_axes(pen, state, camera);
+  draw_ground_bar(pen, state, camera);
+  draw_height_legend(pen, state, frame.exaggeration);
+  draw_target(pen, state);
+  const ImVec2 tip = pen.at(state.tip_pos_w_nm);
+  const float s = pen.s();
+  const double force = state.force_w_nn.z();
+  pen.text({tip.x + 22 * s, tip.y + 2 * s}, force_words(force),
+           force >= 0 ? palette::kRepulsion : palette::kAttraction, {0, 0.5f}, gui.text());
+  pen.text({tip.x + 22 * s, tip.y + 19 * s}, "gap " + view_model::length_text(live.gap_nm()), palette::kText,
+           {0, 0.5f});
+  pen.text(
+      {pen.right() - 10 * s, pen.bottom() - 10 * s},
+      fmt::format("lever's bend × {:g}    full cone: {:g} nN", state.lever_exaggeration, state.force_full_nn),
+      palette::kQuiet, {1, 1});
+}
+
+void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
+                         const Camera& camera, const SceneFrame& frame, const Area& area) {
+  const Pen pen(gui, camera, frame, area);
+  const float s = pen.s();
+  pen.list()->AddLine({pen.left(), pen.top()}, {pen.left(), pen.bottom()}, ink(palette::kEdge), 2 * s);
+  pen.text(
+      {pen.left() + 10 * s, pen.top() + 8 * s},
+      static_cast<float>(area.width_px) > 300 * s ? "Section through the tip along x" : "Section along x",
+      palette::kText, {0, 0}, gui.text());
+  pen.text({pen.left() + 10 * s, pen.top() + 27 * s},
+           fmt::format("true proportions; tip radius drawn: {:g} nm", state.tip_radius_nm), palette::kQuiet);
+  draw_target(pen, state);
+  // The gap as an engineer would draw it: beside what it measures, between two thin lines.
+  Vec3 foot = state.tip_pos_w_nm;
+  foot.z() = state.ground.height_w_nm(foot.x(), foot.y());
+  const ImVec2 a = pen.at(state.tip_pos_w_nm);
+  const ImVec2 b = pen.at(foot);
+  const float x = a.x + 0.24f * static_cast<float>(area.width_px);
+  for (const ImVec2& p : {a, b}) pen.line({p.x, p.y}, {x + 4 * s, p.y}, palette::kText, 1, 0.55f);
+  pen.line({x, a.y}, {x, b.y}, palette::kText, 1.4f);
+  for (const ImVec2& p : {a, b}) pen.list()->AddCircleFilled({x, p.y}, 2.5f * s, ink(palette::kText));
+  const float y = std::clamp(0.5f * (a.y + b.y), pen.top() + 60 * s, pen.bottom() - 60 * s);
+  const std::string gap = view_model::length_text(live.gap_nm());
+  const bool room = x + 9 * s + text_size(gui.text(), gap.c_str()).x < pen.right();
+  pen.text({room ? x + 9 * s : x - 9 * s, y}, gap, palette::kText, {room ? 0.0f : 1.0f, 0.5f}, gui.text());
+  const double force = state.force_w_nn.z();
+  const float above = force >= 0 ? -1.0f : 1.0f;
+  const float cone_px = static_cast<float>(
+      kConeHalves * std::min(std::abs(force) / state.force_full_nn, 1.0) * 0.5 * area.height_px);
+  const float word_y =
+      std::clamp(a.y + above * (cone_px + 14 * s), pen.top() + 56 * s, pen.bottom() - 40 * s);
+  pen.text({a.x, word_y}, force_words(force), force >= 0 ? palette::kRepulsion : palette::kAttraction,
+           {0.5f, 0.5f}, gui.text());
+  // The picture is orthographic: a bar across it is true everywhere.
+  const double per_px = camera.nm_per_pixel(area.height_px);
+  const double length = view_model::nice_step(0.35 * per_px * area.width_px);
+  const auto long_px = static_cast<float>(length / per_px);
+  const ImVec2 end{pen.right() - 14 * s, pen.bottom() - 16 * s};
+  pen.line({end.x - long_px, end.y}, end, palette::kBackground, 5, 0.7f);
+  pen.line({end.x - long_px, end.y}, end, palette::kText, 3);
+  pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText,
+           {0.5f, 1});
+}
+
+void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
+                 const Area& area) {
+  ImDrawList* const list = ImGui::GetBackgroundDrawList();
+  const float s = gui.scale();
+  float x = static_cast<float>(area.x_px) + 10 * s;
+  const float y = static_cast<float>(area.y_px) + 8 * s;
+  const auto pill = [&](const char* text, const palette::Rgb& colour, bool filled) {
+    const ImVec2 size = text_size(gui.text(), text);
+    const ImVec2 from{x, y};
+    const ImVec2 to{x + size.x + 18 * s, y + size.y + 8 * s};
+    list->AddRectFilled(from, to, filled ? ink(colour) : ink(palette::kPanel, 0.9f), 6 * s);
+    if (!filled) list->AddRect(from, to, ink(colour), 6 * s, 0, 1.5f * s);
+    list->AddText(gui.text(), gui.text()->FontSize, {x + 9 * s, y + 4 * s},
+                  filled ? ink(palette::kBackground) : ink(colour), text);
+    x = to.x + 8 * s;
+  };
+  switch (live.origin()) {
+    case view_model::Origin::kUnknown:
+      pill("NO SAMPLE YET", palette::kQuiet, false);
+      break;
+    case view_model::Origin::kComputed:
+      pill("SIM", palette::kAttraction, true);
+      break;
+    case view_model::Origin::kMeasured:
+      pill("LIVE", palette::kAlarm, true);
+      break;
+  }
+  const view_model::Message mode = view_model::mode_words(live.now());
+  pill(mode.text.c_str(), colour_of(mode.mood), mode.mood != Mood::kCalm);
+  const std::string about = facts.scene_name;
+  list->AddText(gui.text(), gui.text()->FontSize, {x + 2 * s, y + 4 * s}, ink(palette::kText), about.c_str());
+}
+
+}  // namespace telenano::viewer

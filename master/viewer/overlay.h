@@ -1,0 +1,21 @@
+#pragma once
+
+#include "master/view_model/live_session.h"
+#include "master/viewer/gui.h"
+#include "master/viewer/scene_renderer.h"
+#include "master/viewer/scene_state.h"
+#include "master/viewer/view_facts.h"
+
+namespace telenano::viewer {
+
+/// Words and marks over the pictures: axes, scale bars, the legend of heights, gap and force where they are.
+void draw_overview_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
+                         const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
+void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
+                         const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
+
+/// SIM or LIVE, the sample's name and what the station is doing, across the top.
+void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
+                 const Area& area);
+
+}  // namespace telenano::viewer

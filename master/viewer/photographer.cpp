@@ -1,0 +1,50 @@
+#include "master/viewer/photographer.h"
+
+#include <chrono>
+#include <thread>
+#include <utility>
+
+#include "master/viewer/gl.h"
+#include "master/viewer/offscreen.h"
+#include "master/viewer/viewer.h"
+
+namespace telenano::viewer {
+namespace {
+
+constexpr auto kPause = std::chrono::milliseconds(20);
+constexpr int kSmoothing = 4;  // places a pixel
+constexpr int kFrames = 40;    // until the close-up stands still
+constexpr double kFrameS = 1.0 / 60;
+
+}  // namespace
+
+Picture draw_picture(Viewer& viewer, int width_px, int height_px, const RecordingStatus& recording) {
+  const Canvas canvas(width_px, height_px, kSmoothing);
+  ImGui::GetIO().DeltaTime = static_cast<float>(kFrameS);
+  viewer.settle(kFrames);
+  // Twice: ImGui knows the sizes of its windows only after a first frame.
+  for (int i = 0; i < 2; ++i) {
+    canvas.bind();
+    viewer.draw(width_px, height_px, i * kFrameS, recording);
+  }
+  return {width_px, height_px, canvas.read_rgb()};
+}
+
+void photograph(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
+                const ViewHooks& hooks, const PhotoOptions& options, const std::function<double()>& time_s) {
+  const OffscreenContext context;
+  Viewer viewer(facts, std::move(ground), port, 1);
+  bool taken = false;
+  while (true) {
+    const bool over = hooks.session_over();
+    viewer.take_samples();
+    if (!taken && (over || time_s() >= options.at_s)) {
+      taken = true;
+      write_png(options.file, draw_picture(viewer, options.width_px, options.height_px, hooks.recording()));
+    }
+    if (over) return;
+    std::this_thread::sleep_for(kPause);
+  }
+}
+
+}  // namespace telenano::viewer

@@ -1,0 +1,24 @@
+#pragma once
+
+#include "common/base/vec3.h"
+#include "master/view_model/ground.h"
+#include "master/view_model/trail.h"
+
+namespace telenano::viewer {
+
+/// What is to be seen of the tip and the sample in one frame.
+struct SceneState {
+  const view_model::Ground& ground;
+  const view_model::Trail& trail;
+  const view_model::TouchedGround& touched;
+  Vec3 tip_pos_w_nm = Vec3::Zero();     ///< apex
+  Vec3 target_pos_w_nm = Vec3::Zero();  ///< where the station wants it
+  Vec3 force_w_nn = Vec3::Zero();       ///< on the tip
+  double force_full_nn = 100;           ///< force at which the cone has its full length
+  double deflection_nm = 0;             ///< of the lever, up positive
+  double lever_exaggeration = 1;        ///< of that, in the overview
+  bool contact = false;
+  double tip_radius_nm = 20;
+};
+
+}  // namespace telenano::viewer

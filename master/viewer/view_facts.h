@@ -1,0 +1,36 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "common/base/vec3.h"
+#include "master/view_model/scaling_region.h"
+
+namespace telenano::viewer {
+
+/// What does not change while a session runs.
+struct ViewFacts {
+  std::string scene_name;
+  std::string server;
+  std::string device_name;
+  bool mouse_is_hand = false;
+  bool shows_force = true;     ///< the device has motors
+  double hand_half_m = 0.055;  ///< half the edge of the box of the mouse's hand
+  double hand_back_s = 0.35;   ///< in which that hand comes back to its middle
+  std::string recording;       ///< file; empty: none
+  double surface_z_w_nm = 0;
+  double hand_force_limit_n = 0;  ///< what the station never exceeds
+  double energy_bound_j = 0;      ///< that may ever be extracted
+  double tip_radius_nm = 20;      ///< drawn; the server does not tell it
+  view_model::ScalingRegion region{};
+  std::array<bool, control::kAllMethods.size()> method_offered{};  ///< by this server
+};
+
+/// Of the recording, which goes on in a thread of its own.
+struct RecordingStatus {
+  std::uint64_t rows = 0;
+  bool failed = false;
+};
+
+}  // namespace telenano::viewer

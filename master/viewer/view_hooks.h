@@ -1,0 +1,25 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "common/rt/latest_value.h"
+#include "master/device/pointer_device.h"
+#include "master/view_model/ground.h"
+#include "master/viewer/view_facts.h"
+
+namespace telenano::viewer {
+
+/// What a screen needs from the program that runs the session. All are called in the screen's thread.
+struct ViewHooks {
+  std::function<bool()> session_over;
+  std::function<RecordingStatus()> recording;
+  /// The surface again when its file has changed; asked about once a second.
+  std::function<std::optional<view_model::Ground>()> changed_ground;
+  /// Where the mouse's hand goes; null when another device is the hand.
+  rt::LatestValue<device::PointerState>* pointer = nullptr;
+  std::string picture_prefix = "telenano";  ///< of pictures taken by key: PREFIX-1.png …
+};
+
+}  // namespace telenano::viewer

@@ -1,0 +1,346 @@
+#include "master/viewer/viewer.h"
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <backends/imgui_impl_opengl3.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "master/device/haptic_device.h"
+#include "master/viewer/charts.h"
+#include "master/viewer/overlay.h"
+
+namespace telenano::viewer {
+namespace {
+
+using view_model::ViewRequest;
+
+constexpr double kTrailStep_nm = 0.25;
+constexpr double kCloseUpElevation_deg = 12;
+constexpr double kCloseUpLeast_nm = 8;
+constexpr double kCloseUpMost_nm = 60;
+constexpr double kFollow = 0.12;  // of the way to the wanted height of the close-up, a frame
+constexpr double kDegPerPixel = 0.3;
+constexpr double kZoomPerNotch = 1.15;
+
+ChartBox box_of(const Area& area) {
+  return {{static_cast<float>(area.x_px), static_cast<float>(area.y_px)},
+          {static_cast<float>(area.x_px + area.width_px), static_cast<float>(area.y_px + area.height_px)}};
+}
+
+}  // namespace
+
+Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port, float scale)
+    : facts_(facts),
+      port_(port),
+      gui_(scale),
+      ground_(std::move(ground)),
+      renderer_(ground_),
+      live_(kTrailStep_nm),
+      panel_(facts_, port),
+      hand_(facts.hand_half_m, facts.hand_back_s) {
+  reset_cameras();
+}
+
+void Viewer::set_ground(view_model::Ground ground) {
+  ground_ = std::move(ground);
+  renderer_.set_ground(ground_);
+}
+
+void Viewer::reset_cameras() {
+  const double extent = std::max(ground_.width_nm(), ground_.depth_nm());
+  overview_camera_ = {};
+  overview_camera_.azimuth_deg = -62;
+  overview_camera_.elevation_deg = 32;
+  overview_camera_.target_nm = {0, 0, 0.06 * extent};
+  overview_camera_.distance_nm = 2.55 * extent;
+  overview_camera_.depth_range_nm = 3 * extent;
+  close_up_camera_ = {};
+  close_up_camera_.azimuth_deg = -90;
+  close_up_camera_.elevation_deg = kCloseUpElevation_deg;
+  close_up_camera_.orthographic = true;
+  close_up_camera_.distance_nm = 1000;
+  close_up_camera_.depth_range_nm = 1000;
+  close_up_zoom_ = 1;
+  seen_tip_ = false;
+}
+
+void Viewer::take_samples() {
+  recording::Sample sample;
+  // As many as there can be: a loop that is faster than this must not keep the screen here for ever.
+  for (std::size_t i = 0; i < port_.samples.capacity() && port_.samples.pop(sample); ++i)
+    live_.take(sample, ground_);
+}
+
+SceneState Viewer::state() const {
+  const recording::Sample& now = live_.now();
+  const auto vec = [](const recording::Xyz& v) { return Vec3(v[0], v[1], v[2]); };
+  SceneState state{ground_, live_.trail(), live_.touched()};
+  state.tip_pos_w_nm = vec(now.tip_pos_w_nm);
+  state.target_pos_w_nm = vec(now.tip_target_w_nm);
+  state.force_w_nn = vec(now.force_w_nn);
+  state.force_full_nn = live_.force_full_nn();
+  state.deflection_nm = now.deflection_nm;
+  state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground_, live_.deflection_full_nm());
+  state.contact = live_.contact();
+  state.tip_radius_nm = facts_.tip_radius_nm;
+  return state;
+}
+
+// The close-up goes with the tip and shows it and the ground under it, nearer when they are near.
+void Viewer::follow_tip() {
+  const recording::Sample& now = live_.now();
+  const Vec3 tip(now.tip_pos_w_nm[0], now.tip_pos_w_nm[1], now.tip_pos_w_nm[2]);
+  const double gap = std::abs(live_.gap_nm());
+  const double wanted = std::clamp(0.8 * gap + kCloseUpLeast_nm, kCloseUpLeast_nm, kCloseUpMost_nm);
+  close_up_half_nm_ = seen_tip_ ? close_up_half_nm_ + kFollow * (wanted - close_up_half_nm_) : wanted;
+  seen_tip_ = now.reply_sequence != 0;
+  close_up_camera_.half_height_nm = close_up_half_nm_ / close_up_zoom_;
+  Vec3 middle = tip;
+  middle.z() -= 0.5 * std::clamp(live_.gap_nm(), -kCloseUpMost_nm, kCloseUpMost_nm);
+  close_up_camera_.target_nm = SceneRenderer::close_up_frame(ground_).scene_nm(middle);
+  close_up_camera_.target_nm.z() += 0.12 * close_up_camera_.half_height_nm;
+}
+
+// A picture that is higher than wide sees less to the sides: it stands back.
+view_model::Camera Viewer::fitted_overview(const Area& area) const noexcept {
+  view_model::Camera camera = overview_camera_;
+  camera.distance_nm /= std::clamp(area.aspect(), 0.2, 1.25);
+  return camera;
+}
+
+void Viewer::settle(int frames) {
+  for (int i = 0; i < frames; ++i) follow_tip();
+}
+
+void Viewer::handle_keys(double time_s) {
+  const ImGuiIO& io = ImGui::GetIO();
+  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
+  // Stop always works, whatever has the keyboard.
+  if (pressed(GLFW_KEY_ESCAPE)) panel_.ask(ViewRequest::Kind::kStop);
+  if (io.WantTextInput) return;
+  if (pressed(GLFW_KEY_R)) panel_.ask(ViewRequest::Kind::kClearStop);
+  if (pressed(GLFW_KEY_M)) {
+    panel_.ask(ViewRequest::Kind::kMarker);
+    say(facts_.recording.empty() ? "No recording to put a mark into" : "Mark put into the recording", time_s);
+  }
+  if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
+  if (pressed(GLFW_KEY_F1)) help_ = !help_;
+  if (pressed(GLFW_KEY_Q) && io.KeyCtrl) panel_.ask(ViewRequest::Kind::kQuit);
+  if (pressed(GLFW_KEY_HOME)) reset_cameras();
+  if (pressed(GLFW_KEY_V))
+    views_ = views_ == Views::kBoth       ? Views::kOverview
+             : views_ == Views::kOverview ? Views::kCloseUp
+                                          : Views::kBoth;
+  for (int i = 0; i < static_cast<int>(control::kAllMethods.size()); ++i) {
+    if (pressed(GLFW_KEY_1 + i))
+      panel_.ask_method(control::kAllMethods[static_cast<std::size_t>(i)], live_.now());
+  }
+  const bool clutch = panel_.clutch_on_screen() || ImGui::IsKeyDown(GLFW_KEY_C);
+  hand_.clutch(clutch);
+  port_.buttons.store(clutch ? static_cast<std::uint32_t>(device::kButtonClutch) : 0u);
+}
+
+void Viewer::handle_mouse(const Layout& layout, double time_s) {
+  const ImGuiIO& io = ImGui::GetIO();
+  const Layout& l = layout;
+  const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(io.MousePos.x, io.MousePos.y);
+  const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
+  const bool free = !io.WantCaptureMouse;
+  if (drag_ == Drag::kNone && free && (over_overview || over_close_up)) {
+    const bool hand = facts_.mouse_is_hand;
+    if (io.MouseClicked[0])
+      drag_ = over_close_up ? (hand ? Drag::kHandInCloseUp : Drag::kNone)
+                            : (hand ? Drag::kHandInOverview : Drag::kTurn);
+    if (io.MouseClicked[1] && over_overview) drag_ = Drag::kTurn;
+    if (io.MouseClicked[2] && over_overview) drag_ = Drag::kShift;
+  }
+  if (!io.MouseDown[0] && !io.MouseDown[1] && !io.MouseDown[2]) drag_ = Drag::kNone;
+
+  hand_.set_velocity_scale(live_.now().velocity_scale);
+  const bool dragging_hand = drag_ == Drag::kHandInOverview || drag_ == Drag::kHandInCloseUp;
+  hand_.hold(facts_.mouse_is_hand &&
+             (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) && !io.WantTextInput)));
+  hand_.update(time_s);
+
+  const view_model::Camera camera = fitted_overview(l.overview);
+  const double overview_nm_px = camera.nm_per_pixel(l.overview.height_px);
+  const double close_up_nm_px = close_up_camera_.nm_per_pixel(l.close_up.height_px);
+  const double dx = io.MouseDelta.x;
+  const double dy = io.MouseDelta.y;
+  switch (drag_) {
+    case Drag::kHandInOverview: {
+      view_model::PointerHand::Axes axes;
+      axes.right = camera.right();
+      Vec3 away = -camera.direction();
+      away.z() = 0;
+      // A length on the ground away from the camera looks shorter by the sine of the elevation.
+      const double steep = std::max(camera.direction().z(), 0.2);
+      axes.up = io.KeyShift ? Vec3::UnitZ() : Vec3(away.normalized() / steep);
+      axes.nm_per_pixel = io.KeyShift ? close_up_nm_px : overview_nm_px;
+      hand_.drag(io.KeyShift ? 0 : dx, dy, axes);
+      break;
+    }
+    case Drag::kHandInCloseUp:
+      hand_.drag(dx, dy, {Vec3::UnitX(), Vec3::UnitZ(), close_up_nm_px});
+      break;
+    case Drag::kTurn:
+      overview_camera_.orbit(-kDegPerPixel * dx, kDegPerPixel * dy);
+      break;
+    case Drag::kShift:
+      overview_camera_.target_nm += overview_nm_px * (-dx * camera.right() + dy * camera.up());
+      break;
+    case Drag::kNone:
+      break;
+  }
+  if (io.MouseWheel != 0 && free) {
+    const bool zoom = !facts_.mouse_is_hand || io.KeyCtrl;
+    if (!zoom && (over_overview || over_close_up)) {
+      hand_.turn_wheel(io.MouseWheel, io.KeyShift ? 0.1 : 0.5, time_s);
+    } else if (over_close_up && zoom) {
+      close_up_zoom_ = std::clamp(close_up_zoom_ * std::pow(kZoomPerNotch, io.MouseWheel), 0.1, 10.0);
+    } else if (over_overview && zoom) {
+      overview_camera_.zoom(std::pow(kZoomPerNotch, io.MouseWheel));
+    }
+  }
+}
+
+void Viewer::draw_charts(const Layout& layout, int height_px) {
+  ImGui::SetNextWindowPos({0, static_cast<float>(layout.overview.height_px)});
+  ImGui::SetNextWindowSize(
+      {static_cast<float>(layout.panel.x_px), static_cast<float>(height_px - layout.overview.height_px)});
+  ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kPanel));
+  ImGui::Begin("charts", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
+                   ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoInputs);
+  const Curve gap{live_.gap(), "", palette::kFree};
+  const Curve force{live_.tip_force(), "", palette::kRepulsion};
+  ChartScale gap_scale{"nm", 2, true, 0};
+  ChartScale force_scale{"nN", 2, true, 0};
+  draw_two_scales(gui_, box_of(layout.charts[0]), "Gap, tip force", gap, gap_scale, force, force_scale);
+  const std::array<Curve, 3> hand = {{{live_.raw_force(), "raw", palette::kQuiet},
+                                      {live_.limited_force(), "sent", palette::kAttraction},
+                                      {live_.applied_force(), "felt", palette::kRepulsion}}};
+  ChartScale hand_scale{"N", 0.2, true, facts_.hand_force_limit_n};
+  draw_strip_chart(gui_, box_of(layout.charts[1]), "Hand force, z", hand, hand_scale);
+  const Curve energy{live_.energy(), "", palette::kGood};
+  const Curve damper{live_.damper(), "", palette::kTarget};
+  ChartScale energy_scale{"mJ", 0.5, true, 1e3 * facts_.energy_bound_j};
+  ChartScale damper_scale{"N·s/m", 1, true, 0};
+  draw_two_scales(gui_, box_of(layout.charts[2]), "Energy, damper", energy, energy_scale, damper,
+                  damper_scale);
+  draw_round_trips(gui_, box_of(layout.charts[3]), live_.round_trips());
+  ImGui::End();
+  ImGui::PopStyleColor();
+}
+
+void Viewer::draw_help() {
+  if (!help_) return;
+  ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x * 0.5f, ImGui::GetIO().DisplaySize.y * 0.5f},
+                          ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kRaised, 0.97f));
+  ImGui::Begin("help", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoSavedSettings);
+  ImGui::PushFont(gui_.large());
+  ImGui::TextUnformatted("Keys and mouse");
+  ImGui::PopFont();
+  ImGui::Separator();
+  if (ImGui::BeginTable("keys", 2, ImGuiTableFlags_SizingFixedFit)) {
+    const auto row = [](const char* key, const char* what) {
+      ImGui::TableNextRow();
+      ImGui::TableNextColumn();
+      ImGui::TextColored(vec4(palette::kWarning), "%s", key);
+      ImGui::TableNextColumn();
+      ImGui::TextUnformatted(what);
+    };
+    if (facts_.mouse_is_hand) {
+      row("left drag, section",
+          "take hold and move the tip along x and z, a nanometre to the picture's nanometre");
+      row("left drag, overview", "take hold and move the tip over the sample; with Shift: up and down");
+      row("wheel", "tip up or down by 0.5 nm a notch; with Shift 0.1 nm");
+      row("Space held", "keep hold (deadman); letting go stops the tip where it is");
+      row("Ctrl + wheel", "nearer, farther");
+      row("right drag, overview", "turn the picture");
+    } else {
+      row("left or right drag", "turn the overview");
+      row("wheel", "nearer, farther");
+    }
+    row("middle drag, overview", "move the picture");
+    row("Esc", "STOP: zero force, the tip retracts");
+    row("R", "clear the stop, when you have looked");
+    row("C held", "clutch: move the hand, the tip stands");
+    row("1 … 7", "control method");
+    row("M", "a mark in the recording");
+    row("P or F12", "picture of this window (PNG)");
+    row("V", "both pictures, overview, section");
+    row("Home", "the first view again");
+    row("Ctrl + Q", "end the session");
+    row("F1", "this help");
+    ImGui::EndTable();
+  }
+  ImGui::Separator();
+  ImGui::TextColored(vec4(palette::kRepulsion), "orange: pushed away, in contact");
+  ImGui::SameLine();
+  ImGui::TextColored(vec4(palette::kAttraction), "  blue: pulled towards the sample");
+  ImGui::SameLine();
+  ImGui::TextColored(vec4(palette::kTarget), "  diamond: where the hand wants the tip");
+  ImGui::End();
+  ImGui::PopStyleColor();
+}
+
+void Viewer::say(const std::string& text, double time_s) {
+  said_ = text;
+  said_until_s_ = time_s + 2;
+}
+
+void Viewer::draw_words(double time_s, const Area& area) {
+  if (time_s > said_until_s_) return;
+  const ImVec2 size = gui_.text()->CalcTextSizeA(gui_.text()->FontSize, 1e9f, 0, said_.c_str());
+  const ImVec2 p{static_cast<float>(area.x_px) + 12 * gui_.scale(),
+                 static_cast<float>(area.y_px) + 44 * gui_.scale()};
+  ImDrawList* const list = ImGui::GetForegroundDrawList();
+  list->AddRectFilled({p.x - 6, p.y - 4}, {p.x + size.x + 6, p.y + size.y + 4}, ink(palette::kRaised), 4);
+  list->AddText(gui_.text(), gui_.text()->FontSize, p, ink(palette::kText), said_.c_str());
+}
+
+void Viewer::draw(int width_px, int height_px, double time_s, const RecordingStatus& recording) {
+  const Layout layout = layout_of(width_px, height_px, gui_.scale(), views_);
+  ImGui_ImplOpenGL3_NewFrame();
+  ImGui::GetIO().DisplaySize = {static_cast<float>(width_px), static_cast<float>(height_px)};
+  ImGui::NewFrame();
+  handle_keys(time_s);
+  follow_tip();
+  handle_mouse(layout, time_s);
+
+  glViewport(0, 0, width_px, height_px);
+  glDisable(GL_SCISSOR_TEST);
+  glClearColor(palette::kPanel.r, palette::kPanel.g, palette::kPanel.b, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  const SceneState now = state();
+  const SceneFrame frame = SceneRenderer::overview_frame(ground_);
+  const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
+  if (views_ != Views::kCloseUp) {
+    const view_model::Camera camera = fitted_overview(layout.overview);
+    renderer_.draw_overview(now, camera, frame, layout.overview, height_px);
+    draw_overview_words(gui_, now, live_, camera, frame, layout.overview);
+  }
+  if (views_ != Views::kOverview) {
+    renderer_.draw_close_up(now, close_up_camera_, close_frame, layout.close_up, height_px);
+    draw_close_up_words(gui_, now, live_, close_up_camera_, close_frame, layout.close_up);
+  }
+  draw_banner(gui_, facts_, live_, layout.overview);
+  draw_charts(layout, height_px);
+  panel_.draw(gui_, live_, recording, layout.panel);
+  if (panel_.take_help_wanted()) help_ = !help_;
+  draw_help();
+  draw_words(time_s, layout.overview);
+  ImGui::Render();
+  glViewport(0, 0, width_px, height_px);
+  ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
+}
+
+}  // namespace telenano::viewer

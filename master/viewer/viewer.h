@@ -1,0 +1,81 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "master/view_model/camera.h"
+#include "master/view_model/ground.h"
+#include "master/view_model/live_session.h"
+#include "master/view_model/pointer_hand.h"
+#include "master/view_model/view_port.h"
+#include "master/viewer/control_panel.h"
+#include "master/viewer/gui.h"
+#include "master/viewer/layout.h"
+#include "master/viewer/scene_renderer.h"
+#include "master/viewer/view_facts.h"
+
+namespace telenano::viewer {
+
+/// The whole picture, in whatever is current: a window or a canvas without one. It reads the loop through the
+/// port and never waits for it.
+class Viewer {
+ public:
+  /// A context of OpenGL 3.3 must be current, as whenever it is used.
+  Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port, float scale);
+
+  /// Another scan of the same sample, e.g. with new marks.
+  void set_ground(view_model::Ground ground);
+
+  /// Takes what the loop has put into the port since the last time.
+  void take_samples();
+  /// One frame. `time_s`: of any clock, for what blinks and for the grip of the mouse. Input comes from
+  /// ImGui's io, which a window fills and a test may.
+  void draw(int width_px, int height_px, double time_s, const RecordingStatus& recording);
+
+  const view_model::PointerHand& hand() const noexcept { return hand_; }
+  const view_model::LiveSession& live() const noexcept { return live_; }
+  const view_model::Ground& ground() const noexcept { return ground_; }
+  const view_model::Camera& overview_camera() const noexcept { return overview_camera_; }
+  const view_model::Camera& close_up_camera() const noexcept { return close_up_camera_; }
+  /// Asked for since the last call.
+  bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
+  /// Lets what follows the tip come to rest, as so many frames would.
+  void settle(int frames);
+  /// Shown for two seconds.
+  void say(const std::string& text, double time_s);
+  void show(Views views) noexcept { views_ = views; }
+
+ private:
+  enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift };
+
+  void reset_cameras();
+  void follow_tip();
+  void handle_keys(double time_s);
+  void handle_mouse(const Layout& layout, double time_s);
+  void draw_charts(const Layout& layout, int height_px);
+  void draw_help();
+  void draw_words(double time_s, const Area& area);
+  SceneState state() const;
+  view_model::Camera fitted_overview(const Area& area) const noexcept;
+
+  ViewFacts facts_;
+  view_model::ViewPort& port_;
+  Gui gui_;
+  view_model::Ground ground_;
+  SceneRenderer renderer_;
+  view_model::LiveSession live_;
+  ControlPanel panel_;
+  view_model::PointerHand hand_;
+  view_model::Camera overview_camera_;
+  view_model::Camera close_up_camera_;
+  double close_up_zoom_ = 1;
+  double close_up_half_nm_ = 12;
+  bool seen_tip_ = false;
+  Views views_ = Views::kBoth;
+  Drag drag_ = Drag::kNone;
+  bool help_ = false;
+  std::string said_;
+  double said_until_s_ = -1;
+};
+
+}  // namespace telenano::viewer

@@ -1,0 +1,186 @@
+#include "master/viewer/window.h"
+
+#include <epoxy/gl.h>
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <backends/imgui_impl_glfw.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <filesystem>
+#include <memory>
+#include <thread>
+
+#include "common/base/error.h"
+#include "master/viewer/png.h"
+#include "master/viewer/viewer.h"
+
+namespace telenano::viewer {
+namespace {
+
+constexpr int kWidth_px = 1280;
+constexpr int kHeight_px = 800;
+constexpr int kLeastWidth_px = 640;
+constexpr int kLeastHeight_px = 480;
+constexpr auto kFrame = std::chrono::microseconds(16'600);
+constexpr double kReloadS = 1;
+
+using Clock = std::chrono::steady_clock;
+
+// GLFW and its window, which go in the end whatever happens.
+class Window {
+ public:
+  Window() {
+    glfwSetErrorCallback([](int, const char* text) { last_error() = text; });
+    if (glfwInit() == GLFW_FALSE) refuse();
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
+    glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
+    glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
+    glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
+    int width_px = kWidth_px;
+    int height_px = kHeight_px;
+    if (GLFWmonitor* const monitor = glfwGetPrimaryMonitor(); monitor != nullptr) {
+      int x = 0;
+      int y = 0;
+      int wide = 0;
+      int high = 0;
+      glfwGetMonitorWorkarea(monitor, &x, &y, &wide, &high);
+      if (wide >= kLeastWidth_px && high >= kLeastHeight_px) {
+        width_px = std::min(width_px, wide);
+        height_px = std::min(height_px, high);
+      }
+    }
+    window_ = glfwCreateWindow(width_px, height_px, "Telenano", nullptr, nullptr);
+    if (window_ == nullptr) {
+      glfwTerminate();
+      refuse();
+    }
+    glfwSetWindowSizeLimits(window_, kLeastWidth_px, kLeastHeight_px, GLFW_DONT_CARE, GLFW_DONT_CARE);
+    glfwMakeContextCurrent(window_);
+    glfwSwapInterval(1);
+  }
+  ~Window() {
+    glfwDestroyWindow(window_);
+    glfwTerminate();
+  }
+  Window(const Window&) = delete;
+  Window& operator=(const Window&) = delete;
+
+  GLFWwindow* get() const noexcept { return window_; }
+  float scale() const noexcept {
+    float x = 1;
+    float y = 1;
+    glfwGetWindowContentScale(window_, &x, &y);
+    return std::clamp(std::max(x, y), 1.0f, 4.0f);
+  }
+
+ private:
+  static std::string& last_error() {
+    static std::string text;
+    return text;
+  }
+  [[noreturn]] static void refuse() {
+    throw RunError("no window can be opened: " + (last_error().empty() ? "no display" : last_error()) +
+                   "; log in graphically or with ssh -X, or leave --view out");
+  }
+  GLFWwindow* window_ = nullptr;
+};
+
+// ImGui's input from the window; made after the context of ImGui, gone before it.
+class WindowInput {
+ public:
+  explicit WindowInput(GLFWwindow* window) { ImGui_ImplGlfw_InitForOpenGL(window, true); }
+  ~WindowInput() { ImGui_ImplGlfw_Shutdown(); }
+  WindowInput(const WindowInput&) = delete;
+  WindowInput& operator=(const WindowInput&) = delete;
+};
+
+std::string free_name(const std::string& prefix) {
+  for (int i = 1;; ++i) {
+    std::string name = fmt::format("{}-{}.png", prefix, i);
+    if (!std::filesystem::exists(name)) return name;
+  }
+}
+
+Picture picture_of_window(int width_px, int height_px) {
+  Picture picture{width_px, height_px, {}};
+  const auto row = static_cast<std::size_t>(3 * width_px);
+  std::vector<unsigned char> upside_down(row * static_cast<std::size_t>(height_px));
+  glPixelStorei(GL_PACK_ALIGNMENT, 1);
+  glReadPixels(0, 0, width_px, height_px, GL_RGB, GL_UNSIGNED_BYTE, upside_down.data());
+  for (int y = height_px - 1; y >= 0; --y) {
+    const auto from = upside_down.begin() + static_cast<std::ptrdiff_t>(row) * y;
+    picture.rgb.insert(picture.rgb.end(), from, from + static_cast<std::ptrdiff_t>(row));
+  }
+  return picture;
+}
+
+device::PointerState pointer_of(const Viewer& viewer, double time_s) {
+  device::PointerState state;
+  const Vec3& pos = viewer.hand().hand_pos_h_m();
+  state.hand_pos_h_m = {pos.x(), pos.y(), pos.z()};
+  state.buttons = viewer.hand().buttons(time_s);
+  return state;
+}
+
+}  // namespace
+
+bool has_display() noexcept {
+  const auto set = [](const char* name) {
+    const char* const value = std::getenv(name);
+    return value != nullptr && *value != 0;
+  };
+  return set("DISPLAY") || set("WAYLAND_DISPLAY");
+}
+
+rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
+                            const ViewHooks& hooks) {
+  const Window window;
+  Viewer viewer(facts, std::move(ground), port, window.scale());
+  const WindowInput input(window.get());
+  rt::LogHistogram frames;
+  const Clock::time_point start = Clock::now();
+  double reload_s = kReloadS;
+  bool asked_to_quit = false;
+  while (!hooks.session_over()) {
+    const Clock::time_point began = Clock::now();
+    const double time_s = std::chrono::duration<double>(began - start).count();
+    glfwPollEvents();
+    if (glfwWindowShouldClose(window.get()) != 0 && !asked_to_quit) {
+      view_model::ViewRequest quit;
+      quit.kind = view_model::ViewRequest::Kind::kQuit;
+      asked_to_quit = port.requests.push(quit);
+    }
+    if (hooks.changed_ground && time_s > reload_s) {
+      reload_s = time_s + kReloadS;
+      if (auto changed = hooks.changed_ground()) viewer.set_ground(std::move(*changed));
+    }
+    int width_px = 0;
+    int height_px = 0;
+    glfwGetFramebufferSize(window.get(), &width_px, &height_px);
+    viewer.take_samples();
+    if (width_px > 0 && height_px > 0) {
+      ImGui_ImplGlfw_NewFrame();
+      viewer.draw(width_px, height_px, time_s, hooks.recording());
+      if (viewer.take_picture_wanted()) {
+        const std::string name = free_name(hooks.picture_prefix);
+        try {
+          write_png(name, picture_of_window(width_px, height_px));
+          viewer.say("Picture: " + name, time_s);
+        } catch (const std::exception& error) {  // a full disk ends no session
+          viewer.say(error.what(), time_s);
+        }
+      }
+    }
+    if (hooks.pointer != nullptr) hooks.pointer->store(pointer_of(viewer, time_s));
+    glFinish();
+    frames.add(std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - began).count());
+    glfwSwapBuffers(window.get());
+    std::this_thread::sleep_until(began + kFrame);
+  }
+  return frames;
+}
+
+}  // namespace telenano::viewer

@@ -1,0 +1,236 @@
+#include "nve_server/afm/afm_driver.h"
+
+#include <poll.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <utility>
+#include <vector>
+
+#include "common/base/error.h"
+
+namespace telenano::afm {
+namespace {
+
+constexpr std::int64_t kReconnectNs = 20'000'000;
+constexpr std::int64_t kConnectNs = 2'000'000'000;
+constexpr std::int64_t kTurnNs = 500'000;
+
+void nap(std::int64_t ns) {
+  const timespec time{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
+  ::nanosleep(&time, nullptr);
+}
+
+}  // namespace
+
+AfmDriver::AfmDriver(const AfmConfig& config, const DriverOptions& options,
+                     std::shared_ptr<AfmExchange> exchange, const rt::Clock& clock,
+                     std::function<void(const std::string&)> news)
+    : logic_(config),
+      options_(options),
+      exchange_(std::move(exchange)),
+      clock_(clock),
+      news_(std::move(news)) {}
+
+AfmDriver::~AfmDriver() {
+  stop_.store(true, std::memory_order_relaxed);
+  if (thread_.joinable()) thread_.join();
+  if (options_.emergency_handle >= 0) ::close(options_.emergency_handle);  // the guard withdraws once more
+}
+
+void AfmDriver::start(const std::atomic<bool>& stop) {
+  for (std::size_t i = 0; i < options_.ports.size(); ++i) {
+    const Role role = static_cast<Role>(i);
+    try {
+      streams_[i].tcp = net::TcpStream::connect(options_.ports[i], kConnectNs);
+    } catch (const RunError& error) {
+      throw UserError("port of " + std::string(name(role)) + ": " + error.what() +
+                      "; expected an AFM controller there (--controller, --ports)");
+    }
+    logic_.connected(role, clock_.now_ns());
+  }
+  emergency_open_ = true;
+  logic_.connected(Role::kEmergency, clock_.now_ns());
+  thread_ = std::thread([this] { run(); });
+  for (;;) {
+    const Phase phase = phase_.load(std::memory_order_acquire);
+    if (phase == Phase::kFollowing || stop.load(std::memory_order_relaxed)) return;
+    if (refused_.load(std::memory_order_acquire) || phase == Phase::kWithdrawn) break;
+    nap(5'000'000);
+  }
+  // The thread still looks after the tip; what it says is settled.
+  stop_.store(true, std::memory_order_relaxed);
+  thread_.join();
+  throw UserError(!logic_.refusal().empty()
+                      ? logic_.refusal()
+                      : "the approach failed, the tip was withdrawn: " +
+                            std::string(name(logic_.state().cause)) + " (" + logic_.news() + ")");
+}
+
+int AfmDriver::handle(Role role) const noexcept {
+  if (role == Role::kEmergency) return emergency_open_ ? options_.emergency_handle : -1;
+  return streams_[static_cast<std::size_t>(role)].tcp.handle();
+}
+
+void AfmDriver::close(Role role, std::int64_t now_ns) {
+  Stream& s = streams_[static_cast<std::size_t>(role)];
+  s.tcp.close();
+  s.connecting = false;
+  s.reader.clear();
+  s.reconnect_ns = now_ns + kReconnectNs;
+}
+
+void AfmDriver::connect(Role role, std::int64_t now_ns) {
+  Stream& s = streams_[static_cast<std::size_t>(role)];
+  if (role == Role::kEmergency) {
+    // The guard keeps its connection itself; after a silence it is asked anew.
+    if (s.reconnect_ns != 0 && now_ns >= s.reconnect_ns && emergency_open_) {
+      s.reconnect_ns = 0;
+      logic_.connected(role, now_ns);
+    }
+    return;
+  }
+  if (s.connecting) {
+    if (s.tcp.connecting()) {
+      if (now_ns > s.reconnect_ns + kConnectNs) close(role, now_ns);
+      return;
+    }
+    s.connecting = false;
+    if (s.tcp.open()) {
+      logic_.connected(role, now_ns);
+    } else {
+      close(role, now_ns);
+    }
+    return;
+  }
+  if (s.tcp.open() || now_ns < s.reconnect_ns) return;
+  s.tcp = net::TcpStream::begin_connect(options_.ports[static_cast<std::size_t>(role)]);
+  s.connecting = true;
+}
+
+bool AfmDriver::receive(Role role, std::int64_t now_ns) {
+  Stream& s = streams_[static_cast<std::size_t>(role)];
+  std::array<std::uint8_t, 8192> buffer;
+  bool closed = false;
+  for (;;) {
+    if (role == Role::kEmergency) {
+      const ssize_t n = ::recv(options_.emergency_handle, buffer.data(), buffer.size(), MSG_DONTWAIT);
+      if (n > 0) {
+        s.reader.feed(std::span(buffer).first(static_cast<std::size_t>(n)));
+        continue;
+      }
+      closed = n == 0 || (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
+      break;
+    }
+    std::size_t n = 0;
+    const auto status = s.tcp.read(buffer, n);
+    if (status == net::TcpStream::Status::kOk) {
+      s.reader.feed(std::span(buffer).first(n));
+      continue;
+    }
+    closed = status == net::TcpStream::Status::kClosed;
+    break;
+  }
+  bool any = false;
+  for (;;) {
+    nanonis::Header header;
+    std::span<const std::uint8_t> body;
+    const auto status = s.reader.next(header, body);
+    if (status == nanonis::FrameReader::Status::kNeedMore) break;
+    const nanonis::Call* asked = logic_.waits_for(role);
+    nanonis::Answer answer;
+    bool good = status == nanonis::FrameReader::Status::kFrame;
+    if (good && role == Role::kEmergency &&
+        (asked == nullptr || header.name != nanonis::command(asked->id).name))
+      continue;  // late, from before it was asked anew
+    good = good && asked != nullptr && header.name == nanonis::command(asked->id).name &&
+           nanonis::decode_answer(nanonis::command(asked->id), body, answer);
+    if (!good) {
+      close(role, now_ns);
+      logic_.lost(role, Loss::kGarbage, now_ns);
+      return true;
+    }
+    logic_.answered(role, answer, now_ns);
+    any = true;
+  }
+  if (closed) {
+    if (role == Role::kEmergency) emergency_open_ = false;
+    close(role, now_ns);
+    logic_.lost(role, Loss::kClosed, now_ns);
+  }
+  return any;
+}
+
+void AfmDriver::send(Role role, const nanonis::Bytes& bytes, std::int64_t now_ns) {
+  std::size_t n = 0;
+  bool sent = false;
+  if (role == Role::kEmergency) {
+    sent = ::send(options_.emergency_handle, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT) ==
+           static_cast<ssize_t>(bytes.size());
+  } else {
+    sent = streams_[static_cast<std::size_t>(role)].tcp.write(bytes, n) == net::TcpStream::Status::kOk &&
+           n == bytes.size();
+  }
+  if (sent) return;
+  // A request of a hundred bytes that the socket does not take: the other end has long not read.
+  close(role, now_ns);
+  logic_.lost(role, Loss::kClosed, now_ns);
+}
+
+void AfmDriver::turn(std::int64_t now_ns) {
+  exchange_->load_wish(wish_);
+  logic_.tick(now_ns, wish_);
+  // Emergency first: a withdrawal goes before all else, and its heart beat before the first motion.
+  for (std::size_t k = 0; k < kRoles; ++k) {
+    const std::size_t i = (k + kRoles - 1) % kRoles;
+    const Role role = static_cast<Role>(i);
+    if (logic_.take_close(role)) close(role, now_ns);
+    connect(role, now_ns);
+    if (handle(role) < 0 || streams_[i].connecting) continue;
+    receive(role, now_ns);
+    nanonis::Call call;
+    if (handle(role) >= 0 && logic_.next(role, now_ns, call)) send(role, nanonis::encode_call(call), now_ns);
+  }
+  exchange_->store_state(logic_.state());
+  if (logic_.news_count() != told_) {
+    told_ = logic_.news_count();
+    news_(logic_.news());
+  }
+  if (!logic_.refusal().empty() &&
+      (logic_.state().phase == Phase::kRefused || logic_.state().phase == Phase::kWithdrawn))
+    refused_.store(true, std::memory_order_release);
+  phase_.store(logic_.state().phase, std::memory_order_release);
+}
+
+void AfmDriver::sleep(std::int64_t ns) {
+  std::array<pollfd, kRoles> entries{};
+  for (std::size_t i = 0; i < kRoles; ++i) {
+    entries[i].fd = streams_[i].connecting ? -1 : handle(static_cast<Role>(i));
+    entries[i].events = POLLIN;
+  }
+  const timespec time{0, static_cast<long>(ns)};
+  ::ppoll(entries.data(), entries.size(), &time, nullptr);
+}
+
+void AfmDriver::run() {
+  std::int64_t exit_ns = 0;
+  for (;;) {
+    const std::int64_t now_ns = clock_.now_ns();
+    turn(now_ns);
+    if (stop_.load(std::memory_order_relaxed)) {
+      const Phase phase = logic_.state().phase;
+      if (exit_ns == 0) {
+        exit_ns = now_ns + static_cast<std::int64_t>(kExitS * 1e9);
+        logic_.withdraw(Cause::kExit, now_ns);
+      } else if (phase == Phase::kWithdrawn || phase == Phase::kChecking || phase == Phase::kRefused ||
+                 now_ns > exit_ns) {
+        return;
+      }
+    }
+    sleep(kTurnNs);
+  }
+}
+
+}  // namespace telenano::afm

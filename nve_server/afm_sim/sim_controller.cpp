@@ -1,0 +1,332 @@
+#include "nve_server/afm_sim/sim_controller.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/det_math.h"
+
+namespace telenano::afm_sim {
+
+using nanonis::Call;
+using nanonis::CommandId;
+using nanonis::ZStatus;
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+// Shortest steps while something moves, and while there is only drift.
+constexpr double kMovingStep_s = 5e-4;
+constexpr double kIdleStep_s = 2e-3;
+
+std::int64_t ns(double seconds) {
+  return static_cast<std::int64_t>(std::llround(seconds * 1e9));
+}
+
+/// Which port may say what, where roles are restricted.
+bool suits(CommandId id, int port) noexcept {
+  using enum CommandId;
+  switch (id) {
+    case kXyPosSet:
+    case kSpeedSet:
+    case kZPosSet:
+    case kOnOffSet:
+      return port == 0;
+    case kSignalValsGet:
+    case kSignalValGet:
+      return port == 1;
+    case kStop:
+      return port == 0 || port == 3;
+    case kWithdraw:
+      return port != 1;
+    case kStatusGet:
+    case kZPosGet:
+    case kXyPosGet:
+    case kOnOffGet:
+      return port != 1;
+    default:
+      return port == 2;
+  }
+}
+
+}  // namespace
+
+SimController::SimController(const SimConfig& config, std::shared_ptr<const scene::Scene> scene)
+    : config_(config), tip_(config, std::move(scene)), random_(config.seed) {
+  limit_high_m_ = 0.5e-9 * config_.range_z_nm;
+  limit_low_m_ = -limit_high_m_;
+  piezo_nm_.z() = retracted_nm();
+  acquisition_ns_ = ns(config_.acquisition_s);
+  next_acquisition_ns_ = acquisition_ns_;
+  tip_.step(piezo_nm_, 0);
+}
+
+double SimController::retracted_nm() const noexcept {
+  const double end = 0.5 * config_.range_z_nm;
+  if (!limits_on_) return end;
+  return std::min(end, 1e9 * (config_.z_sign > 0 ? limit_high_m_ : -limit_low_m_));
+}
+
+double SimController::lowest_nm() const noexcept {
+  const double end = -0.5 * config_.range_z_nm;
+  if (!limits_on_) return end;
+  return std::max(end, 1e9 * (config_.z_sign > 0 ? limit_low_m_ : -limit_high_m_));
+}
+
+bool SimController::busy() const noexcept {
+  return status_ == ZStatus::kOn || status_ == ZStatus::kWithdrawing || status_ == ZStatus::kSafeTip ||
+         status_ == ZStatus::kSwitchingOff || piezo_nm_.head<2>() != target_nm_.head<2>();
+}
+
+void SimController::step(double dt_s) noexcept {
+  const double move = speed_nm_s_ * dt_s;
+  const Vec3 to = Vec3(target_nm_.x() - piezo_nm_.x(), target_nm_.y() - piezo_nm_.y(), 0);
+  const double way = to.norm();
+  if (way > 0) piezo_nm_ += way > move ? Vec3(to * (move / way)) : to;
+  switch (status_) {
+    case ZStatus::kOn: {
+      const double error_nn = config_.setpoint_nn - tip_.force_w_nn().z();
+      const double rate =
+          std::clamp(config_.feedback_nm_s_nn * error_nn, -config_.approach_nm_s, config_.approach_nm_s);
+      piezo_nm_.z() = std::clamp(piezo_nm_.z() - rate * dt_s, lowest_nm(), retracted_nm());
+      break;
+    }
+    case ZStatus::kWithdrawing:
+    case ZStatus::kSafeTip:
+      piezo_nm_.z() = std::min(piezo_nm_.z() + config_.withdraw_nm_s * dt_s, retracted_nm());
+      if (status_ == ZStatus::kWithdrawing && withdrawn()) status_ = ZStatus::kOff;
+      break;
+    case ZStatus::kSwitchingOff:
+      if (now_ns_ >= off_at_ns_) {
+        status_ = ZStatus::kOff;
+        piezo_nm_.z() = std::clamp(piezo_nm_.z() + config_.tip_lift_nm, lowest_nm(), retracted_nm());
+      }
+      break;
+    default:
+      break;
+  }
+  tip_.step(piezo_nm_, dt_s);
+  const double bend_nm = tip_.deflection_nm();
+  sum_s_ += dt_s;
+  sum_deflection_ += dt_s * bend_nm;
+  sum_lateral_ += dt_s * tip_.force_w_nn().x();
+  const double signal_m = 1e-9 * (bend_nm + config_.deflection_offset_nm);
+  if (safe_tip_on_ && std::fabs(signal_m) > safe_tip_[2] && status_ != ZStatus::kSafeTip &&
+      status_ != ZStatus::kWithdrawing) {
+    status_ = ZStatus::kSafeTip;
+    target_nm_ = piezo_nm_;
+    ++safe_tips_;
+  }
+}
+
+void SimController::end_acquisition() noexcept {
+  if (!(sum_s_ > 0)) return;
+  const double time_s = 1e-9 * static_cast<double>(now_ns_);
+  const double thermal_nm =
+      config_.thermal_nm * det_sin_cos(std::fmod(2 * kPi * time_s / config_.thermal_period_s, 2 * kPi)).sin;
+  const double bandwidth = std::sqrt(0.5 / sum_s_);  // of an average over that time
+  const double noise_nm = config_.noise_nm_sqrt_hz * bandwidth * random_.normal();
+  value_deflection_m_ =
+      1e-9 * (sum_deflection_ / sum_s_ + config_.deflection_offset_nm + thermal_nm + noise_nm);
+  value_lateral_v_ =
+      (sum_lateral_ / sum_s_ + config_.lateral_noise_nn_sqrt_hz * bandwidth * random_.normal()) /
+      config_.lateral_nn_v;
+  sum_s_ = sum_deflection_ = sum_lateral_ = 0;
+}
+
+void SimController::advance_to(std::int64_t to_ns) noexcept {
+  while (now_ns_ < to_ns) {
+    const std::int64_t longest = ns(busy() ? kMovingStep_s : kIdleStep_s);
+    const std::int64_t until = std::min({now_ns_ + longest, to_ns, next_acquisition_ns_});
+    const double dt_s = 1e-9 * static_cast<double>(until - now_ns_);
+    now_ns_ = until;
+    step(dt_s);
+    if (now_ns_ >= next_acquisition_ns_) {
+      end_acquisition();
+      next_acquisition_ns_ += acquisition_ns_;
+    }
+  }
+}
+
+void SimController::set_z(double z_m, Pending& pending) {
+  if (status_ != ZStatus::kOff) {
+    pending.answer = {{}, {}, 4, "the Z controller is not off"};
+    return;
+  }
+  const double height = 1e9 * config_.z_sign * z_m;
+  if (height > retracted_nm() + 1e-3 || height < lowest_nm() - 1e-3) {
+    pending.answer = {{}, {}, 5, "Z is out of the piezo's range or limits"};
+    return;
+  }
+  ++moves_;
+  piezo_nm_.z() = height;
+}
+
+double SimController::true_value(int index) const noexcept {
+  switch (index) {
+    case kDeflectionSignal:
+      return value_deflection_m_;
+    case kLateralSignal:
+      return value_lateral_v_;
+    case kZSignal:
+      return 1e-9 * config_.z_sign * piezo_nm_.z();
+    default:
+      return 0;
+  }
+}
+
+void SimController::execute(const Call& call, std::int64_t now_ns, Pending& pending) {
+  using enum CommandId;
+  const auto& in = call.numbers;
+  auto& out = pending.answer.numbers;
+  const auto fail = [&](std::uint32_t code, const char* text) { pending.answer = {{}, {}, code, text}; };
+  const auto signal_ok = [](double index) { return index >= 0 && index < kSignalCount; };
+  switch (call.id) {
+    case kXyPosSet: {
+      const double x = 1e9 * in[0], y = 1e9 * in[1];
+      if (!(std::fabs(x) <= 0.5 * config_.range_xy_nm && std::fabs(y) <= 0.5 * config_.range_xy_nm))
+        return fail(6, "X or Y is out of the piezo's range");
+      ++moves_;
+      target_nm_ = Vec3(x, y, 0);
+      if (in[2] != 0) {
+        pending.wait = Pending::Wait::kArrived;
+        pending.deadline_ns = INT64_MAX;
+      }
+      return;
+    }
+    case kXyPosGet:
+      out = {1e-9 * piezo_nm_.x(), 1e-9 * piezo_nm_.y()};
+      return;
+    case kSpeedSet:
+      if (!(in[0] > 0)) return fail(7, "a speed is more than 0");
+      speed_nm_s_ = 1e9 * in[0];
+      custom_speed_ = in[1] != 0;
+      return;
+    case kSpeedGet:
+      out = {1e-9 * speed_nm_s_, custom_speed_ ? 1.0 : 0.0};
+      return;
+    case kStop:
+      target_nm_ = piezo_nm_;
+      return;
+    case kOnOffSet:
+      ++moves_;
+      if (in[0] != 0) {
+        status_ = ZStatus::kOn;
+      } else if (status_ == ZStatus::kOn) {
+        status_ = ZStatus::kSwitchingOff;
+        off_at_ns_ = now_ns + ns(config_.switch_off_delay_s);
+      } else if (status_ == ZStatus::kSafeTip) {
+        status_ = ZStatus::kOff;
+      }
+      return;
+    case kOnOffGet:
+      out = {status_ == ZStatus::kOn || status_ == ZStatus::kSwitchingOff ? 1.0 : 0.0};
+      return;
+    case kZPosSet:
+      return set_z(in[0], pending);
+    case kZPosGet:
+      out = {1e-9 * config_.z_sign * piezo_nm_.z()};
+      return;
+    case kStatusGet:
+      out = {static_cast<double>(status_)};
+      return;
+    case kWithdraw:
+      status_ = ZStatus::kWithdrawing;
+      if (in[0] != 0) {
+        pending.wait = Pending::Wait::kWithdrawn;
+        pending.deadline_ns = in[1] < 0 ? INT64_MAX : now_ns + ns(1e-3 * in[1]);
+      }
+      return;
+    case kWithdrawRateSet:
+      if (!(in[0] > 0)) return fail(7, "a rate is more than 0");
+      config_.withdraw_nm_s = 1e9 * in[0];
+      return;
+    case kTipLiftSet:
+      config_.tip_lift_nm = 1e9 * in[0];
+      return;
+    case kSwitchOffDelaySet:
+      if (!(in[0] >= 0)) return fail(7, "a delay is not negative");
+      config_.switch_off_delay_s = in[0];
+      return;
+    case kLimitsEnabledSet:
+      limits_on_ = in[0] != 0;
+      return;
+    case kLimitsSet:
+      if (!(in[0] > in[1]) || std::fabs(in[0]) > 0.501e-9 * config_.range_z_nm ||
+          std::fabs(in[1]) > 0.501e-9 * config_.range_z_nm)
+        return fail(8, "limits: high is above low, both within the piezo's range");
+      limit_high_m_ = in[0];
+      limit_low_m_ = in[1];
+      return;
+    case kSafeTipOnOffSet:
+      if (in[0] == 1) safe_tip_on_ = true;
+      if (in[0] == 2) safe_tip_on_ = false;
+      return;
+    case kSafeTipOnOffGet:
+      out = {safe_tip_on_ ? 1.0 : 0.0};
+      return;
+    case kSafeTipPropsSet:
+      safe_tip_ = {in[0], in[1], in[2]};
+      return;
+    case kSafeTipPropsGet:
+      out = {safe_tip_[0], safe_tip_[1], safe_tip_[2]};
+      return;
+    case kSignalNamesGet:
+      pending.answer.texts.assign(kSignalCount, "");
+      pending.answer.texts[0] = "Current (A)";
+      pending.answer.texts[kDeflectionSignal] = "Deflection (m)";
+      pending.answer.texts[kLateralSignal] = "Lateral (V)";
+      pending.answer.texts[kZSignal] = "Z (m)";
+      return;
+    case kSignalValGet:
+    case kSignalValsGet: {
+      for (std::size_t i = 0; i + 1 < in.size(); ++i) {
+        if (!signal_ok(in[i])) return fail(9, "there is no signal of that index");
+      }
+      pending.reads = true;
+      pending.ready_ns = std::max(
+          pending.ready_ns, next_acquisition_ns_ + (in.back() != 0 ? acquisition_ns_ : std::int64_t{0}));
+      return;
+    }
+    case kSignalCalibrGet:
+      if (!signal_ok(in[0])) return fail(9, "there is no signal of that index");
+      out = {in[0] == kDeflectionSignal ? 1e-9 * config_.deflection_nm_v : 1.0, 0.0};
+      return;
+    case kPiezoRangeGet:
+      out = {1e-9 * config_.range_xy_nm, 1e-9 * config_.range_xy_nm, 1e-9 * config_.range_z_nm};
+      return;
+    case kAcqPeriodSet:
+      if (!(in[0] >= 1e-4 && in[0] <= 10)) return fail(7, "an acquisition period is 0.1 ms to 10 s");
+      acquisition_ns_ = ns(in[0]);
+      next_acquisition_ns_ = (now_ns_ / acquisition_ns_ + 1) * acquisition_ns_;
+      sum_s_ = sum_deflection_ = sum_lateral_ = 0;
+      return;
+  }
+}
+
+SimController::Pending SimController::begin(const Call& call, int port, std::int64_t now_ns) {
+  advance_to(now_ns);
+  Pending pending;
+  pending.call = call;
+  pending.ready_ns = now_ns + ns(config_.latency_s * (1 + 2 * random_.uniform()));
+  if (config_.restrict_roles && port >= 0 && !suits(call.id, port)) {
+    pending.answer = {{}, {}, 3, "this port does not take that command"};
+    return pending;
+  }
+  execute(call, now_ns, pending);
+  return pending;
+}
+
+bool SimController::finish(Pending& pending, std::int64_t now_ns) {
+  advance_to(now_ns);
+  if (now_ns < pending.ready_ns) return false;
+  if (pending.wait == Pending::Wait::kWithdrawn && !withdrawn() && now_ns < pending.deadline_ns) return false;
+  if (pending.wait == Pending::Wait::kArrived && piezo_nm_.head<2>() != target_nm_.head<2>()) return false;
+  if (pending.reads && pending.answer.error == 0) {
+    pending.answer.numbers.clear();
+    for (std::size_t i = 0; i + 1 < pending.call.numbers.size(); ++i)
+      pending.answer.numbers.push_back(true_value(static_cast<int>(pending.call.numbers[i])));
+  }
+  return true;
+}
+
+}  // namespace telenano::afm_sim

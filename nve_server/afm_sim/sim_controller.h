@@ -1,0 +1,81 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "common/base/random.h"
+#include "nve_server/afm_sim/sim_config.h"
+#include "nve_server/afm_sim/sim_tip.h"
+#include "nve_server/nanonis/codec.h"
+
+namespace telenano::afm_sim {
+
+/// The rig behind its controller, without sockets: calls go in at a time, answers come out when a controller
+/// would give them. Time goes by advance_to(). A value: a copy goes on alike.
+///
+/// Acquisition: a signal is averaged over periods that end at multiples of the period. A value asked for is
+/// that of the period that ends next (newest = 0), or of the one after it (newest = 1).
+class SimController {
+ public:
+  SimController(const SimConfig& config, std::shared_ptr<const scene::Scene> scene);
+
+  /// A call under way: given back by begin(), asked for its answer until there is one.
+  struct Pending {
+    nanonis::Call call;
+    std::int64_t ready_ns = 0;
+    enum class Wait : std::uint8_t { kTime, kWithdrawn, kArrived } wait = Wait::kTime;
+    std::int64_t deadline_ns = 0;  ///< of a wait
+    nanonis::Answer answer;
+    bool reads = false;  ///< signals: the answer is made when it is ready
+  };
+  /// What the call does begins now. `port`: 0 to 3, where roles are restricted; −1: any.
+  Pending begin(const nanonis::Call& call, int port, std::int64_t now_ns);
+  /// True when the answer is there.
+  bool finish(Pending& pending, std::int64_t now_ns);
+
+  void advance_to(std::int64_t now_ns) noexcept;
+
+  nanonis::ZStatus status() const noexcept { return status_; }
+  const SimTip& tip() const noexcept { return tip_; }
+  SimTip& tip() noexcept { return tip_; }
+  double height_nm() const noexcept { return piezo_nm_.z(); }  ///< as told, away from the sample positive
+  bool withdrawn() const noexcept { return piezo_nm_.z() >= retracted_nm() - 1e-6; }
+  std::uint64_t safe_tips() const noexcept { return safe_tips_; }
+  std::uint64_t moves() const noexcept { return moves_; }  ///< calls that moved or may move the tip
+  const SimConfig& config() const noexcept { return config_; }
+
+ private:
+  double retracted_nm() const noexcept;
+  double lowest_nm() const noexcept;
+  double true_value(int index) const noexcept;
+  void step(double dt_s) noexcept;
+  void end_acquisition() noexcept;
+  bool busy() const noexcept;
+  void execute(const nanonis::Call& call, std::int64_t now_ns, Pending& pending);
+  void set_z(double z_m, Pending& pending);
+
+  SimConfig config_;
+  SimTip tip_;
+  Random random_;
+  nanonis::ZStatus status_ = nanonis::ZStatus::kOff;
+  std::int64_t now_ns_ = 0;
+  Vec3 piezo_nm_ = Vec3::Zero();   // as told now
+  Vec3 target_nm_ = Vec3::Zero();  // across: goes there at speed
+  double speed_nm_s_ = 1000;
+  bool custom_speed_ = true;
+  std::int64_t off_at_ns_ = 0;
+  bool limits_on_ = false;
+  double limit_high_m_ = 0, limit_low_m_ = 0;
+  bool safe_tip_on_ = false;
+  std::array<double, 3> safe_tip_{0, 0, 0};  // recovery, pause, threshold
+  std::uint64_t safe_tips_ = 0;
+  std::uint64_t moves_ = 0;
+  // The average under way and the last one.
+  std::int64_t acquisition_ns_ = 0;
+  std::int64_t next_acquisition_ns_ = 0;
+  double sum_s_ = 0, sum_deflection_ = 0, sum_lateral_ = 0;
+  double value_deflection_m_ = 0, value_lateral_v_ = 0;
+};
+
+}  // namespace telenano::afm_sim

@@ -1,0 +1,83 @@
+#include "nve_server/afm_sim/sim_faults.h"
+
+#include <cmath>
+#include <sstream>
+
+#include "common/base/det_math.h"
+#include "common/base/error.h"
+#include "common/base/random.h"
+
+namespace telenano::afm_sim {
+namespace {
+
+[[noreturn]] void refuse(const std::string& what, const std::string& text) {
+  throw UserError(
+      what + " '" + text +
+      "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY, e.g. '@5s silent 500ms'");
+}
+
+std::int64_t parse_time(const std::string& word, const std::string& what, const std::string& text) {
+  std::size_t end = 0;
+  double value = -1;
+  try {
+    value = std::stod(word, &end);
+  } catch (const std::exception&) {
+    refuse(what, text);
+  }
+  const std::string unit = word.substr(end);
+  const double scale = unit == "s" ? 1e9 : unit == "ms" ? 1e6 : 0;
+  if (scale == 0 || !(value >= 0 && value <= 1e6)) refuse(what, text);
+  return static_cast<std::int64_t>(std::llround(value * scale));
+}
+
+}  // namespace
+
+Fault parse_fault(const std::string& text, const std::string& what) {
+  std::istringstream words(text);
+  Fault fault;
+  std::string word, rest;
+  if (!(words >> word)) refuse(what, text);
+  if (word[0] == '@') {
+    fault.at_ns = parse_time(word.substr(1), what, text);
+    if (!(words >> word)) refuse(what, text);
+  }
+  const auto time = [&] {
+    std::string t;
+    if (!(words >> t)) refuse(what, text);
+    return parse_time(t, what, text);
+  };
+  if (word == "silent") {
+    fault.kind = FaultKind::kSilent;
+    fault.length_ns = time();
+  } else if (word == "reset") {
+    fault.kind = FaultKind::kReset;
+  } else if (word == "garbage") {
+    fault.kind = FaultKind::kGarbage;
+  } else if (word == "slow") {
+    fault.kind = FaultKind::kSlow;
+    fault.length_ns = time();
+    fault.delay_ns = time();
+  } else {
+    refuse(what, text);
+  }
+  if (words >> rest) refuse(what, text);
+  return fault;
+}
+
+std::vector<Fault> random_faults(std::uint64_t seed, double per_minute, double duration_s) {
+  Random random(seed);
+  std::vector<Fault> faults;
+  if (!(per_minute > 0)) return faults;
+  for (double at_s = 0;;) {
+    at_s += random.exponential() * 60 / per_minute;
+    if (at_s > duration_s) return faults;
+    Fault fault;
+    fault.at_ns = static_cast<std::int64_t>(at_s * 1e9);
+    fault.kind = static_cast<FaultKind>(random.below(4));
+    fault.length_ns = static_cast<std::int64_t>(1e6 * det_exp(random.uniform(0, det_log(1e4))));
+    fault.delay_ns = static_cast<std::int64_t>(1e6 * random.uniform(1, 100));
+    faults.push_back(fault);
+  }
+}
+
+}  // namespace telenano::afm_sim

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "common/rt/clock.h"
+#include "nve_server/server/server.h"
+
+namespace telenano::app {
+
+/// `--slave nanonis`: an AFM behind its controller instead of a scene.
+class ServeAfm {
+ public:
+  ServeAfm();
+  ~ServeAfm();
+  void add_flags(CLI::App& command);
+  bool wanted() const noexcept { return slave_ == "nanonis"; }
+  /// Throws UserError for flags that do not go together.
+  void check(const std::string& scene) const;
+  /// Starts the guard and the controller's thread, checks and approaches. Throws UserError, one line.
+  server::ServedScene start(const rt::Clock& clock, const std::atomic<bool>& stop,
+                            std::function<void(const std::string&)> news);
+  /// Withdraws the tip. Also when the object goes.
+  void stop();
+
+ private:
+  struct Running;
+  std::string slave_ = "nve";
+  std::string controller_;
+  std::string ports_ = "6501-6504";
+  std::string afm_;
+  std::unique_ptr<Running> running_;
+};
+
+/// The hidden `afm-guard`, which the server starts itself (nve_server/afm/guard.h).
+void add_afm_guard_command(CLI::App& app, int& exit_code);
+
+}  // namespace telenano::app

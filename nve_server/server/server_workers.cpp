@@ -1,0 +1,99 @@
+// A server that is one of several. The kernel gives each peer's datagrams to one worker, by its address; so a
+// station that comes back from another address may find another worker. Its session then moves there, once,
+// and is served there from then on: nothing is forwarded, and an exchange never looks beyond its worker.
+#include <new>
+#include <utility>
+
+#include "nve_server/server/server.h"
+
+namespace telenano::server {
+
+using link::SlotState;
+
+void Server::settle_cap() noexcept {
+  if (config_.cap == nullptr) return;
+  const auto active = static_cast<std::int64_t>(table_.active());
+  config_.cap->give_back(cap_held_ - active);
+  cap_held_ = active;
+}
+
+/// Where it cannot be sent, it stays, and no answer goes: the station asks again.
+void Server::hand_over(std::size_t slot, const Letter& question) noexcept {
+  SessionParcel* const parcel =
+      new (std::nothrow) SessionParcel{table_[slot], std::move(tips_[slot]), std::move(seats_[slot])};
+  if (parcel == nullptr) return;
+  Letter letter;
+  letter.kind = Letter::Kind::kParcel;
+  letter.from = static_cast<std::uint32_t>(config_.worker);
+  letter.ticket = question.ticket;
+  letter.parcel = parcel;
+  if (!config_.mail->post(question.from, letter)) {
+    tips_[slot] = std::move(parcel->tip);
+    seats_[slot] = std::move(parcel->seat);
+    delete parcel;
+    return;
+  }
+  // From here on the parcel is the other worker's; its place under the cap goes with it.
+  if (table_[slot].state == SlotState::kActive) --cap_held_;
+  table_.release(slot);
+  tips_[slot] = {};
+  seats_[slot] = {};
+  ++counters_.moved_out;
+}
+
+void Server::adopt(SessionParcel& parcel) noexcept {
+  if (parcel.session.state == SlotState::kActive) ++cap_held_;
+  const std::size_t slot = table_.adopt(parcel.session);
+  // With a cap there is a place: at most as many sessions are active as each worker has slots.
+  if (slot != link::SessionTable::kNone) {
+    tips_[slot] = std::move(parcel.tip);
+    seats_[slot] = std::move(parcel.seat);
+  }
+  settle_cap();
+  ++counters_.moved_in;
+}
+
+void Server::exchange_mail() noexcept {
+  if (!search_.has_others()) return;
+  Letter letter;
+  while (config_.mail->fetch(config_.worker, letter)) {
+    switch (letter.kind) {
+      case Letter::Kind::kAsk: {
+        const std::size_t slot = table_.find_token(letter.token, letter.owner);
+        if (slot != link::SessionTable::kNone) {
+          hand_over(slot, letter);
+          break;
+        }
+        Letter answer;
+        answer.kind = Letter::Kind::kNotHere;
+        answer.from = static_cast<std::uint32_t>(config_.worker);
+        answer.ticket = letter.ticket;
+        config_.mail->post(letter.from, answer);
+        break;
+      }
+      case Letter::Kind::kNotHere:
+        search_.on_answer(letter.ticket, false);
+        break;
+      case Letter::Kind::kParcel:
+        // Also one that nobody waits for any more: the station's next Hello finds it here.
+        adopt(*letter.parcel);
+        delete letter.parcel;
+        search_.on_answer(letter.ticket, true);
+        break;
+    }
+  }
+}
+
+std::size_t Server::next_answer(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept {
+  TokenSearch::Question question;
+  while (search_.take_answered(question)) {
+    net::Standing standing = question.standing;
+    standing.address_proven = true;  // before it was asked
+    const std::size_t n = on_hello(question.hello, question.from, now_ns, out, standing, false);
+    to = question.from;
+    if (n > 0) return n;
+  }
+  return 0;
+}
+
+}  // namespace telenano::server

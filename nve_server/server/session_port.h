@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "common/link/session_table.h"
+#include "common/net/datagram.h"
+#include "nve_server/server/port_book.h"
+#include "nve_server/server/port_control.h"
+#include "nve_server/server/tip_holder.h"
+#include "nve_server/slave/slave.h"
+
+namespace telenano::server {
+
+/// A slave, and what it said last: a session's own, or the one that all share.
+struct Tip {
+  std::unique_ptr<slave::Slave> slave;
+  slave::SlaveOutput output;
+  std::int64_t last_step_ns = 0;
+  Vec3 last_target_w_nm = Vec3::Zero();  ///< of the newest command
+  std::int64_t moved_ns = 0;             ///< last command, or last change of its position on the way up
+  bool at_rest = true;                   ///< withdrawn as far as it goes, or never moved
+  std::size_t moved_by = TipHolder::kNobody;
+};
+
+/// What a session has besides its tip.
+struct Seat {
+  std::uint64_t opening = 0;  ///< counts the sessions opened; one that is resumed keeps its number
+  PortControl control;
+  PortBook book;  ///< of a shared tip; a private one's is the slave's own
+  net::Address address;
+};
+
+/// A whole session, with a tip of its own, on its way from one worker to another.
+struct SessionParcel {
+  link::Session session;
+  Tip tip;
+  Seat seat;
+};
+
+}  // namespace telenano::server

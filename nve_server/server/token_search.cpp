@@ -1,0 +1,78 @@
+#include "nve_server/server/token_search.h"
+
+namespace telenano::server {
+namespace {
+
+constexpr std::uint32_t kIndexBits = 8;
+static_assert(WorkerMail::kOpenQuestions <= (1u << kIndexBits));
+
+}  // namespace
+
+link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& from,
+                                 const net::Standing& standing, std::int64_t now_ns) noexcept {
+  using State = Question::State;
+  std::size_t free = questions_.size();
+  for (std::size_t i = 0; i < questions_.size(); ++i) {
+    const Question& q = questions_[i];
+    if (q.state == State::kFree) {
+      if (free == questions_.size()) free = i;
+    } else if (q.hello.nonce == hello.nonce && q.from == from) {
+      return link::DropCause::kDuplicate;
+    }
+  }
+  if (free == questions_.size()) return link::DropCause::kRateLimited;
+  Question& q = questions_[free];
+  q.state = State::kAsking;
+  ++q.generation;
+  q.unheard = 0;
+  q.hello = hello;
+  q.from = from;
+  q.standing = standing;
+  q.since_ns = now_ns;
+  ++open_;
+  Letter letter;
+  letter.kind = Letter::Kind::kAsk;
+  letter.from = static_cast<std::uint32_t>(worker_);
+  letter.ticket = static_cast<std::uint32_t>(free) | (q.generation << kIndexBits);
+  letter.token = hello.resume_token;
+  letter.owner = standing.identity;
+  for (std::size_t to = 0; to < mail_->workers(); ++to) {
+    if (to == worker_) continue;
+    ++q.unheard;
+    // Where there is no room the question goes unheard and grows old; nothing is opened twice for it.
+    mail_->post(to, letter);
+  }
+  return link::DropCause::kNone;
+}
+
+void TokenSearch::on_answer(std::uint32_t ticket, bool final) noexcept {
+  const std::size_t index = ticket & ((1u << kIndexBits) - 1);
+  if (index >= questions_.size()) return;
+  Question& q = questions_[index];
+  if (q.state != Question::State::kAsking || (ticket ^ (q.generation << kIndexBits)) != index) return;
+  if (q.unheard > 0) --q.unheard;
+  if (final || q.unheard == 0) q.state = Question::State::kAnswered;
+}
+
+bool TokenSearch::take_answered(Question& question) noexcept {
+  if (open_ == 0) return false;
+  for (Question& q : questions_) {
+    if (q.state != Question::State::kAnswered) continue;
+    question = q;
+    q.state = Question::State::kFree;
+    --open_;
+    return true;
+  }
+  return false;
+}
+
+void TokenSearch::forget_old(std::int64_t now_ns) noexcept {
+  if (open_ == 0) return;
+  for (Question& q : questions_) {
+    if (q.state != Question::State::kAsking || now_ns - q.since_ns <= kPatienceNs) continue;
+    q.state = Question::State::kFree;
+    --open_;
+  }
+}
+
+}  // namespace telenano::server

@@ -1,0 +1,25 @@
+#include "nve_server/server/worker_mail.h"
+
+namespace telenano::server {
+
+WorkerMail::WorkerMail(std::size_t workers) : workers_(workers) {
+  for (std::size_t i = 0; i < workers * workers; ++i) {
+    queues_.push_back(std::make_unique<rt::SpscQueue<Letter>>(2 * kOpenQuestions));
+  }
+}
+
+WorkerMail::~WorkerMail() {
+  Letter letter;
+  for (std::size_t to = 0; to < workers_; ++to) {
+    while (fetch(to, letter)) delete letter.parcel;
+  }
+}
+
+bool WorkerMail::fetch(std::size_t to, Letter& letter) noexcept {
+  for (std::size_t from = 0; from < workers_; ++from) {
+    if (from != to && queue(from, to).pop(letter)) return true;
+  }
+  return false;
+}
+
+}  // namespace telenano::server

@@ -1,0 +1,51 @@
+// Any text as one of the project's TOML files: a scene, a list of keys, a slave's limits or a station's
+// settings. One clear line, or something that works.
+#include <cmath>
+#include <utility>
+
+#include "common/base/error.h"
+#include "common/config/slave_limits_file.h"
+#include "common/config/toml_document.h"
+#include "common/security/key_list.h"
+#include "fuzz_input.h"
+#include "master/app/station_file.h"
+#include "nve_server/scene/scene.h"
+
+namespace {
+
+using namespace telenano;
+
+void read_as_what_it_looks_like(const std::string& text) {
+  const config::TomlTable root = config::TomlDocument::parse(text, "file.toml").root();
+  if (root.has("key") || root.has("certificate")) {
+    const security::KeyList list = security::parse_key_list(text, "keys.toml");
+    const security::KeyList again = security::parse_key_list(security::key_list_text(list), "keys.toml");
+    FUZZ_CHECK(again.keys.size() == list.keys.size() &&
+               again.certificates.size() == list.certificates.size());
+  } else if (root.has("scene_hash")) {
+    const config::SlaveLimits limits = config::parse_slave_limits(text, "limits.toml");
+    const config::SlaveLimits again =
+        config::parse_slave_limits(config::slave_limits_text(limits), "limits.toml");
+    FUZZ_CHECK(again.start_pos_w_nm == limits.start_pos_w_nm && again.force_max_nn == limits.force_max_nn);
+  } else if (root.has("sample") || root.has("surface")) {
+    const auto scene = scene::parse_scene(text, "scene.toml");
+    FUZZ_CHECK(scene->surface && scene->equilibrium);
+    FUZZ_CHECK(is_finite(scene->start_apex_w_nm) && std::isfinite(scene->start_touch_w_nm));
+    FUZZ_CHECK((scene->limits.workspace_min_w_nm.array() <= scene->limits.workspace_max_w_nm.array()).all());
+    FUZZ_CHECK(scene->port_compliance_nm_nn().allFinite());
+  } else {
+    const app::StationFile file = app::parse_station_file(text, "station.toml");
+    FUZZ_CHECK(file.text == text);
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  try {
+    read_as_what_it_looks_like({reinterpret_cast<const char*>(data), size});
+  } catch (const UserError& error) {
+    fuzz::check_error_line(error.what());
+  }
+  return 0;
+}

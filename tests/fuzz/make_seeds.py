@@ -1,0 +1,93 @@
+#!/usr/bin/env python3
+"""Writes the seeds that are no files of the project already: scripts for the session and DTLS targets, small scans.
+
+python3 tests/fuzz/make_seeds.py tests/fuzz/seeds
+"""
+import pathlib
+import struct
+import sys
+
+out = pathlib.Path(sys.argv[1])
+
+
+def put(folder, name, data):
+    (out / folder).mkdir(parents=True, exist_ok=True)
+    (out / folder / name).write_bytes(data)
+
+
+# fuzz_session.cpp: low nibble of an operation, station by bit 4, address by bits 5 to 7.
+TIME, LONG, START, POLL, COMMAND, DELIVER, HEAR, SPOIL, SPOIL_BACK, RAW, EXPIRE, BYE, STOP, TICK = range(14)
+
+
+def tick(kind=3, z=0xFB, energy=1, station=0, address=0):
+    return bytes([TICK | station << 4 | address << 5, kind, z, energy])
+
+
+opening = tick() * 8
+put("session", "ticks", opening * 4)
+put("session", "wave", opening + tick(kind=0x4B) * 20)
+put("session", "model", opening + tick(kind=0x6B) * 20)
+put("session", "two_stations", b"".join(tick(station=i % 2, address=i % 2) for i in range(40)))
+put("session", "third_finds_it_full", opening + tick(station=1, address=1) * 8 + bytes([START]) + tick(address=3) * 6)
+put("session", "silence_and_resume", opening + bytes([LONG, 25, EXPIRE]) + tick() * 12)
+put("session", "moves", opening + tick(address=2) * 3 + bytes([LONG, 3]) + tick(address=2) * 8)
+put("session", "bye", opening + bytes([BYE, 0, DELIVER, 0]) + tick() * 4)
+put("session", "replayed", opening + bytes([DELIVER, 3, DELIVER, 0, DELIVER | 1 << 5, 0, HEAR, 2]) + tick() * 2)
+put("session", "changed", opening + bytes([SPOIL, 0, 64, 20, 0, 255, HEAR, 0, SPOIL_BACK, 0, 64, 30, 0, 7]) + tick())
+put("session", "shutting_down", opening + bytes([STOP, 255, HEAR, 0]) + tick() * 3)
+put("session", "by_hand", bytes([START, POLL, DELIVER, 0, HEAR, 0, POLL, DELIVER, 0, HEAR, 0, COMMAND, 3, 250, 1, DELIVER, 0, HEAR, 0]))
+
+# fuzz_dtls.cpp: low nibble of an operation, the stranger by the high one.
+TURN, SAY, FORGE, FORGE_AS, REPLAY, REPLAY_AS, CHANGE, CHANGE_AS, CHANGE_BACK, JOIN, LOSE, AGAIN = 2, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15
+shake = bytes([TURN] * 6)
+put("dtls", "handshake", shake)
+put("dtls", "talk", shake + bytes([SAY, TURN] * 5))
+put("dtls", "replayed", shake + bytes([SAY, TURN, SAY, TURN, REPLAY, 1, REPLAY_AS, 1, REPLAY_AS, 3, TURN]))
+put("dtls", "changed", shake + bytes([SAY, CHANGE_AS, 0, 64, 20, 0, 9, TURN, CHANGE, 0, 64, 12, 0, 1, SAY, TURN]))
+put("dtls", "changed_hello", bytes([CHANGE_AS, 0, 64, 30, 0, 9, TURN, CHANGE, 0, 65, 13, 0, 1, 14, 0, 2]) + shake)
+put("dtls", "again", shake + bytes([SAY, TURN, AGAIN]) + shake + bytes([SAY, TURN]))
+put("dtls", "silence", shake + bytes([1, 130, TURN, SAY, TURN]) + shake)
+put("dtls", "lost", bytes([LOSE, TURN, 0, 255, TURN]) + shake + bytes([SAY, TURN]))
+put("dtls", "joined", shake + bytes([SAY, JOIN, 0, 1, JOIN, 1, 0, TURN]))
+record = bytes([23, 0xFE, 0xFD, 0, 1]) + bytes(6)
+for name, body in (("record", record + struct.pack(">H", 32) + bytes(32)), ("client_hello", bytes([22, 0xFE, 0xFF]) + bytes(8) + struct.pack(">H", 60) + bytes([1, 0, 0, 48]) + bytes(8) + bytes([0xFE, 0xFD]) + bytes(46))):
+    put("dtls", name, bytes([FORGE]) + struct.pack("<H", len(body)) + body + bytes([FORGE_AS]) + struct.pack("<H", len(body)) + body + shake)
+
+
+# .gsf
+def gsf(columns, rows, heights, more=""):
+    head = ("Gwyddion Simple Field 1.0\nXRes = %d\nYRes = %d\nXReal = 6e-8\nYReal = 6e-8\nXYUnits = m\nZUnits = m\n%s"
+            % (columns, rows, more)).encode()
+    return head + bytes(4 - len(head) % 4) + struct.pack("<%df" % (columns * rows), *heights)
+
+
+put("gsf", "two_by_two", gsf(2, 2, [0, 1e-9, 2e-9, 3e-9]))
+put("gsf", "titled", gsf(4, 3, [1e-9 * i for i in range(12)], "Title = flakes\nXOffset = 1e-6\n"))
+put("gsf", "not_finite", gsf(2, 2, [float("nan"), 0, float("inf"), 0]))
+put("gsf", "short", gsf(4, 4, [0.0] * 16)[:-3])
+put("gsf", "no_padding", gsf(2, 2, [0, 1, 2, 3]).replace(b"\0", b"x"))
+
+# TOML
+key = "0123456789abcdef" * 4
+put("toml", "keys", ('[[key]]\nidentity = "omega-1"\npsk = "%s"\nrights = "operate"\n[[certificate]]\nname = "omega-2"\nrights = "observe"\n'
+                     '[[certificate]]\nfingerprint = "%s"\nrights = "administer"\n' % (key, key)).encode())
+put("toml", "limits", b'scene_name = "flakes"\nscene_hash = "0123456789abcdef"\nworkspace_min_w_nm = [0, 0, -60]\n'
+    b'workspace_max_w_nm = [600, 600, 100]\nstart_pos_w_nm = [300, 300, 20]\nsurface_z_w_nm = 1\nforce_max_nn = 500\n'
+    b'coupling_stiffness_n_m = 13\ncoupling_damping_n_s_m = 0\nrate_max_hz = 8000\n')
+for kind, more in (("step", "height_nm = 5"), ("grating", "height_nm = 5\nperiod_nm = 40"), ("sphere", "radius_nm = 30"), ("plane", "slope_x = 0.1")):
+    put("toml", kind, ('name = "%s"\n[sample]\nyoungs_modulus_gpa = 1\npoisson_ratio = 0.3\nsurface_energy_j_m2 = 0.1\n'
+                       '[surface]\nkind = "%s"\n%s\n[probe]\ntip_radius_nm = 20\nrigid = true\n[probe.tip]\nyoungs_modulus_gpa = 160\n'
+                       'poisson_ratio = 0.27\nsurface_energy_j_m2 = 0.2\n[forces]\n[coupling]\nstiffness_n_m = 20\n[limits]\n'
+                       'force_max_nn = 100\nhalf_width_nm = 40\n[start]\nx_nm = 0\ny_nm = 0\nheight_nm = 20\n' % (kind, kind, more)).encode())
+put("path", "square", b"t_s,x_nm,y_nm,z_nm\n0,0,0,10\n# down\n1,0,0,-1\n\n2,10,0,-1\n3,10,10,-1.5e0\n")
+
+# fuzz_hdf5.cpp: the base (bit 0: its writer was killed; bit 1: recover it), then changes.
+OVERWRITE, FLIP, CUT, COPY, WHOLE = range(5)
+for base in range(4):
+    put("hdf5", "as_it_is_%d" % base, bytes([base]))
+    put("hdf5", "flips_%d" % base, bytes([base]) + b"".join(bytes([FLIP]) + struct.pack("<HbB", i * 37 % 65536, 0, i % 8) for i in range(6)))
+    put("hdf5", "sizes_%d" % base, bytes([base, OVERWRITE]) + struct.pack("<Hb", 900, 0) + bytes([7]) + bytes([255] * 8))
+    put("hdf5", "cut_%d" % base, bytes([base, CUT]) + struct.pack("<I", 3000))
+    put("hdf5", "copy_%d" % base, bytes([base, COPY]) + struct.pack("<HHB", 500, 1500, 40))
+put("hdf5", "no_hdf5", bytes([0, WHOLE]) + b"time_s,x\n0,1\n")
+put("hdf5", "signature_only", bytes([0, WHOLE]) + b"\x89HDF\r\n\x1a\n" + bytes([0] * 16) + bytes([255] * 72))

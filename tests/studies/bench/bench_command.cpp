@@ -1,0 +1,233 @@
+#include "tests/studies/bench/bench_command.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "common/base/error.h"
+#include "tests/studies/bench/codec_bench.h"
+#include "tests/studies/bench/memory_bench.h"
+#include "tests/studies/bench/net_bench.h"
+#include "tests/studies/bench/server_bench.h"
+
+namespace telenano::studies {
+namespace {
+
+struct Processors {
+  int server = 0;
+  int client = 1;
+  void add_flags(CLI::App& c) {
+    c.add_option("--server-cpu", server, "Processor of the server's thread")->capture_default_str();
+    c.add_option("--client-cpu", client, "Processor of the stations")->capture_default_str();
+  }
+  void check() const {
+    const auto n = static_cast<int>(std::thread::hardware_concurrency());
+    for (const int cpu : {server, client}) {
+      if (cpu < 0 || cpu >= n)
+        throw UserError(fmt::format("--server-cpu, --client-cpu: this machine has processors 0 to {}, not {}",
+                                    n - 1, cpu));
+    }
+    if (server == client) {
+      throw UserError(
+          "--server-cpu and --client-cpu: are the same; the stations would take the server's time (bench net "
+          "measures one core by itself)");
+    }
+  }
+};
+
+std::string scenes_folder() {
+  return std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/";
+}
+std::string flat_table() {
+  return std::string(TELENANO_SOURCE_DIR) + "/tests/studies/bench/flat_table.toml";
+}
+
+std::string nve_beside_this() {
+  std::error_code ignored;
+  return (std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path() / "telenano-nve").string();
+}
+
+void add_net(CLI::App& bench) {
+  struct All {
+    NetBenchOptions o;
+    Processors cpus;
+  };
+  auto all = std::make_shared<All>();
+  all->o.scene = flat_table();
+  CLI::App* const c = bench.add_subcommand(
+      "net",
+      "Round trip of an exchange beside a UDP ping-pong of the same bytes: polled, blocking on one core, "
+      "blocking across cores");
+  c->add_option("--scene", all->o.scene, "Scene file")->capture_default_str();
+  c->add_option("--rounds", all->o.rounds, "Of product and floor in turn")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  c->add_option("--exchanges", all->o.exchanges, "A round")
+      ->capture_default_str()
+      ->check(CLI::Range(100, 1000000));
+  c->add_flag("--low-latency", all->o.low_latency,
+              "Keep the processors awake meanwhile (/dev/cpu_dma_latency = 0)");
+  all->cpus.add_flags(*c);
+  c->callback([all] {
+    all->cpus.check();
+    all->o.server_cpu = all->cpus.server;
+    all->o.client_cpu = all->cpus.client;
+    print_rows("net", run_net_bench(all->o));
+  });
+}
+
+void add_codec(CLI::App& bench) {
+  auto rounds = std::make_shared<int>(25);
+  CLI::App* const c =
+      bench.add_subcommand("codec", "Command and reply to bytes and back beside copying the structs");
+  c->add_option("--rounds", *rounds, "Of product and floor in turn")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 10000));
+  c->callback([rounds] { print_rows("codec", run_codec_bench(*rounds)); });
+}
+
+std::vector<BenchRow> rows_of(const std::string& what, const PacedResult& r) {
+  std::vector<BenchRow> rows;
+  rows.push_back({what, "service_p50_us", r.p50_us, {}, {}, false});
+  rows.push_back({what, "service_p99_us", r.p99_us, {}, 1000.0, false});
+  rows.push_back({what, "service_p999_us", r.p999_us, {}, {}, false});
+  rows.push_back({what, "service_max_us", r.max_us, {}, {}, false});
+  rows.push_back({what,
+                  "answered_part",
+                  static_cast<double>(r.replies) / static_cast<double>(r.commands),
+                  {},
+                  0.999,
+                  true});
+  rows.push_back({what, "sent_late_p99_us", r.late_p99_us, {}, {}, false});
+  rows.push_back({what, "server_core_share", r.server_share, {}, {}, false});
+  return rows;
+}
+
+/// The largest number of sessions that holds: doubling, then halving the gap to 5 %.
+std::vector<BenchRow> find_max(PacedOptions o) {
+  std::size_t good = 0, bad = 0;
+  PacedResult best;
+  const auto holds = [&](std::size_t sessions) {
+    o.sessions = sessions;
+    const PacedResult r = run_paced(o);
+    fmt::print(
+        stderr,
+        "telenano-lab: {} sessions: p99 {:.0f} us, answered {:.5f}, server {:.0f} %, sent {:.0f}/s{}\n",
+        sessions, r.p99_us, static_cast<double>(r.replies) / static_cast<double>(r.commands),
+        100 * r.server_share, r.sent_rate_hz, r.keeps_time() ? "" : ", the stations themselves are late");
+    if (r.holds()) best = r;
+    return r.holds();
+  };
+  for (std::size_t n = 50; n <= 4096 && bad == 0; n *= 2) {
+    if (holds(n)) {
+      good = n;
+    } else {
+      bad = n;
+    }
+  }
+  while (bad > good + std::max<std::size_t>(good / 20, 1)) {
+    const std::size_t middle = (good + bad) / 2;
+    (holds(middle) ? good : bad) = middle;
+  }
+  std::vector<BenchRow> rows = rows_of("largest", best);
+  rows.insert(rows.begin(), {"largest", "sessions", static_cast<double>(good), {}, 200.0, true});
+  return rows;
+}
+
+void add_server(CLI::App& bench) {
+  struct All {
+    ServerBenchOptions capacity;
+    PacedOptions paced;
+    Processors cpus;
+    std::size_t sessions = 0;
+    bool find_max = false;
+  };
+  auto all = std::make_shared<All>();
+  all->capacity.flat = all->paced.scene = flat_table();
+  all->capacity.scan = scenes_folder() + "flakes.toml";
+  CLI::App* const c = bench.add_subcommand("server",
+                                           "Exchanges for a second of one core beside an echo of the same "
+                                           "bytes; --sessions: does this many at --rate "
+                                           "hold? --find-max: how many do?");
+  c->add_option("--flat", all->capacity.flat, "Scene file of the flat sample")->capture_default_str();
+  c->add_option("--scan", all->capacity.scan, "Scene file of the scan")->capture_default_str();
+  c->add_option("--rounds", all->capacity.rounds, "Of product and floor in turn")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  c->add_option("--round-s", all->capacity.round_s, "Seconds a round")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 60.0));
+  CLI::Option* const sessions =
+      c->add_option("--sessions", all->sessions, "Stations at --rate instead, for --seconds")
+          ->check(CLI::Range(1, 4096));
+  c->add_flag("--find-max", all->find_max,
+              "Largest number of stations at --rate that holds, --seconds each try")
+      ->excludes(sessions);
+  c->add_option("--rate", all->paced.rate_hz, "Commands a second of each")
+      ->capture_default_str()
+      ->check(CLI::Range(100, 8000));
+  c->add_option("--seconds", all->paced.seconds, "How long")
+      ->capture_default_str()
+      ->check(CLI::Range(0.1, 3600.0));
+  c->add_option("--scene", all->paced.scene, "Scene file for --sessions and --find-max")
+      ->capture_default_str();
+  all->cpus.add_flags(*c);
+  c->callback([all] {
+    all->cpus.check();
+    all->capacity.server_cpu = all->paced.server_cpu = all->cpus.server;
+    all->capacity.client_cpu = all->paced.client_cpu = all->cpus.client;
+    if (all->find_max) {
+      print_rows("server", find_max(all->paced));
+    } else if (all->sessions > 0) {
+      all->paced.sessions = all->sessions;
+      const PacedResult r = run_paced(all->paced);
+      if (!r.keeps_time()) {
+        fmt::print(
+            stderr,
+            "telenano-lab: the stations themselves sent {:.0f} us late (p99): this machine is busy, or their "
+            "core is the limit\n",
+            r.late_p99_us);
+      }
+      print_rows("server", rows_of(fmt::format("{}_sessions", all->sessions), r));
+    } else {
+      print_rows("server", run_capacity_bench(all->capacity));
+    }
+  });
+}
+
+void add_memory(CLI::App& bench) {
+  auto o = std::make_shared<MemoryBenchOptions>();
+  o->program = nve_beside_this();
+  o->flat = flat_table();
+  o->scan = scenes_folder() + "flakes.toml";
+  CLI::App* const c = bench.add_subcommand(
+      "memory", "What one more session takes of a server's memory, in the clear and encrypted");
+  c->add_option("--program", o->program, "telenano-nve")->capture_default_str();
+  c->add_option("--flat", o->flat, "Scene file of the flat sample")->capture_default_str();
+  c->add_option("--scan", o->scan, "Scene file of the scan")->capture_default_str();
+  c->add_option("--from", o->from, "Sessions at the first look")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 2000));
+  c->add_option("--to", o->to, "Sessions at the second")->capture_default_str()->check(CLI::Range(2, 4096));
+  c->callback([o] {
+    if (o->to <= o->from) throw UserError("--to: more than --from, please");
+    print_rows("memory", run_memory_bench(*o));
+  });
+}
+
+}  // namespace
+
+void add_throughput_benches(CLI::App& bench) {
+  add_net(bench);
+  add_codec(bench);
+  add_server(bench);
+  add_memory(bench);
+}
+
+}  // namespace telenano::studies

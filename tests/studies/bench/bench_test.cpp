@@ -1,0 +1,74 @@
+// The benches measure what they say: quantiles, verdicts, and that every exchange is one.
+#include <gtest/gtest.h>
+
+#include "tests/studies/bench/closed_loop.h"
+#include "tests/studies/bench/codec_bench.h"
+#include "tests/studies/bench/result_rows.h"
+#include "tests/studies/bench/served.h"
+#include "tests/studies/bench/server_bench.h"
+
+namespace telenano::studies {
+namespace {
+
+const std::string kFlat = std::string(TELENANO_SOURCE_DIR) + "/tests/studies/bench/flat_table.toml";
+
+TEST(Quantile, IsTheSmallestThatSoManyDoNotExceed) {
+  std::vector<double> v;
+  for (int i = 100; i > 0; --i) v.push_back(i);
+  EXPECT_EQ(quantile(v, 0.5), 50);
+  EXPECT_EQ(quantile(v, 0.99), 99);
+  EXPECT_EQ(quantile(v, 0.999), 100);
+  EXPECT_EQ(quantile(v, 1), 100);
+  EXPECT_EQ(median({3, 1, 2}), 2);
+  std::vector<double> none;
+  EXPECT_EQ(quantile(none, 0.5), 0);
+}
+
+TEST(Rows, HoldOnTheRightSideOfTheirTarget) {
+  EXPECT_TRUE(holds({"a", "us", 3, 2.0, 1.5, false})) << "the target itself is reached";
+  EXPECT_FALSE(holds({"a", "us", 3.1, 2.0, 1.5, false}));
+  EXPECT_TRUE(holds({"a", "per_s", 8, 10.0, 0.8, true}));
+  EXPECT_FALSE(holds({"a", "per_s", 7, 10.0, 0.8, true}));
+  EXPECT_TRUE(holds({"a", "us", 999, {}, 1000.0, false})) << "no floor: the product itself";
+  EXPECT_TRUE(holds({"a", "us", 1e9, {}, {}, false})) << "no target";
+}
+
+TEST(ClosedLoop, CountsWhatTheServerCounts) {
+  Served served(scene::load_scene(kFlat), 0, false, 64);
+  ClosedLoop stations(served.address(), 2, 16, true, false);
+  const std::uint64_t answers = stations.run(50'000'000);
+  EXPECT_GT(answers, 0u);
+  EXPECT_GT(stations.reply_bytes(), 100u);
+  // The loop tells its count once a millisecond, more or less.
+  for (int i = 0; i < 1000 && served.exchanges() < answers; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_EQ(served.exchanges(), answers + stations.lost());
+}
+
+TEST(Paced, EveryCommandIsSentAndAnswered) {
+  PacedOptions options;
+  options.scene = kFlat;
+  options.sessions = 10;
+  options.rate_hz = 100;
+  options.seconds = 0.3;
+  options.client_cpu = std::thread::hardware_concurrency() > 1 ? 1 : 0;
+  const PacedResult r = run_paced(options);
+  EXPECT_EQ(r.commands, 300u);
+  EXPECT_EQ(r.replies, 300u);
+  EXPECT_GT(r.p50_us, 0);
+  EXPECT_LE(r.p50_us, r.p99_us);
+  EXPECT_LE(r.p99_us, r.max_us);
+  EXPECT_GT(r.sent_rate_hz, 0);
+}
+
+TEST(CodecBench, NothingIsRefusedAndNothingAllocated) {
+  const auto rows = run_codec_bench(1);
+  ASSERT_EQ(rows.size(), 4u);
+  EXPECT_EQ(rows[2].quantity, "allocations");
+  EXPECT_EQ(rows[2].product, 0);
+  EXPECT_EQ(rows[3].quantity, "refused");
+  EXPECT_EQ(rows[3].product, 0);
+}
+
+}  // namespace
+}  // namespace telenano::studies

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "tests/studies/bench/result_rows.h"
+
+namespace telenano::studies {
+
+struct ServerBenchOptions {
+  std::string flat;  ///< scene
+  std::string scan;
+  int server_cpu = 0;
+  int client_cpu = 1;
+  int rounds = 9;
+  double round_s = 0.4;
+  std::size_t sockets = 8;
+  std::size_t sessions_each = 32;
+};
+
+/// Exchanges for a second of one processor's time: the product's server in full use beside an echo by
+/// recvmmsg and sendmmsg of the same bytes; with the scan beside an echo that spins for as long as the
+/// scene's own step takes.
+std::vector<BenchRow> run_capacity_bench(const ServerBenchOptions& options);
+
+struct PacedOptions {
+  std::string scene;
+  std::size_t sessions = 200;
+  std::uint32_t rate_hz = 1000;
+  double seconds = 60;
+  int server_cpu = 0;
+  int client_cpu = 1;
+};
+
+struct PacedResult {
+  std::uint64_t commands = 0;
+  std::uint64_t replies = 0;
+  double p50_us = 0, p99_us = 0, p999_us = 0, max_us = 0;  ///< sent by the station … in its socket
+  double late_p99_us = 0;  ///< of the sending: how far the stations keep their own times
+  double sent_rate_hz = 0;
+  double server_share = 0;  ///< of its processor
+  bool keeps_time() const noexcept { return late_p99_us < 500; }
+  bool holds() const noexcept {
+    return static_cast<double>(replies) >= 0.999 * static_cast<double>(commands) && p99_us < 1000;
+  }
+};
+
+/// Stations that send at a fixed rate, evenly spread, each from a socket of its own.
+PacedResult run_paced(const PacedOptions& options);
+
+}  // namespace telenano::studies

@@ -1,0 +1,82 @@
+#include "tests/studies/stress/arm.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace telenano::studies::stress {
+namespace {
+
+template <class Matrix>
+Matrix product(const Matrix& a, const Matrix& b) {
+  Matrix result{};
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (std::size_t k = 0; k < a.size(); ++k) {
+      if (a[i][k] == 0) continue;
+      for (std::size_t j = 0; j < a.size(); ++j) result[i][j] += a[i][k] * b[k][j];
+    }
+  }
+  return result;
+}
+
+/// Taylor's series of A h/2ˢ with norm at most 1/8, 18 terms (remainder below 1e-30), squared s times.
+template <class Matrix>
+Matrix exponential(const Matrix& a, long double h) {
+  long double norm = 0;
+  for (const auto& row : a) {
+    long double sum = 0;
+    for (const long double x : row) sum += std::fabs(x * h);
+    norm = std::max(norm, sum);
+  }
+  int squarings = 0;
+  for (; norm > 0.125L; norm /= 2, h /= 2) ++squarings;
+  Matrix term{}, sum{};
+  for (std::size_t i = 0; i < a.size(); ++i) term[i][i] = sum[i][i] = 1;
+  for (int n = 1; n <= 18; ++n) {
+    term = product(term, a);
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      for (std::size_t j = 0; j < a.size(); ++j) {
+        term[i][j] *= h / n;
+        sum[i][j] += term[i][j];
+      }
+    }
+  }
+  for (; squarings > 0; --squarings) sum = product(sum, sum);
+  return sum;
+}
+
+}  // namespace
+
+ArmAxis::ArmAxis(const ArmConfig& config) : config_(config) {
+  const long double m = config.device_mass_kg, arm_m = config.arm_mass_kg;
+  const long double kg = config.grip_stiffness_n_m, cg = config.grip_damping_n_s_m;
+  const long double ka = config.arm_stiffness_n_m, ca = config.arm_damping_n_s_m;
+  const long double b = config.device_damping_n_s_m;
+  Matrix a{};
+  a[0][1] = 1;
+  a[1] = {-kg / m, -(b + cg) / m, kg / m, cg / m, 0, 0, 1 / m};
+  a[2][3] = 1;
+  a[3] = {kg / arm_m, cg / arm_m, -(kg + ka) / arm_m, -(cg + ca) / arm_m, ka / arm_m, ca / arm_m, 0};
+  a[4][5] = 1;
+  propagator_ = exponential(a, config.period_s);
+}
+
+void ArmAxis::advance(double force_n, double aim_m) noexcept {
+  state_[5] = (static_cast<long double>(aim_m) - state_[4]) / static_cast<long double>(config_.period_s);
+  state_[6] = force_n;
+  std::array<long double, kStates> next{};
+  for (std::size_t i = 0; i < kStates; ++i) {
+    for (std::size_t j = 0; j < kStates; ++j) next[i] += propagator_[i][j] * state_[j];
+  }
+  next[4] = aim_m;
+  state_ = next;
+}
+
+long double ArmAxis::stored_j() const noexcept {
+  const long double grip_m = state_[0] - state_[2];
+  const long double arm_m = state_[2] - state_[4];
+  return 0.5L *
+         (config_.device_mass_kg * state_[1] * state_[1] + config_.arm_mass_kg * state_[3] * state_[3] +
+          config_.grip_stiffness_n_m * grip_m * grip_m + config_.arm_stiffness_n_m * arm_m * arm_m);
+}
+
+}  // namespace telenano::studies::stress

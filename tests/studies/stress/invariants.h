@@ -1,0 +1,120 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "common/control/method.h"
+#include "common/recording/sample.h"
+#include "master/station/station_config.h"
+#include "tests/studies/stress/stress_hand.h"
+#include "tests/studies/stress/watched_slave.h"
+
+namespace telenano::studies::stress {
+
+/// What must hold at every sample, and is looked at from outside: true positions, forces that really acted,
+/// what the slave really did. Never by the product's own observer. Stored in tables: never renumber.
+enum Invariant : std::uint32_t {
+  /// Energy: extracted(k) = ΣF(k−1)·Δx − bΣ|Δx|²/T ≤ 2E₀ (one-port methods: E₀) + (U₀ − U_min) + Q + late,
+  /// while |v| ≤ v_max. U₀ − U_min: passes_on_the_well(). late: a tick that comes k periods late may
+  /// overdraw once by (k−1)|F|·v_max·T.
+  kInvariantEnergy = 1u << 0,
+  /// Two ports: hand and slave together have got no more than 2E₀ + Q + late (methods that balance both).
+  kInvariantBalance = 1u << 1,
+  kInvariantSums = 1u << 2,   ///< sums of energy never fall: the station's, and each slave's in its epoch
+  kInvariantForce = 1u << 3,  ///< |F| ≤ ε f̂_a
+  /// |F| grows by no more than slew·T a tick along its new direction, also where stop, clamp or force limit
+  /// act: they can only take away. How often they act is counted.
+  kInvariantSlew = 1u << 4,
+  kInvariantStale = 1u << 5,   ///< no force later than stale_zero_s after the last new reply
+  kInvariantLeap = 1u << 6,    ///< back after such a silence: from no force one tick of the ramp at most
+  kInvariantTip = 1u << 7,     ///< the slave's force within its own limit
+  kInvariantFinite = 1u << 8,  ///< no NaN, no infinity
+  /// The product's observer says what the true book says, up to Q.
+  kInvariantBook = 1u << 9,
+  kInvariantDamper = 1u << 10,   ///< injected damping within γ ≤ b − KT/2 − |B|
+  kInvariantRecover = 1u << 11,  ///< on an otherwise clean link a session is back in 3 s + 10 RTT
+  kInvariantRepeat = 1u << 12,   ///< the same run again gives the same bits
+};
+constexpr int kInvariants = 13;
+const char* invariant_name(std::uint32_t bit) noexcept;
+std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
+
+/// What a method is held to. All are held to all but: `none`, `ks`, `tdpa`, `wave` promise no energy (they
+/// are baselines: their violations are shown as they are), `ks` no cap of its damper.
+std::uint32_t promised(control::Method method) noexcept;
+
+/// 2E₀, or E₀ for methods that look at one port only, J.
+double promised_extraction_j(control::Method method, double allowance_j) noexcept;
+
+/// Where a sample's potential falls (a tip that snaps in), what it gives may reach the hand: U₀ − U_min, none
+/// of it made by control. Not with `model` and `ks-clamp`, which pay for every force from the hand's own
+/// port.
+bool passes_on_the_well(control::Method method) noexcept;
+
+class InvariantWatch {
+ public:
+  struct Limits {
+    control::Method method = control::Method::kModel;
+    double allowance_j = 0.010;
+    double velocity_max_m_s = 0.5;
+    double period_s = 1e-3;
+    double force_limit_n = 0;
+    double slew_n_s = 4000;
+    double stale_zero_s = 0.1;
+    double ramp_s = 0.2;
+    double tip_limit_nn = 0;
+    double damper_cap_n_s_m = 0;
+    bool balance = false;      ///< of both ports is to be checked
+    double hand_j_per_aj = 0;  ///< α_F/α_v in these units
+    double recover_s = 0;      ///< 0: not checked
+  };
+  explicit InvariantWatch(const Limits& limits) : limits_(limits) {}
+
+  /// What of a tick is not in its row.
+  struct Around {
+    double given_before_j = 0;  ///< by the true book, when the tick began
+    double q_before_j = 0;      ///< its Q then
+    std::int64_t reply_ns =
+        0;              ///< when the link accepted its newest reply (numbers begin anew with sessions)
+    double time_s = 0;  ///< of the tick
+    int periods = 1;    ///< until the next one
+  };
+  /// After a tick of the station, and the hand's motion until the next one.
+  void look(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
+            const Around& around) noexcept;
+  /// Link and server are well again from here on; how long until touch is back is measured.
+  void well_again(double time_s) noexcept {
+    well_since_s_ = time_s;
+    waiting_ = true;
+  }
+  void not_well() noexcept { waiting_ = false; }
+  void violate(std::uint32_t bit, double time_s) noexcept {
+    if (violated_ == 0) first_s_ = time_s;
+    violated_ |= bit;
+  }
+
+  std::uint32_t violated() const noexcept { return violated_; }
+  double first_s() const noexcept { return first_s_; }  ///< −1: none
+  double late_j() const noexcept { return late_j_; }
+  double least_margin_j() const noexcept { return least_margin_j_; }
+  double most_generated_j() const noexcept { return most_generated_j_; }
+  double slowest_recovery_s() const noexcept { return recovery_s_; }  ///< −1: nothing to recover from
+
+ private:
+  Limits limits_;
+  std::uint32_t violated_ = 0;
+  double first_s_ = -1;
+  double late_j_ = 0;
+  double least_margin_j_ = 1e300;
+  double most_generated_j_ = 0;
+  Vec3 last_h_n_ = Vec3::Zero();
+  double in_j_ = 0, out_j_ = 0;
+  std::int64_t last_reply_ns_ = -1;
+  double last_news_s_ = -1e9;
+  double last_tick_s_ = -1;
+  bool waiting_ = false;
+  double well_since_s_ = 0;
+  double recovery_s_ = -1;
+};
+
+}  // namespace telenano::studies::stress

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <memory>
+
+#include "common/control/station_method.h"
+#include "tests/studies/stress/run_spec.h"
+#include "tests/support/virtual_hand.h"
+
+namespace telenano::studies::stress {
+
+/// Controllers that are wrong in ways in which they have been got wrong before; a suite that does not find
+/// them out proves nothing. They exist here only: as methods that stand in for the station's, as devices, as
+/// slaves (watched_slave.h).
+///
+/// | name | what is wrong |
+/// |---|---|
+/// | wrong-index | books F(k)·v(k)·T, the force of the other end of the interval |
+/// | credited-damping | what the device's damping takes is credited as if the hand had put it in |
+/// | missing-epoch | a new epoch forgets the deficit: each restart grants an allowance |
+/// | held-wave | a wave that did not come is the last one again |
+/// | uncapped-damper | damping beyond b − KT/2 − \|B\| |
+/// | no-clamp | the pre-commit clamp is not there |
+/// | damper-after-clamp | the clamp is not last: the damper's force is added to what it has let through |
+/// | half-velocity | the clamp reckons with half of v_max |
+/// | free-tank | energy is sent to the slave and kept as well |
+/// | sticky-force | device: a force that should go to zero stays |
+/// | leap-on-resume | device: the first force after a pause comes hundredfold |
+/// | double-force | device: twice what was commanded |
+/// | slave-too-strong | slave: beyond its own force limit |
+/// | falling-sums | slave: an energy sum that falls |
+struct MutantInfo {
+  Mutant mutant = Mutant::kNone;
+  control::Method method = control::Method::kModel;  ///< that it is made from
+};
+MutantInfo mutant_info(Mutant mutant) noexcept;
+
+/// The wrong method that stands in for `spec.method`; null where the station's own is right.
+std::unique_ptr<control::StationMethod> make_mutant_method(const RunSpec& spec);
+
+/// `device`, or a wrong one around it.
+std::shared_ptr<support::VirtualHand> with_mutant(std::shared_ptr<support::VirtualHand> device,
+                                                  Mutant mutant);
+
+}  // namespace telenano::studies::stress

@@ -1,0 +1,342 @@
+#include "tests/studies/stress/profile.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <initializer_list>
+#include <utility>
+
+#include "common/base/det_math.h"
+#include "common/base/error.h"
+#include "common/base/random.h"
+#include "tests/studies/stress/summary.h"
+
+namespace telenano::studies::stress {
+namespace {
+
+using control::Method;
+
+constexpr double kRttMs[] = {0, 2, 10, 20, 50, 100, 200, 500, 1000};
+constexpr double kLosses[] = {0, 0.01, 0.05, 0.1, 0.2, 0.3, 0.5};
+
+struct Hand {
+  HandKind kind;
+  double a = 0, b = 0;
+};
+constexpr Hand kHands[] = {{HandKind::kPress},
+                           {HandKind::kPosition},
+                           {HandKind::kContact},
+                           {HandKind::kIndent},
+                           {HandKind::kRaster},
+                           {HandKind::kHuman},
+                           {HandKind::kPassive, 1, 4},
+                           {HandKind::kPassive, 0.2, 80},
+                           {HandKind::kPassive, 500, 300},
+                           {HandKind::kPassive, 1, 450},
+                           {HandKind::kSine, 0.008, 3},
+                           {HandKind::kSine, 0.0025, 30},
+                           {HandKind::kSquare, 0.008, 0.02},
+                           {HandKind::kSquare, 0.03, 0.2},
+                           {HandKind::kTelegraph, 0.012, 30},
+                           {HandKind::kTelegraph, 0.003, 300},
+                           {HandKind::kGreedy, 0.1, 0.01},
+                           {HandKind::kGreedy, 0.5, 0},
+                           {HandKind::kGreedy, 0.02, 0.05},
+                           {HandKind::kWalk, 0.01, 0}};
+
+/// Collects the runs of a grid. Every section is a function of `base`; seeds come at the end.
+class Grid {
+ public:
+  explicit Grid(const ProfileOptions& options) : options_(options) {}
+
+  void add(RunSpec spec) {
+    const bool scene =
+        std::find(options_.scenes.begin(), options_.scenes.end(), spec.scene) != options_.scenes.end();
+    if (scene && options_.rtt_ms.holds(spec.rtt_ms) && options_.loss.holds(spec.loss)) specs.push_back(spec);
+  }
+  void add(RunSpec spec, const Hand& hand) {
+    spec.hand = hand.kind;
+    spec.hand_a = hand.a;
+    spec.hand_b = hand.b;
+    add(spec);
+  }
+  std::vector<RunSpec> specs;
+
+ private:
+  const ProfileOptions& options_;
+};
+
+// Delay against bursts of loss: the survival map, and at no loss what is shown over the round trip.
+void survival(Grid& grid, RunSpec spec) {
+  for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide}) {
+    spec.scene = scene;
+    for (const double rtt : kRttMs) {
+      spec.rtt_ms = rtt;
+      for (const double loss : kLosses) {
+        spec.loss = loss;
+        for (const Hand& hand : {kHands[0], kHands[16], kHands[6], kHands[8]}) grid.add(spec, hand);
+      }
+    }
+  }
+}
+
+void bursts(Grid& grid, RunSpec spec) {
+  for (const double burst : {1.0, 5.0, 100.0, 500.0}) {
+    spec.burst_ms = burst;
+    for (const double loss : {0.1, 0.5}) {
+      spec.loss = loss;
+      for (const double rtt : {0.0, 20.0, 200.0}) {
+        spec.rtt_ms = rtt;
+        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
+      }
+    }
+  }
+}
+
+void rates(Grid& grid, RunSpec spec) {
+  for (const double rate : {500.0, 1000.0, 2000.0, 4000.0, 8000.0}) {
+    spec.rate_hz = rate;
+    for (const double rtt : {0.0, 20.0, 100.0}) {
+      spec.rtt_ms = rtt;
+      for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
+    }
+  }
+}
+
+void deaths(Grid& grid, RunSpec spec) {
+  for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms}) {
+    spec.scene = scene;
+    for (const Restart when : {Restart::kFree, Restart::kContact, Restart::kSnapIn}) {
+      spec.restart = when;
+      for (const double rtt : {0.0, 20.0, 200.0}) {
+        spec.rtt_ms = rtt;
+        for (const double down : {0.0, 1000.0}) {
+          spec.down_ms = down;
+          for (const Hand& hand : {kHands[0], kHands[14]}) grid.add(spec, hand);
+        }
+      }
+    }
+  }
+}
+
+void outages(Grid& grid, RunSpec spec) {
+  for (const double outage : {100.0, 300.0, 1000.0, 3000.0, 10000.0}) {
+    spec.outage_ms = outage;
+    spec.seconds = outage > 3000 ? 20 : 10;
+    for (const double rtt : {0.0, 20.0, 200.0}) {
+      spec.rtt_ms = rtt;
+      for (const SceneKind scene : {SceneKind::kWall, SceneKind::kPolystyrene}) {
+        spec.scene = scene;
+        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
+      }
+    }
+  }
+}
+
+void late_ticks(Grid& grid, RunSpec spec) {
+  for (const double late : {0.01, 0.1}) {
+    spec.late = late;
+    for (const double periods : {1.0, 10.0, 50.0}) {
+      spec.late_periods = periods;
+      for (const double rtt : {0.0, 50.0}) {
+        spec.rtt_ms = rtt;
+        for (const Hand& hand : {kHands[0], kHands[14], kHands[16]}) grid.add(spec, hand);
+      }
+    }
+  }
+}
+
+void clocks(Grid& grid, RunSpec spec) {
+  for (const double rtt : {2.0, 100.0}) {
+    spec.rtt_ms = rtt;
+    for (const double ppm : {-200.0, 200.0}) {
+      spec.drift_ppm = ppm;
+      for (const double leap : {0.0, 10.0, 1000.0}) {
+        spec.leap_ms = leap;
+        grid.add(spec, kHands[0]);
+        grid.add(spec, kHands[19]);
+      }
+    }
+  }
+}
+
+void disorder(Grid& grid, RunSpec spec) {
+  for (const double rtt : {20.0, 200.0}) {
+    spec.rtt_ms = rtt;
+    for (const double jitter : {0.1, 0.5, 1.0}) {
+      spec.jitter = jitter;
+      for (const double duplicate : {0.0, 0.2}) {
+        spec.duplicate = duplicate;
+        for (const double reorder : {0.0, 0.05, 0.2}) {
+          spec.reorder = reorder;
+          for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
+        }
+      }
+    }
+  }
+}
+
+void spiteful_links(Grid& grid, RunSpec spec) {
+  for (const Drops drops : {Drops::kSpite, Drops::kFlatter, Drops::kStarve}) {
+    spec.drops = drops;
+    for (const double rtt : kRttMs) {
+      spec.rtt_ms = rtt;
+      for (const Hand& hand : {kHands[0], kHands[8], kHands[12], kHands[16], kHands[17]})
+        grid.add(spec, hand);
+    }
+  }
+}
+
+void everything(Grid& grid, RunSpec spec) {
+  for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPolystyrene,
+                                SceneKind::kPdms, SceneKind::kScan, SceneKind::kHard}) {
+    spec.scene = scene;
+    for (const double scale : {1.0, 4.0, 20.0}) {
+      spec.scale = scale;
+      for (const double rtt : {0.0, 20.0, 200.0}) {
+        spec.rtt_ms = rtt;
+        for (const Hand& hand : kHands) grid.add(spec, hand);
+      }
+    }
+  }
+}
+
+/// Belongs to a figure's smallest version.
+bool is_drawn(const RunSpec& spec) {
+  RunSpec at_any_rate = spec;
+  at_any_rate.rate_hz = RunSpec{}.rate_hz;
+  if (!is_plain(at_any_rate) || spec.scene != SceneKind::kWall) return false;
+  const bool press = spec.hand == HandKind::kPress;
+  if (spec.rate_hz != at_any_rate.rate_hz) return press && spec.rtt_ms == 20;
+  if (press && spec.loss == 0) return true;
+  const auto in = [](double x, std::initializer_list<double> list) {
+    return std::find(list.begin(), list.end(), x) != list.end();
+  };
+  const bool mapped = press || spec.hand == HandKind::kGreedy || spec.hand == HandKind::kPassive;
+  return mapped && in(spec.rtt_ms, {0, 20, 100, 500}) && in(spec.loss, {0, 0.1, 0.5});
+}
+
+double log_uniform(Random& random, double low, double high) {
+  return low * det_exp(random.uniform() * det_log(high / low));
+}
+
+RunSpec random_run(const ProfileOptions& options, Random& random) {
+  RunSpec s;
+  const auto one_of = [&](const auto& list) { return list[random.below(std::size(list))]; };
+  s.method = one_of(options.methods);
+  // The default is what a user runs: half of the runs are about it.
+  if (random.chance(0.5) &&
+      std::find(options.methods.begin(), options.methods.end(), Method::kModel) != options.methods.end())
+    s.method = Method::kModel;
+  s.scene = one_of(options.scenes);
+  const Hand hand = one_of(kHands);
+  s.hand = hand.kind;
+  s.hand_a = hand.a > 0 ? hand.a * log_uniform(random, 0.5, 2) : 0;
+  s.hand_b = hand.b > 0 ? hand.b * log_uniform(random, 0.5, hand.kind == HandKind::kPassive ? 1.0 : 2.0) : 0;
+  if (random.chance(0.4)) s.scale = log_uniform(random, 0.1, 30);
+  if (random.chance(0.2)) s.velocity_scale = 1e-6 * log_uniform(random, 0.3, 3);
+  constexpr double kRates[] = {500, 1000, 1000, 1000, 1000, 1000, 1000, 2000, 4000};
+  s.rate_hz = one_of(kRates);
+  if (random.chance(0.3)) s.damping_n_s_m = log_uniform(random, 0.1, 10);
+  constexpr double kQuanta[] = {0, 0, 0, 1e-6, 1e-5};
+  s.quantum_m = one_of(kQuanta);
+  s.rtt_ms = random.chance(0.5) ? one_of(kRttMs) : log_uniform(random, 0.5, 1000);
+  s.rtt_ms = std::clamp(s.rtt_ms, options.rtt_ms.low, options.rtt_ms.high);
+  if (random.chance(0.4)) s.jitter = random.uniform();
+  if (random.chance(0.5)) {
+    s.loss = 0.5 * random.uniform();
+    s.burst_ms = log_uniform(random, 1, 500);
+  }
+  s.loss = std::clamp(s.loss, options.loss.low, options.loss.high);
+  if (random.chance(0.3)) s.duplicate = 0.2 * random.uniform();
+  if (random.chance(0.3)) s.reorder = 0.2 * random.uniform();
+  if (random.chance(0.3)) s.drift_ppm = random.uniform(-200, 200);
+  if (random.chance(0.1)) s.leap_ms = log_uniform(random, 1, 3000);
+  if (random.chance(0.15)) s.outage_ms = log_uniform(random, 100, 5000);
+  if (random.chance(0.2)) {
+    s.restart = static_cast<Restart>(1 + random.below(4));
+    if (random.chance(0.5)) s.down_ms = log_uniform(random, 10, 2000);
+  }
+  if (random.chance(0.2)) {
+    s.late = log_uniform(random, 0.001, 0.1);
+    s.late_periods = std::floor(log_uniform(random, 1, 50));
+  }
+  if (random.chance(0.15)) s.drops = static_cast<Drops>(1 + random.below(3));
+  return s;
+}
+
+void climbs(Grid& grid, RunSpec spec, int tries) {
+  spec.seconds = 3;
+  for (const double rtt : {0.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0}) {
+    spec.rtt_ms = rtt;
+    for (const Drops drops : {Drops::kNone, Drops::kSpite, Drops::kFlatter, Drops::kStarve}) {
+      spec.drops = drops;
+      spec.scale = drops == Drops::kNone ? 1.25 : 4;
+      grid.add(spec, {HandKind::kClimbWhite, static_cast<double>(tries)});
+      grid.add(spec, {HandKind::kClimbSlow, static_cast<double>(tries)});
+    }
+  }
+}
+
+}  // namespace
+
+std::string ProfileOptions::text() const {
+  std::string text = fmt::format("profile={} seed={} methods=", full ? "full" : "quick", seed);
+  for (std::size_t i = 0; i < methods.size(); ++i)
+    text += fmt::format("{}{}", i == 0 ? "" : ",", control::method_name(methods[i]));
+  text += " scenes=";
+  for (std::size_t i = 0; i < scenes.size(); ++i)
+    text += fmt::format("{}{}", i == 0 ? "" : ",", scene_kind_name(scenes[i]));
+  return text + fmt::format(" rtt-ms={}:{} loss={}:{}", rtt_ms.low, rtt_ms.high, loss.low, loss.high);
+}
+
+std::vector<RunSpec> make_profile(const ProfileOptions& options) {
+  Grid grid(options);
+  for (const Method method : options.methods) {
+    RunSpec base;
+    base.method = method;
+    const std::size_t first = grid.specs.size();
+    for (const auto section :
+         {survival, bursts, rates, deaths, outages, late_ticks, clocks, disorder, spiteful_links, everything})
+      section(grid, base);
+    if (options.full) continue;
+    // What the figures are made of, and of the rest every so manieth, so that each section keeps some; the
+    // step shares no factor with the sections' sizes.
+    std::size_t kept = first;
+    const std::size_t step = method == Method::kModel ? 7 : 41;
+    for (std::size_t i = first; i < grid.specs.size(); ++i) {
+      if (is_drawn(grid.specs[i]) || (i - first) % step == 0) grid.specs[kept++] = grid.specs[i];
+    }
+    grid.specs.resize(kept);
+    for (std::size_t i = first; i < kept; ++i) grid.specs[i].seconds = std::min(grid.specs[i].seconds, 5.0);
+  }
+  Random random(options.seed * 0x9e3779b97f4a7c15ull + 1);
+  const int randoms = options.full ? 9000 : 200;
+  for (int i = 0; i < randoms; ++i) {
+    RunSpec spec = random_run(options, random);
+    if (!options.full) spec.seconds = 5;
+    grid.specs.push_back(spec);
+  }
+  for (const Method method : options.methods) {
+    RunSpec base;
+    base.method = method;
+    const std::size_t first = grid.specs.size();
+    climbs(grid, base, options.full ? 100 : 8);
+    if (options.full) continue;
+    std::size_t kept = first;
+    for (std::size_t i = first; i < grid.specs.size(); i += 19) grid.specs[kept++] = grid.specs[i];
+    grid.specs.resize(kept);
+    for (std::size_t i = first; i < kept; ++i) grid.specs[i].seconds = 2;
+  }
+  if (grid.specs.empty()) throw UserError("stress: these scenes and ranges leave no run");
+  // Mixed: what is there of an unfinished table stands for the whole, shards take equally long, and the time
+  // left can be told.
+  for (std::size_t i = grid.specs.size() - 1; i > 0; --i)
+    std::swap(grid.specs[i], grid.specs[random.below(i + 1)]);
+  std::uint64_t state = options.seed;
+  for (RunSpec& spec : grid.specs) spec.seed = Random::splitmix64(state) >> 1;
+  return std::move(grid.specs);
+}
+
+}  // namespace telenano::studies::stress

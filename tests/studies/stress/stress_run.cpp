@@ -1,0 +1,256 @@
+#include "tests/studies/stress/stress_run.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+
+#include "common/base/error.h"
+#include "common/base/random.h"
+#include "master/station/station.h"
+#include "tests/studies/stress/hands.h"
+#include "tests/studies/stress/invariants.h"
+#include "tests/studies/stress/mutants.h"
+#include "tests/studies/stress/search.h"
+#include "tests/studies/stress/trouble.h"
+#include "tests/studies/stress/watched_slave.h"
+#include "tests/support/virtual_session.h"
+
+namespace telenano::studies::stress {
+namespace {
+
+constexpr double kMargin = 0.99;  // of the planned scale within its bound
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kForceMaxN = 12;
+constexpr double kWallHeightNm = 5;  // of the tip over the wall at the start
+
+std::int64_t nanoseconds(double seconds) {
+  return std::llround(1e9 * seconds);
+}
+
+/// The same sample felt without link and delay: what the hand should have felt at the tip's commanded place.
+class LocalTouch {
+ public:
+  LocalTouch(const RunSpec& spec, const Scenes& scenes, double force_scale)
+      : slave_(is_task(spec.hand) && spec.scene != SceneKind::kScan ? scenes.make(spec.scene, kWallHeightNm)
+                                                                    : nullptr),
+        n_per_nn_(1e-9 * force_scale) {}
+  void add(const recording::Sample& row, double dt_s) noexcept {
+    if (!slave_) return;
+    slave::SlaveInput input;
+    constexpr std::uint32_t kEngaged = 2;
+    input.follow = row.station_mode == kEngaged;
+    input.tip_target_pos_w_nm = Vec3(row.tip_target_w_nm[0], row.tip_target_w_nm[1], row.tip_target_w_nm[2]);
+    slave_->step(input, dt_s, output_);
+    most_nn_ = std::max(most_nn_, output_.force_w_nn.norm());
+    if (!input.follow || output_.contact_state != link::ContactState::kContact) return;
+    const double ideal_n = n_per_nn_ * output_.force_w_nn.z(), shown_n = row.hand_force_applied_h_n[2];
+    error2_ += (shown_n - ideal_n) * (shown_n - ideal_n);
+    both_ += shown_n * ideal_n;
+    ideal2_ += ideal_n * ideal_n;
+    ++count_;
+  }
+  double rms_n() const noexcept {
+    return count_ > 0 ? std::sqrt(error2_ / static_cast<double>(count_)) : kNan;
+  }
+  double ratio() const noexcept { return ideal2_ > 0 ? both_ / ideal2_ : kNan; }
+  double over_force(double most_nn) const noexcept { return most_nn_ > 0 ? most_nn / most_nn_ : kNan; }
+
+ private:
+  std::unique_ptr<slave::Slave> slave_;
+  slave::SlaveOutput output_;
+  double n_per_nn_;
+  double error2_ = 0, both_ = 0, ideal2_ = 0, most_nn_ = 0;
+  std::int64_t count_ = 0;
+};
+
+class Hash {
+ public:
+  void add(double value) noexcept {
+    const auto bits = std::bit_cast<std::uint64_t>(value);
+    for (int i = 0; i < 64; i += 32) hash_ = (hash_ ^ ((bits >> i) & 0xffffffffu)) * 0x100000001b3ull;
+  }
+  std::uint64_t value() const noexcept { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0xcbf29ce484222325ull;
+};
+
+support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& scenes,
+                                             const std::shared_ptr<SlaveWatch>& watch, double force_scale) {
+  support::VirtualSessionConfig session;
+  session.scene = scenes.file(spec.scene);
+  session.make_slave = [&scenes, kind = spec.scene, mutant = spec.mutant, watch] {
+    return std::make_unique<WatchedSlave>(scenes.make(kind, kWallHeightNm), watch, mutant);
+  };
+  if (make_mutant_method(spec)) session.make_method = [spec] { return make_mutant_method(spec); };
+  session.station.method = spec.method;
+  session.station.rate_hz = spec.rate_hz;
+  session.station.scaling = {spec.velocity_scale, force_scale};
+  session.station.allow_unsafe_scaling = true;
+  session.server_drift_ppm = spec.drift_ppm;
+  session.seed = spec.seed;
+  session.to_server.delay_ns = session.to_station.delay_ns = nanoseconds(0.5e-3 * spec.rtt_ms);
+  // What is on the way, with jitter of some standard deviations, duplicates and replies.
+  const double on_the_way = spec.rate_hz * (1e-3 * spec.rtt_ms * (1 + 4 * spec.jitter) + 0.03);
+  session.link_capacity = std::max<std::size_t>(64, static_cast<std::size_t>(2 * on_the_way));
+  return session;
+}
+
+}  // namespace
+
+double planned_force_scale(const RunSpec& spec, const slave::SlaveLimits& limits) {
+  control::ScalingPlant plant;
+  plant.device_damping_n_s_m = spec.damping_n_s_m;
+  plant.coupling_stiffness_n_m = limits.coupling_stiffness_n_m;
+  plant.coupling_damping_n_s_m = limits.coupling_damping_n_s_m;
+  plant.period_s = 1 / spec.rate_hz;
+  plant.delay_samples = 1;
+  const double passive = control::exact_impedance_bound(plant) / spec.velocity_scale;
+  const double device = control::device_force_scale_bound(station::StationConfig{}.force_safety, kForceMaxN,
+                                                          limits.force_max_nn);
+  return kMargin * std::min(passive, device);
+}
+
+Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras) {
+  if (given.hand == HandKind::kClimbWhite || given.hand == HandKind::kClimbSlow) {
+    const Climbed climbed = climb(given, scenes);
+    Outcome outcome = run(climbed.spec, scenes, extras);
+    outcome.ticks += climbed.ticks;
+    return outcome;
+  }
+  RunSpec spec = given;
+  const auto watch = std::make_shared<SlaveWatch>();
+  const slave::SlaveLimits limits = scenes.make(spec.scene, kWallHeightNm)->limits();
+  const double force_scale = spec.scale * planned_force_scale(spec, limits);
+  Ground ground;
+  ground.metres_per_nm = 1e-9 / spec.velocity_scale;
+  ground.wall_m = -(limits.start_pos_w_nm.z() - limits.surface_z_w_nm) * ground.metres_per_nm;
+  const std::shared_ptr<StressHand> hand = make_hand(spec, ground);
+  const auto ticks = std::llround((spec.seconds + 6e-3 * spec.rtt_ms) * spec.rate_hz);
+  if (extras.path_m != nullptr) hand->keep_path(static_cast<std::size_t>(ticks));
+
+  support::VirtualSessionConfig config = session_config(spec, scenes, watch, force_scale);
+  config.hand = with_mutant(hand, spec.mutant);
+  support::VirtualSession session(config);
+  Trouble trouble(spec, session);
+  const station::StationConfig& station = session.station().config();
+
+  InvariantWatch::Limits what;
+  what.method = spec.method;
+  what.allowance_j = station.allowance_j;
+  what.velocity_max_m_s = station.guaranteed_velocity_m_s;
+  what.period_s = session.period_s();
+  what.force_limit_n = station.force_safety * kForceMaxN;
+  what.slew_n_s = station.slew_n_s;
+  what.stale_zero_s = station.stale_zero_s;
+  what.ramp_s = station.engage_ramp_s;
+  what.tip_limit_nn = limits.force_max_nn;
+  const double impedance = force_scale * spec.velocity_scale;
+  what.damper_cap_n_s_m =
+      std::max(0.0, spec.damping_n_s_m - 0.5 * impedance * limits.coupling_stiffness_n_m * what.period_s -
+                        impedance * std::fabs(limits.coupling_damping_n_s_m));
+  what.balance = spec.method == control::Method::kTank;
+  what.hand_j_per_aj = station.scaling.hand_energy_j(1);
+  if (trouble.clean_besides()) what.recover_s = 3 + 1e-2 * spec.rtt_ms;
+  InvariantWatch invariants(what);
+
+  Outcome outcome;
+  LocalTouch local(spec, scenes, force_scale);
+  Hash hash;
+  double steps2 = 0, last_n = 0, low_m = 1e300, high_m = -1e300, most_j = 0;
+  std::int64_t touching = 0, acted = 0, done = 0;
+  const std::int64_t first_ticks = ticks + std::llround(3 * spec.rate_hz);  // until it is engaged
+  std::int64_t moved = 0;
+  double stop_after_s = std::numeric_limits<double>::infinity();
+  double now_s = 0;
+  for (std::int64_t k = 0; k < first_ticks && moved < ticks && now_s < stop_after_s; ++k, ++done) {
+    const int periods = trouble.periods();
+    InvariantWatch::Around around;
+    around.given_before_j = hand->book().given_j();
+    around.q_before_j = hand->book().quantum_bound_j();
+    around.periods = periods;
+    const recording::Sample& row = session.step(periods);
+    around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
+    around.time_s = row.time_s;
+    invariants.look(row, *hand, *watch, around);
+    now_s = row.time_s;
+    if (hand->started()) moved += periods;
+    const double t_s = session.period_s() * static_cast<double>(moved);
+    trouble.step(row, *hand, *watch, t_s, invariants);
+    local.add(row, session.period_s() * periods);
+
+    const double force_n = row.hand_force_applied_h_n[2];
+    hash.add(force_n);
+    hash.add(hand->pos_h_m().z());
+    steps2 += (force_n - last_n) * (force_n - last_n);
+    last_n = force_n;
+    outcome.peak_n = std::max(
+        outcome.peak_n, std::hypot(row.hand_force_applied_h_n[0], row.hand_force_applied_h_n[1], force_n));
+    using namespace recording;
+    outcome.clamp_ticks += (row.limit_flags & kLimitClamp) != 0;
+    outcome.limit_ticks += (row.limit_flags & kLimitForce) != 0;
+    if (row.limit_flags & kLimitStop) {
+      ++outcome.stop_ticks;
+      if (outcome.stopped_s < 0) {
+        outcome.stopped_s = t_s;
+        outcome.faults = row.station_faults;
+        stop_after_s = now_s + 0.5;
+      }
+    }
+    if (watch->touches) {
+      ++touching;
+      acted += (row.limit_flags & (kLimitDamper | kLimitClamp)) != 0;
+    }
+    if (hand->too_fast() && outcome.too_fast_s < 0) outcome.too_fast_s = t_s;
+    const PressTimes press = press_times(spec.seconds);
+    if (spec.hand == HandKind::kPress && t_s < press.out_s &&
+        t_s > press.out_s - 0.25 * (press.out_s - press.held_s)) {
+      low_m = std::min(low_m, hand->pos_h_m().z());
+      high_m = std::max(high_m, hand->pos_h_m().z());
+    }
+    if (hand->book().most_extracted_j() > most_j) {
+      most_j = hand->book().most_extracted_j();
+      if (extras.most_extracted_at_s != nullptr) *extras.most_extracted_at_s = t_s;
+    }
+    if (extras.trace != nullptr)
+      extras.trace->push_back({t_s, 1e3 * (ground.wall_m - hand->pos_h_m().z()), force_n,
+                               1e3 * hand->book().extracted_j(), 1e3 * row.ledger_j,
+                               1e3 * what.hand_j_per_aj * watch->net_in_aj, trouble.down()});
+    if (spec.hand == HandKind::kPath && t_s >= spec.seconds) break;
+  }
+  const TrueBook& book = hand->book();
+  outcome.violated = invariants.violated();
+  outcome.violated_s = invariants.first_s();
+  outcome.margin_mj = 1e3 * invariants.least_margin_j();
+  outcome.extracted_mj = 1e3 * book.most_extracted_j();
+  outcome.given_mj = 1e3 * book.most_given_j();
+  outcome.generated_mj = 1e3 * invariants.most_generated_j();
+  outcome.quantum_mj = 1e3 * book.quantum_bound_j();
+  outcome.late_mj = 1e3 * invariants.late_j();
+  outcome.force_step_n = done > 0 ? std::sqrt(steps2 / static_cast<double>(done)) : 0;
+  outcome.force_error_n = local.rms_n();
+  outcome.shown_ratio = local.ratio();
+  outcome.tip_nn = watch->most_force_nn;
+  outcome.over_force = local.over_force(watch->most_force_nn);
+  const bool at_rest = is_task(spec.hand) && outcome.stopped_s < 0 && !trouble.down() &&
+                       session.loop().trace().mode == station::Mode::kEngaged;
+  // Hand and tip have been at rest for longer than the link takes: what is left between them is drift.
+  outcome.drift_mm = at_rest
+                         ? 1e3 * ground.metres_per_nm *
+                               (watch->commanded_w_nm.z() - session.loop().trace().tip_target_pos_w_nm.z())
+                         : kNan;
+  outcome.swing_mm = high_m >= low_m ? 1e3 * (high_m - low_m) : kNan;
+  outcome.duty = touching > 0 ? static_cast<double>(acted) / static_cast<double>(touching) : 0;
+  outcome.recover_s = invariants.slowest_recovery_s();
+  outcome.sessions = static_cast<std::int64_t>(session.client().sessions());
+  outcome.ticks = done;
+  outcome.hash = hash.value();
+  if (extras.path_m != nullptr) {
+    *extras.path_m = hand->path_m();
+    for (double& z : *extras.path_m) z -= ground.wall_m;
+  }
+  return outcome;
+}
+
+}  // namespace telenano::studies::stress

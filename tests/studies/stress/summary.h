@@ -1,0 +1,35 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "tests/studies/stress/invariants.h"
+#include "tests/studies/stress/table.h"
+
+namespace telenano::studies::stress {
+
+/// What all runs of a method say together.
+struct MethodSummary {
+  control::Method method = control::Method::kModel;
+  std::size_t runs = 0, broken = 0, survived = 0, stopped = 0, too_fast = 0, repeated = 0;
+  std::array<std::size_t, kInvariants> violated{};
+  double most_extracted_mj = 0;
+  double least_margin_mj = 1e300;
+  double most_allowed_mj = 0;  ///< promise, without Q and late ticks
+  double slowest_recovery_s = -1;
+  double most_tip_nn = 0, most_over_force = 0;
+  std::int64_t ticks = 0;
+  double simulated_s = 0;
+  std::int64_t clamp_ticks = 0, limit_ticks = 0, stop_ticks = 0;
+
+  /// The rate of broken promises that is still compatible with what was seen, at 95 %: with none among N
+  /// trials (1 − p)ᴺ = 0.05 gives p < 3/N; with k the normal upper end of k + 1.64 √k + 3, rough but never
+  /// below.
+  double rate_at_most() const noexcept;
+};
+std::vector<MethodSummary> summarise(const std::vector<Row>& rows);
+
+/// Apart from scene, hand, round trip and loss nothing but the method is special in it.
+bool is_plain(const RunSpec& spec) noexcept;
+
+}  // namespace telenano::studies::stress

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <utility>
+
+#include "nve_server/slave/slave.h"
+#include "tests/studies/stress/run_spec.h"
+
+namespace telenano::studies::stress {
+
+/// What the slaves of a run did, one after the other: they live in the server.
+struct SlaveWatch {
+  Vec3 commanded_w_nm = Vec3::Zero();
+  Vec3 force_w_nn = Vec3::Zero();
+  bool touches = false;
+  bool retracted = false;
+  double most_force_nn = 0;  ///< ever, norm
+  double net_in_aj = 0;      ///< in less out, of all slaves: what was stored in one that died was lost
+  /// Most that each slave had ever given, net, summed over the slaves: how deep the sample's potential is
+  /// below where it began, U₀ − U_min, and once more for each slave that began anew.
+  double well_aj = 0;
+  std::int64_t touched = 0;  ///< how often the tip came into contact
+  bool sums_fell = false;    ///< an energy sum of one slave became smaller
+  bool non_finite = false;
+};
+
+/// A slave that is watched; and one that is wrong, where that is asked for.
+class WatchedSlave final : public slave::Slave {
+ public:
+  WatchedSlave(std::unique_ptr<slave::Slave> inner, std::shared_ptr<SlaveWatch> watch, Mutant mutant)
+      : inner_(std::move(inner)), watch_(std::move(watch)), mutant_(mutant) {}
+
+  void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {
+    inner_->step(input, dt_s, output);
+    if (mutant_ == Mutant::kSlaveTooStrong) output.force_w_nn *= 1.5;
+    if (mutant_ == Mutant::kFallingSums && output.energy_in_aj > 0)
+      output.energy_in_aj = std::max(0.0, output.energy_in_aj - output.energy_out_aj);
+    SlaveWatch& w = *watch_;
+    w.commanded_w_nm = output.commanded_pos_w_nm;
+    w.force_w_nn = output.force_w_nn;
+    const bool touches = output.contact_state == link::ContactState::kContact;
+    w.touched += touches && !touches_;
+    w.touches = touches_ = touches;
+    w.retracted = input.retract;
+    w.most_force_nn = std::max(w.most_force_nn, output.force_w_nn.norm());
+    w.net_in_aj += (output.energy_in_aj - in_aj_) - (output.energy_out_aj - out_aj_);
+    w.sums_fell = w.sums_fell || output.energy_in_aj < in_aj_ || output.energy_out_aj < out_aj_;
+    w.non_finite = w.non_finite || !is_finite(output.force_w_nn) || !std::isfinite(output.energy_in_aj) ||
+                   !std::isfinite(output.energy_out_aj) || !is_finite(output.tip_pos_w_nm);
+    in_aj_ = output.energy_in_aj;
+    out_aj_ = output.energy_out_aj;
+    if (out_aj_ - in_aj_ > given_aj_) {
+      w.well_aj += out_aj_ - in_aj_ - given_aj_;
+      given_aj_ = out_aj_ - in_aj_;
+    }
+  }
+  const slave::SlaveLimits& limits() const noexcept override { return inner_->limits(); }
+
+ private:
+  std::unique_ptr<slave::Slave> inner_;
+  std::shared_ptr<SlaveWatch> watch_;
+  Mutant mutant_;
+  bool touches_ = false;
+  double in_aj_ = 0, out_aj_ = 0;
+  double given_aj_ = 0;  // most ever, net
+};
+
+}  // namespace telenano::studies::stress

@@ -1,0 +1,118 @@
+#include "tests/support/virtual_afm.h"
+
+#include "nve_server/nanonis/frame_reader.h"
+
+namespace telenano::support {
+
+using afm::Role;
+
+VirtualAfm::VirtualAfm(const afm::AfmConfig& config, const afm_sim::SimConfig& rig,
+                       std::shared_ptr<const scene::Scene> scene, std::uint64_t seed)
+    : logic_(config), sim_(rig, std::move(scene)), random_(seed) {}
+
+void VirtualAfm::close(std::size_t i) {
+  Channel& c = channels_[i];
+  orphans_.insert(orphans_.end(), c.inbox.begin(), c.inbox.end());
+  const bool garbage = c.garbage;
+  c = {};
+  c.garbage = garbage;
+  c.reconnect_ns = now_ns_ + kReconnectNs;
+}
+
+void VirtualAfm::cut(std::int64_t length_ns) {
+  cut_until_ns_ = now_ns_ + length_ns;
+  for (std::size_t i = 0; i < channels_.size(); ++i) {
+    close(i);
+    logic_.lost(static_cast<Role>(i), afm::Loss::kClosed, now_ns_);
+  }
+  orphans_.clear();  // what was on the wire is gone
+}
+
+void VirtualAfm::apply(const afm_sim::Fault& fault) {
+  switch (fault.kind) {
+    case afm_sim::FaultKind::kSilent:
+      silent_until_ns_ = now_ns_ + fault.length_ns;
+      return;
+    case afm_sim::FaultKind::kSlow:
+      slow_until_ns_ = now_ns_ + fault.length_ns;
+      slow_ns_ = fault.delay_ns;
+      return;
+    case afm_sim::FaultKind::kGarbage:
+      for (Channel& c : channels_) c.garbage = true;
+      return;
+    case afm_sim::FaultKind::kReset:
+      for (std::size_t i = 0; i < channels_.size(); ++i) {
+        close(i);
+        logic_.lost(static_cast<Role>(i), afm::Loss::kClosed, now_ns_);
+      }
+  }
+}
+
+void VirtualAfm::serve(std::size_t i) {
+  Channel& c = channels_[i];
+  if (!c.pending) {
+    if (c.inbox.empty()) return;
+    const nanonis::Call call = c.inbox.front();
+    c.inbox.pop_front();
+    ++calls_[static_cast<std::size_t>(call.id)];
+    c.pending = sim_.begin(call, static_cast<int>(i), now_ns_);
+    if (now_ns_ < slow_until_ns_) c.pending->ready_ns += slow_ns_;
+  }
+  if (!sim_.finish(*c.pending, now_ns_)) return;
+  const nanonis::Command& command = nanonis::command(c.pending->call.id);
+  nanonis::Bytes bytes = nanonis::encode_answer(command, c.pending->answer, sim_.config().error_form);
+  c.pending.reset();
+  if (c.garbage) {
+    for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random_.bits());
+    c.garbage = false;
+  }
+  nanonis::FrameReader reader;
+  reader.feed(bytes);
+  nanonis::Header header;
+  std::span<const std::uint8_t> body;
+  nanonis::Answer answer;
+  if (reader.next(header, body) != nanonis::FrameReader::Status::kFrame || header.name != command.name ||
+      !nanonis::decode_answer(command, body, answer)) {
+    close(i);
+    if (killed_ns_ < 0) logic_.lost(static_cast<Role>(i), afm::Loss::kGarbage, now_ns_);
+    return;
+  }
+  if (killed_ns_ < 0) logic_.answered(static_cast<Role>(i), answer, now_ns_);
+}
+
+void VirtualAfm::step(const afm::PortWish& wish) {
+  now_ns_ += kStepNs;
+  sim_.advance_to(now_ns_);
+  const bool alive = killed_ns_ < 0;
+  if (alive) {
+    logic_.tick(now_ns_, wish);
+    for (std::size_t i = 0; i < channels_.size(); ++i) {
+      const Role role = static_cast<Role>(i);
+      if (logic_.take_close(role)) close(i);
+      Channel& c = channels_[i];
+      if (!c.open && now_ns_ >= c.reconnect_ns && now_ns_ >= cut_until_ns_) {
+        c.open = true;
+        logic_.connected(role, now_ns_);
+      }
+      nanonis::Call call;
+      if (c.open && logic_.next(role, now_ns_, call)) c.inbox.push_back(call);
+    }
+  } else if (!guard_done_ && now_ns_ > killed_ns_ + kGuardNs && reachable()) {
+    sim_.begin({nanonis::CommandId::kWithdraw, {0, -1}}, 3, now_ns_);
+    guard_done_ = true;
+  }
+  if (!reachable()) return;
+  // After a silence the controller reads its sockets in any order, those of the dead included.
+  while (!orphans_.empty() && random_.chance(0.5)) {
+    sim_.begin(orphans_.front(), -1, now_ns_);
+    orphans_.pop_front();
+  }
+  const std::size_t first = random_.below(channels_.size());
+  for (std::size_t k = 0; k < channels_.size(); ++k) serve((first + k) % channels_.size());
+}
+
+void VirtualAfm::advance_to(std::int64_t until_ns, const afm::PortWish& wish) {
+  while (now_ns_ < until_ns) step(wish);
+}
+
+}  // namespace telenano::support

@@ -1,0 +1,190 @@
+// The real programs with an AFM: telenano-afm-sim, telenano-nve serve --slave nanonis, telenano-master run.
+#include <atomic>
+#include <cmath>
+
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+const std::string kSim = TELENANO_AFM_SIM;
+
+std::string afm_file() {
+  return std::string(TELENANO_SOURCE_DIR) + "/deploy/afm.toml";
+}
+
+/// telenano-afm-sim on free ports.
+class Simulator {
+ public:
+  explicit Simulator(std::vector<std::string> flags = {}) {
+    std::vector<std::string> command{kSim, "--ports", "0,0,0,0"};
+    command.insert(command.end(), flags.begin(), flags.end());
+    child_ = std::make_unique<ChildProcess>(command);
+    EXPECT_TRUE(child_->wait_for_err("\n", kLong)) << child_->err();
+    const std::string text = child_->err();
+    for (std::size_t at = text.find("127.0.0.1:"); at != std::string::npos;
+         at = text.find("127.0.0.1:", at + 1))
+      ports_.push_back(std::atoi(text.c_str() + at + 10));
+    EXPECT_EQ(ports_.size(), 4u) << text;
+    ports_.resize(4);
+  }
+  std::string ports(const std::vector<int>& order = {0, 1, 2, 3}) const {
+    std::string text;
+    for (const int i : order) {
+      if (!text.empty()) text += ',';
+      text += std::to_string(ports_[static_cast<std::size_t>(i)]);
+    }
+    return text;
+  }
+  /// What it says at the end: whether the tip is up, the greatest force, how often SafeTip acted.
+  std::string stop() {
+    child_->signal(SIGTERM);
+    EXPECT_TRUE(child_->wait(kLong));
+    return child_->err();
+  }
+
+ private:
+  std::unique_ptr<ChildProcess> child_;
+  std::vector<int> ports_;
+};
+
+std::vector<std::string> serve(const std::string& ports, const std::string& afm) {
+  return {kNve,           "serve",     "--listen", "127.0.0.1:0", "--slave", "nanonis",
+          "--controller", "127.0.0.1", "--ports",  ports,         "--afm",   afm};
+}
+
+int port_of(ChildProcess& child) {
+  const std::string before = " on 127.0.0.1:";
+  EXPECT_TRUE(child.wait_for_err(before, kLong)) << child.err();
+  const std::string text = child.err();
+  const auto at = text.find(before);
+  return at == std::string::npos ? 0 : std::atoi(text.c_str() + at + before.size());
+}
+
+class AfmProgramsTest : public ProgramsTest {
+ protected:
+  /// deploy/afm.toml with the patience that a machine with many programs needs: no real-time promise here.
+  static std::string patient() {
+    std::string text = file_text(afm_file());
+    for (const auto& [from, to] :
+         {std::pair{"link_loss_ms = 100.0", "link_loss_ms = 3000.0"},
+          std::pair{"reply_timeout_ms = 100.0", "stale_force_ms = 3000.0\nreply_timeout_ms = 3000.0"}}) {
+      const auto at = text.find(from);
+      EXPECT_NE(at, std::string::npos) << from;
+      text.replace(at, std::string(from).size(), to);
+    }
+    return text;
+  }
+  std::string afm() const { return write("patient.toml", patient()); }
+  /// The same with one value changed.
+  std::string changed(const std::string& key, const std::string& value) const {
+    std::string text = patient();
+    const auto at = text.find("\n" + key + " = ");
+    EXPECT_NE(at, std::string::npos) << key;
+    const auto from = at + key.size() + 4, to = text.find_first_of(" \n", from);
+    text.replace(from, to - from, value);
+    return write("afm.toml", text);
+  }
+};
+
+TEST_F(AfmProgramsTest, ATaskThroughStationServerAndController) {
+  Simulator simulator;
+  ChildProcess server(serve(simulator.ports(), afm()));
+  const int port = port_of(server);
+  ASSERT_GT(port, 0);
+  const Finished run =
+      run_program({kMaster, "run", "--quiet", "--server", "127.0.0.1:" + std::to_string(port), "--task",
+                   "indent", "--duration-s", "5"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  server.signal(SIGTERM);
+  ASSERT_TRUE(server.wait(kLong));
+  EXPECT_EQ(server.exit_code(), 0) << server.err();
+  EXPECT_NE(server.err().find("withdrawn"), std::string::npos) << server.err();
+  const std::string end = simulator.stop();
+  EXPECT_NE(end.find("tip withdrawn"), std::string::npos) << end;
+  EXPECT_NE(end.find("SafeTip 0 times"), std::string::npos) << end;
+}
+
+TEST_F(AfmProgramsTest, AServerThatIsKilledLeavesTheTipWithdrawn) {
+  Simulator simulator;
+  {
+    ChildProcess server(serve(simulator.ports(), afm()));
+    ASSERT_GT(port_of(server), 0);
+    server.signal(SIGKILL);
+    ASSERT_TRUE(server.wait(kLong));
+  }
+  ::usleep(1'000'000);  // the guard's withdrawals take milliseconds; its second one comes 0.1 s later
+  const std::string end = simulator.stop();
+  EXPECT_NE(end.find("tip withdrawn"), std::string::npos) << end;
+}
+
+TEST_F(AfmProgramsTest, WhatDoesNotFitIsRefusedInOneLineAndNothingMoves) {
+  struct Case {
+    std::vector<std::string> sim;
+    std::string key, value, expected;
+    std::vector<int> order{0, 1, 2, 3};
+  };
+  const std::vector<Case> cases = {
+      {{}, "sensitivity_nm_v", "-50.0", "sensitivity_nm_v"},
+      {{"--z-sign", "-1"}, "step_nm", "1.0", "z_sign"},
+      {{}, "deflection", "40", "there is no signal 40"},
+      {{}, "half_width_nm", "6000.0", "beyond the piezo's range"},
+      {{"--range-z-nm", "80"}, "step_nm", "1.0", "beyond the piezo's range"},
+      {{"--restrict-roles"}, "step_nm", "1.0", "port for that role", {1, 0, 2, 3}},
+      {{"--restrict-roles"}, "step_nm", "1.0", "port for that role", {0, 1, 3, 2}},
+      {{}, "z_sign", "0", "z_sign"},
+      {{}, "step_nm", "6.0", "step_nm"},
+  };
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.key + " = " + c.value + " " + c.expected);
+    Simulator simulator(c.sim);
+    const Finished done = run_program(serve(simulator.ports(c.order), changed(c.key, c.value)));
+    EXPECT_EQ(done.exit_code, 2);
+    EXPECT_NE(done.err.find(c.expected), std::string::npos) << done.err;
+    EXPECT_EQ(lines_of(done.err).size(), 1u) << done.err;
+    ::usleep(200'000);
+    const std::string end = simulator.stop();
+    EXPECT_NE(end.find("tip withdrawn"), std::string::npos) << end;
+    EXPECT_NE(end.find("; 0 calls that move"), std::string::npos) << end;
+  }
+}
+
+TEST_F(AfmProgramsTest, AControllerInUseAndNoneAtAllAreRefused) {
+  Simulator simulator;
+  {
+    ChildProcess first(serve(simulator.ports(), afm()));
+    ASSERT_GT(port_of(first), 0);
+    const Finished second = run_program(serve(simulator.ports(), afm()));
+    EXPECT_EQ(second.exit_code, 2);
+    EXPECT_NE(second.err.find("in use by another client"), std::string::npos) << second.err;
+    EXPECT_EQ(lines_of(second.err).size(), 1u) << second.err;
+    EXPECT_TRUE(first.running()) << "and the first one goes on";
+    first.signal(SIGTERM);
+    EXPECT_TRUE(first.wait(kLong));
+  }
+  simulator.stop();
+  const Finished none = run_program(serve(simulator.ports(), afm()));
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_NE(none.err.find("cannot connect"), std::string::npos) << none.err;
+  const Finished twice = run_program(serve("6501,6501,6502,6503", afm()));
+  EXPECT_EQ(twice.exit_code, 2);
+  EXPECT_NE(twice.err.find("two roles"), std::string::npos) << twice.err;
+}
+
+TEST_F(AfmProgramsTest, FlagsThatDoNotGoTogether) {
+  for (const auto& [flags, expected] : std::vector<std::pair<std::vector<std::string>, std::string>>{
+           {{}, "--scene is missing"},
+           {{"--slave", "nanonis"}, "--controller is missing"},
+           {{"--slave", "nanonis", "--controller", "127.0.0.1"}, "--afm is missing"},
+           {{"--slave", "nanonis", "--scene", "x.toml"}, "--scene belongs to"},
+           {{"--scene", "x.toml", "--afm", "y.toml"}, "belong to --slave nanonis"}}) {
+    std::vector<std::string> command{kNve, "serve", "--listen", "127.0.0.1:0"};
+    command.insert(command.end(), flags.begin(), flags.end());
+    const Finished done = run_program(command);
+    EXPECT_EQ(done.exit_code, 2);
+    EXPECT_NE(done.err.find(expected), std::string::npos) << done.err;
+  }
+}
+
+}  // namespace
+}  // namespace telenano::programs

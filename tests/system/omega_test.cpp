@@ -1,0 +1,383 @@
+// Real programs with a Force Dimension device: the vendor's symbols are a stand-in's, all else is what a
+// person runs. A hand presses on a sample; then something goes wrong.
+#include <gmock/gmock.h>
+#include <sys/stat.h>
+#include <time.h>
+
+#include <cmath>
+#include <thread>
+
+#include "common/recording/recording_reader.h"
+#include "tests/support/standin_drd/standin_sdk.h"
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+using recording::RecordingReader;
+using support::DrdCall;
+using support::StandinSdk;
+using ::testing::HasSubstr;
+
+constexpr double kEngaged = 2;  // station::Mode
+constexpr double kHoming = 5;
+constexpr std::int64_t kMs = 1'000'000;
+constexpr std::int64_t kWatchdogNs = 10 * kMs;
+constexpr std::int64_t kTickNs = kMs;
+// Threads of two programs and of the stand-in's watchdog wait for a processor on a machine that is busy.
+constexpr std::int64_t kSchedulingNs = 60 * kMs;
+
+std::int64_t now_ns() {
+  timespec now{};
+  ::clock_gettime(CLOCK_MONOTONIC, &now);
+  return std::int64_t{1'000'000'000} * now.tv_sec + now.tv_nsec;
+}
+
+template <class Condition>
+bool soon(const Condition& condition, Seconds most = kLong) {
+  const auto end = std::chrono::steady_clock::now() + most;
+  while (std::chrono::steady_clock::now() < end) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::microseconds(200));
+  }
+  return false;
+}
+
+class OmegaTest : public ProgramsTest {
+ protected:
+  void SetUp() override {
+    ProgramsTest::SetUp();
+    ::setenv("FDSDK", TELENANO_STANDIN_SDK, 1);
+  }
+  void TearDown() override {
+    station_.reset();
+    ::unsetenv("FDSDK");
+    ProgramsTest::TearDown();
+  }
+
+  void start(std::vector<std::string> more = {}) {
+    sdk_->buttons = 1;  // the handle's button: deadman
+    std::vector<std::string> command{kMaster,
+                                     "run",
+                                     "--server",
+                                     server_.address(),
+                                     "--device",
+                                     "omega",
+                                     "--velocity-scale",
+                                     "1e-6",
+                                     "--force-scale",
+                                     "1e7",
+                                     "--method",
+                                     "ks-clamp",
+                                     "--allow-unsafe-scaling",
+                                     "--record",
+                                     path("omega.h5")};
+    command.insert(command.end(), more.begin(), more.end());
+    station_ = std::make_unique<ChildProcess>(command);
+    ASSERT_TRUE(station_->wait_for_err("loop:", kLong)) << station_->err();
+  }
+
+  /// The hand goes down by 0.1 m/s until it feels so much.
+  ::testing::AssertionResult press(double force_n) {
+    for (int k = 0; k < 20'000; ++k) {
+      if (sdk_.force_n() >= force_n) return ::testing::AssertionSuccess();
+      if (!station_->running()) break;
+      give_force_back();
+      if (sdk_->pos_d_m[2] > -0.06) sdk_->pos_d_m[2] = sdk_->pos_d_m[2] - 2e-5;
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
+    return ::testing::AssertionFailure() << "felt only " << sdk_.force_n() << " N at " << sdk_->pos_d_m[2]
+                                         << " m; the station says: " << station_->err();
+  }
+
+  /// A person presses the device's force button after its watchdog has cut the force, as it does when this
+  /// machine was too busy for ten milliseconds.
+  void give_force_back() {
+    if (sdk_->force_off_cause != 3) return;
+    sdk_->watchdog_fired_ns = 0;
+    sdk_->force_off_cause = 0;
+  }
+
+  /// Time from now until the motors show nothing; negative when they go on.
+  std::int64_t time_to_zero_ns() {
+    const std::int64_t begin_ns = now_ns();
+    return soon([&] { return sdk_.force_n() == 0; }, Seconds(5)) ? now_ns() - begin_ns : -1;
+  }
+
+  Server server_{scene_path("flat_silicon_oxide")};
+  StandinSdk sdk_;
+  std::unique_ptr<ChildProcess> station_;
+};
+
+TEST_F(OmegaTest, IsListed) {
+  const Finished run = run_program({kMaster, "devices"});
+  EXPECT_EQ(run.exit_code, 0);
+  const auto lines = lines_of(run.out);
+  ASSERT_GE(lines.size(), 3u);
+  EXPECT_EQ(lines[0], "backend,name,serial,node,usable,why");
+  EXPECT_THAT(run.out, HasSubstr("\nomega,omega.3,4711,,yes,\n"));
+}
+
+TEST_F(OmegaTest, ASessionIsFeltRecordedAndEndsInZeroForce) {
+  start();
+  ASSERT_TRUE(press(1.0));
+  EXPECT_EQ(sdk_->first_force_n, 0);
+  EXPECT_EQ(sdk_->gravity, 1);
+  EXPECT_EQ(sdk_->watchdog_units, 80);
+  station_->signal(SIGINT);
+  ASSERT_TRUE(station_->wait(kLong));
+  EXPECT_EQ(station_->exit_code(), 0) << station_->err();
+  EXPECT_THAT(station_->err(), HasSubstr("omega.3, serial number 4711"));
+  EXPECT_EQ(sdk_.force_n(), 0);
+  EXPECT_EQ(sdk_->stopped, 1);
+  EXPECT_EQ(sdk_->open, 0);
+  const RecordingReader reader(path("omega.h5"));
+  EXPECT_THAT(reader.configuration("device"), HasSubstr("omega.3"));
+  // The observer booked what the device applied: by hand, from the recording, −ΣF(k−1)·Δx(k).
+  std::array<std::vector<double>, 3> force;
+  std::array<std::vector<double>, 3> pos;
+  for (std::size_t c = 0; c < 3; ++c) {
+    force[c] = reader.read("hand_force_applied_h_n", c);
+    pos[c] = reader.read("hand_pos_h_m", c);
+  }
+  double energy_j = 0;
+  for (std::size_t k = 1; k < pos[0].size(); ++k) {
+    for (std::size_t c = 0; c < 3; ++c) energy_j -= force[c][k - 1] * (pos[c][k] - pos[c][k - 1]);
+  }
+  EXPECT_GT(energy_j, 0);
+  EXPECT_NEAR(energy_j, reader.read("energy_j").back(), 1e-12);
+}
+
+TEST_F(OmegaTest, SaturationIsBookedAsApplied) {
+  sdk_->saturation_n = 0.5;
+  start();
+  ASSERT_TRUE(press(0.49));
+  for (int k = 0; k < 40; ++k) {  // and 4 mm further
+    sdk_->pos_d_m[2] = sdk_->pos_d_m[2] - 1e-4;
+    std::this_thread::sleep_for(Milliseconds(1));
+  }
+  std::this_thread::sleep_for(Milliseconds(100));
+  station_->signal(SIGINT);
+  ASSERT_TRUE(station_->wait(kLong));
+  const RecordingReader reader(path("omega.h5"));
+  double most_n = 0;
+  double asked_n = 0;
+  for (const double f : reader.read("hand_force_applied_h_n", 2)) most_n = std::max(most_n, std::fabs(f));
+  for (const double f : reader.read("hand_force_commanded_h_n", 2)) asked_n = std::max(asked_n, std::fabs(f));
+  EXPECT_NEAR(most_n, 0.5, 1e-12);
+  EXPECT_GT(asked_n, 0.5);
+}
+
+TEST_F(OmegaTest, UncalibratedItHomesFirstWithoutForce) {
+  sdk_->calibrated = 0;
+  sdk_->pos_d_m[0] = 0.3;  // where it is means nothing yet
+  start();
+  EXPECT_THAT(station_->err(), HasSubstr("not calibrated"));
+  std::this_thread::sleep_for(Milliseconds(300));
+  EXPECT_EQ(sdk_.force_n(), 0);
+  sdk_->pos_d_m[0] = 0;  // a leap that is no motion
+  sdk_->calibrated = 1;
+  ASSERT_TRUE(press(0.5));
+  station_->signal(SIGINT);
+  ASSERT_TRUE(station_->wait(kLong));
+  EXPECT_EQ(station_->exit_code(), 0) << station_->err();
+  const std::vector<double> mode = RecordingReader(path("omega.h5")).read("station_mode");
+  EXPECT_EQ(mode.front(), kHoming);
+  EXPECT_EQ(std::count(mode.begin(), mode.end(), kEngaged) > 0, true);
+}
+
+TEST_F(OmegaTest, FaultsEndInZeroForceAndOneLine) {
+  struct Fault {
+    const char* name;
+    void (*inject)(support::StandinState&);
+    const char* told;
+  };
+  const Fault faults[] = {
+      {"unplugged", [](auto& s) { s.unplugged = 1; }, "unplugged"},
+      {"position refused", [](auto& s) { s.result_of(DrdCall::kGetPosition) = -1; }, "device failed"},
+      {"force refused", [](auto& s) { s.result_of(DrdCall::kSetForce) = -1; }, "device failed"},
+      {"no power", [](auto& s) { s.power = 0; }, "no power"},
+      {"device error", [](auto& s) { s.error = 1; }, "reports an error"},
+      {"position not a number", [](auto& s) { s.pos_d_m[1] = std::nan(""); }, "not finite"},
+      {"position leaps", [](auto& s) { s.pos_d_m[1] = 0.2; }, "velocity trip"},
+      {"position leaps by metres", [](auto& s) { s.pos_d_m[1] = 50; }, "not believable"},
+      {"applied force not a number",
+       [](auto& s) {
+         s.reported_force_n[2] = std::nan("");
+         s.lie_about_force = 1;
+         s.saturation_n = 0.01;
+       },
+       "applied force not finite"},
+  };
+  for (const Fault& fault : faults) {
+    SCOPED_TRACE(fault.name);
+    StandinSdk fresh;
+    start({"--overwrite"});
+    ASSERT_TRUE(press(0.5));
+    fault.inject(*sdk_);
+    const std::int64_t zero_ns = time_to_zero_ns();
+    ASSERT_GE(zero_ns, 0) << "the motors go on";
+    std::printf("%-28s zero force after %.1f ms\n", fault.name, 1e-6 * static_cast<double>(zero_ns));
+    // A device that refuses commands is left to its watchdog; otherwise the status is seen within ten ticks.
+    EXPECT_LE(zero_ns, std::max(kWatchdogNs, 10 * kTickNs) + kTickNs + kSchedulingNs);
+    ASSERT_TRUE(station_->wait(kLong)) << "does not end";
+    EXPECT_EQ(station_->exit_code(), 1);
+    EXPECT_EQ(station_->ended_by(), 0);
+    EXPECT_THAT(station_->err(), HasSubstr(fault.told));
+    EXPECT_EQ(sdk_.force_n(), 0);
+  }
+}
+
+TEST_F(OmegaTest, ForceOffIsToldAndHeldAtZeroUntilItIsOnAgain) {
+  start();
+  ASSERT_TRUE(press(0.5));
+  sdk_->force_off_cause = 2;
+  EXPECT_TRUE(station_->wait_for_err("moved too fast", kLong));
+  EXPECT_EQ(sdk_.force_n(), 0);
+  std::this_thread::sleep_for(Milliseconds(100));
+  EXPECT_TRUE(station_->running());
+  sdk_->force_off_cause = 0;
+  EXPECT_TRUE(station_->wait_for_err("ready again", kLong));
+  EXPECT_TRUE(soon([&] { return sdk_.force_n() > 0; }, Seconds(5))) << "the hand still presses";
+  station_->signal(SIGINT);
+  ASSERT_TRUE(station_->wait(kLong));
+  EXPECT_EQ(station_->exit_code(), 0) << station_->err();
+}
+
+TEST_F(OmegaTest, StallsOfTheSdk) {
+  start();
+  for (const DrdCall call : {DrdCall::kGetPosition, DrdCall::kSetForce, DrdCall::kGetStatus}) {
+    for (const int stall_ms : {1, 5, 20, 100, 500}) {
+      if (stall_ms == 500 && call != DrdCall::kGetPosition) continue;  // for the length of the test
+      SCOPED_TRACE("call " + std::to_string(static_cast<int>(call)) + ", ms " + std::to_string(stall_ms));
+      ASSERT_TRUE(press(0.3));
+      const std::size_t said = station_->err().size();
+      const std::int64_t begin_ns = now_ns();
+      sdk_->stall_of(call) = stall_ms * 1000;
+      ASSERT_TRUE(soon([&] { return sdk_->stall_of(call) == 0; })) << "never called";
+      std::int64_t told_ns = 0;
+      while (now_ns() < begin_ns + (stall_ms + 50) * kMs) {
+        if (told_ns == 0 && station_->err().find("stuck in the SDK's", said) != std::string::npos)
+          told_ns = now_ns();
+        std::this_thread::sleep_for(Milliseconds(1));
+      }
+      const std::int64_t fired_ns = sdk_->watchdog_fired_ns;
+      if (stall_ms > 20) {
+        ASSERT_NE(fired_ns, 0);
+        EXPECT_LE(fired_ns - begin_ns, kWatchdogNs + kTickNs + kSchedulingNs);
+        ASSERT_NE(told_ns, 0) << station_->err();
+        std::printf("call %d stuck for %d ms: zero force after %.1f ms, told after %.0f ms\n",
+                    static_cast<int>(call), stall_ms, 1e-6 * static_cast<double>(fired_ns - begin_ns),
+                    1e-6 * static_cast<double>(told_ns - begin_ns));
+        EXPECT_LE(told_ns - begin_ns, 100 * kMs + kSchedulingNs);
+      }
+      if (fired_ns != 0) {
+        EXPECT_EQ(sdk_.force_n(), 0) << "nothing comes back by itself";
+      }
+      ASSERT_TRUE(station_->running()) << station_->err();
+      // A person lets go, goes up, and presses the device's force button.
+      give_force_back();
+      for (int k = 0; k < 100 && sdk_->pos_d_m[2] < 0; ++k) {
+        sdk_->pos_d_m[2] = sdk_->pos_d_m[2] + 1e-4;
+        std::this_thread::sleep_for(Milliseconds(1));
+      }
+    }
+  }
+  station_->signal(SIGINT);
+  ASSERT_TRUE(station_->wait(kLong));
+  EXPECT_EQ(station_->exit_code(), 0) << station_->err();
+}
+
+TEST_F(OmegaTest, ACallThatNeverReturnsDoesNotKeepAPersonFromStopping) {
+  start();
+  ASSERT_TRUE(press(0.3));
+  sdk_->stall_of(DrdCall::kGetPosition) = 60'000'000;
+  EXPECT_TRUE(station_->wait_for_err("stuck in the SDK's dhdGetPosition", kLong));
+  EXPECT_EQ(time_to_zero_ns() >= 0, true);
+  station_->signal(SIGINT);
+  ASSERT_TRUE(station_->wait(Seconds(10)));
+  EXPECT_EQ(station_->exit_code(), 1);
+  EXPECT_THAT(station_->err(), HasSubstr("does not come back from the SDK's dhdGetPosition"));
+  EXPECT_FALSE(RecordingReader(path("omega.h5")).cut_short());
+}
+
+TEST_F(OmegaTest, AReplayOfItIsTheSameMotion) {
+  start();
+  ASSERT_TRUE(press(0.5));
+  station_->signal(SIGINT);
+  ASSERT_TRUE(station_->wait(kLong));
+  const Finished run =
+      run_program({kMaster, "run", "--quiet", "--server", server_.address(), "--device",
+                   "replay:" + path("omega.h5"), "--velocity-scale", "1e-6", "--force-scale", "1e7",
+                   "--method", "ks-clamp", "--allow-unsafe-scaling", "--record", path("again.h5")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const RecordingReader first(path("omega.h5"));
+  const RecordingReader again(path("again.h5"));
+  const auto lowest = [](const RecordingReader& reader) {
+    const auto z = reader.read("hand_pos_h_m", 2);
+    return *std::min_element(z.begin(), z.end());
+  };
+  EXPECT_NEAR(lowest(again), lowest(first), 1e-9);
+  const auto deepest = [](const RecordingReader& reader) {
+    const auto z = reader.read("tip_target_w_nm", 2);
+    return *std::min_element(z.begin(), z.end());
+  };
+  // The tip starts at the same place: 1 nm is 1 mm of the hand; one tick of the hand at 0.1 m/s is 0.1 nm.
+  EXPECT_NEAR(deepest(again), deepest(first), 0.2);
+}
+
+/// A person at the prompt: their Enter goes through a named pipe, their hand is the stand-in's position.
+TEST_F(OmegaTest, CalibrationFindsAxesSignsAndWorkspace) {
+  const std::string pipe = path("enter");
+  ASSERT_EQ(::mkfifo(pipe.c_str(), 0600), 0);
+  const std::string out = path("device.toml");
+  ChildProcess wizard({"/bin/sh", "-c", "exec " + kMaster + " calibrate --out " + out + " <" + pipe});
+  std::ofstream enter(pipe);
+  std::size_t said = 0;
+  const auto asks = [&](const std::string& words) {
+    return soon([&] { return wizard.err().find(words, said) != std::string::npos; });
+  };
+  const auto press_enter = [&](const std::string& after) {
+    ASSERT_TRUE(asks(after)) << wizard.err();
+    said = wizard.err().size();
+    std::this_thread::sleep_for(Milliseconds(20));  // for the position to be read
+    enter << "\n" << std::flush;
+  };
+  const auto move_to = [&](double x, double y, double z) {
+    sdk_->pos_d_m[0] = x;
+    sdk_->pos_d_m[1] = y;
+    sdk_->pos_d_m[2] = z;
+    std::this_thread::sleep_for(Milliseconds(20));
+  };
+  // Mounted askew: the operator's right is the device's −x, away is −y, up is z.
+  press_enter("Hold the handle still");
+  move_to(-0.005, 0, 0);
+  press_enter("to the right");
+  press_enter("5.0 mm only");  // too short: asked again
+  move_to(-0.045, 0.003, 0);
+  press_enter("to the right");
+  press_enter("Hold the handle still");
+  move_to(-0.04, -0.05, 0.01);
+  press_enter("away from you");
+  press_enter("Hold the handle still");
+  move_to(-0.04, -0.05, 0.06);
+  press_enter("up and hold");
+  ASSERT_TRUE(asks("ends of its range"));
+  move_to(-0.07, -0.06, -0.04);
+  move_to(0.09, 0.08, 0.08);
+  press_enter("ends of its range");
+  ASSERT_TRUE(wizard.wait(kLong)) << wizard.err();
+  EXPECT_EQ(wizard.exit_code(), 0) << wizard.err();
+  EXPECT_EQ(file_text(out),
+            "[device]\nkind = \"omega\"\naxes = \"-x -y +z\"\ncentre_m = [0.0100, 0.0100, 0.0200]\n"
+            "workspace_half_m = 0.0600\n");
+  EXPECT_EQ(sdk_.force_n(), 0);
+  // And a session takes it.
+  const Finished run =
+      run_program({kMaster, "run", "--config", out, "--server", server_.address(), "--duration-s", "0.5",
+                   "--quiet", "--velocity-scale", "1e-6", "--force-scale", "1e7"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
+}  // namespace
+}  // namespace telenano::programs

@@ -1,0 +1,74 @@
+// The scripts of deploy/ and of the tests, as far as they run anywhere: what they would do, and what they
+// refuse.
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+const std::string kProject = TELENANO_SOURCE_DIR;
+
+Finished script(const std::string& name, std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), {"/bin/bash", kProject + "/" + name});
+  return run_program(arguments, {}, kLong);
+}
+
+void expect_refused(const std::string& name, const std::vector<std::string>& arguments,
+                    const std::string& said, int exit_code = 2) {
+  const Finished run = script(name, arguments);
+  EXPECT_EQ(run.exit_code, exit_code) << run.err;
+  EXPECT_EQ(lines_of(run.err).size(), 1u) << run.err;
+  EXPECT_NE(run.err.find(said), std::string::npos) << run.err;
+  EXPECT_EQ(run.out, "");
+}
+
+TEST(NetemScript, SaysItInTheWordsOfTc) {
+  const auto words = [](const std::vector<std::string>& options) {
+    std::vector<std::string> arguments{"apply", "eth9", "--dry-run"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    return script("deploy/netem.sh", arguments).out;
+  };
+  const std::string begin = "tc qdisc replace dev eth9 root netem limit 10000";
+  EXPECT_EQ(words({}), begin + "\n");
+  EXPECT_EQ(words({"--delay-ms", "20", "--jitter-ms", "2", "--any-order"}),
+            begin + " delay 20ms 2ms distribution normal\n");
+  // A rate keeps the order.
+  EXPECT_EQ(words({"--delay-ms", "20", "--jitter-ms", "2"}),
+            begin + " delay 20ms 2ms distribution normal rate 100gbit\n");
+  // Into a burst with p, out of it with 1/4: p/(p + 1/4) = 5 %.
+  EXPECT_EQ(words({"--loss", "0.05", "--burst", "4"}), begin + " loss gemodel 1.31578947% 25% 100% 0%\n");
+  EXPECT_EQ(words({"--loss", "0.05", "--duplicate", "0.01", "--corrupt", "1e-3", "--rate-bit-s", "1e6"}),
+            begin + " loss 5% duplicate 1% corrupt 0.1% rate 1000000bit\n");
+}
+
+TEST(NetemScript, RefusesInOneLine) {
+  const std::string name = "deploy/netem.sh";
+  expect_refused(name, {}, "nothing is asked for");
+  expect_refused(name, {"mend", "eth9"}, "'mend' is unknown");
+  expect_refused(name, {"apply"}, "no interface is named");
+  expect_refused(name, {"apply", "eth9", "--loss", "5"}, "--loss is '5', expected a number from 0 to 1");
+  expect_refused(name, {"apply", "eth9", "--loss", "nan"}, "--loss is 'nan'");
+  expect_refused(name, {"apply", "eth9", "--jitter-ms", "3"}, "expected at most --delay-ms");
+  expect_refused(name, {"apply", "eth9", "--reorder", "0.1"}, "--reorder needs --delay-ms");
+  expect_refused(name, {"apply", "eth9", "--los", "0.1"}, "--los is unknown");
+}
+
+TEST(FuzzScript, RefusesInOneLine) {
+  expect_refused("deploy/fuzz.sh", {"--no-install", "datagrams"}, "there is no target 'datagrams'");
+  expect_refused("deploy/fuzz.sh", {"--no-install", "--runs", "1e6"}, "expected a whole number");
+  expect_refused("deploy/fuzz.sh", {"--no-install", "--run", "1"}, "there is no option --run");
+}
+
+TEST(VmScript, SaysWhyItCannot) {
+  expect_refused("tests/system/vm.sh", {}, "no script is named");
+  expect_refused("tests/system/vm.sh", {"/nowhere.sh"}, "there is no script /nowhere.sh");
+  expect_refused("tests/system/vm.sh", {"--modules"}, "--modules needs a value");
+  const Finished none =
+      run_program({"/usr/bin/env", "TELENANO_VM_CACHE=/nowhere", "/bin/bash",
+                   kProject + "/tests/system/vm.sh", kProject + "/tests/system/netem_vm.sh"},
+                  {}, kLong);
+  EXPECT_EQ(none.exit_code, 77) << "CTest's word for skipped";
+  EXPECT_NE(none.err.find("--prepare"), std::string::npos) << none.err;
+}
+
+}  // namespace
+}  // namespace telenano::programs

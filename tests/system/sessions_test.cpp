@@ -1,0 +1,203 @@
+// Sessions of the real programs: a shared tip, the server's end and return, keys read again, a station that
+// was killed.
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cmath>
+#include <thread>
+
+#include "common/recording/recording_reader.h"
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+using recording::RecordingReader;
+
+class SessionsTest : public ProgramsTest {
+ protected:
+  /// telenano-master run with all that it says.
+  static std::vector<std::string> talking(const Server& server, const std::vector<std::string>& more) {
+    std::vector<std::string> command{kMaster, "run", "--server", server.address(), "--rt-priority", "0"};
+    command.insert(command.end(), more.begin(), more.end());
+    return command;
+  }
+  static bool says(const std::string& text, const std::string& words) {
+    return text.find(words) != std::string::npos;
+  }
+};
+
+TEST_F(SessionsTest, OneHoldsTheTipOthersLookOnAndTakeItByRight) {
+  Server server(scene_path("flat_pdms"), 0, {"--share", "one-tip"});
+  ChildProcess first(talking(server, {"--task", "contact", "--duration-s", "60"}));
+  ASSERT_TRUE(first.wait_for_err("taking it if it is free", kLong)) << first.err();
+  ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
+
+  const std::string file = path("observer.h5");
+  ChildProcess second(
+      talking(server, {"--task", "contact", "--duration-s", "1", "--observe", "--record", file}));
+  ASSERT_TRUE(second.wait(kLong)) << second.err();
+  EXPECT_EQ(second.exit_code(), 0) << second.err();
+  EXPECT_TRUE(says(second.err(), "this server's tip is shared: observing it")) << second.err();
+  EXPECT_TRUE(says(second.err(), "observing, the force is zero")) << second.err();
+  const RecordingReader observed(file);
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const double force_n : observed.read("hand_force_applied_h_n", axis)) ASSERT_EQ(force_n, 0);
+  }
+  for (const double mode : observed.read("station_mode")) ASSERT_NE(mode, 2) << "engaged";
+
+  // Who comes later and does not ask looks on too.
+  ChildProcess third(talking(server, {"--task", "contact", "--duration-s", "1"}));
+  ASSERT_TRUE(third.wait(kLong)) << third.err();
+  EXPECT_EQ(third.exit_code(), 0) << third.err();
+  EXPECT_TRUE(says(third.err(), "observing, the force is zero")) << third.err();
+
+  // Who administers, as everybody on loopback in the clear, takes it.
+  ChildProcess fourth(talking(server, {"--task", "contact", "--duration-s", "2", "--take-over"}));
+  ASSERT_TRUE(first.wait_for_err("observing, the force is zero", kLong)) << first.err();
+  ASSERT_TRUE(fourth.wait(kLong)) << fourth.err();
+  EXPECT_EQ(fourth.exit_code(), 0) << fourth.err();
+  EXPECT_TRUE(says(fourth.err(), "asking for it")) << fourth.err();
+  first.signal(SIGINT);
+  ASSERT_TRUE(first.wait(kLong));
+  EXPECT_EQ(first.exit_code(), 0) << first.err();
+  const std::string said = server.stop();
+  EXPECT_TRUE(says(said, ", one tip for all")) << said;
+  EXPECT_TRUE(says(said, "in 4 sessions")) << said;
+}
+
+TEST_F(SessionsTest, WhatDoesNotGoTogetherWithSharingIsToldInOneLine) {
+  Server server(scene_path("flat_pdms"));
+  const Finished none = run_program(station(server, {"--observe"}), {}, kLong);
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_EQ(lines_of(none.err).size(), 1u) << none.err;
+  EXPECT_TRUE(says(none.err, "--share one-tip")) << none.err;
+  const Finished both = run_program(station(server, {"--observe", "--take-over"}), {}, kLong);
+  EXPECT_EQ(both.exit_code, 2);
+  EXPECT_EQ(lines_of(both.err).size(), 1u) << both.err;
+  const Finished share = run_program(
+      {kNve, "serve", "--scene", scene_path("flat_pdms"), "--listen", "127.0.0.1:0", "--share", "all"});
+  EXPECT_EQ(share.exit_code, 2);
+  EXPECT_TRUE(says(share.err, "--share")) << share.err;
+  const std::string file = write("session", "not one of ours\n");
+  const Finished wrong = run_program(station(server, {"--session-file", file}), {}, kLong);
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_EQ(lines_of(wrong.err).size(), 1u) << wrong.err;
+  EXPECT_TRUE(says(wrong.err, file)) << wrong.err;
+}
+
+TEST_F(SessionsTest, AServerShutDownInContactWithdrawsAndItsStationWaitsForTheNext) {
+  auto first = std::make_unique<Server>(scene_path("flat_pdms"));
+  const int port = first->port();
+  const std::string file = path("restart.h5");
+  ChildProcess run(talking(*first, {"--task", "contact", "--duration-s", "6", "--record", file}));
+  ASSERT_TRUE(run.wait_for_err("engaged", kLong)) << run.err();
+  std::this_thread::sleep_for(Milliseconds(2500));
+  const auto asked = std::chrono::steady_clock::now();
+  EXPECT_TRUE(says(first->stop(), "stopped: "));
+  const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - asked).count();
+  EXPECT_LT(took_s, 5) << "a second at most, and what a busy machine adds";
+  ASSERT_TRUE(run.wait_for_err("the server is shutting down: the force is zero", kLong)) << run.err();
+  Server second(scene_path("flat_pdms"), port);
+  ASSERT_TRUE(run.wait(kLong)) << run.err();
+  EXPECT_EQ(run.exit_code(), 0) << run.err();
+  EXPECT_TRUE(says(second.stop(), "in 1 sessions"));
+
+  // No step: the force rises by at most 4000 N/s, ticks being counted where they came late.
+  const RecordingReader reader(file);
+  std::vector<double> f[3];
+  for (int axis = 0; axis < 3; ++axis) f[axis] = reader.read("hand_force_applied_h_n", axis);
+  double last_n = 0, most_n = 0;
+  for (std::size_t i = 0; i < reader.rows(); ++i) {
+    const double force_n = std::sqrt(f[0][i] * f[0][i] + f[1][i] * f[1][i] + f[2][i] * f[2][i]);
+    ASSERT_LE(force_n - last_n, 4 * (1 + 1e-9)) << i;
+    last_n = force_n;
+    most_n = std::max(most_n, force_n);
+  }
+  EXPECT_GT(most_n, 0.1) << "felt";
+}
+
+TEST_F(SessionsTest, AServerShutDownForGoodIsToldAsSuch) {
+  Server server(scene_path("flat_pdms"));
+  ChildProcess run(station(server, {"--duration-s", "30", "--give-up-s", "1"}));
+  std::this_thread::sleep_for(Milliseconds(1500));
+  server.stop();
+  ASSERT_TRUE(run.wait(kLong)) << run.err();
+  EXPECT_EQ(run.exit_code(), 1);
+  EXPECT_TRUE(says(run.err(), "has shut down and not come back within 1 s; the force is zero")) << run.err();
+}
+
+TEST_F(SessionsTest, AnotherSceneAtTheSamePortIsALatchedStop) {
+  auto first = std::make_unique<Server>(scene_path("flat_pdms"));
+  const int port = first->port();
+  ChildProcess run(talking(*first, {"--task", "contact", "--duration-s", "20"}));
+  ASSERT_TRUE(run.wait_for_err("engaged", kLong)) << run.err();
+  first->child().signal(SIGKILL);
+  ASSERT_TRUE(first->child().wait(kLong));
+  Server second(scene_path("flat_polystyrene"), port);
+  ASSERT_TRUE(run.wait(kLong)) << run.err();
+  EXPECT_EQ(run.exit_code(), 1) << run.err();
+  EXPECT_TRUE(says(run.err(), "the station stopped itself: ")) << run.err();
+}
+
+TEST_F(SessionsTest, AHangUpReadsTheKeysAgainAndSaysWhatItDoesNot) {
+  Server plain(scene_path("flat_pdms"));
+  plain.child().signal(SIGHUP);
+  EXPECT_TRUE(plain.child().wait_for_err("restart to serve another one", kLong)) << plain.child().err();
+  EXPECT_TRUE(plain.child().running());
+  plain.stop();
+  if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
+  const std::string keys = path("keys.toml");
+  const auto make = [&](const std::string& name) {
+    return run_program({kNve, "keys", "new", name, "--keys", keys, "--out", path(name + ".key")}).exit_code;
+  };
+  ASSERT_EQ(make("one"), 0);
+  Server server(scene_path("flat_pdms"), 0, {"--keys", keys});
+  ASSERT_EQ(make("two"), 0);
+  server.child().signal(SIGHUP);
+  ASSERT_TRUE(server.child().wait_for_err("keys read again: 2 entries", kLong)) << server.child().err();
+  EXPECT_EQ(
+      run_program(station(server, {"--duration-s", "0.5", "--key", path("two.key")}), {}, kLong).exit_code,
+      0);
+  EXPECT_TRUE(says(server.stop(), "SIGHUP: reading the list of keys"));
+}
+
+TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
+  if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
+  const std::string keys = path("keys.toml");
+  for (const char* name : {"one", "two"}) {
+    ASSERT_EQ(
+        run_program({kNve, "keys", "new", name, "--keys", keys, "--out", path(std::string(name) + ".key")})
+            .exit_code,
+        0);
+  }
+  Server server(scene_path("flat_pdms"), 0, {"--keys", keys});
+  const std::string file = path("session");
+  const auto command = [&](const std::string& key, const std::string& duration_s) {
+    return talking(server, {"--task", "contact", "--duration-s", duration_s, "--key", path(key + ".key"),
+                            "--session-file", file});
+  };
+  ChildProcess killed(command("one", "30"));
+  ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
+  killed.signal(SIGKILL);
+  ASSERT_TRUE(killed.wait(kLong));
+  struct stat info {};
+  ASSERT_EQ(::stat(file.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0600u);
+  const std::string token = file_text(file);
+
+  const Finished stranger = run_program(command("two", "0.5"), {}, kLong);
+  EXPECT_EQ(stranger.exit_code, 0) << stranger.err;
+  EXPECT_TRUE(says(stranger.err, "the session of the last run is gone")) << stranger.err;
+  EXPECT_NE(::stat(file.c_str(), &info), 0) << "ended in order";
+
+  write("session", token);
+  const Finished owner = run_program(command("one", "0.5"), {}, kLong);
+  EXPECT_EQ(owner.exit_code, 0) << owner.err;
+  EXPECT_TRUE(says(owner.err, "resuming the session of the last run")) << owner.err;
+  const std::string said = server.stop();
+  EXPECT_TRUE(says(said, "in 2 sessions (1 resumed)")) << said;
+}
+
+}  // namespace
+}  // namespace telenano::programs

@@ -1,0 +1,145 @@
+// The server with several workers, as a real program: whoever comes back from another port keeps its session,
+// whichever worker the kernel gives it to.
+#include <algorithm>
+
+#include "common/security/key_list.h"
+#include "tests/support/wire_station.h"
+#include "tests/system/programs.h"
+
+namespace telenano::programs {
+namespace {
+
+using support::WireStation;
+
+constexpr std::int64_t kPatienceNs = 30'000'000'000;
+
+link::Command hold() {
+  link::Command command;
+  command.flags = link::kFlagClutch | link::kFlagDeadman;
+  return command;
+}
+
+class WorkersTest : public ProgramsTest {
+ protected:
+  /// Sixteen stations, each of which comes back from another port. By chance none of them would meet another
+  /// worker once in 2^16.
+  static void come_and_come_back(Server& server, const std::optional<security::DtlsClientConfig>& secure) {
+    const net::Address at = net::parse_address(server.address(), "test");
+    std::vector<std::unique_ptr<WireStation>> stations;
+    for (std::uint64_t k = 0; k < 16; ++k) {
+      link::ClientConfig config;
+      config.nonce_seed = 1000 + k;
+      auto first = std::make_unique<WireStation>(at, config, secure);
+      ASSERT_TRUE(first->exchange(20, hold(), kPatienceNs)) << k;
+      const link::Welcome before = first->client.welcome();
+      first.reset();
+      config.nonce_seed = 2000 + k;
+      config.resume_token = before.resume_token;
+      auto again = std::make_unique<WireStation>(at, config, secure);
+      ASSERT_TRUE(again->exchange(20, hold(), kPatienceNs)) << k;
+      EXPECT_EQ(again->client.welcome().epoch, before.epoch) << "the same slave and book";
+      EXPECT_EQ(again->client.welcome().resume_token, before.resume_token);
+      EXPECT_NE(again->client.welcome().session_id, before.session_id);
+      stations.push_back(std::move(again));
+    }
+    for (auto& s : stations)
+      s->wire().send({s->buffer.data(), s->client.make_bye(link::ByeReason::kDone, s->buffer)}, at);
+    stations.clear();
+    const std::string said = server.stop();
+    EXPECT_NE(said.find("in 16 sessions (16 resumed, "), std::string::npos) << said;
+    EXPECT_NE(said.find(" by another worker)"), std::string::npos) << said;
+  }
+};
+
+TEST_F(WorkersTest, SessionsThatComeBackFromAnotherPortMoveToTheWorkerThatHearsThem) {
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2"});
+  come_and_come_back(server, {});
+}
+
+TEST_F(WorkersTest, TheSameWithSecureChannels) {
+  if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
+  const Finished made = run_program({kNve, "keys", "new", "omega-1", "--keys", path("keys.toml"), "--rights",
+                                     "operate", "--out", path("omega-1.key")});
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  security::DtlsClientConfig secure;
+  secure.key = security::load_station_key(path("omega-1.key"));
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--keys", path("keys.toml")});
+  come_and_come_back(server, secure);
+}
+
+TEST_F(WorkersTest, TheCapIsThatOfAllWorkersTogether) {
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "3", "--max-sessions", "4"});
+  const net::Address at = net::parse_address(server.address(), "test");
+  std::vector<std::unique_ptr<WireStation>> stations;
+  for (std::uint64_t k = 0; k < 4; ++k) {
+    link::ClientConfig config;
+    config.nonce_seed = 1 + k;
+    stations.push_back(std::make_unique<WireStation>(at, config));
+    ASSERT_TRUE(stations.back()->exchange(2, hold(), kPatienceNs));
+  }
+  link::ClientConfig config;
+  config.nonce_seed = 99;
+  WireStation more(at, config);
+  for (int i = 0; i < 3000 && more.client.state() != link::ClientState::kRefused; ++i) {
+    more.pump(hold());
+    for (auto& s : stations) s->pump(hold());
+    more.socket.wait_readable(1'000'000);
+  }
+  EXPECT_EQ(more.client.state(), link::ClientState::kRefused);
+  EXPECT_EQ(more.client.refuse().reason, link::RefuseReason::kFull);
+}
+
+TEST_F(WorkersTest, APortThatAnotherServerSharesIsInUse) {
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2"});
+  const Finished second = run_program({kNve, "serve", "--workers", "2", "--scene",
+                                       scene_path("flat_silicon_oxide"), "--listen", server.address()});
+  EXPECT_EQ(second.exit_code, 2);
+  EXPECT_NE(second.err.find("in use"), std::string::npos) << second.err;
+  EXPECT_EQ(lines_of(second.err).size(), 1u) << second.err;
+}
+
+/// What an exchange costs in system calls: while a session runs at one exchange at a time, the server makes
+/// one receive, which waits, and one send for each, and nothing else.
+TEST_F(WorkersTest, AnExchangeIsOneReceiveAndOneSend) {
+  if (run_program({"/usr/bin/env", "strace", "-V"}).exit_code != 0)
+    GTEST_SKIP() << "no strace (apt install strace)";
+  Server server(scene_path("flat_silicon_oxide"));
+  const net::Address at = net::parse_address(server.address(), "test");
+  WireStation station(at, {});
+  ASSERT_TRUE(station.exchange(20, hold(), kPatienceNs));
+  const std::string table = path("calls.txt");
+  ChildProcess strace({"/usr/bin/env", "strace", "-c", "-f", "-U", "name,calls", "-o", table, "-p",
+                       std::to_string(server.child().pid())});
+  if (!strace.wait_for_err("attached", Seconds(10))) GTEST_SKIP() << "may not trace: " << strace.err();
+  const std::uint64_t before = station.client.replies().newest();
+  // One at a time: the next command goes when the answer is there.
+  for (int i = 0; i < 2000; ++i) {
+    station.pump(hold());
+    station.socket.wait_readable(100'000'000);
+  }
+  const auto exchanges = static_cast<double>(station.client.replies().newest() - before);
+  strace.signal(SIGINT);
+  ASSERT_TRUE(strace.wait(kLong));
+  double receives = 0, sends = 0, others = 0;
+  std::istringstream lines(file_text(table));
+  std::string said;
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line);
+    std::string name;
+    double calls = 0;
+    if (!(words >> name >> calls) || name == "total") continue;
+    said += name + " " + std::to_string(calls) + "; ";
+    (name == "recvmmsg" ? receives : name == "sendto" ? sends : others) += calls;
+  }
+  ASSERT_GT(exchanges, 1000);
+  EXPECT_NEAR(sends, exchanges, 2) << said;
+  EXPECT_GE(receives, exchanges - 2) << said;
+  // A station that is kept waiting by its machine lets the server's wait end by its own time, some
+  // milliseconds.
+  EXPECT_LE(receives, 1.5 * exchanges) << said;
+  // The printer of the status wakes every five seconds (futex).
+  EXPECT_LE(others, 20) << said;
+}
+
+}  // namespace
+}  // namespace telenano::programs

@@ -1,0 +1,162 @@
+// The AFM slave's logic against the simulated controller, in virtual time.
+#include "nve_server/afm/afm_logic.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "nve_server/afm_sim/default_scene.h"
+#include "tests/support/virtual_afm.h"
+
+namespace telenano::afm {
+namespace {
+
+using support::VirtualAfm;
+
+constexpr std::int64_t kMs = 1'000'000;
+
+struct Bench {
+  AfmConfig config;
+  afm_sim::SimConfig rig;
+  std::optional<VirtualAfm> afm;
+  PortWish wish;
+
+  VirtualAfm& start() {
+    afm.emplace(config, rig, afm_sim::default_scene());
+    return *afm;
+  }
+  Phase phase() const { return afm->logic().state().phase; }
+  bool until(Phase wanted, std::int64_t most_ms = 30000) {
+    for (std::int64_t end = afm->now_ns() + most_ms * kMs; afm->now_ns() < end;) {
+      if (phase() == wanted) return true;
+      run(1);
+    }
+    return phase() == wanted;
+  }
+  void run(std::int64_t ms) {
+    for (std::int64_t end = afm->now_ns() + ms * kMs; afm->now_ns() < end;) {
+      if (wish.session != 0) wish.time_ns = afm->now_ns();
+      afm->advance_to(afm->now_ns() + kMs, wish);
+    }
+  }
+  void follow(const Vec3& target) {
+    wish.session = 1;
+    wish.follow = true;
+    wish.target_w_nm = target;
+  }
+};
+
+TEST(AfmLogic, ItFindsTheSurfaceTaresAndMeasuresTheDrift) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing))
+      << b.afm->logic().news() << b.afm->logic().refusal() << int(b.phase());
+  const AfmLogic& logic = b.afm->logic();
+  // Two touches a second apart, each known to a fraction of the step of 1 nm.
+  EXPECT_NEAR(logic.drift_nm_s(), -b.rig.drift_z_nm_s, 0.3) << "the surface comes up as the tip sinks";
+  // The tare: the offset, and the thermal bending of that moment (at most 0.1 nm, that is 4 nN).
+  EXPECT_NEAR(logic.tare_nn(), 40 * b.rig.deflection_offset_nm, 40 * b.rig.thermal_nm);
+  // 5e-4 nm/√Hz at 200 Hz: 5 pm, times 40 N/m; from 20 readings known to a sixth.
+  EXPECT_NEAR(logic.state().noise_nn, 0.2, 0.12);
+  EXPECT_EQ(b.afm->controller().status(), nanonis::ZStatus::kOff);
+  EXPECT_NEAR(logic.state().base_w_nm.z(), b.config.lift_nm, 2);
+  EXPECT_EQ(b.afm->controller().safe_tips(), 0u);
+}
+
+TEST(AfmLogic, ItFollowsPressesAndComesBack) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.follow(Vec3(10, -5, 10));
+  b.run(300);
+  EXPECT_LT((b.afm->logic().state().base_w_nm - b.wish.target_w_nm).norm(), 0.1);
+  b.follow(Vec3(10, -5, -4));
+  b.run(1000);
+  const auto& s = b.afm->logic().state();
+  EXPECT_TRUE(s.touching);
+  EXPECT_NEAR(s.measured_force_w_nn.z(), b.afm->controller().tip().force_w_nn().z(), 5);
+  b.follow(Vec3(10, -5, 20));
+  b.run(500);
+  EXPECT_FALSE(b.afm->logic().state().touching);
+  EXPECT_EQ(b.phase(), Phase::kFollowing);
+}
+
+TEST(AfmLogic, TheForceLimitHoldsTheTipBack) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.follow(Vec3(0, 0, -30));
+  b.afm->controller().tip().forget_peak();
+  b.run(3000);
+  EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
+  EXPECT_TRUE(b.afm->logic().state().held_by_force);
+  const double peak = b.afm->controller().tip().peak_force_nn();
+  // Over the limit by noise and what the thermal bending has drifted since the tare.
+  EXPECT_LT(peak, b.config.force_max_nn + 40 * 2 * b.rig.thermal_nm + 2);
+  EXPECT_GT(peak, 0.9 * b.config.force_max_nn);
+}
+
+TEST(AfmLogic, LinkLossStopAndSilenceWithdraw) {
+  for (int kind = 0; kind < 3; ++kind) {
+    Bench b;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing));
+    b.follow(Vec3(0, 0, -4));
+    b.run(500);
+    ASSERT_GT(b.afm->controller().tip().normal_force_nn(), 20);
+    if (kind == 0) {
+      b.afm->advance_to(b.afm->now_ns() + 200 * kMs, b.wish);  // no time in it goes on
+    } else if (kind == 1) {
+      b.wish.retract = true;
+      b.wish.follow = false;
+      b.run(100);
+    } else {
+      b.afm->apply({0, afm_sim::FaultKind::kSilent, 300 * kMs, 0});
+      b.run(450);
+    }
+    EXPECT_TRUE(b.afm->controller().withdrawn()) << kind;
+    b.run(100);
+    EXPECT_EQ(b.phase(), Phase::kWithdrawn) << kind;
+    const Cause cause = b.afm->logic().state().cause;
+    EXPECT_TRUE(kind == 0   ? cause == Cause::kLinkLoss
+                : kind == 1 ? cause == Cause::kStop
+                            : cause == Cause::kStaleForce || cause == Cause::kSilent)
+        << name(cause);
+    // Latched, until it is cleared.
+    b.wish.retract = false;
+    b.follow(Vec3(0, 0, 5));
+    b.run(500);
+    EXPECT_EQ(b.phase(), Phase::kWithdrawn) << kind;
+    ++b.wish.clears;
+    EXPECT_TRUE(b.until(Phase::kFollowing)) << kind << b.afm->logic().news();
+  }
+}
+
+TEST(AfmLogic, AForceThatIsStaleWithdrawsThoughEveryReplyComesInTime) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.follow(Vec3(0, 0, -4));
+  b.run(500);
+  b.afm->apply({0, afm_sim::FaultKind::kSlow, 400 * kMs, 85 * kMs});  // less than the time-out of a reply
+  b.run(200);
+  EXPECT_EQ(b.afm->logic().state().cause, Cause::kStaleForce) << b.afm->logic().news();
+  EXPECT_TRUE(b.afm->controller().withdrawn());
+}
+
+TEST(AfmLogic, ACommandThatComesAfterTheWithdrawalDoesNotLeaveTheTipDown) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.wish.session = 1;
+  b.wish.retract = true;
+  b.run(300);
+  ASSERT_EQ(b.phase(), Phase::kWithdrawn);
+  b.afm->controller().begin({nanonis::CommandId::kZPosSet, {0.0}}, -1, b.afm->now_ns());
+  ASSERT_FALSE(b.afm->controller().withdrawn());
+  b.run(200);
+  EXPECT_TRUE(b.afm->controller().withdrawn());
+}
+
+}  // namespace
+}  // namespace telenano::afm

@@ -1,0 +1,91 @@
+#include "master/view_model/words.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <set>
+
+#include "common/link/messages.h"
+#include "master/station/station.h"
+
+namespace telenano::view_model {
+namespace {
+
+recording::Sample in_mode(station::Mode mode) {
+  recording::Sample sample;
+  sample.station_mode = static_cast<std::uint32_t>(mode);
+  sample.buttons = device::kButtonDeadman;
+  return sample;
+}
+
+// Every fault that the station names is told, in words of its own.
+TEST(Words, TellEveryFaultOfTheStation) {
+  std::set<std::string> told;
+  for (std::uint32_t bit = 0; std::string(station::fault_name(1u << bit)) != "none"; ++bit) {
+    recording::Sample sample = in_mode(station::Mode::kEngaged);
+    sample.station_faults = 1u << bit;
+    const auto messages = force_words(sample);
+    ASSERT_EQ(messages.size(), 1u) << station::fault_name(1u << bit);
+    EXPECT_TRUE(told.insert(messages[0].text).second) << messages[0].text;
+  }
+  EXPECT_GE(told.size(), 10u);
+}
+
+TEST(Words, TellEveryFaultOfTheSlave) {
+  std::set<std::string> told;
+  for (std::uint32_t bit = 0; bit < 6; ++bit) {
+    const auto messages = slave_words(1u << bit);
+    ASSERT_EQ(messages.size(), 1u) << bit;
+    told.insert(messages[0].text);
+  }
+  EXPECT_EQ(told.size(), 6u);
+  EXPECT_TRUE(slave_words(0).empty());
+}
+
+TEST(Words, TheGravestComesFirst) {
+  recording::Sample sample = in_mode(station::Mode::kStopped);
+  sample.station_faults = station::kFaultStopPressed | station::kFaultDeviceFailed | station::kFaultStale;
+  const auto messages = force_words(sample);
+  ASSERT_GE(messages.size(), 3u);
+  EXPECT_NE(messages[0].text.find("device has failed"), std::string::npos);
+  EXPECT_EQ(messages[0].mood, Mood::kAlarm);
+  EXPECT_EQ(messages[2].mood, Mood::kWarning);
+}
+
+TEST(Words, SayWhyThereIsNoForceInEveryModeWithoutIt) {
+  for (const auto mode : {station::Mode::kIdle, station::Mode::kHeld, station::Mode::kHoming})
+    EXPECT_FALSE(force_words(in_mode(mode)).empty()) << station::mode_name(mode);
+  EXPECT_TRUE(force_words(in_mode(station::Mode::kEngaged)).empty());
+  recording::Sample ready = in_mode(station::Mode::kReady);
+  ready.buttons = 0;
+  EXPECT_NE(force_words(ready).at(0).text.find("deadman"), std::string::npos);
+  ready.buttons = device::kButtonClutch | device::kButtonDeadman;
+  EXPECT_NE(force_words(ready).at(0).text.find("Clutch"), std::string::npos);
+  EXPECT_NE(force_words(in_mode(station::Mode::kEngaged), device::ForceOffCause::kUsb).at(0).text.find("USB"),
+            std::string::npos);
+}
+
+TEST(Words, EveryModeHasItsOwn) {
+  std::set<std::string> names;
+  for (int mode = 0; mode <= static_cast<int>(station::Mode::kHoming); ++mode)
+    names.insert(mode_words(in_mode(static_cast<station::Mode>(mode))).text);
+  EXPECT_EQ(names.size(), 6u);
+  EXPECT_FALSE(names.contains("Unknown"));
+  EXPECT_EQ(mode_words(in_mode(static_cast<station::Mode>(99))).text, "Unknown");
+}
+
+TEST(Words, ChooseUnits) {
+  EXPECT_EQ(length_text(12.34), "12.3 nm");
+  EXPECT_EQ(length_text(-0.277), "-277 pm");
+  EXPECT_EQ(length_text(1234), "1.23 µm");
+  EXPECT_EQ(length_text(0), "0.00 nm");
+  EXPECT_EQ(length_text(999.6), "1.00 µm");
+  EXPECT_EQ(force_text(0.0123), "12.3 pN");
+  EXPECT_EQ(force_text(2.5e6), "2.50 mN");
+  EXPECT_EQ(time_text(83), "83.0 µs");
+  EXPECT_EQ(time_text(2.5e6), "2.50 s");
+  EXPECT_EQ(length_text(std::numeric_limits<double>::quiet_NaN()), "–");
+}
+
+}  // namespace
+}  // namespace telenano::view_model

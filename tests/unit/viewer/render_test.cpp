@@ -1,0 +1,423 @@
+// The picture itself, drawn without a display: things are where an independent projection puts them, have the
+// colours that they should, and the mouse and keys do what the help says.
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <limits>
+#include <numbers>
+#include <optional>
+
+#include "common/base/error.h"
+#include "master/device/haptic_device.h"
+#include "master/viewer/offscreen.h"
+#include "master/viewer/photographer.h"
+#include "master/viewer/viewer.h"
+#include "tests/support/view_scene.h"
+
+namespace telenano::viewer {
+namespace {
+
+using view_model::Rgb;
+using view_model::ViewRequest;
+
+constexpr int kWidth = 1000;
+constexpr int kHeight = 640;
+
+struct Pixel {
+  double x = 0;
+  double y = 0;
+};
+
+// A pinhole camera, and a parallel one, by hand: no matrix of the product's.
+Pixel project(const view_model::Camera& camera, const Vec3& point, const Area& area) {
+  const double az = camera.azimuth_deg * std::numbers::pi / 180;
+  const double el = camera.elevation_deg * std::numbers::pi / 180;
+  const Vec3 back(std::cos(az) * std::cos(el), std::sin(az) * std::cos(el), std::sin(el));
+  const Vec3 side = Vec3::UnitZ().cross(back).normalized();
+  const Vec3 over = back.cross(side);
+  const Vec3 d = point - camera.target_nm;
+  double px_per_nm = 0.5 * area.height_px / camera.half_height_nm;
+  if (!camera.orthographic) {
+    const double focal_px =
+        0.5 * area.height_px / std::tan(0.5 * camera.field_of_view_deg * std::numbers::pi / 180);
+    px_per_nm = focal_px / (camera.distance_nm - d.dot(back));
+  }
+  return {area.x_px + 0.5 * area.width_px + px_per_nm * d.dot(side),
+          area.y_px + 0.5 * area.height_px - px_per_nm * d.dot(over)};
+}
+
+class Render : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    try {
+      context_.emplace();
+    } catch (const RunError& error) {
+      GTEST_SKIP() << error.what();
+    }
+    facts_ = support::view_facts();
+  }
+
+  void make(bool scan = true) {
+    view_model::Ground ground = scan ? view_model::Ground(support::view_scan(256))
+                                     : view_model::Ground(0, Vec3(25, 25, -60), Vec3(575, 575, 100));
+    viewer_.emplace(facts_, std::move(ground), port_, 1.0f);
+  }
+  void play(std::int64_t from, std::int64_t to) {
+    for (std::int64_t tick = from; tick < to; ++tick) {
+      port_.samples.push(support::view_sample(tick));
+      if (tick % 4000 == 0) viewer_->take_samples();
+    }
+    viewer_->take_samples();
+  }
+  const Picture& draw() { return picture_ = draw_picture(*viewer_, kWidth, kHeight, {}); }
+  // One frame with the mouse and keys as they are.
+  void frame() {
+    if (!canvas_) canvas_.emplace(kWidth, kHeight, 0);
+    canvas_->bind();
+    ImGui::GetIO().DeltaTime = 1.0f / 60;
+    viewer_->draw(kWidth, kHeight, time_s_ += 1.0 / 60, {});
+  }
+  Rgb at(const Pixel& p) const {
+    const auto x = static_cast<int>(std::lround(p.x));
+    const auto y = static_cast<int>(std::lround(p.y));
+    EXPECT_TRUE(x >= 0 && x < kWidth && y >= 0 && y < kHeight) << p.x << ", " << p.y;
+    const auto i = static_cast<std::size_t>(3 * (y * kWidth + x));
+    return {picture_.rgb.at(i) / 255.0f, picture_.rgb.at(i + 1) / 255.0f, picture_.rgb.at(i + 2) / 255.0f};
+  }
+  Layout layout() const { return layout_of(kWidth, kHeight, 1, Views::kBoth); }
+  // The overview stands back where the picture is narrow: the same rule, written again.
+  view_model::Camera overview_camera() const {
+    view_model::Camera camera = viewer_->overview_camera();
+    const double aspect = static_cast<double>(layout().overview.width_px) / layout().overview.height_px;
+    camera.distance_nm /= std::min(std::max(aspect, 0.2), 1.25);
+    return camera;
+  }
+  // Scene coordinates of the overview: about the middle of the scan, heights five times taller.
+  Vec3 in_overview(double x, double y, double z) const {
+    const auto& g = viewer_->ground();
+    const Vec3 middle = 0.5 * (g.min_w_nm() + g.max_w_nm());
+    return {x - middle.x(), y - middle.y(), (z - g.min_w_nm().z()) * 5};
+  }
+  std::optional<ViewRequest> asked() {
+    ViewRequest request;
+    if (!port_.requests.pop(request)) return std::nullopt;
+    return request;
+  }
+  void press(int key) {
+    ImGui::GetIO().KeysDown[key] = true;
+    frame();
+    ImGui::GetIO().KeysDown[key] = false;
+    frame();
+  }
+
+  std::optional<OffscreenContext> context_;
+  ViewFacts facts_;
+  view_model::ViewPort port_;
+  std::optional<Viewer> viewer_;
+  std::optional<Canvas> canvas_;
+  Picture picture_;
+  double time_s_ = 0;
+};
+
+// Hue of the ground at places that nothing covers, against the colour of the formula's height. Light changes
+// the lightness, not the hue; of the shine a little white remains.
+TEST_F(Render, GroundHasTheColourOfItsHeightWhereAPinholeSeesIt) {
+  make();
+  play(0, 3000);
+  draw();
+  const view_model::Camera camera = overview_camera();
+  const auto& ground = viewer_->ground();
+  int seen = 0;
+  for (const auto& [x, y] : {std::pair{430.0, 200.0},
+                             {400.0, 120.0},
+                             {100.0, 200.0},
+                             {200.0, 100.0},
+                             {540.0, 120.0},
+                             {300.0, 180.0},
+                             {190.0, 420.0}}) {
+    const double z = support::view_height_nm(x, y);
+    const Rgb shown = at(project(camera, in_overview(x, y, z), layout().overview));
+    const double t = (z - ground.min_w_nm().z()) / (ground.max_w_nm().z() - ground.min_w_nm().z());
+    const auto expected = view_model::to_oklab(view_model::height_colour(t));
+    const auto found = view_model::to_oklab(shown);
+    if (std::hypot(expected.a, expected.b) < 0.03) continue;  // near white there is no hue
+    const double turn = std::remainder(std::atan2(found.b, found.a) - std::atan2(expected.b, expected.a),
+                                       2 * std::numbers::pi);
+    EXPECT_LT(std::abs(turn), 0.45) << x << ", " << y;  // 26 degrees: the map goes through 180
+    ++seen;
+  }
+  EXPECT_GE(seen, 5);
+}
+
+TEST_F(Render, TipStandsWhereItIs) {
+  make();
+  play(0, 1000);  // 13.5 nm above the ground
+  draw();
+  const auto& tip = viewer_->live().now().tip_pos_w_nm;
+  // The middle of the sphere, 20 nm above the apex, whatever the exaggeration of heights.
+  const Vec3 middle = in_overview(tip[0], tip[1], tip[2]) + Vec3(0, 0, 20);
+  const Rgb c = at(project(overview_camera(), middle, layout().overview));
+  EXPECT_NEAR(c.r, c.b, 0.12);  // grey
+  EXPECT_GT(c.g, 0.3f);         // and lit
+  const Rgb beside = at(project(overview_camera(), middle + Vec3(60, 30, 60), layout().overview));
+  EXPECT_GT(std::abs(beside.b - beside.r) + std::abs(beside.g - c.g), 0.1);
+}
+
+TEST_F(Render, ConeIsOrangeAboveTheTipWhenPushedAndBlueBelowWhenPulled) {
+  make();
+  play(0, 5000);
+  draw();
+  const auto orange = [](const Rgb& c) { return c.r > 1.3f * c.b && c.r > 0.25f; };
+  const auto blue = [](const Rgb& c) { return c.b > 1.2f * c.r && c.b > 0.4f; };
+  view_model::Camera camera = viewer_->close_up_camera();
+  const auto& tip = viewer_->live().now().tip_pos_w_nm;
+  const auto& ground = viewer_->ground();
+  const Vec3 middle = 0.5 * (ground.min_w_nm() + ground.max_w_nm());
+  Vec3 apex(tip[0] - middle.x(), tip[1] - middle.y(), tip[2] - ground.min_w_nm().z());
+  const double up = 0.15 * camera.half_height_nm;
+  EXPECT_TRUE(orange(at(project(camera, apex + Vec3(0, 0, up), layout().close_up))));
+
+  make();
+  for (std::int64_t tick = 0; tick < 50; ++tick) {
+    recording::Sample s = support::view_sample(tick);
+    s.force_w_nn = {0, 0, -20};
+    port_.samples.push(s);
+  }
+  viewer_->take_samples();
+  draw();
+  camera = viewer_->close_up_camera();
+  const auto& tip2 = viewer_->live().now().tip_pos_w_nm;
+  apex = {tip2[0] - middle.x(), tip2[1] - middle.y(), tip2[2] - ground.min_w_nm().z()};
+  const Rgb below = at(project(camera, apex - Vec3(0, 0, 0.2 * camera.half_height_nm), layout().close_up));
+  EXPECT_TRUE(blue(below)) << below.r << " " << below.g << " " << below.b;
+}
+
+// The section's line runs through the formula's heights.
+TEST_F(Render, SectionShowsTheProfileThroughTheTip) {
+  make();
+  play(0, 1200);
+  draw();
+  const view_model::Camera camera = viewer_->close_up_camera();
+  const auto& tip = viewer_->live().now().tip_pos_w_nm;
+  const auto& ground = viewer_->ground();
+  const Vec3 middle = 0.5 * (ground.min_w_nm() + ground.max_w_nm());
+  for (const double dx : {-0.5, -0.3, 0.35}) {
+    const double x = tip[0] + dx * camera.half_height_nm;
+    const Vec3 place(x - middle.x(), tip[1] - middle.y(),
+                     support::view_height_nm(x, tip[1]) - ground.min_w_nm().z());
+    const Pixel line = project(camera, place, layout().close_up);
+    double brightest = 0;
+    double brightest_y = 0;
+    for (int dy = -12; dy <= 12; ++dy) {
+      const Rgb c = at({line.x, line.y + dy});
+      if (c.r <= brightest) continue;
+      brightest = c.r;
+      brightest_y = dy;
+    }
+    EXPECT_GT(brightest, 0.6);
+    EXPECT_LE(std::abs(brightest_y), 2) << dx;  // pixels; the patch's cells are straight
+  }
+}
+
+TEST_F(Render, APlaneAndItsTouchedPointsAreDrawnWithoutAScan) {
+  make(false);
+  play(0, 6000);
+  draw();
+  EXPECT_GT(viewer_->live().touched().points_w_nm().size(), 50u);
+  const Rgb ground = at(project(overview_camera(), Vec3(-200, -150, 0), layout().overview));
+  EXPECT_GT(ground.g, ground.r);  // the colour of the middle of the map, teal
+}
+
+// The same state gives the picture that is committed: within what other versions of Mesa and of the fonts
+// change. TELENANO_NEW_PICTURES=1 writes it anew; look at it before committing.
+TEST_F(Render, LooksAsItDid) {
+  make();
+  play(0, 5000);
+  const Picture now = draw_picture(*viewer_, 640, 480, {});
+  const std::string file = std::string(TELENANO_SOURCE_DIR) + "/tests/unit/viewer/synthetic_640x480.png";
+  if (std::getenv("TELENANO_NEW_PICTURES") != nullptr) write_png(file, now);
+  const Picture before = read_png(file);
+  ASSERT_EQ(before.rgb.size(), now.rgb.size());
+  double sum = 0;
+  int far = 0;
+  for (std::size_t i = 0; i < now.rgb.size(); ++i) {
+    const int difference = std::abs(int{now.rgb[i]} - int{before.rgb[i]});
+    sum += difference;
+    far += difference > 60;
+  }
+  const auto count = static_cast<double>(now.rgb.size());
+  EXPECT_LT(sum / count, 2.0);
+  EXPECT_LT(far / count, 0.01);
+}
+
+TEST_F(Render, KeysAskForWhatTheHelpSays) {
+  make();
+  play(0, 100);
+  frame();
+  press(GLFW_KEY_ESCAPE);
+  ASSERT_EQ(asked().value().kind, ViewRequest::Kind::kStop);
+  press(GLFW_KEY_R);
+  ASSERT_EQ(asked().value().kind, ViewRequest::Kind::kClearStop);
+  press(GLFW_KEY_M);
+  ASSERT_EQ(asked().value().kind, ViewRequest::Kind::kMarker);
+  press(GLFW_KEY_3);
+  const ViewRequest method = asked().value();
+  EXPECT_EQ(method.kind, ViewRequest::Kind::kMethod);
+  EXPECT_EQ(method.method, control::kAllMethods[2]);
+  press(GLFW_KEY_7);  // the one in use
+  EXPECT_FALSE(asked());
+  press(GLFW_KEY_P);
+  EXPECT_TRUE(viewer_->take_picture_wanted());
+  EXPECT_FALSE(viewer_->take_picture_wanted());
+  ImGui::GetIO().KeysDown[GLFW_KEY_C] = true;
+  frame();
+  EXPECT_EQ(port_.buttons.load(), static_cast<std::uint32_t>(device::kButtonClutch));
+  ImGui::GetIO().KeysDown[GLFW_KEY_C] = false;
+  frame();
+  EXPECT_EQ(port_.buttons.load(), 0u);
+}
+
+TEST_F(Render, AMethodThatIsNotSafeHereBringsItsScalingWithIt) {
+  facts_.region.impedance_bound[0] = 5;  // alpha_v alpha_F is 20
+  make();
+  play(0, 10);
+  frame();
+  press(GLFW_KEY_1);
+  const ViewRequest scaling = asked().value();
+  ASSERT_EQ(scaling.kind, ViewRequest::Kind::kScaling);
+  EXPECT_LE(scaling.scaling.impedance(), 5);
+  EXPECT_EQ(asked().value().kind, ViewRequest::Kind::kMethod);
+}
+
+TEST_F(Render, AMethodThatTheServerDoesNotOfferIsNotAskedFor) {
+  facts_.method_offered[5] = false;
+  make();
+  play(0, 10);
+  frame();
+  press(GLFW_KEY_6);
+  EXPECT_FALSE(asked());
+}
+
+TEST_F(Render, StopIsABigButtonInTheCorner) {
+  make();
+  play(0, 10);
+  frame();
+  frame();
+  ImGuiIO& io = ImGui::GetIO();
+  io.MousePos = {kWidth - 100.0f, 30};
+  frame();
+  io.MouseDown[0] = true;
+  frame();
+  io.MouseDown[0] = false;
+  frame();
+  ASSERT_EQ(asked().value().kind, ViewRequest::Kind::kStop);
+}
+
+// Dragging the slider of alpha_F to its end asks for the border, not for the end; and once, when let go.
+TEST_F(Render, SlidersEndAtTheBorderOfTheSafeRegion) {
+  make();
+  play(0, 10);
+  for (int i = 0; i < 3; ++i) frame();
+  ImGuiIO& io = ImGui::GetIO();
+  // Searched downwards in the panel: the first row at which holding the button at the right end asks for a
+  // force.
+  std::optional<ViewRequest> request;
+  for (int y = 100; y < 400 && !(request && request->scaling.force != 2e7); y += 5) {
+    io.MousePos = {kWidth - 30.0f, static_cast<float>(y)};
+    frame();
+    io.MouseDown[0] = true;
+    frame();
+    frame();
+    io.MouseDown[0] = false;
+    frame();
+    if (const auto r = asked(); r && r->kind == ViewRequest::Kind::kScaling && r->scaling.velocity == 1e-6)
+      request = r;
+    while (asked()) {
+    }
+    press(GLFW_KEY_ENTER);  // nothing: lets a list that was opened close
+  }
+  ASSERT_TRUE(request);
+  EXPECT_NEAR(request->scaling.impedance(), 30, 1e-6);
+  EXPECT_LE(request->scaling.impedance(), 30);
+}
+
+TEST_F(Render, DraggingInTheSectionMovesTheHandByWhatThePictureSays) {
+  facts_.mouse_is_hand = true;
+  make();
+  play(0, 1500);
+  viewer_->settle(100);
+  ImGuiIO& io = ImGui::GetIO();
+  const Area area = layout().close_up;
+  io.MousePos = {static_cast<float>(area.x_px + 60), static_cast<float>(area.y_px + 200)};
+  frame();
+  io.MouseDown[0] = true;
+  frame();
+  EXPECT_EQ(viewer_->hand().buttons(time_s_), static_cast<std::uint32_t>(device::kButtonDeadman));
+  const double nm_per_px = 2 * viewer_->close_up_camera().half_height_nm / area.height_px;
+  io.MousePos = {io.MousePos.x + 30, io.MousePos.y - 12};
+  frame();
+  // 1 nm of the tip is 1 mm of the hand.
+  EXPECT_NEAR(viewer_->hand().hand_pos_h_m().x(), 30 * nm_per_px * 1e-3, 1e-9);
+  EXPECT_NEAR(viewer_->hand().hand_pos_h_m().z(), 12 * nm_per_px * 1e-3, 1e-9);
+  EXPECT_EQ(viewer_->hand().hand_pos_h_m().y(), 0);
+  io.MouseDown[0] = false;
+  frame();
+  EXPECT_EQ(viewer_->hand().buttons(time_s_), 0u);
+}
+
+TEST_F(Render, DraggingTheOverviewTurnsItWhenTheMouseIsNoHand) {
+  make();
+  play(0, 10);
+  ImGuiIO& io = ImGui::GetIO();
+  io.MousePos = {200, 300};
+  frame();
+  io.MouseDown[0] = true;
+  frame();
+  const double before = viewer_->overview_camera().azimuth_deg;
+  io.MousePos = {260, 300};
+  frame();
+  EXPECT_LT(viewer_->overview_camera().azimuth_deg, before);
+  EXPECT_EQ(viewer_->hand().hand_pos_h_m().norm(), 0);
+  EXPECT_EQ(viewer_->hand().buttons(time_s_), 0u);
+}
+
+TEST_F(Render, AnyStateDrawsWithoutHarm) {
+  make();
+  const double bad = std::numeric_limits<double>::quiet_NaN();
+  recording::Sample s = support::view_sample(5);
+  s.tip_pos_w_nm = {bad, bad, bad};
+  s.force_w_nn = {bad, 0, bad};
+  s.deflection_nm = bad;
+  s.velocity_scale = 0;
+  s.force_scale = bad;
+  s.station_mode = 77;
+  s.method = 2;
+  s.station_faults = ~0u;
+  s.fault_bits = ~0u;
+  s.rtt_us = bad;
+  port_.samples.push(s);
+  viewer_->take_samples();
+  frame();
+  s.tip_pos_w_nm = {1e300, -1e300, 1e300};
+  s.force_w_nn = {1e300, 1e300, -1e300};
+  port_.samples.push(s);
+  viewer_->take_samples();
+  frame();
+  play(6, 200);
+  frame();
+  for (const auto& [wide, high] : {std::pair{64, 48}, {320, 2000}, {3000, 200}}) {
+    const Canvas canvas(wide, high, 0);
+    canvas.bind();
+    ImGui::GetIO().DeltaTime = 1.0f / 60;
+    viewer_->draw(wide, high, time_s_ += 0.02, {});
+  }
+  EXPECT_EQ(glGetError(), static_cast<GLenum>(GL_NO_ERROR));
+}
+
+}  // namespace
+}  // namespace telenano::viewer
