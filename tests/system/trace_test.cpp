@@ -37,7 +37,7 @@ class TraceTest : public ProgramsTest {
 
 /// Of a scan whose middle is the origin of W.
 double height_at(const surface::Scan& scan, double x_nm, double y_nm) {
-  const physics::HeightGrid& grid = scan.grid;
+  const surface::HeightGrid& grid = scan.grid;
   const int column = static_cast<int>(std::lround(x_nm / grid.dx_nm)) + grid.columns / 2;
   const int row = static_cast<int>(std::lround(y_nm / grid.dy_nm)) + grid.rows / 2;
   return grid.z_nm[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +

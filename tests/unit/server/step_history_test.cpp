@@ -19,7 +19,7 @@ struct Told {
 /// A station's commands through a link that loses, doubles and reorders; every reply is held against the set
 /// of commands that the server has accepted.
 Told compare(std::uint64_t features, double loss) {
-  VirtualSession session;
+  Server server(test_config(), spring_scene());
   link::ClientConfig config;
   config.feature_bits = features;
   link::ClientSession client(config);
@@ -41,10 +41,10 @@ Told compare(std::uint64_t features, double loss) {
     while (link.next_arrival_ns() <= now_ns) {
       link.advance_to(link.next_arrival_ns());
       while (link.b().receive(in, received)) {
-        const std::uint64_t before = session.server.counters().exchanges;
+        const std::uint64_t before = server.counters().exchanges;
         const std::size_t n =
-            session.server.on_datagram({in.data(), received.size}, received.from, link.now_ns(), out);
-        if (session.server.counters().exchanges > before) {
+            server.on_datagram({in.data(), received.size}, received.from, link.now_ns(), out);
+        if (server.counters().exchanges > before) {
           codec.decode({out.data(), n}, incoming);
           const link::Reply& reply = incoming.reply;
           std::uint64_t expected = 0;
