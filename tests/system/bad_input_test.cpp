@@ -167,7 +167,7 @@ TEST_F(BadInputTest, Plans) {
   expect_refused(std::vector<Bad>{
       {"no source", plan, {"plan", "--server HOST:PORT", "--limits FILE"}},
       {"both sources", with(known, {"--server", silent}), {"either --server", "or --limits"}},
-      {"limits missing", with(plan, {"--limits", "none.toml"}), {"none.toml", "No such file"}},
+      {"limits missing", with(plan, {"--limits", "none.toml"}), {"none.toml", "has only: flakes"}},
       {"limits without a spring", with(plan, {"--limits", soft}), {soft, "coupling_stiffness_n_m", "> 0"}},
       {"limits with nan", with(plan, {"--limits", nan}), {nan, "force_max_nn", "nan"}},
       {"limits, unknown key", with(plan, {"--limits", unknown}), {unknown, "force_max"}},
@@ -283,7 +283,7 @@ TEST_F(BadInputTest, FlagsOfTheServerAndTheLaboratory) {
        {kNve, "serve", "--scene", scene, "--listen", "127.0.0.1"},
        {"--listen", "HOST:PORT"}},
       {"no scene", {kNve, "serve"}, {"--scene"}},
-      {"no sessions", {kNve, "serve", "--scene", scene, "--max-sessions", "0"}, {"--max-sessions", "256"}},
+      {"no sessions", {kNve, "serve", "--scene", scene, "--max-sessions", "0"}, {"--max-sessions", "4096"}},
       {"unknown flag", {kNve, "serve", "--scene", scene, "--prot", "5100"}, {"unknown flag --prot"}},
       {"recover a text file", {kMaster, "recover", text}, {text, "recording"}},
       {"recover nothing", {kMaster, "recover", "none.h5"}, {"none.h5"}},

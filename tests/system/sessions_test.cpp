@@ -174,7 +174,7 @@ TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
   Server server(scene_path("flat_pdms"), 0, {"--keys", keys});
   const std::string file = path("session");
   const auto command = [&](const std::string& key, const std::string& duration_s) {
-    return talking(server, {"--task", "contact", "--duration-s", duration_s, "--key", path(key + ".key"),
+    return talking(server, {"--task", "contact", "--velocity-scale", "4e-6", "--duration-s", duration_s, "--key", path(key + ".key"),
                             "--session-file", file});
   };
   ChildProcess killed(command("one", "30"));

@@ -13,7 +13,7 @@
 namespace telenano::support {
 namespace {
 
-constexpr std::uint64_t kGoldenHash = 0x52370d188719c225u;
+constexpr std::uint64_t kGoldenHash = 0x63bc2d8625ded9a1u;
 
 std::shared_ptr<const scene::Scene> scene_of(const std::string& name) {
   return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");

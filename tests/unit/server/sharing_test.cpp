@@ -202,7 +202,7 @@ TEST_F(Sharing, AHandedOverTipThatNobodyTakesIsWithdrawn) {
 
 TEST_F(Sharing, AStationThatDoesNotKnowSharingIsRefusedAsTooOld) {
   a = std::make_unique<Operator>(&server, 1001, Rights::kOperate,
-                                 link::kFeaturePortControl | link::kFeatureLocalModel);
+                                 link::kKnownFeatures & ~(link::kFeatureSharing | link::kFeatureRedundancy));
   ticks(20);
   EXPECT_EQ(a->s.client.state(), link::ClientState::kRefused);
   EXPECT_EQ(a->s.client.refuse().reason, link::RefuseReason::kVersion);

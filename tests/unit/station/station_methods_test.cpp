@@ -19,7 +19,8 @@ StationConfig config_of(Method method) {
 }
 
 struct FeatureRig : StationRig {
-  explicit FeatureRig(Method method, std::uint64_t features = link::kKnownFeatures)
+  explicit FeatureRig(Method method,
+                      std::uint64_t features = link::kKnownFeatures & ~std::uint64_t{link::kFeatureSharing})
       : StationRig(config_of(method)) {
     welcome.feature_bits = features;
     welcome.epoch = 7;
