@@ -167,7 +167,7 @@ TEST_F(BadInputTest, Plans) {
   expect_refused(std::vector<Bad>{
       {"no source", plan, {"plan", "--server HOST:PORT", "--limits FILE"}},
       {"both sources", with(known, {"--server", silent}), {"either --server", "or --limits"}},
-      {"limits missing", with(plan, {"--limits", "none.toml"}), {"none.toml", "has only: flakes"}},
+      {"limits missing", with(plan, {"--limits", "none.toml"}), {"none.toml", "No such file"}},
       {"limits without a spring", with(plan, {"--limits", soft}), {soft, "coupling_stiffness_n_m", "> 0"}},
       {"limits with nan", with(plan, {"--limits", nan}), {nan, "force_max_nn", "nan"}},
       {"limits, unknown key", with(plan, {"--limits", unknown}), {unknown, "force_max"}},
@@ -221,7 +221,7 @@ TEST_F(BadInputTest, ScenesAndScans) {
   const std::string kind = scene_with("kind.toml", "kind = \"scan\"", "kind = \"scam\"");
   const std::string outside = scene_with("outside.toml", "x_nm = 300.0", "x_nm = 3000.0");
   expect_refused(std::vector<Bad>{
-      {"missing scene", check("none.toml"), {"none.toml", "No such file"}},
+      {"missing scene", check("none.toml"), {"none.toml", "has only: flakes"}},
       {"scene is a folder", check("."), {"."}},
       {"scene without end", check("/dev/zero"), {"/dev/zero", "1 MiB", "TOML"}},
       {"scan without end",

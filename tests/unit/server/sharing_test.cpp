@@ -202,7 +202,7 @@ TEST_F(Sharing, AHandedOverTipThatNobodyTakesIsWithdrawn) {
 
 TEST_F(Sharing, AStationThatDoesNotKnowSharingIsRefusedAsTooOld) {
   a = std::make_unique<Operator>(&server, 1001, Rights::kOperate,
-                                 link::kKnownFeatures & ~(link::kFeatureSharing | link::kFeatureRedundancy));
+                                 link::kFeaturePortControl | link::kFeatureLocalModel);
   ticks(20);
   EXPECT_EQ(a->s.client.state(), link::ClientState::kRefused);
   EXPECT_EQ(a->s.client.refuse().reason, link::RefuseReason::kVersion);
@@ -215,7 +215,7 @@ TEST(SharingOfferedOnlyWhereThereIsOneTip, APrivateServerDoesNotGrantIt) {
   Operator a(&server, 1001, Rights::kOperate);
   for (int i = 0; i < 20; ++i) a.tick();
   ASSERT_TRUE(a.s.client.has_session());
-  EXPECT_EQ(a.s.client.features(), link::kFeaturePortControl | link::kFeatureLocalModel);
+  EXPECT_EQ(a.s.client.features(), link::kKnownFeatures & ~(link::kFeatureSharing | link::kFeatureRedundancy));
   EXPECT_TRUE(a.reply().tip.empty());
   // A tip_hold that was not agreed is unexpected.
   link::Command c = a.s.command;
