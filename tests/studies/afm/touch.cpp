@@ -6,6 +6,7 @@
 #include <sstream>
 
 #include "common/base/error.h"
+#include "common/config/shared_files.h"
 #include "nve_server/afm_sim/default_scene.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/support/virtual_afm_slave.h"
@@ -24,7 +25,7 @@ std::vector<device::IntendedMotion::Waypoint> press(double height_nm) {
 
 /// A virtual environment whose coupling is as good as rigid, as an AFM has none.
 std::shared_ptr<const scene::Scene> stiffly_coupled() {
-  const std::string path = TELENANO_SOURCE_DIR "/deploy/scenes/flat_silicon_oxide.toml";
+  const std::string path = config::find_shared("flat_silicon_oxide", "scenes", ".toml");
   std::ifstream file(path);
   std::stringstream text;
   text << file.rdbuf();

@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "common/base/error.h"
+#include "common/config/shared_files.h"
 #include "tests/studies/bench/codec_bench.h"
 #include "tests/studies/bench/memory_bench.h"
 #include "tests/studies/bench/net_bench.h"
@@ -42,10 +43,10 @@ struct Processors {
 };
 
 std::string scenes_folder() {
-  return std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/";
+  return (config::shared_folder() / "scenes" / "").string();
 }
 std::string flat_table() {
-  return std::string(TELENANO_SOURCE_DIR) + "/tests/studies/bench/flat_table.toml";
+  return scenes_folder() + "flat_table.toml";
 }
 
 std::string nve_beside_this() {

@@ -10,7 +10,7 @@
 namespace telenano::studies {
 namespace {
 
-const std::string kFlat = std::string(TELENANO_SOURCE_DIR) + "/tests/studies/bench/flat_table.toml";
+const std::string kFlat = std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flat_table.toml";
 
 TEST(Quantile, IsTheSmallestThatSoManyDoNotExceed) {
   std::vector<double> v;

@@ -1,5 +1,6 @@
 #include "tests/studies/stress/scenes.h"
 
+#include "common/config/shared_files.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/support/wall_slave.h"
 
@@ -31,7 +32,7 @@ Scenes::Scenes(const std::filesystem::path& folder, const std::vector<SceneKind>
 }
 
 const Scenes& Scenes::of_this_tree() {
-  static const Scenes scenes(std::filesystem::path(TELENANO_SOURCE_DIR) / "deploy" / "scenes",
+  static const Scenes scenes(config::shared_folder() / "scenes",
                              {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPolystyrene, SceneKind::kPdms,
                               SceneKind::kScan, SceneKind::kHard});
   return scenes;

@@ -11,6 +11,7 @@
 #include <memory>
 
 #include "common/base/error.h"
+#include "common/config/shared_files.h"
 #include "tests/studies/stress/hunt.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/realtime_check.h"
@@ -27,7 +28,7 @@ struct Arguments {
   bool quick = false, full = false, mutants = false, realtime = false, no_report = false, wait = false;
   std::vector<std::string> methods, scenes;
   std::string out = "stress", rtt_ms, loss, shard, merge_folder, replay, shrink_spec, trace;
-  std::string scene_folder = TELENANO_SOURCE_DIR "/deploy/scenes";
+  std::string scene_folder = (config::shared_folder() / "scenes").string();
   std::uint64_t seed = 1;
   unsigned threads = 0;
 };
