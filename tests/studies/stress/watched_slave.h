@@ -17,7 +17,8 @@ struct SlaveWatch {
   bool touches = false;
   bool retracted = false;
   double most_force_nn = 0;  ///< ever, norm
-  double net_in_aj = 0;      ///< in less out, of all slaves: what was stored in one that died was lost
+  /// In less out by commands, of all slaves, withdrawals left out: what was stored in one that died was lost.
+  double net_in_aj = 0;
   /// Most that each slave had ever given, net, summed over the slaves: how deep the sample's potential is
   /// below where it began, U₀ − U_min, and once more for each slave that began anew.
   double well_aj = 0;
@@ -45,7 +46,8 @@ class WatchedSlave final : public slave::Slave {
     w.touches = touches_ = touches;
     w.retracted = input.retract;
     w.most_force_nn = std::max(w.most_force_nn, output.force_w_nn.norm());
-    w.net_in_aj += (output.energy_in_aj - in_aj_) - (output.energy_out_aj - out_aj_);
+    // What pulls a sticking tip off in a withdrawal is the slave's own drive: nobody at a port has put that in.
+    if (!input.retract) w.net_in_aj += (output.energy_in_aj - in_aj_) - (output.energy_out_aj - out_aj_);
     w.sums_fell = w.sums_fell || output.energy_in_aj < in_aj_ || output.energy_out_aj < out_aj_;
     w.non_finite = w.non_finite || !is_finite(output.force_w_nn) || !std::isfinite(output.energy_in_aj) ||
                    !std::isfinite(output.energy_out_aj) || !is_finite(output.tip_pos_w_nm);
