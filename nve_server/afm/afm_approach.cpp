@@ -1,0 +1,242 @@
+// AfmLogic: approach, lift, tare, and finding the surface by touch.
+#include <algorithm>
+#include <cmath>
+
+#include "nve_server/afm/afm_logic.h"
+#include "nve_server/afm/afm_units.h"
+
+namespace telenano::afm {
+
+using nanonis::Answer;
+using nanonis::Call;
+using nanonis::CommandId;
+using enum nanonis::CommandId;
+
+namespace {
+
+constexpr std::int64_t kSettleNs = 20 * kMs;      // of lever and piezo after a lift
+constexpr double kCalmNm = 0.5;                   // between two looks at an engaged tip
+constexpr int kCalmLooks = 4;
+
+}  // namespace
+
+void AfmLogic::engage(std::int64_t now_ns) {
+  enter(Phase::kEngaging, now_ns);
+  engage_ns_ = now_ns;
+  engage_step_ = 0;
+  calm_ = 0;
+  state_.cause = Cause::kNone;
+  state_.force_known = false;
+  book_.interrupt();
+  reading_ns_ = now_ns;
+  session_ns_ = now_ns;
+  tell("approaching");
+}
+
+double AfmLogic::contact_height_nm(std::int64_t now_ns) const noexcept {
+  return surface_height_nm_ + drift_nm_s_ * 1e-9 * static_cast<double>(now_ns - surface_ns_);
+}
+
+bool AfmLogic::send_z(double z_w_nm, std::int64_t now_ns, Call& call) {
+  height_nm_ = z_w_nm + contact_height_nm(now_ns);
+  sent_w_nm_.z() = z_w_nm;
+  history_.add(now_ns, sent_w_nm_);
+  state_.base_w_nm = sent_w_nm_;
+  return send(Role::kMotion, kZPosSet, {1e-9 * config_.z_sign * height_nm_}, now_ns, call);
+}
+
+bool AfmLogic::next_motion(std::int64_t now_ns, Call& call) {
+  Connection& c = at(Role::kMotion);
+  switch (state_.phase) {
+    case Phase::kEngaging:
+      if (engage_step_ == 0) return send(Role::kMotion, kOnOffSet, {1}, now_ns, call);
+      if (engage_step_ == 1) {
+        c.next_ns = now_ns + kLookPeriodNs;
+        return send(Role::kMotion, kZPosGet, {}, now_ns, call);
+      }
+      return send(Role::kMotion, kOnOffSet, {0}, now_ns, call);
+    case Phase::kLifting:
+      if (engage_step_ == 0) {
+        c.next_ns = now_ns + 5 * kMs;
+        return send(Role::kMotion, kOnOffGet, {}, now_ns, call);
+      }
+      return send(Role::kMotion, kZPosGet, {}, now_ns, call);
+    case Phase::kTouching:
+      return next_touch(now_ns, call);
+    case Phase::kFollowing:
+      return next_move(now_ns, call);
+    case Phase::kWithdrawing:
+      if (motion_withdraw_sent_) return false;
+      motion_withdraw_sent_ = true;
+      return send(Role::kMotion, kWithdraw, {0, -1}, now_ns, call);
+    default:
+      return false;
+  }
+}
+
+void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
+  const CommandId id = at(Role::kMotion).call.id;
+  if (state_.phase == Phase::kEngaging) {
+    if (id == kOnOffSet && engage_step_ == 0) {
+      engage_step_ = 1;
+      last_height_nm_ = 1e300;
+    } else if (id == kZPosGet && engage_step_ == 1) {
+      const double height = height_of(answer.numbers[0]);
+      const bool still = std::fabs(height - last_height_nm_) < kCalmNm && state_.force_known;
+      calm_ = still ? calm_ + 1 : 0;
+      last_height_nm_ = height;
+      if (calm_ < kCalmLooks) return;
+      if (height > top_height_nm_ - 1 || height < -0.499 * range_z_nm_) {
+        calm_ = 0;  // not gone yet, or at the end of the range without a surface
+        return;
+      }
+      settled_height_nm_ = height;
+      // At rest in contact the set point bends the lever away from the sample.
+      if (state_.measured_force_w_nn.z() < 0) {
+        refusal_ = config_.path +
+                   ": [calibration] sensitivity_nm_v: touching bends the lever the wrong way: wrong sign "
+                   "(the tip was withdrawn)";
+        return withdraw(Cause::kController, now_ns);
+      }
+      engage_step_ = 2;
+    } else if (id == kOnOffSet && engage_step_ == 2) {
+      enter(Phase::kLifting, now_ns);
+      engage_step_ = 0;
+    }
+  } else if (state_.phase == Phase::kLifting) {
+    if (id == kOnOffGet) {
+      if (answer.numbers[0] != 0) return;
+      engage_step_ = 1;
+      at(Role::kMotion).next_ns = now_ns + kSettleNs;
+    } else if (id == kZPosGet) {
+      height_nm_ = height_of(answer.numbers[0]);
+      const double lifted = height_nm_ - settled_height_nm_;
+      if (lifted < 0.5 * config_.lift_nm) {
+        refusal_ =
+            config_.path + text(
+                               ": [calibration] z_sign: a lift of %g nm moved Z by %g nm: wrong sign (the "
+                               "tip was withdrawn)",
+                               config_.lift_nm, lifted);
+        return withdraw(Cause::kController, now_ns);
+      }
+      surface_height_nm_ = settled_height_nm_;
+      surface_ns_ = now_ns;
+      history_.clear();
+      sent_w_nm_ = Vec3(sent_w_nm_.x(), sent_w_nm_.y(), height_nm_ - contact_height_nm(now_ns));
+      history_.add(now_ns, sent_w_nm_);
+      state_.base_w_nm = sent_w_nm_;
+      model_.forget_place();
+      tared_ = 0;
+      tare_sum_ = tare_squares_ = tare_lateral_sum_ = 0;
+      enter(Phase::kTaring, now_ns);
+    }
+  } else if (state_.phase == Phase::kTouching && id == kZPosSet) {
+    touch_moved_ns_ = now_ns;
+  }
+}
+
+void AfmLogic::tare(double deflection_nm, double lateral_nn, std::int64_t sent_ns, std::int64_t now_ns) {
+  if (sent_ns - ns(config_.period_s()) < phase_ns_ + kSettleNs) return;  // averaged before the tip was free
+  ++tared_;
+  tare_sum_ += deflection_nm;
+  tare_squares_ += (deflection_nm - free_deflection_nm_) * (deflection_nm - free_deflection_nm_);
+  tare_lateral_sum_ += lateral_nn;
+  if (tared_ < config_.tare_readings) return;
+  const double n = tared_;
+  tare_nm_ = tare_sum_ / n;
+  const double off = tare_nm_ - free_deflection_nm_;
+  const double variance = std::max(0.0, (tare_squares_ - n * off * off) / (n - 1));
+  state_.noise_nn = config_.spring_constant_n_m * std::sqrt(variance);
+  tare_nn_ = config_.spring_constant_n_m * tare_nm_;
+  tare_lateral_nn_ = tare_lateral_sum_ / n;
+  model_.set_noise(state_.noise_nn);
+  touches_ = 0;
+  touch_ = Touch::kDown;
+  touch_fresh_ = false;
+  touch_moved_ns_ = now_ns;
+  touch_from_height_nm_ = height_nm_;
+  enter(Phase::kTouching, now_ns);
+}
+
+bool AfmLogic::next_touch(std::int64_t now_ns, Call& call) {
+  if (touch_ == Touch::kPause) {
+    if (now_ns < touch_ns_ + ns(config_.touch_pause_s)) return false;
+    touch_ = Touch::kDown;
+    touch_fresh_ = false;
+    touch_moved_ns_ = now_ns;
+  }
+  if (touch_ == Touch::kDown) {
+    // Each step down waits for a reading that was begun after the last one.
+    if (!touch_fresh_) return false;
+    touch_fresh_ = false;
+    return send_z(sent_w_nm_.z() - config_.step_nm, now_ns, call);
+  }
+  if (sent_w_nm_.z() >= config_.lift_nm) {
+    touched(now_ns);
+    return false;
+  }
+  if (now_ns < last_move_ns_ + ns(config_.step_nm / config_.speed_nm_s)) return false;
+  last_move_ns_ = now_ns;
+  return send_z(std::min(sent_w_nm_.z() + config_.step_nm, config_.lift_nm), now_ns, call);
+}
+
+void AfmLogic::touch_reading(std::int64_t sent_ns, std::int64_t now_ns) {
+  if (touch_ != Touch::kDown || at(Role::kMotion).busy) return;
+  if (sent_ns - ns(config_.period_s()) < touch_moved_ns_) return;
+  touch_fresh_ = true;
+  const double force = state_.measured_force_w_nn.z();
+  model_.add(sent_w_nm_, force, now_ns);
+  if (force >= config_.touch_force_nn) {
+    touch_ = Touch::kUp;
+    touch_height_nm_ = height_nm_ + force / model_.stiffness_n_m();
+    touch_ns_ = now_ns;
+  } else if (sent_w_nm_.z() < -2 * config_.lift_nm - config_.step_nm) {
+    tell("no surface where the Z controller found one");
+    withdraw(Cause::kNoSurface, now_ns);
+  }
+}
+
+void AfmLogic::touched(std::int64_t now_ns) {
+  ++touches_;
+  if (touches_ >= 2) {
+    const double dt_s = 1e-9 * static_cast<double>(touch_ns_ - last_touch_ns_);
+    const double rate = (touch_height_nm_ - last_touch_height_nm_) / dt_s;
+    if (std::fabs(rate) > config_.drift_max_nm_s) {
+      tell(text("the surface moves by %g nm/s: more than drift", rate));
+      return withdraw(Cause::kNoSurface, now_ns);
+    }
+    drift_nm_s_ = rate;
+    drift_known_ = true;
+  }
+  last_touch_height_nm_ = touch_height_nm_;
+  last_touch_ns_ = touch_ns_;
+  surface_height_nm_ = touch_height_nm_;
+  surface_ns_ = touch_ns_;
+  // W's zero has moved to where the tip touched: the tip stands as much lower in it.
+  sent_w_nm_.z() = height_nm_ - contact_height_nm(now_ns);
+  history_.clear();
+  history_.add(now_ns, sent_w_nm_);
+  state_.base_w_nm = sent_w_nm_;
+  // The same ground in the new frame: known where the touch saw it.
+  model_.forget_place();
+  model_.add(
+      Vec3(sent_w_nm_.x(), sent_w_nm_.y(), -model_.contact_threshold_nn() * 1.01 / model_.stiffness_n_m()),
+      model_.contact_threshold_nn() * 1.01, now_ns);
+  model_.forget_place();
+  state_.model = model_.model();
+  if (touches_ < 2) {
+    touch_ = Touch::kPause;
+    return;
+  }
+  ever_touched_ = true;
+  was_touching_ = false;
+  enter(Phase::kFollowing, now_ns);
+  last_move_ns_ = last_xy_ns_ = now_ns;
+  session_ns_ = now_ns;
+  last_book_ns_ = now_ns;
+  book_.interrupt();
+  tell(text("surface found; drift %+.3f nm/s, noise %.2f nN, stiffness %.3g N/m", drift_nm_s_,
+            state_.noise_nn, model_.stiffness_n_m()));
+}
+
+}  // namespace telenano::afm

@@ -1,0 +1,116 @@
+// AfmLogic: following commands within what the force allows, and what the readings say.
+#include <algorithm>
+#include <cmath>
+
+#include "nve_server/afm/afm_logic.h"
+#include "nve_server/afm/afm_units.h"
+
+namespace telenano::afm {
+
+using nanonis::Answer;
+using nanonis::Call;
+using enum nanonis::CommandId;
+
+double AfmLogic::lowest_allowed_nm(std::int64_t now_ns) noexcept {
+  const MotionHistory::Stretch since = history_.between(reading_from_ns_, now_ns);
+  const double k = config_.spring_constant_n_m;
+  const double left_nn = config_.force_max_nn - state_.measured_force_w_nn.z();
+  return since.highest_nm + config_.slope_max * since.path_across_nm - left_nn / k;
+}
+
+bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
+  if (!state_.force_known) return false;
+  const bool told = wish_.session != 0 && wish_.follow;
+  const Vec3 low(-config_.half_width_nm, -config_.half_width_nm, -config_.depth_nm);
+  const Vec3 high(config_.half_width_nm, config_.half_width_nm, config_.top_nm);
+  const Vec3 target = told ? Vec3(wish_.target_w_nm.cwiseMax(low).cwiseMin(high)) : sent_w_nm_;
+  const double lowest = lowest_allowed_nm(now_ns);
+  state_.held_by_force = told && target.z() < lowest;
+  const double reach = [&](std::int64_t last_ns) {
+    return std::min(config_.step_nm, config_.speed_nm_s * 1e-9 * static_cast<double>(now_ns - last_ns));
+  }(last_move_ns_);
+  const double up = std::max(target.z(), lowest) - sent_w_nm_.z();
+  const Eigen::Vector2d across = (target - sent_w_nm_).head<2>();
+  // What lies within a thousandth of a step is there.
+  const double least = 1e-3 * config_.step_nm;
+  const bool wants_across = across.norm() > least;
+  // Holding still along Z must be told too, as the rig drifts.
+  const double stale_z = std::fabs(drift_nm_s_) * 1e-9 * static_cast<double>(now_ns - last_move_ns_);
+  const bool wants_z = std::fabs(up) > least || stale_z > 0.05 * config_.step_nm;
+  if (wants_across && (across_next_ || !wants_z)) {
+    const double may =
+        std::min(config_.step_nm, config_.speed_nm_s * 1e-9 * static_cast<double>(now_ns - last_xy_ns_));
+    // Ground may rise under a move across: not where that could pass the limit before it is read.
+    const bool room = sent_w_nm_.z() - config_.slope_max * may >= lowest || across.norm() <= 0;
+    across_next_ = false;
+    if (may > least && room) {
+      const Eigen::Vector2d move =
+          across.norm() > may ? Eigen::Vector2d(across * (may / across.norm())) : across;
+      sent_w_nm_.head<2>() += move;
+      last_xy_ns_ = now_ns;
+      history_.add(now_ns, sent_w_nm_);
+      state_.base_w_nm = sent_w_nm_;
+      return send(Role::kMotion, kXyPosSet,
+                  {1e-9 * (start_x_nm_ + sent_w_nm_.x()), 1e-9 * (start_y_nm_ + sent_w_nm_.y()), 0}, now_ns,
+                  call);
+    }
+  }
+  if (!wants_z || !(reach > least)) {
+    across_next_ = true;
+    return false;
+  }
+  across_next_ = true;
+  last_move_ns_ = now_ns;
+  return send_z(sent_w_nm_.z() + std::clamp(up, -reach, reach), now_ns, call);
+}
+
+void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64_t now_ns) {
+  if (answer.numbers.size() != 2) return withdraw(Cause::kController, now_ns);
+  const double deflection_nm = config_.sensitivity_nm_v * (answer.numbers[0] - offset_) / calibration_m_v_;
+  const double lateral_nn =
+      config_.lateral_nn_v * (answer.numbers[1] - lateral_offset_) / lateral_calibration_;
+  const std::int64_t period_ns = ns(config_.period_s());
+  const bool free = state_.phase == Phase::kEngaging || state_.phase == Phase::kLifting;
+  const double zero_nm = free ? free_deflection_nm_ : tare_nm_;
+  state_.measured_force_w_nn = Vec3(free ? 0 : lateral_nn - tare_lateral_nn_, 0,
+                                    config_.spring_constant_n_m * (deflection_nm - zero_nm));
+  state_.measured_ns = now_ns - period_ns / 2;
+  state_.force_known = true;
+  reading_from_ns_ = sent_ns - period_ns;
+  reading_ns_ = now_ns;
+  if (withdrawing()) return;
+  if (state_.phase == Phase::kTaring) return tare(deflection_nm, lateral_nn, sent_ns, now_ns);
+
+  const Vec3& force = state_.measured_force_w_nn;
+  if (force.z() > force_trip_nn() && state_.phase != Phase::kEngaging) {
+    tell(text("force %.4g nN, over the limit of %.4g nN", force.z(), config_.force_max_nn));
+    return withdraw(Cause::kForceLimit, now_ns);
+  }
+  if (std::fabs(force.x()) > config_.lateral_max_nn) {
+    tell(text("lateral force %.4g nN, over the limit of %.4g nN", force.x(), config_.lateral_max_nn));
+    return withdraw(Cause::kLateralLimit, now_ns);
+  }
+  if (state_.phase == Phase::kTouching) return touch_reading(sent_ns, now_ns);
+  if (state_.phase != Phase::kFollowing) return;
+
+  const MotionHistory::Stretch averaged = history_.between(now_ns - period_ns, now_ns);
+  state_.measured_base_w_nm = averaged.mean_w_nm;
+  model_.add(averaged.mean_w_nm, force.z(), now_ns);
+  state_.model = model_.model();
+  state_.touching = model_.touching();
+  WorkBook::Reading reading;
+  reading.base_w_nm = averaged.mean_w_nm;
+  reading.force_w_nn = force;
+  reading.way_nm = history_.between(last_book_ns_, now_ns).path_nm;
+  reading.window_way_nm = history_.between(reading_from_ns_, now_ns).path_nm;
+  const bool touches =
+      state_.touching || was_touching_ || std::fabs(force.z()) > model_.contact_threshold_nn();
+  book_.add(reading, 3 * state_.noise_nn, touches, model_.model().adhesion_nn);
+  was_touching_ = state_.touching;
+  last_book_ns_ = now_ns - period_ns;
+  state_.energy_in_aj = book_.energy_in_aj();
+  state_.energy_out_aj = book_.energy_out_aj();
+  state_.energy_bound_aj = book_.bound_aj();
+}
+
+}  // namespace telenano::afm
