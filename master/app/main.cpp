@@ -18,6 +18,7 @@ int main(int argc, char** argv) {
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
   int exit_code = 0;
   telenano::app::add_run_command(app, command_line, exit_code);
+  telenano::app::add_replay_command(app, command_line, exit_code);
   telenano::app::add_plan_command(app);
   telenano::app::add_devices_command(app);
   telenano::app::add_calibrate_command(app);
