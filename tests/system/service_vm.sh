@@ -86,6 +86,7 @@ case ${1:-} in
   '') sed -n '2,5p' "$0"; exit 2 ;;
 esac
 
+[ -x /lib/systemd/systemd ] || { echo "service_vm: cannot run here: systemd is not installed" >&2; exit 77; }
 build=$(realpath "$1")
 out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
