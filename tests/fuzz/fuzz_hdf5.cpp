@@ -64,6 +64,7 @@ class Bases {
         sample.tick = i;
         recorder.push(sample);
       }
+      for (std::int64_t i = 0; i < 8; ++i) recorder.push(DatagramRow{i, 1'000'000 * (i + 1), 0, 0, 0, 1, 0});
       recorder.push(make_event(3, 0.003, 1, "begin"));
       while (recorder.rows_written() < 20) std::this_thread::sleep_for(std::chrono::milliseconds(5));
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
@@ -137,6 +138,9 @@ void read_everything(const RecordingReader& reader) {
     FUZZ_CHECK(reader.read(column).size() == reader.rows());
   }
   for (const Event& event : reader.events()) FUZZ_CHECK(event.text.back() == '\0');
+  reader.datagrams();
+  std::vector<Sample> samples(reader.rows());
+  reader.read_samples(0, samples);
   reader.configuration();
   summarise(reader);
 }

@@ -106,21 +106,46 @@ class GuidedReading {
   /// In the process beside, when it ends.
   [[noreturn]] static void end() {
     std::memcpy(here_ + 1, coverage_counters().data(), coverage_bytes());
-    here_->end = End::kOurs;
-    const char* what = __asan_report_present() != 0 ? __asan_get_report_description() : "";
-    // A size beyond all memory is bad_alloc without the sanitizer.
-    if (std::strcmp(what, "allocation-size-too-big") == 0 || std::strcmp(what, "out-of-memory") == 0)
-      here_->end = End::kLibrary;
     std::array<void*, 128> frames{};
     const int n = ::backtrace(frames.data(), static_cast<int>(frames.size()));
-    for (int i = 0; i < n && here_->end == End::kOurs; ++i) {
-      Dl_info info{};
-      if (::dladdr(frames[static_cast<std::size_t>(i)], &info) != 0 && info.dli_fname != nullptr &&
-          std::strstr(info.dli_fname, here_->library) != nullptr)
-        here_->end = End::kLibrary;
-    }
+    here_->end = whose(frames.data(), n);
     if (here_->end == End::kOurs) ::backtrace_symbols_fd(frames.data(), n, STDERR_FILENO);
     ::_exit(1);
+  }
+
+  static End whose(void* const* frames, int n) {
+    if (__asan_report_present() != 0) {
+      // A size beyond all memory is bad_alloc without the sanitizer.
+      const std::string_view what = __asan_get_report_description();
+      if (what == "allocation-size-too-big" || what == "out-of-memory") return End::kLibrary;
+      // A buffer of ours that the library was told to fill and that is too small for it is ours; what it does
+      // to its own memory is not. The first frame below malloc says whose.
+      std::array<char, 64> name{};
+      void* region = nullptr;
+      std::size_t region_size = 0;
+      void* const address = __asan_get_report_address();
+      const std::string_view where =
+          __asan_locate_address(address, name.data(), name.size(), &region, &region_size);
+      if (where == "stack" || where == "global") return End::kOurs;
+      if (where == "heap") {
+        std::array<void*, 2> allocated{};
+        int thread = 0;
+        const std::size_t known =
+            __asan_get_alloc_stack(address, allocated.data(), allocated.size(), &thread);
+        return in_library(allocated.data(), static_cast<int>(known)) ? End::kLibrary : End::kOurs;
+      }
+    }
+    return in_library(frames, n) ? End::kLibrary : End::kOurs;
+  }
+
+  static bool in_library(void* const* frames, int n) {
+    for (int i = 0; i < n; ++i) {
+      Dl_info info{};
+      if (::dladdr(frames[i], &info) != 0 && info.dli_fname != nullptr &&
+          std::strstr(info.dli_fname, here_->library) != nullptr)
+        return true;
+    }
+    return false;
   }
 
   static inline Shared* here_ = nullptr;  // set in the process beside
