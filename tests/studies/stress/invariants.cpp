@@ -121,7 +121,8 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   } else if (silent_s > limits_.stale_zero_s * (1 + 1e-9) && norm_n > 0) {
     violate(kInvariantStale, time_s);
   }
-  const double alone_s = limits_.waits_s + limits_.period_s + limits_.stale_zero_s;
+  latest_periods_ = std::max(latest_periods_, periods);
+  const double alone_s = limits_.waits_s + latest_periods_ * limits_.period_s + limits_.stale_zero_s;
   if (time_s - last_came_s_ > alone_s * (1 + 1e-9) && norm_n > 0) violate(kInvariantStale, time_s);
   last_reply_ns_ = around.reply_ns;
   last_shown_ = around.shown;

@@ -26,7 +26,7 @@ enum Invariant : std::uint32_t {
   /// act: they can only take away. How often they act is counted.
   kInvariantSlew = 1u << 4,
   /// No force later than stale_zero_s after the last new reply; where replies wait to be shown, after the last
-  /// that was shown, which is no later than the longest wait after it came.
+  /// that was shown, which is no later after it came than the longest wait and the longest late tick.
   kInvariantStale = 1u << 5,
   kInvariantLeap = 1u << 6,    ///< back after such a silence: from no force one tick of the ramp at most
   kInvariantTip = 1u << 7,     ///< the slave's force within its own limit
@@ -117,6 +117,7 @@ class InvariantWatch {
   std::int64_t last_shown_ = 0;
   double last_news_s_ = -1e9;  ///< was shown
   double last_came_s_ = -1e9;
+  int latest_periods_ = 1;
   double last_tick_s_ = -1;
   bool waiting_ = false;
   double well_since_s_ = 0;
