@@ -17,6 +17,7 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
     : config_(config), clock_(clock), cap_(config.max_sessions), mail_(config.workers) {
   net::UdpOptions options;
   options.share_port = config.workers > 1;
+  options.arrival_times = false;  // a reply's hold time is the loop's own
   if (config.busy_poll) options.busy_poll_ns = kNicBusyPollNs;
   net::Address address = config.listen;
   // Sockets that share a port would also share it with another server that does, and each would get half of
