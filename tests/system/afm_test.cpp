@@ -118,8 +118,9 @@ TEST_F(AfmProgramsTest, AServerThatIsKilledLeavesTheTipWithdrawn) {
   EXPECT_NE(end.find("tip withdrawn"), std::string::npos) << end;
 }
 
-// A server that hangs keeps its end of the guard's stream open: only the missing heart beat tells. The guard's
-// patience is four reply times: here 4 s, since less would be too little for the checks under a sanitizer.
+// A server that hangs keeps its end of the guard's stream open: only the missing heart beat tells. The
+// guard's patience is four reply times: here 4 s, since less would be too little for the checks under a
+// sanitizer.
 TEST_F(AfmProgramsTest, AServerThatHangsWhileAStationPressesLeavesTheTipWithdrawn) {
   struct Pressed {
     Simulator simulator;
