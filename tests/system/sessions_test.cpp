@@ -71,7 +71,8 @@ TEST_F(SessionsTest, WhoOnlyLooksOnDoesSoUntilStopped) {
   // A task of a second would be over after one.
   const std::string config = write("station.toml", "[task]\nduration_s = 1\n");
   ChildProcess observer(talking(server, {"--observe", "--config", config}));
-  ASSERT_TRUE(observer.wait_for_err("observing it, until you stop this with Ctrl-C", kLong)) << observer.err();
+  ASSERT_TRUE(observer.wait_for_err("observing it, until you stop this with Ctrl-C", kLong))
+      << observer.err();
   ASSERT_TRUE(observer.wait_for_err("observing, the force is zero", kLong)) << observer.err();
   EXPECT_FALSE(observer.wait(std::chrono::milliseconds(2500))) << observer.err();
   observer.signal(SIGINT);
@@ -187,8 +188,8 @@ TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
   Server server(scene_path("flat_pdms"), 0, {"--keys", keys});
   const std::string file = path("session");
   const auto command = [&](const std::string& key, const std::string& duration_s) {
-    return talking(server, {"--task", "contact", "--velocity-scale", "4e-6", "--duration-s", duration_s, "--key", path(key + ".key"),
-                            "--session-file", file});
+    return talking(server, {"--task", "contact", "--velocity-scale", "4e-6", "--duration-s", duration_s,
+                            "--key", path(key + ".key"), "--session-file", file});
   };
   ChildProcess killed(command("one", "30"));
   ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
