@@ -186,7 +186,7 @@ struct Udp::Impl {
     handle = socket.native_handle();
     // The kernel notes when each datagram came (CLOCK_REALTIME): a loop that looks once a tick would
     // otherwise measure its own period as round trip. Where it is not to be had, age_ns stays 0.
-    ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &yes, sizeof yes);
+    if (options.arrival_times) ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &yes, sizeof yes);
   }
 
   /// Up to net.core.{r,w}mem_max, or beyond for a program that may administer the network.

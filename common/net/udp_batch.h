@@ -33,7 +33,7 @@ class UdpBatch final : public Datagram {
   /// kSent: kept, or handed over. What the kernel then refuses is lost, as a network may lose it, and
   /// counted.
   SendStatus send(std::span<const std::uint8_t> bytes, const Address& to) noexcept override;
-  /// `age_ns` is that at the moment of the fetch.
+  /// `age_ns` is that at the moment of the fetch; 0 on a socket without arrival times.
   bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override;
   void flush() noexcept override;
   /// Sleeps until a datagram is there (true), or about the time has passed or a signal has come (false). Up

@@ -164,6 +164,8 @@ void add_server(CLI::App& bench) {
   c->add_option("--round-s", all->capacity.round_s, "Seconds a round")
       ->capture_default_str()
       ->check(CLI::Range(0.01, 60.0));
+  c->add_option("--case", all->capacity.only, "Only this one")
+      ->check(CLI::IsMember({"flat", "flat_model", "scan", "scan_model"}));
   CLI::Option* const sessions =
       c->add_option("--sessions", all->sessions, "Stations at --rate instead, for --seconds")
           ->check(CLI::Range(1, 4096));

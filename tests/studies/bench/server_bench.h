@@ -17,6 +17,7 @@ struct ServerBenchOptions {
   double round_s = 0.4;
   std::size_t sockets = 8;
   std::size_t sessions_each = 32;
+  std::string only;  ///< one of the cases; empty: all
 };
 
 /// Exchanges for a second of one processor's time: the product's server in full use beside an echo by
