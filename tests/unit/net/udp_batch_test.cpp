@@ -287,6 +287,31 @@ TEST(UdpBatch, AShortWaitIsTheReceive) {
   EXPECT_EQ(p.batch.counters().send_calls, 1u);
 }
 
+TEST(UdpBatch, ManyAreFoundAgainAfterALongTimeOfSingleOnes) {
+  Pair p(8);
+  for (int i = 0; i < 100; ++i) {
+    p.say({1});
+    ASSERT_TRUE(p.batch.wait(UdpBatch::kShortWaitNs));
+    ASSERT_TRUE(p.take());
+    EXPECT_EQ(p.received.size, 1u);
+    EXPECT_EQ(p.received.from.port, p.peer.local().port);
+    EXPECT_FALSE(p.take());
+  }
+  const std::uint64_t before = p.batch.counters().receive_calls;
+  EXPECT_EQ(before, 100u) << "a call for each, as long as they come alone";
+  for (std::uint8_t i = 0; i < 100; ++i) p.say(Bytes(std::size_t{1} + i, i));
+  std::size_t came = 0;
+  while (came < 100 && p.batch.wait(UdpBatch::kShortWaitNs)) {
+    while (p.take()) {
+      EXPECT_EQ(p.buffer[0], came) << "in order";
+      EXPECT_EQ(p.received.size, 1 + came++);
+    }
+  }
+  EXPECT_EQ(came, 100u);
+  // At most fifteen single ones until a wait looks; then eight a call, and a last one that finds nothing.
+  EXPECT_LE(p.batch.counters().receive_calls - before, 15u + 100u / 8 + 2u);
+}
+
 TEST(UdpBatch, AWaitSendsWhatIsKeptFirst) {
   Pair p;
   p.say({1});
