@@ -29,6 +29,16 @@ void ClockDrift::add(std::int64_t now_ns, std::int64_t rtt_ns, std::int64_t up_n
   }
   if (count_ > 0) close_block(now_ns);
   blocks_[count_++] = sample;
+  find_lowest();
+}
+
+void ClockDrift::find_lowest() noexcept {
+  if (count_ < 2) return;
+  lowest_ = {blocks_[0].up, blocks_[0].down};
+  for (std::size_t i = 1; i + 1 < count_; ++i) {
+    if (lower(blocks_[i].up, lowest_.up, slope_)) lowest_.up = blocks_[i].up;
+    if (lower(blocks_[i].down, lowest_.down, -slope_)) lowest_.down = blocks_[i].down;
+  }
 }
 
 void ClockDrift::close_block(std::int64_t now_ns) noexcept {
@@ -81,14 +91,11 @@ void ClockDrift::fit() noexcept {
   known_ = true;
 }
 
-double ClockDrift::base(std::int64_t now_ns, Point Block::*point, double slope) const noexcept {
-  double least_ns = 0;
-  for (std::size_t i = 0; i < count_; ++i) {
-    const Point& p = blocks_[i].*point;
-    const double value_ns = p.value_ns + slope * static_cast<double>(now_ns - p.time_ns);
-    least_ns = i == 0 ? value_ns : std::min(least_ns, value_ns);
-  }
-  return least_ns;
+double ClockDrift::base(std::int64_t now_ns, Point Block::*filling, const Point& closed,
+                        double slope) const noexcept {
+  if (count_ == 0) return 0;
+  const double newest_ns = line_at(blocks_[count_ - 1].*filling, now_ns, slope);
+  return count_ == 1 ? newest_ns : std::min(line_at(closed, now_ns, slope), newest_ns);
 }
 
 }  // namespace telenano::link

@@ -40,8 +40,12 @@ class ClockDrift {
   double drift_error_ppm() const noexcept { return slope_error_ * 1e6; }
 
   /// What T2 − T1 would be now over the idle link; likewise T4 − T3. 0 before the first exchange.
-  double base_up_ns(std::int64_t now_ns) const noexcept { return base(now_ns, &Block::up, slope_); }
-  double base_down_ns(std::int64_t now_ns) const noexcept { return base(now_ns, &Block::down, -slope_); }
+  double base_up_ns(std::int64_t now_ns) const noexcept {
+    return base(now_ns, &Block::up, lowest_.up, slope_);
+  }
+  double base_down_ns(std::int64_t now_ns) const noexcept {
+    return base(now_ns, &Block::down, lowest_.down, -slope_);
+  }
 
   static constexpr std::size_t kBlocks = 32;
   static constexpr std::int64_t kBlockMinNs = 250'000'000;
@@ -61,7 +65,17 @@ class ClockDrift {
     Point down;
   };
 
-  double base(std::int64_t now_ns, Point Block::*point, double slope) const noexcept;
+  /// Of the blocks that are closed the one whose line is lowest; it stays so until another is closed.
+  struct Lowest {
+    Point up;
+    Point down;
+  };
+
+  static double line_at(const Point& p, std::int64_t now_ns, double slope) noexcept {
+    return p.value_ns + slope * static_cast<double>(now_ns - p.time_ns);
+  }
+  double base(std::int64_t now_ns, Point Block::*filling, const Point& closed, double slope) const noexcept;
+  void find_lowest() noexcept;
   void close_block(std::int64_t now_ns) noexcept;
   void merge(Block& into, const Block& from) const noexcept;
   void fit() noexcept;
@@ -69,6 +83,7 @@ class ClockDrift {
 
   std::array<Block, kBlocks> blocks_{};
   std::size_t count_ = 0;  ///< the last of them is being filled
+  Lowest lowest_;          ///< with two blocks and more
   std::int64_t block_ns_ = kBlockMinNs;
   bool known_ = false;
   double slope_ = 0;

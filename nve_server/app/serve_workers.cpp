@@ -31,9 +31,14 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
 
 void Workers::prepare(const ServeSecurity& security, const server::ServerConfig& base,
                       const server::ServedScene& scene) {
+  std::shared_ptr<security::ResumptionCache> resumption;
+  if (security.is_secure()) {
+    resumption =
+        std::make_shared<security::ResumptionCache>(4 * ServeSecurity::capacity(config_.max_sessions));
+  }
   for (std::size_t i = 0; i < workers_.size(); ++i) {
     Worker& worker = *workers_[i];
-    if (security.is_secure()) worker.secure = security.make(config_.max_sessions, worker.batch, clock_);
+    if (resumption) worker.secure = security.make(config_.max_sessions, resumption, worker.batch, clock_);
     server::ServerConfig own = base;
     own.table.capacity = config_.max_sessions;
     if (workers_.size() > 1) {

@@ -77,13 +77,15 @@ double short_of(double least, double most, double charge) noexcept {
 
 }  // namespace
 
-NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
+NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene) : NveSlave(scene, PortGround(*scene)) {}
+
+NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene, const PortGround& ground)
     : scene_(std::move(scene)),
       limits_(limits_of(*scene_)),
       flat_(scene_->surface->is_flat()),
       scalar_(flat_ && !scene_->friction && !scene_->particle),
       sample_(scene_),
-      model_(scene_) {
+      model_(scene_, ground) {
   port().commanded_w_nm = limits_.start_pos_w_nm;
   if (solve(port().commanded_w_nm, piece_of(kSettle_s), port(), trial_port()) != nullptr) accept_trial();
   port().mode.velocity_nm_s = 0;
@@ -318,6 +320,11 @@ NveSlave::Trace NveSlave::trace() const noexcept {
   trace.mode = port().mode;
   trace.stored_aj = port().stored_aj;
   return trace;
+}
+
+std::function<std::unique_ptr<NveSlave>()> nve_slaves(std::shared_ptr<const scene::Scene> scene) {
+  const PortGround ground(*scene);
+  return [scene = std::move(scene), ground] { return std::make_unique<NveSlave>(scene, ground); };
 }
 
 }  // namespace telenano::slave

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <memory>
 
 #include "nve_server/physics/probe.h"
@@ -57,6 +58,8 @@ namespace telenano::slave {
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);
+  /// The second and further slaves of a scene: `ground` of it is known.
+  NveSlave(std::shared_ptr<const scene::Scene> scene, const PortGround& ground);
 
   void step(const SlaveInput& input, double dt_s, SlaveOutput& output) noexcept override;
   const SlaveLimits& limits() const noexcept override { return limits_; }
@@ -132,5 +135,8 @@ class NveSlave final : public Slave {
   double energy_out_aj_ = 0;
   double paid_ahead_aj_ = 0;  // by how much the charges so far exceed the port's work
 };
+
+/// Makes slaves of one scene; what they have in common is found now.
+std::function<std::unique_ptr<NveSlave>()> nve_slaves(std::shared_ptr<const scene::Scene> scene);
 
 }  // namespace telenano::slave

@@ -94,7 +94,7 @@ void VirtualSession::make_server() {
   if (config_.make_slave) {
     served.make_slave = config_.make_slave;
   } else {
-    served.make_slave = [scene = config_.scene] { return std::make_unique<slave::NveSlave>(scene); };
+    served.make_slave = slave::nve_slaves(config_.scene);
   }
   server_ = std::make_shared<server::Server>(config, std::move(served));
   down_ = false;
@@ -137,8 +137,10 @@ void VirtualSession::serve_until(std::int64_t until_ns) {
 }
 
 std::int64_t VirtualSession::server_ns(std::int64_t now_ns) const noexcept {
-  return now_ns + std::llround(config_.server_drift_ppm * 1e-6 * static_cast<double>(now_ns)) +
-         server_ahead_ns_;
+  std::int64_t drifted_ns = 0;
+  if (config_.server_drift_ppm != 0)
+    drifted_ns = std::llround(config_.server_drift_ppm * 1e-6 * static_cast<double>(now_ns));
+  return now_ns + drifted_ns + server_ahead_ns_;
 }
 
 const recording::Sample& VirtualSession::step(int periods) {

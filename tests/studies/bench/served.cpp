@@ -22,7 +22,7 @@ server::ServedScene served_scene(std::shared_ptr<const scene::Scene> scene) {
   server::ServedScene served;
   served.name = server::scene_name(scene->name);
   served.hash = scene->hash;
-  served.make_slave = [scene = std::move(scene)] { return std::make_unique<slave::NveSlave>(scene); };
+  served.make_slave = slave::nve_slaves(std::move(scene));
   return served;
 }
 

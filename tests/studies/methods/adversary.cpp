@@ -8,6 +8,7 @@
 #include "common/base/constants.h"
 #include "common/base/det_math.h"
 #include "common/base/random.h"
+#include "tests/studies/methods/climbing.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/mass_spring_hand.h"
 #include "tests/support/virtual_session.h"
@@ -281,8 +282,7 @@ Climbed climb(const AttackConfig& config, double knot_s, int tries, const std::v
   best.knots_m.resize(count, -config.clearance_m);
   for (std::size_t i = 0; i < count && !start_m.empty(); ++i)
     best.knots_m[i] = start_m[std::min(i * stride, start_m.size() - 1)];
-  const double low_m = -config.clearance_m - 0.030;
-  const double high_m = -config.clearance_m + 0.010;
+  const PathRange range{-config.clearance_m - 0.030, -config.clearance_m + 0.010, kLowestM, kHighestM};
   const auto run = [&](const std::vector<double>& knots_m) {
     // Between two points on a line.
     const auto hand = driven(config, [&knots_m, stride](const DrivenHand::View& view) {
@@ -299,32 +299,7 @@ Climbed climb(const AttackConfig& config, double knot_s, int tries, const std::v
   Random random(config.seed * 1000003 + stride);
   for (int i = 0; i < tries; ++i) {
     std::vector<double> knots_m = best.knots_m;
-    // A stretch of 25 ms and more: less would hardly be felt, and climbing would not end.
-    const double wide_s = 0.025 * det_exp(3.5 * random.uniform());
-    const auto wide = std::min(
-        count, static_cast<std::size_t>(std::max(1.0, wide_s / period_s / static_cast<double>(stride))));
-    const auto from = static_cast<std::size_t>(random.below(count - wide + 1));
-    const double level_m = random.uniform(low_m, high_m);
-    const double shift_m = 0.002 * random.normal();
-    const auto kind = random.below(4);
-    const auto later = static_cast<std::size_t>(random.below(wide) + 1);
-    for (std::size_t k = from; k < from + wide; ++k) {
-      switch (kind) {
-        case 0:  // stay somewhere else
-          knots_m[k] = level_m;
-          break;
-        case 1:  // the same deeper or higher
-          knots_m[k] += shift_m;
-          break;
-        case 2:  // shake
-          knots_m[k] = random.uniform(low_m, high_m);
-          break;
-        default:  // the same sooner or later
-          knots_m[k] = best.knots_m[(k + later) % count];
-          break;
-      }
-      knots_m[k] = std::clamp(knots_m[k], kLowestM, kHighestM);
-    }
+    change_a_stretch(knots_m, period_s * static_cast<double>(stride), range, random);
     const AttackOutcome outcome = run(knots_m);
     if (outcome.extracted_j > best.outcome.extracted_j) {
       best.outcome = outcome;

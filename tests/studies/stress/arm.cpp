@@ -25,12 +25,12 @@ ArmAxis::ArmAxis(const ArmConfig& config) : config_(config) {
 void ArmAxis::advance(double force_n, double aim_m) noexcept {
   state_[5] = (static_cast<long double>(aim_m) - state_[4]) / static_cast<long double>(config_.period_s);
   state_[6] = force_n;
-  std::array<long double, kStates> next{};
-  for (std::size_t i = 0; i < kStates; ++i) {
+  std::array<long double, kMoving> next{};
+  for (std::size_t i = 0; i < kMoving; ++i) {
     for (std::size_t j = 0; j < kStates; ++j) next[i] += propagator_[i][j] * state_[j];
   }
-  next[4] = aim_m;
-  state_ = next;
+  std::copy(next.begin(), next.end(), state_.begin());
+  state_[4] = aim_m;
 }
 
 long double ArmAxis::stored_j() const noexcept {

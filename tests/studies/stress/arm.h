@@ -33,6 +33,7 @@ class ArmAxis {
 
  private:
   static constexpr int kStates = 7;  // x_d, v_d, x_a, v_a, u, u̇, F
+  static constexpr int kMoving = 4;  // the others are given anew in each period
   using Matrix = std::array<std::array<long double, kStates>, kStates>;
 
   ArmConfig config_;

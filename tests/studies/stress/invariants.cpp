@@ -106,7 +106,9 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   const double slew_step_n = limits_.slew_n_s * limits_.period_s;
   if (norm_n > along_n + slew_step_n * (1 + 1e-9) + 1e-12) violate(kInvariantSlew, time_s);
 
-  const bool news = around.reply_ns != last_reply_ns_;
+  const bool came = around.reply_ns != last_reply_ns_;
+  const bool news = limits_.waits_s > 0 ? around.shown != last_shown_ : came;
+  if (came) last_came_s_ = time_s;
   const double silent_s = time_s - last_news_s_;
   if (news) {
     if (last_reply_ns_ >= 0 && last_h_n_.isZero(0) && silent_s > limits_.stale_zero_s + limits_.period_s) {
@@ -119,7 +121,11 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   } else if (silent_s > limits_.stale_zero_s * (1 + 1e-9) && norm_n > 0) {
     violate(kInvariantStale, time_s);
   }
+  latest_periods_ = std::max(latest_periods_, periods);
+  const double alone_s = limits_.waits_s + latest_periods_ * limits_.period_s + limits_.stale_zero_s;
+  if (time_s - last_came_s_ > alone_s * (1 + 1e-9) && norm_n > 0) violate(kInvariantStale, time_s);
   last_reply_ns_ = around.reply_ns;
+  last_shown_ = around.shown;
   last_h_n_ = force_h_n;
   last_tick_s_ = time_s;
 

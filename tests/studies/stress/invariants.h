@@ -25,7 +25,9 @@ enum Invariant : std::uint32_t {
   /// |F| grows by no more than slew·T a tick along its new direction, also where stop, clamp or force limit
   /// act: they can only take away. How often they act is counted.
   kInvariantSlew = 1u << 4,
-  kInvariantStale = 1u << 5,   ///< no force later than stale_zero_s after the last new reply
+  /// No force later than stale_zero_s after the last new reply; where replies wait to be shown, after the last
+  /// that was shown, which is no later after it came than the longest wait and the longest late tick.
+  kInvariantStale = 1u << 5,
   kInvariantLeap = 1u << 6,    ///< back after such a silence: from no force one tick of the ramp at most
   kInvariantTip = 1u << 7,     ///< the slave's force within its own limit
   kInvariantFinite = 1u << 8,  ///< no NaN, no infinity
@@ -67,6 +69,7 @@ class InvariantWatch {
     bool balance = false;      ///< of both ports is to be checked
     double hand_j_per_aj = 0;  ///< α_F/α_v in these units
     double recover_s = 0;      ///< 0: not checked
+    double waits_s = 0;        ///< longest that a reply waits to be shown; 0: it is shown when it comes
   };
   explicit InvariantWatch(const Limits& limits) : limits_(limits) {}
 
@@ -74,10 +77,11 @@ class InvariantWatch {
   struct Around {
     double given_before_j = 0;  ///< by the true book, when the tick began
     double q_before_j = 0;      ///< its Q then
-    std::int64_t reply_ns =
-        0;              ///< when the link accepted its newest reply (numbers begin anew with sessions)
-    double time_s = 0;  ///< of the tick
-    int periods = 1;    ///< until the next one
+    /// When the link accepted its newest reply (numbers begin anew with sessions).
+    std::int64_t reply_ns = 0;
+    std::int64_t shown = 0;  ///< number of the reply that the station shows
+    double time_s = 0;       ///< of the tick
+    int periods = 1;         ///< until the next one
   };
   /// After a tick of the station, and the hand's motion until the next one.
   void look(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
@@ -110,7 +114,10 @@ class InvariantWatch {
   Vec3 last_h_n_ = Vec3::Zero();
   double in_j_ = 0, out_j_ = 0;
   std::int64_t last_reply_ns_ = -1;
-  double last_news_s_ = -1e9;
+  std::int64_t last_shown_ = 0;
+  double last_news_s_ = -1e9;  ///< was shown
+  double last_came_s_ = -1e9;
+  int latest_periods_ = 1;
   double last_tick_s_ = -1;
   bool waiting_ = false;
   double well_since_s_ = 0;

@@ -10,6 +10,7 @@
 #include "common/base/det_math.h"
 #include "common/base/error.h"
 #include "common/base/random.h"
+#include "common/link/recent_commands.h"
 #include "tests/studies/stress/summary.h"
 
 namespace telenano::studies::stress {
@@ -188,6 +189,83 @@ void spiteful_links(Grid& grid, RunSpec spec) {
   }
 }
 
+using Playout = link::PlayoutConfig::Mode;
+
+// A delay that is long enough for most replies: two standard deviations of each way's jitter.
+double enough_ms(const RunSpec& spec) {
+  return spec.rtt_ms + 10 + 2 * spec.jitter * std::max(spec.rtt_ms, 4.0);
+}
+
+void play_outs(Grid& grid, RunSpec spec) {
+  for (const Playout mode : {Playout::kConstant, Playout::kAdaptive}) {
+    spec.playout = mode;
+    for (const double rtt : {0.0, 20.0, 200.0}) {
+      spec.rtt_ms = rtt;
+      for (const double jitter : {0.0, 0.5}) {
+        spec.jitter = jitter;
+        spec.playout_ms = enough_ms(spec);
+        for (const double loss : {0.0, 0.1}) {
+          spec.loss = loss;
+          for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
+        }
+      }
+    }
+  }
+}
+
+void repeated_commands(Grid& grid, RunSpec spec) {
+  spec.rtt_ms = 20;
+  for (const double redundancy : {1.0, 4.0}) {
+    spec.redundancy = redundancy;
+    for (const double loss : {0.1, 0.5}) {
+      spec.loss = loss;
+      for (const double burst : {1.0, 5.0, 20.0}) {
+        spec.burst_ms = burst;
+        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
+      }
+    }
+  }
+}
+
+void deadbands(Grid& grid, RunSpec spec) {
+  for (const auto& [nm, n] : {std::pair{0.05, 0.0}, std::pair{0.2, 0.02}, std::pair{2.0, 0.2}}) {
+    spec.deadband_nm = nm;
+    spec.deadband_n = n;
+    for (const double rtt : {0.0, 20.0, 200.0}) {
+      spec.rtt_ms = rtt;
+      for (const double loss : {0.0, 0.1}) {
+        spec.loss = loss;
+        for (const Hand& hand : {kHands[0], kHands[16]}) grid.add(spec, hand);
+      }
+    }
+  }
+}
+
+// All of the link's options at once where things go wrong.
+void options_in_trouble(Grid& grid, RunSpec spec) {
+  spec.redundancy = 4;
+  spec.deadband_nm = 0.1;
+  spec.deadband_n = 0.02;
+  for (const Playout mode : {Playout::kConstant, Playout::kAdaptive}) {
+    spec.playout = mode;
+    for (const double rtt : {20.0, 200.0}) {
+      spec.rtt_ms = rtt;
+      spec.playout_ms = enough_ms(spec);
+      for (const Hand& hand : {kHands[0], kHands[8], kHands[16]}) {
+        RunSpec death = spec, outage = spec, spite = spec, starve = spec, late = spec;
+        death.restart = Restart::kContact;
+        death.down_ms = 500;
+        outage.outage_ms = 1000;
+        spite.drops = Drops::kSpite;
+        starve.drops = Drops::kStarve;
+        late.late = 0.05;
+        late.late_periods = 20;
+        for (const RunSpec& s : {death, outage, spite, starve, late}) grid.add(s, hand);
+      }
+    }
+  }
+}
+
 void everything(Grid& grid, RunSpec spec) {
   for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPolystyrene,
                                 SceneKind::kPdms, SceneKind::kScan, SceneKind::kHard}) {
@@ -263,6 +341,16 @@ RunSpec random_run(const ProfileOptions& options, Random& random) {
     s.late_periods = std::floor(log_uniform(random, 1, 50));
   }
   if (random.chance(0.15)) s.drops = static_cast<Drops>(1 + random.below(3));
+  if (random.chance(0.25)) {
+    s.playout = random.chance(0.5) ? Playout::kConstant : Playout::kAdaptive;
+    // From too short for most replies to long enough for all.
+    s.playout_ms = random.uniform(0.8, 1.3) * enough_ms(s);
+  }
+  if (random.chance(0.25)) s.redundancy = static_cast<double>(1 + random.below(link::kMaxRecent));
+  if (random.chance(0.2)) {
+    s.deadband_nm = log_uniform(random, 0.01, 3);
+    if (random.chance(0.5)) s.deadband_n = log_uniform(random, 0.005, 0.5);
+  }
   return s;
 }
 
@@ -298,7 +386,8 @@ std::vector<RunSpec> make_profile(const ProfileOptions& options) {
     base.method = method;
     const std::size_t first = grid.specs.size();
     for (const auto section :
-         {survival, bursts, rates, deaths, outages, late_ticks, clocks, disorder, spiteful_links, everything})
+         {survival, bursts, rates, deaths, outages, late_ticks, clocks, disorder, spiteful_links,
+          play_outs, repeated_commands, deadbands, options_in_trouble, everything})
       section(grid, base);
     if (options.full) continue;
     // What the figures are made of, and of the rest every so manieth, so that each section keeps some; the

@@ -7,6 +7,7 @@
 #include <sstream>
 
 #include "common/base/error.h"
+#include "common/link/recent_commands.h"
 
 namespace telenano::studies::stress {
 namespace {
@@ -16,6 +17,7 @@ constexpr std::array<std::string_view, 15> kHands = {
     "press",  "position",  "contact", "indent", "raster",      "human",      "passive", "sine",
     "square", "telegraph", "greedy",  "walk",   "climb-white", "climb-slow", "path"};
 constexpr std::array<std::string_view, 4> kDrops = {"none", "spite", "flatter", "starve"};
+constexpr std::array<std::string_view, 3> kPlayouts = {"newest", "constant", "adaptive"};
 constexpr std::array<std::string_view, 5> kRestarts = {"never", "free", "contact", "snap-in", "random"};
 constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {
     "none",          "wrong-index",      "credited-damping", "missing-epoch",
@@ -44,6 +46,10 @@ constexpr NumberField kNumbers[] = {
     {"down-ms", &RunSpec::down_ms, 0, 100000},
     {"late", &RunSpec::late, 0, 1},
     {"late-periods", &RunSpec::late_periods, 0, 1000},
+    {"playout-ms", &RunSpec::playout_ms, 0, 5000},
+    {"redundancy", &RunSpec::redundancy, 0, static_cast<double>(link::kMaxRecent), true},
+    {"deadband-nm", &RunSpec::deadband_nm, 0, 100},
+    {"deadband-n", &RunSpec::deadband_n, 0, 10},
 };
 
 template <std::size_t N>
@@ -92,6 +98,9 @@ std::string_view drops_name(Drops drops) noexcept {
 std::string_view restart_name(Restart restart) noexcept {
   return name_of(restart, kRestarts);
 }
+std::string_view playout_name(link::PlayoutConfig::Mode playout) noexcept {
+  return name_of(playout, kPlayouts);
+}
 std::string_view mutant_name(Mutant mutant) noexcept {
   return name_of(mutant, kMutantNames);
 }
@@ -117,6 +126,7 @@ std::string to_text(const RunSpec& spec) {
   if (spec.mutant != Mutant::kNone) text += fmt::format(" mutant={}", mutant_name(spec.mutant));
   if (spec.drops != Drops::kNone) text += fmt::format(" drops={}", drops_name(spec.drops));
   if (spec.restart != Restart::kNever) text += fmt::format(" restart={}", restart_name(spec.restart));
+  if (spec.playout != plain.playout) text += fmt::format(" playout={}", playout_name(spec.playout));
   for (const NumberField& field : kNumbers) {
     if (spec.*field.value != plain.*field.value) text += fmt::format(" {}={}", field.key, spec.*field.value);
   }
@@ -150,6 +160,8 @@ RunSpec parse_run_spec(const std::string& text) {
       spec.drops = parse_enum<Drops>(value, kDrops, "drops");
     } else if (key == "restart") {
       spec.restart = parse_enum<Restart>(value, kRestarts, "restart");
+    } else if (key == "playout") {
+      spec.playout = parse_enum<link::PlayoutConfig::Mode>(value, kPlayouts, "playout");
     } else if (key == "seed") {
       const auto result = std::from_chars(value.data(), value.data() + value.size(), spec.seed);
       if (result.ec != std::errc() || result.ptr != value.data() + value.size())
@@ -167,6 +179,8 @@ RunSpec parse_run_spec(const std::string& text) {
       if (!(number >= found->low && number <= found->high))
         throw UserError(fmt::format("run: {}={} is out of range; expected {} to {}", key, number, found->low,
                                     found->high));
+      if (found->whole && number != std::floor(number))
+        throw UserError(fmt::format("run: {}={}: expected a whole number", key, number));
       spec.*found->value = number;
     }
   }

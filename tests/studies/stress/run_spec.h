@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/control/method.h"
+#include "common/link/playout.h"
 
 namespace telenano::studies::stress {
 
@@ -73,6 +74,7 @@ struct RunSpec {
   HandKind hand = HandKind::kPress;
   Drops drops = Drops::kNone;
   Restart restart = Restart::kNever;
+  link::PlayoutConfig::Mode playout = link::PlayoutConfig::Mode::kNewest;
 
   double scale = 1;              ///< α_F over the one planned for this station, device and slave
   double velocity_scale = 1e-6;  ///< α_v
@@ -94,6 +96,10 @@ struct RunSpec {
   double down_ms = 0;       ///< from the server's death to its restart
   double late = 0;          ///< share of ticks that come late …
   double late_periods = 0;  ///< … by up to so many periods
+  double playout_ms = 20;   ///< from a command to when its reply is shown; adaptive: where it begins
+  double redundancy = 0;    ///< commands that each datagram repeats: 0, 1, … link::kMaxRecent
+  double deadband_nm = 0;   ///< of the commanded position: less is not sent
+  double deadband_n = 0;    ///< of the force shown: less asks for no command
   std::uint64_t seed = 1;
 
   std::vector<double> knots_m{};  ///< of kPath: height over the ground
@@ -104,6 +110,7 @@ struct NumberField {
   const char* key;
   double RunSpec::*value;
   double low, high;
+  bool whole = false;  ///< a whole number
 };
 std::span<const NumberField> number_fields() noexcept;
 
@@ -111,6 +118,7 @@ std::string_view scene_kind_name(SceneKind kind) noexcept;
 std::string_view hand_name(HandKind kind) noexcept;
 std::string_view drops_name(Drops drops) noexcept;
 std::string_view restart_name(Restart restart) noexcept;
+std::string_view playout_name(link::PlayoutConfig::Mode playout) noexcept;
 std::string_view mutant_name(Mutant mutant) noexcept;
 SceneKind parse_scene_kind(std::string_view name);  ///< throws UserError, as the others
 Mutant parse_mutant(std::string_view name);

@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
 #include "common/base/random.h"
+#include "tests/studies/methods/climbing.h"
 #include "tests/studies/stress/hands.h"
 
 namespace telenano::studies::stress {
 namespace {
 
 constexpr double kSlowS = 0.025;  // below 20 Hz
-constexpr double kLowM = -0.030, kHighM = 0.010;
+constexpr PathRange kRange{-0.030, 0.010, -0.030, 0.010};
 
 RunSpec with_path(const RunSpec& spec, double knot_s, const std::vector<double>& path_m) {
   RunSpec path = spec;
@@ -47,35 +47,9 @@ Climbed climb(const RunSpec& spec, const Scenes& scenes) {
   best.outcome = run(best.spec, scenes);
   best.ticks = 2 * best.outcome.ticks;
   Random random(spec.seed * 1000003 + 17);
-  const std::size_t count = best.spec.knots_m.size();
   for (int i = 0; i < static_cast<int>(spec.hand_a); ++i) {
     RunSpec next = best.spec;
-    std::vector<double>& knots_m = next.knots_m;
-    // A stretch of 25 ms and more: less would hardly be felt, and climbing would not end.
-    const double wide_s = 0.025 * det_exp(3.5 * random.uniform());
-    const auto wide = std::min(count, static_cast<std::size_t>(std::max(1.0, wide_s / knot_s)));
-    const auto from = static_cast<std::size_t>(random.below(count - wide + 1));
-    const double level_m = random.uniform(kLowM, kHighM);
-    const double shift_m = 0.002 * random.normal();
-    const auto kind = random.below(4);
-    const auto later = static_cast<std::size_t>(random.below(wide) + 1);
-    for (std::size_t k = from; k < from + wide; ++k) {
-      switch (kind) {
-        case 0:  // stay somewhere else
-          knots_m[k] = level_m;
-          break;
-        case 1:  // the same deeper or higher
-          knots_m[k] += shift_m;
-          break;
-        case 2:  // shake
-          knots_m[k] = random.uniform(kLowM, kHighM);
-          break;
-        default:  // the same sooner or later
-          knots_m[k] = best.spec.knots_m[(k + later) % count];
-          break;
-      }
-      knots_m[k] = std::clamp(knots_m[k], kLowM, kHighM);
-    }
+    change_a_stretch(next.knots_m, knot_s, kRange, random);
     const Outcome outcome = run(next, scenes);
     best.ticks += outcome.ticks;
     if (outcome.extracted_mj > best.outcome.extracted_mj) {
@@ -117,7 +91,8 @@ RunSpec shrink(const RunSpec& given, const Scenes& scenes, const StillBad& bad) 
   const RunSpec plain;
   for (const NumberField& field : number_fields()) {
     const bool essential = field.value == &RunSpec::seconds || field.value == &RunSpec::hand_a ||
-                           field.value == &RunSpec::hand_b || field.value == &RunSpec::rtt_ms;
+                           field.value == &RunSpec::hand_b || field.value == &RunSpec::rtt_ms ||
+                           field.value == &RunSpec::playout_ms;
     if (essential || best.*field.value == plain.*field.value) continue;
     RunSpec simpler = best;
     simpler.*field.value = plain.*field.value;
@@ -125,6 +100,10 @@ RunSpec shrink(const RunSpec& given, const Scenes& scenes, const StillBad& bad) 
   }
   for (const auto simplify :
        {+[](RunSpec& s) { s.drops = Drops::kNone; }, +[](RunSpec& s) { s.restart = Restart::kNever; },
+        +[](RunSpec& s) {
+          s.playout = RunSpec{}.playout;
+          s.playout_ms = RunSpec{}.playout_ms;
+        },
         +[](RunSpec& s) { s.scene = SceneKind::kWall; }}) {
     RunSpec simpler = best;
     simplify(simpler);

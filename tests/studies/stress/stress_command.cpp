@@ -15,7 +15,9 @@
 #include "tests/studies/stress/hunt.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/realtime_check.h"
+#include "tests/studies/stress/results.h"
 #include "tests/studies/stress/search.h"
+#include "tests/studies/stress/stress_bench.h"
 #include "tests/studies/stress/stress_report.h"
 #include "tests/studies/stress/sweep.h"
 
@@ -25,9 +27,10 @@ namespace {
 using namespace stress;
 
 struct Arguments {
-  bool quick = false, full = false, mutants = false, realtime = false, no_report = false, wait = false;
+  bool quick = false, full = false, mutants = false, realtime = false, bench = false, no_report = false,
+       wait = false;
   std::vector<std::string> methods, scenes;
-  std::string out = "stress", rtt_ms, loss, shard, merge_folder, replay, shrink_spec, trace;
+  std::string out = "stress", rtt_ms, loss, shard, merge_folder, replay, shrink_spec, trace, results;
   std::string scene_folder = (config::shared_folder() / "scenes").string();
   std::uint64_t seed = 1;
   unsigned threads = 0;
@@ -109,6 +112,10 @@ int conclude(const std::filesystem::path& folder, const std::vector<Row>& rows, 
     options.manifest = manifest.text;
     write_report(options, rows);
     std::fprintf(stderr, "stress: %s\n", (folder / "report" / "index.html").c_str());
+    if (!a.results.empty()) {
+      keep_results(folder, rows, a.results);
+      std::fprintf(stderr, "stress: kept in %s\n", a.results.c_str());
+    }
   }
   const auto broken = broken_promises(rows);
   for (std::size_t i = 0; i < std::min<std::size_t>(broken.size(), 10); ++i)
@@ -170,15 +177,23 @@ int hunt(const Arguments& a) {
 
 int run_stress(const Arguments& a) {
   const int modes = (a.quick || a.full) + !a.merge_folder.empty() + !a.replay.empty() +
-                    !a.shrink_spec.empty() + a.mutants + a.realtime;
+                    !a.shrink_spec.empty() + a.mutants + a.realtime + a.bench;
   if (a.quick && a.full) throw UserError("stress: --quick and --full contradict each other");
   if (modes != 1)
     throw UserError(
-        "stress: expected one of --quick, --full, --merge, --replay, --shrink, --mutants, --realtime");
+        "stress: expected one of --quick, --full, --merge, --replay, --shrink, --mutants, --realtime, --bench");
+  if (!a.results.empty() && a.no_report)
+    throw UserError("stress: --results keeps the report, which --no-report leaves out");
   if (!a.replay.empty()) return replay(a);
   if (!a.shrink_spec.empty()) return shrink_run(a);
   if (a.mutants) return hunt(a);
   if (a.realtime) return check_realtime(a.scene_folder);
+  if (a.bench) {
+    StressBenchOptions options;
+    options.scenes = a.scene_folder;
+    std::fputs(stress_bench_csv(options).c_str(), stdout);
+    return 0;
+  }
   if (!a.merge_folder.empty()) return conclude(a.merge_folder, merge(a.merge_folder), a);
   const SweepOptions options = sweep_options(a);
   const SweepResult result = sweep(options);
@@ -215,6 +230,12 @@ void add_stress_command(CLI::App& app, int& exit_code) {
   command->add_flag(
       "--realtime", a->realtime,
       "some runs in real time, over UDP and the relay, against the same in virtual time: a minute");
+  command->add_flag("--bench", a->bench,
+                    "steps a second and core of each method, and of two threads against one: half a minute");
+  command
+      ->add_option("--results", a->results,
+                   "when all is there: keep page, sums and what broke in this folder, without the long table")
+      ->type_name("DIR");
   command->add_option("--out", a->out, "folder for tables and report")->capture_default_str();
   command->add_option("--methods", a->methods, "some of: " + methods + " [all]")->delimiter(',');
   command->add_option("--scenes", a->scenes, "some of: " + scene_kind_names() + " [all]")->delimiter(',');

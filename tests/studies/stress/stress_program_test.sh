@@ -18,11 +18,16 @@ refuses() {
 }
 
 echo "== the quick profile, whole"
-"$lab" stress --quick --out whole --seed 7
+"$lab" stress --quick --out whole --seed 7 --results kept
 [ -s whole/report/index.html ] || fail "no report"
 if command -v gnuplot >/dev/null; then
   [ "$(grep -c '<svg' whole/report/index.html)" -ge 4 ] || fail "figures are missing"
 fi
+
+cmp whole/report/index.html kept/index.html || fail "the page was not kept"
+grep -q "seed=7" kept/run.txt && grep -q "threads" kept/run.txt || fail "does not say where it was made"
+[ "$(wc -l <kept/broken.csv)" = 1 ] || fail "broken promises"
+[ "$(du -sk kept | cut -f1)" -lt 3000 ] || fail "too much is kept"
 
 echo "== some of it: one thread, two threads, shards, one of them killed and resumed"
 part=(--quick --methods model,tank --scenes wall,oxide --rtt-ms 0:20 --no-report)

@@ -12,6 +12,7 @@
 #include "tests/studies/report/page.h"
 #include "tests/studies/stress/hunt.h"
 #include "tests/studies/stress/report_figures.h"
+#include "tests/studies/stress/results.h"
 #include "tests/studies/stress/summary.h"
 #include "tests/studies/stress/sweep.h"
 
@@ -21,20 +22,6 @@ namespace {
 std::string table(const std::string& head, const std::string& body) {
   return "<div class=\"scroll\"><table>\n<thead><tr>" + head + "</tr></thead>\n<tbody>\n" + body +
          "</tbody></table></div>\n";
-}
-
-std::string machine() {
-  std::string model = "unknown processor";
-  std::ifstream in("/proc/cpuinfo");
-  for (std::string line; std::getline(in, line);) {
-    if (line.rfind("model name", 0) != 0) continue;
-    model = line.substr(line.find(':') + 2);
-    break;
-  }
-  utsname name{};
-  ::uname(&name);
-  return fmt::format("{}, {} cores, {} {}", model, std::thread::hardware_concurrency(), name.sysname,
-                     name.release);
 }
 
 std::string energy(double mj) {
@@ -126,6 +113,20 @@ std::string mutant_table(const std::vector<Hunt>& hunts) {
 
 }  // namespace
 
+std::string machine_text() {
+  std::string model = "unknown processor";
+  std::ifstream in("/proc/cpuinfo");
+  for (std::string line; std::getline(in, line);) {
+    if (line.rfind("model name", 0) != 0) continue;
+    model = line.substr(line.find(':') + 2);
+    break;
+  }
+  utsname name{};
+  ::uname(&name);
+  return fmt::format("{}, {} cores, {} {}", model, std::thread::hardware_concurrency(), name.sysname,
+                     name.release);
+}
+
 void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
   const FigureFolder page(options.folder / "report");
   const FigureFolder folder(options.folder / "report" / "data");
@@ -142,7 +143,8 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
     simulated_s += s.simulated_s;
     ticks += s.ticks;
   }
-  std::string html = page_begin("Stress", html_escaped(fmt::format("{}; {}", options.manifest, machine())));
+  const std::string took = timing_text(options.folder);
+  std::string html = page_begin("Stress", html_escaped(fmt::format("{}; {}", options.manifest, machine_text())));
   html += fmt::format(
       "<p>{} runs, {:.3g} million steps of the whole loop, {:.3g} hours of sessions in virtual time, with "
       "the station, session, server and "
@@ -150,12 +152,13 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
       "up to 450 Hz, hands that "
       "mean harm, hill climbing. Links: delay to 1 s, jitter, bursts of loss, reordering, duplicates, "
       "drifting and leaping clocks, "
-      "outages to 10 s, servers that die, late ticks, and links that drop with knowledge of the state. What "
-      "must hold was held, at "
+      "outages to 10 s, servers that die, late ticks, and links that drop with knowledge of the state; replies "
+      "shown when they come or played out, commands repeated or held back by a deadband. What must hold was held, at "
       "every sample, against true positions and the forces that really acted, summed in long double by code "
       "that shares nothing with the "
-      "product. {} runs were made twice and gave the same bits.</p>\n",
-      rows.size(), 1e-6 * static_cast<double>(ticks), simulated_s / 3600, repeated);
+      "product. {} runs were made twice and gave the same bits. {}</p>\n",
+      rows.size(), 1e-6 * static_cast<double>(ticks), simulated_s / 3600, repeated,
+      took.empty() ? took : "Computed: " + took + ".");
   html +=
       broken == 0
           ? std::string("<p><b>No promise was found broken.</b></p>\n")

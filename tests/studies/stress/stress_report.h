@@ -17,6 +17,9 @@ struct ReportOptions {
 /// The command that runs it again.
 std::string replay_command(const RunSpec& spec);
 
+/// Processor, cores and system of this machine, one line.
+std::string machine_text();
+
 /// A row a method: runs, broken promises, what was extracted at most, what can be said with confidence.
 std::string summary_csv(const std::vector<Row>& rows);
 

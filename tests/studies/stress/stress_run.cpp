@@ -28,6 +28,14 @@ std::int64_t nanoseconds(double seconds) {
   return std::llround(1e9 * seconds);
 }
 
+/// Nothing waits for longer than this to be shown.
+double playout_longest_ms(const RunSpec& spec) {
+  using Mode = link::PlayoutConfig::Mode;
+  if (spec.playout == Mode::kNewest) return 0;
+  return spec.playout == Mode::kConstant ? spec.playout_ms
+                                         : std::max({500.0, 2 * spec.rtt_ms, spec.playout_ms});
+}
+
 /// The same sample felt without link and delay: what the hand should have felt at the tip's commanded place.
 class LocalTouch {
  public:
@@ -90,6 +98,14 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   session.station.allow_unsafe_scaling = true;
   session.server_drift_ppm = spec.drift_ppm;
   session.seed = spec.seed;
+  session.redundancy = static_cast<std::size_t>(spec.redundancy);
+  link::PlayoutConfig& playout = session.link_options.playout;
+  playout.mode = spec.playout;
+  playout.rate_hz = spec.rate_hz;
+  playout.delay_ns = nanoseconds(1e-3 * spec.playout_ms);
+  playout.delay_max_ns = nanoseconds(1e-3 * playout_longest_ms(spec));
+  session.link_options.gate.deadband_nm = spec.deadband_nm;
+  session.link_options.gate.deadband_n = spec.deadband_n;
   session.to_server.delay_ns = session.to_station.delay_ns = nanoseconds(0.5e-3 * spec.rtt_ms);
   // What is on the way, with jitter of some standard deviations, duplicates and replies.
   const double on_the_way = spec.rate_hz * (1e-3 * spec.rtt_ms * (1 + 4 * spec.jitter) + 0.03);
@@ -152,7 +168,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
                         impedance * std::fabs(limits.coupling_damping_n_s_m));
   what.balance = spec.method == control::Method::kTank;
   what.hand_j_per_aj = station.scaling.hand_energy_j(1);
-  if (trouble.clean_besides()) what.recover_s = 3 + 1e-2 * spec.rtt_ms;
+  what.waits_s = 1e-3 * playout_longest_ms(spec);
+  if (trouble.clean_besides()) what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
   InvariantWatch invariants(what);
 
   Outcome outcome;
@@ -172,6 +189,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     around.periods = periods;
     const recording::Sample& row = session.step(periods);
     around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
+    around.shown = row.reply_sequence;
     around.time_s = row.time_s;
     invariants.look(row, *hand, *watch, around);
     now_s = row.time_s;

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -7,13 +8,16 @@
 
 #include "common/base/error.h"
 #include "common/base/random.h"
+#include "common/config/shared_files.h"
 #include "common/control/methods.h"
 #include "tests/studies/stress/arm.h"
 #include "tests/studies/stress/hunt.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"
 #include "tests/studies/stress/profile.h"
+#include "tests/studies/stress/results.h"
 #include "tests/studies/stress/search.h"
+#include "tests/studies/stress/stress_bench.h"
 #include "tests/studies/stress/stress_run.h"
 #include "tests/studies/stress/summary.h"
 #include "tests/support/plant_oracle.h"
@@ -125,6 +129,7 @@ struct Bench {
     around.q_before_j = hand->book().quantum_bound_j();
     around.periods = periods;
     around.reply_ns = reply_ns += news;
+    around.shown = shown += shows < 0 ? news : shows;
     row.hand_force_applied_h_n[2] = row.hand_force_rendered_h_n[2] = force_n;
     if (!lies) row.energy_j = -around.given_before_j;
     hand->write_force(Vec3(0, 0, force_n));
@@ -144,7 +149,8 @@ struct Bench {
   recording::Sample row;
   SlaveWatch slave;
   double time_s = 0;
-  std::int64_t reply_ns = 0;
+  std::int64_t reply_ns = 0, shown = 0;
+  int shows = -1;  ///< a reply in each tick, or none; −1: what comes
   bool lies = false;
 };
 
@@ -273,6 +279,23 @@ TEST(Invariants, EachOfTheOthersIsFlagged) {
   EXPECT_EQ(slow.violated(), kInvariantRecover);
 }
 
+// Replies that wait to be shown: what counts is what was shown, and that does not outlive what came by more
+// than the longest wait.
+TEST(Invariants, PlayedOutRepliesHoldTheForceNoLongerThanTheyWait) {
+  const auto flagged = [](int shows, bool news, int ticks) {
+    Bench bench;
+    bench.limits.waits_s = 0.05;
+    bench.tick(1);
+    bench.shows = shows;
+    for (int k = 0; k < ticks; ++k) bench.tick(1, 0, 1, news);
+    return bench.violated();
+  };
+  EXPECT_EQ(flagged(0, true, 99), 0u);
+  EXPECT_EQ(flagged(0, true, 102), kInvariantStale) << "they come, and none is shown";
+  EXPECT_EQ(flagged(1, false, 150), 0u);
+  EXPECT_EQ(flagged(1, false, 153), kInvariantStale) << "what is shown cannot have come";
+}
+
 TEST(Invariants, ConfidenceIsTheRuleOfThree) {
   MethodSummary none;
   none.runs = 1000;
@@ -294,6 +317,7 @@ TEST(RunSpecText, ReadsBackToTheBit) {
       ASSERT_EQ(again.*field.value, spec.*field.value) << field.key;
     ASSERT_EQ(again.seed, spec.seed);
     ASSERT_EQ(again.restart, spec.restart);
+    ASSERT_EQ(again.playout, spec.playout);
   }
 }
 
@@ -301,6 +325,7 @@ TEST(RunSpecText, SaysWhatIsWrong) {
   for (const char* text :
        {"method=magic", "scene=moon", "hand=foot", "mutant=x", "drops=x", "restart=x", "rtt-ms=-1",
         "rtt-ms=nan", "rtt-ms=1e", "loss=1", "speed=3", "press", "seed=-1", "hand=path",
+        "playout=x", "playout-ms=-1", "redundancy=1.5", "redundancy=5", "deadband-nm=-1",
         "hand=path hand-b=0.1 knots-m=0.1", "hand=path hand-b=0.1 knots-m=0,x"})
     EXPECT_THROW(parse_run_spec(text), UserError) << text;
 }
@@ -312,11 +337,14 @@ TEST(Profile, TheFullOneIsAsLargeAsItSaysAndRepeats) {
   options.scenes = {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPolystyrene,
                     SceneKind::kPdms, SceneKind::kScan,  SceneKind::kHard};
   const auto runs = make_profile(options);
-  std::size_t long_ones = 0, defaults = 0;
+  std::size_t long_ones = 0, defaults = 0, played_out = 0, repeated = 0, held_back = 0;
   std::set<std::uint64_t> seeds;
   for (const RunSpec& spec : runs) {
     long_ones += spec.seconds >= 10;
     defaults += spec.method == Method::kModel;
+    played_out += spec.playout != RunSpec{}.playout;
+    repeated += spec.redundancy > 0;
+    held_back += spec.deadband_nm > 0;
     seeds.insert(spec.seed);
     for (const NumberField& field : number_fields()) {
       ASSERT_GE(spec.*field.value, field.low) << field.key;
@@ -325,6 +353,7 @@ TEST(Profile, TheFullOneIsAsLargeAsItSaysAndRepeats) {
   }
   EXPECT_GE(long_ones, 20'000u);
   EXPECT_GE(defaults, 6'000u);
+  EXPECT_GE(std::min({played_out, repeated, held_back}), 2'000u);
   EXPECT_EQ(seeds.size(), runs.size());
   const auto again = make_profile(options);
   ASSERT_EQ(again.size(), runs.size());
@@ -430,6 +459,56 @@ TEST(StressRun, TroublesDoWhatTheySay) {
   const Outcome plain = of("hand=press seconds=6");
   EXPECT_NEAR(plain.shown_ratio, 1, 1e-3);
   EXPECT_NEAR(plain.swing_mm, 0, 1e-2);
+}
+
+TEST(StressRun, LinkOptionsDoWhatTheySay) {
+  // Nothing but the reply itself is felt with `none`, one tick after its command where the link takes no time.
+  const auto felt_s = [](const std::string& text) {
+    std::vector<TraceRow> trace;
+    RunExtras extras;
+    extras.trace = &trace;
+    run(parse_run_spec("method=none hand=press seconds=3 " + text), Scenes::of_this_tree(), extras);
+    const auto first =
+        std::find_if(trace.begin(), trace.end(), [](const TraceRow& row) { return row.force_n != 0; });
+    return first == trace.end() ? NAN : first->time_s;
+  };
+  const double plain_s = felt_s("");
+  EXPECT_NEAR(felt_s("playout=constant playout-ms=100") - plain_s, 0.099, 1e-9);
+  EXPECT_NEAR(felt_s("playout=adaptive playout-ms=3") - plain_s, 0, 0.0011) << "down to SRTT and a tick";
+
+  const auto of = [](const std::string& text) {
+    return run(parse_run_spec("seconds=3 " + text), Scenes::of_this_tree());
+  };
+  EXPECT_EQ(of("redundancy=4").hash, of("").hash) << "where nothing is lost, what is repeated is no news";
+  const std::string lossy = "method=none scene=oxide hand=square hand-a=0.008 hand-b=0.02 loss=0.3 burst-ms=2";
+  EXPECT_NE(of(lossy + " redundancy=4").hash, of(lossy).hash);
+  // A staircase of 1 mm of the hand against one of a tick's motion.
+  EXPECT_GT(of("method=none deadband-nm=1").force_step_n, 2 * of("method=none").force_step_n);
+}
+
+TEST(StressBench, MeasuresEachMethodAndTwoThreads) {
+  StressBenchOptions options;
+  options.scenes = config::shared_folder() / "scenes";
+  options.rounds = 1;
+  options.seconds = 0.5;
+  const std::string csv = stress_bench_csv(options);
+  // Seven methods, three scenes, two hands; scaling; head.
+  EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 7 * 3 * 2 + 2) << csv;
+  EXPECT_NE(csv.find("\nsteps_per_s,oxide,greedy,model,1,"), std::string::npos) << csv;
+  EXPECT_NE(csv.find("\nscaling,all,all,all,2,"), std::string::npos) << csv;
+}
+
+TEST(Results, GroupsHaveEveryRunOnce) {
+  std::vector<Row> rows(5);
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    rows[i].spec.scene = i < 2 ? SceneKind::kOxide : SceneKind::kWall;
+    rows[i].outcome.shown_ratio = i == 0 ? NAN : 0.1 * static_cast<double>(i);
+    rows[i].outcome.margin_mj = 20 - static_cast<double>(i);
+  }
+  rows[4].outcome.violated = kInvariantEnergy;
+  const std::string csv = groups_csv(rows);
+  EXPECT_NE(csv.find("model,wall,press,3,1,2,0,0,16,0,0.3\n"), std::string::npos) << csv;
+  EXPECT_NE(csv.find("model,oxide,press,2,0,2,0,0,19,0,0.1\n"), std::string::npos) << csv;
 }
 
 TEST(Search, ClimbingFindsMoreAndShrinkingKeepsTheFault) {

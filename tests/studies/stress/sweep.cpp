@@ -13,6 +13,7 @@
 
 #include "common/base/version.h"
 #include "tests/studies/stress/invariants.h"
+#include "tests/studies/stress/results.h"
 
 namespace telenano::studies::stress {
 namespace {
@@ -125,7 +126,10 @@ SweepResult sweep(const SweepOptions& options) {
   result.computed = mine.size() - table.rows();
   result.ticks = progress.ticks();
   result.seconds = progress.seconds();
-  if (result.computed > 0) progress.show(true);
+  if (result.computed == 0) return result;
+  progress.show(true);
+  note_timing(options.out, options.shard,
+              {result.computed, result.ticks, result.seconds, result.threads});
   return result;
 }
 

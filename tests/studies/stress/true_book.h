@@ -21,8 +21,10 @@ class TrueBook {
   void add(const Vec3& force_n, const Vec3& moved_m) noexcept {
     for (int axis = 0; axis < 3; ++axis) {
       const long double f = force_n[axis], dx = moved_m[axis];
-      given_j_ += f * dx;
-      loss_j_ += damping_n_s_m_ * dx * dx / period_s_;
+      if (dx != 0) {  // most hands leave two axes alone, and a division is slow
+        given_j_ += f * dx;
+        loss_j_ += damping_n_s_m_ * dx * dx / period_s_;
+      }
       steps_n_ += std::fabs(f - last_n_[axis]);
       most_n_[axis] = std::max(most_n_[axis], std::fabs(force_n[axis]));
     }

@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "common/net/delay_line.h"
@@ -280,6 +282,35 @@ TEST(DelayLine, GivesOutByTimeThenByOrderAndKeepsWhatItWasTold) {
   EXPECT_TRUE(line.empty());
   EXPECT_EQ(line.next_arrival_ns(), INT64_MAX);
   EXPECT_EQ(line.room(), 3u);
+}
+
+// Whatever overtakes whatever, with puts and pops mixed: as a stable sort of what is on the way would.
+TEST(DelayLine, AgreesWithAStableSort) {
+  for (const std::int64_t spread : {1, 20, 1000}) {
+    constexpr std::size_t kCapacity = 50;
+    DelayLine line(kCapacity, 8);
+    std::vector<std::pair<std::int64_t, std::uint64_t>> waiting;  // arrival, tag, in the order of sending
+    Random random(9);
+    std::uint64_t tag = 0;
+    for (int k = 0; k < 20'000; ++k) {
+      if (waiting.size() < kCapacity && random.chance(0.51)) {
+        const std::int64_t arrival_ns = k / 4 + static_cast<std::int64_t>(random.below(spread));
+        line.put({}, {.arrival_ns = arrival_ns, .size = 0}, ++tag);
+        waiting.emplace_back(arrival_ns, tag);
+      } else if (!waiting.empty()) {
+        const auto first = std::min_element(waiting.begin(), waiting.end(), [](const auto& a, const auto& b) {
+          return a.first < b.first;
+        });
+        ASSERT_EQ(line.next_arrival_ns(), first->first) << spread << ' ' << k;
+        ASSERT_EQ(line.front().tag, first->second) << spread << ' ' << k;
+        line.pop();
+        waiting.erase(first);
+      }
+      ASSERT_EQ(line.room(), kCapacity - waiting.size());
+      ASSERT_EQ(line.empty(), waiting.empty());
+    }
+    EXPECT_GT(tag, 9'000u);
+  }
 }
 
 }  // namespace
