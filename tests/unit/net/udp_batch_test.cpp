@@ -256,6 +256,24 @@ TEST(UdpBatch, AgesAreThoseOfTheKernel) {
   EXPECT_GE(p.received.age_ns, 0);
 }
 
+TEST(UdpBatch, WithoutArrivalTimesThereIsNoAge) {
+  Udp socket = Udp::listen(parse_address("127.0.0.1:0", "test"), {.arrival_times = false});
+  UdpBatch batch(socket, 4);
+  Udp peer = Udp::open_for(socket.local());
+  std::array<std::uint8_t, 16> buffer{};
+  Received received;
+  received.age_ns = 1;
+  for (std::uint8_t i = 0; i < 10; ++i) peer.send(Bytes{i, i}, socket.local());
+  std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  for (std::uint8_t i = 0; i < 10; ++i) {
+    ASSERT_TRUE(batch.receive(buffer, received));
+    EXPECT_EQ(received.size, 2u);
+    EXPECT_EQ(buffer[0], i);
+    EXPECT_EQ(received.from.port, peer.local().port);
+    EXPECT_EQ(received.age_ns, 0);
+  }
+}
+
 TEST(UdpBatch, AWaitEndsWithADatagramOrWithItsTime) {
   for (const std::int64_t timeout_ns : {UdpBatch::kShortWaitNs, std::int64_t{30'000'000}}) {
     Pair p;
