@@ -141,7 +141,7 @@ struct TomlTable::Node {
                         const std::vector<std::string>& choices) const {
     const std::string expected = list(choices);
     if (!node.is_string()) wrong(key, node, kind(node), expected);
-    const std::string value = *node.value<std::string>();
+    std::string value = *node.value<std::string>();
     if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
       wrong(key, node, "'" + value + "'", expected);
     }

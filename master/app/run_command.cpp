@@ -111,23 +111,23 @@ std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& option
   const auto tell = [&](const std::string& name, const char* about, int number, bool free = false) {
     tasks.push_back({name, about, hand.reach_nm(number), free});
   };
-  const auto first = std::find_if(known.begin(), known.end(),
-                                  [&](const auto& task) { return device::task_name(task.first) == options.task; });
+  const auto first = std::find_if(known.begin(), known.end(), [&](const auto& task) {
+    return device::task_name(task.first) == options.task;
+  });
   tell(options.task, first == known.end() ? "the way of the file" : first->second, 0);
   for (const auto& [task, about] : known) {
     if (first != known.end() && task == first->first) continue;
     tell(std::string(device::task_name(task)), about,
          hand.add_task(device::IntendedMotion::for_task(task, task_options)));
   }
-  if (pointer != nullptr)
-    tell("free hand", "your mouse leads it", hand.add_free_task(*pointer), true);
+  if (pointer != nullptr) tell("free hand", "your mouse leads it", hand.add_free_task(*pointer), true);
   return tasks;
 }
 
-/// A window that was opened to look around stays when the first task is done; one that was told which task, or
-/// for how long, goes with it.
-bool stays_open(const RunOptions& options, const SessionView& view) {
-  return view.has_window() && !options.task_given && !options.duration_s && options.device.value_or("sim") == "sim";
+/// A window that was opened to look around stays when the first task is done; one that was told which task,
+/// or for how long, goes with it.
+bool stays_open(const RunOptions& options, const SessionView& view, bool simulated) {
+  return simulated && view.has_window() && !options.task_given && !options.duration_s;
 }
 
 device::SimDeviceConfig sim_device_config(const StationFile& file, double start_height_nm) {
@@ -259,7 +259,8 @@ std::uint32_t tip_wish(const RunOptions& options, bool shared) {
     fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
   if (shared && !options.quiet) {
     fmt::print(stderr, "note: this server's tip is shared: {}\n",
-               options.observe     ? "observing it"
+               options.observe
+                   ? options.duration_s ? "observing it" : "observing it, until you stop this with Ctrl-C"
                : options.take_over ? "asking for it"
                                    : "taking it if it is free, else observing (--take-over asks for it)");
   }
@@ -353,7 +354,9 @@ int run(const RunOptions& options) {
     add_pedals(opened, file.pedal);
   }
   const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
-  const double session_s = hand.motion != nullptr ? hand.motion->motion_duration_s() : hand.duration_s;
+  // Who only looks on has no task that could be over: until stopped, or for as long as was said.
+  const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
+  const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
   const std::unique_ptr<recording::Recorder> recorder =
       make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed);
   if (!options.quiet) {
@@ -381,7 +384,7 @@ int run(const RunOptions& options) {
   if (view_model::RequestDesk* const desk =
           view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
                       options.record, tasks, file.plant.workspace_half_m}))
-    live.show_on(*desk, stays_open(options, view));
+    live.show_on(*desk, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
@@ -515,7 +518,8 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       ->check(CLI::Range(0.5, 86400.0));
   add_view_flags(command, options.view);
   CLI::Option* const observe = command.add_flag(
-      "--observe", options.observe, "Of a shared tip (serve --share one-tip): look on, never hold it");
+      "--observe", options.observe,
+      "Of a shared tip (serve --share one-tip): look on, never hold it; until stopped, or for --duration-s");
   command
       .add_flag(
           "--take-over", options.take_over,
@@ -550,9 +554,10 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
       "--home", options->home,
       "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
   command
-      ->add_option("--task", options->task,
-                   "position | contact | indent | scan | script; in a window others can be chosen later. With "
-                   "neither this nor --duration-s a window stays open after the task")
+      ->add_option(
+          "--task", options->task,
+          "position | contact | indent | scan | script; in a window others can be chosen later. With "
+          "neither this nor --duration-s a window stays open after the task")
       ->capture_default_str()
       ->each([options](const std::string&) { options->task_given = true; });
   command->add_option("--script", options->script,

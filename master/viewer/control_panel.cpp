@@ -125,13 +125,14 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
 }
 
 void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
-  auto messages = view_model::force_words(now, port_.force_off.load());
+  auto messages = view_model::force_words(now, port_.force_off.load(), playback_ == nullptr && mouse_leads());
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
   if (messages.empty() && !facts_.shows_force)
     messages.push_back({"This hand has no motors: see the force at the tip", Mood::kCalm});
-  if (messages.empty()) messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
+  if (messages.empty() && playback_ == nullptr)
+    messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
   for (const auto& message : messages) {
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour_of(message.mood)));
     ImGui::TextWrapped("%s", message.text.c_str());
@@ -162,10 +163,10 @@ void ControlPanel::draw_task(const recording::Sample& now) {
   for (int i = 0; i < static_cast<int>(facts_.tasks.size()); ++i) {
     const TaskOffer& task = facts_.tasks[static_cast<std::size_t>(i)];
     const bool fits = task_fits(i, now);
-    const std::string label =
-        fmt::format("{}: {}", task.name, !can    ? "clear the stop first"
-                                         : !fits ? "too large for the hand at this scale"
-                                                 : task.about);
+    const std::string label = fmt::format("{}: {}", task.name,
+                                          !can    ? "clear the stop first"
+                                          : !fits ? "too large for the hand at this scale"
+                                                  : task.about);
     if (ImGui::Selectable(label.c_str(), i == state.task,
                           can && fits ? ImGuiSelectableFlags_None : ImGuiSelectableFlags_Disabled))
       ask_task(i, now);

@@ -72,7 +72,7 @@ class MaugisTable {
   static constexpr int kPerOctave = 1 << kPerOctaveBits;
   static constexpr int kFirstOctave = -16;
   static constexpr int kOctaves = 26;
-  static constexpr std::uint64_t kCells = kOctaves * kPerOctave;
+  static constexpr std::uint64_t kCells = std::uint64_t{kOctaves} * kPerOctave;
   // Exponent and leading bits of the fraction of a number, read as one integer, count the cells.
   static constexpr std::uint64_t kFirstCell = static_cast<std::uint64_t>(1023 + kFirstOctave)
                                               << kPerOctaveBits;
