@@ -1,5 +1,6 @@
 // Any text as one of the project's TOML files: a scene, a list of keys, a slave's limits or a station's
 // settings. One clear line, or something that works.
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <string>
@@ -27,8 +28,10 @@ bool builds_many_points(const config::TomlTable& root) {
     if (kind != "step" && kind != "grating" && !root.table("sample").has("hardness_gpa")) return false;
     const double half_width_nm =
         root.table("limits").number_or("half_width_nm", config::between(1, 1e6), 150);
+    const double radius_nm = root.table("probe").number("tip_radius_nm", config::between(1e-3, 1e6));
     const double spacing_nm =
-        (marks ? *marks : root.table("surface")).number_or("spacing_nm", config::between(0.05, 1e3), 1);
+        (marks ? *marks : root.table("surface"))
+            .number_or("spacing_nm", config::between(0.05, 1e3), std::min(1.0, radius_nm / 8));
     return half_width_nm > kFew * spacing_nm;
   } catch (const UserError&) {
     return false;
