@@ -10,6 +10,7 @@
 #include <fstream>
 #include <set>
 #include <sstream>
+#include <string_view>
 
 #include "common/base/error.h"
 #include "common/config/edit_distance.h"
@@ -21,6 +22,22 @@ struct Shared {
   std::string path;
   toml::table root;
 };
+
+/// What a file says may hold anything; quoted in an error it must not make two lines of it, nor reach a
+/// terminal as a command.
+[[noreturn]] void refuse(const std::string& line) {
+  std::string text;
+  for (const char c : line) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte >= 0x20 && byte != 0x7f) {
+      text += c;
+    } else {
+      constexpr std::string_view kDigits = "0123456789abcdef";
+      text.append("\\x").append({kDigits[byte >> 4], kDigits[byte & 15]});
+    }
+  }
+  throw UserError(text);
+}
 
 std::string number_in(const Range& range) {
   const std::string text = range.text();
@@ -72,7 +89,7 @@ struct TomlTable::Node {
                        in_table();
     const std::string near = nearest_name(key, {known.begin(), known.end()});
     if (!near.empty()) line += "; did you mean '" + near + "'?";
-    throw UserError(line);
+    refuse(line);
   }
 
   const toml::node* find(std::string_view key) const {
@@ -88,14 +105,14 @@ struct TomlTable::Node {
       if (known.count(written) == 0 && nearest_name(written, {std::string(key)}) == key)
         unknown(written, value);
     }
-    throw UserError(where(nullptr) + "missing key '" + std::string(key) + "'" + in_table() + " (expected " +
-                    expected + ")");
+    refuse(where(nullptr) + "missing key '" + std::string(key) + "'" + in_table() + " (expected " + expected +
+           ")");
   }
 
   [[noreturn]] void wrong(std::string_view key, const toml::node& at, const std::string& found,
                           const std::string& expected) const {
-    throw UserError(where(&at) + "'" + std::string(key) + "'" + in_table() + " is " + found + ", expected " +
-                    expected);
+    refuse(where(&at) + "'" + std::string(key) + "'" + in_table() + " is " + found + ", expected " +
+           expected);
   }
 
   double as_number(std::string_view key, const toml::node& node, const Range& range) const {
@@ -124,7 +141,7 @@ struct TomlTable::Node {
                         const std::vector<std::string>& choices) const {
     const std::string expected = list(choices);
     if (!node.is_string()) wrong(key, node, kind(node), expected);
-    const std::string value = *node.value<std::string>();
+    std::string value = *node.value<std::string>();
     if (std::find(choices.begin(), choices.end(), value) == choices.end()) {
       wrong(key, node, "'" + value + "'", expected);
     }
@@ -291,8 +308,8 @@ std::vector<TomlTable> TomlTable::tables(std::string_view key) const {
 }
 
 void TomlTable::fail(std::string_view key, const std::string& message) const {
-  throw UserError(node_->where(node_->table->get(key)) + "'" + std::string(key) + "'" + node_->in_table() +
-                  ": " + message);
+  refuse(node_->where(node_->table->get(key)) + "'" + std::string(key) + "'" + node_->in_table() + ": " +
+         message);
 }
 
 namespace {
@@ -322,7 +339,7 @@ TomlDocument TomlDocument::parse(std::string content, const std::string& name) {
   } catch (const toml::parse_error& error) {
     std::string what(error.description());
     std::replace(what.begin(), what.end(), '\n', ' ');
-    throw UserError(name + ":" + std::to_string(error.source().begin.line) + ": not valid TOML: " + what);
+    refuse(name + ":" + std::to_string(error.source().begin.line) + ": not valid TOML: " + what);
   }
   auto node = std::make_shared<TomlTable::Node>();
   node->table = &shared->root;

@@ -196,7 +196,9 @@ std::size_t write_flat(MessageType type, const Message& message, const RecentCom
   std::uint8_t* const begin = fits ? out.data() : apart.data();
   FlatWriter writer{begin + kHeaderBytes};
   visit_fields(message, writer);
-  visit_feature_fields(message, writer);
+  AnyBits features;
+  visit_feature_fields(message, features);
+  if (features.bits != 0) visit_feature_fields(message, writer);
   if (recent.count > 0) write_recent(recent, writer.at);
   const std::size_t total = static_cast<std::size_t>(writer.at - begin) + recent_field_bytes(recent.count);
   write_header(std::span<std::uint8_t, kHeaderBytes>(begin, kHeaderBytes), type, total - kHeaderBytes);

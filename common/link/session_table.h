@@ -37,7 +37,7 @@ struct Session {
   std::uint64_t owner = 0;                ///< identity of the key that opened it; nobody else's may use it
   std::array<std::uint64_t, 4> nonces{};  ///< of the Hellos that opened and resumed it, newest first
   SequenceWindow commands;
-  std::uint64_t steps_before = 0;  ///< which of the 64 commands before the newest one had been accepted
+  std::uint64_t steps_before = 0;       ///< which of the 64 commands before the newest one had been accepted
   std::uint64_t last_send_time_ns = 0;  ///< of the newest command, station clock
   double spacing_s = 0;                 ///< between the two newest commands, by the station's clock
   std::uint64_t missed = 0;             ///< commands between those two that did not come, or not in time

@@ -34,11 +34,11 @@ constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF
                                       0,        0,    0,    0,    0,    0,    0,    0,     // 31: sharing
                                       kF32,     0,    0,    0,    0,    0,    0,    0,    0,    kLen};
 constexpr FieldList kReplyFields = {
-    kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kF64, kF64,
-    kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 20: port control; 25:
-                                                                                 // local model
-    kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,        // 36: sharing
-    kF32,     kF64, kF64, kF64, kF64};                                           // 40: step history
+    kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kF64, kF64, kF64, kF64, kF64, kF64,
+    kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,                    // 20: port control; 25:
+                                                                       // local model
+    kF32, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 36: sharing
+    kF32, kF64, kF64, kF64, kF64};                                     // 40: step history
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
 constexpr FieldList kNoFields = {};
 

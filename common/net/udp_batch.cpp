@@ -21,38 +21,44 @@ constexpr std::array<std::uint8_t, 12> kV4Prefix = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0
 // of the first cache.
 constexpr std::size_t kStrideBytes = UdpBatch::kSlotBytes + 64;
 
+// Where one datagram comes at a time, asking for a second one each time is a tenth of the exchange.
+constexpr std::uint64_t kAloneFor = 8;
+constexpr std::uint64_t kLookEvery = 16;
+
 // The addresses by hand: Asio's endpoints would check and copy each four times.
 
-Address from_kernel(const sockaddr_storage& name) noexcept {
+/// The longest that a UDP socket knows: two of them share a line of the cache.
+union Name {
+  sockaddr_in6 v6;
+  sockaddr_in v4;
+};
+
+Address from_kernel(const Name& name) noexcept {
   Address address;
-  if (name.ss_family == AF_INET) {
-    const auto& v4 = reinterpret_cast<const sockaddr_in&>(name);
+  if (name.v4.sin_family == AF_INET) {
     std::memcpy(address.ip.data(), kV4Prefix.data(), kV4Prefix.size());
-    std::memcpy(address.ip.data() + kV4Prefix.size(), &v4.sin_addr, 4);
-    address.port = ntohs(v4.sin_port);
+    std::memcpy(address.ip.data() + kV4Prefix.size(), &name.v4.sin_addr, 4);
+    address.port = ntohs(name.v4.sin_port);
   } else {
-    const auto& v6 = reinterpret_cast<const sockaddr_in6&>(name);
-    std::memcpy(address.ip.data(), &v6.sin6_addr, address.ip.size());
-    address.port = ntohs(v6.sin6_port);
+    std::memcpy(address.ip.data(), &name.v6.sin6_addr, address.ip.size());
+    address.port = ntohs(name.v6.sin6_port);
   }
   return address;
 }
 
-socklen_t to_kernel(const Address& address, bool v6_socket, sockaddr_storage& name) noexcept {
+socklen_t to_kernel(const Address& address, bool v6_socket, Name& name) noexcept {
   if (!v6_socket) {
-    sockaddr_in v4{};
-    v4.sin_family = AF_INET;
-    v4.sin_port = htons(address.port);
-    std::memcpy(&v4.sin_addr, address.ip.data() + kV4Prefix.size(), 4);
-    std::memcpy(&name, &v4, sizeof v4);
-    return sizeof v4;
+    name.v4 = {};
+    name.v4.sin_family = AF_INET;
+    name.v4.sin_port = htons(address.port);
+    std::memcpy(&name.v4.sin_addr, address.ip.data() + kV4Prefix.size(), 4);
+    return sizeof name.v4;
   }
-  sockaddr_in6 v6{};
-  v6.sin6_family = AF_INET6;
-  v6.sin6_port = htons(address.port);
-  std::memcpy(&v6.sin6_addr, address.ip.data(), address.ip.size());
-  std::memcpy(&name, &v6, sizeof v6);
-  return sizeof v6;
+  name.v6 = {};
+  name.v6.sin6_family = AF_INET6;
+  name.v6.sin6_port = htons(address.port);
+  std::memcpy(&name.v6.sin6_addr, address.ip.data(), address.ip.size());
+  return sizeof name.v6;
 }
 
 /// Between the kernel's stamp on a datagram and `now`, both CLOCK_REALTIME; 0 if it has none, or if the clock
@@ -92,16 +98,19 @@ struct UdpBatch::Impl {
     std::uint8_t* slot(std::size_t i) const noexcept { return bytes.get() + i * kStrideBytes; }
 
     std::unique_ptr<std::uint8_t[]> bytes;
-    std::vector<sockaddr_storage> names;
+    std::vector<Name> names;
     std::vector<iovec> parts;
     std::vector<mmsghdr> headers;
   };
 
   Impl(Udp& s, std::size_t n) : socket(s), handle(s.handle()), in(n), out(n), stamps(n) {
-    sockaddr_storage name{};
+    Name name{};
     socklen_t length = sizeof name;
     ::getsockname(handle, reinterpret_cast<sockaddr*>(&name), &length);
-    v6 = name.ss_family == AF_INET6;
+    v6 = name.v6.sin6_family == AF_INET6;
+    int on = 0;
+    socklen_t size = sizeof on;
+    stamped = ::getsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &on, &size) == 0 && on != 0;
     // Every call here says for itself whether it waits.
     const int flags = ::fcntl(handle, F_GETFL);
     const timeval patience{0, static_cast<suseconds_t>(kShortWaitNs / 1000)};
@@ -113,23 +122,22 @@ struct UdpBatch::Impl {
   bool fetch(int wait_flag) noexcept {
     for (std::size_t i = 0; i < touched; ++i) {  // the kernel has shortened these
       msghdr& header = in.headers[i].msg_hdr;
-      header.msg_namelen = sizeof(sockaddr_storage);
-      header.msg_control = &stamps[i];
-      header.msg_controllen = sizeof(Stamp);
+      header.msg_namelen = sizeof(Name);
+      header.msg_control = stamped ? &stamps[i] : nullptr;
+      header.msg_controllen = stamped ? sizeof(Stamp) : 0;
       header.msg_flags = 0;
     }
     touched = 0;
     next = filled = 0;
     for (int tries = 0; tries < 8; ++tries) {
       ++counters.receive_calls;
-      // MSG_TRUNC: the true size of a datagram that is cut, so that the receiver can tell.
-      const int n = ::recvmmsg(handle, in.headers.data(), static_cast<unsigned>(in.headers.size()),
-                               MSG_TRUNC | wait_flag, nullptr);
+      const int n = wait_flag == MSG_WAITFORONE && comes_alone() ? receive_one() : receive_many(wait_flag);
       if (n > 0) {
+        alone = n > 1 ? 0 : wait_flag == MSG_WAITFORONE ? alone + 1 : alone;
         filled = touched = static_cast<std::size_t>(n);
         emptied = filled < in.headers.size();
         counters.received += filled;
-        ::clock_gettime(CLOCK_REALTIME, &fetched_at);
+        if (stamped) ::clock_gettime(CLOCK_REALTIME, &fetched_at);
         return true;
       }
       // A port that was unreachable a moment ago (ICMP) is reported here, for a datagram sent earlier.
@@ -138,6 +146,24 @@ struct UdpBatch::Impl {
       if (!again) break;
     }
     return false;
+  }
+
+  /// Waited for, and one at a time, so far: then the kernel is not asked for more, but now and then.
+  bool comes_alone() const noexcept { return alone >= kAloneFor && alone % kLookEvery != 0; }
+
+  // MSG_TRUNC: the true size of a datagram that is cut, so that the receiver can tell.
+
+  int receive_many(int wait_flag) noexcept {
+    return ::recvmmsg(handle, in.headers.data(), static_cast<unsigned>(in.headers.size()),
+                      MSG_TRUNC | wait_flag, nullptr);
+  }
+
+  /// 1, or -1, after waiting.
+  int receive_one() noexcept {
+    const ssize_t size = ::recvmsg(handle, &in.headers.front().msg_hdr, MSG_TRUNC);
+    if (size < 0) return -1;
+    in.headers.front().msg_len = static_cast<unsigned>(size);
+    return 1;
   }
 
   /// 1, or -1: a call for one costs less than one for many.
@@ -178,6 +204,7 @@ struct UdpBatch::Impl {
   Udp& socket;
   int handle;
   bool v6 = false;
+  bool stamped = false;  // the kernel notes when datagrams come
   bool may_wait = false;
   Ring in;
   Ring out;
@@ -187,7 +214,8 @@ struct UdpBatch::Impl {
   std::size_t touched = 0;  // headers that the kernel has changed
   bool emptied = false;     // the last fetch took all that there was
   timespec fetched_at{};
-  std::size_t kept = 0;  // of `out`
+  std::size_t kept = 0;     // of `out`
+  std::uint64_t alone = 0;  // waits in a row that brought one datagram each
   Counters counters;
 };
 
@@ -230,7 +258,7 @@ bool UdpBatch::receive(std::span<std::uint8_t> buffer, Received& received) noexc
   mmsghdr& header = m.in.headers[i];
   received.size = header.msg_len;
   received.from = from_kernel(m.in.names[i]);
-  received.age_ns = age_ns(header.msg_hdr, m.fetched_at);
+  received.age_ns = m.stamped ? age_ns(header.msg_hdr, m.fetched_at) : 0;
   const std::size_t kept = std::min({received.size, kSlotBytes, buffer.size()});
   if (kept > 0) std::memcpy(buffer.data(), m.in.slot(i), kept);
   return true;

@@ -16,7 +16,8 @@ namespace telenano::net {
 ///
 /// A call that brought fewer than it had room for has emptied the socket: the next receive() says so without
 /// asking the kernel. A short wait() is a receive that waits. So an exchange that comes alone costs one
-/// receive and one send.
+/// receive and one send; where all have come alone for a while, a wait asks for one only, except each
+/// sixteenth, which sees whether that is still so.
 ///
 /// Allocates at construction only. One thread.
 class UdpBatch final : public Datagram {
@@ -33,7 +34,7 @@ class UdpBatch final : public Datagram {
   /// kSent: kept, or handed over. What the kernel then refuses is lost, as a network may lose it, and
   /// counted.
   SendStatus send(std::span<const std::uint8_t> bytes, const Address& to) noexcept override;
-  /// `age_ns` is that at the moment of the fetch.
+  /// `age_ns` is that at the moment of the fetch; 0 on a socket without arrival times.
   bool receive(std::span<std::uint8_t> buffer, Received& received) noexcept override;
   void flush() noexcept override;
   /// Sleeps until a datagram is there (true), or about the time has passed or a signal has come (false). Up

@@ -57,6 +57,8 @@ Handle repairing_access() {
   return access;
 }
 
+}  // namespace
+
 Recovered recover_here(const std::filesystem::path& path) {
   const std::string name = path.string();
   Recovered result;
@@ -106,8 +108,6 @@ Recovered recover_here(const std::filesystem::path& path) {
   }
   return result;
 }
-
-}  // namespace
 
 Recovered recover(const std::filesystem::path& path) {
   ChildCall child(path.string(), [&](std::string_view) { return Packer().put(recover_here(path)).take(); });

@@ -17,5 +17,7 @@ struct Recovered {
 /// file that is being written now. Throws UserError for what is not a recording, RunError when the repair
 /// fails. HDF5 works in a process of its own (RecordingReader::isolated says why and when).
 Recovered recover(const std::filesystem::path& path);
+/// The same with HDF5 in this process: where it is already one of its own.
+Recovered recover_here(const std::filesystem::path& path);
 
 }  // namespace telenano::recording

@@ -21,6 +21,7 @@
 #include "common/security/dtls_channel.h"
 #include "common/security/dtls_context.h"
 #include "common/security/dtls_record.h"
+#include "common/security/dtls_resumption.h"
 #include "common/security/handshake_budget.h"
 
 namespace telenano::security {
@@ -78,11 +79,9 @@ struct DtlsServer::Impl {
     SSL_CTX_set_cookie_verify_cb(ssl, &Impl::on_cookie);
     SSL_CTX_set_verify(ssl, SSL_CTX_get_verify_mode(ssl), &Impl::on_certificate);
     // A station that roams resumes what it had agreed on, which saves a round trip.
-    constexpr std::array<unsigned char, 8> kName = {'t', 'e', 'l', 'e', 'n', 'a', 'n', 'o'};
-    SSL_CTX_set_session_id_context(ssl, kName.data(), kName.size());
-    SSL_CTX_set_session_cache_mode(ssl, SSL_SESS_CACHE_SERVER);
-    SSL_CTX_sess_set_cache_size(ssl, static_cast<long>(4 * c.capacity));
-    SSL_CTX_set_timeout(ssl, 3600);
+    if (!config.resumption) config.resumption = std::make_shared<ResumptionCache>(4 * c.capacity);
+    resume_by(ssl, *config.resumption);
+    resume_under(ssl, nullptr, name_of(*keys));
     listener = DtlsChannel::make(ssl, wire, {});
     if (!listener || !nothing) throw RunError("DTLS cannot be set up: " + openssl_reason());
   }
@@ -212,7 +211,8 @@ struct DtlsServer::Impl {
     std::unique_ptr<const KeyList> old = std::move(keys);
     keys.reset(fresh);
     // A resumed session would not show its key again.
-    SSL_CTX_flush_sessions(context.get(), 0);
+    resume_under(context.get(), listener->ssl(), name_of(*keys));
+    config.resumption->forget_all();
     for (std::size_t slot = 0; slot < peers.size(); ++slot) {
       Peer& peer = peers[slot];
       if (peer.state == State::kFree) continue;

@@ -10,6 +10,7 @@
 #include "common/rt/clock.h"
 #include "common/security/certificate_files.h"
 #include "common/security/key_list.h"
+#include "common/security/resumption_cache.h"
 #include "common/security/security_counters.h"
 
 namespace telenano::security {
@@ -21,6 +22,9 @@ struct DtlsServerConfig {
   /// An association that nobody uses is forgotten. Longer than a session can be resumed, so that a station
   /// that comes back need not make a new one.
   std::int64_t idle_ns = 120'000'000'000;
+  /// Of several that serve one port: a peer that comes back resumes with whichever it meets. Left out: its
+  /// own.
+  std::shared_ptr<ResumptionCache> resumption;
   double handshake_share = 0.1;                 ///< of the loop's time, in the long run
   std::int64_t handshake_burst_ns = 2'000'000;  ///< and at once
   double cookies_per_s = 20000;                 ///< answers to strangers, all together

@@ -12,7 +12,11 @@ install(TARGETS telenano-lab RUNTIME DESTINATION bin COMPONENT lab)
 # Each program tells bash how to complete it.
 set(completions ${CMAKE_BINARY_DIR}/completions)
 file(MAKE_DIRECTORY ${completions})
-add_custom_target(programs)  # what is packed, without tests
+add_custom_target(programs)  # what is packed, without tests; programs-server, -station, -lab: for one package each
+foreach(component server station lab)
+  add_custom_target(programs-${component})
+  add_dependencies(programs programs-${component})
+endforeach()
 foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station telenano-lab:lab)
   string(REPLACE : ";" pair ${pair})
   list(GET pair 0 program)
@@ -20,7 +24,7 @@ foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station
   if(TARGET ${program})
     add_custom_target(${program}-completion ALL
                       COMMAND sh -c "'$<TARGET_FILE:${program}>' --completion >'${completions}/${program}'" VERBATIM)
-    add_dependencies(programs ${program}-completion)
+    add_dependencies(programs-${component} ${program}-completion)
     install(FILES ${completions}/${program} DESTINATION share/bash-completion/completions COMPONENT ${component})
   endif()
 endforeach()

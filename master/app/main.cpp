@@ -9,6 +9,7 @@
 #include "master/app/plan_command.h"
 #include "master/app/recover_command.h"
 #include "master/app/run_command.h"
+#include "master/app/view_command.h"
 
 int main(int argc, char** argv) {
   CLI::App app("Telenano's master station: the hand's side of a session", "telenano-master");
@@ -19,6 +20,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   telenano::app::add_run_command(app, command_line, exit_code);
   telenano::app::add_replay_command(app, command_line, exit_code);
+  telenano::app::add_view_command(app);
   telenano::app::add_plan_command(app);
   telenano::app::add_devices_command(app);
   telenano::app::add_calibrate_command(app);

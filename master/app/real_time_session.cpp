@@ -30,6 +30,8 @@ RealTimeSession::RealTimeSession(const SessionHand& hand, net::Datagram& socket,
       stop_(stop),
       loop_(hand.device, socket, server, session, station, &clock_, link),
       surface_z_w_nm_(session.welcome().surface_z_w_nm),
+      task_origin_w_nm_(session.welcome().start_pos_w_nm.x(), session.welcome().start_pos_w_nm.y(),
+                        surface_z_w_nm_),
       summary_({station.config().rate_hz, surface_z_w_nm_}),
       last_sessions_(session.sessions()),
       last_epoch_(session.welcome().epoch) {}
@@ -42,6 +44,7 @@ void RealTimeSession::run() noexcept {
   do {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
+    see_tip(sample);
     hand_.device.advance(elapsed_ns);
     if (desk_ != nullptr) ask_screen(sample);
     if (quit_ || stop_.load(std::memory_order_relaxed)) {
@@ -62,7 +65,10 @@ void RealTimeSession::run() noexcept {
       record_events(sample);
     }
     publish(sample, timer.stats());
-    if (desk_ != nullptr) desk_->show(sample, loop_.force_off());
+    if (desk_ != nullptr) {
+      desk_->show(sample, loop_.force_off());
+      if (motion != nullptr) desk_->show(motion->task());
+    }
   } while (!over(sample));
   hand_.device.write_force(Vec3::Zero());
   loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
@@ -70,10 +76,26 @@ void RealTimeSession::run() noexcept {
   finished_.store(true, std::memory_order_release);
 }
 
+void RealTimeSession::see_tip(const recording::Sample& before) noexcept {
+  if (hand_.motion == nullptr || !(before.velocity_scale > 0)) return;
+  const auto& target = before.tip_target_w_nm;
+  hand_.motion->see_tip({Vec3(target[0], target[1], target[2]) - task_origin_w_nm_, 1e-9 / before.velocity_scale,
+                         station_.mode() == station::Mode::kEngaged});
+}
+
 void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
   const view_model::RequestDesk::Asked asked = desk_->answer(station_);
   loop_.set_buttons(asked.buttons);
   quit_ |= asked.quit;
+  // Not while it is stopped, held or not connected: the hand would go its way without the tip.
+  const bool free = station_.mode() == station::Mode::kEngaged || station_.mode() == station::Mode::kReady;
+  if (asked.task >= 0 && free && hand_.motion != nullptr && hand_.motion->begin_task(asked.task)) {
+    stays_ = true;
+    done_ticks_ = 0;
+    if (recorder_ != nullptr)
+      recorder_->push(recording::make_event(before.tick, before.time_s, kEventTask, "task chosen",
+                                            static_cast<std::uint32_t>(asked.task)));
+  }
   for (int i = 0; i < asked.marks; ++i) {
     ++marks_;
     if (recorder_ != nullptr)
@@ -164,6 +186,7 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
   // Who does not move the tip watches for as long as the task would take.
   const bool still = hand_.motion == nullptr || !hand_.motion->motion_started();
   if (observe_s_ > 0 && still && loop_.trace().observes && sample.time_s > observe_s_) return true;
+  if (stays_) return false;
   return motion_over(sample) && static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
 }
 

@@ -25,6 +25,7 @@ inline constexpr std::uint32_t kEventSilent = 100;
 inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy book
 inline constexpr std::uint32_t kEventTip = 102;      ///< of a shared tip; value: 1 = holds it, 0 = observes
 inline constexpr std::uint32_t kEventMark = 103;     ///< a person's; value: its number, from 1
+inline constexpr std::uint32_t kEventTask = 104;     ///< another was chosen; value: its place in the list
 
 /// What the loop tells the progress line.
 struct Progress {
@@ -74,8 +75,12 @@ class RealTimeSession {
   void set_tip_wish(std::uint32_t flags) noexcept { loop_.set_tip_wish(flags); }
 
   /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
-  /// then waits for the person there instead of ending the session.
-  void show_on(view_model::RequestDesk& desk) noexcept { desk_ = &desk; }
+  /// then waits for the person there instead of ending the session. `stays`: so does a hand at the end of its
+  /// motion; it does anyway once a task has been chosen there.
+  void show_on(view_model::RequestDesk& desk, bool stays = false) noexcept {
+    desk_ = &desk;
+    stays_ = stays;
+  }
 
   /// The loop, in the thread that calls it. Neither allocates, locks nor writes.
   void run() noexcept;
@@ -91,6 +96,7 @@ class RealTimeSession {
   const rt::PeriodicTimerStats& timer_stats() const noexcept { return timer_stats_; }
 
  private:
+  void see_tip(const recording::Sample& before) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
   void publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept;
@@ -109,6 +115,7 @@ class RealTimeSession {
   rt::SteadyClock clock_;
   loop::StationLoop loop_;
   double surface_z_w_nm_;
+  Vec3 task_origin_w_nm_;
   recording::SummaryBuilder summary_;
   rt::PeriodicTimerStats timer_stats_;
   rt::LatestValue<Progress> progress_;
@@ -117,6 +124,7 @@ class RealTimeSession {
 
   std::int64_t stop_ticks_ = 0;
   bool quit_ = false;
+  bool stays_ = false;
   std::uint32_t marks_ = 0;
   std::int64_t fault_ticks_ = 0;
   std::int64_t done_ticks_ = 0;

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -14,6 +15,8 @@
 #include <optional>
 #include <string>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "common/base/error.h"
 #include "common/base/version.h"
@@ -91,6 +94,40 @@ device::IntendedMotion intended_motion(const RunOptions& options, device::TaskOp
   task_options.start_height_nm = start_height_nm;
   task_options.retract_nm = std::max(task_options.retract_nm, start_height_nm);
   return device::IntendedMotion::for_task(task, task_options);
+}
+
+/// What a person can choose in the window besides the task that the session begins with, which is number 0.
+std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& options,
+                               device::TaskOptions task_options, double start_height_nm,
+                               const rt::LatestValue<device::PointerState>* pointer) {
+  task_options.start_height_nm = start_height_nm;
+  task_options.retract_nm = std::max(task_options.retract_nm, start_height_nm);
+  const std::array<std::pair<device::Task, const char*>, 4> known = {
+      {{device::Task::kPosition, "hold above the surface"},
+       {device::Task::kContact, "just in contact"},
+       {device::Task::kIndent, "press, pull off"},
+       {device::Task::kScan, "lines in light contact"}}};
+  std::vector<SimTask> tasks;
+  const auto tell = [&](const std::string& name, const char* about, int number, bool free = false) {
+    tasks.push_back({name, about, hand.reach_nm(number), free});
+  };
+  const auto first = std::find_if(known.begin(), known.end(), [&](const auto& task) {
+    return device::task_name(task.first) == options.task;
+  });
+  tell(options.task, first == known.end() ? "the way of the file" : first->second, 0);
+  for (const auto& [task, about] : known) {
+    if (first != known.end() && task == first->first) continue;
+    tell(std::string(device::task_name(task)), about,
+         hand.add_task(device::IntendedMotion::for_task(task, task_options)));
+  }
+  if (pointer != nullptr) tell("free hand", "your mouse leads it", hand.add_free_task(*pointer), true);
+  return tasks;
+}
+
+/// A window that was opened to look around stays when the first task is done; one that was told which task,
+/// or for how long, goes with it.
+bool stays_open(const RunOptions& options, const SessionView& view, bool simulated) {
+  return simulated && view.has_window() && !options.task_given && !options.duration_s;
 }
 
 device::SimDeviceConfig sim_device_config(const StationFile& file, double start_height_nm) {
@@ -222,7 +259,8 @@ std::uint32_t tip_wish(const RunOptions& options, bool shared) {
     fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
   if (shared && !options.quiet) {
     fmt::print(stderr, "note: this server's tip is shared: {}\n",
-               options.observe     ? "observing it"
+               options.observe
+                   ? options.duration_s ? "observing it" : "observing it, until you stop this with Ctrl-C"
                : options.take_over ? "asking for it"
                                    : "taking it if it is free, else observing (--take-over asks for it)");
   }
@@ -305,16 +343,20 @@ int run(const RunOptions& options) {
     throw UserError(check.text + "; " + check.advice);
   }
 
+  std::vector<SimTask> tasks;
   const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
   if (simulated) {
     auto device = std::make_unique<device::SimDevice>(sim_device_config(file, start_height_nm),
                                                       intended_motion(options, file.task, start_height_nm));
+    if (view.has_window()) tasks = add_tasks(*device, options, file.task, start_height_nm, view.pointer());
     opened.motion = device.get();
     opened.device = std::move(device);
     add_pedals(opened, file.pedal);
   }
   const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
-  const double session_s = hand.motion != nullptr ? hand.motion->motion_duration_s() : hand.duration_s;
+  // Who only looks on has no task that could be over: until stopped, or for as long as was said.
+  const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
+  const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
   const std::unique_ptr<recording::Recorder> recorder =
       make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed);
   if (!options.quiet) {
@@ -339,9 +381,10 @@ int run(const RunOptions& options) {
   station::Station station(config, device_info, port);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
-  if (view_model::RequestDesk* const desk = view.begin(
-          {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record}))
-    live.show_on(*desk);
+  if (view_model::RequestDesk* const desk =
+          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
+                      options.record, tasks, file.plant.workspace_half_m}))
+    live.show_on(*desk, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
@@ -475,7 +518,8 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       ->check(CLI::Range(0.5, 86400.0));
   add_view_flags(command, options.view);
   CLI::Option* const observe = command.add_flag(
-      "--observe", options.observe, "Of a shared tip (serve --share one-tip): look on, never hold it");
+      "--observe", options.observe,
+      "Of a shared tip (serve --share one-tip): look on, never hold it; until stopped, or for --duration-s");
   command
       .add_flag(
           "--take-over", options.take_over,
@@ -509,8 +553,13 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_flag(
       "--home", options->home,
       "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
-  command->add_option("--task", options->task, "position | contact | indent | scan | script")
-      ->capture_default_str();
+  command
+      ->add_option(
+          "--task", options->task,
+          "position | contact | indent | scan | script; in a window others can be chosen later. With "
+          "neither this nor --duration-s a window stays open after the task")
+      ->capture_default_str()
+      ->each([options](const std::string&) { options->task_given = true; });
   command->add_option("--script", options->script,
                       "CSV with t_s,x_nm,y_nm,z_nm for --task script; z above the surface");
   command

@@ -14,6 +14,7 @@ struct RunOptions : ServerAccess {
   std::optional<std::string> device;
   bool home = false;
   std::string task = "indent";
+  bool task_given = false;
   std::string script;
   std::optional<double> duration_s;
   std::optional<double> depth_nm;

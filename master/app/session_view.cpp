@@ -2,16 +2,15 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <cmath>
 #include <exception>
 #include <filesystem>
 #include <optional>
-#include <string_view>
 
 #include "common/base/error.h"
 #include "common/rt/background.h"
 #include "common/surface/gsf.h"
+#include "master/app/picture_size.h"
 #include "master/app/station_plan.h"
 #include "master/station/station.h"
 #include "master/viewer/photographer.h"
@@ -24,30 +23,6 @@ namespace fs = std::filesystem;
 
 constexpr double kSliderReach = 50;  // of the velocity scale's slider to either side of the planned one
 constexpr double kForceReach = 1e4;  // of the force scale's slider below the planned one
-
-struct Size {
-  int width_px = 0;
-  int height_px = 0;
-};
-
-Size parse_size(const std::string& text) {
-  const auto fail = [&text] {
-    throw UserError("--screenshot-size: '" + text +
-                    "' is no size, expected WIDTHxHEIGHT, 320x240 to 4096x4096");
-  };
-  const std::size_t x = text.find('x');
-  if (x == std::string::npos) fail();
-  const auto number = [&](std::string_view part) {
-    int value = 0;
-    const auto [end, error] = std::from_chars(part.data(), part.data() + part.size(), value);
-    if (error != std::errc() || end != part.data() + part.size()) fail();
-    return value;
-  };
-  const std::string_view all = text;
-  const Size size{number(all.substr(0, x)), number(all.substr(x + 1))};
-  if (size.width_px < 320 || size.height_px < 240 || size.width_px > 4096 || size.height_px > 4096) fail();
-  return size;
-}
 
 // Reads the scan again when the file has changed since. A file that is just being written, or has gone,
 // changes nothing: the old picture stays.
@@ -74,7 +49,7 @@ class WatchedScan {
 }  // namespace
 
 struct SessionView::Parts {
-  Size size;
+  PictureSize size;
   std::optional<surface::HeightGrid> scan;
   std::optional<view_model::Ground> ground;
   viewer::ViewFacts facts;
@@ -93,7 +68,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
   if (!std::isfinite(options.tip_radius_nm) || !std::isfinite(options.at_s))
     throw UserError("--tip-radius-nm, --at: expected finite numbers");
   if (photo_) {
-    parts_->size = parse_size(options.screenshot_size);
+    parts_->size = parse_picture_size(options.screenshot_size);
     const fs::path folder = fs::path(options.screenshot).parent_path();
     if (!folder.empty() && !fs::is_directory(folder))
       throw UserError("--screenshot: " + folder.string() + " is no folder");
@@ -119,6 +94,8 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
   // From the border of the box to its middle, and until what rounds the corners has died away.
   facts.hand_back_s = facts.hand_half_m * std::sqrt(3.0) / hand.speed_max_m_s + 5 * hand.smooth_s;
   facts.recording = session.recording;
+  facts.hand_box_half_m = session.device_half_m;
+  for (const SimTask& task : session.tasks) facts.tasks.push_back({task.name, task.about, task.reach_nm, task.free});
   facts.surface_z_w_nm = session.slave.surface_z_w_nm;
   facts.hand_force_limit_n = session.station.force_safety * session.device.force_max_n;
   facts.energy_bound_j = session.station.allowance_j;
@@ -168,7 +145,7 @@ std::string SessionView::run(const RealTimeSession& live, const recording::Recor
     watched.emplace(options_.surface);
     hooks.changed_ground = [&watched] { return watched->changed(); };
   }
-  if (mouse_) hooks.pointer = &pointer_;
+  hooks.pointer = &pointer_;
   try {
     return draw(hooks, live);
   } catch (...) {

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "common/config/slave_limits_file.h"
 #include "common/link/messages.h"
@@ -32,7 +33,17 @@ struct ViewOptions {
   double at_s = 5;
   std::string screenshot_size = "1280x800";
 };
+/// Those of them that a recording's picture has too; `at`: what --at counts.
+void add_picture_flags(CLI::App& command, ViewOptions& options, const std::string& at);
 void add_view_flags(CLI::App& command, ViewOptions& options);
+
+/// A task that a simulated hand can be told to do.
+struct SimTask {
+  std::string name;
+  std::string about;
+  Vec3 reach_nm = Vec3::Zero();
+  bool free = false;  ///< led by the mouse
+};
 
 /// What a session tells its picture before it begins.
 struct ViewedSession {
@@ -43,6 +54,8 @@ struct ViewedSession {
   int delay_samples = 0;
   std::string server;
   std::string recording;  ///< file; empty: none
+  std::vector<SimTask> tasks;  ///< of a simulated hand, by number
+  Vec3 device_half_m = Vec3::Zero();  ///< of its box
 };
 
 /// The picture of a session: a window, or one photograph without a display; nothing where neither is asked
@@ -57,6 +70,7 @@ class SessionView {
   SessionView& operator=(const SessionView&) = delete;
 
   bool wanted() const noexcept { return window_ || photo_; }
+  bool has_window() const noexcept { return window_; }
   const rt::LatestValue<device::PointerState>* pointer() const noexcept {
     return window_ ? &pointer_ : nullptr;
   }

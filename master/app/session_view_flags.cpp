@@ -2,11 +2,7 @@
 
 namespace telenano::app {
 
-void add_view_flags(CLI::App& command, ViewOptions& options) {
-  command.add_flag("--view", options.view,
-                   "Open a window: sample, tip, forces, sliders, STOP; F1 in it tells its keys. "
-                   "Default with --device mouse");
-  command.add_flag("--no-view", options.no_view, "No window, whatever the device")->excludes("--view");
+void add_picture_flags(CLI::App& command, ViewOptions& options, const std::string& at) {
   command.add_option(
       "--surface", options.surface,
       "Scan to draw (.gsf, as the server's scene has it), read again when it changes; without, a plane "
@@ -18,15 +14,23 @@ void add_view_flags(CLI::App& command, ViewOptions& options) {
       ->check(CLI::Range(0.5, 10000.0));
   command
       .add_option("--screenshot", options.screenshot,
-                  "Draw one picture of the session into this PNG; needs neither display nor graphics card")
-      ->excludes("--view");
-  command.add_option("--at", options.at_s, "Seconds of the hand's motion after which --screenshot is taken")
+                  "Draw one picture of the session into this PNG; needs neither display nor graphics card");
+  command.add_option("--at", options.at_s, at)
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 3600.0))
+      ->check(CLI::Range(0.0, 86400.0))
       ->needs("--screenshot");
   command.add_option("--screenshot-size", options.screenshot_size, "WIDTHxHEIGHT of --screenshot, pixels")
       ->capture_default_str()
       ->needs("--screenshot");
+}
+
+void add_view_flags(CLI::App& command, ViewOptions& options) {
+  command.add_flag("--view", options.view,
+                   "Open a window: sample, tip, forces, sliders, STOP; F1 in it tells its keys. "
+                   "Default with --device mouse");
+  command.add_flag("--no-view", options.no_view, "No window, whatever the device")->excludes("--view");
+  add_picture_flags(command, options, "Seconds of the hand's motion after which --screenshot is taken");
+  command.get_option("--screenshot")->excludes("--view");
 }
 
 }  // namespace telenano::app

@@ -1,17 +1,28 @@
 // In a build without viewer: the same flags, and what to do about it.
 #include "common/base/error.h"
+#include "master/app/recorded_view.h"
 #include "master/app/session_view.h"
 
 namespace telenano::app {
 
 struct SessionView::Parts {};
 
+namespace {
+
+[[noreturn]] void refuse() {
+  throw UserError(
+      "this build has no viewer: install libglfw3-dev libimgui-dev libepoxy-dev libgl-dev libegl-dev and "
+      "configure with -DTELENANO_VIEWER=ON; --device sim needs none");
+}
+
+}  // namespace
+
+std::string view_recording(const std::string&, const ViewOptions&) {
+  refuse();
+}
+
 SessionView::SessionView(const ViewOptions& options, bool mouse) : options_(options) {
-  if (options.view || mouse || !options.screenshot.empty()) {
-    throw UserError(
-        "this build has no viewer: install libglfw3-dev libimgui-dev libepoxy-dev libgl-dev libegl-dev and "
-        "configure with -DTELENANO_VIEWER=ON; --device sim needs none");
-  }
+  if (options.view || mouse || !options.screenshot.empty()) refuse();
 }
 
 SessionView::~SessionView() = default;

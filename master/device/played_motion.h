@@ -1,6 +1,16 @@
 #pragma once
 
+#include "master/device/task_change.h"
+
 namespace telenano::device {
+
+/// Which of its motions a hand plays.
+struct TaskState {
+  int task = 0;
+  bool changing = false;  ///< on its way to the beginning
+  double time_s = 0;
+  double duration_s = 0;  ///< infinite: until another is chosen
+};
 
 /// Seam: a hand that plays a motion of known length (simulated, recorded) instead of a person's. Until it is
 /// started it holds still.
@@ -13,6 +23,14 @@ class PlayedMotion {
   virtual double motion_time_s() const noexcept = 0;
   virtual double motion_duration_s() const noexcept = 0;
   bool motion_done() const noexcept { return motion_time_s() >= motion_duration_s(); }
+
+  /// Of a hand that knows several: lets go of what it does and begins another, or the same anew (TaskChange).
+  /// False, and nothing changes, for one that it does not know, or that does not fit into the device's box at
+  /// the scale that was seen last.
+  virtual bool begin_task(int) noexcept { return false; }
+  virtual TaskState task() const noexcept { return {0, false, motion_time_s(), motion_duration_s()}; }
+  /// Once a tick, before advance().
+  virtual void see_tip(const TipSeen&) noexcept {}
 };
 
 }  // namespace telenano::device

@@ -20,6 +20,12 @@ PointerDevice::PointerDevice(const rt::LatestValue<PointerState>& source, const 
       info_(forceless_device_info("mouse", config.motion.half_m)),
       hand_(config.motion) {}
 
+void PointerDevice::start_anew() noexcept {
+  hand_.stand_at(Vec3::Zero());
+  target_h_m_ = Vec3::Zero();
+  buttons_ = 0;
+}
+
 void PointerDevice::advance(std::int64_t dt_ns) noexcept {
   if (dt_ns <= 0) return;
   const std::uint64_t count = source_.count();

@@ -37,6 +37,9 @@ class PointerDevice final : public HapticDevice {
   void read(DeviceReading& reading) noexcept override;
   Vec3 write_force(const Vec3& hand_force_h_n) noexcept override;
 
+  /// As it was made: in the middle of its box, with nothing held until the source says so again.
+  void start_anew() noexcept;
+
  private:
   const rt::LatestValue<PointerState>& source_;
   PointerConfig config_;

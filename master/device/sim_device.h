@@ -2,11 +2,15 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
+#include "master/device/hand_motion.h"
 #include "master/device/haptic_device.h"
 #include "master/device/intended_motion.h"
 #include "master/device/plant.h"
 #include "master/device/played_motion.h"
+#include "master/device/pointer_device.h"
+#include "master/device/task_change.h"
 
 namespace telenano::device {
 
@@ -24,10 +28,22 @@ DeviceInfo sim_device_info(const PlantConfig& plant);
 /// Simulated omega.3 with a simulated operator's hand. Its owner advances it once a tick, in virtual or real
 /// time: read(), station step, write_force(), advance(). A tick of another length than the plant's period is
 /// made of whole periods; the rest is carried to the next tick.
+///
+/// The operator may know several tasks and go from one to another (TaskChange): task 0 is the motion that it is
+/// made with, further ones are added before the session.
 class SimDevice final : public HapticDevice, public PlayedMotion {
  public:
   /// Throws UserError, e.g. if the motion leaves the device's workspace.
   SimDevice(const SimDeviceConfig& config, const IntendedMotion& motion);
+
+  /// Further tasks, before the session; each returns its number. A motion that leaves the workspace is refused
+  /// when it is asked for. A free one, of which there can be one: a pointer leads the operator's hand, which
+  /// feels the force; `source` must outlive the device.
+  int add_task(const IntendedMotion& motion);
+  int add_free_task(const rt::LatestValue<PointerState>& source);
+  /// How far from the hand's start each task takes the tip, nm, by axis: it fits into the device's box where
+  /// this times metres_per_nm does.
+  const Vec3& reach_nm(int task) const { return tasks_.at(static_cast<std::size_t>(task)).reach_nm; }
 
   const DeviceInfo& info() const noexcept override { return info_; }
   void read(DeviceReading& reading) noexcept override;
@@ -39,15 +55,32 @@ class SimDevice final : public HapticDevice, public PlayedMotion {
   void start_motion() noexcept override { started_ = true; }
   bool motion_started() const noexcept override { return started_; }
   double motion_time_s() const noexcept override { return static_cast<double>(motion_ns_) * 1e-9; }
-  double motion_duration_s() const noexcept override { return motion_.duration_s(); }
+  double motion_duration_s() const noexcept override;
+  bool begin_task(int task) noexcept override;
+  TaskState task() const noexcept override {
+    return {task_, change_.active(), motion_time_s(), motion_duration_s()};
+  }
+  void see_tip(const TipSeen& seen) noexcept override { change_.see(seen_ = seen); }
   void set_buttons(std::uint32_t buttons) noexcept { buttons_ = buttons; }
 
   const Plant& plant() const noexcept { return plant_; }  ///< the truth, for tests and studies
   Vec3 intended_hand_pos_h_m(double time_s) const noexcept;
 
  private:
+  struct SimTask {
+    IntendedMotion motion;
+    Vec3 reach_nm = Vec3::Zero();
+    bool free = false;
+  };
+  const SimTask& now() const noexcept { return tasks_[static_cast<std::size_t>(task_)]; }
+  Vec3 next_intention_h_m() noexcept;  ///< a period later
+
   SimDeviceConfig config_;
-  IntendedMotion motion_;
+  std::vector<SimTask> tasks_;
+  int task_ = 0;
+  TaskChange change_;
+  TipSeen seen_{};
+  std::optional<PointerDevice> free_hand_;
   Plant plant_;
   DeviceInfo info_;
   Vec3 applied_h_n_ = Vec3::Zero();

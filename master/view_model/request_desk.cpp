@@ -35,6 +35,9 @@ RequestDesk::Asked RequestDesk::answer(station::Station& station) noexcept {
       case ViewRequest::Kind::kMarker:
         ++asked.marks;
         break;
+      case ViewRequest::Kind::kTask:
+        asked.task = request.task;
+        break;
       case ViewRequest::Kind::kQuit:
         asked.quit = true;
         break;

@@ -22,11 +22,15 @@ class RequestDesk {
     std::uint32_t buttons = 0;  ///< device::ButtonBits, to be or-ed to the device's in this tick
     bool quit = false;
     int marks = 0;
+    int task = -1;  ///< to begin; negative: none
   };
   Asked answer(station::Station& station) noexcept;
 
   /// After the tick.
   void show(const recording::Sample& sample, device::ForceOffCause force_off) noexcept;
+
+  /// Of a hand that plays motions.
+  void show(const device::TaskState& task) noexcept { port_.task.store(task); }
 
   std::uint64_t refused() const noexcept { return refused_; }
 

@@ -8,6 +8,7 @@
 #include "common/rt/latest_value.h"
 #include "common/rt/spsc_queue.h"
 #include "master/device/haptic_device.h"
+#include "master/device/played_motion.h"
 
 namespace telenano::view_model {
 
@@ -19,11 +20,13 @@ struct ViewRequest {
     kMethod,     ///< bumpless
     kScaling,    ///< bumpless; not taken where it would not be safe
     kMarker,     ///< a mark in the recording
+    kTask,       ///< of a simulated hand: lets go, goes back, begins
     kQuit,       ///< end the session
   };
   Kind kind = Kind::kStop;
   control::Method method = control::Method::kNone;
   control::Scaling scaling{};
+  int task = 0;
 };
 
 /// Between the loop and the screen. Neither side ever waits: what finds a queue full is dropped and counted.
@@ -31,6 +34,7 @@ struct ViewPort {
   // From the loop.
   rt::SpscQueue<recording::Sample> samples{8192};    ///< two seconds at 4 kHz
   rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
+  rt::LatestValue<device::TaskState> task;           ///< of a hand that plays motions
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};
   rt::LatestValue<std::uint32_t> buttons;  ///< device::ButtonBits held on the screen, or-ed to the device's

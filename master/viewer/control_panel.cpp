@@ -8,6 +8,7 @@
 #include "master/station/station.h"
 #include "master/view_model/words.h"
 #include "master/viewer/limited_slider.h"
+#include "master/viewer/playback_bar.h"
 
 namespace telenano::viewer {
 namespace {
@@ -62,12 +63,14 @@ control::Scaling scaling_of(const recording::Sample& now) {
 }  // namespace
 
 void ControlPanel::ask(ViewRequest::Kind kind) {
+  if (playback_ != nullptr) return;
   ViewRequest request;
   request.kind = kind;
   port_.requests.push(request);
 }
 
 void ControlPanel::ask_method(Method method, const recording::Sample& now) {
+  if (playback_ != nullptr) return;
   if (!method_offered(method) || method == static_cast<Method>(now.method)) return;
   ViewRequest request;
   const control::Scaling safe = facts_.region.clamped(method, scaling_of(now));
@@ -79,6 +82,27 @@ void ControlPanel::ask_method(Method method, const recording::Sample& now) {
   request.kind = ViewRequest::Kind::kMethod;
   request.method = method;
   port_.requests.push(request);
+}
+
+bool ControlPanel::task_fits(int task, const recording::Sample& now) const noexcept {
+  if (!(now.velocity_scale > 0)) return false;
+  const Vec3 reach_m = facts_.tasks[static_cast<std::size_t>(task)].reach_nm * (1e-9 / now.velocity_scale);
+  return (reach_m.array() <= facts_.hand_box_half_m.array()).all();
+}
+
+void ControlPanel::ask_task(int task, const recording::Sample& now) {
+  if (playback_ != nullptr) return;
+  if (task < 0 || task >= static_cast<int>(facts_.tasks.size()) || !task_fits(task, now)) return;
+  ViewRequest request;
+  request.kind = ViewRequest::Kind::kTask;
+  request.task = task;
+  port_.requests.push(request);
+}
+
+bool ControlPanel::mouse_leads() const noexcept {
+  if (facts_.mouse_is_hand) return true;
+  const auto task = static_cast<std::size_t>(port_.task.load().task);
+  return task < facts_.tasks.size() && facts_.tasks[task].free;
 }
 
 void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float high) {
@@ -101,19 +125,53 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
 }
 
 void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
-  auto messages = view_model::force_words(now, port_.force_off.load());
+  auto messages = view_model::force_words(now, port_.force_off.load(), playback_ == nullptr && mouse_leads());
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
   if (messages.empty() && !facts_.shows_force)
     messages.push_back({"This hand has no motors: see the force at the tip", Mood::kCalm});
-  if (messages.empty()) messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
+  if (messages.empty() && playback_ == nullptr)
+    messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
   for (const auto& message : messages) {
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour_of(message.mood)));
     ImGui::TextWrapped("%s", message.text.c_str());
     ImGui::PopStyleColor();
   }
   ImGui::EndChild();
+}
+
+void ControlPanel::draw_task(const recording::Sample& now) {
+  if (facts_.tasks.empty()) return;
+  const device::TaskState state = port_.task.load();
+  const auto current = static_cast<std::size_t>(state.task);
+  ImGui::TextColored(vec4(palette::kQuiet), "Task   ");
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(-1);
+  std::string shown = current < facts_.tasks.size() ? facts_.tasks[current].name : "";
+  if (state.changing) {
+    shown += ": going to its start";
+  } else if (std::isfinite(state.duration_s)) {
+    shown += state.time_s < state.duration_s
+                 ? fmt::format("  {:.1f} of {:.0f} s", state.time_s, state.duration_s)
+                 : ": done";
+  }
+  // What is chosen while stopped or held would be refused.
+  const auto mode = static_cast<station::Mode>(now.station_mode);
+  const bool can = mode == station::Mode::kEngaged || mode == station::Mode::kReady;
+  if (!ImGui::BeginCombo("##task", shown.c_str())) return;
+  for (int i = 0; i < static_cast<int>(facts_.tasks.size()); ++i) {
+    const TaskOffer& task = facts_.tasks[static_cast<std::size_t>(i)];
+    const bool fits = task_fits(i, now);
+    const std::string label = fmt::format("{}: {}", task.name,
+                                          !can    ? "clear the stop first"
+                                          : !fits ? "too large for the hand at this scale"
+                                                  : task.about);
+    if (ImGui::Selectable(label.c_str(), i == state.task,
+                          can && fits ? ImGuiSelectableFlags_None : ImGuiSelectableFlags_Disabled))
+      ask_task(i, now);
+  }
+  ImGui::EndCombo();
 }
 
 void ControlPanel::draw_method(const recording::Sample& now) {
@@ -134,6 +192,16 @@ void ControlPanel::draw_method(const recording::Sample& now) {
     }
     ImGui::EndCombo();
   }
+}
+
+void ControlPanel::draw_played(const Gui& gui, const recording::Sample& now) {
+  const std::string scaling =
+      fmt::format("{} = {:.3g}   {} = {:.3g}", gui.has_greek() ? "α_v" : "alpha_v", now.velocity_scale,
+                  gui.has_greek() ? "α_F" : "alpha_F", now.force_scale);
+  ImGui::TextColored(vec4(palette::kQuiet), "Method");
+  ImGui::SameLine();
+  ImGui::TextUnformatted(std::string(control::method_name(static_cast<Method>(now.method))).c_str());
+  ImGui::TextUnformatted(scaling.c_str());
 }
 
 void ControlPanel::draw_region(const Gui& gui, Method method, const control::Scaling& shown, ImVec2 size) {
@@ -254,7 +322,9 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
 void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live,
                              const RecordingStatus& recording) {
   const float s = gui.scale();
-  if (!facts_.recording.empty()) {
+  if (!facts_.played.empty()) {
+    ImGui::TextWrapped("%s", facts_.played.c_str());
+  } else if (!facts_.recording.empty()) {
     const ImVec2 p = ImGui::GetCursorScreenPos();
     const bool bright = std::fmod(live.now().time_s, 1.0) < 0.7;
     ImGui::GetWindowDrawList()->AddCircleFilled({p.x + 6 * s, p.y + 9 * s}, 5 * s,
@@ -285,12 +355,20 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
   const float s = gui.scale();
   const auto high = static_cast<float>(area.height_px);
   const bool low = high < 720 * s;
-  draw_stop(gui, now, (low ? 40 : 54) * s);
-  draw_messages(now, low ? 2.3f : 3.3f);
-  ImGui::Checkbox("Clutch: the tip stands (C)", &clutch_);
-  ImGui::Separator();
-  draw_method(now);
-  draw_scaling(gui, now, low ? 58 * s : std::clamp(104 * s + 0.8f * (high - 720 * s), 104 * s, 190 * s));
+  if (playback_ != nullptr) {
+    draw_playback(gui, *playback_);
+    draw_messages(now, low ? 2.3f : 3.3f);
+    ImGui::Separator();
+    draw_played(gui, now);
+  } else {
+    draw_stop(gui, now, (low ? 40 : 54) * s);
+    draw_messages(now, low ? 2.3f : 3.3f);
+    ImGui::Checkbox("Clutch: the tip stands (C)", &clutch_);
+    ImGui::Separator();
+    draw_task(now);
+    draw_method(now);
+    draw_scaling(gui, now, low ? 58 * s : std::clamp(104 * s + 0.8f * (high - 720 * s), 104 * s, 190 * s));
+  }
   ImGui::Separator();
   draw_numbers(gui, live);
   ImGui::Separator();

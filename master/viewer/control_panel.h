@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "master/view_model/live_session.h"
+#include "master/view_model/playback.h"
 #include "master/view_model/view_port.h"
 #include "master/viewer/gui.h"
 #include "master/viewer/layout.h"
@@ -21,12 +22,21 @@ class ControlPanel {
   void draw(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording,
             const Area& area);
 
+  /// A recording is shown: there is nobody to ask.
+  void play(view_model::Playback& playback) noexcept { playback_ = &playback; }
+
   void ask(view_model::ViewRequest::Kind kind);
   /// With a scaling that is safe under it, if the present one is not.
   void ask_method(control::Method method, const recording::Sample& now);
   bool method_offered(control::Method method) const noexcept {
     return facts_.method_offered[static_cast<std::size_t>(method)];
   }
+
+  /// Number `task` of the facts; nothing where it does not fit into the hand's box at the present scale.
+  void ask_task(int task, const recording::Sample& now);
+  bool task_fits(int task, const recording::Sample& now) const noexcept;
+  /// Does the mouse lead the hand now?
+  bool mouse_leads() const noexcept;
 
   bool clutch_on_screen() const noexcept { return clutch_; }
   void want_picture() noexcept { picture_wanted_ = true; }
@@ -36,6 +46,8 @@ class ControlPanel {
  private:
   void draw_stop(const Gui& gui, const recording::Sample& now, float high);
   void draw_messages(const recording::Sample& now, float lines);
+  void draw_played(const Gui& gui, const recording::Sample& now);
+  void draw_task(const recording::Sample& now);
   void draw_method(const recording::Sample& now);
   void draw_scaling(const Gui& gui, const recording::Sample& now, float region_high);
   void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, ImVec2 size);
@@ -44,6 +56,7 @@ class ControlPanel {
 
   const ViewFacts& facts_;
   view_model::ViewPort& port_;
+  view_model::Playback* playback_ = nullptr;
   std::optional<control::Scaling> dragged_;  // while a slider is held
   bool clutch_ = false;
   bool picture_wanted_ = false;

@@ -260,6 +260,7 @@ void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveS
                   filled ? ink(palette::kBackground) : ink(colour), text);
     x = to.x + 8 * s;
   };
+  if (!facts.played.empty()) pill("RECORDING", palette::kWarning, true);
   switch (live.origin()) {
     case view_model::Origin::kUnknown:
       pill("NO SAMPLE YET", palette::kQuiet, false);

@@ -47,4 +47,21 @@ void photograph(const ViewFacts& facts, view_model::Ground ground, view_model::V
   }
 }
 
+void photograph_recording(const ViewFacts& facts, view_model::Ground ground, view_model::Playback& playback,
+                          const PhotoOptions& options) {
+  const OffscreenContext context;
+  view_model::ViewPort port;
+  Viewer viewer(facts, std::move(ground), port, 1);
+  playback.play(false);
+  playback.seek(options.at_s);
+  viewer.play(playback);
+  {
+    // What follows the tip needs to know where it is before it can settle.
+    const Canvas canvas(options.width_px, options.height_px, 0);
+    canvas.bind();
+    viewer.draw(options.width_px, options.height_px, kFrameS, {});
+  }
+  write_png(options.file, draw_picture(viewer, options.width_px, options.height_px, {}));
+}
+
 }  // namespace telenano::viewer

@@ -22,6 +22,10 @@ struct PhotoOptions {
 void photograph(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
                 const ViewHooks& hooks, const PhotoOptions& options, const std::function<double()>& time_s);
 
+/// One picture of a recording at `at_s` of its own time.
+void photograph_recording(const ViewFacts& facts, view_model::Ground ground, view_model::Playback& playback,
+                          const PhotoOptions& options);
+
 class Viewer;
 /// A few frames, so that what follows the tip has arrived, with edges smoothed where the driver can.
 Picture draw_picture(Viewer& viewer, int width_px, int height_px, const RecordingStatus& recording);

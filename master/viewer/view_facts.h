@@ -3,11 +3,20 @@
 #include <array>
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "common/base/vec3.h"
 #include "master/view_model/scaling_region.h"
 
 namespace telenano::viewer {
+
+/// A task of a simulated hand.
+struct TaskOffer {
+  std::string name;
+  std::string about;
+  Vec3 reach_nm = Vec3::Zero();  ///< from the hand's start, by axis
+  bool free = false;             ///< the mouse leads the hand
+};
 
 /// What does not change while a session runs.
 struct ViewFacts {
@@ -17,8 +26,11 @@ struct ViewFacts {
   bool mouse_is_hand = false;
   bool shows_force = true;     ///< the device has motors
   double hand_half_m = 0.055;  ///< half the edge of the box of the mouse's hand
+  Vec3 hand_box_half_m = Vec3::Zero();  ///< of the simulated device, by axis
   double hand_back_s = 0.35;   ///< in which that hand comes back to its middle
   std::string recording;       ///< file; empty: none
+  std::string played;          ///< recording that is shown instead of a session; empty: none
+  std::vector<TaskOffer> tasks;  ///< that the hand can be told to do; empty: a person's, or one recording's
   double surface_z_w_nm = 0;
   double hand_force_limit_n = 0;  ///< what the station never exceeds
   double energy_bound_j = 0;      ///< that may ever be extracted

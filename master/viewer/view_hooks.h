@@ -7,6 +7,7 @@
 #include "common/rt/latest_value.h"
 #include "master/device/pointer_device.h"
 #include "master/view_model/ground.h"
+#include "master/view_model/playback.h"
 #include "master/viewer/view_facts.h"
 
 namespace telenano::viewer {
@@ -19,6 +20,8 @@ struct ViewHooks {
   std::function<std::optional<view_model::Ground>()> changed_ground;
   /// Where the mouse's hand goes; null when another device is the hand.
   rt::LatestValue<device::PointerState>* pointer = nullptr;
+  /// A recording in place of a session; the window's own end is its end then. Null: a session.
+  view_model::Playback* playback = nullptr;
   std::string picture_prefix = "telenano";  ///< of pictures taken by key: PREFIX-1.png …
 };
 

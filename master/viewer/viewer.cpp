@@ -12,6 +12,7 @@
 #include "master/device/haptic_device.h"
 #include "master/viewer/charts.h"
 #include "master/viewer/overlay.h"
+#include "master/viewer/playback_bar.h"
 
 namespace telenano::viewer {
 namespace {
@@ -68,6 +69,14 @@ void Viewer::reset_cameras() {
   seen_tip_ = false;
 }
 
+void Viewer::take_played(double time_s) {
+  if (drawn_s_ > 0) playback_->advance(time_s - drawn_s_);
+  drawn_s_ = time_s;
+  const view_model::Playback::Passed passed = playback_->take();
+  if (passed.anew) live_ = view_model::LiveSession(kTrailStep_nm);
+  for (std::size_t i = passed.first; i < passed.end; ++i) live_.take(playback_->row(i), ground_);
+}
+
 void Viewer::take_samples() {
   recording::Sample sample;
   // As many as there can be: a loop that is faster than this must not keep the screen here for ever.
@@ -122,19 +131,38 @@ void Viewer::handle_keys(double time_s) {
   // Stop always works, whatever has the keyboard.
   if (pressed(GLFW_KEY_ESCAPE)) panel_.ask(ViewRequest::Kind::kStop);
   if (io.WantTextInput) return;
-  if (pressed(GLFW_KEY_R)) panel_.ask(ViewRequest::Kind::kClearStop);
-  if (pressed(GLFW_KEY_M)) {
-    panel_.ask(ViewRequest::Kind::kMarker);
-    say(facts_.recording.empty() ? "No recording to put a mark into" : "Mark put into the recording", time_s);
-  }
   if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
   if (pressed(GLFW_KEY_F1)) help_ = !help_;
-  if (pressed(GLFW_KEY_Q) && io.KeyCtrl) panel_.ask(ViewRequest::Kind::kQuit);
+  if (pressed(GLFW_KEY_Q) && io.KeyCtrl) {
+    panel_.ask(ViewRequest::Kind::kQuit);
+    quit_ = true;
+  }
   if (pressed(GLFW_KEY_HOME)) reset_cameras();
   if (pressed(GLFW_KEY_V))
     views_ = views_ == Views::kBoth       ? Views::kOverview
              : views_ == Views::kOverview ? Views::kCloseUp
                                           : Views::kBoth;
+  if (playback_ != nullptr) {
+    playback_keys(*playback_);
+  } else {
+    handle_session_keys(time_s);
+  }
+}
+
+void Viewer::handle_session_keys(double time_s) {
+  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
+  if (pressed(GLFW_KEY_R)) panel_.ask(ViewRequest::Kind::kClearStop);
+  if (pressed(GLFW_KEY_M)) {
+    panel_.ask(ViewRequest::Kind::kMarker);
+    say(facts_.recording.empty() ? "No recording to put a mark into" : "Mark put into the recording", time_s);
+  }
+  if (pressed(GLFW_KEY_T) && !facts_.tasks.empty()) {
+    // The next one that fits, round and round.
+    const int count = static_cast<int>(facts_.tasks.size());
+    int task = (port_.task.load().task + 1) % count;
+    for (int i = 0; i < count && !panel_.task_fits(task, live_.now()); ++i) task = (task + 1) % count;
+    panel_.ask_task(task, live_.now());
+  }
   for (int i = 0; i < static_cast<int>(control::kAllMethods.size()); ++i) {
     if (pressed(GLFW_KEY_1 + i))
       panel_.ask_method(control::kAllMethods[static_cast<std::size_t>(i)], live_.now());
@@ -151,7 +179,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
   const bool free = !io.WantCaptureMouse;
   if (drag_ == Drag::kNone && free && (over_overview || over_close_up)) {
-    const bool hand = facts_.mouse_is_hand;
+    const bool hand = panel_.mouse_leads();
     if (io.MouseClicked[0])
       drag_ = over_close_up ? (hand ? Drag::kHandInCloseUp : Drag::kNone)
                             : (hand ? Drag::kHandInOverview : Drag::kTurn);
@@ -162,7 +190,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
 
   hand_.set_velocity_scale(live_.now().velocity_scale);
   const bool dragging_hand = drag_ == Drag::kHandInOverview || drag_ == Drag::kHandInCloseUp;
-  hand_.hold(facts_.mouse_is_hand &&
+  hand_.hold(panel_.mouse_leads() &&
              (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) && !io.WantTextInput)));
   hand_.update(time_s);
 
@@ -197,7 +225,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
       break;
   }
   if (io.MouseWheel != 0 && free) {
-    const bool zoom = !facts_.mouse_is_hand || io.KeyCtrl;
+    const bool zoom = !panel_.mouse_leads() || io.KeyCtrl;
     if (!zoom && (over_overview || over_close_up)) {
       hand_.turn_wheel(io.MouseWheel, io.KeyShift ? 0.1 : 0.5, time_s);
     } else if (over_close_up && zoom) {
@@ -257,7 +285,7 @@ void Viewer::draw_help() {
       ImGui::TableNextColumn();
       ImGui::TextUnformatted(what);
     };
-    if (facts_.mouse_is_hand) {
+    if (panel_.mouse_leads()) {
       row("left drag, section",
           "take hold and move the tip along x and z, a nanometre to the picture's nanometre");
       row("left drag, overview", "take hold and move the tip over the sample; with Shift: up and down");
@@ -270,15 +298,24 @@ void Viewer::draw_help() {
       row("wheel", "nearer, farther");
     }
     row("middle drag, overview", "move the picture");
-    row("Esc", "STOP: zero force, the tip retracts");
-    row("R", "clear the stop, when you have looked");
-    row("C held", "clutch: move the hand, the tip stands");
-    row("1 … 7", "control method");
-    row("M", "a mark in the recording");
-    row("P or F12", "picture of this window (PNG)");
     row("V", "both pictures, overview, section");
     row("Home", "the first view again");
-    row("Ctrl + Q", "end the session");
+    row("P or F12", "picture of this window (PNG)");
+    if (playback_ != nullptr) {
+      row("Space", "play, pause");
+      row("Left, Right", "a second back, on; with Shift a hundredth");
+      row("Page up, Page down", "to the mark or event before, after");
+      row("Up, Down", "faster, slower");
+      row("Ctrl + Q", "close");
+    } else {
+      row("Esc", "STOP: zero force, the tip retracts");
+      row("R", "clear the stop, when you have looked");
+      row("C held", "clutch: move the hand, the tip stands");
+      row("1 … 7", "control method");
+      if (!facts_.tasks.empty()) row("T", "the next task of the hand: it lets go, goes back, begins");
+      row("M", "a mark in the recording");
+      row("Ctrl + Q", "end the session");
+    }
     row("F1", "this help");
     ImGui::EndTable();
   }
@@ -313,6 +350,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   ImGui::GetIO().DisplaySize = {static_cast<float>(width_px), static_cast<float>(height_px)};
   ImGui::NewFrame();
   handle_keys(time_s);
+  if (playback_ != nullptr) take_played(time_s);
   follow_tip();
   handle_mouse(layout, time_s);
 

@@ -26,6 +26,11 @@ class Viewer {
   /// Another scan of the same sample, e.g. with new marks.
   void set_ground(view_model::Ground ground);
 
+  /// Shows a recording instead of a session: time passes by draw().
+  void play(view_model::Playback& playback) noexcept { playback_ = &playback, panel_.play(playback); }
+  /// By key, where a recording is shown.
+  bool quit_wanted() const noexcept { return quit_; }
+
   /// Takes what the loop has put into the port since the last time.
   void take_samples();
   /// One frame. `time_s`: of any clock, for what blinks and for the grip of the mouse. Input comes from
@@ -51,6 +56,8 @@ class Viewer {
   void reset_cameras();
   void follow_tip();
   void handle_keys(double time_s);
+  void handle_session_keys(double time_s);
+  void take_played(double time_s);
   void handle_mouse(const Layout& layout, double time_s);
   void draw_charts(const Layout& layout, int height_px);
   void draw_help();
@@ -74,6 +81,9 @@ class Viewer {
   Views views_ = Views::kBoth;
   Drag drag_ = Drag::kNone;
   bool help_ = false;
+  bool quit_ = false;
+  view_model::Playback* playback_ = nullptr;
+  double drawn_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
 };

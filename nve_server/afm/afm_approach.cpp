@@ -14,8 +14,8 @@ using enum nanonis::CommandId;
 
 namespace {
 
-constexpr std::int64_t kSettleNs = 20 * kMs;      // of lever and piezo after a lift
-constexpr double kCalmNm = 0.5;                   // between two looks at an engaged tip
+constexpr std::int64_t kSettleNs = 20 * kMs;  // of lever and piezo after a lift
+constexpr double kCalmNm = 0.5;               // between two looks at an engaged tip
 constexpr int kCalmLooks = 4;
 
 }  // namespace

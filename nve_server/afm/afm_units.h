@@ -9,7 +9,8 @@
 namespace telenano::afm {
 
 inline constexpr std::int64_t kMs = 1'000'000;  ///< ns
-inline constexpr std::int64_t kLookPeriodNs = 20 * kMs;  ///< between two looks at an engaged or withdrawing tip
+inline constexpr std::int64_t kLookPeriodNs =
+    20 * kMs;  ///< between two looks at an engaged or withdrawing tip
 
 inline std::int64_t ns(double seconds) {
   return static_cast<std::int64_t>(std::llround(seconds * 1e9));

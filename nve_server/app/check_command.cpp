@@ -165,7 +165,11 @@ void add_check_command(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("check", "what a scene computes, what it leaves out, what a step costs");
   auto path = std::make_shared<std::string>();
-  command->add_option("--scene", *path, "file (TOML), or the name of one that came with the program, e.g. flakes")->required()->type_name("FILE");
+  command
+      ->add_option("--scene", *path,
+                   "file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required()
+      ->type_name("FILE");
   auto limits = std::make_shared<std::string>();
   command
       ->add_option("--limits", *limits,

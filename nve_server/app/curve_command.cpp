@@ -37,7 +37,11 @@ void add_curve_command(CLI::App& app) {
   CLI::App* command =
       app.add_subcommand("curve", "force-distance curve of a scene as CSV on standard output");
   auto options = std::make_shared<Options>();
-  command->add_option("--scene", options->scene, "file (TOML), or the name of one that came with the program, e.g. flakes")->required()->type_name("FILE");
+  command
+      ->add_option("--scene", options->scene,
+                   "file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required()
+      ->type_name("FILE");
   command->add_option("--x-nm", options->x_nm, "where, frame W; left out: where the scene starts");
   command->add_option("--y-nm", options->y_nm, "where, frame W; left out: where the scene starts");
   command->add_option("--from-nm", options->plan.from_nm, "highest base height above the surface at (x, y)")

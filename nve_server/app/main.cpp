@@ -22,8 +22,9 @@ telenano::server::ServedScene serve_scene(const std::string& path, const std::st
   served.name = telenano::server::scene_name(scene->name);
   served.hash = scene->hash;
   served.timeout_ms = scene->session_timeout_ms;
-  served.make_slave = [scene] { return std::make_unique<telenano::slave::NveSlave>(scene); };
-  if (!surface_folder.empty()) {
+  if (surface_folder.empty()) {
+    served.make_slave = telenano::slave::nve_slaves(scene);
+  } else {
     const auto keeper = std::make_shared<telenano::app::SurfaceKeeper>(scene, surface_folder);
     served.make_slave = [keeper] { return telenano::app::SurfaceKeeper::make_slave(keeper); };
   }

@@ -1,6 +1,7 @@
 #include "nve_server/app/serve_security.h"
 
 #include <filesystem>
+#include <utility>
 
 #include "common/base/error.h"
 #include "common/security/key_list.h"
@@ -49,13 +50,13 @@ void ServeSecurity::check(const std::string& listen, bool loopback) const {
   }
 }
 
-std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessions, net::Datagram& wire,
-                                                          const rt::Clock& clock) const {
+std::unique_ptr<security::DtlsServer> ServeSecurity::make(
+    std::size_t max_sessions, std::shared_ptr<security::ResumptionCache> resumption, net::Datagram& wire,
+    const rt::Clock& clock) const {
   security::DtlsServerConfig config;
   if (!certificate.empty()) config.certificates = {certificate, certificate_key, authority};
-  // Room for those under way and for stations that have come back from another address: that the server is
-  // full is the session's word, which says so.
-  config.capacity = 2 * max_sessions + 16;
+  config.capacity = capacity(max_sessions);
+  config.resumption = std::move(resumption);
   security::KeyList list = security::load_key_list(key_list_path());
   if (list.keys.empty() && list.certificates.empty())
     throw UserError("--keys " + key_list_path() +

@@ -25,9 +25,13 @@ struct ServeSecurity {
   std::string key_list_path() const;
   /// Throws UserError, one line: flags that do not go together, or an address off loopback without keys.
   void check(const std::string& listen, bool loopback) const;
-  /// Throws UserError for files that do not serve.
-  std::unique_ptr<security::DtlsServer> make(std::size_t max_sessions, net::Datagram& wire,
-                                             const rt::Clock& clock) const;
+  /// Associations at once: for those under way too, and for stations that have come back from another
+  /// address. That the server is full is the session's word, which says so.
+  static std::size_t capacity(std::size_t max_sessions) noexcept { return 2 * max_sessions + 16; }
+  /// `resumption` is shared by all that serve one port. Throws UserError for files that do not serve.
+  std::unique_ptr<security::DtlsServer> make(std::size_t max_sessions,
+                                             std::shared_ptr<security::ResumptionCache> resumption,
+                                             net::Datagram& wire, const rt::Clock& clock) const;
 };
 
 /// "handshakes 3, failed handshakes 1, forged 12": what is not zero.

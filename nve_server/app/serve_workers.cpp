@@ -17,6 +17,7 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
     : config_(config), clock_(clock), cap_(config.max_sessions), mail_(config.workers) {
   net::UdpOptions options;
   options.share_port = config.workers > 1;
+  options.arrival_times = false;  // a reply's hold time is the loop's own
   if (config.busy_poll) options.busy_poll_ns = kNicBusyPollNs;
   net::Address address = config.listen;
   // Sockets that share a port would also share it with another server that does, and each would get half of
@@ -30,9 +31,14 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
 
 void Workers::prepare(const ServeSecurity& security, const server::ServerConfig& base,
                       const server::ServedScene& scene) {
+  std::shared_ptr<security::ResumptionCache> resumption;
+  if (security.is_secure()) {
+    resumption =
+        std::make_shared<security::ResumptionCache>(4 * ServeSecurity::capacity(config_.max_sessions));
+  }
   for (std::size_t i = 0; i < workers_.size(); ++i) {
     Worker& worker = *workers_[i];
-    if (security.is_secure()) worker.secure = security.make(config_.max_sessions, worker.batch, clock_);
+    if (resumption) worker.secure = security.make(config_.max_sessions, resumption, worker.batch, clock_);
     server::ServerConfig own = base;
     own.table.capacity = config_.max_sessions;
     if (workers_.size() > 1) {

@@ -46,6 +46,7 @@ SurfaceKeeper::SurfaceKeeper(std::shared_ptr<const scene::Scene> scene, std::str
     throw UserError(scene_->path +
                     ": --save-surface needs a sample that keeps marks: give [sample] hardness_gpa");
   }
+  slaves_ = slave::nve_slaves(scene_);
   thread_ = std::thread([this] { run(); });
 }
 
@@ -59,7 +60,7 @@ SurfaceKeeper::~SurfaceKeeper() {
 }
 
 std::unique_ptr<slave::Slave> SurfaceKeeper::make_slave(const std::shared_ptr<SurfaceKeeper>& keeper) {
-  Left left{++keeper->made_, std::make_unique<slave::NveSlave>(keeper->scene_)};
+  Left left{++keeper->made_, keeper->slaves_()};
   return std::make_unique<KeptSlave>(keeper, std::move(left));
 }
 

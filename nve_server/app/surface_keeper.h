@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <condition_variable>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -43,6 +44,7 @@ class SurfaceKeeper {
 
   std::shared_ptr<const scene::Scene> scene_;
   std::string folder_;
+  std::function<std::unique_ptr<slave::NveSlave>()> slaves_;
   std::atomic<int> made_{0};  // by the loops of several workers
   std::mutex mutex_;
   std::condition_variable wake_;

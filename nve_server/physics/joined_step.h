@@ -39,9 +39,21 @@ class JoinedStep {
   const CurveSolution& solution() const noexcept { return solution_; }
 
  private:
-  const Handover& handover() noexcept { return cached_handover(curve_, cache_); }
-
-  const Parting& parting() noexcept { return cached_parting(curve_, cache_); }
+  // A table has both, once for all who share it.
+  const Handover& handover() noexcept {
+    if constexpr (requires { curve_.handover(); }) {
+      return curve_.handover();
+    } else {
+      return cached_handover(curve_, cache_);
+    }
+  }
+  const Parting& parting() noexcept {
+    if constexpr (requires { curve_.parting(); }) {
+      return curve_.parting();
+    } else {
+      return cached_parting(curve_, cache_);
+    }
+  }
 
   double offset() noexcept { return van_der_waals_ ? parting().energy_offset : 0.0; }
   double energy(const CurvePoint& p) noexcept {
@@ -61,7 +73,7 @@ class JoinedStep {
     lose(energy(p), energy(cache_.outside.solve(p.held(held_), compliance_)));
   }
 
-  void solve_inside(double z) noexcept { solution_ = solve_warm(curve_, cache_, z, held_); }
+  void solve_inside(double z) noexcept { solve_warm(curve_, cache_, z, held_, solution_); }
 
   /// False when the tip goes in; it is then solved inside at z.
   bool stays_outside() noexcept {

@@ -117,12 +117,20 @@ double MaugisTable::load_outside_cells(double overlap) const noexcept {
   return solve(overlap, kOverlap).point.load;
 }
 
-CurvePoint MaugisTable::contact(double t) const noexcept {
+MaugisTable::Balance MaugisTable::balance(double t) const noexcept {
   const std::size_t i = segment_of(t);
   const Segment& s = segments_[i];
   const Cubic& load = loads_[i];
   const double x = (t - s.left) * s.per_width;
-  CurvePoint p;
+  return {start_.overlap + t * t, value(load, x), 2.0 * t, slope(load, x) * s.per_width};
+}
+
+void MaugisTable::contact(double t, CurvePoint& p) const noexcept {
+  const std::size_t i = segment_of(t);
+  const Segment& s = segments_[i];
+  const Cubic& load = loads_[i];
+  const double x = (t - s.left) * s.per_width;
+  p = CurvePoint{};
   p.contact = true;
   p.parameter = t;
   p.overlap = start_.overlap + t * t;
@@ -132,7 +140,6 @@ CurvePoint MaugisTable::contact(double t) const noexcept {
   p.load_rate = slope(load, x) * s.per_width;
   p.contact_radius_rate = slope(s.radius, x) * s.per_width;
   p.energy = s.energy + work(load, s.left, s.width, x);
-  return p;
 }
 
 CurvePoint MaugisTable::fold(const Held& held) const noexcept {
@@ -186,48 +193,65 @@ CurveSolution MaugisTable::solve_directly(double z, const Held& held) const noex
   return out;
 }
 
-CurveSolution MaugisTable::solve(double z, const Held& held, double guess) const noexcept {
+void MaugisTable::solve(double z, const Held& held, double guess, CurveSolution& out) const noexcept {
   const CurvePoint& start = start_;
   double radius = 0;
-  if (z <= start.held(held) && exact_.fold_before_contact(held, &radius)) return exact_.solve(z, held);
-  CurveSolution out;
+  if (z <= start.held(held) && exact_.fold_before_contact(held, &radius)) {
+    out = exact_.solve(z, held);
+    return;
+  }
+  out.status = CurveStatus::kOk;
   out.evaluations = 1;
   if (held.load == 0) {
     const double above = z / held.overlap - start.overlap;
-    if (above < 0) return {CurveStatus::kNoState, contact(0), 1};
+    if (above < 0) {
+      out.status = CurveStatus::kNoState;
+      contact(0, out.point);
+      return;
+    }
     const double t = std::sqrt(above);
-    if (t >= end_) return solve_directly(z, held);
-    out.point = contact(t);
-    return out;
+    if (t >= end_) {
+      out = solve_directly(z, held);
+    } else {
+      contact(t, out.point);
+    }
+    return;
   }
   double lo = 0;
   double hi = end_;
   double t = guess;
   if (!(guess > 0 && guess < end_)) t = std::clamp(std::sqrt(std::max(z - start.held(held), 1.0)), 0.1, end_);
+  double last = t;
   bool fold_known = false;
   for (; out.evaluations <= 100; ++out.evaluations) {
-    out.point = contact(t);
-    const CurvePoint& p = out.point;
+    const Balance p = balance(t);
     const double rate = p.held_rate(held);
     if (!(rate > 0)) {
-      if (fold_known) return out;  // at the fold to rounding
+      if (fold_known) {  // at the fold to rounding
+        contact(t, out.point);
+        return;
+      }
       const CurvePoint end = fold(held);
       fold_known = true;
       const double above = z - end.held(held);
       if (above <= 0) {
         out.point = end;
         if (above < 0) out.status = CurveStatus::kNoState;
-        return out;
+        return;
       }
       lo = end.parameter;
       const double near = 1e-4 * std::max(lo, 1e-4);
-      t = std::min(lo + std::sqrt(2.0 * above * near / contact(lo + near).held_rate(held)), 0.5 * (lo + hi));
+      last = t;
+      t = std::min(lo + std::sqrt(2.0 * above * near / balance(lo + near).held_rate(held)), 0.5 * (lo + hi));
       continue;
     }
     const double residual = p.held(held) - z;
     const double step = -residual / rate;
     const double scale = held.overlap * (std::fabs(start.overlap) + t * t) + held.load * std::fabs(p.load);
-    if (std::fabs(residual) <= kEpsilon * scale || std::fabs(step) <= 4.0 * kEpsilon * t) return out;
+    if (std::fabs(residual) <= kEpsilon * scale || std::fabs(step) <= 4.0 * kEpsilon * t) {
+      contact(t, out.point);
+      return;
+    }
     if (residual < 0) {
       lo = std::max(lo, t);
     } else {
@@ -235,15 +259,22 @@ CurveSolution MaugisTable::solve(double z, const Held& held, double guess) const
     }
     double next = t + step;
     if (!(next < hi)) {
-      if (hi == end_ && contact(end_).held(held) < z) return solve_directly(z, held);
+      if (hi == end_ && balance(end_).held(held) < z) {
+        out = solve_directly(z, held);
+        return;
+      }
       next = std::min(0.5 * (t + hi), 3.0 * t + 1.0);
     }
     if (next < lo || next <= 0) next = 0.5 * (t + lo);
-    if (next == t) return out;
+    if (next == t) {
+      contact(t, out.point);
+      return;
+    }
+    last = t;
     t = next;
   }
+  contact(last, out.point);
   out.status = CurveStatus::kNotConverged;
-  return out;
 }
 
 }  // namespace telenano::physics

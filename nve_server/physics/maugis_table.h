@@ -52,9 +52,19 @@ class MaugisTable {
     return value(loads_[cell + 1], x);
   }
 
-  CurvePoint contact(double t) const noexcept;
+  CurvePoint contact(double t) const noexcept {
+    CurvePoint p;
+    contact(t, p);
+    return p;
+  }
   CurvePoint fold(const Held& held) const noexcept;
-  CurveSolution solve(double z, const Held& held, double guess = 0) const noexcept;
+  CurveSolution solve(double z, const Held& held, double guess = 0) const noexcept {
+    CurveSolution out;
+    solve(z, held, guess, out);
+    return out;
+  }
+  /// The same into `out`: a step of a flat sample feels it when states are copied.
+  void solve(double z, const Held& held, double guess, CurveSolution& out) const noexcept;
 
  private:
   using Cubic = std::array<double, 4>;
@@ -62,7 +72,7 @@ class MaugisTable {
   static constexpr int kPerOctave = 1 << kPerOctaveBits;
   static constexpr int kFirstOctave = -16;
   static constexpr int kOctaves = 26;
-  static constexpr std::uint64_t kCells = kOctaves * kPerOctave;
+  static constexpr std::uint64_t kCells = std::uint64_t{kOctaves} * kPerOctave;
   // Exponent and leading bits of the fraction of a number, read as one integer, count the cells.
   static constexpr std::uint64_t kFirstCell = static_cast<std::uint64_t>(1023 + kFirstOctave)
                                               << kPerOctaveBits;
@@ -81,6 +91,14 @@ class MaugisTable {
     double energy;  // at x = 0
   };
 
+  /// What Newton's method looks at, the same bits as contact() gives.
+  struct Balance {
+    double overlap, load, overlap_rate, load_rate;
+    double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
+    double held_rate(const Held& h) const noexcept { return h.overlap * overlap_rate + h.load * load_rate; }
+  };
+  Balance balance(double t) const noexcept;
+  void contact(double t, CurvePoint& p) const noexcept;
   std::size_t segment_of(double t) const noexcept;
   double load_outside_cells(double overlap) const noexcept;
   void append(double left, double right, const CurvePoint& at_left, const CurvePoint& at_right,

@@ -132,17 +132,23 @@ TipEquilibrium::TipEquilibrium(std::shared_ptr<const Surface> surface, const Tip
   }
 }
 
+void TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c, TipSampleState& law,
+                                  TipSolution& solution) const noexcept {
+  // Not on a copy: a law that fails forgets no more than its warm start.
+  const Equilibrium eq = law_.advance(-free_end.z(), c(2, 2), tip_radius_nm_, law);
+  describe(eq, solution);
+  if (eq.status != SolveStatus::kOk) return;
+  solution.radius_nm = tip_radius_nm_;
+  solution.force_w_nn = Vec3(0.0, 0.0, eq.force_nn);
+  solution.apex_w_nm = free_end + c.col(2) * eq.force_nn;
+  solution.iterations = 1;
+}
+
 TipSolution TipEquilibrium::advance_flat(const Vec3& free_end, const Compliance& c,
                                          TipState& state) const noexcept {
   TipSolution solution;
-  // Not on a copy: a law that fails forgets no more than its warm start.
-  describe(law_.advance(-free_end.z(), c(2, 2), tip_radius_nm_, state.law), solution);
-  if (solution.status != SolveStatus::kOk) return solution;
-  solution.radius_nm = tip_radius_nm_;
-  solution.force_w_nn = Vec3(0.0, 0.0, solution.normal_force_nn);
-  solution.apex_w_nm = free_end + c.col(2) * solution.normal_force_nn;
-  solution.iterations = 1;
-  remember(solution, free_end, state);
+  advance_flat(free_end, c, state.law, solution);
+  if (solution.status == SolveStatus::kOk) remember(solution, free_end, state);
   return solution;
 }
 

@@ -194,6 +194,12 @@ class TipEquilibrium {
   TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                       TipState& state) const noexcept;
 
+  /// advance() on a flat sample without friction, where the law alone says what is remembered. Of `solution`
+  /// it writes what is not always the same there: begin with a new one. Unless that says kOk, `law` is left
+  /// as it was.
+  void advance_flat(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, TipSampleState& law,
+                    TipSolution& solution) const noexcept;
+
   /// Height of the apex at which the sphere, coming straight down on (x, y), first touches the surface.
   double touch_height_nm(double x_nm, double y_nm) const noexcept;
 

@@ -74,6 +74,22 @@ struct TipSampleState {
   double warm = 0;  ///< private to the law (the curve's parameter)
   BridgeState bridge;
   TipSampleCache cache;
+
+  /// `*this = from`, as far as the law can tell. Where both have been at one radius with a table, most of the
+  /// cache is the same in both, or not looked at; what moves is a sixth of it.
+  void go_on_from(const TipSampleState& from) noexcept {
+    if (!cache.tabulated || !from.cache.tabulated || cache.radius_nm != from.cache.radius_nm) {
+      *this = from;
+      return;
+    }
+    branch = from.branch;
+    overlap_nm = from.overlap_nm;
+    warm = from.warm;
+    cache.lambda = from.cache.lambda;
+    cache.u = from.cache.u;
+    cache.has_last = from.cache.has_last;
+    cache.last = from.cache.last;
+  }
 };
 
 enum class SolveStatus : std::uint8_t { kOk, kNotConverged, kNonFinite };

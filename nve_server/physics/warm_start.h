@@ -63,6 +63,17 @@ CurveSolution solve_warm(const Curve& curve, const Cache& cache, double z, const
   return curve.solve(z, held, foreseen(curve, cache, z, held));
 }
 
+/// The same into `out`, in place where the curve can.
+template <class Curve, class Cache>
+void solve_warm(const Curve& curve, const Cache& cache, double z, const Held& held,
+                CurveSolution& out) noexcept {
+  if constexpr (requires { curve.solve(z, held, z, out); }) {
+    curve.solve(z, held, foreseen(curve, cache, z, held), out);
+  } else {
+    out = solve_warm(curve, cache, z, held);
+  }
+}
+
 template <class Curve, class Cache>
 void remember(const Curve& curve, Cache& cache, const CurvePoint& p) noexcept {
   cache.lambda = curve.lambda();

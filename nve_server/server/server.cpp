@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <utility>
 
 #include "common/base/error.h"
@@ -14,7 +15,7 @@ namespace {
 
 link::PeerKey peer_key(const net::Address& address) noexcept {
   link::PeerKey key;
-  std::copy(address.ip.begin(), address.ip.end(), key.bytes.begin());
+  std::memcpy(key.bytes.data(), address.ip.data(), address.ip.size());
   key.bytes[16] = static_cast<std::uint8_t>(address.port & 0xff);
   key.bytes[17] = static_cast<std::uint8_t>(address.port >> 8);
   return key;
@@ -36,16 +37,14 @@ bool is_finite(const slave::SlaveOutput& o) noexcept {
          std::isfinite(o.energy_in_aj) && std::isfinite(o.energy_out_aj);
 }
 
-/// A slave that goes wrong must not be felt: zero force, a named fault, everything else as it was last.
+/// A slave that goes wrong must not be felt: zero force, a named fault, everything else as it was `last`,
+/// which `output` is before. (In this order: what was written just now is slow to copy.)
 void step_guarded(slave::Slave& slave, const slave::SlaveInput& input, double dt_s,
-                  slave::SlaveOutput& output) noexcept {
-  slave::SlaveOutput next = output;
-  slave.step(input, dt_s, next);
-  if (!link::is_finite(next.model)) next.model = {};  // the force may be right all the same
-  if (is_finite(next)) {
-    output = next;
-    return;
-  }
+                  const slave::SlaveOutput& last, slave::SlaveOutput& output) noexcept {
+  slave.step(input, dt_s, output);
+  if (!link::is_finite(output.model)) output.model = {};  // the force may be right all the same
+  if (is_finite(output)) return;
+  output = last;
   output.force_w_nn.setZero();
   output.fault_bits |= link::kFaultNonFinite;
 }
@@ -298,7 +297,7 @@ void Server::move_tip_once(std::size_t slot, const link::Command& command, doubl
   const PortBook before = seat.book;
   if (controls && anchored) input = seat.control.before(command, input, last, tip.slave->limits(), dt_s);
   if (controls && !anchored) seat.control.observe(command.control);
-  step_guarded(*tip.slave, input, dt_s, tip.output);
+  step_guarded(*tip.slave, input, dt_s, last, tip.output);
   if (shared()) seat.book.add(last, tip.output);
   if (controls && anchored) {
     if (shared()) {
@@ -314,15 +313,19 @@ void Server::move_tip(std::size_t slot, const link::Command& command, const link
                       std::int64_t now_ns) noexcept {
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
-  link::MissedSteps plan;
-  link::plan_steps(recent, session.missed, session.spacing_s, 1.0 / session.rate_hz, plan);
-  for (std::size_t i = 0; i < plan.count; ++i) {
-    const link::MissedSteps::Step& step = plan.step[i];
-    const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - tip.last_target_w_nm) / step.spacing_s;
-    move_tip_once(slot, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
+  double spacing_s = session.spacing_s;
+  if (recent.count > 0 && session.missed > 0) {
+    link::MissedSteps plan;
+    link::plan_steps(recent, session.missed, session.spacing_s, 1.0 / session.rate_hz, plan);
+    for (std::size_t i = 0; i < plan.count; ++i) {
+      const link::MissedSteps::Step& step = plan.step[i];
+      const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - tip.last_target_w_nm) / step.spacing_s;
+      move_tip_once(slot, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
+    }
+    counters_.recovered += plan.count;
+    spacing_s = plan.last_spacing_s;
   }
-  counters_.recovered += plan.count;
-  move_tip_once(slot, command, plan.last_spacing_s);
+  move_tip_once(slot, command, spacing_s);
   tip.last_step_ns = tip.moved_ns = now_ns;
   tip.at_rest = false;
 }
@@ -414,7 +417,7 @@ void Server::retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexce
   const double dt_s =
       std::clamp(1e-9 * static_cast<double>(now_ns - tip.last_step_ns), kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
-  step_guarded(*tip.slave, input, dt_s, tip.output);
+  step_guarded(*tip.slave, input, dt_s, last, tip.output);
   if (control != nullptr) control->after(last, tip.output, dt_s);
   tip.last_step_ns = now_ns;
   const bool stuck = (tip.output.fault_bits & link::kFaultNoEquilibrium) != 0;

@@ -77,18 +77,17 @@ double short_of(double least, double most, double charge) noexcept {
 
 }  // namespace
 
-NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene)
+NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene) : NveSlave(scene, PortGround(*scene)) {}
+
+NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene, const PortGround& ground)
     : scene_(std::move(scene)),
       limits_(limits_of(*scene_)),
       flat_(scene_->surface->is_flat()),
       scalar_(flat_ && !scene_->friction && !scene_->particle),
       sample_(scene_),
-      model_(scene_) {
+      model_(scene_, ground) {
   port().commanded_w_nm = limits_.start_pos_w_nm;
-  physics::Compliance springs;
-  if (solve(port().commanded_w_nm, piece_of(kSettle_s), port(), trial_port(), springs)) {
-    accept_trial();
-  }
+  if (solve(port().commanded_w_nm, piece_of(kSettle_s), port(), trial_port()) != nullptr) accept_trial();
   port().mode.velocity_nm_s = 0;
   SlaveOutput unused;
   publish(0, unused);
@@ -120,31 +119,43 @@ int NveSlave::pieces(double dt_s, double distance_nm) const noexcept {
   return count;
 }
 
-bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from, Port& to,
-                     physics::Compliance& springs) noexcept {
+const physics::Compliance& NveSlave::springs_without_mode(double k_total) noexcept {
+  if (k_total != springs_k_total_n_m_) {
+    springs_k_total_n_m_ = k_total;
+    springs_ = Mat3::Identity() / k_total + scene_->cantilever.rest_compliance_nm_nn();
+  }
+  return springs_;
+}
+
+const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from,
+                                           Port& to) noexcept {
   const physics::Probe& probe = scene_->cantilever;
   const auto& mode = probe.mode();
   const double k_c = scene_->coupling.stiffness_n_m;
   const double b_over_dt = scene_->coupling.damping_n_s_m / piece.dt_s;
   const double k_total = k_c + b_over_dt;
-  if (scalar_) {
-    to.tip.law = from.tip.law;  // all that a flat sample's balance goes on from; the rest it writes
-  } else {
-    to.tip = from.tip;
-  }
   to.mode = from.mode;
   to.commanded_w_nm = commanded;
   Vec3 free_end = commanded - from.extension_w_nm * (b_over_dt / k_total);
-  springs = Mat3::Identity() / k_total + probe.rest_compliance_nm_nn();
+  const physics::Compliance* springs = &springs_without_mode(k_total);
   physics::ModeStep mode_step;
   if (mode) {
     const Vec3& shape = probe.mode_shape_w();
-    mode_step = mode->begin(piece.mode, from.mode, felt_stiffness(from.solution, springs, shape));
+    mode_step = mode->begin(piece.mode, from.mode, felt_stiffness(from.solution, *springs, shape));
     free_end += mode_step.shift_nm * shape;
-    springs += mode_step.compliance_nm_nn * shape * shape.transpose();
+    mode_springs_ = *springs;
+    mode_springs_ += mode_step.compliance_nm_nn * shape * shape.transpose();
+    springs = &mode_springs_;
   }
-  to.solution = sample_.advance(free_end, springs, piece.dt_s, to.tip);
-  if (to.solution.status != SolveStatus::kOk) return false;
+  if (scalar_) {
+    // Whole states are never copied here, which would take longer than the balance.
+    to.tip.law.go_on_from(from.tip.law);
+    scene_->equilibrium->advance_flat(free_end, *springs, to.tip.law, to.solution);
+  } else {
+    to.tip = from.tip;
+    to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.tip);
+  }
+  if (to.solution.status != SolveStatus::kOk) return nullptr;
   const Vec3& force = to.solution.force_w_nn;
   to.extension_w_nm = (b_over_dt * from.extension_w_nm - force) / k_total;
   to.stored_aj = to.solution.potential_aj + to.solution.friction_stored_aj +
@@ -156,14 +167,14 @@ bool NveSlave::solve(const Vec3& commanded, const Piece& piece, const Port& from
     to.stored_aj += mode->energy_aj(to.mode);
   }
   to.damped_aj = b_over_dt * (to.extension_w_nm - from.extension_w_nm).squaredNorm() + to.mode_loss.damped_aj;
-  return true;
+  return springs;
 }
 
 bool NveSlave::solve_within_force_limit(const Vec3& commanded, const Piece& piece, const Port& from, Port& to,
                                         bool& held_back) noexcept {
   const double limit = scene_->limits.force_max_nn;
-  physics::Compliance springs;
-  if (!solve(commanded, piece, from, to, springs)) return false;
+  const physics::Compliance* springs = solve(commanded, piece, from, to);
+  if (springs == nullptr) return false;
   // The end goes back along the normal to where the force is the limit, and is free to follow the target
   // sideways. Springs and contact in series say how far; the law is close to a line there, so a few trials
   // do. On several feet the normal is shorter than 1 and the normal force the larger; with a lateral part the
@@ -177,8 +188,9 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, const Piece& piec
     const Vec3 n = to.solution.normal_w;
     const double contact = to.solution.stiffness_n_m > 0.0 ? 1.0 / to.solution.stiffness_n_m : 0.0;
     const double excess = force - (1.0 - 0.5 * kForceLimitSlack) * limit;
-    end += n * (excess * (n.dot(springs * n) + contact));
-    if (!solve(end, piece, from, to, springs)) return false;
+    end += n * (excess * (n.dot(*springs * n) + contact));
+    springs = solve(end, piece, from, to);
+    if (springs == nullptr) return false;
   }
 }
 
@@ -279,7 +291,11 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
   if (port().solution.outside) ++trace_.outside_steps;
   if (port().solution.radius_clamped) ++trace_.clamped_radius_steps;
   publish(faults, output);
-  output.model = input.wants_model ? model_.of(port().solution, port().commanded_w_nm) : link::LocalModel{};
+  if (input.wants_model) {
+    output.model = model_.of(port().solution, port().commanded_w_nm);
+  } else {
+    output.model = {};
+  }
 }
 
 void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
@@ -304,6 +320,11 @@ NveSlave::Trace NveSlave::trace() const noexcept {
   trace.mode = port().mode;
   trace.stored_aj = port().stored_aj;
   return trace;
+}
+
+std::function<std::unique_ptr<NveSlave>()> nve_slaves(std::shared_ptr<const scene::Scene> scene) {
+  const PortGround ground(*scene);
+  return [scene = std::move(scene), ground] { return std::make_unique<NveSlave>(scene, ground); };
 }
 
 }  // namespace telenano::slave

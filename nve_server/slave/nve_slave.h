@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstddef>
+#include <functional>
 #include <memory>
 
 #include "nve_server/physics/probe.h"
@@ -57,6 +58,8 @@ namespace telenano::slave {
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);
+  /// The second and further slaves of a scene: `ground` of it is known.
+  NveSlave(std::shared_ptr<const scene::Scene> scene, const PortGround& ground);
 
   void step(const SlaveInput& input, double dt_s, SlaveOutput& output) noexcept override;
   const SlaveLimits& limits() const noexcept override { return limits_; }
@@ -107,8 +110,10 @@ class NveSlave final : public Slave {
   void accept_trial() noexcept;
   Piece piece_of(double dt_s) const noexcept;
   int pieces(double dt_s, double distance_nm) const noexcept;
-  bool solve(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
-             physics::Compliance& springs) noexcept;
+  /// The springs of this trial, which stay until the next; null: no balance.
+  const physics::Compliance* solve(const Vec3& commanded_w_nm, const Piece& piece, const Port& from,
+                                   Port& to) noexcept;
+  const physics::Compliance& springs_without_mode(double k_total_n_m) noexcept;
   bool solve_within_force_limit(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
                                 bool& held_back) noexcept;
   void book(const Port& before, const Piece& piece, Port& after) noexcept;
@@ -122,10 +127,16 @@ class NveSlave final : public Slave {
   PortModel model_;
   std::array<Port, 2> ports_;  // the accepted one and the trial take turns, lest large states be copied
   std::size_t now_ = 0;
+  double springs_k_total_n_m_ = 0;  // that springs_ belong to
+  physics::Compliance springs_ = physics::Compliance::Zero();
+  physics::Compliance mode_springs_ = physics::Compliance::Zero();
   Trace trace_;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;
   double paid_ahead_aj_ = 0;  // by how much the charges so far exceed the port's work
 };
+
+/// Makes slaves of one scene; what they have in common is found now.
+std::function<std::unique_ptr<NveSlave>()> nve_slaves(std::shared_ptr<const scene::Scene> scene);
 
 }  // namespace telenano::slave

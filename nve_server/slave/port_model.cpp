@@ -20,27 +20,31 @@ bool same(const link::LocalModel& a, const link::LocalModel& b) noexcept {
 
 }  // namespace
 
-PortModel::PortModel(std::shared_ptr<const scene::Scene> scene)
-    : scene_(std::move(scene)), springs_nm_nn_(scene_->port_compliance_nm_nn()) {
-  if (scene_->friction) friction_.emplace(*scene_->friction);
+PortGround::PortGround(const scene::Scene& scene) {
   // On level ground, down until the contact pushes and up until it lets go.
-  const physics::TipSampleLaw& law = scene_->equilibrium->law();
-  const double radius_nm = scene_->probe.tip_radius_nm;
+  const physics::TipSampleLaw& law = scene.equilibrium->law();
+  const double spring_nm_nn = scene.port_compliance_nm_nn()(2, 2);
+  const double radius_nm = scene.probe.tip_radius_nm;
   const double reach_nm = std::max(kWalkLeastNm, kWalkLengths * law.scales(radius_nm).overlap_nm);
   const double step_nm = reach_nm / kWalkSteps;
   physics::TipSampleState state;
   double base_nm = -reach_nm;
   for (; base_nm < reach_nm && !(rest_stiffness_n_m_ > 0); base_nm += step_nm) {
-    const physics::Equilibrium eq = law.advance(base_nm, springs_nm_nn_(2, 2), radius_nm, state);
+    const physics::Equilibrium eq = law.advance(base_nm, spring_nm_nn, radius_nm, state);
     if (eq.branch != physics::Branch::kContact || !(eq.force_nn >= 0) || !(eq.stiffness_n_m > 0)) continue;
     rest_overlap_nm_ = eq.overlap_nm - eq.force_nn / eq.stiffness_n_m;
     rest_stiffness_n_m_ = eq.stiffness_n_m;
   }
   for (int i = 0; i < 4 * kWalkSteps; ++i, base_nm -= step_nm) {
-    const physics::Equilibrium eq = law.advance(base_nm, springs_nm_nn_(2, 2), radius_nm, state);
+    const physics::Equilibrium eq = law.advance(base_nm, spring_nm_nn, radius_nm, state);
     if (eq.branch != physics::Branch::kContact) break;
     pull_off_nn_ = std::max(pull_off_nn_, -eq.force_nn);
   }
+}
+
+PortModel::PortModel(std::shared_ptr<const scene::Scene> scene, const PortGround& ground)
+    : scene_(std::move(scene)), springs_nm_nn_(scene_->port_compliance_nm_nn()), ground_(ground) {
+  if (scene_->friction) friction_.emplace(*scene_->friction);
 }
 
 double PortModel::port_stiffness_n_m(double contact_n_m, const Vec3& normal_w) const noexcept {
@@ -50,13 +54,15 @@ double PortModel::port_stiffness_n_m(double contact_n_m, const Vec3& normal_w) c
 link::LocalModel PortModel::of(const physics::TipSolution& tip, const Vec3& commanded_w_nm) noexcept {
   link::LocalModel model;
   const double length = tip.normal_w.norm();
-  if (scene_->particle || !(length > 0.1) || !(rest_stiffness_n_m_ > 0)) return model;
+  if (scene_->particle || !(length > 0.1) || !(ground_.rest_stiffness_n_m() > 0)) return model;
   const Vec3 normal_w = tip.normal_w / length;
   const bool touching = tip.branch == physics::Branch::kContact;
   model.normal_w = normal_w;
-  model.adhesion_nn = pull_off_nn_ * tip.radius_nm / scene_->probe.tip_radius_nm;  // every term goes with R
+  model.adhesion_nn =
+      ground_.pull_off_nn() * tip.radius_nm / scene_->probe.tip_radius_nm;  // every term goes with R
   model.stiffness_n_m = port_stiffness_n_m(
-      touching ? std::max(tip.stiffness_n_m, rest_stiffness_n_m_) : rest_stiffness_n_m_, normal_w);
+      touching ? std::max(tip.stiffness_n_m, ground_.rest_stiffness_n_m()) : ground_.rest_stiffness_n_m(),
+      normal_w);
   if (touching) {
     model.point_w_nm = commanded_w_nm + normal_w * (tip.force_w_nn.dot(normal_w) / model.stiffness_n_m);
     if (friction_) {
@@ -66,7 +72,7 @@ link::LocalModel PortModel::of(const physics::TipSolution& tip, const Vec3& comm
       model.friction_nn = friction_->limit_nn(tip.contact_radius_nm, tip.normal_force_nn);
     }
   } else {
-    model.point_w_nm = tip.apex_w_nm - normal_w * (rest_overlap_nm_ - tip.overlap_nm);
+    model.point_w_nm = tip.apex_w_nm - normal_w * (ground_.rest_overlap_nm() - tip.overlap_nm);
   }
   model.version = last_.version;
   if (!same(model, last_) || model.version == 0) model.version = std::max(1u, last_.version + 1);

@@ -10,6 +10,23 @@
 
 namespace telenano::slave {
 
+/// What a scene's level ground is like to the port: where a contact bears no load, how stiff it is there and
+/// where it lets go. Found by walking the law down and up, some thousands of balances: once for a scene, not
+/// once for each slave.
+class PortGround {
+ public:
+  explicit PortGround(const scene::Scene& scene);
+
+  double rest_overlap_nm() const noexcept { return rest_overlap_nm_; }        ///< of a contact without load
+  double rest_stiffness_n_m() const noexcept { return rest_stiffness_n_m_; }  ///< 0: it never pushes
+  double pull_off_nn() const noexcept { return pull_off_nn_; }  ///< against the port's springs, all terms
+
+ private:
+  double rest_overlap_nm_ = 0;
+  double rest_stiffness_n_m_ = 0;
+  double pull_off_nn_ = 0;
+};
+
 /// What the NVE's port is like around the tip, for the local contact model of the station: the tangent of its
 /// force along the normal as a function of the commanded end, all springs in series,
 ///
@@ -24,7 +41,8 @@ namespace telenano::slave {
 /// None (version 0) where a particle is the sample: what the tip then leans on runs away.
 class PortModel {
  public:
-  explicit PortModel(std::shared_ptr<const scene::Scene> scene);
+  /// `ground`: of the same scene.
+  PortModel(std::shared_ptr<const scene::Scene> scene, const PortGround& ground);
 
   link::LocalModel of(const physics::TipSolution& tip, const Vec3& commanded_w_nm) noexcept;
 
@@ -34,9 +52,7 @@ class PortModel {
   std::shared_ptr<const scene::Scene> scene_;
   physics::Compliance springs_nm_nn_;
   std::optional<physics::Friction> friction_;
-  double rest_overlap_nm_ = 0;  // of a contact without load
-  double rest_stiffness_n_m_ = 0;
-  double pull_off_nn_ = 0;  // against the port's springs, all terms
+  PortGround ground_;
   link::LocalModel last_;
 };
 

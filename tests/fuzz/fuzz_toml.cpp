@@ -1,6 +1,8 @@
 // Any text as one of the project's TOML files: a scene, a list of keys, a slave's limits or a station's
 // settings. One clear line, or something that works.
 #include <cmath>
+#include <functional>
+#include <string>
 #include <utility>
 
 #include "common/base/error.h"
@@ -15,6 +17,24 @@ namespace {
 
 using namespace telenano;
 
+/// A grid of many points takes a thousand times as long as reading its description, and is no other grid than
+/// one of few. False where the description is wrong: that is seen before anything is built.
+bool builds_many_points(const config::TomlTable& root) {
+  constexpr double kFew = 24;  // points from the middle to the rim
+  try {
+    const std::string kind = root.table("surface").text("kind");
+    const auto marks = root.optional_table("marks");
+    if (kind != "step" && kind != "grating" && !root.table("sample").has("hardness_gpa")) return false;
+    const double half_width_nm =
+        root.table("limits").number_or("half_width_nm", config::between(1, 1e6), 150);
+    const double spacing_nm =
+        (marks ? *marks : root.table("surface")).number_or("spacing_nm", config::between(0.05, 1e3), 1);
+    return half_width_nm > kFew * spacing_nm;
+  } catch (const UserError&) {
+    return false;
+  }
+}
+
 void read_as_what_it_looks_like(const std::string& text) {
   const config::TomlTable root = config::TomlDocument::parse(text, "file.toml").root();
   if (root.has("key") || root.has("certificate")) {
@@ -28,6 +48,8 @@ void read_as_what_it_looks_like(const std::string& text) {
         config::parse_slave_limits(config::slave_limits_text(limits), "limits.toml");
     FUZZ_CHECK(again.start_pos_w_nm == limits.start_pos_w_nm && again.force_max_nn == limits.force_max_nn);
   } else if (root.has("sample") || root.has("surface")) {
+    // Now and then all the same.
+    if (builds_many_points(root) && std::hash<std::string>()(text) % 256 != 0) return;
     const auto scene = scene::parse_scene(text, "scene.toml");
     FUZZ_CHECK(scene->surface && scene->equilibrium);
     FUZZ_CHECK(is_finite(scene->start_apex_w_nm) && std::isfinite(scene->start_touch_w_nm));

@@ -78,7 +78,7 @@ for kind, more in (("step", "height_nm = 5"), ("grating", "height_nm = 5\nperiod
     put("toml", kind, ('name = "%s"\n[sample]\nyoungs_modulus_gpa = 1\npoisson_ratio = 0.3\nsurface_energy_j_m2 = 0.1\n'
                        '[surface]\nkind = "%s"\n%s\n[probe]\ntip_radius_nm = 20\nrigid = true\n[probe.tip]\nyoungs_modulus_gpa = 160\n'
                        'poisson_ratio = 0.27\nsurface_energy_j_m2 = 0.2\n[forces]\n[coupling]\nstiffness_n_m = 20\n[limits]\n'
-                       'force_max_nn = 100\nhalf_width_nm = 40\n[start]\nx_nm = 0\ny_nm = 0\nheight_nm = 20\n' % (kind, kind, more)).encode())
+                       'force_max_nn = 100\nhalf_width_nm = 16\n[start]\nx_nm = 0\ny_nm = 0\nheight_nm = 20\n' % (kind, kind, more)).encode())
 put("path", "square", b"t_s,x_nm,y_nm,z_nm\n0,0,0,10\n# down\n1,0,0,-1\n\n2,10,0,-1\n3,10,10,-1.5e0\n")
 
 # fuzz_hdf5.cpp: the base (bit 0: its writer was killed; bit 1: recover it), then changes.

@@ -109,7 +109,10 @@ void add_session_command(CLI::App& app, int& exit_code) {
   CLI::App* const command = app.add_subcommand(
       "session",
       "A whole session in virtual time (device, hand, station, link, server): CSV, one row a tick");
-  command->add_option("--scene", options->scene, "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")->required();
+  command
+      ->add_option("--scene", options->scene,
+                   "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
+      ->required();
   command->add_option("--task", options->task, "position | contact | indent | scan")->capture_default_str();
   command->add_option("--method", options->method, "none | ks | ks-clamp | tdpa | wave | tank | model")
       ->capture_default_str();

@@ -94,7 +94,7 @@ void VirtualSession::make_server() {
   if (config_.make_slave) {
     served.make_slave = config_.make_slave;
   } else {
-    served.make_slave = [scene = config_.scene] { return std::make_unique<slave::NveSlave>(scene); };
+    served.make_slave = slave::nve_slaves(config_.scene);
   }
   server_ = std::make_shared<server::Server>(config, std::move(served));
   down_ = false;

@@ -118,6 +118,31 @@ TEST_F(AfmProgramsTest, AServerThatIsKilledLeavesTheTipWithdrawn) {
   EXPECT_NE(end.find("tip withdrawn"), std::string::npos) << end;
 }
 
+// A server that hangs keeps its end of the guard's stream open: only the missing heart beat tells. The
+// guard's patience is four reply times: here 4 s, since less would be too little for the checks under a
+// sanitizer.
+TEST_F(AfmProgramsTest, AServerThatHangsWhileAStationPressesLeavesTheTipWithdrawn) {
+  struct Pressed {
+    Simulator simulator;
+    ChildProcess server, run;
+    explicit Pressed(const std::string& afm)
+        : server(serve(simulator.ports(), afm)),
+          run({kMaster, "run", "--server", "127.0.0.1:" + std::to_string(port_of(server)), "--task", "indent",
+               "--duration-s", "60"}) {}
+  };
+  const std::string afm = changed("reply_timeout_ms", "1000.0");
+  Pressed soon(afm), late(afm);
+  for (Pressed* one : {&soon, &late}) ASSERT_TRUE(one->run.wait_for_err("engaged", kLong)) << one->run.err();
+  ::usleep(500'000);
+  for (Pressed* one : {&soon, &late}) one->server.signal(SIGSTOP);
+  const std::string before = soon.simulator.stop();
+  EXPECT_NE(before.find("tip out"), std::string::npos) << before;
+
+  ::usleep(5'500'000);
+  const std::string after = late.simulator.stop();
+  EXPECT_NE(after.find("tip withdrawn"), std::string::npos) << after;
+}
+
 TEST_F(AfmProgramsTest, WhatDoesNotFitIsRefusedInOneLineAndNothingMoves) {
   struct Case {
     std::vector<std::string> sim;

@@ -58,6 +58,21 @@ TEST(FuzzScript, RefusesInOneLine) {
   expect_refused("deploy/fuzz.sh", {"--no-install", "--run", "1"}, "there is no option --run");
 }
 
+TEST(LintScript, RefusesInOneLine) {
+  expect_refused("deploy/lint.sh", {"--no-install", "--formt"}, "there is no option --formt");
+  expect_refused("deploy/lint.sh", {"--no-install", "nowhere.cpp"}, "there is no file nowhere.cpp");
+  expect_refused("deploy/lint.sh", {"--no-install", "server.h"}, "a header is looked at with");
+  expect_refused("deploy/lint.sh", {"--no-install", "--fix", kProject + "/tests/system/scripts_test.cpp"},
+                 "name no files");
+}
+
+TEST(PackageScript, RefusesInOneLine) {
+  expect_refused("deploy/package.sh", {"--no-install", "--onyl", "server"}, "there is no option --onyl");
+  expect_refused("deploy/package.sh", {"--no-install", "--only"}, "expected server, station or lab");
+  expect_refused("deploy/package.sh", {"--no-install", "--only", "nve"}, "--only is 'nve'");
+  expect_refused("deploy/package.sh", {"--no-install", "--out"}, "--out needs a folder");
+}
+
 TEST(VmScript, SaysWhyItCannot) {
   expect_refused("tests/system/vm.sh", {}, "no script is named");
   expect_refused("tests/system/vm.sh", {"/nowhere.sh"}, "there is no script /nowhere.sh");

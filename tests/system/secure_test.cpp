@@ -5,6 +5,7 @@
 
 #include "common/net/udp.h"
 #include "common/recording/recording_reader.h"
+#include "tests/system/felt_force.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -32,6 +33,22 @@ class SecureTest : public ProgramsTest {
     std::vector<std::string> command = station(server, {"--duration-s", "1", "--task", "contact"});
     command.insert(command.end(), more.begin(), more.end());
     return run_program(command, {}, kLong);
+  }
+  /// A station with the key that says how far it is. It presses on the sample from 0.4 to 0.75 of its time.
+  std::vector<std::string> talking(const Server& server, const std::vector<std::string>& more) const {
+    std::vector<std::string> command{
+        kMaster,         "run", "--server",         server.address(), "--task", "contact",
+        "--rt-priority", "0",   "--velocity-scale", "4e-6",           "--key",  path("omega-1.key")};
+    command.insert(command.end(), more.begin(), more.end());
+    return command;
+  }
+  /// The hand was pressed, from nothing on, and never faster than the slew limit of 4000 N/s lets the force
+  /// rise in a tick.
+  static void expect_no_step(const std::string& file) {
+    const FeltForce felt = felt_force(file);
+    EXPECT_EQ(felt.first_n, 0) << file;
+    EXPECT_GT(felt.most_n, 0.1) << file;
+    EXPECT_LE(felt.most_rise_n, 4 * (1 + 1e-9)) << file;
   }
   /// One line, exit code 1, that names all of these.
   static void expect_failed(const Finished& run, const std::vector<std::string>& named) {
@@ -96,21 +113,58 @@ TEST_F(SecureTest, AnObserverFeelsNothingAndMovesNothing) {
   EXPECT_LT(highest - lowest, 1e-6) << "the tip moved";
 }
 
-TEST_F(SecureTest, AServerKilledAndStartedAgainIsFound) {
-  auto first = std::make_unique<Server>(scene_path("flakes"), 0, std::vector<std::string>{"--keys", keys()});
-  const int port = first->port();
-  const std::string file = path("again.h5");
-  ChildProcess run(station(
-      *first, {"--duration-s", "4", "--task", "contact", "--key", path("omega-1.key"), "--record", file}));
-  std::this_thread::sleep_for(Milliseconds(1500));
-  first->child().signal(SIGKILL);
-  ASSERT_TRUE(first->child().wait(kLong));
-  Server second(scene_path("flakes"), port, {"--keys", keys()});
-  ASSERT_TRUE(run.wait(kLong)) << run.err();
-  EXPECT_EQ(run.exit_code(), 0) << run.err();
-  const std::string said = second.stop();
-  EXPECT_NE(said.find("in 1 sessions"), std::string::npos) << said;
-  EXPECT_NE(said.find("handshakes 1"), std::string::npos) << said;
+// In contact, by kill -9 and in order. The station agrees on a new channel and a new session by itself.
+TEST_F(SecureTest, AServerThatEndsAndStartsAgainIsFoundWithoutAStepOfTheForce) {
+  for (const int signal : {SIGKILL, SIGTERM}) {
+    auto first =
+        std::make_unique<Server>(scene_path("flat_pdms"), 0, std::vector<std::string>{"--keys", keys()});
+    const int port = first->port();
+    const std::string file = path("again" + std::to_string(signal) + ".h5");
+    ChildProcess run(talking(*first, {"--duration-s", "7", "--record", file}));
+    ASSERT_TRUE(run.wait_for_err("engaged", kLong)) << run.err();
+    std::this_thread::sleep_for(Milliseconds(3300));
+    first->child().signal(signal);
+    ASSERT_TRUE(first->child().wait(kLong));
+    Server second(scene_path("flat_pdms"), port, {"--keys", keys()});
+    ASSERT_TRUE(run.wait(kLong)) << run.err();
+    EXPECT_EQ(run.exit_code(), 0) << run.err();
+    const std::string said = second.stop();
+    EXPECT_NE(said.find("in 1 sessions"), std::string::npos) << said;
+    EXPECT_NE(said.find("handshakes 1"), std::string::npos) << said;
+    expect_no_step(file);
+    std::size_t new_epochs = 0;
+    for (const recording::Event& event : RecordingReader(file).events())
+      new_epochs += std::string(event.text.data()).find("new epoch") != std::string::npos ? 1 : 0;
+    EXPECT_EQ(new_epochs, 1u);
+  }
+}
+
+// kill -9 of the station in contact: with the session's file it goes on with its slave and its book, without
+// it begins a new session beside what is left; both over a new channel, and the force comes in by the ramp.
+TEST_F(SecureTest, AStationThatIsKilledComesBackWithItsKeyWithoutAStepOfTheForce) {
+  Server server(scene_path("flat_pdms"), 0, {"--keys", keys()});
+  for (const bool with_file : {true, false}) {
+    const auto command = [&](const std::string& duration_s, const std::string& record) {
+      std::vector<std::string> words = talking(server, {"--duration-s", duration_s, "--record", record});
+      if (with_file) words.insert(words.end(), {"--session-file", path("session")});
+      return words;
+    };
+    ChildProcess killed(command("5", path("killed.h5")));
+    ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
+    std::this_thread::sleep_for(Milliseconds(2500));
+    killed.signal(SIGKILL);
+    ASSERT_TRUE(killed.wait(kLong));
+    const std::string file = path(with_file ? "resumed.h5" : "anew.h5");
+    const Finished again = run_program(command("3", file), {}, kLong);
+    EXPECT_EQ(again.exit_code, 0) << again.err;
+    EXPECT_EQ(again.err.find("resuming the session of the last run") != std::string::npos, with_file)
+        << again.err;
+    expect_no_step(file);
+    std::filesystem::remove(path("killed.h5"));
+  }
+  const std::string said = server.stop();
+  EXPECT_NE(said.find("in 3 sessions (1 resumed)"), std::string::npos) << said;
+  EXPECT_NE(said.find("handshakes 4"), std::string::npos) << said;
 }
 
 TEST_F(SecureTest, RevokingAKeyEndsItsSession) {

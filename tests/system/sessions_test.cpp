@@ -2,11 +2,10 @@
 // was killed.
 #include <sys/stat.h>
 
-#include <algorithm>
-#include <cmath>
 #include <thread>
 
 #include "common/recording/recording_reader.h"
+#include "tests/system/felt_force.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -66,6 +65,20 @@ TEST_F(SessionsTest, OneHoldsTheTipOthersLookOnAndTakeItByRight) {
   EXPECT_TRUE(says(said, "in 4 sessions")) << said;
 }
 
+TEST_F(SessionsTest, WhoOnlyLooksOnDoesSoUntilStopped) {
+  Server server(scene_path("flat_pdms"), 0, {"--share", "one-tip"});
+  // A task of a second would be over after one.
+  const std::string config = write("station.toml", "[task]\nduration_s = 1\n");
+  ChildProcess observer(talking(server, {"--observe", "--config", config}));
+  ASSERT_TRUE(observer.wait_for_err("observing it, until you stop this with Ctrl-C", kLong))
+      << observer.err();
+  ASSERT_TRUE(observer.wait_for_err("observing, the force is zero", kLong)) << observer.err();
+  EXPECT_FALSE(observer.wait(std::chrono::milliseconds(2500))) << observer.err();
+  observer.signal(SIGINT);
+  ASSERT_TRUE(observer.wait(kLong));
+  EXPECT_EQ(observer.exit_code(), 0) << observer.err();
+}
+
 TEST_F(SessionsTest, WhatDoesNotGoTogetherWithSharingIsToldInOneLine) {
   Server server(scene_path("flat_pdms"));
   const Finished none = run_program(station(server, {"--observe"}), {}, kLong);
@@ -103,18 +116,10 @@ TEST_F(SessionsTest, AServerShutDownInContactWithdrawsAndItsStationWaitsForTheNe
   EXPECT_EQ(run.exit_code(), 0) << run.err();
   EXPECT_TRUE(says(second.stop(), "in 1 sessions"));
 
-  // No step: the force rises by at most 4000 N/s, ticks being counted where they came late.
-  const RecordingReader reader(file);
-  std::vector<double> f[3];
-  for (int axis = 0; axis < 3; ++axis) f[axis] = reader.read("hand_force_applied_h_n", axis);
-  double last_n = 0, most_n = 0;
-  for (std::size_t i = 0; i < reader.rows(); ++i) {
-    const double force_n = std::sqrt(f[0][i] * f[0][i] + f[1][i] * f[1][i] + f[2][i] * f[2][i]);
-    ASSERT_LE(force_n - last_n, 4 * (1 + 1e-9)) << i;
-    last_n = force_n;
-    most_n = std::max(most_n, force_n);
-  }
-  EXPECT_GT(most_n, 0.1) << "felt";
+  // No step: the force rises by at most 4000 N/s.
+  const FeltForce felt = felt_force(file);
+  EXPECT_LE(felt.most_rise_n, 4 * (1 + 1e-9));
+  EXPECT_GT(felt.most_n, 0.1) << "felt";
 }
 
 TEST_F(SessionsTest, AServerShutDownForGoodIsToldAsSuch) {
@@ -174,8 +179,8 @@ TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
   Server server(scene_path("flat_pdms"), 0, {"--keys", keys});
   const std::string file = path("session");
   const auto command = [&](const std::string& key, const std::string& duration_s) {
-    return talking(server, {"--task", "contact", "--velocity-scale", "4e-6", "--duration-s", duration_s, "--key", path(key + ".key"),
-                            "--session-file", file});
+    return talking(server, {"--task", "contact", "--velocity-scale", "4e-6", "--duration-s", duration_s,
+                            "--key", path(key + ".key"), "--session-file", file});
   };
   ChildProcess killed(command("one", "30"));
   ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();

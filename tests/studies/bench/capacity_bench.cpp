@@ -80,6 +80,7 @@ std::vector<BenchRow> run_capacity_bench(const ServerBenchOptions& o) {
   const std::size_t sessions = o.sockets * o.sessions_each;
   std::vector<BenchRow> rows;
   for (const Case& c : cases) {
+    if (!o.only.empty() && o.only != c.name) continue;
     const auto scene = scene::load_scene(c.scene);
     const double work_ns = c.with_work ? step_ns(scene, c.model, o.server_cpu) : 0;
     Served served(scene, o.server_cpu, false, sessions);

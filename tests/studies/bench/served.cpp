@@ -22,14 +22,14 @@ server::ServedScene served_scene(std::shared_ptr<const scene::Scene> scene) {
   server::ServedScene served;
   served.name = server::scene_name(scene->name);
   served.hash = scene->hash;
-  served.make_slave = [scene = std::move(scene)] { return std::make_unique<slave::NveSlave>(scene); };
+  served.make_slave = slave::nve_slaves(std::move(scene));
   return served;
 }
 
 }  // namespace
 
 Served::Served(std::shared_ptr<const scene::Scene> scene, int cpu, bool busy_poll, std::size_t capacity)
-    : socket_(net::Udp::listen(net::parse_address("127.0.0.1:0", "bench"))),
+    : socket_(net::Udp::listen(net::parse_address("127.0.0.1:0", "bench"), {.arrival_times = false})),
       batch_(socket_),
       server_(config_of(capacity), served_scene(std::move(scene))),
       thread_(std::make_unique<PinnedThread>(cpu, [this, busy_poll](const std::atomic<bool>& stop) {

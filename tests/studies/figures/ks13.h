@@ -29,7 +29,7 @@ struct HardContact {
   double swing_n = 0;           ///< peak to peak over the same
   double settled_after_s = -1;  ///< after the first touch: from then on to the end of the hold within ±2.5 %
                                 ///< of the static force; negative: never
-  double greatest_push_n = 0;  ///< away from the sample: what adhesion does not make
+  double greatest_push_n = 0;   ///< away from the sample: what adhesion does not make
 };
 
 inline constexpr double kHardContactForceScale = 8e8;

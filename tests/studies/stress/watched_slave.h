@@ -46,7 +46,8 @@ class WatchedSlave final : public slave::Slave {
     w.touches = touches_ = touches;
     w.retracted = input.retract;
     w.most_force_nn = std::max(w.most_force_nn, output.force_w_nn.norm());
-    // What pulls a sticking tip off in a withdrawal is the slave's own drive: nobody at a port has put that in.
+    // What pulls a sticking tip off in a withdrawal is the slave's own drive: nobody at a port has put that
+    // in.
     if (!input.retract) w.net_in_aj += (output.energy_in_aj - in_aj_) - (output.energy_out_aj - out_aj_);
     w.sums_fell = w.sums_fell || output.energy_in_aj < in_aj_ || output.energy_out_aj < out_aj_;
     w.non_finite = w.non_finite || !is_finite(output.force_w_nn) || !std::isfinite(output.energy_in_aj) ||

@@ -119,6 +119,25 @@ TEST(TomlDocument, SyntaxErrorAndMissingFileAreOneLine) {
   EXPECT_EQ(error_of([] { TomlDocument::load("/"); }), "/: is a folder, expected a TOML file");
 }
 
+TEST(TomlDocument, WhatIsQuotedMakesNoSecondLine) {
+  const auto error_of = [](const std::string& text, const auto& read) -> std::string {
+    try {
+      const TomlDocument document = TomlDocument::parse(text, "x.toml");
+      read(document.root());
+      document.finish();
+    } catch (const UserError& error) {
+      return error.what();
+    }
+    return "no error";
+  };
+  const auto choose = [](const TomlTable& root) { root.choice("a", {"b", "c"}); };
+  EXPECT_EQ(error_of("a = \"b\\nc\\u001b[2J\"", choose),
+            "x.toml:1: 'a' at the top level is 'b\\x0ac\\x1b[2J', expected one of 'b', 'c'");
+  EXPECT_EQ(error_of("a = \"b\"\n\"d\\te\" = 1", choose), "x.toml:2: unknown key 'd\\x09e' at the top level");
+  // Not only control characters of ASCII are bytes below it: words of any language stay.
+  EXPECT_EQ(error_of("a = \"ä\"", choose), "x.toml:1: 'a' at the top level is 'ä', expected one of 'b', 'c'");
+}
+
 TEST(TomlDocument, ResolvesPathsAgainstItsFolder) {
   const TomlDocument document = TomlDocument::parse("", "deploy/scenes/f.toml");
   EXPECT_EQ(document.resolve("../data/x.gsf"), "deploy/data/x.gsf");

@@ -80,7 +80,8 @@ TEST(PeriodicTimer, RestartForgivesAPause) {
   const Tick tick = timer.wait();
   const PeriodicTimerStats after = timer.stats();
   EXPECT_EQ(tick.index, static_cast<std::int64_t>(after.missed - before.missed)) << "counted from 0 again";
-  // On a machine that is busy this very tick may be late; the pause of 20 periods must not be counted either way.
+  // On a machine that is busy this very tick may be late; the pause of 20 periods must not be counted either
+  // way.
   EXPECT_LT(after.missed - before.missed, 20u);
   if (tick.missed == 0) {
     EXPECT_EQ(after.overruns, before.overruns);

@@ -138,6 +138,37 @@ TEST(PortModel, OnAScanTheNormalIsOneAndTheForceIsRight) {
   }
 }
 
+// What slaves of one scene share must not show: one that was made with it goes bit for bit as one that found
+// it itself, and nothing that one slave does reaches the next.
+TEST(PortModel, SlavesOfOneSceneShareItsGround) {
+  for (const char* name : {"flat_silicon_oxide", "flat_polystyrene", "flakes", "particle"}) {
+    SCOPED_TRACE(name);
+    Rig rig(name);
+    const auto make = nve_slaves(rig.scene);
+    for (int made = 0; made < 2; ++made) {
+      Rig alone(name);
+      const auto slave = make();
+      ASSERT_EQ(slave->limits().start_pos_w_nm, alone.slave.limits().start_pos_w_nm);
+      SlaveOutput output;
+      slave->step(alone.input, kT, output);  // as the rig has done
+      alone.input.tip_target_pos_w_nm.z() -= 60;
+      for (int k = 0; k < 400; ++k) {
+        alone.input.tip_target_pos_w_nm.x() += 0.1;
+        alone.step();
+        slave->step(alone.input, kT, output);
+        ASSERT_EQ(output.force_w_nn, alone.output.force_w_nn);
+        ASSERT_EQ(output.model.point_w_nm, alone.output.model.point_w_nm);
+        ASSERT_EQ(output.model.stiffness_n_m, alone.output.model.stiffness_n_m);
+        ASSERT_EQ(output.model.adhesion_nn, alone.output.model.adhesion_nn);
+        ASSERT_EQ(output.energy_in_aj, alone.output.energy_in_aj);
+      }
+      if (alone.output.model.version > 0) {
+        EXPECT_GT(alone.output.model.adhesion_nn, 0);
+      }
+    }
+  }
+}
+
 TEST(PortModel, AParticleIsNoGround) {
   Rig rig("particle");
   EXPECT_EQ(rig.output.model.version, 0u);
