@@ -118,9 +118,9 @@ Figure survival_figure(const std::vector<Row>& rows, const FigureFolder& folder)
   script += fmt::format("set xrange [-0.5:{}]\nset yrange [-0.5:{}]\nset xtics ({})\nset ytics ({})\n",
                         static_cast<double>(rtts.size()) - 0.5, static_cast<double>(losses.size()) - 0.5,
                         tics(rtts, 1), tics(losses, 100));
-  const auto height = static_cast<double>(60 + 220 * lines_of);
+  const auto height = static_cast<double>(60 + 240 * lines_of);
   script += fmt::format("set multiplot layout {},{} margins 0.07,0.99,{:.4f},{:.4f} spacing 0.07,{:.4f}\n",
-                        lines_of, columns, 50 / height, 1 - 25 / height, 52 / height);
+                        lines_of, columns, 50 / height, 1 - 25 / height, 68 / height);
   for (std::size_t m = 0; m < methods.size(); ++m) {
     script += fmt::format("set title '{}' offset 0,-0.6\n", control::method_name(methods[m]));
     script += fmt::format(
@@ -146,8 +146,9 @@ Figure round_trip_figure(const std::vector<Row>& rows, const FigureFolder& folde
       "hand presses once on a wall that nobody knows (planned scaling, no loss). Shown over local force, "
       "least squares over all "
       "samples in which the wall itself would push; how far the tip's command is at the end from where "
-      "the hand left it; least net energy that had been put in: below zero the hand had got more out. Runs "
-      "that were stopped have no point.",
+      "the hand left it; the most net energy that the hand had got out (what is below 0.01 mJ is drawn "
+      "there). "
+      "Runs that were stopped have no point.",
       ""};
   const std::vector<Method> methods = methods_of(rows);
   const auto which = [](const Row& r) {
@@ -156,7 +157,7 @@ Figure round_trip_figure(const std::vector<Row>& rows, const FigureFolder& folde
   };
   const auto rtts = values_of(
       rows, [](const Row& r) { return r.spec.rtt_ms; }, which);
-  std::string csv = "# place,rtt_ms,shown_ratio,drift_mm,least_net_mj; one block a method\n";
+  std::string csv = "# place,rtt_ms,shown_ratio,drift_um,most_got_out_mj; one block a method\n";
   for (const Method method : methods) {
     for (std::size_t i = 0; i < rtts.size(); ++i) {
       for (const Row& row : rows) {
@@ -164,7 +165,7 @@ Figure round_trip_figure(const std::vector<Row>& rows, const FigureFolder& folde
             row.outcome.stopped_s >= 0)
           continue;
         csv += fmt::format("{},{:g},{:.6g},{:.6g},{:.6g}\n", i, rtts[i], row.outcome.shown_ratio,
-                           std::fabs(row.outcome.drift_mm), -row.outcome.given_mj);
+                           1e3 * std::fabs(row.outcome.drift_mm), std::max(0.01, row.outcome.given_mj));
       }
     }
     csv += "\n\n";
@@ -192,10 +193,10 @@ Figure round_trip_figure(const std::vector<Row>& rows, const FigureFolder& folde
       "'shown (N/m)' offset 0.5,0\nset yrange [0:*]\n",
       tics(rtts, 1), static_cast<double>(rtts.size()) - 0.7);
   script += lines("shown_stiffness.csv", methods, 3) + "unset key\nset ylabel 'shown / local force'\n" +
-            lines("round_trip.csv", methods, 3) + "set ylabel 'drift (mm)'\nset format y '%.1e'\n" +
+            lines("round_trip.csv", methods, 3) + "set ylabel 'drift (µm)'\n" +
             lines("round_trip.csv", methods, 4) +
-            "set format y '%g'\nset ylabel 'least net energy (mJ)'\nset yrange [*:*]\nset xlabel 'round trip "
-            "(ms)' offset 0,0.4\n" +
+            "set ylabel 'got out (mJ)'\nset logscale y\nset yrange [0.007:*]\nset xlabel 'round trip (ms)' "
+            "offset 0,0.4\n" +
             lines("round_trip.csv", methods, 5);
   folder.draw(figure, 900, 960, script + "unset multiplot\n");
   return figure;
@@ -208,7 +209,8 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
       "scaling. Left: over the "
       "station's rate, round trip 20 ms. Right: over what a step of the whole loop costs (hand, station, "
       "link, server, slave and "
-      "invariants; the quickest of three runs on this machine, beside its other work), 1 kHz, 20 ms.",
+      "invariants; the quickest of three runs on this machine, beside its other work), 1 kHz, 20 ms; colours "
+      "as on the left.",
       ""};
   const std::vector<Method> methods = methods_of(rows);
   const auto which = [](const Row& r) {
@@ -220,7 +222,7 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
   const auto rates = values_of(
       rows, [](const Row& r) { return r.spec.rate_hz; }, which);
   std::string csv = "# place,rate_hz,force_error_n; one block a method\n",
-              cost = "# ns_per_step,force_error_n; one block a method\n";
+              cost = "# us_per_step,force_error_n; one block a method\n";
   double slowest_ns = 0;
   for (const Method method : methods) {
     for (std::size_t i = 0; i < rates.size(); ++i) {
@@ -234,7 +236,7 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
     spec.rtt_ms = 20;
     const double ns = ns_a_step(spec, scenes);
     slowest_ns = std::max(slowest_ns, ns);
-    cost += fmt::format("{:.4g},{:.6g}\n\n\n", ns, run(spec, scenes).force_error_n);
+    cost += fmt::format("{:.4g},{:.6g}\n\n\n", 1e-3 * ns, run(spec, scenes).force_error_n);
     csv += "\n\n";
   }
   folder.write("force_error_rate.csv", csv);
@@ -249,13 +251,11 @@ Figure error_figure(const std::vector<Row>& rows, const Scenes& scenes, const Fi
               lines("force_error_rate.csv", methods, 3);
   script += fmt::format(
       "unset key\nunset ylabel\nset xtics auto\nset xrange [0:{:.6g}]\nset xlabel 'run time of a step "
-      "(ns)' offset 0,0.3\nplot ",
-      1.25 * slowest_ns);
+      "(µs)' offset 0,0.3\nplot ",
+      1.1e-3 * slowest_ns);
   for (std::size_t m = 0; m < methods.size(); ++m)
-    script += fmt::format(
-        "{}'force_error_time.csv' index {} using 1:2 with points pt 7 ps 1 lc rgb '{}', '' index {} using "
-        "1:2:('{}') with labels left offset 0.7,0 font ',10'",
-        m == 0 ? "" : ", \\\n  ", m, method_colour(methods[m]), m, control::method_name(methods[m]));
+    script += fmt::format("{}'force_error_time.csv' index {} using 1:2 with points pt 7 ps 1 lc rgb '{}'",
+                          m == 0 ? "" : ", \\\n  ", m, method_colour(methods[m]));
   folder.draw(figure, 900, 380, script + "\nunset multiplot\n");
   return figure;
 }
@@ -269,9 +269,10 @@ Figure budget_figure(const Scenes& scenes, const FigureFolder& folder) {
       "in. Middle: what the method's own ledger says is owed, and the allowance, which it must not pass. "
       "Below: the force. "
       "Without control the arm is thrown off at the first touch, and the station stops. "
-      "Left: everything is lost for 150 ms, shaded. Right: the server dies in contact and is back after 500 "
-      "ms, "
-      "shaded, as another epoch: the deficit is carried over, nothing is granted.",
+      "Left: everything is lost for 150 ms, shaded. Right: the server dies as the tip touches and is back "
+      "after "
+      "500 ms, shaded for model (others touch at other moments), as another epoch: the deficit is carried "
+      "over, nothing is granted.",
       ""};
   RunSpec burst;
   burst.hand = HandKind::kPassive;
@@ -283,7 +284,7 @@ Figure budget_figure(const Scenes& scenes, const FigureFolder& folder) {
   burst.outage_ms = 150;
   RunSpec death = burst;
   death.outage_ms = 0;
-  death.restart = Restart::kContact;
+  death.restart = Restart::kSnapIn;
   death.down_ms = 500;
   constexpr Method kShown[] = {Method::kNone, Method::kTank, Method::kModel};
   std::string panels[3];
@@ -324,8 +325,8 @@ Figure budget_figure(const Scenes& scenes, const FigureFolder& folder) {
                                  column == 0 ? y[row] : "");
       panels[row] += row == 0 ? fmt::format(
                                     "set title '{}' offset 0,0.4\nset key at graph 1, graph 1.0 bottom right "
-                                    "horizontal\nset format x ''\nset yrange [-20:35]\n",
-                                    column == 0 ? "a burst of loss" : "the server dies in contact")
+                                    "horizontal\nset format x ''\nset xrange [0:6.4]\nset yrange [-20:35]\n",
+                                    column == 0 ? "a burst of loss" : "the server dies at a touch")
                               : std::string("unset title\nunset key\n");
       if (row == 1) panels[row] += "set yrange [-5:15]\n";
       if (row == 2)
