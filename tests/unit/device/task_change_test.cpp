@@ -148,7 +148,9 @@ TEST(TaskChange, AStopOnTheWayBeginsANewStroke) {
   ASSERT_TRUE(bench.device.begin_task(bench.hover));
   while ((bench.buttons & kButtonClutch) != 0 || !bench.engaged || bench.step_nm < 0.02) bench.tick();
   bench.stopped = true;  // in the middle of lifting
-  bench.run(1);
+  bench.run(0.05);
+  EXPECT_NE(bench.buttons & kButtonClutch, 0u);  // it goes no further without the tip
+  bench.run(0.95);
   bench.mapping.stand_at(Vec3(0, 0, 120));
   bench.stopped = false;
   bench.change_over(60);
