@@ -111,23 +111,24 @@ std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& option
   const auto tell = [&](const std::string& name, const char* about, int number, bool free = false) {
     tasks.push_back({name, about, hand.reach_nm(number), free});
   };
-  const auto first = std::find_if(known.begin(), known.end(),
-                                  [&](const auto& task) { return device::task_name(task.first) == options.task; });
+  const auto first = std::find_if(known.begin(), known.end(), [&](const auto& task) {
+    return device::task_name(task.first) == options.task;
+  });
   tell(options.task, first == known.end() ? "the way of the file" : first->second, 0);
   for (const auto& [task, about] : known) {
     if (first != known.end() && task == first->first) continue;
     tell(std::string(device::task_name(task)), about,
          hand.add_task(device::IntendedMotion::for_task(task, task_options)));
   }
-  if (pointer != nullptr)
-    tell("free hand", "your mouse leads it", hand.add_free_task(*pointer), true);
+  if (pointer != nullptr) tell("free hand", "your mouse leads it", hand.add_free_task(*pointer), true);
   return tasks;
 }
 
-/// A window that was opened to look around stays when the first task is done; one that was told which task, or
-/// for how long, goes with it.
+/// A window that was opened to look around stays when the first task is done; one that was told which task,
+/// or for how long, goes with it.
 bool stays_open(const RunOptions& options, const SessionView& view) {
-  return view.has_window() && !options.task_given && !options.duration_s && options.device.value_or("sim") == "sim";
+  return view.has_window() && !options.task_given && !options.duration_s &&
+         options.device.value_or("sim") == "sim";
 }
 
 device::SimDeviceConfig sim_device_config(const StationFile& file, double start_height_nm) {
@@ -550,9 +551,10 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
       "--home", options->home,
       "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
   command
-      ->add_option("--task", options->task,
-                   "position | contact | indent | scan | script; in a window others can be chosen later. With "
-                   "neither this nor --duration-s a window stays open after the task")
+      ->add_option(
+          "--task", options->task,
+          "position | contact | indent | scan | script; in a window others can be chosen later. With "
+          "neither this nor --duration-s a window stays open after the task")
       ->capture_default_str()
       ->each([options](const std::string&) { options->task_given = true; });
   command->add_option("--script", options->script,

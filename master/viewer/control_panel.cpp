@@ -162,10 +162,10 @@ void ControlPanel::draw_task(const recording::Sample& now) {
   for (int i = 0; i < static_cast<int>(facts_.tasks.size()); ++i) {
     const TaskOffer& task = facts_.tasks[static_cast<std::size_t>(i)];
     const bool fits = task_fits(i, now);
-    const std::string label =
-        fmt::format("{}: {}", task.name, !can    ? "clear the stop first"
-                                         : !fits ? "too large for the hand at this scale"
-                                                 : task.about);
+    const std::string label = fmt::format("{}: {}", task.name,
+                                          !can    ? "clear the stop first"
+                                          : !fits ? "too large for the hand at this scale"
+                                                  : task.about);
     if (ImGui::Selectable(label.c_str(), i == state.task,
                           can && fits ? ImGuiSelectableFlags_None : ImGuiSelectableFlags_Disabled))
       ask_task(i, now);

@@ -149,7 +149,8 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
     const Clock::time_point began = Clock::now();
     const double time_s = std::chrono::duration<double>(began - start).count();
     glfwPollEvents();
-    if (hooks.playback != nullptr && (glfwWindowShouldClose(window.get()) != 0 || viewer.quit_wanted())) break;
+    if (hooks.playback != nullptr && (glfwWindowShouldClose(window.get()) != 0 || viewer.quit_wanted()))
+      break;
     if (glfwWindowShouldClose(window.get()) != 0 && !asked_to_quit) {
       view_model::ViewRequest quit;
       quit.kind = view_model::ViewRequest::Kind::kQuit;

@@ -25,7 +25,8 @@ enum Invariant : std::uint32_t {
   /// |F| grows by no more than slew·T a tick along its new direction, also where stop, clamp or force limit
   /// act: they can only take away. How often they act is counted.
   kInvariantSlew = 1u << 4,
-  /// No force later than stale_zero_s after the last new reply; where replies wait to be shown, after the last
+  /// No force later than stale_zero_s after the last new reply; where replies wait to be shown, after the
+  /// last
   /// that was shown, which is no later after it came than the longest wait and the longest late tick.
   kInvariantStale = 1u << 5,
   kInvariantLeap = 1u << 6,    ///< back after such a silence: from no force one tick of the ramp at most

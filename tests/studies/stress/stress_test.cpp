@@ -322,11 +322,27 @@ TEST(RunSpecText, ReadsBackToTheBit) {
 }
 
 TEST(RunSpecText, SaysWhatIsWrong) {
-  for (const char* text :
-       {"method=magic", "scene=moon", "hand=foot", "mutant=x", "drops=x", "restart=x", "rtt-ms=-1",
-        "rtt-ms=nan", "rtt-ms=1e", "loss=1", "speed=3", "press", "seed=-1", "hand=path",
-        "playout=x", "playout-ms=-1", "redundancy=1.5", "redundancy=5", "deadband-nm=-1",
-        "hand=path hand-b=0.1 knots-m=0.1", "hand=path hand-b=0.1 knots-m=0,x"})
+  for (const char* text : {"method=magic",
+                           "scene=moon",
+                           "hand=foot",
+                           "mutant=x",
+                           "drops=x",
+                           "restart=x",
+                           "rtt-ms=-1",
+                           "rtt-ms=nan",
+                           "rtt-ms=1e",
+                           "loss=1",
+                           "speed=3",
+                           "press",
+                           "seed=-1",
+                           "hand=path",
+                           "playout=x",
+                           "playout-ms=-1",
+                           "redundancy=1.5",
+                           "redundancy=5",
+                           "deadband-nm=-1",
+                           "hand=path hand-b=0.1 knots-m=0.1",
+                           "hand=path hand-b=0.1 knots-m=0,x"})
     EXPECT_THROW(parse_run_spec(text), UserError) << text;
 }
 
@@ -462,7 +478,8 @@ TEST(StressRun, TroublesDoWhatTheySay) {
 }
 
 TEST(StressRun, LinkOptionsDoWhatTheySay) {
-  // Nothing but the reply itself is felt with `none`, one tick after its command where the link takes no time.
+  // Nothing but the reply itself is felt with `none`, one tick after its command where the link takes no
+  // time.
   const auto felt_s = [](const std::string& text) {
     std::vector<TraceRow> trace;
     RunExtras extras;
@@ -480,7 +497,8 @@ TEST(StressRun, LinkOptionsDoWhatTheySay) {
     return run(parse_run_spec("seconds=3 " + text), Scenes::of_this_tree());
   };
   EXPECT_EQ(of("redundancy=4").hash, of("").hash) << "where nothing is lost, what is repeated is no news";
-  const std::string lossy = "method=none scene=oxide hand=square hand-a=0.008 hand-b=0.02 loss=0.3 burst-ms=2";
+  const std::string lossy =
+      "method=none scene=oxide hand=square hand-a=0.008 hand-b=0.02 loss=0.3 burst-ms=2";
   EXPECT_NE(of(lossy + " redundancy=4").hash, of(lossy).hash);
   // A staircase of 1 mm of the hand against one of a tick's motion.
   EXPECT_GT(of("method=none deadband-nm=1").force_step_n, 2 * of("method=none").force_step_n);

@@ -340,7 +340,8 @@ class RenderRecording : public Render {
  protected:
   void open() {
     std::vector<recording::Sample> rows(8001);
-    for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = support::view_sample(static_cast<std::int64_t>(i));
+    for (std::size_t i = 0; i < rows.size(); ++i)
+      rows[i] = support::view_sample(static_cast<std::int64_t>(i));
     playback_.emplace(std::move(rows), std::vector<view_model::Playback::Mark>{{2.5, "mark 1"}});
     facts_.played = "made by formula";
     make();
@@ -377,7 +378,8 @@ TEST_F(RenderRecording, PlaysHaltsAndMovesAboutByKey) {
   press(GLFW_KEY_UP);
   EXPECT_EQ(playback_->speed(), 2);
   // Nobody is asked for anything.
-  for (const int key : {GLFW_KEY_ESCAPE, GLFW_KEY_R, GLFW_KEY_M, GLFW_KEY_3, GLFW_KEY_T, GLFW_KEY_C}) press(key);
+  for (const int key : {GLFW_KEY_ESCAPE, GLFW_KEY_R, GLFW_KEY_M, GLFW_KEY_3, GLFW_KEY_T, GLFW_KEY_C})
+    press(key);
   EXPECT_FALSE(asked());
   EXPECT_FALSE(viewer_->quit_wanted());
   ImGui::GetIO().KeyCtrl = true;
