@@ -16,7 +16,8 @@ namespace telenano::net {
 ///
 /// A call that brought fewer than it had room for has emptied the socket: the next receive() says so without
 /// asking the kernel. A short wait() is a receive that waits. So an exchange that comes alone costs one
-/// receive and one send.
+/// receive and one send; where all have come alone for a while, a wait asks for one only, except each
+/// sixteenth, which sees whether that is still so.
 ///
 /// Allocates at construction only. One thread.
 class UdpBatch final : public Datagram {

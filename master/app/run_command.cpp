@@ -126,9 +126,8 @@ std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& option
 
 /// A window that was opened to look around stays when the first task is done; one that was told which task,
 /// or for how long, goes with it.
-bool stays_open(const RunOptions& options, const SessionView& view) {
-  return view.has_window() && !options.task_given && !options.duration_s &&
-         options.device.value_or("sim") == "sim";
+bool stays_open(const RunOptions& options, const SessionView& view, bool simulated) {
+  return simulated && view.has_window() && !options.task_given && !options.duration_s;
 }
 
 device::SimDeviceConfig sim_device_config(const StationFile& file, double start_height_nm) {
@@ -260,7 +259,8 @@ std::uint32_t tip_wish(const RunOptions& options, bool shared) {
     fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
   if (shared && !options.quiet) {
     fmt::print(stderr, "note: this server's tip is shared: {}\n",
-               options.observe     ? "observing it"
+               options.observe
+                   ? options.duration_s ? "observing it" : "observing it, until you stop this with Ctrl-C"
                : options.take_over ? "asking for it"
                                    : "taking it if it is free, else observing (--take-over asks for it)");
   }
@@ -354,7 +354,9 @@ int run(const RunOptions& options) {
     add_pedals(opened, file.pedal);
   }
   const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
-  const double session_s = hand.motion != nullptr ? hand.motion->motion_duration_s() : hand.duration_s;
+  // Who only looks on has no task that could be over: until stopped, or for as long as was said.
+  const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
+  const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
   const std::unique_ptr<recording::Recorder> recorder =
       make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed);
   if (!options.quiet) {
@@ -382,7 +384,7 @@ int run(const RunOptions& options) {
   if (view_model::RequestDesk* const desk =
           view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
                       options.record, tasks, file.plant.workspace_half_m}))
-    live.show_on(*desk, stays_open(options, view));
+    live.show_on(*desk, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
@@ -516,7 +518,8 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       ->check(CLI::Range(0.5, 86400.0));
   add_view_flags(command, options.view);
   CLI::Option* const observe = command.add_flag(
-      "--observe", options.observe, "Of a shared tip (serve --share one-tip): look on, never hold it");
+      "--observe", options.observe,
+      "Of a shared tip (serve --share one-tip): look on, never hold it; until stopped, or for --duration-s");
   command
       .add_flag(
           "--take-over", options.take_over,

@@ -76,7 +76,8 @@ Message mode_words(const recording::Sample& now) {
   return {"Unknown", Mood::kAlarm};
 }
 
-std::vector<Message> force_words(const recording::Sample& now, device::ForceOffCause device_cause) {
+std::vector<Message> force_words(const recording::Sample& now, device::ForceOffCause device_cause,
+                                 bool mouse_leads) {
   std::vector<Message> messages;
   if (device_cause != device::ForceOffCause::kNone)
     messages.push_back({std::string("Device: ") + device::force_off_text(device_cause), Mood::kAlarm});
@@ -97,7 +98,9 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
     if ((now.buttons & device::kButtonClutch) != 0)
       messages.push_back({"Clutch held: move the hand where it is comfortable", Mood::kCalm});
     else if ((now.buttons & device::kButtonDeadman) == 0)
-      messages.push_back({"Take hold: the deadman is not pressed", Mood::kCalm});
+      messages.push_back({mouse_leads ? "Hold the left button in a picture and drag: the tip follows"
+                                      : "Take hold: the deadman is not pressed",
+                          Mood::kCalm});
   }
   const std::uint32_t limits = now.limit_flags;
   if ((limits & recording::kLimitForce) != 0)

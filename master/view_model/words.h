@@ -20,9 +20,10 @@ struct Message {
 Message mode_words(const recording::Sample& now);
 
 /// Why the hand feels no force, or less than it should, in words that say what to do; empty when all is as
-/// it should be. One line for each cause, the gravest first.
+/// it should be. One line for each cause, the gravest first. `mouse_leads`: the hand is held by a mouse.
 std::vector<Message> force_words(const recording::Sample& now,
-                                 device::ForceOffCause device_cause = device::ForceOffCause::kNone);
+                                 device::ForceOffCause device_cause = device::ForceOffCause::kNone,
+                                 bool mouse_leads = false);
 
 /// What the slave reports (link::FaultBits).
 std::vector<Message> slave_words(std::uint32_t slave_faults);

@@ -125,13 +125,14 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
 }
 
 void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
-  auto messages = view_model::force_words(now, port_.force_off.load());
+  auto messages = view_model::force_words(now, port_.force_off.load(), playback_ == nullptr && mouse_leads());
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
   if (messages.empty() && !facts_.shows_force)
     messages.push_back({"This hand has no motors: see the force at the tip", Mood::kCalm});
-  if (messages.empty()) messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
+  if (messages.empty() && playback_ == nullptr)
+    messages.push_back({"All is well: the force is shown as planned", Mood::kGood});
   for (const auto& message : messages) {
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour_of(message.mood)));
     ImGui::TextWrapped("%s", message.text.c_str());

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -88,6 +89,58 @@ class Window {
   GLFWwindow* window_ = nullptr;
 };
 
+/// A key that is pressed and released between two frames would not be seen: ImGui looks at keys once a frame.
+/// Where drawing is slow that would lose a STOP. Such a key counts as held for one frame.
+class KeyTaps {
+ public:
+  /// Before ImGui's own callback, which calls this one.
+  explicit KeyTaps(GLFWwindow* window) {
+    glfwSetWindowUserPointer(window, this);
+    glfwSetKeyCallback(window, [](GLFWwindow* from, int key, int, int action, int mods) {
+      if (action != GLFW_PRESS || key < 0 || key >= kKeys) return;
+      static_cast<KeyTaps*>(glfwGetWindowUserPointer(from))->note(static_cast<std::size_t>(key), mods);
+    });
+  }
+  KeyTaps(const KeyTaps&) = delete;
+  KeyTaps& operator=(const KeyTaps&) = delete;
+
+  /// Between polling and drawing.
+  void press() {
+    ImGuiIO& io = ImGui::GetIO();
+    ctrl_ = io.KeyCtrl;
+    shift_ = io.KeyShift;
+    for (std::size_t key = 0; key < kKeys; ++key) {
+      held_[key] = tapped_[key] && !io.KeysDown[key];
+      tapped_[key] = false;
+      if (!held_[key]) continue;
+      io.KeysDown[key] = true;
+      io.KeyCtrl |= (mods_ & GLFW_MOD_CONTROL) != 0;
+      io.KeyShift |= (mods_ & GLFW_MOD_SHIFT) != 0;
+    }
+  }
+  /// After drawing.
+  void release() {
+    ImGuiIO& io = ImGui::GetIO();
+    io.KeyCtrl = ctrl_;
+    io.KeyShift = shift_;
+    for (std::size_t key = 0; key < kKeys; ++key) {
+      if (held_[key]) io.KeysDown[key] = false;
+    }
+  }
+
+ private:
+  static constexpr int kKeys = GLFW_KEY_LAST + 1;
+  void note(std::size_t key, int mods) {
+    tapped_[key] = true;
+    mods_ = mods;
+  }
+  std::array<bool, kKeys> tapped_{};
+  std::array<bool, kKeys> held_{};
+  int mods_ = 0;
+  bool ctrl_ = false;
+  bool shift_ = false;
+};
+
 // ImGui's input from the window; made after the context of ImGui, gone before it.
 class WindowInput {
  public:
@@ -140,6 +193,7 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
   const Window window;
   Viewer viewer(facts, std::move(ground), port, window.scale());
   if (hooks.playback != nullptr) viewer.play(*hooks.playback);
+  KeyTaps taps(window.get());
   const WindowInput input(window.get());
   rt::LogHistogram frames;
   const Clock::time_point start = Clock::now();
@@ -166,7 +220,9 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
     viewer.take_samples();
     if (width_px > 0 && height_px > 0) {
       ImGui_ImplGlfw_NewFrame();
+      taps.press();
       viewer.draw(width_px, height_px, time_s, hooks.recording());
+      taps.release();
       if (viewer.take_picture_wanted()) {
         const std::string name = free_name(hooks.picture_prefix);
         try {

@@ -8,6 +8,17 @@
 namespace telenano::server {
 namespace {
 
+/// One byte more than the largest datagram, so that an oversize one is seen as such.
+struct Waiting {
+  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> bytes;
+  net::Received received;
+};
+
+/// So many are taken in before the first is looked at, as many as net::UdpBatch fetches at once; and so many
+/// times at most before the time-outs are looked at again.
+constexpr std::size_t kTogether = 32;
+constexpr int kTurns = 8;
+
 void publish(const Server& server, LoopStatus& status) noexcept {
   constexpr auto kRelaxed = std::memory_order_relaxed;
   status.turns.fetch_add(1, kRelaxed);
@@ -25,10 +36,8 @@ void publish(const Server& server, LoopStatus& status) noexcept {
 void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
               const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
               const LoopOptions& options, LoopStatus& status) {
-  // One byte more than the largest datagram, so that an oversize one is seen as such.
-  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> in{};
+  std::array<Waiting, kTogether> in;
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
-  net::Received received;
   net::Address to;
   ServerSnapshot snapshot;
   std::int64_t next_snapshot_ns = clock.now_ns();
@@ -36,16 +45,21 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   while (!stop.load(std::memory_order_relaxed)) {
     // At most a batch before the time-outs are looked at again, so that a flood cannot keep them waiting.
     bool drained = false;
-    for (int i = 0; i < 256 && !drained; ++i) {
-      if (!socket.receive(in, received)) {
-        drained = true;
-        break;
+    for (int i = 0; i < kTurns && !drained; ++i) {
+      std::size_t waiting = 0;
+      while (waiting < in.size() && socket.receive(in[waiting].bytes, in[waiting].received)) ++waiting;
+      drained = waiting < in.size();
+      if (waiting == 0) break;
+      // They have been received now: an answer's hold time includes the wait for those before it.
+      const std::int64_t came_ns = clock.now_ns();
+      for (std::size_t k = 0; k < waiting; ++k) {
+        const net::Received& received = in[k].received;
+        const std::size_t size = std::min(received.size, in[k].bytes.size());
+        const std::size_t n = server.on_datagram({in[k].bytes.data(), size}, received.from, came_ns, out,
+                                                 &clock, received.standing);
+        // A full send queue loses the answer, as the network may: the next one says more.
+        if (n > 0) socket.send({out.data(), n}, received.from);
       }
-      const std::size_t size = received.size < in.size() ? received.size : in.size();
-      const std::size_t n = server.on_datagram({in.data(), size}, received.from, clock.now_ns(), out, &clock,
-                                               received.standing);
-      // A full send queue loses the answer, as the network may: the next one says more.
-      if (n > 0) socket.send({out.data(), n}, received.from);
     }
     server.exchange_mail();
     while (const std::size_t n = server.next_answer(clock.now_ns(), out, to))

@@ -6,8 +6,9 @@
 
 namespace telenano::server {
 
-/// How long commands were worked on, from the look at the clock before their datagram was read to the one
-/// before the answer is encoded. Buckets as a monitor wants them: 1, 2, 5 to the decade.
+/// How long commands were worked on, from the look at the clock when their datagram had been fetched, perhaps
+/// with others, to the one before the answer is encoded. Buckets as a monitor wants them: 1, 2, 5 to the
+/// decade.
 class ServiceTimes {
  public:
   static constexpr std::array<std::int64_t, 15> kUpperNs = {

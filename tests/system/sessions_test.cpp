@@ -65,6 +65,20 @@ TEST_F(SessionsTest, OneHoldsTheTipOthersLookOnAndTakeItByRight) {
   EXPECT_TRUE(says(said, "in 4 sessions")) << said;
 }
 
+TEST_F(SessionsTest, WhoOnlyLooksOnDoesSoUntilStopped) {
+  Server server(scene_path("flat_pdms"), 0, {"--share", "one-tip"});
+  // A task of a second would be over after one.
+  const std::string config = write("station.toml", "[task]\nduration_s = 1\n");
+  ChildProcess observer(talking(server, {"--observe", "--config", config}));
+  ASSERT_TRUE(observer.wait_for_err("observing it, until you stop this with Ctrl-C", kLong))
+      << observer.err();
+  ASSERT_TRUE(observer.wait_for_err("observing, the force is zero", kLong)) << observer.err();
+  EXPECT_FALSE(observer.wait(std::chrono::milliseconds(2500))) << observer.err();
+  observer.signal(SIGINT);
+  ASSERT_TRUE(observer.wait(kLong));
+  EXPECT_EQ(observer.exit_code(), 0) << observer.err();
+}
+
 TEST_F(SessionsTest, WhatDoesNotGoTogetherWithSharingIsToldInOneLine) {
   Server server(scene_path("flat_pdms"));
   const Finished none = run_program(station(server, {"--observe"}), {}, kLong);

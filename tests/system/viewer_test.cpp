@@ -1,6 +1,8 @@
 // The station's picture with the real programs: without a display, in a window under Xvfb, and what is
 // refused.
+#include <algorithm>
 #include <cmath>
+#include <fstream>
 
 #include "common/recording/recording_reader.h"
 #include "master/viewer/png.h"
@@ -79,6 +81,118 @@ TEST_F(ViewerPrograms, AWindowUnderXvfbLastsAsLongAsTheSession) {
                                       "--device", "mouse", "--duration-s", "2", "--rt-priority", "0"});
   ASSERT_EQ(mouse.exit_code, 0) << mouse.err << mouse.out;
   EXPECT_NE(mouse.err.find("viewer: "), std::string::npos) << mouse.err;
+}
+
+TEST_F(ViewerPrograms, ARecordingIsShownWithoutServerOrDisplay) {
+  Server server(scene_path("flakes"));
+  const Finished run =
+      run_program({kMaster, "run", "--server", server.address(), "--task", "contact", "--duration-s", "2",
+                   "--rt-priority", "0", "--quiet", "--record", path("a.h5")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  server.stop();
+  const Finished view =
+      run_program(without_display({kMaster, "view", path("a.h5"), "--surface", kScan, "--screenshot",
+                                   path("v.png"), "--at", "1.2", "--screenshot-size", "800x500"}));
+  if (view.err.find("no picture without a display") != std::string::npos) GTEST_SKIP() << view.err;
+  ASSERT_EQ(view.exit_code, 0) << view.err;
+  EXPECT_NE(view.err.find("1.200 s of the recording"), std::string::npos) << view.err;
+  const viewer::Picture picture = viewer::read_png(path("v.png"));
+  ASSERT_EQ(picture.width_px, 800);
+  ASSERT_EQ(picture.height_px, 500);
+  // Where a session has its red STOP there is none, and the banner's first pill is a recording's.
+  const auto at = [&](int x, int y) { return &picture.rgb[static_cast<std::size_t>(3 * (y * 800 + x))]; };
+  EXPECT_LT(at(700, 14)[0], 120);
+  EXPECT_GT(at(14, 20)[0], 200);
+  EXPECT_LT(at(14, 20)[2], 120);
+  // A recording that is none, and one that is not there.
+  std::ofstream(path("none.h5")) << "nothing";
+  for (const char* name : {"none.h5", "away.h5"}) {
+    const Finished refused =
+        run_program(without_display({kMaster, "view", path(name), "--screenshot", path("w.png")}));
+    EXPECT_EQ(refused.exit_code, 2) << refused.err;
+    EXPECT_NE(refused.err.find(name), std::string::npos) << refused.err;
+  }
+  const Finished blind = run_program(without_display({kMaster, "view", path("a.h5")}));
+  EXPECT_EQ(blind.exit_code, 2);
+  EXPECT_NE(blind.err.find("there is no display"), std::string::npos) << blind.err;
+  EXPECT_FALSE(std::filesystem::exists(path("w.png")));
+}
+
+// With the loop's own priority where this user may have it: else drawing gives way, on a busy machine for
+// seconds. A new user's first minute: a window, a drag down until the tip touches, a picture, another task;
+// by keys and mouse as a person would press them.
+TEST_F(ViewerPrograms, ANewUserTouchesTheSampleWithTheMouse) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  // A drag down: the section is 0.8 gap + 8 nm to either side of its middle and 600 pixels high, so the tip
+  // comes down from 40 nm as gap + 10 nm = 50 nm exp(-0.8 pixels / 300), and touches after 604 of these 740
+  // pixels.
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\n"
+      << kMaster << " run --server " << server.address() << " --device mouse --quiet --record m.h5 --surface "
+      << kScan
+      << " &\n"
+         "xdotool search --sync --name Telenano >/dev/null\n"
+         "sleep 1.5\n"
+         "xdotool mousemove 760 30 mousedown 1\n"
+         "for i in $(seq 185); do xdotool mousemove_relative 0 4; sleep 0.03; done\n"
+         "sleep 1; xdotool key p; sleep 1; xdotool mouseup 1\n"
+         "for i in 1 2 3 4 5; do xdotool key m; sleep 0.3; done\n"
+         "xdotool key ctrl+q\n"
+         "wait $!\n";
+  const Finished user = run_program(
+      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  EXPECT_TRUE(std::filesystem::exists(path("telenano-1.png")));
+  const recording::RecordingReader recording(path("m.h5"));
+  double deepest = 0;
+  for (const double state : recording.read("contact_state")) deepest = std::max(deepest, state);
+  EXPECT_EQ(deepest, 3) << "contact";
+  // No tap is lost, however slowly the window is drawn.
+  int marks = 0;
+  for (const recording::Event& event : recording.events())
+    marks += std::string(event.text.data()) == "mark" ? 1 : 0;
+  EXPECT_EQ(marks, 5);
+}
+
+TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  std::ofstream(path("user.sh")) << "cd " << folder_.string() << "\n"
+                                 << kMaster << " run --server " << server.address()
+                                 << " --view --quiet --record t.h5 --surface " << kScan
+                                 << " &\n"
+                                    "xdotool search --sync --name Telenano >/dev/null\n"
+                                    "sleep 5.5; xdotool key t; sleep 6; xdotool key ctrl+q\n"
+                                    "wait $!\n";
+  const Finished user = run_program(
+      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  const recording::RecordingReader recording(path("t.h5"));
+  double chosen_s = 0;
+  for (const recording::Event& event : recording.events())
+    if (std::string(event.text.data()) == "task chosen") chosen_s = event.time_s;
+  ASSERT_GT(chosen_s, 4);
+  // Over the change the force on the hand never steps: no more than the slew limit's 4 N in a tick of 1 ms at
+  // any moment, and no stop.
+  const auto mode = recording.read("station_mode");
+  const auto force = recording.read("hand_force_applied_h_n", 2);
+  const auto time_s = recording.read("time_s");
+  double step_n = 0;
+  for (std::size_t i = 1; i < mode.size(); ++i) {
+    if (time_s[i] > chosen_s && time_s[i] < chosen_s + 6 && mode[i] != 4)
+      step_n = std::max(step_n, std::abs(force[i]) - std::abs(force[i - 1]));
+  }
+  EXPECT_LT(step_n, 4);
+  // The clutch was pressed, so the tip stood; then it was lifted to the start.
+  const auto buttons = recording.read("buttons");
+  EXPECT_NE(std::find(buttons.begin(), buttons.end(), 3.0), buttons.end()) << "deadman and clutch";
 }
 
 TEST_F(ViewerPrograms, WhatCannotBeShownIsSaidBeforeAServerIsAsked) {

@@ -105,6 +105,7 @@ std::vector<BenchRow> rows_of(const std::string& what, const PacedResult& r) {
                   {},
                   0.999,
                   true});
+  rows.push_back({what, "since_due_p99_us", r.since_due_p99_us, {}, {}, false});
   rows.push_back({what, "sent_late_p99_us", r.late_p99_us, {}, {}, false});
   rows.push_back({what, "server_core_share", r.server_share, {}, {}, false});
   return rows;
@@ -175,6 +176,9 @@ void add_server(CLI::App& bench) {
   c->add_option("--rate", all->paced.rate_hz, "Commands a second of each")
       ->capture_default_str()
       ->check(CLI::Range(100, 8000));
+  c->add_option("--together", all->paced.together, "So many stations share a socket and send at once")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
   c->add_option("--seconds", all->paced.seconds, "How long")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 3600.0));

@@ -28,6 +28,7 @@ std::vector<BenchRow> run_capacity_bench(const ServerBenchOptions& options);
 struct PacedOptions {
   std::string scene;
   std::size_t sessions = 200;
+  std::size_t together = 10;  ///< stations that share a socket and send at once
   std::uint32_t rate_hz = 1000;
   double seconds = 60;
   int server_cpu = 0;
@@ -38,7 +39,8 @@ struct PacedResult {
   std::uint64_t commands = 0;
   std::uint64_t replies = 0;
   double p50_us = 0, p99_us = 0, p999_us = 0, max_us = 0;  ///< sent by the station … in its socket
-  double late_p99_us = 0;  ///< of the sending: how far the stations keep their own times
+  double since_due_p99_us = 0;  ///< from when it was to be sent: what the stations are late is in it
+  double late_p99_us = 0;       ///< of the sending: how far the stations keep their own times
   double sent_rate_hz = 0;
   double server_share = 0;  ///< of its processor
   bool keeps_time() const noexcept { return late_p99_us < 500; }
@@ -47,7 +49,7 @@ struct PacedResult {
   }
 };
 
-/// Stations that send at a fixed rate, evenly spread, each from a socket of its own.
+/// Stations that send at a fixed rate, in groups that are evenly spread over the period.
 PacedResult run_paced(const PacedOptions& options);
 
 }  // namespace telenano::studies

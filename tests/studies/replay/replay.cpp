@@ -155,7 +155,7 @@ std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uin
   for (const auto& datagram : rows) {
     if (datagram.drop != 0) continue;
     if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome))
-      return "the session was resumed";
+      return "the session was resumed: what the slave did while the station was away is not recorded";
     if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kBye))
       return "the server ended the session";
   }

@@ -107,7 +107,7 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   if (norm_n > along_n + slew_step_n * (1 + 1e-9) + 1e-12) violate(kInvariantSlew, time_s);
 
   const bool came = around.reply_ns != last_reply_ns_;
-  const bool news = limits_.waits_s > 0 ? around.shown != last_shown_ : came;
+  const bool news = limits_.waits_s > 0 ? row.reply_age_ms == 0 : came;
   if (came) last_came_s_ = time_s;
   const double silent_s = time_s - last_news_s_;
   if (news) {
@@ -125,7 +125,6 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   const double alone_s = limits_.waits_s + latest_periods_ * limits_.period_s + limits_.stale_zero_s;
   if (time_s - last_came_s_ > alone_s * (1 + 1e-9) && norm_n > 0) violate(kInvariantStale, time_s);
   last_reply_ns_ = around.reply_ns;
-  last_shown_ = around.shown;
   last_h_n_ = force_h_n;
   last_tick_s_ = time_s;
 

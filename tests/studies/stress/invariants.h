@@ -80,9 +80,8 @@ class InvariantWatch {
     double q_before_j = 0;      ///< its Q then
     /// When the link accepted its newest reply (numbers begin anew with sessions).
     std::int64_t reply_ns = 0;
-    std::int64_t shown = 0;  ///< number of the reply that the station shows
-    double time_s = 0;       ///< of the tick
-    int periods = 1;         ///< until the next one
+    double time_s = 0;  ///< of the tick
+    int periods = 1;    ///< until the next one
   };
   /// After a tick of the station, and the hand's motion until the next one.
   void look(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
@@ -115,7 +114,6 @@ class InvariantWatch {
   Vec3 last_h_n_ = Vec3::Zero();
   double in_j_ = 0, out_j_ = 0;
   std::int64_t last_reply_ns_ = -1;
-  std::int64_t last_shown_ = 0;
   double last_news_s_ = -1e9;  ///< was shown
   double last_came_s_ = -1e9;
   int latest_periods_ = 1;

@@ -189,7 +189,6 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     around.periods = periods;
     const recording::Sample& row = session.step(periods);
     around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
-    around.shown = row.reply_sequence;
     around.time_s = row.time_s;
     invariants.look(row, *hand, *watch, around);
     now_s = row.time_s;

@@ -129,7 +129,7 @@ struct Bench {
     around.q_before_j = hand->book().quantum_bound_j();
     around.periods = periods;
     around.reply_ns = reply_ns += news;
-    around.shown = shown += shows < 0 ? news : shows;
+    row.reply_age_ms = (shows < 0 ? news : shows == 1) ? 0 : 1;
     row.hand_force_applied_h_n[2] = row.hand_force_rendered_h_n[2] = force_n;
     if (!lies) row.energy_j = -around.given_before_j;
     hand->write_force(Vec3(0, 0, force_n));
@@ -149,7 +149,7 @@ struct Bench {
   recording::Sample row;
   SlaveWatch slave;
   double time_s = 0;
-  std::int64_t reply_ns = 0, shown = 0;
+  std::int64_t reply_ns = 0;
   int shows = -1;  ///< a reply in each tick, or none; −1: what comes
   bool lies = false;
 };

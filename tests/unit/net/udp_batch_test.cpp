@@ -256,6 +256,24 @@ TEST(UdpBatch, AgesAreThoseOfTheKernel) {
   EXPECT_GE(p.received.age_ns, 0);
 }
 
+TEST(UdpBatch, WithoutArrivalTimesThereIsNoAge) {
+  Udp socket = Udp::listen(parse_address("127.0.0.1:0", "test"), {.arrival_times = false});
+  UdpBatch batch(socket, 4);
+  Udp peer = Udp::open_for(socket.local());
+  std::array<std::uint8_t, 16> buffer{};
+  Received received;
+  received.age_ns = 1;
+  for (std::uint8_t i = 0; i < 10; ++i) peer.send(Bytes{i, i}, socket.local());
+  std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  for (std::uint8_t i = 0; i < 10; ++i) {
+    ASSERT_TRUE(batch.receive(buffer, received));
+    EXPECT_EQ(received.size, 2u);
+    EXPECT_EQ(buffer[0], i);
+    EXPECT_EQ(received.from.port, peer.local().port);
+    EXPECT_EQ(received.age_ns, 0);
+  }
+}
+
 TEST(UdpBatch, AWaitEndsWithADatagramOrWithItsTime) {
   for (const std::int64_t timeout_ns : {UdpBatch::kShortWaitNs, std::int64_t{30'000'000}}) {
     Pair p;
@@ -285,6 +303,31 @@ TEST(UdpBatch, AShortWaitIsTheReceive) {
   EXPECT_FALSE(p.take());
   EXPECT_EQ(p.batch.counters().receive_calls, 1u);
   EXPECT_EQ(p.batch.counters().send_calls, 1u);
+}
+
+TEST(UdpBatch, ManyAreFoundAgainAfterALongTimeOfSingleOnes) {
+  Pair p(8);
+  for (int i = 0; i < 100; ++i) {
+    p.say({1});
+    ASSERT_TRUE(p.batch.wait(UdpBatch::kShortWaitNs));
+    ASSERT_TRUE(p.take());
+    EXPECT_EQ(p.received.size, 1u);
+    EXPECT_EQ(p.received.from.port, p.peer.local().port);
+    EXPECT_FALSE(p.take());
+  }
+  const std::uint64_t before = p.batch.counters().receive_calls;
+  EXPECT_EQ(before, 100u) << "a call for each, as long as they come alone";
+  for (std::uint8_t i = 0; i < 100; ++i) p.say(Bytes(std::size_t{1} + i, i));
+  std::size_t came = 0;
+  while (came < 100 && p.batch.wait(UdpBatch::kShortWaitNs)) {
+    while (p.take()) {
+      EXPECT_EQ(p.buffer[0], came) << "in order";
+      EXPECT_EQ(p.received.size, 1 + came++);
+    }
+  }
+  EXPECT_EQ(came, 100u);
+  // At most fifteen single ones until a wait looks; then eight a call, and a last one that finds nothing.
+  EXPECT_LE(p.batch.counters().receive_calls - before, 15u + 100u / 8 + 2u);
 }
 
 TEST(UdpBatch, AWaitSendsWhatIsKeptFirst) {

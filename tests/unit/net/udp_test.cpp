@@ -6,6 +6,8 @@
 
 #include <array>
 #include <cstring>
+#include <filesystem>
+#include <iterator>
 #include <memory>
 #include <vector>
 
@@ -212,6 +214,24 @@ TEST(Udp, NoticesThatNobodyListens) {
   ASSERT_TRUE(client.wait_readable(10'000'000'000));
   ASSERT_TRUE(client.receive(buffer, received));
   EXPECT_EQ(client.unreachable(), Unreachable::kNo) << "somebody is there again";
+}
+
+/// Whoever else has a socket's file in an epoll set is told of each datagram, which the loops would feel.
+TEST(Udp, IsOneFileAndNoMore) {
+  const auto files = [] {
+    const std::filesystem::directory_iterator all("/proc/self/fd");
+    return std::distance(begin(all), end(all));
+  };
+  const auto before = files();
+  {
+    const Udp one = Udp::listen(parse_address("127.0.0.1:0", "test"));
+    EXPECT_EQ(files(), before + 1);
+    Udp moved = Udp::open_for(one.local());
+    const Udp two = std::move(moved);
+    EXPECT_EQ(files(), before + 2);
+    EXPECT_NE(two.local().port, one.local().port);
+  }
+  EXPECT_EQ(files(), before) << "closed";
 }
 
 TEST(Udp, SaysWhatTheKernelGranted) {

@@ -49,6 +49,38 @@ TEST(TipSampleLaw, SamplesOfTheSourcePaper) {
   }
 }
 
+TEST(TipSampleLaw, GoingOnFromAStateIsGoingOnFromACopy) {
+  for (const MaugisMethod method : {MaugisMethod::kDirect, MaugisMethod::kTable}) {
+    TipSampleParameters parameters = silicon_on(70, 0.2, 0.27, true);
+    parameters.method = method;
+    const TipSampleLaw law(parameters, kRadius);
+    std::mt19937_64 random(1);
+    std::uniform_real_distribution<double> step(-1, 1);
+    TipSampleState whole, copy;
+    std::array<TipSampleState, 2> turns;
+    double base = -5;
+    for (int i = 0; i < 4000; ++i) {
+      // In and out of contact; trials that are not kept; now and then a radius that has no table.
+      base = std::clamp(base + step(random), -8.0, 8.0);
+      const double compliance = i % 7 == 0 ? 0 : 0.05;
+      const double radius = i % 50 < 3 ? 1.1 * kRadius : kRadius;
+      const bool kept = step(random) < 0.5;
+      copy = whole;
+      const Equilibrium a = law.advance(base, compliance, radius, copy);
+      if (kept) whole = copy;
+      turns[1].go_on_from(turns[0]);
+      const Equilibrium b = law.advance(base, compliance, radius, turns[1]);
+      if (kept) std::swap(turns[0], turns[1]);
+      ASSERT_EQ(a.branch, b.branch) << i;
+      ASSERT_EQ(a.force_nn, b.force_nn) << i;
+      ASSERT_EQ(a.overlap_nm, b.overlap_nm) << i;
+      ASSERT_EQ(a.stiffness_n_m, b.stiffness_n_m) << i;
+      ASSERT_EQ(a.potential_aj, b.potential_aj) << i;
+      ASSERT_EQ(a.dissipated_aj, b.dissipated_aj) << i;
+    }
+  }
+}
+
 TEST(TipSampleLaw, JumpToContactOfASoftCantilever) {
   // d = (H R/(3 k))^(1/3): 3.01/1.40/0.65 nm on silicon oxide at 0.1/1/10 N/m.
   const TipSampleLaw law(silicon_on(70, 0.2, 0.27, true));

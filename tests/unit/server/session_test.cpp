@@ -384,9 +384,15 @@ TEST(Session, ASlaveThatGoesWrongIsNotFelt) {
   VirtualSession s(&server, {}, path(1), path(1), 1);
   s.client.start(0);
   s.ticks(100);
+  const link::Reply before = s.client.reply();
   slave->broken_nn = std::numeric_limits<double>::quiet_NaN();
+  s.command.tip_pos_w_nm = {1, 2, -40};
   s.ticks(10);
   EXPECT_EQ(s.client.reply().force_w_nn, Vec3(0, 0, 0));
+  EXPECT_EQ(s.client.reply().tip_pos_w_nm, before.tip_pos_w_nm) << "nor is anything else that it says";
+  EXPECT_EQ(s.client.reply().energy_in_aj, before.energy_in_aj);
+  EXPECT_EQ(s.client.reply().energy_out_aj, before.energy_out_aj);
+  EXPECT_EQ(s.client.reply().contact_state, before.contact_state);
   EXPECT_TRUE(s.client.reply().fault_bits & link::kFaultNonFinite);
   EXPECT_EQ(s.client.state(), ClientState::kEstablished);
 }

@@ -59,6 +59,8 @@ TEST(Words, SayWhyThereIsNoForceInEveryModeWithoutIt) {
   recording::Sample ready = in_mode(station::Mode::kReady);
   ready.buttons = 0;
   EXPECT_NE(force_words(ready).at(0).text.find("deadman"), std::string::npos);
+  EXPECT_NE(force_words(ready, device::ForceOffCause::kNone, true).at(0).text.find("left button"),
+            std::string::npos);
   ready.buttons = device::kButtonClutch | device::kButtonDeadman;
   EXPECT_NE(force_words(ready).at(0).text.find("Clutch"), std::string::npos);
   EXPECT_NE(force_words(in_mode(station::Mode::kEngaged), device::ForceOffCause::kUsb).at(0).text.find("USB"),
