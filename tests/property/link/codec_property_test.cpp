@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -97,6 +100,35 @@ TEST(SameAsProtobuf, Command) {
 }
 TEST(SameAsProtobuf, Reply) {
   protobuf_writes_the_same<wire::Reply>(any_reply, 12);
+}
+
+/// Every datagram, cut anywhere and its length mended, ends where the memory does: who reads on does not
+/// return.
+TEST(Decoding, ReadsNothingBehindTheDatagram) {
+  const auto page = static_cast<std::size_t>(::sysconf(_SC_PAGESIZE));
+  auto* const memory = static_cast<std::uint8_t*>(
+      ::mmap(nullptr, 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0));
+  ASSERT_NE(memory, MAP_FAILED);
+  ASSERT_EQ(::mprotect(memory + page, page, PROT_NONE), 0);
+  Codec codec;
+  const GoldenMessages golden;
+  std::array<std::uint8_t, kMaxDatagramBytes> whole{};
+  const auto cut_everywhere = [&](std::size_t size) {
+    for (std::size_t n = size; n >= kHeaderBytes; --n) {
+      std::uint8_t* const at = memory + page - n;
+      std::copy_n(whole.begin(), n, at);
+      at[6] = static_cast<std::uint8_t>((n - kHeaderBytes) & 0xff);
+      at[7] = static_cast<std::uint8_t>((n - kHeaderBytes) >> 8);
+      Incoming incoming;
+      const DropCause cause = codec.decode({at, n}, incoming);
+      EXPECT_TRUE(n < size || cause == DropCause::kNone);
+    }
+  };
+  cut_everywhere(codec.encode(golden.command, whole));
+  cut_everywhere(codec.encode(golden.command_with_features, golden.recent, whole));
+  cut_everywhere(codec.encode(golden.reply, whole));
+  cut_everywhere(codec.encode(golden.reply_with_history, whole));
+  ::munmap(memory, 2 * page);
 }
 
 TEST(Decoding, DoesNotDependOnTheOrderOfFields) {
