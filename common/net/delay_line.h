@@ -13,8 +13,8 @@ namespace telenano::net {
 /// Datagrams on their way, given out by time of arrival; equal times keep the order of sending. Everything is
 /// allocated at construction. One thread.
 ///
-/// What arrives no sooner than all before it waits in a queue, O(1); only what overtakes goes into a heap. The
-/// next is the sooner of the two first ones.
+/// What arrives no sooner than all before it waits in a queue, O(1); only what overtakes goes into a heap.
+/// The next is the sooner of the two first ones.
 class DelayLine {
  public:
   /// Keeps up to `capacity` datagrams, of each the first `slot_bytes`.

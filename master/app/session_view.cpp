@@ -95,7 +95,8 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
   facts.hand_back_s = facts.hand_half_m * std::sqrt(3.0) / hand.speed_max_m_s + 5 * hand.smooth_s;
   facts.recording = session.recording;
   facts.hand_box_half_m = session.device_half_m;
-  for (const SimTask& task : session.tasks) facts.tasks.push_back({task.name, task.about, task.reach_nm, task.free});
+  for (const SimTask& task : session.tasks)
+    facts.tasks.push_back({task.name, task.about, task.reach_nm, task.free});
   facts.surface_z_w_nm = session.slave.surface_z_w_nm;
   facts.hand_force_limit_n = session.station.force_safety * session.device.force_max_n;
   facts.energy_bound_j = session.station.allowance_j;

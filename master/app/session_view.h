@@ -53,8 +53,8 @@ struct ViewedSession {
   std::uint64_t feature_bits = 0;
   int delay_samples = 0;
   std::string server;
-  std::string recording;  ///< file; empty: none
-  std::vector<SimTask> tasks;  ///< of a simulated hand, by number
+  std::string recording;              ///< file; empty: none
+  std::vector<SimTask> tasks;         ///< of a simulated hand, by number
   Vec3 device_half_m = Vec3::Zero();  ///< of its box
 };
 

@@ -12,9 +12,9 @@ void add_picture_flags(CLI::App& command, ViewOptions& options, const std::strin
                   "Of the tip as drawn; the server does not tell its own")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 10000.0));
-  command
-      .add_option("--screenshot", options.screenshot,
-                  "Draw one picture of the session into this PNG; needs neither display nor graphics card");
+  command.add_option(
+      "--screenshot", options.screenshot,
+      "Draw one picture of the session into this PNG; needs neither display nor graphics card");
   command.add_option("--at", options.at_s, at)
       ->capture_default_str()
       ->check(CLI::Range(0.0, 86400.0))

@@ -18,12 +18,15 @@ CLI::App* add_view_command(CLI::App& app) {
   };
   auto asked = std::make_shared<Asked>();
   CLI::App* const command = app.add_subcommand(
-      "view", "A recording in the station's window: play, pause, move about; needs neither server nor device");
+      "view",
+      "A recording in the station's window: play, pause, move about; needs neither server nor device");
   command->add_option("FILE", asked->file, "recording")->required();
   add_picture_flags(*command, asked->view, "Seconds of the recording at which --screenshot is taken");
   command->footer(
-      "Space plays and pauses, arrows move and change the speed, Page up and Page down go from event to event; "
-      "F1 tells the\nrest. To feel a recording's motion at a server again: telenano-master replay FILE --view.");
+      "Space plays and pauses, arrows move and change the speed, Page up and Page down go from event to "
+      "event; "
+      "F1 tells the\nrest. To feel a recording's motion at a server again: telenano-master replay FILE "
+      "--view.");
   command->callback([asked] { fmt::print(stderr, "{}\n", view_recording(asked->file, asked->view)); });
   return command;
 }

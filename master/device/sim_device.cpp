@@ -86,9 +86,9 @@ bool SimDevice::begin_task(int task) noexcept {
   if (!started_ || task < 0 || task >= static_cast<int>(tasks_.size())) return false;
   const Vec3 reach_m = seen_.metres_per_nm * tasks_[static_cast<std::size_t>(task)].reach_nm;
   if ((reach_m.array() > config_.plant.workspace_half_m.array()).any()) return false;
-  change_.begin(change_.active()             ? change_.intended_pos_h_m()
-                : now().free && free_hand_   ? plant_.pos_m()
-                                             : intended_hand_pos_h_m(motion_time_s()));
+  change_.begin(change_.active()           ? change_.intended_pos_h_m()
+                : now().free && free_hand_ ? plant_.pos_m()
+                                           : intended_hand_pos_h_m(motion_time_s()));
   task_ = task;
   motion_ns_ = 0;
   return true;

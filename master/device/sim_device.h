@@ -29,16 +29,16 @@ DeviceInfo sim_device_info(const PlantConfig& plant);
 /// time: read(), station step, write_force(), advance(). A tick of another length than the plant's period is
 /// made of whole periods; the rest is carried to the next tick.
 ///
-/// The operator may know several tasks and go from one to another (TaskChange): task 0 is the motion that it is
-/// made with, further ones are added before the session.
+/// The operator may know several tasks and go from one to another (TaskChange): task 0 is the motion that it
+/// is made with, further ones are added before the session.
 class SimDevice final : public HapticDevice, public PlayedMotion {
  public:
   /// Throws UserError, e.g. if the motion leaves the device's workspace.
   SimDevice(const SimDeviceConfig& config, const IntendedMotion& motion);
 
-  /// Further tasks, before the session; each returns its number. A motion that leaves the workspace is refused
-  /// when it is asked for. A free one, of which there can be one: a pointer leads the operator's hand, which
-  /// feels the force; `source` must outlive the device.
+  /// Further tasks, before the session; each returns its number. A motion that leaves the workspace is
+  /// refused when it is asked for. A free one, of which there can be one: a pointer leads the operator's
+  /// hand, which feels the force; `source` must outlive the device.
   int add_task(const IntendedMotion& motion);
   int add_free_task(const rt::LatestValue<PointerState>& source);
   /// How far from the hand's start each task takes the tip, nm, by axis: it fits into the device's box where

@@ -17,8 +17,8 @@ struct TipSeen {
 /// clutch, so that the tip stands and the force is gone, takes the hand to where the way back fits into the
 /// device's box, takes hold again, lifts the tip straight up, and only then goes over to the start. What does
 /// not fit into one stroke takes several. It goes by what the operator sees of the tip, so it also finds the
-/// start after a stop has withdrawn the tip, or after another scale. A hold that is lost on the way (a stop, a
-/// silent server) begins a new stroke when it is back.
+/// start after a stop has withdrawn the tip, or after another scale. A hold that is lost on the way (a stop,
+/// a silent server) begins a new stroke when it is back.
 class TaskChange {
  public:
   /// `start_pos_h_m`: hand at which a task begins; `start_height_nm`: the tip's height there.

@@ -35,7 +35,8 @@ class Playback {
   void play(bool on) noexcept;  ///< from the beginning again if it is at its end
   void set_speed(double speed) noexcept;
   void seek(double time_s) noexcept;
-  /// To the next mark (`way` > 0) or to the last one before; where there is none, to the end or the beginning.
+  /// To the next mark (`way` > 0) or to the last one before; where there is none, to the end or the
+  /// beginning.
   void seek_mark(int way) noexcept;
   /// The mark that was passed last and is not older than two seconds of the recording; null: none.
   const Mark* newest_mark() const noexcept;

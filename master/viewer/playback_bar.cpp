@@ -69,7 +69,8 @@ void draw_playback(const Gui& gui, view_model::Playback& playback) {
   // Marks stand under the slider.
   const float y = ImGui::GetItemRectMax().y;
   for (const auto& mark : playback.marks()) {
-    const double part = (mark.time_s - playback.begin_s()) / std::max(playback.end_s() - playback.begin_s(), 1e-9);
+    const double part =
+        (mark.time_s - playback.begin_s()) / std::max(playback.end_s() - playback.begin_s(), 1e-9);
     const float x = from.x + static_cast<float>(part) * wide;
     ImGui::GetWindowDrawList()->AddTriangleFilled({x, y}, {x - 4 * s, y + 6 * s}, {x + 4 * s, y + 6 * s},
                                                   ink(palette::kWarning));

@@ -24,12 +24,12 @@ struct ViewFacts {
   std::string server;
   std::string device_name;
   bool mouse_is_hand = false;
-  bool shows_force = true;     ///< the device has motors
-  double hand_half_m = 0.055;  ///< half the edge of the box of the mouse's hand
+  bool shows_force = true;              ///< the device has motors
+  double hand_half_m = 0.055;           ///< half the edge of the box of the mouse's hand
   Vec3 hand_box_half_m = Vec3::Zero();  ///< of the simulated device, by axis
-  double hand_back_s = 0.35;   ///< in which that hand comes back to its middle
-  std::string recording;       ///< file; empty: none
-  std::string played;          ///< recording that is shown instead of a session; empty: none
+  double hand_back_s = 0.35;            ///< in which that hand comes back to its middle
+  std::string recording;                ///< file; empty: none
+  std::string played;                   ///< recording that is shown instead of a session; empty: none
   std::vector<TaskOffer> tasks;  ///< that the hand can be told to do; empty: a person's, or one recording's
   double surface_z_w_nm = 0;
   double hand_force_limit_n = 0;  ///< what the station never exceeds

@@ -386,8 +386,8 @@ std::vector<RunSpec> make_profile(const ProfileOptions& options) {
     base.method = method;
     const std::size_t first = grid.specs.size();
     for (const auto section :
-         {survival, bursts, rates, deaths, outages, late_ticks, clocks, disorder, spiteful_links,
-          play_outs, repeated_commands, deadbands, options_in_trouble, everything})
+         {survival, bursts, rates, deaths, outages, late_ticks, clocks, disorder, spiteful_links, play_outs,
+          repeated_commands, deadbands, options_in_trouble, everything})
       section(grid, base);
     if (options.full) continue;
     // What the figures are made of, and of the rest every so manieth, so that each section keeps some; the

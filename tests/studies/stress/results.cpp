@@ -48,8 +48,7 @@ std::string timing_text(const fs::path& folder) {
   for (const auto& entry : fs::directory_iterator(folder / "timings", error)) {
     std::ifstream in(entry.path());
     Timing t;
-    for (char comma = 0;
-         in >> t.runs >> comma >> t.ticks >> comma >> t.seconds >> comma >> t.threads;) {
+    for (char comma = 0; in >> t.runs >> comma >> t.ticks >> comma >> t.seconds >> comma >> t.threads;) {
       ++processes;
       all.runs += t.runs;
       all.ticks += t.ticks;
@@ -59,10 +58,11 @@ std::string timing_text(const fs::path& folder) {
     }
   }
   if (processes == 0) return {};
-  const std::string where = processes == 1 ? fmt::format("on {} threads", all.threads)
-                                           : fmt::format("in {} processes, one after the other or not", processes);
-  return fmt::format("{} runs in {:.0f} s {}, {:.3g} million steps a second and thread", all.runs, all.seconds,
-                     where, 1e-6 * static_cast<double>(all.ticks) / std::max(thread_s, 1e-9));
+  const std::string where = processes == 1
+                                ? fmt::format("on {} threads", all.threads)
+                                : fmt::format("in {} processes, one after the other or not", processes);
+  return fmt::format("{} runs in {:.0f} s {}, {:.3g} million steps a second and thread", all.runs,
+                     all.seconds, where, 1e-6 * static_cast<double>(all.ticks) / std::max(thread_s, 1e-9));
 }
 
 std::string groups_csv(const std::vector<Row>& rows) {
@@ -109,8 +109,8 @@ void keep_results(const fs::path& folder, const std::vector<Row>& rows, const fs
   std::string broken = table_columns() + '\n';
   for (const Row* row : broken_promises(rows)) broken += to_csv(*row) + '\n';
   write(results / "broken.csv", broken);
-  write(results / "run.txt", fmt::format("{}\n{}\n{}\n", read_manifest(folder).text, machine_text(),
-                                         timing_text(folder)));
+  write(results / "run.txt",
+        fmt::format("{}\n{}\n{}\n", read_manifest(folder).text, machine_text(), timing_text(folder)));
 }
 
 }  // namespace telenano::studies::stress

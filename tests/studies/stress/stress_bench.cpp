@@ -138,7 +138,8 @@ std::string stress_bench_csv(const StressBenchOptions& options) {
     ratios.push_back(one.wall_s / two.wall_s);
     processor_ratios.push_back(one.processor_ns / two.processor_ns);
   }
-  return csv + row("scaling", "all", "all", "all", 2, median(ratios), median(processor_ratios), kTargetScaling);
+  return csv +
+         row("scaling", "all", "all", "all", 2, median(ratios), median(processor_ratios), kTargetScaling);
 }
 
 }  // namespace telenano::studies::stress

@@ -11,7 +11,8 @@ struct StressBenchOptions {
   double seconds = 25;  ///< of session, of a block
 };
 
-/// Steps of the whole loop a second: `quantity,scene,hand,method,threads,value,of_processor_time,target,holds`.
+/// Steps of the whole loop a second:
+/// `quantity,scene,hand,method,threads,value,of_processor_time,target,holds`.
 ///
 /// A step is one tick of a session and all that is looked at: hand and device by this folder's integrator,
 /// station (observer, method, limits), command to bytes, link, bytes to command, server and slave, the reply

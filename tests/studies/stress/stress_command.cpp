@@ -181,7 +181,8 @@ int run_stress(const Arguments& a) {
   if (a.quick && a.full) throw UserError("stress: --quick and --full contradict each other");
   if (modes != 1)
     throw UserError(
-        "stress: expected one of --quick, --full, --merge, --replay, --shrink, --mutants, --realtime, --bench");
+        "stress: expected one of --quick, --full, --merge, --replay, --shrink, --mutants, --realtime, "
+        "--bench");
   if (!a.results.empty() && a.no_report)
     throw UserError("stress: --results keeps the report, which --no-report leaves out");
   if (!a.replay.empty()) return replay(a);

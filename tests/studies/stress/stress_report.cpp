@@ -144,7 +144,8 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
     ticks += s.ticks;
   }
   const std::string took = timing_text(options.folder);
-  std::string html = page_begin("Stress", html_escaped(fmt::format("{}; {}", options.manifest, machine_text())));
+  std::string html =
+      page_begin("Stress", html_escaped(fmt::format("{}; {}", options.manifest, machine_text())));
   html += fmt::format(
       "<p>{} runs, {:.3g} million steps of the whole loop, {:.3g} hours of sessions in virtual time, with "
       "the station, session, server and "
@@ -152,8 +153,10 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
       "up to 450 Hz, hands that "
       "mean harm, hill climbing. Links: delay to 1 s, jitter, bursts of loss, reordering, duplicates, "
       "drifting and leaping clocks, "
-      "outages to 10 s, servers that die, late ticks, and links that drop with knowledge of the state; replies "
-      "shown when they come or played out, commands repeated or held back by a deadband. What must hold was held, at "
+      "outages to 10 s, servers that die, late ticks, and links that drop with knowledge of the state; "
+      "replies "
+      "shown when they come or played out, commands repeated or held back by a deadband. What must hold was "
+      "held, at "
       "every sample, against true positions and the forces that really acted, summed in long double by code "
       "that shares nothing with the "
       "product. {} runs were made twice and gave the same bits. {}</p>\n",

@@ -128,8 +128,7 @@ SweepResult sweep(const SweepOptions& options) {
   result.seconds = progress.seconds();
   if (result.computed == 0) return result;
   progress.show(true);
-  note_timing(options.out, options.shard,
-              {result.computed, result.ticks, result.seconds, result.threads});
+  note_timing(options.out, options.shard, {result.computed, result.ticks, result.seconds, result.threads});
   return result;
 }
 

@@ -149,10 +149,9 @@ std::string table_columns() {
 
 std::string to_csv(const Row& row) {
   const RunSpec& s = row.spec;
-  std::string line =
-      fmt::format("{},{},{},{},{},{},{},{}", row.index, control::method_name(s.method), mutant_name(s.mutant),
-                  scene_kind_name(s.scene), hand_name(s.hand), drops_name(s.drops), restart_name(s.restart),
-                  playout_name(s.playout));
+  std::string line = fmt::format("{},{},{},{},{},{},{},{}", row.index, control::method_name(s.method),
+                                 mutant_name(s.mutant), scene_kind_name(s.scene), hand_name(s.hand),
+                                 drops_name(s.drops), restart_name(s.restart), playout_name(s.playout));
   for (const NumberField& field : number_fields()) line += fmt::format(",{}", s.*field.value);
   line += fmt::format(",{},{}", s.seed, row.outcome.violated);
   for (const RealColumn& column : kReals) {

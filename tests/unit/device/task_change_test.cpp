@@ -1,5 +1,5 @@
-// A simulated operator who changes tasks, with the station's own mapping from hand to tip between: where the tip
-// goes on the way, whatever has happened to the anchor before.
+// A simulated operator who changes tasks, with the station's own mapping from hand to tip between: where the
+// tip goes on the way, whatever has happened to the anchor before.
 #include "master/device/task_change.h"
 
 #include <gtest/gtest.h>

@@ -298,9 +298,8 @@ TEST(DelayLine, AgreesWithAStableSort) {
         line.put({}, {.arrival_ns = arrival_ns, .size = 0}, ++tag);
         waiting.emplace_back(arrival_ns, tag);
       } else if (!waiting.empty()) {
-        const auto first = std::min_element(waiting.begin(), waiting.end(), [](const auto& a, const auto& b) {
-          return a.first < b.first;
-        });
+        const auto first = std::min_element(waiting.begin(), waiting.end(),
+                                            [](const auto& a, const auto& b) { return a.first < b.first; });
         ASSERT_EQ(line.next_arrival_ns(), first->first) << spread << ' ' << k;
         ASSERT_EQ(line.front().tag, first->second) << spread << ' ' << k;
         line.pop();
