@@ -101,11 +101,11 @@ TEST_F(BadInputTest, FlagsOfTheStation) {
   expect_refused(std::vector<Bad>{
       {"no command",
        {kMaster},
-       {"a command is missing", "run, replay, plan, devices, calibrate, recover or export",
+       {"a command is missing", "run, replay, view, plan, devices, calibrate, recover or export",
         "telenano-master --help"}},
       {"unknown command",
        {kMaster, "rum"},
-       {"'rum'", "run, replay, plan, devices, calibrate, recover or export", "did you mean run?"}},
+       {"'rum'", "run, replay, view, plan, devices, calibrate, recover or export", "did you mean run?"}},
       {"unknown flag", with(run, {"--tasks", "indent"}), {"--tasks", "did you mean --task?"}},
       {"flag without value", with(run, {"--task"}), {"--task"}},
       {"unknown task",
