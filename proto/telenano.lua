@@ -12,6 +12,7 @@ local types = { [1] = "Hello", [2] = "Challenge", [3] = "Welcome", [4] = "Refuse
 local refuse_reasons = { [1] = "version", [2] = "full", [3] = "rate", [4] = "shutting down" }
 local bye_reasons = { [1] = "done", [2] = "idle", [3] = "shutting down", [4] = "stopped", [5] = "unknown session" }
 local contact_states = { [0] = "free", [1] = "van der Waals", [2] = "non-contact", [3] = "contact" }
+local particle_states = { [0] = "rests", [1] = "pushed", [2] = "held", [3] = "lost" }
 local methods = { [0] = "none", [1] = "ks", [2] = "ks-clamp", [3] = "tdpa", [4] = "wave", [5] = "tank", [6] = "model" }
 
 -- Section 2: {number, name, kind, names of values}. Kinds: i fixed32, q fixed64, x fixed64 shown in hexadecimal,
@@ -63,6 +64,8 @@ more(6, { 32, "model_stiffness_n_m", "d" }, { 33, "model_adhesion_nn", "d" }, { 
   { 35, "model_friction_nn", "d" }, { 36, "tip_hold", "i" })
 xyz(messages[6], 37, "hold_pos_w_{}_nm")
 more(6, { 40, "steps_before", "q" })
+xyz(messages[6], 41, "particle_pos_w_{}_nm")
+more(6, { 44, "particle_radius_nm", "d" }, { 45, "particle_state", "i", particle_states })
 
 local header = {
   magic = ProtoField.string("telenano.magic", "Magic"),

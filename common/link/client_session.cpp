@@ -223,7 +223,9 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   const bool model_unasked = (features() & kFeatureLocalModel) == 0 && !reply.model.empty();
   const bool tip_unasked = (features() & kFeatureSharing) == 0 && !reply.tip.empty();
   const bool history_unasked = (features() & kFeatureStepHistory) == 0 && reply.steps_before != 0;
-  if (port_unasked || model_unasked || tip_unasked || history_unasked) return drop(DropCause::kUnexpected);
+  const bool particle_unasked = (features() & kFeatureParticle) == 0 && !reply.particle.empty();
+  if (port_unasked || model_unasked || tip_unasked || history_unasked || particle_unasked)
+    return drop(DropCause::kUnexpected);
   // The n-th reply answers the n-th accepted command, or a later one.
   if (reply.sequence > reply.command_sequence) return drop(DropCause::kOutOfRange);
   const DropCause cause =

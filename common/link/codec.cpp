@@ -373,6 +373,19 @@ DropCause read(const wire::Reply& w, TipShare& m) noexcept {
   return check(m);
 }
 
+DropCause check(const Particle& m) noexcept {
+  if (!all_finite(m.pos_w_nm) || !all_finite(m.radius_nm)) return DropCause::kNonFinite;
+  const bool known = m.status <= ParticleStatus::kLost;
+  return known && m.radius_nm >= 0 ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::Reply& w, Particle& m) noexcept {
+  m.pos_w_nm = {w.particle_pos_w_x_nm(), w.particle_pos_w_y_nm(), w.particle_pos_w_z_nm()};
+  m.radius_nm = w.particle_radius_nm();
+  m.status = static_cast<ParticleStatus>(w.particle_state());
+  return check(m);
+}
+
 DropCause read(const wire::Command& w, Command& m) noexcept {
   m.session_id = w.session_id();
   m.sequence = w.sequence();
@@ -443,8 +456,8 @@ DropCause read_features(const wire::Command& wire, Command& message) noexcept {
 
 DropCause read_features(const wire::Reply& wire, Reply& message) noexcept {
   message.steps_before = wire.steps_before();
-  return first_cause(first_cause(read(wire, message.port), read(wire, message.model)),
-                     read(wire, message.tip));
+  const DropCause contact = first_cause(read(wire, message.port), read(wire, message.model));
+  return first_cause(contact, first_cause(read(wire, message.tip), read(wire, message.particle)));
 }
 
 void clear_features(Command& m) noexcept {
@@ -457,6 +470,7 @@ void clear_features(Reply& m) noexcept {
   m.model = {};
   m.steps_before = 0;
   m.tip = {};
+  m.particle = {};
 }
 
 DropCause check_features(const Command& m) noexcept {
@@ -464,7 +478,8 @@ DropCause check_features(const Command& m) noexcept {
 }
 
 DropCause check_features(const Reply& m) noexcept {
-  return first_cause(first_cause(check(m.port), check(m.model)), check(m.tip));
+  const DropCause contact = first_cause(check(m.port), check(m.model));
+  return first_cause(contact, first_cause(check(m.tip), check(m.particle)));
 }
 
 template <class Wire, class Message>

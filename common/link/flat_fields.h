@@ -105,6 +105,9 @@ requires std::is_same_v<std::remove_const_t<Message>, Reply> TELENANO_INLINE voi
   visit.template operator()<36>(m.tip.hold);
   visit_three<37>(visit, m.tip.pos_w_nm);
   visit.template operator()<40>(m.steps_before);
+  visit_three<41>(visit, m.particle.pos_w_nm);
+  visit.template operator()<44>(m.particle.radius_nm);
+  visit.template operator()<45>(m.particle.status);
 }
 
 /// A field's tag as it stands on the wire: number << 3 | wire type, seven bits a byte, the low ones first.

@@ -22,9 +22,10 @@ enum FeatureBits : std::uint64_t {
   kFeatureSharing = 1u << 2,      ///< one tip for all sessions: tip_hold in Command, TipShare in Reply
   kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
   kFeatureStepHistory = 1u << 4,  ///< Reply::steps_before
+  kFeatureParticle = 1u << 5,     ///< Particle in Reply
 };
-inline constexpr std::uint64_t kKnownFeatures =
-    kFeaturePortControl | kFeatureLocalModel | kFeatureSharing | kFeatureRedundancy | kFeatureStepHistory;
+inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing |
+                                                kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle;
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {
@@ -196,6 +197,32 @@ struct TipShare {
   bool empty() const noexcept { return hold == 0 && pos_w_nm.isZero(0); }
 };
 
+/// How a particle lies, by what touches it.
+enum class ParticleStatus : std::uint32_t {
+  kRests = 0,   ///< on the sample, the tip does not touch it
+  kPushed = 1,  ///< on the sample, the tip touches it: pushed, rolled, pressed
+  kHeld = 2,    ///< off the sample, at the tip: picked up
+  kLost = 3,    ///< neither touches it
+};
+
+/// The scene's nanoparticle, a sphere. Behind kFeatureParticle; all zero: not known, or none.
+struct Particle {
+  Vec3 pos_w_nm = Vec3::Zero();  ///< centre
+  double radius_nm = 0;          ///< >= 0; 0: not known
+  ParticleStatus status = ParticleStatus::kRests;
+
+  bool empty() const noexcept {
+    return pos_w_nm.isZero(0) && radius_nm == 0 && status == ParticleStatus::kRests;
+  }
+  friend bool operator==(const Particle& a, const Particle& b) noexcept {
+    return a.pos_w_nm == b.pos_w_nm && a.radius_nm == b.radius_nm && a.status == b.status;
+  }
+};
+
+inline bool is_finite(const Particle& p) noexcept {
+  return telenano::is_finite(p.pos_w_nm) && std::isfinite(p.radius_nm);
+}
+
 /// Server → station, one for each accepted command.
 struct Reply {
   std::uint64_t session_id = 0;
@@ -220,6 +247,7 @@ struct Reply {
   /// Behind kFeatureStepHistory: what a station must know to tell, or repeat, in which order the slave
   /// stepped when commands and replies were lost.
   std::uint64_t steps_before = 0;
+  Particle particle;
 };
 
 enum class ByeReason : std::uint32_t {

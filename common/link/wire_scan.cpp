@@ -16,7 +16,8 @@ constexpr std::uint8_t kF64 = 1;
 constexpr std::uint8_t kLen = 2;
 constexpr std::uint8_t kF32 = 5;
 
-constexpr std::size_t kMaxFields = kRecentField;
+constexpr std::size_t kMaxFields = 45;
+static_assert(kRecentField <= kMaxFields);
 
 /// Wire type by field number, as in telenano.proto (the codec's tests hold the two together).
 using FieldList = std::array<std::uint8_t, kMaxFields + 1>;
@@ -38,7 +39,8 @@ constexpr FieldList kReplyFields = {
     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,                    // 20: port control; 25:
                                                                        // local model
     kF32, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 36: sharing
-    kF32, kF64, kF64, kF64, kF64};                                     // 40: step history
+    kF32, kF64, kF64, kF64, kF64,                                      // 40: step history; 41: particle
+    kF64, kF64, kF64, kF64, kF32};
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
 constexpr FieldList kNoFields = {};
 
@@ -68,7 +70,7 @@ constexpr std::size_t longest_payload(const FieldList& fields) {
   }
   return bytes;
 }
-static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 365,
+static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 411,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
 static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kMaxRecent * kRecentBytes <=
               kMaxPayloadBytes);

@@ -455,6 +455,7 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   trace.slave_energy_out_j = config_.scaling.hand_energy_j(reply_.energy_out_aj);
   trace.stale_s = stale_s_;
   trace.reply_sequence = reply_.sequence;
+  trace.particle = reply_.particle;
   trace.observes = has_reply_ && !holds_tip();
 }
 

@@ -90,7 +90,8 @@ struct StationTrace {
   double slave_energy_out_j = 0;
   double stale_s = 0;  ///< since the last new reply
   std::uint64_t reply_sequence = 0;
-  bool observes = false;  ///< another session moves the tip, or none: no force, no commanded motion
+  link::Particle particle;  ///< from the newest reply; radius 0: none, or not known
+  bool observes = false;    ///< another session moves the tip, or none: no force, no commanded motion
 };
 
 struct StationOutput {

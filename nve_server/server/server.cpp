@@ -42,7 +42,8 @@ bool is_finite(const slave::SlaveOutput& o) noexcept {
 void step_guarded(slave::Slave& slave, const slave::SlaveInput& input, double dt_s,
                   const slave::SlaveOutput& last, slave::SlaveOutput& output) noexcept {
   slave.step(input, dt_s, output);
-  if (!link::is_finite(output.model)) output.model = {};  // the force may be right all the same
+  if (!link::is_finite(output.model)) output.model = {};        // the force may be right all the same
+  if (!link::is_finite(output.particle)) output.particle = {};  // it is only to be looked at
   if (is_finite(output)) return;
   output = last;
   output.force_w_nn.setZero();
@@ -74,8 +75,8 @@ link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
   return table;
 }
 
-/// Sharing is offered where there is something to share, and asked for there.
-link::ServerHandshakeConfig handshake_config(const ServerConfig& config, std::uint32_t rate_max_hz) {
+/// Sharing is offered where there is something to share, and asked for there; a particle where there is one.
+link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits) {
   link::ServerHandshakeConfig handshake;
   handshake.secret = config.secret;
   handshake.feature_bits = config.feature_bits & ~std::uint64_t{link::kFeatureSharing};
@@ -83,7 +84,8 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, std::ui
     handshake.required_bits = link::kFeatureSharing;
     handshake.feature_bits |= link::kFeatureSharing;
   }
-  handshake.rate_max_hz = rate_max_hz;
+  if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
+  handshake.rate_max_hz = limits.rate_max_hz;
   handshake.challenges_per_s = config.challenges_per_s;
   handshake.openings_per_s = config.openings_per_s;
   return handshake;
@@ -103,7 +105,7 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       spare_(first_slave(scene_)),
       limits_(spare_->limits()),
       table_(table_of(config), config.secret),
-      handshake_(handshake_config(config, limits_.rate_max_hz)),
+      handshake_(handshake_config(config, limits_)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       seats_(table_.capacity()),
       holder_(table_.capacity()),
@@ -365,6 +367,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   if (controls) reply.port = seat.control.answer();
   if (moves && wants_model(session, command)) reply.model = tip.output.model;
   if ((session.feature_bits & link::kFeatureStepHistory) != 0) reply.steps_before = session.steps_before;
+  if ((session.feature_bits & link::kFeatureParticle) != 0) reply.particle = tip.output.particle;
   if (shared()) reply.tip = {moves ? holder_.number() : 0, tip.output.commanded_pos_w_nm};
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);

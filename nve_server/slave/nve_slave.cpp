@@ -35,6 +35,12 @@ link::ContactState contact_state(physics::Branch branch) noexcept {
   return link::ContactState::kFree;
 }
 
+link::ParticleStatus particle_status(const physics::ParticleSolution& particle) noexcept {
+  if (particle.on_surface)
+    return particle.held_by_tip ? link::ParticleStatus::kPushed : link::ParticleStatus::kRests;
+  return particle.held_by_tip ? link::ParticleStatus::kHeld : link::ParticleStatus::kLost;
+}
+
 // The hardest wall that the port can show. On a flat sample without friction the force is along W z whatever
 // the springs do sideways; a curved sample, a particle's side and a contact that sticks face anywhere, and
 // the stiffest direction of the springs counts: 1/λ_min of their compliance. A mode below the sample rate has
@@ -59,6 +65,7 @@ SlaveLimits limits_of(const scene::Scene& scene) {
   limits.coupling_stiffness_n_m = shown_stiffness(scene);
   limits.coupling_damping_n_s_m = scene.coupling.damping_n_s_m;
   limits.rate_max_hz = scene.limits.rate_max_hz;
+  limits.has_particle = scene.particle.has_value();
   return limits;
 }
 
@@ -310,6 +317,9 @@ void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   output.energy_in_aj = energy_in_aj_;
   output.energy_out_aj = energy_out_aj_;
   output.measurement_age_ns = 0;
+  if (const physics::ParticleSolution* const particle = sample_.particle())
+    output.particle = {particle->particle_centre_w_nm, scene_->particle->parameters.particle_radius_nm,
+                       particle_status(*particle)};
 }
 
 NveSlave::Trace NveSlave::trace() const noexcept {

@@ -32,9 +32,11 @@ struct SlaveOutput {
   std::int64_t measurement_age_ns = 0;
   /// What the port is like here, if asked for and known; version 0 = unknown.
   link::LocalModel model;
+  link::Particle particle;  ///< where SlaveLimits::has_particle; a slave without one leaves it alone
 };
 
-/// What a station may know of a slave before it moves; all of it goes into Welcome.
+/// What a station may know of a slave before it moves; all of it goes into Welcome, `has_particle` as a
+/// feature.
 struct SlaveLimits {
   Vec3 workspace_min_w_nm = Vec3::Zero();
   Vec3 workspace_max_w_nm = Vec3::Zero();
@@ -44,6 +46,7 @@ struct SlaveLimits {
   double coupling_stiffness_n_m = 0;
   double coupling_damping_n_s_m = 0;
   std::uint32_t rate_max_hz = 8000;
+  bool has_particle = false;
 };
 
 /// Seam: whatever touches the sample: the nanoscale virtual environment, or a real AFM.

@@ -55,6 +55,7 @@ void check_promises(const Incoming& in) {
       FUZZ_CHECK(in.reply.sequence != 0);
       FUZZ_CHECK(telenano::is_finite(in.reply.force_w_nn) && telenano::is_finite(in.reply.tip_pos_w_nm));
       FUZZ_CHECK(in.reply.energy_in_aj >= 0 && in.reply.energy_out_aj >= 0);
+      FUZZ_CHECK(is_finite(in.reply.particle) && in.reply.particle.radius_nm >= 0);
       break;
     default:
       break;

@@ -7,10 +7,10 @@ import telenano_pb2 as pb
 from programs import counted, now_ns, serve, udp
 from station import Station
 from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY,
-                  FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, vector)
+                  FEATURE_PARTICLE, FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, features_used, vector)
 
 RATE_HZ = 200
-ALL = KNOWN_FEATURES & ~FEATURE_SHARING  # of a server with private tips
+ALL = KNOWN_FEATURES & ~(FEATURE_SHARING | FEATURE_PARTICLE)  # of a server with private tips and no particle
 
 
 class Client:
@@ -118,7 +118,7 @@ class StationAtTheServer(unittest.TestCase):
             answer = sock.recv(2048)
         except TimeoutError:
             return None
-        self.assertLessEqual(len(answer), max(len(datagram), 373))
+        self.assertLessEqual(len(answer), max(len(datagram), 419))
         return decode(answer)
 
     def test_a_session_indents_and_every_reply_keeps_the_rules(self):
@@ -178,6 +178,29 @@ class StationAtTheServer(unittest.TestCase):
             welcome = self.ask(sock, hello(nonce, cookie, feature_bits=asked))
             self.assertEqual(welcome.feature_bits, asked & ALL, "what there is, and no shared tip")
         self.assertEqual(counted(self.end()), {"wrong_version": 1, "out_of_range": 1})
+
+    def test_a_particle_is_told_where_there_is_one(self):
+        child, self.server = serve(self, "particle", "--timeout-ms", "5000")
+        client = Client(self, self.server)
+        w = client.connect()
+        self.assertEqual(w.feature_bits, ALL | FEATURE_PARTICLE)
+        x, y, top = vector(w, "start_pos_w_{}_nm")
+
+        def push(t):  # down to 10 nm in the first second, then along x into it
+            return (x + 25 * max(t - 1, 0), y, top - 30 * min(t, 1))
+
+        client.run(push, 3.0)
+        first, last = client.replies[0], client.replies[-1]
+        self.assertEqual({r.particle_radius_nm for r in client.replies}, {30})
+        self.assertLess(math.dist(vector(first, "particle_pos_w_{}_nm"), (60, 0, 30)), 2, "of the scene; it sinks in a little")
+        self.assertEqual((first.particle_state, last.particle_state), (0, 1))
+        self.assertGreater(last.particle_pos_w_x_nm, 80)
+        self.assertEqual(sum(client.station.drops.values()), 0)
+        plain = Client(self, self.server, features=ALL)
+        self.assertEqual(plain.connect().feature_bits, ALL)
+        plain.run(push, 0.1)
+        self.assertEqual({features_used(r) & FEATURE_PARTICLE for r in plain.replies}, {0})
+        self.assertEqual(child.stop(), 0, child.said())
 
     def test_fields_of_features(self):
         for features, answered in ((ALL, True), (FEATURE_LOCAL_MODEL, False)):
@@ -326,7 +349,7 @@ class StationAtTheServer(unittest.TestCase):
         self.assertEqual((type(refuse), refuse.reason), (pb.Refuse, 1), "does not know of it: too old")
         a, b = Client(self, self.server), Client(self, self.server)
         start = vector(a.connect(), "start_pos_w_{}_nm")
-        self.assertEqual(b.connect().feature_bits, KNOWN_FEATURES)
+        self.assertEqual(b.connect().feature_bits, KNOWN_FEATURES & ~FEATURE_PARTICLE)
         self.assertNotEqual(a.station.welcome.epoch, b.station.welcome.epoch, "a book for each")
         down = indent(start, 8, 2.0)
         a.run(down, 1.0)  # pressed

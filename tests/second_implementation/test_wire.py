@@ -56,6 +56,8 @@ VALUES = {
     "command_with_recent": pb.Command(**COMMAND, **FEATURES, recent_commands=RECENT_COMMANDS),
     "reply_with_features": pb.Reply(**REPLY, **ANSWER),
     "reply_with_history": pb.Reply(**REPLY, **ANSWER, steps_before=0xFEDCBA9876543210),
+    "reply_with_particle": pb.Reply(**REPLY, **xyz("particle_pos_w_{}_nm", 61.5, -7.25, 30.125), particle_radius_nm=30.5,
+                                    particle_state=2),
     "command_with_sharing": pb.Command(**{**COMMAND, "flags": 11}, tip_hold=5),
     "reply_with_sharing": pb.Reply(**REPLY, tip_hold=6, **xyz("hold_pos_w_{}_nm", 1.25, -2.5, 3.75)),
 }
@@ -111,8 +113,8 @@ class Document(unittest.TestCase):
             self.assertEqual(tables[descriptor.name], {f.number: (f.name, names[f.type]) for f in descriptor.fields})
 
     def test_its_largest_datagrams(self):
-        # Every field there, none left out as zero: 207 and 373 bytes.
-        for cls, size in ((pb.Command, 207), (pb.Reply, 373)):
+        # Every field there, none left out as zero: 207 and 419 bytes.
+        for cls, size in ((pb.Command, 207), (pb.Reply, 419)):
             total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
                                       for n, wire in FIELDS[cls].items() if wire != 2)
             self.assertEqual(total, size)
@@ -149,7 +151,7 @@ class Golden(unittest.TestCase):
         used = {name: features_used(value) for name, value in VALUES.items()}
         self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3,
                                 "command_with_sharing": 4, "reply_with_sharing": 4,
-                                "command_with_recent": 9, "reply_with_history": 19})
+                                "command_with_recent": 9, "reply_with_history": 19, "reply_with_particle": 32})
 
 
 class Causes(unittest.TestCase):
@@ -209,11 +211,12 @@ class Causes(unittest.TestCase):
         zero["command_with_features"] = zero["command"] | {"energy_scale_aj_j", "wave_impedance_n_s_m"}
         zero["command_with_recent"] = zero["command_with_features"]
         zero["reply_with_features"] = zero["reply_with_sharing"] = zero["reply_with_history"] = zero["reply"]
+        zero["reply_with_particle"] = zero["reply"]
         zero["command_with_sharing"] = zero["command"]
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",
-                        "model_shear_stiffness_n_m", "model_friction_nn"}
+                        "model_shear_stiffness_n_m", "model_friction_nn", "particle_radius_nm"}
         for name, value in VALUES.items():
             for field in value.DESCRIPTOR.fields:
                 # Padding is no value; ranges between fields stand below.
@@ -231,6 +234,8 @@ class Causes(unittest.TestCase):
             self.assertIsNone(self.changed(name, version_max=2))
         self.assertEqual(self.changed("command_with_features", method=7), "out_of_range")
         self.assertEqual(self.changed("reply", contact_state=4), "out_of_range")
+        self.assertEqual(self.changed("reply_with_particle", particle_state=4), "out_of_range")
+        self.assertIsNone(self.changed("reply_with_particle", particle_state=3))
         self.assertEqual(self.changed("command_with_recent", sequence=4), "out_of_range")
         self.assertIsNone(self.changed("command_with_recent", sequence=5))
         first, second = RECENT_COMMANDS[:64], RECENT_COMMANDS[64:128]

@@ -22,12 +22,14 @@ FEATURE_LOCAL_MODEL = 1 << 1
 FEATURE_SHARING = 1 << 2
 FEATURE_REDUNDANCY = 1 << 3
 FEATURE_STEP_HISTORY = 1 << 4
-KNOWN_FEATURES = FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY
+FEATURE_PARTICLE = 1 << 5
+KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
+                  FEATURE_PARTICLE)
 #: Field numbers behind each feature (section 9).
 FEATURE_FIELDS = {
     pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_SHARING: (31,), FEATURE_REDUNDANCY: (40,)},
     pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36), FEATURE_SHARING: range(36, 40),
-               FEATURE_STEP_HISTORY: (40,)},
+               FEATURE_STEP_HISTORY: (40,), FEATURE_PARTICLE: range(41, 46)},
 }
 
 CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER = 1, 2, 4, 8, 16
@@ -195,10 +197,11 @@ def check_command(m):
 
 def check_reply(m):
     not_negative = min(m.energy_in_aj, m.energy_out_aj, m.energy_sent_aj, m.wave_energy_aj, m.model_stiffness_n_m,
-                       m.model_adhesion_nn, m.model_shear_stiffness_n_m, m.model_friction_nn) >= 0
+                       m.model_adhesion_nn, m.model_shear_stiffness_n_m, m.model_friction_nn, m.particle_radius_nm) >= 0
     normal = vector(m, "model_normal_w_{}")
     unit = abs(math.hypot(*normal) - 1) <= 1e-6 or (m.model_version == 0 and not any(normal))
-    return m.sequence and m.command_sequence and m.contact_state <= 3 and not_negative and unit
+    states = m.contact_state <= 3 and m.particle_state <= 3
+    return m.sequence and m.command_sequence and states and not_negative and unit
 
 
 CHECKS = {

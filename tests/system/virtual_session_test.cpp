@@ -4,10 +4,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <vector>
 
+#include "nve_server/slave/nve_slave.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::support {
@@ -106,6 +108,43 @@ TEST(VirtualSession, SameSeedSameBits) {
   config.seed += 1;
   VirtualSession other(config);
   EXPECT_NE(hash, hash_rows(other, 4000));
+}
+
+// The whole way, slave to station: what the station shows in a tick is, to the bit, where the slave's
+// particle was after the command of the tick before.
+TEST(VirtualSession, TheStationsParticleIsTheSlavesOneReplyLate) {
+  auto config = config_for("particle", device::Task::kScript);
+  config.script = {{0, Vec3(0, 0, 40)}, {1, Vec3(0, 0, 10)}, {3, Vec3(45, 0, 10)}, {4, Vec3(0, 0, 40)}};
+  const slave::NveSlave* slave = nullptr;
+  config.make_slave = [&] {
+    auto made = std::make_unique<slave::NveSlave>(config.scene);
+    slave = made.get();
+    return made;
+  };
+  VirtualSession session(config);
+  ASSERT_NE(session.client().features() & link::kFeatureParticle, 0u);
+  session.step();
+  Vec3 before = slave->sample().particle()->particle_centre_w_nm;
+  std::array<int, 4> seen{};
+  double farthest_x_nm = 0;
+  session.run(10000, [&](const recording::Sample&) {
+    const link::Particle& shown = session.loop().trace().particle;
+    ASSERT_EQ(shown.pos_w_nm, before);
+    ASSERT_EQ(shown.radius_nm, 30);
+    ++seen[static_cast<std::size_t>(shown.status)];
+    farthest_x_nm = std::max(farthest_x_nm, shown.pos_w_nm.x());
+    before = slave->sample().particle()->particle_centre_w_nm;
+  });
+  EXPECT_TRUE(session.done());
+  EXPECT_GT(farthest_x_nm, 75) << "it was pushed";
+  EXPECT_GT(seen[static_cast<std::size_t>(link::ParticleStatus::kRests)], 1000);
+  EXPECT_GT(seen[static_cast<std::size_t>(link::ParticleStatus::kPushed)], 500);
+}
+
+TEST(VirtualSession, ASceneWithoutAParticleTellsOfNone) {
+  VirtualSession session(config_for("flakes", device::Task::kIndent, 1));
+  EXPECT_EQ(session.client().features() & link::kFeatureParticle, 0u);
+  session.run(500, [&](const recording::Sample&) { ASSERT_TRUE(session.loop().trace().particle.empty()); });
 }
 
 TEST(VirtualSession, NoAllocationAfterWarmUp) {

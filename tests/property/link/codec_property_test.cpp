@@ -128,6 +128,7 @@ TEST(Decoding, ReadsNothingBehindTheDatagram) {
   cut_everywhere(codec.encode(golden.command_with_features, golden.recent, whole));
   cut_everywhere(codec.encode(golden.reply, whole));
   cut_everywhere(codec.encode(golden.reply_with_history, whole));
+  cut_everywhere(codec.encode(golden.reply_with_particle, whole));
   ::munmap(memory, 2 * page);
 }
 

@@ -181,6 +181,10 @@ inline Reply any_reply(Random& random) {
   m.model = any_model(random);
   if (random.chance(0.5)) m.tip = {any_u32(random), any_vec(random)};
   if (random.chance(0.5)) m.steps_before = any_u64(random);
+  if (random.chance(0.5)) {
+    const auto status = static_cast<ParticleStatus>(random.below(4));
+    m.particle = {any_vec(random), std::fabs(any_finite(random)), status};
+  }
   return m;
 }
 

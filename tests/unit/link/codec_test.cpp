@@ -296,6 +296,13 @@ TEST(Codec, RefusesNonFiniteNumbersWhereverTheyAre) {
       *fields[k] = bad;
       EXPECT_EQ(cause_of(r), DropCause::kNonFinite) << k;
     }
+    for (int k = 0; k < 4; ++k) {
+      Reply r = golden.reply_with_particle;
+      Particle& p = r.particle;
+      double* const fields[] = {&p.pos_w_nm.x(), &p.pos_w_nm.y(), &p.pos_w_nm.z(), &p.radius_nm};
+      *fields[k] = bad;
+      EXPECT_EQ(cause_of(r), DropCause::kNonFinite) << k;
+    }
     for (int k = 0; k < 9; ++k) {
       Reply r = golden.reply;
       double* const fields[] = {&r.force_w_nn.x(),   &r.force_w_nn.y(),   &r.force_w_nn.z(),
@@ -363,6 +370,34 @@ TEST(Codec, HoldsPortControlToItsRanges) {
   EXPECT_EQ(cause_with([](PortControl& p) { p = {}; }), DropCause::kNone);
 }
 
+TEST(Codec, HoldsTheParticleToItsRanges) {
+  Codec codec;
+  Incoming in;
+  std::array<std::uint8_t, kMaxDatagramBytes> out{};
+  const auto cause_with = [&](auto&& change) {
+    Reply r = GoldenMessages{}.reply_with_particle;
+    change(r.particle);
+    return codec.decode(std::span(out).first(codec.encode(r, out)), in);
+  };
+  const auto none = DropCause::kNone;
+  const auto bad = DropCause::kOutOfRange;
+  EXPECT_EQ(cause_with([](Particle& p) { p.radius_nm = -1e-300; }), bad);
+  EXPECT_EQ(cause_with([](Particle& p) { p.radius_nm = 0; }), none);
+  EXPECT_EQ(cause_with([](Particle& p) { p.pos_w_nm *= -1; }), none);
+  EXPECT_EQ(cause_with([](Particle& p) { p.status = ParticleStatus::kLost; }), none);
+  EXPECT_EQ(cause_with([](Particle& p) { p.status = static_cast<ParticleStatus>(4); }), bad);
+  EXPECT_EQ(cause_with([](Particle& p) { p = {}; }), none);
+  EXPECT_TRUE(in.reply.particle.empty());
+  // A reply without one does not keep that of the reply before, in either form.
+  const GoldenMessages golden;
+  for (const Reply* after : {&golden.reply, &golden.reply_with_history}) {
+    cause_with([](Particle&) {});
+    ASSERT_FALSE(in.reply.particle.empty());
+    codec.decode(std::span(out).first(codec.encode(*after, out)), in);
+    EXPECT_TRUE(in.reply.particle.empty());
+  }
+}
+
 TEST(Codec, HoldsPortAnswerAndLocalModelToTheirRanges) {
   Codec codec;
   Incoming in;
@@ -402,8 +437,8 @@ TEST(Codec, FieldsBeyondTheLastAreUnknownWhateverTheirTag) {
   // Two-byte tags up to 511 and beyond: only those of the list, in their shortest form.
   const auto files = golden_files();
   for (const std::size_t which : {7u, 8u}) {
-    const auto known = [which](std::uint32_t number) {  // the last of port control; sharing; step history
-      return which == 7 ? number <= 22 || number == 31 : number <= 40;
+    const auto known = [which](std::uint32_t number) {  // the last of port control; sharing; particle
+      return which == 7 ? number <= 22 || number == 31 : number <= 45;
     };
     for (std::uint32_t number = 16; number < 300; ++number) {
       if (known(number)) continue;
@@ -531,6 +566,10 @@ TEST(Codec, NoAnswerToAHelloIsLargerThanIt) {
   EXPECT_EQ(codec.encode(largest.command_with_features, out), 201u);
   EXPECT_EQ(codec.encode(largest.reply_with_features, out), 327u);
   EXPECT_EQ(codec.encode(largest.reply_with_history, out), 337u);
+  Reply every = largest.reply_with_history;
+  every.tip = largest.reply_with_sharing.tip;
+  every.particle = largest.reply_with_particle.particle;
+  EXPECT_EQ(codec.encode(every, out), 419u);
 }
 
 TEST(DropCauses, HaveNamesOfTheirOwn) {

@@ -28,6 +28,8 @@ struct GoldenMessages {
   /// That command with the four before it.
   /// The reply with features, and which commands came before its own.
   Reply reply_with_history = make_reply_with_history();
+  /// The reply without features, and a particle.
+  Reply reply_with_particle = make_reply_with_particle();
   RecentCommands recent = make_recent();
 
   static Welcome make_welcome() {
@@ -128,6 +130,12 @@ struct GoldenMessages {
     return m;
   }
 
+  static Reply make_reply_with_particle() {
+    Reply m = make_reply();
+    m.particle = {{61.5, -7.25, 30.125}, 30.5, ParticleStatus::kHeld};
+    return m;
+  }
+
   static RecentCommands make_recent() {
     RecentCommands m;
     m.count = 4;
@@ -167,11 +175,12 @@ struct GoldenMessages {
     add(command_with_sharing);
     add(reply_with_sharing);
     add(reply_with_history);
+    add(reply_with_particle);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 13> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 14> kGoldenNames = {"hello",
                                                              "challenge",
                                                              "welcome",
                                                              "refuse",
@@ -183,12 +192,13 @@ inline constexpr std::array<const char*, 13> kGoldenNames = {"hello",
                                                              "command_with_recent",
                                                              "command_with_sharing",
                                                              "reply_with_sharing",
-                                                             "reply_with_history"};
-inline constexpr std::array<MessageType, 13> kGoldenTypes = {
+                                                             "reply_with_history",
+                                                             "reply_with_particle"};
+inline constexpr std::array<MessageType, 14> kGoldenTypes = {
     MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
     MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
     MessageType::kReply,   MessageType::kCommand,   MessageType::kCommand, MessageType::kReply,
-    MessageType::kReply};
+    MessageType::kReply,   MessageType::kReply};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -252,7 +262,7 @@ inline bool same(const Reply& a, const Reply& b) {
          a.tip_pos_w_nm == b.tip_pos_w_nm && a.deflection_nm == b.deflection_nm &&
          a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj && same(a.port, b.port) &&
          same(a.model, b.model) && a.tip.hold == b.tip.hold && a.tip.pos_w_nm == b.tip.pos_w_nm &&
-         a.steps_before == b.steps_before;
+         a.steps_before == b.steps_before && a.particle == b.particle;
 }
 inline bool same(const Bye& a, const Bye& b) {
   return a.session_id == b.session_id && a.reason == b.reason;
@@ -279,7 +289,8 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
       return same(in.reply, which < 7    ? golden.reply
                             : which < 10 ? golden.reply_with_features
                             : which < 12 ? golden.reply_with_sharing
-                                         : golden.reply_with_history);
+                            : which < 13 ? golden.reply_with_history
+                                         : golden.reply_with_particle);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
     case MessageType::kNone:

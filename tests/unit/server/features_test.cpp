@@ -2,7 +2,9 @@
 // Welcome.
 #include <gtest/gtest.h>
 
+#include <limits>
 #include <memory>
+#include <utility>
 
 #include "tests/unit/link/golden_messages.h"
 #include "virtual_session.h"
@@ -209,6 +211,66 @@ TEST(Features, WithoutAgreementAStationSendsNoneOfTheFields) {
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
   ASSERT_EQ(codec.encode(plain, out), n);
   EXPECT_TRUE(std::equal(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(n), s.buffer.begin()));
+}
+
+/// A slave with a particle, or one without that tells of one all the same, and the station that asked for it.
+struct ParticleSession {
+  ParticleSession(bool asks, bool has_one, const link::Particle& particle)
+      : server(test_config(), spring_scene(&slave, nullptr, has_one)) {
+    slave->particle = particle;
+    link::ClientConfig client;
+    if (!asks) client.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
+    s = std::make_unique<VirtualSession>(&server, client, net::SimPath{}, net::SimPath{}, 1);
+    s->client.start(0);
+    s->ticks(50);
+  }
+  std::size_t reply_bytes() {
+    link::Codec codec;
+    std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
+    return codec.encode(s->client.reply(), out);
+  }
+  SpringSlave* slave = nullptr;
+  Server server;
+  std::unique_ptr<VirtualSession> s;
+};
+
+TEST(Features, AParticleIsToldWhereThereIsOneAndItWasAskedFor) {
+  const link::Particle particle{{60, -1.5, 30}, 29.5, link::ParticleStatus::kPushed};
+  ParticleSession told(true, true, particle);
+  EXPECT_NE(told.s->client.features() & link::kFeatureParticle, 0u);
+  EXPECT_EQ(told.s->client.reply().particle, particle);
+  const std::size_t without = ParticleSession(true, false, {}).reply_bytes();
+  EXPECT_EQ(told.reply_bytes(), without + 4 * 10 + 6) << "four doubles and a fixed32, two bytes of tag each";
+  for (const auto& [asks, has_one] : {std::pair{false, true}, {true, false}, {false, false}}) {
+    ParticleSession silent(asks, has_one, particle);
+    ASSERT_TRUE(silent.s->client.has_session());
+    EXPECT_EQ(silent.s->client.features() & link::kFeatureParticle, 0u) << asks << has_one;
+    EXPECT_TRUE(silent.s->client.reply().particle.empty());
+    EXPECT_EQ(silent.reply_bytes(), without) << asks << has_one;
+    EXPECT_EQ(silent.s->client.drops().total() + silent.server.drops().total(), 0u);
+    // Told all the same: unexpected.
+    link::Reply r = silent.s->client.reply();
+    link::Command c = silent.s->command;
+    silent.s->client.make_command(c, silent.s->now_ns, silent.s->buffer);
+    r.sequence = r.command_sequence = c.sequence;
+    r.particle = particle;
+    link::Codec codec;
+    const std::size_t n = codec.encode(r, silent.s->buffer);
+    silent.s->client.on_datagram({silent.s->buffer.data(), n}, silent.s->now_ns);
+    EXPECT_EQ(silent.s->client.drops()[DropCause::kUnexpected], 1u);
+  }
+}
+
+// The force may be right all the same: it is only left out of the picture.
+TEST(Features, AParticleThatIsNowhereIsNotTold) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  for (const link::Particle& bad : {link::Particle{{60, kNan, 30}, 30}, link::Particle{{60, 0, 30}, kNan}}) {
+    ParticleSession session(true, true, bad);
+    EXPECT_GT(session.server.counters().exchanges, 20u);
+    EXPECT_TRUE(session.s->client.reply().particle.empty());
+    EXPECT_EQ(session.s->client.reply().fault_bits & link::kFaultNonFinite, 0u);
+    EXPECT_EQ(session.s->client.drops().total(), 0u);
+  }
 }
 
 TEST(Features, AreAgreedAnewWithEachSession) {

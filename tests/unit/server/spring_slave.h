@@ -11,7 +11,8 @@ namespace telenano::server {
 /// nN/nm), no coupling. Counts what it is told.
 class SpringSlave final : public slave::Slave {
  public:
-  SpringSlave() {
+  explicit SpringSlave(bool has_particle = false) {
+    limits_.has_particle = has_particle;
     limits_.workspace_min_w_nm = {-300, -300, -50};
     limits_.workspace_max_w_nm = {300, 300, 500};
     limits_.start_pos_w_nm = {0, 0, 50};
@@ -42,6 +43,7 @@ class SpringSlave final : public slave::Slave {
     output.fault_bits = input.retract ? std::uint32_t{link::kFaultRetracted} : 0u;
     output.energy_in_aj = in_aj_;
     output.energy_out_aj = out_aj_;
+    output.particle = particle;
   }
   const slave::SlaveLimits& limits() const noexcept override { return limits_; }
 
@@ -52,8 +54,9 @@ class SpringSlave final : public slave::Slave {
   slave::SlaveInput last_input;
   double last_dt_s = 0;
   double total_dt_s = 0;
-  double broken_nn = 0;    ///< NaN: a slave gone wrong
-  double yield_nm_nn = 0;  ///< how far the tip stays behind its command
+  double broken_nn = 0;     ///< NaN: a slave gone wrong
+  link::Particle particle;  ///< that it tells of, asked or not
+  double yield_nm_nn = 0;   ///< how far the tip stays behind its command
 
  private:
   slave::SlaveLimits limits_;
@@ -64,13 +67,14 @@ class SpringSlave final : public slave::Slave {
 };
 
 /// `last` is set to the slave made last, for looking into it.
-inline ServedScene spring_scene(SpringSlave** last = nullptr, int* made = nullptr) {
+inline ServedScene spring_scene(SpringSlave** last = nullptr, int* made = nullptr,
+                                bool has_particle = false) {
   ServedScene scene;
   scene.name = scene_name("spring floor");
   scene.hash = 0x1234;
   scene.timeout_ms = 700;
-  scene.make_slave = [last, made]() -> std::unique_ptr<slave::Slave> {
-    auto slave = std::make_unique<SpringSlave>();
+  scene.make_slave = [last, made, has_particle]() -> std::unique_ptr<slave::Slave> {
+    auto slave = std::make_unique<SpringSlave>(has_particle);
     if (last != nullptr) *last = slave.get();
     if (made != nullptr) ++*made;
     return slave;

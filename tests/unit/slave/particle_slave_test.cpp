@@ -185,17 +185,23 @@ TEST(ParticleSlave, IsLostOnTheSampleOrPickedUpFromWhatHoldsItLess) {
     Session session(changed([&](scene::Scene& s) {
       if (weak) s.particle->parameters.particle_sample.work_of_adhesion_n_m *= 0.1;
     }));
-    session.go_to(Vec3(60, 0, 80), 1.0);
+    const SlaveOutput before = session.go_to(Vec3(60, 0, 80), 1.0);
+    EXPECT_EQ(before.particle.status, link::ParticleStatus::kRests);
+    EXPECT_EQ(before.particle.radius_nm, 30);
+    EXPECT_EQ(before.particle.pos_w_nm, session.particle().particle_centre_w_nm);
     double most = 0;
-    session.go_to(Vec3(60, 0, 57), 0.2,
-                  [&](const SlaveOutput& out) { most = std::max(most, out.force_w_nn.z()); });
+    const SlaveOutput pressed = session.go_to(
+        Vec3(60, 0, 57), 0.2, [&](const SlaveOutput& o) { most = std::max(most, o.force_w_nn.z()); });
     EXPECT_GT(most, 1.0) << weak;
     EXPECT_TRUE(session.particle().held_by_tip) << weak;
+    EXPECT_EQ(pressed.particle.status, link::ParticleStatus::kPushed);
     double least = 0;
     const SlaveOutput out = session.go_to(
         Vec3(60, 0, 95), 0.2, [&](const SlaveOutput& o) { least = std::min(least, o.force_w_nn.z()); });
     EXPECT_EQ(session.particle().held_by_tip, weak);
     EXPECT_EQ(session.particle().on_surface, !weak);
+    EXPECT_EQ(out.particle.status, weak ? link::ParticleStatus::kHeld : link::ParticleStatus::kRests);
+    EXPECT_EQ(out.particle.pos_w_nm, session.particle().particle_centre_w_nm);
     // The weaker pull-off, between 1.5 (JKR) and 2 (DMT) times pi w R, is what the tip felt.
     const double w = session.slave().sample().particle() == nullptr ? 0 : 2 * std::sqrt(0.2 * 0.066);
     const double unit_nn = weak ? M_PI * 0.1 * w * 30 : M_PI * w * 12;
@@ -261,7 +267,9 @@ TEST(ParticleSlave, RetractsInTheMiddleOfAPush) {
 TEST(ParticleSlave, TellsTheStiffnessOfItsStiffestDirection) {
   const NveSlave slave(deployed());
   EXPECT_NEAR(slave.limits().coupling_stiffness_n_m, 20.0, 1e-9);
+  EXPECT_TRUE(slave.limits().has_particle);
   const NveSlave sticking(changed([](scene::Scene& s) { s.particle.reset(); }));
+  EXPECT_FALSE(sticking.limits().has_particle);
   EXPECT_NEAR(sticking.limits().coupling_stiffness_n_m, 20.0, 1e-9);
   const NveSlave smooth(changed([](scene::Scene& s) {
     s.particle.reset();
