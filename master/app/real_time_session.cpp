@@ -67,6 +67,7 @@ void RealTimeSession::run() noexcept {
     publish(sample, timer.stats());
     if (desk_ != nullptr) {
       desk_->show(sample, loop_.force_off());
+      desk_->show(loop_.trace().particle);
       if (motion != nullptr) desk_->show(motion->task());
     }
   } while (!over(sample));

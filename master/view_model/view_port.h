@@ -1,9 +1,11 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/control/method.h"
 #include "common/control/scaling.h"
+#include "common/link/messages.h"
 #include "common/recording/sample.h"
 #include "common/rt/latest_value.h"
 #include "common/rt/spsc_queue.h"
@@ -29,12 +31,20 @@ struct ViewRequest {
   int task = 0;
 };
 
+/// link::Particle as plain data.
+struct ShownParticle {
+  std::array<double, 3> pos_w_nm{};
+  double radius_nm = 0;  ///< 0: there is none
+  link::ParticleStatus status = link::ParticleStatus::kRests;
+};
+
 /// Between the loop and the screen. Neither side ever waits: what finds a queue full is dropped and counted.
 struct ViewPort {
   // From the loop.
   rt::SpscQueue<recording::Sample> samples{8192};    ///< two seconds at 4 kHz
   rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
   rt::LatestValue<device::TaskState> task;           ///< of a hand that plays motions
+  rt::LatestValue<ShownParticle> particle;           ///< of the newest reply; radius 0: there is none
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};
   rt::LatestValue<std::uint32_t> buttons;  ///< device::ButtonBits held on the screen, or-ed to the device's

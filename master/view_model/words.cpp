@@ -128,6 +128,20 @@ std::vector<Message> slave_words(std::uint32_t faults) {
   return messages;
 }
 
+const char* particle_words(link::ParticleStatus status) {
+  switch (status) {
+    case link::ParticleStatus::kRests:
+      return "particle at rest";
+    case link::ParticleStatus::kPushed:
+      return "particle touched";
+    case link::ParticleStatus::kHeld:
+      return "particle picked up";
+    case link::ParticleStatus::kLost:
+      return "particle lost";
+  }
+  return "particle";
+}
+
 const char* contact_words(std::uint32_t contact_state) {
   switch (static_cast<link::ContactState>(contact_state)) {
     case link::ContactState::kFree:

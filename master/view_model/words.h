@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/link/messages.h"
 #include "common/recording/sample.h"
 #include "master/device/haptic_device.h"
 
@@ -27,6 +28,9 @@ std::vector<Message> force_words(const recording::Sample& now,
 
 /// What the slave reports (link::FaultBits).
 std::vector<Message> slave_words(std::uint32_t slave_faults);
+
+/// What the particle is doing (link::ParticleStatus).
+const char* particle_words(link::ParticleStatus status);
 
 /// What the tip is doing (link::ContactState).
 const char* contact_words(std::uint32_t contact_state);

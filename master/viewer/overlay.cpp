@@ -187,6 +187,11 @@ void draw_overview_words(const Gui& gui, const SceneState& state, const view_mod
   draw_ground_bar(pen, state, camera);
   draw_height_legend(pen, state, frame.exaggeration);
   draw_target(pen, state);
+  if (state.particle.radius_nm > 0) {
+    const ImVec2 foot = pen.at(state.particle.pos_w_nm - state.particle.radius_nm * Vec3::UnitZ());
+    pen.text({foot.x, foot.y + 6 * pen.s()}, view_model::particle_words(state.particle.status),
+             palette::kParticle, {0.5f, 0});
+  }
   const ImVec2 tip = pen.at(state.tip_pos_w_nm);
   const float s = pen.s();
   const double force = state.force_w_nn.z();

@@ -20,6 +20,8 @@ inline constexpr Rgb kTarget{0.812f, 0.588f, 0.965f};      ///< where the hand w
 inline constexpr Rgb kFree{0.620f, 0.780f, 0.720f};        ///< trail away from the sample
 inline constexpr Rgb kTip{0.800f, 0.820f, 0.850f};
 inline constexpr Rgb kLever{0.560f, 0.600f, 0.660f};
+inline constexpr Rgb kParticle{0.930f, 0.800f, 0.560f};
+inline constexpr Rgb kParticleCut{0.680f, 0.560f, 0.360f};
 
 inline constexpr Rgb kGood{0.353f, 0.780f, 0.502f};
 inline constexpr Rgb kWarning{0.949f, 0.757f, 0.298f};

@@ -273,6 +273,12 @@ void SceneRenderer::draw_overview(const SceneState& state, const Camera& camera,
       std::clamp(state.deflection_nm * state.lever_exaggeration, -0.3 * extent, 0.3 * extent);
   upload(lever_, view_model::bent_lever(0.45 * extent, 0.085 * extent, 0.01 * extent, bend_nm, 24));
   draw_solid(lever_, moved_to(end, 1), palette::kLever, 1);
+  if (state.particle.radius_nm > 0) {
+    // Taller heights must not make an egg of it: it stands on its lowest point, as the tip does.
+    const double r = state.particle.radius_nm;
+    const Vec3 foot = frame.scene_nm(state.particle.pos_w_nm - r * Vec3::UnitZ());
+    draw_solid(sphere_, moved_to(foot + r * Vec3::UnitZ(), r), palette::kParticle, 1);
+  }
   glEnable(GL_BLEND);
   const Vec3 direction = state.force_w_nn.norm() > 0 ? Vec3(state.force_w_nn.normalized()) : Vec3::UnitZ();
   draw_cone(state, middle + 0.6 * radius * direction, 1.15 * radius, 0.24 * extent);
@@ -347,6 +353,23 @@ void SceneRenderer::fill_patch(const SceneState& state, const SceneFrame& frame,
   patch_.set(mesh.corners, mesh.indices, GL_STREAM_DRAW);
 }
 
+// Cut by the plane through the tip, where that meets it; what is behind the plane whole, what is before it
+// not.
+void SceneRenderer::draw_particle_cut_open(const SceneState& state, const SceneFrame& frame) const {
+  const double radius = state.particle.radius_nm;
+  if (!(radius > 0)) return;
+  const Vec3 centre = frame.scene_nm(state.particle.pos_w_nm);
+  draw_solid(sphere_, moved_to(centre, radius), palette::kParticle, 1);
+  const double plane_y = frame.scene_nm(state.tip_pos_w_nm).y();
+  const double off = centre.y() - plane_y;
+  if (std::abs(off) >= radius) return;
+  solid_program_.set("cut_y", kNowhere);
+  const Vec3 before_cut(centre.x(), plane_y - 0.02 * state.tip_radius_nm, centre.z());
+  draw_solid(disc_,
+             along_axis(before_cut, Vec3::UnitY(), std::sqrt(radius * radius - off * off), 1e-3 * radius),
+             palette::kParticleCut, 1);
+}
+
 void SceneRenderer::draw_close_up(const SceneState& state, const Camera& camera, const SceneFrame& frame,
                                   const Area& area, int canvas_height_px) {
   begin(area, canvas_height_px);
@@ -363,6 +386,7 @@ void SceneRenderer::draw_close_up(const SceneState& state, const Camera& camera,
   use_solids(camera, clip);
   solid_program_.set("cut_y", apex.y() + 0.01 * radius);  // behind the sample's cut, whatever rounding does
   draw_solid(sphere_, moved_to(middle, radius), palette::kTip, 1);
+  draw_particle_cut_open(state, frame);
   solid_program_.set("cut_y", kNowhere);
   const Vec3 before_cut = middle - 0.02 * radius * Vec3::UnitY();  // wins against the sample's cut
   draw_solid(disc_, along_axis(before_cut, Vec3::UnitY(), radius, 1e-3 * radius), palette::kLever, 1);

@@ -59,6 +59,7 @@ class SceneRenderer {
                   const view_model::Mat4& clip, bool from_texture);
   void draw_solid(const Buffer& mesh, const view_model::Mat4& scene_of_model, const view_model::Rgb& colour,
                   double alpha) const;
+  void draw_particle_cut_open(const SceneState& state, const SceneFrame& frame) const;
   void draw_cone(const SceneState& state, const Vec3& foot_nm, double radius_nm, double full_nm) const;
   void use_solids(const view_model::Camera& camera, const view_model::Mat4& clip) const;
   void draw_trail(const SceneState& state, const view_model::Mat4& clip, const SceneFrame& frame,

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/base/vec3.h"
+#include "common/link/messages.h"
 #include "master/view_model/ground.h"
 #include "master/view_model/trail.h"
 
@@ -19,6 +20,7 @@ struct SceneState {
   double lever_exaggeration = 1;        ///< of that, in the overview
   bool contact = false;
   double tip_radius_nm = 20;
+  link::Particle particle{};  ///< radius 0: none is drawn
 };
 
 }  // namespace telenano::viewer

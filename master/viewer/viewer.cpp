@@ -96,6 +96,10 @@ SceneState Viewer::state() const {
   state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground_, live_.deflection_full_nm());
   state.contact = live_.contact();
   state.tip_radius_nm = facts_.tip_radius_nm;
+  if (playback_ == nullptr) {  // recordings do not hold it
+    const view_model::ShownParticle particle = port_.particle.load();
+    state.particle = {vec(particle.pos_w_nm), particle.radius_nm, particle.status};
+  }
   return state;
 }
 
@@ -104,7 +108,11 @@ void Viewer::follow_tip() {
   const recording::Sample& now = live_.now();
   const Vec3 tip(now.tip_pos_w_nm[0], now.tip_pos_w_nm[1], now.tip_pos_w_nm[2]);
   const double gap = std::abs(live_.gap_nm());
-  const double wanted = std::clamp(0.8 * gap + kCloseUpLeast_nm, kCloseUpLeast_nm, kCloseUpMost_nm);
+  double wanted = std::clamp(0.8 * gap + kCloseUpLeast_nm, kCloseUpLeast_nm, kCloseUpMost_nm);
+  // A particle that is touched is as large as the tip: both are to be seen.
+  const link::Particle particle = state().particle;
+  if (particle.status == link::ParticleStatus::kPushed || particle.status == link::ParticleStatus::kHeld)
+    wanted = std::clamp(2 * particle.radius_nm, wanted, kCloseUpMost_nm);
   close_up_half_nm_ = seen_tip_ ? close_up_half_nm_ + kFollow * (wanted - close_up_half_nm_) : wanted;
   seen_tip_ = now.reply_sequence != 0;
   close_up_camera_.half_height_nm = close_up_half_nm_ / close_up_zoom_;

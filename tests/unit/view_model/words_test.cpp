@@ -42,6 +42,13 @@ TEST(Words, TellEveryFaultOfTheSlave) {
   EXPECT_TRUE(slave_words(0).empty());
 }
 
+TEST(Words, TellWhatTheParticleDoes) {
+  std::set<std::string> told;
+  for (std::uint32_t status = 0; status < 5; ++status)  // one more than there are
+    told.insert(particle_words(static_cast<link::ParticleStatus>(status)));
+  EXPECT_EQ(told.size(), 5u);
+}
+
 TEST(Words, TheGravestComesFirst) {
   recording::Sample sample = in_mode(station::Mode::kStopped);
   sample.station_faults = station::kFaultStopPressed | station::kFaultDeviceFailed | station::kFaultStale;

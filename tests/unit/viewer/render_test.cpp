@@ -168,6 +168,39 @@ TEST_F(Render, TipStandsWhereItIs) {
   EXPECT_GT(std::abs(beside.b - beside.r) + std::abs(beside.g - c.g), 0.1);
 }
 
+// Sand-coloured where the two projections put its middle, and nothing there without one.
+TEST_F(Render, AParticleLiesWhereItIs) {
+  make(false);
+  play(0, 1000);
+  const auto& tip = viewer_->live().now().tip_pos_w_nm;
+  const auto sandy = [](const Rgb& c) { return c.r > 1.25f * c.b && c.g > 1.1f * c.b && c.r > 0.2f; };
+  const auto& g = viewer_->ground();
+  const Vec3 middle = 0.5 * (g.min_w_nm() + g.max_w_nm());
+  const Vec3 place(tip[0] - 80, tip[1] - 60, 30);
+  const auto scene = [&](const Vec3& p) {
+    return Vec3(p.x() - middle.x(), p.y() - middle.y(), p.z() - g.min_w_nm().z());
+  };
+  draw();
+  EXPECT_FALSE(sandy(at(project(overview_camera(), scene(place), layout().overview))));
+  port_.particle.store({recording::xyz(place), 30, link::ParticleStatus::kRests});
+  draw();
+  const view_model::Camera camera = overview_camera();
+  EXPECT_TRUE(sandy(at(project(camera, scene(place), layout().overview))));
+  EXPECT_TRUE(sandy(at(project(camera, scene(place) + 27 * camera.right(), layout().overview))));
+  EXPECT_FALSE(sandy(at(project(camera, scene(place) + 34 * camera.right(), layout().overview))));
+  // The section: cut open beside the tip, in true proportions.
+  const Vec3 beside(tip[0] + 50, tip[1], tip[2] + 20);
+  port_.particle.store({recording::xyz(beside), 30, link::ParticleStatus::kPushed});
+  draw();
+  const view_model::Camera& section = viewer_->close_up_camera();
+  const auto cut = [&](double dx) {
+    return at(project(section, scene(beside) + Vec3(dx, 0, 0), layout().close_up));
+  };
+  EXPECT_TRUE(sandy(cut(-27)));
+  EXPECT_TRUE(sandy(cut(-21)));
+  EXPECT_FALSE(sandy(cut(-36)));
+}
+
 TEST_F(Render, ConeIsOrangeAboveTheTipWhenPushedAndBlueBelowWhenPulled) {
   make();
   play(0, 5000);
