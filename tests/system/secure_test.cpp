@@ -113,8 +113,8 @@ TEST_F(SecureTest, AnObserverFeelsNothingAndMovesNothing) {
   EXPECT_LT(highest - lowest, 1e-6) << "the tip moved";
 }
 
-/// The number behind the last `word`, -1 if there is none. A machine that stalls for longer than a session's time-out
-/// makes sessions resume once more than the test does: that is no fault.
+/// The number behind the last `word`, -1 if there is none. A machine that stalls for longer than a session's
+/// time-out makes sessions resume once more than the test does: that is no fault.
 int number_behind(const std::string& text, const std::string& word) {
   const std::size_t at = text.rfind(word);
   return at == std::string::npos ? -1 : std::atoi(text.c_str() + at + word.size());
