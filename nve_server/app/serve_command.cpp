@@ -107,6 +107,7 @@ struct ServeOptions {
   std::size_t workers = 1;
   bool busy_poll = false;
   bool low_latency = false;
+  int realtime_priority = 0;
   std::string metrics;
   bool metrics_public = false;
   std::string dscp = "ef";
@@ -125,7 +126,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
   const rt::SteadyClock clock;
   // Before the scene: a taken port is the quicker answer.
-  Workers workers({address, options.workers, options.max_sessions, options.busy_poll}, clock);
+  Workers workers(
+      {address, options.workers, options.max_sessions, options.busy_poll, options.realtime_priority}, clock);
   const bool marked = dscp == 0 || workers.set_dscp(dscp);
 
   auto log =
@@ -188,7 +190,10 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
     });
     const StatusPrinter printer(workers, log);
     const ServiceNotify service(workers.loops());
-    workers.run(signals);
+    workers.run(signals, [&log](const rt::RealtimeReport& report) {
+      log->info("{}", report.text);
+      if (!report.advice.empty()) log->warn("{}", report.advice);
+    });
   }
 
   options.afm.stop();
@@ -241,8 +246,17 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
           "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
           "the tip, the others observe")
       ->check(CLI::IsMember({"private", "one-tip"}));
-  command->add_flag("--busy-poll", options->busy_poll,
-                    "Spin instead of sleeping: quickest answers, a core busy for each worker");
+  CLI::Option* const busy_poll =
+      command->add_flag("--busy-poll", options->busy_poll,
+                        "Spin instead of sleeping: quickest answers, a core busy for each worker");
+  // A real-time thread that spins would be throttled: 50 ms without a reply in each second.
+  command
+      ->add_option("--rt-priority", options->realtime_priority,
+                   "SCHED_FIFO priority of the threads that serve: no other program makes stations wait; 0 = "
+                   "ordinary")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 99))
+      ->excludes(busy_poll);
   command->add_flag(
       "--low-latency", options->low_latency,
       "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");

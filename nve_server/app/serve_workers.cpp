@@ -61,11 +61,17 @@ void Workers::serve(Worker& worker, const ServerSignals& signals) {
       signals.stop, options, worker.status);
 }
 
-void Workers::run(const ServerSignals& signals) {
+void Workers::run(const ServerSignals& signals, const std::function<void(const rt::RealtimeReport&)>& told) {
+  rt::RealtimeConfig realtime;
+  realtime.priority = config_.realtime_priority;
   std::vector<std::jthread> others;
   for (std::size_t i = 1; i < workers_.size(); ++i) {
-    others.emplace_back([this, i, &signals] { serve(*workers_[i], signals); });
+    others.emplace_back([this, i, &signals, realtime] {
+      if (realtime.priority > 0) rt::enter_realtime(realtime);
+      serve(*workers_[i], signals);
+    });
   }
+  if (realtime.priority > 0) told(rt::enter_realtime(realtime));
   serve(*workers_.front(), signals);
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -9,6 +10,7 @@
 #include "common/net/udp.h"
 #include "common/net/udp_batch.h"
 #include "common/rt/clock.h"
+#include "common/rt/realtime_thread.h"
 #include "common/security/dtls_server.h"
 #include "nve_server/app/serve_security.h"
 #include "nve_server/app/server_signals.h"
@@ -23,6 +25,7 @@ struct WorkersConfig {
   std::size_t workers = 1;
   std::size_t max_sessions = 64;  ///< of all together
   bool busy_poll = false;
+  int realtime_priority = 0;  ///< SCHED_FIFO, 1..99; 0 = ordinary scheduling
 };
 
 /// Sums over all workers, each word by itself.
@@ -47,8 +50,10 @@ class Workers {
   void prepare(const ServeSecurity& security, const server::ServerConfig& base,
                const server::ServedScene& scene);
 
-  /// Serves until `signals.stop`, the first worker in the calling thread; then says goodbye.
-  void run(const ServerSignals& signals);
+  /// Serves until `signals.stop`, the first worker in the calling thread; then says goodbye. `told`: what the
+  /// system grants of a realtime_priority, before the first worker begins; threads that the caller starts
+  /// afterwards would have it too.
+  void run(const ServerSignals& signals, const std::function<void(const rt::RealtimeReport&)>& told);
 
   net::Address local() const noexcept { return workers_.front()->socket.local(); }
   bool nic_busy_poll() const noexcept { return workers_.front()->socket.busy_poll_ns() > 0; }

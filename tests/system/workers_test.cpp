@@ -1,6 +1,11 @@
 // The server with several workers, as a real program: whoever comes back from another port keeps its session,
 // whichever worker the kernel gives it to.
+#include <sched.h>
+
 #include <algorithm>
+#include <thread>
+#include <tuple>
+#include <utility>
 
 #include "common/security/key_list.h"
 #include "tests/support/wire_station.h"
@@ -145,6 +150,46 @@ TEST_F(WorkersTest, APortThatAnotherServerSharesIsInUse) {
   EXPECT_EQ(second.exit_code, 2);
   EXPECT_NE(second.err.find("in use"), std::string::npos) << second.err;
   EXPECT_EQ(lines_of(second.err).size(), 1u) << second.err;
+}
+
+/// Threads of a process by what the kernel schedules them as: those with `priority` under SCHED_FIFO, and the
+/// other real-time ones.
+std::pair<int, int> realtime_threads(pid_t pid, int priority) {
+  int with = 0, others = 0;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/" + std::to_string(pid) + "/task")) {
+    const std::string stat = file_text(task.path() / "stat");
+    // proc(5): after the name in parentheses the 40th field is rt_priority, the 41st policy.
+    std::istringstream fields(stat.substr(std::min(stat.size(), stat.rfind(')') + 1)));
+    std::string field;
+    for (int number = 3; number < 40; ++number) fields >> field;
+    int rt_priority = 0, policy = 0;
+    fields >> rt_priority >> policy;
+    if (policy == SCHED_FIFO && rt_priority == priority) {
+      ++with;
+    } else if (rt_priority > 0) {
+      ++others;
+    }
+  }
+  return {with, others};
+}
+
+TEST_F(WorkersTest, OnlyTheThreadsThatServeHaveTheRealTimePriority) {
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--rt-priority", "37"});
+  WireStation station(net::parse_address(server.address(), "test"), {});
+  ASSERT_TRUE(station.exchange(20, hold(), kPatienceNs));
+  // The first worker tells; the other may have begun to serve before, or not yet.
+  ASSERT_TRUE(server.child().wait_for_err(" memory ", kLong)) << server.child().err();
+  const std::string said = server.child().err();
+  const bool granted = said.find("SCHED_FIFO 37, ") != std::string::npos;
+  auto [with, others] = realtime_threads(server.child().pid(), 37);
+  for (int i = 0; granted && with < 2 && i < 500; ++i) {
+    std::this_thread::sleep_for(Milliseconds(10));
+    std::tie(with, others) = realtime_threads(server.child().pid(), 37);
+  }
+  EXPECT_EQ(with, granted ? 2 : 0) << said;
+  EXPECT_EQ(others, 0);
+  EXPECT_NE(granted, said.find("rtprio") != std::string::npos) << said;
+  server.stop();
 }
 
 /// What an exchange costs in system calls: while a session runs at one exchange at a time, the server makes

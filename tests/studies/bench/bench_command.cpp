@@ -111,6 +111,22 @@ std::vector<BenchRow> rows_of(const std::string& what, const PacedResult& r) {
   return rows;
 }
 
+/// What the machine gives to a bare echo.
+std::vector<BenchRow> floor_rows(const std::string& what, const PacedResult& r) {
+  return {{what, "echo_p50_us", r.p50_us, {}, {}, false},
+          {what, "echo_p99_us", r.p99_us, {}, {}, false},
+          {what, "echo_p999_us", r.p999_us, {}, {}, false},
+          {what, "echo_max_us", r.max_us, {}, {}, false},
+          {what,
+           "echo_answered_part",
+           static_cast<double>(r.replies) / static_cast<double>(r.commands),
+           {},
+           {},
+           true},
+          {what, "echo_sent_late_p99_us", r.late_p99_us, {}, {}, false},
+          {what, "echo_core_share", r.server_share, {}, {}, false}};
+}
+
 /// The largest number of sessions that holds: doubling, then halving the gap to 5 %.
 std::vector<BenchRow> find_max(PacedOptions o) {
   std::size_t good = 0, bad = 0;
@@ -179,6 +195,10 @@ void add_server(CLI::App& bench) {
   c->add_option("--together", all->paced.together, "So many stations share a socket and send at once")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
+  c->add_option("--server-priority", all->paced.server_priority,
+                "SCHED_FIFO priority of the server, as serve --rt-priority, for --sessions and --find-max")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 99));
   c->add_option("--seconds", all->paced.seconds, "How long")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 3600.0));
@@ -201,7 +221,10 @@ void add_server(CLI::App& bench) {
             "core is the limit\n",
             r.late_p99_us);
       }
-      print_rows("server", rows_of(fmt::format("{}_sessions", all->sessions), r));
+      const std::string what = fmt::format("{}_sessions", all->sessions);
+      std::vector<BenchRow> rows = rows_of(what, r);
+      for (BenchRow& row : floor_rows(what, run_paced_echo(all->paced))) rows.push_back(std::move(row));
+      print_rows("server", rows);
     } else {
       print_rows("server", run_capacity_bench(all->capacity));
     }

@@ -80,7 +80,7 @@ Station* taken_by(Group& group, std::span<const std::uint8_t> bytes, std::int64_
 }  // namespace
 
 PacedResult run_paced(const PacedOptions& o) {
-  Served served(scene::load_scene(o.scene), o.server_cpu, false, o.sessions);
+  Served served(scene::load_scene(o.scene), o.server_cpu, false, o.sessions, o.server_priority);
   const PinnedHere pinned(o.client_cpu);
   const net::Address server = served.address();
   std::vector<std::unique_ptr<Group>> groups((o.sessions + o.together - 1) / o.together);

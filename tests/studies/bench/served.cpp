@@ -2,6 +2,7 @@
 
 #include <random>
 
+#include "common/rt/realtime_thread.h"
 #include "nve_server/slave/nve_slave.h"
 
 namespace telenano::studies {
@@ -28,11 +29,13 @@ server::ServedScene served_scene(std::shared_ptr<const scene::Scene> scene) {
 
 }  // namespace
 
-Served::Served(std::shared_ptr<const scene::Scene> scene, int cpu, bool busy_poll, std::size_t capacity)
+Served::Served(std::shared_ptr<const scene::Scene> scene, int cpu, bool busy_poll, std::size_t capacity,
+               int priority)
     : socket_(net::Udp::listen(net::parse_address("127.0.0.1:0", "bench"), {.arrival_times = false})),
       batch_(socket_),
       server_(config_of(capacity), served_scene(std::move(scene))),
-      thread_(std::make_unique<PinnedThread>(cpu, [this, busy_poll](const std::atomic<bool>& stop) {
+      thread_(std::make_unique<PinnedThread>(cpu, [this, busy_poll, priority](const std::atomic<bool>& stop) {
+        if (priority > 0) rt::enter_realtime({.priority = priority});
         server::LoopOptions options;
         options.busy_poll = busy_poll;
         server::run_loop(

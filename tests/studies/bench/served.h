@@ -17,7 +17,9 @@ namespace telenano::studies {
 /// thread on one processor.
 class Served {
  public:
-  Served(std::shared_ptr<const scene::Scene> scene, int cpu, bool busy_poll, std::size_t capacity);
+  /// `priority`: as serve --rt-priority.
+  Served(std::shared_ptr<const scene::Scene> scene, int cpu, bool busy_poll, std::size_t capacity,
+         int priority = 0);
 
   net::Address address() const noexcept { return socket_.local(); }
   std::uint64_t exchanges() const noexcept { return status_.exchanges.load(std::memory_order_relaxed); }

@@ -33,6 +33,7 @@ struct PacedOptions {
   double seconds = 60;
   int server_cpu = 0;
   int client_cpu = 1;
+  int server_priority = 0;  ///< as serve --rt-priority
 };
 
 struct PacedResult {
@@ -51,5 +52,9 @@ struct PacedResult {
 
 /// Stations that send at a fixed rate, in groups that are evenly spread over the period.
 PacedResult run_paced(const PacedOptions& options);
+
+/// The floor: datagrams of the same sizes at the same times, answered by echo_batched. What this is late, the
+/// machine is.
+PacedResult run_paced_echo(const PacedOptions& options);
 
 }  // namespace telenano::studies
