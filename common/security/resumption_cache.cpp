@@ -17,7 +17,7 @@ ResumptionCache::~ResumptionCache() {
 }
 
 void ResumptionCache::wipe(Entry& entry) noexcept {
-  ::explicit_bzero(entry.bytes.data(), entry.bytes.size());
+  if (!entry.bytes.empty()) ::explicit_bzero(entry.bytes.data(), entry.bytes.size());
   entry = {};
 }
 
