@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "nve_server/physics/long_range.h"
+#include "nve_server/physics/sign_change.h"
 #include "nve_server/physics/warm_start.h"
 
 namespace telenano::physics {
@@ -537,26 +538,19 @@ class ExtendedStep {
     const auto inverse = [this](double x) { return place_.inside ? x : 1.0 / (cut_off_ - x); };
     const auto x_of = [this](double w) { return place_.inside ? w : cut_off_ - 1.0 / w; };
     const double floor = place_.inside ? 1e-3 * cache_.curve.onset_radius() : 0.0;
-    double rate_a = at(rising).base_rate;
-    double rate_b = at(falling).base_rate;
-    if (!(rate_a > 0 && rate_b < 0)) return falling;
-    double a = inverse(rising);
-    double b = inverse(falling);
-    double last = a;
-    int moved = 0;
+    SignChange fold{inverse(falling), at(falling).base_rate, inverse(rising), at(rising).base_rate};
+    if (!(fold.positive_rate > 0 && fold.negative_rate < 0)) return falling;
+    double last = fold.positive;
     for (int i = 0; i < 100; ++i) {
-      double w = a + (b - a) * (rate_a / (rate_a - rate_b));
+      const double a = fold.positive;
+      const double b = fold.negative;
+      double w = a + (b - a) * (fold.positive_rate / (fold.positive_rate - fold.negative_rate));
       if (i % 8 == 7) w = 0.5 * (a + b);
       if (std::fabs(w - last) <= 1e-10 * (std::fabs(w) + floor)) return x_of(w);
       last = w;
       const double rate = at(x_of(w)).base_rate;
       if (rate == 0) return x_of(w);
-      const bool rises = rate > 0;
-      const double weight = 1.0 - rate / (rises ? rate_a : rate_b);
-      (rises ? a : b) = w;
-      (rises ? rate_a : rate_b) = rate;
-      if (moved == (rises ? 1 : -1)) (rises ? rate_b : rate_a) *= weight > 0 ? weight : 0.5;
-      moved = rises ? 1 : -1;
+      fold.take(w, rate);
     }
     return x_of(last);
   }

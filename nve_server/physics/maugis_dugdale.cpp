@@ -7,6 +7,7 @@
 
 #include "common/base/constants.h"
 #include "common/base/det_math.h"
+#include "nve_server/physics/sign_change.h"
 
 namespace telenano::physics {
 namespace {
@@ -327,25 +328,18 @@ double MaugisDugdale::search_fold(const Held& held) const noexcept {
     hi *= 2;
     rate_hi = rate(hi);
   }
-  // Regula falsi of Anderson and Bjorck (BIT 13, 1973): the end that stays is weighted down by the success of
-  // the last step. Z is stationary here, so that 1e-9 of u, less after the last step, is far below rounding.
+  // Z is stationary here, so that 1e-9 of u, less after the last step, is far below rounding.
+  SignChange fold{lo, rate_lo, hi, rate_hi};
   double last = hi;
-  int moved = 0;
   for (int i = 0; i < 100; ++i) {
-    double u = (lo * rate_hi - hi * rate_lo) / (rate_hi - rate_lo);
-    if (!(u > lo && u < hi)) u = 0.5 * (lo + hi);
+    const double u = fold.between();
     if (std::fabs(u - last) <= 1e-9 * u) return u;
     last = u;
     const double r = rate(u);
-    const bool upper = r > 0;
-    const double weight = 1.0 - r / (upper ? rate_hi : rate_lo);
-    (upper ? hi : lo) = u;
-    (upper ? rate_hi : rate_lo) = r;
-    if (moved == (upper ? 1 : -1)) (upper ? rate_lo : rate_hi) *= weight > 0 ? weight : 0.5;
-    moved = upper ? 1 : -1;
     if (r == 0) return u;
+    fold.take(u, r);
   }
-  return hi;
+  return fold.positive;
 }
 
 CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess) const noexcept {

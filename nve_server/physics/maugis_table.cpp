@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <limits>
 
+#include "nve_server/physics/sign_change.h"
+
 namespace telenano::physics {
 namespace {
 
@@ -146,7 +148,7 @@ CurvePoint MaugisTable::fold(const Held& held) const noexcept {
   double radius = 0;
   if (exact_.fold_before_contact(held, &radius)) return exact_.noncontact(radius);
   if (held.load == 0) return contact(0);
-  // dZ/dt rises from below zero through the fold; regula falsi after Anderson and Björck, as the direct one.
+  // dZ/dt rises from below zero through the fold, as the direct one.
   const auto rate = [&](double t) { return contact(t).held_rate(held); };
   // At the onset both rates over t vanish: look beside it.
   double lo = fold_in_contact_ ? 0.0 : segments_.front().width;
@@ -160,23 +162,17 @@ CurvePoint MaugisTable::fold(const Held& held) const noexcept {
     hi *= 2;
     rate_hi = rate(hi);
   }
+  SignChange fold{lo, rate_lo, hi, rate_hi};
   double last = hi;
-  int moved = 0;
   for (int i = 0; i < 100; ++i) {
-    double t = (lo * rate_hi - hi * rate_lo) / (rate_hi - rate_lo);
-    if (!(t > lo && t < hi)) t = 0.5 * (lo + hi);
+    const double t = fold.between();
     if (std::fabs(t - last) <= 1e-9 * t) return contact(t);
     last = t;
     const double r = rate(t);
     if (r == 0) return contact(t);
-    const bool upper = r > 0;
-    const double weight = 1.0 - r / (upper ? rate_hi : rate_lo);
-    (upper ? hi : lo) = t;
-    (upper ? rate_hi : rate_lo) = r;
-    if (moved == (upper ? 1 : -1)) (upper ? rate_lo : rate_hi) *= weight > 0 ? weight : 0.5;
-    moved = upper ? 1 : -1;
+    fold.take(t, r);
   }
-  return contact(hi);
+  return contact(fold.positive);
 }
 
 CurveSolution MaugisTable::solve_directly(double z, const Held& held) const noexcept {
