@@ -231,7 +231,10 @@ class FileSource final : public RecordingSource {
       H5Pset_metadata_read_attempts(access.get(), kReadAttempts);
       file_ = Handle(H5Fopen(name.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, access.get()), H5Fclose);
     }
-    if (!file_) broken("not a recording that can be read: " + hdf5_reason());
+    if (file_) return;
+    const std::string reason = hdf5_reason();
+    broken(H5Fis_hdf5(name.c_str()) > 0 ? "not a recording that can be read: " + reason
+                                        : "not a recording: no HDF5 file");
   }
 
   void check_format() {
