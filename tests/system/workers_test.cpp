@@ -26,6 +26,15 @@ link::Command hold() {
 
 class WorkersTest : public ProgramsTest {
  protected:
+  /// A list with one station's key in keys.toml, and what the station needs.
+  security::DtlsClientConfig make_key() const {
+    const Finished made = run_program({kNve, "keys", "new", "omega-1", "--keys", path("keys.toml"),
+                                       "--rights", "operate", "--out", path("omega-1.key")});
+    EXPECT_EQ(made.exit_code, 0) << made.err;
+    security::DtlsClientConfig secure;
+    secure.key = security::load_station_key(path("omega-1.key"));
+    return secure;
+  }
   /// Sixteen stations, each of which comes back from another port. By chance none of them would meet another
   /// worker once in 2^16.
   static void come_and_come_back(Server& server, const std::optional<security::DtlsClientConfig>& secure) {
@@ -63,11 +72,7 @@ TEST_F(WorkersTest, SessionsThatComeBackFromAnotherPortMoveToTheWorkerThatHearsT
 
 TEST_F(WorkersTest, TheSameWithSecureChannels) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
-  const Finished made = run_program({kNve, "keys", "new", "omega-1", "--keys", path("keys.toml"), "--rights",
-                                     "operate", "--out", path("omega-1.key")});
-  ASSERT_EQ(made.exit_code, 0) << made.err;
-  security::DtlsClientConfig secure;
-  secure.key = security::load_station_key(path("omega-1.key"));
+  const security::DtlsClientConfig secure = make_key();
   Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--keys", path("keys.toml")});
   come_and_come_back(server, secure);
 }
@@ -77,11 +82,7 @@ TEST_F(WorkersTest, TheSameWithSecureChannels) {
 // handshake from one.
 TEST_F(WorkersTest, WhoGoesOnFromAnotherPortResumesItsChannelWithAnyWorker) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
-  const Finished made = run_program({kNve, "keys", "new", "omega-1", "--keys", path("keys.toml"), "--rights",
-                                     "operate", "--out", path("omega-1.key")});
-  ASSERT_EQ(made.exit_code, 0) << made.err;
-  security::DtlsClientConfig secure;
-  secure.key = security::load_station_key(path("omega-1.key"));
+  const security::DtlsClientConfig secure = make_key();
   Server server(scene_path("flat_silicon_oxide"), 0, {"--workers", "2", "--keys", path("keys.toml")});
   const net::Address at = net::parse_address(server.address(), "test");
   constexpr std::size_t kStations = 16;
