@@ -113,10 +113,10 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
     const fs::path folder = fs::path(options.screenshot).parent_path();
     if (!folder.empty() && !fs::is_directory(folder))
       throw UserError("--screenshot: " + folder.string() + " is no folder");
-  } else if (!viewer::has_display()) {
-    throw UserError("there is no display; log in graphically or with ssh -X, or use --screenshot FILE.png");
   }
   const recording::RecordingReader reader = recording::RecordingReader::isolated(file);
+  if (!photo && !viewer::has_display())
+    throw UserError("there is no display; log in graphically or with ssh -X, or use --screenshot FILE.png");
   for (const char* column : {"time_s", "tip_pos_w_nm", "force_w_nn"}) {
     if (!reader.has(column))
       throw UserError(file + ": no column " + column + ", expected a recording of a session");

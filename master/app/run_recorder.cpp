@@ -1,0 +1,70 @@
+#include "master/app/run_recorder.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cstdio>
+#include <cstring>
+#include <utility>
+
+#include "common/base/version.h"
+#include "master/app/server_link.h"
+#include "master/app/station_plan.h"
+#include "master/station/station.h"
+
+namespace telenano::app {
+
+std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
+                                                   const link::Welcome& welcome, const LinkDelay& link,
+                                                   const SessionDevice& opened,
+                                                   const device::DeviceInfo& device,
+                                                   const std::string& planned, std::uint64_t nonce_seed) {
+  if (options.record.empty()) return nullptr;
+  const std::string scene_name = slave_limits(welcome).scene_name;
+  recording::Configuration about;
+  const bool simulated = opened.description.empty();
+  about.title = fmt::format("{} on {}", simulated ? options.task : opened.device->info().name, scene_name);
+  about.program = std::string("telenano-master ") + kVersion;
+  about.git_commit = kGitCommit;
+  about.command_line = options.command_line;
+  about.scene_name = scene_name;
+  about.scene_hash = fmt::format("{:016x}", welcome.scene_hash);
+  about.station_text = file.text.empty() ? "defaults" : file.text;
+  about.seed = fmt::format("{}", nonce_seed);
+  about.rate_hz = file.station.rate_hz;
+  about.extra = describe(file.station, file.plant);
+  for (auto& setting : describe_link(file)) about.extra.push_back(std::move(setting));
+  for (auto& setting : describe_device(device)) about.extra.push_back(std::move(setting));
+  about.extra.emplace_back("features", fmt::format("{:x}", welcome.feature_bits));
+  about.extra.emplace_back("slave_timeout_ms", fmt::format("{}", welcome.timeout_ms));
+  about.extra.emplace_back("scaling_chosen", planned.empty() ? "given" : planned);
+  about.extra.emplace_back("round_trip_median_s", fmt::format("{:.9g}", link.median_s));
+  about.extra.emplace_back("round_trip_p99_s", fmt::format("{:.9g}", link.p99_s));
+  about.extra.emplace_back("device", simulated ? "sim" : opened.description);
+  describe(file.device, about.extra);
+  if (simulated) about.extra.emplace_back("task", options.task);
+  about.extra.emplace_back("server", options.server);
+  about.extra.emplace_back("security", describe_security(options));
+  about.extra.emplace_back("protocol_version", fmt::format("{}", welcome.version));
+  about.extra.emplace_back("surface_z_w_nm", fmt::format("{:.17g}", welcome.surface_z_w_nm));
+  about.extra.emplace_back("start_pos_w_nm",
+                           fmt::format("{:.17g} {:.17g} {:.17g}", welcome.start_pos_w_nm.x(),
+                                       welcome.start_pos_w_nm.y(), welcome.start_pos_w_nm.z()));
+  about.extra.emplace_back("coupling_stiffness_n_m", fmt::format("{:.17g}", welcome.coupling_stiffness_n_m));
+  about.extra.emplace_back("coupling_damping_n_s_m", fmt::format("{:.17g}", welcome.coupling_damping_n_s_m));
+  std::string fault_names;  // of the bits of station_faults, the lowest first
+  for (std::uint32_t bit = 0; std::strcmp(station::fault_name(1u << bit), "none") != 0; ++bit) {
+    fault_names += fmt::format("{}{}", bit == 0 ? "" : "; ", station::fault_name(1u << bit));
+  }
+  about.extra.emplace_back("station_fault_names", fault_names);
+  recording::RecorderOptions recorder_options;
+  recorder_options.path = options.record;
+  recorder_options.overwrite = options.overwrite;
+  recorder_options.on_failure = [new_line =
+                                     isatty(STDERR_FILENO) != 0 && !options.quiet](const std::string& text) {
+    fmt::print(stderr, "{}telenano-master: warning: {}; the session goes on\n", new_line ? "\n" : "", text);
+  };
+  return std::make_unique<recording::Recorder>(recorder_options, about);
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "common/link/messages.h"
+#include "common/recording/recorder.h"
+#include "master/app/link_probe.h"
+#include "master/app/run_options.h"
+#include "master/app/session_device.h"
+#include "master/app/station_file.h"
+#include "master/device/haptic_device.h"
+
+namespace telenano::app {
+
+/// The recording of a session, with what makes the file explain itself; null without --record. Throws
+/// UserError if the file cannot be made.
+std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
+                                                   const link::Welcome& welcome, const LinkDelay& link,
+                                                   const SessionDevice& opened,
+                                                   const device::DeviceInfo& device,
+                                                   const std::string& planned, std::uint64_t nonce_seed);
+
+}  // namespace telenano::app

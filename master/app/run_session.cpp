@@ -1,0 +1,382 @@
+#include "master/app/run_session.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "common/base/error.h"
+#include "common/link/client_session.h"
+#include "common/metrics/exporter.h"
+#include "common/net/udp.h"
+#include "common/recording/recorder.h"
+#include "common/rt/realtime_thread.h"
+#include "master/app/connect.h"
+#include "master/app/device_monitor.h"
+#include "master/app/link_probe.h"
+#include "master/app/real_time_session.h"
+#include "master/app/run_metrics.h"
+#include "master/app/run_recorder.h"
+#include "master/app/run_words.h"
+#include "master/app/server_link.h"
+#include "master/app/session_device.h"
+#include "master/app/session_file.h"
+#include "master/app/session_view.h"
+#include "master/app/station_file.h"
+#include "master/app/station_plan.h"
+#include "master/app/stop_signals.h"
+#include "master/device/sim_device.h"
+#include "master/station/station.h"
+
+namespace telenano::app {
+namespace {
+
+// The link is measured for so long before the session begins: enough for a median, too short to be noticed.
+constexpr double kProbeS = 0.02;
+constexpr int kProbeMin = 5;
+constexpr int kProbeMax = 40;
+// A loop that has not come back so long after a stop is left behind.
+constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
+constexpr std::chrono::milliseconds kLineAgain(200);
+constexpr std::chrono::milliseconds kLineAgainInLog(2000);
+
+// CLI11's ranges let "nan" through: no comparison fails with it.
+void require_numbers(const RunOptions& options) {
+  const auto require = [](const char* flag, double value) {
+    if (!std::isfinite(value))
+      throw UserError(fmt::format("{}: {} is no finite number; see --help for its range", flag, value));
+  };
+  require("--rate", options.rate_hz.value_or(0));
+  require("--duration-s", options.duration_s.value_or(0));
+  require("--depth-nm", options.depth_nm.value_or(0));
+  require("--connect-timeout-s", options.connect_timeout_s);
+  require("--give-up-s", options.give_up_s);
+}
+
+// The file, then the flags, which win.
+StationFile station_file(const RunOptions& options) {
+  StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
+  station::StationConfig& config = file.station;
+  if (options.rate_hz) config.rate_hz = *options.rate_hz;
+  if (options.method) config.method = control::parse_method(*options.method);
+  if (options.velocity_scale) file.scaling.velocity = *options.velocity_scale;
+  if (options.force_scale) file.scaling.force = *options.force_scale;
+  if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
+  if (options.duration_s) file.task.duration_s = *options.duration_s;
+  if (options.redundancy) file.redundancy = *options.redundancy;
+  if (options.depth_nm) file.task.depth_nm = *options.depth_nm;
+  finish_station_file(file, options.config_file.empty() ? "command line" : options.config_file);
+  return file;
+}
+
+device::IntendedMotion intended_motion(const RunOptions& options, device::TaskOptions task_options,
+                                       double start_height_nm) {
+  const device::Task task = device::parse_task(options.task);
+  if (task == device::Task::kScript) {
+    if (options.script.empty())
+      throw UserError("--task script needs --script FILE (CSV: t_s,x_nm,y_nm,z_nm)");
+    return device::IntendedMotion::from_csv_file(options.script);
+  }
+  task_options.start_height_nm = start_height_nm;
+  task_options.retract_nm = std::max(task_options.retract_nm, start_height_nm);
+  return device::IntendedMotion::for_task(task, task_options);
+}
+
+/// What a person can choose in the window besides the task that the session begins with, which is number 0.
+std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& options,
+                               device::TaskOptions task_options, double start_height_nm,
+                               const rt::LatestValue<device::PointerState>* pointer) {
+  task_options.start_height_nm = start_height_nm;
+  task_options.retract_nm = std::max(task_options.retract_nm, start_height_nm);
+  const std::array<std::pair<device::Task, const char*>, 4> known = {
+      {{device::Task::kPosition, "hold above the surface"},
+       {device::Task::kContact, "just in contact"},
+       {device::Task::kIndent, "press, pull off"},
+       {device::Task::kScan, "lines in light contact"}}};
+  std::vector<SimTask> tasks;
+  const auto tell = [&](const std::string& name, const char* about, int number, bool free = false) {
+    tasks.push_back({name, about, hand.reach_nm(number), free});
+  };
+  const auto first = std::find_if(known.begin(), known.end(), [&](const auto& task) {
+    return device::task_name(task.first) == options.task;
+  });
+  tell(options.task, first == known.end() ? "the way of the file" : first->second, 0);
+  for (const auto& [task, about] : known) {
+    if (first != known.end() && task == first->first) continue;
+    tell(std::string(device::task_name(task)), about,
+         hand.add_task(device::IntendedMotion::for_task(task, task_options)));
+  }
+  if (pointer != nullptr) tell("free hand", "your mouse leads it", hand.add_free_task(*pointer), true);
+  return tasks;
+}
+
+/// A window that was opened to look around stays when the first task is done; one that was told which task,
+/// or for how long, goes with it.
+bool stays_open(const RunOptions& options, const SessionView& view, bool simulated) {
+  return simulated && view.has_window() && !options.task_given && !options.duration_s;
+}
+
+device::SimDeviceConfig sim_device_config(const StationFile& file, double start_height_nm) {
+  device::SimDeviceConfig config;
+  config.plant = file.plant;
+  config.metres_per_nm = file.station.scaling.hand_displacement_m(Vec3::UnitX()).x();
+  config.start_height_nm = start_height_nm;
+  return config;
+}
+
+/// A vendor's library that does not come back keeps the loop's thread for ever: what is recorded is saved,
+/// and the program ends without waiting for it.
+[[noreturn]] void end_stuck(const SessionDevice& opened, recording::Recorder* recorder) {
+  if (recorder != nullptr) recorder->close();
+  const device::CallWatch::Look look =
+      opened.calls != nullptr ? opened.calls->look() : device::CallWatch::Look{};
+  fmt::print(
+      stderr,
+      "telenano-master: the loop does not come back{}{}; ended without it, the device's own watchdog has "
+      "taken the force away\n",
+      look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
+  std::fflush(nullptr);
+  std::_Exit(1);
+}
+
+std::string device_trouble(const RealTimeSession& live) {
+  const device::ForceOffCause cause = live.progress().force_off;
+  return cause == device::ForceOffCause::kNone ? "" : fmt::format(": {}", device::force_off_text(cause));
+}
+
+// How long a reply is held back at the station; 0 if the newest is taken at once.
+double playout_delay_s(const StationFile& file) {
+  const link::PlayoutConfig& playout = file.link.playout;
+  return playout.mode == link::PlayoutConfig::Mode::kNewest ? 0
+                                                            : 1e-9 * static_cast<double>(playout.delay_ns);
+}
+
+// How the session will run, and what of the wishes this server or link does not give.
+void tell_terms(const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
+                const std::string& scene_name, const station::ScalingCheck& check,
+                const std::string& planned) {
+  const control::Method method = file.station.method;
+  fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, scene_name,
+             control::method_name(method), check.text);
+  const control::Method used = station::usable_method(method, welcome.feature_bits);
+  if (used != method) {
+    fmt::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
+               control::method_name(method), control::method_name(used));
+  }
+  if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
+  if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
+    fmt::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
+  const double playout_s = playout_delay_s(file);
+  if (file.link.playout.mode == link::PlayoutConfig::Mode::kConstant && playout_s < link.p99_s) {
+    fmt::print(stderr,
+               "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): what "
+               "comes later is not felt\n",
+               playout_s * 1e3, link.p99_s * 1e3);
+  }
+  if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
+}
+
+// What is told of a shared tip before the session begins, and what is asked for.
+std::uint32_t tip_wish(const RunOptions& options, bool shared) {
+  if (!shared && options.observe) {
+    throw RunError(fmt::format(
+        "--observe: the server at {} gives each session a tip of its own, so there is none to observe; it "
+        "would have to run with --share one-tip",
+        options.server));
+  }
+  if (!shared && options.take_over && !options.quiet)
+    fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
+  if (shared && !options.quiet) {
+    fmt::print(stderr, "note: this server's tip is shared: {}\n",
+               options.observe
+                   ? options.duration_s ? "observing it" : "observing it, until you stop this with Ctrl-C"
+               : options.take_over ? "asking for it"
+                                   : "taking it if it is free, else observing (--take-over asks for it)");
+  }
+  if (options.observe) return link::kFlagHandOver;
+  return options.take_over ? std::uint32_t{link::kFlagTakeOver} : 0u;
+}
+
+// Throws RunError with what ended the session, unless that was its task or its operator.
+void tell_ending(const RealTimeSession& live, const station::Station& station,
+                 const link::ClientSession& session, const RunOptions& options, const ServerLink& way,
+                 double rate_hz) {
+  switch (live.ending()) {
+    case Ending::kTaskDone:
+      break;
+    case Ending::kStopped:
+      fmt::print(stderr, "stopped by the operator\n");
+      break;
+    case Ending::kFault:
+      throw RunError(fmt::format("the station stopped itself: {}{}; the force is zero",
+                                 station::fault_name(station.latched_faults()), device_trouble(live)));
+    case Ending::kServerEnded:
+      throw RunError(
+          fmt::format("the server at {} has ended the session; the force is zero", options.server));
+    case Ending::kRefused:
+      throw RunError(refusal_text(session.refuse(), rate_hz, options.server));
+    case Ending::kServerGone:
+      if (live.progress().shutting_down) {
+        throw RunError(
+            fmt::format("the server at {} has shut down and not come back within {:g} s; the force is zero",
+                        options.server, options.give_up_s));
+      }
+      throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero{}",
+                                 options.server, options.give_up_s, way.failure()));
+  }
+}
+
+}  // namespace
+
+int run_session(const RunOptions& options) {
+  const std::atomic<bool>& stop = catch_stop_signals();
+  require_numbers(options);
+  StationFile file = station_file(options);
+  const station::StationConfig& config = file.station;
+  const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
+  const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
+  // What is wrong with a task, a script or a device is found before a server is asked.
+  if (simulated) intended_motion(options, file.task, 0);
+  SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
+  SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
+  if (!simulated) add_pedals(opened, file.pedal);
+  if (!options.quiet && !simulated) {
+    fmt::print(stderr, "device: {}\n", opened.description);
+    for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
+  }
+  const net::Address server = net::parse_address(options.server, "--server");
+  const int dscp = net::parse_dscp(options.dscp, "--dscp");
+  ServerLink way(options, server);
+  if (dscp != 0 && !way.set_dscp(dscp))
+    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
+  link::ClientConfig client_config;
+  client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
+  client_config.nonce_seed = random_nonce_seed();
+  SessionFile session_file(options.session_file);
+  client_config.resume_token = session_file.token();
+  client_config.redundancy = static_cast<std::size_t>(file.redundancy);
+  // Only a replay needs to know in which order the slave stepped.
+  if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
+  link::ClientSession session(client_config);
+  connect(session, way, server, config.rate_hz, options, stop);
+  Farewell farewell(session, way.datagram(), server);
+
+  const link::Welcome welcome = session.welcome();
+  if (!options.quiet && client_config.resume_token != 0) {
+    fmt::print(stderr, "{}\n",
+               session.resumed_unknown_book() ? "resuming the session of the last run"
+                                              : "the session of the last run is gone; this is a new one");
+  }
+  session_file.keep(welcome.resume_token);
+  const std::uint32_t wish = tip_wish(options, (welcome.feature_bits & link::kFeatureSharing) != 0);
+  const LinkDelay link =
+      measure_link(session, way, server, config.rate_hz,
+                   std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
+                   options.connect_timeout_s, stop);
+  // With play-out the controller sees the buffer's delay, not the link's.
+  const int delay_samples =
+      control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);
+  const config::SlaveLimits slave = slave_limits(welcome);
+  const device::DeviceInfo device_info =
+      simulated ? device::sim_device_info(file.plant) : opened.device->info();
+  const std::string planned = choose_scaling(file, device_info, slave, delay_samples);
+  const station::SlavePort port = slave_port(slave);
+  const station::ScalingCheck check = station::check_scaling(config, device_info, port, delay_samples);
+  if (!check.safe && !config.allow_unsafe_scaling) {
+    throw UserError(check.text + "; " + check.advice);
+  }
+
+  std::vector<SimTask> tasks;
+  const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
+  if (simulated) {
+    auto device = std::make_unique<device::SimDevice>(sim_device_config(file, start_height_nm),
+                                                      intended_motion(options, file.task, start_height_nm));
+    if (view.has_window()) tasks = add_tasks(*device, options, file.task, start_height_nm, view.pointer());
+    opened.motion = device.get();
+    opened.device = std::move(device);
+    add_pedals(opened, file.pedal);
+  }
+  const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
+  // Who only looks on has no task that could be over: until stopped, or for as long as was said.
+  const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
+  const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
+  const std::unique_ptr<recording::Recorder> recorder =
+      make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed);
+  if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned);
+  station::Station station(config, device_info, port);
+  RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
+                       session_s, stop, file.link);
+  if (view_model::RequestDesk* const desk =
+          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
+                      options.record, tasks, file.plant.workspace_half_m}))
+    live.show_on(*desk, stays_open(options, view, simulated));
+  live.set_tip_wish(wish);
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(options.metrics, options.metrics_public,
+                     [&live](metrics::Page& page) { write_metrics(live.progress(), page); });
+    if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
+  }
+  farewell.leave_to_loop();
+  std::string frames;
+  rt::RealtimeConfig realtime;
+  realtime.priority = options.realtime_priority;
+  realtime.cpu = options.realtime_cpu;
+  realtime.hold_cpu_awake = options.cpu_awake;
+  {
+    rt::RealtimeThread thread(realtime, [&live](std::stop_token) { live.run(); });
+    if (!options.quiet) {
+      fmt::print(stderr, "loop: {:g} Hz, {}\n", config.rate_hz, thread.report().text);
+      if (!thread.report().advice.empty()) fmt::print(stderr, "{}\n", thread.report().advice);
+    }
+    const bool terminal = isatty(STDERR_FILENO) != 0;
+    const DeviceMonitor monitor({[&live] { return live.finished() ? 0 : live.ticks(); },
+                                 [&live] { return live.progress().force_off; }, opened.calls},
+                                [&options, terminal](const std::string& text) {
+                                  fmt::print(stderr, "{}telenano-master: warning: {}\n",
+                                             terminal && !options.quiet ? "\n" : "", text);
+                                });
+    Progress told;
+    auto shown = std::chrono::steady_clock::now();
+    const auto look = [&] {
+      if (stop.load() && monitor.stuck_ns() > kGiveUpStuckNs) end_stuck(opened, recorder.get());
+      const Progress progress = live.progress();
+      if (progress.resume_token != 0) session_file.keep(progress.resume_token);
+      if (!options.quiet) print_changes(told, progress, terminal);
+      told = progress;
+      const auto now = std::chrono::steady_clock::now();
+      if (options.quiet || now - shown < (terminal ? kLineAgain : kLineAgainInLog)) return;
+      shown = now;
+      print_progress(progress, session_s, terminal);
+    };
+    if (view.wanted()) frames = view.run(live, recorder.get(), !thread.report().fifo, look);
+    while (!live.finished()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      look();
+    }
+    thread.join();
+    if (terminal && !options.quiet) fmt::print(stderr, "\n");
+  }
+  if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
+  if (recorder) recorder->close();
+  session_file.remove();  // ended by a Bye, one way or the other
+
+  print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
+  tell_ending(live, station, session, options, way, config.rate_hz);
+  if (recorder && recorder->failed()) return 1;
+  return 0;
+}
+
+}  // namespace telenano::app

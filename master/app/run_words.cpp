@@ -1,0 +1,59 @@
+#include "master/app/run_words.h"
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <cstdio>
+
+#include "master/station/station.h"
+
+namespace telenano::app {
+
+void print_progress(const Progress& p, double duration_s, bool terminal) {
+  std::string line = fmt::format(
+      "{:5.1f}{} s  {:<8} tip {:8.2f} nm  force {:8.2f} nN  hand {:6.2f} N  energy {:7.2f} mJ  "
+      "RTT {:5.0f} us, least {:.0f}, jitter {:.0f}  lost {} up {} down  age {:.1f} ms  clock {:+.0f} ppm",
+      p.time_s, duration_s > 0 ? fmt::format("/{:.1f}", duration_s) : "",
+      station::mode_name(static_cast<station::Mode>(p.mode)), p.tip_height_nm, p.force_nn, p.hand_force_n,
+      p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us, p.link.jitter_us, p.link.commands_lost,
+      p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
+  if (p.playout_delay_ms > 0)
+    line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
+  if (p.force_off != device::ForceOffCause::kNone)
+    line += fmt::format("  no force: {}", device::force_off_text(p.force_off));
+  if (p.observes) line += "  observing: another session holds the tip, or none";
+  if (p.shutting_down) line += "  server has shut down, trying again";
+  if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
+  if (terminal) {
+    fmt::print(stderr, "\r{:<190}", line);
+    std::fflush(stderr);
+  } else {
+    fmt::print(stderr, "{}\n", line);
+  }
+}
+
+void print_changes(const Progress& before, const Progress& now, bool terminal) {
+  const char* const end_of_line = terminal ? "\n" : "";
+  if (before.observes != now.observes) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               now.observes ? "the tip is another session's, or nobody's: observing, the force is zero"
+                            : "the tip is this session's");
+  }
+  if (!before.shutting_down && now.shutting_down) {
+    fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
+               end_of_line);
+  }
+}
+
+void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,
+                   const recording::Recorder* recorder, const std::string& path) {
+  summary.overruns = static_cast<std::int64_t>(timer.overruns);
+  summary.missed_ticks = static_cast<std::int64_t>(timer.missed);
+  if (recorder != nullptr) summary.rows_dropped = recorder->rows_dropped();
+  fmt::print(stderr, "summary of {:.1f} s\n{}", summary.duration_s, recording::summary_text(summary));
+  if (recorder == nullptr) return;
+  fmt::print(stderr, "  {:<36} {}: {} rows{}{}\n", "recording", path, recorder->rows_written(),
+             recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");
+}
+
+}  // namespace telenano::app

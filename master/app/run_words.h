@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+
+#include "common/recording/recorder.h"
+#include "common/recording/summary.h"
+#include "common/rt/periodic_timer.h"
+#include "master/app/real_time_session.h"
+
+namespace telenano::app {
+
+// What a session tells a person, on standard error.
+
+/// One line; on a terminal over the last one. `duration_s` 0: no end in sight.
+void print_progress(const Progress& p, double duration_s, bool terminal);
+
+/// What has changed of a shared tip and of the server, a line each.
+void print_changes(const Progress& before, const Progress& now, bool terminal);
+
+/// At the end. `recorder` may be null. Overruns and missed ticks are the timer's: it knows them for certain.
+void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,
+                   const recording::Recorder* recorder, const std::string& path);
+
+}  // namespace telenano::app
