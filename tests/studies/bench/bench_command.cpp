@@ -94,37 +94,28 @@ void add_codec(CLI::App& bench) {
 }
 
 std::vector<BenchRow> rows_of(const std::string& what, const PacedResult& r) {
-  std::vector<BenchRow> rows;
-  rows.push_back({what, "service_p50_us", r.p50_us, {}, {}, false});
-  rows.push_back({what, "service_p99_us", r.p99_us, {}, 1000.0, false});
-  rows.push_back({what, "service_p999_us", r.p999_us, {}, {}, false});
-  rows.push_back({what, "service_max_us", r.max_us, {}, {}, false});
-  rows.push_back({what,
-                  "answered_part",
-                  static_cast<double>(r.replies) / static_cast<double>(r.commands),
-                  {},
-                  0.999,
-                  true});
-  rows.push_back({what, "since_due_p99_us", r.since_due_p99_us, {}, {}, false});
-  rows.push_back({what, "sent_late_p99_us", r.late_p99_us, {}, {}, false});
-  rows.push_back({what, "server_core_share", r.server_share, {}, {}, false});
-  return rows;
+  const auto seconds = static_cast<double>(r.seconds_that_hold) / static_cast<double>(r.seconds);
+  return {{what, "service_p50_us", r.p50_us, {}, {}, false},
+          {what, "service_p99_us", r.p99_us, {}, kServiceTargetUs, false},
+          {what, "service_p999_us", r.p999_us, {}, {}, false},
+          {what, "service_max_us", r.max_us, {}, {}, false},
+          {what, "median_second_p99_us", r.median_second_p99_us, {}, {}, false},
+          {what, "seconds_with_p99_in_target_part", seconds, {}, {}, true},
+          {what, "answered_part", r.answered_part(), {}, 0.999, true},
+          {what, "sent_part", r.sent_part(), {}, 0.99, true},
+          {what, "since_due_p99_us", r.since_due_p99_us, {}, {}, false},
+          {what, "sent_late_p99_us", r.late_p99_us, {}, {}, false},
+          {what, "server_core_share", r.server_share, {}, {}, false}};
 }
 
 /// What the machine gives to a bare echo.
 std::vector<BenchRow> floor_rows(const std::string& what, const PacedResult& r) {
-  return {{what, "echo_p50_us", r.p50_us, {}, {}, false},
-          {what, "echo_p99_us", r.p99_us, {}, {}, false},
-          {what, "echo_p999_us", r.p999_us, {}, {}, false},
-          {what, "echo_max_us", r.max_us, {}, {}, false},
-          {what,
-           "echo_answered_part",
-           static_cast<double>(r.replies) / static_cast<double>(r.commands),
-           {},
-           {},
-           true},
-          {what, "echo_sent_late_p99_us", r.late_p99_us, {}, {}, false},
-          {what, "echo_core_share", r.server_share, {}, {}, false}};
+  std::vector<BenchRow> rows = rows_of(what, r);
+  for (BenchRow& row : rows) {
+    row.quantity = "echo_" + row.quantity;
+    row.target.reset();
+  }
+  return rows;
 }
 
 /// The largest number of sessions that holds: doubling, then halving the gap to 5 %.
@@ -137,8 +128,8 @@ std::vector<BenchRow> find_max(PacedOptions o) {
     fmt::print(
         stderr,
         "telenano-lab: {} sessions: p99 {:.0f} us, answered {:.5f}, server {:.0f} %, sent {:.0f}/s{}\n",
-        sessions, r.p99_us, static_cast<double>(r.replies) / static_cast<double>(r.commands),
-        100 * r.server_share, r.sent_rate_hz, r.keeps_time() ? "" : ", the stations themselves are late");
+        sessions, r.p99_us, r.answered_part(), 100 * r.server_share, r.sent_rate_hz,
+        r.keeps_time() ? "" : ", the stations themselves are late");
     if (r.holds()) best = r;
     return r.holds();
   };
@@ -217,9 +208,9 @@ void add_server(CLI::App& bench) {
       if (!r.keeps_time()) {
         fmt::print(
             stderr,
-            "telenano-lab: the stations themselves sent {:.0f} us late (p99): this machine is busy, or their "
-            "core is the limit\n",
-            r.late_p99_us);
+            "telenano-lab: the stations themselves sent {:.0f} us late (p99) and left out {:.2f} %: this "
+            "machine is busy, or their core is the limit\n",
+            r.late_p99_us, 100 * (1 - r.sent_part()));
       }
       const std::string what = fmt::format("{}_sessions", all->sessions);
       std::vector<BenchRow> rows = rows_of(what, r);

@@ -3,6 +3,7 @@
 
 #include "tests/studies/bench/closed_loop.h"
 #include "tests/studies/bench/codec_bench.h"
+#include "tests/studies/bench/paced_load.h"
 #include "tests/studies/bench/result_rows.h"
 #include "tests/studies/bench/served.h"
 #include "tests/studies/bench/server_bench.h"
@@ -53,12 +54,50 @@ TEST(Paced, EveryCommandIsSentAndAnswered) {
   options.seconds = 0.3;
   options.client_cpu = std::thread::hardware_concurrency() > 1 ? 1 : 0;
   const PacedResult r = run_paced(options);
-  EXPECT_EQ(r.commands, 300u);
-  EXPECT_EQ(r.replies, 300u);
+  EXPECT_EQ(r.commands + r.left_out, 300u);
+  EXPECT_EQ(r.replies, r.commands);
   EXPECT_GT(r.p50_us, 0);
   EXPECT_LE(r.p50_us, r.p99_us);
   EXPECT_LE(r.p99_us, r.max_us);
   EXPECT_GT(r.sent_rate_hz, 0);
+}
+
+TEST(PacedLoad, TellsSecondsApartAndWhenAnAnswerWasDue) {
+  PacedOptions options;
+  options.sessions = 25;
+  options.together = 10;
+  options.seconds = 3;
+  EXPECT_EQ(options.groups(), 3u);
+  EXPECT_EQ(options.in_group(0, 3), 9u);
+  EXPECT_EQ(options.in_group(2, 3), 8u);
+  const PacedTimes times(options, 4, 5'000'000);
+  EXPECT_EQ(times.due_ns(2, 1), 7'250'000);
+  EXPECT_EQ(times.due_of_ns(7'250'000, 1), 7'250'000);
+  EXPECT_EQ(times.due_of_ns(8'249'999, 1), 7'250'000);
+  EXPECT_EQ(times.due_of_ns(8'250'000, 1), 8'250'000);
+
+  PacedLedger ledger(options);
+  ledger.begin(times);
+  ledger.answered(0, 4'999'999, 6'000'000);  // sent before
+  for (int second = 0; second < 3; ++second) {
+    for (int k = 0; k < 100; ++k) {
+      const std::int64_t sent_ns = times.due_ns(1000 * second + k, 0);
+      ledger.sent(1, 0);
+      ledger.answered(0, sent_ns, sent_ns + (second == 1 ? 2'000'000 : 100'000));
+    }
+  }
+  ledger.left_out(100);
+  ledger.sent(100, 0);
+  ledger.answered(0, times.due_ns(3000, 0), times.due_ns(3000, 0) + 1);  // ends the third second
+  const PacedResult r = ledger.result(times.due_ns(3000, 0), 1'500'000'000);
+  EXPECT_EQ(r.replies, 301u);
+  EXPECT_EQ(r.seconds, 3u);
+  EXPECT_EQ(r.seconds_that_hold, 2u);
+  EXPECT_NEAR(r.median_second_p99_us, 100, 100.0 / 16);  // a bin of the histogram
+  EXPECT_NEAR(r.p99_us, 2000, 2000.0 / 16);
+  EXPECT_DOUBLE_EQ(r.sent_part(), 0.8);
+  EXPECT_DOUBLE_EQ(r.server_share, 0.5);
+  EXPECT_FALSE(r.holds());
 }
 
 TEST(CodecBench, NothingIsRefusedAndNothingAllocated) {

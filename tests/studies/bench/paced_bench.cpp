@@ -1,14 +1,13 @@
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <memory>
 #include <vector>
 
 #include "common/base/error.h"
 #include "common/link/client_session.h"
 #include "common/net/udp_batch.h"
-#include "common/rt/log_histogram.h"
 #include "tests/studies/bench/motion.h"
+#include "tests/studies/bench/paced_load.h"
 #include "tests/studies/bench/served.h"
 #include "tests/studies/bench/server_bench.h"
 
@@ -16,7 +15,6 @@ namespace telenano::studies {
 namespace {
 
 constexpr std::int64_t kOpenNs = 10'000'000'000;
-constexpr std::int64_t kLastAnswersNs = 200'000'000;
 
 std::int64_t now() noexcept {
   return clock_ns(CLOCK_MONOTONIC);
@@ -83,75 +81,41 @@ PacedResult run_paced(const PacedOptions& o) {
   Served served(scene::load_scene(o.scene), o.server_cpu, false, o.sessions, o.server_priority);
   const PinnedHere pinned(o.client_cpu);
   const net::Address server = served.address();
-  std::vector<std::unique_ptr<Group>> groups((o.sessions + o.together - 1) / o.together);
+  std::vector<std::unique_ptr<Group>> groups(o.groups());
   for (auto& group : groups) group = std::make_unique<Group>(server, o.together);
   for (std::size_t i = 0; i < o.sessions; ++i) {
     Group& group = *groups[i % groups.size()];
     open(group, server, group.stations.emplace_back(), i + 1, o.rate_hz);
   }
-  PacedResult result;
-  rt::LogHistogram service, since_due, late;
+  PacedLedger ledger(o);
   Buffer buffer;
   net::Received received;
-  std::int64_t start_ns = INT64_MAX;  // answers to what was sent before are not counted
-  const std::int64_t period_ns = 1'000'000'000 / o.rate_hz;
-  const auto n = static_cast<std::int64_t>(groups.size());
   // What came since the last look; the kernel knows when.
-  const auto take = [&](Group& group, std::int64_t group_index) {
+  const auto take = [&](std::size_t index) {
+    Group& group = *groups[index];
     bool any = false;
     while (group.wire.receive(buffer, received)) {
       any = true;
       const std::int64_t came_ns = now() - received.age_ns;
       const Station* const station =
           taken_by(group, {buffer.data(), std::min(received.size, buffer.size())}, came_ns);
-      if (station == nullptr) continue;
-      const auto sent_ns = static_cast<std::int64_t>(station->session->reply().command_send_time_ns);
-      if (sent_ns < start_ns) continue;
-      service.add(came_ns - sent_ns);
-      // It was due at the last of its group's times that is not after its sending.
-      const std::int64_t number = static_cast<std::int64_t>(station->session->reply().command_sequence) - 1;
-      since_due.add(came_ns - (start_ns + number * period_ns + group_index * period_ns / n));
+      if (station != nullptr)
+        ledger.answered(index, static_cast<std::int64_t>(station->session->reply().command_send_time_ns),
+                        came_ns);
     }
     return any;
   };
-  const auto ticks = static_cast<std::int64_t>(o.seconds * o.rate_hz);
-  const std::int64_t cpu_before = served.cpu_ns();
-  start_ns = now() + 1'000'000;
-  for (std::int64_t tick = 0; tick < ticks; ++tick) {
-    for (std::int64_t i = 0; i < n; ++i) {
-      Group& group = *groups[static_cast<std::size_t>(i)];
-      const std::int64_t due_ns = start_ns + tick * period_ns + i * period_ns / n;
-      take(group, i);
-      std::int64_t now_ns = now();
-      while (now_ns < due_ns) now_ns = now();
-      late.add(now_ns - due_ns);
-      for (Station& s : group.stations) {
-        s.motion.fill(s.command, s.tick++);
-        const std::size_t bytes = s.session->make_command(s.command, now_ns, buffer);
-        if (bytes > 0) group.wire.send({buffer.data(), bytes}, server);
-        ++result.commands;
-      }
-      group.wire.flush();
+  const auto send = [&](std::size_t index, std::int64_t now_ns) {
+    Group& group = *groups[index];
+    for (Station& s : group.stations) {
+      s.motion.fill(s.command, s.tick++);
+      const std::size_t bytes = s.session->make_command(s.command, now_ns, buffer);
+      if (bytes > 0) group.wire.send({buffer.data(), bytes}, server);
     }
-  }
-  const std::int64_t end_ns = now();
-  result.server_share =
-      static_cast<double>(served.cpu_ns() - cpu_before) / static_cast<double>(end_ns - start_ns);
-  while (now() < end_ns + kLastAnswersNs) {
-    bool any = false;
-    for (std::int64_t i = 0; i < n; ++i) any |= take(*groups[static_cast<std::size_t>(i)], i);
-    if (!any && now() > end_ns + kLastAnswersNs / 4) break;
-  }
-  result.replies = service.count();
-  const auto us = [](std::int64_t ns) { return 1e-3 * static_cast<double>(ns); };
-  result.p50_us = us(service.percentile_ns(0.5));
-  result.p99_us = us(service.percentile_ns(0.99));
-  result.p999_us = us(service.percentile_ns(0.999));
-  result.max_us = us(service.max_ns());
-  result.since_due_p99_us = us(since_due.percentile_ns(0.99));
-  result.late_p99_us = us(late.percentile_ns(0.99));
-  result.sent_rate_hz = 1e9 * static_cast<double>(result.commands) / static_cast<double>(end_ns - start_ns);
-  return result;
+    group.wire.flush();
+    return group.stations.size();
+  };
+  return run_at_times(o, groups.size(), ledger, take, send, [&] { return served.cpu_ns(); });
 }
 
 }  // namespace telenano::studies

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <array>
 #include <cstring>
 #include <memory>
@@ -6,8 +5,8 @@
 #include <vector>
 
 #include "common/net/udp_batch.h"
-#include "common/rt/log_histogram.h"
 #include "common/rt/realtime_thread.h"
+#include "tests/studies/bench/paced_load.h"
 #include "tests/studies/bench/pinned_thread.h"
 #include "tests/studies/bench/raw_udp.h"
 #include "tests/studies/bench/server_bench.h"
@@ -18,7 +17,6 @@ namespace {
 // Command and reply of a flat sample, as run_capacity_bench tells them.
 constexpr std::size_t kCommandBytes = 108;
 constexpr std::size_t kReplyBytes = 139;
-constexpr std::int64_t kLastAnswersNs = 50'000'000;
 
 struct Group {
   Group(const net::Address& server, std::size_t together)
@@ -39,58 +37,29 @@ PacedResult run_paced_echo(const PacedOptions& o) {
   });
   const PinnedHere pinned(o.client_cpu);
   const net::Address server = net::parse_address("127.0.0.1:" + std::to_string(socket.port()), "bench");
-  std::vector<std::unique_ptr<Group>> groups((o.sessions + o.together - 1) / o.together);
+  std::vector<std::unique_ptr<Group>> groups(o.groups());
   for (auto& group : groups) group = std::make_unique<Group>(server, o.together);
-  const auto now = [] { return clock_ns(CLOCK_MONOTONIC); };
-  PacedResult result;
-  rt::LogHistogram service, late;
+  PacedLedger ledger(o);
   std::array<std::uint8_t, 512> buffer{};
   net::Received received;
-  const auto take = [&](Group& group) {
+  const auto take = [&](std::size_t index) {
     bool any = false;
-    while (group.wire.receive(buffer, received)) {
+    while (groups[index]->wire.receive(buffer, received)) {
       any = true;
       std::int64_t sent_ns = 0;
       std::memcpy(&sent_ns, buffer.data(), sizeof sent_ns);
-      service.add(now() - received.age_ns - sent_ns);
+      ledger.answered(index, sent_ns, clock_ns(CLOCK_MONOTONIC) - received.age_ns);
     }
     return any;
   };
-  const std::int64_t period_ns = 1'000'000'000 / o.rate_hz;
-  const auto n = static_cast<std::int64_t>(groups.size());
-  const auto ticks = static_cast<std::int64_t>(o.seconds * o.rate_hz);
-  const std::int64_t cpu_before = echo.cpu_ns();
-  const std::int64_t start_ns = now() + 1'000'000;
-  for (std::int64_t tick = 0; tick < ticks; ++tick) {
-    for (std::int64_t i = 0; i < n; ++i) {
-      Group& group = *groups[static_cast<std::size_t>(i)];
-      take(group);
-      const std::int64_t due_ns = start_ns + tick * period_ns + i * period_ns / n;
-      std::int64_t now_ns = now();
-      while (now_ns < due_ns) now_ns = now();
-      late.add(now_ns - due_ns);
-      std::memcpy(buffer.data(), &now_ns, sizeof now_ns);
-      const std::size_t here =
-          o.sessions / groups.size() + (static_cast<std::size_t>(i) < o.sessions % groups.size() ? 1 : 0);
-      for (std::size_t k = 0; k < here; ++k) group.wire.send({buffer.data(), kCommandBytes}, server);
-      result.commands += here;
-      group.wire.flush();
-    }
-  }
-  const std::int64_t end_ns = now();
-  result.server_share =
-      static_cast<double>(echo.cpu_ns() - cpu_before) / static_cast<double>(end_ns - start_ns);
-  while (now() < end_ns + kLastAnswersNs) {
-    for (auto& group : groups) take(*group);
-  }
-  const auto us = [](std::int64_t ns) { return 1e-3 * static_cast<double>(ns); };
-  result.replies = service.count();
-  result.p50_us = us(service.percentile_ns(0.5));
-  result.p99_us = us(service.percentile_ns(0.99));
-  result.p999_us = us(service.percentile_ns(0.999));
-  result.max_us = us(service.max_ns());
-  result.late_p99_us = us(late.percentile_ns(0.99));
-  return result;
+  const auto send = [&](std::size_t index, std::int64_t now_ns) {
+    std::memcpy(buffer.data(), &now_ns, sizeof now_ns);
+    const std::size_t here = o.in_group(index, groups.size());
+    for (std::size_t k = 0; k < here; ++k) groups[index]->wire.send({buffer.data(), kCommandBytes}, server);
+    groups[index]->wire.flush();
+    return here;
+  };
+  return run_at_times(o, groups.size(), ledger, take, send, [&] { return echo.cpu_ns(); });
 }
 
 }  // namespace telenano::studies

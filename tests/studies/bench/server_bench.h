@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -34,19 +36,38 @@ struct PacedOptions {
   int server_cpu = 0;
   int client_cpu = 1;
   int server_priority = 0;  ///< as serve --rt-priority
+
+  std::size_t groups() const noexcept { return (sessions + together - 1) / together; }
+  /// How many stations are in one of them.
+  std::size_t in_group(std::size_t group, std::size_t groups) const noexcept {
+    return sessions / groups + (group < sessions % groups ? 1 : 0);
+  }
 };
+
+constexpr double kServiceTargetUs = 1000;  ///< of the 99th percentile
 
 struct PacedResult {
   std::uint64_t commands = 0;
+  std::uint64_t left_out = 0;  ///< that could not be sent within a period of their time
   std::uint64_t replies = 0;
   double p50_us = 0, p99_us = 0, p999_us = 0, max_us = 0;  ///< sent by the station … in its socket
+  /// Of each whole second's own percentile: one long stop of the machine is in one of them.
+  double median_second_p99_us = 0;
+  std::size_t seconds = 0, seconds_that_hold = 0;
   double since_due_p99_us = 0;  ///< from when it was to be sent: what the stations are late is in it
   double late_p99_us = 0;       ///< of the sending: how far the stations keep their own times
   double sent_rate_hz = 0;
   double server_share = 0;  ///< of its processor
-  bool keeps_time() const noexcept { return late_p99_us < 500; }
+  double sent_part() const noexcept {
+    return static_cast<double>(commands) /
+           static_cast<double>(std::max<std::uint64_t>(commands + left_out, 1));
+  }
+  double answered_part() const noexcept {
+    return static_cast<double>(replies) / static_cast<double>(std::max<std::uint64_t>(commands, 1));
+  }
+  bool keeps_time() const noexcept { return late_p99_us < 500 && sent_part() >= 0.99; }
   bool holds() const noexcept {
-    return static_cast<double>(replies) >= 0.999 * static_cast<double>(commands) && p99_us < 1000;
+    return sent_part() >= 0.99 && answered_part() >= 0.999 && p99_us < kServiceTargetUs;
   }
 };
 
