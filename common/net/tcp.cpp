@@ -14,28 +14,13 @@
 #include <boost/asio/ip/v6_only.hpp>
 
 #include "common/base/error.h"
+#include "common/net/socket_name.h"
 #include "common/net/udp.h"
 
 namespace telenano::net {
-namespace {
 
 using boost::asio::ip::tcp;
 namespace asio = boost::asio;
-
-constexpr std::array<std::uint8_t, 12> kV4Prefix = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
-
-tcp::endpoint to_asio(const Address& a) {
-  if (std::equal(kV4Prefix.begin(), kV4Prefix.end(), a.ip.begin())) {
-    asio::ip::address_v4::bytes_type bytes{};
-    std::copy(a.ip.begin() + 12, a.ip.end(), bytes.begin());
-    return {asio::ip::address_v4(bytes), a.port};
-  }
-  asio::ip::address_v6::bytes_type bytes{};
-  std::copy(a.ip.begin(), a.ip.end(), bytes.begin());
-  return {asio::ip::address_v6(bytes), a.port};
-}
-
-}  // namespace
 
 // As in udp.cpp: Asio makes, sets up and closes the socket; reading and writing are the plain calls.
 struct TcpStream::Impl {
@@ -60,7 +45,7 @@ TcpStream::~TcpStream() = default;
 
 TcpStream TcpStream::begin_connect(const Address& peer) {
   auto impl = std::make_unique<Impl>();
-  const tcp::endpoint endpoint = to_asio(peer);
+  const tcp::endpoint endpoint = to_endpoint<tcp::endpoint>(peer);
   boost::system::error_code error;
   impl->socket.open(endpoint.protocol(), error);
   if (error) return {};
@@ -156,7 +141,7 @@ struct TcpListener::Impl {
 };
 
 TcpListener::TcpListener(const Address& local) : impl_(std::make_unique<Impl>()) {
-  const tcp::endpoint endpoint = to_asio(local);
+  const tcp::endpoint endpoint = to_endpoint<tcp::endpoint>(local);
   boost::system::error_code error, ignored;
   impl_->acceptor.open(endpoint.protocol(), error);
   if (!error) {
@@ -188,20 +173,9 @@ TcpStream TcpListener::accept() noexcept {
 }
 
 Address TcpListener::local() const noexcept {
-  Address address;
   boost::system::error_code error;
   const tcp::endpoint endpoint = impl_->acceptor.local_endpoint(error);
-  if (error) return address;
-  address.port = endpoint.port();
-  if (endpoint.address().is_v4()) {
-    std::copy(kV4Prefix.begin(), kV4Prefix.end(), address.ip.begin());
-    const auto bytes = endpoint.address().to_v4().to_bytes();
-    std::copy(bytes.begin(), bytes.end(), address.ip.begin() + 12);
-  } else {
-    const auto bytes = endpoint.address().to_v6().to_bytes();
-    std::copy(bytes.begin(), bytes.end(), address.ip.begin());
-  }
-  return address;
+  return error ? Address{} : from_endpoint(endpoint);
 }
 
 int TcpListener::handle() const noexcept {

@@ -1,6 +1,5 @@
 #include "common/net/udp.h"
 
-#include <netinet/in.h>
 #include <poll.h>
 #include <sys/socket.h>
 #include <time.h>
@@ -18,43 +17,13 @@
 #include <boost/asio/ip/v6_only.hpp>
 
 #include "common/base/error.h"
+#include "common/net/socket_name.h"
 
 namespace telenano::net {
 namespace {
 
 using boost::asio::ip::udp;
 namespace asio = boost::asio;
-
-constexpr std::array<std::uint8_t, 12> kV4Prefix = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
-
-bool is_v4(const Address& a) noexcept {
-  return std::equal(kV4Prefix.begin(), kV4Prefix.end(), a.ip.begin());
-}
-
-Address from_asio(const udp::endpoint& endpoint) {
-  Address address;
-  address.port = endpoint.port();
-  if (endpoint.address().is_v4()) {
-    std::copy(kV4Prefix.begin(), kV4Prefix.end(), address.ip.begin());
-    const auto bytes = endpoint.address().to_v4().to_bytes();
-    std::copy(bytes.begin(), bytes.end(), address.ip.begin() + 12);
-  } else {
-    const auto bytes = endpoint.address().to_v6().to_bytes();
-    std::copy(bytes.begin(), bytes.end(), address.ip.begin());
-  }
-  return address;
-}
-
-udp::endpoint to_asio(const Address& a) {
-  if (is_v4(a)) {
-    asio::ip::address_v4::bytes_type bytes{};
-    std::copy(a.ip.begin() + 12, a.ip.end(), bytes.begin());
-    return {asio::ip::address_v4(bytes), a.port};
-  }
-  asio::ip::address_v6::bytes_type bytes{};
-  std::copy(a.ip.begin(), a.ip.end(), bytes.begin());
-  return {asio::ip::address_v6(bytes), a.port};
-}
 
 [[noreturn]] void bad_address(const std::string& text, const std::string& what, const std::string& why) {
   throw UserError(what + " '" + text + "': " + why +
@@ -83,16 +52,16 @@ Address parse_address(const std::string& text, const std::string& what) {
 
   boost::system::error_code error;
   const auto literal = asio::ip::make_address(host, error);
-  if (!error) return from_asio({literal, static_cast<std::uint16_t>(port)});
+  if (!error) return from_endpoint(udp::endpoint(literal, static_cast<std::uint16_t>(port)));
   asio::io_context context;
   udp::resolver resolver(context);
   const auto results = resolver.resolve(host, port_text, asio::ip::resolver_base::numeric_service, error);
   if (error || results.empty())
     bad_address(text, what, "cannot find host '" + host + "' (" + error.message() + ")");
   for (const auto& entry : results) {  // most stations and servers listen on IPv4 only
-    if (entry.endpoint().address().is_v4()) return from_asio(entry.endpoint());
+    if (entry.endpoint().address().is_v4()) return from_endpoint(entry.endpoint());
   }
-  return from_asio(results.begin()->endpoint());
+  return from_endpoint(results.begin()->endpoint());
 }
 
 int parse_dscp(const std::string& text, const std::string& what) {
@@ -107,7 +76,7 @@ int parse_dscp(const std::string& text, const std::string& what) {
 }
 
 std::string to_string(const Address& address) {
-  const udp::endpoint endpoint = to_asio(address);
+  const udp::endpoint endpoint = to_endpoint<udp::endpoint>(address);
   const std::string host = endpoint.address().to_string();
   return (is_v4(address) ? host : "[" + host + "]") + ":" + std::to_string(address.port);
 }
@@ -148,7 +117,7 @@ struct Udp::Impl {
   Unreachable unreachable = Unreachable::kNo;
   // The last peer's address as the kernel wants it: nearly always the next one's too.
   Address cached;
-  sockaddr_storage cached_name{};
+  SocketName cached_name{};
   socklen_t cached_length = 0;
 
   Impl() = default;
@@ -159,7 +128,7 @@ struct Udp::Impl {
   }
 
   void open(const Address& at, const UdpOptions& options) {
-    const udp::endpoint endpoint = to_asio(at);
+    const udp::endpoint endpoint = to_endpoint<udp::endpoint>(at);
     asio::io_context context;
     udp::socket socket{context};
     boost::system::error_code error;
@@ -195,7 +164,7 @@ struct Udp::Impl {
                       "; expected an address of this machine");
     socket.non_blocking(true, error);
     const udp::endpoint bound = socket.local_endpoint(error);
-    if (!error) local = from_asio(bound);
+    if (!error) local = from_endpoint(bound);
     handle = socket.release(error);
     if (error) throw RunError("cannot keep a UDP socket: " + error.message());
     // The kernel notes when each datagram came (CLOCK_REALTIME): a loop that looks once a tick would
@@ -228,20 +197,16 @@ struct Udp::Impl {
 
   void cache(const Address& to) noexcept {
     if (cached_length != 0 && to == cached) return;
-    const udp::endpoint endpoint = to_asio(to);
-    std::memcpy(&cached_name, endpoint.data(), endpoint.size());
-    cached_length = static_cast<socklen_t>(endpoint.size());
+    cached_length = to_kernel(to, !is_v4(to), cached_name);
     cached = to;
   }
 
-  void remember(const sockaddr_storage& name, socklen_t length, Address& from) noexcept {
+  void remember(const SocketName& name, socklen_t length, Address& from) noexcept {
     if (length == cached_length && std::memcmp(&name, &cached_name, length) == 0) {
       from = cached;
       return;
     }
-    udp::endpoint endpoint;
-    std::memcpy(endpoint.data(), &name, std::min<std::size_t>(length, endpoint.capacity()));
-    from = from_asio(endpoint);
+    from = from_kernel(name);
     cached_name = name;
     cached_length = length;
     cached = from;
@@ -281,7 +246,7 @@ SendStatus Udp::send(std::span<const std::uint8_t> bytes, const Address& to) noe
 
 bool Udp::receive(std::span<std::uint8_t> buffer, Received& received) noexcept {
   for (int tries = 0; tries < 8; ++tries) {
-    sockaddr_storage name;
+    SocketName name;
     alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(timespec))> control;
     iovec part{buffer.data(), buffer.size()};
     msghdr header{};

@@ -1,7 +1,6 @@
 #include "common/net/udp_batch.h"
 
 #include <fcntl.h>
-#include <netinet/in.h>
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <time.h>
@@ -12,10 +11,10 @@
 #include <cstring>
 #include <vector>
 
+#include "common/net/socket_name.h"
+
 namespace telenano::net {
 namespace {
-
-constexpr std::array<std::uint8_t, 12> kV4Prefix = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xff};
 
 // One line more than a power of two, so that the fronts of the slots do not all fall into the same few sets
 // of the first cache.
@@ -24,42 +23,6 @@ constexpr std::size_t kStrideBytes = UdpBatch::kSlotBytes + 64;
 // Where one datagram comes at a time, asking for a second one each time is a tenth of the exchange.
 constexpr std::uint64_t kAloneFor = 8;
 constexpr std::uint64_t kLookEvery = 16;
-
-// The addresses by hand: Asio's endpoints would check and copy each four times.
-
-/// The longest that a UDP socket knows: two of them share a line of the cache.
-union Name {
-  sockaddr_in6 v6;
-  sockaddr_in v4;
-};
-
-Address from_kernel(const Name& name) noexcept {
-  Address address;
-  if (name.v4.sin_family == AF_INET) {
-    std::memcpy(address.ip.data(), kV4Prefix.data(), kV4Prefix.size());
-    std::memcpy(address.ip.data() + kV4Prefix.size(), &name.v4.sin_addr, 4);
-    address.port = ntohs(name.v4.sin_port);
-  } else {
-    std::memcpy(address.ip.data(), &name.v6.sin6_addr, address.ip.size());
-    address.port = ntohs(name.v6.sin6_port);
-  }
-  return address;
-}
-
-socklen_t to_kernel(const Address& address, bool v6_socket, Name& name) noexcept {
-  if (!v6_socket) {
-    name.v4 = {};
-    name.v4.sin_family = AF_INET;
-    name.v4.sin_port = htons(address.port);
-    std::memcpy(&name.v4.sin_addr, address.ip.data() + kV4Prefix.size(), 4);
-    return sizeof name.v4;
-  }
-  name.v6 = {};
-  name.v6.sin6_family = AF_INET6;
-  name.v6.sin6_port = htons(address.port);
-  std::memcpy(&name.v6.sin6_addr, address.ip.data(), address.ip.size());
-  return sizeof name.v6;
-}
 
 /// Between the kernel's stamp on a datagram and `now`, both CLOCK_REALTIME; 0 if it has none, or if the clock
 /// was set in between.
@@ -98,13 +61,13 @@ struct UdpBatch::Impl {
     std::uint8_t* slot(std::size_t i) const noexcept { return bytes.get() + i * kStrideBytes; }
 
     std::unique_ptr<std::uint8_t[]> bytes;
-    std::vector<Name> names;
+    std::vector<SocketName> names;
     std::vector<iovec> parts;
     std::vector<mmsghdr> headers;
   };
 
   Impl(Udp& s, std::size_t n) : socket(s), handle(s.handle()), in(n), out(n), stamps(n) {
-    Name name{};
+    SocketName name{};
     socklen_t length = sizeof name;
     ::getsockname(handle, reinterpret_cast<sockaddr*>(&name), &length);
     v6 = name.v6.sin6_family == AF_INET6;
@@ -122,7 +85,7 @@ struct UdpBatch::Impl {
   bool fetch(int wait_flag) noexcept {
     for (std::size_t i = 0; i < touched; ++i) {  // the kernel has shortened these
       msghdr& header = in.headers[i].msg_hdr;
-      header.msg_namelen = sizeof(Name);
+      header.msg_namelen = sizeof(SocketName);
       header.msg_control = stamped ? &stamps[i] : nullptr;
       header.msg_controllen = stamped ? sizeof(Stamp) : 0;
       header.msg_flags = 0;
@@ -234,8 +197,7 @@ SendStatus UdpBatch::send(std::span<const std::uint8_t> bytes, const Address& to
     m.flush();
     return m.socket.send(bytes, to);
   }
-  const bool v4 = std::equal(kV4Prefix.begin(), kV4Prefix.end(), to.ip.begin());
-  if (!v4 && !m.v6) return SendStatus::kFailed;  // no way from an IPv4 socket to an IPv6 address
+  if (!is_v4(to) && !m.v6) return SendStatus::kFailed;  // no way from an IPv4 socket to an IPv6 address
   if (m.kept == m.out.headers.size()) m.flush();
   const std::size_t i = m.kept++;
   if (!bytes.empty()) std::memcpy(m.out.slot(i), bytes.data(), bytes.size());

@@ -105,7 +105,7 @@ constexpr bool covers_the_whole_sample() {
   std::size_t at = 0;
   for (const Column& column : kColumns) {
     if (column.offset != at) return false;
-    at += (column.type == ColumnType::kUint32 ? 4u : 8u) * column.components;
+    at += std::size_t{column.type == ColumnType::kUint32 ? 4u : 8u} * column.components;
   }
   return at == sizeof(Sample);
 }

@@ -23,7 +23,7 @@ std::optional<Psk> parse_psk(const std::string& text) {
   for (std::size_t i = 0; i < text.size(); ++i) {
     const std::size_t digit = kHexDigits.find(text[i]);
     if (digit == std::string_view::npos) return std::nullopt;
-    psk.bytes[i / 2] = static_cast<std::uint8_t>(16 * psk.bytes[i / 2] + digit);
+    psk.bytes[i / 2] = static_cast<std::uint8_t>(std::size_t{16} * psk.bytes[i / 2] + digit);
   }
   return psk;
 }
@@ -38,7 +38,7 @@ std::string hex(const Psk& psk) {
 }
 
 std::string read_identity(const TomlTable& table) {
-  const std::string identity = table.text("identity");
+  std::string identity = table.text("identity");
   if (!is_identity(identity))
     table.fail("identity", "expected 1 to 64 letters, digits, dots, dashes and underscores");
   return identity;
