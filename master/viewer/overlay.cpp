@@ -187,13 +187,15 @@ void draw_overview_words(const Gui& gui, const SceneState& state, const view_mod
   draw_ground_bar(pen, state, camera);
   draw_height_legend(pen, state, frame.exaggeration);
   draw_target(pen, state);
-  if (state.particle.radius_nm > 0) {
-    const ImVec2 foot = pen.at(state.particle.pos_w_nm - state.particle.radius_nm * Vec3::UnitZ());
-    pen.text({foot.x, foot.y + 6 * pen.s()}, view_model::particle_words(state.particle.status),
-             palette::kParticle, {0.5f, 0});
-  }
   const ImVec2 tip = pen.at(state.tip_pos_w_nm);
   const float s = pen.s();
+  if (state.particle.radius_nm > 0) {
+    const ImVec2 foot = pen.at(state.particle.pos_w_nm - state.particle.radius_nm * Vec3::UnitZ());
+    ImVec2 place{foot.x, foot.y + 6 * s};
+    // A particle that is touched lies where the tip's own words are: then below them.
+    if (std::abs(place.x - tip.x) < 130 * s && std::abs(place.y - tip.y) < 40 * s) place.y = tip.y + 40 * s;
+    pen.text(place, view_model::particle_words(state.particle.status), palette::kParticle, {0.5f, 0});
+  }
   const double force = state.force_w_nn.z();
   pen.text({tip.x + 22 * s, tip.y + 2 * s}, force_words(force),
            force >= 0 ? palette::kRepulsion : palette::kAttraction, {0, 0.5f}, gui.text());

@@ -68,6 +68,32 @@ TEST_F(ViewerPrograms, AScreenshotNeedsNoDisplayAndDisturbsNoSession) {
   EXPECT_GE(recording.read("time_s").back(), 3.0);
 }
 
+// What a particle's colour alone is: sand, neither the orange of the tip nor the scan's.
+TEST_F(ViewerPrograms, AParticleIsShownWhereTheSceneHasOne) {
+  const auto sandy_px = [&](const std::string& scene) {
+    Server server(scene_path(scene));
+    const Finished run =
+        run_program(without_display({kMaster, "run", "--server", server.address(), "--task", "position",
+                                     "--duration-s", "1", "--rt-priority", "0", "--screenshot",
+                                     path(scene + ".png"), "--screenshot-size", "900x600", "--at", "0.8"}));
+    if (run.err.find("no picture without a display") != std::string::npos) return -1;
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    const viewer::Picture picture = viewer::read_png(path(scene + ".png"));
+    int count = 0;
+    for (int y = 180; y < 400; ++y) {
+      for (int x = 10; x < 380; ++x) {
+        const std::uint8_t* const c = &picture.rgb[static_cast<std::size_t>(3 * (y * 900 + x))];
+        count += c[0] > 60 && 4 * c[0] > 5 * c[2] && 10 * c[1] > 11 * c[2] && 100 * c[0] < 135 * c[1] ? 1 : 0;
+      }
+    }
+    return count;
+  };
+  const int with_one = sandy_px("particle");
+  if (with_one < 0) GTEST_SKIP() << "no picture without a display";
+  EXPECT_GT(with_one, 200);  // a ball of 30 px
+  EXPECT_LT(sandy_px("flat_silicon_oxide"), 20);
+}
+
 TEST_F(ViewerPrograms, AWindowUnderXvfbLastsAsLongAsTheSession) {
   if (!std::filesystem::exists("/usr/bin/xvfb-run"))
     GTEST_SKIP() << "no xvfb-run: apt-get install xvfb xauth";

@@ -46,12 +46,18 @@ struct Pair {
     return difference(before, server.drops());
   }
   DropCause hand_made_reply(const link::PortAnswer& port, const link::LocalModel& model) {
+    return hand_made_reply([&](link::Reply& r) {
+      r.port = port;
+      r.model = model;
+    });
+  }
+  template <class Set>
+  DropCause hand_made_reply(Set set) {
     link::Reply r = s->client.reply();
     link::Command c = s->command;
     s->client.make_command(c, s->now_ns, s->buffer);  // on its way while this answer to it comes
     r.sequence = r.command_sequence = c.sequence;
-    r.port = port;
-    r.model = model;
+    set(r);
     link::Codec codec;
     const std::size_t n = codec.encode(r, s->buffer);
     const auto before = s->client.drops();
@@ -151,6 +157,21 @@ TEST(Features, FieldsOfAFeatureThatWasNotAgreedAreUnexpected) {
   EXPECT_EQ(model_alone([](auto& m) { m.adhesion_nn = 1; }), DropCause::kUnexpected);
   EXPECT_EQ(model_alone([](auto& m) { m.shear_stiffness_n_m = 1; }), DropCause::kUnexpected);
   EXPECT_EQ(model_alone([](auto& m) { m.friction_nn = 1; }), DropCause::kUnexpected);
+}
+
+TEST(Features, WhatWasNotAgreedOfTipHistoryAndParticleIsUnexpectedToo) {
+  const link::GoldenMessages golden;
+  const auto tip = [&](link::Reply& r) { r.tip = golden.reply_with_sharing.tip; };
+  const auto history = [](link::Reply& r) { r.steps_before = 1; };
+  const auto particle = [&](link::Reply& r) { r.particle = golden.reply_with_particle.particle; };
+  const auto radius = [](link::Reply& r) { r.particle.radius_nm = 1; };
+  EXPECT_EQ(Pair(0, 0).hand_made_reply(tip), DropCause::kUnexpected);
+  EXPECT_EQ(Pair(0, 0).hand_made_reply(history), DropCause::kUnexpected);
+  EXPECT_EQ(Pair(0, 0).hand_made_reply(particle), DropCause::kUnexpected);
+  EXPECT_EQ(Pair(0, 0).hand_made_reply(radius), DropCause::kUnexpected);
+  Pair agreed(link::kFeatureStepHistory, link::kFeatureStepHistory);
+  EXPECT_EQ(agreed.hand_made_reply(history), DropCause::kNone);
+  EXPECT_EQ(agreed.hand_made_reply(particle), DropCause::kUnexpected);
 }
 
 link::Command command_with_totals(double more) {
