@@ -277,8 +277,8 @@ void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, fl
   const double nm_per_mm = shown.velocity * 1e6;
   const double newton_per_nn = shown.force * 1e-9;
   const std::string velocity_text = fmt::format(
-      "{} = {:.3g}   (1 mm moves {:.3g} nm)", gui.has_greek() ? "α_v" : "alpha_v", shown.velocity, nm_per_mm);
-  const std::string force_text = fmt::format("{} = {:.3g}   (1 nN feels {:.3g} N)",
+      "{} = {:.3g},  1 mm is {:.3g} nm", gui.has_greek() ? "α_v" : "alpha_v", shown.velocity, nm_per_mm);
+  const std::string force_text = fmt::format("{} = {:.3g},  1 nN is {:.3g} N",
                                              gui.has_greek() ? "α_F" : "alpha_F", shown.force, newton_per_nn);
   limited_slider(gui, "velocity", velocity_text.c_str(), wide, velocity);
   limited_slider(gui, "force", force_text.c_str(), wide, force);
@@ -315,7 +315,8 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
           : fmt::format("not shown ({:+.2f} N)", now.hand_force_commanded_h_n[2]));
   row("energy", fmt::format("{:+.2f} mJ put in", 1e3 * now.energy_j));
   row("link", fmt::format("RTT {}, lost {}", view_model::time_text(now.rtt_us), now.lost));
-  row("loop", fmt::format("late {}, over {}", view_model::time_text(now.lateness_us), now.overruns));
+  row("loop late", view_model::time_text(now.lateness_us));
+  row("overruns", fmt::format("{}", now.overruns));
   ImGui::EndTable();
 }
 
