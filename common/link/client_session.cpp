@@ -72,7 +72,7 @@ std::size_t ClientSession::poll(std::int64_t now_ns, std::span<std::uint8_t> out
     case ClientState::kRefused:
       return 0;
     case ClientState::kEstablished:
-      if (now_ns - last_news_ns_ <= silence_limit_ns()) return 0;
+      if (!waits_ || now_ns - waits_since_ns_ <= silence_limit_ns()) return 0;
       new_attempt(now_ns);
       set_state(ClientState::kLost, now_ns);
       break;
@@ -170,6 +170,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   has_energy_base_ = false;
   has_reply_ = false;
   replies_.reset();
+  waits_ = false;
   last_news_ns_ = welcome_time_ns_ = now_ns;
   set_state(ClientState::kEstablished, now_ns);
   return ClientEvent::kWelcome;
@@ -234,7 +235,8 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   if (cause != DropCause::kNone) return drop(cause);
   reply_ = reply;
   has_reply_ = true;
-  reply_time_ns_ = last_news_ns_ = now_ns;
+  reply_time_ns_ = last_news_ns_ = waits_since_ns_ = now_ns;
+  waits_ = reply.command_sequence < command_sequence_;
   slave_energy_.update(reply.energy_in_aj, reply.energy_out_aj);
   // No command was sent before the Welcome: an older echo is wrong, and must not explain any silence to come.
   const auto echo_age_ns =
@@ -255,6 +257,8 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
   }
   command.session_id = welcome_.session_id;
   command.sequence = ++command_sequence_;
+  if (!waits_) waits_since_ns_ = now_ns;
+  waits_ = true;
   command.send_time_ns = static_cast<std::uint64_t>(now_ns);
   command.newest_reply = replies_.newest();
   command.epoch = welcome_.epoch;

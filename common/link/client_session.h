@@ -25,8 +25,9 @@ struct ClientConfig {
   std::int64_t hello_first_ns =
       100'000'000;  ///< wait for an answer before the second Hello; doubles each time
   std::int64_t hello_last_ns = 1'000'000'000;  ///< up to this
-  /// Without a new reply for this long (or, if longer, twice what the link's round trips explain) the server
-  /// counts as lost and the session is resumed.
+  /// With a command unanswered and no new reply for this long (or, if longer, for twice what the link's round
+  /// trips explain) the server counts as lost and the session is resumed. While the station itself stands
+  /// still there is nothing to answer: that is not the server's silence.
   std::int64_t silence_ns = 200'000'000;
   /// Commands that each datagram repeats, at most 4; 0: none, and the feature is not asked for.
   std::size_t redundancy = 0;
@@ -157,6 +158,9 @@ class ClientSession {
   std::int64_t welcome_time_ns_ = 0;
   std::int64_t reply_time_ns_ = 0;
   std::int64_t last_news_ns_ = 0;
+  bool waits_ = false;  ///< a command is not answered yet, nor a later one
+  std::int64_t waits_since_ns_ =
+      0;  ///< the last reply, or the first command after one that left nothing open
   SequenceWindow replies_;
   bool overtaken_ = false;
   SentCommands sent_;

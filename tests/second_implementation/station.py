@@ -40,6 +40,7 @@ class Station:
         self.resumed_book = False  # one that an earlier station has begun
         self.first_sums = None
         self.news_ns = self.handshake_ns = 0
+        self.waits = False  # for a reply to a command; then news_ns is the last reply, or the first command after it
         self.energy_in_aj, self.energy_out_aj = Received(), Received()
         self.times = LinkTimes()
         self.drops = collections.Counter()
@@ -61,7 +62,7 @@ class Station:
         return max(200 * MS, 2 * explained)
 
     def poll(self, now_ns):
-        if self.state == "established" and now_ns - self.news_ns > self.silence_limit_ns():
+        if self.state == "established" and self.waits and now_ns - self.news_ns > self.silence_limit_ns():
             self.new_attempt(now_ns)
             self.state = "lost"
         if self.state not in ("hello_sent", "challenged", "lost") or now_ns < self.next_hello_ns:
@@ -113,7 +114,7 @@ class Station:
         self.replies, self.reply, self.sent, self.first_sums = SequenceWindow(self.rate_hz, now_ns), None, 0, None
         self.tip_hold = 0
         self.last_sent.clear()
-        self.news_ns = now_ns
+        self.news_ns, self.waits = now_ns, False
 
     def on_refuse(self, m, now_ns):
         need(self.state in ("hello_sent", "challenged", "lost"), "unexpected")
@@ -138,6 +139,8 @@ class Station:
             self.first_sums = {name: getattr(m, name) for name in RUNNING_SUMS}
         for name, first in self.first_sums.items():
             setattr(m, name, getattr(m, name) - first)
+        if not self.waits:
+            self.news_ns, self.waits = now_ns, True
         self.sent += 1
         m.sequence = self.sent
         set_vector(m, "tip_pos_w_{}_nm", position_w_nm)
@@ -168,7 +171,7 @@ class Station:
         need(m.sequence <= m.command_sequence, "out_of_range")
         self.replies.accept(m.sequence, now_ns)
         self.tip_hold = m.tip_hold
-        self.reply, self.news_ns = m, now_ns
+        self.reply, self.news_ns, self.waits = m, now_ns, m.command_sequence < self.sent
         self.energy_in_aj.update(m.energy_in_aj)
         self.energy_out_aj.update(m.energy_out_aj)
         self.times.on_reply(m, now_ns)

@@ -237,6 +237,44 @@ TEST(Session, DoesNotThinkALongWayIsSilence) {
   EXPECT_EQ(server.counters().opened, 1u);
 }
 
+TEST(Session, AStationThatStoodStillItselfHasLostNothing) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(5), path(5), 1);
+  s.client.start(0);
+  s.ticks(100);
+  const auto stand_still = [&](std::int64_t ns) {
+    s.now_ns += ns;
+    s.run_until(s.now_ns);
+  };
+  for (int i = 0; i < 5; ++i) {
+    stand_still(1'500'000'000);
+    s.ticks(1 + 4 * i);
+    EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  }
+  EXPECT_EQ(s.client.sessions(), 1u);
+  // The server's silence counts from the first command after that, not from when the station stopped.
+  stand_still(20'000'000);  // all is answered
+  s.server = nullptr;
+  stand_still(1'500'000'000);
+  s.ticks(200);
+  EXPECT_EQ(s.client.state(), ClientState::kEstablished);
+  s.ticks(2);
+  EXPECT_EQ(s.client.state(), ClientState::kLost);
+}
+
+TEST(Session, ACommandStaysOpenWhenAnEarlierOneIsAnswered) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(20), path(20), 1);
+  s.client.start(0);
+  s.ticks(300);
+  s.server = nullptr;  // forty milliseconds of commands are on their way, and half of them are answered
+  s.now_ns += 1'000'000'000;
+  s.run_until(s.now_ns);
+  ASSERT_EQ(s.client.state(), ClientState::kEstablished);
+  s.tick();
+  EXPECT_EQ(s.client.state(), ClientState::kLost);
+}
+
 TEST(Session, AReplyThatEchoesAnImpossibleTimeDoesNotHideSilence) {
   // A round trip of centuries would make every silence look explained (and overflow on the way to a limit in
   // ns).
