@@ -173,9 +173,11 @@ TcpStream TcpListener::accept() noexcept {
 }
 
 Address TcpListener::local() const noexcept {
-  boost::system::error_code error;
-  const tcp::endpoint endpoint = impl_->acceptor.local_endpoint(error);
-  return error ? Address{} : from_endpoint(endpoint);
+  SocketName name{};
+  socklen_t length = sizeof name;
+  const bool told =
+      ::getsockname(impl_->acceptor.native_handle(), reinterpret_cast<sockaddr*>(&name), &length) == 0;
+  return told ? from_kernel(name) : Address{};
 }
 
 int TcpListener::handle() const noexcept {

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include <cstdint>
+#include <cstdio>
 #include <cstring>
 #include <new>
 
@@ -100,6 +101,8 @@ ChildCall::ChildCall(std::string subject, const Serve& serve, std::chrono::secon
   int ends[2] = {-1, -1};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
     throw RunError(subject_ + ": cannot be read in a process of its own: " + std::strerror(errno));
+  // What stands in a buffer would stand in the child's too, and be written twice by whatever ends it.
+  std::fflush(stdout);
   pid_ = ::fork();
   if (pid_ == 0) {
     ::close(ends[0]);

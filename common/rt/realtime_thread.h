@@ -15,7 +15,7 @@ struct RealtimeConfig {
   int priority = 80;        ///< SCHED_FIFO, 1..99; 0 leaves the scheduler alone
   int cpu = -1;             ///< pin to this processor; -1 leaves the choice to the kernel
   bool lock_memory = true;  ///< mlockall: no page fault in the loop
-  std::size_t prefault_stack_bytes = 256 * 1024;
+  std::size_t prefault_stack_bytes = std::size_t{256} * 1024;
   std::int64_t timer_slack_ns = 1;  ///< under SCHED_OTHER the kernel adds 50 us to every sleep by default
   /// Hold /dev/cpu_dma_latency at 0 while the thread lives: processors do not sleep deeply, waking takes
   /// microseconds, at the price of heat. Off by default.

@@ -11,6 +11,7 @@
 #include "master/app/run_command.h"
 #include "master/app/view_command.h"
 
+// What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   CLI::App app("Telenano's master station: the hand's side of a session", "telenano-master");
   app.set_version_flag("--version", std::string("telenano-master ") + telenano::kVersion);

@@ -76,6 +76,7 @@ void run(Options options) {
 
 }  // namespace
 
+// What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   CLI::App app("A simulated AFM controller that speaks the Nanonis TCP protocol", "telenano-afm-sim");
   app.set_version_flag("--version", std::string("telenano-afm-sim ") + kVersion);

@@ -33,6 +33,7 @@ telenano::server::ServedScene serve_scene(const std::string& path, const std::st
 
 }  // namespace
 
+// What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   CLI::App app("Telenano's nanoscale virtual environment: what the tip feels", "telenano-nve");
   app.set_version_flag("--version", std::string("telenano-nve ") + telenano::kVersion);

@@ -40,7 +40,7 @@ link::SipKey fresh_secret() {
 
 /// How much may wait for the loop before the kernel drops it, whoever sent it.
 std::string buffer_text(std::size_t granted) {
-  const std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
+  std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
   if (granted >= net::Udp::kBufferBytes) return text;
   return text +
          fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",

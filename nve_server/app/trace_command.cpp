@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstdint>
 #include <cstdio>
 #include <cstring>
 #include <memory>
@@ -115,10 +116,12 @@ void run(const Options& options) {
       throw UserError(options.path + ": row " + std::to_string(row + 1) + " takes more than 1e8 steps");
     const double dt_s = std::max(leg_s / pieces, 1e-6);
     slave::SlaveOutput out;
-    for (double i = 1; i <= pieces; ++i) {
+    const auto steps = static_cast<std::int64_t>(pieces);
+    for (std::int64_t i = 1; i <= steps; ++i) {
+      const double part = static_cast<double>(i) / pieces;
       slave::SlaveInput input;
       input.tip_target_pos_w_nm =
-          i == pieces ? path[row].end_w_nm : Vec3(from + (path[row].end_w_nm - from) * (i / pieces));
+          i == steps ? path[row].end_w_nm : Vec3(from + (path[row].end_w_nm - from) * part);
       slave.step(input, dt_s, out);
       if (out.fault_bits != 0) ++faulty;
     }

@@ -60,7 +60,8 @@ class SampleTops {
            static_cast<std::size_t>(column / kGroup);
   }
   static std::size_t in_group(int column, int row) noexcept {
-    return static_cast<std::size_t>((row % kBlock) * kBlock + column % kBlock);
+    return std::size_t{kBlock} * static_cast<std::size_t>(row % kBlock) +
+           static_cast<std::size_t>(column % kBlock);
   }
   std::size_t block_of(int column, int row) const noexcept {
     return super_of(column, row) * kGroup + in_group(column / kBlock, row / kBlock);

@@ -18,6 +18,7 @@
 #include "tests/studies/stress/stress_command.h"
 #include "tests/studies/zwidth/zwidth_command.h"
 
+// What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   CLI::App app("Telenano's laboratory: the evidence, as CSV and plots", "telenano-lab");
   app.set_version_flag("--version", std::string("telenano-lab ") + telenano::kVersion);
