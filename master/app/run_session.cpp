@@ -336,7 +336,7 @@ int run_session(const RunOptions& options) {
   realtime.cpu = options.realtime_cpu;
   realtime.hold_cpu_awake = options.cpu_awake;
   {
-    rt::RealtimeThread thread(realtime, [&live](std::stop_token) { live.run(); });
+    rt::RealtimeThread thread(realtime, [&live](const std::stop_token&) { live.run(); });
     if (!options.quiet) {
       fmt::print(stderr, "loop: {:g} Hz, {}\n", config.rate_hz, thread.report().text);
       if (!thread.report().advice.empty()) fmt::print(stderr, "{}\n", thread.report().advice);

@@ -12,7 +12,6 @@
 namespace telenano::app {
 namespace {
 
-using config::at_least;
 using config::between;
 using config::positive;
 using config::TomlTable;

@@ -76,7 +76,7 @@ class AxisPlant {
 
  private:
   static constexpr int kLevels = 33;  // T/2⁰ … T/2³²
-  using Matrix = std::array<double, kStates * kStates>;
+  using Matrix = std::array<double, std::size_t{kStates} * kStates>;
   enum class Phase : std::uint8_t { kFree, kForward, kBackward, kStuck };
   enum class Verdict : std::uint8_t { kGood, kCrossed, kMayDip };  // of a sub-step that assumes one phase
 
