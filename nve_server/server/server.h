@@ -117,6 +117,8 @@ class Server {
   std::size_t next_answer(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
   /// Does a Hello wait for another worker's answer? Look again soon.
   bool awaits_mail() const noexcept { return search_.waits(); }
+  /// A slave may move without commands: poll() is to be called each tick.
+  bool retracts() const noexcept { return table_.occupied() > table_.active() || withdrawing_; }
 
   /// Shutting down: from now on Hellos are refused, and commands answered by a Bye; call until it returns 0,
   /// sending each Bye to `to`. poll() goes on retracting.

@@ -75,7 +75,9 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
         next_snapshot_ns = now_ns + options.snapshot_period_ns;
       }
       const bool busy = server.sessions().occupied() > 0 || server.awaits_mail();
-      next_poll_ns = now_ns + (busy ? options.poll_period_ns : options.idle_period_ns);
+      next_poll_ns = now_ns + (server.retracts() ? options.poll_period_ns
+                               : busy            ? options.timeouts_period_ns
+                                                 : options.idle_period_ns);
     }
     if (!drained || options.busy_poll) continue;
     const std::int64_t sleep_ns = next_poll_ns - now_ns;

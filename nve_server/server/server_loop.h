@@ -30,7 +30,10 @@ struct LoopStatus {
 struct LoopOptions {
   std::int64_t snapshot_period_ns = 100'000'000;
   bool busy_poll = false;                   ///< spin instead of sleeping: shortest answer, one core at 100 %
-  std::int64_t poll_period_ns = 1'000'000;  ///< of time-outs and retracting slaves
+  std::int64_t poll_period_ns = 1'000'000;  ///< of slaves that retract, and the longest sleep with sessions
+  /// Of time-outs, which are of seconds, while no slave retracts: looking at them each millisecond would be
+  /// one exchange in a hundred that waits for it.
+  std::int64_t timeouts_period_ns = 5'000'000;
   std::int64_t idle_period_ns =
       50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
   ShutdownOptions shutdown;
