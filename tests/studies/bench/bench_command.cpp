@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -198,6 +199,9 @@ void add_server(CLI::App& bench) {
   all->cpus.add_flags(*c);
   c->callback([all] {
     all->cpus.check();
+    // CLI11's ranges let "nan" through: no comparison fails with it.
+    if (!std::isfinite(all->paced.seconds) || !std::isfinite(all->capacity.round_s))
+      throw UserError("--seconds, --round-s: expected a number, not nan");
     all->capacity.server_cpu = all->paced.server_cpu = all->cpus.server;
     all->capacity.client_cpu = all->paced.client_cpu = all->cpus.client;
     if (all->find_max) {
