@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 
 namespace telenano {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "common/link/client_session.h"
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano {

@@ -6,6 +6,7 @@
 
 #include "common/surface/gsf.h"
 #include "nve_server/physics/spline_surface.h"
+#include "tests/source_dir.h"
 
 // Time of the surface's part of a step, on the scan of deploy/data (256×256, 2.34 nm, some 10 nm deep) under
 // a tip of 20 nm: the centre goes on a wide Lissajous figure, hovering or pressed in, `range(0)` hundredths

@@ -2,6 +2,7 @@
 #include <atomic>
 #include <cmath>
 
+#include "tests/source_dir.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

@@ -11,6 +11,7 @@
 #include "common/link/messages.h"
 #include "common/net/udp.h"
 #include "common/recording/recording_reader.h"
+#include "tests/source_dir.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

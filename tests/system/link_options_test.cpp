@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <map>
 
+#include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/virtual_session.h"
 

@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/source_dir.h"
 #include "tests/support/child_process.h"
 
 /// What the tests of the real programs share: where they are, a folder to work in, a server to talk to.

@@ -1,5 +1,6 @@
 // The scripts of deploy/ and of the tests, as far as they run anywhere: what they would do, and what they
 // refuse.
+#include "tests/source_dir.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

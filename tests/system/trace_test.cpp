@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "common/surface/gsf.h"
+#include "tests/source_dir.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

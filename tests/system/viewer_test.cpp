@@ -6,6 +6,7 @@
 
 #include "common/recording/recording_reader.h"
 #include "master/viewer/png.h"
+#include "tests/source_dir.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

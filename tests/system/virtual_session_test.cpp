@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::support {

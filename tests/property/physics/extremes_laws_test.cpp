@@ -9,6 +9,7 @@
 
 #include "nve_server/slave/nve_slave.h"
 #include "tests/property/physics/extreme_samples.h"
+#include "tests/source_dir.h"
 
 namespace telenano::physics {
 namespace {

@@ -10,6 +10,7 @@
 #include "nve_server/physics/tip_sample_law.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/property/physics/extreme_samples.h"
+#include "tests/source_dir.h"
 #include "tests/support/md_walk.h"
 
 namespace telenano::physics {

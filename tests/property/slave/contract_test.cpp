@@ -11,6 +11,7 @@
 #include "common/base/random.h"
 #include "nve_server/afm_sim/default_scene.h"
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 #include "tests/support/virtual_afm_slave.h"
 #include "tests/support/wall_slave.h"
 

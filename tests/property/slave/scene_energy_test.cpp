@@ -10,6 +10,7 @@
 
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 
 namespace telenano::slave {
 namespace {

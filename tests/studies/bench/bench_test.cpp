@@ -1,6 +1,7 @@
 // The benches measure what they say: quantiles, verdicts, and that every exchange is one.
 #include <gtest/gtest.h>
 
+#include "tests/source_dir.h"
 #include "tests/studies/bench/closed_loop.h"
 #include "tests/studies/bench/codec_bench.h"
 #include "tests/studies/bench/paced_load.h"

@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "common/base/error.h"
+#include "tests/source_dir.h"
 #include "tests/studies/figures/ks06.h"
 #include "tests/studies/figures/ks13.h"
 #include "tests/studies/figures/ks16.h"

@@ -8,6 +8,7 @@
 #include "common/base/random.h"
 #include "common/control/method.h"
 #include "master/station/station_config.h"
+#include "tests/source_dir.h"
 #include "tests/studies/methods/adversary.h"
 #include "tests/studies/methods/shown_stiffness.h"
 #include "tests/studies/zwidth/on_all_cores.h"

@@ -10,6 +10,7 @@
 #include "common/base/random.h"
 #include "common/config/shared_files.h"
 #include "common/control/methods.h"
+#include "tests/source_dir.h"
 #include "tests/studies/stress/arm.h"
 #include "tests/studies/stress/hunt.h"
 #include "tests/studies/stress/invariants.h"

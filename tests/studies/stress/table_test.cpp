@@ -9,6 +9,7 @@
 
 #include "common/base/error.h"
 #include "common/base/random.h"
+#include "tests/source_dir.h"
 #include "tests/studies/stress/profile.h"
 #include "tests/studies/stress/sweep.h"
 

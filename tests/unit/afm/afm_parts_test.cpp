@@ -10,6 +10,7 @@
 #include "nve_server/afm/motion_history.h"
 #include "nve_server/afm/touch_model.h"
 #include "nve_server/afm/work_book.h"
+#include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::afm {

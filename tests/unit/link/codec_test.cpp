@@ -8,6 +8,7 @@
 
 #include "common/link/wire_scan.h"
 #include "golden_messages.h"
+#include "tests/source_dir.h"
 
 namespace telenano::link {
 namespace {

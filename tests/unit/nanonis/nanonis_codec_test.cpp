@@ -8,6 +8,7 @@
 #include <string>
 
 #include "nve_server/nanonis/frame_reader.h"
+#include "tests/source_dir.h"
 
 namespace telenano::nanonis {
 namespace {

@@ -8,6 +8,7 @@
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/physics/relative_curvature.h"
 #include "nve_server/physics/spline_surface.h"
+#include "tests/source_dir.h"
 
 namespace telenano::physics {
 namespace {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/base/error.h"
+#include "tests/source_dir.h"
 
 namespace telenano::scene {
 namespace {

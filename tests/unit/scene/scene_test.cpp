@@ -8,6 +8,7 @@
 
 #include "common/base/error.h"
 #include "nve_server/scene/scene_summary.h"
+#include "tests/source_dir.h"
 
 namespace telenano::scene {
 namespace {

@@ -9,6 +9,7 @@
 
 #include "common/base/constants.h"
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::slave {

@@ -7,6 +7,7 @@
 #include <limits>
 #include <random>
 
+#include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::slave {

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::slave {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 
 namespace telenano::slave {
 namespace {

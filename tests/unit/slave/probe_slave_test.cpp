@@ -8,6 +8,7 @@
 
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::slave {

@@ -2,6 +2,7 @@
 
 #include "common/base/error.h"
 #include "master/app/station_file.h"
+#include "tests/source_dir.h"
 
 namespace telenano::app {
 namespace {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/error.h"
+#include "tests/source_dir.h"
 
 namespace telenano::surface {
 namespace {

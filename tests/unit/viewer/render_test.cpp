@@ -17,6 +17,7 @@
 #include "master/viewer/offscreen.h"
 #include "master/viewer/photographer.h"
 #include "master/viewer/viewer.h"
+#include "tests/source_dir.h"
 #include "tests/support/view_scene.h"
 
 namespace telenano::viewer {
