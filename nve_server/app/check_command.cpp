@@ -11,6 +11,7 @@
 #include "common/config/slave_limits_file.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/scene/scene_summary.h"
+#include "nve_server/scene/scene_terms.h"
 #include "nve_server/slave/nve_slave.h"
 
 namespace telenano::app {
@@ -29,37 +30,79 @@ struct Timing {
 };
 
 // A session's typical motion at 1 kHz and 1 µm/s: sideways at a constant commanded height.
-Timing time_step(const std::shared_ptr<const scene::Scene>& scene, double height_nm) {
-  constexpr int kBlocks = 400;
-  constexpr int kStepsPerBlock = 25;  // averages the clock's own cost away
-  slave::NveSlave slave(scene);
-  slave::SlaveInput input;
-  slave::SlaveOutput output;
-  const Vec3 start = scene->start_apex_w_nm;
-  std::vector<double> ns;
-  ns.reserve(kBlocks);
-  Vec3 target = start;
-  const double bottom = scene->start_touch_w_nm + height_nm;
-  while (target.z() != bottom) {
-    target.z() = target.z() - bottom > 1.0 ? target.z() - 1.0 : bottom;
-    input.tip_target_pos_w_nm = target;
-    slave.step(input, 1e-3, output);
+class TimedSlave {
+ public:
+  TimedSlave(const std::shared_ptr<const scene::Scene>& scene, double height_nm) : slave_(scene) {
+    target_ = scene->start_apex_w_nm;
+    const double bottom = scene->start_touch_w_nm + height_nm;
+    while (target_.z() != bottom) {
+      target_.z() = target_.z() - bottom > 1.0 ? target_.z() - 1.0 : bottom;
+      input_.tip_target_pos_w_nm = target_;
+      slave_.step(input_, 1e-3, output_);
+    }
   }
-  double x = 0;
-  double direction = 1;
-  for (int block = 0; block < kBlocks; ++block) {
+
+  void run_block() {
+    constexpr int kStepsPerBlock = 25;  // averages the clock's own cost away
     const auto begin = std::chrono::steady_clock::now();
     for (int i = 0; i < kStepsPerBlock; ++i) {
-      x += direction;
-      if (std::abs(x) > 100.0) direction = -direction;
-      input.tip_target_pos_w_nm = target + Vec3(x, 0.37 * x, 0.0);
-      slave.step(input, 1e-3, output);
+      x_ += direction_;
+      if (std::abs(x_) > 100.0) direction_ = -direction_;
+      input_.tip_target_pos_w_nm = target_ + Vec3(x_, 0.37 * x_, 0.0);
+      slave_.step(input_, 1e-3, output_);
     }
     const std::chrono::duration<double, std::nano> spent = std::chrono::steady_clock::now() - begin;
-    ns.push_back(spent.count() / kStepsPerBlock);
+    ns_.push_back(spent.count() / kStepsPerBlock);
   }
-  std::sort(ns.begin(), ns.end());
-  return {ns[ns.size() / 2], ns[ns.size() * 99 / 100]};
+
+  Timing timing() const {
+    std::vector<double> ns = ns_;
+    std::sort(ns.begin(), ns.end());
+    return {ns[ns.size() / 2], ns[ns.size() * 99 / 100]};
+  }
+
+ private:
+  slave::NveSlave slave_;
+  slave::SlaveInput input_;
+  slave::SlaveOutput output_;
+  Vec3 target_ = Vec3::Zero();
+  double x_ = 0;
+  double direction_ = 1;
+  std::vector<double> ns_;
+};
+
+constexpr double kAbove_nm = 10;
+constexpr double kPressed_nm = -5;
+
+Timing time_step(const std::shared_ptr<const scene::Scene>& scene, double height_nm) {
+  constexpr int kBlocks = 400;
+  TimedSlave slave(scene, height_nm);
+  for (int i = 0; i < kBlocks; ++i) slave.run_block();
+  return slave.timing();
+}
+
+// How much longer a step takes with a term than without. The two take turns, so that what else the machine
+// does falls on both.
+double cost_ns(const std::shared_ptr<const scene::Scene>& with,
+               const std::shared_ptr<const scene::Scene>& without, double height_nm) {
+  constexpr int kBlocks = 200;
+  TimedSlave a(with, height_nm);
+  TimedSlave b(without, height_nm);
+  for (int i = 0; i < kBlocks; ++i) {
+    a.run_block();
+    b.run_block();
+  }
+  return a.timing().p50_ns - b.timing().p50_ns;
+}
+
+void print_costs(const std::shared_ptr<const scene::Scene>& scene) {
+  const char* head = "cost of a term";
+  for (const scene::WithoutTerm& without : scene::without_each_term(*scene)) {
+    const double above = cost_ns(scene, without.scene, kAbove_nm);
+    const double pressed = cost_ns(scene, without.scene, kPressed_nm);
+    std::printf("%-14s %s: %+.0f ns above, %+.0f ns pressed\n", head, without.term.c_str(), above, pressed);
+    head = "";
+  }
 }
 
 std::string joined(const std::vector<std::string>& words) {
@@ -128,7 +171,16 @@ void run(const std::string& path, const std::string& limits_path) {
 
   std::printf("%-14s %.6g (w = %g J/m2, K = %.6g GPa)\n", "lambda", summary.lambda,
               scene->law_parameters.work_of_adhesion_n_m, scene->law_parameters.contact_modulus_gpa);
-  std::printf("%-14s %.6g nN on a flat, load control\n", "pull-off", summary.pull_off_nn);
+  std::printf("%-14s %.6g nN on a flat, load control, all terms", "pull-off", summary.pull_off_nn);
+  if (scene->equilibrium->law().long_range().active()) {
+    std::printf(" (the dry contact alone: %.6g nN)", summary.dry_contact_pull_off_nn);
+  }
+  std::printf("\n");
+  if (summary.pull_off_places > 0) {
+    std::printf("%-14s %.4g to %.4g nN over the sample, half below %.4g (5 to 95 %% of %d places)\n", "",
+                summary.pull_off_low_nn, summary.pull_off_high_nn, summary.pull_off_median_nn,
+                summary.pull_off_places);
+  }
   if (summary.jump_to_contact_nm > 0) {
     std::printf("%-14s jumps in from a gap of %.3g nm\n", "approach", summary.jump_to_contact_nm);
   }
@@ -153,10 +205,11 @@ void run(const std::string& path, const std::string& limits_path) {
     std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", path.c_str(), warning.c_str());
   }
 
-  const Timing free = time_step(scene, 10.0);
-  const Timing touching = time_step(scene, -5.0);
+  const Timing free = time_step(scene, kAbove_nm);
+  const Timing touching = time_step(scene, kPressed_nm);
   std::printf("%-14s 10 nm above: p50 %.0f ns, p99 %.0f ns; pressed 5 nm: p50 %.0f ns, p99 %.0f ns\n",
               "time a step", free.p50_ns, free.p99_ns, touching.p50_ns, touching.p99_ns);
+  print_costs(scene);
 }
 
 }  // namespace

@@ -24,11 +24,25 @@ void run(const Options& options) {
   plan.y_nm = options.y_nm.value_or(scene->start_apex_w_nm.y());
   scene::check_plan(*scene, plan);
   std::puts("direction,base_z_nm,tip_z_nm,overlap_nm,force_nn,deflection_nm,branch,work_aj");
-  scene::run_curve(*scene, plan, [](const scene::CurveRow& row) {
-    std::printf("%s,%.15g,%.15g,%.15g,%.15g,%.15g,%s,%.15g\n", row.approach ? "approach" : "retract",
-                row.base_z_nm, row.tip_z_nm, row.overlap_nm, row.force_nn, row.deflection_nm,
-                scene::branch_name(row.branch), row.work_aj);
-  });
+  const auto way = [](bool approach) { return approach ? "approach" : "retract"; };
+  const scene::CurveOutcome outcome = scene::run_curve(
+      *scene, plan,
+      [&](const scene::CurveRow& row) {
+        std::printf("%s,%.15g,%.15g,%.15g,%.15g,%.15g,%s,%.15g\n", way(row.approach), row.base_z_nm,
+                    row.tip_z_nm, row.overlap_nm, row.force_nn, row.deflection_nm,
+                    scene::branch_name(row.branch), row.work_aj);
+      },
+      [&](const scene::CurveGap& gap) {
+        std::printf("# no balance of tip and cantilever: %s, base_z_nm = %.15g\n", way(gap.approach),
+                    gap.base_z_nm);
+      });
+  std::fflush(stdout);
+  if (outcome.gaps > 0) {
+    std::fprintf(stderr,
+                 "telenano-nve: curve: %ld of %ld places over (%g, %g) nm have no balance of tip and "
+                 "cantilever and no row; the lines with # say which\n",
+                 outcome.gaps, outcome.gaps + outcome.rows, plan.x_nm, plan.y_nm);
+  }
 }
 
 }  // namespace
@@ -56,7 +70,11 @@ void add_curve_command(CLI::App& app) {
       "negative = gap;\n"
       "force_nn W-z force on the tip, repulsive positive; deflection_nm = force/k_z, up positive; branch\n"
       "free|vdw|noncontact|contact; work_aj work done by the base since the first row. The virtual coupling "
-      "takes no part.");
+      "takes no part.\n"
+      "Where a scan has no balance of tip and cantilever a line with # stands for the row, and the curve "
+      "goes "
+      "on;\n"
+      "how many there were is said on standard error.");
   command->callback([options] { run(*options); });
 }
 

@@ -14,6 +14,7 @@ namespace {
 // Molar volume of water over R_gas T at 20 °C: 18.05e-6/(8.31446 * 293.15) m^3/J, in nm per N/m.
 constexpr double kKelvinPerTension = 18.05e-6 / (8.31446261815324 * 293.15) * 1e9;
 constexpr double kRadiansPerDegree = kPi / 180.0;
+constexpr double kDugdaleRangeOverA0 = 0.97427857925749347766;  // 9 sqrt(3)/16
 
 void require(bool good, const char* what, double value) {
   if (!good) throw UserError(std::string("capillary bridge: ") + what + ", not " + std::to_string(value));
@@ -21,7 +22,14 @@ void require(bool good, const char* what, double value) {
 
 }  // namespace
 
-Capillary::Capillary(const CapillaryParameters& p) {
+double Capillary::adhesion_n_m(const CapillaryParameters& p) noexcept {
+  if (!(p.humidity_percent > 0 || p.volume_nm3 > 0)) return 0;
+  return p.surface_tension_n_m * (det_sin_cos(kRadiansPerDegree * p.contact_angle_tip_deg).cos +
+                                  det_sin_cos(kRadiansPerDegree * p.contact_angle_sample_deg).cos);
+}
+
+Capillary::Capillary(const CapillaryParameters& p, const DisplacedAttraction& displaced)
+    : displaced_(displaced) {
   require(p.humidity_percent >= 0 && p.humidity_percent < 100, "humidity must be 0 (none) to below 100 %",
           p.humidity_percent);
   require(std::isfinite(p.volume_nm3) && p.volume_nm3 >= 0,
@@ -49,6 +57,36 @@ Capillary::Capillary(const CapillaryParameters& p) {
   stretch_ = 1.0 + 0.25 * (tip + sample);
   volume_nm3_ = p.volume_nm3;
   film_nm_ = p.film_nm;
+  // Of the displaced attraction: that of a linear one with the same force at touch and the same energy.
+  const double range = (displaced.van_der_waals ? 2.0 : kDugdaleRangeOverA0) * displaced.cut_off_nm *
+                       (displaced.work_n_m / adhesion_n_m(p));
+  if (!(volume_nm3_ > 0) && reach_nm_ <= range) {
+    active_ = false;
+    return;
+  }
+  if (constant_volume_ || displaced.work_n_m == 0) return;
+  // At touch it frees energy, and beyond some gap it does not: where.
+  film_nm_ = std::min(film_nm_, reach_nm_);
+  if (freed_aj(film_nm_, 1.0) >= 0) return;
+  double low = 0;
+  for (int i = 0; i < 200; ++i) {
+    const double mid = 0.5 * (low + film_nm_);
+    if (!(mid > low && mid < film_nm_)) break;
+    (freed_aj(mid, 1.0) >= 0 ? low : film_nm_) = mid;
+  }
+  film_nm_ = low;
+}
+
+double Capillary::freed_aj(double gap_nm, double radius_nm) const noexcept {
+  const double a0 = displaced_.cut_off_nm;
+  const double range = kDugdaleRangeOverA0 * a0;
+  double energy_per_work = 0;
+  if (displaced_.work_n_m > 0) {
+    const double left = std::max(0.0, range - gap_nm);
+    energy_per_work = displaced_.van_der_waals ? a0 * a0 / (a0 + gap_nm) : 0.5 * left * left / range;
+  }
+  return -energy_aj(gap_nm, radius_nm, formed_at(gap_nm, radius_nm)) -
+         2.0 * kPi * radius_nm * displaced_.work_n_m * energy_per_work;
 }
 
 double Capillary::formation_gap_nm(double radius_nm) const noexcept {
@@ -59,14 +97,13 @@ double Capillary::formation_gap_nm(double radius_nm) const noexcept {
   return std::min({film_nm_, std::sqrt(half_area), det_cbrt(kPi * radius_nm * half_area)});
 }
 
-BridgeState Capillary::formed(double radius_nm) const noexcept {
+BridgeState Capillary::formed_at(double gap_nm, double radius_nm) const noexcept {
   BridgeState bridge;
   if (!active_) return bridge;
   bridge.present = true;
   if (constant_volume_) {
-    const double gap = formation_gap_nm(radius_nm);
     bridge.volume_nm3 =
-        volume_nm3_ > 0 ? volume_nm3_ : kPi * radius_nm * (reach_nm_ - gap) * (reach_nm_ + gap);
+        volume_nm3_ > 0 ? volume_nm3_ : kPi * radius_nm * (reach_nm_ - gap_nm) * (reach_nm_ + gap_nm);
   }
   bridge.rupture_gap_nm = constant_volume_ ? stretch_ * det_cbrt(bridge.volume_nm3) : reach_nm_;
   return bridge;

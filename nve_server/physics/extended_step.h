@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "nve_server/physics/contact_medium.h"
 #include "nve_server/physics/long_range.h"
 #include "nve_server/physics/sign_change.h"
 #include "nve_server/physics/warm_start.h"
@@ -45,31 +46,35 @@ struct TipPoint {
 ///   inside   the same two, the onset of contact, the overlap 0 (where G becomes constant), and on the way
 ///            out the handover, if it is reversible, or the end of the curve.
 /// Handover, onset and overlap 0 are passed with a continuous force; the others change the force at a given
-/// overlap. Stability. Z(x) = delta + c F rises along x where the tip is stable. On one piece the slope
-/// dF/d(delta) of the contact law is a concave function of delta, that of G falls with it and is concave, too
-/// (long_range.h; outside it is the only one): so the slope is concave, the stable part of a piece is one
-/// interval, and Z has at most one minimum and after it one maximum. Hence two stable points of one piece
-/// have no fold between them (what lets the quick ways skip the walk), and first_balance() finds the first
-/// root that a falling tip meets. Walk. The base goes from where the tip was in balance to its new place; the
-/// tip follows to the end of the piece, or of its stable part. A fold or a change of force sets it free: at
-/// that base it moves with the net force, through whatever pieces come, to the first balance (overdamped:
-/// never past a minimum), and what U + (Z - delta)^2/2c has lost is dissipated. `Cache` is TipSampleCache:
-/// curve (contact, noncontact, fold, solve, range, onset_radius), scales, outside.
+/// overlap. With the bridge the medium changes (contact_medium.h): the curve, its scales and van der Waals
+/// are other ones, and the tip stays at its overlap, inside if the new curve has it. In contact a bridge
+/// forms at overlap 0, or not at all where the potential would rise by it. Stability. Z(x) = delta + c F
+/// rises along x where the tip is stable. On one piece the slope dF/d(delta) of the contact law is a concave
+/// function of delta, that of G falls with it and is concave, too (long_range.h; outside it is the only one):
+/// so the slope is concave, the stable part of a piece is one interval, and Z has at most one minimum and
+/// after it one maximum. Hence two stable points of one piece have no fold between them (what lets the quick
+/// ways skip the walk), and first_balance() finds the first root that a falling tip meets. Walk. The base
+/// goes from where the tip was in balance to its new place; the tip follows to the end of the piece, or of
+/// its stable part. A fold or a change of force sets it free: at that base it moves with the net force,
+/// through whatever pieces come, to the first balance (overdamped: never past a minimum), and what U + (Z -
+/// delta)^2/2c has lost is dissipated. `Cache` is TipSampleCache: curve (contact, noncontact, fold, solve,
+/// range, onset_radius), scales, outside.
 template <class Cache>
 class ExtendedStep {
  public:
-  /// `van_der_waals.hamaker_aj` = 0: none outside.
-  ExtendedStep(double base_nm, double compliance_nm_nn, const VanDerWaals& van_der_waals, double cut_off_nm,
+  /// The cache is in the medium of the bridge that run() is given.
+  ExtendedStep(double base_nm, double compliance_nm_nn, const ContactMedia& media, double cut_off_nm,
                const LongRange& long_range, Cache& cache) noexcept
       : base_(base_nm),
         compliance_(compliance_nm_nn),
-        vdw_(van_der_waals),
+        media_(media),
+        vdw_(media.of(cache.wet).van_der_waals()),
         cut_off_(cut_off_nm),
         far_(long_range),
         cache_(cache),
         scales_(cache.scales),
         radius_(cache.radius_nm),
-        held_{1.0, compliance_nm_nn * (scales_.force_nn / scales_.overlap_nm)} {}
+        held_(held()) {}
 
   /// From the overlap where the tip was, inside or outside, with or without bridge. False: not converged.
   bool run(bool inside, double overlap_nm, const BridgeState& bridge) noexcept {
@@ -105,6 +110,7 @@ class ExtendedStep {
   };
   static constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   static constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  static constexpr double kEnergyRounding = 1e-10;  // where bridges form by the balance of energies
   static constexpr int kMostBorders = 64;  // eight pieces; more means that rounding sends the tip to and fro
 
   bool has_vdw() const noexcept { return vdw_.hamaker_aj > 0; }
@@ -114,8 +120,11 @@ class ExtendedStep {
   double hand_in_overlap() noexcept {
     return scales_.overlap_nm * (has_vdw() ? handover().inside.overlap : -cache_.curve.range());
   }
+  /// Outside where the films meet, in contact at overlap 0.
   double formation() const noexcept {
-    return far_.has_bridge() && !place_.bridge.present ? far_.formation_overlap_nm(radius_) : kInfinity;
+    if (!far_.has_bridge() || place_.bridge.present) return kInfinity;
+    if (place_.inside) return cache_.no_bridge_radius_nm == radius_ ? kInfinity : 0.0;
+    return refused_outside_ ? kInfinity : far_.formation_overlap_nm(radius_);
   }
   double rupture() const noexcept {
     return place_.bridge.present ? -place_.bridge.rupture_gap_nm : -kInfinity;
@@ -156,9 +165,53 @@ class ExtendedStep {
     }
     return touch_;
   }
+  Held held() const noexcept { return {1.0, compliance_ * (scales_.force_nn / scales_.overlap_nm)}; }
   void put(const BridgeState& bridge) noexcept {
     place_.bridge = bridge;
     has_touch_ = false;
+    if (bridge.present == cache_.wet) return;
+    enter(media_, bridge.present, radius_, cache_);
+    vdw_ = media_.of(bridge.present).van_der_waals();
+    held_ = held();
+  }
+
+  /// The same overlap after the medium has changed: inside if the curve has it, outside if it lies before the
+  /// handover.
+  void resettle(double overlap_nm) noexcept {
+    if (place_.inside) {
+      const CurveSolution s = cache_.curve.solve(overlap_nm / scales_.overlap_nm, {1.0, 0.0}, 0);
+      const bool beyond = hands_out() && s.point.parameter <= parting().end.parameter;
+      if (s.status == CurveStatus::kOk && !beyond) {
+        put(s.point);
+        return;
+      }
+      place_.inside = place_.contact = place_.pressed = false;
+      put(overlap_nm);
+    } else if (overlap_nm >= hand_in_overlap()) {
+      put(on_curve(overlap_nm));
+    } else {
+      put(overlap_nm);
+    }
+  }
+
+  /// The bridge forms where the potential falls by it; else the tip goes on without.
+  void form() noexcept {
+    const TipPlace place = place_;
+    const TipPoint point = point_;
+    const double before = potential(point_);
+    const double gap = place.inside ? 0.0 : -far_.formation_overlap_nm(radius_);
+    put(far_.capillary().formed_at(gap, radius_));
+    resettle(point.overlap_nm);
+    const double after = potential(point_);
+    if (after <= before + kEnergyRounding * (std::fabs(before) + std::fabs(after))) return;
+    put(BridgeState{});
+    place_ = place;
+    point_ = point;
+    if (place.inside) {
+      cache_.no_bridge_radius_nm = radius_;
+    } else {
+      refused_outside_ = true;
+    }
   }
 
   double potential(const TipPoint& t) noexcept {
@@ -387,11 +440,12 @@ class ExtendedStep {
         place_.x = 0;
         break;
       case Border::kForm:
-        put(far_.capillary().formed(radius_));
-        break;
+        form();
+        return;
       case Border::kRupture:
         put(BridgeState{});
-        break;
+        resettle(overlap);
+        return;
       case Border::kHandIn:
         put(has_vdw() ? handover().inside : on_curve(hand_in_overlap()));
         return;
@@ -429,6 +483,7 @@ class ExtendedStep {
         continue;
       }
       const double force = point_.force_nn;
+      const bool had_bridge = place_.bridge.present;
       cross(bound.border);
       const double change = point_.force_nn - force;
       // The handover's overlap has rounding of u_delta, up to 1e-12 of the gap in nm for the softest samples.
@@ -447,6 +502,8 @@ class ExtendedStep {
       if (!jumps && bound.border == Border::kHandIn && has_vdw() && !handover().reversible) {
         dissipated_ += std::max(0.0, before - energy(point_, z_));
       }
+      // Nor does a bridge that takes over just the force there was (rigid bodies, at touch).
+      if (!jumps && place_.bridge.present != had_bridge) lose(before, energy(point_, z_));
     }
     return false;
   }
@@ -468,6 +525,11 @@ class ExtendedStep {
       }
       put(bound.x);
       cross(bound.border);
+      // Where the liquid goes the bodies attract each other more again: the net force may turn. Not for ever:
+      // every change of medium has cost energy.
+      if (bound.border == Border::kForm || bound.border == Border::kRupture) {
+        if (direction * (z_ - point_.base_nm) < 0) direction = -direction;
+      }
     }
     return false;
   }
@@ -617,6 +679,7 @@ class ExtendedStep {
 
   double base_;
   double compliance_;
+  const ContactMedia& media_;
   VanDerWaals vdw_;
   double cut_off_;
   const LongRange& far_;
@@ -632,6 +695,7 @@ class ExtendedStep {
   double dissipated_ = 0;
   int jumps_ = 0;
   bool remembered_ = false;
+  bool refused_outside_ = false;
 };
 
 }  // namespace telenano::physics

@@ -35,24 +35,57 @@ TipShape shape_of(const LongRangeParameters& p) {
 
 }  // namespace
 
-LongRange::LongRange(const LongRangeParameters& p, double hamaker_aj, double cut_off_nm)
-    : cut_off_nm_(cut_off_nm), capillary_(p.capillary) {
+LongRange::LongRange(const LongRangeParameters& p, double hamaker_aj, double cut_off_nm,
+                     const DisplacedAttraction& displaced)
+    : cut_off_nm_(cut_off_nm), capillary_(p.capillary, displaced) {
   require(std::isfinite(p.retardation_nm) && p.retardation_nm >= 0,
           "retardation wavelength must be finite and positive, or 0 for none (nm)", p.retardation_nm);
   require(p.retardation_nm == 0 || hamaker_aj > 0, "retardation needs van der Waals forces",
           p.retardation_nm);
   require(std::isfinite(p.tip_bias_v), "tip bias must be finite (V)", p.tip_bias_v);
   const TipShape shape = shape_of(p);
-  if (hamaker_aj > 0) van_der_waals_ = TipVanDerWaals(hamaker_aj, p.retardation_nm, shape);
+  if (hamaker_aj > 0) {
+    const double taken = VanDerWaals::from_adhesion(displaced.work_n_m, cut_off_nm).hamaker_aj;
+    van_der_waals_ = TipVanDerWaals(hamaker_aj, p.retardation_nm, shape);
+    wet_van_der_waals_ = TipVanDerWaals(hamaker_aj - taken, p.retardation_nm, shape);
+  }
   touch_ = van_der_waals_.gap(cut_off_nm);
+  wet_touch_ = wet_van_der_waals_.gap(cut_off_nm);
   electrostatic_ = Electrostatic(p.tip_bias_v, shape);
+}
+
+// What a bridge that forms at this gap sets free: its own energy less that of the attraction it displaces.
+double LongRange::freed_aj(double gap_nm, double radius_nm) const noexcept {
+  double freed = capillary_.freed_aj(gap_nm, radius_nm);
+  if (van_der_waals_.active()) {
+    const double d = cut_off_nm_ + gap_nm;
+    freed += van_der_waals_.correction_energy_aj(d, radius_nm) -
+             wet_van_der_waals_.correction_energy_aj(d, radius_nm);
+  }
+  return freed;
+}
+
+double LongRange::formation_overlap_nm(double radius_nm) const noexcept {
+  const double latest = capillary_.formation_gap_nm(radius_nm);
+  if (latest == 0 || (capillary_.settled() && !van_der_waals_.active())) return -latest;
+  if (freed_aj(latest, radius_nm) >= 0) return -latest;
+  // Nearer by halving; at touch, where contact has another word to say, if nowhere before.
+  if (!(freed_aj(0, radius_nm) >= 0)) return 0;
+  double low = 0;
+  double high = latest;
+  for (int i = 0; i < 60; ++i) {
+    const double mid = 0.5 * (low + high);
+    if (!(mid > low && mid < high)) break;
+    (freed_aj(mid, radius_nm) >= 0 ? low : high) = mid;
+  }
+  return -low;
 }
 
 LongRangePoint LongRange::evaluate_open(double overlap_nm, double radius_nm,
                                         const BridgeState& bridge) const noexcept {
   LongRangePoint sum;
   const double gap = cut_off_nm_ - overlap_nm;
-  if (van_der_waals_.active()) sum += van_der_waals_.correction(gap, radius_nm);
+  if (van_der_waals_.active()) sum += van_der_waals(bridge).correction(gap, radius_nm);
   if (electrostatic_.active()) sum += electrostatic_.at(gap, radius_nm);
   if (bridge.present) sum += capillary_.at(-overlap_nm, radius_nm, bridge);
   return sum;
@@ -68,7 +101,7 @@ double LongRange::energy_aj(double overlap_nm, double radius_nm, const BridgeSta
   const double open = overlap_nm < 0 ? overlap_nm : 0;
   const double gap = cut_off_nm_ - open;
   double energy = 0;
-  if (van_der_waals_.active()) energy += van_der_waals_.correction_energy_aj(gap, radius_nm);
+  if (van_der_waals_.active()) energy += van_der_waals(bridge).correction_energy_aj(gap, radius_nm);
   if (electrostatic_.active()) energy += electrostatic_.energy_aj(gap, radius_nm);
   if (bridge.present) energy += capillary_.energy_aj(-open, radius_nm, bridge);
   if (overlap_nm > 0) energy += overlap_nm * evaluate_open(0, radius_nm, bridge).force_nn;
@@ -78,7 +111,8 @@ double LongRange::energy_aj(double overlap_nm, double radius_nm, const BridgeSta
 LongRange::Touch LongRange::at_touch(double radius_nm, const BridgeState& bridge) const noexcept {
   Touch sum;
   if (van_der_waals_.active()) {
-    const TipVanDerWaals::Correction far = van_der_waals_.correction(touch_, radius_nm);
+    const TipVanDerWaals::Correction far =
+        van_der_waals(bridge).correction(bridge.present ? wet_touch_ : touch_, radius_nm);
     sum = {far.force_nn, far.energy_aj, far.force_per_radius_n_m};
   }
   if (electrostatic_.active()) {

@@ -20,9 +20,9 @@ struct LongRangeParameters {
 /// The sum G of all that is added to "van der Waals outside, contact inside" (tip_sample_law.h): what
 /// retardation and cone change in van der Waals, the electrostatic attraction, the capillary bridge.
 ///
-/// G is the same function of the overlap delta outside and inside, so the handover between van der Waals and
-/// contact and the offset of their energies stay where they are: force and energy remain continuous and no
-/// adhesion counts twice.
+/// With a bridge all of van der Waals is that under liquid. G is the same function of the overlap delta
+/// outside and inside, so the handover between van der Waals and contact and the offset of their energies
+/// stay where they are: force and energy remain continuous and no adhesion counts twice.
 ///   delta < 0   van der Waals and electrostatic at d = a0 - delta, the bridge at D = -delta;
 ///   delta >= 0  the force stays at its value at touch (the flattened contact is not added to the capacitor
 ///               or to the meniscus): U = U(0) + G(0) delta. G is continuous, its slope is not.
@@ -31,17 +31,19 @@ struct LongRangeParameters {
 /// followed by one stable segment from far away to one fold.
 class LongRange {
  public:
-  /// Throws UserError with one line on what is out of range. `hamaker_aj` = 0: no van der Waals to correct.
-  LongRange(const LongRangeParameters& parameters, double hamaker_aj, double cut_off_nm);
+  /// Throws UserError with one line on what is out of range. `hamaker_aj` = 0: no van der Waals to correct;
+  /// it is that of the dry contact, of which the liquid of a bridge takes `displaced` away.
+  LongRange(const LongRangeParameters& parameters, double hamaker_aj, double cut_off_nm,
+            const DisplacedAttraction& displaced = {});
 
   bool active() const noexcept {
     return van_der_waals_.active() || electrostatic_.active() || capillary_.active();
   }
   bool has_bridge() const noexcept { return capillary_.active(); }
   const Capillary& capillary() const noexcept { return capillary_; }
-  double formation_overlap_nm(double radius_nm) const noexcept {
-    return -capillary_.formation_gap_nm(radius_nm);
-  }
+  /// Where the bridge forms that a tip coming down meets, not yet in contact: capillary.h says where, with
+  /// what retardation and cone change in the attraction that the liquid displaces.
+  double formation_overlap_nm(double radius_nm) const noexcept;
 
   /// Force and stiffness at any overlap.
   LongRangePoint evaluate(double overlap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
@@ -59,9 +61,14 @@ class LongRange {
   Touch at_touch(double radius_nm, const BridgeState& bridge) const noexcept;
 
  private:
+  const TipVanDerWaals& van_der_waals(const BridgeState& bridge) const noexcept {
+    return bridge.present ? wet_van_der_waals_ : van_der_waals_;
+  }
+  double freed_aj(double gap_nm, double radius_nm) const noexcept;
+
   double cut_off_nm_;
-  TipVanDerWaals van_der_waals_;
-  TipVanDerWaals::Gap touch_;  // of it
+  TipVanDerWaals van_der_waals_, wet_van_der_waals_;
+  TipVanDerWaals::Gap touch_, wet_touch_;  // of them
   Electrostatic electrostatic_;
   Capillary capillary_;
 };

@@ -47,7 +47,7 @@ Vec3 unit(const Vec3& v) noexcept {
 }  // namespace
 
 ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState& from, const Mat3& spring,
-                                 const Vec3& free_end, double dt_s) noexcept
+                                 const Vec3& free_end, double dt_s, bool asleep) noexcept
     : model_(model),
       from_(from),
       spring_(spring),
@@ -55,8 +55,21 @@ ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState
       start_u_(from.tip_centre_w_nm - free_end),
       drag_n_m_(model.parameters.drag_n_s_m / dt_s),
       tip_feet_(from.tip_feet),
-      particle_feet_(from.particle_feet) {
+      particle_feet_(from.particle_feet),
+      asleep_(asleep) {
   best_.y.head<3>() = start_u_;
+  if (!asleep) return;
+  const ParticleSleep& rest = from.sleep;
+  for (Trial* trial : {&best_, &trial_}) {
+    ContactTrial& contact = trial->contacts[kParticleSample];
+    contact.law = rest.law;
+    contact.normal_w = rest.normal_w;
+    contact.radius_nm = rest.radius_nm;
+    contact.slide.force = rest.slide_force_w_nn;
+    contact.roll.force = rest.roll_torque_w_nn_nm;
+    contact.spin.force = rest.spin_torque_w_nn_nm;
+  }
+  held_[kParticleSample].radius_nm = rest.radius_nm;
 }
 
 ParticleBalance::Geometry ParticleBalance::geometry(const Vec9& y) noexcept {
@@ -65,7 +78,7 @@ ParticleBalance::Geometry ParticleBalance::geometry(const Vec9& y) noexcept {
   const Vec3 particle = from_.particle_centre_w_nm + y.segment<3>(3);
   Geometry out;
   out.tip = stand(*model_.surface, tip, p.tip_radius_nm, tip_feet_);
-  out.particle = stand(*model_.surface, particle, p.particle_radius_nm, particle_feet_);
+  if (!asleep_) out.particle = stand(*model_.surface, particle, p.particle_radius_nm, particle_feet_);
   out.tip_to_particle_w_nm = particle - tip;
   return out;
 }
@@ -91,6 +104,7 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
   trial.stiffest_n_m = 0;
 
   for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
     ContactTrial& contact = trial.contacts[i];
     Held& held = held_[i];
     double overlap;
@@ -139,8 +153,8 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
                  contact.spin.envelope;
     const Vec3 force = contact.slide.force - contact.law.force_nn * contact.normal_w;
     trial.gradient.head<3>() += pair.tip * force;
-    trial.gradient.segment<3>(3) += pair.particle * force;
-    if (turns) {
+    if (!asleep_) trial.gradient.segment<3>(3) += pair.particle * force;
+    if (turns && !asleep_) {
       trial.gradient.tail<3>() +=
           contact.roll.force + contact.spin.force - lever * n.cross(contact.slide.force);
     }
@@ -161,6 +175,7 @@ ParticleBalance::Mat9 ParticleBalance::hessian(const Trial& trial, bool convex) 
   h.block<3, 3>(3, 3).diagonal().setConstant(drag_n_m_);
   h.block<3, 3>(6, 6).diagonal().setConstant(drag_n_m_ * lever * lever);
   for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
     const ContactTrial& contact = trial.contacts[i];
     const Held& held = held_[i];
     const Pair pair = kPairs[i];
@@ -221,7 +236,16 @@ double ParticleBalance::excess(const Vec9& step) const noexcept {
   return std::max(step.segment<3>(3).norm() / longest, step.tail<3>().norm() / turn);
 }
 
+bool ParticleBalance::find_tip_step(bool convex, Vec9& step) const noexcept {
+  const Eigen::LLT<Mat3> factor(Mat3(hessian(best_, convex).topLeftCorner<3, 3>()));
+  if (factor.info() != Eigen::Success) return false;
+  step.setZero();
+  step.head<3>() = -factor.solve(Vec3(best_.gradient.head<3>()));
+  return step.allFinite();
+}
+
 bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
+  if (asleep_) return find_tip_step(convex, step);
   Mat9 h = hessian(best_, convex);
   Eigen::LLT<Mat9> factor(h);
   if (factor.info() != Eigen::Success) return false;
@@ -310,6 +334,7 @@ SolveStatus ParticleBalance::minimise() noexcept {
 void ParticleBalance::hold(bool first) noexcept {
   if (first) floor_nn_ = 0;
   for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
     const ParticleContactMemory& memory = from_.contacts[i];
     Held& held = held_[i];
     const ContactTrial& now = best_.contacts[i];
@@ -350,6 +375,7 @@ void ParticleBalance::hold(bool first) noexcept {
 bool ParticleBalance::settled() const noexcept {
   const double lever = model_.parameters.particle_radius_nm;
   for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
     const ContactTrial& now = best_.contacts[i];
     const Held& held = held_[i];
     const double tolerance = kSettled * best_.load_nn;
@@ -372,8 +398,10 @@ SolveStatus ParticleBalance::solve() noexcept {
     const Geometry at = geometry(best_.y);
     best_.contacts[kTipSample].normal_w = at.tip.normal_w;
     best_.contacts[kTipSample].radius_nm = at.tip.radius_nm;
-    best_.contacts[kParticleSample].normal_w = at.particle.normal_w;
-    best_.contacts[kParticleSample].radius_nm = at.particle.radius_nm;
+    if (!asleep_) {
+      best_.contacts[kParticleSample].normal_w = at.particle.normal_w;
+      best_.contacts[kParticleSample].radius_nm = at.particle.radius_nm;
+    }
     best_.contacts[kTipParticle].normal_w = unit(at.tip_to_particle_w_nm);
     best_.contacts[kTipParticle].radius_nm = model_.nominal_radius_nm[kTipParticle];
   }
@@ -383,6 +411,7 @@ SolveStatus ParticleBalance::solve() noexcept {
     if (status != SolveStatus::kOk) return status;
     const bool tip_deeper = look_around(*model_.surface, free_end_ + best_.y.head<3>(), tip_feet_);
     const bool particle_deeper =
+        !asleep_ &&
         look_around(*model_.surface, from_.particle_centre_w_nm + best_.y.segment<3>(3), particle_feet_);
     if (!tip_deeper && !particle_deeper && settled()) return SolveStatus::kOk;
   }
@@ -404,6 +433,7 @@ double ParticleBalance::friction_loss_aj() const noexcept {
   };
   double loss = 0.0;
   for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
     const ParticleContactMemory& memory = from_.contacts[i];
     const ContactTrial& now = best_.contacts[i];
     const Held& held = held_[i];
@@ -417,7 +447,8 @@ double ParticleBalance::friction_loss_aj() const noexcept {
 
 int ParticleBalance::jumps() const noexcept {
   int jumps = jumps_;
-  for (const ContactTrial& contact : best_.contacts) jumps += contact.law.jumps;
+  for (int i = 0; i < kParticleContacts; ++i)
+    if (!(asleep_ && i == kParticleSample)) jumps += best_.contacts[i].law.jumps;
   return jumps;
 }
 
@@ -425,6 +456,10 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
   const Vec3 u = best_.y.head<3>(), dq = best_.y.segment<3>(3), turn = best_.y.tail<3>();
   double potential = 0.0;
   for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) {
+      potential += from_.sleep.potential_aj;
+      continue;
+    }
     ParticleContactMemory& memory = state.contacts[i];
     const ContactTrial& now = best_.contacts[i];
     const Held& held = held_[i];
@@ -442,15 +477,25 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
     potential += now.law.potential_aj + now.slide.stored + now.roll.stored + now.spin.stored;
   }
   state.tip_feet = tip_feet_;
-  state.particle_feet = particle_feet_;
   state.started = true;
   state.tip_centre_w_nm = free_end_ + u;
   state.tip_force_w_nn = spring_ * u;
+  state.potential_aj = potential;
+  if (asleep_) return;
+  const ContactTrial& rest = best_.contacts[kParticleSample];
+  state.sleep = {false,
+                 rest.law,
+                 rest.normal_w,
+                 held_[kParticleSample].radius_nm,
+                 rest.slide.force,
+                 rest.roll.force,
+                 rest.spin.force,
+                 rest.law.potential_aj + rest.slide.stored + rest.roll.stored + rest.spin.stored};
+  state.particle_feet = particle_feet_;
   state.particle_centre_w_nm += dq;
   state.turned_w_rad += turn;
   const Eigen::Quaterniond half(1.0, 0.5 * turn.x(), 0.5 * turn.y(), 0.5 * turn.z());
   state.orientation_w = (half * state.orientation_w).normalized();
-  state.potential_aj = potential;
 }
 
 }  // namespace telenano::physics

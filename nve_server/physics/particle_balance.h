@@ -26,7 +26,10 @@ namespace telenano::physics {
 /// next one, as an overdamped one does. What the friction takes from the state (n, a, effective radius) is
 /// held during one such minimisation and renewed after it, until it is what it was taken to be: at the end
 /// the bristles' limits are those of the contact radii reported, and forces and torques balance. A contact
-/// that begins in this step carries friction from the next one on; one that ends carries none in this. Source
+/// that begins in this step carries friction from the next one on; one that ends carries none in this.
+///
+/// Asleep, Δq = φ = 0 and the contact of particle and sample is what it was: u alone is balanced, with the
+/// force of the particle where it lies. Source
 /// M. Ortiz, L. Stainier, Comput. Methods Appl. Mech. Eng. 171 (1999) 419 (incremental potentials).
 class ParticleBalance {
  public:
@@ -35,7 +38,7 @@ class ParticleBalance {
 
   /// `spring` is C⁻¹; `free_end` belongs to the tip's centre.
   ParticleBalance(const ParticleModel& model, const ParticleState& from, const Mat3& spring_n_m,
-                  const Vec3& free_end_w_nm, double dt_s) noexcept;
+                  const Vec3& free_end_w_nm, double dt_s, bool asleep = false) noexcept;
 
   SolveStatus solve() noexcept;
 
@@ -99,6 +102,7 @@ class ParticleBalance {
   bool descend(const Vec9& step, double tolerance) noexcept;
   bool go_over() noexcept;
   Mat9 hessian(const Trial& trial, bool convex) const noexcept;
+  bool find_tip_step(bool convex, Vec9& step) const noexcept;
   double size(const Vec9& gradient) const noexcept;
   double tolerance_nn(const Trial& trial) const noexcept;
 
@@ -115,6 +119,7 @@ class ParticleBalance {
   int iterations_ = 0;
   int jumps_ = 0;
   bool unstable_ = false;
+  bool asleep_;
 };
 
 }  // namespace telenano::physics

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/constants.h"
 #include "nve_server/physics/particle_balance.h"
 
 namespace telenano::physics {
@@ -19,6 +20,10 @@ constexpr double kReleaseRefinement = 1e-3;
 constexpr double kLeastCompliance = 1e-12;  // nm/nN: 1e-10 nm under 100 nN
 constexpr double kEnergyRounding = 1e-12;   // ten times the laws' own
 constexpr double kShortestTime_s = 1e-12;
+constexpr double kStill_nm = 1e-4;        // in a step: with the default drag 1e-5 nN at 1 kHz
+constexpr double kLittlePull = 1e-4;      // of the pull-off
+constexpr double kLittleFriction = 1e-2;  // of what friction holds
+constexpr double kFallsAsleep = 0.5;      // of the pull that wakes
 
 double allowed_step(const ParticleModel& model, const ParticleState& state) noexcept {
   const ParticleParameters& p = model.parameters;
@@ -95,7 +100,28 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
 
 ParticleEquilibrium::ParticleEquilibrium(std::shared_ptr<const Surface> surface,
                                          const ParticleParameters& parameters)
-    : model_(std::move(surface), parameters) {}
+    : model_(std::move(surface), parameters) {
+  // Its adhesion and, since most pulls are sideways, its friction: one without friction runs after any pull.
+  const ContactFriction& friction = model_.friction[kParticleSample];
+  const double a = model_.zero_load_radius_nm[kParticleSample];
+  const double pull_off = model_.pull_off_nn[kParticleSample];
+  const double slide = friction.shear_strength_gpa * kPi * a * a;
+  const double roll = 4.0 * pull_off * friction.rolling_length_nm / parameters.particle_radius_nm;
+  little_pull_nn_ = std::min(kLittlePull * pull_off, kLittleFriction * std::min(slide, roll));
+}
+
+// On the sample, and nothing gives way.
+bool ParticleEquilibrium::rests(const ParticleBalance& balance) const noexcept {
+  const ParticleBalance::ContactTrial& sample = balance.contact(kParticleSample);
+  return model_.parameters.sleeps && sample.law.branch == Branch::kContact && !sample.slide.slips &&
+         !sample.roll.slips && !sample.spin.slips;
+}
+
+// The tip's pull is little against what holds the particle.
+bool ParticleEquilibrium::left_alone(const ParticleBalance& balance, double share) const noexcept {
+  const Equilibrium& tip = balance.contact(kTipParticle).law;
+  return !inside(tip.branch) && std::abs(tip.force_nn) <= share * little_pull_nn_;
+}
 
 ParticleState ParticleEquilibrium::place(double x_nm, double y_nm) const noexcept {
   const double radius = model_.parameters.particle_radius_nm;
@@ -164,9 +190,14 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
       part *= refined;
     const bool last = part >= 1.0 - done;
     const Vec3 next = last ? target : Vec3(origin + (done + part) * way);
-    ParticleBalance balance(model_, now, spring, next, std::max(dt_s * part, kShortestTime_s));
+    const bool asleep = now.sleep.asleep;
+    ParticleBalance balance(model_, now, spring, next, std::max(dt_s * part, kShortestTime_s), asleep);
     const SolveStatus status = balance.solve();
     out.iterations += balance.iterations();
+    if (asleep && (status != SolveStatus::kOk || !left_alone(balance, 1.0))) {
+      wake(now);
+      continue;
+    }
     if (status != SolveStatus::kOk) {
       refined *= kRefine;
       if (refined < kFinest) return refuse(status);
@@ -184,7 +215,15 @@ ParticleSolution ParticleEquilibrium::advance(const Vec3& free_end, const Compli
     const Vec3 force_before = now.tip_force_w_nn;
     const double friction = std::max(0.0, balance.friction_loss_aj());
     const double drag = balance.drag_loss_aj();
+    const Vec3 lay = now.particle_centre_w_nm;
+    const Vec3 lay_turned = now.turned_w_rad;
     balance.store(now);
+    if (!asleep) {
+      const double moved = (now.particle_centre_w_nm - lay).norm() +
+                           (now.turned_w_rad - lay_turned).norm() * model_.parameters.particle_radius_nm;
+      now.sleep.asleep =
+          state.started && moved < kStill_nm && rests(balance) && left_alone(balance, kFallsAsleep);
+    }
     const Vec3 force = now.tip_force_w_nn;
     const double after = now.potential_aj + spring_energy(force, soft);
     const double work = -0.5 * (force_before + force).dot(next - end);

@@ -9,6 +9,8 @@
 
 namespace telenano::physics {
 
+class ParticleBalance;
+
 /// One of the three contacts, as it is after a step. Forces act on the upper body: on the tip from the
 /// sample, on the particle from the tip, on the particle from the sample.
 struct ParticleContactReport {
@@ -47,6 +49,8 @@ struct ParticleSolution {
   int iterations = 0;
 };
 
+inline constexpr double kSleepError = 1e-6;  ///< of the pull-off of particle and sample
+
 /// Tip, particle and sample: a sphere on the surface with adhesion and friction, pushed, rolled, picked up or
 /// lost by the tip as the forces decide. Small steps are balanced by ParticleBalance (particle_balance.h).
 ///
@@ -62,6 +66,15 @@ struct ParticleSolution {
 /// own.
 ///           Where it changes between two steps, the step begins at the free end that would hold the tip
 ///           where it was.
+/// Sleep     A particle that rests on the sample while the tip is far is not balanced anew: the tip is
+///           balanced alone, with the force of the particle where it lies. It falls asleep after a step in
+///           which it hardly moved, nothing slipped, and the tip did not touch it and pulled with less than
+///           5e-5 of the pull-off of particle and sample, and than half a hundredth of what its sliding and
+///           rolling friction hold (0 without friction: then only a tip that is not felt lets it sleep). It
+///           wakes, and the step is made anew, when the tip pulls twice that or touches it. What is left out
+///           is how the pull F strains its contact, by F/k: of the force on the tip dF/dd F/k, below
+///           kSleepError of the pull-off; of the energy F²/2k. A new state is awake. The surface does not
+///           change under a particle; who makes it do so must wake() it.
 /// Errors    Smooth steps: W − ΔU − losses is of second order in the step, of first where a friction limit
 ///           changes while it slips. A particle squeezed out from under the tip over many radii may find no
 ///           balance within a step (some 2 in 1000 of random steps to 1 µm): the state stays, kNotConverged.
@@ -85,10 +98,16 @@ class ParticleEquilibrium {
   ParticleSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, double dt_s,
                            ParticleState& state) const noexcept;
 
+  static void wake(ParticleState& state) noexcept { state.sleep.asleep = false; }
+
   const ParticleModel& model() const noexcept { return model_; }
 
  private:
+  bool rests(const ParticleBalance& balance) const noexcept;
+  bool left_alone(const ParticleBalance& balance, double share) const noexcept;
+
   ParticleModel model_;
+  double little_pull_nn_ = 0;  // of the tip at a particle that sleeps
 };
 
 }  // namespace telenano::physics

@@ -35,6 +35,7 @@ struct ParticleParameters {
   /// Drag on the particle, so that one that nothing holds comes to rest: force = η·velocity of the centre,
   /// torque = ηR²·turning rate. 1e-7 N·s/m is 0.1 pN at 1 µm/s: ten times water on a sphere of 500 nm.
   double drag_n_s_m = 1e-7;
+  bool sleeps = true;  ///< one that rests far from the tip is not balanced anew (particle_equilibrium.h)
 };
 
 }  // namespace telenano::physics

@@ -25,6 +25,18 @@ struct ParticleContactMemory {
   double spin_stiffness = 0;
 };
 
+/// A particle that rests, as it was when it was last balanced.
+struct ParticleSleep {
+  bool asleep = false;
+  Equilibrium law;  ///< of its contact with the sample
+  Vec3 normal_w = Vec3::UnitZ();
+  double radius_nm = 0;
+  Vec3 slide_force_w_nn = Vec3::Zero();
+  Vec3 roll_torque_w_nn_nm = Vec3::Zero();
+  Vec3 spin_torque_w_nn_nm = Vec3::Zero();
+  double potential_aj = 0;  ///< of that contact and its bristles
+};
+
 /// What is remembered from one accepted step to the next. Begin with ParticleEquilibrium::place().
 struct ParticleState {
   std::array<ParticleContactMemory, kParticleContacts> contacts;
@@ -37,6 +49,7 @@ struct ParticleState {
   Vec3 turned_w_rad = Vec3::Zero();  ///< sum of the small turns so far: the path, not the orientation
   Eigen::Quaterniond orientation_w = Eigen::Quaterniond::Identity();
   double potential_aj = 0;  ///< contacts and bristles, without the springs of the tip
+  ParticleSleep sleep;
 };
 
 }  // namespace telenano::physics

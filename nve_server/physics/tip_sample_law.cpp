@@ -19,9 +19,19 @@ constexpr double kGreatestTabulated = 1e5;
 
 constexpr double kLargest = 1e30;  // dimensionless arguments beyond this are as good as infinite
 
-VanDerWaals outside_of(const TipSampleParameters& p) noexcept {
-  if (!p.van_der_waals) return {};
-  return VanDerWaals::from_adhesion(p.work_of_adhesion_n_m, p.equilibrium_distance_nm);
+ContactMedium medium_of(const TipSampleParameters& p, double work_of_adhesion_n_m) noexcept {
+  return {work_of_adhesion_n_m, p.contact_modulus_gpa, p.equilibrium_distance_nm, p.van_der_waals};
+}
+
+ContactMedia media_of(const TipSampleParameters& p) noexcept {
+  const double dry = p.work_of_adhesion_n_m;
+  const double wet = std::max(dry - Capillary::adhesion_n_m(p.long_range.capillary), kLeastWetShare * dry);
+  return {medium_of(p, dry), medium_of(p, wet)};
+}
+
+DisplacedAttraction displaced_in(const TipSampleParameters& p, const ContactMedia& media) noexcept {
+  return {media.dry.work_of_adhesion_n_m() - media.wet.work_of_adhesion_n_m(), p.equilibrium_distance_nm,
+          p.van_der_waals};
 }
 
 void require_positive(double value, const char* what, const char* unit) {
@@ -74,8 +84,9 @@ Losses step_on(const Curve& curve, double z, double compliance, bool van_der_waa
 
 TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal_radius_nm)
     : parameters_(parameters),
-      van_der_waals_(outside_of(parameters)),
-      long_range_(parameters.long_range, van_der_waals_.hamaker_aj, parameters.equilibrium_distance_nm) {
+      media_(media_of(parameters)),
+      long_range_(parameters.long_range, media_.dry.van_der_waals().hamaker_aj,
+                  parameters.equilibrium_distance_nm, displaced_in(parameters, media_)) {
   require_positive(parameters.contact_modulus_gpa, "contact modulus K = 4E*/3", "GPa");
   require_positive(parameters.work_of_adhesion_n_m, "work of adhesion", "N/m");
   require_positive(parameters.equilibrium_distance_nm, "equilibrium distance", "nm");
@@ -90,10 +101,7 @@ TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal
         "direct "
         "method");
   }
-  cbrt_ = det_cbrt(kPi * parameters.work_of_adhesion_n_m / parameters.contact_modulus_gpa);
   MaugisDugdale(1.0).fold({1.0, 0.0});  // makes the table of folds, so that no step has to
-  // sigma0 = 16/(9 sqrt(3)) w/z0 (the greatest stress of the Lennard-Jones law)
-  sigma0_over_w_ = 16.0 / (9.0 * std::sqrt(3.0)) / parameters.equilibrium_distance_nm;
   if (parameters.method == MaugisMethod::kTable) {
     if (parameters.model != ContactModel::kMaugisDugdale) {
       throw UserError("tip-sample law: only maugis-dugdale has a table; the other laws are closed forms");
@@ -109,14 +117,19 @@ TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal
 }
 
 ContactScales TipSampleLaw::scales(double radius_nm) const noexcept {
-  const double r = det_cbrt(radius_nm);
-  ContactScales s;
-  s.length_nm = cbrt_ * r * r;
-  s.overlap_nm = cbrt_ * cbrt_ * r;
-  s.force_nn = kPi * parameters_.work_of_adhesion_n_m * radius_nm;
-  s.energy_aj = s.force_nn * s.overlap_nm;
-  s.lambda = (2.0 / kPi) * sigma0_over_w_ * s.overlap_nm;
-  return s;
+  return media_.dry.scales(radius_nm);
+}
+
+double TipSampleLaw::attraction_bound_nn(double radius_nm) const noexcept {
+  const double contact = 2.0 * kPi * radius_nm;
+  const double dry = contact * media_.dry.work_of_adhesion_n_m();
+  if (!long_range_.active()) return dry;
+  const auto far = [&](const BridgeState& bridge) {
+    return std::max(0.0, -long_range_.evaluate_open(0.0, radius_nm, bridge).force_nn);
+  };
+  const BridgeState bridge = long_range_.capillary().formed(radius_nm);
+  if (!bridge.present) return dry + far({});
+  return std::max(dry + far({}), contact * media_.wet.work_of_adhesion_n_m() + far(bridge));
 }
 
 double TipSampleLaw::pull_off_nn(double radius_nm) const noexcept {
@@ -129,10 +142,14 @@ double TipSampleLaw::pull_off_nn(double radius_nm) const noexcept {
   }
 }
 
-void TipSampleLaw::prepare(double radius_nm, TipSampleCache& cache) const noexcept {
+void TipSampleLaw::prepare(double radius_nm, bool wet, TipSampleCache& cache) const noexcept {
+  if (cache.wet != wet) {
+    enter(media_, wet, radius_nm, cache);
+    return;
+  }
   if (cache.radius_nm == radius_nm) return;
   cache.radius_nm = radius_nm;
-  cache.scales = scales(radius_nm);
+  cache.scales = media_.of(wet).scales(radius_nm);
   switch (parameters_.model) {
     case ContactModel::kHertz:
     case ContactModel::kDmt:
@@ -194,7 +211,7 @@ Equilibrium TipSampleLaw::try_advance(double base_overlap_nm, double compliance_
                                       const TipSampleState& from, TipSampleState& again) const noexcept {
   // The curve's last state is a guess and no more. All else that is remembered says where the tip was.
   const TipSampleCache& last = again.cache;
-  if (last.has_last && last.tabulated == from.cache.tabulated) {
+  if (last.has_last && last.tabulated == from.cache.tabulated && last.wet == from.cache.wet) {
     const CurvePoint point = last.last;
     const double lambda = last.lambda;
     again = from;
@@ -232,7 +249,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     return out;
   }
   TipSampleCache& cache = state.cache;
-  prepare(radius_nm, cache);
+  prepare(radius_nm, long_range_.has_bridge() && state.bridge.present, cache);
   const ContactScales& s = cache.scales;
   const double z = base_overlap_nm / s.overlap_nm;
   const double compliance = compliance_nm_nn * (s.force_nn / s.overlap_nm);
@@ -278,7 +295,7 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
 Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compliance_nm_nn,
                                            TipSampleState& state, bool join_energy) const noexcept {
   TipSampleCache& cache = state.cache;
-  ExtendedStep step(base_overlap_nm, compliance_nm_nn, van_der_waals_, parameters_.equilibrium_distance_nm,
+  ExtendedStep step(base_overlap_nm, compliance_nm_nn, media_, parameters_.equilibrium_distance_nm,
                     long_range_, cache);
   const bool inside = state.branch == Branch::kContact || state.branch == Branch::kNonContact;
   const bool converged = step.run(inside, state.overlap_nm, state.bridge);

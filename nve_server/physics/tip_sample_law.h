@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 
+#include "nve_server/physics/contact_medium.h"
 #include "nve_server/physics/contact_model.h"
 #include "nve_server/physics/joined_law.h"
 #include "nve_server/physics/long_range.h"
@@ -25,18 +26,10 @@ struct TipSampleParameters {
   LongRangeParameters long_range{};
 };
 
-/// What turns the dimensionless law into nm, nN, aJ at one radius.
-struct ContactScales {
-  double length_nm = 0;   ///< u_a = (pi w R^2/K)^(1/3), of contact radii
-  double overlap_nm = 0;  ///< u_delta = (pi^2 w^2 R/K^2)^(1/3)
-  double force_nn = 0;    ///< u_F = pi w R
-  double energy_aj = 0;   ///< u_F u_delta
-  double lambda = 0;      ///< 2 sigma0 (R/(pi w K^2))^(1/3)
-};
-
 /// What need not be computed again while radius and compliance stay; private to the law.
 struct TipSampleCache {
   double radius_nm = -1;
+  bool wet = false;  // under the liquid of a bridge
   ContactScales scales;
   MaugisDugdale curve{1.0};
   AdhesiveCurve adhesive;
@@ -64,6 +57,7 @@ struct TipSampleCache {
   double fold_radius_nm = -1;
   CurvePoint rigid_fold;
   double far_force_per_radius_n_m = 0;  // inside: dG/dR
+  double no_bridge_radius_nm = -1;      // at which a bridge would not form in contact: it would take energy
 };
 
 /// What must be remembered between steps: which of the stable states the tip is in, and a warm start. A state
@@ -130,6 +124,17 @@ struct Equilibrium {
 ///
 /// Long-range forces (long_range.h) are added on both sides; there may then be more stable states, and the
 /// bridge is a second memory (extended_step.h). What is said above holds.
+///
+/// Under the liquid of a bridge tip and sample attract each other less. With Young's equation, gamma_SV -
+/// gamma_SL = gamma cos(theta) for both, the wetted contact's work of adhesion is
+///   w_SLS = w - 2 gamma c   (capillary.h),
+/// and what goes with w does so there, too: the Maugis–Dugdale law, and the Hamaker constant H = 12 pi a0^2
+/// w_SLS with retardation and cone. So the pull-off of a rigid sphere, 4 pi R gamma c + 2 pi R w_SLS, is the
+/// dry one; elastic bodies part at more, since the far-reaching meniscus deforms them less. w is that of the
+/// dry contact; what adsorbed films take of it (their spreading pressure) is left out. Where w_SLS would be
+/// less than kLeastWetShare of w, that is taken: w and the angles contradict each other.
+/// Source: A. Fogden, L. R. White, J. Colloid Interface Sci. 138 (1990) 414; D. Maugis, B. Gauthier-Manuel,
+/// J. Adhes. Sci. Technol. 8 (1994) 1311.
 class TipSampleLaw {
  public:
   /// Throws UserError unless modulus, work of adhesion and equilibrium distance are finite and positive and
@@ -166,14 +171,19 @@ class TipSampleLaw {
   ContactScales scales(double radius_nm) const noexcept;
   double lambda(double radius_nm) const noexcept { return scales(radius_nm).lambda; }
   const LongRange& long_range() const noexcept { return long_range_; }
-  /// Without Hamaker constant if there is no van der Waals outside.
-  const VanDerWaals& van_der_waals() const noexcept { return van_der_waals_; }
-  /// Largest attraction of the contact under load control, positive. For set-up, not for
-  /// loops.
+  /// Dry, and under the liquid of a bridge (the same where there is none).
+  const ContactMedia& media() const noexcept { return media_; }
+  /// Without Hamaker constant if there is no van der Waals outside. Dry.
+  const VanDerWaals& van_der_waals() const noexcept { return media_.dry.van_der_waals(); }
+  /// Largest attraction of the dry contact alone under load control, positive; pull_off.h has that of all
+  /// terms. For set-up, not for loops.
   double pull_off_nn(double radius_nm) const noexcept;
+  /// No attraction on a tip of this radius is greater: 2 pi w R bounds the pull-off of every theory (DMT),
+  /// dry or wet, and the other terms are greatest at touch.
+  double attraction_bound_nn(double radius_nm) const noexcept;
 
  private:
-  void prepare(double radius_nm, TipSampleCache& cache) const noexcept;
+  void prepare(double radius_nm, bool wet, TipSampleCache& cache) const noexcept;
 
   double radius_force_by_difference(const Equilibrium& eq, const TipSampleState& state) const noexcept;
   Equilibrium advance_extended(double base_overlap_nm, double compliance_nm_nn, TipSampleState& state,
@@ -183,12 +193,12 @@ class TipSampleLaw {
   bool joins_later() const noexcept { return long_range_.active() && parameters_.van_der_waals; }
 
   TipSampleParameters parameters_;
-  VanDerWaals van_der_waals_;
+  ContactMedia media_;
   LongRange long_range_;
   std::shared_ptr<const MaugisTable> table_;
-
-  double cbrt_;  // (pi w/K)^(1/3)
-  double sigma0_over_w_;
 };
+
+/// Of w: the least work of adhesion that is taken under liquid.
+inline constexpr double kLeastWetShare = 0.01;
 
 }  // namespace telenano::physics

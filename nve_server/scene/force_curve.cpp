@@ -35,15 +35,18 @@ class CurveWalk {
         y_(plan.y_nm),
         surface_z_(scene.surface->height_nm(plan.x_nm, plan.y_nm)) {}
 
-  void move_to(double base_z_nm) {
+  /// False: no balance there.
+  bool move_to(double base_z_nm) {
     int substeps = 1;
     if (started_ && !scene_.surface->is_flat()) {
       substeps = static_cast<int>(std::max(1.0, std::ceil(std::abs(base_z_nm - base_z_) / kSubstepMax_nm)));
     }
     const double from = base_z_;
+    bool found = false;
     for (int i = 1; i <= substeps; ++i) {
-      solve(i == substeps ? base_z_nm : from + (base_z_nm - from) * i / substeps);
+      found = solve(i == substeps ? base_z_nm : from + (base_z_nm - from) * i / substeps);
     }
+    return found;
   }
 
   CurveRow row(bool approach) const {
@@ -60,8 +63,9 @@ class CurveWalk {
   }
 
  private:
-  void solve(double base_z_nm) {
+  bool solve(double base_z_nm) {
     const physics::TipSolution before = solution_;
+    const physics::TipState state_before = state_;
     const Vec3 end(x_, y_, surface_z_ + base_z_nm);
     solution_ = scene_.equilibrium->advance(end, compliance_, state_);
     // A slide that takes more than a step: the curve shows where it ends.
@@ -69,10 +73,9 @@ class CurveWalk {
       solution_ = scene_.equilibrium->advance(end, compliance_, state_);
     }
     if (solution_.status != physics::SolveStatus::kOk) {
-      std::ostringstream text;
-      text << scene_.path << ": no balance of tip and cantilever at base height " << base_z_nm << " nm over ("
-           << x_ << ", " << y_ << ") nm";
-      throw RunError(text.str());
+      solution_ = before;
+      state_ = state_before;  // a slide may have failed half way
+      return false;
     }
     if (started_) {
       const bool by_energy = scene_.surface->is_flat() || solution_.jumps > 0;
@@ -81,6 +84,7 @@ class CurveWalk {
     }
     base_z_ = base_z_nm;
     started_ = true;
+    return true;
   }
 
   double stored(const physics::TipSolution& s) const {
@@ -126,7 +130,9 @@ void check_plan(const Scene& scene, const CurvePlan& plan) {
           plan.step_nm, "more than 0, at most from-nm - to-nm, and no more than 1e7 rows");
 }
 
-void run_curve(const Scene& scene, const CurvePlan& plan, const std::function<void(const CurveRow&)>& row) {
+CurveOutcome run_curve(const Scene& scene, const CurvePlan& plan,
+                       const std::function<void(const CurveRow&)>& row,
+                       const std::function<void(const CurveGap&)>& gap) {
   check_plan(scene, plan);
   // Row i at from − i·step, not by adding up steps, and the last row at `to` itself: 1e-9 of a step is
   // rounding.
@@ -136,14 +142,25 @@ void run_curve(const Scene& scene, const CurvePlan& plan, const std::function<vo
     return i == last ? plan.to_nm : plan.from_nm - plan.step_nm * static_cast<double>(i);
   };
   CurveWalk walk(scene, plan);
-  for (long i = 0; i <= last; ++i) {
-    walk.move_to(height(i));
-    row(walk.row(true));
+  CurveOutcome outcome;
+  const auto visit = [&](long i, bool approach) {
+    if (walk.move_to(height(i))) {
+      ++outcome.rows;
+      row(walk.row(approach));
+    } else {
+      ++outcome.gaps;
+      if (gap) gap({approach, height(i)});
+    }
+  };
+  for (long i = 0; i <= last; ++i) visit(i, true);
+  for (long i = last; i >= 0; --i) visit(i, false);
+  if (outcome.rows == 0) {
+    std::ostringstream text;
+    text << scene.path << ": no balance of tip and cantilever at any of the " << outcome.gaps
+         << " base heights over (" << plan.x_nm << ", " << plan.y_nm << ") nm";
+    throw RunError(text.str());
   }
-  for (long i = last; i >= 0; --i) {
-    walk.move_to(height(i));
-    row(walk.row(false));
-  }
+  return outcome;
 }
 
 }  // namespace telenano::scene

@@ -26,6 +26,17 @@ struct CurveRow {
   double work_aj = 0;  ///< done by the base since the first row
 };
 
+/// A place where tip and cantilever found no balance.
+struct CurveGap {
+  bool approach = true;
+  double base_z_nm = 0;
+};
+
+struct CurveOutcome {
+  long rows = 0;
+  long gaps = 0;
+};
+
 /// Throws UserError unless the plan is sane and lies in the scene: finite, from > to, 2 to 1e7 steps, (x, y)
 /// inside.
 void check_plan(const Scene& scene, const CurvePlan& plan);
@@ -38,8 +49,14 @@ void check_plan(const Scene& scene, const CurvePlan& plan);
 /// the work is the integral of the force itself, trapezium by trapezium of at most 0.05 nm; a jump's step is
 /// by energy.
 ///
-/// Throws RunError if there is no balance.
-void run_curve(const Scene& scene, const CurvePlan& plan, const std::function<void(const CurveRow&)>& row);
+/// Gaps. Where there is no balance the tip stays as it was and the next place is tried; such a place has no
+/// row, `gap` is called instead. Over it the work goes on from the last balance to the next, by one trapezium
+/// where the surface is curved.
+///
+/// Throws RunError if there is no balance anywhere.
+CurveOutcome run_curve(const Scene& scene, const CurvePlan& plan,
+                       const std::function<void(const CurveRow&)>& row,
+                       const std::function<void(const CurveGap&)>& gap = {});
 
 const char* branch_name(physics::Branch branch) noexcept;
 

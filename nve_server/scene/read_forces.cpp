@@ -1,6 +1,9 @@
 #include <string>
 
+#include <cmath>
+
 #include "common/base/error.h"
+#include "nve_server/physics/pull_off.h"
 #include "nve_server/scene/readers.h"
 
 namespace telenano::scene {
@@ -49,7 +52,34 @@ physics::CapillaryParameters read_capillary(const TomlTable& table) {
   return capillary;
 }
 
-void read_long_range(const TomlTable& table, physics::TipSampleParameters& law) {
+// The work of adhesion of the dry contact that parts, with the liquid round it, at the force at which a
+// contact of `law` alone does: what was measured as a pull-off in this very air has the bridge in it.
+double dry_work_of_adhesion(const TomlTable& capillary, physics::TipSampleParameters law, double radius_nm) {
+  constexpr double kBracket = 4.0;
+  constexpr double kFound = 1e-6;
+  physics::LongRangeParameters water;
+  water.capillary = law.long_range.capillary;
+  law.long_range = {};
+  const double measured = physics::TipSampleLaw(law).pull_off_nn(radius_nm);
+  law.long_range = water;
+  const double given = law.work_of_adhesion_n_m;
+  double low = given / kBracket;
+  double high = given * kBracket;
+  double found = 0;
+  for (int i = 0; i < 60 && high - low > 1e-12 * given; ++i) {
+    law.work_of_adhesion_n_m = 0.5 * (low + high);
+    found = physics::total_pull_off_nn(physics::TipSampleLaw(law), radius_nm);
+    (found < measured ? low : high) = law.work_of_adhesion_n_m;
+  }
+  if (!(std::abs(found - measured) <= kFound * measured)) {
+    capillary.fail("adhesion",
+                   "\"ambient\" finds no dry work of adhesion whose pull-off in this air is that "
+                   "of [contact] work_of_adhesion_j_m2; give the dry one");
+  }
+  return law.work_of_adhesion_n_m;
+}
+
+void read_long_range(const TomlTable& table, double tip_radius_nm, physics::TipSampleParameters& law) {
   law.van_der_waals = table.boolean_or("van_der_waals", law.van_der_waals);
   physics::LongRangeParameters& far = law.long_range;
   const auto retardation = table.optional_number("retardation_nm", between(1.0, 1e4));
@@ -67,7 +97,13 @@ void read_long_range(const TomlTable& table, physics::TipSampleParameters& law) 
   if (const auto electrostatic = table.optional_table("electrostatic")) {
     far.tip_bias_v = electrostatic->number("tip_bias_v", between(-100.0, 100.0));
   }
-  if (const auto capillary = table.optional_table("capillary")) far.capillary = read_capillary(*capillary);
+  if (const auto capillary = table.optional_table("capillary")) {
+    far.capillary = read_capillary(*capillary);
+    const bool ambient = capillary->choice_or("adhesion", {"dry", "ambient"}, "dry") == "ambient";
+    const bool possible = law.model == physics::ContactModel::kMaugisDugdale &&
+                          law.method == physics::MaugisMethod::kDirect;  // else refused below
+    if (ambient && possible) law.work_of_adhesion_n_m = dry_work_of_adhesion(*capillary, law, tip_radius_nm);
+  }
 }
 
 physics::FrictionParameters read_friction(const TomlTable& table, const Scene& scene) {
@@ -89,7 +125,8 @@ void read_forces(const TomlTable& root, Scene& scene) {
   law.contact_modulus_gpa = contact_modulus_gpa(scene.sample, scene.probe.tip);
   law.work_of_adhesion_n_m = work_of_adhesion_j_m2(scene.sample, scene.probe.tip);
   if (const auto contact = root.optional_table("contact")) read_contact(*contact, law);
-  if (const auto forces = root.optional_table("forces")) read_long_range(*forces, law);
+  if (const auto forces = root.optional_table("forces"))
+    read_long_range(*forces, scene.probe.tip_radius_nm, law);
   if (law.model == physics::ContactModel::kHertz && law.van_der_waals) {
     root.fail("contact",
               "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");

@@ -40,14 +40,8 @@ constexpr std::size_t kNameBytesMax = 47;
 void read_limits(const TomlTable& table, Scene& scene) {
   Limits& limits = scene.limits;
   limits.force_max_nn = table.number("force_max_nn", positive(1e6));
-  // A tip that may not bear its own adhesion could never let go. 2πwR bounds the pull-off of every theory
-  // (DMT); the other attractions are greatest at touch.
-  const double radius = scene.probe.tip_radius_nm;
-  const physics::LongRange& far = scene.equilibrium->law().long_range();
-  const double far_nn =
-      far.active() ? -far.evaluate_open(0.0, radius, far.capillary().formed(radius)).force_nn : 0.0;
-  const double adhesion =
-      2.0 * kPi * scene.law_parameters.work_of_adhesion_n_m * radius + std::max(0.0, far_nn);
+  // A tip that may not bear its own adhesion could never let go.
+  const double adhesion = scene.equilibrium->law().attraction_bound_nn(scene.probe.tip_radius_nm);
   if (!(limits.force_max_nn > adhesion)) {
     std::ostringstream text;
     text << "is " << limits.force_max_nn << ", expected more than the attraction of this tip, " << adhesion

@@ -6,6 +6,7 @@
 
 #include "common/base/constants.h"
 #include "nve_server/physics/long_range.h"
+#include "nve_server/physics/pull_off.h"
 
 namespace telenano::scene {
 namespace {
@@ -18,12 +19,24 @@ constexpr double kLinearPart = 0.1;           // of the length: beyond, a beam's
 constexpr double kOpticalRange_nm = 1000;  // what an optical lever follows linearly, where no length is known
 constexpr double kVisibleMark_nm = 0.1;    // less is within an atom
 constexpr double kHoldHeight_nm = 10;      // of positioning above the sample (Kim & Sitti, task a)
+constexpr int kPlacesAlong = 20;           // of the sample where the pull-off is looked at
+constexpr double kMeniscusError = 0.1;     // of its pull-off, beyond which a meniscus that deforms nothing is
 
 template <class... Values>
 std::string line(const char* format, Values... values) {
   char text[400];
   std::snprintf(text, sizeof text, format, values...);
   return text;
+}
+
+// Pressed from above with no film: has a bridge formed?
+bool forms_in_contact(const physics::TipSampleLaw& law, double radius) {
+  physics::TipSampleParameters p = law.parameters();
+  p.long_range.capillary.film_nm = 0;
+  const physics::TipSampleLaw bare(p);
+  physics::TipSampleState state;
+  bare.advance(-1e3, 0.0, radius, state);
+  return bare.advance(0.1 * law.scales(radius).overlap_nm, 0.0, radius, state).bridge;
 }
 
 void list_terms(const Scene& scene, SceneSummary& summary) {
@@ -46,6 +59,8 @@ void list_terms(const Scene& scene, SceneSummary& summary) {
   term(probe(0, 0) > 0 || probe(1, 1) > 0, "lateral bending");
   term(scene.cantilever.mode().has_value(), "first mode");
   term(!flat, "spline, nearest-point search, local curvature");
+  // Nothing to leave out where the radius does not change.
+  if (!flat) term(scene.ground.radius_force, "force of a changing radius");
   term(scene.marks.has_value(), "yield and marks");
   term(scene.particle.has_value(), "particle");
   term(scene.coupling.damping_n_s_m > 0, "coupling damper");
@@ -72,7 +87,81 @@ void press(const Scene& scene, SceneSummary& summary) {
   eq = law.advance(0.0, compliance, radius, state);
   if (eq.branch == physics::Branch::kContact) summary.unloaded_radius_nm = eq.contact_radius_nm;
   summary.lambda = law.lambda(radius);
-  summary.pull_off_nn = law.pull_off_nn(radius);
+  summary.dry_contact_pull_off_nn = law.pull_off_nn(radius);
+  summary.pull_off_nn = physics::total_pull_off_nn(law, radius);
+}
+
+// Where the tip would part at places all over the sample: the law at the radius that it has there.
+void pull_offs(const Scene& scene, SceneSummary& summary) {
+  if (scene.surface->is_flat()) return;
+  const SurfaceDescription& ground = scene.ground;
+  std::vector<double> radii;
+  for (int i = 0; i < kPlacesAlong; ++i) {
+    for (int j = 0; j < kPlacesAlong; ++j) {
+      const double x = ground.x_min_nm + (ground.x_max_nm - ground.x_min_nm) * (i + 0.5) / kPlacesAlong;
+      const double y = ground.y_min_nm + (ground.y_max_nm - ground.y_min_nm) * (j + 0.5) / kPlacesAlong;
+      const double z = scene.equilibrium->touch_height_nm(x, y) + scene.probe.tip_radius_nm;
+      physics::FootMemory foot;
+      radii.push_back(
+          scene.surface->nearest(Vec3(x, y, z), physics::Search::kGlobal, foot).effective_radius_nm);
+    }
+  }
+  // It grows with the radius: the radii tell the order.
+  std::sort(radii.begin(), radii.end());
+  const auto at = [&](double part) {
+    const auto place = static_cast<std::size_t>(part * static_cast<double>(radii.size() - 1));
+    return physics::total_pull_off_nn(scene.equilibrium->law(), radii[place]);
+  };
+  summary.pull_off_places = static_cast<int>(radii.size());
+  summary.pull_off_low_nn = at(0.05);
+  summary.pull_off_median_nn = at(0.5);
+  summary.pull_off_high_nn = at(0.95);
+}
+
+// A meniscus is an adhesive layer of its own: stress gamma/r, range 2 r c, work 2 gamma c, and so with
+// Maugis' lambda. The law has it act on rigid bodies (lambda = 0), 2 pi R times its work; bodies that it
+// deforms part at less.
+void warn_of_bridge(const Scene& scene, SceneSummary& summary) {
+  const physics::TipSampleLaw& law = scene.equilibrium->law();
+  const physics::CapillaryParameters& water = scene.law_parameters.long_range.capillary;
+  const double liquid = physics::Capillary::adhesion_n_m(water);
+  if (!(liquid > 0)) return;
+  const double dry = scene.law_parameters.work_of_adhesion_n_m;
+  std::vector<std::string>& warnings = summary.warnings;
+  if (!(dry - liquid > 0)) {
+    warnings.push_back(line(
+        "work of adhesion and contact angles contradict each other: under the liquid w - 2 gamma c = "
+        "%.3g - %.3g = %.3g J/m2 would be left, less than nothing; %g J/m2 is taken. Give larger angles, "
+        "or [contact] work_of_adhesion_j_m2",
+        dry, liquid, dry - liquid, law.media().wet.work_of_adhesion_n_m()));
+  }
+  const physics::Capillary& bridge = law.long_range().capillary();
+  if (!bridge.active()) {
+    warnings.push_back(
+        line("no liquid bridge forms at a humidity of %g %%: the meniscus would reach no farther than the "
+             "attraction that it displaces",
+             water.humidity_percent));
+    return;
+  }
+  const double radius = scene.probe.tip_radius_nm;
+  if (!forms_in_contact(law, radius)) {
+    warnings.push_back(
+        "no liquid bridge forms in contact: there the contact with liquid round it would hold more energy "
+        "than "
+        "the dry one, so that what forms, forms where the adsorbed films meet (film_nm)");
+  }
+  if (!(bridge.kelvin_radius_nm() > 0)) return;
+  const double stress = water.surface_tension_n_m / bridge.kelvin_radius_nm();
+  const double k = scene.law_parameters.contact_modulus_gpa;
+  const double lambda = 2.0 * stress * std::cbrt(radius / (kPi * liquid * k * k));
+  const double pull_off = -physics::MaugisDugdale(lambda).fold({0.0, 1.0}).load;
+  const double error = 1.0 - 0.5 * pull_off;
+  if (error > kMeniscusError) {
+    warnings.push_back(
+        line("the meniscus would deform this sample (its own lambda is %.3g): the law holds its force "
+             "constant in contact, up to %.0f %% too much",
+             lambda, 100.0 * (2.0 / pull_off - 1.0)));
+  }
 }
 
 void warn(const Scene& scene, SceneSummary& summary) {
@@ -116,6 +205,7 @@ void warn(const Scene& scene, SceneSummary& summary) {
   }
   const auto& length = scene.probe.length_nm;
   const double range = length ? kLinearPart * *length : kOpticalRange_nm;
+  warn_of_bridge(scene, summary);
   if (summary.deflection_at_limit_nm > range) {
     warnings.push_back(
         line("the cantilever bends by %.4g nm at the force limit, beyond its linear range of %.4g nm",
@@ -147,6 +237,7 @@ SceneSummary summarise(const Scene& scene) {
   SceneSummary summary;
   list_terms(scene, summary);
   press(scene, summary);
+  pull_offs(scene, summary);
   summary.jump_to_contact_nm = jump_to_contact_nm(scene);
   warn(scene, summary);
   return summary;

@@ -102,14 +102,25 @@ Description flat_dry_rigid() {
   return flat_dry().line("stiffness_n_m = 40", "rigid = true\n");
 }
 
+// The tip is busy elsewhere: the particle rests, 150 nm and more away.
+Description particle_far() {
+  return Description("particle").line("x_nm = 60.0", "x_nm = 250.0\n");
+}
+Description without_particle() {
+  return Description("particle").table("particle").table("particle.material").table("particle.friction");
+}
+
 double percentile(std::vector<double>& values, int percent) {
   std::sort(values.begin(), values.end());
   return values[values.size() * static_cast<std::size_t>(percent) / 100];
 }
 
-void scene_step(benchmark::State& state, Description description(), double height_nm, double move_nm) {
+void scene_step(benchmark::State& state, Description description(), bool sleeps, double height_nm,
+                double move_nm) {
   constexpr int kStepsPerBlock = 25;
-  const auto scene = description().scene();
+  const auto described = description().scene();
+  const auto scene = std::make_shared<scene::Scene>(*described);
+  if (scene->particle) scene->particle->parameters.sleeps = sleeps;
   slave::NveSlave slave(scene);
   slave::SlaveInput input;
   slave::SlaveOutput output;
@@ -151,6 +162,7 @@ const bool kRegistered = [] {
   const struct {
     const char* name;
     Description (*description)();
+    bool sleeps = true;
   } rows[] = {{"full", humid_flakes},
               {"without_friction", without_friction},
               {"without_capillary", without_capillary},
@@ -159,7 +171,10 @@ const bool kRegistered = [] {
               {"without_van_der_waals", without_van_der_waals},
               {"without_surface", without_surface},
               {"flat_dry", flat_dry},
-              {"flat_dry_rigid", flat_dry_rigid}};
+              {"flat_dry_rigid", flat_dry_rigid},
+              {"particle_far", particle_far},
+              {"particle_far_awake", particle_far, false},
+              {"particle_far_without", without_particle}};
   const struct {
     const char* name;
     double height_nm, move_nm;
@@ -169,7 +184,8 @@ const bool kRegistered = [] {
       const auto name = std::string("scene_step/") + motion.name + "/" + row.name;
       benchmark::RegisterBenchmark(name.c_str(),
                                    [row, motion](benchmark::State& state) {
-                                     scene_step(state, row.description, motion.height_nm, motion.move_nm);
+                                     scene_step(state, row.description, row.sleeps, motion.height_nm,
+                                                motion.move_nm);
                                    })
           ->UseManualTime()
           ->Iterations(400);

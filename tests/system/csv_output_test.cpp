@@ -248,6 +248,23 @@ TEST(CurveOutput, WithoutAPlaceItIsTheStartOfTheScene) {
   EXPECT_NE(start, with({"--x-nm", "100", "--y-nm", "150"}));
 }
 
+// A place of the scan where part of the way has no balance: the table goes on, lines with # stand for the
+// missing rows, and one line says how many they are.
+TEST(CurveOutput, GoesOnPastPlacesWithoutABalance) {
+  const Finished run =
+      run_program({kNve, "curve", "--scene", scene_path("flakes"), "--x-nm", "328.46", "--y-nm", "274.75",
+                   "--from-nm", "10", "--to-nm", "-6", "--step-nm", "0.02"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  std::size_t missing = 0;
+  const auto lines = lines_of(run.out);
+  for (const std::string& line : lines) missing += line.rfind("# no balance", 0) == 0;
+  EXPECT_EQ(lines.size(), 1 + 2 * 801u);
+  EXPECT_EQ(lines_of(run.err).size(), missing > 0 ? 1u : 0u) << run.err;
+  if (missing > 0) {
+    EXPECT_NE(run.err.find(std::to_string(missing) + " of 1602 places"), std::string::npos) << run.err;
+  }
+}
+
 TEST(CheckOutput, WritesWhatAStationMayKnow) {
   const std::string path = (std::filesystem::temp_directory_path() / "telenano_check_limits.toml").string();
   const Finished run =
@@ -270,7 +287,8 @@ TEST(CheckOutput, SaysWhatIsInAndWhatAStepCosts) {
     SCOPED_TRACE(scene);
     const Finished run = run_program({kNve, "check", "--scene", scene_path(scene)});
     EXPECT_EQ(run.exit_code, 0) << run.err;
-    for (const char* word : {"in ", "left out", "lambda", "pull-off", "limits", "workspace", "time a step"}) {
+    for (const char* word :
+         {"in ", "left out", "lambda", "pull-off", "limits", "workspace", "time a step", "cost of a term"}) {
       EXPECT_NE(run.out.find(word), std::string::npos) << word << "\n" << run.out;
     }
     // Half-space theory is formal on soft silicone: said in one line, elsewhere not.

@@ -71,11 +71,15 @@ TEST(Ks06, LoopCostsWhatTheJumpsDissipate) {
   }
 }
 
-// In contact the bridge adds F0 = 4 pi R gamma c at touch and all its reach 2 r c is felt on the way out:
+// In contact the bridge adds F0 = 4 pi R gamma c at touch to a contact of w - 2 gamma c (that of a sample of
+// so much less surface energy: w = 2 sqrt(0.2 gamma)), and all its reach 2 r c is felt on the way out:
 // r = 0.539 nm/(−ln 0.5), c = cos 20°. (At touch of oxide: overlap 0.)
 TEST(Ks06, BridgeAddsItsForceAndItsReach) {
   const Ks06Sample& oxide = ks06_samples()[0];
-  const ForceDistance dry = ks06_curve(oxide, 0, 0);
+  Ks06Sample under_water = oxide;
+  const double w = 2 * std::sqrt(0.2 * oxide.gamma) - 2 * 0.0728 * std::cos(20 * M_PI / 180);
+  under_water.gamma = 0.25 * w * w / 0.2;
+  const ForceDistance dry = ks06_curve(under_water, 0, 0);
   const ForceDistance humid = ks06_curve(oxide, 50, 0);
   const double c = std::cos(20 * M_PI / 180);
   const double step = humid.approach[0].distance_nm - humid.approach[1].distance_nm;

@@ -170,8 +170,9 @@ Figure draw_ks06(const FigureFolder& folder) {
   Figure figure{
       "ks06", "Force against distance",
       "Silicon tip of 20 nm: van der Waals outside joined to Maugis–Dugdale inside, and a liquid bridge at "
-      "50 % relative humidity (contact angles of water 20° on the tip; 20°, 90°, 105° on the samples). Rigid "
-      "probe:" +
+      "50 % relative humidity (contact angles of water 20° on the tip; 20°, 90°, 105° on the samples), under "
+      "which the contact is that of w − 2γc; it forms where the energy falls by it, so on the soft samples, "
+      "whose dry contact holds more, not at all. Rigid probe:" +
           found +
           " On PDMS the contact at rest is wider than the tip (a₀/R = 4.1): half-space theory is formal "
           "there.",

@@ -304,12 +304,15 @@ TEST(LongRange, VanishingTermsChangeNothing) {
 }
 
 // Brute force: the tip creeps along the net force on the plain rigid law, to which the long-range forces are
-// added here from their formulas as published, with the bridge's memory kept here.
+// added here from their formulas as published, with the bridge's memory kept here: with a bridge the plain
+// law is another one, of the work of adhesion under the liquid, and a bridge forms where the energy falls by
+// it.
 class Creeper {
  public:
-  Creeper(const TipSampleLaw& plain, double bias, double f0, double reach, double film, double start)
-      : plain_(plain), bias_(bias), f0_(f0), reach_(reach), film_(film), tip_(start) {
-    now_ = plain_.advance(start, 0, kRadius, state_);
+  Creeper(const TipSampleLaw& dry, const TipSampleLaw& wet, double bias, double f0, double reach, double film,
+          double start)
+      : dry_(dry), wet_(wet), bias_(bias), f0_(f0), reach_(reach), film_(film), tip_(start) {
+    now_ = dry_.advance(start, 0, kRadius, state_);
   }
   double tip() const { return tip_; }
   double force() const {
@@ -321,14 +324,31 @@ class Creeper {
     return f;
   }
   void move(double step) {
+    const double from = tip_;
     tip_ += step;
-    now_ = plain_.advance(tip_, 0, kRadius, state_);
-    if (reach_ > 0 && -tip_ <= film_ && step > 0) bridge_ = true;
-    if (-tip_ >= reach_) bridge_ = false;
+    now_ = (bridge_ ? wet_ : dry_).advance(tip_, 0, kRadius, state_);
+    const bool inside = now_.branch == Branch::kContact || now_.branch == Branch::kNonContact;
+    const bool meets = inside ? from < 0 && tip_ >= 0 : -tip_ <= film_;
+    if (reach_ > 0 && !bridge_ && step > 0 && meets) {
+      const double left = reach_ - std::max(-tip_, 0.0);
+      TipSampleState wetted;
+      const Equilibrium after = wet_.advance(tip_, 0, kRadius, wetted);
+      if (after.potential_aj - f0_ * left * left / (2 * reach_) < now_.potential_aj) {
+        bridge_ = true;
+        state_ = wetted;
+        now_ = after;
+      }
+    }
+    if (bridge_ && -tip_ >= reach_) {
+      bridge_ = false;
+      state_ = {};
+      if (inside) dry_.advance(1, 0, kRadius, state_);
+      now_ = dry_.advance(tip_, 0, kRadius, state_);
+    }
   }
 
  private:
-  const TipSampleLaw& plain_;
+  const TipSampleLaw &dry_, &wet_;
   double bias_, f0_, reach_, film_, tip_;
   TipSampleState state_;
   Equilibrium now_;
@@ -345,12 +365,18 @@ TEST(LongRange, FollowsAnOverdampedTip) {
             if (humidity == 0 && film > 0) continue;
             TipSampleParameters p = material_of(lambda, vdw);
             const TipSampleLaw plain(p);
+            // 60 degrees on both: c = 1/2, and gamma of w = 0.1 N/m goes to the liquid.
+            TipSampleParameters under_liquid = p;
+            under_liquid.work_of_adhesion_n_m -= 0.0728;
+            const TipSampleLaw wet(under_liquid);
             p.long_range.tip_bias_v = bias;
             p.long_range.capillary.humidity_percent = humidity;
+            p.long_range.capillary.contact_angle_tip_deg = 60;
+            p.long_range.capillary.contact_angle_sample_deg = 60;
             p.long_range.capillary.film_nm = film;
             const TipSampleLaw law(p);
-            const double f0 = humidity > 0 ? 4 * M_PI * kRadius * 0.0728 : 0;
-            const double reach = humidity > 0 ? 2 * law.long_range().capillary().kelvin_radius_nm() : 0;
+            const double f0 = humidity > 0 ? 2 * M_PI * kRadius * 0.0728 : 0;
+            const double reach = humidity > 0 ? law.long_range().capillary().kelvin_radius_nm() : 0;
             const ContactScales s = law.scales(kRadius);
             for (const double stiffness : {3.0, 40.0, 1000.0}) {
               const double c = 1 / stiffness;
@@ -359,7 +385,7 @@ TEST(LongRange, FollowsAnOverdampedTip) {
               const double low = -(3 + c * attraction), high = 0.5 + c * attraction;
               constexpr int kSteps = 400;
               const double h = (high - low) * 2e-5;
-              Creeper creep(plain, bias, f0, reach, film, low);
+              Creeper creep(plain, wet, bias, f0, reach, film, low);
               TipSampleState state;
               double spring_work = 0, dissipated = 0, last_force = 0, last_base = low, crept_work = 0,
                      last_crept = 0, biggest = 0;

@@ -93,6 +93,34 @@ TEST(ForceCurve, RunsAnywhereOnTheScan) {
   }
 }
 
+// At this place of the scan, as at one in some hundred, the solver finds no balance on part of the way: the
+// curve goes on past it, and each place of the plan has its row or is told to have none.
+TEST(ForceCurve, GoesOnPastPlacesWithoutABalance) {
+  const auto scene = deployed("flakes");
+  std::vector<double> heights;
+  long gaps = 0, from_top = 0;
+  const CurveOutcome outcome = run_curve(
+      *scene, {328.46, 274.75, 10, -6, 0.02},
+      [&](const CurveRow& row) {
+        ASSERT_TRUE(std::isfinite(row.force_nn) && std::isfinite(row.work_aj));
+        heights.push_back(row.base_z_nm);
+        from_top += std::abs(row.base_z_nm - 10) < 1e-9;
+      },
+      [&](const CurveGap& gap) {
+        heights.push_back(gap.base_z_nm);
+        ++gaps;
+      });
+  EXPECT_EQ(outcome.gaps, gaps);
+  EXPECT_EQ(outcome.rows + outcome.gaps, 2 * 801);
+  ASSERT_EQ(heights.size(), 2 * 801u);
+  for (std::size_t i = 0; i < heights.size(); ++i) {
+    const double step = static_cast<double>(i < 801 ? i : 1601 - i);
+    EXPECT_NEAR(heights[i], 10 - 0.02 * step, 1e-9);
+  }
+  EXPECT_EQ(from_top, 2) << "up and free again at the end";
+  EXPECT_LT(outcome.gaps, 200) << "not stuck for ever";
+}
+
 TEST(ForceCurve, RefusesImpossiblePlans) {
   const auto scene = deployed("flat_silicon_oxide");
   const auto error_of = [&](const CurvePlan& plan) -> std::string {

@@ -2,12 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 
 #include "common/base/error.h"
 #include "nve_server/scene/scene_summary.h"
+#include "nve_server/scene/scene_terms.h"
 #include "tests/source_dir.h"
 
 namespace telenano::scene {
@@ -229,12 +231,12 @@ TEST_F(SceneFile, EveryMistakeInATermIsOneLine) {
             std::string::npos);
   EXPECT_NE(with("[forces.electrostatic]\nbias = 1.0").find("missing key 'tip_bias_v'"), std::string::npos);
   EXPECT_NE(with("[friction]\nkinetic_ratio = 0.5").find("needs a shear strength"), std::string::npos);
-  // 50.27 nN of adhesion and 4 pi R gamma c = 18.3 nN of a bridge.
+  // 50.27 nN of adhesion; of a bridge 4 pi R gamma c = 18.3 nN, which it takes from the adhesion.
   EXPECT_NE(
       error_of("[coupling]\nstiffness_n_m = 20.0\n[limits]\nforce_max_nn = 500.0",
                "[forces.capillary]\nhumidity_percent = 50.0\n[coupling]\nstiffness_n_m = 20.0\n[limits]\n"
-               "force_max_nn = 60.0")
-          .find("attraction of this tip, 68.5"),
+               "force_max_nn = 50.0")
+          .find("attraction of this tip, 50.26"),
       std::string::npos);
   EXPECT_NE(with("[marks]\nspacing_nm = 1.0").find("marks need [sample] hardness_gpa"), std::string::npos);
   EXPECT_NE(with("[particle]\nradius_nm = 20.0\nx_nm = 0.0\ny_nm = 0.0").find("[particle]"),
@@ -282,6 +284,100 @@ TEST_F(SceneFile, SummarySaysWhatIsInAndWhereModelsEnd) {
   EXPECT_NE(warning_of("\"flat\"", "\"grating\"\nheight_nm = 4.0\nperiod_nm = 600.0\nspacing_nm = 15.0")
                 .find("under-sampled"),
             std::string::npos);
+}
+
+// The pull-off that a person will find is that of all terms, not of the dry contact alone.
+TEST_F(SceneFile, SummarysPullOffHasAllTerms) {
+  const auto with = [&](const std::string& forces) {
+    return summarise(*load_scene(write("[coupling]", forces + "\n[coupling]")));
+  };
+  EXPECT_NEAR(with("").pull_off_nn, 41.4015, 1e-4);  // of the source paper
+  const std::string moist =
+      "[forces.capillary]\nhumidity_percent = 50.0\ncontact_angle_tip_deg = 20.0\n"
+      "contact_angle_sample_deg = 20.0\n";
+  const auto wet = with(moist);
+  // As in WetContact.ElasticPullOffIsTheWettedContactsAndTheMeniscus.
+  EXPECT_NEAR(wet.pull_off_nn, 44.4, 0.1);
+  EXPECT_NEAR(wet.dry_contact_pull_off_nn, 41.4015, 1e-4);
+  EXPECT_TRUE(wet.warnings.empty()) << wet.warnings.front();
+  // A capacitor of 10 V beside the contact: pi eps0 V^2 R^2/(d (d + R)) at the cut-off 0.165 nm is 334.4 nN,
+  // beyond it less; the contact parts within 0.01 nm of touch.
+  const auto biased = with("[forces.electrostatic]\ntip_bias_v = 10.0");
+  const auto capacitor = [](double d) { return M_PI * 8.8541878128e-3 * 100 * 20 * 20 / (d * (d + 20)); };
+  EXPECT_LE(biased.pull_off_nn, 41.4015 + capacitor(0.165) + 1e-4);
+  EXPECT_GE(biased.pull_off_nn, 0.97 * 41.4015 + capacitor(0.175));
+  // Measured in this air it has the bridge in it.
+  EXPECT_NEAR(with(moist + "adhesion = \"ambient\"\n").pull_off_nn, 41.4015, 1e-3);
+  // None forms where it reaches no farther than what it displaces: then it is the dry one, which is said.
+  const auto dry = with("[forces.capillary]\nhumidity_percent = 1e-6");
+  EXPECT_EQ(dry.pull_off_nn, with("").pull_off_nn);
+  ASSERT_EQ(dry.warnings.size(), 1u);
+  EXPECT_NE(dry.warnings[0].find("no liquid bridge forms at a humidity of 1e-06 %"), std::string::npos)
+      << dry.warnings[0];
+}
+
+TEST_F(SceneFile, SummarySaysWhereTheBridgeIsFormal) {
+  const auto warnings_of = [&](const std::string& sample, const std::string& more) {
+    std::string text = kFlat;
+    const std::string old =
+        "youngs_modulus_gpa = 70.0\npoisson_ratio = 0.27\nsurface_energy_j_m2 = 0.2\n[surface]";
+    text.replace(text.find(old), old.size(), sample + "\n[surface]");
+    text.replace(text.find("[coupling]"), 10,
+                 "[forces.capillary]\nhumidity_percent = 50.0\n" + more + "\n[coupling]");
+    std::string all;
+    for (const auto& warning : summarise(*parse_scene(text, "test")).warnings) all += warning + "\n";
+    return all;
+  };
+  // PDMS of the source paper: w = 2 sqrt(0.2 * 0.022) = 0.1327, 2 gamma = 0.1456 J/m^2.
+  const std::string pdms = "youngs_modulus_gpa = 0.001\npoisson_ratio = 0.5\nsurface_energy_j_m2 = 0.022";
+  const std::string contradiction = warnings_of(pdms, "");
+  EXPECT_NE(contradiction.find("w - 2 gamma c = 0.133 - 0.146 = -0.0129 J/m2"), std::string::npos)
+      << contradiction;
+  EXPECT_NE(contradiction.find("the meniscus would deform this sample"), std::string::npos) << contradiction;
+  const std::string angles = warnings_of(pdms, "contact_angle_sample_deg = 85.0");
+  EXPECT_EQ(angles.find("contradict"), std::string::npos) << angles;
+  EXPECT_NE(angles.find("the meniscus would deform this sample"), std::string::npos) << angles;
+  EXPECT_EQ(warnings_of("youngs_modulus_gpa = 70.0\npoisson_ratio = 0.27\nsurface_energy_j_m2 = 0.2", ""),
+            "");
+}
+
+// A term that is left out is not computed, and all else is: what `check` prices.
+TEST(SceneTerms, EachIsLeftOutAlone) {
+  const std::string folder = std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/";
+  const auto humid = load_scene(folder + "humid_flakes.toml");
+  std::vector<std::string> names;
+  for (const WithoutTerm& without : without_each_term(*humid)) {
+    names.push_back(without.term);
+    const SceneSummary before = summarise(*humid);
+    const SceneSummary after = summarise(*without.scene);
+    const auto has = [&](const SceneSummary& summary) {
+      return std::count(summary.terms_in.begin(), summary.terms_in.end(), without.term) == 1;
+    };
+    EXPECT_TRUE(has(before)) << without.term;
+    EXPECT_FALSE(has(after)) << without.term;
+    const bool takes_another = without.term == "van der Waals";  // retardation
+    const std::size_t left = before.terms_in.size() - (takes_another ? 2 : 1);
+    EXPECT_EQ(after.terms_in.size(), left) << without.term;
+  }
+  EXPECT_EQ(names,
+            (std::vector<std::string>{"van der Waals", "retardation", "cone", "capillary bridge", "friction",
+                                      "lateral bending", "spline, nearest-point search, local curvature"}));
+  const auto out_of = [&](const char* name) { return summarise(*load_scene(folder + name)).terms_out; };
+  const auto flakes = out_of("flakes.toml"), flat = out_of("flat_silicon_oxide.toml");
+  EXPECT_EQ(std::count(flakes.begin(), flakes.end(), "force of a changing radius"), 1);
+  EXPECT_EQ(std::count(flat.begin(), flat.end(), "force of a changing radius"), 0);
+}
+
+TEST_F(SceneFile, SummarySaysHowThePullOffVariesOverAScan) {
+  const auto scene = load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flakes.toml");
+  const SceneSummary summary = summarise(*scene);
+  EXPECT_EQ(summary.pull_off_places, 400);
+  EXPECT_GT(summary.pull_off_low_nn, 0);
+  EXPECT_LT(summary.pull_off_low_nn, summary.pull_off_median_nn);
+  EXPECT_LT(summary.pull_off_median_nn, summary.pull_off_high_nn);
+  // Adhesion goes with the radius, which is at least that of the tip on a summit as sharp as itself.
+  EXPECT_LT(summary.pull_off_low_nn, summary.pull_off_nn);
+  EXPECT_GT(summary.pull_off_high_nn, summary.pull_off_nn);
 }
 
 TEST_F(SceneFile, HashFollowsTheDescription) {
