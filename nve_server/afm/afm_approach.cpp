@@ -107,6 +107,7 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
     if (id == kOnOffGet) {
       if (answer.numbers[0] != 0) return;
       engage_step_ = 1;
+      off_ns_ = now_ns;
       at(Role::kMotion).next_ns = now_ns + kSettleNs;
     } else if (id == kZPosGet) {
       height_nm_ = height_of(answer.numbers[0]);
