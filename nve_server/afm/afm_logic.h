@@ -141,8 +141,9 @@ class AfmLogic {
   std::int64_t phase_ns_ = 0;  // since when
   std::int64_t engage_ns_ = 0;
   int engage_step_ = 0;
-  std::int64_t off_ns_ = 0;  // when the Z controller had said that it is off
-  int calm_ = 0;
+  std::int64_t off_ns_ = 0;   // when the Z controller had said that it is off
+  int calm_ = 0;              // looks in a row that saw it stand still,
+  std::int64_t calm_ns_ = 0;  // the first of them
   double last_height_nm_ = 0;
   double settled_height_nm_ = 0;
   double height_nm_ = 0;  // as last sent or read, of the base

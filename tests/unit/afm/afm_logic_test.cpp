@@ -160,6 +160,23 @@ TEST(AfmLogic, AStatusOfBeforeTheSwitchingOffThatComesAfterItIsNobodyElses) {
   }
 }
 
+// What was read before the tip stood still in contact says nothing of it: on the way down the sample pulls.
+TEST(AfmLogic, ReadingsThatComeLateMakeNoSignLookWrong) {
+  for (const Role role : {Role::kReads, Role::kMotion, Role::kEmergency, Role::kData}) {
+    for (const std::int64_t delay_ms : {30, 60, 100, 150, 200, 300, 500, 800}) {
+      Bench b;
+      b.config.stale_force_ms = b.config.reply_timeout_ms = 3000;
+      b.config.timeout_s = 600;
+      b.start();
+      ASSERT_TRUE(b.until(Phase::kEngaging));
+      b.afm->delay_answers(role, delay_ms * kMs);
+      EXPECT_TRUE(b.until(Phase::kFollowing, 600'000) && b.afm->logic().state().latches == 0)
+          << name(role) << " " << delay_ms << " ms: " << b.afm->logic().news() << " "
+          << b.afm->logic().refusal();
+    }
+  }
+}
+
 TEST(AfmLogic, AZControllerThatSomeoneElseSwitchesOnWithdraws) {
   for (const Role late : {Role::kMotion, Role::kEmergency, Role::kData}) {
     Bench b;
