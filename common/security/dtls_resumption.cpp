@@ -43,12 +43,16 @@ std::optional<ResumptionCache::Id> id_of(const SSL_SESSION* session) noexcept {
 // 0: OpenSSL keeps no reference for us.
 int on_new(SSL* ssl, SSL_SESSION* session) {
   const auto id = id_of(session);
+  ListName list{};
+  unsigned list_size = 0;
+  const unsigned char* const under = SSL_SESSION_get0_id_context(session, &list_size);
   const int size = i2d_SSL_SESSION(session, nullptr);
   std::array<unsigned char, ResumptionCache::kMaxBytes> bytes;
-  if (!id || size <= 0 || static_cast<std::size_t>(size) > bytes.size()) return 0;
+  if (!id || list_size != list.size() || size <= 0 || static_cast<std::size_t>(size) > bytes.size()) return 0;
+  std::copy_n(under, list_size, list.begin());
   unsigned char* end = bytes.data();
   i2d_SSL_SESSION(session, &end);
-  cache_of(SSL_get_SSL_CTX(ssl))->keep(*id, {bytes.data(), static_cast<std::size_t>(size)});
+  cache_of(SSL_get_SSL_CTX(ssl))->keep(*id, list, {bytes.data(), static_cast<std::size_t>(size)});
   OPENSSL_cleanse(bytes.data(), static_cast<std::size_t>(size));
   return 0;
 }
@@ -97,11 +101,13 @@ ListName name_of(const KeyList& list) noexcept {
   };
   for (const KeyEntry& entry : list.keys) {
     add("key");
+    add(net::name(entry.rights));
     add(entry.identity);
     add({reinterpret_cast<const char*>(entry.psk.bytes.data()), entry.psk.bytes.size()});
   }
   for (const CertificateEntry& entry : list.certificates) {
     add("certificate");
+    add(net::name(entry.rights));
     add(entry.name);
     add(entry.fingerprint);
   }

@@ -15,8 +15,9 @@ namespace telenano::security {
 /// not into OpenSSL's own, which is one context's alone. Throws RunError if OpenSSL has no memory.
 void resume_by(SSL_CTX* context, ResumptionCache& cache);
 
-/// What names a list of keys: two lists with a difference that matters have different ones. Secret.
-using ListName = std::array<unsigned char, 32>;
+/// What names a list of keys: two lists that differ in who may come in, or in what each may do, have
+/// different ones. Secret.
+using ListName = ResumptionCache::List;
 ListName name_of(const KeyList& list) noexcept;
 
 /// What is agreed on from now on can be resumed under the same list only: of several servers, one may have a

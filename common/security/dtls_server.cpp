@@ -58,6 +58,7 @@ struct DtlsServer::Impl {
   Impl(const DtlsServerConfig& c, KeyList k, net::Datagram& w, const rt::Clock& time)
       : config(c),
         keys(std::make_unique<const KeyList>(std::move(k))),
+        list_name(name_of(*keys)),
         context(make_context(true, true, c.certificates)),
         wire(w),
         clock(time),
@@ -81,7 +82,7 @@ struct DtlsServer::Impl {
     // A station that roams resumes what it had agreed on, which saves a round trip.
     if (!config.resumption) config.resumption = std::make_shared<ResumptionCache>(4 * c.capacity);
     resume_by(ssl, *config.resumption);
-    resume_under(ssl, nullptr, name_of(*keys));
+    resume_under(ssl, nullptr, list_name);
     listener = DtlsChannel::make(ssl, wire, {});
     if (!listener || !nothing) throw RunError("DTLS cannot be set up: " + openssl_reason());
   }
@@ -208,11 +209,18 @@ struct DtlsServer::Impl {
   void adopt_keys() noexcept {
     const KeyList* const fresh = fresh_keys.exchange(nullptr, std::memory_order_acq_rel);
     if (fresh == nullptr) return;
+    const ListName name = name_of(*fresh);
+    if (name == list_name) {  // handed over again, as at every start: whoever is at it goes on
+      delete retired_keys.exchange(fresh, std::memory_order_acq_rel);
+      return;
+    }
     std::unique_ptr<const KeyList> old = std::move(keys);
     keys.reset(fresh);
-    // A resumed session would not show its key again.
-    resume_under(context.get(), listener->ssl(), name_of(*keys));
-    config.resumption->forget_all();
+    list_name = name;
+    // A resumed session would not show its key again. What another worker has agreed on under the new list
+    // stays: not all adopt it at the same moment.
+    resume_under(context.get(), listener->ssl(), list_name);
+    config.resumption->forget_others(list_name);
     for (std::size_t slot = 0; slot < peers.size(); ++slot) {
       Peer& peer = peers[slot];
       if (peer.state == State::kFree) continue;
@@ -474,6 +482,7 @@ struct DtlsServer::Impl {
 
   DtlsServerConfig config;
   std::unique_ptr<const KeyList> keys;
+  ListName list_name;
   std::atomic<const KeyList*> fresh_keys{nullptr};
   std::atomic<const KeyList*> retired_keys{nullptr};
   DtlsContext context;

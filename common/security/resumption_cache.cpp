@@ -36,7 +36,7 @@ ResumptionCache::Entry* ResumptionCache::find(const Id& id) noexcept {
   return nullptr;
 }
 
-void ResumptionCache::keep(const Id& id, std::span<const std::uint8_t> bytes) noexcept {
+void ResumptionCache::keep(const Id& id, const List& list, std::span<const std::uint8_t> bytes) noexcept {
   if (bytes.empty() || bytes.size() > kMaxBytes) return;
   const std::lock_guard lock(mutex_);
   Entry* place = find(id);
@@ -52,6 +52,7 @@ void ResumptionCache::keep(const Id& id, std::span<const std::uint8_t> bytes) no
     return;  // the place stays empty
   }
   place->id = id;
+  place->list = list;
   place->number = ++kept_;
 }
 
@@ -66,6 +67,13 @@ std::size_t ResumptionCache::look_up(const Id& id, std::span<std::uint8_t> out) 
 void ResumptionCache::forget(const Id& id) noexcept {
   const std::lock_guard lock(mutex_);
   if (Entry* const entry = find(id)) wipe(*entry);
+}
+
+void ResumptionCache::forget_others(const List& list) noexcept {
+  const std::lock_guard lock(mutex_);
+  for (Entry& entry : entries_) {
+    if (entry.number != 0 && entry.list != list) wipe(entry);
+  }
 }
 
 void ResumptionCache::forget_all() noexcept {

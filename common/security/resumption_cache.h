@@ -18,6 +18,8 @@ namespace telenano::security {
 class ResumptionCache {
  public:
   using Id = std::array<std::uint8_t, 32>;
+  /// Names the list of keys under which something was agreed on.
+  using List = std::array<std::uint8_t, 32>;
   /// Room for an ECDSA certificate with its names; what is longer is not kept, and its peer agrees anew.
   static constexpr std::size_t kMaxBytes = 4096;
 
@@ -27,15 +29,19 @@ class ResumptionCache {
   ResumptionCache(const ResumptionCache&) = delete;
   ResumptionCache& operator=(const ResumptionCache&) = delete;
 
-  void keep(const Id& id, std::span<const std::uint8_t> bytes) noexcept;
+  void keep(const Id& id, const List& list, std::span<const std::uint8_t> bytes) noexcept;
   /// How many bytes were written to `out`; 0 if there is nothing under this id, or too little room.
   std::size_t look_up(const Id& id, std::span<std::uint8_t> out) noexcept;
   void forget(const Id& id) noexcept;
+  /// What was not agreed on under this list. One server after the other gets a new list: what the first ones
+  /// have agreed on under it meanwhile stays.
+  void forget_others(const List& list) noexcept;
   void forget_all() noexcept;
 
  private:
   struct Entry {
     Id id{};
+    List list{};
     std::uint64_t number = 0;  // when it was kept; 0: nothing
     std::vector<std::uint8_t> bytes;
   };

@@ -84,8 +84,10 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
       const double height = height_of(answer.numbers[0]);
       const bool still = std::fabs(height - last_height_nm_) < kCalmNm && state_.force_known;
       calm_ = still ? calm_ + 1 : 0;
+      if (calm_ <= 1) calm_ns_ = now_ns;
       last_height_nm_ = height;
-      if (calm_ < kCalmLooks) return;
+      // The force is that of the tip at rest: what was read on the way down may still show the pull.
+      if (calm_ < kCalmLooks || reading_from_ns_ < calm_ns_) return;
       if (height > top_height_nm_ - 1 || height < -0.499 * range_z_nm_) {
         calm_ = 0;  // not gone yet, or at the end of the range without a surface
         return;
@@ -107,6 +109,7 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
     if (id == kOnOffGet) {
       if (answer.numbers[0] != 0) return;
       engage_step_ = 1;
+      off_ns_ = now_ns;
       at(Role::kMotion).next_ns = now_ns + kSettleNs;
     } else if (id == kZPosGet) {
       height_nm_ = height_of(answer.numbers[0]);

@@ -180,6 +180,13 @@ void AfmDriver::send(Role role, const nanonis::Bytes& bytes, std::int64_t now_ns
 }
 
 void AfmDriver::turn(std::int64_t now_ns) {
+  // What has come is taken in before time goes on: a thread that was kept waiting itself would find that the
+  // controller did not answer in time, with the answer in its socket.
+  for (std::size_t i = 0; i < kRoles; ++i) {
+    const Role role = static_cast<Role>(i);
+    connect(role, now_ns);
+    if (handle(role) >= 0 && !streams_[i].connecting) receive(role, now_ns);
+  }
   exchange_->load_wish(wish_);
   logic_.tick(now_ns, wish_);
   // Emergency first: a withdrawal goes before all else, and its heart beat before the first motion.
@@ -187,11 +194,9 @@ void AfmDriver::turn(std::int64_t now_ns) {
     const std::size_t i = (k + kRoles - 1) % kRoles;
     const Role role = static_cast<Role>(i);
     if (logic_.take_close(role)) close(role, now_ns);
-    connect(role, now_ns);
     if (handle(role) < 0 || streams_[i].connecting) continue;
-    receive(role, now_ns);
     nanonis::Call call;
-    if (handle(role) >= 0 && logic_.next(role, now_ns, call)) send(role, nanonis::encode_call(call), now_ns);
+    if (logic_.next(role, now_ns, call)) send(role, nanonis::encode_call(call), now_ns);
   }
   exchange_->store_state(logic_.state());
   if (logic_.news_count() != told_) {

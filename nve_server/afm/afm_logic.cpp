@@ -196,7 +196,7 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
       return on_reading(answer, sent_ns, now_ns);
     case kStatusGet:
       c.next_ns = now_ns + (state_.phase == Phase::kWithdrawing ? kLookPeriodNs : kEmergencyPeriodNs);
-      return on_status(answer.numbers[0], now_ns);
+      return on_status(answer.numbers[0], sent_ns, now_ns);
     case kZPosGet:
       if (role == Role::kMotion) return on_motion(answer, now_ns);
       c.next_ns = now_ns + (role == Role::kData ? kDataPeriodNs : kLookPeriodNs);
@@ -215,7 +215,7 @@ bool AfmLogic::next_data(std::int64_t now_ns, Call& call) {
   return send(Role::kData, kStatusGet, {}, now_ns, call);
 }
 
-void AfmLogic::on_status(double status, std::int64_t now_ns) {
+void AfmLogic::on_status(double status, std::int64_t sent_ns, std::int64_t now_ns) {
   if (status == static_cast<double>(ZStatus::kSafeTip)) {
     if (!withdrawing()) {
       tell("the controller's SafeTip has withdrawn the tip");
@@ -223,7 +223,8 @@ void AfmLogic::on_status(double status, std::int64_t now_ns) {
     }
     return;
   }
-  const bool off = status == static_cast<double>(ZStatus::kOff);
+  // The connections overtake each other: what was asked before the controller was off may still say "on".
+  const bool off = status == static_cast<double>(ZStatus::kOff) || sent_ns < off_ns_;
   if ((state_.phase == Phase::kTouching || state_.phase == Phase::kFollowing ||
        state_.phase == Phase::kTaring) &&
       !off) {

@@ -107,7 +107,7 @@ class AfmLogic {
 
   void on_motion(const nanonis::Answer& answer, std::int64_t now_ns);
   void on_reading(const nanonis::Answer& answer, std::int64_t sent_ns, std::int64_t now_ns);
-  void on_status(double status, std::int64_t now_ns);
+  void on_status(double status, std::int64_t sent_ns, std::int64_t now_ns);
   void on_height(double z_m, std::int64_t now_ns);
   void tare(double deflection_nm, double lateral_nn, std::int64_t sent_ns, std::int64_t now_ns);
   void touch_reading(std::int64_t sent_ns, std::int64_t now_ns);
@@ -141,7 +141,9 @@ class AfmLogic {
   std::int64_t phase_ns_ = 0;  // since when
   std::int64_t engage_ns_ = 0;
   int engage_step_ = 0;
-  int calm_ = 0;
+  std::int64_t off_ns_ = 0;   // when the Z controller had said that it is off
+  int calm_ = 0;              // looks in a row that saw it stand still,
+  std::int64_t calm_ns_ = 0;  // the first of them
   double last_height_nm_ = 0;
   double settled_height_nm_ = 0;
   double height_nm_ = 0;  // as last sent or read, of the base

@@ -1,5 +1,7 @@
 #include "tests/support/virtual_afm.h"
 
+#include <utility>
+
 #include "nve_server/nanonis/frame_reader.h"
 
 namespace telenano::support {
@@ -14,8 +16,10 @@ void VirtualAfm::close(std::size_t i) {
   Channel& c = channels_[i];
   orphans_.insert(orphans_.end(), c.inbox.begin(), c.inbox.end());
   const bool garbage = c.garbage;
+  const std::int64_t delay_ns = c.delay_ns;
   c = {};
   c.garbage = garbage;
+  c.delay_ns = delay_ns;
   c.reconnect_ns = now_ns_ + kReconnectNs;
 }
 
@@ -50,6 +54,11 @@ void VirtualAfm::apply(const afm_sim::Fault& fault) {
 
 void VirtualAfm::serve(std::size_t i) {
   Channel& c = channels_[i];
+  if (c.answer) {
+    if (now_ns_ < c.answer_ns) return;
+    const nanonis::Answer answer = *std::exchange(c.answer, std::nullopt);
+    if (killed_ns_ < 0) logic_.answered(static_cast<Role>(i), answer, now_ns_);
+  }
   if (!c.pending) {
     if (c.inbox.empty()) return;
     const nanonis::Call call = c.inbox.front();
@@ -75,6 +84,11 @@ void VirtualAfm::serve(std::size_t i) {
       !nanonis::decode_answer(command, body, answer)) {
     close(i);
     if (killed_ns_ < 0) logic_.lost(static_cast<Role>(i), afm::Loss::kGarbage, now_ns_);
+    return;
+  }
+  if (c.delay_ns > 0) {
+    c.answer = answer;
+    c.answer_ns = now_ns_ + c.delay_ns;
     return;
   }
   if (killed_ns_ < 0) logic_.answered(static_cast<Role>(i), answer, now_ns_);

@@ -25,6 +25,11 @@ class VirtualAfm {
   /// Until then, in steps of kStepNs.
   void advance_to(std::int64_t now_ns, const afm::PortWish& wish);
   void apply(const afm_sim::Fault& fault);
+  /// From now on the answers of one connection come so much later than the controller gave them: whoever
+  /// passes them on is kept waiting.
+  void delay_answers(afm::Role role, std::int64_t delay_ns) {
+    channels_[static_cast<std::size_t>(role)].delay_ns = delay_ns;
+  }
   /// The server's process dies. What it has sent is still on its way; the guard sees it within kGuardNs.
   void kill_server() { killed_ns_ = now_ns_; }
   /// All connections are cut and none can be made for so long; the guard's as well.
@@ -50,6 +55,9 @@ class VirtualAfm {
     std::deque<nanonis::Call> inbox;
     std::optional<afm_sim::SimController::Pending> pending;
     bool garbage = false;
+    std::int64_t delay_ns = 0;
+    std::optional<nanonis::Answer> answer;  // on its way
+    std::int64_t answer_ns = 0;
   };
   void step(const afm::PortWish& wish);
   void close(std::size_t i);

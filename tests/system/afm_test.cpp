@@ -144,6 +144,22 @@ TEST_F(AfmProgramsTest, AServerThatHangsWhileAStationPressesLeavesTheTipWithdraw
   EXPECT_NE(after.find("tip withdrawn"), std::string::npos) << after;
 }
 
+// The answers of the controller are in the server's sockets when it goes on. It stands still for twice the
+// time-out of a reply, half of what the guard waits for.
+TEST_F(AfmProgramsTest, AServerThatStoodStillItselfDoesNotFindTheControllerSilent) {
+  Simulator simulator;
+  ChildProcess server(serve(simulator.ports(), changed("reply_timeout_ms", "1000.0")));
+  ASSERT_GT(port_of(server), 0);
+  server.signal(SIGSTOP);
+  ::usleep(2'000'000);
+  server.signal(SIGCONT);
+  server.signal(SIGTERM);
+  ASSERT_TRUE(server.wait(kLong));
+  EXPECT_EQ(server.exit_code(), 0);
+  EXPECT_EQ(server.err().find("does not answer"), std::string::npos) << server.err();
+  EXPECT_NE(server.err().find("withdrawn: exit"), std::string::npos) << server.err();
+}
+
 TEST_F(AfmProgramsTest, WhatDoesNotFitIsRefusedInOneLineAndNothingMoves) {
   struct Case {
     std::vector<std::string> sim;

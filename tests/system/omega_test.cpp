@@ -10,6 +10,7 @@
 #include "common/recording/recording_reader.h"
 #include "tests/support/standin_drd/standin_sdk.h"
 #include "tests/system/programs.h"
+#include "tests/system/recorded.h"
 
 namespace telenano::programs {
 namespace {
@@ -77,8 +78,14 @@ class OmegaTest : public ProgramsTest {
     ASSERT_TRUE(station_->wait_for_err("loop:", kLong)) << station_->err();
   }
 
-  /// The hand goes down by 0.1 m/s until it feels so much.
+  /// The hand goes down by 0.1 m/s until it feels so much; once the station is engaged, since what it moves
+  /// before that moves no tip.
   ::testing::AssertionResult press(double force_n) {
+    const auto engaged = wait_for(*station_, path("omega.h5"), [](const RecordingReader& reader) {
+      const std::vector<double> mode = reader.read("station_mode");
+      return !mode.empty() && mode.back() == kEngaged;
+    });
+    if (!engaged) return ::testing::AssertionFailure() << "never engaged; " << station_->err();
     for (int k = 0; k < 20'000; ++k) {
       if (sdk_.force_n() >= force_n) return ::testing::AssertionSuccess();
       if (!station_->running()) break;

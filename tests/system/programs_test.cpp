@@ -15,13 +15,13 @@
 #include "common/recording/recording_reader.h"
 #include "common/rt/steady_clock.h"
 #include "tests/system/programs.h"
+#include "tests/system/recorded.h"
 
 namespace telenano::programs {
 namespace {
 
 using recording::RecordingReader;
 
-constexpr double kContact = 3;  // link::ContactState
 constexpr double kEngaged = 2;  // station::Mode
 constexpr double kHeld = 3;
 constexpr double kStopped = 4;
@@ -85,34 +85,6 @@ void expect_no_force_step(const Rows& rows) {
   EXPECT_GT(worst_n, 0) << "no force at all: nothing was tested";
 }
 
-/// Reads a recording under its writer's hands until `rows` of its last rows were in contact.
-::testing::AssertionResult wait_for_contact(ChildProcess& station, const std::string& file,
-                                            std::size_t rows = 50) {
-  const auto end = std::chrono::steady_clock::now() + kLong;
-  while (std::chrono::steady_clock::now() < end) {
-    if (!station.running())
-      return ::testing::AssertionFailure() << "the station ended early: " << station.err();
-    try {
-      const std::vector<double> contact = RecordingReader(file).read("contact_state");
-      if (contact.size() >= rows &&
-          std::all_of(contact.end() - static_cast<std::ptrdiff_t>(rows), contact.end(),
-                      [](double state) { return state == kContact; })) {
-        return ::testing::AssertionSuccess();
-      }
-    } catch (const UserError&) {
-      // Not there yet, or between two states: look again.
-    }
-    std::this_thread::sleep_for(Milliseconds(20));
-  }
-  return ::testing::AssertionFailure() << "never in contact";
-}
-
-bool has_event(const RecordingReader& reader, const std::string& text) {
-  const auto events = reader.events();
-  return std::any_of(events.begin(), events.end(),
-                     [&](const recording::Event& event) { return text == event.text.data(); });
-}
-
 std::size_t lines_with(const std::string& text, const std::string& part) {
   const auto lines = lines_of(text);
   return static_cast<std::size_t>(std::count_if(lines.begin(), lines.end(), [&](const std::string& line) {
@@ -144,7 +116,10 @@ void expect_good_session(const Finished& run, const std::string& file, bool touc
   const bool touched = std::count(rows.contact.begin(), rows.contact.end(), kContact) > 0;
   EXPECT_EQ(touched, touches);
   EXPECT_EQ(run.err.find("pull-off force") != std::string::npos, touches) << run.err;
-  EXPECT_EQ(rows.dropped.back(), 0);
+  // Who is kept waiting asks again, and what is answered twice is dropped once.
+  if (!has_event(reader, "server silent")) {
+    EXPECT_EQ(rows.dropped.back(), 0);
+  }
   EXPECT_LE(rows.lost.back(),
             0.01 * static_cast<double>(rows.size()));  // the loopback loses only what a stall overruns
   // Sane for a loopback on a shared machine: more than nothing, less than a few ticks.
@@ -180,9 +155,9 @@ TEST_F(ProgramsTest, ASessionOfEachKindEndsWellAndIsRecorded) {
 TEST_F(ProgramsTest, TwoStationsAtOnceHaveAStateEach) {
   Server server(scene_path("flakes"));
   ChildProcess above(
-      station(server, {"--task", "position", "--duration-s", "3", "--record", path("above.h5")}));
+      station(server, {"--task", "position", "--duration-s", "6", "--record", path("above.h5")}));
   ChildProcess below(
-      station(server, {"--task", "indent", "--duration-s", "3", "--record", path("below.h5")}));
+      station(server, {"--task", "indent", "--duration-s", "6", "--record", path("below.h5")}));
   ASSERT_TRUE(above.wait(kLong) && below.wait(kLong));
   expect_good_session({above.exit_code(), above.ended_by(), above.out(), above.err()}, path("above.h5"),
                       false);
@@ -202,16 +177,17 @@ TEST_F(ProgramsTest, AServerKilledInContactAndStartedAgainIsResumedWithoutAForce
   const int port = first->port();
   const std::string file = path("resumed.h5");
   // Down, stay (here the server goes and comes back), down again: a resumed session begins above the surface,
-  // as the new server has it, so that the second way down meets it once more.
-  const std::string script =
-      write("twice.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,20\n1,0,0,-3\n4,0,0,-3\n5.5,0,0,-33\n6.5,0,0,0\n");
+  // as the new server has it, so that the second way down meets it once more. The stay is as long as a busy
+  // machine needs for all that: who comes back on the way down, or after it, would meet nothing.
+  const std::string script = write(
+      "twice.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,20\n1,0,0,-3\n12,0,0,-3\n13.5,0,0,-33\n15,0,0,-33\n16,0,0,0\n");
   ChildProcess run(station(*first, {"--task", "script", "--script", script, "--record", file, "--config",
                                     write("station.toml", kStationFile)}));
   ASSERT_TRUE(wait_for_contact(run, file, 300));
   first->child().signal(SIGKILL);
   ASSERT_TRUE(first->child().wait(kLong));
   EXPECT_EQ(first->child().ended_by(), SIGKILL);
-  std::this_thread::sleep_for(Milliseconds(600));
+  ASSERT_TRUE(wait_for_event(run, file, "server silent"));
   Server second(scene_path("flakes"), port);
   ASSERT_TRUE(run.wait(kLong)) << run.err();
   EXPECT_EQ(run.exit_code(), 0) << run.err();
@@ -359,7 +335,7 @@ TEST_F(ProgramsTest, AServerThatIsToldToEndTellsTheStation) {
 TEST_F(ProgramsTest, RandomDatagramsDoNoHarmToASession) {
   Server server(scene_path("flakes"));
   const std::string file = path("bombarded.h5");
-  ChildProcess run(station(server, {"--task", "indent", "--duration-s", "4", "--record", file, "--config",
+  ChildProcess run(station(server, {"--task", "indent", "--duration-s", "10", "--record", file, "--config",
                                     write("station.toml", kStationFile)}));
   const net::Address to = net::parse_address(server.address(), "server");
   net::Udp socket = net::Udp::open_for(to);

@@ -43,7 +43,7 @@ TEST_F(ProgramsTest, ASessionOverDelayLossAndDuplicatesEndsWell) {
 
   const std::string file = path("relayed.h5");
   const Finished run = run_program({kMaster, "run", "--quiet", "--server", address, "--task", "indent",
-                                    "--duration-s", "3", "--rate", "1000", "--record", file},
+                                    "--duration-s", "6", "--rate", "1000", "--record", file},
                                    {}, kLong);
   ASSERT_EQ(run.exit_code, 0) << run.err;
   // The last Byes are still on their way: three of them, with 20 ms each; half a second is far more.

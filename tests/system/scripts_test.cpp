@@ -86,5 +86,64 @@ TEST(VmScript, SaysWhyItCannot) {
   EXPECT_NE(none.err.find("--prepare"), std::string::npos) << none.err;
 }
 
+/// deploy/test.sh in a project of its own with these tests, each a line of shell that CTest runs, and nothing
+/// to build.
+class TestScript : public ProgramsTest {
+ protected:
+  Finished run(const std::vector<std::pair<std::string, std::string>>& tests) const {
+    namespace fs = std::filesystem;
+    for (const char* folder : {"deploy", "bin", "build/release"}) fs::create_directories(folder_ / folder);
+    for (const char* name : {"deploy/test.sh", "deploy/lib.sh", "deploy/skipped.sh"})
+      fs::copy_file(kProject + "/" + name, path(name), fs::copy_options::overwrite_existing);
+    write("bin/cmake", "#!/bin/sh\n");
+    fs::permissions(path("bin/cmake"), fs::perms::owner_all);
+    std::string list;
+    for (const auto& [name, shell] : tests) {
+      write(name + ".sh", shell);
+      list += "add_test(" + name + " /bin/sh " + path(name + ".sh") + ")\nset_tests_properties(" + name +
+              " PROPERTIES SKIP_RETURN_CODE 77 SKIP_REGULAR_EXPRESSION \"SKIPPED\")\n";
+    }
+    write("build/release/CTestTestfile.cmake", list);
+    return run_program({"/usr/bin/env", "PATH=" + path("bin") + ":" + std::getenv("PATH"), "/bin/bash",
+                        path("deploy/test.sh"), "--no-install"},
+                       {}, kLong);
+  }
+};
+
+// The forms in which the tests say it: GoogleTest's, as its 1.12 prints it, vm.sh's and lint.sh's.
+const std::string kGoogleTestSkips =
+    "cat <<E\n[ RUN      ] A.B\n/x/a_test.cpp:12: Skipped\nno strace (apt install strace)\n\n"
+    "[  SKIPPED ] A.B (0 ms)\n[  SKIPPED ] 1 test, listed below:\n[  SKIPPED ] A.B\nE\n";
+
+TEST_F(TestScript, TellsAtItsEndHowManyWereSkippedAndWhy) {
+  const Finished run = this->run({{"good", "exit 0"},
+                                  {"a", kGoogleTestSkips},
+                                  {"b", kGoogleTestSkips},
+                                  {"vm", "echo before; echo 'vm: cannot run here: no kernel' >&2; exit 77"},
+                                  {"lint", "echo 'skipped: no clang-format-14'; exit 77"},
+                                  {"mute", "exit 77"}});
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  const std::string end =
+      "\nSkipped: 5 of 6 tests\n"
+      "  no strace (apt install strace): a, b\n"
+      "  no kernel: vm\n"
+      "  no clang-format-14: lint\n"
+      "  no reason given: mute\n"
+      "100% tests passed, 0 tests failed out of 6\n";
+  EXPECT_TRUE(run.out.ends_with(end)) << run.out;
+}
+
+TEST_F(TestScript, KeepsTheExitCodeAndTheLastWordsOfCTest) {
+  const Finished run = this->run({{"good", "exit 0"}, {"bad", "echo skipped: not so; exit 1"}});
+  EXPECT_EQ(run.exit_code, 8) << "CTest's own for tests that failed";
+  EXPECT_TRUE(run.out.ends_with("\nSkipped: 0 of 2 tests\n50% tests passed, 1 tests failed out of 2\n"))
+      << run.out;
+}
+
+TEST(SkippedScript, RefusesInOneLine) {
+  expect_refused("deploy/skipped.sh", {"--why"}, "there is no option --why");
+  expect_refused("deploy/skipped.sh", {"/nowhere"}, "there is no file /nowhere/said.txt");
+}
+
 }  // namespace
 }  // namespace telenano::programs

@@ -7,6 +7,7 @@
 #include "common/recording/recording_reader.h"
 #include "tests/system/felt_force.h"
 #include "tests/system/programs.h"
+#include "tests/system/recorded.h"
 
 namespace telenano::programs {
 namespace {
@@ -127,9 +128,8 @@ TEST_F(SecureTest, AServerThatEndsAndStartsAgainIsFoundWithoutAStepOfTheForce) {
         std::make_unique<Server>(scene_path("flat_pdms"), 0, std::vector<std::string>{"--keys", keys()});
     const int port = first->port();
     const std::string file = path("again" + std::to_string(signal) + ".h5");
-    ChildProcess run(talking(*first, {"--duration-s", "7", "--record", file}));
-    ASSERT_TRUE(run.wait_for_err("engaged", kLong)) << run.err();
-    std::this_thread::sleep_for(Milliseconds(3300));
+    ChildProcess run(talking(*first, {"--duration-s", "10", "--record", file}));
+    ASSERT_TRUE(wait_for_contact(run, file));
     first->child().signal(signal);
     ASSERT_TRUE(first->child().wait(kLong));
     Server second(scene_path("flat_pdms"), port, {"--keys", keys()});
@@ -156,13 +156,12 @@ TEST_F(SecureTest, AStationThatIsKilledComesBackWithItsKeyWithoutAStepOfTheForce
       if (with_file) words.insert(words.end(), {"--session-file", path("session")});
       return words;
     };
-    ChildProcess killed(command("5", path("killed.h5")));
-    ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
-    std::this_thread::sleep_for(Milliseconds(2500));
+    ChildProcess killed(command("10", path("killed.h5")));
+    ASSERT_TRUE(wait_for_contact(killed, path("killed.h5")));
     killed.signal(SIGKILL);
     ASSERT_TRUE(killed.wait(kLong));
     const std::string file = path(with_file ? "resumed.h5" : "anew.h5");
-    const Finished again = run_program(command("3", file), {}, kLong);
+    const Finished again = run_program(command("6", file), {}, kLong);
     EXPECT_EQ(again.exit_code, 0) << again.err;
     EXPECT_EQ(again.err.find("resuming the session of the last run") != std::string::npos, with_file)
         << again.err;

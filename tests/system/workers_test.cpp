@@ -193,8 +193,11 @@ TEST_F(WorkersTest, OnlyTheThreadsThatServeHaveTheRealTimePriority) {
   server.stop();
 }
 
-/// What an exchange costs in system calls: while a session runs at one exchange at a time, the server makes
-/// one receive, which waits, and one send for each, and nothing else.
+/// What an exchange costs in system calls: while a session runs at one exchange at a time, the thread that
+/// serves makes one receive, which waits, and one send for each, and nothing else. That thread alone is
+/// traced: the others' calls go by time (the watchers' futex ten times a second), and who slows the machine
+/// down would find more of them to an exchange; none of them can be asked to do anything without a call of
+/// this one.
 TEST_F(WorkersTest, AnExchangeIsOneReceiveAndOneSend) {
   if (run_program({"/usr/bin/env", "strace", "-V"}).exit_code != 0)
     GTEST_SKIP() << "no strace (apt install strace)";
@@ -203,7 +206,7 @@ TEST_F(WorkersTest, AnExchangeIsOneReceiveAndOneSend) {
   WireStation station(at, {});
   ASSERT_TRUE(station.exchange(20, hold(), kPatienceNs));
   const std::string table = path("calls.txt");
-  ChildProcess strace({"/usr/bin/env", "strace", "-c", "-f", "-U", "name,calls", "-o", table, "-p",
+  ChildProcess strace({"/usr/bin/env", "strace", "-c", "-U", "name,calls", "-o", table, "-p",
                        std::to_string(server.child().pid())});
   if (!strace.wait_for_err("attached", Seconds(10))) GTEST_SKIP() << "may not trace: " << strace.err();
   const std::uint64_t before = station.client.replies().newest();
@@ -233,8 +236,8 @@ TEST_F(WorkersTest, AnExchangeIsOneReceiveAndOneSend) {
   // A station that is kept waiting by its machine lets the server's wait end by its own time, some
   // milliseconds.
   EXPECT_LE(receives, 1.5 * exchanges) << said;
-  // The printer of the status wakes every five seconds (futex).
-  EXPECT_LE(others, 20) << said;
+  // The wait that the tracing began in may be begun anew (restart_syscall), nothing else.
+  EXPECT_LE(others, 1) << said;
 }
 
 }  // namespace

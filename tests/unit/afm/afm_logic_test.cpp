@@ -144,6 +144,54 @@ TEST(AfmLogic, AForceThatIsStaleWithdrawsThoughEveryReplyComesInTime) {
   EXPECT_TRUE(b.afm->controller().withdrawn());
 }
 
+// The status is asked on two other connections than the one that switches the Z controller off, and one of
+// them goes through another process. An answer of before the switching may come after it, within its
+// time-out.
+TEST(AfmLogic, AStatusOfBeforeTheSwitchingOffThatComesAfterItIsNobodyElses) {
+  for (const Role role : {Role::kEmergency, Role::kData}) {
+    for (const std::int64_t delay_ms : {20, 30, 40, 50, 60, 70, 80, 90}) {
+      Bench b;
+      b.start();
+      ASSERT_TRUE(b.until(Phase::kEngaging));
+      b.afm->delay_answers(role, delay_ms * kMs);
+      EXPECT_TRUE(b.until(Phase::kFollowing) && b.afm->logic().state().latches == 0)
+          << name(role) << " " << delay_ms << " ms: " << b.afm->logic().news();
+    }
+  }
+}
+
+// What was read before the tip stood still in contact says nothing of it: on the way down the sample pulls.
+TEST(AfmLogic, ReadingsThatComeLateMakeNoSignLookWrong) {
+  for (const Role role : {Role::kReads, Role::kMotion, Role::kEmergency, Role::kData}) {
+    for (const std::int64_t delay_ms : {30, 60, 100, 150, 200, 300, 500, 800}) {
+      Bench b;
+      b.config.stale_force_ms = b.config.reply_timeout_ms = 3000;
+      b.config.timeout_s = 600;
+      b.start();
+      ASSERT_TRUE(b.until(Phase::kEngaging));
+      b.afm->delay_answers(role, delay_ms * kMs);
+      EXPECT_TRUE(b.until(Phase::kFollowing, 600'000) && b.afm->logic().state().latches == 0)
+          << name(role) << " " << delay_ms << " ms: " << b.afm->logic().news() << " "
+          << b.afm->logic().refusal();
+    }
+  }
+}
+
+TEST(AfmLogic, AZControllerThatSomeoneElseSwitchesOnWithdraws) {
+  for (const Role late : {Role::kMotion, Role::kEmergency, Role::kData}) {
+    Bench b;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing));
+    if (late != Role::kMotion) b.afm->delay_answers(late, 90 * kMs);
+    b.run(100);
+    b.afm->controller().begin({nanonis::CommandId::kOnOffSet, {1}}, -1, b.afm->now_ns());
+    b.run(100);
+    EXPECT_EQ(b.afm->logic().state().cause, Cause::kController) << b.afm->logic().news();
+    b.run(200);
+    EXPECT_TRUE(b.afm->controller().withdrawn());
+  }
+}
+
 TEST(AfmLogic, ACommandThatComesAfterTheWithdrawalDoesNotLeaveTheTipDown) {
   Bench b;
   b.start();

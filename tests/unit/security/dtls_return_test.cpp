@@ -140,6 +140,56 @@ TEST(Dtls, AnAssociationUnderAnOldListIsResumedUnderTheNewOneByNobody) {
   }
 }
 
+// The list is handed to every worker once more when the server has begun to serve, to one after the other.
+// What was agreed on before the last one has it must serve for coming back.
+TEST(Dtls, TheSameListAgainLeavesAllThatWasAgreedOn) {
+  DtlsServerConfig config;
+  config.resumption = std::make_shared<ResumptionCache>(16);
+  DtlsRig rig(two_keys(), config);
+  DtlsServer behind(config, two_keys(), rig.server_end, rig.clock);
+  rig.connect();
+  rig.turns(4);
+  ASSERT_TRUE(rig.station->established());
+  behind.offer_keys(two_keys());
+  behind.receive(rig.buffer, rig.received);
+  EXPECT_EQ(round_trips_from_another_address(rig, behind), 2);
+  EXPECT_EQ(rig.station->counters().resumed, 1u);
+}
+
+TEST(Dtls, TheSameListAgainLeavesAHandshakeUnderWay) {
+  DtlsRig rig;
+  rig.connect();
+  rig.turns(2);
+  ASSERT_EQ(rig.server->under_way(), 1u);
+  rig.server->offer_keys(two_keys());
+  rig.turns(2);
+  EXPECT_TRUE(rig.station->established()) << "without a repetition: the clock stands still";
+}
+
+// With a list that did change: what one worker has agreed on under the new one does not go when the next
+// worker gets it, what was agreed on under the old one does.
+TEST(Dtls, AnAssociationUnderTheNewListIsResumedByTheWorkerThatGetsItLater) {
+  for (const bool under_new : {true, false}) {
+    DtlsServerConfig config;
+    config.resumption = std::make_shared<ResumptionCache>(16);
+    DtlsRig rig(two_keys(), config);
+    DtlsServer behind(config, two_keys(), rig.server_end, rig.clock);
+    KeyList longer = two_keys();
+    longer.keys.push_back({"omega-2", psk_of(3), net::Rights::kOperate});
+    const auto adopt = [&](DtlsServer& server) {
+      server.offer_keys(longer);
+      server.receive(rig.buffer, rig.received);
+    };
+    if (under_new) adopt(*rig.server);
+    rig.connect();
+    rig.turns(4);
+    ASSERT_TRUE(rig.station->established());
+    adopt(behind);
+    EXPECT_EQ(round_trips_from_another_address(rig, behind), under_new ? 2 : 3);
+    EXPECT_EQ(rig.station->counters().resumed, under_new ? 1u : 0u);
+  }
+}
+
 // An outage that ends while the station is at a new handshake: the old association goes on giving.
 TEST(Dtls, TheOldAssociationGivesUntilTheNewOneIsComplete) {
   DtlsRig rig;

@@ -11,6 +11,8 @@
 namespace telenano::security {
 namespace {
 
+constexpr ResumptionCache::List kList{1};
+
 ResumptionCache::Id random_id(Random& random) {
   ResumptionCache::Id id;
   for (auto& byte : id) byte = static_cast<std::uint8_t>(256 * random.uniform());
@@ -32,11 +34,11 @@ TEST(ResumptionCache, GivesWhatWasKeptUntilItIsForgotten) {
   Random random(1);
   const auto a = random_id(random), b = random_id(random);
   EXPECT_TRUE(found(cache, a).empty());
-  cache.keep(a, bytes(100, 7));
-  cache.keep(b, bytes(200, 8));
+  cache.keep(a, kList, bytes(100, 7));
+  cache.keep(b, kList, bytes(200, 8));
   EXPECT_EQ(found(cache, a), bytes(100, 7));
   EXPECT_EQ(found(cache, b), bytes(200, 8));
-  cache.keep(a, bytes(50, 9));
+  cache.keep(a, kList, bytes(50, 9));
   EXPECT_EQ(found(cache, a), bytes(50, 9));
   cache.forget(a);
   EXPECT_TRUE(found(cache, a).empty());
@@ -45,13 +47,29 @@ TEST(ResumptionCache, GivesWhatWasKeptUntilItIsForgotten) {
   EXPECT_TRUE(found(cache, b).empty());
 }
 
+TEST(ResumptionCache, ForgetsWhatIsOfOtherLists) {
+  ResumptionCache cache(16);
+  Random random(4);
+  const auto a = random_id(random), b = random_id(random);
+  ResumptionCache::List other = kList;
+  other.back() = 1;
+  cache.keep(a, kList, bytes(10, 1));
+  cache.keep(b, other, bytes(10, 2));
+  cache.forget_others(other);
+  EXPECT_TRUE(found(cache, a).empty());
+  EXPECT_EQ(found(cache, b), bytes(10, 2));
+  cache.keep(b, kList, bytes(10, 3));
+  cache.forget_others(other);
+  EXPECT_TRUE(found(cache, b).empty()) << "it was agreed on anew under the list that goes";
+}
+
 // Ids that share their first bytes share their places; all 32 bytes tell them apart.
 TEST(ResumptionCache, TheOldestOfAFewGivesWay) {
   ResumptionCache cache(1);
   std::vector<ResumptionCache::Id> ids(6);
   for (std::uint8_t i = 0; i < 6; ++i) {
     ids[i].back() = i;
-    cache.keep(ids[i], bytes(10, i));
+    cache.keep(ids[i], kList, bytes(10, i));
   }
   EXPECT_TRUE(found(cache, ids[0]).empty());
   EXPECT_TRUE(found(cache, ids[1]).empty());
@@ -66,7 +84,7 @@ TEST(ResumptionCache, HoldsNearlyAllThatItHasRoomForFourTimes) {
   std::vector<ResumptionCache::Id> ids;
   for (int i = 0; i < 64; ++i) {
     ids.push_back(random_id(random));
-    cache.keep(ids.back(), bytes(10, 1));
+    cache.keep(ids.back(), kList, bytes(10, 1));
   }
   int held = 0;
   for (const auto& id : ids) held += found(cache, id).empty() ? 0 : 1;
@@ -77,9 +95,9 @@ TEST(ResumptionCache, WhatIsTooLongOrHasNoRoomIsNotGiven) {
   ResumptionCache cache(16);
   Random random(3);
   const auto a = random_id(random), b = random_id(random);
-  cache.keep(a, bytes(ResumptionCache::kMaxBytes + 1, 1));
+  cache.keep(a, kList, bytes(ResumptionCache::kMaxBytes + 1, 1));
   EXPECT_TRUE(found(cache, a).empty());
-  cache.keep(b, bytes(ResumptionCache::kMaxBytes, 1));
+  cache.keep(b, kList, bytes(ResumptionCache::kMaxBytes, 1));
   EXPECT_EQ(found(cache, b).size(), ResumptionCache::kMaxBytes);
   std::vector<std::uint8_t> small(10, 5);
   EXPECT_EQ(cache.look_up(b, small), 0u);
@@ -94,7 +112,7 @@ TEST(ResumptionCache, WorkersUseItAtOnce) {
       Random random(9);  // the same ids in each
       for (int i = 0; i < 2000; ++i) {
         const auto id = random_id(random);
-        cache.keep(id, bytes(20 + w, w));
+        cache.keep(id, kList, bytes(20 + w, w));
         const auto got = found(cache, id);
         for (const auto byte : got) EXPECT_EQ(got.size(), 20u + byte) << "one worker's, whole";
         if (i % 3 == 0) cache.forget(id);
