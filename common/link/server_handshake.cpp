@@ -5,10 +5,12 @@
 
 namespace telenano::link {
 
-ServerHandshake::ServerHandshake(const ServerHandshakeConfig& config) noexcept
+ServerHandshake::ServerHandshake(const ServerHandshakeConfig& config)
     : config_(config),
       challenges_(config.challenges_per_s, std::max(1.0, config.challenges_per_s / 10)),
-      openings_(config.openings_per_s, std::max(1.0, config.openings_per_s)) {
+      openings_(config.openings_per_s, std::max(1.0, config.openings_per_s)),
+      party_openings_(kPartyBuckets,
+                      {config.openings_per_party_s, std::max(1.0, config.openings_per_party_s)}) {
   const std::uint64_t labels[] = {1, 2};
   cookie_key_ = {siphash_words(config.secret, {labels, 1}), siphash_words(config.secret, {labels + 1, 1})};
 }
@@ -22,6 +24,13 @@ std::uint64_t ServerHandshake::cookie(const PeerKey& peer, std::uint64_t nonce,
   words[3] = nonce;
   words[4] = static_cast<std::uint64_t>(time_slot);
   return std::max<std::uint64_t>(siphash_words(cookie_key_, words), 1);  // 0 means "none yet"
+}
+
+std::uint64_t ServerHandshake::party_of(const PeerKey& peer, std::uint64_t owner) const noexcept {
+  std::array<std::uint64_t, 4> words{6, owner};
+  for (std::size_t i = 0; owner == 0 && i < 16; ++i)
+    words[2 + i / 8] |= static_cast<std::uint64_t>(peer.bytes[i]) << (8 * (i % 8));
+  return siphash_words(cookie_key_, words);
 }
 
 HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
@@ -79,6 +88,7 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
       return refuse(RefuseReason::kFull, DropCause::kFull);
     table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
     table[old].feature_bits = hello.feature_bits & config_.feature_bits;
+    table[old].rank = context.rank;
     verdict.kind = Kind::kResume;
     verdict.slot = old;
     return verdict;
@@ -87,9 +97,12 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     verdict.kind = Kind::kAskOthers;
     return verdict;
   }
-  if (!has_place()) return refuse(RefuseReason::kFull, DropCause::kFull);
-  if (!openings_.take(now_ns)) return drop(DropCause::kRateLimited);
-  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, context.owner);
+  // What cannot be had costs the others none of the shared rate.
+  const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
+  if (!table.has_room(opener) || !has_place()) return refuse(RefuseReason::kFull, DropCause::kFull);
+  if (!party_openings_[opener.party % kPartyBuckets].take(now_ns) || !openings_.take(now_ns))
+    return drop(DropCause::kRateLimited);
+  verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, opener);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
   table[verdict.slot].feature_bits = hello.feature_bits & config_.feature_bits;
   verdict.kind = Kind::kOpen;

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "common/link/messages.h"
 #include "common/link/session_table.h"
@@ -15,8 +16,9 @@ struct ServerHandshakeConfig {
   std::uint64_t feature_bits = kKnownFeatures;  ///< granted to a station that asks for them
   std::uint64_t required_bits = 0;              ///< of these: a station without them is refused as too old
   std::uint32_t rate_max_hz = 8000;
-  double challenges_per_s = 20000;  ///< answers to peers that have not proven their address
-  double openings_per_s = 64;       ///< new sessions: each may cost the making of a slave
+  double challenges_per_s = 20000;    ///< answers to peers that have not proven their address
+  double openings_per_s = 64;         ///< new sessions: each may cost the making of a slave
+  double openings_per_party_s = 1e9;  ///< of these, for one key, or in the clear for one IP address
 };
 
 /// What to do with a Hello. kOpen, kResume: the table has the session; kAgain: the same Welcome once more;
@@ -35,6 +37,7 @@ struct HelloContext {
   bool shutting_down = false;
   bool address_proven = false;  ///< by a secure channel: the first Hello is answered by a Welcome
   std::uint64_t owner = 0;      ///< identity of the channel's key; a token resumes only its owner's session
+  std::uint8_t rank = 0;        ///< of the right of the channel's key
   bool others = false;          ///< there are shards that have not been asked for the token
   /// Asked before one more session becomes active: is there a place for it beyond this table's own? Null:
   /// yes.
@@ -47,7 +50,7 @@ struct HelloContext {
 /// slot), the present and the last slot accepted.
 class ServerHandshake {
  public:
-  explicit ServerHandshake(const ServerHandshakeConfig& config) noexcept;
+  explicit ServerHandshake(const ServerHandshakeConfig& config);
 
   HelloVerdict on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns, SessionTable& table,
                         const HelloContext& context = {}) noexcept;
@@ -56,12 +59,17 @@ class ServerHandshake {
 
   std::uint64_t cookie(const PeerKey& peer, std::uint64_t nonce, std::int64_t time_slot) const noexcept;
   static constexpr std::int64_t kCookieSlotNs = 30'000'000'000;
+  /// Whom a session counts for: the key, or where there is none the address without its port.
+  std::uint64_t party_of(const PeerKey& peer, std::uint64_t owner) const noexcept;
 
  private:
+  static constexpr std::size_t kPartyBuckets = 1024;
+
   ServerHandshakeConfig config_;
   SipKey cookie_key_;
   TokenBucket challenges_;
   TokenBucket openings_;
+  std::vector<TokenBucket> party_openings_;
 };
 
 }  // namespace telenano::link

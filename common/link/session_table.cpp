@@ -3,6 +3,14 @@
 #include <algorithm>
 
 namespace telenano::link {
+namespace {
+
+/// Counts for its party.
+bool is_held(SlotState state) noexcept {
+  return state == SlotState::kActive || state == SlotState::kSilent;
+}
+
+}  // namespace
 
 SessionTable::SessionTable(const SessionTableConfig& config, const SipKey& secret) : config_(config) {
   // Further shards have words of their own, lest two of them give out the same number.
@@ -29,6 +37,8 @@ std::uint64_t SessionTable::secret_number() noexcept {
 
 void SessionTable::set_state(std::size_t slot, SlotState state) noexcept {
   SlotState& now = sessions_[slot].state;
+  if (is_held(now) && !is_held(state) && config_.parties != nullptr)
+    config_.parties->give_back(sessions_[slot].party);
   if (now == SlotState::kActive) --active_;
   if (now != SlotState::kFree) --occupied_;
   now = state;
@@ -89,24 +99,63 @@ void SessionTable::start(std::size_t slot, const PeerKey& peer, std::uint64_t no
   session.steps_before = 0;
 }
 
-std::size_t SessionTable::place() const noexcept {
+std::size_t SessionTable::place(std::uint8_t rank) const noexcept {
   std::size_t best = kNone;
+  // Nothing is lost with one that is ending but the end of its way up.
+  const auto before = [](const Session& a, const Session& b) {
+    const auto worth = [](const Session& s) { return s.state == SlotState::kEnding ? 0 : 1 + s.rank; };
+    return worth(a) != worth(b) ? worth(a) < worth(b) : a.state_since_ns < b.state_since_ns;
+  };
   for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
     const Session& s = sessions_[slot];
     if (s.state == SlotState::kFree) return slot;
-    if (s.state == SlotState::kActive) continue;
+    if (s.state == SlotState::kActive || (s.state == SlotState::kSilent && s.rank > rank)) continue;
+    if (best == kNone || before(s, sessions_[best])) best = slot;
+  }
+  return best;
+}
+
+std::size_t SessionTable::oldest_silent_of(std::uint64_t party) const noexcept {
+  std::size_t best = kNone;
+  for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
+    const Session& s = sessions_[slot];
+    if (s.state != SlotState::kSilent || s.party != party) continue;
     if (best == kNone || s.state_since_ns < sessions_[best].state_since_ns) best = slot;
   }
   return best;
 }
 
+bool SessionTable::party_is_full(std::uint64_t party) const noexcept {
+  if (config_.per_party == SessionTableConfig::kCapacityAny) return false;
+  if (config_.parties != nullptr) return config_.parties->count(party) >= config_.per_party;
+  const auto held = std::count_if(sessions_.begin(), sessions_.end(),
+                                  [&](const Session& s) { return is_held(s.state) && s.party == party; });
+  return static_cast<std::size_t>(held) >= config_.per_party;
+}
+
+bool SessionTable::has_room(const Opener& opener) const noexcept {
+  if (party_is_full(opener.party)) return oldest_silent_of(opener.party) != kNone;
+  return place(opener.rank) != kNone;
+}
+
 std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
-                               std::int64_t now_ns, std::uint64_t owner) noexcept {
-  const std::size_t best = place();
+                               std::int64_t now_ns, const Opener& opener) noexcept {
+  const bool one_for_one = party_is_full(opener.party);
+  const std::size_t best = one_for_one ? oldest_silent_of(opener.party) : place(opener.rank);
   if (best == kNone) return kNone;
+  if (config_.parties != nullptr) {
+    // Another shard may have taken the party's last place since.
+    if (one_for_one) {
+      config_.parties->add(opener.party);
+    } else if (!config_.parties->take(opener.party, config_.per_party)) {
+      return kNone;
+    }
+  }
   release(best);
   Session& session = sessions_[best];
-  session.owner = owner;
+  session.owner = opener.owner;
+  session.party = opener.party;
+  session.rank = opener.rank;
   session.resume_token = secret_number();
   if (next_epoch_ == 0) next_epoch_ += config_.shards;  // 0 is "none"
   session.epoch = next_epoch_;
@@ -116,8 +165,10 @@ std::size_t SessionTable::open(const PeerKey& peer, std::uint64_t nonce, std::ui
 }
 
 std::size_t SessionTable::adopt(const Session& session) noexcept {
-  const std::size_t best = place();
-  if (best != kNone) replace(best, session);
+  const std::size_t best = place(session.rank);
+  if (best == kNone) return kNone;
+  if (is_held(session.state) && config_.parties != nullptr) config_.parties->add(session.party);
+  replace(best, session);
   return best;
 }
 

@@ -8,6 +8,7 @@
 #include "common/link/drop_cause.h"
 #include "common/link/link_quality.h"
 #include "common/link/messages.h"
+#include "common/link/party_counts.h"
 #include "common/link/received_energy.h"
 #include "common/link/sequence_window.h"
 #include "common/link/siphash.h"
@@ -24,6 +25,13 @@ struct PeerKey {
 /// free.
 enum class SlotState : std::uint8_t { kFree, kActive, kSilent, kEnding };
 
+/// Who opens a session.
+struct Opener {
+  std::uint64_t owner = 0;  ///< identity of its key; 0 in the clear
+  std::uint64_t party = 0;  ///< whom the session counts for (PartyCounts)
+  std::uint8_t rank = 0;    ///< of its right: a lesser one never takes a greater one's place
+};
+
 /// One session of the server. `epoch` and `resume_token` belong to the slave and stay over a resume;
 /// everything else starts anew with each session id.
 struct Session {
@@ -35,6 +43,8 @@ struct Session {
   std::uint64_t feature_bits = 0;  ///< agreed
   PeerKey peer;
   std::uint64_t owner = 0;                ///< identity of the key that opened it; nobody else's may use it
+  std::uint64_t party = 0;                ///< whom it counts for
+  std::uint8_t rank = 0;                  ///< of the right that it was opened or resumed with
   std::array<std::uint64_t, 4> nonces{};  ///< of the Hellos that opened and resumed it, newest first
   SequenceWindow commands;
   std::uint64_t steps_before = 0;       ///< which of the 64 commands before the newest one had been accepted
@@ -59,6 +69,11 @@ struct SessionTableConfig {
   /// One of several tables that serve the same address with the same secret: their numbers and epochs differ.
   std::uint32_t shard = 0;
   std::uint32_t shards = 1;
+  /// Sessions that one party may have, silent ones included: one key must not take the place of all others.
+  std::size_t per_party = kCapacityAny;
+  /// Of all shards together; null: there is one.
+  PartyCounts* parties = nullptr;
+  static constexpr std::size_t kCapacityAny = SIZE_MAX;
 };
 
 /// The server's sessions: a fixed number of slots, found by session id in constant time (the slot's index is
@@ -84,10 +99,13 @@ class SessionTable {
   /// latest.
   std::size_t find_nonce(const PeerKey& peer, std::uint64_t nonce, bool& newest) const noexcept;
 
-  /// A new session in a free slot, else in place of the one that has been silent or ending longest; kNone:
-  /// all active.
+  /// A new session in a free slot, else in place of one that is ending, else of a silent one whose right is
+  /// not greater: the least first, and of equals the one that is so longest. A party that has all that it may
+  /// have gives up its own one that is silent longest. kNone: all active, or out of reach.
   std::size_t open(const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz, std::int64_t now_ns,
-                   std::uint64_t owner = 0) noexcept;
+                   const Opener& opener = {}) noexcept;
+  /// Could open() do so now?
+  bool has_room(const Opener& opener) const noexcept;
   /// The same slave and book under a new session id, perhaps from another address.
   void resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
               std::int64_t now_ns) noexcept;
@@ -95,7 +113,7 @@ class SessionTable {
            std::int64_t now_ns) noexcept;  ///< not resumable; the slot is kept for ending_ns
   void release(std::size_t slot) noexcept { replace(slot, {}); }
   /// Takes in a session of another shard, as it is there, so that it can be resumed here; it then gets an id
-  /// of this table. In place of what open() would give up; kNone: all active.
+  /// of this table. In place of what open() would give up for it; kNone: there is none.
   std::size_t adopt(const Session& session) noexcept;
 
   /// Is this command of a known session, from its address and owner, of its epoch, without fields of features
@@ -120,7 +138,9 @@ class SessionTable {
   void start(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
              std::int64_t now_ns) noexcept;
   SlotState expire_one(std::size_t slot, std::int64_t now_ns) noexcept;
-  std::size_t place() const noexcept;
+  std::size_t place(std::uint8_t rank) const noexcept;
+  std::size_t oldest_silent_of(std::uint64_t party) const noexcept;
+  bool party_is_full(std::uint64_t party) const noexcept;
   // All changes of state go through these two, which keep the counts.
   void set_state(std::size_t slot, SlotState state) noexcept;
   void replace(std::size_t slot, const Session& session) noexcept;

@@ -9,11 +9,17 @@
 
 namespace telenano::net {
 
-/// An IPv6 address (IPv4 as ::ffff:a.b.c.d) and a port in host order. Compared as a whole.
+/// An IPv6 address (IPv4 as ::ffff:a.b.c.d) and a port in host order: those two are compared.
 struct Address {
   std::array<std::uint8_t, 16> ip{};
   std::uint16_t port = 0;
-  friend bool operator==(const Address&, const Address&) = default;
+  /// Which of this machine's addresses the peer has written to, where a socket listens on all of them and
+  /// there are several; all zero: not known. An answer to this Address leaves from there: the peer takes it
+  /// from nobody else.
+  std::array<std::uint8_t, 16> here{};
+  friend bool operator==(const Address& a, const Address& b) noexcept {
+    return a.port == b.port && a.ip == b.ip;
+  }
 };
 
 enum class SendStatus : std::uint8_t { kSent, kWouldBlock, kFailed };

@@ -12,7 +12,7 @@ namespace telenano::net {
 enum class Rights : std::uint8_t {
   kObserve,    ///< sessions whose commands do not move the tip
   kOperate,    ///< sessions that move it
-  kAdminister  ///< reserved for messages that change the server; version 1 of the protocol has none
+  kAdminister  ///< and take over a shared tip at once
 };
 
 inline constexpr std::array<std::string_view, 3> kRightsNames = {"observe", "operate", "administer"};
@@ -28,11 +28,11 @@ constexpr std::optional<Rights> parse_rights(std::string_view text) noexcept {
   return std::nullopt;
 }
 
-/// What the channel that a datagram came through vouches for. Plain UDP proves no address; who may use it at
-/// all (loopback) may do everything.
+/// What the channel that a datagram came through vouches for. Plain UDP proves no address and shows no key:
+/// it is every local user's (loopback), who may operate unless who serves says otherwise.
 struct Standing {
   bool address_proven = false;
-  Rights rights = Rights::kAdminister;
+  Rights rights = Rights::kOperate;
   /// Who: a number of the key or certificate, the same in every channel that it opens. 0: nobody has said.
   std::uint64_t identity = 0;
 };

@@ -90,17 +90,19 @@ bool is_loopback(const Address& address) noexcept {
 namespace {
 
 /// Time since the kernel received the datagram; 0 if it did not say, or if the wall clock was set in between.
-std::int64_t age_ns(msghdr& header) noexcept {
+/// `here`: which address it came to, where that is told.
+std::int64_t age_ns(msghdr& header, std::array<std::uint8_t, 16>& here) noexcept {
+  here = {};
+  std::int64_t age = 0;
   for (cmsghdr* part = CMSG_FIRSTHDR(&header); part != nullptr; part = CMSG_NXTHDR(&header, part)) {
+    here_of(*part, here);
     if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SCM_TIMESTAMPNS) continue;
     timespec came{}, now{};
     std::memcpy(&came, CMSG_DATA(part), sizeof came);
     ::clock_gettime(CLOCK_REALTIME, &now);
-    const std::int64_t age =
-        (now.tv_sec - came.tv_sec) * std::int64_t{1'000'000'000} + (now.tv_nsec - came.tv_nsec);
-    return age > 0 && age < 1'000'000'000 ? age : 0;
+    age = (now.tv_sec - came.tv_sec) * std::int64_t{1'000'000'000} + (now.tv_nsec - came.tv_nsec);
   }
-  return 0;
+  return age > 0 && age < 1'000'000'000 ? age : 0;
 }
 
 }  // namespace
@@ -112,6 +114,8 @@ std::int64_t age_ns(msghdr& header) noexcept {
 struct Udp::Impl {
   int handle = -1;
   Address local;
+  bool v6 = false;
+  bool here = false;  // it listens on every address, and is told which one a datagram came to
   std::int64_t busy_poll_ns = 0;
   bool notices = false;
   Unreachable unreachable = Unreachable::kNo;
@@ -127,7 +131,7 @@ struct Udp::Impl {
     if (handle >= 0) ::close(handle);
   }
 
-  void open(const Address& at, const UdpOptions& options) {
+  void open(const Address& at, const UdpOptions& options, bool answers) {
     const udp::endpoint endpoint = to_endpoint<udp::endpoint>(at);
     asio::io_context context;
     udp::socket socket{context};
@@ -170,6 +174,10 @@ struct Udp::Impl {
     // The kernel notes when each datagram came (CLOCK_REALTIME): a loop that looks once a tick would
     // otherwise measure its own period as round trip. Where it is not to be had, age_ns stays 0.
     if (options.arrival_times) ::setsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &yes, sizeof yes);
+    // The routing table's choice need not be the address that the peer has written to. Who begins has only
+    // that choice.
+    v6 = endpoint.address().is_v6();
+    here = answers && is_any(at.ip) && tell_here(handle, v6);
   }
 
   /// Up to net.core.{r,w}mem_max, or beyond for a program that may administer the network.
@@ -201,6 +209,26 @@ struct Udp::Impl {
     cached = to;
   }
 
+  /// To whom cache() was told.
+  ssize_t send(std::span<const std::uint8_t> bytes) const noexcept {
+    return ::sendto(handle, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT,
+                    reinterpret_cast<const sockaddr*>(&cached_name), cached_length);
+  }
+
+  ssize_t send_from(const std::array<std::uint8_t, 16>& from,
+                    std::span<const std::uint8_t> bytes) const noexcept {
+    alignas(cmsghdr) std::array<std::byte, kHereControlBytes> control;
+    SocketName to = cached_name;
+    iovec part{const_cast<std::uint8_t*>(bytes.data()), bytes.size()};
+    msghdr header{};
+    header.msg_name = &to;
+    header.msg_namelen = cached_length;
+    header.msg_iov = &part;
+    header.msg_iovlen = 1;
+    leave_from(from, v6, control.data(), header);
+    return ::sendmsg(handle, &header, MSG_NOSIGNAL | MSG_DONTWAIT);
+  }
+
   void remember(const SocketName& name, socklen_t length, Address& from) noexcept {
     if (length == cached_length && std::memcmp(&name, &cached_name, length) == 0) {
       from = cached;
@@ -220,21 +248,22 @@ Udp::~Udp() = default;
 
 Udp Udp::listen(const Address& local, const UdpOptions& options) {
   auto impl = std::make_unique<Impl>();
-  impl->open(local, options);
+  impl->open(local, options, true);
   return Udp(std::move(impl));
 }
 
 Udp Udp::open_for(const Address& peer) {
   Address any;
   if (is_v4(peer)) std::copy(kV4Prefix.begin(), kV4Prefix.end(), any.ip.begin());
-  return listen(any);
+  auto impl = std::make_unique<Impl>();
+  impl->open(any, {}, false);
+  return Udp(std::move(impl));
 }
 
 SendStatus Udp::send(std::span<const std::uint8_t> bytes, const Address& to) noexcept {
   impl_->cache(to);
   for (int tries = 0; tries < 3; ++tries) {
-    const ssize_t n = ::sendto(impl_->handle, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT,
-                               reinterpret_cast<const sockaddr*>(&impl_->cached_name), impl_->cached_length);
+    const ssize_t n = impl_->here && !is_any(to.here) ? impl_->send_from(to.here, bytes) : impl_->send(bytes);
     if (n >= 0) return SendStatus::kSent;
     if (errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS) return SendStatus::kWouldBlock;
     // A port that was unreachable a moment ago (ICMP) is reported here, for an earlier datagram: try this
@@ -247,7 +276,7 @@ SendStatus Udp::send(std::span<const std::uint8_t> bytes, const Address& to) noe
 bool Udp::receive(std::span<std::uint8_t> buffer, Received& received) noexcept {
   for (int tries = 0; tries < 8; ++tries) {
     SocketName name;
-    alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(timespec))> control;
+    alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(timespec)) + kHereControlBytes> control;
     iovec part{buffer.data(), buffer.size()};
     msghdr header{};
     header.msg_name = &name;
@@ -260,9 +289,11 @@ bool Udp::receive(std::span<std::uint8_t> buffer, Received& received) noexcept {
     const ssize_t n = ::recvmsg(impl_->handle, &header, MSG_TRUNC | MSG_DONTWAIT);
     if (n >= 0) {
       received.size = static_cast<std::size_t>(n);
-      received.age_ns = age_ns(header);
+      std::array<std::uint8_t, 16> here;
+      received.age_ns = age_ns(header, here);
       impl_->unreachable = Unreachable::kNo;
       impl_->remember(name, header.msg_namelen, received.from);
+      received.from.here = here;
       return true;
     }
     if (errno != EINTR && !impl_->note(errno)) return false;

@@ -25,24 +25,29 @@ constexpr std::uint64_t kAloneFor = 8;
 constexpr std::uint64_t kLookEvery = 16;
 
 /// Between the kernel's stamp on a datagram and `now`, both CLOCK_REALTIME; 0 if it has none, or if the clock
-/// was set in between.
-std::int64_t age_ns(msghdr& header, const timespec& now) noexcept {
+/// was set in between. `here`: which address it came to, where that is told.
+std::int64_t age_ns(msghdr& header, const timespec& now, std::array<std::uint8_t, 16>& here) noexcept {
+  std::int64_t age = 0;
   for (cmsghdr* part = CMSG_FIRSTHDR(&header); part != nullptr; part = CMSG_NXTHDR(&header, part)) {
+    here_of(*part, here);
     if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SCM_TIMESTAMPNS) continue;
     timespec came{};
     std::memcpy(&came, CMSG_DATA(part), sizeof came);
-    const std::int64_t age =
-        (now.tv_sec - came.tv_sec) * std::int64_t{1'000'000'000} + (now.tv_nsec - came.tv_nsec);
-    return age > 0 && age < 1'000'000'000 ? age : 0;
+    age = (now.tv_sec - came.tv_sec) * std::int64_t{1'000'000'000} + (now.tv_nsec - came.tv_nsec);
   }
-  return 0;
+  return age > 0 && age < 1'000'000'000 ? age : 0;
 }
 
 }  // namespace
 
 struct UdpBatch::Impl {
-  struct alignas(cmsghdr) Stamp {
-    std::array<std::byte, CMSG_SPACE(sizeof(timespec))> bytes;
+  /// What the kernel tells of a datagram besides: when it came, and where to.
+  struct alignas(cmsghdr) Told {
+    std::array<std::byte, CMSG_SPACE(sizeof(timespec)) + kHereControlBytes> bytes;
+  };
+  /// What it is told for an answer: where from.
+  struct alignas(cmsghdr) From {
+    std::array<std::byte, kHereControlBytes> bytes;
   };
 
   /// What the kernel fills or reads, a slot a datagram.
@@ -66,7 +71,7 @@ struct UdpBatch::Impl {
     std::vector<mmsghdr> headers;
   };
 
-  Impl(Udp& s, std::size_t n) : socket(s), handle(s.handle()), in(n), out(n), stamps(n) {
+  Impl(Udp& s, std::size_t n) : socket(s), handle(s.handle()), in(n), out(n), told(n) {
     SocketName name{};
     socklen_t length = sizeof name;
     ::getsockname(handle, reinterpret_cast<sockaddr*>(&name), &length);
@@ -74,6 +79,8 @@ struct UdpBatch::Impl {
     int on = 0;
     socklen_t size = sizeof on;
     stamped = ::getsockopt(handle, SOL_SOCKET, SO_TIMESTAMPNS, &on, &size) == 0 && on != 0;
+    here = tells_here(handle, v6);
+    if (here) sources.resize(n);
     // Every call here says for itself whether it waits.
     const int flags = ::fcntl(handle, F_GETFL);
     const timeval patience{0, static_cast<suseconds_t>(kShortWaitNs / 1000)};
@@ -86,8 +93,8 @@ struct UdpBatch::Impl {
     for (std::size_t i = 0; i < touched; ++i) {  // the kernel has shortened these
       msghdr& header = in.headers[i].msg_hdr;
       header.msg_namelen = sizeof(SocketName);
-      header.msg_control = stamped ? &stamps[i] : nullptr;
-      header.msg_controllen = stamped ? sizeof(Stamp) : 0;
+      header.msg_control = stamped || here ? &told[i] : nullptr;
+      header.msg_controllen = stamped || here ? sizeof(Told) : 0;
       header.msg_flags = 0;
     }
     touched = 0;
@@ -132,6 +139,8 @@ struct UdpBatch::Impl {
   /// 1, or -1: a call for one costs less than one for many.
   int send_one(std::size_t i) const noexcept {
     const msghdr& header = out.headers[i].msg_hdr;
+    if (header.msg_controllen > 0)
+      return ::sendmsg(handle, &header, MSG_NOSIGNAL | MSG_DONTWAIT) >= 0 ? 1 : -1;
     return ::sendto(handle, header.msg_iov->iov_base, header.msg_iov->iov_len, MSG_NOSIGNAL | MSG_DONTWAIT,
                     static_cast<const sockaddr*>(header.msg_name), header.msg_namelen) >= 0
                ? 1
@@ -168,10 +177,12 @@ struct UdpBatch::Impl {
   int handle;
   bool v6 = false;
   bool stamped = false;  // the kernel notes when datagrams come
+  bool here = false;     // and which of this machine's addresses they come to
   bool may_wait = false;
   Ring in;
   Ring out;
-  std::vector<Stamp> stamps;
+  std::vector<Told> told;
+  std::vector<From> sources;
   std::size_t filled = 0;   // of `in`, by the last fetch
   std::size_t next = 0;     // of these, to be given out
   std::size_t touched = 0;  // headers that the kernel has changed
@@ -202,7 +213,11 @@ SendStatus UdpBatch::send(std::span<const std::uint8_t> bytes, const Address& to
   const std::size_t i = m.kept++;
   if (!bytes.empty()) std::memcpy(m.out.slot(i), bytes.data(), bytes.size());
   m.out.parts[i].iov_len = bytes.size();
-  m.out.headers[i].msg_hdr.msg_namelen = to_kernel(to, m.v6, m.out.names[i]);
+  msghdr& header = m.out.headers[i].msg_hdr;
+  header.msg_namelen = to_kernel(to, m.v6, m.out.names[i]);
+  header.msg_control = nullptr;
+  header.msg_controllen = 0;
+  if (m.here && !is_any(to.here)) leave_from(to.here, m.v6, &m.sources[i], header);
   return SendStatus::kSent;
 }
 
@@ -220,7 +235,7 @@ bool UdpBatch::receive(std::span<std::uint8_t> buffer, Received& received) noexc
   mmsghdr& header = m.in.headers[i];
   received.size = header.msg_len;
   received.from = from_kernel(m.in.names[i]);
-  received.age_ns = m.stamped ? age_ns(header.msg_hdr, m.fetched_at) : 0;
+  received.age_ns = m.stamped || m.here ? age_ns(header.msg_hdr, m.fetched_at, received.from.here) : 0;
   const std::size_t kept = std::min({received.size, kSlotBytes, buffer.size()});
   if (kept > 0) std::memcpy(buffer.data(), m.in.slot(i), kept);
   return true;

@@ -427,6 +427,7 @@ struct DtlsServer::Impl {
         counters.add(Event::kOpened);
         peer.since_ns = now_ns;
         received.standing = {true, peer.rights, peer.number};
+        peer.channel->set_peer(received.from);  // where it writes to may have changed, and that is proven
         return true;
       case DtlsChannel::Open::kNothing:
         counters.add(Event::kForged);

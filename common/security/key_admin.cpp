@@ -37,6 +37,7 @@ void new_key(const std::string& list_path, const std::string& identity, net::Rig
     throw UserError("key '" + identity +
                     "': expected a name of 1 to 64 letters, digits, dots, dashes and underscores");
   }
+  const PrivateFileLock lock(list_path, "--keys");
   KeyList list;
   if (exists(list_path)) list = load_key_list(list_path);
   if (list.find_key(identity) != nullptr) {
@@ -56,6 +57,8 @@ void new_key(const std::string& list_path, const std::string& identity, net::Rig
 }
 
 void revoke_key(const std::string& list_path, const std::string& identity) {
+  if (!exists(list_path)) load_key_list(list_path);  // says so, and leaves no lock beside what is not there
+  const PrivateFileLock lock(list_path, "--keys");
   KeyList list = load_key_list(list_path);
   const std::size_t removed =
       std::erase_if(list.keys, [&](const KeyEntry& entry) { return entry.identity == identity; }) +

@@ -7,7 +7,8 @@
 namespace telenano::security {
 
 /// A fresh key from the kernel's generator: added to the list (which is made if there is none) and written to
-/// `station_path` for the station. Throws UserError if the identity or the file exists already.
+/// `station_path` for the station. Throws UserError if the identity or the file exists already. Programs that
+/// change one list at the same time wait for each other (PrivateFileLock).
 void new_key(const std::string& list_path, const std::string& identity, net::Rights rights,
              const std::string& station_path);
 

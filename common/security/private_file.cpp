@@ -1,12 +1,15 @@
 #include "common/security/private_file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <chrono>
 #include <cstring>
+#include <thread>
 
 #include "common/base/error.h"
 
@@ -120,6 +123,34 @@ void replace_private_file(const std::string& path, const std::string& content, c
     ::unlink(beside.c_str());
     throw RunError(what + " " + path + ": cannot be written: " + std::strerror(error));
   }
+  // The new name, too, must outlive a loss of power: else a revoked key would be back after it.
+  const auto slash = path.rfind('/');
+  const File folder(slash == std::string::npos ? "." : path.substr(0, slash + 1), O_RDONLY | O_DIRECTORY);
+  if (folder.fd() < 0 || (::fsync(folder.fd()) != 0 && errno != EINVAL && errno != EROFS))
+    throw RunError(what + " " + path + ": its folder cannot be written: " + std::strerror(errno));
+}
+
+PrivateFileLock::PrivateFileLock(const std::string& path, const std::string& what, int patience_ms) {
+  const std::string name = path + ".lock";
+  fd_ = ::open(name.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  if (fd_ < 0) fail(name, what, std::string("cannot be made: ") + std::strerror(errno));
+  using Clock = std::chrono::steady_clock;
+  const auto give_up = Clock::now() + std::chrono::milliseconds(patience_ms);
+  while (::flock(fd_, LOCK_EX | LOCK_NB) != 0) {
+    if (errno == EINTR) continue;
+    const int error = errno;
+    if (error == EWOULDBLOCK && Clock::now() < give_up) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      continue;
+    }
+    ::close(fd_);
+    if (error == EWOULDBLOCK) fail(path, what, "is being changed by another program, which holds " + name);
+    fail(name, what, std::string("cannot be locked: ") + std::strerror(error));
+  }
+}
+
+PrivateFileLock::~PrivateFileLock() {
+  if (fd_ >= 0) ::close(fd_);
 }
 
 }  // namespace telenano::security

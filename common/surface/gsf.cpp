@@ -1,5 +1,9 @@
 #include "common/surface/gsf.h"
 
+#include <fcntl.h>
+#include <stdio.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <bit>
 #include <cerrno>
@@ -251,29 +255,75 @@ std::string format_gsf(const Scan& scan, const std::string& name) {
   return bytes;
 }
 
+namespace {
+
+[[noreturn]] void cannot_write(const std::string& path, const std::string& why) {
+  throw RunError(path + ": the surface cannot be written: " + why);
+}
+
+/// A new file PATH.part, or with `over` whatever is there, holds `bytes`, on the disk. False: it is there.
+bool write_beside(const std::string& path, const std::string& bytes, bool over) {
+  const std::string beside = path + ".part";
+  const int fd = ::open(beside.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | (over ? O_TRUNC : O_EXCL), 0666);
+  if (fd < 0 && !over && errno == EEXIST) return false;
+  if (fd < 0) cannot_write(path, std::strerror(errno));
+  int error = 0;
+  for (std::size_t done = 0; error == 0 && done < bytes.size();) {
+    const ssize_t n = ::write(fd, bytes.data() + done, bytes.size() - done);
+    if (n > 0) done += static_cast<std::size_t>(n);
+    if (n <= 0 && errno != EINTR) error = n == 0 ? EIO : errno;
+  }
+  if (error == 0 && ::fsync(fd) != 0) error = errno;
+  if (::close(fd) != 0 && error == 0) error = errno;
+  if (error == 0) return true;
+  ::unlink(beside.c_str());
+  cannot_write(path, std::strerror(error));
+}
+
+/// The name, too, goes to the disk. Where a folder cannot be told to, it goes when the system likes.
+void sync_folder_of(const std::string& path) {
+  const auto folder = std::filesystem::path(path).parent_path();
+  const int fd = ::open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (fd < 0) return;
+  ::fsync(fd);
+  ::close(fd);
+}
+
+}  // namespace
+
 void write_gsf(const std::string& path, const Scan& scan) {
   const std::string bytes = format_gsf(scan, path);
-  const std::string beside = path + ".part";
-  const auto give_up = [&](const std::string& why) {
-    std::error_code ignored;
-    std::filesystem::remove(beside, ignored);
-    throw RunError(path + ": the surface cannot be written: " + why);
-  };
   // A device or a pipe would be replaced by a file: only a file may be.
   std::error_code error;
   const auto there = std::filesystem::status(path, error).type();
-  if (there == std::filesystem::file_type::directory)
-    throw RunError(path + ": the surface cannot be written: it is a folder");
-  if (there != std::filesystem::file_type::regular && there != std::filesystem::file_type::not_found) {
-    throw RunError(path + ": the surface cannot be written: it is no regular file");
+  if (there == std::filesystem::file_type::directory) cannot_write(path, "it is a folder");
+  if (there != std::filesystem::file_type::regular && there != std::filesystem::file_type::not_found)
+    cannot_write(path, "it is no regular file");
+  write_beside(path, bytes, true);
+  const std::string beside = path + ".part";
+  if (::rename(beside.c_str(), path.c_str()) != 0) {
+    const int why = errno;
+    ::unlink(beside.c_str());
+    cannot_write(path, std::strerror(why));
   }
-  errno = 0;
-  std::ofstream file(beside, std::ios::binary | std::ios::trunc);
-  file.write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-  file.close();
-  if (!file) give_up(errno != 0 ? std::strerror(errno) : "the disk refused it");
-  std::filesystem::rename(beside, path, error);
-  if (error) give_up(error.message());
+  sync_folder_of(path);
+}
+
+bool create_gsf(const std::string& path, const Scan& scan) {
+  const std::string bytes = format_gsf(scan, path);
+  std::error_code error;
+  if (std::filesystem::symlink_status(path, error).type() != std::filesystem::file_type::not_found)
+    return false;
+  if (!write_beside(path, bytes, false)) return false;
+  const std::string beside = path + ".part";
+  // Neither call replaces what has come meanwhile; some file systems know only one of them.
+  const bool moved = ::renameat2(AT_FDCWD, beside.c_str(), AT_FDCWD, path.c_str(), RENAME_NOREPLACE) == 0;
+  const bool linked = !moved && errno != EEXIST && ::link(beside.c_str(), path.c_str()) == 0;
+  const int why = errno;
+  if (!moved) ::unlink(beside.c_str());
+  if (!moved && !linked && why != EEXIST) cannot_write(path, std::strerror(why));
+  sync_folder_of(path);
+  return moved || linked;
 }
 
 }  // namespace telenano::surface

@@ -33,8 +33,13 @@ Scan parse_gsf(const std::string& bytes, const std::string& name);
 /// place in XOffset and YOffset. Throws UserError for a grid that cannot be read again.
 std::string format_gsf(const Scan& scan, const std::string& name);
 
-/// Writes it beside the file and puts it in its place in one move: whoever opens `path` sees the old scan or
-/// the new one whole. Throws RunError: one line naming the file.
+/// Writes it beside the file, to the disk, and puts it in its place in one move: whoever opens `path`, also
+/// after a crash or a loss of power, sees the old scan or the new one whole. Throws RunError: one line naming
+/// the file.
 void write_gsf(const std::string& path, const Scan& scan);
+
+/// The same for a file that is not there yet. False, and nothing is touched, if there is one, or one that
+/// another program is writing there (PATH.part; also what a killed one has left).
+bool create_gsf(const std::string& path, const Scan& scan);
 
 }  // namespace telenano::surface

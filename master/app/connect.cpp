@@ -21,7 +21,7 @@ std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::
     case link::RefuseReason::kFull:
       return fmt::format(
           "the server at {} has no room for one more session; try again later, or start it with a larger "
-          "--max-sessions",
+          "--max-sessions, or --sessions-per-peer if this key or address has many",
           server);
     case link::RefuseReason::kRate:
       return fmt::format("the server at {} does not serve sessions of {} Hz; try a lower --rate", server,

@@ -101,7 +101,9 @@ struct ServeOptions {
   std::string surfaces;
   std::string listen = "127.0.0.1:5100";
   std::size_t max_sessions = 64;
-  std::optional<int> timeout_ms;  // left out: as the scene says
+  std::optional<std::size_t> sessions_per_peer;  // left out: a quarter of all
+  std::string local_rights;                      // left out: operate
+  std::optional<int> timeout_ms;                 // left out: as the scene says
   int resume_s = 30;
   std::string share;  // left out: as the scene's slave must be, else private
   std::size_t workers = 1;
@@ -123,11 +125,20 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
     throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
+  if (!options.local_rights.empty() && options.security.is_secure())
+    throw UserError(
+        "--local-rights: with --keys every station has the right of its key (telenano-nve keys new "
+        "--rights); "
+        "leave it out");
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
   const rt::SteadyClock clock;
   // Before the scene: a taken port is the quicker answer.
-  Workers workers(
-      {address, options.workers, options.max_sessions, options.busy_poll, options.realtime_priority}, clock);
+  WorkersConfig workers_config{address, options.workers, options.max_sessions, options.busy_poll,
+                               options.realtime_priority};
+  workers_config.sessions_per_peer =
+      options.sessions_per_peer.value_or(default_sessions_per_peer(options.max_sessions));
+  if (!options.local_rights.empty()) workers_config.local_rights = *net::parse_rights(options.local_rights);
+  Workers workers(workers_config, clock);
   const bool marked = dscp == 0 || workers.set_dscp(dscp);
 
   auto log =
@@ -229,6 +240,16 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->capture_default_str()
       ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
   command
+      ->add_option(
+          "--sessions-per-peer", options->sessions_per_peer,
+          "Of these, for one key, or in the clear for one IP address; left out: a quarter, at least 4")
+      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
+  command
+      ->add_option("--local-rights", options->local_rights,
+                   "What a local user may who shows no key (in the clear): observe | operate (default) | "
+                   "administer, which takes a shared tip from anybody")
+      ->check(CLI::IsMember(std::vector<std::string>(net::kRightsNames.begin(), net::kRightsNames.end())));
+  command
       ->add_option("--workers", options->workers,
                    "Threads that serve; each station is one thread's, by its address and port")
       ->capture_default_str()
@@ -261,8 +282,10 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       "--low-latency", options->low_latency,
       "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");
   command
-      ->add_option("--save-surface", options->surfaces,
-                   "Folder for each session's marked surface (SCENE-NUMBER.gsf), written when it ends")
+      ->add_option(
+          "--save-surface", options->surfaces,
+          "Folder for each session's marked surface (SCENE-NUMBER.gsf, the next free number), written "
+          "every 2 s and when it ends")
       ->type_name("DIR");
   command
       ->add_option("--metrics", options->metrics,

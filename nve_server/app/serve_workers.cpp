@@ -1,5 +1,6 @@
 #include "nve_server/app/serve_workers.h"
 
+#include <algorithm>
 #include <thread>
 #include <utility>
 
@@ -12,6 +13,10 @@ constexpr std::int64_t kNicBusyPollNs = 50'000;
 constexpr std::int64_t kIdleWithOthersNs = 5'000'000;
 
 }  // namespace
+
+std::size_t default_sessions_per_peer(std::size_t max_sessions) noexcept {
+  return std::min(max_sessions, std::max<std::size_t>(max_sessions / 4, 4));
+}
 
 Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
     : config_(config), clock_(clock), cap_(config.max_sessions), mail_(config.workers) {
@@ -41,6 +46,10 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
     if (resumption) worker.secure = security.make(config_.max_sessions, resumption, worker.batch, clock_);
     server::ServerConfig own = base;
     own.table.capacity = config_.max_sessions;
+    own.table.per_party = std::min(config_.sessions_per_peer, config_.max_sessions);
+    own.table.parties = &parties_;
+    own.openings_per_party_s = own.openings_per_s * static_cast<double>(own.table.per_party) /
+                               static_cast<double>(config_.max_sessions);
     if (workers_.size() > 1) {
       own.mail = &mail_;
       own.worker = i;
@@ -54,6 +63,7 @@ void Workers::serve(Worker& worker, const ServerSignals& signals) {
   server::LoopOptions options;
   options.busy_poll = config_.busy_poll;
   options.shutdown.at_once = &signals.at_once;
+  options.local_rights = config_.local_rights;
   if (workers_.size() > 1) options.idle_period_ns = kIdleWithOthersNs;
   net::Datagram& wire = worker.secure ? static_cast<net::Datagram&>(*worker.secure) : worker.batch;
   server::run_loop(

@@ -25,8 +25,14 @@ struct WorkersConfig {
   std::size_t workers = 1;
   std::size_t max_sessions = 64;  ///< of all together
   bool busy_poll = false;
-  int realtime_priority = 0;  ///< SCHED_FIFO, 1..99; 0 = ordinary scheduling
+  int realtime_priority = 0;                         ///< SCHED_FIFO, 1..99; 0 = ordinary scheduling
+  std::size_t sessions_per_peer = 64;                ///< of one key, or in the clear of one IP address
+  net::Rights local_rights = net::Rights::kOperate;  ///< of who shows no key
 };
+
+/// A quarter of all, so that no key keeps the others out; at least 4: a station that is restarted leaves one
+/// behind for a while.
+std::size_t default_sessions_per_peer(std::size_t max_sessions) noexcept;
 
 /// Sums over all workers, each word by itself.
 struct WorkersStatus {
@@ -84,6 +90,7 @@ class Workers {
   WorkersConfig config_;
   const rt::Clock& clock_;
   server::SessionCap cap_;
+  link::PartyCounts parties_;
   server::WorkerMail mail_;
   std::vector<std::unique_ptr<Worker>> workers_;
 };

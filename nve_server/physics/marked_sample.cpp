@@ -50,6 +50,7 @@ void MarkedSample::press(const TipFlow& yielded) noexcept {
       mark.conformity = equilibrium_.tip_radius_nm() / to;
       mark.strain = plastic.strain();
       surface_->press(mark);
+      if (journal_ != nullptr) journal_->on_mark(mark);
     }
     left -= depth;
     radius = to;

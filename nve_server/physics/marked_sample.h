@@ -2,6 +2,7 @@
 
 #include <memory>
 
+#include "nve_server/physics/mark_journal.h"
 #include "nve_server/physics/spline_surface.h"
 #include "nve_server/physics/tip_equilibrium.h"
 
@@ -31,11 +32,14 @@ class MarkedSample {
   const SplineSurface& surface() const noexcept { return *surface_; }
   /// Steps that left a mark.
   std::uint64_t marks() const noexcept { return marks_; }
+  /// From now on hears of every mark; null: nobody. Must outlive this, or be taken away before.
+  void set_journal(MarkJournal* journal) noexcept { journal_ = journal; }
 
  private:
   std::shared_ptr<SplineSurface> surface_;
   TipEquilibrium equilibrium_;
   std::uint64_t marks_ = 0;
+  MarkJournal* journal_ = nullptr;
 };
 
 }  // namespace telenano::physics

@@ -88,6 +88,7 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
   handshake.rate_max_hz = limits.rate_max_hz;
   handshake.challenges_per_s = config.challenges_per_s;
   handshake.openings_per_s = config.openings_per_s;
+  handshake.openings_per_party_s = std::min(config.openings_per_party_s, config.openings_per_s);
   return handshake;
 }
 
@@ -198,6 +199,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   context.shutting_down = shutting_down_;
   context.address_proven = standing.address_proven;
   context.owner = standing.identity;
+  context.rank = static_cast<std::uint8_t>(standing.rights);
   context.others = others && search_.has_others();
   if (config_.cap != nullptr) {
     context.of = this;

@@ -52,6 +52,7 @@ struct ServerConfig {
   std::uint64_t feature_bits = link::kKnownFeatures;  ///< granted to a station that asks for them
   double challenges_per_s = 20000;
   double openings_per_s = 64;
+  double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
 
   /// One of several workers that serve one address, each with a Server in a thread of its own: all with the

@@ -37,6 +37,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
               const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
               const LoopOptions& options, LoopStatus& status) {
   std::array<Waiting, kTogether> in;
+  for (Waiting& waiting : in) waiting.received.standing.rights = options.local_rights;
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
   net::Address to;
   ServerSnapshot snapshot;

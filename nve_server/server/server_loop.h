@@ -36,6 +36,8 @@ struct LoopOptions {
   std::int64_t timeouts_period_ns = 5'000'000;
   std::int64_t idle_period_ns =
       50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
+  /// Of datagrams whose channel shows no key: every local user's.
+  net::Rights local_rights = net::Rights::kOperate;
   ShutdownOptions shutdown;
 };
 

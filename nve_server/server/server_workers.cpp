@@ -44,7 +44,8 @@ void Server::hand_over(std::size_t slot, const Letter& question) noexcept {
 void Server::adopt(SessionParcel& parcel) noexcept {
   if (parcel.session.state == SlotState::kActive) ++cap_held_;
   const std::size_t slot = table_.adopt(parcel.session);
-  // With a cap there is a place: at most as many sessions are active as each worker has slots.
+  // With a cap there is a place, as at most as many sessions are active as each worker has slots; but silent
+  // ones of a greater right may hold all of them, and do not give way.
   if (slot != link::SessionTable::kNone) {
     tips_[slot] = std::move(parcel.tip);
     seats_[slot] = std::move(parcel.seat);

@@ -86,6 +86,8 @@ class NveSlave final : public Slave {
   const TouchedSample& sample() const noexcept { return sample_; }
   /// This session's own surface; null where no marks stay.
   const physics::SplineSurface* marked_surface() const noexcept { return sample_.marked_surface(); }
+  /// Hears of every mark from now on, within the step that leaves it. Must outlive this slave.
+  void set_mark_journal(physics::MarkJournal* journal) noexcept { sample_.set_mark_journal(journal); }
 
  private:
   // What one trial of the port's end may change; kept only if it is accepted.

@@ -34,6 +34,11 @@ class TouchedSample {
   /// Steps that left a mark.
   std::uint64_t marks() const noexcept { return marked_ ? marked_->marks() : 0; }
 
+  /// Hears of every mark from now on; nothing where none stay.
+  void set_mark_journal(physics::MarkJournal* journal) noexcept {
+    if (marked_) marked_->set_journal(journal);
+  }
+
   /// Of the last trial accepted; null without a particle.
   const physics::ParticleSolution* particle() const noexcept {
     return particle_ ? &particle_->solution : nullptr;

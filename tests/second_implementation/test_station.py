@@ -342,7 +342,7 @@ class StationAtTheServer(unittest.TestCase):
         self.assertGreater(counted(self.child.said()).get("unexpected", 0), 4, "more than the farewells' echo")
 
     def test_a_shared_tip_goes_to_who_asks_by_right(self):
-        self.start_server("--share", "one-tip", "--timeout-ms", "5000")
+        self.start_server("--share", "one-tip", "--timeout-ms", "5000", "--local-rights", "administer")
         old = udp(self)
         cookie = self.ask(old, hello(3)).cookie
         refuse = self.ask(old, hello(3, cookie, feature_bits=ALL))
@@ -362,7 +362,7 @@ class StationAtTheServer(unittest.TestCase):
         self.assertEqual(vector(seen, "hold_pos_w_{}_nm"), here)
         self.assertEqual(vector(seen, "force_w_{}_nn"), vector(own, "force_w_{}_nn"))
         self.assertGreater(seen.measurement_age_ns, 50e6)
-        # Loopback in the clear administers: at once. Until its commands carry the new number, they move nothing.
+        # Who administers has it at once. Until its commands carry the new number, they move nothing.
         b.tick((0, 0, -50), flags=CLUTCH | DEADMAN | TAKE_OVER)
         b.receive(0.05)
         self.assertEqual((b.station.tip_hold, vector(b.station.reply, "hold_pos_w_{}_nm")), (2, here))

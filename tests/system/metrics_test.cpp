@@ -4,6 +4,8 @@
 #include <netinet/in.h>
 #include <sys/socket.h>
 
+#include <atomic>
+#include <chrono>
 #include <map>
 #include <regex>
 #include <thread>
@@ -156,6 +158,49 @@ TEST_F(MetricsTest, MistakesAreOneLine) {
     expect_error(with(command, {"--dscp", "best"}), {"--dscp 'best'", "0 to 63"});
     expect_error(with(command, {"--dscp", "64"}), {"--dscp '64'", "0 to 63"});
   }
+  server.stop();
+}
+
+/// A connection to the metrics' port that says `first` and nothing more.
+int hang_on(int port, const std::string& first) {
+  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  at.sin_port = htons(static_cast<std::uint16_t>(port));
+  at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  EXPECT_EQ(::connect(fd, reinterpret_cast<const sockaddr*>(&at), sizeof at), 0);
+  EXPECT_EQ(::send(fd, first.data(), first.size(), MSG_NOSIGNAL), static_cast<ssize_t>(first.size()));
+  return fd;
+}
+
+TEST_F(MetricsTest, WhoConnectsAndSaysNothingDoesNotKeepOthersOut) {
+  Server server(scene_path("flat_silicon_oxide"), 0, {"--metrics", "127.0.0.1:0"});
+  ASSERT_TRUE(server.child().wait_for_err("/metrics", kLong));
+  const int port = port_in(server.child().err());
+  // Also half a request, one whose lines never end, and more of all than there are threads.
+  const std::vector<std::string> firsts = {"", "GET /metrics HTTP/1.1\r\n", "GET"};
+  std::vector<int> idle;
+  for (int i = 0; i < 3; ++i) idle.push_back(hang_on(port, ""));
+  // It takes some 2 s; with one thread and the library's 30 s for each connection three alone take 90 s.
+  const auto answered_soon = [&] {
+    const auto begin = std::chrono::steady_clock::now();
+    const bool answered = scrape(port).find("200 OK") != std::string::npos;
+    return answered && std::chrono::steady_clock::now() - begin < Seconds(20);
+  };
+  EXPECT_TRUE(answered_soon()) << "beside three that are silent";
+  for (int i = 0; i < 30; ++i) idle.push_back(hang_on(port, firsts[static_cast<std::size_t>(i) % 3]));
+  // Some say a letter now and then: the time is that of the whole request, not from letter to letter.
+  std::atomic<bool> over{false};
+  std::thread slow([&] {
+    while (!over) {
+      for (const int fd : idle) (void)!::send(fd, "x", 1, MSG_NOSIGNAL);
+      std::this_thread::sleep_for(Milliseconds(100));
+    }
+  });
+  EXPECT_TRUE(answered_soon()) << "beside 33, some of them slow";
+  over = true;
+  slow.join();
+  for (const int fd : idle) ::close(fd);
   server.stop();
 }
 

@@ -1,6 +1,7 @@
 // Encrypted sessions between the two programs, and what a person is told who gets keys or certificates wrong.
 #include <sys/stat.h>
 
+#include <regex>
 #include <thread>
 
 #include "common/net/udp.h"
@@ -67,6 +68,37 @@ class SecureTest : public ProgramsTest {
     return text.substr(at + 7, 64);
   }
 };
+
+TEST_F(SecureTest, AServerOnEveryAddressAnswersFromTheOneThatWasAsked) {
+  // 127.0.0.2 is this machine's too, but what is sent to 127.0.0.1 leaves from there if nobody says
+  // otherwise.
+  for (const auto& [listen, more] :
+       std::vector<std::pair<std::string, std::vector<std::string>>>{{"0.0.0.0:0", {}},
+                                                                     {"0.0.0.0:0", {"--workers", "2"}},
+                                                                     {"0.0.0.0:0", {"--busy-poll"}},
+                                                                     {"[::]:0", {}}}) {
+    std::vector<std::string> command{kNve,       "serve", "--scene", scene_path("flat_silicon_oxide"),
+                                     "--listen", listen,  "--keys",  keys()};
+    command.insert(command.end(), more.begin(), more.end());
+    ChildProcess server(command);
+    if (!server.wait_for_err("serving", kLong) && listen == "[::]:0") continue;  // no IPv6 here
+    ASSERT_TRUE(server.wait_for_err(", encrypted", kLong)) << server.err();
+    std::smatch match;
+    const std::string said = server.err();
+    ASSERT_TRUE(std::regex_search(said, match, std::regex("(0\\.0\\.0\\.0|\\[::\\]):(\\d+), encrypted")))
+        << said;
+    for (const char* const host : {"127.0.0.1", "127.0.0.2", "127.1.2.3"}) {
+      const Finished done = run_program(
+          {kMaster, "run", "--quiet", "--server", std::string(host) + ":" + match[2].str(), "--key",
+           path("omega-1.key"), "--task", "contact", "--duration-s", "0.5", "--give-up-s", "2"},
+          {}, kLong);
+      EXPECT_EQ(done.exit_code, 0) << listen << " asked at " << host << ": " << done.err;
+    }
+    server.signal(SIGTERM);
+    ASSERT_TRUE(server.wait(kLong));
+    EXPECT_EQ(server.exit_code(), 0) << server.err();
+  }
+}
 
 TEST_F(SecureTest, ASessionRunsAndIsRecordedAsEncrypted) {
   Server server(scene_path("flakes"), 0, {"--keys", keys()});

@@ -27,7 +27,7 @@ class SessionsTest : public ProgramsTest {
 };
 
 TEST_F(SessionsTest, OneHoldsTheTipOthersLookOnAndTakeItByRight) {
-  Server server(scene_path("flat_pdms"), 0, {"--share", "one-tip"});
+  Server server(scene_path("flat_pdms"), 0, {"--share", "one-tip", "--local-rights", "administer"});
   ChildProcess first(talking(server, {"--task", "contact", "--duration-s", "60"}));
   ASSERT_TRUE(first.wait_for_err("taking it if it is free", kLong)) << first.err();
   ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
@@ -51,7 +51,7 @@ TEST_F(SessionsTest, OneHoldsTheTipOthersLookOnAndTakeItByRight) {
   EXPECT_EQ(third.exit_code(), 0) << third.err();
   EXPECT_TRUE(says(third.err(), "observing, the force is zero")) << third.err();
 
-  // Who administers, as everybody on loopback in the clear, takes it.
+  // Who administers, as here everybody on loopback, takes it.
   ChildProcess fourth(talking(server, {"--task", "contact", "--duration-s", "2", "--take-over"}));
   ASSERT_TRUE(first.wait_for_err("observing, the force is zero", kLong)) << first.err();
   ASSERT_TRUE(fourth.wait(kLong)) << fourth.err();

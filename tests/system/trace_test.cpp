@@ -1,6 +1,8 @@
 // telenano-nve trace: the example of deploy/ from its path to the surface on disk, and what it refuses.
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <thread>
 
 #include "common/surface/gsf.h"
 #include "tests/source_dir.h"
@@ -180,6 +182,73 @@ TEST_F(TraceTest, TheServerKeepsWhatASessionLeaves) {
   EXPECT_LT(scan.lowest_before_shift_nm, -0.6);
   EXPECT_GT(scan.lowest_before_shift_nm, -5.0);
   EXPECT_FALSE(std::filesystem::exists(path("lithography-2.gsf")));  // it touched nothing
+}
+
+TEST_F(TraceTest, WhatAnEarlierServerKeptIsNeverOverwritten) {
+  std::string kept[2];
+  for (int run = 1; run <= 3; ++run) {
+    Server server(scene_, 0, {"--save-surface", folder_.string()});
+    const Finished done = run_program(station(server, {"--task", "indent", "--duration-s", "1"}), {}, kLong);
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    server.stop();
+    const std::string file = path("lithography-" + std::to_string(run) + ".gsf");
+    ASSERT_TRUE(std::filesystem::exists(file)) << file;
+    EXPECT_FALSE(std::filesystem::exists(file + ".part"));
+    for (int before = 1; before < run; ++before) {
+      EXPECT_EQ(file_text(path("lithography-" + std::to_string(before) + ".gsf")), kept[before - 1])
+          << "of run " << before << " after run " << run;
+    }
+    if (run < 3) kept[run - 1] = file_text(file);
+  }
+}
+
+TEST_F(TraceTest, TwoServersKeepInOneFolder) {
+  Server first(scene_, 0, {"--save-surface", folder_.string()});
+  Server second(scene_, 0, {"--save-surface", folder_.string()});
+  for (Server* const server : {&first, &second}) {
+    const Finished done = run_program(station(*server, {"--task", "indent", "--duration-s", "1"}), {}, kLong);
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    server->stop();
+  }
+  // Both had meant their first session to be the first: the second found that name taken.
+  int files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.ends_with(".gsf")) continue;
+    ++files;
+    EXPECT_LT(surface::read_gsf(entry.path().string()).lowest_before_shift_nm, -0.6) << name;
+  }
+  EXPECT_EQ(files, 2);
+}
+
+TEST_F(TraceTest, AServerThatIsKilledHasLostSecondsOnly) {
+  Server server(scene_, 0, {"--save-surface", folder_.string()});
+  ChildProcess pressing(station(server, {"--task", "indent", "--duration-s", "60"}));
+  const std::string file = path("lithography-1.gsf");
+  // While the session goes on; it presses deeper for 30 s.
+  const auto depth_nm = [&] { return -surface::read_gsf(file).lowest_before_shift_nm; };
+  const auto end = std::chrono::steady_clock::now() + kLong;
+  while (!std::filesystem::exists(file) && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(Milliseconds(20));
+  ASSERT_TRUE(std::filesystem::exists(file)) << "nothing was kept while the session went on";
+  const double first_nm = depth_nm();
+  EXPECT_GT(first_nm, 0);
+  while (depth_nm() <= first_nm && std::chrono::steady_clock::now() < end)
+    std::this_thread::sleep_for(Milliseconds(20));
+  EXPECT_GT(depth_nm(), first_nm) << "it is kept again and again";
+  server.child().signal(SIGKILL);
+  ASSERT_TRUE(server.child().wait(kLong));
+  const std::string left = file_text(file);
+  EXPECT_GT(depth_nm(), first_nm) << "whole, and what it was";
+  pressing.signal(SIGINT);
+  pressing.wait(kLong);
+  // The next server leaves it alone.
+  Server next(scene_, 0, {"--save-surface", folder_.string()});
+  const Finished done = run_program(station(next, {"--task", "indent", "--duration-s", "1"}), {}, kLong);
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  next.stop();
+  EXPECT_EQ(file_text(file), left);
+  EXPECT_LT(surface::read_gsf(path("lithography-2.gsf")).lowest_before_shift_nm, -0.6);
 }
 
 }  // namespace

@@ -44,9 +44,18 @@ struct Folder {
 
 double kib_per_session(const MemoryBenchOptions& o, const std::string& scene, bool encrypted) {
   const Folder folder;
-  std::vector<std::string> command{o.program,      "serve",       "--scene",        scene,
-                                   "--listen",     "127.0.0.1:0", "--max-sessions", std::to_string(o.to),
-                                   "--timeout-ms", "60000"};
+  std::vector<std::string> command{o.program,
+                                   "serve",
+                                   "--scene",
+                                   scene,
+                                   "--listen",
+                                   "127.0.0.1:0",
+                                   "--max-sessions",
+                                   std::to_string(o.to),
+                                   "--sessions-per-peer",
+                                   std::to_string(o.to),
+                                   "--timeout-ms",
+                                   "60000"};
   std::optional<security::DtlsClientConfig> secure;
   if (encrypted) {
     const std::string keys = (folder.path / "keys.toml").string(), key = (folder.path / "one.key").string();

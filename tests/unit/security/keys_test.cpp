@@ -1,11 +1,19 @@
 // Key files: what is taken, what is refused and in which words, and that no message holds a secret.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "common/base/error.h"
 #include "common/security/key_admin.h"
@@ -204,6 +212,75 @@ TEST_F(KeysTest, NothingIsOverwrittenAndNothingHalfDone) {
             std::string::npos);
   EXPECT_FALSE(std::filesystem::exists(path("b.key")));
   EXPECT_EQ(text_of(path("keys.toml")), before);
+}
+
+/// Runs each of `works` in a process of its own, all let go at once; how many failed.
+int failures_at_once(const std::vector<std::function<void()>>& works) {
+  std::array<int, 2> gate{};
+  EXPECT_EQ(::pipe(gate.data()), 0);
+  std::vector<pid_t> children;
+  for (const auto& work : works) {
+    const pid_t child = ::fork();
+    if (child != 0) {
+      children.push_back(child);
+      continue;
+    }
+    ::close(gate[1]);
+    char byte = 0;
+    (void)!::read(gate[0], &byte, 1);  // until the parent closes its end
+    try {
+      work();
+      ::_exit(0);
+    } catch (const std::exception& error) {
+      std::fprintf(stderr, "%s\n", error.what());
+      ::_exit(1);
+    }
+  }
+  ::close(gate[0]);
+  ::close(gate[1]);
+  int failed = 0;
+  for (const pid_t child : children) {
+    int status = 0;
+    EXPECT_EQ(::waitpid(child, &status, 0), child);
+    failed += WIFEXITED(status) && WEXITSTATUS(status) == 0 ? 0 : 1;
+  }
+  return failed;
+}
+
+TEST_F(KeysTest, WhatManyProgramsChangeAtOnceIsAllDone) {
+  // Each of eight lets in one key and takes out another: none may fail, no key come back or be missing.
+  constexpr int kEach = 4;
+  for (int round = 0; round < 10; ++round) {
+    const std::string list = path("keys" + std::to_string(round) + ".toml");
+    const auto name = [](const char* kind, int i) { return kind + std::to_string(i); };
+    const auto file = [&](const std::string& of) { return path(of + "." + std::to_string(round)); };
+    for (int i = 0; i < kEach; ++i)
+      new_key(list, name("old", i), net::Rights::kOperate, file(name("old", i)));
+    std::vector<std::function<void()>> works;
+    for (int i = 0; i < kEach; ++i) {
+      works.push_back([&, i] { new_key(list, name("new", i), net::Rights::kObserve, file(name("new", i))); });
+      works.push_back([&, i] { revoke_key(list, name("old", i)); });
+    }
+    EXPECT_EQ(failures_at_once(works), 0) << round;
+    const KeyList after = load_key_list(list);
+    for (int i = 0; i < kEach; ++i) {
+      EXPECT_EQ(after.find_key(name("old", i)), nullptr) << "a revoked key is back: " << list_keys(list);
+      EXPECT_NE(after.find_key(name("new", i)), nullptr) << list_keys(list);
+    }
+  }
+}
+
+TEST_F(KeysTest, WhoKeepsTheListForTooLongIsNamed) {
+  const std::string list = path("keys.toml");
+  new_key(list, "a", net::Rights::kOperate, path("a.key"));
+  const int held = ::open((list + ".lock").c_str(), O_RDWR);
+  ASSERT_GE(held, 0);
+  ASSERT_EQ(::flock(held, LOCK_EX | LOCK_NB), 0) << "nobody holds it between two changes";
+  const std::string said = complaint([&] { PrivateFileLock(list, "--keys", 50); });
+  EXPECT_NE(said.find("another program, which holds " + list + ".lock"), std::string::npos) << said;
+  ::close(held);
+  EXPECT_EQ(complaint([&] { PrivateFileLock(list, "--keys", 50); }), "");
+  EXPECT_EQ(mode_of(list + ".lock"), 0600u);
 }
 
 }  // namespace

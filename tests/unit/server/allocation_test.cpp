@@ -122,6 +122,7 @@ TEST(Allocation, NoneWhenASharedTipIsMovedObservedAndTakenOver) {
   net::Address address = b.link.address_a();
   address.port = 4002;
   b.link.set_address_a(address);
+  a.standing.rights = b.standing.rights = net::Rights::kAdminister;
   const auto ticks = [&](int n) {
     for (int i = 0; i < n; ++i) {
       for (VirtualSession* s : {&a, &b}) {

@@ -6,8 +6,10 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <vector>
 
 #include "common/base/constants.h"
+#include "nve_server/physics/mark_journal.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
@@ -205,6 +207,36 @@ TEST(MarksInSlave, PloughingTakesNothingFromTheHeapAndGivesTheSameBits) {
   for (int i = 1; i <= 40; ++i) b.go(Vec3(i, 0.3 * i, -5), 1e-3);
   for (double x = -5; x <= 45; x += 0.5) ASSERT_EQ(a.depth_nm(x, 0.3 * x), b.depth_nm(x, 0.3 * x));
   EXPECT_GT(a.depth_nm(20, 6), 1.0);
+}
+
+struct Heard final : physics::MarkJournal {
+  explicit Heard(std::size_t n) { marks.reserve(n); }
+  void on_mark(const physics::Mark& mark) noexcept override {
+    if (marks.size() < marks.capacity()) marks.push_back(mark);
+  }
+  std::vector<physics::Mark> marks;
+};
+
+TEST(Marks, WhoHearsOfEachHasTheSameSurface) {
+  const auto scene = lithography();
+  Led led(scene);
+  // Some before anybody listens: those are in the copy that is taken then.
+  led.lead(led.end + Vec3(0, 0, -led.end.z() - 4), 0.2);
+  ASSERT_GT(led.slave.sample().marks(), 0u);
+  physics::SplineSurface copy = *led.slave.marked_surface();
+  Heard heard(100000);
+  led.slave.set_mark_journal(&heard);
+  {
+    const support::AllocGuard guard;
+    led.lead(led.end + Vec3(30, 12, -2), 0.2);
+    EXPECT_EQ(guard.allocations(), 0u);
+  }
+  led.slave.set_mark_journal(nullptr);
+  ASSERT_GT(heard.marks.size(), 100u);
+  ASSERT_LT(heard.marks.size(), heard.marks.capacity());
+  EXPECT_NE(copy.heights().z_nm, led.slave.marked_surface()->heights().z_nm);
+  for (const physics::Mark& mark : heard.marks) copy.press(mark);
+  EXPECT_EQ(copy.heights().z_nm, led.slave.marked_surface()->heights().z_nm) << "bit for bit";
 }
 
 }  // namespace

@@ -2,10 +2,13 @@
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <limits>
+#include <sstream>
 #include <vector>
 
 #include "common/base/error.h"
@@ -177,6 +180,38 @@ TEST(Gsf, ReplacesAFileInOneMove) {
   scan.grid.z_nm[0] = std::numeric_limits<double>::infinity();
   EXPECT_THROW(write_gsf(path, scan), UserError);
   EXPECT_NEAR(read_gsf(path).grid.z_nm[4], 0.5, 1e-6);  // the old one is still there
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Gsf, AFileThatIsThereIsNeverCreated) {
+  const auto folder =
+      std::filesystem::temp_directory_path() / ("telenano_gsf_new_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(folder);
+  const auto text_of = [](const std::string& file) {
+    std::ostringstream text;
+    text << std::ifstream(file, std::ios::binary).rdbuf();
+    return text.str();
+  };
+  const std::string path = (folder / "s.gsf").string();
+  Scan scan = parse_gsf(gsf(kGood), "s.gsf");
+  ASSERT_TRUE(create_gsf(path, scan));
+  EXPECT_FALSE(std::filesystem::exists(path + ".part"));
+  const std::string before = text_of(path);
+  EXPECT_EQ(before, format_gsf(scan, "s.gsf"));
+  scan.grid.z_nm[4] = 0.5;
+  EXPECT_FALSE(create_gsf(path, scan));
+  EXPECT_EQ(text_of(path), before);
+  // What another program writes there just now, or has left when it was killed.
+  const std::string second = (folder / "t.gsf").string();
+  std::ofstream(second + ".part") << "half";
+  EXPECT_FALSE(create_gsf(second, scan));
+  EXPECT_EQ(text_of(second + ".part"), "half");
+  EXPECT_FALSE(std::filesystem::exists(second));
+  // A name that points nowhere is somebody's too.
+  const std::string link = (folder / "u.gsf").string();
+  std::filesystem::create_symlink("nowhere", link);
+  EXPECT_FALSE(create_gsf(link, scan));
+  EXPECT_THROW(create_gsf((folder / "no/such.gsf").string(), scan), RunError);
   std::filesystem::remove_all(folder);
 }
 

@@ -1,0 +1,258 @@
+// Who may take how much of a server's room. Oracles: the numbers that were asked for, and who is still there.
+#include <gtest/gtest.h>
+
+#include <optional>
+
+#include "spring_slave.h"
+#include "virtual_session.h"
+
+namespace telenano::server {
+namespace {
+
+using link::MessageType;
+using link::RefuseReason;
+using net::Rights;
+
+constexpr std::int64_t kSecond = 1'000'000'000;
+
+struct Door {
+  explicit Door(std::size_t capacity, std::size_t per_party, double openings_per_party_s = 1e9) {
+    ServerConfig config = test_config();
+    config.table.capacity = capacity;
+    config.table.per_party = per_party;
+    config.openings_per_party_s = openings_per_party_s;
+    server.emplace(config, spring_scene());
+  }
+
+  /// A Hello of somebody with this standing; each comes from a port of its own.
+  link::MessageType hello(const net::Standing& standing, std::uint8_t host = 1) {
+    from.ip[15] = host;
+    ++from.port;
+    link::Hello h;
+    h.version_min = h.version_max = link::kProtocolVersion;
+    h.nonce = ++nonce;
+    h.rate_hz = 1000;
+    ask(h, standing);
+    if (answer.type == MessageType::kChallenge) {
+      h.cookie = answer.challenge.cookie;
+      ask(h, standing);
+    }
+    return answer.type;
+  }
+  /// Its first command, so that there is something to come back to.
+  std::uint64_t use(const net::Standing& standing) {
+    link::Command c = VirtualSession::engaged();
+    const link::Welcome welcome = answer.welcome;
+    c.session_id = welcome.session_id;
+    c.epoch = welcome.epoch;
+    c.sequence = 1;
+    ask(c, standing);
+    EXPECT_EQ(answer.type, MessageType::kReply);
+    return welcome.resume_token;
+  }
+  template <class Message>
+  void ask(const Message& message, const net::Standing& standing) {
+    std::array<std::uint8_t, link::kMaxDatagramBytes> in{}, out{};
+    const std::size_t n = codec.encode(message, in);
+    const std::size_t m = server->on_datagram({in.data(), n}, from, now_ns, out, nullptr, standing);
+    answer = {};
+    if (m > 0) codec.decode({out.data(), m}, answer);
+  }
+  void pass(std::int64_t ns) {
+    now_ns += ns;
+    server->poll(now_ns);
+  }
+  bool knows(std::uint64_t token, std::uint64_t owner) const {
+    return server->sessions().find_token(token, owner) != link::SessionTable::kNone;
+  }
+
+  std::optional<Server> server;
+  net::Address from;
+  std::uint64_t nonce = 0;
+  std::int64_t now_ns = kSecond;
+  link::Codec codec;
+  link::Incoming answer;
+};
+
+constexpr net::Standing kObserver{true, Rights::kObserve, 11};
+constexpr net::Standing kOperator{true, Rights::kOperate, 22};
+constexpr net::Standing kAdministrator{true, Rights::kAdminister, 33};
+
+TEST(Quota, AKeyHasItsShareAndOthersComeIn) {
+  Door door(8, 3);
+  for (int i = 0; i < 3; ++i) ASSERT_EQ(door.hello(kObserver), MessageType::kWelcome) << i;
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_EQ(door.hello(kObserver), MessageType::kRefuse);
+    EXPECT_EQ(door.answer.refuse.reason, RefuseReason::kFull);
+  }
+  EXPECT_EQ(door.server->sessions().active(), 3u);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(door.hello(kOperator), MessageType::kWelcome);
+  EXPECT_EQ(door.hello(kOperator), MessageType::kRefuse) << "whatever its right";
+  // What ends is given back.
+  link::Bye bye;
+  ASSERT_EQ(door.hello(kAdministrator), MessageType::kWelcome);
+  bye.session_id = door.answer.welcome.session_id;
+  bye.reason = link::ByeReason::kDone;
+  door.ask(bye, kAdministrator);
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(door.hello(kAdministrator), MessageType::kWelcome);
+}
+
+TEST(Quota, InTheClearAnAddressHasItsShareWhateverItsPort) {
+  Door door(8, 2);
+  const net::Standing nobody{};
+  for (int i = 0; i < 2; ++i) ASSERT_EQ(door.hello(nobody, 1), MessageType::kWelcome);
+  EXPECT_EQ(door.hello(nobody, 1), MessageType::kRefuse);
+  EXPECT_EQ(door.hello(nobody, 2), MessageType::kWelcome);
+}
+
+TEST(Quota, WhoHasAllOfItsShareGivesUpItsOwnOldestSilentOne) {
+  Door door(8, 2);
+  ASSERT_EQ(door.hello(kOperator), MessageType::kWelcome);
+  const std::uint64_t others = door.use(kOperator);
+  ASSERT_EQ(door.hello(kObserver), MessageType::kWelcome);
+  const std::uint64_t first = door.use(kObserver);
+  door.pass(kSecond / 2);
+  ASSERT_EQ(door.hello(kObserver), MessageType::kWelcome);
+  const std::uint64_t second = door.use(kObserver);
+  door.pass(7 * kSecond / 4);
+  door.pass(2 * kSecond);  // all are silent; the others' longest
+  ASSERT_EQ(door.server->sessions().active(), 0u);
+  for (int i = 0; i < 2; ++i) {
+    ASSERT_EQ(door.hello(kObserver), MessageType::kWelcome) << "a restarted station comes in";
+    EXPECT_FALSE(door.knows(i == 0 ? first : second, kObserver.identity));
+    EXPECT_EQ(door.knows(second, kObserver.identity), i == 0);
+  }
+  EXPECT_EQ(door.hello(kObserver), MessageType::kRefuse) << "both are active";
+  EXPECT_TRUE(door.knows(others, kOperator.identity));
+  EXPECT_EQ(door.server->sessions().occupied(), 3u) << "no slot was left behind";
+}
+
+TEST(Quota, ALesserRightNeverTakesAGreatersPlace) {
+  Door door(2, 2);
+  ASSERT_EQ(door.hello(kOperator), MessageType::kWelcome);
+  const std::uint64_t token = door.use(kOperator);
+  ASSERT_EQ(door.hello(kAdministrator), MessageType::kWelcome);
+  const std::uint64_t greater = door.use(kAdministrator);
+  door.pass(3 * kSecond);
+  ASSERT_EQ(door.server->sessions().active(), 0u);
+  // Both silent: tip and book are still theirs.
+  EXPECT_EQ(door.hello(kObserver), MessageType::kRefuse);
+  EXPECT_EQ(door.answer.refuse.reason, RefuseReason::kFull);
+  EXPECT_TRUE(door.knows(token, kOperator.identity));
+  EXPECT_TRUE(door.knows(greater, kAdministrator.identity));
+  // An equal right has the place of its equal, and nobody has that of the greater.
+  const net::Standing another{true, Rights::kOperate, 23};
+  EXPECT_EQ(door.hello(another), MessageType::kWelcome);
+  EXPECT_FALSE(door.knows(token, kOperator.identity));
+  EXPECT_TRUE(door.knows(greater, kAdministrator.identity));
+  EXPECT_EQ(door.hello(another), MessageType::kRefuse);
+}
+
+TEST(Quota, TheLeastRightGivesWayFirst) {
+  Door door(3, 3);
+  ASSERT_EQ(door.hello(kOperator), MessageType::kWelcome);
+  const std::uint64_t operators = door.use(kOperator);  // silent longest
+  door.pass(kSecond / 2);
+  ASSERT_EQ(door.hello(kObserver), MessageType::kWelcome);
+  const std::uint64_t observers = door.use(kObserver);
+  ASSERT_EQ(door.hello(kAdministrator), MessageType::kWelcome);
+  const std::uint64_t administrators = door.use(kAdministrator);
+  door.pass(7 * kSecond / 4);
+  door.pass(2 * kSecond);
+  ASSERT_EQ(door.hello(kAdministrator), MessageType::kWelcome);
+  EXPECT_FALSE(door.knows(observers, kObserver.identity));
+  EXPECT_TRUE(door.knows(operators, kOperator.identity));
+  ASSERT_EQ(door.hello(kAdministrator), MessageType::kWelcome);
+  EXPECT_FALSE(door.knows(operators, kOperator.identity));
+  EXPECT_TRUE(door.knows(administrators, kAdministrator.identity));
+}
+
+TEST(Quota, AKeyThatOpensAndEndsDoesNotUseUpTheOthersRate) {
+  Door door(8, 8, 16);
+  int opened = 0, others = 0;
+  for (int ms = 0; ms < 2000; ++ms) {
+    door.pass(1'000'000);
+    if (door.hello(kObserver) == MessageType::kWelcome) {
+      ++opened;
+      const link::Bye bye{door.answer.welcome.session_id, link::ByeReason::kDone};
+      door.ask(bye, kObserver);
+    }
+    if (ms % 200 == 199) {
+      ASSERT_EQ(door.hello(kOperator), MessageType::kWelcome) << ms;
+      ++others;
+      const link::Bye bye{door.answer.welcome.session_id, link::ByeReason::kDone};
+      door.ask(bye, kOperator);
+    }
+  }
+  EXPECT_LE(opened, 16 + 2 * 16) << "a burst, and 16 a second";
+  EXPECT_EQ(others, 10);
+}
+
+TEST(Quota, IsThatOfAllWorkersTogether) {
+  WorkerMail mail(2);
+  SessionCap cap(16);
+  link::PartyCounts parties;
+  std::vector<std::unique_ptr<Server>> servers;
+  for (std::size_t i = 0; i < 2; ++i) {
+    ServerConfig config = test_config();
+    config.table.capacity = 16;
+    config.table.per_party = 3;
+    config.table.parties = &parties;
+    config.mail = &mail;
+    config.worker = i;
+    config.cap = &cap;
+    servers.push_back(std::make_unique<Server>(config, spring_scene()));
+  }
+  link::Codec codec;
+  link::Incoming answer;
+  std::array<std::uint8_t, link::kMaxDatagramBytes> in{}, out{};
+  net::Address from;
+  const auto ask = [&](const auto& message, std::size_t worker) {
+    const std::size_t n = codec.encode(message, in);
+    const std::size_t m =
+        servers[worker]->on_datagram({in.data(), n}, from, kSecond, out, nullptr, kObserver);
+    answer = {};
+    if (m > 0) codec.decode({out.data(), m}, answer);
+    return answer.type;
+  };
+  link::Hello h;
+  h.version_min = h.version_max = link::kProtocolVersion;
+  h.rate_hz = 1000;
+  std::vector<link::Welcome> welcomes;
+  for (std::uint16_t i = 0; i < 12; ++i) {
+    from.port = static_cast<std::uint16_t>(1 + i);
+    h.nonce = from.port;
+    if (ask(h, i % 2) == MessageType::kWelcome) welcomes.push_back(answer.welcome);
+  }
+  ASSERT_EQ(welcomes.size(), 3u);
+  // One moves to the other worker: it counts once, as before.
+  link::Hello back = h;
+  back.nonce = 100;
+  from.port = 100;
+  back.resume_token = welcomes[0].resume_token;  // worker 0's
+  ask(back, 1);
+  for (int i = 0; i < 3; ++i) {
+    servers[0]->exchange_mail();
+    servers[1]->exchange_mail();
+  }
+  net::Address to;
+  EXPECT_GT(servers[1]->next_answer(kSecond, out, to), 0u);
+  EXPECT_EQ(servers[1]->counters().moved_in, 1u);
+  EXPECT_EQ(servers[0]->sessions().active() + servers[1]->sessions().active(), 3u);
+  for (std::uint16_t i = 0; i < 4; ++i) {
+    from.port = static_cast<std::uint16_t>(200 + i);
+    h.nonce = from.port;
+    EXPECT_EQ(ask(h, i % 2), MessageType::kRefuse);
+  }
+  // Each of the three ends: then there are three places again.
+  for (const std::size_t worker : {0u, 1u}) {
+    for (int i = 0; i < 3; ++i) servers[worker]->next_bye(kSecond, out, to);
+  }
+  for (const link::Welcome& w : welcomes) EXPECT_NE(w.session_id, 0u);
+  std::size_t held = 0;
+  for (std::uint64_t p = 0; p < link::PartyCounts::kCounters; ++p) held += parties.count(p);
+  EXPECT_EQ(held, 0u);
+}
+
+}  // namespace
+}  // namespace telenano::server
