@@ -120,10 +120,11 @@ class ExtendedStep {
   double hand_in_overlap() noexcept {
     return scales_.overlap_nm * (has_vdw() ? handover().inside.overlap : -cache_.curve.range());
   }
-  /// Outside where the films meet, in contact at overlap 0.
+  /// Outside where the films meet, in contact at overlap 0; one that is pressed dry stays so until it has
+  /// been drawn out again, however the radius changes.
   double formation() const noexcept {
     if (!far_.has_bridge() || place_.bridge.present) return kInfinity;
-    if (place_.inside) return cache_.no_bridge_radius_nm == radius_ ? kInfinity : 0.0;
+    if (place_.inside) return place_.pressed || refused_inside_ ? kInfinity : 0.0;
     return refused_outside_ ? kInfinity : far_.formation_overlap_nm(radius_);
   }
   double rupture() const noexcept {
@@ -207,11 +208,7 @@ class ExtendedStep {
     put(BridgeState{});
     place_ = place;
     point_ = point;
-    if (place.inside) {
-      cache_.no_bridge_radius_nm = radius_;
-    } else {
-      refused_outside_ = true;
-    }
+    (place.inside ? refused_inside_ : refused_outside_) = true;
   }
 
   double potential(const TipPoint& t) noexcept {
@@ -695,7 +692,8 @@ class ExtendedStep {
   double dissipated_ = 0;
   int jumps_ = 0;
   bool remembered_ = false;
-  bool refused_outside_ = false;
+  bool refused_outside_ = false;  // in this step, by the potential
+  bool refused_inside_ = false;
 };
 
 }  // namespace telenano::physics

@@ -57,7 +57,6 @@ struct TipSampleCache {
   double fold_radius_nm = -1;
   CurvePoint rigid_fold;
   double far_force_per_radius_n_m = 0;  // inside: dG/dR
-  double no_bridge_radius_nm = -1;      // at which a bridge would not form in contact: it would take energy
 };
 
 /// What must be remembered between steps: which of the stable states the tip is in, and a warm start. A state
