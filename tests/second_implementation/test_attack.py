@@ -70,12 +70,12 @@ class WithKeys(unittest.TestCase):
         self.assertEqual((type(again), again.epoch, again.resume_token), (pb.Welcome, mine.epoch, mine.resume_token))
 
     def test_a_full_server_does_not_give_an_observer_an_operators_place(self):
-        self.serve("--timeout-ms", "500", "--max-sessions", "2")
+        self.serve("--timeout-ms", "2000", "--max-sessions", "2")
         operator = self.channel("omega-1")
         mine = [self.ask(operator, hello(1 + k)) for k in range(2)]
         for welcome in mine:
             self.use(operator, welcome)
-        time.sleep(1.0)
+        time.sleep(2.5)
         guest = self.channel("guest")
         for k in range(5):
             refuse = self.ask(guest, hello(100 + k))
