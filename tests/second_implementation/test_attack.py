@@ -47,17 +47,21 @@ class WithKeys(unittest.TestCase):
         self.assertEqual(type(reply), pb.Reply)
 
     def test_an_observer_neither_fills_the_server_nor_ends_an_operators_session(self):
-        self.serve("--timeout-ms", "500")
+        timeout_s = 2.0
+        self.serve("--timeout-ms", f"{1000 * timeout_s:.0f}")
         operator = self.channel("omega-1")
         mine = self.ask(operator, hello(1))
         self.assertEqual(type(mine), pb.Welcome)
         self.use(operator, mine)
-        time.sleep(1.0)  # silent; it can be resumed for 30 s
+        time.sleep(timeout_s + 0.5)  # silent; it can be resumed for 30 s
         guest = self.channel("guest")
+        begin = time.monotonic()
         answers = [self.ask(guest, hello(100 + k)) for k in range(SLOTS - 4)]
         taken = [a for a in answers if isinstance(a, pb.Welcome)]
         refused = [a for a in answers if isinstance(a, pb.Refuse)]
-        self.assertEqual(len(taken), SHARE)
+        # Those that it does not use are forgotten after the time-out, and may be opened again on a machine so busy.
+        rounds = 1 + int((time.monotonic() - begin) / timeout_s)
+        self.assertTrue(SHARE <= len(taken) <= SHARE * rounds, (len(taken), rounds))
         self.assertEqual({a.reason for a in refused}, {2})
         self.assertEqual(len(taken) + len(refused), len(answers))
         # Others come in, and the operator has its tip and book again.
@@ -66,12 +70,12 @@ class WithKeys(unittest.TestCase):
         self.assertEqual((type(again), again.epoch, again.resume_token), (pb.Welcome, mine.epoch, mine.resume_token))
 
     def test_a_full_server_does_not_give_an_observer_an_operators_place(self):
-        self.serve("--timeout-ms", "500", "--max-sessions", "2")
+        self.serve("--timeout-ms", "2000", "--max-sessions", "2")
         operator = self.channel("omega-1")
         mine = [self.ask(operator, hello(1 + k)) for k in range(2)]
         for welcome in mine:
             self.use(operator, welcome)
-        time.sleep(1.0)
+        time.sleep(2.5)
         guest = self.channel("guest")
         for k in range(5):
             refuse = self.ask(guest, hello(100 + k))
@@ -95,13 +99,14 @@ class WithoutKeys(unittest.TestCase):
         b.connect()
         a.check, b.check = a.replies.append, b.replies.append  # an observer's replies are not computed for its commands
         down = indent(start, 8, 4.0)
-        for k in range(200):
-            a.tick(down(k / 200))
+        for k in range(4000):
+            a.tick(down(min(k, 200) / 200))
             b.tick((0, 0, -50), flags=CLUTCH | DEADMAN | (TAKE_OVER if k >= 50 else 0))
             a.receive(0.0025)
             b.receive(0.0025)
-        a.receive(0.1)
-        b.receive(0.1)
+            # One that a busy machine has made wait for 200 ms resumes its session, and knows of no holding for a moment.
+            if k >= 200 and (a.station.tip_hold == 0) != (b.station.tip_hold == 0):
+                break
         return a, b
 
     def test_a_local_user_does_not_take_the_tip_from_who_works_with_it(self):

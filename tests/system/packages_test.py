@@ -103,6 +103,31 @@ class Packages(unittest.TestCase):
                 self.assertTrue((self.root / path.lstrip("/")).exists(), path)
         self.assertEqual((self.root / "usr/bin/telenano-nve").stat().st_mode & 0o7777, 0o755)  # no setuid
 
+    def test_programs_are_hardened_and_run_on_any_x86_64(self):
+        # As the loader and the kernel see them: what hardening-check of Debian's devscripts looks at, and a little more.
+        cache = (BUILD / "CMakeCache.txt").read_text()
+        if not re.search("^CMAKE_BUILD_TYPE:[A-Z]+=Release$", cache, re.M) or "TELENANO_HARDENING:BOOL=OFF" in cache:
+            self.skipTest("not a release build, or one without TELENANO_HARDENING")
+        for program in (self.root / "usr/bin").iterdir():
+            with self.subTest(program=program.name):
+                header = run("readelf", "-hW", program).stdout
+                segments = run("readelf", "-lW", program).stdout
+                dynamic = run("readelf", "-dW", program).stdout
+                # Stripped programs keep the names of what they take from libraries.
+                names = set(re.findall(r"UND (\w+)@", run("readelf", "--dyn-syms", "-W", program).stdout))
+                self.assertRegex(header, r"Type:\s+DYN \(Position-Independent Executable", "PIE")
+                self.assertRegex(segments, r"GNU_RELRO")
+                self.assertRegex(segments, r"GNU_STACK\s+(0x0+ ){3}0x0+ 0x0+ RW ", "no code on the stack")
+                self.assertRegex(dynamic, r"BIND_NOW|Flags: .*\bNOW\b")
+                self.assertRegex(dynamic, r"Flags: .*\bPIE\b")
+                self.assertNotRegex(dynamic, r"R(UN)?PATH")
+                self.assertIn("__stack_chk_fail", names, "stack protector")
+                self.assertTrue([n for n in names if re.fullmatch(r"__(?!stack)\w+_chk", n)], "_FORTIFY_SOURCE")
+                code = run("objdump", "-d", "-j", ".text", "--no-show-raw-insn", program).stdout
+                self.assertGreater(code.count("\tendbr64"), 300, "-fcf-protection marks where calls by pointer land")
+                # AVX, AVX2, AVX-512, FMA: an older processor would end there, and results would differ.
+                self.assertNotRegex(code, r"%[yz]mm\d|\tv(add|mul|sub|div|mov|fmadd)\w*[sp][sd]\b")
+
     @unittest.skipUnless(shutil.which("systemd-analyze"), "no systemd-analyze here")
     def test_unit_is_hardened(self):
         answer = run("systemd-analyze", "security", "--offline=true", f"--root={self.root}", "telenano-nve.service")
