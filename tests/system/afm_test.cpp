@@ -120,8 +120,8 @@ TEST_F(AfmProgramsTest, AServerThatIsKilledLeavesTheTipWithdrawn) {
 }
 
 // A server that hangs keeps its end of the guard's stream open: only the missing heart beat tells. The
-// guard's patience is four reply times: here 4 s, since less would be too little for the checks under a
-// sanitizer.
+// guard's patience is four reply times: here 8 s, since less would be too little for the checks under a
+// sanitizer, or for a machine that keeps the simulator waiting.
 TEST_F(AfmProgramsTest, AServerThatHangsWhileAStationPressesLeavesTheTipWithdrawn) {
   struct Pressed {
     Simulator simulator;
@@ -131,7 +131,7 @@ TEST_F(AfmProgramsTest, AServerThatHangsWhileAStationPressesLeavesTheTipWithdraw
           run({kMaster, "run", "--server", "127.0.0.1:" + std::to_string(port_of(server)), "--task", "indent",
                "--duration-s", "60"}) {}
   };
-  const std::string afm = changed("reply_timeout_ms", "1000.0");
+  const std::string afm = changed("reply_timeout_ms", "2000.0");
   Pressed soon(afm), late(afm);
   for (Pressed* one : {&soon, &late}) ASSERT_TRUE(one->run.wait_for_err("engaged", kLong)) << one->run.err();
   ::usleep(500'000);
@@ -139,7 +139,7 @@ TEST_F(AfmProgramsTest, AServerThatHangsWhileAStationPressesLeavesTheTipWithdraw
   const std::string before = soon.simulator.stop();
   EXPECT_NE(before.find("tip out"), std::string::npos) << before;
 
-  ::usleep(5'500'000);
+  ::usleep(9'500'000);
   const std::string after = late.simulator.stop();
   EXPECT_NE(after.find("tip withdrawn"), std::string::npos) << after;
 }
@@ -148,10 +148,10 @@ TEST_F(AfmProgramsTest, AServerThatHangsWhileAStationPressesLeavesTheTipWithdraw
 // time-out of a reply, half of what the guard waits for.
 TEST_F(AfmProgramsTest, AServerThatStoodStillItselfDoesNotFindTheControllerSilent) {
   Simulator simulator;
-  ChildProcess server(serve(simulator.ports(), changed("reply_timeout_ms", "1000.0")));
+  ChildProcess server(serve(simulator.ports(), changed("reply_timeout_ms", "2000.0")));
   ASSERT_GT(port_of(server), 0);
   server.signal(SIGSTOP);
-  ::usleep(2'000'000);
+  ::usleep(4'000'000);
   server.signal(SIGCONT);
   server.signal(SIGTERM);
   ASSERT_TRUE(server.wait(kLong));
