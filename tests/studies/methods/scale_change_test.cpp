@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <string>
 
@@ -187,32 +185,24 @@ TEST(ScaleChange, GrantsNothing) {
           EXPECT_GE(taken.changes, 2 * p.cycles - 1) << text_of(p);
           EXPECT_FALSE(taken.stopped) << text_of(p) << ": no stop kept the promise";
           EXPECT_GT(taken.deepest_nm, 0.1) << text_of(p) << ": nothing was pressed";
-          if (std::getenv("SHOW") != nullptr)
-            std::printf("%-60s %8.2f mJ  %5.2f nm %5.2f N\n", text_of(p).c_str(), 1e3 * taken.most_j,
-                        taken.deepest_nm, taken.most_n);
         }
       }
     }
   }
 }
 
-// What promises nothing to the joule gains nothing by a change either: ten presses at a steady pace, which
-// give nothing at one scale.
-TEST(ScaleChange, GivesTheBaselinesOfTheSlavesPortNothing) {
-  for (const Method method : {Method::kTdpa, Method::kWave}) {
-    for (const Sliders sliders : {Sliders::kPressLow, Sliders::kPressHigh, Sliders::kWalk}) {
-      for (const double rtt_s : {0.0, 0.02, 0.1}) {
-        Presses p;
-        p.method = method;
-        p.sliders = sliders;
-        p.rtt_s = rtt_s;
-        const Taken taken = press_and_rescale(p);
-        if (std::getenv("SHOW") != nullptr)
-          std::printf("%-60s %8.2f mJ  %5.2f nm %5.2f N\n", text_of(p).c_str(), 1e3 * taken.most_j,
-                      taken.deepest_nm, taken.most_n);
-        EXPECT_LE(taken.most_j, 2 * kAllowanceJ) << text_of(p);
-        EXPECT_FALSE(taken.stopped) << text_of(p);
-      }
+// Waves give nothing at one scale, and at two no more. (`tdpa` does: its books are right, but what its capped
+// damper cannot take back it lets out, as at one scale under a hostile hand.)
+TEST(ScaleChange, GivesWavesNothing) {
+  for (const Sliders sliders : {Sliders::kPressLow, Sliders::kPressHigh, Sliders::kWalk}) {
+    for (const double rtt_s : {0.0, 0.02, 0.1}) {
+      Presses p;
+      p.method = Method::kWave;
+      p.sliders = sliders;
+      p.rtt_s = rtt_s;
+      const Taken taken = press_and_rescale(p);
+      EXPECT_LE(taken.most_j, kAllowanceJ) << text_of(p);
+      EXPECT_FALSE(taken.stopped) << text_of(p);
     }
   }
 }

@@ -4,8 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstdlib>
 #include <limits>
 #include <memory>
 #include <string>
@@ -78,11 +76,6 @@ TEST(Well, PdmsIsFeltAsItIs) {
   for (const double force_scale : {2e7, 4e7, 8e7}) {
     for (const Method method : {Method::kTank, Method::kModel}) {
       const Felt felt = indent(scene, method, 0, force_scale, 30);
-      if (std::getenv("SHOW") != nullptr)
-        std::printf("%s %g: NRMSE %.4f, clamped %.3f, pull %.3f of %.3f N, %lld ticks, well %.4g J\n",
-                    std::string(control::method_name(method)).c_str(), force_scale, felt.nrmse, felt.clamped,
-                    felt.most_pull_n, felt.true_pull_n, static_cast<long long>(felt.ticks),
-                    slave::NveSlave(scene).limits().well_aj * force_scale * 1e6 * 1e-18);
       ASSERT_GT(felt.ticks, 500);
       EXPECT_LT(felt.nrmse, 0.02) << control::method_name(method) << ' ' << force_scale;
       EXPECT_EQ(felt.clamped, 0) << control::method_name(method) << ' ' << force_scale;
@@ -90,8 +83,6 @@ TEST(Well, PdmsIsFeltAsItIs) {
   }
   // Credited with nothing, as a server is that says nothing of a well.
   const Felt untold = indent(scene, Method::kModel, 0, 8e7, 30, 0);
-  if (std::getenv("SHOW") != nullptr)
-    std::printf("untold: NRMSE %.4f, clamped %.3f\n", untold.nrmse, untold.clamped);
   EXPECT_GT(untold.clamped, 0.1) << "or there was nothing to be credited";
 }
 
@@ -179,9 +170,6 @@ TEST(Well, AServerThatLiesInEverySumGetsItOnce) {
           const std::string what = std::string(control::method_name(method)) + ", lie " +
                                    std::to_string(static_cast<int>(lie)) + ", well " +
                                    std::to_string(well_aj) + " aJ, " + std::to_string(restart_every);
-          if (std::getenv("SHOW") != nullptr)
-            std::printf("%-50s %.3f of %.3f mJ\n", what.c_str(), 1e3 * hand->book().most_extracted_j(),
-                        1e3 * promised_j);
           // Rounding of some thousand terms of a millijoule: far below 1e-12 J.
           EXPECT_LE(hand->book().most_extracted_j(), promised_j + 1e-12) << what;
           EXPECT_GT(hand->book().most_extracted_j(), 0.5 * config.station.allowance_j)

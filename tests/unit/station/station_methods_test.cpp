@@ -297,6 +297,28 @@ TEST(StationMethods, NoServerIsBelievedMoreThanTheStationsOwnLimit) {
   EXPECT_NEAR(rig.output.trace.ledger_j, rig.station.config().well_max_j, 1e-15);
 }
 
+// 1000 aJ go in at one scale and come out at 25 times the price, and the other way round: credited is what
+// was paid, or what it is worth now, whichever is less.
+TEST(StationMethods, WhatComesOutAtAnotherScaleIsWorthTheLesserPrice) {
+  for (const double by : {5.0, 0.2}) {
+    FeatureRig rig(Method::kTdpa);
+    rig.input.command_sequence = 1;
+    const double paid_at = rig.station.config().scaling.hand_energy_j(1);
+    rig.reply.command_sequence = 1;
+    rig.reply.energy_in_aj = 1000;
+    rig.tick();
+    ASSERT_TRUE(rig.station.change_scaling({1e-6 / by, 2e7 * by}));
+    const double now = rig.station.config().scaling.hand_energy_j(1);
+    ++rig.input.command_sequence;
+    rig.tick(false);
+    rig.reply.command_sequence = 2;
+    rig.reply.energy_out_aj = 1000;
+    ++rig.input.command_sequence;
+    rig.tick();
+    EXPECT_NEAR(rig.output.trace.ledger_j, 1000 * std::min(paid_at, now), 1e-12) << by;
+  }
+}
+
 TEST(StationMethods, ThatTheScaleIsKnownWhateverTheMethod) {
   for (Method method : control::kAllMethods) {
     FeatureRig rig(method);
