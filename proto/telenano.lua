@@ -44,7 +44,8 @@ xyz(messages[3], 11, "workspace_min_w_{}_nm")
 xyz(messages[3], 14, "workspace_max_w_{}_nm")
 xyz(messages[3], 17, "start_pos_w_{}_nm")
 more(3, { 20, "surface_z_w_nm", "d" }, { 21, "force_max_nn", "d" }, { 22, "coupling_stiffness_n_m", "d" },
-  { 23, "coupling_damping_n_s_m", "d" }, { 24, "stiffness_min_n_m", "d" })
+  { 23, "coupling_damping_n_s_m", "d" }, { 24, "stiffness_min_n_m", "d" },
+  { 25, "well_aj", "d" })
 xyz(messages[5], 7, "tip_vel_w_{}_nm_s")
 xyz(messages[5], 10, "tip_pos_w_{}_nm")
 more(5, { 13, "energy_in_j", "d" }, { 14, "energy_out_j", "d" }, { 15, "method", "i", methods },

@@ -56,6 +56,7 @@ SlaveLimits read(const TomlDocument& document) {
   limits.force_max_nn = root.number("force_max_nn", positive());
   limits.coupling_stiffness_n_m = root.number("coupling_stiffness_n_m", positive());
   limits.coupling_damping_n_s_m = root.number("coupling_damping_n_s_m", at_least(0));
+  limits.well_aj = root.number_or("well_aj", at_least(0), 0);
   limits.rate_max_hz = root.number("rate_max_hz", positive());
   document.finish();
   return limits;
@@ -71,7 +72,7 @@ std::string slave_limits_text(const SlaveLimits& l) {
          "\nforce_max_nn = " + number(l.force_max_nn) +
          "\ncoupling_stiffness_n_m = " + number(l.coupling_stiffness_n_m) +
          "\ncoupling_damping_n_s_m = " + number(l.coupling_damping_n_s_m) +
-         "\nrate_max_hz = " + number(l.rate_max_hz) + "\n";
+         "\nwell_aj = " + number(l.well_aj) + "\nrate_max_hz = " + number(l.rate_max_hz) + "\n";
 }
 
 void write_slave_limits(const SlaveLimits& limits, const std::string& path) {

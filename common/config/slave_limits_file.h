@@ -18,6 +18,7 @@ struct SlaveLimits {
   double force_max_nn = 0;
   double coupling_stiffness_n_m = 0;  ///< of the port: coupling in series with the probe
   double coupling_damping_n_s_m = 0;
+  double well_aj = 0;  ///< deepest adhesive well; may be left out of the file: 0, none or not known
   double rate_max_hz = 0;
 };
 

@@ -35,6 +35,11 @@ void LocalModel::hear(const SlaveNews& news) noexcept {
   slave_touches_ = news.touching;
   if (other_slave_) renderer_.forget();
   other_slave_ = false;
+  const double more_j = std::min(news.given_j, news.well_j) - credited_j_;
+  if (more_j > 0) {
+    controller_.transfer(more_j);
+    credited_j_ += more_j;
+  }
   renderer_.hear(news.model, news.touching, news.answers);
 }
 

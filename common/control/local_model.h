@@ -16,6 +16,11 @@ namespace telenano::control {
 /// pre-commit clamp stands behind it: whatever models come, no hand extracts more than E₀ beyond what was put
 /// in.
 ///
+/// *The sample's own energy.* A tip that snaps in is pulled by the sample, and the hand with it: that is no
+/// leak of the link. The most that the sample has ever given beyond what was put in is credited, once, at
+/// most the well that it can have (SlaveNews); what is put in is never debited, for over a delay it is not
+/// the hand's work. So a server that lies in every sum gets E₀ and that well.
+///
 /// *What is felt besides.* Where the slave does not touch and the model's ground is not reached, its force is
 /// attraction across a gap, and shown as it comes, low-passed by kFarField_s: its slope is small, and no loop
 /// of any stiffness goes through the link. A slave that sends no model leaves `ks-clamp`.

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <utility>
 
@@ -33,11 +34,19 @@ class Methods {
   const StationMethod& now() const noexcept { return const_cast<Methods*>(this)->now(); }
   Method method() const noexcept { return method_; }
 
-  /// Bumpless in energy: the deficit is carried over, nothing is granted. The caller takes care of the force.
+  /// Bumpless in energy: the deficit is carried over, nothing is granted. What the sample was credited with
+  /// stays credited, less what of it is forfeited here with a surplus: that may be credited again, where the
+  /// ledger is the port's own book. The caller takes care of the force.
   void change_to(Method method, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept {
     const double ledger_j = now().ledger_j();
+    double credited_j = now().credited_j();
+    if (claims_energy_bound(method_) && credited_j > 0)
+      credited_j = std::max(0.0, credited_j - std::max(0.0, ledger_j));
+    // Only a tank gets back what was sent to the slave.
+    if (method != Method::kTank) credited_j = std::max(0.0, credited_j);
     method_ = method;
     now().take_over(ledger_j, config, hand_pos_h_m);
+    now().set_credited_j(credited_j);
   }
 
  private:

@@ -24,6 +24,11 @@ struct SlaveNews {
   double wave_j = 0;           ///< Σ ½ w² T, ≥ 0
   ContactModel model;          ///< version 0 = none
   std::uint64_t answers = 0;   ///< number of the command answered
+  /// What of the sample's own energy may be believed: at most `well_j`, the deepest well that it can have at
+  /// the present scale (0: none, or not known). `given_j` ≤ well_j: the most that it has ever given beyond
+  /// what was put in. Both ≥ 0, and now, not since the last reply.
+  double well_j = 0;
+  double given_j = 0;
 };
 
 /// Where the station renders.
@@ -60,7 +65,8 @@ class StationMethod {
 
   /// Becomes the method in use: `ledger_j` is what the last one had. Its deficit is taken over, its surplus
   /// is not: a change of method grants no allowance. Likewise a change of scale. What it knew of the slave is
-  /// forgotten; the caller lets it hear() the newest reply again.
+  /// forgotten; the caller lets it hear() the newest reply again. credited_j() is carried over by who changes
+  /// methods.
   virtual void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept = 0;
   /// A session has begun or was resumed: what was on the way is lost; with a new epoch the slave is another
   /// one, which knows of no energy that was sent to the last.
@@ -75,7 +81,17 @@ class StationMethod {
   /// Largest norm of the force that may be committed; infinite for methods without a clamp.
   virtual double force_bound_n() const noexcept { return std::numeric_limits<double>::infinity(); }
   virtual double ledger_j() const noexcept = 0;  ///< the method's own book
+
+  /// What the other side is believed to have given for good, once in a station's life, whatever the method,
+  /// epoch or scale: of what it said that it gave, less what was sent to it and what has been forfeited
+  /// since. Never above the sample's well, and a tank's grant besides; so that out ≤ in + E₀ + that.
+  double credited_j() const noexcept { return credited_j_; }
+  void set_credited_j(double credited_j) noexcept { credited_j_ = credited_j; }
+
   virtual void tell(SlaveOrder& order) const noexcept { order = {}; }
+
+ protected:
+  double credited_j_ = 0;
 };
 
 }  // namespace telenano::control

@@ -22,6 +22,10 @@ namespace telenano::control {
 /// It is sent kSlavePart of an allowance, once in the station's life and never again to a slave that was
 /// restarted; the rest is what its steps may cost that it could not foresee. So hand and slave together give
 /// out at most what both put in, plus one allowance a side.
+///
+/// *What is believed.* An honest slave sends back no more than it was sent, and what its sample gives of its
+/// own: at most the well that it said it has (SlaveNews::well_j). More is not believed, whatever comes; so a
+/// server that lies in every sum gets two allowances and that well out of the hand's port, once.
 class TwoLayerTank final : public StationMethod {
  public:
   explicit TwoLayerTank(const MethodConfig& config) noexcept
@@ -39,12 +43,16 @@ class TwoLayerTank final : public StationMethod {
     const double send_j = std::min(std::max(0.0, interval.put_in_j), std::max(0.0, controller_.ledger_j()));
     controller_.transfer(-send_j);
     sent_j_ += send_j;
+    credited_j_ -= send_j;
   }
   void hear(const SlaveNews& news) noexcept override {
     force_h_n_ = news.force_h_n;
-    controller_.transfer(news.energy_sent_j);
+    const double believed_j =
+        std::clamp(news.energy_sent_j, 0.0, std::max(0.0, news.well_j + grant_j_ - credited_j_));
+    controller_.transfer(believed_j);
+    credited_j_ += believed_j;
     // Not in a session's first command: what stands there is where the session's sum begins.
-    if (!granted_) sent_j_ += kSlavePart * controller_.config().allowance_j;
+    if (!granted_) sent_j_ += grant_j_ = kSlavePart * controller_.config().allowance_j;
     granted_ = true;
   }
   Vec3 force_h_n(const RenderPoint&) noexcept override { return force_h_n_; }
@@ -62,6 +70,7 @@ class TwoLayerTank final : public StationMethod {
 
   PassivityController controller_;
   bool granted_ = false;
+  double grant_j_ = 0;  // what the slave was given to begin with
   Vec3 force_h_n_ = Vec3::Zero();
   double sent_j_ = 0;
 };

@@ -5,7 +5,8 @@
 
 namespace telenano::control {
 
-WavePort::WavePort(const MethodConfig& config) noexcept : impedance_n_s_m_(impedance(config)) {}
+WavePort::WavePort(const MethodConfig& config) noexcept
+    : impedance_n_s_m_(impedance(config)), scaling_(config.scaling) {}
 
 double WavePort::impedance(const MethodConfig& config) noexcept {
   return std::max(config.passivity.damping_certain_n_s_m, kImpedanceLeast_n_s_m);
@@ -13,6 +14,13 @@ double WavePort::impedance(const MethodConfig& config) noexcept {
 
 void WavePort::take_over(double ledger_j, const MethodConfig& config, const Vec3&) noexcept {
   impedance_n_s_m_ = impedance(config);
+  // What was sent was sent at its own scale.
+  const double by = scaling_.tip_energy_aj(1) / config.scaling.tip_energy_aj(1);
+  if (by != 1) {
+    sum_h_ *= std::sqrt(by);
+    sum_j_ *= by;
+  }
+  scaling_ = config.scaling;
   owed_j_ = std::min(0.0, ledger_j);
   velocity_h_m_s_.setZero();
   came_h_.setZero();

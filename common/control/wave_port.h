@@ -16,7 +16,8 @@ namespace telenano::control {
 ///
 /// its direction and, as far as that allows, its size are the formula's. A wave that does not come is 0,
 /// never the last one again. Sums of u T and of ½u²T travel: after a loss the sum brings the lost
-/// displacement, and the sum of squares bounds the energy with which it may be played out.
+/// displacement, and the sum of squares bounds the energy with which it may be played out. They travel in the
+/// tip's units: with another scale they go on from the same number there.
 class WavePort final : public StationMethod {
  public:
   explicit WavePort(const MethodConfig& config) noexcept;
@@ -35,6 +36,7 @@ class WavePort final : public StationMethod {
   static double impedance(const MethodConfig& config) noexcept;
 
   double impedance_n_s_m_;
+  Scaling scaling_;
   Vec3 velocity_h_m_s_ = Vec3::Zero();
   Vec3 came_h_ = Vec3::Zero();  // Σ w T since the last tick
   double came_j_ = 0;           // energy that came and was not yet shown

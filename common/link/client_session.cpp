@@ -151,6 +151,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
     return drop(DropCause::kWrongVersion);
   }
   if ((welcome.feature_bits & ~config_.feature_bits) != 0) return drop(DropCause::kOutOfRange);
+  if ((welcome.feature_bits & kFeatureWell) == 0 && welcome.well_aj != 0) return drop(DropCause::kUnexpected);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
     stats_.reset();  // another server, perhaps: another clock

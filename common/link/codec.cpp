@@ -112,6 +112,7 @@ std::size_t Codec::encode(const Welcome& m, std::span<std::uint8_t> out) noexcep
   w.set_coupling_stiffness_n_m(m.coupling_stiffness_n_m);
   w.set_coupling_damping_n_s_m(m.coupling_damping_n_s_m);
   w.set_stiffness_min_n_m(m.stiffness_min_n_m);
+  w.set_well_aj(m.well_aj);
   return write(MessageType::kWelcome, w, out);
 }
 
@@ -273,14 +274,16 @@ DropCause read(const wire::Welcome& w, Welcome& m) noexcept {
   m.coupling_stiffness_n_m = w.coupling_stiffness_n_m();
   m.coupling_damping_n_s_m = w.coupling_damping_n_s_m();
   m.stiffness_min_n_m = w.stiffness_min_n_m();
+  m.well_aj = w.well_aj();
   if (!all_finite(m.workspace_min_w_nm) || !all_finite(m.workspace_max_w_nm) ||
       !all_finite(m.start_pos_w_nm) ||
       !all_finite(m.surface_z_w_nm, m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m,
-                  m.stiffness_min_n_m)) {
+                  m.stiffness_min_n_m, m.well_aj)) {
     return DropCause::kNonFinite;
   }
   const bool box = (m.workspace_min_w_nm.array() <= m.workspace_max_w_nm.array()).all();
-  const bool limits = m.force_max_nn >= 0 && m.coupling_stiffness_n_m >= 0 && m.coupling_damping_n_s_m >= 0;
+  const bool limits =
+      m.force_max_nn >= 0 && m.coupling_stiffness_n_m >= 0 && m.coupling_damping_n_s_m >= 0 && m.well_aj >= 0;
   const bool ids = m.version != 0 && m.nonce != 0 && m.session_id != 0 && m.epoch != 0 && m.timeout_ms != 0;
   return box && limits && ids ? DropCause::kNone : DropCause::kOutOfRange;
 }

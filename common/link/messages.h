@@ -23,9 +23,11 @@ enum FeatureBits : std::uint64_t {
   kFeatureRedundancy = 1u << 3,   ///< RecentCommands with Command (recent_commands.h)
   kFeatureStepHistory = 1u << 4,  ///< Reply::steps_before
   kFeatureParticle = 1u << 5,     ///< Particle in Reply
+  kFeatureWell = 1u << 6,         ///< Welcome::well_aj
 };
 inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing |
-                                                kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle;
+                                                kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle |
+                                                kFeatureWell;
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {
@@ -72,6 +74,9 @@ struct Welcome {
       0;  ///< largest stiffness that the port can show: coupling in series with probe
   double coupling_damping_n_s_m = 0;
   double stiffness_min_n_m = 0;  ///< most negative slope of the slave's port that is stable (informative)
+  /// Behind kFeatureWell: most that the sample can give out of its own (adhesion, attraction), beyond what
+  /// was ever put in; >= 0.
+  double well_aj = 0;
 };
 
 enum class RefuseReason : std::uint32_t { kVersion = 1, kFull = 2, kRate = 3, kShuttingDown = 4 };

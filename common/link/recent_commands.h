@@ -38,10 +38,13 @@ class SentCommands {
   void clear() noexcept { count_ = 0; }
 
   /// `command` as it was sent. Another method begins anew: its sums mean something else. So does another
-  /// holding of a shared tip: positions of the last one are not to be gone to.
+  /// scale: the slave takes a record's scale to be the newest one's, and what was done at another would be
+  /// worth something else. And another holding of a shared tip: positions of the last one are not to be gone
+  /// to.
   void add(const Command& command) noexcept {
-    if (command.control.method != method_ || command.tip_hold != tip_hold_) clear();
+    if (!goes_on(command)) clear();
     method_ = command.control.method;
+    energy_scale_aj_j_ = command.control.energy_scale_aj_j;
     tip_hold_ = command.tip_hold;
     std::shift_right(sent_.begin(), sent_.end(), 1);
     Sent& sent = sent_[0];
@@ -57,7 +60,7 @@ class SentCommands {
   /// The last `n` before `next`, which is about to be sent. Fewer after a gap too long for an age (4.29 s).
   void before(const Command& next, std::size_t n, RecentCommands& out) const noexcept {
     out.count = 0;
-    if (next.control.method != method_ || next.tip_hold != tip_hold_) return;
+    if (!goes_on(next)) return;
     for (std::size_t i = 0; i < std::min(n, count_); ++i) {
       const std::uint64_t age_ns = next.send_time_ns - sent_[i].time_ns;
       if (age_ns > UINT32_MAX) return;
@@ -68,6 +71,11 @@ class SentCommands {
   }
 
  private:
+  bool goes_on(const Command& command) const noexcept {
+    return command.control.method == method_ && command.control.energy_scale_aj_j == energy_scale_aj_j_ &&
+           command.tip_hold == tip_hold_;
+  }
+
   struct Sent {
     std::uint64_t time_ns = 0;
     RecentCommand record;
@@ -75,6 +83,7 @@ class SentCommands {
   std::array<Sent, kMaxRecent> sent_{};
   std::size_t count_ = 0;
   std::uint32_t method_ = kMethodNone;
+  double energy_scale_aj_j_ = 0;
   std::uint32_t tip_hold_ = 0;
 };
 

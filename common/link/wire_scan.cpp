@@ -27,7 +27,8 @@ constexpr FieldList kHelloFields = {kNoField, kF32, kF32, kF64, kF64, kF64, kF64
 constexpr FieldList kChallengeFields = {kNoField, kF64, kF64};
 constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
                                       kLen,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64};
+                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 25: well
+                                      kF64};
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
 constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64, kF64, kF64,
                                       kF64,     kF64, kF64, kF64, kF64,                    // 15: port control

@@ -41,6 +41,7 @@ void read_control(const TomlTable& table, station::StationConfig& station) {
       damper == "per-axis" ? control::DamperDirection::kPerAxis : control::DamperDirection::kAlongMotion;
   station.leak_time_s = table.number_or("leak_time_s", between(0, 1e6), station.leak_time_s);
   station.allowance_j = table.number_or("allowance_j", between(1e-6, 1), station.allowance_j);
+  station.well_max_j = table.number_or("well_max_j", between(0, 10), station.well_max_j);
   station.guaranteed_velocity_m_s =
       table.number_or("guaranteed_velocity_m_s", between(0.01, 5), station.guaranteed_velocity_m_s);
 }
@@ -157,6 +158,7 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
                     station.damper == control::DamperDirection::kPerAxis ? "per-axis" : "along-motion");
   add("control.leak_time_s", station.leak_time_s);
   add("control.allowance_j", station.allowance_j);
+  add("control.well_max_j", station.well_max_j);
   add("control.guaranteed_velocity_m_s", station.guaranteed_velocity_m_s);
   add("limits.trip_velocity_m_s", station.trip_velocity_m_s);
   add("limits.force_safety", station.force_safety);

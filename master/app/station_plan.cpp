@@ -20,6 +20,7 @@ config::SlaveLimits slave_limits(const link::Welcome& welcome) {
   limits.force_max_nn = welcome.force_max_nn;
   limits.coupling_stiffness_n_m = welcome.coupling_stiffness_n_m;
   limits.coupling_damping_n_s_m = welcome.coupling_damping_n_s_m;
+  limits.well_aj = welcome.well_aj;
   limits.rate_max_hz = welcome.slave_rate_max_hz;
   return limits;
 }

@@ -117,13 +117,14 @@ void Station::change_method(control::Method method) noexcept {
   method = usable_method(method, features_);
   if (method == methods_.method()) return;
   methods_.change_to(method, method_config(), hand_pos_h_m_);
-  if (has_reply_) tell_method({});
+  if (has_reply_) tell_method({}, 0);
   bump_ahead_ = true;
 }
 
 bool Station::change_scaling(const control::Scaling& scaling) noexcept {
   const control::Scaling old = config_.scaling;
-  const bool sane = scaling.velocity > 0 && scaling.force > 0 && std::isfinite(scaling.impedance());
+  const bool sane = scaling.velocity >= kVelocityScaleMin && scaling.velocity <= kVelocityScaleMax &&
+                    scaling.force >= kForceScaleMin && scaling.force <= kForceScaleMax;
   if (!sane) return false;
   config_.scaling = scaling;
   control::ScalingPlant plant;
@@ -140,7 +141,7 @@ bool Station::change_scaling(const control::Scaling& scaling) noexcept {
   methods_.change_to(methods_.method(), method_config(), hand_pos_h_m_);
   if (has_reply_) {
     tip_force_h_n_ = scaling.hand_force_n(reply_.force_w_nn);
-    tell_method({});
+    tell_method({}, 0);
   }
   bump_ahead_ = true;
   return true;
@@ -157,6 +158,12 @@ void Station::begin_session(const link::Welcome& welcome, bool known_book) noexc
   features_ = welcome.feature_bits;
   if (new_epoch) slave_sums_.reset();
   if (new_epoch && !known_book) slave_sums_.begin_with_next();
+  scales_.begin_session(new_epoch);
+  if (new_epoch) {
+    sample_.reset();
+    given_aj_ = 0;
+  }
+  well_aj_ = (features_ & link::kFeatureWell) != 0 ? welcome.well_aj : 0;
   tip_hold_ = 0;
   if (has_scene_ && welcome.scene_hash != scene_hash_) latched_ |= kFaultOtherScene;
   scene_hash_ = welcome.scene_hash;
@@ -249,10 +256,10 @@ void Station::accept_reply(const StationInput& input) noexcept {
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
-      const link::ReceivedSums::News added = slave_sums_.update(reply_);
+      const link::ReceivedSums::News added = book_slave();
       if (holds_tip()) {
         tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
-        tell_method(added);
+        tell_method(added, price_j_aj_);
       }
     } else {
       faults_ |= kFaultReplyNonFinite;
@@ -264,16 +271,34 @@ void Station::accept_reply(const StationInput& input) noexcept {
   if (has_reply_ && stale_s_ > config_.stale_hold_s) faults_ |= kFaultStale;
 }
 
+/// What the newest reply has added to the slave's sums; of what came out, what may be credited.
+link::ReceivedSums::News Station::book_slave() noexcept {
+  link::ReceivedSums::News added = slave_sums_.update(reply_);
+  given_aj_ += added.energy_out_aj - added.energy_in_aj;
+  most_given_aj_ = std::max(most_given_aj_, given_aj_);
+  price_j_aj_ = scales_.answered(reply_.command_sequence, config_.scaling.hand_energy_j(1));
+  sample_.put_in(added.energy_in_aj, price_j_aj_);
+  added.energy_out_aj = sample_.take_out(added.energy_out_aj, price_j_aj_);
+  return added;
+}
+
 /// What the newest reply says. Energies and waves come as sums; the method is told what has been added to
-/// them: nothing, when it hears the same reply again after a change.
-void Station::tell_method(const link::ReceivedSums::News& added) noexcept {
+/// them, at the price that held then: nothing, when it hears the same reply again after a change.
+void Station::tell_method(const link::ReceivedSums::News& added, double price_j_aj) noexcept {
+  const auto crossed_j = [price_j_aj](double energy_aj) {
+    const double energy_j = price_j_aj * energy_aj;
+    return std::isfinite(energy_j) ? energy_j : 0.0;  // two finite numbers may make one that is not
+  };
   control::SlaveNews news;
   news.force_h_n = tip_force_h_n_;
   news.touching = reply_.contact_state == link::ContactState::kContact;
-  news.energy_out_j = config_.scaling.hand_energy_j(added.energy_out_aj);
-  news.energy_sent_j = config_.scaling.hand_energy_j(added.energy_sent_aj);
-  news.wave_h = added.wave * std::sqrt(config_.scaling.hand_energy_j(1));
-  news.wave_j = config_.scaling.hand_energy_j(added.wave_aj);
+  news.energy_out_j = crossed_j(added.energy_out_aj);
+  news.energy_sent_j = crossed_j(added.energy_sent_aj);
+  news.wave_h = added.wave * std::sqrt(price_j_aj);
+  if (!is_finite(news.wave_h)) news.wave_h.setZero();
+  news.wave_j = crossed_j(added.wave_aj);
+  news.well_j = std::min(config_.scaling.hand_energy_j(well_aj_), config_.well_max_j);
+  news.given_j = std::min(config_.scaling.hand_energy_j(most_given_aj_), news.well_j);
   news.model = contact_model(reply_.model);
   news.answers = reply_.command_sequence;
   methods_.now().hear(news);
@@ -394,16 +419,18 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
   fill(input, dt_s, output);
 }
 
-/// What the slave has to know of the method: nothing for those of the station's port alone.
+/// What the slave has to know of the method; of those of the station's port alone no more than the scale, so
+/// that it knows at which one something was pressed when another method follows.
 void Station::tell_slave(link::Command& command) const noexcept {
   const control::Method method = methods_.method();
   const bool asks_slave = control::needs_port_control(method) || method == control::Method::kModel;
-  if (!asks_slave || !(features_ & link::kFeaturePortControl)) return;
+  if (!(features_ & link::kFeaturePortControl)) return;
+  const double scale_aj_j = config_.scaling.tip_energy_aj(1);
+  command.control.energy_scale_aj_j = scale_aj_j;
+  if (!asks_slave) return;
   control::SlaveOrder order;
   methods_.now().tell(order);
-  const double scale_aj_j = config_.scaling.tip_energy_aj(1);
   command.control.method = static_cast<std::uint32_t>(method);
-  command.control.energy_scale_aj_j = scale_aj_j;
   command.control.energy_sent_j = order.energy_sent_j;
   command.control.wave_sum = order.wave_sum_h * std::sqrt(scale_aj_j);
   command.control.wave_energy_aj = order.wave_j * scale_aj_j;
@@ -427,6 +454,7 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   command.energy_in_j = observer_.energy_in_j();
   command.energy_out_j = observer_.energy_out_j();
   tell_slave(command);
+  scales_.sent(input.command_sequence, config_.scaling.hand_energy_j(1));
   last_target_w_nm_ = target_w_nm;
 
   StationTrace& trace = output.trace;

@@ -7,9 +7,11 @@
 #include "common/control/energy_observer.h"
 #include "common/control/methods.h"
 #include "common/link/messages.h"
+#include "common/link/priced_energy.h"
 #include "common/link/received_sums.h"
 #include "master/device/haptic_device.h"
 #include "master/station/force_limits.h"
+#include "master/station/scale_history.h"
 #include "master/station/station_config.h"
 #include "master/station/workspace_mapping.h"
 
@@ -146,7 +148,8 @@ class Station {
   bool shares_tip() const noexcept { return (features_ & link::kFeatureSharing) != 0; }
   void accept_reply(const StationInput& input) noexcept;
   void hear_who_holds(const link::TipShare& tip) noexcept;
-  void tell_method(const link::ReceivedSums::News& added) noexcept;
+  link::ReceivedSums::News book_slave() noexcept;
+  void tell_method(const link::ReceivedSums::News& added, double price_j_aj) noexcept;
   void render(const StationInput& input, double dt_s, StationTrace& trace) noexcept;
   control::MethodConfig method_config() const noexcept;
   void tell_slave(link::Command& command) const noexcept;
@@ -172,6 +175,12 @@ class Station {
   bool has_scene_ = false;
   std::uint32_t tip_hold_ = 0;  // of a shared tip: the holding that the target is anchored to; 0 = observes
   link::ReceivedSums slave_sums_;
+  ScaleHistory scales_;
+  double price_j_aj_ = 0;      // at which the newest reply's news cross
+  link::PricedEnergy sample_;  // what the slave's sums say of it, at the scale of their time
+  double well_aj_ = 0;         // of the scene, as the slave says; 0: none, or not known
+  double given_aj_ = 0;        // out less in of the slave's sums, in this epoch
+  double most_given_aj_ = 0;   // ever, of any epoch
   WorkspaceMapping mapping_;
   Mode mode_ = Mode::kIdle;
   std::uint32_t latched_ = 0;

@@ -26,8 +26,6 @@ std::string rounded_down(double value) {
           std::to_chars(text.data(), text.data() + text.size(), less, std::chars_format::general, 4).ptr};
 }
 
-constexpr double kForceScaleMin = 1;
-
 std::string samples(int count) {
   return std::to_string(count) + (count == 1 ? " sample" : " samples") + " of delay";
 }
@@ -40,10 +38,13 @@ void StationConfig::validate(const std::string& source) const {
   };
   const auto between = [](double value, double low, double high) { return value >= low && value <= high; };
   require(between(rate_hz, 10, 8000), "rate_hz", rate_hz, "10 to 8000");
-  require(between(scaling.velocity, 1e-12, 1), "scaling.velocity", scaling.velocity, "1e-12 to 1");
-  require(between(scaling.force, kForceScaleMin, 1e12), "scaling.force", scaling.force, "1 to 1e12");
+  require(between(scaling.velocity, kVelocityScaleMin, kVelocityScaleMax), "scaling.velocity",
+          scaling.velocity, "1e-12 to 1");
+  require(between(scaling.force, kForceScaleMin, kForceScaleMax), "scaling.force", scaling.force,
+          "1 to 1e12");
   require(between(leak_time_s, 0, 1e6), "control.leak_time_s", leak_time_s, "0 (never) to 1e6");
   require(between(allowance_j, 1e-6, 1), "control.allowance_j", allowance_j, "1e-6 to 1");
+  require(between(well_max_j, 0, 10), "control.well_max_j", well_max_j, "0 to 10");
   require(between(guaranteed_velocity_m_s, 0.01, 5), "control.guaranteed_velocity_m_s",
           guaranteed_velocity_m_s, "0.01 to 5");
   require(between(trip_velocity_m_s, 0.01, guaranteed_velocity_m_s), "limits.trip_velocity_m_s",

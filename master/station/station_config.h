@@ -9,6 +9,10 @@
 
 namespace telenano::station {
 
+/// The scales that a station may run with.
+inline constexpr double kVelocityScaleMin = 1e-12, kVelocityScaleMax = 1;
+inline constexpr double kForceScaleMin = 1, kForceScaleMax = 1e12;
+
 /// Everything that a person may set at the station. Plain values with documented defaults; SI units.
 struct StationConfig {
   double rate_hz = 1000;
@@ -17,7 +21,8 @@ struct StationConfig {
   control::DamperDirection damper = control::DamperDirection::kAlongMotion;
   double leak_time_s = 0;  ///< stored passivity leaks away with this time constant; 0 = never
 
-  double allowance_j = 0.010;            ///< E₀, energy that may ever be extracted beyond what is put in
+  double allowance_j = 0.010;  ///< E₀, energy that may ever be extracted beyond what is put in
+  double well_max_j = 0.1;     ///< most that is credited for a sample's own energy, whatever the slave says
   double guaranteed_velocity_m_s = 0.5;  ///< v_max of the energy clamp
   double trip_velocity_m_s = 0.5;        ///< latched stop above it; at most guaranteed_velocity_m_s
   double force_safety = 0.8;             ///< ε: the force limit is ε f̂_a

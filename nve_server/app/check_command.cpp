@@ -143,6 +143,7 @@ void write_limits(const std::shared_ptr<const scene::Scene>& scene, const std::s
   limits.force_max_nn = from.force_max_nn;
   limits.coupling_stiffness_n_m = from.coupling_stiffness_n_m;
   limits.coupling_damping_n_s_m = from.coupling_damping_n_s_m;
+  limits.well_aj = from.well_aj;
   limits.rate_max_hz = from.rate_max_hz;
   config::write_slave_limits(limits, path);
 }
@@ -181,6 +182,9 @@ void run(const std::string& path, const std::string& limits_path) {
                 summary.pull_off_low_nn, summary.pull_off_high_nn, summary.pull_off_median_nn,
                 summary.pull_off_places);
   }
+  std::printf("%-14s at most %.4g aJ, %s\n", "adhesive well", slave::PortGround(*scene).well_aj(),
+              scene->surface->is_flat() ? "at the tip's radius"
+                                        : "at ten times the tip's radius, the most that a pit may have");
   if (summary.jump_to_contact_nm > 0) {
     std::printf("%-14s jumps in from a gap of %.3g nm\n", "approach", summary.jump_to_contact_nm);
   }

@@ -10,6 +10,12 @@ double charge_aj(const slave::SlaveOutput& last, const slave::SlaveOutput& now) 
   return (now.energy_in_aj - last.energy_in_aj) - (now.energy_out_aj - last.energy_out_aj);
 }
 
+// What a sum has grown by; nothing, where no session comes to so much.
+double rise(double now, double before, double scale) noexcept {
+  const double risen = (now - before) * scale;
+  return risen > 0 && risen <= PortControl::kMostAj ? risen : 0;
+}
+
 }  // namespace
 
 void PortControl::begin_session() noexcept {
@@ -26,14 +32,39 @@ void PortControl::receive(const link::PortControl& control) noexcept {
     level_aj_ = std::min(0.0, level_aj_);  // another method: what is owed stays owed, nothing is granted
     method_ = control.method;
   }
-  energy_scale_aj_j_ = control.energy_scale_aj_j;
+  const double old_scale_aj_j = energy_scale_aj_j_;
+  const bool rescaled = rescale(control.energy_scale_aj_j);
   wave_impedance_n_s_m_ = control.wave_impedance_n_s_m;
-  came_aj_ = std::max(0.0, control.energy_sent_j - received_.energy_sent_j) * energy_scale_aj_j_;
+  came_aj_ = rise(control.energy_sent_j, received_.energy_sent_j, energy_scale_aj_j_);
   wave_came_ = control.wave_sum - received_.wave_sum;
-  wave_came_aj_ = std::max(0.0, control.wave_energy_aj - received_.wave_energy_aj);
+  if (!is_finite(wave_came_)) wave_came_.setZero();
+  wave_came_aj_ = rise(control.wave_energy_aj, received_.wave_energy_aj, 1);
+  // Waves cross at the station. Of what comes with a new scale some may have been sent, and lost, at the old.
+  if (rescaled) wave_came_aj_ *= std::min(1.0, energy_scale_aj_j_ / old_scale_aj_j);
   received_.energy_sent_j = std::max(received_.energy_sent_j, control.energy_sent_j);
   received_.wave_sum = control.wave_sum;
   received_.wave_energy_aj = std::max(received_.wave_energy_aj, control.wave_energy_aj);
+}
+
+/// True if the port has known another scale.
+bool PortControl::rescale(double energy_scale_aj_j) noexcept {
+  const bool believed = energy_scale_aj_j >= kScaleLeast && energy_scale_aj_j <= kScaleMost;
+  if (!believed || energy_scale_aj_j == energy_scale_aj_j_) return false;
+  const double by = energy_scale_aj_j_ > 0 ? energy_scale_aj_j / energy_scale_aj_j_ : 1;
+  level_aj_ *= by;
+  wave_surplus_aj_ *= by;
+  energy_scale_aj_j_ = energy_scale_aj_j;
+  return by != 1;
+}
+
+/// The charge of a step at what was paid for it, and is to be.
+double PortControl::worth_aj(double charge_aj) noexcept {
+  if (!(std::fabs(charge_aj) <= kMostAj)) {
+    level_aj_ = std::min(0.0, level_aj_);
+    return 0;
+  }
+  const double price = energy_scale_aj_j_ > 0 ? 1 / energy_scale_aj_j_ : 0;
+  return charge_aj > 0 ? sample_.put_in(charge_aj, price) : -sample_.take_out(-charge_aj, price);
 }
 
 Vec3 PortControl::paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,
@@ -62,6 +93,7 @@ Vec3 PortControl::wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last
                             double dt_s) noexcept {
   const double b = wave_impedance_n_s_m_;
   Vec3 wave = wave_came_ / dt_s;
+  if (!std::isfinite(wave.squaredNorm())) wave.setZero();
   const double wave_aj = 0.5 * wave.squaredNorm() * dt_s;
   if (wave_aj > wave_came_aj_) wave *= std::sqrt(wave_came_aj_ / wave_aj);
   wave_used_aj_ = std::min(wave_aj, wave_came_aj_);
@@ -107,7 +139,7 @@ void PortControl::observe(const link::PortControl& control) noexcept {
 }
 
 void PortControl::after(const slave::SlaveOutput& last, const slave::SlaveOutput& now, double dt_s) noexcept {
-  const double charge = charge_aj(last, now);
+  const double charge = worth_aj(charge_aj(last, now));
   if (method_ == link::kMethodTdpa) {
     level_aj_ -= std::max(0.0, charge);
   } else if (method_ == link::kMethodTank) {
@@ -131,7 +163,7 @@ void PortControl::send_wave(const slave::SlaveOutput& now, const Vec3& moved_w_n
   const Vec3 wave = -(now.force_w_nn + b / dt_s * moved_w_nm) / std::sqrt(2 * b);
   const double wave_aj = 0.5 * wave.squaredNorm() * dt_s;
   double sent_aj = 0;
-  if (may_send_aj > 0 && wave_aj > 0) {
+  if (may_send_aj > 0 && wave_aj > 0 && std::isfinite(wave_aj)) {
     const double part = std::min(1.0, std::sqrt(may_send_aj / wave_aj));
     sent_aj = part * part * wave_aj;
     answer_.wave_sum += part * dt_s * wave;

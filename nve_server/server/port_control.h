@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/link/messages.h"
+#include "common/link/priced_energy.h"
 #include "nve_server/slave/slave.h"
 
 namespace telenano::server {
@@ -29,6 +30,15 @@ namespace telenano::server {
 /// themselves must not: a hand at rest brings none after it, and its force would fade.
 ///
 /// Other methods leave the command as it is.
+///
+/// **Another scale** changes what a joule at the tip is worth at the hand, and must make none there. What the
+/// port has in hand, level and surplus, keeps its worth in hand joules, debts likewise: they are multiplied
+/// by the new energy_scale_aj_j over the old. What lies in the sample is worth what was paid for it
+/// (priced_energy.h): booked is not the port's charge but what may be credited for it, or must be paid. The
+/// station says its scale with every command, whatever its method, so that nothing is pressed unseen.
+///
+/// **Finite.** Of a scale that no pair of scales makes, and of sums that no session comes to, nothing is
+/// believed: every sum here stays finite, whatever a station sends.
 class PortControl {
  public:
   /// A new session id: the station's sums begin at 0 again; what is owed stays owed.
@@ -52,10 +62,15 @@ class PortControl {
   static constexpr double kUnforeseenJ = 1e-4;  ///< hand joules
   static constexpr double kReserveJ = 0.008;    ///< likewise: kept, so that the next touch can begin
   static constexpr double kCatchUp_s = 0.05;
+  /// More has not come: 10¹² J at the hand of an ordinary scaling.
+  static constexpr double kMostAj = 1e30;
+  static constexpr double kScaleLeast = 1e-12, kScaleMost = 1e24;  ///< aJ/J, believed
   static constexpr double kSurplusReturn_s = 1.0;
 
  private:
   void receive(const link::PortControl& control) noexcept;
+  bool rescale(double energy_scale_aj_j) noexcept;
+  double worth_aj(double charge_aj) noexcept;
   Vec3 paid_move(const Vec3& move_w_nm, const Vec3& force_w_nn, double stiffness_n_m,
                  double budget_aj) const noexcept;
   Vec3 wave_move(const Vec3& lag_w_nm, const slave::SlaveOutput& last, double stiffness_n_m,
@@ -67,6 +82,7 @@ class PortControl {
   double energy_scale_aj_j_ = 0;
   double wave_impedance_n_s_m_ = 0;
   link::PortControl received_;  // the highest sums of this session
+  link::PricedEnergy sample_;   // what the port has taken and given, at the scale of that time
   double came_aj_ = 0;          // with this command
   Vec3 wave_came_ = Vec3::Zero();
   double wave_came_aj_ = 0;

@@ -66,6 +66,10 @@ std::unique_ptr<slave::Slave> first_slave(const ServedScene& scene) {
   return slave;
 }
 
+bool has_well(const slave::SlaveLimits& limits) noexcept {
+  return limits.well_aj > 0 && std::isfinite(limits.well_aj);
+}
+
 link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
   link::SessionTableConfig table = config.table;
   if (config.mail != nullptr) {
@@ -75,7 +79,8 @@ link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
   return table;
 }
 
-/// Sharing is offered where there is something to share, and asked for there; a particle where there is one.
+/// Sharing is offered where there is something to share, and asked for there; a particle and a well where
+/// there is one.
 link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits) {
   link::ServerHandshakeConfig handshake;
   handshake.secret = config.secret;
@@ -85,6 +90,7 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
     handshake.feature_bits |= link::kFeatureSharing;
   }
   if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
+  if (!has_well(limits)) handshake.feature_bits &= ~std::uint64_t{link::kFeatureWell};
   handshake.rate_max_hz = limits.rate_max_hz;
   handshake.challenges_per_s = config.challenges_per_s;
   handshake.openings_per_s = config.openings_per_s;
@@ -188,6 +194,7 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.force_max_nn = limits.force_max_nn;
   w.coupling_stiffness_n_m = limits.coupling_stiffness_n_m;
   w.coupling_damping_n_s_m = limits.coupling_damping_n_s_m;
+  if ((session.feature_bits & link::kFeatureWell) != 0 && has_well(limits)) w.well_aj = limits.well_aj;
   return codec_.encode(w, out);
 }
 

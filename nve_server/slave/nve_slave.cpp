@@ -93,6 +93,7 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene, const PortGround& 
       scalar_(flat_ && !scene_->friction && !scene_->particle),
       sample_(scene_),
       model_(scene_, ground) {
+  limits_.well_aj = ground.well_aj();
   port().commanded_w_nm = limits_.start_pos_w_nm;
   if (solve(port().commanded_w_nm, piece_of(kSettle_s), port(), trial_port()) != nullptr) accept_trial();
   port().mode.velocity_nm_s = 0;

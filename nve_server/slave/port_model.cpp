@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nve_server/physics/relative_curvature.h"
+
 namespace telenano::slave {
 namespace {
 
@@ -11,11 +13,29 @@ namespace {
 constexpr double kWalkLengths = 4;
 constexpr double kWalkLeastNm = 20;
 constexpr int kWalkSteps = 4000;
+// Of a well: the walk steps over its deepest point by less than a step, where the potential is level.
+constexpr double kWellMargin = 1e-3;
 
 bool same(const link::LocalModel& a, const link::LocalModel& b) noexcept {
   return a.point_w_nm == b.point_w_nm && a.normal_w == b.normal_w && a.stiffness_n_m == b.stiffness_n_m &&
          a.adhesion_nn == b.adhesion_nn && a.shear_stiffness_n_m == b.shear_stiffness_n_m &&
          a.friction_nn == b.friction_nn;
+}
+
+// How deep the law's potential is: from far away down to where the contact bears no load, displacement
+// controlled.
+double well_aj(const physics::TipSampleLaw& law, double radius_nm) {
+  const double reach_nm = std::max(kWalkLeastNm, kWalkLengths * law.scales(radius_nm).overlap_nm);
+  const double step_nm = reach_nm / kWalkSteps;
+  physics::TipSampleState state;
+  double deepest_aj = 0;
+  for (double base_nm = -reach_nm; base_nm < reach_nm; base_nm += step_nm) {
+    const physics::Equilibrium eq = law.advance(base_nm, 0, radius_nm, state);
+    if (eq.status != physics::SolveStatus::kOk) continue;
+    deepest_aj = std::max(deepest_aj, -eq.potential_aj);
+    if (eq.branch == physics::Branch::kContact && eq.force_nn >= 0) break;
+  }
+  return deepest_aj * (1 + kWellMargin);
 }
 
 }  // namespace
@@ -39,6 +59,14 @@ PortGround::PortGround(const scene::Scene& scene) {
     const physics::Equilibrium eq = law.advance(base_nm, spring_nm_nn, radius_nm, state);
     if (eq.branch != physics::Branch::kContact) break;
     pull_off_nn_ = std::max(pull_off_nn_, -eq.force_nn);
+  }
+  well_aj_ =
+      slave::well_aj(law, scene.surface->is_flat() ? radius_nm : radius_nm / physics::kMinRelativeCurvature);
+  if (scene.particle) {
+    const physics::ParticleParameters& p = scene.particle->parameters;
+    well_aj_ +=
+        slave::well_aj(physics::TipSampleLaw(p.tip_particle),
+                       p.tip_radius_nm * p.particle_radius_nm / (p.tip_radius_nm + p.particle_radius_nm));
   }
 }
 

@@ -20,11 +20,20 @@ class PortGround {
   double rest_overlap_nm() const noexcept { return rest_overlap_nm_; }        ///< of a contact without load
   double rest_stiffness_n_m() const noexcept { return rest_stiffness_n_m_; }  ///< 0: it never pushes
   double pull_off_nn() const noexcept { return pull_off_nn_; }  ///< against the port's springs, all terms
+  /// The deepest adhesive well of the scene: the port's charge is the change of what tip and sample store,
+  /// springs included, plus losses; springs store no less than nothing, so that no path gives out more than
+  /// −min U beyond what was put in, U the law's potential, 0 far away. On a flat sample that is found by the
+  /// walk at the tip's own radius, to some parts in 10⁴ and never too low; U grows with the effective
+  /// radius, so that on any other the largest that the law is ever given (relative_curvature.h: ten tip
+  /// radii) bounds it, 10 to 22 times too high where the ground is nearly level. With a particle, the tip's
+  /// well on it besides. Marks may flatten the ground further than that: what is more is not in it.
+  double well_aj() const noexcept { return well_aj_; }
 
  private:
   double rest_overlap_nm_ = 0;
   double rest_stiffness_n_m_ = 0;
   double pull_off_nn_ = 0;
+  double well_aj_ = 0;
 };
 
 /// What the NVE's port is like around the tip, for the local contact model of the station: the tangent of its

@@ -36,7 +36,7 @@ struct SlaveOutput {
 };
 
 /// What a station may know of a slave before it moves; all of it goes into Welcome, `has_particle` as a
-/// feature.
+/// feature, `well_aj` behind one.
 struct SlaveLimits {
   Vec3 workspace_min_w_nm = Vec3::Zero();
   Vec3 workspace_max_w_nm = Vec3::Zero();
@@ -47,6 +47,9 @@ struct SlaveLimits {
   double coupling_damping_n_s_m = 0;
   std::uint32_t rate_max_hz = 8000;
   bool has_particle = false;
+  /// The deepest adhesive well of the scene: most that the sample can give out of its own, beyond what was
+  /// ever put in (energy_out_aj − energy_in_aj). An upper bound; 0: none, or not known.
+  double well_aj = 0;
 };
 
 /// Seam: whatever touches the sample: the nanoscale virtual environment, or a real AFM.

@@ -8,7 +8,7 @@ import secrets
 import telenano_pb2 as pb
 from rules import Received, SequenceWindow
 from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED,
-                  FEATURE_PARTICLE, FEATURE_SHARING, FEATURE_STEP_HISTORY, KNOWN_FEATURES,
+                  FEATURE_PARTICLE, FEATURE_SHARING, FEATURE_STEP_HISTORY, FEATURE_WELL, KNOWN_FEATURES,
                   REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN, REFUSE_VERSION, STOP, VERSION, Drop, decode, encode,
                   features_used, need, recent_commands, set_vector, vector)
 
@@ -72,7 +72,8 @@ class Server:
     """on_datagram(bytes, address, now) returns the answer or None; poll(now) applies the time-outs."""
 
     def __init__(self, capacity=4, features=KNOWN_FEATURES, timeout_ms=500, rate_max_hz=8000):
-        features &= ~(FEATURE_SHARING | FEATURE_PARTICLE)  # there is nothing to share, and no particle
+        # There is nothing to share, no particle, and no well: nothing here attracts.
+        features &= ~(FEATURE_SHARING | FEATURE_PARTICLE | FEATURE_WELL)
         self.capacity, self.features, self.timeout_ms, self.rate_max_hz = capacity, features, timeout_ms, rate_max_hz
         self.shutting_down = False
         self.secret = secrets.token_bytes(32)

@@ -102,6 +102,7 @@ class Station:
         need(m.nonce == self.nonce, "unauthenticated")
         need(self.versions[0] <= m.version <= self.versions[1], "wrong_version")
         need(m.feature_bits & ~self.asked == 0, "out_of_range")
+        need(features_used(m) & ~m.feature_bits == 0, "unexpected")
         if self.welcome is None or m.epoch != self.welcome.epoch:
             self.energy_in_aj, self.energy_out_aj = Received(), Received()
             self.times = LinkTimes()
@@ -154,13 +155,14 @@ class Station:
         """The last commands with this one, and this one kept for those that come."""
         wave = m.method == 4
         for kind, time_ns, record in list(self.last_sent)[:self.redundancy]:
-            if kind != (m.method, m.tip_hold) or m.send_time_ns - time_ns >= 1 << 32:
+            if kind != (m.method, m.energy_scale_aj_j, m.tip_hold) or m.send_time_ns - time_ns >= 1 << 32:
                 break
             m.recent_commands += RECENT.pack(m.send_time_ns - time_ns, *record)
         energy = m.wave_energy_aj if wave else m.energy_sent_j
         sums = [getattr(m, f"wave_sum_w_{axis}_sqrt_aj_s") if wave else 0.0 for axis in "xyz"]
-        self.last_sent.appendleft(((m.method, m.tip_hold), m.send_time_ns, (m.flags, m.tip_pos_w_x_nm, m.tip_pos_w_y_nm,
-                                                              m.tip_pos_w_z_nm, energy, *sums)))
+        kind = (m.method, m.energy_scale_aj_j, m.tip_hold)
+        self.last_sent.appendleft((kind, m.send_time_ns, (m.flags, m.tip_pos_w_x_nm, m.tip_pos_w_y_nm, m.tip_pos_w_z_nm,
+                                                          energy, *sums)))
 
     def on_reply(self, m, now_ns):
         need(self.alive, "unexpected")

@@ -48,6 +48,14 @@ VALUES = {
                           **xyz("workspace_max_w_{}_nm", 300, 300.5, 500), **xyz("start_pos_w_{}_nm", 1.5, -2.5, 80),
                           surface_z_w_nm=12.25, force_max_nn=1000, coupling_stiffness_n_m=0.75,
                           coupling_damping_n_s_m=0.0625, stiffness_min_n_m=-0.375),
+    "welcome_with_well": pb.Welcome(version=1, nonce=ID["nonce"], session_id=ID["session_id"],
+                                    resume_token=ID["resume_token"], epoch=7, timeout_ms=2000, slave_rate_max_hz=8000,
+                                    scene_name=b"flakes", scene_hash=0x5152535455565758,
+                                    **xyz("workspace_min_w_{}_nm", -300, -300.5, -50),
+                                    **xyz("workspace_max_w_{}_nm", 300, 300.5, 500),
+                                    **xyz("start_pos_w_{}_nm", 1.5, -2.5, 80), surface_z_w_nm=12.25, force_max_nn=1000,
+                                    coupling_stiffness_n_m=0.75, coupling_damping_n_s_m=0.0625, stiffness_min_n_m=-0.375,
+                                    well_aj=384.5),
     "refuse": pb.Refuse(nonce=ID["nonce"], reason=1, version_min=1, version_max=1),
     "command": pb.Command(**COMMAND),
     "reply": pb.Reply(**REPLY),
@@ -151,7 +159,8 @@ class Golden(unittest.TestCase):
         used = {name: features_used(value) for name, value in VALUES.items()}
         self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3,
                                 "command_with_sharing": 4, "reply_with_sharing": 4,
-                                "command_with_recent": 9, "reply_with_history": 19, "reply_with_particle": 32})
+                                "command_with_recent": 9, "reply_with_history": 19, "reply_with_particle": 32,
+                                "welcome_with_well": 64})
 
 
 class Causes(unittest.TestCase):
@@ -213,10 +222,11 @@ class Causes(unittest.TestCase):
         zero["reply_with_features"] = zero["reply_with_sharing"] = zero["reply_with_history"] = zero["reply"]
         zero["reply_with_particle"] = zero["reply"]
         zero["command_with_sharing"] = zero["command"]
+        zero["welcome_with_well"] = zero["welcome"]
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",
-                        "model_shear_stiffness_n_m", "model_friction_nn", "particle_radius_nm"}
+                        "model_shear_stiffness_n_m", "model_friction_nn", "particle_radius_nm", "well_aj"}
         for name, value in VALUES.items():
             for field in value.DESCRIPTOR.fields:
                 # Padding is no value; ranges between fields stand below.

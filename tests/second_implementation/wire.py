@@ -23,10 +23,12 @@ FEATURE_SHARING = 1 << 2
 FEATURE_REDUNDANCY = 1 << 3
 FEATURE_STEP_HISTORY = 1 << 4
 FEATURE_PARTICLE = 1 << 5
+FEATURE_WELL = 1 << 6
 KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
-                  FEATURE_PARTICLE)
+                  FEATURE_PARTICLE | FEATURE_WELL)
 #: Field numbers behind each feature (section 9).
 FEATURE_FIELDS = {
+    pb.Welcome: {FEATURE_WELL: (25,)},
     pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_SHARING: (31,), FEATURE_REDUNDANCY: (40,)},
     pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36), FEATURE_SHARING: range(36, 40),
                FEATURE_STEP_HISTORY: (40,), FEATURE_PARTICLE: range(41, 46)},
@@ -179,7 +181,7 @@ def check_welcome(m):
     low, high = vector(m, "workspace_min_w_{}_nm"), vector(m, "workspace_max_w_{}_nm")
     return (m.version and m.nonce and m.session_id and m.epoch and m.timeout_ms and
             all(a <= b for a, b in zip(low, high)) and
-            min(m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m) >= 0)
+            min(m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m, m.well_aj) >= 0)
 
 
 def check_command(m):

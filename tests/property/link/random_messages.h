@@ -74,6 +74,7 @@ inline Welcome any_welcome(Random& random) {
   m.coupling_stiffness_n_m = std::fabs(any_finite(random));
   m.coupling_damping_n_s_m = std::fabs(any_finite(random));
   m.stiffness_min_n_m = any_finite(random);
+  m.well_aj = std::fabs(any_finite(random));
   return m;
 }
 

@@ -41,6 +41,8 @@ station::StationConfig station_of(const RecordingReader& reader) {
                                                              : control::DamperDirection::kAlongMotion;
   c.leak_time_s = number_of(reader, "control.leak_time_s");
   c.allowance_j = number_of(reader, "control.allowance_j");
+  if (const std::string well = reader.configuration("control.well_max_j"); !well.empty())
+    c.well_max_j = std::strtod(well.c_str(), nullptr);
   c.guaranteed_velocity_m_s = number_of(reader, "control.guaranteed_velocity_m_s");
   c.trip_velocity_m_s = number_of(reader, "limits.trip_velocity_m_s");
   c.force_safety = number_of(reader, "limits.force_safety");

@@ -59,7 +59,7 @@ std::uint32_t promised(control::Method method) noexcept {
 }
 
 bool passes_on_the_well(control::Method method) noexcept {
-  return method != control::Method::kModel && method != control::Method::kKsClamp;
+  return method != control::Method::kKsClamp;
 }
 
 double promised_extraction_j(control::Method method, double allowance_j) noexcept {

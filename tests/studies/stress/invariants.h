@@ -49,8 +49,7 @@ std::uint32_t promised(control::Method method) noexcept;
 double promised_extraction_j(control::Method method, double allowance_j) noexcept;
 
 /// Where a sample's potential falls (a tip that snaps in), what it gives may reach the hand: U₀ − U_min, none
-/// of it made by control. Not with `model` and `ks-clamp`, which pay for every force from the hand's own
-/// port.
+/// of it made by control. Not with `ks-clamp`, which pays for every force from the hand's own port.
 bool passes_on_the_well(control::Method method) noexcept;
 
 class InvariantWatch {

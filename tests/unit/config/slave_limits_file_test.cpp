@@ -19,6 +19,7 @@ SlaveLimits some() {
   limits.surface_z_w_nm = -0.0625;
   limits.force_max_nn = 500;
   limits.coupling_stiffness_n_m = 40.0 / 3;
+  limits.well_aj = 1e3 / 7;
   limits.rate_max_hz = 8000;
   return limits;
 }
@@ -36,7 +37,15 @@ TEST(SlaveLimitsFile, ReadsBackWhatWasWritten) {
   EXPECT_EQ(out.force_max_nn, in.force_max_nn);
   EXPECT_EQ(out.coupling_stiffness_n_m, in.coupling_stiffness_n_m);
   EXPECT_EQ(out.coupling_damping_n_s_m, in.coupling_damping_n_s_m);
+  EXPECT_EQ(out.well_aj, in.well_aj);
   EXPECT_EQ(out.rate_max_hz, in.rate_max_hz);
+}
+
+TEST(SlaveLimitsFile, AFileFromBeforeThereWereWellsHasNone) {
+  std::string text = slave_limits_text(some());
+  const std::size_t at = text.find("well_aj");
+  text.erase(at, text.find('\n', at) + 1 - at);
+  EXPECT_EQ(parse_slave_limits(text, "limits.toml").well_aj, 0);
 }
 
 TEST(SlaveLimitsFile, RefusesWhatIsMissingUnknownOrWrong) {

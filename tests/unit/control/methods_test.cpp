@@ -82,6 +82,7 @@ TEST(Tank, EnergyIsConserved) {
     book_j += static_cast<long double>(i.put_in_j);
     SlaveNews news;
     news.energy_sent_j = 1e-4 * std::fabs(normal(random));
+    news.well_j = 1e9;  // whatever comes is believed here
     tank.hear(news);
     book_j += static_cast<long double>(news.energy_sent_j);
     tank.tell(order);
@@ -89,6 +90,105 @@ TEST(Tank, EnergyIsConserved) {
     // The slave's first allowance, 8 mJ, is in what was sent and never was in the ledger.
     ASSERT_NEAR(tank.ledger_j() + order.energy_sent_j - 8e-3, static_cast<double>(book_j), 1e-13);
   }
+}
+
+// A server that lies: it gives energy that nobody has sent to it and that its sample cannot have. Believed is
+// what was sent, the grant of 8 mJ besides, and the well, once.
+TEST(Tank, NoMoreIsBelievedThanWasSentAndTheWellHolds) {
+  for (const double well_j : {0.0, 3e-3}) {
+    TwoLayerTank tank(config_of(0));
+    SlaveNews news;
+    news.well_j = well_j;
+    tank.hear(news);  // the grant goes out
+    news.energy_sent_j = 5e-3;
+    for (int k = 0; k < 100; ++k) tank.hear(news);
+    EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
+    EXPECT_NEAR(tank.credited_j(), 8e-3 + well_j, 1e-15);
+    tank.begin_session(true);  // another slave has no well of its own on top
+    for (int k = 0; k < 100; ++k) tank.hear(news);
+    EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
+    tank.book(interval(Vec3(-2, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 2 mJ, which are sent
+    EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
+    for (int k = 0; k < 100; ++k) tank.hear(news);
+    EXPECT_NEAR(tank.ledger_j(), 10e-3 + well_j, 1e-15) << "and may come back";
+  }
+}
+
+// Snapped in the sample has given the hand 4 mJ: no leak of the link. Pulled off and snapped in again: once.
+TEST(LocalModel, TheSamplesOwnEnergyIsCreditedOnce) {
+  LocalModel model(config_of(0));
+  SlaveNews news;
+  news.well_j = 5e-3;
+  news.given_j = 4e-3;
+  model.hear(news);
+  EXPECT_NEAR(model.ledger_j(), 4e-3, 1e-18);
+  model.book(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));
+  EXPECT_NEAR(model.ledger_j(), 0, 1e-18);
+  for (int k = 0; k < 10; ++k) {
+    model.begin_session(true);
+    model.hear(news);
+  }
+  EXPECT_NEAR(model.ledger_j(), 0, 1e-18);
+  news.given_j = 1;  // more than it can have
+  model.hear(news);
+  EXPECT_NEAR(model.ledger_j(), 1e-3, 1e-15);
+  news = {};
+  model.hear(news);  // a slave that says nothing of a well
+  EXPECT_NEAR(model.ledger_j(), 1e-3, 1e-15);
+}
+
+// Round all methods and back, with a lie after every change: the well is granted to one of them, once. What a
+// change forfeits may come again, what was taken may not.
+TEST(Methods, NoRoundOfChangesGrantsTheWellTwice) {
+  const MethodConfig config = config_of(0);
+  for (const bool taken : {false, true}) {
+    Methods methods(Method::kModel, config);
+    SlaveNews lie;
+    lie.well_j = lie.given_j = 5e-3;
+    lie.energy_sent_j = 1;
+    double out_j = 0;
+    for (int round = 0; round < 20; ++round) {
+      for (const Method method : kAllMethods) {
+        methods.change_to(method, config, Vec3::Zero());
+        for (int k = 0; k < 3; ++k) methods.now().hear(lie);
+        if (!taken || !claims_energy_bound(method)) continue;
+        // A hand takes all that the clamp lets it have.
+        const double may_j = config.passivity.allowance_j + methods.now().ledger_j();
+        if (may_j > 0) methods.now().book(interval(Vec3(may_j / 1e-3, 0, 0), Vec3(1e-3, 0, 0)));
+        out_j += std::max(0.0, may_j);
+      }
+    }
+    // 10 mJ at the station, of which the tank grants the slave 8 mJ, which a lying one sends back; the well.
+    EXPECT_LE(out_j, 10e-3 + 8e-3 + 5e-3 + 1e-12);
+    if (taken) {
+      EXPECT_GE(out_j, 15e-3 - 1e-12);
+    }
+    methods.change_to(Method::kModel, config, Vec3::Zero());
+    methods.now().hear(lie);
+    EXPECT_LE(methods.now().ledger_j(), 5e-3 + 1e-12);
+    if (!taken) {
+      EXPECT_GE(methods.now().ledger_j(), 5e-3 - 1e-12) << "forfeited, it may come again";
+    }
+  }
+}
+
+// The sums of waves are the tip's: what was sent at one scale stands there at another, to rounding.
+TEST(Wave, AnotherScaleLeavesTheSumsAtTheTipWhatTheyAre) {
+  MethodConfig config = config_of(2);
+  config.scaling = {1e-6, 2e7};
+  WavePort port(config);
+  for (int k = 0; k < 10; ++k) port.book(interval(Vec3(-3, 1, 0), Vec3(1e-3, 0, 2e-4)));
+  SlaveOrder before, after;
+  port.tell(before);
+  MethodConfig other = config;
+  other.scaling = {2e-7, 1e8};
+  port.take_over(port.ledger_j(), other, Vec3::Zero());
+  port.tell(after);
+  const double from = config.scaling.tip_energy_aj(1), to = other.scaling.tip_energy_aj(1);
+  ASSERT_GT(before.wave_j, 1e-3);
+  EXPECT_NEAR(after.wave_j * to, before.wave_j * from, 1e-12 * before.wave_j * from);
+  EXPECT_LT((after.wave_sum_h * std::sqrt(to) - before.wave_sum_h * std::sqrt(from)).norm(),
+            1e-12 * before.wave_sum_h.norm() * std::sqrt(from));
 }
 
 TEST(Tank, NothingIsSentThatItHasNotGot) {

@@ -12,7 +12,7 @@ TYPES = {1: "hello", 2: "challenge", 3: "welcome", 4: "refuse", 5: "command", 6:
 FIELDS = {
     "hello": "iiqqqqi",
     "challenge": "qq",
-    "welcome": "iqqqqiiibq" + "d" * 14,
+    "welcome": "iqqqqiiibq" + "d" * 15,
     "refuse": "qiii",
     "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "-" * 8 + "i" + "-" * 8 + "b",  # - = no such field
     "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10 + "i" + "d" * 3 + "q" + "d" * 4 + "i",
@@ -67,7 +67,8 @@ def main():
         assert name == path.stem.partition("_with_")[0], path
         decoded[path.stem] = values
     more = {f"{name}_with_{what}" for name in ("command", "reply") for what in ("features", "sharing")}
-    assert set(decoded) == set(TYPES.values()) | more | {"command_with_recent", "reply_with_history", "reply_with_particle"}, decoded.keys()
+    assert set(decoded) == set(TYPES.values()) | more | {"command_with_recent", "reply_with_history", "reply_with_particle",
+                                                             "welcome_with_well"}, decoded.keys()
     for name, fields in FIELDS.items():
         seen = set().union(*(values for stem, values in decoded.items() if stem.partition("_with_")[0] == name))
         assert seen | ({15} if name == "hello" else {2} if name == "welcome" else set()) >= {
@@ -88,6 +89,7 @@ def main():
     assert recent[3][:2] == (1000000, 2)
     assert decoded["reply_with_history"][40] == 0xFEDCBA9876543210
     assert [decoded["reply_with_particle"][k] for k in range(41, 46)] == [61.5, -7.25, 30.125, 30.5, 2]
+    assert decoded["welcome_with_well"] == decoded["welcome"] | {25: 384.5}
     assert decoded["bye"] == {1: 0x4142434445464740, 2: 1}
     print("decoded", len(decoded), "golden datagrams")
 

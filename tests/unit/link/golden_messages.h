@@ -30,6 +30,7 @@ struct GoldenMessages {
   Reply reply_with_history = make_reply_with_history();
   /// The reply without features, and a particle.
   Reply reply_with_particle = make_reply_with_particle();
+  Welcome welcome_with_well = make_welcome_with_well();
   RecentCommands recent = make_recent();
 
   static Welcome make_welcome() {
@@ -53,6 +54,11 @@ struct GoldenMessages {
     m.coupling_stiffness_n_m = 0.75;
     m.coupling_damping_n_s_m = 0.0625;
     m.stiffness_min_n_m = -0.375;
+    return m;
+  }
+  static Welcome make_welcome_with_well() {
+    Welcome m = make_welcome();
+    m.well_aj = 384.5;
     return m;
   }
   static Command make_command() {
@@ -176,11 +182,12 @@ struct GoldenMessages {
     add(reply_with_sharing);
     add(reply_with_history);
     add(reply_with_particle);
+    add(welcome_with_well);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 14> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 15> kGoldenNames = {"hello",
                                                              "challenge",
                                                              "welcome",
                                                              "refuse",
@@ -193,12 +200,13 @@ inline constexpr std::array<const char*, 14> kGoldenNames = {"hello",
                                                              "command_with_sharing",
                                                              "reply_with_sharing",
                                                              "reply_with_history",
-                                                             "reply_with_particle"};
-inline constexpr std::array<MessageType, 14> kGoldenTypes = {
+                                                             "reply_with_particle",
+                                                             "welcome_with_well"};
+inline constexpr std::array<MessageType, 15> kGoldenTypes = {
     MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
     MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
     MessageType::kReply,   MessageType::kCommand,   MessageType::kCommand, MessageType::kReply,
-    MessageType::kReply,   MessageType::kReply};
+    MessageType::kReply,   MessageType::kReply,     MessageType::kWelcome};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -216,7 +224,8 @@ inline bool same(const Welcome& a, const Welcome& b) {
          a.workspace_min_w_nm == b.workspace_min_w_nm && a.workspace_max_w_nm == b.workspace_max_w_nm &&
          a.start_pos_w_nm == b.start_pos_w_nm && a.surface_z_w_nm == b.surface_z_w_nm &&
          a.force_max_nn == b.force_max_nn && a.coupling_stiffness_n_m == b.coupling_stiffness_n_m &&
-         a.coupling_damping_n_s_m == b.coupling_damping_n_s_m && a.stiffness_min_n_m == b.stiffness_min_n_m;
+         a.coupling_damping_n_s_m == b.coupling_damping_n_s_m && a.stiffness_min_n_m == b.stiffness_min_n_m &&
+         a.well_aj == b.well_aj;
 }
 inline bool same(const Refuse& a, const Refuse& b) {
   return a.nonce == b.nonce && a.reason == b.reason && a.version_min == b.version_min &&
@@ -277,7 +286,7 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
     case MessageType::kChallenge:
       return same(in.challenge, golden.challenge);
     case MessageType::kWelcome:
-      return same(in.welcome, golden.welcome);
+      return same(in.welcome, which < 7 ? golden.welcome : golden.welcome_with_well);
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:

@@ -108,7 +108,40 @@ TEST(Features, AWelcomeThatGrantsWhatWasNotAskedForIsDropped) {
   EXPECT_EQ(client.on_datagram(std::span(out).first(codec.encode(w, out)), 1), link::ClientEvent::kDropped);
   EXPECT_EQ(client.drops()[DropCause::kOutOfRange], 1u);
   w.feature_bits = kFeaturePortControl;
+  w.well_aj = 1;
+  EXPECT_EQ(client.on_datagram(std::span(out).first(codec.encode(w, out)), 1), link::ClientEvent::kDropped);
+  EXPECT_EQ(client.drops()[DropCause::kUnexpected], 1u) << "a well that nobody has agreed to";
+  w.well_aj = 0;
   EXPECT_EQ(client.on_datagram(std::span(out).first(codec.encode(w, out)), 1), link::ClientEvent::kWelcome);
+}
+
+// As a station sees it: known where the slave knows it and the station asks, and only a number can be one.
+TEST(Features, AWellIsToldWhereThereIsOne) {
+  for (const double well_aj : {384.5, 0.0, std::numeric_limits<double>::infinity(), -1.0}) {
+    for (const bool asks : {true, false}) {
+      SpringSlave slave;
+      slave.set_well(well_aj);
+      ServedScene scene = spring_scene();
+      scene.make_slave = [slave] { return std::make_unique<SpringSlave>(slave); };
+      Server server(test_config(), std::move(scene));
+      link::ClientConfig config;
+      if (!asks) config.feature_bits &= ~std::uint64_t{link::kFeatureWell};
+      link::ClientSession client(config);
+      client.start(0);
+      std::array<std::uint8_t, link::kMaxDatagramBytes> in{}, out{};
+      for (std::int64_t k = 0; k < 20 && !client.has_session(); ++k) {
+        const std::size_t n = client.poll(k * 200'000'000, in);
+        if (n == 0) continue;
+        const std::size_t m =
+            server.on_datagram(std::span(in).first(n), net::Address{}, k * 200'000'000, out);
+        client.on_datagram(std::span(out).first(m), k * 200'000'000);
+      }
+      ASSERT_TRUE(client.has_session());
+      const bool told = asks && well_aj == 384.5;
+      EXPECT_EQ(client.welcome().well_aj, told ? 384.5 : 0) << well_aj;
+      EXPECT_EQ((client.features() & link::kFeatureWell) != 0, told) << well_aj;
+    }
+  }
 }
 
 TEST(Features, FieldsOfAFeatureThatWasNotAgreedAreUnexpected) {

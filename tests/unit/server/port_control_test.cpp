@@ -180,6 +180,113 @@ TEST(PortControl, ALostCommandLosesNothing) {
   EXPECT_NEAR(lossy.z(), -10, 1e-6);
 }
 
+// A joule of the hand is another number at the tip, and nobody has moved: level and debt stay worth what they
+// were.
+TEST(PortControl, AnotherScaleLeavesLevelAndDebtWhatTheyAreAtTheHand) {
+  for (const double by : {0.04, 25.0}) {
+    Rig rich(link::kMethodTank), poor(link::kMethodTdpa);
+    rich.command.control.energy_sent_j = 5e-3;
+    for (int k = 0; k < 3; ++k) rich.tick(Vec3(0, 0, 5));
+    for (int k = 0; k < 500; ++k) poor.tick(Vec3(0, 0, -1));
+    ASSERT_NEAR(rich.control.level_aj(), 5e-3 * 1e5, 1e-9);
+    const double debt_j = poor.control.level_aj() / 1e5;
+    ASSERT_LT(debt_j, 0);
+    for (Rig* rig : {&rich, &poor}) {
+      rig->command.control.energy_scale_aj_j = 1e5 * by;
+      rig->tick(rig->wall.output.commanded_pos_w_nm);
+    }
+    EXPECT_NEAR(rich.control.level_aj() / (1e5 * by), 5e-3, 1e-15);
+    EXPECT_NEAR(poor.control.level_aj() / (1e5 * by), debt_j, 1e-15);
+  }
+}
+
+// Ten times in at one scale and out at the other: what the port gives back is worth no more at the hand than
+// what was paid for it. Counted in hand joules, as they go in and come out, by the test itself.
+TEST(PortControl, WhatWasPressedAtOneScaleIsNotWorthMoreAtAnother) {
+  for (const double by : {0.04, 25.0}) {  // of the price of a joule at the tip, on the way out
+    Rig rig(link::kMethodTank);
+    double sent_back_j = 0;
+    rig.command.control.energy_sent_j = 8e-3;
+    const auto tick = [&](double z) {
+      const double before_aj = rig.control.answer().energy_sent_aj;
+      rig.tick(Vec3(0, 0, z));
+      sent_back_j +=
+          (rig.control.answer().energy_sent_aj - before_aj) / rig.command.control.energy_scale_aj_j;
+    };
+    for (int cycle = 0; cycle < 10; ++cycle) {
+      rig.command.control.energy_scale_aj_j = 1e5;
+      for (int k = 0; k <= 100; ++k) {
+        rig.command.control.energy_sent_j += 1e-4;
+        tick(-0.1 * k);
+      }
+      rig.command.control.energy_scale_aj_j = 1e5 / by;
+      for (int k = 100; k >= -20; --k) tick(-0.1 * k);
+      for (int k = 0; k < 3000; ++k) tick(2);
+    }
+    // Everything has come out of the wall; what is left in the tank is worth what it is worth.
+    ASSERT_EQ(rig.wall.output.energy_in_aj > 5000, true);
+    const double left_j = rig.control.level_aj() / rig.command.control.energy_scale_aj_j;
+    EXPECT_LE(sent_back_j + left_j, rig.command.control.energy_sent_j + 1e-12) << by;
+    // At the scale at which it was paid, or at a dearer one, nothing of it is lost.
+    if (by > 1) {
+      EXPECT_NEAR(sent_back_j + left_j, rig.command.control.energy_sent_j, 1e-9);
+    }
+  }
+}
+
+// A wave moves a tip by the energy that came with it, and what the wall gives back goes as a wave.
+TEST(PortControl, WavesGainNothingByAnotherScaleEither) {
+  Rig rig(link::kMethodWave);
+  double back_j = 0, sent_j = 0;
+  const auto tick = [&](double u) {
+    const double before_aj = rig.control.answer().wave_energy_aj;
+    rig.command.control.wave_sum.z() += u * kT;
+    rig.command.control.wave_energy_aj += 0.5 * u * u * kT;
+    sent_j += 0.5 * u * u * kT / rig.command.control.energy_scale_aj_j;
+    rig.tick(rig.wall.output.commanded_pos_w_nm);
+    back_j += (rig.control.answer().wave_energy_aj - before_aj) / rig.command.control.energy_scale_aj_j;
+  };
+  for (int cycle = 0; cycle < 10; ++cycle) {
+    rig.command.control.energy_scale_aj_j = 1e5;
+    for (int k = 0; k < 2000; ++k) tick(-30 / std::sqrt(0.2));
+    rig.command.control.energy_scale_aj_j = 4e3;
+    for (int k = 0; k < 2000; ++k) tick(0);
+  }
+  EXPECT_GT(rig.wall.output.energy_out_aj, 100) << "the wall gave something back";
+  EXPECT_LE(back_j, sent_j + 1e-12);
+}
+
+// Two finite numbers may make one that is not, and a sum that is none would be on the wire for good.
+TEST(PortControl, NoCommandMakesASumThatIsNotFinite) {
+  const double kBad[] = {1e300, 1.7e308, 1e154, 1e-300, 4.9e-324};
+  std::mt19937_64 random(17);
+  std::uniform_int_distribution<int> which(0, 6);
+  for (std::uint32_t method : {link::kMethodTdpa, link::kMethodWave, link::kMethodTank}) {
+    for (int run = 0; run < 200; ++run) {
+      Rig rig(method);
+      for (int k = 0; k < 60; ++k) {
+        link::PortControl& c = rig.command.control;
+        const auto some = [&](double usual) {
+          const int i = which(random);
+          return i < 5 ? kBad[i] : usual;
+        };
+        c.energy_scale_aj_j = some(1e5);
+        c.energy_sent_j = std::max(c.energy_sent_j, some(1e-3 * k));
+        c.wave_energy_aj = std::max(c.wave_energy_aj, some(1.0 * k));
+        c.wave_sum = Vec3(some(0), -some(0), some(-0.1));
+        c.wave_impedance_n_s_m = some(0.1);
+        rig.tick(Vec3(0, 0, 1 - 0.1 * (k % 20)));
+        // A slave that is told what is not finite stays where it is (step_guarded); so does this wall.
+        if (!is_finite(rig.wall.output.commanded_pos_w_nm)) break;
+        ASSERT_TRUE(std::isfinite(rig.control.answer().energy_sent_aj)) << method;
+        ASSERT_TRUE(std::isfinite(rig.control.answer().wave_energy_aj)) << method;
+        ASSERT_TRUE(is_finite(rig.control.answer().wave_sum)) << method;
+        ASSERT_TRUE(std::isfinite(rig.control.level_aj())) << method;
+      }
+    }
+  }
+}
+
 TEST(PortControl, ANewSessionForgetsCreditAndKeepsDebt) {
   Rig rig(link::kMethodTdpa);
   rig.command.control.energy_sent_j = 1;

@@ -29,6 +29,7 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(a.scaling.force, b.scaling.force);
   EXPECT_EQ(a.method, b.method);
   EXPECT_EQ(a.allowance_j, b.allowance_j);
+  EXPECT_EQ(a.well_max_j, b.well_max_j);
   EXPECT_EQ(a.guaranteed_velocity_m_s, b.guaranteed_velocity_m_s);
   EXPECT_EQ(a.trip_velocity_m_s, b.trip_velocity_m_s);
   EXPECT_EQ(a.force_safety, b.force_safety);

@@ -1,7 +1,9 @@
 // Control methods in the station: which one runs, what the slave is told, and changes without a bump.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "tests/unit/station/station_rig.h"
 
@@ -15,6 +17,7 @@ const Vec3 kPush(0, 0, 50);  // nN at the tip: 1 N at the hand with the default 
 StationConfig config_of(Method method) {
   StationConfig config;
   config.method = method;
+  config.well_max_j = 10;  // replies made by hand give energy that nobody has sent
   return config;
 }
 
@@ -24,6 +27,7 @@ struct FeatureRig : StationRig {
       : StationRig(config_of(method)) {
     welcome.feature_bits = features;
     welcome.epoch = 7;
+    welcome.well_aj = 1e5;  // 2 J: what comes is believed, up to the station's own limit
     station.begin_session(welcome);
     input.command_sequence = 1;
   }
@@ -159,6 +163,7 @@ TEST(StationMethods, AnUnsafeOrSenselessScaleIsNotTaken) {
   EXPECT_FALSE(rig.station.change_scaling({1e-6, 1e9}));
   EXPECT_FALSE(rig.station.change_scaling({1e-6, -1}));
   EXPECT_FALSE(rig.station.change_scaling({std::nan(""), 1}));
+  EXPECT_FALSE(rig.station.change_scaling({1e-300, 1e300})) << "nor one that no configuration may have";
   EXPECT_EQ(rig.station.config().scaling.force, 2e7);
 }
 
@@ -217,6 +222,109 @@ TEST(StationMethods, EnergyOfALostReplyComesWithTheNextOne) {
     }
     const double scale = rig.station.config().scaling.hand_energy_j(1);
     EXPECT_NEAR(rig.output.trace.ledger_j, 100 * 100 * scale, 1e-12);
+  }
+}
+
+// 100 aJ in each reply. The scale changes to 25 times the price, and back, with replies under way: each is
+// worth what a joule at the tip was when the slave carried out its command.
+TEST(StationMethods, WhatIsUnderWayCrossesAtItsOwnScale) {
+  constexpr int kDelay = 50;  // ticks
+  FeatureRig rig(Method::kTank);
+  rig.input.command_sequence = 0;
+  double expected_j = 0, by = 1, most_j = 0;
+  std::vector<double> price_of(1, 0);
+  const auto scaled = [](double b) { return control::Scaling{1e-6 / b, 2e7 * b}; };
+  for (int k = 1; k <= 400; ++k) {
+    if (k == 150 || k == 250) {
+      by = k == 150 ? 5 : 1;
+      ASSERT_TRUE(rig.station.change_scaling(scaled(by)));
+      expected_j = 0;  // a surplus is forfeited by every change
+    }
+    ++rig.input.command_sequence;
+    price_of.push_back(scaled(by).hand_energy_j(1));
+    const bool lost = k % 7 < 2;
+    if (k > kDelay) {
+      rig.reply.command_sequence = rig.input.command_sequence - kDelay;
+      rig.reply.port.energy_sent_aj += 1;
+    }
+    rig.tick(k > kDelay && !lost);
+    // Where a reply was lost over the change, the next one is worth the least; else each its own.
+    if (k > kDelay) expected_j += price_of[rig.reply.command_sequence];
+    if (!lost) {
+      EXPECT_LE(rig.output.trace.ledger_j, expected_j + 1e-12) << k;
+    }
+    most_j = std::max(most_j, rig.output.trace.ledger_j);
+  }
+  EXPECT_NEAR(rig.output.trace.ledger_j, expected_j, 3 * 25 * price_of[1]) << "and nearly all of it comes";
+  EXPECT_GT(most_j, 25 * 40 * price_of[1]);
+}
+
+TEST(StationMethods, OfTheSamplesOwnEnergyNoMoreIsCreditedThanTheWellHolds) {
+  for (const bool says : {true, false}) {
+    FeatureRig rig(Method::kModel, says
+                                       ? link::kKnownFeatures & ~std::uint64_t{link::kFeatureSharing}
+                                       : std::uint64_t{link::kFeaturePortControl | link::kFeatureLocalModel});
+    rig.welcome.well_aj = says ? 300 : 0;
+    rig.station.begin_session(rig.welcome);
+    const double scale = rig.station.config().scaling.hand_energy_j(1);
+    rig.reply.energy_in_aj = 1000;
+    rig.reply.energy_out_aj = 1200;
+    rig.tick();
+    EXPECT_NEAR(rig.output.trace.ledger_j, says ? 200 * scale : 0, 1e-15);
+    rig.reply.energy_in_aj = 9000;  // what is put in is never debited
+    rig.tick();
+    EXPECT_NEAR(rig.output.trace.ledger_j, says ? 200 * scale : 0, 1e-15);
+    rig.reply.energy_out_aj = 1e300;
+    rig.tick();
+    EXPECT_NEAR(rig.output.trace.ledger_j, says ? 300 * scale : 0, 1e-15);
+    for (std::uint32_t epoch = 8; epoch < 12; ++epoch) {
+      rig.welcome.epoch = epoch;
+      rig.station.begin_session(rig.welcome);
+      rig.reply = {};
+      rig.reply.energy_out_aj = 1e9;
+      rig.tick();
+      EXPECT_NEAR(rig.output.trace.ledger_j, says ? 300 * scale : 0, 1e-15) << "once, of all epochs";
+    }
+  }
+}
+
+TEST(StationMethods, NoServerIsBelievedMoreThanTheStationsOwnLimit) {
+  FeatureRig rig(Method::kModel);
+  rig.welcome.well_aj = 1e300;
+  rig.station.begin_session(rig.welcome);
+  rig.reply.energy_out_aj = 1.7e308;
+  rig.tick();
+  EXPECT_NEAR(rig.output.trace.ledger_j, rig.station.config().well_max_j, 1e-15);
+}
+
+// 1000 aJ go in at one scale and come out at 25 times the price, and the other way round: credited is what
+// was paid, or what it is worth now, whichever is less.
+TEST(StationMethods, WhatComesOutAtAnotherScaleIsWorthTheLesserPrice) {
+  for (const double by : {5.0, 0.2}) {
+    FeatureRig rig(Method::kTdpa);
+    rig.input.command_sequence = 1;
+    const double paid_at = rig.station.config().scaling.hand_energy_j(1);
+    rig.reply.command_sequence = 1;
+    rig.reply.energy_in_aj = 1000;
+    rig.tick();
+    ASSERT_TRUE(rig.station.change_scaling({1e-6 / by, 2e7 * by}));
+    const double now = rig.station.config().scaling.hand_energy_j(1);
+    ++rig.input.command_sequence;
+    rig.tick(false);
+    rig.reply.command_sequence = 2;
+    rig.reply.energy_out_aj = 1000;
+    ++rig.input.command_sequence;
+    rig.tick();
+    EXPECT_NEAR(rig.output.trace.ledger_j, 1000 * std::min(paid_at, now), 1e-12) << by;
+  }
+}
+
+TEST(StationMethods, ThatTheScaleIsKnownWhateverTheMethod) {
+  for (Method method : control::kAllMethods) {
+    FeatureRig rig(method);
+    rig.ticks(3);
+    const double scale = rig.station.config().scaling.tip_energy_aj(1);
+    EXPECT_EQ(rig.output.command.control.energy_scale_aj_j, scale) << control::method_name(method);
   }
 }
 
