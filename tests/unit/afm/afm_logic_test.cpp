@@ -186,12 +186,15 @@ TEST(AfmLogic, ASetPointThatIsRaisedInTheApproachIsNotPressed) {
   b.start();
   ASSERT_TRUE(b.until(Phase::kEngaging));
   b.run(200);
+  // Without the controller's own protection, which would act at the step.
+  b.afm->controller().begin({nanonis::CommandId::kSafeTipOnOffSet, {2}}, -1, b.afm->now_ns());
   b.afm->controller().begin(set_point(b, 2000), -1, b.afm->now_ns());
   ASSERT_TRUE(b.until(Phase::kWithdrawn));
   EXPECT_EQ(b.afm->logic().state().cause, Cause::kForceLimit);
   const double peak_nn = b.afm->controller().tip().peak_force_nn();
   EXPECT_GT(peak_nn, b.config.force_max_nn) << "else nothing is shown";
   EXPECT_LT(peak_nn, b.config.force_max_nn + over_in_the_approach_nn(b));
+  b.run(100);  // the last of the way, at 20 um/s
   EXPECT_TRUE(b.afm->controller().withdrawn());
 }
 

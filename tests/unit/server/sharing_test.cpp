@@ -118,7 +118,7 @@ TEST_F(Sharing, AComputedForceHasNoAge) {
 TEST_F(Sharing, ATipThatComesBackIsANewHoldingAndFollowsNothingOfTheOldOne) {
   a = std::make_unique<Operator>(&server, 1001, Rights::kOperate);
   a->s.link.path_a_to_b().delay_ns = a->s.link.path_b_to_a().delay_ns = 20'000'000;
-  ticks(100);
+  ticks(200);
   ticks(55, -1);
   ticks(100);
   ASSERT_EQ(slave->commanded_w_nm().z(), -5);
