@@ -158,6 +158,8 @@ enum FaultBits : std::uint32_t {
   kFaultRetracted = 1u << 3,      ///< the slave is retracting or has retracted (time-out or stop)
   kFaultNoEquilibrium = 1u << 4,  ///< the solver did not converge; the last force was kept and the tip held
   kFaultStepLimit = 1u << 5,  ///< the commanded position moves faster than the slave allows; it follows late
+  kFaultApproaching =
+      1u << 6,  ///< with kFaultRetracted: the slave is bringing the tip back; no force until then
 };
 
 /// What the slave's port says to the method at the station. Behind kFeaturePortControl; all zero: nothing.
@@ -228,6 +230,9 @@ inline bool is_finite(const Particle& p) noexcept {
   return telenano::is_finite(p.pos_w_nm) && std::isfinite(p.radius_nm);
 }
 
+/// Reply::measurement_age_ns of a slave that measures, but has not measured yet.
+inline constexpr std::uint64_t kNeverMeasuredNs = UINT64_MAX;
+
 /// Server → station, one for each accepted command.
 struct Reply {
   std::uint64_t session_id = 0;
@@ -236,7 +241,7 @@ struct Reply {
   std::uint64_t command_send_time_ns = 0;  ///< echoed, station clock
   std::uint64_t server_time_ns = 0;        ///< server clock when sent
   std::uint64_t hold_time_ns = 0;          ///< between receiving the command and sending this
-  std::uint64_t measurement_age_ns = 0;    ///< age of the force when sent
+  std::uint64_t measurement_age_ns = 0;    ///< of the force when sent; 0: computed; kNeverMeasuredNs: not yet
   std::uint32_t epoch = 0;
   ContactState contact_state = ContactState::kFree;
   std::uint32_t fault_bits = 0;

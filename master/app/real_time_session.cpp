@@ -58,6 +58,7 @@ void RealTimeSession::run() noexcept {
     sample.lateness_us = static_cast<double>(tick.lateness_ns) * 1e-3;
     sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
     sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
+    note_tip(sample);
     summary_.add(sample);
     if (recorder_ != nullptr) {
       for (const recording::DatagramRow& row : loop_.datagrams()) recorder_->push(row);
@@ -150,6 +151,7 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.silent_s = silent_s(sample);
   p.force_off = loop_.force_off();
   p.observes = loop_.trace().observes;
+  p.tip_up = station_.tip_up() && station_.holds_tip();
   p.shutting_down = session_.state() == link::ClientState::kLost && !session_.has_session() &&
                     session_.bye_reason() == link::ByeReason::kShuttingDown;
   p.resume_token = session_.resume_token();
@@ -163,6 +165,18 @@ double RealTimeSession::hand_time_s(const recording::Sample& sample) const noexc
 bool RealTimeSession::motion_over(const recording::Sample& sample) const noexcept {
   if (hand_.motion != nullptr) return hand_.motion->motion_done();
   return hand_.duration_s > 0 && sample.time_s >= hand_.duration_s;
+}
+
+void RealTimeSession::note_tip(const recording::Sample& sample) noexcept {
+  const bool stopped = station_.mode() == station::Mode::kStopped;
+  const bool known = sample.reply_sequence > 0 && station_.holds_tip();
+  if (!known || stopped || !station_.tip_up() || (sample.fault_bits & link::kFaultApproaching) != 0) {
+    tip_left_up_s_ = 0;
+  } else {
+    tip_left_up_s_ += sample.dt_s;
+  }
+  if (!known) return;
+  (station_.tip_up() ? tip_seen_up_ : tip_seen_down_) = true;
 }
 
 bool RealTimeSession::over(const recording::Sample& sample) noexcept {
@@ -182,6 +196,12 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
   }
   if (silent_s(sample) > give_up_s_) {
     ending_ = Ending::kServerGone;
+    return true;
+  }
+  // A hand that is played waits for the tip no longer than for a silent server. A person may know better.
+  const bool begun = hand_.motion == nullptr || hand_.motion->motion_started();
+  if (!begun && desk_ == nullptr && tip_left_up_s_ > give_up_s_) {
+    ending_ = Ending::kTipUp;
     return true;
   }
   // Who does not move the tip watches for as long as the task would take.

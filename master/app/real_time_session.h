@@ -18,7 +18,15 @@
 namespace telenano::app {
 
 /// Why a session ended.
-enum class Ending : std::uint8_t { kTaskDone, kStopped, kFault, kServerGone, kServerEnded, kRefused };
+enum class Ending : std::uint8_t {
+  kTaskDone,
+  kStopped,
+  kFault,
+  kServerGone,
+  kServerEnded,
+  kRefused,
+  kTipUp,  ///< the tip was withdrawn and not on its way back, so that the task could not begin
+};
 
 /// Codes of events in a recording besides the station's modes, 0 to 5. Stored in files: never renumber.
 inline constexpr std::uint32_t kEventSilent = 100;
@@ -42,6 +50,7 @@ struct Progress {
   double silent_s = 0;
   device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
   bool observes = false;                                           ///< of a shared tip
+  bool tip_up = false;         ///< the slave has withdrawn the session's tip
   bool shutting_down = false;  ///< the server has said so, and is not back yet
   std::uint64_t resume_token = 0;
   std::int64_t ticks = 0;
@@ -92,6 +101,8 @@ class RealTimeSession {
 
   // After it has finished.
   Ending ending() const noexcept { return ending_; }
+  /// The tip was this session's, but withdrawn the whole time.
+  bool tip_stayed_up() const noexcept { return tip_seen_up_ && !tip_seen_down_; }
   recording::Summary summary() const noexcept { return summary_.finish(); }
   const rt::PeriodicTimerStats& timer_stats() const noexcept { return timer_stats_; }
 
@@ -102,6 +113,7 @@ class RealTimeSession {
   void publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept;
   double hand_time_s(const recording::Sample& sample) const noexcept;
   bool motion_over(const recording::Sample& sample) const noexcept;
+  void note_tip(const recording::Sample& sample) noexcept;
   bool over(const recording::Sample& sample) noexcept;
 
   SessionHand hand_;
@@ -128,6 +140,9 @@ class RealTimeSession {
   std::uint32_t marks_ = 0;
   std::int64_t fault_ticks_ = 0;
   std::int64_t done_ticks_ = 0;
+  bool tip_seen_up_ = false;    // by the holder: withdrawn,
+  bool tip_seen_down_ = false;  // and not
+  double tip_left_up_s_ = 0;    // withdrawn, and not on its way back, for so long
   bool silent_ = false;
   station::Mode last_mode_ = station::Mode::kIdle;
   std::uint64_t last_sessions_;

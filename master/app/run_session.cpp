@@ -213,12 +213,21 @@ std::uint32_t tip_wish(const RunOptions& options, bool shared) {
 void tell_ending(const RealTimeSession& live, const station::Station& station,
                  const link::ClientSession& session, const RunOptions& options, const ServerLink& way,
                  double rate_hz) {
+  const auto tip_stayed_up = [&](const std::string& what) {
+    return RunError(fmt::format(
+        "{}: the slave at {} kept the tip withdrawn the whole time, and the force was zero; its log says why",
+        what, options.server));
+  };
   switch (live.ending()) {
     case Ending::kTaskDone:
+      if (live.tip_stayed_up()) throw tip_stayed_up("nothing was done");
       break;
     case Ending::kStopped:
+      if (live.tip_stayed_up()) throw tip_stayed_up("stopped by the operator");
       fmt::print(stderr, "stopped by the operator\n");
       break;
+    case Ending::kTipUp:
+      throw tip_stayed_up(fmt::format("given up after {:g} s", options.give_up_s));
     case Ending::kFault:
       throw RunError(fmt::format("the station stopped itself: {}{}; the force is zero",
                                  station::fault_name(station.latched_faults()), device_trouble(live)));

@@ -22,6 +22,11 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
   if (p.force_off != device::ForceOffCause::kNone)
     line += fmt::format("  no force: {}", device::force_off_text(p.force_off));
   if (p.observes) line += "  observing: another session holds the tip, or none";
+  if (p.tip_up) {
+    line += (p.slave_faults & link::kFaultApproaching) != 0
+                ? "  the tip is on its way to the sample: no force"
+                : "  the tip is withdrawn: no force";
+  }
   if (p.shutting_down) line += "  server has shut down, trying again";
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
   if (terminal) {
@@ -38,6 +43,11 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
     fmt::print(stderr, "{}{}\n", end_of_line,
                now.observes ? "the tip is another session's, or nobody's: observing, the force is zero"
                             : "the tip is this session's");
+  }
+  if (before.tip_up != now.tip_up) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               now.tip_up ? "the slave has withdrawn the tip: the force is zero until it is back"
+                          : "the tip is back: it follows from where it is");
   }
   if (!before.shutting_down && now.shutting_down) {
     fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",

@@ -165,6 +165,7 @@ void Station::begin_session(const link::Welcome& welcome, bool known_book) noexc
   }
   well_aj_ = (features_ & link::kFeatureWell) != 0 ? welcome.well_aj : 0;
   tip_hold_ = 0;
+  tip_up_ = waits_for_tip_ = false;
   if (has_scene_ && welcome.scene_hash != scene_hash_) latched_ |= kFaultOtherScene;
   scene_hash_ = welcome.scene_hash;
   has_scene_ = true;
@@ -234,13 +235,31 @@ void Station::hear_who_holds(const link::TipShare& tip) noexcept {
   const bool stays = tip.hold == tip_hold_ && tip.hold != 0;
   tip_hold_ = tip.hold;
   if (stays) return;
+  stand_at_tip(tip.pos_w_nm);
+  if (begins) begin_anew();
+}
+
+/// Lets go; the target is where the tip is now.
+void Station::stand_at_tip(const Vec3& tip_pos_w_nm) noexcept {
   if (mode_ == Mode::kEngaged || mode_ == Mode::kHeld) mode_ = Mode::kReady;
   mapping_.update(false, hand_pos_h_m_);
-  mapping_.stand_at(tip.pos_w_nm);
+  mapping_.stand_at(tip_pos_w_nm);
   last_target_w_nm_ = mapping_.target_w_nm();
-  if (!begins) return;
+}
+
+/// The tip is this station's to move, from where it stands: what the method shows comes in by the ramp.
+void Station::begin_anew() noexcept {
   methods_.change_to(methods_.method(), method_config(), hand_pos_h_m_);
   bump_ahead_ = true;
+}
+
+/// A tip that is up shows no force and follows nobody; where it comes back, the target was not. Whatever the
+/// hand did meanwhile moves nothing: it is anchored anew when the slave says that the tip is there.
+void Station::hear_whether_tip_is_up() noexcept {
+  const bool was_up = std::exchange(tip_up_, (reply_.fault_bits & link::kFaultRetracted) != 0);
+  if (!holds_tip() || was_up == tip_up_) return;
+  stand_at_tip(shares_tip() ? reply_.tip.pos_w_nm : reply_.tip_pos_w_nm);
+  if (was_up) begin_anew();
 }
 
 void Station::accept_reply(const StationInput& input) noexcept {
@@ -252,6 +271,7 @@ void Station::accept_reply(const StationInput& input) noexcept {
       const bool resumes = !has_reply_ || stale_s_ > config_.stale_hold_s;
       reply_ = *input.reply;
       if (shares_tip()) hear_who_holds(reply_.tip);
+      hear_whether_tip_is_up();
       has_reply_ = true;
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
@@ -321,8 +341,8 @@ void Station::render(const StationInput& input, double dt_s, StationTrace& trace
   trace.force_bound_n = method.force_bound_n();
 }
 
-/// A stop makes the slave withdraw within the session: its tip is no longer where the target was left, and
-/// must not be driven back there by the next engagement.
+/// A slave that withdraws within the session, by a stop or a fault: its tip is no longer where the target was
+/// left, and must not be driven back there by the next engagement.
 void Station::follow_a_retracted_tip() noexcept {
   if (mode_ == Mode::kEngaged || !has_reply_ || !(reply_.fault_bits & link::kFaultRetracted)) return;
   if (shares_tip()) {
@@ -335,6 +355,7 @@ void Station::follow_a_retracted_tip() noexcept {
 }
 
 void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
+  waits_for_tip_ = false;
   if (latched_ != 0) {
     mode_ = Mode::kStopped;
     return;
@@ -351,7 +372,8 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   const bool wanted = (!config_.require_deadman || (input.buttons & device::kButtonDeadman)) &&
                       !(input.buttons & device::kButtonClutch) &&
                       input.device_status == device::DeviceStatus::kOk && holds_tip();
-  if (!wanted) {
+  waits_for_tip_ = wanted && has_reply_ && tip_up_;
+  if (!wanted || waits_for_tip_) {
     mode_ = Mode::kReady;
   } else if (mode_ == Mode::kEngaged) {
     // A station that was itself kept from running so long has been as blind as in an outage, even if the
@@ -443,7 +465,9 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
 
   link::Command& command = output.command;
   command.newest_reply = newest_sequence_;
-  if (mode_ == Mode::kEngaged) command.flags |= link::kFlagClutch;
+  // The slave of a shared tip that is up brings it back for an operator who wants to engage. It follows
+  // nothing until then. (A private one needs no word, and would go back to where it was a round trip ago.)
+  if (mode_ == Mode::kEngaged || (waits_for_tip_ && shares_tip())) command.flags |= link::kFlagClutch;
   if (!config_.require_deadman || (input.buttons & device::kButtonDeadman))
     command.flags |= link::kFlagDeadman;
   if (mode_ == Mode::kStopped) command.flags |= link::kFlagStop;

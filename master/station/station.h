@@ -135,6 +135,9 @@ class Station {
   /// while the slave's replies say so.
   bool holds_tip() const noexcept { return !shares_tip() || tip_hold_ != 0; }
 
+  /// The slave has withdrawn its tip: no force, and nothing follows, until it says that the tip is back.
+  bool tip_up() const noexcept { return has_reply_ && tip_up_; }
+
   /// Only a person may call this, after looking. Does nothing unless stopped; the force ramps up from zero.
   void clear_stop() noexcept;
 
@@ -150,6 +153,9 @@ class Station {
   void hear_who_holds(const link::TipShare& tip) noexcept;
   link::ReceivedSums::News book_slave() noexcept;
   void tell_method(const link::ReceivedSums::News& added, double price_j_aj) noexcept;
+  void hear_whether_tip_is_up() noexcept;
+  void stand_at_tip(const Vec3& tip_pos_w_nm) noexcept;
+  void begin_anew() noexcept;
   void render(const StationInput& input, double dt_s, StationTrace& trace) noexcept;
   control::MethodConfig method_config() const noexcept;
   void tell_slave(link::Command& command) const noexcept;
@@ -174,6 +180,8 @@ class Station {
   std::uint64_t scene_hash_ = 0;
   bool has_scene_ = false;
   std::uint32_t tip_hold_ = 0;  // of a shared tip: the holding that the target is anchored to; 0 = observes
+  bool tip_up_ = false;         // the newest reply says that the slave has withdrawn its tip
+  bool waits_for_tip_ = false;  // the operator wants to engage; the tip is up
   link::ReceivedSums slave_sums_;
   ScaleHistory scales_;
   double price_j_aj_ = 0;      // at which the newest reply's news cross

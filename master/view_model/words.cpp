@@ -112,9 +112,10 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
 }
 
 std::vector<Message> slave_words(std::uint32_t faults) {
-  constexpr std::array<Fault, 6> kFaults = {{
+  constexpr std::array<Fault, 7> kFaults = {{
       {link::kFaultNonFinite, "The slave met a value that is no number: zero force"},
       {link::kFaultRetracted, "The tip has been retracted"},
+      {link::kFaultApproaching, "The tip is on its way to the sample: no force until it is there"},
       {link::kFaultForceLimit, "The slave holds the tip back at its force limit"},
       {link::kFaultWorkspace, "At the border of the workspace"},
       {link::kFaultStepLimit, "Too fast for the slave: the tip follows late"},

@@ -24,6 +24,7 @@ void AfmLogic::engage(std::int64_t now_ns) {
   enter(Phase::kEngaging, now_ns);
   engage_ns_ = now_ns;
   engage_step_ = 0;
+  setpoint_ok_ = false;
   calm_ = 0;
   state_.cause = Cause::kNone;
   state_.force_known = false;
@@ -49,6 +50,7 @@ bool AfmLogic::next_motion(std::int64_t now_ns, Call& call) {
   Connection& c = at(Role::kMotion);
   switch (state_.phase) {
     case Phase::kEngaging:
+      if (!setpoint_ok_) return false;  // the data connection asks
       if (engage_step_ == 0) return send(Role::kMotion, kOnOffSet, {1}, now_ns, call);
       if (engage_step_ == 1) {
         c.next_ns = now_ns + kLookPeriodNs;

@@ -18,6 +18,16 @@ constexpr double kNearEnd = 0.25;  // of the range: withdrawn, or as far from it
 
 }  // namespace
 
+std::string AfmLogic::setpoint_excess(double setpoint) const {
+  const double deflection_nm = config_.sensitivity_nm_v * (setpoint - offset_) / calibration_m_v_;
+  const double force_nn = config_.spring_constant_n_m * (deflection_nm - free_deflection_nm_);
+  if (force_nn <= config_.force_max_nn) return {};
+  return text(
+      "the Z controller's set point, %g in the signal's unit, presses with %.4g nN, over the limit of %.4g "
+      "nN: lower it",
+      setpoint, force_nn, config_.force_max_nn);
+}
+
 void AfmLogic::make_checks() {
   const double d = config_.deflection_signal, l = config_.lateral_signal;
   checks_ = {{Role::kData, {kSignalNamesGet, {}}},
@@ -29,6 +39,7 @@ void AfmLogic::make_checks() {
              {Role::kMotion, {kXyPosGet, {1}}},
              {Role::kData, {kAcqPeriodSet, {config_.period_s()}}},
              {Role::kReads, {kSignalValsGet, {d, l, 1}}},
+             {Role::kData, {kSetpointGet, {}}},
              {Role::kData, {kWithdrawRateSet, {1e-9 * config_.withdraw_nm_s}}},
              {Role::kData, {kTipLiftSet, {1e-9 * config_.lift_nm}}},
              {Role::kData, {kSwitchOffDelaySet, {kSwitchOff_s}}},
@@ -122,6 +133,11 @@ void AfmLogic::checked(const Check& check, const Answer& answer) {
       for (Check& later : checks_) {
         if (later.call.id == kSafeTipPropsSet) later.call.numbers = {0, 0, threshold};
       }
+      return;
+    }
+    case kSetpointGet: {
+      const std::string excess = setpoint_excess(n[0]);
+      if (!excess.empty()) return refuse(file + ": [limits] force_max_nn: " + excess);
       return;
     }
     case kSafeTipPropsGet: {

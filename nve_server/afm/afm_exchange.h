@@ -22,6 +22,7 @@ struct PortWish {
   Vec3 target_w_nm = Vec3::Zero();
   bool follow = false;
   bool retract = false;
+  bool wanted = false;  ///< an operator wants to engage: a withdrawn tip may come back
 };
 
 enum class Phase : std::uint8_t {
@@ -35,6 +36,12 @@ enum class Phase : std::uint8_t {
   kWithdrawing,
   kWithdrawn
 };
+
+/// On its way to the surface, by itself.
+constexpr bool approaching(Phase phase) noexcept {
+  return phase == Phase::kEngaging || phase == Phase::kLifting || phase == Phase::kTaring ||
+         phase == Phase::kTouching;
+}
 
 /// Why the tip was withdrawn.
 enum class Cause : std::uint8_t {
@@ -94,7 +101,7 @@ class AfmExchange {
     std::int64_t time_ns;
     std::uint64_t session, clears;
     Triple target;
-    std::uint8_t follow, retract;
+    std::uint8_t follow, retract, wanted;
   };
   struct PlainState {
     std::int64_t time_ns, measured_ns;

@@ -82,13 +82,15 @@ void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64
   if (state_.phase == Phase::kTaring) return tare(deflection_nm, lateral_nn, sent_ns, now_ns);
 
   const Vec3& force = state_.measured_force_w_nn;
-  if (force.z() > force_trip_nn() && state_.phase != Phase::kEngaging) {
-    tell(text("force %.4g nN, over the limit of %.4g nN", force.z(), config_.force_max_nn));
-    return withdraw(Cause::kForceLimit, now_ns);
+  if (force.z() > force_trip_nn()) {
+    withdraw(Cause::kForceLimit, now_ns);
+    return tell(
+        text("withdrawing: force %.4g nN, over the limit of %.4g nN", force.z(), config_.force_max_nn));
   }
   if (std::fabs(force.x()) > config_.lateral_max_nn) {
-    tell(text("lateral force %.4g nN, over the limit of %.4g nN", force.x(), config_.lateral_max_nn));
-    return withdraw(Cause::kLateralLimit, now_ns);
+    withdraw(Cause::kLateralLimit, now_ns);
+    return tell(text("withdrawing: lateral force %.4g nN, over the limit of %.4g nN", force.x(),
+                     config_.lateral_max_nn));
   }
   if (state_.phase == Phase::kTouching) return touch_reading(sent_ns, now_ns);
   if (state_.phase != Phase::kFollowing) return;

@@ -197,6 +197,8 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
     case kStatusGet:
       c.next_ns = now_ns + (state_.phase == Phase::kWithdrawing ? kLookPeriodNs : kEmergencyPeriodNs);
       return on_status(answer.numbers[0], sent_ns, now_ns);
+    case kSetpointGet:
+      return on_setpoint(answer.numbers[0], now_ns);
     case kZPosGet:
       if (role == Role::kMotion) return on_motion(answer, now_ns);
       c.next_ns = now_ns + (role == Role::kData ? kDataPeriodNs : kLookPeriodNs);
@@ -211,6 +213,8 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
 bool AfmLogic::next_data(std::int64_t now_ns, Call& call) {
   if (state_.phase == Phase::kWithdrawing || state_.phase == Phase::kWithdrawn)
     return send(Role::kData, kZPosGet, {}, now_ns, call);
+  if (state_.phase == Phase::kEngaging && !setpoint_ok_)
+    return send(Role::kData, kSetpointGet, {}, now_ns, call);
   at(Role::kData).next_ns = now_ns + kDataPeriodNs;
   return send(Role::kData, kStatusGet, {}, now_ns, call);
 }
@@ -231,6 +235,15 @@ void AfmLogic::on_status(double status, std::int64_t sent_ns, std::int64_t now_n
     tell(text("the Z controller was switched by someone else (status %g)", status));
     withdraw(Cause::kController, now_ns);
   }
+}
+
+void AfmLogic::on_setpoint(double setpoint, std::int64_t now_ns) {
+  if (state_.phase != Phase::kEngaging) return;
+  const std::string excess = setpoint_excess(setpoint);
+  setpoint_ok_ = excess.empty();
+  if (setpoint_ok_) return;
+  withdraw(Cause::kForceLimit, now_ns);
+  tell("withdrawing: " + excess);
 }
 
 void AfmLogic::on_height(double z_m, std::int64_t now_ns) {
@@ -307,7 +320,7 @@ void AfmLogic::tick(std::int64_t now_ns, const PortWish& wish) {
 
   if (withdrawing()) {
     if (state_.phase != Phase::kWithdrawn || !all_connected() || !refusal_.empty()) return;
-    const bool wanted = wish_.session != 0 && wish_.follow && !wish_.retract &&
+    const bool wanted = wish_.session != 0 && (wish_.wanted || wish_.follow) && !wish_.retract &&
                         now_ns - wish_.time_ns < ns(1e-3 * config_.link_loss_ms);
     const bool free = state_.cause == Cause::kParked || wish_.clears != cleared_;
     if (wanted && free && state_.cause != Cause::kExit) engage(now_ns);

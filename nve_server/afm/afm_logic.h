@@ -34,6 +34,10 @@ enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 /// lever, k, and ground no steeper than m. So at z, F' ≤ F + k (z_hi − z + m s) (a jump only lowers it on the
 /// way down), and the base is kept at z ≥ z_hi + m s − (F_max − F)/k. What is left over the limit is noise,
 /// thermal bending since the tare, and drift times the age of the reading, times k.
+///
+/// In the approach the Z controller moves the tip, and presses with its set point: that is read before each
+/// approach, and must lie within F_max. Beyond it (it was changed, or the controller overshoots) the readings
+/// withdraw; by then the controller has gone on for a reading's age at its speed.
 class AfmLogic {
  public:
   explicit AfmLogic(const AfmConfig& config);
@@ -89,6 +93,8 @@ class AfmLogic {
 
   void make_checks();
   void checked(const Check& check, const nanonis::Answer& answer);
+  /// Why the approach must not be made with this set point; empty if it may.
+  std::string setpoint_excess(double setpoint) const;
   void refuse(const std::string& text);
   void tell(const std::string& text);
   bool withdrawing() const noexcept {
@@ -108,6 +114,7 @@ class AfmLogic {
   void on_motion(const nanonis::Answer& answer, std::int64_t now_ns);
   void on_reading(const nanonis::Answer& answer, std::int64_t sent_ns, std::int64_t now_ns);
   void on_status(double status, std::int64_t sent_ns, std::int64_t now_ns);
+  void on_setpoint(double setpoint, std::int64_t now_ns);
   void on_height(double z_m, std::int64_t now_ns);
   void tare(double deflection_nm, double lateral_nn, std::int64_t sent_ns, std::int64_t now_ns);
   void touch_reading(std::int64_t sent_ns, std::int64_t now_ns);
@@ -144,6 +151,7 @@ class AfmLogic {
   std::int64_t off_ns_ = 0;   // when the Z controller had said that it is off
   int calm_ = 0;              // looks in a row that saw it stand still,
   std::int64_t calm_ns_ = 0;  // the first of them
+  bool setpoint_ok_ = false;  // read, and within the limit, since the approach began
   double last_height_nm_ = 0;
   double settled_height_nm_ = 0;
   double height_nm_ = 0;  // as last sent or read, of the base

@@ -32,10 +32,11 @@ void AfmSlave::step(const slave::SlaveInput& input, double, slave::SlaveOutput& 
     if (input.retract && !input.by_operator) return publish(faults, input, output);  // nobody has come yet
     wish_.session = exchange_->next_session();
   }
-  const bool another = input.follow && (!followed_ || input.opening != opening_);
+  const bool wants = input.follow || input.wanted;
+  const bool another = wants && (!wanted_ || input.opening != opening_);
   const bool clears = another || (stopped_ && !input.retract);
-  followed_ = followed_ || input.follow;
-  if (input.follow) opening_ = input.opening;
+  wanted_ = wanted_ || wants;
+  if (wants) opening_ = input.opening;
   if (input.retract && input.by_operator) stopped_ = true;
   if (clears) {
     exchange_->clear();
@@ -45,9 +46,10 @@ void AfmSlave::step(const slave::SlaveInput& input, double, slave::SlaveOutput& 
   wish_.time_ns = clock_.now_ns();
   wish_.retract = input.retract;
   wish_.follow = input.follow && !input.retract;
+  wish_.wanted = wants && !input.retract;
   if (!is_finite(input.tip_target_pos_w_nm)) {
     faults |= link::kFaultNonFinite;
-    wish_.follow = false;
+    wish_.follow = wish_.wanted = false;
   } else if (wish_.follow) {
     wish_.target_w_nm =
         input.tip_target_pos_w_nm.cwiseMax(limits_.workspace_min_w_nm).cwiseMin(limits_.workspace_max_w_nm);
@@ -62,14 +64,17 @@ void AfmSlave::publish(std::uint32_t faults, const slave::SlaveInput& input,
                        slave::SlaveOutput& output) noexcept {
   const bool following = state_.phase == Phase::kFollowing && !input.retract;
   output.model = {};
-  output.measurement_age_ns =
-      state_.force_known ? std::max<std::int64_t>(wish_.time_ns - state_.measured_ns, 0) : INT64_MAX / 2;
+  // Never 0, which would say that the force was computed.
+  output.measurement_age_ns = state_.force_known
+                                  ? std::max<std::int64_t>(clock_.now_ns() - state_.measured_ns, 1)
+                                  : slave::kNeverMeasuredNs;
   energy_in_aj_ = std::max(energy_in_aj_, state_.energy_in_aj);
   energy_out_aj_ = std::max(energy_out_aj_, state_.energy_out_aj);
   output.energy_in_aj = energy_in_aj_;
   output.energy_out_aj = energy_out_aj_;
   if (!following) {
     output.fault_bits = faults | link::kFaultRetracted;
+    if (approaching(state_.phase) && !input.retract) output.fault_bits |= link::kFaultApproaching;
     output.force_w_nn.setZero();
     output.deflection_nm = 0;
     output.contact_state = link::ContactState::kFree;

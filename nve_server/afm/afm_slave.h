@@ -17,8 +17,10 @@ slave::SlaveLimits limits_of(const AfmConfig& config) noexcept;
 /// place; measurement_age_ns says how old the last reading is, from the middle of its averaging.
 ///
 /// The latch. After a withdrawal (but for want of a session) the tip stays up until an operator clears it: by
-/// a stop that is sent and then released, or by a new session with the right to operate, once it follows. The
-/// server's own retract on silence clears nothing.
+/// a stop that is sent and then released, or by a new session with the right to operate, once it wants to
+/// engage. The server's own retract on silence clears nothing. A tip that is up comes back only for an
+/// operator who wants to engage; meanwhile the output says so (link::kFaultRetracted,
+/// link::kFaultApproaching), shows no force, and no target is followed.
 ///
 /// One slave for all sessions (SlaveInput::opening tells them apart): there is one tip.
 class AfmSlave final : public slave::Slave {
@@ -40,8 +42,8 @@ class AfmSlave final : public slave::Slave {
   const rt::Clock& clock_;
   PortWish wish_;
   PortState state_;
-  bool followed_ = false;
-  std::uint64_t opening_ = 0;  // of the session that followed last
+  bool wanted_ = false;
+  std::uint64_t opening_ = 0;  // of the session that wanted to engage last
   bool stopped_ = false;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;

@@ -5,14 +5,22 @@
 #include <signal.h>
 #include <spawn.h>
 #include <sys/socket.h>
+#include <sys/un.h>
+#include <time.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
+#include <cstddef>
+#include <cstdio>
 #include <cstring>
+#include <utility>
 
 #include "common/base/error.h"
 #include "common/net/tcp.h"
+#include "common/net/udp.h"
 #include "common/rt/steady_clock.h"
 #include "nve_server/nanonis/frame_reader.h"
 
@@ -23,15 +31,55 @@ namespace {
 
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kRetryNs = 20 * kMs;
+constexpr std::int64_t kSlowRetryNs = 500 * kMs;  // to a controller that has long not been there
+constexpr std::int64_t kLongNs = 60'000 * kMs;
 constexpr std::int64_t kReplyNs = 3000 * kMs;  // to a withdrawal that waits until it is done
 // The start-up checks ask the emergency connection once; the heart beat begins before anything moves.
 constexpr int kCheckRequests = 1;
-constexpr std::int64_t kAgainNs = 100 * kMs;  // before the second withdrawal
+constexpr std::int64_t kAgainNs = 100 * kMs;  // before the next withdrawal
+constexpr double kSameHeightM = 1e-9;
+
+/// A name that only one process has at a time, and that goes with it.
+class OneName {
+ public:
+  explicit OneName(const std::string& emergency) {
+    const std::string text = "telenano-afm-guard " + emergency;
+    address_.sun_family = AF_UNIX;
+    // Abstract: a zero, then the name; no file that could be left behind.
+    const std::size_t n = std::min(text.size(), sizeof(address_.sun_path) - 1);
+    text.copy(address_.sun_path + 1, n);
+    size_ = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + n);
+  }
+  ~OneName() { release(); }
+  OneName(const OneName&) = delete;
+  OneName& operator=(const OneName&) = delete;
+  /// False where another process has it.
+  bool take() {
+    if (handle_ >= 0) return true;
+    handle_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (::bind(handle_, reinterpret_cast<const sockaddr*>(&address_), size_) == 0 || errno != EADDRINUSE)
+      return true;
+    release();
+    return false;
+  }
+  void release() {
+    if (handle_ >= 0) ::close(handle_);
+    handle_ = -1;
+  }
+
+ private:
+  sockaddr_un address_{};
+  socklen_t size_ = 0;
+  int handle_ = -1;
+};
 
 class Guard {
  public:
   Guard(int handle, const net::Address& emergency, int silence_ms)
-      : handle_(handle), emergency_(emergency), silence_ns_(silence_ms * kMs) {}
+      : handle_(handle),
+        emergency_(emergency),
+        silence_ns_(silence_ms * kMs),
+        withdraws_alone_(net::to_string(emergency)) {}
 
   int run() {
     heard_ns_ = clock_.now_ns();
@@ -42,16 +90,16 @@ class Guard {
       if (server_ && !read_server(now)) {
         if (passed_on_ <= kCheckRequests) return 0;  // refused in the checks: nothing has moved
         server_ = false;
+        withdraws_alone_.take();
         begin(now);
       }
       if (!read_controller(now) && never_) return 3;
-      if (server_ && left_ == 0 && armed_ && now > heard_ns_ + silence_ns_) {
+      if (server_ && !withdraws_ && armed_ && now > heard_ns_ + silence_ns_) {
         armed_ = false;  // until it is heard again
         begin(now);
       }
-      if (left_ > 0) withdraw(now);
-      if (!server_ && left_ == 0) return 0;
-      if (!server_ && now > begun_ns_ + kGuardGiveUpS * 1000 * kMs) return 1;
+      if (withdraws_) withdraw(now);
+      if (!server_ && !withdraws_) return 0;
       pollfd entries[] = {{server_ ? handle_ : -1, POLLIN, 0}, {tcp_.handle(), POLLIN, 0}};
       ::poll(entries, 2, 10);
     }
@@ -69,6 +117,7 @@ class Guard {
       return;
     }
     if (tcp_.open() || now < retry_ns_) return;
+    retry_ns_ = now;
     if (never_) {
       try {
         tcp_ = net::TcpStream::connect(emergency_, 2000 * kMs);
@@ -84,8 +133,9 @@ class Guard {
     tcp_.close();
     connecting_ = false;
     controller_.clear();
-    retry_ns_ = now + kRetryNs;
+    retry_ns_ = now + (withdraws_ && now > begun_ns_ + kLongNs ? kSlowRetryNs : kRetryNs);
     asked_ns_ = 0;
+    was_up_ = asks_height_ = false;
   }
   bool write(const nanonis::Bytes& bytes, std::int64_t now) {
     std::size_t n = 0;
@@ -139,37 +189,67 @@ class Guard {
           drop(now);
           return true;
         }
-        const nanonis::Command& up = nanonis::command(nanonis::CommandId::kWithdraw);
-        nanonis::Answer answer;
-        if (left_ > 0 && asked_ns_ != 0 && header.name == up.name &&
-            nanonis::decode_answer(up, body, answer) && answer.error == 0) {
-          --left_;
-          asked_ns_ = 0;
-          next_ns_ = now + kAgainNs;
-        }
+        if (withdraws_ && asked_ns_ != 0) hear(header, body, now);
       }
     }
   }
   void begin(std::int64_t now) {
-    left_ = 2;
+    withdraws_ = true;
+    was_up_ = asks_height_ = false;
+    told_ = false;
     begun_ns_ = now;
     asked_ns_ = 0;
     next_ns_ = now;
   }
+  /// Withdraw, waiting for its end, then the height: again and again. A withdrawal that timed out has
+  /// answered too, and a request of the server's that comes late brings the tip down: two in a row that end
+  /// at the same height are a tip that is up.
   void withdraw(std::int64_t now) {
+    if (!told_ && now > begun_ns_ + kReplyNs) {
+      told_ = true;
+      tell("the controller has not withdrawn the tip yet; going on until it has");
+    }
     if (asked_ns_ != 0) {
       if (now > asked_ns_ + kReplyNs) drop(now);
       return;
     }
     if (now < next_ns_) return;
-    if (!write(nanonis::encode_call({nanonis::CommandId::kWithdraw, {1, 2000}}), now)) return;
+    const nanonis::Call up{nanonis::CommandId::kWithdraw, {1, 2000}};
+    const nanonis::Call height{nanonis::CommandId::kZPosGet, {}};
+    if (!write(nanonis::encode_call(asks_height_ ? height : up), now)) return;
     asked_ns_ = now;
   }
+  /// A whole reply while withdrawing. One to the server's last requests may still come between.
+  void hear(const nanonis::Header& header, std::span<const std::uint8_t> body, std::int64_t now) {
+    const nanonis::Command& asked =
+        nanonis::command(asks_height_ ? nanonis::CommandId::kZPosGet : nanonis::CommandId::kWithdraw);
+    nanonis::Answer answer;
+    if (header.name != asked.name || !nanonis::decode_answer(asked, body, answer)) return;
+    asked_ns_ = 0;
+    const bool done = answer.error == 0;
+    if (!done) next_ns_ = now + kAgainNs;
+    if (!asks_height_) {
+      asks_height_ = done;
+      return;
+    }
+    asks_height_ = false;
+    if (!done) return;
+    next_ns_ = now + kAgainNs;
+    const double height_m = answer.numbers[0];
+    if (was_up_ && std::fabs(height_m - height_m_) < kSameHeightM) {
+      withdraws_ = false;
+      if (!server_) tell("the tip is withdrawn");
+    }
+    was_up_ = true;
+    height_m_ = height_m;
+  }
+  static void tell(const char* text) { std::fprintf(stderr, "telenano-nve: afm-guard: %s\n", text); }
 
   rt::SteadyClock clock_;
   int handle_;
   net::Address emergency_;
   std::int64_t silence_ns_;
+  OneName withdraws_alone_;
   net::TcpStream tcp_;
   nanonis::FrameReader requests_;
   nanonis::FrameReader controller_;
@@ -178,7 +258,11 @@ class Guard {
   bool server_ = true;
   bool armed_ = false;
   int passed_on_ = 0;  // requests
-  int left_ = 0;       // withdrawals still to be done
+  bool withdraws_ = false;
+  bool asks_height_ = false;  // else to withdraw
+  bool was_up_ = false;       // a withdrawal has ended, at height_m_
+  double height_m_ = 0;
+  bool told_ = false;
   std::int64_t heard_ns_ = 0;
   std::int64_t begun_ns_ = 0;
   std::int64_t asked_ns_ = 0;
@@ -191,9 +275,22 @@ class Guard {
 int run_guard(int handle, const net::Address& emergency, int silence_ms) {
   struct sigaction ignore {};
   ignore.sa_handler = SIG_IGN;
-  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) ::sigaction(number, &ignore, nullptr);
+  for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGQUIT, SIGABRT})
+    ::sigaction(number, &ignore, nullptr);
   ::setsid();
   return Guard(handle, emergency, silence_ms).run();
+}
+
+void await_last_guard(const std::string& emergency, const std::atomic<bool>& stop,
+                      const std::function<void(const std::string&)>& news) {
+  OneName withdraws_alone(emergency);
+  bool told = false;
+  while (!stop.load(std::memory_order_relaxed) && !withdraws_alone.take()) {
+    if (!std::exchange(told, true))
+      news("waiting for the guard of the last run, which is still withdrawing the tip");
+    const timespec nap{0, static_cast<long>(20 * kMs)};
+    ::nanosleep(&nap, nullptr);
+  }
 }
 
 int start_guard(const std::string& emergency, int silence_ms) {

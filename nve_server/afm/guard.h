@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <functional>
 #include <string>
 
 #include "common/net/datagram.h"
@@ -9,17 +11,21 @@ namespace telenano::afm {
 /// The guard: a small process of its own that has the emergency connection. While the server lives it passes
 /// requests on, whole frames only, and replies back. When the server's end of `handle` closes, as it does
 /// however the server ends, or is silent for `silence_ms` (it beats every 40 ms), the guard withdraws the
-/// tip: again until the controller says that it is done, and once more for a request of the server's that
-/// comes late. A server that ends in its checks, before the heart beat, has moved nothing, and the guard just
-/// ends. Returns the process's exit code: 0 withdrawn, 1 the controller could not be reached for kGiveUpS, 3
-/// it was never reached at all.
+/// tip, and ends, after the server, only when the tip is known to be up: two withdrawals in a row have ended
+/// at the same height. Until then it goes on, however long the controller cannot be reached. A server that
+/// ends in its checks, before the heart beat, has moved nothing, and the guard just ends. Returns the
+/// process's exit code: 0 withdrawn, 3 the controller was never reached at all.
 int run_guard(int handle, const net::Address& emergency, int silence_ms);
 
-inline constexpr int kGuardGiveUpS = 600;
+/// Waits while a guard whose server is gone still withdraws the tip by that port (as net::to_string() writes
+/// it), or until `stop`; says so once. A new server must not take the controller from it: it may be the only
+/// one who knows that the tip is out. Guards know each other by a name in this machine's network namespace.
+void await_last_guard(const std::string& emergency, const std::atomic<bool>& stop,
+                      const std::function<void(const std::string&)>& news);
 
 /// Starts this very program as `PROGRAM afm-guard --emergency HOST:PORT --silence-ms MS`, its end of a stream
-/// as standard input; returns the other end. It ignores SIGINT and SIGTERM: it ends after the server. Throws
-/// RunError.
+/// as standard input; returns the other end. It ignores what ends a server or a whole service (SIGINT,
+/// SIGTERM, SIGHUP, SIGQUIT, SIGABRT): it ends after the server. Throws RunError.
 int start_guard(const std::string& emergency, int silence_ms);
 
 }  // namespace telenano::afm

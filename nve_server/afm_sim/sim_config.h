@@ -34,7 +34,7 @@ struct SimConfig {
   double tip_lift_nm = 0;
   double withdraw_nm_s = 5000;
   double approach_nm_s = 800;
-  double setpoint_nn = 15;
+  double setpoint_nn = 15;  ///< what ZCtrl.SetpntGet says as the deflection's signal, offset included
   double feedback_nm_s_nn = 20;
   nanonis::ErrorForm error_form = nanonis::ErrorForm::kZeroFilled;
   bool restrict_roles = false;  ///< port k answers only what suits its role: motion, reads, data, emergency

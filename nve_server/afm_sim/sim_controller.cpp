@@ -31,6 +31,8 @@ bool suits(CommandId id, int port) noexcept {
     case kZPosSet:
     case kOnOffSet:
       return port == 0;
+    case kSetpointGet:
+      return port == 0 || port == 2;
     case kSignalValsGet:
     case kSignalValGet:
       return port == 1;
@@ -228,6 +230,12 @@ void SimController::execute(const Call& call, std::int64_t now_ns, Pending& pend
       return;
     case kStatusGet:
       out = {static_cast<double>(status_)};
+      return;
+    case kSetpointSet:
+      config_.setpoint_nn = (1e9 * in[0] - config_.deflection_offset_nm) / tip_.deflection_nm_nn();
+      return;
+    case kSetpointGet:
+      out = {1e-9 * (config_.setpoint_nn * tip_.deflection_nm_nn() + config_.deflection_offset_nm)};
       return;
     case kWithdraw:
       status_ = ZStatus::kWithdrawing;

@@ -32,7 +32,10 @@ void SimServer::apply(const Fault& fault) {
       silent_until_ns_ = now_ns() + fault.length_ns;
       break;
     case FaultKind::kReset:
-      for (Port& port : ports_) port.stream.reset();
+      for (Port& port : ports_) {
+        port.stream.reset();
+        forget_client(port);
+      }
       break;
     case FaultKind::kGarbage:
       for (Port& port : ports_) port.garbage = true;
@@ -65,16 +68,35 @@ void SimServer::look_at_control_file() {
   }
 }
 
+/// The client is gone, and with it what it was owed.
+void SimServer::forget_client(Port& port) {
+  port.stream.close();
+  port.reader.clear();
+  port.pending.reset();
+  port.unknown.clear();
+  port.out.clear();
+}
+
+/// Reads what has come; notices a client that has left.
+void SimServer::hear(Port& port) {
+  std::array<std::uint8_t, 4096> buffer;
+  while (port.stream.open()) {
+    std::size_t n = 0;
+    const auto status = port.stream.read(buffer, n);
+    if (status == net::TcpStream::Status::kClosed) return forget_client(port);
+    if (status == net::TcpStream::Status::kWouldBlock) return;
+    port.reader.feed(std::span(buffer).first(n));
+  }
+}
+
 void SimServer::accept(Port& port) {
   for (;;) {
     net::TcpStream next = port.listener->accept();
     if (!next.open()) return;
+    hear(port);                        // whoever closes and connects again has closed before
     if (port.stream.open()) continue;  // in use: the newcomer is closed at once
+    forget_client(port);
     port.stream = std::move(next);
-    port.reader.clear();
-    port.pending.reset();
-    port.unknown.clear();
-    port.out.clear();
   }
 }
 
@@ -100,17 +122,8 @@ void SimServer::answer(Port& port, std::int64_t now) {
 }
 
 void SimServer::serve(Port& port, int index) {
-  std::array<std::uint8_t, 4096> buffer;
-  for (;;) {
-    std::size_t n = 0;
-    const auto status = port.stream.read(buffer, n);
-    if (status == net::TcpStream::Status::kClosed) {
-      port.stream.close();
-      return;
-    }
-    if (status == net::TcpStream::Status::kWouldBlock) break;
-    port.reader.feed(std::span(buffer).first(n));
-  }
+  hear(port);
+  if (!port.stream.open()) return;
   const std::int64_t now = now_ns();
   for (bool again = true; again;) {
     again = false;
@@ -121,10 +134,7 @@ void SimServer::serve(Port& port, int index) {
     nanonis::Header header;
     std::span<const std::uint8_t> body;
     const auto status = port.reader.next(header, body);
-    if (status == FrameReader::Status::kBroken) {
-      port.stream.close();
-      return;
-    }
+    if (status == FrameReader::Status::kBroken) return forget_client(port);
     if (status == FrameReader::Status::kFrame) {
       ++calls_;
       port.wants_reply = header.wants_reply;
@@ -143,7 +153,7 @@ void SimServer::serve(Port& port, int index) {
     std::size_t n = 0;
     const auto status = port.stream.write(port.out, n);
     port.out.erase(port.out.begin(), port.out.begin() + static_cast<std::ptrdiff_t>(n));
-    if (status == net::TcpStream::Status::kClosed) port.stream.close();
+    if (status == net::TcpStream::Status::kClosed) forget_client(port);
     if (status != net::TcpStream::Status::kOk) break;
   }
 }

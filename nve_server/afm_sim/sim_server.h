@@ -51,6 +51,8 @@ class SimServer {
   void apply(const Fault& fault);
   void look_at_control_file();
   void accept(Port& port);
+  static void hear(Port& port);
+  static void forget_client(Port& port);
   void serve(Port& port, int index);
   void answer(Port& port, std::int64_t now_ns);
   void wait(std::int64_t most_ns);

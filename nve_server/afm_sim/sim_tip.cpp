@@ -23,6 +23,10 @@ double SimTip::deflection_nm() const noexcept {
   return scene_->cantilever.optical_deflection_nm(solution_.force_w_nn);
 }
 
+double SimTip::deflection_nm_nn() const noexcept {
+  return scene_->cantilever.optical_deflection_nm(Vec3::UnitZ());
+}
+
 void SimTip::step(const Vec3& target_nm, double dt_s) noexcept {
   const auto follow = [&](double from, double to, double lag_s) {
     return lag_s > 0 ? to + (from - to) * det_exp(-dt_s / lag_s) : to;

@@ -29,7 +29,8 @@ class SimTip {
   const Vec3& force_w_nn() const noexcept { return solution_.force_w_nn; }
   double normal_force_nn() const noexcept { return solution_.normal_force_nn; }
   const physics::TipSolution& solution() const noexcept { return solution_; }
-  double deflection_nm() const noexcept;  ///< optical, without noise and offset
+  double deflection_nm() const noexcept;     ///< optical, without noise and offset
+  double deflection_nm_nn() const noexcept;  ///< of a force of 1 nN along z
   const Vec3& drift_nm() const noexcept { return drift_nm_; }
   /// ∫ −F·dx of the base since the start, trapezia of these steps.
   double work_aj() const noexcept { return work_aj_; }

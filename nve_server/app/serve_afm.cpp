@@ -60,6 +60,7 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
       emergency = net::to_string(address);
     }
   }
+  afm::await_last_guard(emergency, stop, news);
   options.emergency_handle = afm::start_guard(emergency, config.guard_silence_ms());
   running_ = std::make_unique<Running>();
   running_->driver =

@@ -18,6 +18,8 @@ constexpr std::array<Command, kCommandCount> kCommands = {{
     {kZPosSet, "ZCtrl.ZPosSet", "f", ""},
     {kZPosGet, "ZCtrl.ZPosGet", "", "f"},
     {kStatusGet, "ZCtrl.StatusGet", "", "H"},
+    {kSetpointSet, "ZCtrl.SetpntSet", "f", ""},
+    {kSetpointGet, "ZCtrl.SetpntGet", "", "f"},
     {kWithdraw, "ZCtrl.Withdraw", "Ii", ""},
     {kWithdrawRateSet, "ZCtrl.WithdrawRateSet", "f", ""},
     {kTipLiftSet, "ZCtrl.TipLiftSet", "f", ""},

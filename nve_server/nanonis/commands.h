@@ -20,6 +20,8 @@ enum class CommandId : std::uint8_t {
   kZPosSet,            ///< z: only while the Z controller is off
   kZPosGet,            ///< → z
   kStatusGet,          ///< → ZStatus
+  kSetpointSet,        ///< of the Z controller, in the unit of the signal that it regulates
+  kSetpointGet,        ///< → set point
   kWithdraw,           ///< wait, time-out in ms (−1: none): controller off, tip to the upper limit
   kWithdrawRateSet,    ///< m/s
   kTipLiftSet,         ///< by which the tip is lifted when the controller is switched off
@@ -37,7 +39,7 @@ enum class CommandId : std::uint8_t {
   kPiezoRangeGet,      ///< → x, y, z: whole ranges, symmetric about 0
   kAcqPeriodSet,       ///< s: the time over which a signal is averaged
 };
-inline constexpr std::size_t kCommandCount = 26;
+inline constexpr std::size_t kCommandCount = 28;
 
 /// What ZCtrl.StatusGet returns.
 enum class ZStatus : std::uint8_t {

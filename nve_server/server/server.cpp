@@ -50,6 +50,13 @@ void step_guarded(slave::Slave& slave, const slave::SlaveInput& input, double dt
   output.fault_bits |= link::kFaultNonFinite;
 }
 
+/// What was computed is true until the tip moves: it has no age. What was measured has grown older since.
+std::uint64_t age_of_force_ns(const slave::SlaveOutput& output, std::int64_t since_step_ns) noexcept {
+  if (output.measurement_age_ns == slave::kNeverMeasuredNs) return link::kNeverMeasuredNs;
+  if (output.measurement_age_ns <= 0) return 0;
+  return static_cast<std::uint64_t>(output.measurement_age_ns + std::max<std::int64_t>(since_step_ns, 0));
+}
+
 bool wants_model(const link::Session& session, const link::Command& command) noexcept {
   return (session.feature_bits & link::kFeatureLocalModel) != 0 &&
          command.control.method == link::kMethodModel;
@@ -299,7 +306,11 @@ void Server::move_tip_once(std::size_t slot, const link::Command& command, doubl
   input.by_operator = input.retract;
   input.opening = seat.opening;
   constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
-  input.follow = operates && !input.retract && (command.flags & kEngaged) == kEngaged;
+  // A tip that is up is not where the station left it: it follows nothing until the station has been told
+  // that it is back, and where.
+  const bool was_up = (tip.output.fault_bits & link::kFaultRetracted) != 0;
+  input.wanted = operates && !input.retract && (command.flags & kEngaged) == kEngaged;
+  input.follow = input.wanted && !was_up;
   input.wants_model = wants_model(session, command);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
@@ -309,6 +320,7 @@ void Server::move_tip_once(std::size_t slot, const link::Command& command, doubl
   if (controls && anchored) input = seat.control.before(command, input, last, tip.slave->limits(), dt_s);
   if (controls && !anchored) seat.control.observe(command.control);
   step_guarded(*tip.slave, input, dt_s, last, tip.output);
+  if (shared() && anchored && was_up && (tip.output.fault_bits & link::kFaultRetracted) == 0) holder_.renew();
   if (shared()) seat.book.add(last, tip.output);
   if (controls && anchored) {
     if (shared()) {
@@ -381,9 +393,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
   reply.hold_time_ns = static_cast<std::uint64_t>(sent_ns - now_ns);
-  const std::int64_t since_step_ns = moves ? 0 : sent_ns - tip.last_step_ns;
-  reply.measurement_age_ns =
-      static_cast<std::uint64_t>(std::max<std::int64_t>(tip.output.measurement_age_ns + since_step_ns, 0));
+  reply.measurement_age_ns = age_of_force_ns(tip.output, moves ? 0 : sent_ns - tip.last_step_ns);
   if (clock != nullptr) service_.add(sent_ns - now_ns);
   session.peer_stats.on_reply(reply.sequence, sent_ns);
   ++counters_.exchanges;

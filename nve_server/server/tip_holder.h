@@ -40,6 +40,11 @@ class TipHolder {
   bool holds(std::size_t slot) const noexcept { return holder_ == slot; }
   /// Of the present or last holding, from 1: the wire's tip_hold.
   std::uint32_t number() const noexcept { return number_; }
+  /// The same holder's, but a new holding: the slave has moved the tip away by itself and brought it back,
+  /// and what the holder's commands were anchored to is gone.
+  void renew() noexcept {
+    if (holder_ != kNobody && ++number_ == 0) number_ = 1;
+  }
 
   /// Must the tip be withdrawn now? While nobody holds it: after its holder has left, or when it was handed
   /// over to nobody for `unattended_ns`; until withdrawn().

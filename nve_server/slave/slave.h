@@ -16,7 +16,13 @@ struct SlaveInput {
   bool retract = false;       ///< withdraw to a safe height whatever is commanded
   std::uint64_t opening = 0;  ///< which session it is that commands; 0: the server itself, or not known
   bool by_operator = false;  ///< the retract is a stop that the station sends, not the server's own (silence)
+  /// The operator wants to engage: follow, or would if the tip were where the station believes. What a slave
+  /// with its tip up waits for, if bringing it back takes more than a step.
+  bool wanted = false;
 };
+
+/// SlaveOutput::measurement_age_ns of a slave that measures, but has not measured yet.
+inline constexpr std::int64_t kNeverMeasuredNs = INT64_MAX;
 
 struct SlaveOutput {
   Vec3 force_w_nn = Vec3::Zero();    ///< on the tip, through the coupling
@@ -27,9 +33,9 @@ struct SlaveOutput {
   double deflection_nm = 0;  ///< up positive
   link::ContactState contact_state = link::ContactState::kFree;
   std::uint32_t fault_bits = 0;
-  double energy_in_aj = 0;   ///< cumulative, monotone
-  double energy_out_aj = 0;  ///< cumulative, monotone
-  std::int64_t measurement_age_ns = 0;
+  double energy_in_aj = 0;              ///< cumulative, monotone
+  double energy_out_aj = 0;             ///< cumulative, monotone
+  std::int64_t measurement_age_ns = 0;  ///< 0: computed, not measured; kNeverMeasuredNs: not yet
   /// What the port is like here, if asked for and known; version 0 = unknown.
   link::LocalModel model;
   link::Particle particle;  ///< where SlaveLimits::has_particle; a slave without one leaves it alone

@@ -127,6 +127,39 @@ class AfmSim(unittest.TestCase):
         c.socket.sendall(nanonis.frame("ZCtrl.TipLiftSet", struct.pack(">f", 1e-8), 0))
         self.assertEqual(c.call("ZCtrl.StatusGet"), OFF)  # the next reply is that of the next request
 
+    def cpu_seconds(self):
+        with open(f"/proc/{self.simulator.process.pid}/stat", encoding="ascii") as file:
+            fields = file.read().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def test_who_leaves_in_the_middle_of_a_read_costs_nothing(self):
+        for port in range(4):
+            c = self.simulator.client(port)
+            c.call("Util.AcqPeriodSet", 0.5)
+            # The average of the period after the next: it comes in 0.5 to 1 s.
+            c.socket.sendall(nanonis.request("Signals.ValGet", DEFLECTION, 1))
+            time.sleep(0.1)
+            c.close()
+        time.sleep(1.2)
+        before, own = self.cpu_seconds(), time.process_time()
+        while time.process_time() < own + 1:  # beside other work a loop that spins gets as much of the cores as this one
+            pass
+        self.assertLess(self.cpu_seconds() - before, 0.3)
+
+    def test_who_reconnects_at_once_is_served(self):
+        served = 0
+        for turn in range(300):
+            c = self.simulator.client()
+            try:
+                c.call("ZCtrl.StatusGet")
+                served += 1
+                if turn % 3 == 0:
+                    c.socket.sendall(nanonis.request("Signals.ValGet", DEFLECTION, 1))  # and leaves in the middle of it
+            except (nanonis.NanonisError, OSError):
+                pass
+            c.close()
+        self.assertEqual(served, 300)
+
 
 class Flags(unittest.TestCase):
     def test_what_is_refused(self):

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The packages under a real systemd: installed, started, hung, killed, used, reloaded, stopped, misconfigured, purged; in a
+# The packages under a real systemd: installed, started, hung, killed, used, reloaded, stopped, with an AFM, misconfigured, purged; in a
 # small virtual machine, so that this machine stays as it is.
 #   service_vm.sh BUILD_DIR        exit status 77: no virtual machine can be had here (vm.sh says why)
 set -euo pipefail
@@ -23,6 +23,62 @@ checks() {
   equals() { [ "$1" = "$2" ] || { echo "'$1', not '$2'"; return 1; }; }
   session() { telenano-master run --server 127.0.0.1:5100 --task position --duration-s 1 --rate 200 --quiet; }
 
+  # However the unit ends, the tip of an AFM does not stay out: the guard outlives it. The simulated controller says at its
+  # end where the tip was. Its server is patient, since everything is slow here.
+  simulate() { : >/tmp/faults; telenano-afm-sim --ports 6501-6504 --control /tmp/faults 2>"/out/$1" & simulator=$!; }
+  ended() { kill -TERM "$simulator"; wait "$simulator" || true; grep 'stopped after' "/out/$1"; }
+  tip_of() { ended "$1" | grep -q "tip $2" || { tail -n 1 "/out/$1"; return 1; }; }
+  silent() { # seconds: the controller hears nothing from now on
+    echo "silent $1s" >/tmp/faults
+    local i
+    for ((i = 0; i < 100; ++i)); do grep -q "silent $1s" "/out/$2" && return 0; sleep 0.05; done
+    return 1
+  }
+  guards() { { grep -la 'afm-guar[d]' /proc/[0-9]*/cmdline 2>/dev/null || true; } | wc -l; }
+  until_no_guard() { local i; for ((i = 0; i < 10 * $1; ++i)); do [ "$(guards)" = 0 ] && return 0; sleep 0.1; done; return 1; }
+  with_an_afm() {
+    cp /etc/telenano/nve.env /tmp/nve.env
+    sed -e 's/^link_loss_ms = .*/link_loss_ms = 5000.0/' -e 's/^reply_timeout_ms = .*/reply_timeout_ms = 5000.0\nstale_force_ms = 5000.0/' \
+      /usr/share/telenano/afm.toml >/etc/telenano/afm.toml
+    echo 'TELENANO_SERVE=--slave nanonis --controller 127.0.0.1 --ports 6501-6504 --afm /etc/telenano/afm.toml --listen 127.0.0.1:5100' \
+      >/etc/telenano/nve.env
+    systemctl reset-failed telenano-nve
+
+    simulate sim1
+    check "AFM: starts" systemctl start telenano-nve
+    check "AFM: with a guard" equals "$(guards)" 1
+    check "AFM: stops" systemctl stop telenano-nve
+    check "AFM: the guard ends too" until_no_guard 20
+    check "AFM: stopped, the tip is withdrawn" tip_of sim1 withdrawn
+
+    simulate sim2
+    check "AFM: starts again" systemctl start telenano-nve
+    check "AFM: a controller that hears nothing for 8 s" silent 8 sim2
+    check "AFM: is stopped meanwhile" systemctl stop telenano-nve
+    check "AFM: the unit is inactive" is ActiveState inactive
+    check "AFM: the guard has outlived it" equals "$(guards)" 1
+    check "AFM: until it is heard" until_no_guard 40
+    check "AFM: stopped while it heard nothing, the tip is withdrawn" tip_of sim2 withdrawn
+
+    simulate sim3
+    check "AFM: starts a third time" systemctl start telenano-nve
+    check "AFM: silent once more" silent 12 sim3
+    check "AFM: a restart while it hears nothing" systemctl --no-block restart telenano-nve
+    sleep 1
+    check "AFM: the new server waits for the guard, and serves" until_is ActiveState active 120
+    kill -STOP "$(value MainPID)"
+    check "AFM: a hung one is killed and started again" until_is NRestarts 1 60
+    check "AFM: and serves" until_is ActiveState active 60
+    systemctl --no-block kill --kill-whom=main -s KILL telenano-nve
+    check "AFM: a killed one is started again" until_is NRestarts 2 60
+    check "AFM: and serves again" until_is ActiveState active 60
+    check "AFM: stops at last" systemctl stop telenano-nve
+    check "AFM: no guard is left" until_no_guard 20
+    check "AFM: at last the tip is withdrawn" tip_of sim3 withdrawn
+    cp /tmp/nve.env /etc/telenano/nve.env
+    rm /etc/telenano/afm.toml
+  }
+
   check "starts, and says when it is ready" systemctl start telenano-nve
   check "runs as its own user" equals "$(stat -c %U "/proc/$(value MainPID)")" telenano
   check "no new privileges" equals "$(status_of NoNewPrivs)" 1
@@ -43,6 +99,7 @@ checks() {
   check "serves a station again" session
   check "stops" systemctl stop telenano-nve
   check "ended well" is ExecMainStatus 0
+  with_an_afm
   sed -i 's/flakes/nowhere/' /etc/telenano/nve.env
   systemctl start telenano-nve 2>/dev/null || true
   sleep 2
@@ -92,6 +149,6 @@ out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 bash "$here/vm.sh" --help >/dev/null
 (cd "$build" && cpack -B "$out") >"$out/cpack.log" 2>&1 || { tail -n 5 "$out/cpack.log"; exit 1; }
-bash "$here/vm.sh" --out "$out" --seconds 240 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
+bash "$here/vm.sh" --out "$out" --seconds 420 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
 cat "$out/checks.log"
 grep -q '^failed 0$' "$out/checks.log" || { tail -n 40 "$out/systemd.log"; exit 1; }

@@ -276,5 +276,52 @@ TEST(Transitions, HomingBooksNothingAndAnchorsAnew) {
   EXPECT_NEAR(rig.output.trace.energy_j - energy_j, 1e-4 * 6, 1e-6);
 }
 
+// The slave withdraws its tip and brings it back: meanwhile there is no force, and what the hand does moves
+// nothing; then hand and tip are anchored where they are.
+TEST(Transitions, ATipThatIsUpIsWaitedForAndTakenUpWhereItComesBack) {
+  for (const bool shared : {false, true}) {
+    SCOPED_TRACE(shared);
+    Rig rig;
+    if (shared) {
+      rig.welcome.feature_bits |= link::kFeatureSharing;
+      rig.station.begin_session(rig.welcome);
+      rig.reply.tip.hold = 1;
+    }
+    const auto tip_at = [&](const Vec3& pos_w_nm) {
+      rig.reply.tip_pos_w_nm = rig.reply.tip.pos_w_nm = pos_w_nm;
+    };
+    tip_at(Vec3(100, 200, 40));
+    rig.engage(Vec3(0, 0, kTipForceNn));
+    ASSERT_EQ(rig.station.mode(), Mode::kEngaged);
+    ASSERT_GT(rig.force_n(), 3);
+
+    tip_at(Vec3(100, 200, 500));
+    rig.reply.fault_bits = link::kFaultRetracted;
+    rig.reply.force_w_nn.setZero();
+    rig.worst_rise_n = 0;
+    for (int k = 0; k < 400; ++k) {
+      rig.input.hand_pos_h_m.z() -= 2e-5;  // the hand goes on pressing: 8 mm in all
+      rig.run_one();
+      ASSERT_EQ(rig.station.mode(), Mode::kReady);
+      ASSERT_EQ(rig.output.trace.tip_target_pos_w_nm, Vec3(100, 200, 500));
+      // The slave of a shared tip is told that the operator waits; a private one must not be led.
+      ASSERT_EQ((rig.output.command.flags & link::kFlagClutch) != 0, shared);
+    }
+    EXPECT_EQ(rig.force_n(), 0);
+    EXPECT_LE(rig.worst_rise_n, 0);
+
+    tip_at(Vec3(90, 190, 25));
+    rig.reply.fault_bits = 0;
+    rig.reply.force_w_nn = Vec3(0, 0, kTipForceNn);
+    rig.run_one();
+    EXPECT_EQ(rig.station.mode(), Mode::kEngaged);
+    EXPECT_EQ(rig.output.trace.tip_target_pos_w_nm, Vec3(90, 190, 25));
+    // 6 N come in by the ramp of a quarter of a second: 0.024 N in a tick.
+    rig.run(400);
+    EXPECT_LE(rig.worst_rise_n, 1.01 * 6.0 * StationRig::kPeriodS / rig.station.config().engage_ramp_s);
+    EXPECT_EQ(rig.output.trace.tip_target_pos_w_nm, Vec3(90, 190, 25)) << "the hand has not moved since";
+  }
+}
+
 }  // namespace
 }  // namespace telenano::station

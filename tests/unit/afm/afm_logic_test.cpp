@@ -206,5 +206,66 @@ TEST(AfmLogic, ACommandThatComesAfterTheWithdrawalDoesNotLeaveTheTipDown) {
   EXPECT_TRUE(b.afm->controller().withdrawn());
 }
 
+TEST(AfmLogic, ASetPointBeyondTheForceLimitIsRefusedAndNothingMoves) {
+  Bench b;
+  b.rig.setpoint_nn = 2000;
+  b.start();
+  b.until(Phase::kRefused, 10000);
+  EXPECT_LT(b.afm->controller().tip().peak_force_nn(), b.config.force_max_nn);
+  EXPECT_EQ(b.phase(), Phase::kRefused) << b.afm->logic().news();
+  EXPECT_NE(b.afm->logic().refusal().find("set point"), std::string::npos) << b.afm->logic().refusal();
+  EXPECT_EQ(b.afm->controller().moves(), 0u);
+}
+
+/// What the controller's own motion adds beyond the limit until a reading has shown it: two periods, the
+/// slowest reply and a step of this time, at its speed, as the lever's force.
+double over_in_the_approach_nn(const Bench& b) {
+  return b.config.spring_constant_n_m * b.rig.approach_nm_s *
+         (2 * b.config.period_s() + 3 * b.rig.latency_s + 1e-3);
+}
+
+nanonis::Call set_point(const Bench& b, double force_nn) {
+  const double nm = force_nn * b.afm->controller().tip().deflection_nm_nn() + b.rig.deflection_offset_nm;
+  return {nanonis::CommandId::kSetpointSet, {1e-9 * nm}};
+}
+
+TEST(AfmLogic, ASetPointThatIsRaisedInTheApproachIsNotPressed) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kEngaging));
+  b.run(200);
+  // Without the controller's own protection, which would act at the step.
+  b.afm->controller().begin({nanonis::CommandId::kSafeTipOnOffSet, {2}}, -1, b.afm->now_ns());
+  b.afm->controller().begin(set_point(b, 2000), -1, b.afm->now_ns());
+  ASSERT_TRUE(b.until(Phase::kWithdrawn));
+  EXPECT_EQ(b.afm->logic().state().cause, Cause::kForceLimit);
+  const double peak_nn = b.afm->controller().tip().peak_force_nn();
+  EXPECT_GT(peak_nn, b.config.force_max_nn) << "else nothing is shown";
+  EXPECT_LT(peak_nn, b.config.force_max_nn + over_in_the_approach_nn(b));
+  b.run(100);  // the last of the way, at 20 um/s
+  EXPECT_TRUE(b.afm->controller().withdrawn());
+}
+
+TEST(AfmLogic, ALaterApproachAsksForTheSetPointAgain) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.wish.session = 1;
+  b.wish.retract = true;
+  ASSERT_TRUE(b.until(Phase::kWithdrawn));
+  b.afm->controller().begin(set_point(b, 2000), -1, b.afm->now_ns());
+  const std::uint64_t moves = b.afm->controller().moves();
+  b.wish.retract = false;
+  ++b.wish.clears;
+  b.follow(Vec3(0, 0, 5));
+  b.run(1000);
+  EXPECT_EQ(b.phase(), Phase::kWithdrawn);
+  EXPECT_EQ(b.afm->logic().state().cause, Cause::kForceLimit);
+  EXPECT_EQ(b.afm->controller().moves(), moves) << "the controller was not switched on";
+  b.afm->controller().begin(set_point(b, 15), -1, b.afm->now_ns());
+  ++b.wish.clears;
+  EXPECT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().news();
+}
+
 }  // namespace
 }  // namespace telenano::afm

@@ -54,6 +54,8 @@ const std::map<CommandId, Example>& examples() {
       {kZPosSet, {{f(-3.5e-8)}, {}}},
       {kZPosGet, {{}, {f(4.75e-8)}}},
       {kStatusGet, {{}, {5}}},
+      {kSetpointSet, {{f(2e-9)}, {}}},
+      {kSetpointGet, {{}, {f(1.875e-9)}}},
       {kWithdraw, {{1, -1}, {}}},
       {kWithdrawRateSet, {{f(5e-6)}, {}}},
       {kTipLiftSet, {{f(2e-8)}, {}}},

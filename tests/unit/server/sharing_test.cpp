@@ -89,12 +89,56 @@ TEST_F(Sharing, OneHoldsTheOtherObserves) {
   EXPECT_EQ(server.counters().opened, 2u);
 }
 
-TEST_F(Sharing, AnObserverSeesTheAgeOfTheForce) {
+TEST_F(Sharing, AnObserverSeesTheAgeOfAMeasuredForce) {
   two();
+  slave->age_ns = 5'000'000;
   ticks(20);
   a->s.link.path_a_to_b().down = true;
   ticks(40);
-  EXPECT_NEAR(1e-6 * static_cast<double>(b->reply().measurement_age_ns), 40, 2);
+  EXPECT_NEAR(1e-6 * static_cast<double>(b->reply().measurement_age_ns), 45, 2);
+  slave->age_ns = INT64_MAX;  // has not measured yet
+  a->s.link.path_a_to_b().down = false;
+  ticks(20);
+  EXPECT_EQ(b->reply().measurement_age_ns, UINT64_MAX);
+}
+
+// Whoever looks on before anybody has moved the tip, after any time.
+TEST_F(Sharing, AComputedForceHasNoAge) {
+  b = std::make_unique<Operator>(&server, 1002, Rights::kObserve);
+  ticks(40);
+  ASSERT_TRUE(b->s.client.has_reply());
+  EXPECT_EQ(b->reply().measurement_age_ns, 0u);
+  a = std::make_unique<Operator>(&server, 1001, Rights::kOperate);
+  ticks(20);
+  a->s.link.path_a_to_b().down = true;
+  ticks(40);
+  EXPECT_EQ(b->reply().measurement_age_ns, 0u);
+}
+
+TEST_F(Sharing, ATipThatComesBackIsANewHoldingAndFollowsNothingOfTheOldOne) {
+  a = std::make_unique<Operator>(&server, 1001, Rights::kOperate);
+  a->s.link.path_a_to_b().delay_ns = a->s.link.path_b_to_a().delay_ns = 20'000'000;
+  ticks(200);
+  ticks(55, -1);
+  ticks(100);
+  ASSERT_EQ(slave->commanded_w_nm().z(), -5);
+  ASSERT_EQ(server.tip_holder().number(), 1u);
+  a->s.command.flags |= link::kFlagStop;
+  ticks(100);
+  const double up_nm = slave->commanded_w_nm().z();
+  ASSERT_GT(up_nm, 20);
+  // A station that does not know that the tip is up, and commands on from where it was.
+  a->s.command.flags &= ~std::uint32_t{link::kFlagStop};
+  for (int i = 0; i < 60; ++i) {
+    a->tick();
+    EXPECT_GE(slave->commanded_w_nm().z(), up_nm) << i;
+  }
+  EXPECT_EQ(server.tip_holder().number(), 2u);
+  ticks(60);
+  EXPECT_EQ(a->reply().tip.hold, 2u);
+  ticks(10, -1);
+  ticks(60);
+  EXPECT_NEAR(slave->commanded_w_nm().z(), slave->highest_nm - 10, 1e-9) << "goes on from where it stood";
 }
 
 TEST_F(Sharing, TakingOverMovesNothingAndEnergiesStayWithTheirOwners) {

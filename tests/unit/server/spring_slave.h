@@ -46,6 +46,8 @@ class SpringSlave final : public slave::Slave {
     output.energy_in_aj = in_aj_;
     output.energy_out_aj = out_aj_;
     output.particle = particle;
+    output.measurement_age_ns = age_ns;
+    highest_nm = std::max(highest_nm, pos_w_nm_.z());
   }
   const slave::SlaveLimits& limits() const noexcept override { return limits_; }
 
@@ -56,6 +58,8 @@ class SpringSlave final : public slave::Slave {
   slave::SlaveInput last_input;
   double last_dt_s = 0;
   double total_dt_s = 0;
+  std::int64_t age_ns = 0;  ///< of its force; 0: computed
+  double highest_nm = -1e300;
   double broken_nn = 0;     ///< NaN: a slave gone wrong
   link::Particle particle;  ///< that it tells of, asked or not
   double yield_nm_nn = 0;   ///< how far the tip stays behind its command

@@ -1,0 +1,179 @@
+// An AFM behind the server: what the hand and the sample feel when a withdrawn tip comes back. The sample's
+// side is judged by the simulated rig's own force, the hand's by that of the first session, in which the tip
+// waited above the surface.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <deque>
+#include <memory>
+
+#include "nve_server/afm_sim/default_scene.h"
+#include "tests/support/virtual_afm_slave.h"
+#include "tests/support/virtual_session.h"
+
+namespace telenano::support {
+namespace {
+
+using control::Method;
+
+constexpr std::size_t kWindow = 56;  // ticks of 1 ms
+constexpr double kFeltN = 0.05;      // the most that a return may add to what the task makes the hand feel
+// So that an approach, which takes some 4 s, ends while the hand presses, were the task begun before it.
+constexpr double kTaskS = 7;
+constexpr std::int64_t kLong = 20000;  // ticks: longer than approach and task
+
+struct Felt {
+  double peak_nn = 0;       // at the true tip, since the task began
+  double hand_rise_n = 0;   // of the hand's force, within kWindow (in contact the readings make it, too)
+  double waiting_n = 0;     // of it while the tip is up
+  double in_air_n = 0;      // of it before the tip first pushes
+  double tip_fall_nm = 0;   // of the true base within kWindow, while engaged
+  std::int64_t waited = 0;  // ticks
+  bool done = false;
+};
+
+struct Rig {
+  explicit Rig(Method wanted, double rtt_ms)
+      : method(wanted), delay_ns(static_cast<std::int64_t>(0.5e6 * rtt_ms)) {
+    afm::AfmConfig afm_config;
+    afm_config.link_loss_ms = 300;
+    auto ready = approached(afm_config, afm_sim::SimConfig{}, afm_sim::default_scene());
+    auto made = std::make_shared<std::unique_ptr<VirtualAfmSlave>>(std::make_unique<VirtualAfmSlave>(ready));
+    afm = made->get();
+    config.make_slave = [made] { return std::move(*made); };
+    config.share = server::Share::kOneTip;
+  }
+  void open() {
+    config.station.method = method;
+    config.task = device::Task::kIndent;
+    config.task_options.duration_s = task_s;
+    config.to_server.delay_ns = config.to_station.delay_ns = delay_ns;
+    config.port = static_cast<std::uint16_t>(2000 + sessions);
+    config.seed = static_cast<std::uint64_t>(++sessions);
+    if (session) {
+      config.server = session->shared_server();
+      config.start_ns = session->now_ns();
+    }
+    session = std::make_unique<VirtualSession>(config);
+    felt = {};
+    hand.clear();
+    base.clear();
+    task_began = pushed = false;
+  }
+  void step() {
+    const recording::Sample& s = session->step();
+    const auto& tip = afm->afm().controller().tip();
+    const double force_n =
+        Vec3(s.hand_force_applied_h_n[0], s.hand_force_applied_h_n[1], s.hand_force_applied_h_n[2]).norm();
+    const double true_nn = tip.force_w_nn().z();
+    const bool up = (s.fault_bits & link::kFaultRetracted) != 0;
+    if (up) {
+      felt.waiting_n = std::max(felt.waiting_n, force_n);
+      ++felt.waited;
+    }
+    if (session->device().motion_started()) {
+      if (!task_began) afm->afm().controller().tip().forget_peak();
+      task_began = true;
+      felt.peak_nn = std::max(felt.peak_nn, tip.peak_force_nn());
+    }
+    pushed = pushed || (task_began && !up && true_nn > 1);
+    if (!pushed) felt.in_air_n = std::max(felt.in_air_n, force_n);
+    hand.push_back(force_n);
+    if (hand.size() > kWindow) hand.pop_front();
+    felt.hand_rise_n = std::max(felt.hand_rise_n, force_n - *std::min_element(hand.begin(), hand.end()));
+    if (session->station().mode() == station::Mode::kEngaged && !up) {
+      base.push_back(tip.base_w_nm().z());
+      if (base.size() > kWindow) base.pop_front();
+      felt.tip_fall_nm =
+          std::max(felt.tip_fall_nm, *std::max_element(base.begin(), base.end()) - base.back());
+    } else {
+      base.clear();
+    }
+  }
+  const Felt& finish() {
+    for (std::int64_t i = 0; i < kLong && !session->done(); ++i) step();
+    felt.done = session->done();
+    session->loop().say_bye(link::ByeReason::kDone);
+    for (int i = 0; i < 400; ++i) session->step();  // the tip goes up
+    return felt;
+  }
+
+  Method method;
+  std::int64_t delay_ns;
+  double task_s = kTaskS;
+  VirtualSessionConfig config;
+  VirtualAfmSlave* afm = nullptr;
+  std::unique_ptr<VirtualSession> session;
+  int sessions = 0;
+  Felt felt;
+  std::deque<double> hand, base;
+  bool task_began = false, pushed = false;
+};
+
+TEST(AfmReturn, ALaterSessionFindsTheTipWhereTheFirstDid) {
+  for (const double rtt_ms : {0.0, 60.0}) {
+    for (const Method method : {Method::kModel, Method::kTank, Method::kKsClamp, Method::kWave}) {
+      if (rtt_ms > 0 && method == Method::kKsClamp) continue;  // not made for a delay
+      SCOPED_TRACE(std::string(control::method_name(method)) + ", " + std::to_string(rtt_ms) + " ms");
+      Rig rig(method, rtt_ms);
+      rig.open();
+      const Felt first = rig.finish();
+      ASSERT_TRUE(first.done);
+      ASSERT_GT(first.peak_nn, 20);
+      for (int later = 2; later <= (method == Method::kModel ? 4 : 2); ++later) {
+        rig.open();
+        const Felt again = rig.finish();
+        SCOPED_TRACE("session " + std::to_string(later));
+        EXPECT_TRUE(again.done);
+        EXPECT_GT(again.waited, 1000) << "the approach takes some seconds";
+        EXPECT_EQ(again.waiting_n, 0);
+        EXPECT_LE(again.in_air_n, first.in_air_n + kFeltN);
+        EXPECT_LE(again.peak_nn, 1.05 * first.peak_nn);
+        EXPECT_GE(again.peak_nn, 20) << "and it presses";
+        // The touches find the surface to a fraction of the step of 1 nm; the hand's way is the same.
+        EXPECT_LE(again.tip_fall_nm, first.tip_fall_nm + 1);
+      }
+    }
+  }
+}
+
+TEST(AfmReturn, ATipThatAFaultHasWithdrawnComesBackWithoutAStep) {
+  for (const double rtt_ms : {0.0, 60.0}) {
+    SCOPED_TRACE(rtt_ms);
+    Rig rig(Method::kModel, rtt_ms);
+    rig.open();
+    const Felt whole = rig.finish();
+    rig.task_s = 2 * kTaskS;  // that the hand still moves when the tip is back
+    rig.open();
+    while (rig.afm->afm().controller().tip().force_w_nn().z() < 30 ||
+           !rig.session->device().motion_started()) {
+      rig.step();
+      ASSERT_FALSE(rig.session->done());
+    }
+    VirtualSession& s = *rig.session;
+    rig.afm->afm().apply({0, afm_sim::FaultKind::kReset, 0, 0});
+    for (int i = 0; i < 400; ++i) rig.step();
+    EXPECT_EQ(s.station().mode(), station::Mode::kReady) << "lets go of a tip that is not there";
+    EXPECT_EQ(s.loop().trace().commanded_force_h_n.norm(), 0);
+    s.loop().set_buttons(device::kButtonStop);
+    for (int i = 0; i < 200; ++i) rig.step();
+    s.loop().set_buttons(0);
+    s.station().clear_stop();
+    rig.felt = {};
+    while (s.station().mode() != station::Mode::kEngaged) {
+      rig.step();
+      ASSERT_FALSE(s.done());
+    }
+    EXPECT_NEAR(rig.afm->afm().logic().state().base_w_nm.z(), rig.afm->afm().logic().config().lift_nm, 2);
+    EXPECT_NEAR(s.loop().trace().tip_target_pos_w_nm.z(), rig.afm->afm().logic().state().base_w_nm.z(), 2)
+        << "anchored where the tip is, wherever the hand had gone";
+    for (int i = 0; i < 500; ++i) rig.step();
+    EXPECT_EQ(rig.felt.waiting_n, 0);
+    EXPECT_LE(rig.felt.hand_rise_n, kFeltN);
+    EXPECT_LE(rig.felt.tip_fall_nm, whole.tip_fall_nm + 1);
+  }
+}
+
+}  // namespace
+}  // namespace telenano::support
