@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "common/base/error.h"
@@ -91,6 +92,9 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
   return handshake;
 }
 
+// The age of a force that there is none of yet; half, so that an age on top of it does not overflow.
+constexpr std::int64_t kNothingRead = std::numeric_limits<std::int64_t>::max() / 2;
+
 }  // namespace
 
 link::SceneName scene_name(const std::string& text) noexcept {
@@ -161,6 +165,8 @@ bool Server::make_tip(std::size_t slot, std::int64_t now_ns) noexcept {
   tip.output.tip_pos_w_nm = tip.output.commanded_pos_w_nm = tip.slave->limits().start_pos_w_nm;
   tip.last_target_w_nm = tip.slave->limits().start_pos_w_nm;
   tip.last_step_ns = now_ns;
+  // Nothing has been read before the first step.
+  if (tip.slave->limits().measures) tip.output.measurement_age_ns = kNothingRead;
   return true;
 }
 
@@ -372,7 +378,8 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
   reply.hold_time_ns = static_cast<std::uint64_t>(sent_ns - now_ns);
-  const std::int64_t since_step_ns = moves ? 0 : sent_ns - tip.last_step_ns;
+  // A model stands still between steps, so that its force is today's however long ago that was.
+  const std::int64_t since_step_ns = moves || !tip.slave->limits().measures ? 0 : sent_ns - tip.last_step_ns;
   reply.measurement_age_ns =
       static_cast<std::uint64_t>(std::max<std::int64_t>(tip.output.measurement_age_ns + since_step_ns, 0));
   if (clock != nullptr) service_.add(sent_ns - now_ns);

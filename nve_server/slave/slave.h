@@ -36,7 +36,7 @@ struct SlaveOutput {
 };
 
 /// What a station may know of a slave before it moves; all of it goes into Welcome, `has_particle` as a
-/// feature.
+/// feature, but `measures`, which the age of each reply tells.
 struct SlaveLimits {
   Vec3 workspace_min_w_nm = Vec3::Zero();
   Vec3 workspace_max_w_nm = Vec3::Zero();
@@ -47,6 +47,7 @@ struct SlaveLimits {
   double coupling_damping_n_s_m = 0;
   std::uint32_t rate_max_hz = 8000;
   bool has_particle = false;
+  bool measures = false;  ///< forces are an instrument's readings, which grow old; a model's do not
 };
 
 /// Seam: whatever touches the sample: the nanoscale virtual environment, or a real AFM.

@@ -91,10 +91,48 @@ TEST_F(Sharing, OneHoldsTheOtherObserves) {
 
 TEST_F(Sharing, AnObserverSeesTheAgeOfTheForce) {
   two();
+  slave->measure();
   ticks(20);
   a->s.link.path_a_to_b().down = true;
   ticks(40);
   EXPECT_NEAR(1e-6 * static_cast<double>(b->reply().measurement_age_ns), 40, 2);
+}
+
+// A model's force stands still between steps and grows no older: an observer that took its age for a
+// reading's would show a simulation as a live instrument. With nobody at the tip, too, and on a machine that
+// has run for an hour.
+TEST_F(Sharing, AComputedForceHasNoAgeForAnObserver) {
+  two();
+  ticks(20);
+  a->s.link.path_a_to_b().down = true;
+  ticks(40);
+  EXPECT_EQ(b->reply().measurement_age_ns, 0u);
+
+  Server fresh(one_tip(), spring_scene(&slave));
+  Operator lone(&fresh, 1003, Rights::kOperate);
+  lone.s.now_ns = 4'513'544'000'000;
+  lone.s.command.flags |= link::kFlagHandOver;
+  for (int i = 0; i < 20; ++i) lone.tick();
+  ASSERT_FALSE(lone.holds());
+  ASSERT_GT(lone.reply().sequence, 5u);
+  EXPECT_EQ(slave->steps, 0u);
+  EXPECT_EQ(lone.reply().measurement_age_ns, 0u);
+}
+
+// Nor may an instrument that has read nothing yet look like a model.
+TEST_F(Sharing, AnInstrumentThatHasReadNothingIsNoModel) {
+  ServedScene scene = spring_scene();
+  scene.make_slave = [] {
+    auto made = std::make_unique<SpringSlave>();
+    made->measure();
+    return made;
+  };
+  Server fresh(one_tip(), std::move(scene));
+  Operator lone(&fresh, 1003, Rights::kOperate);
+  lone.s.command.flags |= link::kFlagHandOver;
+  for (int i = 0; i < 20; ++i) lone.tick();
+  ASSERT_GT(lone.reply().sequence, 5u);
+  EXPECT_GT(lone.reply().measurement_age_ns, 3'600'000'000'000u);
 }
 
 TEST_F(Sharing, TakingOverMovesNothingAndEnergiesStayWithTheirOwners) {

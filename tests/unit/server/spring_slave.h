@@ -54,9 +54,10 @@ class SpringSlave final : public slave::Slave {
   slave::SlaveInput last_input;
   double last_dt_s = 0;
   double total_dt_s = 0;
-  double broken_nn = 0;     ///< NaN: a slave gone wrong
-  link::Particle particle;  ///< that it tells of, asked or not
-  double yield_nm_nn = 0;   ///< how far the tip stays behind its command
+  double broken_nn = 0;                        ///< NaN: a slave gone wrong
+  link::Particle particle;                     ///< that it tells of, asked or not
+  double yield_nm_nn = 0;                      ///< how far the tip stays behind its command
+  void measure() { limits_.measures = true; }  ///< as an instrument does
 
  private:
   slave::SlaveLimits limits_;
