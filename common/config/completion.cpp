@@ -1,5 +1,7 @@
 #include "common/config/completion.h"
 
+#include "common/config/shared_files.h"
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <string>
@@ -8,13 +10,23 @@
 namespace telenano::config {
 namespace {
 
-/// The choices of an option, as its description shows them: "TEXT:{none,ks}" → "none ks".
+/// The choices of an option, as its description shows them: "TEXT:{none,ks}" → "none ks"; of scenes, those
+/// that come with the program. What ends in FILE goes on with a file's name: "replay:FILE" → "replay:".
 std::string choices_of(const CLI::Option& option) {
   const std::string type = option.get_type_name();
+  if (type == kSceneOrFile) {
+    std::string names;
+    for (const std::string& name : shared_names("scenes", ".toml"))
+      names += (names.empty() ? "" : " ") + name;
+    return names;
+  }
   const auto from = type.find('{'), to = type.find('}');
   if (from == std::string::npos || to == std::string::npos || to < from) return "";
   std::string choices = type.substr(from + 1, to - from - 1);
   std::replace(choices.begin(), choices.end(), ',', ' ');
+  const std::string tail = ":FILE";
+  for (auto at = choices.find(tail); at != std::string::npos; at = choices.find(tail))
+    choices.erase(at + 1, 4);
   return choices;
 }
 
@@ -32,7 +44,8 @@ void add_command(const CLI::App& command, const std::string& path, std::string& 
       if (option->get_items_expected_max() == 0) continue;  // a flag stands alone
       const std::string choices = choices_of(*option);
       values += "    '" + path + ":--" + name + "') " +
-                (choices.empty() ? "_files=1" : "_choices='" + choices + "'") + " ;;\n";
+                (choices.empty() ? "" : "_choices='" + choices + "' ") +
+                (choices.empty() || option->get_type_name() == kSceneOrFile ? "_files=1" : "") + " ;;\n";
     }
   }
   words += "    '" + path + "') _words='" + line + "' ;;\n";
@@ -61,6 +74,7 @@ std::string bash_completion(const CLI::App& app) {
          words +
          "  esac\n"
          "  if [[ -n $_choices ]]; then COMPREPLY=($(compgen -W \"$_choices\" -- \"$_current\"))\n"
+         "    [[ $_files = 0 ]] || COMPREPLY+=($(compgen -f -- \"$_current\"))\n"
          "  elif [[ $_files = 1 ]]; then COMPREPLY=($(compgen -f -- \"$_current\"))\n"
          "  else COMPREPLY=($(compgen -W \"$_words\" -- \"$_current\"))\n"
          "    [[ ${#COMPREPLY[@]} != 0 ]] || COMPREPLY=($(compgen -f -- \"$_current\")); fi\n"

@@ -97,14 +97,18 @@ struct TomlTable::Node {
     return table->get(key);
   }
 
-  // A required key that is absent is most often one spelt otherwise, or in another unit: look for it first.
-  const toml::node& need(std::string_view key, const std::string& expected) const {
-    if (const toml::node* node = find(key)) return *node;
+  void refuse_if_misspelt(std::string_view key) const {
     for (const auto& [name_in_file, value] : *table) {
       const std::string written(name_in_file.str());
       if (known.count(written) == 0 && nearest_name(written, {std::string(key)}) == key)
         unknown(written, value);
     }
+  }
+
+  // A required key that is absent is most often one spelt otherwise, or in another unit: look for it first.
+  const toml::node& need(std::string_view key, const std::string& expected) const {
+    if (const toml::node* node = find(key)) return *node;
+    refuse_if_misspelt(key);
     refuse(where(nullptr) + "missing key '" + std::string(key) + "'" + in_table() + " (expected " + expected +
            ")");
   }
@@ -308,6 +312,8 @@ std::vector<TomlTable> TomlTable::tables(std::string_view key) const {
 }
 
 void TomlTable::fail(std::string_view key, const std::string& message) const {
+  // What is missed may be there, spelt otherwise.
+  if (node_->table->get(key) == nullptr) node_->refuse_if_misspelt(key);
   refuse(node_->where(node_->table->get(key)) + "'" + std::string(key) + "'" + node_->in_table() + ": " +
          message);
 }

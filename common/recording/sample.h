@@ -32,6 +32,7 @@ enum LimitBits : std::uint32_t {
   kLimitRamp = 1u << 7,       ///< engage, reconnect or scale change: force is being blended in
   kLimitStop = 1u << 8,       ///< stop or deadman: zero force
   kLimitNonFinite = 1u << 9,  ///< a non-finite value was met: zero force
+  kLimitObserves = 1u << 10,  ///< a shared tip is another session's, or nobody's: zero force
 };
 
 /// All 8-byte fields first, then an even number of 4-byte ones: no padding, so every byte is in the table.

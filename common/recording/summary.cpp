@@ -23,6 +23,28 @@ __attribute__((format(printf, 1, 2))) std::string text(const char* format, ...) 
   return buffer;
 }
 
+// The names of the bits that are set; `names`: of all, "; " between them, the lowest first.
+std::string names_of(std::uint32_t bits, const std::string& names) {
+  std::string words;
+  std::size_t from = 0;
+  for (unsigned bit = 0; bit < 32; ++bit) {
+    const std::size_t to = std::min(names.find("; ", from), names.size());
+    const std::string name = from < names.size() ? names.substr(from, to - from) : "";
+    from = to + 2;
+    if ((bits >> bit & 1u) == 0) continue;
+    words += (words.empty() ? "" : ", ") + (name.empty() ? text("bit %u", bit) : name);
+  }
+  return words;
+}
+
+std::string fault_words(const Summary& s) {
+  std::string words;
+  if (s.fault_bits != 0) words = "slave: " + names_of(s.fault_bits, s.slave_fault_names);
+  if (s.station_faults == 0) return words;
+  return words + (words.empty() ? "station: " : "; station: ") +
+         names_of(s.station_faults, s.station_fault_names);
+}
+
 }  // namespace
 
 Summary summarise(const RecordingReader& reader) {
@@ -40,6 +62,8 @@ Summary summarise(const RecordingReader& reader) {
   Summary summary = builder.finish();
   summary.rows_dropped = reader.rows_dropped();
   summary.cut_short = reader.cut_short();
+  summary.slave_fault_names = reader.configuration("slave_fault_names");
+  summary.station_fault_names = reader.configuration("station_fault_names");
   return summary;
 }
 
@@ -87,9 +111,7 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   add("overruns / missed ticks",
       text("%lld / %lld", static_cast<long long>(s.overruns), static_cast<long long>(s.missed_ticks)));
   add("rows not recorded", text("%llu", static_cast<unsigned long long>(s.rows_dropped)));
-  add("faults", s.fault_bits == 0 && s.station_faults == 0
-                    ? std::string("none")
-                    : text("slave 0x%x, station 0x%x", s.fault_bits, s.station_faults));
+  add("faults", s.fault_bits == 0 && s.station_faults == 0 ? std::string("none") : fault_words(s));
   return lines;
 }
 

@@ -72,6 +72,10 @@ struct Summary {
   std::int64_t missed_ticks = 0;  ///< periods that passed without a tick, as far as the rate is known
   std::uint32_t fault_bits = 0;   ///< all that were ever set
   std::uint32_t station_faults = 0;
+  /// What their bits are called, "; " between them, the lowest first, as in /configuration; a bit without a
+  /// name is told by its number.
+  std::string slave_fault_names{};
+  std::string station_fault_names{};
 };
 
 /// Feeds the rows of a recording through a SummaryBuilder. Throws UserError when the file cannot be read.

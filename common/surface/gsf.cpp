@@ -37,6 +37,15 @@ constexpr double kHeightMax_nm = 1e5;
   throw UserError(name + ": " + message);
 }
 
+// What people have scans in, by how it begins: .gwy, and the header of NanoScope and its kin.
+std::string foreign(std::string_view bytes) {
+  if (bytes.substr(0, 4) == "GWYP" || bytes.substr(0, 4) == "GWYO")
+    return "is a Gwyddion file (.gwy), no Gwyddion Simple Field";
+  if (bytes.substr(0, 2) == "\\*" || bytes.substr(0, 2) == "?*")
+    return "is a NanoScope file (.spm), no Gwyddion Simple Field";
+  return "is no Gwyddion Simple Field";
+}
+
 std::string_view trimmed(std::string_view text) {
   const std::size_t first = text.find_first_not_of(" \t\r");
   if (first == std::string_view::npos) return {};
@@ -137,7 +146,9 @@ std::string one_line(std::string text) {
 
 Scan parse_gsf(const std::string& bytes, const std::string& name) {
   if (bytes.compare(0, kMagic.size(), kMagic) != 0) {
-    fail(name, "is no Gwyddion Simple Field: the first line must be 'Gwyddion Simple Field 1.0'");
+    fail(name, foreign(bytes) +
+                   ": the first line must be 'Gwyddion Simple Field 1.0'; open it in Gwyddion, choose the "
+                   "height channel, and export it with File > Save As > Gwyddion Simple Field (.gsf)");
   }
   const std::size_t header_end = bytes.find('\0');
   if (header_end == std::string::npos || header_end > kHeaderMax) {

@@ -147,7 +147,9 @@ CLI::App* add_calibrate_command(CLI::App& app) {
   auto options = std::make_shared<CalibrateOptions>();
   CLI::App* const command =
       app.add_subcommand("calibrate", "Find a device's axes, signs and workspace by pushing it about");
-  command->add_option("--device", options->device, "omega | hid")->capture_default_str();
+  command->add_option("--device", options->device, "What is calibrated")
+      ->capture_default_str()
+      ->type_name("{omega,hid}");
   command->add_option("--station,--config", options->config_file,
                       "Station file (TOML), for serial and watchdog_ms");
   command->add_option("--out", options->out,

@@ -274,12 +274,15 @@ void add_plan_command(CLI::App& app) {
                       "HOST:PORT of telenano-nve serve: asks it for its limits and measures the way");
   command->add_option("--limits", options->limits,
                       "Limits of a slave instead, written by telenano-nve check --limits");
-  command->add_option("--device", options->device, "Haptic device: sim")->capture_default_str();
+  command->add_option("--device", options->device, "Haptic device")
+      ->capture_default_str()
+      ->type_name("{sim}");
   command->add_option("--rtt-ms", options->rtt_ms,
                       "Round trip to plan for (default: measured with --server, 0 with --limits)");
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command->add_option("--method", options->method, "How the port is kept passive, see run --help");
+  command->add_option("--method", options->method, "How the port is kept passive, see run --help")
+      ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model}");
   command->add_option("--haptic-m", options->workspaces.haptic_m,
                       "Edge of the hand's workspace (default: the device's)");
   command->add_option("--visual-m", options->workspaces.visual_m, "Edge of the picture (default 0.3)");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -15,6 +16,7 @@
 #include "common/recording/recording_reader.h"
 #include "common/surface/gsf.h"
 #include "master/app/picture_size.h"
+#include "master/app/scene_files.h"
 #include "master/view_model/playback.h"
 #include "master/viewer/photographer.h"
 #include "master/viewer/window.h"
@@ -101,6 +103,19 @@ view_model::Ground plane_under(const std::vector<recording::Sample>& rows, doubl
   return {surface_z_w_nm, low - Vec3::Constant(kRoom_nm), high + Vec3::Constant(kRoom_nm)};
 }
 
+view_model::Ground scan_ground(const recording::RecordingReader& reader, const std::string& text,
+                               std::string& doubt) {
+  const std::string path = find_surface(text);
+  std::string bytes;
+  surface::Scan scan = surface::read_gsf(path, &bytes);
+  config::SlaveLimits session;
+  session.scene_name = reader.configuration("scene_name");
+  session.scene_hash = reader.configuration("scene_hash");
+  doubt = doubt_of_surface({path, bytes, scan}, session);
+  if (!doubt.empty()) fmt::print(stderr, "note: --surface {}: {}\n", path, doubt);
+  return view_model::Ground(std::move(scan.grid));
+}
+
 }  // namespace
 
 std::string view_recording(const std::string& file, const ViewOptions& options) {
@@ -117,15 +132,22 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
   const recording::RecordingReader reader = recording::RecordingReader::isolated(file);
   if (!photo && !viewer::has_display())
     throw UserError("there is no display; log in graphically or with ssh -X, or use --screenshot FILE.png");
+  if (!photo) {
+    try {
+      viewer::try_window();
+    } catch (const RunError& error) {
+      throw UserError(error.what());
+    }
+  }
   for (const char* column : {"time_s", "tip_pos_w_nm", "force_w_nn"}) {
     if (!reader.has(column))
       throw UserError(file + ": no column " + column + ", expected a recording of a session");
   }
   Rows read = read_rows(reader);
-  const viewer::ViewFacts facts = facts_of(reader, options, read.every);
+  viewer::ViewFacts facts = facts_of(reader, options, read.every);
   view_model::Ground ground = options.surface.empty()
                                   ? plane_under(read.rows, facts.surface_z_w_nm)
-                                  : view_model::Ground(surface::read_gsf(options.surface).grid);
+                                  : scan_ground(reader, options.surface, facts.surface_doubt);
   view_model::Playback playback(std::move(read.rows), read_marks(reader));
   if (photo) {
     viewer::photograph_recording(facts, std::move(ground), playback,

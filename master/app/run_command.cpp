@@ -16,9 +16,8 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
   command.add_option("--station,--config", options.config_file, "Station file (TOML); flags win over it");
   command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command.add_option(
-      "--method", options.method,
-      "How the port is kept passive: none | ks | ks-clamp | tdpa | wave | tank | model (default)");
+  command.add_option("--method", options.method, "How the port is kept passive (default model)")
+      ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model}");
   command.add_option("--velocity-scale", options.velocity_scale,
                      "alpha_v, tip metres per hand metre (default: planned, see plan)");
   command.add_option("--force-scale", options.force_scale,
@@ -88,18 +87,18 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   auto options = std::make_shared<RunOptions>();
   options->command_line = command_line;
   CLI::App* const command = app.add_subcommand("run", "Run one session with a server: feel its sample");
-  command->add_option(
-      "--device", options->device,
-      "Hand: sim (default) | omega | hid | mouse | replay:FILE.h5; see devices for what is attached");
+  command->add_option("--device", options->device, "Hand (default sim); see devices for what is attached")
+      ->type_name("{sim,omega,hid,mouse,replay:FILE}");
   command->add_flag(
       "--home", options->home,
       "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
   command
       ->add_option(
           "--task", options->task,
-          "position | contact | indent | scan | script; in a window others can be chosen later. With "
-          "neither this nor --duration-s a window stays open after the task")
+          "What the simulated hand does; in a window others can be chosen later. With neither this nor "
+          "--duration-s a window stays open after the task")
       ->capture_default_str()
+      ->type_name("{position,contact,indent,scan,script}")
       ->each([options](const std::string&) { options->task_given = true; });
   command->add_option("--script", options->script,
                       "CSV with t_s,x_nm,y_nm,z_nm for --task script; z above the surface");

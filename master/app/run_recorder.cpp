@@ -4,13 +4,13 @@
 #include <unistd.h>
 
 #include <cstdio>
-#include <cstring>
 #include <utility>
 
 #include "common/base/version.h"
+#include "master/app/run_words.h"
+#include "master/app/scene_files.h"
 #include "master/app/server_link.h"
 #include "master/app/station_plan.h"
-#include "master/station/station.h"
 
 namespace telenano::app {
 
@@ -29,10 +29,14 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   about.command_line = options.command_line;
   about.scene_name = scene_name;
   about.scene_hash = fmt::format("{:016x}", welcome.scene_hash);
+  if (const auto local = find_scene(scene_name, about.scene_hash)) {
+    about.scene_text = local->text;
+    about.extra.emplace_back("scene_path", local->path);
+  }
   about.station_text = file.text.empty() ? "defaults" : file.text;
   about.seed = fmt::format("{}", nonce_seed);
   about.rate_hz = file.station.rate_hz;
-  about.extra = describe(file.station, file.plant);
+  for (auto& setting : describe(file.station, file.plant)) about.extra.push_back(std::move(setting));
   for (auto& setting : describe_link(file)) about.extra.push_back(std::move(setting));
   for (auto& setting : describe_device(device)) about.extra.push_back(std::move(setting));
   about.extra.emplace_back("features", fmt::format("{:x}", welcome.feature_bits));
@@ -52,11 +56,8 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
                                        welcome.start_pos_w_nm.y(), welcome.start_pos_w_nm.z()));
   about.extra.emplace_back("coupling_stiffness_n_m", fmt::format("{:.17g}", welcome.coupling_stiffness_n_m));
   about.extra.emplace_back("coupling_damping_n_s_m", fmt::format("{:.17g}", welcome.coupling_damping_n_s_m));
-  std::string fault_names;  // of the bits of station_faults, the lowest first
-  for (std::uint32_t bit = 0; std::strcmp(station::fault_name(1u << bit), "none") != 0; ++bit) {
-    fault_names += fmt::format("{}{}", bit == 0 ? "" : "; ", station::fault_name(1u << bit));
-  }
-  about.extra.emplace_back("station_fault_names", fault_names);
+  about.extra.emplace_back("slave_fault_names", slave_fault_names());
+  about.extra.emplace_back("station_fault_names", station_fault_names());
   recording::RecorderOptions recorder_options;
   recorder_options.path = options.record;
   recorder_options.overwrite = options.overwrite;

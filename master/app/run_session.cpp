@@ -209,42 +209,39 @@ std::uint32_t tip_wish(const RunOptions& options, bool shared) {
   return options.take_over ? std::uint32_t{link::kFlagTakeOver} : 0u;
 }
 
-// Throws RunError with what ended the session, unless that was its task or its operator.
-void tell_ending(const RealTimeSession& live, const station::Station& station,
-                 const link::ClientSession& session, const RunOptions& options, const ServerLink& way,
-                 double rate_hz) {
+// What ended the session, in one line; empty: its task, or its operator.
+std::string failure_text(const RealTimeSession& live, const station::Station& station,
+                         const link::ClientSession& session, const RunOptions& options, const ServerLink& way,
+                         double rate_hz) {
   const auto tip_stayed_up = [&](const std::string& what) {
-    return RunError(fmt::format(
+    return fmt::format(
         "{}: the slave at {} kept the tip withdrawn the whole time, and the force was zero; its log says why",
-        what, options.server));
+        what, options.server);
   };
   switch (live.ending()) {
     case Ending::kTaskDone:
-      if (live.tip_stayed_up()) throw tip_stayed_up("nothing was done");
-      break;
+      return live.tip_stayed_up() ? tip_stayed_up("nothing was done") : "";
     case Ending::kStopped:
-      if (live.tip_stayed_up()) throw tip_stayed_up("stopped by the operator");
-      fmt::print(stderr, "stopped by the operator\n");
-      break;
+      return live.tip_stayed_up() ? tip_stayed_up("stopped by the operator") : "";
     case Ending::kTipUp:
-      throw tip_stayed_up(fmt::format("given up after {:g} s", options.give_up_s));
+      return tip_stayed_up(fmt::format("given up after {:g} s", options.give_up_s));
     case Ending::kFault:
-      throw RunError(fmt::format("the station stopped itself: {}{}; the force is zero",
-                                 station::fault_name(station.latched_faults()), device_trouble(live)));
+      return fmt::format("the station stopped itself: {}{}; the force is zero",
+                         station::fault_name(station.latched_faults()), device_trouble(live));
     case Ending::kServerEnded:
-      throw RunError(
-          fmt::format("the server at {} has ended the session; the force is zero", options.server));
+      return fmt::format("the server at {} has ended the session; the force is zero", options.server);
     case Ending::kRefused:
-      throw RunError(refusal_text(session.refuse(), rate_hz, options.server));
+      return refusal_text(session.refuse(), rate_hz, options.server);
     case Ending::kServerGone:
       if (live.progress().shutting_down) {
-        throw RunError(
-            fmt::format("the server at {} has shut down and not come back within {:g} s; the force is zero",
-                        options.server, options.give_up_s));
+        return fmt::format(
+            "the server at {} has shut down and not come back within {:g} s; the force is zero",
+            options.server, options.give_up_s);
       }
-      throw RunError(fmt::format("the server at {} has been silent for {:g} s; the force is zero{}",
-                                 options.server, options.give_up_s, way.failure()));
+      return fmt::format("the server at {} has been silent for {:g} s; the force is zero{}", options.server,
+                         options.give_up_s, way.failure());
   }
+  return "";
 }
 
 }  // namespace
@@ -329,7 +326,7 @@ int run_session(const RunOptions& options) {
                        session_s, stop, file.link);
   if (view_model::RequestDesk* const desk =
           view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
-                      options.record, tasks, file.plant.workspace_half_m}))
+                      options.record, tasks, file.plant.workspace_half_m, options.give_up_s}))
     live.show_on(*desk, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   std::optional<metrics::Exporter> exporter;
@@ -339,6 +336,28 @@ int run_session(const RunOptions& options) {
     if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
   }
   farewell.leave_to_loop();
+  const bool terminal = isatty(STDERR_FILENO) != 0;
+  // What follows the loop's end, once: a window may stay open after it.
+  bool concluded = false;
+  const auto conclude = [&] {
+    if (std::exchange(concluded, true)) return;
+    if (terminal && !options.quiet) fmt::print(stderr, "\n");
+    if (recorder) recorder->close();
+    session_file.remove();  // ended by a Bye, one way or the other
+    print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
+  };
+  // A window does not vanish under a person's eyes because the server did. A run that was told how long it
+  // takes is nobody's to close.
+  const auto last_words = [&]() -> std::vector<std::string> {
+    const std::string failure = failure_text(live, station, session, options, way, config.rate_hz);
+    if (failure.empty() || options.duration_s || stop.load()) return {};
+    conclude();
+    fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", failure);
+    std::vector<std::string> lines{failure, fmt::format("after {:.1f} s", live.summary().duration_s)};
+    if (recorder)
+      lines.push_back(fmt::format("recording {}: {} rows", options.record, recorder->rows_written()));
+    return lines;
+  };
   std::string frames;
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
@@ -350,7 +369,6 @@ int run_session(const RunOptions& options) {
       fmt::print(stderr, "loop: {:g} Hz, {}\n", config.rate_hz, thread.report().text);
       if (!thread.report().advice.empty()) fmt::print(stderr, "{}\n", thread.report().advice);
     }
-    const bool terminal = isatty(STDERR_FILENO) != 0;
     const DeviceMonitor monitor({[&live] { return live.finished() ? 0 : live.ticks(); },
                                  [&live] { return live.progress().force_off; }, opened.calls},
                                 [&options, terminal](const std::string& text) {
@@ -370,20 +388,21 @@ int run_session(const RunOptions& options) {
       shown = now;
       print_progress(progress, session_s, terminal);
     };
-    if (view.wanted()) frames = view.run(live, recorder.get(), !thread.report().fifo, look);
+    if (view.wanted()) {
+      frames = view.run(live, recorder.get(), !thread.report().fifo,
+                        {look, last_words, [&stop] { return stop.load(); }});
+    }
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
       look();
     }
     thread.join();
-    if (terminal && !options.quiet) fmt::print(stderr, "\n");
   }
+  conclude();
   if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
-  if (recorder) recorder->close();
-  session_file.remove();  // ended by a Bye, one way or the other
-
-  print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
-  tell_ending(live, station, session, options, way, config.rate_hz);
+  if (live.ending() == Ending::kStopped) fmt::print(stderr, "stopped by the operator\n");
+  const std::string failure = failure_text(live, station, session, options, way, config.rate_hz);
+  if (!failure.empty()) throw RunError(failure);
   if (recorder && recorder->failed()) return 1;
   return 0;
 }

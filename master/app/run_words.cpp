@@ -4,7 +4,9 @@
 
 #include <cstdint>
 #include <cstdio>
+#include <cstring>
 
+#include "common/link/fault_names.h"
 #include "master/station/station.h"
 
 namespace telenano::app {
@@ -55,10 +57,25 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
   }
 }
 
+std::string slave_fault_names() {
+  std::string names;
+  for (const char* name : link::kFaultNames) names += (names.empty() ? "" : "; ") + std::string(name);
+  return names;
+}
+
+std::string station_fault_names() {
+  std::string names;
+  for (std::uint32_t bit = 0; std::strcmp(station::fault_name(1u << bit), "none") != 0; ++bit)
+    names += (bit == 0 ? "" : "; ") + std::string(station::fault_name(1u << bit));
+  return names;
+}
+
 void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,
                    const recording::Recorder* recorder, const std::string& path) {
   summary.overruns = static_cast<std::int64_t>(timer.overruns);
   summary.missed_ticks = static_cast<std::int64_t>(timer.missed);
+  summary.slave_fault_names = slave_fault_names();
+  summary.station_fault_names = station_fault_names();
   if (recorder != nullptr) summary.rows_dropped = recorder->rows_dropped();
   fmt::print(stderr, "summary of {:.1f} s\n{}", summary.duration_s, recording::summary_text(summary));
   if (recorder == nullptr) return;

@@ -17,6 +17,10 @@ void print_progress(const Progress& p, double duration_s, bool terminal);
 /// What has changed of a shared tip and of the server, a line each.
 void print_changes(const Progress& before, const Progress& now, bool terminal);
 
+/// What the bits of a recording's faults are called, the lowest first, "; " between them.
+std::string slave_fault_names();
+std::string station_fault_names();
+
 /// At the end. `recorder` may be null. Overruns and missed ticks are the timer's: it knows them for certain.
 void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,
                    const recording::Recorder* recorder, const std::string& path);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <optional>
@@ -11,6 +12,7 @@
 #include "common/rt/background.h"
 #include "common/surface/gsf.h"
 #include "master/app/picture_size.h"
+#include "master/app/scene_files.h"
 #include "master/app/station_plan.h"
 #include "master/station/station.h"
 #include "master/viewer/photographer.h"
@@ -50,7 +52,8 @@ class WatchedScan {
 
 struct SessionView::Parts {
   PictureSize size;
-  std::optional<surface::HeightGrid> scan;
+  std::optional<surface::Scan> scan;
+  std::string scan_bytes;
   std::optional<view_model::Ground> ground;
   viewer::ViewFacts facts;
 };
@@ -76,7 +79,18 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
   if (window_ && !viewer::has_display())
     throw UserError(
         "--view: there is no display; log in graphically or with ssh -X, or use --screenshot FILE.png");
-  if (!options.surface.empty()) parts_->scan = surface::read_gsf(options.surface).grid;
+  if (window_) {
+    // DISPLAY may name a screen that does not answer, or a machine without OpenGL.
+    try {
+      viewer::try_window();
+    } catch (const RunError& error) {
+      throw UserError(error.what());
+    }
+  }
+  if (!options.surface.empty()) {
+    options_.surface = find_surface(options.surface);
+    parts_->scan = surface::read_gsf(options_.surface, &parts_->scan_bytes);
+  }
 }
 
 SessionView::~SessionView() = default;
@@ -100,6 +114,7 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
   facts.surface_z_w_nm = session.slave.surface_z_w_nm;
   facts.hand_force_limit_n = session.station.force_safety * session.device.force_max_n;
   facts.energy_bound_j = session.station.allowance_j;
+  facts.give_up_s = session.give_up_s;
   facts.tip_radius_nm = options_.tip_radius_nm;
   const control::Scaling& planned = session.station.scaling;
   view_model::ScalingRegion& region = facts.region;
@@ -120,7 +135,12 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
   region.force_min = planned.force / kForceReach;
   region.unsafe_allowed = session.station.allow_unsafe_scaling;
   if (parts_->scan) {
-    parts_->ground.emplace(std::move(*parts_->scan));
+    facts.surface_doubt =
+        doubt_of_surface({options_.surface, parts_->scan_bytes, *parts_->scan}, session.slave);
+    if (!facts.surface_doubt.empty())
+      fmt::print(stderr, "note: --surface {}: {}\n", options_.surface, facts.surface_doubt);
+    parts_->scan_bytes = {};
+    parts_->ground.emplace(std::move(parts_->scan->grid));
   } else {
     parts_->ground.emplace(session.slave.surface_z_w_nm, session.slave.workspace_min_w_nm,
                            session.slave.workspace_max_w_nm);
@@ -130,11 +150,11 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
 }
 
 std::string SessionView::run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
-                             const std::function<void()>& each) {
+                             const Callbacks& callbacks) {
   if (give_way) rt::enter_background();
   viewer::ViewHooks hooks;
   hooks.session_over = [&] {
-    each();
+    callbacks.each();
     return live.finished();
   };
   hooks.recording = [recorder] {
@@ -147,6 +167,8 @@ std::string SessionView::run(const RealTimeSession& live, const recording::Recor
     hooks.changed_ground = [&watched] { return watched->changed(); };
   }
   hooks.pointer = &pointer_;
+  hooks.last_words = callbacks.last_words;
+  hooks.stop_wanted = callbacks.stop_wanted;
   try {
     return draw(hooks, live);
   } catch (...) {

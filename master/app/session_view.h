@@ -56,6 +56,7 @@ struct ViewedSession {
   std::string recording;              ///< file; empty: none
   std::vector<SimTask> tasks;         ///< of a simulated hand, by number
   Vec3 device_half_m = Vec3::Zero();  ///< of its box
+  double give_up_s = 0;               ///< of silence
 };
 
 /// The picture of a session: a window, or one photograph without a display; nothing where neither is asked
@@ -77,11 +78,17 @@ class SessionView {
 
   /// The loop's side, for RealTimeSession; null when no picture is wanted.
   view_model::RequestDesk* begin(const ViewedSession& session);
-  /// The picture, until the session is over; `each` is called every now and then. In the main thread.
+  struct Callbacks {
+    std::function<void()> each;  ///< every now and then, while the session runs
+    /// Once it is over: why a window stays open, the cause first; none: it goes. Not asked of a photograph.
+    std::function<std::vector<std::string>()> last_words;
+    std::function<bool()> stop_wanted;  ///< a window that has stayed goes
+  };
+  /// The picture, until the session is over, or the window closed that stayed after it. In the main thread.
   /// `give_way`: the loop has no real-time priority, so drawing has to leave it the processors.
   /// Returns one line about the frames for a person; empty when there is none.
   std::string run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
-                  const std::function<void()>& each);
+                  const Callbacks& callbacks);
 
  private:
   struct Parts;

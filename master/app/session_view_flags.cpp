@@ -1,12 +1,15 @@
+#include "common/config/completion.h"
 #include "master/app/session_view.h"
 
 namespace telenano::app {
 
 void add_picture_flags(CLI::App& command, ViewOptions& options, const std::string& at) {
-  command.add_option(
-      "--surface", options.surface,
-      "Scan to draw (.gsf, as the server's scene has it), read again when it changes; without, a plane "
-      "and what has been touched");
+  command
+      .add_option("--surface", options.surface,
+                  "Scan to draw: a .gsf as the server's scene has it, or the scene's name; read again when "
+                  "it changes; "
+                  "without, a plane and what has been touched")
+      ->type_name(config::kSceneOrFile);
   command
       .add_option("--tip-radius-nm", options.tip_radius_nm,
                   "Of the tip as drawn; the server does not tell its own")

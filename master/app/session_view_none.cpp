@@ -31,8 +31,7 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession&) {
   return nullptr;
 }
 
-std::string SessionView::run(const RealTimeSession&, const recording::Recorder*, bool,
-                             const std::function<void()>&) {
+std::string SessionView::run(const RealTimeSession&, const recording::Recorder*, bool, const Callbacks&) {
   return "";
 }
 

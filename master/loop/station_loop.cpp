@@ -186,6 +186,7 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   if ((t.slave_faults & link::kFaultWorkspace) != 0) flags |= kLimitWorkspace;
   if (t.ramp < 1) flags |= kLimitRamp;
   if (t.mode == station::Mode::kStopped) flags |= kLimitStop;
+  if (t.observes) flags |= kLimitObserves;
   constexpr std::uint32_t kNonFinite = station::kFaultHandPosNonFinite | station::kFaultAppliedNonFinite |
                                        station::kFaultReplyNonFinite | station::kFaultForceNonFinite;
   if ((t.faults & kNonFinite) != 0) flags |= kLimitNonFinite;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "common/base/constants.h"
 #include "common/base/vec3.h"
 
 namespace telenano::view_model {
@@ -38,6 +39,10 @@ class PointerHand {
   void let_go() noexcept;
 
   const Vec3& hand_pos_h_m() const noexcept { return pos_h_m_; }
+  /// Half the edge of the hand's box at the tip, nm: how far from the grip the tip can be led to any side.
+  double reach_nm() const noexcept { return half_m_ * velocity_scale_ * kNmPerM; }
+  /// The hand is at the border of its box: the cursor has gone further than the tip follows.
+  bool at_border() const noexcept { return gripped_ && (pos_h_m_.array().abs() >= half_m_).any(); }
   std::uint32_t buttons(double time_s) const noexcept;  ///< device::ButtonBits
 
  private:

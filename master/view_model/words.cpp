@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -58,13 +59,33 @@ std::string with_unit(double value, const std::array<const char*, 4>& units) {
 
 }  // namespace
 
+bool observes(const recording::Sample& now) noexcept {
+  return (now.limit_flags & recording::kLimitObserves) != 0;
+}
+
+double silent_s(const recording::Sample& now) noexcept {
+  // Before the first reply there is no age: since the start, then.
+  const double silence_s = std::min(now.reply_age_ms * 1e-3, now.time_s);
+  return silence_s > kSilentS ? silence_s : 0;
+}
+
+std::string silence_words(double silent_s, double give_up_s) {
+  const std::string since =
+      fmt::format("No answer from the server for {:.1f} s: what is shown is old", silent_s);
+  if (!(give_up_s > 0)) return since;
+  return since +
+         fmt::format("; the session ends in {:.0f} s", std::ceil(std::max(give_up_s - silent_s, 0.0)));
+}
+
 Message mode_words(const recording::Sample& now) {
   switch (static_cast<station::Mode>(now.station_mode)) {
     case station::Mode::kIdle:
       return {"Connecting", Mood::kWarning};
     case station::Mode::kReady:
+      if (observes(now)) return {"Observing", Mood::kWarning};
       return {(now.buttons & device::kButtonClutch) != 0 ? "Clutch: hand is free" : "Ready", Mood::kCalm};
     case station::Mode::kEngaged:
+      if (observes(now)) return {"Observing", Mood::kWarning};
       return {(now.limit_flags & recording::kLimitRamp) != 0 ? "Engaging" : "Engaged", Mood::kGood};
     case station::Mode::kHeld:
       return {"Held", Mood::kWarning};
@@ -88,13 +109,17 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
                        fault.bit != station::kFaultBadTick;
     messages.push_back({fault.text, grave ? Mood::kAlarm : Mood::kWarning});
   }
+  if (observes(now))
+    messages.push_back(
+        {"Observing: the tip is another session's, or nobody's. Zero force, and your hand moves nothing",
+         Mood::kWarning});
   if (mode == station::Mode::kIdle)
     messages.push_back({"No session: zero force until the server answers", Mood::kWarning});
   if (mode == station::Mode::kHeld)
     messages.push_back({"The server is silent: zero force, the tip's target stands still", Mood::kWarning});
   if (mode == station::Mode::kHoming)
     messages.push_back({"The device is not calibrated: zero force until it is", Mood::kWarning});
-  if (mode == station::Mode::kReady) {
+  if (mode == station::Mode::kReady && !observes(now)) {
     if ((now.buttons & device::kButtonClutch) != 0)
       messages.push_back({"Clutch held: move the hand where it is comfortable", Mood::kCalm});
     else if ((now.buttons & device::kButtonDeadman) == 0)
@@ -109,6 +134,12 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
     messages.push_back({"Energy clamp: force held back to keep touch passive", Mood::kWarning});
   if ((limits & recording::kLimitDamper) != 0) messages.push_back({"Passivity damper at work", Mood::kCalm});
   return messages;
+}
+
+std::string reach_words(double reach_nm) {
+  return fmt::format(
+      "The mouse leads the tip by at most {} from where it took hold: let go, then take hold again",
+      length_text(reach_nm));
 }
 
 std::vector<Message> slave_words(std::uint32_t faults) {
@@ -155,6 +186,22 @@ const char* contact_words(std::uint32_t contact_state) {
       return "in contact";
   }
   return "unknown";
+}
+
+std::string force_size_text(const Vec3& force_w_nn) {
+  return (force_w_nn.z() < 0 ? "pull " : "push ") + force_text(force_w_nn.norm());
+}
+
+std::string force_parts_text(const Vec3& force_w_nn, bool named) {
+  if (!is_finite(force_w_nn)) return "–";
+  // As many digits as the largest part has three of.
+  const double most = force_w_nn.cwiseAbs().maxCoeff();
+  const int digits = most >= 99.95 ? 0 : most >= 9.995 ? 1 : 2;
+  const double least = 0.5 * std::pow(10.0, -digits);
+  const auto part = [&](double nn) { return std::abs(nn) < least ? 0.0 : nn; };  // no "-0.0"
+  return fmt::format(
+      fmt::runtime(named ? "x {:+.{}f}  y {:+.{}f}  z {:+.{}f} nN" : "{:+.{}f} {:+.{}f} {:+.{}f}"),
+      part(force_w_nn.x()), digits, part(force_w_nn.y()), digits, part(force_w_nn.z()), digits);
 }
 
 std::string length_text(double nm) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/vec3.h"
 #include "common/link/messages.h"
 #include "common/recording/sample.h"
 #include "master/device/haptic_device.h"
@@ -17,6 +18,16 @@ struct Message {
   Mood mood = Mood::kCalm;
 };
 
+/// Is the tip another session's, or nobody's?
+bool observes(const recording::Sample& now) noexcept;
+
+/// From when on a silence is one: long against the time between replies, too short to be worked in.
+inline constexpr double kSilentS = 0.2;
+/// How long nothing has been heard; 0: not worth telling.
+double silent_s(const recording::Sample& now) noexcept;
+/// That, and when the station gives up; `give_up_s` 0: not known.
+std::string silence_words(double silent_s, double give_up_s);
+
 /// The station's mode in a word or two.
 Message mode_words(const recording::Sample& now);
 
@@ -26,6 +37,9 @@ std::vector<Message> force_words(const recording::Sample& now,
                                  device::ForceOffCause device_cause = device::ForceOffCause::kNone,
                                  bool mouse_leads = false);
 
+/// That the mouse's hand can lead the tip no further than `reach_nm` from where it took hold.
+std::string reach_words(double reach_nm);
+
 /// What the slave reports (link::FaultBits).
 std::vector<Message> slave_words(std::uint32_t slave_faults);
 
@@ -34,6 +48,11 @@ const char* particle_words(link::ParticleStatus status);
 
 /// What the tip is doing (link::ContactState).
 const char* contact_words(std::uint32_t contact_state);
+
+/// A force's size, and which way its part along z goes: "push 12.7 nN", "pull 450 pN".
+std::string force_size_text(const Vec3& force_w_nn);
+/// Its parts in nN, e.g. "x +12.6  y -0.1  z +1.7 nN", or bare, "+12.6 -0.1 +1.7".
+std::string force_parts_text(const Vec3& force_w_nn, bool named = true);
 
 /// A length with a fitting unit and three digits: "12.3 nm", "450 pm", "1.20 µm".
 std::string length_text(double nm);

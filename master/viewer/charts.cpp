@@ -59,13 +59,31 @@ std::string number(double value, double step) {
   return fmt::format("{:.{}f}", shown, digits);
 }
 
+// Without room for names and units the colours must do; the axes say the rest.
+bool is_narrow(const Gui& gui, const ChartBox& box) {
+  return box.to.x - box.from.x < 170 * gui.scale();
+}
+
+ImVec2 size_of(const Gui& gui, const std::string& text) {
+  return gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
+}
+
+// Words that would leave the chart, or lie on others, are left out.
+void write(const Gui& gui, const ChartBox& box, ImVec2 at, const palette::Rgb& colour,
+           const std::string& text) {
+  const ImVec2 size = size_of(gui, text);
+  const bool inside = at.x >= box.from.x && at.x + size.x <= box.to.x;
+  if (!inside || !gui.words().take_if_free(at, {at.x + size.x, at.y + size.y - 2 * gui.scale()})) return;
+  ImGui::GetWindowDrawList()->AddText(gui.small(), gui.small()->FontSize, at, ink(colour), text.c_str());
+}
+
 // Border and title; returns where the curves go.
 ChartBox begin_chart(const Gui& gui, const ChartBox& box, const char* title, float right_margin) {
   ImDrawList* const list = ImGui::GetWindowDrawList();
   const float s = gui.scale();
   list->AddRectFilled(box.from, box.to, ink(palette::kBackground), 4 * s);
-  list->AddText(gui.small(), gui.small()->FontSize, {box.from.x + 8 * s, box.from.y + 4 * s},
-                ink(palette::kQuiet), title);
+  const float margin = is_narrow(gui, box) ? 4 * s : 8 * s;
+  write(gui, box, {box.from.x + margin, box.from.y + 4 * s}, palette::kQuiet, title);
   return {{box.from.x + 40 * s, box.from.y + 40 * s}, {box.to.x - right_margin * s, box.to.y - 10 * s}};
 }
 
@@ -80,9 +98,10 @@ void draw_grid(const Gui& gui, const ChartBox& plot, const Axis& axis, bool left
     const bool zero = std::abs(v) < 1e-6 * axis.step;
     if (left) list->AddLine({plot.from.x, y}, {plot.to.x, y}, ink(palette::kEdge, zero ? 1.0f : 0.55f), s);
     const std::string text = number(v, axis.step);
-    const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
+    const ImVec2 size = size_of(gui, text);
     const float x = left ? plot.from.x - size.x - 5 * s : plot.to.x + 5 * s;
-    list->AddText(gui.small(), gui.small()->FontSize, {x, y - 0.5f * size.y}, ink(colour), text.c_str());
+    write(gui, {{plot.from.x - 40 * s, plot.from.y}, {plot.to.x + 40 * s, plot.to.y}}, {x, y - 0.5f * size.y},
+          colour, text);
   }
 }
 
@@ -117,16 +136,13 @@ float draw_values(const Gui& gui, const ChartBox& box, const Curve& curve, const
                   float right) {
   const Strip::Bin& newest = curve.strip.bin(curve.strip.size() - 1);
   const std::string value = newest.empty ? "–" : number(newest.greatest, step / 10);
-  // Without room for names and units the colours must do; the axes say the rest.
-  const bool narrow = box.to.x - box.from.x < 170 * gui.scale();
   std::string text = value;
-  if (!narrow)
+  if (!is_narrow(gui, box))
     text = *curve.name == 0 ? fmt::format("{} {}", value, unit) : fmt::format("{} {}", curve.name, value);
-  const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
+  const ImVec2 size = size_of(gui, text);
   const float s = gui.scale();
-  ImGui::GetWindowDrawList()->AddText(gui.small(), gui.small()->FontSize,
-                                      {right - size.x, box.from.y + 20 * s}, ink(curve.colour), text.c_str());
-  return right - size.x - 10 * s;
+  write(gui, box, {right - size.x, box.from.y + 20 * s}, curve.colour, text);
+  return right - size.x - (is_narrow(gui, box) ? 5 : 10) * s;
 }
 
 void draw_limit(const Gui& gui, const ChartBox& plot, const Axis& axis, double limit) {
@@ -180,42 +196,50 @@ void draw_round_trips(const Gui& gui, const ChartBox& box, const view_model::Rou
   const ChartBox plot = begin_chart(gui, box, "Round trip", 10);
   ImDrawList* const list = ImGui::GetWindowDrawList();
   const float s = gui.scale();
-  const ChartBox bars{{box.from.x + 10 * s, plot.from.y}, {plot.to.x, plot.to.y - 10 * s}};
+  const bool narrow = is_narrow(gui, box);
+  const ChartBox bars{{box.from.x + 10 * s, plot.from.y + (narrow ? 12 * s : 0)},
+                      {plot.to.x, plot.to.y - 10 * s}};
   // Only the decades that there are, and one bin to either side.
   int first = RoundTrips::kBins;
   int last = -1;
-  int most = 1;
+  int tallest = 1;
   for (int bin = 0; bin < RoundTrips::kBins; ++bin) {
     const int count = trips.counts()[static_cast<std::size_t>(bin)];
     if (count == 0) continue;
     first = std::min(first, bin);
     last = bin;
-    most = std::max(most, count);
+    tallest = std::max(tallest, count);
   }
   if (last < 0) return;
   first = std::max(first / 10 * 10, 0);
   last = std::min(last / 10 * 10 + 9, RoundTrips::kBins - 1);
   const float wide = (bars.to.x - bars.from.x) / static_cast<float>(last - first + 1);
   // The height goes with the logarithm of the count: single late replies are seen.
-  const double top = std::log1p(most);
+  const double top = std::log1p(tallest);
   for (int bin = first; bin <= last; ++bin) {
     const int count = trips.counts()[static_cast<std::size_t>(bin)];
     const float x = bars.from.x + wide * static_cast<float>(bin - first);
     if (bin % 10 == 0) {
       list->AddLine({x, bars.from.y}, {x, bars.to.y}, ink(palette::kEdge, 0.55f), s);
-      list->AddText(gui.small(), gui.small()->FontSize, {x, bars.to.y + s}, ink(palette::kQuiet),
-                    kDecades[static_cast<std::size_t>(bin / 10)]);
+      write(gui, box, {x, bars.to.y + s}, palette::kQuiet, kDecades[static_cast<std::size_t>(bin / 10)]);
     }
     if (count == 0) continue;
     const auto part = static_cast<float>(std::log1p(count) / top);
     list->AddRectFilled({x + 0.5f, bars.to.y - part * (bars.to.y - bars.from.y)},
                         {std::max(x + wide - 0.5f, x + 1.5f), bars.to.y}, ink(palette::kTarget, 0.85f));
   }
-  const std::string text = fmt::format("p50 {}   p99 {}", view_model::time_text(trips.percentile_us(0.5)),
-                                       view_model::time_text(trips.percentile_us(0.99)));
-  const ImVec2 size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text.c_str());
-  list->AddText(gui.small(), gui.small()->FontSize, {box.to.x - 8 * s - size.x, box.from.y + 20 * s},
-                ink(palette::kTarget), text.c_str());
+  const std::string half = "p50 " + view_model::time_text(trips.percentile_us(0.5));
+  const std::string most = "p99 " + view_model::time_text(trips.percentile_us(0.99));
+  const auto right = [&](const std::string& text, float y) {
+    const float margin = narrow ? 4 * s : 8 * s;
+    write(gui, box, {box.to.x - margin - size_of(gui, text).x, box.from.y + y * s}, palette::kTarget, text);
+  };
+  if (narrow) {
+    right(half, 18);
+    right(most, 31);
+  } else {
+    right(half + "   " + most, 20);
+  }
 }
 
 }  // namespace telenano::viewer

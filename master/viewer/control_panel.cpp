@@ -63,14 +63,14 @@ control::Scaling scaling_of(const recording::Sample& now) {
 }  // namespace
 
 void ControlPanel::ask(ViewRequest::Kind kind) {
-  if (playback_ != nullptr) return;
+  if (playback_ != nullptr || ended_) return;
   ViewRequest request;
   request.kind = kind;
   port_.requests.push(request);
 }
 
 void ControlPanel::ask_method(Method method, const recording::Sample& now) {
-  if (playback_ != nullptr) return;
+  if (playback_ != nullptr || ended_) return;
   if (!method_offered(method) || method == static_cast<Method>(now.method)) return;
   ViewRequest request;
   const control::Scaling safe = facts_.region.clamped(method, scaling_of(now));
@@ -91,7 +91,7 @@ bool ControlPanel::task_fits(int task, const recording::Sample& now) const noexc
 }
 
 void ControlPanel::ask_task(int task, const recording::Sample& now) {
-  if (playback_ != nullptr) return;
+  if (playback_ != nullptr || ended_) return;
   if (task < 0 || task >= static_cast<int>(facts_.tasks.size()) || !task_fits(task, now)) return;
   ViewRequest request;
   request.kind = ViewRequest::Kind::kTask;
@@ -108,7 +108,11 @@ bool ControlPanel::mouse_leads() const noexcept {
 void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float high) {
   const float wide = ImGui::GetContentRegionAvail().x;
   ImGui::PushFont(gui.large());
-  if (stopped(now)) {
+  if (ended_) {
+    ImGui::PushStyleColor(ImGuiCol_Button, vec4(palette::kRaised));
+    ImGui::PushStyleColor(ImGuiCol_Text, vec4(palette::kText));
+    if (ImGui::Button("Close  (Ctrl+Q)", {wide, high})) close_wanted_ = true;
+  } else if (stopped(now)) {
     ImGui::PushStyleColor(ImGuiCol_Button, vec4(palette::kRaised));
     ImGui::PushStyleColor(ImGuiCol_Text, vec4(palette::kWarning));
     if (ImGui::Button("Clear the stop  (R)", {wide, high})) ask(ViewRequest::Kind::kClearStop);
@@ -127,6 +131,10 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
 void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
   auto messages = view_model::force_words(now, port_.force_off.load(), playback_ == nullptr && mouse_leads());
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
+  if (reach_nm_ > 0) messages.insert(messages.begin(), {view_model::reach_words(reach_nm_), Mood::kWarning});
+  if (const double silent_s = view_model::silent_s(now); silent_s > 0)
+    messages.insert(messages.begin(), {view_model::silence_words(silent_s, facts_.give_up_s), Mood::kAlarm});
+  if (ended_) messages = {{"The session has ended: this is its last moment", Mood::kAlarm}};
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
   if (messages.empty() && !facts_.shows_force)
@@ -246,6 +254,8 @@ void ControlPanel::draw_region(const Gui& gui, Method method, const control::Sca
   list->AddCircleFilled(p, 5 * s, ink(safe ? palette::kText : palette::kAlarm));
   list->PopClipRect();
   const auto write = [&](ImVec2 at, const char* text, const palette::Rgb& colour) {
+    const ImVec2 ink_size = gui.small()->CalcTextSizeA(gui.small()->FontSize, 1e9f, 0, text);
+    if (at.x < from.x || !gui.words().take_if_free(at, {at.x + ink_size.x, at.y + ink_size.y})) return;
     list->AddText(gui.small(), gui.small()->FontSize, at, ink(colour), text);
   };
   write({from.x + 6 * s, to.y - 17 * s}, "passive", palette::kGood);
@@ -300,14 +310,15 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
   ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 84 * gui.scale());
   ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
   const auto& tip = now.tip_pos_w_nm;
-  row("tip x y z", fmt::format("{:.1f}  {:.1f}  {:.2f} nm", tip[0], tip[1], tip[2]));
+  row("tip x y z", fmt::format("{:.1f} {:.1f} {:.2f} nm", tip[0], tip[1], tip[2]));
   row("gap",
       fmt::format("{}, {}", view_model::length_text(live.gap_nm()),
                   view_model::contact_words(now.contact_state)),
       live.contact() ? palette::kRepulsion : palette::kText);
-  const auto& f = now.force_w_nn;
-  row("tip force", fmt::format("{} along z", view_model::force_text(f[2])),
-      f[2] >= 0 ? palette::kRepulsion : palette::kAttraction);
+  const Vec3 force(now.force_w_nn[0], now.force_w_nn[1], now.force_w_nn[2]);
+  const palette::Rgb& force_colour = force.z() >= 0 ? palette::kRepulsion : palette::kAttraction;
+  row("tip force", view_model::force_size_text(force), force_colour);
+  row("x y z, nN", view_model::force_parts_text(force, false), force_colour);
   row("lever", fmt::format("bent {}", view_model::length_text(now.deflection_nm)));
   row("hand force",
       facts_.shows_force

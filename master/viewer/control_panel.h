@@ -25,6 +25,12 @@ class ControlPanel {
   /// A recording is shown: there is nobody to ask.
   void play(view_model::Playback& playback) noexcept { playback_ = &playback; }
 
+  /// The session is over and its last moment is shown: likewise, but for closing.
+  void end() noexcept { ended_ = true; }
+  bool take_close_wanted() noexcept { return std::exchange(close_wanted_, false); }
+  /// The mouse's hand is at the border of its box, so far from where it took hold; 0: it is not.
+  void tell_border(double reach_nm) noexcept { reach_nm_ = reach_nm; }
+
   void ask(view_model::ViewRequest::Kind kind);
   /// With a scaling that is safe under it, if the present one is not.
   void ask_method(control::Method method, const recording::Sample& now);
@@ -58,6 +64,9 @@ class ControlPanel {
   view_model::ViewPort& port_;
   view_model::Playback* playback_ = nullptr;
   std::optional<control::Scaling> dragged_;  // while a slider is held
+  double reach_nm_ = 0;
+  bool ended_ = false;
+  bool close_wanted_ = false;
   bool clutch_ = false;
   bool picture_wanted_ = false;
   bool help_wanted_ = false;

@@ -3,6 +3,7 @@
 #include <imgui.h>
 
 #include "master/viewer/palette.h"
+#include "master/viewer/word_board.h"
 
 namespace telenano::viewer {
 
@@ -21,11 +22,14 @@ class Gui {
   /// False: no font with Greek letters was found; names are spelt out.
   bool has_greek() const noexcept { return has_greek_; }
   float scale() const noexcept { return scale_; }
+  /// Of the frame that is being drawn.
+  WordBoard& words() const noexcept { return words_; }
 
  private:
   ImFont* text_ = nullptr;
   ImFont* small_ = nullptr;
   ImFont* large_ = nullptr;
+  mutable WordBoard words_;
   bool has_greek_ = false;
   float scale_;
 };

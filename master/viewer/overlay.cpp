@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <vector>
 
 #include "master/view_model/nice_step.h"
 #include "master/view_model/words.h"
@@ -66,12 +67,64 @@ class Pen {
   float bottom() const { return static_cast<float>(area_.y_px + area_.height_px); }
   float s() const { return gui_.scale(); }
 
-  /// `anchor`: which part of the text stands there, 0 … 1 from left and top.
-  void text(ImVec2 where, const std::string& words, const palette::Rgb& colour, ImVec2 anchor = {0, 0},
+  /// `anchor`: which part of the text stands there, 0 … 1 from left and top. False: other words stand there,
+  /// and nothing is written.
+  bool text(ImVec2 where, const std::string& words, const palette::Rgb& colour, ImVec2 anchor = {0, 0},
             const ImFont* font = nullptr) const {
     if (font == nullptr) font = gui_.small();
     const ImVec2 size = text_size(font, words.c_str());
     const ImVec2 p{where.x - anchor.x * size.x, where.y - anchor.y * size.y};
+    if (!gui_.words().take_if_free(p, {p.x + size.x, p.y + size.y})) return false;
+    write(p, words, colour, font);
+    return true;
+  }
+
+  struct Line {
+    std::string words;
+    palette::Rgb colour;
+    const ImFont* font;
+  };
+  /// Lines under each other, which belong together: at the first of `places` (their upper left corner, moved
+  /// into the picture) where no other words stand, else as near to it as there is room.
+  void block(const std::vector<Line>& lines, const std::vector<ImVec2>& places) const {
+    ImVec2 size{0, 0};
+    for (const Line& line : lines) {
+      const ImVec2 one = text_size(line.font, line.words.c_str());
+      size = {std::max(size.x, one.x), size.y + one.y};
+    }
+    const float margin = 4 * s();
+    const ImVec2 low{left() + margin, top() + margin};
+    const ImVec2 high{right() - margin - size.x, bottom() - margin - size.y};
+    const auto inside = [&](ImVec2 p) {
+      return ImVec2{std::max(std::min(p.x, high.x), low.x), std::max(std::min(p.y, high.y), low.y)};
+    };
+    const auto put = [&](ImVec2 p) {
+      if (!gui_.words().take_if_free(p, {p.x + size.x, p.y + size.y})) return false;
+      for (const Line& line : lines) {
+        write(p, line.words, line.colour, line.font);
+        p.y += text_size(line.font, line.words.c_str()).y;
+      }
+      return true;
+    };
+    for (const ImVec2& place : places) {
+      if (put(inside(place))) return;
+    }
+    const ImVec2 wanted = inside(places.front());
+    const float step = 6 * s();
+    for (float away = step; away < bottom() - top(); away += step) {
+      for (const ImVec2& p : {ImVec2{wanted.x, wanted.y + away}, ImVec2{wanted.x, wanted.y - away},
+                              ImVec2{low.x, wanted.y + away}, ImVec2{low.x, wanted.y - away},
+                              ImVec2{high.x, wanted.y + away}, ImVec2{high.x, wanted.y - away}}) {
+        if (put(inside(p))) return;
+      }
+    }
+  }
+  void line(ImVec2 a, ImVec2 b, const palette::Rgb& colour, float wide = 1, float alpha = 1) const {
+    list_->AddLine(a, b, ink(colour, alpha), wide * s());
+  }
+
+ private:
+  void write(ImVec2 p, const std::string& words, const palette::Rgb& colour, const ImFont* font) const {
     const float o = s();
     // A dark edge keeps it readable on bright ground.
     for (const auto& [dx, dy] : {std::pair{-o, 0.f}, {o, 0.f}, {0.f, -o}, {0.f, o}})
@@ -79,11 +132,7 @@ class Pen {
                      words.c_str());
     list_->AddText(font, font->FontSize, p, ink(colour), words.c_str());
   }
-  void line(ImVec2 a, ImVec2 b, const palette::Rgb& colour, float wide = 1, float alpha = 1) const {
-    list_->AddLine(a, b, ink(colour, alpha), wide * s());
-  }
 
- private:
   ImDrawList* list_;
   const Gui& gui_;
   Mat4 clip_;
@@ -139,23 +188,21 @@ void draw_ground_bar(const Pen& pen, const SceneState& state, const Camera& came
   const auto place = [&](double at) { return Vec3(at, y, ground.height_w_nm(at, y)); };
   const ImVec2 a = pen.at(place(x));
   const ImVec2 b = pen.at(place(x + length));
+  // A bar whose length is not written says nothing.
+  if (!pen.text({0.5f * (a.x + b.x), 0.5f * (a.y + b.y) - 5 * pen.s()}, view_model::length_text(length),
+                palette::kText, {0.5f, 1}))
+    return;
   pen.line(a, b, palette::kBackground, 5, 0.7f);
   pen.line(a, b, palette::kText, 3);
-  pen.text({0.5f * (a.x + b.x), 0.5f * (a.y + b.y) - 5 * pen.s()}, view_model::length_text(length),
-           palette::kText, {0.5f, 1});
 }
 
-void draw_height_legend(const Pen& pen, const SceneState& state, double exaggeration) {
+void draw_height_legend(const Gui& gui, const Pen& pen, const SceneState& state, double exaggeration) {
   const float s = pen.s();
   const bool scan = state.ground.is_scan();
   const double low = scan ? state.ground.min_w_nm().z() : state.touched.lowest_nm();
   const double high = scan ? state.ground.max_w_nm().z() : state.touched.highest_nm();
-  if (!scan && state.touched.points_w_nm().empty()) {
-    pen.text({pen.left() + 12 * s, pen.bottom() - 12 * s},
-             "no scan given (--surface): the plane at the touch height", palette::kQuiet, {0, 1});
-    return;
-  }
-  const ImVec2 from{pen.left() + 14 * s, pen.top() + 64 * s};
+  if (!scan && state.touched.points_w_nm().empty()) return;
+  const ImVec2 from{pen.left() + 14 * s, pen.top() + 78 * s};
   const float wide = 11 * s;
   const float high_px = 84 * s;
   constexpr int kBands = 48;
@@ -165,6 +212,7 @@ void draw_height_legend(const Pen& pen, const SceneState& state, double exaggera
                               {from.x + wide, from.y + high_px * static_cast<float>(i + 1) / kBands},
                               ink(colour));
   }
+  gui.words().take(from, {from.x + wide, from.y + high_px});
   const float x = from.x + wide + 5 * s;
   pen.text({x, from.y}, fmt::format("{:.1f} nm", high), palette::kText, {0, 0.3f});
   pen.text({x, from.y + high_px}, fmt::format("{:.1f} nm", low), palette::kText, {0, 0.7f});
@@ -174,37 +222,62 @@ void draw_height_legend(const Pen& pen, const SceneState& state, double exaggera
              palette::kQuiet);
 }
 
-std::string force_words(double force_nn) {
-  return (force_nn < 0 ? "pull " : "push ") + view_model::force_text(std::abs(force_nn));
+// What the picture does not show, or shows otherwise than it is: in the lower corners.
+void draw_foot_notes(const Gui& gui, const Pen& pen, const ViewFacts& facts, const SceneState& state) {
+  const float s = pen.s();
+  const auto note = [&](const std::string& words, const palette::Rgb& colour) {
+    return Pen::Line{words, colour, gui.small()};
+  };
+  std::vector<Pen::Line> lines;
+  if (!facts.surface_doubt.empty()) lines.push_back(note(facts.surface_doubt, palette::kWarning));
+  if (!state.ground.is_scan() && state.touched.points_w_nm().empty()) {
+    lines.push_back(note("no scan given (--surface):", palette::kQuiet));
+    lines.push_back(note("the plane at the touch height", palette::kQuiet));
+  }
+  lines.push_back(note(fmt::format("lever's bend × {:g}", state.lever_exaggeration), palette::kQuiet));
+  lines.push_back(note(fmt::format("full cone: {:g} nN", state.force_full_nn), palette::kQuiet));
+  pen.block(lines, {{pen.left() + 8 * s, pen.bottom()}});
+}
+
+palette::Rgb force_colour(const Vec3& force_w_nn, bool old) {
+  if (old) return palette::kQuiet;
+  return force_w_nn.z() >= 0 ? palette::kRepulsion : palette::kAttraction;
+}
+
+std::string age_words(double silent_s) {
+  return fmt::format("{:.1f} s old", silent_s);
 }
 
 }  // namespace
 
-void draw_overview_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
-                         const Camera& camera, const SceneFrame& frame, const Area& area) {
+void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneState& state,
+                         const view_model::LiveSession& live, const Camera& camera, const SceneFrame& frame,
+                         const Area& area) {
   const Pen pen(gui, camera, frame, area);
-  draw_axes(pen, state, camera);
-  draw_ground_bar(pen, state, camera);
-  draw_height_legend(pen, state, frame.exaggeration);
+  const float s = pen.s();
+  draw_height_legend(gui, pen, state, frame.exaggeration);
+  draw_foot_notes(gui, pen, facts, state);
   draw_target(pen, state);
   const ImVec2 tip = pen.at(state.tip_pos_w_nm);
-  const float s = pen.s();
+  const double silent_s = view_model::silent_s(live.now());
+  std::vector<Pen::Line> lines;
+  if (silent_s > 0) lines.push_back({age_words(silent_s), palette::kWarning, gui.text()});
+  lines.push_back({view_model::force_size_text(state.force_w_nn),
+                   force_colour(state.force_w_nn, silent_s > 0), gui.text()});
+  lines.push_back({view_model::force_parts_text(state.force_w_nn),
+                   force_colour(state.force_w_nn, silent_s > 0), gui.small()});
+  lines.push_back({"gap " + view_model::length_text(live.gap_nm()), palette::kText, gui.small()});
+  pen.block(lines, {{tip.x + 22 * s, tip.y - 8 * s},
+                    {tip.x + 22 * s, tip.y + 24 * s},
+                    {tip.x - 150 * s, tip.y - 8 * s},
+                    {tip.x - 150 * s, tip.y + 24 * s}});
   if (state.particle.radius_nm > 0) {
     const ImVec2 foot = pen.at(state.particle.pos_w_nm - state.particle.radius_nm * Vec3::UnitZ());
-    ImVec2 place{foot.x, foot.y + 6 * s};
-    // A particle that is touched lies where the tip's own words are: then below them.
-    if (std::abs(place.x - tip.x) < 130 * s && std::abs(place.y - tip.y) < 40 * s) place.y = tip.y + 40 * s;
-    pen.text(place, view_model::particle_words(state.particle.status), palette::kParticle, {0.5f, 0});
+    pen.block({{view_model::particle_words(state.particle.status), palette::kParticle, gui.small()}},
+              {{foot.x - 40 * s, foot.y + 6 * s}, {foot.x - 40 * s, foot.y + 24 * s}});
   }
-  const double force = state.force_w_nn.z();
-  pen.text({tip.x + 22 * s, tip.y + 2 * s}, force_words(force),
-           force >= 0 ? palette::kRepulsion : palette::kAttraction, {0, 0.5f}, gui.text());
-  pen.text({tip.x + 22 * s, tip.y + 19 * s}, "gap " + view_model::length_text(live.gap_nm()), palette::kText,
-           {0, 0.5f});
-  pen.text(
-      {pen.right() - 10 * s, pen.bottom() - 10 * s},
-      fmt::format("lever's bend × {:g}    full cone: {:g} nN", state.lever_exaggeration, state.force_full_nn),
-      palette::kQuiet, {1, 1});
+  draw_ground_bar(pen, state, camera);
+  draw_axes(pen, state, camera);
 }
 
 void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
@@ -212,12 +285,26 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   const Pen pen(gui, camera, frame, area);
   const float s = pen.s();
   pen.list()->AddLine({pen.left(), pen.top()}, {pen.left(), pen.bottom()}, ink(palette::kEdge), 2 * s);
-  pen.text(
-      {pen.left() + 10 * s, pen.top() + 8 * s},
-      static_cast<float>(area.width_px) > 300 * s ? "Section through the tip along x" : "Section along x",
-      palette::kText, {0, 0}, gui.text());
-  pen.text({pen.left() + 10 * s, pen.top() + 27 * s},
-           fmt::format("true proportions; tip radius drawn: {:g} nm", state.tip_radius_nm), palette::kQuiet);
+  const bool wide = static_cast<float>(area.width_px) > 300 * s;
+  const std::string radius = fmt::format("tip radius drawn: {:g} nm", state.tip_radius_nm);
+  std::vector<Pen::Line> title = {
+      {wide ? "Section through the tip along x" : "Section along x", palette::kText, gui.text()}};
+  if (wide) {
+    title.push_back({"true proportions; " + radius, palette::kQuiet, gui.small()});
+  } else {
+    title.push_back({"true proportions", palette::kQuiet, gui.small()});
+    title.push_back({radius, palette::kQuiet, gui.small()});
+  }
+  pen.block(title, {{pen.left() + 10 * s, pen.top() + 8 * s}});
+  // The picture is orthographic: a bar across it is true everywhere.
+  const double per_px = camera.nm_per_pixel(area.height_px);
+  const double length = view_model::nice_step(0.35 * per_px * area.width_px);
+  const auto long_px = static_cast<float>(length / per_px);
+  const ImVec2 end{pen.right() - 14 * s, pen.bottom() - 16 * s};
+  pen.line({end.x - long_px, end.y}, end, palette::kBackground, 5, 0.7f);
+  pen.line({end.x - long_px, end.y}, end, palette::kText, 3);
+  pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText,
+           {0.5f, 1});
   draw_target(pen, state);
   // The gap as an engineer would draw it: beside what it measures, between two thin lines.
   Vec3 foot = state.tip_pos_w_nm;
@@ -228,61 +315,86 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   for (const ImVec2& p : {a, b}) pen.line({p.x, p.y}, {x + 4 * s, p.y}, palette::kText, 1, 0.55f);
   pen.line({x, a.y}, {x, b.y}, palette::kText, 1.4f);
   for (const ImVec2& p : {a, b}) pen.list()->AddCircleFilled({x, p.y}, 2.5f * s, ink(palette::kText));
-  const float y = std::clamp(0.5f * (a.y + b.y), pen.top() + 60 * s, pen.bottom() - 60 * s);
   const std::string gap = view_model::length_text(live.gap_nm());
-  const bool room = x + 9 * s + text_size(gui.text(), gap.c_str()).x < pen.right();
-  pen.text({room ? x + 9 * s : x - 9 * s, y}, gap, palette::kText, {room ? 0.0f : 1.0f, 0.5f}, gui.text());
-  const double force = state.force_w_nn.z();
-  const float above = force >= 0 ? -1.0f : 1.0f;
-  const float cone_px = static_cast<float>(
-      kConeHalves * std::min(std::abs(force) / state.force_full_nn, 1.0) * 0.5 * area.height_px);
-  const float word_y =
-      std::clamp(a.y + above * (cone_px + 14 * s), pen.top() + 56 * s, pen.bottom() - 40 * s);
-  pen.text({a.x, word_y}, force_words(force), force >= 0 ? palette::kRepulsion : palette::kAttraction,
-           {0.5f, 0.5f}, gui.text());
-  // The picture is orthographic: a bar across it is true everywhere.
-  const double per_px = camera.nm_per_pixel(area.height_px);
-  const double length = view_model::nice_step(0.35 * per_px * area.width_px);
-  const auto long_px = static_cast<float>(length / per_px);
-  const ImVec2 end{pen.right() - 14 * s, pen.bottom() - 16 * s};
-  pen.line({end.x - long_px, end.y}, end, palette::kBackground, 5, 0.7f);
-  pen.line({end.x - long_px, end.y}, end, palette::kText, 3);
-  pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText,
-           {0.5f, 1});
+  const ImVec2 gap_size = text_size(gui.text(), gap.c_str());
+  const float y = 0.5f * (a.y + b.y) - 0.5f * gap_size.y;
+  pen.block({{gap, palette::kText, gui.text()}}, {{x + 9 * s, y}, {x - 9 * s - gap_size.x, y}});
+  const float above = state.force_w_nn.z() >= 0 ? -1.0f : 1.0f;
+  const auto cone_px = static_cast<float>(
+      kConeHalves * std::min(state.force_w_nn.norm() / state.force_full_nn, 1.0) * 0.5 * area.height_px);
+  const double silent_s = view_model::silent_s(live.now());
+  const palette::Rgb colour = force_colour(state.force_w_nn, silent_s > 0);
+  std::vector<Pen::Line> lines;
+  if (silent_s > 0) lines.push_back({age_words(silent_s), palette::kWarning, gui.text()});
+  lines.push_back({view_model::force_size_text(state.force_w_nn), colour, gui.text()});
+  lines.push_back({view_model::force_parts_text(state.force_w_nn), colour, gui.small()});
+  float widest = 0;
+  for (const Pen::Line& line : lines) widest = std::max(widest, text_size(line.font, line.words.c_str()).x);
+  const float high = (silent_s > 0 ? 44 : 28) * s;
+  pen.block(lines, {{a.x - 0.5f * widest, a.y + above * (cone_px + 6 * s) - (above < 0 ? high : 0)}});
 }
 
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
-                 const Area& area) {
+                 const Area& area, bool ended) {
   ImDrawList* const list = ImGui::GetBackgroundDrawList();
   const float s = gui.scale();
-  float x = static_cast<float>(area.x_px) + 10 * s;
-  const float y = static_cast<float>(area.y_px) + 8 * s;
+  const float left = static_cast<float>(area.x_px) + 10 * s;
+  const float right = static_cast<float>(area.x_px + area.width_px) - 6 * s;
+  float x = left;
+  float y = static_cast<float>(area.y_px) + 8 * s;
   const auto pill = [&](const char* text, const palette::Rgb& colour, bool filled) {
     const ImVec2 size = text_size(gui.text(), text);
+    if (x > left && x + size.x + 18 * s > right) {
+      x = left;
+      y += size.y + 12 * s;
+    }
     const ImVec2 from{x, y};
     const ImVec2 to{x + size.x + 18 * s, y + size.y + 8 * s};
+    gui.words().take(from, to);
     list->AddRectFilled(from, to, filled ? ink(colour) : ink(palette::kPanel, 0.9f), 6 * s);
     if (!filled) list->AddRect(from, to, ink(colour), 6 * s, 0, 1.5f * s);
     list->AddText(gui.text(), gui.text()->FontSize, {x + 9 * s, y + 4 * s},
                   filled ? ink(palette::kBackground) : ink(colour), text);
     x = to.x + 8 * s;
   };
+  const double silent_s = view_model::silent_s(live.now());
+  const bool current = silent_s == 0 && !ended;
   if (!facts.played.empty()) pill("RECORDING", palette::kWarning, true);
   switch (live.origin()) {
     case view_model::Origin::kUnknown:
       pill("NO SAMPLE YET", palette::kQuiet, false);
       break;
     case view_model::Origin::kComputed:
-      pill("SIM", palette::kAttraction, true);
+      pill("SIM", palette::kAttraction, current);
       break;
     case view_model::Origin::kMeasured:
-      pill("LIVE", palette::kAlarm, true);
+      pill("LIVE", palette::kAlarm, current);
       break;
   }
+  if (ended) {
+    pill("Ended", palette::kAlarm, true);
+  } else if (silent_s > 0) {
+    pill(fmt::format("NO ANSWER {:.1f} s", silent_s).c_str(), palette::kAlarm, true);
+  }
   const view_model::Message mode = view_model::mode_words(live.now());
-  pill(mode.text.c_str(), colour_of(mode.mood), mode.mood != Mood::kCalm);
-  const std::string about = facts.scene_name;
-  list->AddText(gui.text(), gui.text()->FontSize, {x + 2 * s, y + 4 * s}, ink(palette::kText), about.c_str());
+  if (!ended) pill(mode.text.c_str(), colour_of(mode.mood), mode.mood != Mood::kCalm && current);
+  // What does not fit into the row goes under it, and is cut there.
+  std::string about = facts.scene_name;
+  const auto wide = [&] { return text_size(gui.text(), about.c_str()).x; };
+  if (x + wide() > right && x > left) {
+    x = left;
+    y += 28 * s;
+  }
+  if (x + wide() > right) {
+    while (about.size() > 1 && x + wide() + 12 * s > right) {
+      while (about.size() > 1 && (static_cast<unsigned char>(about.back()) & 0xC0) == 0x80) about.pop_back();
+      about.pop_back();
+    }
+    about += "…";
+  }
+  const ImVec2 from{x + 2 * s, y + 4 * s};
+  gui.words().take(from, {from.x + wide(), from.y + gui.text()->FontSize});
+  list->AddText(gui.text(), gui.text()->FontSize, from, ink(palette::kText), about.c_str());
 }
 
 }  // namespace telenano::viewer

@@ -9,13 +9,15 @@
 namespace telenano::viewer {
 
 /// Words and marks over the pictures: axes, scale bars, the legend of heights, gap and force where they are.
-void draw_overview_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
-                         const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
+void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneState& state,
+                         const view_model::LiveSession& live, const view_model::Camera& camera,
+                         const SceneFrame& frame, const Area& area);
 void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
                          const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
 
-/// SIM or LIVE, the sample's name and what the station is doing, across the top.
+/// SIM or LIVE, the sample's name and what the station is doing, across the top. Before the words of the
+/// pictures, which give way to it.
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
-                 const Area& area);
+                 const Area& area, bool ended);
 
 }  // namespace telenano::viewer

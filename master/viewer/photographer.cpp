@@ -13,7 +13,7 @@ namespace {
 
 constexpr auto kPause = std::chrono::milliseconds(20);
 constexpr int kSmoothing = 4;  // places a pixel
-constexpr int kFrames = 40;    // until the close-up stands still
+constexpr int kFrames = 120;   // until the close-up stands still: 0.88^120 of its way is left
 constexpr double kFrameS = 1.0 / 60;
 
 }  // namespace

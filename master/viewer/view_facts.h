@@ -32,6 +32,8 @@ struct ViewFacts {
   std::string played;                   ///< recording that is shown instead of a session; empty: none
   std::vector<TaskOffer> tasks;  ///< that the hand can be told to do; empty: a person's, or one recording's
   double surface_z_w_nm = 0;
+  std::string surface_doubt;      ///< why the scan that is drawn may be another's; empty: it is the session's
+  double give_up_s = 0;           ///< of silence, after which the session ends; 0: not known
   double hand_force_limit_n = 0;  ///< what the station never exceeds
   double energy_bound_j = 0;      ///< that may ever be extracted
   double tip_radius_nm = 20;      ///< drawn; the server does not tell it

@@ -3,6 +3,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/rt/latest_value.h"
 #include "master/device/pointer_device.h"
@@ -15,6 +16,11 @@ namespace telenano::viewer {
 /// What a screen needs from the program that runs the session. All are called in the screen's thread.
 struct ViewHooks {
   std::function<bool()> session_over;
+  /// Once the session is over: what the window stays open for, the cause first; none: it goes with the
+  /// session. Without the hook it always goes.
+  std::function<std::vector<std::string>()> last_words;
+  /// The program is to end, so a window that has stayed open goes too.
+  std::function<bool()> stop_wanted;
   std::function<RecordingStatus()> recording;
   /// The surface again when its file has changed; asked about once a second.
   std::function<std::optional<view_model::Ground>()> changed_ground;

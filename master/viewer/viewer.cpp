@@ -9,6 +9,7 @@
 #include <cmath>
 #include <utility>
 
+#include "common/base/constants.h"
 #include "master/device/haptic_device.h"
 #include "master/viewer/charts.h"
 #include "master/viewer/overlay.h"
@@ -26,6 +27,7 @@ constexpr double kCloseUpMost_nm = 60;
 constexpr double kFollow = 0.12;  // of the way to the wanted height of the close-up, a frame
 constexpr double kDegPerPixel = 0.3;
 constexpr double kZoomPerNotch = 1.15;
+constexpr double kTipInside = 0.8;  // of the overview's half height and width that the tip does not leave
 
 ChartBox box_of(const Area& area) {
   return {{static_cast<float>(area.x_px), static_cast<float>(area.y_px)},
@@ -67,6 +69,7 @@ void Viewer::reset_cameras() {
   close_up_camera_.depth_range_nm = 1000;
   close_up_zoom_ = 1;
   seen_tip_ = false;
+  overview_chosen_ = false;
 }
 
 void Viewer::take_played(double time_s) {
@@ -122,10 +125,31 @@ void Viewer::follow_tip() {
   close_up_camera_.target_nm.z() += 0.12 * close_up_camera_.half_height_nm;
 }
 
-// A picture that is higher than wide sees less to the sides: it stands back.
+// A picture that is higher than wide sees less to the sides: it stands back. So it does for a tip that leaves
+// it (a stop withdraws it to the top of the workspace, and heights are drawn taller), unless a person has
+// chosen what to look at.
+//
+// A point at d from the camera's target is seen at u = d·up / ((D − d·back) tan(φ/2)) of half the picture's
+// height, D the camera's distance: within ±m for D ≥ d·back + |d·up| / (m tan(φ/2)); likewise to the sides,
+// where the picture is aspect times as wide.
 view_model::Camera Viewer::fitted_overview(const Area& area) const noexcept {
   view_model::Camera camera = overview_camera_;
   camera.distance_nm /= std::clamp(area.aspect(), 0.2, 1.25);
+  const recording::Sample& now = live_.now();
+  const Vec3 tip(now.tip_pos_w_nm[0], now.tip_pos_w_nm[1], now.tip_pos_w_nm[2]);
+  if (overview_chosen_ || now.reply_sequence == 0 || !is_finite(tip)) return camera;
+  constexpr double kMost = 5;  // times as far: what lies farther out is no place of a tip
+  const double tangent = std::tan(0.5 * camera.field_of_view_deg * kPi / 180);
+  // The apex and what stands on it, with room for the words beside it.
+  const Vec3 apex = SceneRenderer::overview_frame(ground_).scene_nm(tip);
+  double distance_nm = camera.distance_nm;
+  for (const Vec3& point : {apex, Vec3(apex + 2.5 * facts_.tip_radius_nm * Vec3::UnitZ())}) {
+    const Vec3 d = point - camera.target_nm;
+    const double high = std::abs(d.dot(camera.up())) / (kTipInside * tangent);
+    const double wide = std::abs(d.dot(camera.right())) / (kTipInside * tangent * area.aspect());
+    distance_nm = std::max(distance_nm, d.dot(camera.direction()) + std::max(high, wide));
+  }
+  camera.distance_nm = std::min(distance_nm, kMost * camera.distance_nm);
   return camera;
 }
 
@@ -205,8 +229,12 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const view_model::Camera camera = fitted_overview(l.overview);
   const double overview_nm_px = camera.nm_per_pixel(l.overview.height_px);
   const double close_up_nm_px = close_up_camera_.nm_per_pixel(l.close_up.height_px);
-  const double dx = io.MouseDelta.x;
-  const double dy = io.MouseDelta.y;
+  // A press anchors. Touch screens, tablets and remote desktops put the pointer down far from where it was:
+  // taken for a drag, the way there would lead the tip into the sample.
+  const bool anchors = pressed_ || io.MouseClicked[0] || io.MouseClicked[1] || io.MouseClicked[2];
+  pressed_ = false;
+  const double dx = anchors ? 0 : io.MouseDelta.x;
+  const double dy = anchors ? 0 : io.MouseDelta.y;
   switch (drag_) {
     case Drag::kHandInOverview: {
       view_model::PointerHand::Axes axes;
@@ -228,6 +256,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
       break;
     case Drag::kShift:
       overview_camera_.target_nm += overview_nm_px * (-dx * camera.right() + dy * camera.up());
+      overview_chosen_ = true;
       break;
     case Drag::kNone:
       break;
@@ -240,6 +269,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
       close_up_zoom_ = std::clamp(close_up_zoom_ * std::pow(kZoomPerNotch, io.MouseWheel), 0.1, 10.0);
     } else if (over_overview && zoom) {
       overview_camera_.zoom(std::pow(kZoomPerNotch, io.MouseWheel));
+      overview_chosen_ = true;
     }
   }
 }
@@ -342,6 +372,31 @@ void Viewer::say(const std::string& text, double time_s) {
   said_until_s_ = time_s + 2;
 }
 
+void Viewer::end(std::vector<std::string> lines) {
+  ending_ = std::move(lines);
+  panel_.end();
+}
+
+void Viewer::draw_end() {
+  if (ending_.empty()) return;
+  const ImVec2 whole = ImGui::GetIO().DisplaySize;
+  const float wide = std::min(560 * gui_.scale(), whole.x - 40 * gui_.scale());
+  ImGui::SetNextWindowPos({0.5f * whole.x, 0.5f * whole.y}, ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowSize({wide, 0});
+  ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kRaised, 0.97f));
+  ImGui::Begin("end", nullptr,
+               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings);
+  ImGui::PushFont(gui_.large());
+  ImGui::TextColored(vec4(palette::kAlarm), "The session has ended");
+  ImGui::PopFont();
+  ImGui::Separator();
+  for (const std::string& line : ending_) ImGui::TextWrapped("%s", line.c_str());
+  ImGui::Separator();
+  ImGui::TextColored(vec4(palette::kQuiet), "The window stays until you close it (Ctrl+Q).");
+  ImGui::End();
+  ImGui::PopStyleColor();
+}
+
 void Viewer::draw_words(double time_s, const Area& area) {
   if (time_s > said_until_s_) return;
   const ImVec2 size = gui_.text()->CalcTextSizeA(gui_.text()->FontSize, 1e9f, 0, said_.c_str());
@@ -354,6 +409,7 @@ void Viewer::draw_words(double time_s, const Area& area) {
 
 void Viewer::draw(int width_px, int height_px, double time_s, const RecordingStatus& recording) {
   const Layout layout = layout_of(width_px, height_px, gui_.scale(), views_);
+  gui_.words().clear();
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::GetIO().DisplaySize = {static_cast<float>(width_px), static_cast<float>(height_px)};
   ImGui::NewFrame();
@@ -369,20 +425,23 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneState now = state();
   const SceneFrame frame = SceneRenderer::overview_frame(ground_);
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
+  draw_banner(gui_, facts_, live_, layout.overview, !ending_.empty());
   if (views_ != Views::kCloseUp) {
-    const view_model::Camera camera = fitted_overview(layout.overview);
+    const view_model::Camera camera = shown_overview_camera_ = fitted_overview(layout.overview);
     renderer_.draw_overview(now, camera, frame, layout.overview, height_px);
-    draw_overview_words(gui_, now, live_, camera, frame, layout.overview);
+    draw_overview_words(gui_, facts_, now, live_, camera, frame, layout.overview);
   }
   if (views_ != Views::kOverview) {
     renderer_.draw_close_up(now, close_up_camera_, close_frame, layout.close_up, height_px);
     draw_close_up_words(gui_, now, live_, close_up_camera_, close_frame, layout.close_up);
   }
-  draw_banner(gui_, facts_, live_, layout.overview);
   draw_charts(layout, height_px);
+  panel_.tell_border(panel_.mouse_leads() && hand_.at_border() ? hand_.reach_nm() : 0);
   panel_.draw(gui_, live_, recording, layout.panel);
   if (panel_.take_help_wanted()) help_ = !help_;
+  if (panel_.take_close_wanted()) quit_ = true;
   draw_help();
+  draw_end();
   draw_words(time_s, layout.overview);
   ImGui::Render();
   glViewport(0, 0, width_px, height_px);

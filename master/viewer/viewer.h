@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
 #include "master/view_model/camera.h"
 #include "master/view_model/ground.h"
@@ -28,7 +29,7 @@ class Viewer {
 
   /// Shows a recording instead of a session: time passes by draw().
   void play(view_model::Playback& playback) noexcept { playback_ = &playback, panel_.play(playback); }
-  /// By key, where a recording is shown.
+  /// By key, or by button once the session has ended.
   bool quit_wanted() const noexcept { return quit_; }
 
   /// Takes what the loop has put into the port since the last time.
@@ -42,6 +43,11 @@ class Viewer {
   const view_model::Ground& ground() const noexcept { return ground_; }
   const view_model::Camera& overview_camera() const noexcept { return overview_camera_; }
   const view_model::Camera& close_up_camera() const noexcept { return close_up_camera_; }
+  /// A button has gone down since the last frame, be it that it was let go and pressed again within it: the
+  /// pointer's way until there is no drag.
+  void note_press() noexcept { pressed_ = true; }
+  /// As drawn last: stands back where the tip would leave the picture.
+  const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
   /// Asked for since the last call.
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
   /// Lets what follows the tip come to rest, as so many frames would.
@@ -49,6 +55,8 @@ class Viewer {
   /// Shown for two seconds.
   void say(const std::string& text, double time_s);
   void show(Views views) noexcept { views_ = views; }
+  /// The session is over: its last moment stays, with these lines over it; the first is the cause.
+  void end(std::vector<std::string> lines);
 
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift };
@@ -61,6 +69,7 @@ class Viewer {
   void handle_mouse(const Layout& layout, double time_s);
   void draw_charts(const Layout& layout, int height_px);
   void draw_help();
+  void draw_end();
   void draw_words(double time_s, const Area& area);
   SceneState state() const;
   view_model::Camera fitted_overview(const Area& area) const noexcept;
@@ -74,18 +83,22 @@ class Viewer {
   ControlPanel panel_;
   view_model::PointerHand hand_;
   view_model::Camera overview_camera_;
+  view_model::Camera shown_overview_camera_;
+  bool overview_chosen_ = false;  // a person has zoomed or shifted it: it stays as it is
   view_model::Camera close_up_camera_;
   double close_up_zoom_ = 1;
   double close_up_half_nm_ = 12;
   bool seen_tip_ = false;
   Views views_ = Views::kBoth;
   Drag drag_ = Drag::kNone;
+  bool pressed_ = false;
   bool help_ = false;
   bool quit_ = false;
   view_model::Playback* playback_ = nullptr;
   double drawn_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
+  std::vector<std::string> ending_;  // empty: the session goes on
 };
 
 }  // namespace telenano::viewer

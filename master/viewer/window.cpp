@@ -13,6 +13,8 @@
 #include <filesystem>
 #include <memory>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "common/base/error.h"
 #include "master/viewer/png.h"
@@ -33,13 +35,14 @@ using Clock = std::chrono::steady_clock;
 // GLFW and its window, which go in the end whatever happens.
 class Window {
  public:
-  Window() {
+  explicit Window(bool visible) {
     glfwSetErrorCallback([](int, const char* text) { last_error() = text; });
     if (glfwInit() == GLFW_FALSE) refuse();
     glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
     glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
     glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
     glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
+    glfwWindowHint(GLFW_VISIBLE, visible ? GLFW_TRUE : GLFW_FALSE);
     int width_px = kWidth_px;
     int height_px = kHeight_px;
     if (GLFWmonitor* const monitor = glfwGetPrimaryMonitor(); monitor != nullptr) {
@@ -53,7 +56,7 @@ class Window {
         height_px = std::min(height_px, high);
       }
     }
-    window_ = glfwCreateWindow(width_px, height_px, "Telenano", nullptr, nullptr);
+    window_ = glfwCreateWindow(width_px, height_px, visible ? "Telenano" : "", nullptr, nullptr);
     if (window_ == nullptr) {
       glfwTerminate();
       refuse();
@@ -141,6 +144,28 @@ class KeyTaps {
   bool shift_ = false;
 };
 
+/// A button that is let go and pressed again between two frames, elsewhere, looks held to ImGui: the way
+/// there would be a drag.
+class PressWatch {
+ public:
+  /// Before ImGui's own callback, which calls this one.
+  explicit PressWatch(GLFWwindow* window) {
+    pressed() = false;
+    glfwSetMouseButtonCallback(window, [](GLFWwindow*, int, int action, int) {
+      if (action == GLFW_PRESS) pressed() = true;
+    });
+  }
+  /// Since the last call.
+  bool take() { return std::exchange(pressed(), false); }
+
+ private:
+  // The window's one user pointer is taken, and there is one window.
+  static bool& pressed() {
+    static bool value = false;
+    return value;
+  }
+};
+
 // ImGui's input from the window; made after the context of ImGui, gone before it.
 class WindowInput {
  public:
@@ -188,23 +213,38 @@ bool has_display() noexcept {
   return set("DISPLAY") || set("WAYLAND_DISPLAY");
 }
 
+void try_window() {
+  const Window window(false);
+}
+
 rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
                             const ViewHooks& hooks) {
-  const Window window;
+  const Window window(true);
   Viewer viewer(facts, std::move(ground), port, window.scale());
   if (hooks.playback != nullptr) viewer.play(*hooks.playback);
   KeyTaps taps(window.get());
+  PressWatch presses(window.get());
   const WindowInput input(window.get());
   rt::LogHistogram frames;
   const Clock::time_point start = Clock::now();
   double reload_s = kReloadS;
   bool asked_to_quit = false;
-  while (!hooks.session_over()) {
+  bool ended = false;
+  while (true) {
+    if (!ended && hooks.session_over()) {
+      std::vector<std::string> words;
+      if (hooks.last_words && !asked_to_quit) words = hooks.last_words();
+      if (words.empty()) break;
+      ended = true;
+      viewer.take_samples();
+      viewer.end(std::move(words));
+    }
     const Clock::time_point began = Clock::now();
     const double time_s = std::chrono::duration<double>(began - start).count();
     glfwPollEvents();
-    if (hooks.playback != nullptr && (glfwWindowShouldClose(window.get()) != 0 || viewer.quit_wanted()))
-      break;
+    const bool waits_for_a_person = hooks.playback != nullptr || ended;
+    if (waits_for_a_person && (glfwWindowShouldClose(window.get()) != 0 || viewer.quit_wanted())) break;
+    if (ended && hooks.stop_wanted && hooks.stop_wanted()) break;
     if (glfwWindowShouldClose(window.get()) != 0 && !asked_to_quit) {
       view_model::ViewRequest quit;
       quit.kind = view_model::ViewRequest::Kind::kQuit;
@@ -221,6 +261,7 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
     if (width_px > 0 && height_px > 0) {
       ImGui_ImplGlfw_NewFrame();
       taps.press();
+      if (presses.take()) viewer.note_press();
       viewer.draw(width_px, height_px, time_s, hooks.recording());
       taps.release();
       if (viewer.take_picture_wanted()) {

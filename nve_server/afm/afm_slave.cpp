@@ -15,6 +15,7 @@ slave::SlaveLimits limits_of(const AfmConfig& config) noexcept {
   limits.force_max_nn = config.force_max_nn;
   limits.coupling_stiffness_n_m = config.spring_constant_n_m;  // no harder is ever shown
   limits.coupling_damping_n_s_m = 0;
+  limits.measures = true;
   return limits;
 }
 

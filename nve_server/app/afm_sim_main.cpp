@@ -10,6 +10,7 @@
 
 #include "common/base/error.h"
 #include "common/base/version.h"
+#include "common/config/completion.h"
 #include "common/config/program.h"
 #include "common/net/udp.h"
 #include "common/rt/steady_clock.h"
@@ -83,7 +84,8 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   Options o;
   app.add_option("--scene", o.scene,
-                 "Scene file (TOML): sample, probe, surface [flat silicon oxide, lever of 40 N/m]");
+                 "Scene file (TOML): sample, probe, surface [flat silicon oxide, lever of 40 N/m]")
+      ->type_name(config::kSceneOrFile);
   app.add_option("--listen", o.listen, "Address of this machine")->capture_default_str();
   app.add_option("--ports", o.ports,
                  "A range or a list of TCP ports, one client each; 0,0,0,0 takes any free ones")

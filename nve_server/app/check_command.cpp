@@ -8,6 +8,7 @@
 #include <memory>
 #include <vector>
 
+#include "common/config/completion.h"
 #include "common/config/slave_limits_file.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/scene/scene_summary.h"
@@ -226,7 +227,7 @@ void add_check_command(CLI::App& app) {
       ->add_option("--scene", *path,
                    "file (TOML), or the name of one that came with the program, e.g. flakes")
       ->required()
-      ->type_name("FILE");
+      ->type_name(config::kSceneOrFile);
   auto limits = std::make_shared<std::string>();
   command
       ->add_option("--limits", *limits,

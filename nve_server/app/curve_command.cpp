@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 
+#include "common/config/completion.h"
 #include "nve_server/scene/force_curve.h"
 #include "nve_server/scene/scene.h"
 
@@ -55,7 +56,7 @@ void add_curve_command(CLI::App& app) {
       ->add_option("--scene", options->scene,
                    "file (TOML), or the name of one that came with the program, e.g. flakes")
       ->required()
-      ->type_name("FILE");
+      ->type_name(config::kSceneOrFile);
   command->add_option("--x-nm", options->x_nm, "where, frame W; left out: where the scene starts");
   command->add_option("--y-nm", options->y_nm, "where, frame W; left out: where the scene starts");
   command->add_option("--from-nm", options->plan.from_nm, "highest base height above the surface at (x, y)")

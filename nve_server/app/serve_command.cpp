@@ -16,6 +16,7 @@
 #include <utility>
 
 #include "common/base/error.h"
+#include "common/config/completion.h"
 #include "common/metrics/exporter.h"
 #include "common/net/udp.h"
 #include "common/rt/realtime_thread.h"
@@ -230,9 +231,11 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
 CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
-  command->add_option(
-      "--scene", options->scene,
-      "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, e.g. flakes");
+  command
+      ->add_option("--scene", options->scene,
+                   "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, "
+                   "e.g. flakes")
+      ->type_name(config::kSceneOrFile);
   options->afm.add_flags(*command);
   command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
       ->capture_default_str();

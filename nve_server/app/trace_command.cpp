@@ -12,6 +12,7 @@
 #include <string>
 
 #include "common/base/error.h"
+#include "common/config/completion.h"
 #include "common/surface/gsf.h"
 #include "nve_server/app/path_file.h"
 #include "nve_server/scene/force_curve.h"
@@ -155,7 +156,7 @@ void add_trace_command(CLI::App& app) {
       ->add_option("--scene", options->scene,
                    "file (TOML), or the name of one that came with the program, e.g. flakes")
       ->required()
-      ->type_name("FILE");
+      ->type_name(config::kSceneOrFile);
   command
       ->add_option("--path", options->path,
                    "CSV with the header t_s,x_nm,y_nm,z_nm: the commanded end, frame W")

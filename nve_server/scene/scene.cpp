@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "common/base/constants.h"
+#include "common/base/fnv1a.h"
 #include "common/config/shared_files.h"
 #include "common/config/toml_document.h"
-#include "nve_server/scene/fnv1a.h"
 #include "nve_server/scene/readers.h"
 
 namespace telenano::scene {

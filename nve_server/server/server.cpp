@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <utility>
 
 #include "common/base/error.h"
@@ -175,6 +176,8 @@ bool Server::make_tip(std::size_t slot, std::int64_t now_ns) noexcept {
   tip.output.tip_pos_w_nm = tip.output.commanded_pos_w_nm = tip.slave->limits().start_pos_w_nm;
   tip.last_target_w_nm = tip.slave->limits().start_pos_w_nm;
   tip.last_step_ns = now_ns;
+  // Nothing has been read before the first step.
+  if (tip.slave->limits().measures) tip.output.measurement_age_ns = slave::kNeverMeasuredNs;
   return true;
 }
 

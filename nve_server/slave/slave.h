@@ -42,7 +42,7 @@ struct SlaveOutput {
 };
 
 /// What a station may know of a slave before it moves; all of it goes into Welcome, `has_particle` as a
-/// feature, `well_aj` behind one.
+/// feature, `well_aj` behind one; but `measures`, which the age of each reply tells.
 struct SlaveLimits {
   Vec3 workspace_min_w_nm = Vec3::Zero();
   Vec3 workspace_max_w_nm = Vec3::Zero();
@@ -56,6 +56,7 @@ struct SlaveLimits {
   /// The deepest adhesive well of the scene: most that the sample can give out of its own, beyond what was
   /// ever put in (energy_out_aj − energy_in_aj). An upper bound; 0: none, or not known.
   double well_aj = 0;
+  bool measures = false;  ///< forces are an instrument's readings, which grow old; a model's do not
 };
 
 /// Seam: whatever touches the sample: the nanoscale virtual environment, or a real AFM.

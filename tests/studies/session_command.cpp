@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/base/error.h"
+#include "common/config/completion.h"
 #include "common/control/method.h"
 #include "tests/support/virtual_session.h"
 
@@ -112,10 +113,14 @@ void add_session_command(CLI::App& app, int& exit_code) {
   command
       ->add_option("--scene", options->scene,
                    "Scene: a file (TOML), or the name of one that came with the program, e.g. flakes")
-      ->required();
-  command->add_option("--task", options->task, "position | contact | indent | scan")->capture_default_str();
-  command->add_option("--method", options->method, "none | ks | ks-clamp | tdpa | wave | tank | model")
-      ->capture_default_str();
+      ->required()
+      ->type_name(config::kSceneOrFile);
+  command->add_option("--task", options->task, "Of the hand")
+      ->capture_default_str()
+      ->type_name("{position,contact,indent,scan}");
+  command->add_option("--method", options->method, "How the port is kept passive")
+      ->capture_default_str()
+      ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model}");
   command->add_option("--rate", options->station.rate_hz, "Hz of the station")
       ->capture_default_str()
       ->check(CLI::Range(100.0, 8000.0));

@@ -1,6 +1,7 @@
 // Recorded sessions of the real programs, run again in virtual time by `telenano-lab replay`.
 #include <cstdlib>
 
+#include "common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
@@ -70,6 +71,51 @@ TEST_F(ReplayTest, AnotherSceneOrAnotherFileIsRefusedInOneLine) {
   const Finished none = run_program({kLab, "replay", scene_path("flakes")}, {}, kLong);
   EXPECT_EQ(none.exit_code, 2);
   EXPECT_EQ(lines_of(none.err).size(), 1u) << none.err;
+}
+
+// A recording holds its station file in full, and its scene where the station has it: the one of the wire's
+// hash, be it among those that came with the programs or in the folder in which the station was started.
+TEST_F(ReplayTest, ARecordingExplainsItself) {
+  const std::string station = "rate_hz = 500\n# a remark\n[task]\nduration_s = 1\n";
+  const std::string file =
+      record("flakes", {}, {"--task", "position", "--station", write("station.toml", station)});
+  const recording::RecordingReader reader(file);
+  EXPECT_EQ(reader.configuration("scene_text"), file_text(scene_path("flakes")));
+  EXPECT_EQ(reader.configuration("station_text"), station);
+}
+
+TEST_F(ReplayTest, AUsersOwnSceneIsFoundOrAskedFor) {
+  std::string scene = file_text(scene_path("flat_silicon_oxide"));
+  scene.replace(scene.find("\"flat_silicon_oxide\""), 20, "\"mine\"");
+  const std::string own = write("mine.toml", scene);
+  Server server(own);
+  const auto run_in = [&](const std::filesystem::path& folder, const std::string& name) {
+    ChildOptions options;
+    options.folder = folder;
+    const Finished run = run_program(
+        station(server, {"--task", "indent", "--duration-s", "1", "--rate", "500", "--record", path(name)}),
+        options, kLong);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return path(name);
+  };
+  const std::string knows = run_in(folder_, "knows.h5");
+  const std::string does_not = run_in("/", "does_not.h5");
+  EXPECT_EQ(recording::RecordingReader(knows).configuration("scene_text"), scene);
+  EXPECT_EQ(recording::RecordingReader(does_not).configuration("scene_text"), "");
+  // Where the station had it; by name in this folder; by file.
+  ChildOptions here;
+  here.folder = folder_;
+  EXPECT_EQ(run_program({kLab, "replay", knows}, {}, kLong).exit_code, 0);
+  EXPECT_EQ(run_program({kLab, "replay", does_not}, here, kLong).exit_code, 0);
+  EXPECT_EQ(run_program({kLab, "replay", does_not, "--scene", own}, {}, kLong).exit_code, 0);
+  // Gone: the recording holds it.
+  std::filesystem::rename(own, path("away.toml"));
+  EXPECT_EQ(run_program({kLab, "replay", knows}, {}, kLong).exit_code, 0);
+  const Finished lost = run_program({kLab, "replay", does_not}, {}, kLong);
+  EXPECT_EQ(lost.exit_code, 2);
+  EXPECT_NE(lost.err.find("was recorded on the scene 'mine'"), std::string::npos) << lost.err;
+  EXPECT_NE(lost.err.find("name its file by --scene FILE"), std::string::npos) << lost.err;
+  EXPECT_EQ(lines_of(lost.err).size(), 1u) << lost.err;
 }
 
 }  // namespace

@@ -222,6 +222,149 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
   EXPECT_NE(std::find(buttons.begin(), buttons.end(), 3.0), buttons.end()) << "deadman and clutch";
 }
 
+// With nobody at the tip, so that the slave has never stepped; --observe so that nobody gets it.
+TEST_F(ViewerPrograms, AnObserverSeesThatASimulationIsOne) {
+  Server server(scene_path("flakes"), 0, {"--share", "one-tip"});
+  const Finished run =
+      run_program(without_display({kMaster, "run", "--server", server.address(), "--observe", "--duration-s",
+                                   "2", "--rt-priority", "0", "--screenshot", path("o.png"),
+                                   "--screenshot-size", "900x600", "--at", "1", "--record", path("o.h5")}));
+  if (run.err.find("no picture without a display") != std::string::npos) GTEST_SKIP() << run.err;
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const viewer::Picture picture = viewer::read_png(path("o.png"));
+  const std::uint8_t* const pill = &picture.rgb[static_cast<std::size_t>(3 * (20 * 900 + 14))];
+  EXPECT_GT(pill[2], 200) << "SIM is blue, LIVE red";
+  EXPECT_LT(pill[0], 140);
+  // Every tick from the first answer on says so, for the window and for who reads the file.
+  const recording::RecordingReader recording(path("o.h5"));
+  const auto flags = recording.read("limit_flags");
+  const auto answered = recording.read("reply_sequence");
+  int told = 0;
+  for (std::size_t i = 0; i < flags.size(); ++i) {
+    if (answered[i] == 0) continue;
+    ASSERT_NE(static_cast<unsigned>(flags[i]) & recording::kLimitObserves, 0u) << i;
+    ++told;
+  }
+  EXPECT_GT(told, 500);
+}
+
+TEST_F(ViewerPrograms, AScanOfAnotherSampleIsNotDrawnInSilence) {
+  Server server(scene_path("flakes"));
+  const auto draw = [&](const std::string& surface) {
+    return run_program(without_display({kMaster, "run", "--server", server.address(), "--task", "position",
+                                        "--duration-s", "0.5", "--rt-priority", "0", "--quiet", "--surface",
+                                        surface, "--screenshot", path("s.png")}));
+  };
+  const std::string data = std::string(TELENANO_SOURCE_DIR) + "/deploy/data/";
+  const Finished own = draw(kScan);
+  if (own.err.find("no picture without a display") != std::string::npos) GTEST_SKIP() << own.err;
+  EXPECT_EQ(own.exit_code, 0) << own.err;
+  EXPECT_EQ(own.err.find("note: --surface"), std::string::npos) << own.err;
+  // By the name of the scene, as a server takes it.
+  const Finished named = draw("flakes");
+  EXPECT_EQ(named.exit_code, 0) << named.err;
+  EXPECT_EQ(named.err.find("note: --surface"), std::string::npos) << named.err;
+  std::filesystem::remove(path("s.png"));
+  const Finished other = draw(data + "nanoscope_peakforce_1um.gsf");
+  EXPECT_EQ(other.exit_code, 2);
+  EXPECT_NE(other.err.find("is another scan than the session's: it is 1000 x 1000 nm, and that of the scene "
+                           "'flakes' 600 x 600 nm"),
+            std::string::npos)
+      << other.err;
+  EXPECT_EQ(lines_of(other.err).size(), 1u) << other.err;
+  EXPECT_FALSE(std::filesystem::exists(path("s.png")));
+  // The same size and other heights: the last one, the upper right corner's.
+  std::string bytes = file_text(kScan);
+  bytes[bytes.size() - 2] = static_cast<char>(bytes[bytes.size() - 2] ^ 0x40);
+  std::ofstream(path("like.gsf"), std::ios::binary) << bytes;
+  const Finished like = draw(path("like.gsf"));
+  EXPECT_EQ(like.exit_code, 0) << like.err;
+  EXPECT_NE(like.err.find("not the scan of 'flakes'"), std::string::npos) << like.err;
+  server.stop();
+
+  Server flat(scene_path("flat_silicon_oxide"));
+  const Finished none = run_program(without_display({kMaster, "run", "--server", flat.address(), "--quiet",
+                                                     "--surface", kScan, "--screenshot", path("s.png")}));
+  EXPECT_EQ(none.exit_code, 2);
+  EXPECT_NE(none.err.find("'flat_silicon_oxide' has no scan"), std::string::npos) << none.err;
+}
+
+// A scene that is not here cannot be compared: what shows is a scan that is too small.
+TEST_F(ViewerPrograms, AScanOfASceneThatIsNotHereIsComparedByItsReach) {
+  std::string scene = file_text(scene_path("flat_silicon_oxide"));
+  scene.replace(scene.find("\"flat_silicon_oxide\""), 20, "\"mine\"");
+  std::ofstream(path("elsewhere.toml")) << scene;
+  Server server(path("elsewhere.toml"));
+  const Finished run = run_program(without_display({kMaster, "run", "--server", server.address(), "--quiet",
+                                                    "--surface", kScan, "--screenshot", path("s.png")}));
+  EXPECT_EQ(run.exit_code, 2);
+  EXPECT_NE(run.err.find("it reaches from 0 to 600 nm along x"), std::string::npos) << run.err;
+}
+
+// The first second of silence is told in the picture; at the end the window stays, with the cause, until a
+// person closes it.
+TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\n"
+      << kMaster << " run --server " << server.address()
+      << " --view --quiet --give-up-s 3 --record l.h5 --surface " << kScan
+      << " 2>err.txt &\n"
+         "master=$!\n"
+         "xdotool search --sync --name Telenano >/dev/null\n"
+         "for i in $(seq 600); do [ -s l.h5 ] && break; sleep 0.1; done; sleep 1\n"
+         "kill -9 "
+      << server.child().pid()
+      << "\n"
+         "sleep 1.5; xdotool key p\n"
+         "for i in $(seq 600); do grep -q 'the window stays' err.txt && break; sleep 0.1; done\n"
+         "sleep 1; kill -0 $master && echo stays; xdotool key p\n"
+         "for i in $(seq 600); do [ -s telenano-2.png ] && break; sleep 0.1; done\n"
+         "xdotool key ctrl+q\n"
+         "wait $master; echo ended with $?\n";
+  const Finished user = run_program(
+      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  EXPECT_NE(user.out.find("stays\nended with 1"), std::string::npos)
+      << user.out << file_text(path("err.txt"));
+  EXPECT_NE(file_text(path("err.txt")).find("has been silent for 3 s"), std::string::npos);
+  EXPECT_TRUE(std::filesystem::exists(path("telenano-2.png")));
+  if (const char* folder = std::getenv("TELENANO_LOOK"))
+    for (const char* name : {"telenano-1.png", "telenano-2.png"})
+      if (std::filesystem::exists(path(name)))
+        std::filesystem::copy_file(path(name), std::string(folder) + "/lost_" + name,
+                                   std::filesystem::copy_options::overwrite_existing);
+  // Nobody need close what was told how long it takes.
+  Server again(scene_path("flakes"));
+  std::ofstream(path("timed.sh")) << kMaster << " run --server " << again.address()
+                                  << " --view --quiet --give-up-s 1 --duration-s 60 &\n"
+                                     "master=$!\n"
+                                     "xdotool search --sync --name Telenano >/dev/null\n"
+                                     "sleep 1; kill -9 "
+                                  << again.child().pid() << "\nwait $master; echo ended with $?\n";
+  const Finished timed = run_program(
+      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("timed.sh")}, {}, kLong);
+  EXPECT_NE(timed.out.find("ended with 1"), std::string::npos) << timed.out << timed.err;
+}
+
+// A display that is named but does not answer, with a server that does not either: the display comes first.
+TEST_F(ViewerPrograms, ABadDisplayIsSaidBeforeAServerIsAsked) {
+  const std::vector<std::vector<std::string>> ways = {{"--view"}, {"--device", "mouse"}};
+  for (const auto& flags : ways) {
+    std::vector<std::string> command = {"/usr/bin/env", "-u",  "WAYLAND_DISPLAY", "DISPLAY=:977",
+                                        kMaster,        "run", "--server",        "127.0.0.1:9"};
+    command.insert(command.end(), flags.begin(), flags.end());
+    const Finished run = run_program(command);
+    EXPECT_EQ(run.exit_code, 2) << run.err;
+    EXPECT_NE(run.err.find("no window can be opened"), std::string::npos) << run.err;
+    EXPECT_NE(run.err.find(":977"), std::string::npos) << run.err;
+    EXPECT_EQ(lines_of(run.err).size(), 1u) << run.err;
+  }
+}
+
 TEST_F(ViewerPrograms, WhatCannotBeShownIsSaidBeforeAServerIsAsked) {
   const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
       {{"--view"}, "there is no display"},
@@ -231,6 +374,8 @@ TEST_F(ViewerPrograms, WhatCannotBeShownIsSaidBeforeAServerIsAsked) {
       {{"--screenshot", path("b.png"), "--screenshot-size", "big"}, "expected WIDTHxHEIGHT"},
       {{"--screenshot", path("b.png"), "--screenshot-size", "10x10"}, "expected WIDTHxHEIGHT"},
       {{"--screenshot", path("b.png"), "--surface", path("none.gsf")}, "none.gsf"},
+      {{"--screenshot", path("b.png"), "--surface", "nothing"}, "neither a scene nor a scan of this name"},
+      {{"--screenshot", path("b.png"), "--surface", "flat_pdms"}, "the surface of this scene is no scan"},
       {{"--screenshot", path("b.png"), "--at", "nan"}, "finite"},
       {{"--screenshot", path("b.png"), "--tip-radius-nm", "0"}, "tip-radius-nm"},
       {{"--at", "3"}, "--screenshot"},

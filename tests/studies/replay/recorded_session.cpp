@@ -94,6 +94,8 @@ RecordedSession load_session(const std::filesystem::path& path) {
   session.path = path;
   session.scene_name = text_of(reader, "scene_name");
   session.scene_hash = text_of(reader, "scene_hash");
+  session.scene_path = reader.configuration("scene_path");
+  session.scene_text = reader.configuration("scene_text");
   session.station = station_of(reader);
   session.device = device_of(reader);
   session.link = link_of(reader);

@@ -20,6 +20,8 @@ struct RecordedSession {
   std::filesystem::path path;
   std::string scene_name;
   std::string scene_hash;  ///< 16 hexadecimal digits
+  std::string scene_path;  ///< where the station had it; empty: it did not
+  std::string scene_text;  ///< the whole file, likewise
   station::StationConfig station;
   device::DeviceInfo device;
   loop::LinkOptions link;

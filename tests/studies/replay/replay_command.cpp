@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/error.h"
+#include "common/config/completion.h"
 #include "tests/studies/replay/replay.h"
 
 namespace telenano::studies {
@@ -19,13 +20,52 @@ struct ReplayOptions {
   std::string scene;
 };
 
-std::shared_ptr<const scene::Scene> scene_of(const RecordedSession& recorded, const std::string& given) {
-  const auto scene = scene::load_scene(given.empty() ? recorded.scene_name : given);
-  const std::string hash = fmt::format("{:016x}", scene->hash);
-  if (hash == recorded.scene_hash) return scene;
-  throw UserError(
-      fmt::format("{}: was recorded on another scene than {} (hash {}, not {}); name its file by --scene",
-                  recorded.path.string(), scene->path, recorded.scene_hash, hash));
+using ScenePtr = std::shared_ptr<const scene::Scene>;
+
+std::string hash_of(const scene::Scene& scene) {
+  return fmt::format("{:016x}", scene.hash);
+}
+
+/// Null where it cannot be read, or is another.
+template <class Load>
+ScenePtr if_recorded(const RecordedSession& recorded, const Load& load) {
+  try {
+    ScenePtr scene = load();
+    return hash_of(*scene) == recorded.scene_hash ? scene : nullptr;
+  } catch (const UserError&) {
+    return nullptr;
+  }
+}
+
+/// The very scene that was recorded: given, where the station had it, by its name among those that came with
+/// the program or in this folder, or as the recording holds it.
+ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
+  if (!given.empty()) {
+    ScenePtr scene = scene::load_scene(given);
+    if (hash_of(*scene) == recorded.scene_hash) return scene;
+    throw UserError(
+        fmt::format("{}: was recorded on another scene than {} (hash {}, not {}); name its file by "
+                    "--scene FILE",
+                    recorded.path.string(), scene->path, recorded.scene_hash, hash_of(*scene)));
+  }
+  const std::string& name = recorded.scene_name;
+  // The name comes from a server: it may lead nowhere else.
+  const bool plain = !name.empty() && name.front() != '.' && name.find('/') == std::string::npos;
+  std::vector<std::string> places;
+  if (!recorded.scene_path.empty()) places.push_back(recorded.scene_path);
+  if (plain) places.insert(places.end(), {name, "./" + name + ".toml"});
+  for (const std::string& place : places) {
+    if (auto scene = if_recorded(recorded, [&] { return scene::load_scene(place); })) return scene;
+  }
+  if (!recorded.scene_text.empty()) {
+    const std::string as = recorded.scene_path.empty() ? name : recorded.scene_path;
+    if (auto scene = if_recorded(recorded, [&] { return scene::parse_scene(recorded.scene_text, as); }))
+      return scene;
+  }
+  throw UserError(fmt::format(
+      "{}: was recorded on the scene '{}' (hash {}), and no such file is here, neither among those that came "
+      "with the program nor as {}.toml in this folder; name its file by --scene FILE",
+      recorded.path.string(), name, recorded.scene_hash, name));
 }
 
 bool run_one(const std::string& file, const std::string& scene) {
@@ -57,9 +97,11 @@ void add_replay_command(CLI::App& app, int& exit_code) {
       "Run recorded sessions again in virtual time: every force must come out as recorded, bit for bit");
   const auto options = std::make_shared<ReplayOptions>();
   command->add_option("FILE", options->files, "recordings")->required();
-  command->add_option(
-      "--scene", options->scene,
-      "Scene: a file (TOML), or the name of one that came with the program; left out: as recorded");
+  command
+      ->add_option(
+          "--scene", options->scene,
+          "Scene: a file (TOML), or the name of one that came with the program; left out: as recorded")
+      ->type_name(config::kSceneOrFile);
   command->callback([options, &exit_code] {
     std::printf("file,recorded_ticks,replayed_ticks,equal_ticks,slave_steps,largest_force_error_n,exact\n");
     for (const std::string& file : options->files)

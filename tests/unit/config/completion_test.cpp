@@ -38,11 +38,13 @@ class Completion : public testing::Test {
     CLI::App* run = app_.add_subcommand("run", "runs");
     run->add_option("--method", method_, "how")->check(CLI::IsMember({"none", "ks", "ks-clamp"}));
     run->add_option("--record", file_, "where");
+    run->add_option("--device", device_, "which")->type_name("{sim,omega,replay:FILE}");
+    run->add_option("--scene", scene_, "what")->type_name(kSceneOrFile);
     run->add_flag("--quiet", quiet_, "says nothing");
     app_.add_subcommand("keys", "keys")->add_subcommand("revoke", "takes one away");
   }
   CLI::App app_;
-  std::string method_, file_;
+  std::string method_, file_, device_, scene_;
   bool quiet_ = false;
 };
 
@@ -61,6 +63,25 @@ TEST_F(Completion, ChoicesAndFiles) {
   EXPECT_EQ(offered(app_, "telenano-thing run --method "), "none|ks|ks-clamp");
   EXPECT_EQ(offered(app_, "telenano-thing run --method ks-"), "ks-clamp");
   EXPECT_EQ(offered(app_, "telenano-thing run --record et"), "etc");
+}
+
+TEST_F(Completion, WordsOfAnOptionThatChecksThemItself) {
+  EXPECT_EQ(offered(app_, "telenano-thing run --device "), "sim|omega|replay:");
+  EXPECT_EQ(offered(app_, "telenano-thing run --device o"), "omega");
+}
+
+// The names that find_shared knows, and files: nothing in / begins so.
+TEST_F(Completion, ScenesByNameAndByFile) {
+  const auto share =
+      std::filesystem::temp_directory_path() / ("telenano_completion_share_" + std::to_string(::getpid()));
+  std::filesystem::create_directories(share / "scenes");
+  for (const char* name : {"flat_gold.toml", "flakes.toml", "README.md"})
+    std::ofstream(share / "scenes" / name);
+  ::setenv("TELENANO_SHARE", share.c_str(), 1);
+  EXPECT_EQ(offered(app_, "telenano-thing run --scene fl"), "flakes|flat_gold");
+  EXPECT_EQ(offered(app_, "telenano-thing run --scene et"), "etc");
+  ::unsetenv("TELENANO_SHARE");
+  std::filesystem::remove_all(share);
 }
 
 }  // namespace

@@ -95,6 +95,22 @@ TEST_F(SummaryTest, GivesTheKnownAnswers) {
   EXPECT_EQ(s.station_faults, 4u);
 }
 
+TEST_F(SummaryTest, FaultsAreToldByName) {
+  Summary s;
+  const auto faults = [&s] { return summary_lines(s).back().second; };
+  EXPECT_EQ(faults(), "none");
+  s.station_fault_names = "stop pressed; too fast";
+  s.slave_fault_names = "force limit; border; not finite; retracted";
+  s.fault_bits = 1u << 3;
+  s.station_faults = 1u << 0;
+  EXPECT_EQ(faults(), "slave: retracted; station: stop pressed");
+  s.fault_bits = 0;
+  s.station_faults = 3;
+  EXPECT_EQ(faults(), "station: stop pressed, too fast");
+  s.station_faults = 1u << 2 | 1u << 31;  // of a newer program
+  EXPECT_EQ(faults(), "station: bit 2, bit 31");
+}
+
 TEST_F(SummaryTest, AFileGivesTheSameAsTheLoop) {
   Recorder recorder({.path = file_, .queue_rows = kRows + 1},
                     {.rate_hz = 1000, .extra = {{"surface_z_w_nm", "100"}}});

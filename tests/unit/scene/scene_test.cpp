@@ -113,6 +113,9 @@ TEST_F(SceneFile, EveryMistakeIsOneLine) {
   EXPECT_EQ(error_of("stiffness_n_m = 40.0\n", ""),
             "s.toml:8: 'stiffness_n_m' in [probe]: missing; expected one of stiffness_n_m, [probe.beam] or "
             "rigid = true");
+  // One that is there, spelt otherwise, is not missing.
+  EXPECT_EQ(error_of("stiffness_n_m = 40.0\n", "stifness_n_m = 40.0\n"),
+            "s.toml:10: unknown key 'stifness_n_m' in [probe]; did you mean 'stiffness_n_m'?");
   EXPECT_EQ(
       error_of("stiffness_n_m = 40.0\n", "stiffness_n_m = 40.0\nrigid = true\n"),
       "s.toml:10: 'stiffness_n_m' in [probe]: give only one of stiffness_n_m, [probe.beam] and rigid = true");

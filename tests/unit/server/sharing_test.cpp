@@ -115,6 +115,22 @@ TEST_F(Sharing, AComputedForceHasNoAge) {
   EXPECT_EQ(b->reply().measurement_age_ns, 0u);
 }
 
+// Nor may an instrument that has read nothing yet look like a model.
+TEST_F(Sharing, AnInstrumentThatHasReadNothingIsNoModel) {
+  ServedScene scene = spring_scene();
+  scene.make_slave = [] {
+    auto made = std::make_unique<SpringSlave>();
+    made->measure();
+    return made;
+  };
+  Server fresh(one_tip(), std::move(scene));
+  Operator lone(&fresh, 1003, Rights::kOperate);
+  lone.s.command.flags |= link::kFlagHandOver;
+  for (int i = 0; i < 20; ++i) lone.tick();
+  ASSERT_GT(lone.reply().sequence, 5u);
+  EXPECT_EQ(lone.reply().measurement_age_ns, UINT64_MAX);
+}
+
 TEST_F(Sharing, ATipThatComesBackIsANewHoldingAndFollowsNothingOfTheOldOne) {
   a = std::make_unique<Operator>(&server, 1001, Rights::kOperate);
   a->s.link.path_a_to_b().delay_ns = a->s.link.path_b_to_a().delay_ns = 20'000'000;

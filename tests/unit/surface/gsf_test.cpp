@@ -68,10 +68,16 @@ TEST(Gsf, EveryMistakeIsOneLine) {
     fields.replace(fields.find(from), from.size(), to);
     return gsf(fields);
   };
-  EXPECT_EQ(error_of("P5 3 2"),
-            "s.gsf: is no Gwyddion Simple Field: the first line must be 'Gwyddion Simple Field 1.0'");
-  EXPECT_EQ(error_of(""),
-            "s.gsf: is no Gwyddion Simple Field: the first line must be 'Gwyddion Simple Field 1.0'");
+  const std::string how =
+      ": the first line must be 'Gwyddion Simple Field 1.0'; open it in Gwyddion, choose the height channel, "
+      "and "
+      "export it with File > Save As > Gwyddion Simple Field (.gsf)";
+  EXPECT_EQ(error_of("P5 3 2"), "s.gsf: is no Gwyddion Simple Field" + how);
+  EXPECT_EQ(error_of(""), "s.gsf: is no Gwyddion Simple Field" + how);
+  // As files of other programs begin.
+  EXPECT_EQ(error_of("GWYPGwyContainer"), "s.gsf: is a Gwyddion file (.gwy), no Gwyddion Simple Field" + how);
+  EXPECT_EQ(error_of("\\*File list\r\n\\Version: 0x09"),
+            "s.gsf: is a NanoScope file (.spm), no Gwyddion Simple Field" + how);
   EXPECT_EQ(error_of("Gwyddion Simple Field 1.0\nXRes = 3\n"),
             "s.gsf: the header has no end: expected a NUL byte within the first 65536 bytes");
   EXPECT_EQ(error_of(with("XRes = 3\n", "")), "s.gsf: missing key XRes, expected an integer in [2, 8192]");

@@ -89,10 +89,20 @@ TEST(RoundTrips, CountsTheNewestAsASortedListDoes) {
   EXPECT_EQ(trips.count(), static_cast<int>(RoundTrips::kKept));
   for (const double part : {0.1, 0.5, 0.9, 0.99}) {
     const double exact = all[static_cast<std::size_t>(part * static_cast<double>(all.size())) - 1];
-    const double shown = trips.percentile_us(part);
-    EXPECT_GE(shown, exact * (1 - 1e-12));
-    EXPECT_LE(shown, exact * std::pow(10, 0.1) * (1 + 1e-12));  // the upper border of its bin
+    // Kept in single precision: three digits are written.
+    EXPECT_NEAR(trips.percentile_us(part), exact, 1e-7 * exact) << part;
   }
+}
+
+// The border of the bin above, which a bar may have, is no percentile: 126 ms over a link of 100.
+TEST(RoundTrips, AHundredMillisecondsAreShownAsAHundred) {
+  RoundTrips trips;
+  for (int i = 0; i < 99; ++i) trips.add(100'000);
+  EXPECT_EQ(trips.percentile_us(0.5), 100'000);
+  EXPECT_EQ(trips.percentile_us(0.99), 100'000);
+  trips.add(250'000);
+  EXPECT_EQ(trips.percentile_us(0.99), 100'000);
+  EXPECT_EQ(trips.percentile_us(1), 250'000);
 }
 
 TEST(RoundTrips, TakesWhatLiesOutside) {

@@ -66,6 +66,27 @@ TEST(PointerHand, ComesBackToTheMiddleBeforeANewGripCounts) {
   EXPECT_NEAR(hand.hand_pos_h_m().x(), 0.03, 1e-15);
 }
 
+// The cursor goes on and the tip does not: a person has to be told, and how far it goes. α_v 1e-6 over 55 mm
+// is 55 nm.
+TEST(PointerHand, KnowsWhenItIsAtTheBorderOfItsBox) {
+  PointerHand hand = made();
+  const PointerHand::Axes axes{Vec3::UnitX(), Vec3::UnitZ(), 1};
+  EXPECT_NEAR(hand.reach_nm(), 55, 1e-9);
+  hand.hold(true);
+  hand.update(0);
+  hand.drag(54, 0, axes);
+  EXPECT_FALSE(hand.at_border());
+  hand.drag(2, 0, axes);
+  EXPECT_TRUE(hand.at_border());
+  hand.drag(-10, 0, axes);
+  EXPECT_FALSE(hand.at_border());
+  hand.drag(0, 100, axes);
+  EXPECT_TRUE(hand.at_border()) << "downwards";
+  hand.hold(false);
+  hand.update(1);
+  EXPECT_FALSE(hand.at_border());
+}
+
 TEST(PointerHand, StaysInItsBoxAndLetsGoWhenTold) {
   PointerHand hand = made();
   hand.hold(true);

@@ -74,6 +74,52 @@ TEST(Words, SayWhyThereIsNoForceInEveryModeWithoutIt) {
             std::string::npos);
 }
 
+// Whoever looks on is told so, in the state and as the reason for the missing force, and is not asked to take
+// hold of what would move nothing.
+TEST(Words, AnObserverIsToldSo) {
+  for (const auto mode : {station::Mode::kReady, station::Mode::kEngaged}) {
+    recording::Sample sample = in_mode(mode);
+    sample.limit_flags = recording::kLimitObserves;
+    sample.buttons = 0;
+    EXPECT_EQ(mode_words(sample).text, "Observing");
+    const auto messages = force_words(sample);
+    ASSERT_EQ(messages.size(), 1u);
+    EXPECT_NE(messages[0].text.find("another session's"), std::string::npos);
+  }
+  recording::Sample stopped = in_mode(station::Mode::kStopped);
+  stopped.limit_flags = recording::kLimitObserves;
+  EXPECT_EQ(mode_words(stopped).text, "Stopped");
+}
+
+// From a fifth of a second on, against the server's age and, before any answer, the session's.
+TEST(Words, ALostServerIsToldAtOnceAndForHowLongItIsWaitedFor) {
+  recording::Sample sample = in_mode(station::Mode::kHeld);
+  sample.time_s = 30;
+  sample.reply_age_ms = 12;
+  EXPECT_EQ(silent_s(sample), 0);
+  sample.reply_age_ms = 250;
+  EXPECT_NEAR(silent_s(sample), 0.25, 1e-12);
+  sample.reply_age_ms = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(silent_s(sample), 30);
+  EXPECT_EQ(silence_words(3.24, 10),
+            "No answer from the server for 3.2 s: what is shown is old; the session ends in 7 s");
+  EXPECT_EQ(silence_words(11, 10),
+            "No answer from the server for 11.0 s: what is shown is old; the session ends in 0 s");
+  EXPECT_EQ(silence_words(1, 0), "No answer from the server for 1.0 s: what is shown is old");
+}
+
+// A tip on a slope: 1.7 nN along z, and 12.7 in all (√(12.6² + 0.1² + 1.7²) = 12.71).
+TEST(Words, TellTheWholeForce) {
+  const Vec3 force(12.6, -0.1, 1.7);
+  EXPECT_EQ(force_size_text(force), "push 12.7 nN");
+  EXPECT_EQ(force_size_text(-force), "pull 12.7 nN");
+  EXPECT_EQ(force_parts_text(force), "x +12.6  y -0.1  z +1.7 nN");
+  EXPECT_EQ(force_parts_text(force, false), "+12.6 -0.1 +1.7");
+  EXPECT_EQ(force_parts_text({0.001, -0.001, 0.5}), "x +0.00  y +0.00  z +0.50 nN");
+  EXPECT_EQ(force_parts_text({300, -4, 12}), "x +300  y -4  z +12 nN");
+  EXPECT_EQ(force_parts_text({std::numeric_limits<double>::quiet_NaN(), 0, 0}), "–");
+}
+
 TEST(Words, EveryModeHasItsOwn) {
   std::set<std::string> names;
   for (int mode = 0; mode <= static_cast<int>(station::Mode::kHoming); ++mode)

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <string_view>
 
-namespace telenano::scene {
+namespace telenano {
 
 /// FNV-1a, 64 bit (draft-eastlake-fnv): tells scenes apart, protects nothing.
 inline std::uint64_t fnv1a(std::string_view bytes, std::uint64_t hash = 0xcbf29ce484222325u) noexcept {
@@ -14,4 +14,4 @@ inline std::uint64_t fnv1a(std::string_view bytes, std::uint64_t hash = 0xcbf29c
   return hash;
 }
 
-}  // namespace telenano::scene
+}  // namespace telenano

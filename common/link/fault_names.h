@@ -1,0 +1,15 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "common/link/messages.h"
+
+namespace telenano::link {
+
+/// FaultBits in words, the lowest bit first.
+inline constexpr std::array<const char*, 6> kFaultNames = {
+    "force limit", "border of the workspace", "value not finite", "retracted", "no equilibrium", "too fast"};
+static_assert(kFaultStepLimit == 1u << (kFaultNames.size() - 1));
+
+}  // namespace telenano::link
