@@ -455,7 +455,7 @@ TEST_F(BadInputTest, AFullDiskEndsTheRecordingAndNotTheSession) {
   const std::string file = path("full.h5");
   const auto begin = std::chrono::steady_clock::now();
   const Finished run =
-      run_program(station(server, {"--task", "indent", "--duration-s", "4", "--record", file}), small, kLong);
+      run_program(station(server, {"--task", "indent", "--duration-s", "8", "--record", file}), small, kLong);
   const double took_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   EXPECT_EQ(run.exit_code, 1) << "signal " << run.ended_by << run.err;
   EXPECT_EQ(run.out, "");
@@ -468,7 +468,7 @@ TEST_F(BadInputTest, AFullDiskEndsTheRecordingAndNotTheSession) {
     }
   }
   EXPECT_EQ(told, 1u) << run.err;
-  EXPECT_GE(took_s, 4) << "the session was cut short";
+  EXPECT_GE(took_s, 8) << "the session was cut short";
   EXPECT_NE(run.err.find("pull-off force"), std::string::npos) << run.err;
   {
     const recording::RecordingReader reader(file);

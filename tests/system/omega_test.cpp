@@ -20,8 +20,7 @@ using support::DrdCall;
 using support::StandinSdk;
 using ::testing::HasSubstr;
 
-constexpr double kEngaged = 2;  // station::Mode
-constexpr double kHoming = 5;
+constexpr double kHoming = 5;  // station::Mode
 constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kWatchdogNs = 10 * kMs;
 constexpr std::int64_t kTickNs = kMs;

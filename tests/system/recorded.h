@@ -14,6 +14,7 @@
 namespace telenano::programs {
 
 inline constexpr double kContact = 3;  // link::ContactState
+inline constexpr double kEngaged = 2;  // station::Mode
 
 /// Reads a recording under its writer's hands until it is as wanted.
 template <class Wanted>
@@ -32,15 +33,18 @@ template <class Wanted>
   return ::testing::AssertionFailure();
 }
 
-/// Until `rows` of its last rows were in contact.
+/// Until in `rows` of its last rows an engaged station was in contact. (What is held shows the last reply.)
 inline ::testing::AssertionResult wait_for_contact(ChildProcess& station, const std::string& file,
                                                    std::size_t rows = 50) {
   return wait_for(station, file,
                   [&](const recording::RecordingReader& reader) {
                     const std::vector<double> contact = reader.read("contact_state");
-                    return contact.size() >= rows &&
-                           std::all_of(contact.end() - static_cast<std::ptrdiff_t>(rows), contact.end(),
-                                       [](double state) { return state == kContact; });
+                    const std::vector<double> mode = reader.read("station_mode");
+                    const std::size_t size = std::min(contact.size(), mode.size());
+                    std::size_t n = 0;
+                    while (n < size && contact[size - 1 - n] == kContact && mode[size - 1 - n] == kEngaged)
+                      ++n;
+                    return n >= rows;
                   })
          << "never in contact";
 }
