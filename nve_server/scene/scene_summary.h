@@ -14,11 +14,11 @@ struct SceneSummary {
   std::vector<std::string> terms_out;
 
   double lambda = 0;
-  double pull_off_nn = 0;         ///< load control, on a flat, with all terms
+  double pull_off_nn = 0;              ///< load control, on a flat, with all terms
   double dry_contact_pull_off_nn = 0;  ///< of the contact alone
   /// On a curved sample: at 5, 50 and 95 % of places over it, of the radius of curvature there.
   double pull_off_low_nn = 0, pull_off_median_nn = 0, pull_off_high_nn = 0;
-  int pull_off_places = 0;  ///< 0: flat
+  int pull_off_places = 0;        ///< 0: flat
   double jump_to_contact_nm = 0;  ///< gap at which the probe jumps, coming down slowly; 0: it does not
   double unloaded_radius_nm = 0;  ///< of the contact, coming out of it
   double radius_at_limit_nm = 0;  ///< of the contact at the force limit, as the next
