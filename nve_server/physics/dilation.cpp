@@ -13,10 +13,10 @@ namespace telenano::physics {
 namespace {
 
 constexpr double kTwoPi = 6.28318530717958647693;
-constexpr double kLeftOut = 27.0;  // e^−27 of the largest term
+constexpr double kLeftOut = 25.0;  // e^−25 of the largest term
 constexpr double kParaboloidFrom = 1.0 / 14.0;
-// e^{h/t} of a window over its highest point: e^−600 leaves room for the kernel's part in a double. A sum below
-// kLeastSum may have lost terms.
+// e^{h/t} of a window over its highest point: e^−600 leaves room for the kernel's part in a double. A sum
+// below kLeastSum may have lost terms.
 constexpr double kRoom = 600.0;
 constexpr double kLeastSum = 1e-280;
 constexpr int kLeastPart = 8;
@@ -100,11 +100,12 @@ Dilation::Dilation(const BicubicSpline& height, const DilationLattice& lattice, 
       dx_(lattice.node_dx_nm / lattice.m),
       dy_(lattice.node_dy_nm / lattice.m) {
   if (!(tip_radius_nm > 0.0 && std::isfinite(tip_radius_nm)) ||
-      !(softening_nm > 0.0 && std::isfinite(softening_nm)) || !(relief_nm >= 0.0 && std::isfinite(relief_nm))) {
+      !(softening_nm > 0.0 && std::isfinite(softening_nm)) ||
+      !(relief_nm >= 0.0 && std::isfinite(relief_nm))) {
     throw UserError("dilation: expected a positive tip radius and softening, and finite heights");
   }
-  // An element further out than where ψ is less than −(relief + 27 t) cannot reach a node's largest term, which
-  // is at least the ground under the node.
+  // An element further out than where ψ is less than −(relief + 27 t) cannot reach a node's largest term,
+  // which is at least the ground under the node.
   const double depth = relief_nm + kLeftOut * t_;
   double far = std::sqrt(2.0 * radius_ * depth);
   if (!paraboloid_) {
@@ -207,8 +208,9 @@ void Dilation::fill_window(int first_i, int first_j, int nx, int ny, Window& win
     for (int i = 0; i < sx; ++i) {
       const double z = (line.weight[0] * row[0][i] + line.weight[1] * row[1][i]) +
                        (line.weight[2] * row[2][i] + line.weight[3] * row[3][i]);
-      const std::size_t block = static_cast<std::size_t>(j / kBlock) * static_cast<std::size_t>(window.blocks_x) +
-                                static_cast<std::size_t>(i / kBlock);
+      const std::size_t block =
+          static_cast<std::size_t>(j / kBlock) * static_cast<std::size_t>(window.blocks_x) +
+          static_cast<std::size_t>(i / kBlock);
       window.height[block * 16 + static_cast<std::size_t>(j % kBlock * kBlock + i % kBlock)] = z;
       highest = std::max(highest, z);
       lowest = std::min(lowest, z);
@@ -227,7 +229,8 @@ void Dilation::fill_window(int first_i, int first_j, int nx, int ny, Window& win
   }
 }
 
-// The blocks that may hold a term above e^−27 of a node's largest, in a fixed order: use(ground block, kernel block).
+// The blocks that may hold a term above e^−25 of a node's largest, in a fixed order: use(ground block, kernel
+// block).
 template <class Use>
 void Dilation::each_block(const Window& window, int i, int j, const Use& use) const {
   const int m = lattice_.m;
@@ -245,7 +248,8 @@ void Dilation::each_block(const Window& window, int i, int j, const Use& use) co
   for (std::size_t row = 0; row < across; ++row) {
     const float* most = &window.most[corner + row * blocks_x];
     const float* least = &least_[table + row * across];
-    for (std::size_t b = 0; b < across; ++b) floor_of_largest = std::max(floor_of_largest, most[b] + least[b]);
+    for (std::size_t b = 0; b < across; ++b)
+      floor_of_largest = std::max(floor_of_largest, most[b] + least[b]);
   }
   const float cut = floor_of_largest - static_cast<float>(kLeftOut * t_);
   for (std::size_t row = 0; row < across; ++row) {
@@ -258,7 +262,8 @@ void Dilation::each_block(const Window& window, int i, int j, const Use& use) co
 }
 
 Dilation::Sums Dilation::sum_node(const Window& window, int i, int j) const {
-  __m128d s = _mm_setzero_pd(), phi = _mm_setzero_pd(), moment = _mm_setzero_pd(), moment_phi = _mm_setzero_pd();
+  __m128d s = _mm_setzero_pd(), phi = _mm_setzero_pd(), moment = _mm_setzero_pd(),
+          moment_phi = _mm_setzero_pd();
   each_block(window, i, j, [&](std::size_t on, std::size_t of) {
     const Block& block = kernel_[of];
     const double* h = &window.height[16 * on];
@@ -278,8 +283,8 @@ Dilation::Sums Dilation::sum_node(const Window& window, int i, int j) const {
   return {total(s), total(phi), total(moment), total(moment_phi)};
 }
 
-// For a relief of hundreds of t, where e^{h/t} of the tile has no room in a double: the node has its own reference,
-// and each term its own exponential.
+// For a relief of hundreds of t, where e^{h/t} of the tile has no room in a double: the node has its own
+// reference, and each term its own exponential.
 Dilation::Sums Dilation::sum_slowly(const Window& window, int i, int j, double& reference) const {
   double largest = -INFINITY;
   each_block(window, i, j, [&](std::size_t on, std::size_t of) {
@@ -360,7 +365,8 @@ void Dilation::make_part(int i0, int j0, int nx, int ny, int stride, DilatedNode
 }
 
 std::vector<DilatedNode> Dilation::make_all() const {
-  std::vector<DilatedNode> all(static_cast<std::size_t>(lattice_.columns) * static_cast<std::size_t>(lattice_.rows));
+  std::vector<DilatedNode> all(static_cast<std::size_t>(lattice_.columns) *
+                               static_cast<std::size_t>(lattice_.rows));
   std::vector<DilatedNode> tile;
   for (int tj = 0; tj < tile_rows(); ++tj) {
     for (int ti = 0; ti < tile_columns(); ++ti) {
@@ -368,9 +374,10 @@ std::vector<DilatedNode> Dilation::make_all() const {
       const int nx = std::min(kTile, lattice_.columns - ti * kTile);
       const int ny = std::min(kTile, lattice_.rows - tj * kTile);
       for (int j = 0; j < ny; ++j) {
-        std::copy_n(&tile[static_cast<std::size_t>(j * nx)], nx,
-                    &all[static_cast<std::size_t>(tj * kTile + j) * static_cast<std::size_t>(lattice_.columns) +
-                         static_cast<std::size_t>(ti * kTile)]);
+        std::copy_n(
+            &tile[static_cast<std::size_t>(j * nx)], nx,
+            &all[static_cast<std::size_t>(tj * kTile + j) * static_cast<std::size_t>(lattice_.columns) +
+                 static_cast<std::size_t>(ti * kTile)]);
       }
     }
   }

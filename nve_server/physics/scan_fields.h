@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "nve_server/physics/contact_fields.h"
@@ -9,17 +11,20 @@
 
 namespace telenano::physics {
 
-/// The ground of a scan as fields of the apex: levels of softening t0 2^k (dilation.h), blended over the level
-/// that softening.h gives to the distance from touch.
+/// The ground of a scan as fields of the apex: levels of softening t0 2^k (dilation.h), blended over the
+/// level that softening.h gives to the distance from touch.
 ///
 /// Formula   v = H − z, δ = v c, with F(x, y, z) = Σ_k w_k(level(v0)) F_k(x, y) for F = H, ρ, c and v0 = z −
-///           H_0(x, y). Planes are exact as each level is. On a curved foot at an angle θ the normal overlap is
-///           more by v² sin²θ/(2(R + 1/κ)): 0.2 % of v at v = 0.3 nm, 30°, R = 20 nm on a ball of that radius.
-/// Grids     Two levels share one grid, each next one is twice as wide; fields are bicubic B-splines over it by
+///           H_0(x, y). Planes are exact as each level is. On a curved foot at an angle θ the normal overlap
+///           is more by v² sin²θ/(2(R + 1/κ)): 0.2 % of v at v = 0.3 nm, 30°, R = 20 nm on a ball of that
+///           radius.
+/// Grids     Two levels share one grid, each next one is twice as wide; fields are bicubic B-splines over it
+/// by
 ///           the quasi-interpolant c = (1 − Δ/6)f along x and y, which a node's neighbours fix (error O(h⁴)).
 ///           That of c is kept between the least and the greatest of the 3 × 3 nodes: it may not overshoot
 ///           beside a cliff. Energy does not depend on the grid: derivatives are those of these splines.
-/// Growth    A larger t may lower H where much lies just below the top: −∂v/∂z = 1 − ... would become small or
+/// Growth    A larger t may lower H where much lies just below the top: −∂v/∂z = 1 − ... would become small
+/// or
 ///           negative. The levels are held so that −∂δ/∂z >= kLeastRate c (softening_limits in the source).
 /// Outside   the scan its mirror image goes on.
 class ScanFields final : public ContactFields {
@@ -48,8 +53,9 @@ class ScanFields final : public ContactFields {
     double inv_dx = 1, inv_dy = 1;
     std::vector<double> coefficients;  // (columns + 2)(rows + 2) kLanes, one node more at either side
   };
+  static void hold_growth(Grid& grid, double fine_t);
+  static void hold_growth(const Grid& finer, Grid& coarse, double fine_t);
   struct Place;
-  struct Sides;
   Place place(double x_nm, double y_nm) const noexcept;
   void blended(const Place& place, const LevelBlend& blend, const double (&first_jet)[6], double z_nm,
                const SofteningLevel& level, ContactJet& jet) const noexcept;
