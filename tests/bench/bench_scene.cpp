@@ -102,6 +102,14 @@ Description flat_dry_rigid() {
   return flat_dry().line("stiffness_n_m = 40", "rigid = true\n");
 }
 
+// What both ways of the force have: the same scene by the foot and by one potential.
+Description dry_smooth() {
+  return humid_flakes().table("friction").table("forces.capillary");
+}
+Description dry_smooth_potential() {
+  return dry_smooth().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
+}
+
 double percentile(std::vector<double>& values, int percent) {
   std::sort(values.begin(), values.end());
   return values[values.size() * static_cast<std::size_t>(percent) / 100];
@@ -158,6 +166,8 @@ const bool kRegistered = [] {
               {"without_lateral_bending", without_lateral_bending},
               {"without_van_der_waals", without_van_der_waals},
               {"without_surface", without_surface},
+              {"dry_smooth/foot", dry_smooth},
+              {"dry_smooth/potential", dry_smooth_potential},
               {"flat_dry", flat_dry},
               {"flat_dry_rigid", flat_dry_rigid}};
   const struct {
