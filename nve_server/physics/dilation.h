@@ -25,7 +25,7 @@ namespace telenano::physics {
 ///           add: two equal ones have their height and cosine, and twice the radius.
 /// Rim       R/q has no end at r = R: from the angle of cosine kConeCosine on the underside goes on as its
 ///           tangent cone. Beyond the rim of the scan its mirror image is taken.
-/// Coarse    For t > R/14 the sphere ends within a few t, so the paraboloid ψ = −r²/2R with plain area is
+/// Coarse    For t > R/20 the sphere ends within a few t, so the paraboloid ψ = −r²/2R with plain area is
 /// taken.
 ///           On a plane of slope s its H is R s²/2: s² = (⟨r²⟩ + cov(r², φ)/t)/R² (again led to t = 0) puts
 ///           it right, H − R s²/2 + R(1/c − 1), c = 1/√(1 + s²): planes stay exact, on curved slopes the foot
