@@ -25,6 +25,8 @@ constexpr double kFirstReach = 0.3;       // nm, of the trust region
 constexpr double kMostReach = 1.0;        // and of the gap outside:
 constexpr double kReachOfGap = 0.5;
 constexpr double kLeastReach = 1e-13;
+constexpr int kMostRounds = 3;
+constexpr double kSameStiffness = 1e-6;
 constexpr double kRigid = 1e-12;  // of the greatest compliance
 constexpr double kLongerMove = 2.0;
 constexpr double kTurnedMove = 0.2;
@@ -94,8 +96,11 @@ Vec3 within_reach(const Mat3& h, const Vec3& g, double reach) noexcept {
 }  // namespace
 
 PotentialEquilibrium::PotentialEquilibrium(std::shared_ptr<const ContactFields> fields,
-                                           std::shared_ptr<const BranchPotential> potential)
-    : fields_(std::move(fields)), potential_(std::move(potential)) {}
+                                           std::shared_ptr<const BranchPotential> potential,
+                                           const std::optional<FrictionParameters>& friction)
+    : fields_(std::move(fields)), potential_(std::move(potential)) {
+  if (friction) friction_.emplace(*friction);
+}
 
 bool PotentialEquilibrium::sample(const Vec3& apex, bool inside, CurveHint& hint,
                                   Sample& out) const noexcept {
@@ -164,7 +169,8 @@ class PotentialEquilibrium::Walk {
         p_(from.apex_w_nm),
         inside_(from.inside),
         hint_(from.hint),
-        follow_(from.follow) {}
+        follow_(from.follow),
+        bristle_(from.bristle) {}
 
   void place(const Vec3& x, bool inside) noexcept {
     x_ = p_ = x;
@@ -190,11 +196,22 @@ class PotentialEquilibrium::Walk {
         last = 0;
         continue;
       }
-      const Vec3 g = gradient(q, to_x, at);
-      const Mat3 h = hessian(at);
+      Vec3 g = gradient(q, to_x, at);
+      Mat3 h = hessian(at.hessian_n_m);
+      Touch touch;
+      FrictionStep rub;
+      Mat3 inverse;
+      const bool rubs = on_.friction_ && at.size.square_nm2 > 0.0;
+      if (rubs) {
+        touch = touch_at(at);
+        rub = on_.friction_->move(bristle_, touch.normal, q - p_, touch.radius, touch.load, false);
+        g -= in_frame(rub.force_w_nn);
+        h = hessian(at.hessian_n_m + rub.stiffness_n_m);
+      }
       const Eigen::LLT<Mat3> llt(h);
       if (llt.info() != Eigen::Success) return false;
-      const Vec3 step = -llt.solve(g);
+      if (rubs) inverse = hessian(at.hessian_n_m + tangent(touch, rub, q - p_)).inverse();
+      const Vec3 step = rubs ? Vec3(-(inverse * g)) : Vec3(-llt.solve(g));
       const double length = step.norm();
       if (!(last > 0.0)) {
         if (!(length <= kPredictorError * move.norm() + kPredictorLeast)) return false;
@@ -206,10 +223,21 @@ class PotentialEquilibrium::Walk {
       const bool done = length < kStepDone || foreseen || (last > 0.0 && length < kNoise);
       const Vec3 step_w = back(step);
       if (done) {
+        const Vec3 from = p_;
         x_ = to_x;
         inside_ = inside;
         hint_ = hint;
-        settle(q, step_w, at, llt);
+        if (!rubs) {
+          settle(q, step_w, at, [&](const Mat3& m) { return Mat3(llt.solve(m)); });
+          if (on_.friction_) rest_on({}, FrictionState{});
+          return true;
+        }
+        settle(q, step_w, at, [&](const Mat3& m) { return Mat3(inverse * m); });
+        rub = on_.friction_->move(bristle_, (touch.normal + touch.turn * step_w).normalized(), p_ - from,
+                                  std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
+                                  touch.load + touch.load_grad.dot(step_w), false);
+        force_ += rub.force_w_nn;
+        rest_on(rub, rub.after);
         return true;
       }
       last = length;
@@ -229,15 +257,30 @@ class PotentialEquilibrium::Walk {
   bool descend() noexcept {
     balanced_ = false;
     if (!look()) return false;
+    if (!on_.friction_) return fall();
+    bool found = false;
+    for (int round = 0; round < kMostRounds; ++round) {
+      const double k = bristle_.stiffness_n_m;
+      hold_friction();
+      found = fall();
+      let_go();
+      if (!found || std::abs(bristle_.stiffness_n_m - k) <= kSameStiffness * k) break;
+    }
+    return found;
+  }
+
+  /// The same with stiffness and limit of friction held, from a place that has been looked at.
+  bool fall() noexcept {
+    balanced_ = false;
     Sample at = at_;
-    double energy = at.energy_aj + elastic(p_);
+    double energy = at.energy_aj + elastic(p_) + held_energy(p_);
     const double before = energy;
     double reach = kFirstReach;
     double near = 0;  // the last step, near a minimum
     bool found = false;
     while (true) {
-      const Vec3 g = gradient(p_, x_, at);
-      const Mat3 h = hessian(at);
+      const Vec3 g = gradient(p_, x_, at) - in_frame(held_force(p_));
+      const Mat3 h = hessian(at.hessian_n_m + held_stiffness(p_));
       const Eigen::LLT<Mat3> llt(h);
       Vec3 step = Vec3::Zero();
       bool newton = llt.info() == Eigen::Success;
@@ -246,7 +289,8 @@ class PotentialEquilibrium::Walk {
         const double length = step.norm();
         if (length < kStepDone || (near > 0.0 && length < kNoise)) {
           lost_ += std::max(0.0, before - energy);
-          settle(p_, back(step), at, llt);
+          settle(p_, back(step), at, [&](const Mat3& m) { return Mat3(llt.solve(m)); });
+          force_ += held_force(p_);
           found = true;
           break;
         }
@@ -264,7 +308,7 @@ class PotentialEquilibrium::Walk {
           p_ = q;
           hint_ = hint;
           at = there;
-          energy = std::min(energy, at.energy_aj + elastic(p_));
+          energy = std::min(energy, at.energy_aj + elastic(p_) + held_energy(p_));
           near = length;
           continue;
         }
@@ -284,7 +328,7 @@ class PotentialEquilibrium::Walk {
         ++evaluations_;
         good = on_.sample(q, inside, hint, there);
       }
-      const double after = good ? there.energy_aj + elastic(q) : energy;
+      const double after = good ? there.energy_aj + elastic(q) + held_energy(q) : energy;
       if (!(after < energy)) {
         reach = 0.3 * std::min(reach, step.norm());
         if (!(reach > kLeastReach)) break;
@@ -345,6 +389,10 @@ class PotentialEquilibrium::Walk {
     out.contact_radius_nm = std::sqrt(std::max(0.0, at_.size.square_nm2));
     out.stiffness_n_m = at_.law.stiffness_n_m * steepness * steepness;
     out.dissipated_aj = lost_;
+    out.friction_w_nn = -bristle_.stiffness_n_m * bristle_.extension_w_nm;
+    out.friction_stored_aj = stored_in(bristle_);
+    out.friction_dissipated_aj = rubbed_;
+    out.sliding = sliding_;
     out.jumps = jumps_;
     out.iterations = evaluations_;
     out.feet = 1;
@@ -362,11 +410,12 @@ class PotentialEquilibrium::Walk {
     out.apex_w_nm = p_;
     out.hint = hint_;
     out.follow = follow_;
+    out.bristle = bristle_;
   }
 
   void allow(int evaluations) noexcept { most_ = evaluations; }
   void forget_losses() noexcept {
-    lost_ = 0;
+    lost_ = rubbed_ = 0;
     jumps_ = 0;
   }
   bool spent() const noexcept { return evaluations_ >= most_; }
@@ -393,9 +442,15 @@ class PotentialEquilibrium::Walk {
     clear_rigid(g);
     return g;
   }
-  Mat3 hessian(const Sample& at) const noexcept {
-    if (springs_.rank == 3) return springs_.stiffness_n_m + at.hessian_n_m;
-    Mat3 h = springs_.stiffness_n_m + springs_.basis_w.transpose() * at.hessian_n_m * springs_.basis_w;
+  Vec3 in_frame(const Vec3& force) const noexcept {
+    if (springs_.rank == 3) return force;
+    Vec3 f = springs_.basis_w.transpose() * force;
+    clear_rigid(f);
+    return f;
+  }
+  Mat3 hessian(const Mat3& of_sample) const noexcept {
+    if (springs_.rank == 3) return springs_.stiffness_n_m + of_sample;
+    Mat3 h = springs_.stiffness_n_m + springs_.basis_w.transpose() * of_sample * springs_.basis_w;
     for (int i = 0; i < 3; ++i) {
       for (int j = 0; j < 3; ++j) {
         if (i >= springs_.rank || j >= springs_.rank) h(i, j) = i == j ? 1.0 : 0.0;
@@ -415,8 +470,108 @@ class PotentialEquilibrium::Walk {
     return on_.potential_->borders(at.log_radius).reversible;
   }
 
+  // ---- Friction
+
+  /// The contact that it acts in, and how that changes with the apex.
+  struct Touch {
+    Vec3 normal = Vec3::UnitZ();
+    Mat3 turn = Mat3::Zero();
+    double radius = 0;
+    Vec3 radius_grad = Vec3::Zero();
+    double load = 0;
+    Vec3 load_grad = Vec3::Zero();
+  };
+  static Touch touch_at(const Sample& at) noexcept {
+    Touch t;
+    const ContactJet& place = at.place;
+    const double steepness = place.overlap_grad.norm();
+    if (!(steepness > 0.0)) return t;
+    t.normal = -place.overlap_grad / steepness;
+    t.turn = -((Mat3::Identity() - t.normal * t.normal.transpose()) * place.overlap_hess_per_nm) / steepness;
+    t.load = at.law.force_nn * steepness;
+    t.load_grad = steepness * (at.law.stiffness_n_m * place.overlap_grad +
+                               at.law.mixed_nn * place.log_radius_grad_per_nm);
+    if (!(at.size.square_nm2 > 0.0)) return t;
+    t.radius = std::sqrt(at.size.square_nm2);
+    t.radius_grad = (at.size.by_overlap_nm * place.overlap_grad +
+                     at.size.by_log_radius_nm2 * place.log_radius_grad_per_nm) /
+                    (2.0 * t.radius);
+    return t;
+  }
+  /// −∂f/∂p: not symmetric, since the limit follows the place, and f turns with the normal.
+  static Mat3 tangent(const Touch& t, const FrictionStep& rub, const Vec3& moved) noexcept {
+    return rub.stiffness_n_m - rub.force_per_radius_w_n_m * t.radius_grad.transpose() -
+           rub.force_per_load_w * t.load_grad.transpose() + t.normal * (t.turn * rub.force_w_nn).transpose() -
+           t.normal.dot(moved) * (rub.stiffness_n_m * t.turn);
+  }
+  static double stored_in(const FrictionState& bristle) noexcept {
+    return 0.5 * bristle.stiffness_n_m * bristle.extension_w_nm.squaredNorm();
+  }
+  void rest_on(const FrictionStep& step, const FrictionState& after) noexcept {
+    // Without contact the bristle is released.
+    rubbed_ += after.stiffness_n_m > 0.0 ? step.dissipated_aj : stored_in(bristle_);
+    sliding_ = step.sliding;
+    bristle_ = after;
+  }
+
+  void hold_friction() noexcept {
+    held_ = {};
+    held_.from = p_;
+    held_.stiffness = bristle_.stiffness_n_m;
+    held_.extension = bristle_.extension_w_nm;
+    held_.across = Mat3::Identity() - bristle_.normal_w * bristle_.normal_w.transpose();
+    const Touch touch = touch_at(at_);
+    held_.limit =
+        std::max(on_.friction_->limit_nn(touch.radius, touch.load), held_.stiffness * held_.extension.norm());
+  }
+  Vec3 held_extension(const Vec3& q) const noexcept {
+    return held_.extension + held_.across * (q - held_.from);
+  }
+  double held_energy(const Vec3& q) const noexcept {
+    if (!(held_.stiffness > 0.0)) return 0;
+    const double e = held_extension(q).norm();
+    if (held_.stiffness * e <= held_.limit) return 0.5 * held_.stiffness * e * e;
+    return held_.limit * (e - 0.5 * held_.limit / held_.stiffness);
+  }
+  Vec3 held_force(const Vec3& q) const noexcept {
+    if (!(held_.stiffness > 0.0)) return Vec3::Zero();
+    const Vec3 e = held_extension(q);
+    const double length = e.norm();
+    return held_.stiffness * length <= held_.limit ? Vec3(-held_.stiffness * e)
+                                                   : Vec3(-(held_.limit / length) * e);
+  }
+  Mat3 held_stiffness(const Vec3& q) const noexcept {
+    if (!(held_.stiffness > 0.0)) return Mat3::Zero();
+    const Vec3 e = held_extension(q);
+    const double length = e.norm();
+    if (held_.stiffness * length <= held_.limit) return held_.stiffness * held_.across;
+    return (held_.limit / length) * (held_.across - (e / length) * (e / length).transpose());
+  }
+  /// Ends what hold_friction() began: what slipped is booked, and the bristle put on the contact as it is.
+  void let_go() noexcept {
+    if (held_.stiffness > 0.0) {
+      Vec3 e = held_extension(p_);
+      const double length = e.norm();
+      const double longest = held_.limit / held_.stiffness;
+      if (length > longest) {
+        rubbed_ += held_.limit * (length - longest);
+        e *= longest / length;
+      }
+      bristle_.extension_w_nm = e;
+    }
+    const Touch touch = touch_at(at_);
+    const FrictionStep put =
+        on_.friction_->move(bristle_, touch.normal, Vec3::Zero(), touch.radius, touch.load, false);
+    // All that the bristle has less: the tip stands still, so no force works while it slips.
+    rubbed_ += std::max(0.0, stored_in(bristle_) - stored_in(put.after));
+    sliding_ = put.sliding;
+    bristle_ = put.after;
+    held_ = {};
+  }
+
   // Newton's last step, of second order in the energy and of first in the force.
-  void settle(const Vec3& q, const Vec3& step, const Sample& at, const Eigen::LLT<Mat3>& llt) noexcept {
+  template <class Solve>
+  void settle(const Vec3& q, const Vec3& step, const Sample& at, const Solve& solve) noexcept {
     at_ = at;
     const Vec3 turned = at.hessian_n_m * step;
     at_.energy_aj += at.gradient_nn.dot(step) + 0.5 * step.dot(turned);
@@ -429,7 +584,7 @@ class PotentialEquilibrium::Walk {
     balanced_ = true;
     // ∇²E ∂p = K ∂x along the springs, where they are rigid ∂p = ∂x.
     if (springs_.rank == 3) {
-      follow_ = llt.solve(springs_.stiffness_n_m);
+      follow_ = solve(springs_.stiffness_n_m);
       return;
     }
     const Mat3& b = springs_.basis_w;
@@ -444,7 +599,7 @@ class PotentialEquilibrium::Walk {
         }
       }
     }
-    follow_ = b * llt.solve(given) * b.transpose();
+    follow_ = b * solve(given) * b.transpose();
   }
 
   const PotentialEquilibrium& on_;
@@ -453,6 +608,16 @@ class PotentialEquilibrium::Walk {
   bool inside_;
   CurveHint hint_;
   Mat3 follow_;
+  FrictionState bristle_;
+  struct HeldFriction {
+    double stiffness = 0;
+    double limit = 0;
+    Vec3 from = Vec3::Zero();
+    Vec3 extension = Vec3::Zero();
+    Mat3 across = Mat3::Zero();
+  } held_;
+  double rubbed_ = 0;
+  bool sliding_ = false;
   Sample at_;
   Vec3 force_ = Vec3::Zero();
   bool balanced_ = false;

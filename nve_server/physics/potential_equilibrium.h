@@ -1,10 +1,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "common/base/vec3.h"
 #include "nve_server/physics/branch_potential.h"
 #include "nve_server/physics/contact_fields.h"
+#include "nve_server/physics/friction.h"
 #include "nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
@@ -28,13 +30,15 @@ struct PotentialState {
   Mat3 follow = Mat3::Identity();  ///< ∂apex/∂(free end)
   Vec3 move_w_nm = Vec3::Zero();   ///< of the free end in the last step; 0: nothing to go by
   Vec3 bend_w_nm = Vec3::Zero();   ///< of the apex, beside what `follow` said
+  FrictionState bristle;
   SpringFrame springs;
 };
 
 /// Quasi-static balance of the tip between springs to a free end x and a sample that is one potential a
 /// branch (branch_potential.h) of fields of the apex (contact_fields.h):
 ///
-///   E_b(p) = ½ (p − x)ᵀ K (p − x) + U_b(p),   U_b(p) = W_b(δ(p), ρ(p)) [+ the bias at its own softening],
+///   E_b(p) = ½ (p − x)ᵀ K (p − x) + U_b(p) + bristle,   U_b(p) = W_b(δ(p), ρ(p)) [+ the bias at its own
+///   softening],
 ///
 /// K the inverse of the springs' compliance (where that is rigid, p moves with x). The tip stays in a local
 /// minimum of E_b as long as there is one.
@@ -48,8 +52,16 @@ struct PotentialState {
 ///          by a trust-region Newton method that takes a step only if E falls, through the borders of the
 ///          branches, to a local minimum. Snap-in, pull-off and lateral slides are all this.
 ///
+/// Friction (friction.h) acts in the plane across −∇δ, its contact radius a field of the apex too. On the
+/// way it is backward Euler's bristle, with its tangent in Newton's matrix. In a descent stiffness k and
+/// limit T are held as they are where it begins: friction then is the convex potential k e²/2 up to e = T/k
+/// and T e − T²/2k beyond, and E with it still falls. At the end the bristle is put on the contact as that
+/// is there, what this sets free is booked as friction, and the descent is repeated until k rests (three
+/// times at most).
+///
 /// Energy. What is lost is E before the descent less E after it, ≥ 0 by construction, in dissipated_aj; the
-/// free end's work over a step is Δ(U + ½ Fᵀ C F) + dissipated. On a smooth way nothing is lost. A held move
+/// free end's work over a step is Δ(U + ½ Fᵀ C F + bristle) + both that are dissipated (with friction to
+/// first order in the step: backward Euler). On a smooth way nothing is lost. A held move
 /// calls some smooth work lost, of second order in its length. A descent may be interrupted after any
 /// iteration: the book is closed there too, `under_way` says so, the springs tell the force, and the next
 /// step goes on. A step takes at most kMostEvaluations evaluations of the potential, so that none lasts
@@ -63,7 +75,8 @@ class PotentialEquilibrium {
   static constexpr int kMostEvaluations = 60;
 
   PotentialEquilibrium(std::shared_ptr<const ContactFields> fields,
-                       std::shared_ptr<const BranchPotential> potential);
+                       std::shared_ptr<const BranchPotential> potential,
+                       const std::optional<FrictionParameters>& friction = {});
 
   /// Moves the free end to `free_end_w_nm`. The first call places the tip there, wherever that is, and lets
   /// it come to rest with nothing booked. No allocation, no throw. Unless the status is kOk (arguments or
@@ -96,6 +109,7 @@ class PotentialEquilibrium {
 
   std::shared_ptr<const ContactFields> fields_;
   std::shared_ptr<const BranchPotential> potential_;
+  std::optional<Friction> friction_;
 };
 
 }  // namespace telenano::physics

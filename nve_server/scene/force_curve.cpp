@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "common/base/error.h"
+#include "nve_server/physics/potential_equilibrium.h"
 
 namespace telenano::scene {
 namespace {

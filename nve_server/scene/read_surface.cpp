@@ -149,7 +149,8 @@ std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGr
       radius, p.work_of_adhesion_n_m, 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
   return std::make_shared<physics::PotentialEquilibrium>(
       std::make_shared<physics::ScanFields>(grid, radius, rule),
-      std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius));
+      std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius),
+      scene.friction);
 }
 
 }  // namespace
@@ -162,7 +163,7 @@ void check_potential(const TomlTable& root, const Scene& scene) {
   };
   if (scene.sample.hardness_gpa > 0) refuse("sample", "hardness_gpa (marks)");
   if (root.optional_table("particle")) refuse("particle", "a particle");
-  if (scene.friction) refuse("friction", "friction");
+  if (scene.friction && scene.friction->kinetic_ratio < 1.0) refuse("friction", "kinetic_ratio below 1");
   const physics::LongRangeParameters& far = scene.law_parameters.long_range;
   if (far.capillary.humidity_percent > 0 || far.capillary.volume_nm3 > 0) {
     refuse("forces", "capillary (a liquid bridge)");

@@ -8,12 +8,15 @@
 
 #include "common/base/vec3.h"
 #include "nve_server/physics/particle_parameters.h"
-#include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/probe.h"
 #include "nve_server/physics/surface.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/physics/tip_sample_law.h"
 #include "nve_server/scene/material.h"
+
+namespace telenano::physics {
+class PotentialEquilibrium;
+}
 
 namespace telenano::scene {
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 
+#include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/probe.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"

@@ -110,6 +110,10 @@ Description dry_smooth_potential() {
   return dry_smooth().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
 }
 
+Description dry_potential() {
+  return without_capillary().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
+}
+
 double percentile(std::vector<double>& values, int percent) {
   std::sort(values.begin(), values.end());
   return values[values.size() * static_cast<std::size_t>(percent) / 100];
@@ -166,6 +170,7 @@ const bool kRegistered = [] {
               {"without_lateral_bending", without_lateral_bending},
               {"without_van_der_waals", without_van_der_waals},
               {"without_surface", without_surface},
+              {"without_capillary/potential", dry_potential},
               {"dry_smooth/foot", dry_smooth},
               {"dry_smooth/potential", dry_smooth_potential},
               {"flat_dry", flat_dry},

@@ -97,6 +97,13 @@ std::shared_ptr<const BranchPotential> potential_of(const TipSampleParameters& p
   return std::make_shared<BranchPotential>(TipSampleLaw(p, 20.0), 20.0);
 }
 
+FrictionParameters rough_contact() {
+  FrictionParameters f;
+  f.shear_strength_gpa = 0.3;
+  f.shear_modulus_gpa = 20.0;
+  return f;
+}
+
 Compliance stiff_springs() {  // lateral 40 N/m, 30 along z, with a cross term
   Compliance c = Mat3::Identity() / 40.0;
   c(2, 2) = 1.0 / 30.0;
@@ -139,7 +146,7 @@ struct ClosedPath {
 };
 
 double stored(const TipSolution& s, const Compliance& c) {
-  return s.potential_aj + 0.5 * s.force_w_nn.dot(c * s.force_w_nn);
+  return s.potential_aj + s.friction_stored_aj + 0.5 * s.force_w_nn.dot(c * s.force_w_nn);
 }
 
 struct Lap {
@@ -147,6 +154,7 @@ struct Lap {
   double turnover = 0;  ///< ∫ |F·dx|
   double stored = 0;    ///< change of it
   double lost = 0;
+  double rubbed = 0;
   int jumps = 0;
   int under_way = 0;
 };
@@ -181,6 +189,7 @@ Lap lap(const PotentialEquilibrium& on, const Compliance& c, const ClosedPath& p
         power -= 0.5 * (s.force_w_nn + force).dot(x - last) / 1000.0;
         force = s.force_w_nn;
         lost += s.dissipated_aj;
+        if (j < 1000) out.rubbed += s.friction_dissipated_aj;
         out.jumps += s.jumps;
       }
       s.dissipated_aj = lost;
@@ -192,6 +201,8 @@ Lap lap(const PotentialEquilibrium& on, const Compliance& c, const ClosedPath& p
     out.work += power;
     out.turnover += std::fabs(power);
     out.lost += s.dissipated_aj;
+    EXPECT_GE(s.friction_dissipated_aj, 0.0);
+    out.rubbed += s.friction_dissipated_aj;
     out.jumps += s.jumps;
     out.under_way += s.under_way ? 1 : 0;
   }
@@ -244,10 +255,12 @@ TEST(Potential, EveryStepEndsInAMinimumOrOnItsWayDown) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> any(0.0, 1.0);
   const auto potential = potential_of(silicon_oxide());
-  const PotentialEquilibrium grounds[2] = {{gentle_ground(), potential}, {rough_ground(), potential}};
+  const PotentialEquilibrium grounds[3] = {{gentle_ground(), potential},
+                                           {rough_ground(), potential},
+                                           {rough_ground(), potential, rough_contact()}};
   int interrupted = 0, steps = 0, most = 0, longest = 0;
   for (int motion = 0; motion < 200; ++motion) {
-    const PotentialEquilibrium& on = grounds[motion % 2];
+    const PotentialEquilibrium& on = grounds[motion % 3];
     Mat3 a;
     for (int i = 0; i < 9; ++i) a(i / 3, i % 3) = any(random) - 0.5;
     const Mat3 k =
@@ -261,7 +274,7 @@ TEST(Potential, EveryStepEndsInAMinimumOrOnItsWayDown) {
     const double low = -2.0 - 300.0 / k(2, 2);
     int run = 0;
     bool was_under_way = false;
-    double before_energy = s.potential_aj;
+    double before_energy = s.potential_aj + s.friction_stored_aj;
     for (int i = 0; i < 1000; ++i) {
       if (i % 50 == 0) v = Vec3(any(random) - 0.5, any(random) - 0.5, any(random) - 0.7).normalized() * step;
       if (x.z() < low) v.z() = std::fabs(v.z());
@@ -277,13 +290,14 @@ TEST(Potential, EveryStepEndsInAMinimumOrOnItsWayDown) {
       CurveHint hint;
       PotentialEquilibrium::Sample at;
       ASSERT_TRUE(on.sample(s.apex_w_nm, state.inside, hint, at)) << "motion " << motion << " step " << i;
+      ASSERT_GE(s.friction_dissipated_aj, 0.0);
+      const bool rubs = motion % 3 == 2;
       const Vec3 net = k * (s.apex_w_nm - x) + at.gradient_nn;
       if (s.under_way) {
         ++interrupted;
         longest = std::max(longest, ++run);
         ASSERT_LT(run, 50) << "motion " << motion;
-      } else {
-        run = 0;
+      } else if (run = 0; !rubs) {
         const double least = Eigen::SelfAdjointEigenSolver<Mat3>(k + at.hessian_n_m).eigenvalues()[0];
         EXPECT_GT(least, 0.0) << "motion " << motion << " step " << i;
         // The Newton step that is left.
@@ -293,17 +307,79 @@ TEST(Potential, EveryStepEndsInAMinimumOrOnItsWayDown) {
       // A tip on its way down was held while the end moved: what it has fallen since is lost, no more, no
       // less.
       const double held = before_energy + 0.5 * (apex - x).dot(k * (apex - x));
-      const double now = 0.5 * (s.apex_w_nm - x).dot(k * (s.apex_w_nm - x)) + s.potential_aj;
+      const double now =
+          0.5 * (s.apex_w_nm - x).dot(k * (s.apex_w_nm - x)) + s.potential_aj + s.friction_stored_aj;
       if (was_under_way) {
-        ASSERT_NEAR(now, held - s.dissipated_aj, 1e-9 * (1.0 + std::fabs(held))) << "motion " << motion;
+        ASSERT_NEAR(now, held - s.dissipated_aj - s.friction_dissipated_aj, 1e-9 * (1.0 + std::fabs(held)))
+            << "motion " << motion;
       }
       was_under_way = s.under_way;
-      before_energy = s.potential_aj;
+      before_energy = s.potential_aj + s.friction_stored_aj;
     }
   }
   std::printf("%d steps, %d interrupted (longest run %d), most evaluations %d\n", steps, interrupted, longest,
               most);
   EXPECT_LT(interrupted, steps / 100);
+}
+
+// Backward Euler: of first order in the step, and so is what is left.
+TEST(Potential, ClosedPathsWithFrictionRubOffWhatTheyTake) {
+  const PotentialEquilibrium on(gentle_ground(), potential_of(silicon_oxide()), rough_contact());
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    const ClosedPath path(seed, -4.0, 0.8);
+    double before = 0;
+    for (const double step : {0.05, 0.005, 0.0005}) {
+      const Lap l = lap(on, stiff_springs(), path, step);
+      const double left = std::fabs(l.work - l.stored - l.lost - l.rubbed) / l.turnover;
+      std::printf("seed %d step %g nm: turnover %.4g aJ, left %.2e, rubbed %.2e, lost %.2e of it\n",
+                  static_cast<int>(seed), step, l.turnover, left, l.rubbed / l.turnover, l.lost / l.turnover);
+      EXPECT_GT(l.rubbed, 0.05 * l.turnover);
+      EXPECT_EQ(l.under_way, 0);
+      EXPECT_LE(l.lost / l.turnover, 1e-6);
+      if (before > 0) {
+        EXPECT_LE(left, 0.2 * before);
+      }
+      before = left;
+    }
+    EXPECT_LE(before, 1e-5);
+  }
+}
+
+// The limit is that of the law's contact, and a jump through the border leaves no hole.
+TEST(Potential, FrictionOnFlatGroundIsItsOwnLaw) {
+  const auto flat = std::make_shared<EggCrate>();
+  const TipSampleLaw law(silicon_oxide(), 20.0);
+  const FrictionParameters rough = rough_contact();
+  const PotentialEquilibrium on(flat, potential_of(silicon_oxide()), rough);
+  const Compliance c = Mat3::Identity() / 5.0;
+  PotentialState state;
+  TipSolution s;
+  double charged = 0, trapezia = 0;
+  Vec3 last(0, 0, 10);
+  s = on.advance(last, c, state);
+  const auto go = [&](const Vec3& x) {
+    const Vec3 force = s.force_w_nn;
+    const double before = stored(s, c);
+    s = on.advance(x, c, state);
+    charged += stored(s, c) - before + s.dissipated_aj + s.friction_dissipated_aj;
+    trapezia -= 0.5 * (force + s.force_w_nn).dot(x - last);
+    last = x;
+    ASSERT_GE(s.dissipated_aj, 0.0);
+    ASSERT_GE(s.friction_dissipated_aj, 0.0);
+  };
+  for (int i = 1; i <= 12000; ++i) go(Vec3(0, 0, 10 - 0.001 * i));
+  for (int i = 1; i <= 40000; ++i) go(Vec3(0.001 * i, 0, -2));
+  ASSERT_TRUE(s.sliding);
+  const double a = s.contact_radius_nm;
+  EXPECT_NEAR(-s.force_w_nn.x(), rough.shear_strength_gpa * 3.14159265358979 * a * a, 1e-6);
+  TipSampleState law_state;
+  law.advance(-10.0, 0.2, 20.0, law_state);
+  EXPECT_NEAR(s.force_w_nn.z(), law.advance(2.0, 0.2, 20.0, law_state).force_nn, 1e-6);
+  for (int i = 1; i <= 40000; ++i) go(Vec3(40, 0, -2 + 0.001 * i));  // and off, sideways stretched
+  EXPECT_EQ(s.branch, Branch::kVanDerWaals);
+  EXPECT_LT(std::fabs(s.force_w_nn.x()), 1e-9);
+  // Each jump lies somewhere in a step of 1 pm: half of that times 40 nN.
+  EXPECT_NEAR(charged, trapezia, 0.1);
 }
 
 // Level ground: the law's own one-dimensional balance.

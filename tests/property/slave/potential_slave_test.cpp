@@ -58,7 +58,9 @@ TEST(PotentialScene, IsChosenByAKeyAndRefusesWhatItLacks) {
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   };
   refused(with(text_of("flakes"), "\n[surface]\n", "force = \"both\"\n"), "force");
-  refused(potential("humid_flakes"), "friction");
+  refused(potential("humid_flakes"), "capillary");
+  refused(potential("flakes") + "\n[friction]\nshear_strength_mpa = 300.0\nkinetic_ratio = 0.5\n",
+          "kinetic_ratio");
   refused(
       with(potential("flakes"), "\nvan_der_waals = true", "\n[forces.capillary]\nhumidity_percent = 50.0"),
       "capillary");
