@@ -63,7 +63,7 @@ struct CurveHint {
 ///           caller adds it with an overlap and a radius of its own (another range needs another softening).
 ///           Both from bicubic splines of the exact energy over (ln gap, ρ); from touch on the force stays
 ///           (long_range.h), as lines over the same spline's ρ.
-/// Validity  R between 1/90 and 600 times the nominal radius; beyond, ρ is taken at the end of that range.
+/// Validity  R between 1/90 and 600 times the nominal radius; beyond, borders and O stay those of the end.
 ///           Overlaps up to `enter` outside, from `leave` on inside.
 /// Errors    Inside and outside those of the law (1e-10 of the pull-off, 1e-13 of the energy); O 1e-10 of E;
 ///           far terms 1e-7 of theirs (force 1e-6). Second derivatives in ρ 1e-5.
