@@ -149,8 +149,7 @@ std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGr
       radius, p.work_of_adhesion_n_m, 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
   return std::make_shared<physics::PotentialEquilibrium>(
       std::make_shared<physics::ScanFields>(grid, radius, rule),
-      std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius),
-      scene.friction);
+      std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius), scene.friction);
 }
 
 }  // namespace
