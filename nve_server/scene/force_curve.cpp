@@ -5,6 +5,7 @@
 #include <sstream>
 
 #include "common/base/error.h"
+#include "nve_server/physics/potential_equilibrium.h"
 
 namespace telenano::scene {
 namespace {
@@ -67,10 +68,12 @@ class CurveWalk {
     const physics::TipSolution before = solution_;
     const physics::TipState state_before = state_;
     const Vec3 end(x_, y_, surface_z_ + base_z_nm);
-    solution_ = scene_.equilibrium->advance(end, compliance_, state_);
+    solution_ = advance(end);
     // A slide that takes more than a step: the curve shows where it ends.
     for (int i = 0; solution_.under_way && !solution_.stuck && i < kMostSlide; ++i) {
-      solution_ = scene_.equilibrium->advance(end, compliance_, state_);
+      const double lost = solution_.dissipated_aj;
+      solution_ = advance(end);
+      if (scene_.potential) solution_.dissipated_aj += lost;  // the foot's slides are in no book
     }
     if (solution_.status != physics::SolveStatus::kOk) {
       solution_ = before;
@@ -78,7 +81,7 @@ class CurveWalk {
       return false;
     }
     if (started_) {
-      const bool by_energy = scene_.surface->is_flat() || solution_.jumps > 0;
+      const bool by_energy = scene_.potential || scene_.surface->is_flat() || solution_.jumps > 0;
       work_ += by_energy ? stored(solution_) - stored(before) + solution_.dissipated_aj
                          : -0.5 * (solution_.force_w_nn.z() + before.force_w_nn.z()) * (base_z_nm - base_z_);
     }
@@ -87,7 +90,13 @@ class CurveWalk {
     return true;
   }
 
+  physics::TipSolution advance(const Vec3& end) {
+    if (scene_.potential) return scene_.potential->advance(end, compliance_, potential_state_);
+    return scene_.equilibrium->advance(end, compliance_, state_);
+  }
+
   double stored(const physics::TipSolution& s) const {
+    if (scene_.potential) return s.potential_aj + 0.5 * s.force_w_nn.dot(compliance_ * s.force_w_nn);
     return s.potential_aj + 0.5 * s.force_w_nn.z() * s.force_w_nn.z() * compliance_(2, 2);
   }
 
@@ -95,6 +104,7 @@ class CurveWalk {
   physics::Compliance compliance_;
   double x_, y_, surface_z_;
   physics::TipState state_;
+  physics::PotentialState potential_state_;
   physics::TipSolution solution_;
   double base_z_ = 0;
   double work_ = 0;

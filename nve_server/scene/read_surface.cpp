@@ -8,7 +8,10 @@
 #include "common/surface/gsf.h"
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/physics/plane_surface.h"
+#include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/sampled_shapes.h"
+#include "nve_server/physics/scan_fields.h"
+#include "nve_server/physics/softening.h"
 #include "nve_server/physics/sphere_surface.h"
 #include "nve_server/physics/spline_surface.h"
 #include "nve_server/scene/levelling.h"
@@ -138,7 +141,38 @@ void keep_inside(const physics::SplineSurface& surface, const TomlTable& limits,
   ground.y_max_nm = surface.y_last_nm() - margin;
 }
 
+std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGrid& grid,
+                                                                  const Scene& scene) {
+  const physics::TipSampleParameters& p = scene.law_parameters;
+  const double radius = scene.probe.tip_radius_nm;
+  const physics::SofteningRule rule = physics::softening_rule(
+      radius, p.work_of_adhesion_n_m, 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
+  return std::make_shared<physics::PotentialEquilibrium>(
+      std::make_shared<physics::ScanFields>(grid, radius, rule),
+      std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius), scene.friction);
+}
+
 }  // namespace
+
+void check_potential(const TomlTable& root, const Scene& scene) {
+  const auto refuse = [&](const char* key, const std::string& what) {
+    root.fail(
+        key,
+        what + " does not go with [surface] force = \"potential\" yet: leave it out, or force = \"foot\"");
+  };
+  if (scene.sample.hardness_gpa > 0) refuse("sample", "hardness_gpa (marks)");
+  if (root.optional_table("particle")) refuse("particle", "a particle");
+  if (scene.friction && scene.friction->kinetic_ratio < 1.0) refuse("friction", "kinetic_ratio below 1");
+  const physics::LongRangeParameters& far = scene.law_parameters.long_range;
+  if (far.capillary.humidity_percent > 0 || far.capillary.volume_nm3 > 0) {
+    refuse("forces", "capillary (a liquid bridge)");
+  }
+  const physics::ContactModel model = scene.law_parameters.model;
+  if (model == physics::ContactModel::kSchwarz || model == physics::ContactModel::kCarpickOgletreeSalmeron ||
+      model == physics::ContactModel::kPietrementTroyon) {
+    refuse("contact", "law = \"" + std::string(physics::contact_model_name(model)) + "\"");
+  }
+}
 
 std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   const TomlTable root = document.root();
@@ -155,7 +189,14 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");
   // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h), and
   // a mark is no wider than the contact that made it.
-  ground.radius_force = table.boolean_or("radius_force", !scan && !yields);
+  ground.potential = table.choice_or("force", {"foot", "potential"}, "foot") == "potential";
+  if (ground.potential && !scan && !sampled_shape) {
+    table.fail("force", "\"potential\" goes with kind scan, step or grating");
+  }
+  ground.radius_force = table.boolean_or("radius_force", !scan && !yields && !ground.potential);
+  if (ground.potential && ground.radius_force) {
+    table.fail("radius_force", "goes with force = \"foot\"; the potential has that force");
+  }
   if (yields && ground.radius_force) {
     table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
   }
@@ -200,6 +241,10 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   } else {
     if (built.exact) built.grid = within(table, [&] { return sampled(*built.exact, area); });
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
+    if (ground.potential) {
+      check_potential(root, scene);
+      scene.potential = potential_of(built.grid, scene);
+    }
     const auto surface = std::make_shared<physics::SplineSurface>(built.grid, tip_radius);
     keep_inside(*surface, limits, ground);
     scene.surface = surface;

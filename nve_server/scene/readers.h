@@ -27,6 +27,9 @@ void read_forces(const config::TomlTable& root, Scene& scene);
 /// [surface] and [marks]: builds scene.surface. Returns the bytes of the files it read, for the hash.
 std::string read_surface(const config::TomlDocument& document, Scene& scene);
 
+/// [surface] force = "potential", after all that the tip feels is known: refuses what it does not have.
+void check_potential(const config::TomlTable& root, const Scene& scene);
+
 /// [particle]: fills scene.particle.
 void read_particle(const config::TomlTable& table, Scene& scene);
 

@@ -14,6 +14,10 @@
 #include "nve_server/physics/tip_sample_law.h"
 #include "nve_server/scene/material.h"
 
+namespace telenano::physics {
+class PotentialEquilibrium;
+}
+
 namespace telenano::scene {
 
 struct Probe {
@@ -31,6 +35,7 @@ struct SurfaceDescription {
   double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
   double spacing_nm = 0;                                          ///< of the grid; 0: none
   bool radius_force = false;  ///< the force of a changing radius is part of the balance
+  bool potential = false;     ///< force = "potential": Scene::potential is the balance
 };
 
 /// Marks stay where the mean pressure passes the sample's hardness.
@@ -80,6 +85,7 @@ struct Scene {
   physics::Probe cantilever;
   std::shared_ptr<const physics::Surface> surface;
   std::shared_ptr<const physics::TipEquilibrium> equilibrium;
+  std::shared_ptr<const physics::PotentialEquilibrium> potential;  ///< instead, where the ground asks for it
   double start_touch_w_nm = 0;  ///< height of the apex at contact under the start position
 
   /// Springs between the commanded end and the apex: coupling in series with the cantilever.

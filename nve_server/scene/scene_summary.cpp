@@ -58,9 +58,13 @@ void list_terms(const Scene& scene, SceneSummary& summary) {
   const physics::Compliance probe = scene.probe_compliance_nm_nn();
   term(probe(0, 0) > 0 || probe(1, 1) > 0, "lateral bending");
   term(scene.cantilever.mode().has_value(), "first mode");
-  term(!flat, "spline, nearest-point search, local curvature");
-  // Nothing to leave out where the radius does not change.
-  if (!flat) term(scene.ground.radius_force, "force of a changing radius");
+  if (scene.potential) {
+    summary.terms_in.push_back("one potential of tip and ground, the scan dilated by the tip");
+  } else {
+    term(!flat, "spline, nearest-point search, local curvature");
+    // Nothing to leave out where the radius does not change.
+    if (!flat) term(scene.ground.radius_force, "force of a changing radius");
+  }
   term(scene.marks.has_value(), "yield and marks");
   term(scene.particle.has_value(), "particle");
   term(scene.coupling.damping_n_s_m > 0, "coupling damper");

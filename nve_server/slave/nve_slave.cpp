@@ -159,6 +159,9 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
     // Whole states are never copied here, which would take longer than the balance.
     to.tip.law.go_on_from(from.tip.law);
     scene_->equilibrium->advance_flat(free_end, *springs, to.tip.law, to.solution);
+  } else if (scene_->potential) {
+    to.potential = from.potential;
+    to.solution = scene_->potential->advance(free_end, *springs, to.potential);
   } else {
     to.tip = from.tip;
     to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.tip);

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 
+#include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/probe.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
@@ -35,6 +36,10 @@ namespace telenano::slave {
 ///
 /// deflection_nm is F_z-equivalent: C_zz F_z, the height by which the vertical force alone lifts the apex
 /// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
+///
+/// One potential: where the scene asks for it (surface.force = "potential") the balance is
+/// physics::PotentialEquilibrium, whose charges need nothing for geometry; a descent that goes on in the next
+/// step is booked as far as it came.
 ///
 /// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
 /// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact
@@ -95,6 +100,7 @@ class NveSlave final : public Slave {
     Vec3 commanded_w_nm = Vec3::Zero();
     Vec3 extension_w_nm = Vec3::Zero();
     physics::TipState tip;
+    physics::PotentialState potential;
     physics::TipSolution solution;
     physics::ModeState mode;
     double stored_aj = 0;

@@ -109,6 +109,17 @@ Description particle_far() {
 Description without_particle() {
   return Description("particle").table("particle").table("particle.material").table("particle.friction");
 }
+// What both ways of the force have: the same scene by the foot and by one potential.
+Description dry_smooth() {
+  return humid_flakes().table("friction").table("forces.capillary");
+}
+Description dry_smooth_potential() {
+  return dry_smooth().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
+}
+
+Description dry_potential() {
+  return without_capillary().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
+}
 
 double percentile(std::vector<double>& values, int percent) {
   std::sort(values.begin(), values.end());
@@ -170,6 +181,9 @@ const bool kRegistered = [] {
               {"without_lateral_bending", without_lateral_bending},
               {"without_van_der_waals", without_van_der_waals},
               {"without_surface", without_surface},
+              {"without_capillary/potential", dry_potential},
+              {"dry_smooth/foot", dry_smooth},
+              {"dry_smooth/potential", dry_smooth_potential},
               {"flat_dry", flat_dry},
               {"flat_dry_rigid", flat_dry_rigid},
               {"particle_far", particle_far},

@@ -1,0 +1,147 @@
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "nve_server/physics/bicubic_spline.h"
+#include "nve_server/physics/tip_sample_law.h"
+
+namespace telenano::physics {
+
+/// One term W(δ, ρ) of the potential with its first and second derivatives: δ overlap (nm), ρ = ln(R_eff/nm).
+struct PotentialJet {
+  double energy_aj = 0;
+  double force_nn = 0;            ///< ∂W/∂δ, repulsion positive
+  double by_radius_aj = 0;        ///< ∂W/∂ρ
+  double stiffness_n_m = 0;       ///< ∂²W/∂δ²
+  double mixed_nn = 0;            ///< ∂²W/∂δ∂ρ
+  double by_radius_twice_aj = 0;  ///< ∂²W/∂ρ²
+};
+
+/// The square of the contact radius, whose rates are finite where contact begins.
+struct ContactSize {
+  double square_nm2 = 0;
+  double by_overlap_nm = 0;      ///< ∂(a²)/∂δ
+  double by_log_radius_nm2 = 0;  ///< ∂(a²)/∂ρ
+};
+
+/// A state of the contact law's curve, to start the next search of a near one from. Any other than the right
+/// one costs time and nothing else. Private to the potential.
+struct CurveHint {
+  double overlap_nm = 0;
+  double log_radius = 0;
+  double parameter = 0;  ///< 0: none
+  double by_overlap_per_nm = 0;
+  double by_overlap_twice_per_nm2 = 0;
+  double by_log_radius = 0;
+};
+
+/// The law of tip and sample (tip_sample_law.h) as one potential a branch, W_b(δ, ρ): force, radius force and
+/// stiffness are derivatives of one function, so that no path over a surface of changing radius draws energy
+/// from it.
+///
+/// Branches  Outside (van der Waals, or nothing) and inside (the stable segment of the contact law's curve).
+/// Outside ends at
+///           the overlap `enter`(ρ), inside at `leave`(ρ); between the two both exist. At `leave` the
+///           energies of the two are equal. At `enter` the tip goes in with a continuous force; where the
+///           crossing is used both ways (λ < 0.717, `reversible`) both borders are one, energy and force are
+///           continuous there, and it is no event. joined_law.h has the reasons.
+/// Formula   W = E Û(Δ, λ) + O(ρ), Δ = δ/u_δ, E = u_F u_δ ~ R^(4/3), u_δ ~ λ ~ R^(1/3), O the offset where
+///           the two laws join. With M = R ∂U/∂R/E (MaugisDugdale::radius_moment), x' = λ ∂x/∂λ at a constant
+///           parameter of the curve, and P_Δ = dP/dΔ on the curve,
+///             W_δ = u_F P,  W_ρ = E M + O',  W_δδ = (u_F/u_δ) P_Δ,  W_δρ = u_F X,  X = P + (P' − P_Δ (Δ' +
+///             Δ))/3, W_ρρ = E (4/3 M + (M' − X (Δ' + Δ))/3) + O'',
+///           since ∂M/∂Δ = X (mixed derivatives agree). Laws without λ (Hertz, DMT, JKR) have M = 4/3 Û − Δ
+///           P/3 and no x'.
+/// Method    Inside, the curve's own exact state at δ, found by Newton's method from the last one
+/// (CurveHint):
+///           one or two evaluations, no table, no error of one, any radius. The borders and O are piecewise
+///           cubics in ρ, with knots where λ passes 0.717 and 0.938 (where the fold comes to lie in contact);
+///           O, which has a force, is C¹ with exact slopes.
+/// Far       Retardation and cone are one term of δ and ρ, added on both sides; the bias is another, for the
+///           caller adds it with an overlap and a radius of its own (another range needs another softening).
+///           Both from bicubic splines of the exact energy over (ln gap, ρ); from touch on the force stays
+///           (long_range.h), as lines over the same spline's ρ.
+/// Validity  R between 1/90 and 600 times the nominal radius; beyond, borders and O stay those of the end.
+///           Overlaps up to `enter` outside, from `leave` on inside.
+/// Errors    Inside and outside those of the law (1e-10 of the pull-off, 1e-13 of the energy); O 1e-10 of E;
+///           far terms 1e-7 of theirs (force 1e-6). Second derivatives in ρ 1e-5.
+class BranchPotential {
+ public:
+  /// Throws UserError for a law that it does not have: Schwarz, COS, Piétrement–Troyon; a capillary bridge.
+  BranchPotential(const TipSampleLaw& law, double nominal_radius_nm);
+
+  struct Borders {
+    double enter_nm = 0;  ///< outside ends here, going in
+    double leave_nm = 0;  ///< inside ends here, going out
+    bool reversible = false;
+  };
+  Borders borders(double log_radius) const noexcept;
+
+  void outside(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
+  /// False, with nothing in `jet`, where the law has no stable state at this overlap.
+  bool inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
+              ContactSize& size) const noexcept;
+
+  bool has_bias() const noexcept { return bias_.has_value(); }
+  void add_bias(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
+  /// The length over which the bias changes near touch is that of the gap itself: its softening.
+  static constexpr double kBiasSoftening_nm = 1.0;
+
+  const TipSampleLaw& law() const noexcept { return law_; }
+  double least_log_radius() const noexcept { return first_; }
+  double greatest_log_radius() const noexcept { return first_ + step_ * static_cast<double>(pieces_.size()); }
+
+ private:
+  // Of one piece of ρ, over t in [0, 1].
+  struct Piece {
+    double enter[4];
+    double leave[4];
+    double offset[4];
+    bool reversible;
+  };
+  struct AtRadius {
+    double offset_aj = 0;
+    double enter_nm = 0;
+    double leave_nm = 0;
+    bool reversible = false;
+  };
+
+  /// A term beside contact and van der Waals: R T(ln gap, ρ).
+  class Far {
+   public:
+    /// `energy_aj(gap_nm, radius_nm)`, for any gap > 0.
+    Far(const std::function<double(double, double)>& energy_aj, double cut_off_nm, double first_log_radius,
+        double last_log_radius);
+    void add(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
+
+   private:
+    double cut_off_nm_;
+    BicubicSpline spline_;
+    std::vector<double> touch_value_;  // B-spline coefficients over ρ at the gap a0
+    std::vector<double> touch_slope_;
+  };
+
+  struct Place {
+    const Piece* piece;
+    double t;
+  };
+  Place place(double log_radius) const noexcept;
+  AtRadius at_radius(double log_radius) const;
+  double offset_slope(double log_radius) const;
+  template <class Curve>
+  bool on_curve(const Curve& curve, const ContactScales& scales, double overlap_nm, double log_radius,
+                CurveHint& hint, PotentialJet& jet, ContactSize& size) const noexcept;
+
+  TipSampleLaw law_;
+  ContactScales unit_;  // at a radius of 1 nm
+  double cut_off_nm_ = 0;
+  double first_ = 0;
+  double step_ = 0;  // of ρ
+  std::vector<Piece> pieces_;
+  std::optional<Far> far_;
+  std::optional<Far> bias_;
+};
+
+}  // namespace telenano::physics

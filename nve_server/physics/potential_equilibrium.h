@@ -1,0 +1,115 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "common/base/vec3.h"
+#include "nve_server/physics/branch_potential.h"
+#include "nve_server/physics/contact_fields.h"
+#include "nve_server/physics/friction.h"
+#include "nve_server/physics/tip_equilibrium.h"
+
+namespace telenano::physics {
+
+/// The springs of a balance in coordinates in which they give: all three, or fewer where they are rigid.
+struct SpringFrame {
+  Compliance compliance_nm_nn = Compliance::Constant(-1.0);  ///< what the rest was made for
+  int rank = 0;
+  Mat3 basis_w = Mat3::Identity();        ///< columns; the first `rank` are the directions that give
+  Mat3 stiffness_n_m = Mat3::Identity();  ///< in the basis; only its first rows and columns mean anything
+};
+
+/// What is remembered from one step to the next.
+struct PotentialState {
+  bool started = false;
+  bool inside = false;     ///< the branch: on the contact law's curve
+  bool under_way = false;  ///< not yet in a minimum: the descent goes on in the next step
+  Vec3 free_end_w_nm = Vec3::Zero();
+  Vec3 apex_w_nm = Vec3::Zero();
+  CurveHint hint;
+  Mat3 follow = Mat3::Identity();  ///< ∂apex/∂(free end)
+  Vec3 move_w_nm = Vec3::Zero();   ///< of the free end in the last step; 0: nothing to go by
+  Vec3 bend_w_nm = Vec3::Zero();   ///< of the apex, beside what `follow` said
+  FrictionState bristle;
+  SpringFrame springs;
+};
+
+/// Quasi-static balance of the tip between springs to a free end x and a sample that is one potential a
+/// branch (branch_potential.h) of fields of the apex (contact_fields.h):
+///
+///   E_b(p) = ½ (p − x)ᵀ K (p − x) + U_b(p) + bristle,   U_b(p) = W_b(δ(p), ρ(p)) [+ the bias at its own
+///   softening],
+///
+/// K the inverse of the springs' compliance (where that is rigid, p moves with x). The tip stays in a local
+/// minimum of E_b as long as there is one.
+///
+/// Step. 1. Follow: from p + (∂p/∂x) Δx and the last step's parabola Newton's method with the exact Hessian,
+///          accepted if ∇∇E is positive definite at each iterate, if steps contract and the first is no
+///          longer than the predictor's own error (a Newton step that reaches the next basin would leave a
+///          hole in the book), and if no border of the branch is passed but one that is used both ways.
+///       2. Else in halves, twice at most.
+///       3. Else the held move and the descent: the free end moves with the tip held, then E falls at held x,
+///          by a trust-region Newton method that takes a step only if E falls, through the borders of the
+///          branches, to a local minimum. Snap-in, pull-off and lateral slides are all this.
+///
+/// Friction (friction.h) acts in the plane across −∇δ, its contact radius a field of the apex too. On the
+/// way it is backward Euler's bristle, with its tangent in Newton's matrix. In a descent stiffness k and
+/// limit T are held as they are where it begins: friction then is the convex potential k e²/2 up to e = T/k
+/// and T e − T²/2k beyond, and E with it still falls. At the end the bristle is put on the contact as that
+/// is there, what this sets free is booked as friction, and the descent is repeated until k rests (three
+/// times at most).
+///
+/// Energy. What is lost is E before the descent less E after it, ≥ 0 by construction, in dissipated_aj; the
+/// free end's work over a step is Δ(U + ½ Fᵀ C F + bristle) + both that are dissipated (with friction to
+/// first order in the step: backward Euler). On a smooth way nothing is lost. A held move
+/// calls some smooth work lost, of second order in its length. A descent may be interrupted after any
+/// iteration: the book is closed there too, `under_way` says so, the springs tell the force, and the next
+/// step goes on. A step takes at most kMostEvaluations evaluations of the potential, so that none lasts
+/// long.
+///
+/// Errors. Newton's last step is below 1e-9 nm, or foreseen to leave no more; energy and force are those at
+/// its end to second and first order. Springs that are rigid in some direction push the tip through a border
+/// with what that changes in U booked as work, not as loss.
+class PotentialEquilibrium {
+ public:
+  static constexpr int kMostEvaluations = 60;
+
+  PotentialEquilibrium(std::shared_ptr<const ContactFields> fields,
+                       std::shared_ptr<const BranchPotential> potential,
+                       const std::optional<FrictionParameters>& friction = {});
+
+  /// Moves the free end to `free_end_w_nm`. The first call places the tip there, wherever that is, and lets
+  /// it come to rest with nothing booked. No allocation, no throw. Unless the status is kOk (arguments or
+  /// energies that are no numbers), `state` is left as it was.
+  TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
+                      PotentialState& state) const noexcept;
+
+  /// U at an apex, its gradient and Hessian, on a branch. False, with the rest as it comes, beyond the
+  /// branch's border.
+  struct Sample {
+    double energy_aj = 0;
+    Vec3 gradient_nn = Vec3::Zero();
+    Mat3 hessian_n_m = Mat3::Zero();
+    ContactJet place;
+    PotentialJet law;
+    ContactSize size;
+    bool reversible = false;  ///< the border there is used both ways
+    bool finite = true;
+  };
+  bool sample(const Vec3& apex_w_nm, bool inside, CurveHint& hint, Sample& out) const noexcept;
+
+  /// Height of the apex over (x, y) at which the overlap is 0: the closed form's or the fields' own touch.
+  double touch_height_nm(double x_nm, double y_nm, double highest_nm) const noexcept;
+
+  const BranchPotential& potential() const noexcept { return *potential_; }
+  const ContactFields& fields() const noexcept { return *fields_; }
+
+ private:
+  class Walk;
+
+  std::shared_ptr<const ContactFields> fields_;
+  std::shared_ptr<const BranchPotential> potential_;
+  std::optional<Friction> friction_;
+};
+
+}  // namespace telenano::physics

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "nve_server/physics/contact_fields.h"
+#include "nve_server/physics/dilation.h"
+#include "nve_server/physics/height_grid.h"
+#include "nve_server/physics/softening.h"
+
+namespace telenano::physics {
+
+/// The ground of a scan as fields of the apex: levels of softening t0 2^k (dilation.h), blended over the
+/// level that softening.h gives to the distance from touch.
+///
+/// Formula   v = H − z, δ = v c, with F(x, y, z) = Σ_k w_k(level(v0)) F_k(x, y) for F = H, ρ, c and v0 = z −
+///           H_0(x, y). Planes are exact as each level is. On a curved foot at an angle θ the normal overlap
+///           is more by v² sin²θ/(2(R + 1/κ)): 0.2 % of v at v = 0.3 nm, 30°, R = 20 nm on a ball of that
+///           radius.
+/// Grids     Two levels share one grid, each next one is twice as wide; fields are bicubic B-splines over it
+/// by
+///           the quasi-interpolant c = (1 − Δ/6)f along x and y, which a node's neighbours fix (error O(h⁴)).
+///           That of c is kept between the least and the greatest of the 3 × 3 nodes: it may not overshoot
+///           beside a cliff. Energy does not depend on the grid: derivatives are those of these splines.
+/// Growth    A larger t may lower H where much lies just below the top: −∂v/∂z = 1 − ... would become small
+/// or
+///           negative. The levels are held so that −∂δ/∂z >= kLeastRate c (softening_limits in the source).
+/// Outside   the scan its mirror image goes on.
+class ScanFields final : public ContactFields {
+ public:
+  /// Needs at least 2×2 finite samples, positive spacing, radius and softenings; UserError.
+  ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule);
+
+  void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept override;
+  void at_softening(const Vec3& apex_w_nm, double softening_nm, ContactJet& jet) const noexcept override;
+
+  /// Apex height of first touch, at the finest softening.
+  double touch_height_nm(double x_nm, double y_nm) const noexcept;
+  const SofteningRule& rule() const noexcept { return rule_; }
+  int levels() const noexcept { return levels_; }
+  double tip_radius_nm() const noexcept { return radius_; }
+  std::size_t bytes() const noexcept;
+  /// FNV-1a over all coefficients: the same on every machine.
+  std::uint64_t hash() const noexcept;
+
+  static constexpr double kLeastRate = 0.3;
+
+ private:
+  static constexpr int kLanes = 6;  // H, ρ, c of the even level, then of the odd one
+  struct Grid {
+    int columns = 0, rows = 0;  // of nodes
+    double inv_dx = 1, inv_dy = 1;
+    std::vector<double> coefficients;  // (columns + 2)(rows + 2) kLanes, one node more at either side
+  };
+  static void hold_growth(Grid& grid, double fine_t);
+  static void hold_growth(const Grid& finer, Grid& coarse, double fine_t);
+  struct Place;
+  Place place(double x_nm, double y_nm) const noexcept;
+  void blended(const Place& place, const LevelBlend& blend, const double (&first_jet)[6], double z_nm,
+               const SofteningLevel& level, ContactJet& jet) const noexcept;
+
+  SofteningRule rule_;
+  double radius_;
+  int levels_;
+  double x_first_, y_first_, width_, length_;
+  std::vector<Grid> grids_;
+};
+
+}  // namespace telenano::physics

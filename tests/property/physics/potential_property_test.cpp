@@ -1,0 +1,477 @@
+// The balance on one potential, over grounds in closed form: nothing here knows of scans.
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <random>
+#include <vector>
+
+#include "nve_server/physics/potential_equilibrium.h"
+#include "tests/support/alloc_guard.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kTwoPi = 6.28318530717958647692;
+
+TipSampleParameters silicon_oxide() {  // λ = 0.74 at 20 nm
+  TipSampleParameters p;
+  p.contact_modulus_gpa = 70.0;
+  p.work_of_adhesion_n_m = 0.4;
+  return p;
+}
+
+/// A level and waves, with its derivatives.
+struct Waves {
+  struct Wave {
+    double size, kx, ky, phase;
+  };
+  double level = 0;
+  std::vector<Wave> waves;
+
+  struct Jet {
+    double value = 0;
+    Vec3 grad = Vec3::Zero();
+    Mat3 hess = Mat3::Zero();
+  };
+  Jet at(double x, double y) const {
+    Jet jet;
+    jet.value = level;
+    for (const Wave& w : waves) {
+      const double angle = w.kx * x + w.ky * y + w.phase;
+      const Vec3 k(w.kx, w.ky, 0);
+      jet.value += w.size * std::cos(angle);
+      jet.grad -= w.size * std::sin(angle) * k;
+      jet.hess -= w.size * std::cos(angle) * (k * k.transpose());
+    }
+    return jet;
+  }
+};
+
+/// δ = (H − z) c and ρ, each a wave field of (x, y): like a scan's, with exact derivatives.
+class EggCrate final : public ContactFields {
+ public:
+  Waves height, cosine{1.0, {}}, log_radius{std::log(20.0), {}};
+
+  void contact_at(const Vec3& p, ContactJet& jet) const noexcept override {
+    const Waves::Jet h = height.at(p.x(), p.y());
+    const Waves::Jet c = cosine.at(p.x(), p.y());
+    const Waves::Jet r = log_radius.at(p.x(), p.y());
+    const double v = h.value - p.z();
+    const Vec3 v_grad = h.grad - Vec3::UnitZ();
+    const Mat3 both = v_grad * c.grad.transpose();
+    jet.overlap_nm = v * c.value;
+    jet.overlap_grad = c.value * v_grad + v * c.grad;
+    jet.overlap_hess_per_nm = c.value * h.hess + both + both.transpose() + v * c.hess;
+    jet.log_radius = r.value;
+    jet.log_radius_grad_per_nm = r.grad;
+    jet.log_radius_hess_per_nm2 = r.hess;
+  }
+  void at_softening(const Vec3& p, double /*softening_nm*/, ContactJet& jet) const noexcept override {
+    contact_at(p, jet);
+  }
+};
+
+/// Gentle enough for stiff springs that a pressed tip never slides; radii from 13 to 31 nm, on both sides of
+/// λ = 0.717.
+std::shared_ptr<EggCrate> gentle_ground() {
+  auto ground = std::make_shared<EggCrate>();
+  ground->height.waves = {{0.5, 0.11, 0.03, 0.3}, {0.3, -0.05, 0.13, 1.1}, {0.1, 0.2, 0.19, 2.0}};
+  ground->cosine = {0.95, {{0.03, 0.07, 0.09, 0.5}}};
+  ground->log_radius.waves = {{0.3, 0.1, -0.06, 0.9}, {0.12, 0.02, 0.17, 0.1}};
+  return ground;
+}
+
+/// Rough: slopes to 60°, radii from 3 to 130 nm.
+std::shared_ptr<EggCrate> rough_ground() {
+  auto ground = std::make_shared<EggCrate>();
+  ground->height.waves = {{3.0, 0.25, 0.1, 0.3}, {2.0, -0.2, 0.33, 1.1}, {0.4, 0.9, 0.5, 2.0}};
+  ground->cosine = {0.75, {{0.2, 0.3, 0.21, 0.5}}};
+  ground->log_radius.waves = {{1.0, 0.3, -0.26, 0.9}, {0.8, 0.22, 0.47, 0.1}};
+  return ground;
+}
+
+std::shared_ptr<const BranchPotential> potential_of(const TipSampleParameters& p) {
+  return std::make_shared<BranchPotential>(TipSampleLaw(p, 20.0), 20.0);
+}
+
+FrictionParameters rough_contact() {
+  FrictionParameters f;
+  f.shear_strength_gpa = 0.3;
+  f.shear_modulus_gpa = 20.0;
+  return f;
+}
+
+Compliance stiff_springs() {  // lateral 40 N/m, 30 along z, with a cross term
+  Compliance c = Mat3::Identity() / 40.0;
+  c(2, 2) = 1.0 / 30.0;
+  c(0, 2) = c(2, 0) = 0.003;
+  return c;
+}
+
+/// A smooth closed path of five harmonics around (0, 0, z).
+struct ClosedPath {
+  double z = 0, depth = 0, width = 15;
+  std::vector<double> phases;
+
+  ClosedPath(std::uint64_t seed, double z_nm, double depth_nm) : z(z_nm), depth(depth_nm) {
+    std::mt19937_64 random(seed);
+    std::uniform_real_distribution<double> any(0.0, kTwoPi);
+    for (int i = 0; i < 15; ++i) phases.push_back(any(random));
+  }
+  Vec3 at(double s, Vec3* rate) const {
+    Vec3 x(0, 0, z);
+    rate->setZero();
+    for (int k = 1; k <= 5; ++k) {
+      const double size[3] = {width / k, width / k, depth / k};
+      for (int i = 0; i < 3; ++i) {
+        const double angle = kTwoPi * k * s + phases[static_cast<std::size_t>(3 * (k - 1) + i)];
+        x[i] += size[i] * std::sin(angle) / k;
+        (*rate)[i] += size[i] * kTwoPi * std::cos(angle);
+      }
+    }
+    return x;
+  }
+  double length() const {
+    double sum = 0;
+    Vec3 rate;
+    for (int i = 0; i < 1000; ++i) {
+      at(i / 1000.0, &rate);
+      sum += rate.norm() / 1000.0;
+    }
+    return sum;
+  }
+};
+
+double stored(const TipSolution& s, const Compliance& c) {
+  return s.potential_aj + s.friction_stored_aj + 0.5 * s.force_w_nn.dot(c * s.force_w_nn);
+}
+
+struct Lap {
+  double work = 0;      ///< of the free end: a sum of forces alone
+  double turnover = 0;  ///< ∫ |F·dx|
+  double stored = 0;    ///< change of it
+  double lost = 0;
+  double rubbed = 0;
+  int jumps = 0;
+  int under_way = 0;
+};
+
+/// Comes down to the path's start, and goes once round. On a closed smooth path the trapezium rule over
+/// points evenly spaced in the parameter converges faster than any power of their distance: the work is as
+/// exact as the forces are, and knows of no energy.
+Lap lap(const PotentialEquilibrium& on, const Compliance& c, const ClosedPath& path, double step_nm) {
+  PotentialState state;
+  Vec3 rate;
+  const Vec3 start = path.at(0, &rate);
+  for (double above = 30.0; above > 0.0; above -= 0.05) on.advance(start + Vec3(0, 0, above), c, state);
+  TipSolution s = on.advance(start, c, state);
+  for (int i = 0; i < 20 && s.under_way; ++i) s = on.advance(start, c, state);
+  Lap out;
+  const double before = stored(s, c);
+  Vec3 last = start, last_rate = rate, force = s.force_w_nn;
+  const int steps = static_cast<int>(path.length() / step_nm);
+  for (int i = 1; i <= steps; ++i) {
+    const Vec3 x = path.at(static_cast<double>(i % steps) / steps, &rate);
+    const PotentialState was = state;
+    s = on.advance(x, c, state);
+    EXPECT_EQ(s.status, SolveStatus::kOk);
+    EXPECT_GE(s.dissipated_aj, 0.0);
+    double power = -0.5 * (s.force_w_nn.dot(rate) + force.dot(last_rate)) / steps;
+    if (s.dissipated_aj > 0.0) {  // where in it the force jumps: once more, in a thousand parts
+      state = was;
+      power = 0;
+      double lost = 0;
+      for (int j = 1; j <= 1000; ++j) {
+        s = on.advance(j == 1000 ? x : Vec3(last + (x - last) * (j / 1000.0)), c, state);
+        power -= 0.5 * (s.force_w_nn + force).dot(x - last) / 1000.0;
+        force = s.force_w_nn;
+        lost += s.dissipated_aj;
+        if (j < 1000) out.rubbed += s.friction_dissipated_aj;
+        out.jumps += s.jumps;
+      }
+      s.dissipated_aj = lost;
+      s.jumps = 0;
+    }
+    last = x;
+    last_rate = rate;
+    force = s.force_w_nn;
+    out.work += power;
+    out.turnover += std::fabs(power);
+    out.lost += s.dissipated_aj;
+    EXPECT_GE(s.friction_dissipated_aj, 0.0);
+    out.rubbed += s.friction_dissipated_aj;
+    out.jumps += s.jumps;
+    out.under_way += s.under_way ? 1 : 0;
+  }
+  out.stored = stored(s, c) - before;
+  return out;
+}
+
+// Pressed some 1 to 2 nm everywhere: no jump, and the same path back to the same state.
+TEST(Potential, SmoothClosedPathsGiveAndTakeNothing) {
+  const PotentialEquilibrium on(gentle_ground(), potential_of(silicon_oxide()));
+  for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+    const ClosedPath path(seed, -4.0, 0.8);
+    for (const double step : {0.05, 0.005, 0.0005}) {
+      const Lap l = lap(on, stiff_springs(), path, step);
+      EXPECT_EQ(l.jumps, 0);
+      EXPECT_EQ(l.under_way, 0);
+      const double left = std::fabs(l.work - l.stored - l.lost) / l.turnover;
+      // Uneven harmonics are resolved at 0.05 nm; what is left is the solver's own 1e-9 nm.
+      EXPECT_LE(left, 1e-10) << "step " << step << " seed " << seed;
+      EXPECT_LE(std::fabs(l.stored) / l.turnover, 1e-10) << "step " << step;
+      EXPECT_LE(l.lost / l.turnover, 1e-6) << "step " << step << " seed " << seed;
+      RecordProperty("left", std::to_string(left));
+      std::printf("seed %d step %g nm: turnover %.4g aJ, left %.2e, stored %.2e, lost %.2e of it\n",
+                  static_cast<int>(seed), step, l.turnover, left, l.stored / l.turnover, l.lost / l.turnover);
+    }
+  }
+}
+
+// In and out of contact, again and again.
+TEST(Potential, ClosedPathsWithJumpsLoseWhatTheyTake) {
+  const PotentialEquilibrium on(gentle_ground(), potential_of(silicon_oxide()));
+  Compliance soft = Mat3::Identity() / 20.0;
+  soft(2, 2) = 1.0 / 2.0;
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    const ClosedPath path(seed, 10.0, 30.0);
+    const Lap l = lap(on, soft, path, 0.0005);
+    EXPECT_GT(l.jumps, 0);
+    EXPECT_GT(l.lost, 0.0);
+    const double left = std::fabs(l.work - l.stored - l.lost) / l.turnover;
+    // A fold, where the force goes like a square root, is met within a step: (0.5 pm)^1.5.
+    EXPECT_LE(left, 1e-6);
+    std::printf("seed %d: %d jumps, turnover %.4g aJ, left %.2e, lost %.2e of it\n", static_cast<int>(seed),
+                l.jumps, l.turnover, left, l.lost / l.turnover);
+  }
+}
+
+// Any springs, any motion, any step: each ends in a local minimum, or interrupted lower than it began; the
+// book closes; nothing is won.
+TEST(Potential, EveryStepEndsInAMinimumOrOnItsWayDown) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> any(0.0, 1.0);
+  const auto potential = potential_of(silicon_oxide());
+  const PotentialEquilibrium grounds[3] = {{gentle_ground(), potential},
+                                           {rough_ground(), potential},
+                                           {rough_ground(), potential, rough_contact()}};
+  int interrupted = 0, steps = 0, most = 0, longest = 0;
+  for (int motion = 0; motion < 200; ++motion) {
+    const PotentialEquilibrium& on = grounds[motion % 3];
+    Mat3 a;
+    for (int i = 0; i < 9; ++i) a(i / 3, i % 3) = any(random) - 0.5;
+    const Mat3 k =
+        (a * a.transpose() + 0.1 * Mat3::Identity()) * 10.0 * std::pow(10.0, 4.0 * any(random) - 2.0);
+    const Compliance c = 0.5 * (Mat3(k.inverse()) + Mat3(k.inverse()).transpose());
+    const double step = std::pow(10.0, 3.0 * any(random) - 2.0);
+    PotentialState state;
+    Vec3 x(0, 0, 20);
+    TipSolution s = on.advance(x, c, state);
+    Vec3 v(0, 0, -step);
+    const double low = -2.0 - 300.0 / k(2, 2);
+    int run = 0;
+    bool was_under_way = false;
+    double before_energy = s.potential_aj + s.friction_stored_aj;
+    for (int i = 0; i < 1000; ++i) {
+      if (i % 50 == 0) v = Vec3(any(random) - 0.5, any(random) - 0.5, any(random) - 0.7).normalized() * step;
+      if (x.z() < low) v.z() = std::fabs(v.z());
+      if (x.z() > 12.0) v.z() = -std::fabs(v.z());
+      const Vec3 apex = state.apex_w_nm;
+      x += v;
+      s = on.advance(x, c, state);
+      ++steps;
+      ASSERT_EQ(s.status, SolveStatus::kOk);
+      ASSERT_GE(s.dissipated_aj, 0.0);
+      ASSERT_LE(s.iterations, PotentialEquilibrium::kMostEvaluations + 4);
+      most = std::max(most, s.iterations);
+      CurveHint hint;
+      PotentialEquilibrium::Sample at;
+      ASSERT_TRUE(on.sample(s.apex_w_nm, state.inside, hint, at)) << "motion " << motion << " step " << i;
+      ASSERT_GE(s.friction_dissipated_aj, 0.0);
+      const bool rubs = motion % 3 == 2;
+      const Vec3 net = k * (s.apex_w_nm - x) + at.gradient_nn;
+      if (s.under_way) {
+        ++interrupted;
+        longest = std::max(longest, ++run);
+        ASSERT_LT(run, 50) << "motion " << motion;
+      } else if (run = 0; !rubs) {
+        const double least = Eigen::SelfAdjointEigenSolver<Mat3>(k + at.hessian_n_m).eigenvalues()[0];
+        EXPECT_GT(least, 0.0) << "motion " << motion << " step " << i;
+        // The Newton step that is left.
+        EXPECT_LE(Vec3((k + at.hessian_n_m).inverse() * net).norm(), 1e-7)
+            << "motion " << motion << " step " << i;
+      }
+      // A tip on its way down was held while the end moved: what it has fallen since is lost, no more, no
+      // less.
+      const double held = before_energy + 0.5 * (apex - x).dot(k * (apex - x));
+      const double now =
+          0.5 * (s.apex_w_nm - x).dot(k * (s.apex_w_nm - x)) + s.potential_aj + s.friction_stored_aj;
+      if (was_under_way) {
+        ASSERT_NEAR(now, held - s.dissipated_aj - s.friction_dissipated_aj, 1e-9 * (1.0 + std::fabs(held)))
+            << "motion " << motion;
+      }
+      was_under_way = s.under_way;
+      before_energy = s.potential_aj + s.friction_stored_aj;
+    }
+  }
+  std::printf("%d steps, %d interrupted (longest run %d), most evaluations %d\n", steps, interrupted, longest,
+              most);
+  EXPECT_LT(interrupted, steps / 100);
+}
+
+// Backward Euler: of first order in the step, and so is what is left.
+TEST(Potential, ClosedPathsWithFrictionRubOffWhatTheyTake) {
+  const PotentialEquilibrium on(gentle_ground(), potential_of(silicon_oxide()), rough_contact());
+  for (std::uint64_t seed = 1; seed <= 2; ++seed) {
+    const ClosedPath path(seed, -4.0, 0.8);
+    double before = 0;
+    for (const double step : {0.05, 0.005, 0.0005}) {
+      const Lap l = lap(on, stiff_springs(), path, step);
+      const double left = std::fabs(l.work - l.stored - l.lost - l.rubbed) / l.turnover;
+      std::printf("seed %d step %g nm: turnover %.4g aJ, left %.2e, rubbed %.2e, lost %.2e of it\n",
+                  static_cast<int>(seed), step, l.turnover, left, l.rubbed / l.turnover, l.lost / l.turnover);
+      EXPECT_GT(l.rubbed, 0.05 * l.turnover);
+      EXPECT_EQ(l.under_way, 0);
+      EXPECT_LE(l.lost / l.turnover, 1e-6);
+      if (before > 0) {
+        EXPECT_LE(left, 0.2 * before);
+      }
+      before = left;
+    }
+    EXPECT_LE(before, 1e-5);
+  }
+}
+
+// The limit is that of the law's contact, and a jump through the border leaves no hole.
+TEST(Potential, FrictionOnFlatGroundIsItsOwnLaw) {
+  const auto flat = std::make_shared<EggCrate>();
+  const TipSampleLaw law(silicon_oxide(), 20.0);
+  const FrictionParameters rough = rough_contact();
+  const PotentialEquilibrium on(flat, potential_of(silicon_oxide()), rough);
+  const Compliance c = Mat3::Identity() / 5.0;
+  PotentialState state;
+  TipSolution s;
+  double charged = 0, trapezia = 0;
+  Vec3 last(0, 0, 10);
+  s = on.advance(last, c, state);
+  const auto go = [&](const Vec3& x) {
+    const Vec3 force = s.force_w_nn;
+    const double before = stored(s, c);
+    s = on.advance(x, c, state);
+    charged += stored(s, c) - before + s.dissipated_aj + s.friction_dissipated_aj;
+    trapezia -= 0.5 * (force + s.force_w_nn).dot(x - last);
+    last = x;
+    ASSERT_GE(s.dissipated_aj, 0.0);
+    ASSERT_GE(s.friction_dissipated_aj, 0.0);
+  };
+  for (int i = 1; i <= 12000; ++i) go(Vec3(0, 0, 10 - 0.001 * i));
+  for (int i = 1; i <= 40000; ++i) go(Vec3(0.001 * i, 0, -2));
+  ASSERT_TRUE(s.sliding);
+  const double a = s.contact_radius_nm;
+  EXPECT_NEAR(-s.force_w_nn.x(), rough.shear_strength_gpa * 3.14159265358979 * a * a, 1e-6);
+  TipSampleState law_state;
+  law.advance(-10.0, 0.2, 20.0, law_state);
+  EXPECT_NEAR(s.force_w_nn.z(), law.advance(2.0, 0.2, 20.0, law_state).force_nn, 1e-6);
+  for (int i = 1; i <= 40000; ++i) go(Vec3(40, 0, -2 + 0.001 * i));  // and off, sideways stretched
+  EXPECT_EQ(s.branch, Branch::kVanDerWaals);
+  EXPECT_LT(std::fabs(s.force_w_nn.x()), 1e-9);
+  // Each jump lies somewhere in a step of 1 pm: half of that times 40 nN.
+  EXPECT_NEAR(charged, trapezia, 0.1);
+}
+
+// Level ground: the law's own one-dimensional balance.
+TEST(Potential, FlatGroundIsTheLaw) {
+  const auto flat = std::make_shared<EggCrate>();
+  const TipSampleLaw law(silicon_oxide(), 20.0);
+  const PotentialEquilibrium on(flat, potential_of(silicon_oxide()));
+  for (const double k : {0.5, 5.0, 50.0}) {
+    const Compliance c = Mat3::Identity() / k;
+    PotentialState state;
+    TipSampleState law_state;
+    double lost = 0, law_lost = 0, pull_off = 0, law_pull_off = 0;
+    int differ = 0;
+    const auto go = [&](double z) {
+      const TipSolution s = on.advance(Vec3(0, 0, z), c, state);
+      const Equilibrium exact = law.advance(-z, 1.0 / k, 20.0, law_state);
+      lost += s.dissipated_aj;
+      law_lost += exact.dissipated_aj;
+      pull_off = std::min(pull_off, s.force_w_nn.z());
+      law_pull_off = std::min(law_pull_off, exact.force_nn);
+      const bool in = s.branch == Branch::kContact || s.branch == Branch::kNonContact;
+      const bool law_in = exact.branch == Branch::kContact || exact.branch == Branch::kNonContact;
+      if (in != law_in || s.under_way) {
+        ++differ;
+        return;
+      }
+      EXPECT_NEAR(s.force_w_nn.z(), exact.force_nn, 1e-6) << "k " << k << " z " << z;
+      EXPECT_NEAR(s.potential_aj, exact.potential_aj, 1e-7) << "k " << k << " z " << z;
+      EXPECT_NEAR(s.stiffness_n_m, exact.stiffness_n_m, 1e-3 * (10 + std::fabs(exact.stiffness_n_m)));
+      EXPECT_NEAR(s.contact_radius_nm, exact.contact_radius_nm, 1e-4);  // a step from the fold
+    };
+    const double top = 5.0 + 100.0 / k;
+    for (double z = top; z > -top; z -= 0.01) go(z);
+    for (double z = -top; z < top; z += 0.01) go(z);
+    EXPECT_LE(differ, 2) << k;  // where one of the two jumps a step earlier
+    EXPECT_NEAR(pull_off, law_pull_off, 1e-6) << k;
+    // A jump begins up to a quarter of a step late: that times the force's change, as the end goes on.
+    EXPECT_GE(lost, law_lost - 1e-6) << k;
+    EXPECT_LE(lost, law_lost + 0.0025 * 2.0 * std::fabs(law_pull_off)) << k;
+  }
+}
+
+// Rigid sideways, as a force curve's lever is.
+TEST(Potential, SpringsMayBeRigidInSomeDirections) {
+  const PotentialEquilibrium on(gentle_ground(), potential_of(silicon_oxide()));
+  Compliance c = Mat3::Zero();
+  c(2, 2) = 1.0 / 40.0;
+  PotentialState state;
+  double work = 0, turnover = 0, lost = 0;
+  TipSolution last;
+  double begin = 0;
+  for (int i = 0; i <= 40000; ++i) {
+    const double s = static_cast<double>(i % 40000) / 40000;
+    const Vec3 x(0.3 + 4 * std::sin(kTwoPi * s), 0.7 + 3 * std::cos(kTwoPi * s),
+                 -4.0 + std::sin(2 * kTwoPi * s));
+    const Vec3 rate = kTwoPi / 40000 *
+                      Vec3(4 * std::cos(kTwoPi * s), -3 * std::sin(kTwoPi * s), 2 * std::cos(2 * kTwoPi * s));
+    const TipSolution now = on.advance(x, c, state);
+    ASSERT_EQ(now.status, SolveStatus::kOk);
+    ASSERT_FALSE(now.under_way) << i;
+    EXPECT_EQ(now.apex_w_nm.x(), x.x());
+    EXPECT_EQ(now.apex_w_nm.y(), x.y());
+    if (i == 0) {
+      begin = stored(now, c);
+    } else {
+      work -= now.force_w_nn.dot(rate);
+      turnover += std::fabs(now.force_w_nn.dot(rate));
+      lost += now.dissipated_aj;
+    }
+    last = now;
+  }
+  EXPECT_LE(std::fabs(work - lost - (stored(last, c) - begin)) / turnover, 1e-10);
+  EXPECT_LE(lost / turnover, 1e-9);
+  // Rigid in all directions.
+  PotentialState fixed;
+  for (double z = 5.0; z > -3.0; z -= 0.1) {
+    const TipSolution s = on.advance(Vec3(0, 0, z), Mat3::Zero(), fixed);
+    EXPECT_EQ(s.apex_w_nm, Vec3(0, 0, z));
+    EXPECT_FALSE(s.under_way);
+  }
+}
+
+TEST(Potential, NoNumbersAreRefusedAndNothingIsAllocated) {
+  const PotentialEquilibrium on(gentle_ground(), potential_of(silicon_oxide()));
+  PotentialState state;
+  on.advance(Vec3(0, 0, 5), stiff_springs(), state);
+  EXPECT_EQ(on.advance(Vec3(0, 0, std::nan("")), stiff_springs(), state).status, SolveStatus::kNonFinite);
+  EXPECT_EQ(state.free_end_w_nm, Vec3(0, 0, 5));
+  const support::AllocGuard guard;
+  for (int i = 0; i < 1000; ++i) on.advance(Vec3(0.1 * i, 0, 5 - 0.01 * i), stiff_springs(), state);
+  EXPECT_EQ(guard.allocations(), 0u);
+}
+
+}  // namespace
+}  // namespace telenano::physics

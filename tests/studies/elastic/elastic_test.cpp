@@ -1,0 +1,206 @@
+// The boundary elements against Hertz and against an independent program; then the product's fields and law
+// against that program on real ground.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "common/surface/gsf.h"
+#include "nve_server/physics/branch_potential.h"
+#include "nve_server/physics/scan_fields.h"
+#include "tests/source_dir.h"
+#include "tests/studies/elastic/places.h"
+
+namespace telenano::elastic {
+namespace {
+
+using physics::BranchPotential;
+using physics::ContactJet;
+using physics::PotentialJet;
+using physics::ScanFields;
+
+constexpr const char* kScans[] = {"wsxm_600nm", "nanoscope_peakforce_1um"};
+
+surface::HeightGrid scan_of(const std::string& name) {
+  return surface::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/" + name + ".gsf").grid;
+}
+std::vector<Place> places_of(const std::string& name) {
+  return read_places(std::string(TELENANO_SOURCE_DIR) + "/tests/data/elastic/adhesive_elastic_" + name +
+                     ".csv");
+}
+
+/// 64 × 64 samples round a place, fewer at a rim; the place's (x, y) stays.
+surface::HeightGrid piece_round(const surface::HeightGrid& scan, int column, int row) {
+  const int first_column = std::clamp(column - 32, 0, scan.columns - 64);
+  const int first_row = std::clamp(row - 32, 0, scan.rows - 64);
+  surface::HeightGrid piece{64,
+                            64,
+                            scan.dx_nm,
+                            scan.dy_nm,
+                            scan.x_first_nm + first_column * scan.dx_nm,
+                            scan.y_first_nm + first_row * scan.dy_nm,
+                            {}};
+  for (int j = 0; j < 64; ++j) {
+    for (int i = 0; i < 64; ++i) {
+      piece.z_nm.push_back(
+          scan.z_nm[static_cast<std::size_t>((first_row + j) * scan.columns + first_column + i)]);
+    }
+  }
+  return piece;
+}
+
+// Hertz: F = (4/3) E* √R δ^(3/2) on a paraboloid. 0.3 % at a contact radius of 0.12 of the side is what the
+// elements' width (a hundredth of the side) and the patch's images leave; with the mean at 1.06 E*/L it is 6
+// %.
+TEST(ElasticPatch, Hertz) {
+  const double side = 33.33, radius = 20, modulus = 52.5;
+  const testing::ElasticPatch patch(128, side, modulus);
+  for (const double ratio : {0.06, 0.12}) {
+    const double depth = ratio * side * ratio * side / radius;
+    std::vector<double> gap;
+    for (int j = 0; j < 128; ++j) {
+      for (int i = 0; i < 128; ++i) {
+        const double x = patch.offset_nm(i), y = patch.offset_nm(j);
+        gap.push_back((x * x + y * y) / (2 * radius) - depth);
+      }
+    }
+    const double hertz = 4.0 / 3 * modulus * std::sqrt(radius) * std::pow(depth, 1.5);
+    EXPECT_NEAR(patch.press(gap) / hertz, 1.0, 0.003) << ratio;
+  }
+}
+
+// The same model in another program: forces within 0.4 % of the pull-off where they are not at the jump. (Its
+// files were made with another compliance of the mean and moved to this one, and their rows are some 0.04 nm
+// apart.)
+TEST(ElasticPatch, AgreesWithAnIndependentProgram) {
+  for (const char* name : kScans) {
+    const std::vector<Place> places = places_of(name);
+    const surface::HeightGrid scan = scan_of(name);
+    Probe probe;
+    probe.spacing_nm = scan.columns == 256 ? 0.2604 : 0.2441;
+    for (const int index : {0, 1}) {
+      const Place& place = places[static_cast<std::size_t>(index)];
+      SCOPED_TRACE(std::string(name) + ", place " + std::to_string(place.number));
+      const testing::ElasticPatch patch(probe.elements, probe.elements * probe.spacing_nm, probe.modulus_gpa);
+      const Ground ground = place.number < 0
+                                ? ground_of(probe, patch, [](double, double) { return 0.0; })
+                                : ground_of(probe, scan, scan.x_first_nm + place.column * scan.dx_nm,
+                                            scan.y_first_nm + place.row * scan.dy_nm);
+      EXPECT_NEAR(ground.touch_nm, place.touch_nm, 2e-5);
+      std::vector<double> heights;
+      std::vector<double> forces;
+      for (std::size_t k = 12; k < place.states.size() && place.states[k].z_nm < 0.3; k += 3) {
+        heights.push_back(place.states[k].z_nm);
+        forces.push_back(place.states[k].force_nn);
+      }
+      const std::vector<State> states = follow(probe, ground, heights);
+      for (std::size_t k = 0; k < states.size(); ++k) {
+        EXPECT_NEAR(states[k].force_nn, forces[k], 0.004 * place.pull_off_nn() + 0.003 * std::abs(forces[k]))
+            << states[k].z_nm;
+      }
+    }
+  }
+}
+
+/// −∂U/∂z of the inner branch, or of the outer one where there is no inner.
+double force_at(const BranchPotential& law, const ContactJet& jet) {
+  PotentialJet potential;
+  physics::CurveHint hint;
+  physics::ContactSize size;
+  if (!law.inside(jet.overlap_nm, jet.log_radius, hint, potential, size)) {
+    law.outside(jet.overlap_nm, jet.log_radius, potential);
+  }
+  return -(potential.force_nn * jet.overlap_grad.z() +
+           potential.by_radius_aj * jet.log_radius_grad_per_nm.z());
+}
+
+struct Figures {
+  std::vector<double> pull_off;  // error of the ratio to the flat sample's
+  double pressed_error = 0, pressed_force = 0;
+};
+
+double quantile(std::vector<double> values, double q) {
+  std::sort(values.begin(), values.end());
+  const double at = q * static_cast<double>(values.size() - 1);
+  const auto k = static_cast<std::size_t>(at);
+  return k + 1 < values.size() ? values[k] + (at - static_cast<double>(k)) * (values[k + 1] - values[k])
+                               : values[k];
+}
+
+Figures compare(const std::string& name, const BranchPotential& law) {
+  const std::vector<Place> places = places_of(name);
+  const surface::HeightGrid scan = scan_of(name);
+  const double radius = 20;
+  const auto curve_pull_off = [&](const auto& force_of) {
+    double deepest = 0;
+    for (double z = -0.2; z < 0.6; z += 0.002) deepest = std::max(deepest, -force_of(z));
+    return deepest;
+  };
+  const auto on_flat = [&](double z) {
+    ContactJet jet;
+    jet.overlap_nm = -z;
+    jet.overlap_grad = Vec3(0, 0, -1);
+    jet.log_radius = std::log(radius);
+    return force_at(law, jet);
+  };
+  const double flat = curve_pull_off(on_flat);
+  const double reference_flat = places[0].pull_off_nn();
+  Figures figures;
+  for (std::size_t k = 1; k < places.size(); ++k) {
+    const Place& place = places[k];
+    const ScanFields fields(piece_round(scan, place.column, place.row), radius,
+                            physics::softening_rule(radius, 0.4, 52.5, 0.165));
+    const double x = scan.x_first_nm + place.column * scan.dx_nm,
+                 y = scan.y_first_nm + place.row * scan.dy_nm;
+    const auto force = [&](double z) {
+      ContactJet jet;
+      fields.contact_at({x, y, place.touch_nm + z}, jet);
+      return force_at(law, jet);
+    };
+    const double ratio = curve_pull_off(force) / flat, reference = place.pull_off_nn() / reference_flat;
+    figures.pull_off.push_back(std::abs(ratio / reference - 1));
+    double error = 0, square = 0;
+    for (std::size_t s = 0; s < place.states.size(); ++s) {
+      // What Lennard and Jones' attraction differs from Dugdale's by on the flat sample is no error of the
+      // ground.
+      const State& state = place.states[s];
+      if (state.z_nm > -0.2) continue;
+      const double model = places[0].states[s].force_nn - on_flat(places[0].states[s].z_nm);
+      const double off = force(state.z_nm) + model - state.force_nn;
+      error += off * off;
+      square += state.force_nn * state.force_nn;
+    }
+    std::printf(
+        "%s place %2d: pull-off %.3f of flat, oracle %.3f (%+.1f %%); pressed 0.2 to 0.85 nm: %.1f %% rms; "
+        "touch %+.4f nm\n",
+        name.c_str(), place.number, ratio, reference, 100 * (ratio / reference - 1),
+        100 * std::sqrt(error / square), fields.touch_height_nm(x, y) - place.touch_nm);
+    figures.pressed_error += error;
+    figures.pressed_force += square;
+  }
+  std::printf("%s: pull-off median %.1f %%, p90 %.1f %%; pressed %.1f %% rms\n", name.c_str(),
+              100 * quantile(figures.pull_off, 0.5), 100 * quantile(figures.pull_off, 0.9),
+              100 * std::sqrt(figures.pressed_error / figures.pressed_force));
+  return figures;
+}
+
+// What is asked for on these two grounds; the constants of the softening were not fitted to them.
+TEST(FieldsAgainstElasticity, PullOffAndPressedForce) {
+  physics::TipSampleParameters parameters;
+  parameters.contact_modulus_gpa = 70;  // K = 4E*/3
+  parameters.work_of_adhesion_n_m = 0.4;
+  const BranchPotential law(physics::TipSampleLaw(parameters), 20);
+  const double median[] = {0.02, 0.04}, p90[] = {0.05, 0.10}, pressed[] = {0.05, 0.08};
+  for (int k = 0; k < 2; ++k) {
+    const Figures figures = compare(kScans[k], law);
+    EXPECT_LE(quantile(figures.pull_off, 0.5), median[k]);
+    EXPECT_LE(quantile(figures.pull_off, 0.9), p90[k]);
+    EXPECT_LE(std::sqrt(figures.pressed_error / figures.pressed_force), pressed[k]);
+  }
+}
+
+}  // namespace
+}  // namespace telenano::elastic

@@ -1,0 +1,80 @@
+#include "tests/studies/elastic/places.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <sstream>
+
+#include "common/base/error.h"
+#include "nve_server/physics/bicubic_spline.h"
+
+namespace telenano::elastic {
+namespace {
+
+double mirrored(double x, double first, double last) {
+  if (x < first) x = 2 * first - x;
+  if (x > last) x = 2 * last - x;
+  return x;
+}
+
+}  // namespace
+
+Ground ground_of(const Probe& probe, const surface::HeightGrid& scan, double x_nm, double y_nm) {
+  const auto height = physics::BicubicSpline::interpolating(scan);
+  const testing::ElasticPatch patch(probe.elements, probe.elements * probe.spacing_nm, probe.modulus_gpa);
+  return ground_of(probe, patch, [&](double x, double y) {
+    return height
+        .jet(mirrored(x_nm + x, height.x_first_nm(), height.x_last_nm()),
+             mirrored(y_nm + y, height.y_first_nm(), height.y_last_nm()))
+        .z;
+  });
+}
+
+std::vector<State> follow(const Probe& probe, const Ground& ground, const std::vector<double>& z_nm) {
+  const testing::ElasticPatch patch(probe.elements, probe.elements * probe.spacing_nm, probe.modulus_gpa);
+  std::vector<State> states;
+  std::vector<double> u(ground.gap.size(), 0.0), gap(ground.gap.size());
+  for (const double z : z_nm) {
+    for (std::size_t k = 0; k < gap.size(); ++k) gap[k] = ground.gap[k] + z;
+    states.push_back({z, patch.adhere(gap, probe.adhesion, u)});
+  }
+  return states;
+}
+
+double Place::pull_off_nn() const {
+  std::size_t k = 0;
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    if (states[i].force_nn < states[k].force_nn) k = i;
+  }
+  if (k == 0 || k + 1 >= states.size()) return -states[k].force_nn;
+  const double a = states[k].z_nm - states[k - 1].z_nm, b = states[k + 1].z_nm - states[k].z_nm;
+  const double before = (states[k].force_nn - states[k - 1].force_nn) / a;
+  const double after = (states[k + 1].force_nn - states[k].force_nn) / b;
+  const double bend = (after - before) / (a + b);
+  const double slope = before + bend * a;
+  return -(states[k].force_nn - slope * slope / (4 * bend));
+}
+
+std::vector<Place> read_places(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw RunError(path + ": cannot be read");
+  std::vector<Place> places;
+  std::string line;
+  while (std::getline(file, line)) {
+    if (line.empty() || line[0] == '#' || line[0] == 'p') continue;
+    std::vector<double> fields;
+    std::stringstream stream(line);
+    std::string field;
+    while (std::getline(stream, field, ','))
+      fields.push_back(field.empty() ? 0.0 : std::strtod(field.c_str(), nullptr));
+    if (fields.size() != 6) throw RunError(path + ": expected six columns in \"" + line + "\"");
+    const int number = static_cast<int>(fields[0]);
+    if (places.empty() || places.back().number != number) {
+      places.push_back({number, static_cast<int>(fields[1]), static_cast<int>(fields[2]), fields[3], {}});
+    }
+    places.back().states.push_back({fields[4], fields[5]});
+  }
+  return places;
+}
+
+}  // namespace telenano::elastic

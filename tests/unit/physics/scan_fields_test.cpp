@@ -1,0 +1,435 @@
+#include "nve_server/physics/scan_fields.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "common/base/error.h"
+#include "common/surface/gsf.h"
+#include "nve_server/physics/dilation.h"
+#include "tests/source_dir.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kRadius = 20;
+
+double degrees(double d) {
+  return d * kPi / 180;
+}
+
+template <class Height>
+HeightGrid sampled(int count, double spacing, Height height) {
+  HeightGrid grid{count, count, spacing, spacing, 0.0, 0.0, {}};
+  for (int j = 0; j < count; ++j) {
+    for (int i = 0; i < count; ++i) grid.z_nm.push_back(height(i * spacing, j * spacing));
+  }
+  return grid;
+}
+
+double relief_of(const HeightGrid& grid) {
+  const auto [low, high] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
+  return 1.3 * (*high - *low);
+}
+
+/// A square of `count` samples of a real scan from (column, row) on.
+HeightGrid piece_of(const std::string& name, int column, int row, int count) {
+  const HeightGrid scan = surface::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/" + name).grid;
+  HeightGrid piece{count, count, scan.dx_nm, scan.dy_nm, 0.0, 0.0, {}};
+  for (int j = 0; j < count; ++j) {
+    for (int i = 0; i < count; ++i) {
+      piece.z_nm.push_back(scan.z_nm[static_cast<std::size_t>((row + j) * scan.columns + column + i)]);
+    }
+  }
+  return piece;
+}
+
+HeightGrid random_grid(unsigned seed, int count = 24) {
+  std::mt19937 random(seed);
+  return sampled(count, 2.0, [&](double, double) { return static_cast<double>(random() % 10000) * 3e-4; });
+}
+
+struct Middle {
+  DilatedNode node;
+  double x, y;
+};
+
+/// The node nearest the middle of the scan, made as its tile is.
+Middle middle_of(const HeightGrid& grid, double t) {
+  const BicubicSpline height = BicubicSpline::interpolating(grid);
+  const DilationLattice lattice =
+      dilation_lattice(height, std::sqrt(kRadius * t) / 1.2, 0.5 * std::sqrt(kRadius * t));
+  const Dilation dilation(height, lattice, kRadius, t, relief_of(grid));
+  const std::vector<DilatedNode> nodes = dilation.make_all();
+  const int i = lattice.columns / 2, j = lattice.rows / 2;
+  return {nodes[static_cast<std::size_t>(j * lattice.columns + i)], i * lattice.node_dx_nm,
+          j * lattice.node_dy_nm};
+}
+
+// S = 2πR t c e^{H/t}, H = R(1/c − 1), on every plane. What the sums may be off by: e^−25 of terms left out
+// (1e-9 with its area), the midpoint rule 2 exp(−2π² c³/0.25) (below 1e-11 up to 45°), and the end of the
+// sphere, which the gap at its rim R(1 − cos(78.5° − θ))/c over t keeps below 1e-10 for these softenings.
+TEST(Dilation, PlanesAreExact) {
+  struct Case {
+    double angle, t;
+  };
+  for (const Case& one : {Case{0, 0.09},
+                          {0, 0.36},
+                          {15, 0.09},
+                          {15, 0.36},
+                          {30, 0.09},
+                          {30, 0.18},
+                          {45, 0.09},
+                          // paraboloid: put right by its own moment
+                          {0, 1.5},
+                          {15, 1.5},
+                          {30, 1.5},
+                          {45, 1.5}}) {
+    SCOPED_TRACE(std::to_string(one.angle) + " degrees, t = " + std::to_string(one.t));
+    const double slope = std::tan(degrees(one.angle)), cosine = std::cos(degrees(one.angle));
+    const auto plane = [&](double x, double y) { return slope * (0.8 * x - 0.6 * y); };
+    const Middle middle = middle_of(sampled(one.t > 1 ? 48 : 30, 2.34, plane), one.t);
+    EXPECT_NEAR(middle.node.height_nm, plane(middle.x, middle.y) + kRadius * (1 / cosine - 1), 1e-9);
+    EXPECT_NEAR(std::exp(middle.node.log_radius) / kRadius, 1.0, 1e-9);
+    EXPECT_NEAR(middle.node.cosine, cosine, 1e-8);
+  }
+}
+
+// A ball of radius r under the tip at angle θ: the dilated ground is a ball of radius R + r. H and R_eff are
+// those of Laplace's method with the next order left out, O(t²/R_eff) and O(t/R_eff).
+TEST(Dilation, BallsConvexAndConcave) {
+  const double t = 0.09;
+  for (const double r : {kRadius, -3 * kRadius}) {
+    for (const double angle : {0.0, 20.0, 40.0}) {
+      SCOPED_TRACE(std::to_string(r) + " nm, " + std::to_string(angle) + " degrees");
+      const double x0 = 20, out = (kRadius + r) * std::sin(degrees(angle));
+      const auto ball = [&](double x, double y) {
+        const double dx = x - (x0 - out), dy = y - x0;
+        const double q2 = r * r - dx * dx - dy * dy;
+        const double z = q2 > 0 ? std::sqrt(q2) - std::abs(r) : -std::abs(r);
+        return r > 0 ? z : -z;
+      };
+      const HeightGrid grid = sampled(101, 0.4, ball);
+      const Middle middle = middle_of(grid, t);
+      const double dx = middle.x - (x0 - out), dy = middle.y - x0;
+      const double reach = kRadius + r;
+      const double up = std::sqrt(reach * reach - dx * dx - dy * dy);
+      const double height = r > 0 ? up - reach : -up - reach;
+      const double effective = kRadius * r / (kRadius + r);
+      EXPECT_NEAR(middle.node.height_nm, height, t * t / effective);
+      EXPECT_NEAR(std::exp(middle.node.log_radius) / effective, 1.0, t / effective);
+      EXPECT_NEAR(middle.node.cosine, up / std::abs(reach), 2 * t / effective);
+    }
+  }
+}
+
+// Two planes at 30° and a tip between them: two feet of the same height, twice the radius of one. The line
+// where they meet is 36 softenings away.
+TEST(Dilation, TwoEqualFeetHaveTwiceTheRadius) {
+  const double slope = std::tan(degrees(30)), cosine = std::cos(degrees(30));
+  const HeightGrid grid = sampled(41, 2.0, [&](double x, double) { return slope * std::abs(x - 40); });
+  const Middle middle = middle_of(grid, 0.0855);
+  ASSERT_NEAR(middle.x, 40, 1e-9);
+  EXPECT_NEAR(middle.node.height_nm, kRadius * (1 / cosine - 1), 1e-8);
+  EXPECT_NEAR(std::exp(middle.node.log_radius) / (2 * kRadius), 1.0, 1e-7);
+  EXPECT_NEAR(middle.node.cosine, cosine, 1e-8);
+}
+
+struct Direct {
+  double height, log_radius, cosine;
+};
+
+/// The same sums by another rule: polar coordinates round the apex, long double, heights from a formula.
+template <class Height>
+Direct direct_sum(Height height, double x, double y, double t, double cone_cosine) {
+  const auto psi = [&](long double r, long double& weight, long double& nz) {
+    const long double rim = kRadius * std::sqrt(1.0L - static_cast<long double>(cone_cosine) * cone_cosine);
+    if (r < rim) {
+      const long double q = std::sqrt(static_cast<long double>(kRadius) * kRadius - r * r);
+      weight = kRadius / q;
+      nz = q / kRadius;
+      return q - kRadius;
+    }
+    weight = 1 / static_cast<long double>(cone_cosine);
+    nz = cone_cosine;
+    return kRadius * (cone_cosine - 1.0L) - (r - rim) * rim / (kRadius * cone_cosine);
+  };
+  long double largest = -1e9L;
+  const int rings = 1600, spokes = 240;
+  const long double dr = 16.0L / rings;
+  for (int pass = 0; pass < 2; ++pass) {
+    long double s = 0, f = 0, n = 0, nf = 0;
+    for (int ring = 0; ring < rings; ++ring) {
+      const long double r = (ring + 0.5L) * dr;
+      long double weight, nz;
+      const long double down = psi(r, weight, nz);
+      for (int spoke = 0; spoke < spokes; ++spoke) {
+        const long double a = 2 * static_cast<long double>(kPi) * spoke / spokes;
+        const long double phi =
+            height(x + static_cast<double>(r * std::cos(a)), y + static_cast<double>(r * std::sin(a))) + down;
+        if (pass == 0) {
+          largest = std::max(largest, phi);
+          continue;
+        }
+        if (phi < largest - 45 * t) continue;
+        const long double p = std::exp((phi - largest) / t) * weight * r;
+        s += p;
+        f += p * (phi - largest);
+        n += p * nz;
+        nf += p * nz * (phi - largest);
+      }
+    }
+    if (pass == 0) continue;
+    const long double above = f / s + t;
+    const long double cosine = n / s + (nf / s - n / s * f / s) / t;
+    const long double area = dr * 2 * static_cast<long double>(kPi) / spokes;
+    return {static_cast<double>(above + largest),
+            static_cast<double>(std::log(s * area / (2 * static_cast<long double>(kPi) * t * cosine)) -
+                                above / t),
+            static_cast<double>(cosine)};
+  }
+  return {};
+}
+
+// Waves that are even about both rims, so that their formula goes on as the mirrored scan does. The height
+// spline is off by (kh)⁴/384 of their amplitude: 3e-6 nm, 3e-5 of e^{h/t}, and the polar rule by less.
+TEST(Dilation, AgreesWithADirectSumInPolarCoordinatesInsideAndAtTheRim) {
+  const auto waves = [](double x, double y) {
+    return 0.6 * std::cos(2 * kPi * x / 12) * std::cos(2 * kPi * y / 18) + 0.4 * std::cos(2 * kPi * x / 36);
+  };
+  const HeightGrid grid = sampled(91, 0.4, waves);
+  const BicubicSpline height = BicubicSpline::interpolating(grid);
+  for (const double t : {0.09, 0.36}) {
+    const DilationLattice lattice = dilation_lattice(height, 3.0, 0.65 * std::sqrt(kRadius * t));
+    const std::vector<DilatedNode> nodes = Dilation(height, lattice, kRadius, t, relief_of(grid)).make_all();
+    for (const auto& [i, j] : {std::pair{0, 0}, {0, 5}, {3, 4}, {6, 7}, {12, 12}}) {
+      SCOPED_TRACE(std::to_string(t) + " at " + std::to_string(i) + ", " + std::to_string(j));
+      const Direct direct = direct_sum(waves, i * lattice.node_dx_nm, j * lattice.node_dy_nm, t, kConeCosine);
+      const DilatedNode& node = nodes[static_cast<std::size_t>(j * lattice.columns + i)];
+      EXPECT_NEAR(node.height_nm, direct.height, 2e-5);
+      EXPECT_NEAR(node.log_radius, direct.log_radius, 2e-4);
+      EXPECT_NEAR(node.cosine, direct.cosine, 2e-5);
+    }
+  }
+}
+
+// A relief of thousands of softenings has no room in one double's range: the answer is that of the same
+// ground without the far peak.
+TEST(Dilation, ReliefOfThousandsOfSoftenings) {
+  const auto cliff = [](double x, double) { return x > 100 ? 400.0 * (x - 100) / 20.0 : 0.0; };
+  const HeightGrid grid = sampled(61, 2.0, cliff);
+  const BicubicSpline height = BicubicSpline::interpolating(grid);
+  const DilationLattice lattice = dilation_lattice(height, 2.0, 0.7);
+  const std::vector<DilatedNode> nodes = Dilation(height, lattice, kRadius, 0.09, relief_of(grid)).make_all();
+  const DilatedNode& far = nodes[static_cast<std::size_t>(20 * lattice.columns + 8)];
+  EXPECT_NEAR(far.height_nm, 0, 1e-9);
+  EXPECT_NEAR(std::exp(far.log_radius) / kRadius, 1, 1e-9);
+  for (const DilatedNode& node : nodes) {
+    ASSERT_TRUE(std::isfinite(node.height_nm) && std::isfinite(node.log_radius) && node.cosine <= 1);
+  }
+}
+
+TEST(Dilation, RefusesWhatIsNoTip) {
+  const HeightGrid grid = random_grid(1);
+  const SofteningRule rule;
+  EXPECT_THROW(ScanFields(grid, 0.0, rule), UserError);
+  EXPECT_THROW(ScanFields(grid, NAN, rule), UserError);
+  HeightGrid bad = grid;
+  bad.z_nm[7] = NAN;
+  EXPECT_THROW(ScanFields(bad, kRadius, rule), UserError);
+  bad = grid;
+  bad.z_nm.pop_back();
+  EXPECT_THROW(ScanFields(bad, kRadius, rule), UserError);
+  SofteningRule turned;
+  turned.coarsest_nm = 0.01;
+  EXPECT_THROW(ScanFields(grid, kRadius, turned), UserError);
+}
+
+// Every plane that all levels agree on stays exact under the blend, at any distance. 15°, where the levels
+// that are not themselves exact to the last digit (t = 0.7 at R/28) are within 5e-8.
+TEST(ScanFields, PlaneIsExactAtAnyDistance) {
+  const double slope = std::tan(degrees(15)), cosine = std::cos(degrees(15));
+  const HeightGrid grid = sampled(64, 2.34, [&](double x, double y) { return slope * (0.6 * x + 0.8 * y); });
+  const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  for (const double v : {-3.0, -0.5, 0.1, 0.8, 4.0}) {
+    ContactJet jet;
+    const double x = 71.3, y = 74.9;
+    const double touch = slope * (0.6 * x + 0.8 * y) + kRadius * (1 / cosine - 1);
+    fields.contact_at({x, y, touch + v}, jet);
+    EXPECT_NEAR(jet.overlap_nm, -v * cosine, 2e-7);
+    EXPECT_NEAR(jet.log_radius, std::log(kRadius), 2e-7);
+    EXPECT_NEAR(jet.overlap_grad.z(), -cosine, 2e-7);
+    EXPECT_NEAR(jet.overlap_grad.x(), 0.6 * slope * cosine, 2e-7);
+    EXPECT_LE(jet.overlap_hess_per_nm.cwiseAbs().maxCoeff(), 2e-6);
+  }
+}
+
+// The first and second derivatives against differences of the values and of the gradient. The step of 1e-5 nm
+// leaves 1e-10/2e-5 of rounding (of some 10 nm) and h²/6 of the next derivative; the Hessian of a cell meets
+// that of the next one within 1e-5 of it by a third derivative of some 10/nm² or so, hence relative to its
+// size.
+TEST(ScanFields, DerivativesAgreeWithDifferences) {
+  const HeightGrid grid = random_grid(3);
+  const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  std::mt19937 random(4);
+  const auto between = [&](double a, double b) {
+    return a + (b - a) * 1e-6 * static_cast<double>(random() % 1000000);
+  };
+  const double h = 1e-5;
+  for (int n = 0; n < 2000; ++n) {
+    const double x = between(-20, 66), y = between(-20, 66);
+    const double away = n % 3 == 0 ? between(-3, 0) : (n % 3 == 1 ? between(0, 2) : between(2, 30));
+    const Vec3 at(x, y, fields.touch_height_nm(x, y) + away);
+    const bool fixed = n % 5 == 0;
+    const auto jet_at = [&](const Vec3& apex) {
+      ContactJet jet;
+      if (fixed) {
+        fields.at_softening(apex, 0.7, jet);
+      } else {
+        fields.contact_at(apex, jet);
+      }
+      return jet;
+    };
+    const ContactJet jet = jet_at(at);
+    for (int k = 0; k < 3; ++k) {
+      const ContactJet more = jet_at(at + h * Vec3::Unit(k)), less = jet_at(at - h * Vec3::Unit(k));
+      ASSERT_NEAR((more.overlap_nm - less.overlap_nm) / (2 * h), jet.overlap_grad[k], 1e-7);
+      ASSERT_NEAR((more.log_radius - less.log_radius) / (2 * h), jet.log_radius_grad_per_nm[k], 1e-7);
+      for (int i = 0; i < 3; ++i) {
+        const double overlap = (more.overlap_grad[i] - less.overlap_grad[i]) / (2 * h);
+        const double radius = (more.log_radius_grad_per_nm[i] - less.log_radius_grad_per_nm[i]) / (2 * h);
+        ASSERT_NEAR(overlap, jet.overlap_hess_per_nm(i, k), 2e-5 * (1 + std::abs(overlap)))
+            << n << " " << i << k;
+        ASSERT_NEAR(radius, jet.log_radius_hess_per_nm2(i, k), 2e-5 * (1 + std::abs(radius)))
+            << n << " " << i << k;
+      }
+    }
+    ASSERT_EQ(jet.overlap_hess_per_nm, jet.overlap_hess_per_nm.transpose());
+  }
+}
+
+// Beyond the rim the mirror image: the same numbers, slopes across the rim turned about, and no step in the
+// force.
+TEST(ScanFields, MirrorsTheScanAtItsRim) {
+  const HeightGrid grid = random_grid(5);
+  const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  const double last = 46;
+  for (const double out : {0.0, 0.4, 7.0, 40.0}) {
+    ContactJet in, beyond;
+    fields.contact_at({last - out, 13, 3}, in);
+    fields.contact_at({last + out, 13, 3}, beyond);
+    EXPECT_NEAR(beyond.overlap_nm, in.overlap_nm, 1e-12);
+    EXPECT_NEAR(beyond.overlap_grad.x(), -in.overlap_grad.x(), 1e-12);
+    EXPECT_NEAR(beyond.overlap_hess_per_nm(0, 1), -in.overlap_hess_per_nm(0, 1), 1e-11);
+    fields.contact_at({out, 13, 3}, in);
+    fields.contact_at({-out, 13, 3}, beyond);
+    EXPECT_NEAR(beyond.log_radius, in.log_radius, 1e-12);
+    EXPECT_NEAR(beyond.log_radius_grad_per_nm.x(), -in.log_radius_grad_per_nm.x(), 1e-12);
+  }
+  ContactJet jet;  // no number asked for, none out of bounds read
+  fields.contact_at({NAN, 1e300, 0}, jet);
+}
+
+// Pressed, the overlap grows with depth everywhere, and a Hertzian contact is stable everywhere; two real
+// grounds.
+TEST(ScanFields, GrowingNeverTurnsTheOverlapBack) {
+  struct Piece {
+    const char* name;
+    int column, row;
+  };
+  for (const Piece& one : {Piece{"wsxm_600nm.gsf", 60, 110},
+                           {"wsxm_600nm.gsf", 190, 170},
+                           {"nanoscope_peakforce_1um.gsf", 0, 370},
+                           {"nanoscope_peakforce_1um.gsf", 200, 200}}) {
+    SCOPED_TRACE(one.name);
+    const HeightGrid grid = piece_of(one.name, one.column, one.row, 64);
+    const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+    const double extent = 63 * grid.dx_nm;
+    double least_rate = 1, least_stiffness = 1;
+    for (int i = 0; i < 90; ++i) {
+      for (int j = 0; j < 90; ++j) {
+        const double x = extent * (i + 0.37) / 90, y = extent * (j + 0.61) / 90;
+        const double touch = fields.touch_height_nm(x, y);
+        for (double depth = 0.02; depth < 4; depth *= 1.2) {
+          ContactJet jet;
+          fields.contact_at({x, y, touch - depth}, jet);
+          ASSERT_GT(jet.overlap_nm, 0);
+          least_rate = std::min(least_rate, -jet.overlap_grad.z());
+          // U = (8/15) √R_eff δ^(5/2), over its ∂²U/∂δ² = 2 √R_eff √δ.
+          const double d = jet.overlap_nm, dz = jet.overlap_grad.z(), rz = jet.log_radius_grad_per_nm.z();
+          const double by_delta = 2.0 / 3 * d, by_rho = 2.0 / 15 * d * d;
+          least_stiffness = std::min(least_stiffness, dz * dz + by_delta * dz * rz + 0.5 * by_rho * rz * rz +
+                                                          by_delta * jet.overlap_hess_per_nm(2, 2) +
+                                                          by_rho * jet.log_radius_hess_per_nm2(2, 2));
+        }
+      }
+    }
+    EXPECT_GE(least_rate, ScanFields::kLeastRate);
+    EXPECT_GT(least_stiffness, 0);
+  }
+}
+
+// Van der Waals at a distance, U = −A R_eff/(6 d), against the direct proximity sum −A/(12π) Σ dA/d² over the
+// tip's elements, d their gap along the ground's normal (exact on planes). Bounds: what is asked for on real
+// ground; a pairwise sum over the sphere's volume is less by (2R/(2R + d))².
+TEST(ScanFields, VanDerWaalsAtADistanceAgreesWithTheProximitySum) {
+  const HeightGrid grid = piece_of("wsxm_600nm.gsf", 60, 110, 64);
+  const BicubicSpline height = BicubicSpline::interpolating(grid);
+  const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  const double extent = 63 * grid.dx_nm;
+  const auto mirrored = [](double u, double last) {
+    u = std::abs(u);
+    return u > last ? 2 * last - u : u;
+  };
+  for (const double gap : {1.0, 4.0, 16.0}) {
+    std::vector<double> errors;
+    for (int place = 0; place < 49; ++place) {
+      const double x = 40 + 11.3 * (place % 7), y = 40 + 11.3 * (place / 7);
+      const Vec3 apex(x, y, fields.touch_height_nm(x, y) + gap);
+      // Fine elements near the axis, coarse ones beyond, and a level plane at the mean height after that.
+      double sum = 0, mean = 0, count = 0;
+      const auto add = [&](double h, double from, double to) {
+        const int n = static_cast<int>(to / h);
+        for (int i = -n; i < n; ++i) {
+          for (int j = -n; j < n; ++j) {
+            const double dx = h * (i + 0.5), dy = h * (j + 0.5);
+            if (std::max(std::abs(dx), std::abs(dy)) < from) continue;
+            const HeightJet ground = height.jet(mirrored(x + dx, extent), mirrored(y + dy, extent));
+            const double cosine = 1 / std::sqrt(1 + ground.zx * ground.zx + ground.zy * ground.zy);
+            const double d = (apex.z() + (dx * dx + dy * dy) / (2 * kRadius) - ground.z) * cosine;
+            sum += h * h / (d * d);
+            mean += ground.z;
+            ++count;
+          }
+        }
+      };
+      add(0.4, 0, 16);
+      add(1.6, 16, 96);
+      const double rim = 96 * 2 / std::sqrt(kPi);  // a disc as large as the square
+      sum += 2 * kPi * kRadius / (apex.z() - mean / count + rim * rim / (2 * kRadius));
+      ContactJet jet;
+      fields.contact_at(apex, jet);
+      const double found = std::exp(jet.log_radius) / (6 * -jet.overlap_nm);
+      errors.push_back(std::abs(found / (sum / (12 * kPi)) - 1));
+    }
+    std::sort(errors.begin(), errors.end());
+    std::printf("gap %4.0f nm: median %.1f %%, p90 %.1f %%\n", gap, 100 * errors[24], 100 * errors[44]);
+    EXPECT_LE(errors[24], 0.06) << gap;
+    EXPECT_LE(errors[44], 0.25) << gap;
+  }
+}
+
+// The same coefficients on every x86-64. CMake runs it a second time with glibc's code without fused
+// multiply-add.
+TEST(ScanFields, SameBitsEverywhere) {
+  const ScanFields fields(random_grid(7, 16), kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  EXPECT_EQ(fields.hash(), 0u);
+}
+
+}  // namespace
+}  // namespace telenano::physics
