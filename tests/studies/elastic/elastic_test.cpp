@@ -105,12 +105,13 @@ TEST(ElasticPatch, AgreesWithAnIndependentProgram) {
   }
 }
 
-/// −∂U/∂z of the inner branch, or of the outer one where there is no inner.
+/// −∂U/∂z on the way out: of the inner branch up to where it is left, then of the outer one.
 double force_at(const BranchPotential& law, const ContactJet& jet) {
   PotentialJet potential;
   physics::CurveHint hint;
   physics::ContactSize size;
-  if (!law.inside(jet.overlap_nm, jet.log_radius, hint, potential, size)) {
+  if (jet.overlap_nm < law.borders(jet.log_radius).leave_nm ||
+      !law.inside(jet.overlap_nm, jet.log_radius, hint, potential, size)) {
     law.outside(jet.overlap_nm, jet.log_radius, potential);
   }
   return -(potential.force_nn * jet.overlap_grad.z() +
