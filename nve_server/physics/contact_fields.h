@@ -17,7 +17,8 @@ struct ContactJet {
   Mat3 log_radius_hess_per_nm2 = Mat3::Zero();
 };
 
-/// Seam: the ground as fields of the apex, C² in it. Closed forms and scans implement it.
+/// Seam: the ground as fields of the apex, C¹ with second derivatives that are continuous but for where a
+/// scan's blend of softenings changes levels. Closed forms and scans implement it.
 class ContactFields {
  public:
   virtual ~ContactFields() = default;

@@ -192,10 +192,15 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
   // The spline may overshoot its samples by a seventh of a step.
   const double relief = 1.3 * (*highest - *lowest);
   const int grids = (levels_ + 1) / 2;
-  // The finest grid resolves a foot of radius R at t0, or half a pixel if that is wider; the others are twice
-  // as wide each, so that their nodes are nodes of the finer ones.
-  const double finest =
-      std::max(0.5 * std::min(grid.dx_nm, grid.dy_nm), std::sqrt(tip_radius_nm * rule.finest_nm) / 1.2);
+  // The finest grid has half a pixel, but need not be finer than a foot of radius R at t0, unless the area is
+  // small: over a groove, where two feet meet, the fields have creases t0 over the difference of their slopes
+  // wide, which a finer grid rounds off less. The others are twice as wide each from the third on, so that
+  // their nodes are nodes of the finer ones.
+  constexpr double kSmallNodes = 131072;
+  const double half_pixel = 0.5 * std::min(grid.dx_nm, grid.dy_nm);
+  const double foot = std::sqrt(tip_radius_nm * rule.finest_nm) / 1.2;
+  const double finest = std::clamp(std::sqrt(width_ * length_ / kSmallNodes),
+                                   std::max(half_pixel, 0.25 * foot), std::max(half_pixel, foot));
   const int doublings = std::max(0, grids - 2);
   const DilationLattice top = dilation_lattice(height, finest * (1 << doublings), INFINITY);
   const auto quasi = [](double before, double here, double after) {

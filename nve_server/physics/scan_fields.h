@@ -18,14 +18,18 @@ namespace telenano::physics {
 ///           H_0(x, y). Planes are exact as each level is. On a curved foot at an angle θ the normal overlap
 ///           is more by v² sin²θ/(2(R + 1/κ)): 0.2 % of v at v = 0.3 nm, 30°, R = 20 nm on a ball of that
 ///           radius.
-/// Grids     Two levels share one grid, each next one is twice as wide; fields are bicubic B-splines over it
-/// by
-///           the quasi-interpolant c = (1 − Δ/6)f along x and y, which a node's neighbours fix (error O(h⁴)).
-///           That of c is kept between the least and the greatest of the 3 × 3 nodes: it may not overshoot
-///           beside a cliff. Energy does not depend on the grid: derivatives are those of these splines.
-/// Growth    A larger t may lower H where much lies just below the top: −∂v/∂z = 1 − ... would become small
-/// or
-///           negative. The levels are held so that −∂δ/∂z >= kLeastRate c (softening_limits in the source).
+/// Grids     Two levels share one grid; the first two grids are equally fine, each next one is twice as wide.
+///           Fields are bicubic B-splines by the quasi-interpolant c = (1 − Δ/6)f along x and y, which a
+///           node's neighbours fix (error O(h⁴)). That of c is kept between the least and the greatest of the
+///           3 × 3 nodes, for it may not overshoot beside a cliff. Energy does not depend on the grid:
+///           derivatives are those of these splines. Creases over grooves, t0 over the difference of their
+///           slopes wide, are rounded off: H by 0.03 nm and two feet to 1.8 of one radius on a groove of ±15°
+///           at nodes 1 nm apart, 0.004 nm and 1.94 at 0.27 nm.
+/// Growth    A larger t may lower H where much lies just below the top, and pressing deeper would then lift
+///           the ground away. The coarser levels are held high enough (hold_growth) that −∂δ/∂z stays above
+///           kLeastRate and a Hertzian contact stable, seen at 14 400 places of each of two real scans.
+/// Blend     Value and gradient go on without a step; second derivatives step where three levels become the
+///           next three (quadratic B-splines over the level).
 /// Outside   the scan its mirror image goes on.
 class ScanFields final : public ContactFields {
  public:

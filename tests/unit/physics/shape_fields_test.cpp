@@ -120,7 +120,7 @@ TEST(Softening, GrowsWithTheDistanceFromTouch) {
   // Long before the end at R/4 = 5 nm, t² = t0² + (α s)².
   const double xi = 1.0, s = xi * xi * xi / (xi * xi + 0.01);
   EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, -1).level), std::hypot(t0, 0.7 * s), 1e-3);
-  EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, 1.33).level), std::hypot(t0, 0.45 * s), 1e-3);
+  EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, 1.33).level), std::hypot(t0, 0.6 * s), 1e-3);
   EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, 1e6).level), 5.0, 1e-9);
   const double h = 1e-5;
   for (double v = -40; v < 60; v += 0.0973) {
