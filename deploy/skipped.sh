@@ -18,16 +18,12 @@ done
 # CTest's log has each test's output, but calls passed what it skipped; its last words list these. GoogleTest's reason stands
 # between its line "FILE:LINE: Skipped" and "[  SKIPPED ]", a script's in a line with "skipped:" or "cannot run here:".
 awk '
-  FNR == NR { if (/^\t *[0-9]+ - .* \(Skipped\)$/) { sub(/^\t *[0-9]+ - /, ""); sub(/ \(Skipped\)$/, ""); is_skipped[$0] = 1 } next }
+  FNR == NR { if (/^\t *[0-9]+ - .* \(Skipped\)$/) { sub(/^\t *[0-9]+ - /, ""); sub(/ \(Skipped\)$/, ""); test[++tests] = $0 } next }
   /^[0-9]+\/[0-9]+ Testing: / { ++all; name = $0; sub(/^[^:]*: /, "", name); reason = ""; taking = inside = 0; next }
   /^Output:$/ { inside = 1; next }
   /^<end of output>/ {
     inside = 0
-    if (!(name in is_skipped)) next
-    ++skipped
-    if (reason == "") reason = "no reason given"
-    if (!(reason in count)) order[++reasons] = reason
-    if (++count[reason] <= 3) names[reason] = names[reason] (count[reason] == 1 ? "" : ", ") name
+    why[name] = reason == "" ? "no reason given" : reason
   }
   !inside { next }
   /^\[  SKIPPED \]/ { taking = 0 }
@@ -37,7 +33,12 @@ awk '
     reason = $0; sub(/^.*(skipped|cannot run here): /, "", reason)
   }
   END {
-    printf "Skipped: %d of %d tests\n", skipped, all
+    printf "Skipped: %d of %d tests\n", tests, all
+    for (i = 1; i <= tests; ++i) {  # in the order of their numbers; the log has that in which they ended
+      reason = why[test[i]]
+      if (!(reason in count)) order[++reasons] = reason
+      if (++count[reason] <= 3) names[reason] = names[reason] (count[reason] == 1 ? "" : ", ") test[i]
+    }
     for (i = 1; i <= reasons; ++i) {
       reason = order[i]
       printf "  %s: %s%s\n", reason, names[reason], (count[reason] > 3 ? " and " count[reason] - 3 " more" : "")

@@ -188,8 +188,9 @@ TEST_F(SecureTest, AStationThatIsKilledComesBackWithItsKeyWithoutAStepOfTheForce
       if (with_file) words.insert(words.end(), {"--session-file", path("session")});
       return words;
     };
-    ChildProcess killed(command("10", path("killed.h5")));
-    ASSERT_TRUE(wait_for_contact(killed, path("killed.h5")));
+    ChildProcess killed(command("5", path("killed.h5")));
+    ASSERT_TRUE(killed.wait_for_err("engaged", kLong)) << killed.err();
+    std::this_thread::sleep_for(Milliseconds(2500));
     killed.signal(SIGKILL);
     ASSERT_TRUE(killed.wait(kLong));
     const std::string file = path(with_file ? "resumed.h5" : "anew.h5");
