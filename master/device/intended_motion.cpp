@@ -46,8 +46,9 @@ void require(bool good, const char* key, double value, const char* range) {
 
 void check(const TaskOptions& options) {
   const auto between = [](double value, double low, double high) { return value >= low && value <= high; };
-  require(between(options.start_height_nm, 0, kMaxPosNm), "start_height_nm", options.start_height_nm,
-          "0 to 1e6");
+  // Below the surface where a session is resumed whose tip still presses.
+  require(between(options.start_height_nm, -kMaxPosNm, kMaxPosNm), "start_height_nm", options.start_height_nm,
+          "-1e6 to 1e6");
   require(between(options.duration_s, 0.1, kMaxTimeS), "duration_s", options.duration_s, "0.1 to 86400");
   require(between(options.hover_low_nm, 0, kMaxPosNm), "hover_low_nm", options.hover_low_nm, "0 to 1e6");
   require(between(options.hover_high_nm, options.hover_low_nm, kMaxPosNm), "hover_high_nm",

@@ -15,7 +15,7 @@ Task parse_task(std::string_view name);  ///< throws UserError
 std::string_view task_name(Task task) noexcept;
 
 struct TaskOptions {
-  double start_height_nm = 40;  ///< of the tip above the surface when the session starts
+  double start_height_nm = 40;  ///< of the tip above the surface when the session starts; < 0: it presses
   double duration_s = 10;       ///< of the whole task; its parts keep their proportions
   double hover_low_nm = 10;     ///< position: wanders between these heights
   double hover_high_nm = 20;

@@ -46,6 +46,16 @@ TEST(IntendedMotion, IndentPressesToItsDepthAndRetracts) {
   EXPECT_NEAR(motion.pos_nm(99).z(), 40, 0);  // at rest after the end
 }
 
+// A station that was killed in contact and resumes its session finds the tip where it pressed.
+TEST(IntendedMotion, BeginsBelowTheSurfaceWhereTheTipStillPresses) {
+  TaskOptions options;
+  options.start_height_nm = -2.72;
+  for (const Task task : {Task::kPosition, Task::kContact, Task::kIndent, Task::kScan}) {
+    const auto motion = IntendedMotion::for_task(task, options);
+    EXPECT_EQ(motion.pos_nm(0).z(), -2.72) << task_name(task);
+  }
+}
+
 TEST(IntendedMotion, ScanCoversItsSquareInLightContact) {
   TaskOptions options;
   options.scan_size_nm = 30;
