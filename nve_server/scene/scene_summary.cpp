@@ -1,10 +1,10 @@
 #include "nve_server/scene/scene_summary.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 
 #include "common/base/constants.h"
+#include "common/base/det_math.h"
 #include "nve_server/physics/long_range.h"
 #include "nve_server/physics/pull_off.h"
 
@@ -157,7 +157,7 @@ void warn_of_bridge(const Scene& scene, SceneSummary& summary) {
   if (!(bridge.kelvin_radius_nm() > 0)) return;
   const double stress = water.surface_tension_n_m / bridge.kelvin_radius_nm();
   const double k = scene.law_parameters.contact_modulus_gpa;
-  const double lambda = 2.0 * stress * std::cbrt(radius / (kPi * liquid * k * k));
+  const double lambda = 2.0 * stress * det_cbrt(radius / (kPi * liquid * k * k));
   const double pull_off = -physics::MaugisDugdale(lambda).fold({0.0, 1.0}).load;
   const double error = 1.0 - 0.5 * pull_off;
   if (error > kMeniscusError) {

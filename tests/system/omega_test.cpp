@@ -80,7 +80,8 @@ class OmegaTest : public ProgramsTest {
   /// The hand goes down by 0.1 m/s until it feels so much; once the station is engaged, since what it moves
   /// before that moves no tip.
   ::testing::AssertionResult press(double force_n) {
-    const auto engaged = wait_for(*station_, path("omega.h5"), [](const RecordingReader& reader) {
+    const auto engaged = wait_for(*station_, path("omega.h5"), [this](const RecordingReader& reader) {
+      give_force_back();
       const std::vector<double> mode = reader.read("station_mode");
       return !mode.empty() && mode.back() == kEngaged;
     });

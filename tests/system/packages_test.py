@@ -77,7 +77,7 @@ class Packages(unittest.TestCase):
             self.assertEqual(check.returncode, 0, check.stderr)
             missing = run(nve, "check", "--scene", "flak", cwd=anywhere)
             self.assertEqual(missing.returncode, 2)
-            self.assertRegex(missing.stderr, "has only: flakes, flat_pdms")
+            self.assertRegex(missing.stderr, "has only: flakes, flakes_potential, flat_pdms")
             for scene in (self.root / "usr/share/telenano/scenes").glob("*.toml"):
                 self.assertEqual(run(nve, "check", "--scene", scene.stem, cwd=anywhere).returncode, 0, scene)
 

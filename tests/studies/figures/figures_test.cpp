@@ -54,7 +54,10 @@ TEST(Ks06, SnapInWhereTheSpringGivesWay) {
 }
 
 // Hysteresis: the way out attracts at least as much as the way in, and the area between them is what the
-// jumps dissipate. The trapezium rule smears a jump of up to 60 nN over a step.
+// jumps dissipate. The trapezium rule smears a jump of up to 60 nN over a step. In moist air the way out
+// lacks what the liquid takes of van der Waals' force, F0 a0²/(a0 + D)² with F0 = 4 pi R gamma c, and has the
+// bridge's F0 (1 − D/(2 r c)) instead: less in sum only next to where the bridge breaks, by F0 a0²/(a0 + 2 r
+// c)² at most.
 TEST(Ks06, LoopCostsWhatTheJumpsDissipate) {
   for (const Ks06Sample& sample : ks06_samples()) {
     for (const double humidity : {0.0, 50.0}) {
@@ -64,8 +67,13 @@ TEST(Ks06, LoopCostsWhatTheJumpsDissipate) {
         EXPECT_GT(c.loop_aj, 0);
         EXPECT_NEAR(c.loop_aj, c.dissipated_aj, 4 * step * c.pull_off_nn)
             << sample.name << ' ' << humidity << ' ' << k;
+        const double cosine = std::cos(20 * M_PI / 180);
+        const double reach_nm = 2 * 0.539 / std::log(2.0) * cosine;
+        const double at_rupture_nn =
+            4 * M_PI * 20 * 0.0728 * cosine * std::pow(0.165 / (0.165 + reach_nm), 2);
+        const double less_nn = humidity > 0 ? 1.01 * at_rupture_nn : 0;  // 0.539 has three digits
         for (std::size_t i = 0; i < c.approach.size(); ++i)
-          EXPECT_LE(c.retract[c.retract.size() - 1 - i].force_nn, c.approach[i].force_nn + 1e-9);
+          EXPECT_LE(c.retract[c.retract.size() - 1 - i].force_nn, c.approach[i].force_nn + less_nn + 1e-9);
       }
     }
   }

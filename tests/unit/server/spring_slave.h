@@ -58,7 +58,7 @@ class SpringSlave final : public slave::Slave {
   slave::SlaveInput last_input;
   double last_dt_s = 0;
   double total_dt_s = 0;
-  std::int64_t age_ns = 0;  ///< of its force; 0: computed
+  std::int64_t age_ns = 0;                     ///< of its force; 0: computed
   void measure() { limits_.measures = true; }  ///< as an instrument does
   double highest_nm = -1e300;
   double broken_nn = 0;     ///< NaN: a slave gone wrong

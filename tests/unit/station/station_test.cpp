@@ -376,6 +376,10 @@ TEST(Station, AfterAStopTheTipStaysWhereItWithdrewTo) {
   }
   rig.station.clear_stop();
   rig.tick();
+  EXPECT_EQ(rig.station.mode(), Mode::kReady) << "the slave does not say yet that its tip follows again";
+  EXPECT_EQ(rig.output.command.tip_vel_w_nm_s.norm(), 0);
+  rig.reply.fault_bits = 0;
+  rig.tick();
   EXPECT_EQ(rig.station.mode(), Mode::kEngaged);
   EXPECT_EQ(rig.output.command.tip_pos_w_nm, withdrawn_w_nm);
   EXPECT_EQ(rig.output.command.tip_vel_w_nm_s.norm(), 0);
