@@ -58,6 +58,9 @@ std::vector<WithoutTerm> without_each_term(const Scene& scene) {
   const auto leave_out = [&](bool in, const char* term, const Change& change) {
     if (in) all.push_back({term, changed(scene, change)});
   };
+  // One potential holds law and ground together, made when the scene was read: no term of it can be taken out
+  // here.
+  if (scene.potential) return all;
   const physics::TipSampleParameters& law = scene.law_parameters;
   const physics::LongRangeParameters& far = law.long_range;
   const physics::Compliance& lever = scene.cantilever.compliance_nm_nn();
