@@ -300,6 +300,9 @@ int start_guard(const std::string& emergency, int silence_ms) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_adddup2(&actions, ends[1], STDIN_FILENO);
+  // The guard may outlive the server by minutes: with the server's sockets in its hands, the next server would
+  // find its own port in use.
+  ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   std::string program = "telenano-nve", command = "afm-guard", flag = "--emergency", address = emergency,
               silence = "--silence-ms", time = std::to_string(silence_ms);
   char* arguments[] = {program.data(), command.data(), flag.data(), address.data(),

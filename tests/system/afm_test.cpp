@@ -52,9 +52,10 @@ class Simulator {
   std::vector<int> ports_;
 };
 
-std::vector<std::string> serve(const std::string& ports, const std::string& afm) {
-  return {kNve,           "serve",     "--listen", "127.0.0.1:0", "--slave", "nanonis",
-          "--controller", "127.0.0.1", "--ports",  ports,         "--afm",   afm};
+std::vector<std::string> serve(const std::string& ports, const std::string& afm, int port = 0) {
+  return {kNve,      "serve",   "--listen",     "127.0.0.1:" + std::to_string(port),
+          "--slave", "nanonis", "--controller", "127.0.0.1",
+          "--ports", ports,     "--afm",        afm};
 }
 
 int port_of(ChildProcess& child) {
@@ -235,20 +236,21 @@ TEST_F(AfmProgramsTest, AStationWhoseTipStaysWithdrawnSaysSoAndFails) {
 }
 
 // The guard has no limit of time: it stays until the controller has answered, and the next server waits for
-// it.
+// it. That server has the first one's port, as after a restart by systemd: the guard must not hold it.
 TEST_F(AfmProgramsTest, AControllerThatIsSilentWhileTheServerDiesEndsWithdrawn) {
   const std::string control = path("faults.txt");
   Simulator simulator({"--control", control});
   const std::string file = afm();
   ChildProcess server(serve(simulator.ports(), file));
-  ASSERT_GT(port_of(server), 0);
+  const int port = port_of(server);
+  ASSERT_GT(port, 0);
   const pid_t guard = guard_of(server);
   ASSERT_GT(guard, 0);
   write("faults.txt", "silent 8s\n");
   ASSERT_TRUE(simulator.says("silent 8s"));
   server.signal(SIGKILL);
   ASSERT_TRUE(server.wait(kLong));
-  ChildProcess next(serve(simulator.ports(), file));
+  ChildProcess next(serve(simulator.ports(), file, port));
   EXPECT_TRUE(next.wait_for_err("waiting for the guard of the last run", kLong)) << next.err();
   ::usleep(300'000);
   EXPECT_TRUE(alive(guard)) << "the controller is still silent";

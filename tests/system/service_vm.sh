@@ -60,6 +60,22 @@ checks() {
     check "AFM: the guard has outlived it" equals "$(guards)" 1
     check "AFM: until it is heard" until_no_guard 40
     check "AFM: stopped while it heard nothing, the tip is withdrawn" tip_of sim2 withdrawn
+
+    simulate sim3
+    check "AFM: starts a third time" systemctl start telenano-nve
+    check "AFM: silent once more" silent 12 sim3
+    check "AFM: a restart while it hears nothing" systemctl --no-block restart telenano-nve
+    sleep 1
+    check "AFM: the new server waits for the guard, and serves" until_is ActiveState active 120
+    kill -STOP "$(value MainPID)"
+    check "AFM: a hung one is killed and started again" until_is NRestarts 1 60
+    check "AFM: and serves" until_is ActiveState active 60
+    systemctl --no-block kill --kill-whom=main -s KILL telenano-nve
+    check "AFM: a killed one is started again" until_is NRestarts 2 60
+    check "AFM: and serves again" until_is ActiveState active 60
+    check "AFM: stops at last" systemctl stop telenano-nve
+    check "AFM: no guard is left" until_no_guard 20
+    check "AFM: at last the tip is withdrawn" tip_of sim3 withdrawn
     cp /tmp/nve.env /etc/telenano/nve.env
     rm /etc/telenano/afm.toml
   }
@@ -134,6 +150,6 @@ out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 bash "$here/vm.sh" --help >/dev/null
 (cd "$build" && cpack -B "$out") >"$out/cpack.log" 2>&1 || { tail -n 5 "$out/cpack.log"; exit 1; }
-bash "$here/vm.sh" --out "$out" --seconds 420 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
+bash "$here/vm.sh" --out "$out" --seconds 840 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
 cat "$out/checks.log"
 grep -q '^failed 0$' "$out/checks.log" || { tail -n 40 "$out/systemd.log"; exit 1; }
