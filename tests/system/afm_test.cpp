@@ -246,14 +246,15 @@ TEST_F(AfmProgramsTest, AControllerThatIsSilentWhileTheServerDiesEndsWithdrawn) 
   ASSERT_GT(port, 0);
   const pid_t guard = guard_of(server);
   ASSERT_GT(guard, 0);
-  write("faults.txt", "silent 8s\n");
-  ASSERT_TRUE(simulator.says("silent 8s"));
+  write("faults.txt", "silent 3600s\n");
+  ASSERT_TRUE(simulator.says("silent 3600s"));
   server.signal(SIGKILL);
   ASSERT_TRUE(server.wait(kLong));
   ChildProcess next(serve(simulator.ports(), file, port));
   EXPECT_TRUE(next.wait_for_err("waiting for the guard of the last run", kLong)) << next.err();
   ::usleep(300'000);
   EXPECT_TRUE(alive(guard)) << "the controller is still silent";
+  write("faults.txt", "silent 0s\n");
   ASSERT_GT(port_of(next), 0) << next.err();
   EXPECT_FALSE(alive(guard));
   const pid_t last = guard_of(next);
