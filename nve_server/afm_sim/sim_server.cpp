@@ -54,7 +54,8 @@ void SimServer::look_at_control_file() {
   struct stat info {};
   if (::stat(options_.control_file.c_str(), &info) != 0) return;
   const std::int64_t stamp = info.st_mtim.tv_sec * std::int64_t{1'000'000'000} + info.st_mtim.tv_nsec;
-  if (stamp == control_stamp_ns_) return;
+  // Empty: somebody has opened it and not written yet, which may happen within one tick of the file's clock.
+  if (stamp == control_stamp_ns_ || info.st_size == 0) return;
   control_stamp_ns_ = stamp;
   std::ifstream file(options_.control_file);
   for (std::string line; std::getline(file, line);) {
