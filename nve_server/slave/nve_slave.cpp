@@ -314,6 +314,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
 
 void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   const physics::Probe& probe = scene_->cantilever;
+  last_faults_ = fault_bits;
   output.force_w_nn = port().solution.force_w_nn;
   output.tip_pos_w_nm = port().solution.apex_w_nm;
   output.commanded_pos_w_nm = port().commanded_w_nm;
@@ -357,6 +358,7 @@ void NveSlave::write_state(Visit& visit) const noexcept {
   visit(energy_in_aj_);
   visit(energy_out_aj_);
   visit(paid_ahead_aj_);
+  visit(std::uint64_t{last_faults_});
 }
 
 std::uint64_t NveSlave::state_hash() const noexcept {
@@ -392,7 +394,11 @@ bool NveSlave::load(std::span<const std::uint8_t> bytes) noexcept {
   reader(energy_in_aj_);
   reader(energy_out_aj_);
   reader(paid_ahead_aj_);
-  good = good && reader.ok() && reader.at_end() && energy_in_aj_ >= 0 && energy_out_aj_ >= 0;
+  std::uint64_t faults = 0;
+  reader(faults);
+  last_faults_ = static_cast<std::uint32_t>(faults);
+  good = good && faults <= UINT32_MAX && reader.ok() && reader.at_end() && energy_in_aj_ >= 0 &&
+         energy_out_aj_ >= 0;
   if (good) {
     const physics::TipSampleLaw& law = scene_->equilibrium->law();
     law.derive(to.tip.law.cache);

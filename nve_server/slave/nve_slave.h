@@ -104,6 +104,9 @@ class NveSlave final : public Slave {
   void reset() noexcept override;
   std::size_t snapshot_bytes_max() const noexcept override;
 
+  /// What the last step said, or the one before a load(); without its local model.
+  void say_again(SlaveOutput& output) noexcept { publish(last_faults_, output); }
+
   const TouchedSample& sample() const noexcept { return sample_; }
   /// This session's own surface; null where no marks stay.
   const physics::SplineSurface* marked_surface() const noexcept { return sample_.marked_surface(); }
@@ -161,6 +164,7 @@ class NveSlave final : public Slave {
   Trace trace_;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;
+  std::uint32_t last_faults_ = 0;
   double paid_ahead_aj_ = 0;            // by how much the charges so far exceed the port's work
   std::vector<std::uint8_t> at_first_;  // the state as it was made
 };
