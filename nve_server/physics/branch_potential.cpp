@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <string>
 
 #include "common/base/constants.h"
@@ -19,13 +18,6 @@ constexpr double kFoldInContact =
     0.9379474572107123;              // λ from which on the fold of overlap is (maugis_dugdale.cpp)
 constexpr double kSlopeStep = 1e-3;  // of ρ: five-point differences err by some 1e-12
 constexpr double kAtFold_nm = 1e-7;  // the borders' own error, and more
-
-// Far terms: steps of the tables, and how far the mirrored ends must be away (their error falls to a quarter
-// a node).
-constexpr double kGapStep = 0.04;
-constexpr double kRadiusStep = 0.1;
-constexpr int kBeyond = 16;
-constexpr double kFarthestGap_nm = 3e5;
 
 /// What the law's curve leaves open: M and M' of the class comment.
 struct Moment {
@@ -105,7 +97,23 @@ auto with_curve(const TipSampleParameters& p, double lambda, const Use& use) {
 }  // namespace
 
 BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_nm)
-    : law_(law), unit_(law.scales(1.0)), cut_off_nm_(law.parameters().equilibrium_distance_nm) {
+    : BranchPotential(law, nominal_radius_nm, false) {
+  const LongRangeParameters& far = law_.parameters().long_range;
+  const Electrostatic field(far.tip_bias_v, shape_of(far));
+  if (field.active()) {
+    bias_.emplace([&](double gap, double radius) { return field.energy_aj(gap, radius); }, cut_off_nm_,
+                  first_, greatest_log_radius());
+  }
+  if (!law_.long_range().has_bridge()) return;
+  bridge_ = BridgePotential(law_.long_range().capillary(), nominal_radius_nm);
+  wet_.reset(new BranchPotential(law, nominal_radius_nm, true));
+}
+
+BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_nm, bool wet)
+    : law_(law),
+      medium_(law.media().of(wet)),
+      unit_(medium_.scales(1.0)),
+      cut_off_nm_(law.parameters().equilibrium_distance_nm) {
   const TipSampleParameters& p = law_.parameters();
   if (!(std::isfinite(nominal_radius_nm) && nominal_radius_nm > 0)) {
     throw UserError("potential of tip and sample: the radius must be positive and finite (nm), not " +
@@ -115,9 +123,6 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
       p.model == ContactModel::kPietrementTroyon) {
     throw UserError("potential of tip and sample: not with " + std::string(contact_model_name(p.model)) +
                     "; expected maugis-dugdale, jkr, dmt or hertz");
-  }
-  if (law_.long_range().has_bridge()) {
-    throw UserError("potential of tip and sample: not with a capillary bridge");
   }
   const double nominal = det_log(nominal_radius_nm);
   const double last = nominal + kAboveNominal;
@@ -132,7 +137,7 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
       (at_radius(middle).reversible ? low : high) = middle;
     }
     if (p.model == ContactModel::kMaugisDugdale) {
-      const double apart = 3.0 * det_log(kFoldInContact / law_.lambda(det_exp(low)));
+      const double apart = 3.0 * det_log(kFoldInContact / medium_.scales(det_exp(low)).lambda);
       step_ = apart / std::ceil(apart / kPiece);
     }
     first_ = low - step_ * std::ceil((low - first_) / step_);
@@ -155,23 +160,28 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
     hermite(start.offset_aj, step_ * offset_slope(from), at_radius(from + step_).offset_aj,
             step_ * offset_slope(from + step_), piece.offset);
   }
-  const TipShape shape = shape_of(p.long_range);
-  const double hamaker = law_.van_der_waals().hamaker_aj;
-  const TipVanDerWaals far(hamaker, p.long_range.retardation_nm, shape);
+  const double hamaker = medium_.van_der_waals().hamaker_aj;
+  const TipVanDerWaals far(hamaker, p.long_range.retardation_nm, shape_of(p.long_range));
   if (hamaker > 0 && far.active()) {
     far_.emplace([&](double gap, double radius) { return far.correction_energy_aj(gap, radius); },
                  cut_off_nm_, first_, last);
   }
-  const Electrostatic field(p.long_range.tip_bias_v, shape);
-  if (field.active()) {
-    bias_.emplace([&](double gap, double radius) { return field.energy_aj(gap, radius); }, cut_off_nm_,
-                  first_, last);
+  if (!law_.long_range().has_bridge()) return;
+  for (std::size_t i = 0; i < count; ++i) {
+    const double from = first_ + step_ * static_cast<double>(i);
+    const auto at = [&](double t) {
+      CurveHint hint;
+      PotentialJet jet;
+      ContactSize size;
+      return inside(0.0, from + step_ * t, hint, jet, size) ? jet.energy_aj : 0.0;
+    };
+    through(at(0.0), at(1.0 / 3.0), at(2.0 / 3.0), at(1.0), pieces_[i].touch);
   }
 }
 
 BranchPotential::AtRadius BranchPotential::at_radius(double log_radius) const {
   const TipSampleParameters& p = law_.parameters();
-  const ContactScales s = law_.scales(det_exp(log_radius));
+  const ContactScales s = medium_.scales(det_exp(log_radius));
   return with_curve(p, s.lambda, [&](const auto& curve) {
     AtRadius out;
     if (p.van_der_waals) {
@@ -195,7 +205,7 @@ double BranchPotential::offset_slope(double log_radius) const {
   const TipSampleParameters& p = law_.parameters();
   if (!p.van_der_waals) return 0;
   if (p.model == ContactModel::kMaugisDugdale) {
-    const ContactScales s = law_.scales(det_exp(log_radius));
+    const ContactScales s = medium_.scales(det_exp(log_radius));
     const MaugisDugdale curve(s.lambda);
     const OutsideLaw outside(s.lambda);
     return offset_moment(curve, find_parting(curve, outside), outside) * s.energy_aj;
@@ -216,9 +226,14 @@ BranchPotential::Borders BranchPotential::borders(double log_radius) const noexc
   return {cubic(at.piece->enter, at.t), cubic(at.piece->leave, at.t), at.piece->reversible};
 }
 
+double BranchPotential::touch_energy_aj(double log_radius) const noexcept {
+  const Place at = place(log_radius);
+  return cubic(at.piece->touch, at.t);
+}
+
 void BranchPotential::outside(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept {
   jet = {};
-  const VanDerWaals& attraction = law_.van_der_waals();
+  const VanDerWaals& attraction = medium_.van_der_waals();
   if (attraction.hamaker_aj > 0) {
     const double radius = det_exp(log_radius);
     const double per_gap = 1.0 / (cut_off_nm_ - overlap_nm);
@@ -301,106 +316,6 @@ bool BranchPotential::on_curve(const Curve& curve, const ContactScales& s, doubl
 
 void BranchPotential::add_bias(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept {
   if (bias_) bias_->add(overlap_nm, log_radius, jet);
-}
-
-// ---- Far terms
-
-namespace {
-
-// The four cubic B-splines of a cell at u and their derivatives in it.
-struct Line {
-  double value[4], slope[4], bend[4];
-};
-
-Line line_at(double u) noexcept {
-  const double v = 1.0 - u;
-  const double sixth = 1.0 / 6.0;
-  return {{sixth * v * v * v, sixth * ((3.0 * u - 6.0) * u * u + 4.0),
-           sixth * (((-3.0 * u + 3.0) * u + 3.0) * u + 1.0), sixth * u * u * u},
-          {-0.5 * v * v, (1.5 * u - 2.0) * u, (-1.5 * u + 1.0) * u + 0.5, 0.5 * u * u},
-          {v, 3.0 * u - 2.0, 1.0 - 3.0 * u, u}};
-}
-
-double sum(const double (&weight)[4], const double* c) noexcept {
-  return (weight[0] * c[0] + weight[1] * c[1]) + (weight[2] * c[2] + weight[3] * c[3]);
-}
-
-using FarEnergy = std::function<double(double, double)>;
-
-BicubicSpline table_of(const FarEnergy& energy_aj, double cut_off_nm, double first, double last) {
-  HeightGrid grid;
-  const double log_cut_off = det_log(cut_off_nm);
-  grid.columns =
-      static_cast<int>(std::ceil((det_log(kFarthestGap_nm) - log_cut_off) / kGapStep)) + 2 * kBeyond;
-  grid.rows = static_cast<int>(std::ceil((last - first) / kRadiusStep)) + 2 * kBeyond;
-  grid.dx_nm = kGapStep;
-  grid.dy_nm = kRadiusStep;
-  grid.x_first_nm = log_cut_off - kBeyond * kGapStep;
-  grid.y_first_nm = first - kBeyond * kRadiusStep;
-  grid.z_nm.resize(static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows));
-  for (int row = 0; row < grid.rows; ++row) {
-    const double radius = det_exp(grid.y_first_nm + row * kRadiusStep);
-    for (int column = 0; column < grid.columns; ++column) {
-      const double gap = det_exp(grid.x_first_nm + column * kGapStep);
-      grid.z_nm[static_cast<std::size_t>(row) * static_cast<std::size_t>(grid.columns) +
-                static_cast<std::size_t>(column)] = energy_aj(gap, radius) / radius;
-    }
-  }
-  return BicubicSpline::interpolating(grid);
-}
-
-}  // namespace
-
-BranchPotential::Far::Far(const FarEnergy& energy_aj, double cut_off_nm, double first, double last)
-    : cut_off_nm_(cut_off_nm), spline_(table_of(energy_aj, cut_off_nm, first, last)) {
-  // Column kBeyond is the gap a0; there value and slope of the spline are again splines over ρ.
-  for (int row = -1; row <= spline_.rows(); ++row) {
-    const double left = spline_.coefficient(kBeyond - 1, row);
-    const double here = spline_.coefficient(kBeyond, row);
-    const double right = spline_.coefficient(kBeyond + 1, row);
-    touch_value_.push_back((left + 4.0 * here + right) / 6.0);
-    touch_slope_.push_back((right - left) / (2.0 * kGapStep));
-  }
-}
-
-void BranchPotential::Far::add(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept {
-  const double radius = det_exp(log_radius);
-  double value = 0, by_x = 0, by_x_twice = 0, by_r = 0, by_r_twice = 0, by_both = 0;
-  double x_rate = 0, x_bend = 0;
-  if (overlap_nm < 0) {
-    const double per_gap = 1.0 / (cut_off_nm_ - overlap_nm);
-    x_rate = -per_gap;
-    x_bend = -per_gap * per_gap;
-    const HeightJet t = spline_.jet(-det_log(per_gap), log_radius);
-    value = t.z;
-    by_x = t.zx;
-    by_x_twice = t.zxx;
-    by_r = t.zy;
-    by_r_twice = t.zyy;
-    by_both = t.zxy;
-  } else {
-    // The force at touch goes on: a line in the overlap, its two ends functions of ρ.
-    const double at = std::clamp((log_radius - spline_.y_first_nm()) / kRadiusStep, 0.0,
-                                 static_cast<double>(spline_.rows() - 2));
-    const int cell = static_cast<int>(at);
-    const Line w = line_at(at - cell);
-    const double* end = &touch_value_[static_cast<std::size_t>(cell)];
-    const double* rate = &touch_slope_[static_cast<std::size_t>(cell)];
-    x_rate = -1.0 / cut_off_nm_;
-    const double along = x_rate * overlap_nm;
-    const double per_step = 1.0 / kRadiusStep;
-    by_x = sum(w.value, rate);
-    by_both = sum(w.slope, rate) * per_step;
-    value = sum(w.value, end) + along * by_x;
-    by_r = sum(w.slope, end) * per_step + along * by_both;
-    by_r_twice = (sum(w.bend, end) + along * sum(w.bend, rate)) * (per_step * per_step);
-  }
-  jet.energy_aj += radius * value;
-  jet.force_nn += radius * by_x * x_rate;
-  jet.stiffness_n_m += radius * (by_x_twice * x_rate * x_rate + by_x * x_bend);
-  jet.by_radius_aj += radius * (value + by_r);
-  jet.mixed_nn += radius * (by_x + by_both) * x_rate;
-  jet.by_radius_twice_aj += radius * (value + 2.0 * by_r + by_r_twice);
 }
 
 }  // namespace telenano::physics

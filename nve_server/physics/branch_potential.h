@@ -1,23 +1,15 @@
 #pragma once
 
-#include <functional>
+#include <memory>
 #include <optional>
 #include <vector>
 
-#include "nve_server/physics/bicubic_spline.h"
+#include "nve_server/physics/bridge_potential.h"
+#include "nve_server/physics/far_term.h"
+#include "nve_server/physics/potential_jet.h"
 #include "nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
-
-/// One term W(δ, ρ) of the potential with its first and second derivatives: δ overlap (nm), ρ = ln(R_eff/nm).
-struct PotentialJet {
-  double energy_aj = 0;
-  double force_nn = 0;            ///< ∂W/∂δ, repulsion positive
-  double by_radius_aj = 0;        ///< ∂W/∂ρ
-  double stiffness_n_m = 0;       ///< ∂²W/∂δ²
-  double mixed_nn = 0;            ///< ∂²W/∂δ∂ρ
-  double by_radius_twice_aj = 0;  ///< ∂²W/∂ρ²
-};
 
 /// The square of the contact radius, whose rates are finite where contact begins.
 struct ContactSize {
@@ -59,17 +51,18 @@ struct CurveHint {
 ///           one or two evaluations, no table, no error of one, any radius. The borders and O are piecewise
 ///           cubics in ρ, with knots where λ passes 0.717 and 0.938 (where the fold comes to lie in contact);
 ///           O, which has a force, is C¹ with exact slopes.
-/// Far       Retardation and cone are one term of δ and ρ, added on both sides; the bias is another, for the
-///           caller adds it with an overlap and a radius of its own (another range needs another softening).
-///           Both from bicubic splines of the exact energy over (ln gap, ρ); from touch on the force stays
-///           (long_range.h), as lines over the same spline's ρ.
+/// Far       Retardation and cone are one term of δ and ρ (far_term.h), added on both sides. Bias and bridge
+///           are terms apart, which the caller adds with overlaps and radii of their own: another range needs
+///           another softening.
+/// Wet       Under the liquid of a bridge the medium is another one (contact_medium.h): wet() has its
+///           branches, this its dry ones.
 /// Validity  R between 1/90 and 600 times the nominal radius; beyond, borders and O stay those of the end.
 ///           Overlaps up to `enter` outside, from `leave` on inside.
 /// Errors    Inside and outside those of the law (1e-10 of the pull-off, 1e-13 of the energy); O 1e-10 of E;
 ///           far terms 1e-7 of theirs (force 1e-6). Second derivatives in ρ 1e-5.
 class BranchPotential {
  public:
-  /// Throws UserError for a law that it does not have: Schwarz, COS, Piétrement–Troyon; a capillary bridge.
+  /// Throws UserError for a law that it does not have: Schwarz, COS, Piétrement–Troyon.
   BranchPotential(const TipSampleLaw& law, double nominal_radius_nm);
 
   struct Borders {
@@ -89,6 +82,12 @@ class BranchPotential {
   /// The length over which the bias changes near touch is that of the gap itself: its softening.
   static constexpr double kBiasSoftening_nm = 1.0;
 
+  /// Of the branches under liquid; null where no bridge ever forms. Has no bias and no bridge of its own.
+  const BranchPotential* wet() const noexcept { return wet_.get(); }
+  const BridgePotential& bridge() const noexcept { return bridge_; }
+  /// W inside at overlap 0, where a dry contact may turn wet; only where there is a bridge. 1e-6 of it.
+  double touch_energy_aj(double log_radius) const noexcept;
+
   const TipSampleLaw& law() const noexcept { return law_; }
   double least_log_radius() const noexcept { return first_; }
   double greatest_log_radius() const noexcept { return first_ + step_ * static_cast<double>(pieces_.size()); }
@@ -99,6 +98,7 @@ class BranchPotential {
     double enter[4];
     double leave[4];
     double offset[4];
+    double touch[4];
     bool reversible;
   };
   struct AtRadius {
@@ -106,21 +106,6 @@ class BranchPotential {
     double enter_nm = 0;
     double leave_nm = 0;
     bool reversible = false;
-  };
-
-  /// A term beside contact and van der Waals: R T(ln gap, ρ).
-  class Far {
-   public:
-    /// `energy_aj(gap_nm, radius_nm)`, for any gap > 0.
-    Far(const std::function<double(double, double)>& energy_aj, double cut_off_nm, double first_log_radius,
-        double last_log_radius);
-    void add(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
-
-   private:
-    double cut_off_nm_;
-    BicubicSpline spline_;
-    std::vector<double> touch_value_;  // B-spline coefficients over ρ at the gap a0
-    std::vector<double> touch_slope_;
   };
 
   struct Place {
@@ -134,14 +119,19 @@ class BranchPotential {
   bool on_curve(const Curve& curve, const ContactScales& scales, double overlap_nm, double log_radius,
                 CurveHint& hint, PotentialJet& jet, ContactSize& size) const noexcept;
 
+  BranchPotential(const TipSampleLaw& law, double nominal_radius_nm, bool wet);
+
   TipSampleLaw law_;
+  ContactMedium medium_;
   ContactScales unit_;  // at a radius of 1 nm
   double cut_off_nm_ = 0;
   double first_ = 0;
   double step_ = 0;  // of ρ
   std::vector<Piece> pieces_;
-  std::optional<Far> far_;
-  std::optional<Far> bias_;
+  std::optional<FarTerm> far_;
+  std::optional<FarTerm> bias_;
+  BridgePotential bridge_;
+  std::shared_ptr<const BranchPotential> wet_;
 };
 
 }  // namespace telenano::physics

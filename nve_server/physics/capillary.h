@@ -88,6 +88,9 @@ class Capillary {
   double energy_aj(double gap_nm, double radius_nm, const BridgeState& bridge) const noexcept;
 
   double kelvin_radius_nm() const noexcept { return kelvin_nm_; }
+  bool constant_volume() const noexcept { return constant_volume_; }
+  /// 4 pi gamma c: F0 over R.
+  double force_per_radius_n_m() const noexcept { return force_per_radius_; }
   /// Of a rigid tip outside, without what retardation and cone change in the displaced attraction; with the
   /// energy looked at only if settled().
   double formation_gap_nm(double radius_nm) const noexcept;

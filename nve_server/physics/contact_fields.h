@@ -28,6 +28,14 @@ class ContactFields {
   virtual void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept = 0;
   /// With a fixed softening length (nm, > 0; kept within what the fields hold): for a term of another range.
   virtual void at_softening(const Vec3& apex_w_nm, double softening_nm, ContactJet& jet) const noexcept = 0;
+  /// Of that overlap and ρ alone.
+  virtual void values_at_softening(const Vec3& apex_w_nm, double softening_nm, double& overlap_nm,
+                                   double& log_radius) const noexcept {
+    ContactJet jet;
+    at_softening(apex_w_nm, softening_nm, jet);
+    overlap_nm = jet.overlap_nm;
+    log_radius = jet.log_radius;
+  }
 };
 
 }  // namespace telenano::physics

@@ -4,26 +4,19 @@
 #include <optional>
 
 #include "common/base/vec3.h"
-#include "nve_server/physics/branch_potential.h"
-#include "nve_server/physics/contact_fields.h"
 #include "nve_server/physics/friction.h"
+#include "nve_server/physics/spring_frame.h"
 #include "nve_server/physics/tip_equilibrium.h"
+#include "nve_server/physics/tip_potential.h"
 
 namespace telenano::physics {
-
-/// The springs of a balance in coordinates in which they give: all three, or fewer where they are rigid.
-struct SpringFrame {
-  Compliance compliance_nm_nn = Compliance::Constant(-1.0);  ///< what the rest was made for
-  int rank = 0;
-  Mat3 basis_w = Mat3::Identity();        ///< columns; the first `rank` are the directions that give
-  Mat3 stiffness_n_m = Mat3::Identity();  ///< in the basis; only its first rows and columns mean anything
-};
 
 /// What is remembered from one step to the next.
 struct PotentialState {
   bool started = false;
-  bool inside = false;     ///< the branch: on the contact law's curve
-  bool under_way = false;  ///< not yet in a minimum: the descent goes on in the next step
+  PotentialBranch branch;
+  bool under_way = false;    ///< not yet in a minimum: the descent goes on in the next step
+  bool broken_away = false;  ///< on that way friction is the kinetic one
   Vec3 free_end_w_nm = Vec3::Zero();
   Vec3 apex_w_nm = Vec3::Zero();
   CurveHint hint;
@@ -35,10 +28,9 @@ struct PotentialState {
 };
 
 /// Quasi-static balance of the tip between springs to a free end x and a sample that is one potential a
-/// branch (branch_potential.h) of fields of the apex (contact_fields.h):
+/// branch (tip_potential.h):
 ///
-///   E_b(p) = ½ (p − x)ᵀ K (p − x) + U_b(p) + bristle,   U_b(p) = W_b(δ(p), ρ(p)) [+ the bias at its own
-///   softening],
+///   E_b(p) = ½ (p − x)ᵀ K (p − x) + U_b(p) + bristle,
 ///
 /// K the inverse of the springs' compliance (where that is rigid, p moves with x). The tip stays in a local
 /// minimum of E_b as long as there is one.
@@ -50,14 +42,17 @@ struct PotentialState {
 ///       2. Else in halves, twice at most.
 ///       3. Else the held move and the descent: the free end moves with the tip held, then E falls at held x,
 ///          by a trust-region Newton method that takes a step only if E falls, through the borders of the
-///          branches, to a local minimum. Snap-in, pull-off and lateral slides are all this.
+///          branches, to a local minimum. Snap-in, pull-off, lateral slides, a bridge that forms or ruptures
+///          and stick–slip are all this.
 ///
 /// Friction (friction.h) acts in the plane across −∇δ, its contact radius a field of the apex too. On the
 /// way it is backward Euler's bristle, with its tangent in Newton's matrix. In a descent stiffness k and
 /// limit T are held as they are where it begins: friction then is the convex potential k e²/2 up to e = T/k
 /// and T e − T²/2k beyond, and E with it still falls. At the end the bristle is put on the contact as that
 /// is there, what this sets free is booked as friction, and the descent is repeated until k rests (three
-/// times at most).
+/// times at most). At a kinetic ratio r < 1 a contact that slips breaks away: a descent at the static limit
+/// that slips goes on at r T, the bristle's loss down to that is friction, and where it comes to rest the
+/// contact holds up to T again.
 ///
 /// Energy. What is lost is E before the descent less E after it, ≥ 0 by construction, in dissipated_aj; the
 /// free end's work over a step is Δ(U + ½ Fᵀ C F + bristle) + both that are dissipated (with friction to
@@ -84,31 +79,13 @@ class PotentialEquilibrium {
   TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
                       PotentialState& state) const noexcept;
 
-  /// U at an apex, its gradient and Hessian, on a branch. False, with the rest as it comes, beyond the
-  /// branch's border.
-  struct Sample {
-    double energy_aj = 0;
-    Vec3 gradient_nn = Vec3::Zero();
-    Mat3 hessian_n_m = Mat3::Zero();
-    ContactJet place;
-    PotentialJet law;
-    ContactSize size;
-    bool reversible = false;  ///< the border there is used both ways
-    bool finite = true;
-  };
-  bool sample(const Vec3& apex_w_nm, bool inside, CurveHint& hint, Sample& out) const noexcept;
-
   /// Height of the apex over (x, y) at which the overlap is 0: the closed form's or the fields' own touch.
   double touch_height_nm(double x_nm, double y_nm, double highest_nm) const noexcept;
 
-  const BranchPotential& potential() const noexcept { return *potential_; }
-  const ContactFields& fields() const noexcept { return *fields_; }
+  const TipPotential& potential() const noexcept { return potential_; }
 
  private:
-  class Walk;
-
-  std::shared_ptr<const ContactFields> fields_;
-  std::shared_ptr<const BranchPotential> potential_;
+  TipPotential potential_;
   std::optional<Friction> friction_;
 };
 

@@ -6,6 +6,7 @@
 #include "tests/studies/afm/afm_command.h"
 #include "tests/studies/bench/bench_command.h"
 #include "tests/studies/contact_command.h"
+#include "tests/studies/fidelity/fidelity_command.h"
 #include "tests/studies/figures/figures_command.h"
 #include "tests/studies/flood/flood_command.h"
 #include "tests/studies/loop_bench/loop_bench_command.h"
@@ -26,6 +27,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   telenano::studies::add_afm_command(app);
   telenano::studies::add_contact_command(app);
+  telenano::studies::add_fidelity_command(app, exit_code);
   telenano::studies::add_figures_command(app);
   telenano::studies::add_flood_command(app);
   CLI::App* bench = app.add_subcommand("bench", "The product beside its floor, in one run");

@@ -51,6 +51,7 @@ std::vector<Include> includes_of(const fs::path& tree) {
 const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"common/base", {}},
     {"common/config", {"common/base"}},
+    {"common/hash", {"common/base"}},
     {"common/rt", {"common/base"}},
     {"common/control", {"common/base"}},
     {"common/link", {"common/base"}},
@@ -101,7 +102,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"telenano.pb.h", {"common/link/codec"}},
     {"proto/telenano.pb.h", {"common/link/codec"}},
     {"boost/asio", {"common/net/udp", "common/net/tcp"}},
-    {"openssl/", {"common/security/dtls_"}},
+    {"openssl/", {"common/security/dtls_", "common/hash/sha256"}},
     {"prometheus/", {"common/metrics/exporter"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},

@@ -297,11 +297,37 @@ TEST(BranchPotential, WithoutVanDerWaalsNothingIsOutside) {
   EXPECT_LT(b.leave_nm, b.enter_nm);
 }
 
+// The wet branches are those of a dry law with the wet medium's work of adhesion (Young's equation, by hand).
+TEST(BranchPotential, WetBranchesAreThoseOfTheWettedContact) {
+  TipSampleParameters p = with_far(silicon_oxide());
+  p.long_range.capillary.humidity_percent = 50;
+  p.long_range.capillary.contact_angle_tip_deg = 20;
+  p.long_range.capillary.contact_angle_sample_deg = 60;
+  const BranchPotential humid(TipSampleLaw(p), 20.0);
+  TipSampleParameters q = with_far(silicon_oxide());
+  q.work_of_adhesion_n_m -= 0.0728 * (std::cos(20 * 3.14159265358979 / 180) + 0.5);
+  const BranchPotential wetted(TipSampleLaw(q), 20.0);
+  const BranchPotential dry(TipSampleLaw(with_far(silicon_oxide())), 20.0);
+  ASSERT_NE(humid.wet(), nullptr);
+  EXPECT_EQ(dry.wet(), nullptr);
+  for (const double radius : {3.0, 20.0, 150.0}) {
+    for (const double overlap : {-3.0, -0.3, 0.05, 1.0}) {
+      for (const bool inside : {false, true}) {
+        if (inside != (overlap > 0.0)) continue;
+        const Place at{overlap, std::log(radius), inside};
+        const PotentialJet jet = jet_at(*humid.wet(), at), same = jet_at(wetted, at);
+        EXPECT_NEAR(jet.energy_aj, same.energy_aj, 1e-9 * (1 + std::fabs(same.energy_aj)));
+        EXPECT_NEAR(jet.force_nn, same.force_nn, 1e-8 * (1 + std::fabs(same.force_nn)));
+        EXPECT_NEAR(jet_at(humid, at).energy_aj, jet_at(dry, at).energy_aj, 1e-12 * radius);
+      }
+    }
+  }
+  const double touch = humid.touch_energy_aj(std::log(20.0));
+  EXPECT_NEAR(touch, jet_at(dry, {0.0, std::log(20.0), true}).energy_aj, 1e-6 * std::fabs(touch));
+}
+
 TEST(BranchPotential, RefusesWhatItDoesNotHave) {
   EXPECT_THROW(BranchPotential(TipSampleLaw(of(ContactModel::kSchwarz, true)), 20.0), UserError);
-  TipSampleParameters wet = silicon_oxide();
-  wet.long_range.capillary.humidity_percent = 50;
-  EXPECT_THROW(BranchPotential(TipSampleLaw(wet), 20.0), UserError);
   EXPECT_THROW(BranchPotential(TipSampleLaw(silicon_oxide()), 0.0), UserError);
 }
 

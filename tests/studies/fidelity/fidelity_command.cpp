@@ -1,0 +1,180 @@
+#include "tests/studies/fidelity/fidelity_command.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "common/base/error.h"
+#include "common/base/version.h"
+#include "tests/studies/fidelity/fidelity_grid.h"
+#include "tests/studies/fidelity/fidelity_page.h"
+#include "tests/studies/fidelity/sensitivity.h"
+#include "tests/studies/parse_list.h"
+#include "tests/studies/report/page.h"
+#include "tests/studies/zwidth/on_all_cores.h"
+
+namespace telenano::studies {
+namespace {
+
+using namespace fidelity;
+
+constexpr double kRttMaxMs = 2000, kLossMax = 0.5;
+constexpr double kDrawnRttMs = 200;  // or the nearest to it that is asked for
+constexpr const char* kDrawnScene = "flakes";
+constexpr const char* kDrawnMotion = "raster";
+
+double seconds_since(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+FidelityOptions with_defaults(FidelityOptions o) {
+  using control::Method;
+  if (o.methods.empty()) {
+    o.methods = {Method::kNone, Method::kTank, Method::kWave, Method::kTdpa, Method::kModel};
+    if (o.quick) o.methods = {Method::kNone, Method::kTank, Method::kModel};
+  }
+  if (o.rtt_ms.empty())
+    o.rtt_ms = o.quick ? std::vector<double>{0, 200} : std::vector<double>{0, 20, 50, 100, 200, 500};
+  if (o.loss.empty()) o.loss = o.quick ? std::vector<double>{0} : std::vector<double>{0, 0.1};
+  for (const double rtt : o.rtt_ms) {
+    if (!(rtt >= 0 && rtt <= kRttMaxMs))
+      throw UserError(
+          fmt::format("fidelity: --rtt: {:g} is out of range; expected 0 to {:g} ms", rtt, kRttMaxMs));
+  }
+  for (const double loss : o.loss) {
+    if (!(loss >= 0 && loss <= kLossMax))
+      throw UserError(
+          fmt::format("fidelity: --loss: {:g} is out of range; expected 0 to {:g}, a share", loss, kLossMax));
+  }
+  return o;
+}
+
+std::vector<Cell> cells_of(const FidelityOptions& o, const std::vector<const SceneMotion*>& motions) {
+  const double drawn_ms = *std::min_element(o.rtt_ms.begin(), o.rtt_ms.end(), [](double a, double b) {
+    return std::fabs(a - kDrawnRttMs) < std::fabs(b - kDrawnRttMs);
+  });
+  const auto is_drawn = [&](const SceneMotion* m) {
+    return std::string(m->scene) == kDrawnScene && std::string(m->motion) == kDrawnMotion;
+  };
+  const SceneMotion* drawn = motions.front();
+  for (const SceneMotion* m : motions) {
+    if (is_drawn(m)) drawn = m;
+  }
+  std::vector<Cell> cells;
+  for (const SceneMotion* motion : motions) {
+    for (const control::Method method : o.methods) {
+      for (const double loss : o.loss) {
+        for (const double rtt : o.rtt_ms)
+          cells.push_back({motion, method, rtt, loss, o.seed,
+                           motion == drawn && rtt == drawn_ms && loss == o.loss.front()});
+      }
+    }
+  }
+  return cells;
+}
+
+std::vector<CellResult> run_cells(const std::vector<Cell>& cells, const ScenePairs& scenes,
+                                  std::chrono::steady_clock::time_point begin) {
+  std::vector<CellResult> results(cells.size());
+  std::atomic<std::size_t> done{0};
+  const std::size_t every = std::max<std::size_t>(10, cells.size() / 20);
+  on_all_cores(cells.size(), [&](std::size_t i) {
+    results[i] = run_cell(cells[i], scenes);
+    const std::size_t n = ++done;
+    if (n % every == 0)
+      std::fprintf(stderr, "fidelity: %zu of %zu cells, %.0f s\n", n, cells.size(), seconds_since(begin));
+  });
+  return results;
+}
+
+}  // namespace
+
+bool run_fidelity(const FidelityOptions& given) {
+  const FidelityOptions options = with_defaults(given);
+  std::vector<std::string> names = options.scenes;
+  const std::vector<const SceneMotion*> motions = chosen_motions(names, options.quick);
+  const FigureFolder folder(options.out);
+  if (!folder.has_gnuplot())
+    std::fprintf(stderr, "fidelity: gnuplot is not installed: CSV only, no figures\n");
+  const auto begin = std::chrono::steady_clock::now();
+
+  std::vector<const SceneMotion*> needed = motions;
+  if (options.check_sensitivity) {
+    for (const SceneMotion* m : chosen_motions(telling_motions(), false)) needed.push_back(m);
+  }
+  std::fprintf(stderr, "fidelity: reading scenes ...\n");
+  const ScenePairs scenes(needed);
+
+  std::vector<SensitivityRow> sensitivity;
+  bool good = true;
+  if (options.check_sensitivity) {
+    std::fprintf(stderr, "fidelity: renderers that are wrong on purpose ...\n");
+    sensitivity = check_sensitivity(scenes);
+    folder.write("sensitivity.csv", sensitivity_csv(sensitivity));
+    for (const SensitivityRow& row : sensitivity) {
+      const bool right = row.wrong == WrongRenderer::kNone;
+      if (row.rules.empty() == right) continue;
+      good = false;
+      std::fprintf(stderr, "fidelity: renderer '%s' %s\n",
+                   std::string(wrong_renderer_name(row.wrong)).c_str(),
+                   right ? "is right, and was found wrong" : "was not found out");
+    }
+  }
+  const std::vector<CellResult> results = run_cells(cells_of(options, motions), scenes, begin);
+  const std::string csv = cells_csv(results);
+  folder.write("fidelity.csv", csv);
+  std::fputs(csv.c_str(), stdout);
+  std::string html =
+      page_begin("Felt and true", fmt::format("The force at the hand beside that of the same sample, built a "
+                                              "second time and stepped without link and "
+                                              "delay along the same commanded path. Virtual time, 1 kHz, the "
+                                              "simulated hand; commit {}; seed {}{}",
+                                              kGitCommit, options.seed, options.quick ? "; quick run" : ""));
+  html += fidelity_sections(results, sensitivity, folder);
+  folder.write("index.html", html + page_end());
+  std::fprintf(stderr, "fidelity: %s, after %.1f s\n", (options.out / "index.html").c_str(),
+               seconds_since(begin));
+  return good;
+}
+
+void add_fidelity_command(CLI::App& app, int& exit_code) {
+  struct Arguments {
+    FidelityOptions options;
+    std::vector<std::string> methods;
+    std::string rtt, loss;
+  };
+  const auto a = std::make_shared<Arguments>();
+  std::string names;
+  for (const control::Method method : control::kAllMethods)
+    names += (names.empty() ? "" : ", ") + std::string(control::method_name(method));
+  CLI::App* const command = app.add_subcommand(
+      "fidelity",
+      "Felt force against true force: every scene, over round trips and loss, by each method of control");
+  command->add_option("--out", a->options.out, "folder to write index.html, CSV and figures into")
+      ->capture_default_str();
+  command->add_option("--scenes", a->options.scenes, "scenes, or scene/motion, separated by commas [all]")
+      ->delimiter(',');
+  command->add_option("--methods", a->methods, "some of: " + names + " [none,tank,wave,tdpa,model]")
+      ->delimiter(',');
+  command->add_option("--rtt", a->rtt, "round trips, ms, separated by commas [0,20,50,100,200,500]");
+  command->add_option("--loss", a->loss, "shares of datagrams lost each way, separated by commas [0,0.1]");
+  command->add_option("--seed", a->options.seed, "same seed, same bits")->capture_default_str();
+  command->add_flag("--quick", a->options.quick,
+                    "five motions, two round trips, three methods: some seconds");
+  command->add_flag("--check-sensitivity", a->options.check_sensitivity,
+                    "besides: is every renderer that is wrong on purpose found out? Exit status 1 if not");
+  command->callback([a, command, &exit_code] {
+    for (const std::string& name : a->methods) a->options.methods.push_back(control::parse_method(name));
+    if (command->count("--rtt") > 0) a->options.rtt_ms = parse_list(a->rtt, "fidelity: --rtt");
+    if (command->count("--loss") > 0) a->options.loss = parse_list(a->loss, "fidelity: --loss");
+    if (!run_fidelity(a->options)) exit_code = 1;
+  });
+}
+
+}  // namespace telenano::studies

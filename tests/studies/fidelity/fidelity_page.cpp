@@ -1,0 +1,290 @@
+#include "tests/studies/fidelity/fidelity_page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/studies/report/gnuplot.h"
+#include "tests/studies/report/page.h"
+
+namespace telenano::studies::fidelity {
+namespace {
+
+using control::Method;
+
+template <class T, class Get>
+std::vector<T> distinct(const std::vector<CellResult>& results, const Get& get) {
+  std::vector<T> list;
+  for (const CellResult& r : results) {
+    if (std::find(list.begin(), list.end(), get(r)) == list.end()) list.push_back(get(r));
+  }
+  return list;
+}
+
+std::string full_name(const SceneMotion& m) {
+  return std::string(m.scene) + ", " + m.motion;
+}
+
+struct Shade {
+  double to;  // NRMSE, up to and including
+  const char* colour;
+  const char* ink;
+};
+// From what is asked to what is not the sample any more; the steps differ in lightness too.
+constexpr Shade kShades[] = {{0.02, "#0B6E4F", "#fff"}, {0.05, "#58A684", "#fff"},
+                             {0.1, "#B7DDB0", "#222"},  {0.2, "#F6E8A6", "#222"},
+                             {0.5, "#F0A35E", "#222"},  {1e300, "#B6322A", "#fff"}};
+
+const Shade& shade(double nrmse) {
+  for (const Shade& s : kShades) {
+    if (nrmse <= s.to) return s;
+  }
+  return kShades[std::size(kShades) - 1];
+}
+
+std::string heat_cell(const CellResult* r) {
+  if (r == nullptr || !std::isfinite(r->metrics.nrmse)) return "<td>–</td>";
+  std::string marks;
+  if (r->run.stopped_s >= 0) marks += " ■";
+  if (r->metrics.false_releases > 0) marks += " ○";
+  const auto at = static_cast<std::size_t>(&shade(r->metrics.nrmse) - kShades);
+  return fmt::format("<td class=h{}>{:.2g}{}</td>", at, r->metrics.nrmse, marks);
+}
+
+std::string heat_maps(const std::vector<CellResult>& results, double loss) {
+  const auto methods = distinct<Method>(results, [](const CellResult& r) { return r.cell.method; });
+  const auto rtts = distinct<double>(results, [](const CellResult& r) { return r.cell.rtt_ms; });
+  const auto motions =
+      distinct<const SceneMotion*>(results, [](const CellResult& r) { return r.cell.motion; });
+  std::string head = "<tr><th rowspan=2>scene, motion</th>", second = "<tr>";
+  for (const Method m : methods) {
+    head += fmt::format("<th colspan={}>{}</th>", rtts.size(), control::method_name(m));
+    for (const double rtt : rtts) second += fmt::format("<th>{:g}</th>", rtt);
+  }
+  std::string body;
+  for (const SceneMotion* motion : motions) {
+    body += "<tr><th>" + full_name(*motion) + "</th>";
+    for (const Method m : methods) {
+      for (const double rtt : rtts) {
+        const auto found = std::find_if(results.begin(), results.end(), [&](const CellResult& r) {
+          return r.cell.motion == motion && r.cell.method == m && r.cell.rtt_ms == rtt && r.cell.loss == loss;
+        });
+        body += heat_cell(found != results.end() ? &*found : nullptr);
+      }
+    }
+    body += "</tr>\n";
+  }
+  return fmt::format(
+      "<h3>Loss {:g} %</h3>\n<div class=\"scroll\"><table class=heat>\n<thead>{}</tr>\n{}</tr></thead>\n"
+      "<tbody>\n{}</tbody></table></div>\n",
+      100 * loss, head, second, body);
+}
+
+std::string heat_style() {
+  std::string css =
+      "<style>table.heat{border-collapse:separate;border-spacing:1px}"
+      "table.heat td{text-align:right;padding:1px 5px;font-variant-numeric:tabular-nums}";
+  for (std::size_t i = 0; i < std::size(kShades); ++i)
+    css += fmt::format(".h{}{{background:{};color:{}}}", i, kShades[i].colour, kShades[i].ink);
+  return css + "</style>\n";
+}
+
+std::string heat_key() {
+  std::string key = "<p>NRMSE of the force: ";
+  double from = 0;
+  for (std::size_t i = 0; i < std::size(kShades); ++i) {
+    const bool last = i + 1 == std::size(kShades);
+    key += fmt::format("<span class=h{}>&nbsp;{}&nbsp;</span> ", i,
+                       last ? fmt::format("above {:g}", from) : fmt::format("to {:g}", kShades[i].to));
+    from = kShades[i].to;
+  }
+  return key +
+         "— 0: felt as it is; 1: as wrong as no force at all. Columns: round trip in ms. ○ the force was "
+         "lost "
+         "in the middle of a contact, ■ the station stopped.</p>\n";
+}
+
+/// The motion that is drawn: the one of most lateral force that was traced.
+std::vector<const CellResult*> drawn(const std::vector<CellResult>& results) {
+  std::vector<const CellResult*> list;
+  for (const CellResult& r : results) {
+    if (!r.run.trace.rows.empty()) list.push_back(&r);
+  }
+  return list;
+}
+
+Figure felt_figure(const std::vector<CellResult>& results, const FigureFolder& folder) {
+  const std::vector<const CellResult*> traced = drawn(results);
+  Figure figure{"felt", "What a hand feels", "", ""};
+  if (traced.empty()) return figure;
+  const Cell& cell = traced.front()->cell;
+  figure.caption = fmt::format(
+      "{}, round trip {:g} ms, no loss. Left the force across the ground (y runs up the image, x along the "
+      "lines), "
+      "right the force along the normal, N at the hand, over time. Dark: the sample itself at that hand's "
+      "own path; "
+      "orange: what was felt. Each hand yields to what it feels, so that paths differ.",
+      full_name(*cell.motion), cell.rtt_ms);
+  std::string csv = "# time_s,true_x_n,felt_x_n,true_z_n,felt_z_n; one block a method\n";
+  double low[2] = {0, 0}, high[2] = {0, 0}, seconds = 0;
+  for (const CellResult* r : traced) {
+    const auto& rows = r->run.trace.rows;
+    const double period_s = r->run.trace.period_s;
+    seconds = std::max(seconds, period_s * static_cast<double>(rows.size()));
+    for (std::size_t i = 0; i < rows.size(); i += 8) {
+      csv +=
+          fmt::format("{:.4g},{:.3g},{:.3g},{:.3g},{:.3g}\n", period_s * static_cast<double>(i),
+                      rows[i].true_h_n.x(), rows[i].felt_h_n.x(), rows[i].true_h_n.z(), rows[i].felt_h_n.z());
+      for (int axis = 0; axis < 2; ++axis) {
+        low[axis] = std::min(low[axis], rows[i].true_h_n[2 * axis]);
+        high[axis] = std::max(high[axis], rows[i].true_h_n[2 * axis]);
+      }
+    }
+    csv += "\n\n";
+  }
+  folder.write("felt.csv", csv);
+  std::string script = "set multiplot\n";
+  const double count = static_cast<double>(traced.size());
+  const double height = 0.9 / count;
+  for (std::size_t i = 0; i < traced.size(); ++i) {
+    const double top = 0.96 - static_cast<double>(i) * height;
+    for (int side = 0; side < 2; ++side) {
+      script += fmt::format(
+          "set lmargin at screen {:.4f}\nset rmargin at screen {:.4f}\nset tmargin at screen {:.4f}\n"
+          "set bmargin at screen {:.4f}\nset xrange [0:{:.4g}]\n{}",
+          side == 0 ? 0.10 : 0.58, side == 0 ? 0.50 : 0.98, top - 0.12 * height, top - 0.9 * height, seconds,
+          y_range(1.3 * low[side], 1.3 * high[side]));
+      script += i == 0 && side == 0 ? "set key top left Left reverse horizontal\n" : "unset key\n";
+      script +=
+          i + 1 < traced.size() ? "set format x ''\n" : "set format x '%g'\nset xlabel 's' offset 0,0.5\n";
+      script += side == 0
+                    ? fmt::format("set ylabel {}\n",
+                                  quoted(fmt::format("{}: x", control::method_name(traced[i]->cell.method))))
+                    : "set ylabel 'z'\n";
+      script += fmt::format("set label 1 'NRMSE {:.2g}' at graph 0.99, graph 0.92 right\n",
+                            side == 0 ? traced[i]->metrics.nrmse_x : traced[i]->metrics.nrmse_z);
+      script += fmt::format(
+          "plot 'felt.csv' index {0} using 1:{1} lc rgb '{3}' lw 1.6 title 'true', "
+          "'' index {0} using 1:{2} lc rgb '{4}' lw 1.2 title 'felt'\n",
+          i, side == 0 ? 2 : 4, side == 0 ? 3 : 5, kInk, kRed);
+    }
+  }
+  folder.draw(figure, 1000, 60 + 150 * static_cast<int>(traced.size()), script + "unset multiplot\n");
+  return figure;
+}
+
+/// The worst over all motions, by round trip: what one may count on.
+Figure worst_figure(const std::vector<CellResult>& results, const FigureFolder& folder) {
+  const auto methods = distinct<Method>(results, [](const CellResult& r) { return r.cell.method; });
+  const auto rtts = distinct<double>(results, [](const CellResult& r) { return r.cell.rtt_ms; });
+  Figure figure{
+      "worst", "By round trip",
+      "Without loss. Line: the mean over all motions of the NRMSE; upper end of each bar: the worst of them. "
+      "Dashed: 0.02.",
+      ""};
+  std::string csv = "# place,rtt_ms,mean,worst; one block a method\n", tics, curves;
+  for (std::size_t i = 0; i < rtts.size(); ++i)
+    tics += fmt::format("{}'{:g}' {}", i == 0 ? "" : ", ", rtts[i], i);
+  static constexpr const char* kColours[] = {kGrey, kInk, kGreen, kPurple, kRed, kBlue, kPale};
+  for (std::size_t b = 0; b < methods.size(); ++b) {
+    for (std::size_t i = 0; i < rtts.size(); ++i) {
+      double sum = 0, worst = 0;
+      int count = 0;
+      for (const CellResult& r : results) {
+        if (r.cell.method != methods[b] || r.cell.rtt_ms != rtts[i] || r.cell.loss != 0) continue;
+        if (!std::isfinite(r.metrics.nrmse)) continue;
+        sum += r.metrics.nrmse;
+        worst = std::max(worst, r.metrics.nrmse);
+        ++count;
+      }
+      if (count > 0)
+        csv += fmt::format("{:.3f},{:g},{:.4g},{:.4g}\n",
+                           static_cast<double>(i) +
+                               0.08 * (static_cast<double>(b) - 0.5 * static_cast<double>(methods.size())),
+                           rtts[i], sum / count, worst);
+    }
+    csv += "\n\n";
+    const char* colour = kColours[b % std::size(kColours)];
+    curves += fmt::format(
+        "{0}'worst.csv' index {1} using 1:3 with linespoints pt 7 ps 0.6 lw 2 lc rgb '{2}' title '{3}', "
+        "'' index {1} using 1:3:3:4 with yerrorbars pt 0 lw 1 lc rgb '{2}' notitle",
+        b == 0 ? "plot " : ", \\\n  ", b, colour, control::method_name(methods[b]));
+  }
+  folder.write("worst.csv", csv);
+  folder.draw(
+      figure, 900, 420,
+      fmt::format(
+          "set lmargin 10\nset bmargin 4\nset tmargin 2\nset logscale y\nset xtics ({})\nset xrange "
+          "[-0.5:{}]\n"
+          "set yrange [0.001:3]\nset xlabel 'round trip (ms)'\nset ylabel 'NRMSE of the force'\n"
+          "set key outside right top\nset arrow from graph 0, first 0.02 to graph 1, first 0.02 nohead dt "
+          "(4,4) lc rgb '#888888'\n",
+          tics, static_cast<double>(rtts.size()) - 0.5) +
+          curves + "\n");
+  return figure;
+}
+
+std::string worst_cells(const std::vector<CellResult>& results) {
+  std::string body;
+  for (const Method m : distinct<Method>(results, [](const CellResult& r) { return r.cell.method; })) {
+    std::vector<const CellResult*> of;
+    for (const CellResult& r : results) {
+      if (r.cell.method == m && std::isfinite(r.metrics.nrmse)) of.push_back(&r);
+    }
+    std::sort(of.begin(), of.end(),
+              [](const auto* a, const auto* b) { return a->metrics.nrmse > b->metrics.nrmse; });
+    of.resize(std::min<std::size_t>(of.size(), 3));
+    for (const CellResult* r : of) {
+      std::string rules;
+      for (const std::string& rule : broken_rules(r->metrics)) rules += (rules.empty() ? "" : "; ") + rule;
+      if (r->run.stopped_s >= 0)
+        rules += fmt::format("; stopped: {}", station::fault_name(r->run.stop_faults));
+      body += fmt::format("<tr><th>{}</th><td>{}</td><td>{:g}</td><td>{:g}</td><td>{}</td></tr>\n",
+                          control::method_name(m), full_name(*r->cell.motion), r->cell.rtt_ms,
+                          100 * r->cell.loss, html_escaped(rules));
+    }
+  }
+  return "<h2>The worst cells</h2>\n<div class=\"scroll\"><table>\n<thead><tr><th>method</th><th>scene, "
+         "motion</th>"
+         "<th>round trip, ms</th><th>loss, %</th><th>what is wrong</th></tr></thead>\n<tbody>\n" +
+         body + "</tbody></table></div>\n";
+}
+
+std::string sensitivity_section(const std::vector<SensitivityRow>& rows) {
+  if (rows.empty()) return "";
+  std::string body;
+  for (const SensitivityRow& row : rows) {
+    std::string rules;
+    for (const std::string& rule : row.rules) rules += (rules.empty() ? "" : "; ") + rule;
+    body += fmt::format("<tr><th>{}</th><td>{}</td><td>{:.3g}</td><td>{}</td></tr>\n",
+                        wrong_renderer_name(row.wrong), row.motion, row.nrmse,
+                        rules.empty() ? "–" : html_escaped(rules));
+  }
+  return "<h2>Would it be found out?</h2>\n<p>Renderers that are wrong on purpose, without a link, and the "
+         "sample itself "
+         "(none) beside them.</p>\n<div class=\"scroll\"><table>\n<thead><tr><th>renderer</th><th>shows most "
+         "in</th>"
+         "<th>NRMSE</th><th>rules broken</th></tr></thead>\n<tbody>\n" +
+         body + "</tbody></table></div>\n";
+}
+
+}  // namespace
+
+std::string fidelity_sections(const std::vector<CellResult>& results,
+                              const std::vector<SensitivityRow>& sensitivity, const FigureFolder& folder) {
+  std::string html = heat_style();
+  const Figure felt = felt_figure(results, folder);
+  if (!felt.caption.empty()) html += "<h2>" + felt.title + "</h2>\n" + figure_html(felt);
+  if (!results.empty()) {
+    const Figure worst = worst_figure(results, folder);
+    html += "<h2>" + worst.title + "</h2>\n" + figure_html(worst);
+    html += "<h2>Where it is felt as it is</h2>\n" + heat_key();
+    for (const double loss : distinct<double>(results, [](const CellResult& r) { return r.cell.loss; }))
+      html += heat_maps(results, loss);
+    html += worst_cells(results);
+  }
+  return html + sensitivity_section(sensitivity);
+}
+
+}  // namespace telenano::studies::fidelity

@@ -1,0 +1,186 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "common/base/constants.h"
+#include "common/base/error.h"
+#include "common/config/shared_files.h"
+#include "tests/studies/fidelity/fidelity_grid.h"
+#include "tests/studies/fidelity/sensitivity.h"
+#include "tests/support/driven_hand.h"
+#include "tests/support/wall_slave.h"
+
+namespace telenano::studies::fidelity {
+namespace {
+
+constexpr double kHz = 2, kAmplitudeM = 0.01, kWallN_m = 100;
+constexpr std::size_t kTicks = 2000;  // four whole periods at 1 kHz
+
+double angle(double tick) {
+  return 2 * kPi * kHz * 1e-3 * tick;
+}
+
+/// A hand that swings in a spring, which it feels `late` ticks late.
+TouchTrace swinging(int late) {
+  TouchTrace trace;
+  for (std::size_t k = 0; k < kTicks; ++k) {
+    const auto t = static_cast<double>(k);
+    TouchTrace::Row row;
+    row.hand_pos_h_m.z() = kAmplitudeM * std::sin(angle(t));
+    row.true_h_n.z() = -kWallN_m * kAmplitudeM * std::sin(angle(t));
+    row.felt_h_n.z() = -kWallN_m * kAmplitudeM * std::sin(angle(t - late));
+    row.touches = true;
+    trace.rows.push_back(row);
+  }
+  return trace;
+}
+
+// sin a − sin(a − φ) has the RMS of sin times 2 sin φ/2; a spring felt late by φ gives π k A² sin φ a turn.
+TEST(FeltMetrics, APureDelayIsFoundAsLagWithItsErrorAndItsWork) {
+  for (const int late : {0, 1, 20, 80}) {
+    const FeltMetrics m = measure(swinging(late), 0.2);
+    const double phi = angle(late);
+    EXPECT_NEAR(m.nrmse, 2 * std::sin(phi / 2), 1e-9) << late;
+    EXPECT_NEAR(m.nrmse_z, 2 * std::sin(phi / 2), 1e-9) << late;
+    EXPECT_TRUE(std::isnan(m.nrmse_x)) << "there is no lateral force";
+    EXPECT_EQ(m.lag_ms, late);
+    EXPECT_LT(m.nrmse_at_lag, 1e-9) << late;
+    // Sums of F(k−1)·Δx for the integral: of first order in the angle of a tick.
+    EXPECT_NEAR(m.work_felt_mj, -4e3 * kPi * kWallN_m * kAmplitudeM * kAmplitudeM * std::sin(phi),
+                4e3 * kPi * kWallN_m * kAmplitudeM * kAmplitudeM * angle(1))
+        << late;
+    EXPECT_NEAR(m.work_true_mj, 0, 4e3 * kPi * kWallN_m * kAmplitudeM * kAmplitudeM * angle(1));
+  }
+}
+
+/// Free, pulled down by 0.4 N, pressed with 1 N, pulled by 1 N until it lets go, free.
+TouchTrace touch(double felt_pull_n, bool lost = false, double seconds_free = 1) {
+  TouchTrace trace;
+  const auto add = [&](double seconds, double true_n, double felt_n, bool touches) {
+    for (int k = 0; k < std::lround(seconds * 1e3); ++k) {
+      TouchTrace::Row row;
+      row.true_h_n.z() = true_n;
+      row.felt_h_n.z() = felt_n;
+      row.touches = touches;
+      trace.rows.push_back(row);
+    }
+  };
+  add(seconds_free, 0, 0, false);
+  add(0.1, -0.4, -0.3, true);
+  add(0.5, 1, 1, true);
+  if (lost) add(0.1, 1, 0, true);
+  add(0.5, -1, -felt_pull_n, true);
+  add(seconds_free, 0, 0, false);
+  return trace;
+}
+
+TEST(FeltMetrics, SnapInAndPullOffAreComparedByTheirGreatestAttraction) {
+  const FeltMetrics m = measure(touch(1.1), 0.1);
+  EXPECT_EQ(m.contacts, 1);
+  EXPECT_NEAR(m.snap_in_true_n, 0.4, 1e-12);
+  EXPECT_NEAR(m.snap_in_error, -0.25, 1e-12);
+  EXPECT_NEAR(m.pull_off_true_n, 1, 1e-12);
+  EXPECT_NEAR(m.pull_off_error, 0.1, 1e-12);
+  EXPECT_NEAR(m.snap_in_peak_n, 0.1, 1e-12);
+  EXPECT_NEAR(m.pull_off_peak_n, 0.1, 1e-12);
+  EXPECT_EQ(m.false_releases, 0);
+  // (0.1² · 100 + 0.1² · 500)/(0.4² · 100 + 1 · 500 + 1 · 500)
+  EXPECT_NEAR(m.nrmse, std::sqrt(6.0 / 1016), 1e-12);
+  // Without 50 ms around the beginning and the end: (0.1² · 50 + 0.1² · 450)/(0.4² · 50 + 500 + 450)
+  EXPECT_NEAR(m.nrmse_between, std::sqrt(5.0 / 958), 1e-12);
+}
+
+TEST(FeltMetrics, AForceThatIsGoneInTheMiddleOfAContactIsAFalseRelease) {
+  EXPECT_EQ(measure(touch(1, true), 0.1).false_releases, 1);
+  EXPECT_EQ(measure(touch(0), 0.1).false_releases, 1) << "the pull is not felt at all";
+}
+
+TEST(FeltMetrics, AForceThatComesAfterTheContactCounts) {
+  TouchTrace trace = touch(1);
+  trace.rows.back().felt_h_n.z() = 1;  // alone, a second after everything
+  EXPECT_NEAR(measure(trace, 0.1).nrmse, std::sqrt((1 + 0.01 * 100) / 1016), 1e-12);
+}
+
+/// A whole session over a link, on a wall that can be computed by hand; the hand swings in it.
+TouchOutcome on_a_wall(control::Method method, double rtt_ms) {
+  constexpr double kStartM = 0.005;  // a millimetre is a nanometre
+  TouchRun run;
+  support::BookedHandConfig hand;
+  const auto place_m = [](double tick) {
+    return -kStartM - kAmplitudeM * (1 + std::sin(angle(tick))) - 1e-3;
+  };
+  run.session.hand = std::make_shared<support::DrivenHand>(
+      hand, [place_m](const support::DrivenHand::View& v) { return place_m(static_cast<double>(v.tick)); });
+  support::WallSlaveConfig wall;  // 50 N/m · 1e-6 · 2e7 = 1000 N/m of the hand's
+  wall.stiffness_n_m = kWallN_m / 20;
+  run.session.make_slave = run.make_truth = [wall] { return std::make_unique<support::WallSlave>(wall); };
+  run.session.station.method = method;
+  run.session.station.allow_unsafe_scaling = true;
+  run.session.to_server.delay_ns = run.session.to_station.delay_ns = std::llround(0.5e6 * rtt_ms);
+  run.ticks_max = 5000;
+  TouchOutcome outcome = run_touch(run);
+  // Whole periods, after everything has come in.
+  auto& rows = outcome.trace.rows;
+  rows.erase(rows.begin(), rows.end() - static_cast<std::ptrdiff_t>(kTicks));
+  return outcome;
+}
+
+// `none` shows the newest answer: of the command that left a round trip ago, or in the last tick where there
+// is no delay. On a wall that is touched all the time, depth D + A sin, its error has the RMS A √2 sin φ/2,
+// of √(D² + A²/2): closed form, no other code of ours. What the wire's doubles leave is below 1e-6.
+TEST(FidelityOnAWall, NoneOverADelayIsTheTruthSoMuchLater) {
+  for (const int rtt_ms : {0, 20, 100}) {
+    const FeltMetrics m = measure(on_a_wall(control::Method::kNone, rtt_ms).trace, 0.3);
+    const double phi = angle(std::max(rtt_ms, 1));
+    const double mean_m = kAmplitudeM + 1e-3;
+    const double rms2_m2 = mean_m * mean_m + 0.5 * kAmplitudeM * kAmplitudeM;
+    EXPECT_NEAR(m.true_rms_n, kWallN_m * std::sqrt(rms2_m2), 1e-6) << rtt_ms;
+    const double error2_m2 = 2 * kAmplitudeM * kAmplitudeM * std::sin(phi / 2) * std::sin(phi / 2);
+    EXPECT_NEAR(m.nrmse, std::sqrt(error2_m2 / rms2_m2), 1e-6) << rtt_ms;
+    EXPECT_EQ(m.lag_ms, std::max(rtt_ms, 1));
+    EXPECT_LT(m.nrmse_at_lag, 1e-6) << rtt_ms;
+  }
+}
+
+// The station's own model of this wall, learnt at the first touch, is the wall. What is left is the damper
+// that pays for the sampling of the spring: γ v ≤ K T v/2 of K A, an angle of half a tick, 0.006, and twice
+// that while it catches up.
+TEST(FidelityOnAWall, AModelOfAPlaneIsTheTruthAtAnyDelay) {
+  const FeltMetrics m = measure(on_a_wall(control::Method::kModel, 100).trace, 0.3);
+  EXPECT_LT(m.nrmse, 0.02);
+  EXPECT_LE(std::fabs(m.lag_ms), 1);
+}
+
+TEST(FidelityMotions, EverySceneThatComesWithTheProjectHasOne) {
+  std::set<std::string> with;
+  for (const SceneMotion& m : scene_motions()) with.insert(m.scene);
+  for (const std::string& name : config::shared_names("scenes", ".toml"))
+    EXPECT_TRUE(with.contains(name)) << name;
+}
+
+TEST(FidelityMotions, AnUnknownNameIsSaidWithTheKnownOnes) {
+  try {
+    chosen_motions({"moon"}, false);
+    FAIL() << "not refused";
+  } catch (const UserError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("moon"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("flakes/raster"));
+  }
+}
+
+// What nobody would find out by energy alone; and the sample itself is found right.
+TEST(FidelitySensitivity, EveryWrongRendererBreaksARule) {
+  const ScenePairs scenes(chosen_motions(telling_motions(), false));
+  const std::vector<SensitivityRow> rows = check_sensitivity(scenes);
+  ASSERT_EQ(rows.size(), kWrongRenderers.size() + 1);
+  EXPECT_THAT(rows.front().rules, testing::IsEmpty()) << sensitivity_csv(rows);
+  EXPECT_LT(rows.front().nrmse, 1e-6);
+  for (std::size_t i = 1; i < rows.size(); ++i)
+    EXPECT_THAT(rows[i].rules, testing::Not(testing::IsEmpty())) << wrong_renderer_name(rows[i].wrong);
+}
+
+}  // namespace
+}  // namespace telenano::studies::fidelity

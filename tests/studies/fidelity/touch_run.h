@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+#include "nve_server/slave/slave.h"
+#include "tests/studies/fidelity/felt_metrics.h"
+#include "tests/support/virtual_session.h"
+
+namespace telenano::studies::fidelity {
+
+struct TouchRun {
+  support::VirtualSessionConfig session{};
+  /// Never the server's own object: built again, from the scene's file.
+  std::function<std::unique_ptr<slave::Slave>()> make_truth;
+  std::int64_t ticks_max = 60'000;
+  double after_s = 0;  ///< goes on for so long once the task is over: what is on its way arrives
+};
+
+struct TouchOutcome {
+  TouchTrace trace;
+  double clamped_share = 0;       ///< of the ticks of contact: the energy clamp cut the force
+  double stopped_s = -1;          ///< of the trace; negative: the station never stopped
+  std::uint32_t stop_faults = 0;  ///< why, station::StationFaults
+};
+
+/// A session in virtual time with the objects of the programs, beside the truth: the same slave, built
+/// independently, stepped without link and delay once a tick along the path that this station commanded. Rows
+/// begin where the motion does.
+TouchOutcome run_touch(const TouchRun& run);
+
+}  // namespace telenano::studies::fidelity
