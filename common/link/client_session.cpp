@@ -27,9 +27,10 @@ const char* name(ClientState state) noexcept {
 }
 
 ClientSession::ClientSession(const ClientConfig& config)
-    : config_(config), resume_token_(config.resume_token) {
+    : config_(config), resume_token_(config.resume_token), steps_(config.step_ring) {
   config_.redundancy = std::min(config_.redundancy, kMaxRecent);
   if (config_.redundancy == 0) config_.feature_bits &= ~std::uint64_t{kFeatureRedundancy};
+  if (config_.step_ring == 0) config_.feature_bits &= ~std::uint64_t{kFeatureStepLog};
 }
 
 void ClientSession::set_state(ClientState state, std::int64_t now_ns) noexcept {
@@ -96,6 +97,14 @@ std::size_t ClientSession::poll(std::int64_t now_ns, std::span<std::uint8_t> out
   return codec_.encode(hello, out);
 }
 
+/// How long the server may take to say that it has executed something: a round trip, the time between two
+/// commands, and what jitter adds; an idle guess before the first reply.
+std::int64_t ClientSession::step_wait_ns() const noexcept {
+  constexpr double kLeast_ns = 40e6;
+  const double explained_ns = stats_.samples() > 0 ? stats_.timeout_ns() : static_cast<double>(handshake_ns_);
+  return static_cast<std::int64_t>(explained_ns + kLeast_ns);
+}
+
 ClientEvent ClientSession::drop(DropCause cause) noexcept {
   drops_.add(cause);
   return ClientEvent::kDropped;
@@ -152,6 +161,9 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   }
   if ((welcome.feature_bits & ~config_.feature_bits) != 0) return drop(DropCause::kOutOfRange);
   if ((welcome.feature_bits & kFeatureWell) == 0 && welcome.well_aj != 0) return drop(DropCause::kUnexpected);
+  if ((welcome.feature_bits & kFeatureStepLog) == 0 && !welcome.steps.empty())
+    return drop(DropCause::kUnexpected);
+  steps_.begin(welcome.steps.executed, sessions_ > 0 && welcome.epoch == welcome_.epoch);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
     stats_.reset();  // another server, perhaps: another clock
@@ -226,14 +238,20 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   const bool tip_unasked = (features() & kFeatureSharing) == 0 && !reply.tip.empty();
   const bool history_unasked = (features() & kFeatureStepHistory) == 0 && reply.steps_before != 0;
   const bool particle_unasked = (features() & kFeatureParticle) == 0 && !reply.particle.empty();
-  if (port_unasked || model_unasked || tip_unasked || history_unasked || particle_unasked)
+  const bool steps_unasked = !logs_steps() && !reply.steps.empty();
+  if (port_unasked || model_unasked || tip_unasked || history_unasked || particle_unasked || steps_unasked)
     return drop(DropCause::kUnexpected);
+  // Steps that were never sent cannot have been executed.
+  if (logs_steps() && (reply.steps.executed > steps_.newest() || reply.steps.executed > reply.steps.newest))
+    return drop(DropCause::kOutOfRange);
   // The n-th reply answers the n-th accepted command, or a later one.
   if (reply.sequence > reply.command_sequence) return drop(DropCause::kOutOfRange);
   const DropCause cause =
       replies_.accept(reply.sequence, SequenceWindow::max_leap(config_.rate_hz, now_ns - last_news_ns_));
   overtaken_ = cause == DropCause::kStale;
   if (cause != DropCause::kNone) return drop(cause);
+  if (logs_steps())
+    steps_.heard(reply.steps, now_ns, static_cast<std::int64_t>(stats_.rtt_ns()) + 10'000'000);
   reply_ = reply;
   has_reply_ = true;
   reply_time_ns_ = last_news_ns_ = waits_since_ns_ = now_ns;
@@ -276,6 +294,10 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
   if ((features() & kFeatureSharing) == 0) {
     command.tip_hold = 0;
     command.flags &= ~(kFlagTakeOver | kFlagHandOver);
+  }
+  if (logs_steps()) {
+    const std::size_t bytes = steps_.write(step_bytes_, now_ns, step_wait_ns());
+    return codec_.encode(command, std::span<const std::uint8_t>(step_bytes_).first(bytes), out);
   }
   if ((features() & kFeatureRedundancy) == 0) return codec_.encode(command, out);
   sent_.before(command, config_.redundancy, recent_);

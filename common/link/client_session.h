@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -12,6 +13,7 @@
 #include "common/link/received_energy.h"
 #include "common/link/recent_commands.h"
 #include "common/link/sequence_window.h"
+#include "common/link/step_log.h"
 
 namespace telenano::link {
 
@@ -31,6 +33,8 @@ struct ClientConfig {
   std::int64_t silence_ns = 200'000'000;
   /// Commands that each datagram repeats, at most 4; 0: none, and the feature is not asked for.
   std::size_t redundancy = 0;
+  /// Steps that are kept until the server has executed them (step_log.h); 0: the log is not asked for.
+  std::size_t step_ring = 0;
 };
 
 /// idle → hello_sent → challenged → established ⇄ lost → …; closed and refused are final until start().
@@ -70,6 +74,16 @@ class ClientSession {
   /// On return `command` is what was sent: totals and the wave's sum count from this session's Welcome, and
   /// `control` is empty where the feature was not agreed.
   std::size_t make_command(Command& command, std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
+  /// Is there a log of steps in this session? Then nothing but steps moves the slave.
+  bool logs_steps() const noexcept { return (features() & kFeatureStepLog) != 0; }
+  /// Number that the next step gets.
+  std::uint64_t next_step() const noexcept { return steps_.next(); }
+  /// A step of this tick, to be sent with the next command.
+  void add_step(const LoggedStep& step) noexcept { steps_.add(step); }
+  /// Do steps ask for a datagram, whatever the pace?
+  bool steps_are_urgent(std::int64_t now_ns) noexcept { return steps_.urgent(now_ns, step_wait_ns()); }
+  const StepSender& steps() const noexcept { return steps_; }
+
   /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
   std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;
 
@@ -118,6 +132,7 @@ class ClientSession {
   void count(LinkQuality& quality) const noexcept;
   void new_attempt(std::int64_t now_ns) noexcept;
   std::int64_t silence_limit_ns() const noexcept;
+  std::int64_t step_wait_ns() const noexcept;
   ClientEvent drop(DropCause cause) noexcept;
   ClientEvent on_challenge(const Challenge& challenge, std::int64_t now_ns) noexcept;
   ClientEvent on_welcome(const Welcome& welcome, std::int64_t now_ns) noexcept;
@@ -165,6 +180,8 @@ class ClientSession {
   bool overtaken_ = false;
   SentCommands sent_;
   RecentCommands recent_;
+  StepSender steps_;
+  std::array<std::uint8_t, kStepsBytesMost> step_bytes_{};
   LinkQuality past_;  ///< counts of the sessions before this one
   ReceivedEnergy slave_energy_;
   Refuse refuse_;

@@ -113,6 +113,9 @@ std::size_t Codec::encode(const Welcome& m, std::span<std::uint8_t> out) noexcep
   w.set_coupling_damping_n_s_m(m.coupling_damping_n_s_m);
   w.set_stiffness_min_n_m(m.stiffness_min_n_m);
   w.set_well_aj(m.well_aj);
+  w.set_steps_executed(m.steps.executed);
+  w.set_state_hash(m.steps.state_hash);
+  w.set_steps_breaks(m.steps.breaks);
   return write(MessageType::kWelcome, w, out);
 }
 
@@ -189,9 +192,22 @@ DropCause read_recent(std::span<const std::uint8_t> bytes, std::uint64_t sequenc
 
 const RecentCommands kNoRecent;
 
+std::size_t steps_field_bytes(std::size_t length) noexcept {
+  return length == 0 ? 0 : kRecentTagBytes + (length < 0x80 ? 1 : 2) + length;
+}
+
+void write_steps(std::span<const std::uint8_t> steps, std::uint8_t* at) noexcept {
+  constexpr std::uint32_t kTag = (kStepsField << 3) | 2u;
+  put(at, (kTag & 0x7fu) | 0x80u, 1);
+  put(at, kTag >> 7, 1);
+  put(at, steps.size() < 0x80 ? steps.size() : (steps.size() & 0x7fu) | 0x80u, 1);
+  if (steps.size() >= 0x80) put(at, steps.size() >> 7, 1);
+  std::memcpy(at, steps.data(), steps.size());
+}
+
 template <class Message>
 std::size_t write_flat(MessageType type, const Message& message, const RecentCommands& recent,
-                       std::span<std::uint8_t> out) noexcept {
+                       std::span<std::uint8_t> out, std::span<const std::uint8_t> steps = {}) noexcept {
   std::array<std::uint8_t, kMaxDatagramBytes> apart;  // where `out` might be too short
   const bool fits = out.size() >= kMaxDatagramBytes;
   std::uint8_t* const begin = fits ? out.data() : apart.data();
@@ -201,7 +217,9 @@ std::size_t write_flat(MessageType type, const Message& message, const RecentCom
   visit_feature_fields(message, features);
   if (features.bits != 0) visit_feature_fields(message, writer);
   if (recent.count > 0) write_recent(recent, writer.at);
-  const std::size_t total = static_cast<std::size_t>(writer.at - begin) + recent_field_bytes(recent.count);
+  if (!steps.empty()) write_steps(steps, writer.at);
+  const std::size_t total = static_cast<std::size_t>(writer.at - begin) + recent_field_bytes(recent.count) +
+                            steps_field_bytes(steps.size());
   write_header(std::span<std::uint8_t, kHeaderBytes>(begin, kHeaderBytes), type, total - kHeaderBytes);
   if (fits) return total;
   if (out.size() < total) return 0;
@@ -218,6 +236,12 @@ std::size_t Codec::encode(const Command& m, std::span<std::uint8_t> out) noexcep
 std::size_t Codec::encode(const Command& m, const RecentCommands& recent,
                           std::span<std::uint8_t> out) noexcept {
   return write_flat(MessageType::kCommand, m, recent, out);
+}
+
+std::size_t Codec::encode(const Command& m, std::span<const std::uint8_t> steps,
+                          std::span<std::uint8_t> out) noexcept {
+  if (steps.size() > kStepsBytesMost) return 0;
+  return write_flat(MessageType::kCommand, m, kNoRecent, out, steps);
 }
 
 std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept {
@@ -275,6 +299,10 @@ DropCause read(const wire::Welcome& w, Welcome& m) noexcept {
   m.coupling_damping_n_s_m = w.coupling_damping_n_s_m();
   m.stiffness_min_n_m = w.stiffness_min_n_m();
   m.well_aj = w.well_aj();
+  m.steps = {};
+  m.steps.executed = m.steps.newest = w.steps_executed();
+  m.steps.state_hash = w.state_hash();
+  m.steps.breaks = w.steps_breaks();
   if (!all_finite(m.workspace_min_w_nm) || !all_finite(m.workspace_max_w_nm) ||
       !all_finite(m.start_pos_w_nm) ||
       !all_finite(m.surface_z_w_nm, m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m,
@@ -308,7 +336,7 @@ DropCause check(const PortControl& m) noexcept {
   const bool impedance =
       m.wave_impedance_n_s_m > 0 || (m.wave_impedance_n_s_m == 0 && m.method != kMethodWave);
   const bool sums = m.energy_sent_j >= 0 && m.wave_energy_aj >= 0;
-  return m.method <= kMethodModel && scale && impedance && sums ? DropCause::kNone : DropCause::kOutOfRange;
+  return m.method <= kMethodTwin && scale && impedance && sums ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
 DropCause read(const wire::Command& w, PortControl& m) noexcept {
@@ -459,6 +487,8 @@ DropCause read_features(const wire::Command& wire, Command& message) noexcept {
 
 DropCause read_features(const wire::Reply& wire, Reply& message) noexcept {
   message.steps_before = wire.steps_before();
+  message.steps = {wire.steps_executed(), wire.state_hash(),   wire.steps_newest(),
+                   wire.steps_breaks(),   wire.break_reason(), wire.break_step()};
   const DropCause contact = first_cause(read(wire, message.port), read(wire, message.model));
   return first_cause(contact, first_cause(read(wire, message.tip), read(wire, message.particle)));
 }
@@ -474,6 +504,7 @@ void clear_features(Reply& m) noexcept {
   m.steps_before = 0;
   m.tip = {};
   m.particle = {};
+  m.steps = {};
 }
 
 DropCause check_features(const Command& m) noexcept {
@@ -510,6 +541,13 @@ DropCause read_flat(std::span<const std::uint8_t> payload, Message& message, std
   return first_cause(check(message), check_features(message));
 }
 
+/// What stands behind a Command's fields.
+DropCause read_tail(const WireFrame& frame, Incoming& incoming) noexcept {
+  incoming.steps.count = 0;
+  if (!frame.steps.empty() && !read_steps(frame.steps, incoming.steps)) return DropCause::kOutOfRange;
+  return read_recent(frame.recent, incoming.command.sequence, incoming.recent);
+}
+
 }  // namespace
 
 DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept {
@@ -520,8 +558,8 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
   std::size_t used = 0;
   if (frame.type == MessageType::kCommand) {
     cause = read_flat(frame.payload, incoming.command, used);
-    if (used == frame.payload.size() || take_recent(frame.payload, used, frame.recent)) {
-      cause = first_cause(cause, read_recent(frame.recent, incoming.command.sequence, incoming.recent));
+    if (used == frame.payload.size() || take_tail(frame.payload, used, frame)) {
+      cause = first_cause(cause, read_tail(frame, incoming));
       if (cause == DropCause::kNone) incoming.type = frame.type;
       return cause;
     }
@@ -549,7 +587,7 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
       break;
     case MessageType::kCommand:
       cause = parse(frame, messages_->command, incoming.command);
-      cause = first_cause(cause, read_recent(frame.recent, incoming.command.sequence, incoming.recent));
+      cause = first_cause(cause, read_tail(frame, incoming));
       break;
     case MessageType::kReply:
       cause = parse(frame, messages_->reply, incoming.reply);

@@ -8,6 +8,7 @@
 #include "common/link/drop_cause.h"
 #include "common/link/messages.h"
 #include "common/link/recent_commands.h"
+#include "common/link/step_log.h"
 
 namespace telenano::link {
 
@@ -20,6 +21,7 @@ struct Incoming {
   Refuse refuse;
   Command command;
   RecentCommands recent;  ///< with the command
+  StepBatch steps;        ///< likewise
   Reply reply;
   Bye bye;
 };
@@ -44,6 +46,9 @@ class Codec {
   std::size_t encode(const Command& message, std::span<std::uint8_t> out) noexcept;
   /// With the commands before it, where kFeatureRedundancy was agreed.
   std::size_t encode(const Command& message, const RecentCommands& recent,
+                     std::span<std::uint8_t> out) noexcept;
+  /// With steps as StepSender writes them, where kFeatureStepLog was agreed; at most kStepsBytesMost bytes.
+  std::size_t encode(const Command& message, std::span<const std::uint8_t> steps,
                      std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Reply& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Bye& message, std::span<std::uint8_t> out) noexcept;

@@ -108,6 +108,12 @@ requires std::is_same_v<std::remove_const_t<Message>, Reply> TELENANO_INLINE voi
   visit_three<41>(visit, m.particle.pos_w_nm);
   visit.template operator()<44>(m.particle.radius_nm);
   visit.template operator()<45>(m.particle.status);
+  visit.template operator()<46>(m.steps.executed);
+  visit.template operator()<47>(m.steps.state_hash);
+  visit.template operator()<48>(m.steps.newest);
+  visit.template operator()<49>(m.steps.breaks);
+  visit.template operator()<50>(m.steps.break_reason);
+  visit.template operator()<51>(m.steps.break_step);
 }
 
 /// A field's tag as it stands on the wire: number << 3 | wire type, seven bits a byte, the low ones first.

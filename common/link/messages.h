@@ -24,10 +24,36 @@ enum FeatureBits : std::uint64_t {
   kFeatureStepHistory = 1u << 4,  ///< Reply::steps_before
   kFeatureParticle = 1u << 5,     ///< Particle in Reply
   kFeatureWell = 1u << 6,         ///< Welcome::well_aj
+  kFeatureStepLog = 1u << 8,      ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
 };
 inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing |
                                                 kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle |
-                                                kFeatureWell;
+                                                kFeatureWell | kFeatureStepLog;
+
+/// Why the slave's state is not what the log of steps says.
+enum StepBreak : std::uint32_t {
+  kBreakNone = 0,
+  kBreakGap = 1,      ///< steps were missing for longer than the time-out
+  kBreakStop = 2,     ///< a stop did not wait for steps that were missing
+  kBreakRight = 3,    ///< steps without the right to operate: they moved nothing
+  kBreakSilence = 4,  ///< the slave withdrew by itself: the session was silent
+};
+
+/// How far the server has executed the log of steps. Behind kFeatureStepLog; all zero without it.
+struct StepReport {
+  std::uint64_t executed = 0;      ///< the last step, and all before it; 0: none
+  std::uint64_t state_hash = 0;    ///< of the slave after it; 0: not known
+  std::uint64_t newest = 0;        ///< that has come; above `executed` steps are missing, or wait
+  std::uint32_t breaks = 0;        ///< declared so far in this epoch
+  std::uint32_t break_reason = 0;  ///< StepBreak, of the last one
+  std::uint64_t break_step = 0;    ///< of the last one: from there on the log says what is executed again
+
+  bool empty() const noexcept {
+    return executed == 0 && state_hash == 0 && newest == 0 && breaks == 0 && break_reason == 0 &&
+           break_step == 0;
+  }
+  friend bool operator==(const StepReport&, const StepReport&) = default;
+};
 
 /// A short text of fixed capacity, zero-padded, so that messages never allocate.
 struct SceneName {
@@ -77,6 +103,7 @@ struct Welcome {
   /// Behind kFeatureWell: most that the sample can give out of its own (adhesion, attraction), beyond what
   /// was ever put in; >= 0.
   double well_aj = 0;
+  StepReport steps;  ///< behind kFeatureStepLog: where the log goes on
 };
 
 enum class RefuseReason : std::uint32_t { kVersion = 1, kFull = 2, kRate = 3, kShuttingDown = 4 };
@@ -106,7 +133,8 @@ enum PortMethod : std::uint32_t {
   kMethodTdpa = 3,
   kMethodWave = 4,
   kMethodTank = 5,
-  kMethodModel = 6
+  kMethodModel = 6,
+  kMethodTwin = 7  ///< behind kFeatureStepLog
 };
 
 /// Does the slave's port, with this method, weigh energies of the hand against its own?
@@ -258,6 +286,7 @@ struct Reply {
   /// stepped when commands and replies were lost.
   std::uint64_t steps_before = 0;
   Particle particle;
+  StepReport steps;
 };
 
 enum class ByeReason : std::uint32_t {

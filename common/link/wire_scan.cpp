@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "common/link/recent_commands.h"
+#include "common/link/step_log.h"
 
 namespace telenano::link {
 namespace {
@@ -16,8 +17,8 @@ constexpr std::uint8_t kF64 = 1;
 constexpr std::uint8_t kLen = 2;
 constexpr std::uint8_t kF32 = 5;
 
-constexpr std::size_t kMaxFields = 45;
-static_assert(kRecentField <= kMaxFields);
+constexpr std::size_t kMaxFields = 51;
+static_assert(kStepsField <= kMaxFields);
 
 /// Wire type by field number, as in telenano.proto (the codec's tests hold the two together).
 using FieldList = std::array<std::uint8_t, kMaxFields + 1>;
@@ -25,23 +26,26 @@ using FieldList = std::array<std::uint8_t, kMaxFields + 1>;
 constexpr FieldList kHelloFields = {kNoField, kF32, kF32, kF64, kF64, kF64, kF64, kF32,
                                     0,        0,    0,    0,    0,    0,    0,    kLen};
 constexpr FieldList kChallengeFields = {kNoField, kF64, kF64};
-constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
-                                      kLen,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 25: well
-                                      kF64};
+constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kLen,
+                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
+                                      kF64,     kF64, kF64, kF64, kF64,  // 25: well
+                                      kF64,     0,    0,    0,    0,    0,    0,    0,    0,    0,
+                                      0,        0,    0,    0,    0,    kF64, kF64, kF32};  // 40: step log
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
-constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64, kF64, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64,                    // 15: port control
+constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64,
+                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,        // 15: port control
                                       kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // to 22
                                       0,        0,    0,    0,    0,    0,    0,    0,     // 31: sharing
-                                      kF32,     0,    0,    0,    0,    0,    0,    0,    0,    kLen};
+                                      kF32,     0,    0,    0,    0,    0,    0,    0,
+                                      0,        kLen, kLen};  // 41: step log
 constexpr FieldList kReplyFields = {
     kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kF64, kF64, kF64, kF64, kF64, kF64,
     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,                    // 20: port control; 25:
                                                                        // local model
     kF32, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 36: sharing
     kF32, kF64, kF64, kF64, kF64,                                      // 40: step history; 41: particle
-    kF64, kF64, kF64, kF64, kF32};
+    kF64, kF64, kF64, kF64, kF32,                                      // 46: step log
+    kF64, kF64, kF64, kF32, kF32, kF64};
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
 constexpr FieldList kNoFields = {};
 
@@ -71,7 +75,7 @@ constexpr std::size_t longest_payload(const FieldList& fields) {
   }
   return bytes;
 }
-static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 411,
+static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 463,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
 static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kMaxRecent * kRecentBytes <=
               kMaxPayloadBytes);
@@ -106,10 +110,16 @@ bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size
   return true;
 }
 
+static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kStepsBytesMost <= kMaxPayloadBytes);
+
 /// Whole records, at least one; `at` is behind their length.
 bool fits_recent(std::size_t length, std::size_t at, std::size_t size) noexcept {
   return length > 0 && length % kRecentBytes == 0 && length <= kMaxRecent * kRecentBytes &&
          at + length == size;
+}
+
+bool fits_steps(std::size_t length, std::size_t at, std::size_t size) noexcept {
+  return length > kStepsHeaderBytes && length <= kStepsBytesMost && at + length == size;
 }
 
 /// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding and
@@ -144,7 +154,9 @@ bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::s
     std::size_t length = 0;
     if (!read_length(payload, at, length)) return false;
     if (type == MessageType::kCommand) {
-      if (!fits_recent(length, at, size)) return false;
+      const bool fits =
+          entry.number == kStepsField ? fits_steps(length, at, size) : fits_recent(length, at, size);
+      if (!fits) return false;
       parse_bytes = field_start;
     }
     at += length;
@@ -190,16 +202,20 @@ DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) 
   return DropCause::kNone;
 }
 
-bool take_recent(std::span<const std::uint8_t> payload, std::size_t at,
-                 std::span<const std::uint8_t>& recent) noexcept {
-  constexpr std::uint32_t kTag = (kRecentField << 3) | kLen;
-  if (payload.size() - at < kRecentTagBytes || payload[at] != ((kTag & 0x7fu) | 0x80u) ||
-      payload[at + 1] != kTag >> 7)
-    return false;
+bool take_tail(std::span<const std::uint8_t> payload, std::size_t at, WireFrame& frame) noexcept {
+  const auto is_at = [&](std::uint32_t field) {
+    const std::uint32_t tag = (field << 3) | kLen;
+    return payload[at] == ((tag & 0x7fu) | 0x80u) && payload[at + 1] == tag >> 7;
+  };
+  if (payload.size() - at < kRecentTagBytes) return false;
+  const bool steps = is_at(kStepsField);
+  if (!steps && !is_at(kRecentField)) return false;
   at += kRecentTagBytes;
   std::size_t length = 0;
-  if (!read_length(payload, at, length) || !fits_recent(length, at, payload.size())) return false;
-  recent = payload.subspan(at);
+  if (!read_length(payload, at, length)) return false;
+  if (steps ? !fits_steps(length, at, payload.size()) : !fits_recent(length, at, payload.size()))
+    return false;
+  (steps ? frame.steps : frame.recent) = payload.subspan(at);
   return true;
 }
 
@@ -210,7 +226,7 @@ DropCause scan_payload(WireFrame& frame) noexcept {
     return DropCause::kMalformedField;
   }
   if (frame.type == MessageType::kCommand && parse_bytes < frame.payload.size())
-    take_recent(frame.payload, parse_bytes, frame.recent);
+    take_tail(frame.payload, parse_bytes, frame);
   frame.payload = frame.payload.first(parse_bytes);
   return DropCause::kNone;
 }

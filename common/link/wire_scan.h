@@ -17,6 +17,7 @@ struct WireFrame {
   MessageType type = MessageType::kNone;
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
   std::span<const std::uint8_t> recent;  ///< of a Command: its repeated commands, which Protobuf does not see
+  std::span<const std::uint8_t> steps;   ///< of a Command, instead of these: its steps (step_log.h), likewise
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
@@ -25,6 +26,8 @@ void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
 /// Before the repeated commands of a Command: the tag of field kRecentField and a length, 3 or 4 bytes.
 inline constexpr std::uint32_t kRecentField = 40;
 inline constexpr std::size_t kRecentTagBytes = 2;
+/// Likewise before its steps.
+inline constexpr std::uint32_t kStepsField = 41;
 
 /// Checks a datagram down to the last tag before Protobuf sees it: header, total length, and that every field
 /// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field
@@ -34,9 +37,8 @@ DropCause scan(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcep
 /// Its two parts: header and length; then the fields of what it has found.
 DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) noexcept;
 DropCause scan_payload(WireFrame& frame) noexcept;
-/// True if what begins at `at` of a Command's payload is its repeated commands and the rest of it; then
-/// `recent` are their records.
-bool take_recent(std::span<const std::uint8_t> payload, std::size_t at,
-                 std::span<const std::uint8_t>& recent) noexcept;
+/// True if what begins at `at` of a Command's payload is its repeated commands, or its steps, and the rest of
+/// it; then `frame` has their records.
+bool take_tail(std::span<const std::uint8_t> payload, std::size_t at, WireFrame& frame) noexcept;
 
 }  // namespace telenano::link

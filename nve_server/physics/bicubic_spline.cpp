@@ -1,6 +1,7 @@
 #include "nve_server/physics/bicubic_spline.h"
 
 #include <algorithm>
+#include <bit>
 
 namespace telenano::physics {
 namespace {
@@ -19,6 +20,14 @@ void interpolate_line(std::vector<double>& line, std::vector<double>& upper) {
     line[i] = (6.0 * line[i] - lower * line[i - 1]) / pivot;
   }
   for (std::size_t i = n - 1; i-- > 0;) line[i] -= upper[i] * line[i + 1];
+}
+
+// splitmix64's finaliser over place and bits.
+std::uint64_t word_of(std::uint64_t place, double value) noexcept {
+  std::uint64_t z = std::bit_cast<std::uint64_t>(value) + (place + 1) * 0x9e3779b97f4a7c15ull;
+  z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ull;
+  z = (z ^ (z >> 27)) * 0x94d049bb133111ebull;
+  return z ^ (z >> 31);
 }
 
 struct Weights {
@@ -127,6 +136,8 @@ BicubicSpline::Stencil BicubicSpline::stencil(double x_nm, double y_nm) const no
 }
 
 void BicubicSpline::set_coefficient(int column, int row, double value) noexcept {
+  const auto place = static_cast<std::uint64_t>(offset(column, row));
+  changes_ += word_of(place, value) - word_of(place, coefficient(column, row));
   if (column > 1 && column < columns_ - 2 && row > 1 && row < rows_ - 2) {  // not mirrored at a rim
     at(column, row) = value;
     return;

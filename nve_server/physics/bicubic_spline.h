@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "nve_server/physics/height_grid.h"
@@ -60,6 +61,9 @@ class BicubicSpline {
 
   double coefficient(int column, int row) const noexcept { return coefficients_[offset(column, row)]; }
   void set_coefficient(int column, int row, double value) noexcept;
+  /// Of all coefficients that were set, by place and bits, whatever the order and whatever was there between;
+  /// 0: all as they were made.
+  std::uint64_t changes_digest() const noexcept { return changes_; }
   double node_value(int column, int row) const noexcept;
 
   double x_first_nm() const noexcept { return x_first_; }
@@ -87,6 +91,7 @@ class BicubicSpline {
   double x_first_, y_first_, x_last_, y_last_;
   int stride_;                        // columns + 2: one more at either end
   std::vector<double> coefficients_;  // padded, so that a cell's 4×4 are always there
+  std::uint64_t changes_ = 0;         // Σ of (words of place and new bits) less (of place and old bits)
 };
 
 }  // namespace telenano::physics

@@ -30,6 +30,8 @@ class MarkedSample {
   void press(const TipFlow& yielded) noexcept;
 
   const SplineSurface& surface() const noexcept { return *surface_; }
+  /// For who brings back marks that were kept elsewhere.
+  SplineSurface& surface_to_restore() noexcept { return *surface_; }
   /// Steps that left a mark.
   std::uint64_t marks() const noexcept { return marks_; }
   /// From now on hears of every mark; null: nobody. Must outlive this, or be taken away before.

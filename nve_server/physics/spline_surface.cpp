@@ -64,6 +64,19 @@ SplineSurface::SplineSurface(const SplineSurface& other)
       view_(std::make_shared<HeightView>(other.heights())),
       stamp_(other.stamp_) {}
 
+void SplineSurface::set_node(int column, int row, const Node& node) noexcept {
+  height_.set_coefficient(column, row, node.height_coefficient_nm);
+  relative_curvature_.set_coefficient(column, row, node.relative_curvature);
+  tops_.set(column, row, node.height_nm);
+  view_->store(column, row, node.height_nm);
+}
+
+void SplineSurface::settle(bool marked) noexcept {
+  marked_ = marked;
+  view_->publish();
+  if (++stamp_ == 0) stamp_ = 1;
+}
+
 HeightGrid SplineSurface::heights() const {
   HeightGrid grid{height_.columns(),
                   height_.rows(),

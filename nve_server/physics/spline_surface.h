@@ -59,6 +59,31 @@ class SplineSurface final : public Surface {
   /// O(radius²/cell²).
   void press(const Mark& mark) noexcept;
   HeightGrid heights() const;  ///< at the nodes, as they are now
+
+  /// What marks have changed, for those who compare two surfaces, or carry one's marks over to another of the
+  /// same scan.
+  std::uint64_t marks_digest() const noexcept {
+    return height_.changes_digest() + 3 * relative_curvature_.changes_digest() + (marked_ ? 1u : 0u);
+  }
+  bool marked() const noexcept { return marked_; }
+  std::uint32_t stamp() const noexcept { return stamp_; }  ///< another one whenever the heights are others
+  int columns() const noexcept { return height_.columns(); }
+  int rows() const noexcept { return height_.rows(); }
+  /// What a mark may change at a node. Its own height is not quite that of the coefficients where no mark
+  /// came by: that is the scan's.
+  struct Node {
+    double height_coefficient_nm = 0;
+    double relative_curvature = 0;  ///< coefficient
+    double height_nm = 0;
+    friend bool operator==(const Node&, const Node&) = default;
+  };
+  Node node(int column, int row) const noexcept {
+    return {height_.coefficient(column, row), relative_curvature_.coefficient(column, row),
+            tops_.height_nm(column, row)};
+  }
+  /// After the last of them: settle(). Neither allocates.
+  void set_node(int column, int row, const Node& node) noexcept;
+  void settle(bool marked) noexcept;
   /// For other threads; stays valid when the surface has gone.
   std::shared_ptr<const HeightView> view() const noexcept { return view_; }
 

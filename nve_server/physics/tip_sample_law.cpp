@@ -174,6 +174,18 @@ void TipSampleLaw::prepare(double radius_nm, bool wet, TipSampleCache& cache) co
   cache.has_handover = cache.has_parting = false;
 }
 
+void TipSampleLaw::derive(TipSampleCache& cache) const noexcept {
+  if (!(cache.radius_nm > 0)) return;
+  TipSampleCache made;
+  made.wet = cache.wet;
+  prepare(cache.radius_nm, cache.wet, made);
+  cache.scales = made.scales;
+  cache.curve = made.curve;
+  cache.adhesive = made.adhesive;
+  cache.tabulated = made.tabulated;
+  cache.outside = made.outside;
+}
+
 double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept {
   const TipSampleCache& cache = state.cache;
   if (eq.branch == Branch::kFree || !(cache.radius_nm > 0)) return 0;

@@ -166,6 +166,10 @@ class TipSampleLaw {
   /// see MaugisDugdale::radius_moment, and offset_moment for the energy where the two laws join.
   double radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept;
 
+  /// Makes again what of a cache follows from its radius, and from its being wet: for one of which only the
+  /// rest was kept.
+  void derive(TipSampleCache& cache) const noexcept;
+
   const TipSampleParameters& parameters() const noexcept { return parameters_; }
   ContactScales scales(double radius_nm) const noexcept;
   double lambda(double radius_nm) const noexcept { return scales(radius_nm).lambda; }

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/base/error.h"
+#include "nve_server/slave/logged_step.h"
 
 namespace telenano::server {
 
@@ -28,6 +29,15 @@ constexpr double kStepMinS = 1e-6;
 
 /// A slave that has not moved for so long on its way up has arrived: it may have a rate of its own.
 constexpr std::int64_t kRestNs = 50'000'000;
+
+/// Steps that one datagram, and one look of poll(), may execute of a log: catching up must not keep the
+/// others waiting.
+constexpr std::size_t kStepsPerDatagram = 64, kStepsPerPoll = 64;
+constexpr double kStepRingMost = 32768;  // 1.5 MB
+
+bool logs_steps(const link::Session& session) noexcept {
+  return (session.feature_bits & link::kFeatureStepLog) != 0;
+}
 
 /// Who moved a shared tip last is no longer known: nobody who comes.
 constexpr std::size_t kForgotten = SIZE_MAX - 1;
@@ -60,7 +70,7 @@ std::uint64_t age_of_force_ns(const slave::SlaveOutput& output, std::int64_t sin
 
 bool wants_model(const link::Session& session, const link::Command& command) noexcept {
   return (session.feature_bits & link::kFeatureLocalModel) != 0 &&
-         command.control.method == link::kMethodModel;
+         (command.control.method == link::kMethodModel || command.control.method == link::kMethodTwin);
 }
 
 /// A name that fills its place has no zero at its end.
@@ -89,7 +99,8 @@ link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
 
 /// Sharing is offered where there is something to share, and asked for there; a particle and a well where
 /// there is one.
-link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits) {
+link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits,
+                                             bool knows_state) {
   link::ServerHandshakeConfig handshake;
   handshake.secret = config.secret;
   handshake.feature_bits = config.feature_bits & ~std::uint64_t{link::kFeatureSharing};
@@ -99,6 +110,9 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
   }
   if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
   if (!has_well(limits)) handshake.feature_bits &= ~std::uint64_t{link::kFeatureWell};
+  // A log of steps asks for a slave whose state they make, and for one tip a session.
+  if (!knows_state || config.share == Share::kOneTip)
+    handshake.feature_bits &= ~std::uint64_t{link::kFeatureStepLog};
   handshake.rate_max_hz = limits.rate_max_hz;
   handshake.challenges_per_s = config.challenges_per_s;
   handshake.openings_per_s = config.openings_per_s;
@@ -120,7 +134,7 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       spare_(first_slave(scene_)),
       limits_(spare_->limits()),
       table_(table_of(config), config.secret),
-      handshake_(handshake_config(config, limits_)),
+      handshake_(handshake_config(config, limits_, spare_->state_hash() != 0)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       seats_(table_.capacity()),
       holder_(table_.capacity()),
@@ -205,7 +219,80 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.coupling_stiffness_n_m = limits.coupling_stiffness_n_m;
   w.coupling_damping_n_s_m = limits.coupling_damping_n_s_m;
   if ((session.feature_bits & link::kFeatureWell) != 0 && has_well(limits)) w.well_aj = limits.well_aj;
+  if (logs_steps(session)) w.steps = step_report(slot);
   return codec_.encode(w, out);
+}
+
+/// Makes room for the steps of a session: in a handshake, never within an exchange.
+void Server::begin_log(std::size_t slot) noexcept {
+  Seat& seat = seats_[slot];
+  if (!logs_steps(table_[slot])) {
+    seat.steps = {};
+    return;
+  }
+  if (seat.steps.enabled()) return;
+  const double ring = config_.step_ring_s * table_[slot].rate_hz;
+  try {
+    seat.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
+  } catch (...) {  // out of memory: nothing moves the slave, the session stands still
+    seat.steps = {};
+  }
+}
+
+link::StepReport Server::step_report(std::size_t slot) noexcept {
+  link::StepReport report = seats_[slot].steps.report();
+  report.state_hash = tip_of(slot).slave->state_hash();
+  return report;
+}
+
+/// Executes what has come to its turn, `most` steps at once: the rest when poll() comes by.
+void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept {
+  Seat& seat = seats_[slot];
+  Tip& tip = tip_of(slot);
+  if (seat.steps.gap() && 1e-9 * static_cast<double>(now_ns - seat.steps.gap_since_ns()) > config_.step_gap_s)
+    seat.steps.skip_to_newest(link::kBreakGap);
+  link::LoggedStep step;
+  for (std::size_t i = 0; i < most && seat.steps.pop(now_ns, step); ++i) {
+    link::Command command;
+    command.control = seat.last_control;
+    command.flags = step.flags;
+    command.tip_pos_w_nm = link::target_w_nm(step);
+    command.tip_vel_w_nm_s = (command.tip_pos_w_nm - tip.last_target_w_nm) / link::dt_s(step);
+    move_tip_once(slot, command, link::dt_s(step), seat.operates);
+    tip.last_step_ns = tip.moved_ns = now_ns;
+    tip.at_rest = false;
+    last_flags_ = step.flags;
+  }
+}
+
+/// A command of a session that logs its steps: only they move the tip. What takes motion away does not wait
+/// for its turn: a stop leaves out what is missing before it, and without the right to operate no step moves.
+void Server::move_by_log(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept {
+  Seat& seat = seats_[slot];
+  if (!seat.steps.enabled()) return;
+  seat.last_control = command.control;
+  const bool operates = standing_.rights >= net::Rights::kOperate;
+  if (seat.operates && !operates) seat.steps.declare_break(link::kBreakRight);
+  seat.operates = operates;
+  seat.steps.take(incoming_.steps, now_ns);
+  const bool stops = operates && (command.flags & link::kFlagStop) != 0;
+  last_flags_ = 0;
+  run_log(slot, kStepsPerDatagram, now_ns);
+  if (!stops) return;
+  if (seat.steps.executed() < seat.steps.newest()) {
+    seat.steps.skip_to_newest(link::kBreakStop);
+    run_log(slot, 1, now_ns);
+  }
+  if ((last_flags_ & link::kFlagStop) != 0) return;
+  // No step says so, or none has come: the command alone stops the tip.
+  Tip& tip = tip_of(slot);
+  if ((tip.output.fault_bits & link::kFaultRetracted) == 0) seat.steps.declare_break(link::kBreakStop);
+  link::Command stop = command;
+  stop.tip_pos_w_nm = tip.output.commanded_pos_w_nm;
+  stop.tip_vel_w_nm_s.setZero();
+  move_tip_once(slot, stop, std::min(table_[slot].spacing_s, config_.step_max_s), true);
+  tip.last_step_ns = tip.moved_ns = now_ns;
+  tip.at_rest = false;
 }
 
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
@@ -255,10 +342,12 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
     case Kind::kOpen:
       holder_.begin_session(verdict.slot);
       seats_[verdict.slot].opening = ++counters_.opened;
+      begin_log(verdict.slot);
       break;
     case Kind::kResume:
       seats_[verdict.slot].control.begin_session();
       holder_.resume_session(verdict.slot);
+      begin_log(verdict.slot);
       ++counters_.resumed;
       break;
     case Kind::kAgain:
@@ -295,25 +384,18 @@ void Server::share_tip(std::size_t slot, const link::Command& command, std::int6
 }
 
 /// Steps the tip by a command of a session that may do so.
-void Server::move_tip_once(std::size_t slot, const link::Command& command, double spacing_s) noexcept {
+void Server::move_tip_once(std::size_t slot, const link::Command& command, double spacing_s,
+                           bool may_operate) noexcept {
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
   Seat& seat = seats_[slot];
   // Who has just got the tip must first have taken up its position.
   const bool anchored = !shared() || command.tip_hold == holder_.number();
-  const bool operates = standing_.rights >= net::Rights::kOperate && anchored;
-  slave::SlaveInput input;
-  input.tip_target_pos_w_nm = command.tip_pos_w_nm;
-  input.tip_target_vel_w_nm_s = command.tip_vel_w_nm_s;
-  input.retract = operates && (command.flags & link::kFlagStop) != 0;
-  input.by_operator = input.retract;
-  input.opening = seat.opening;
-  constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
-  // A tip that is up is not where the station left it: it follows nothing until the station has been told
-  // that it is back, and where.
+  const bool operates = may_operate && anchored;
   const bool was_up = (tip.output.fault_bits & link::kFaultRetracted) != 0;
-  input.wanted = operates && !input.retract && (command.flags & kEngaged) == kEngaged;
-  input.follow = input.wanted && !was_up;
+  slave::SlaveInput input =
+      slave::input_of(command.tip_pos_w_nm, command.tip_vel_w_nm_s, command.flags, operates, was_up);
+  input.opening = seat.opening;
   input.wants_model = wants_model(session, command);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
@@ -339,6 +421,7 @@ void Server::move_tip(std::size_t slot, const link::Command& command, const link
                       std::int64_t now_ns) noexcept {
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
+  const bool operates = standing_.rights >= net::Rights::kOperate;
   double spacing_s = session.spacing_s;
   if (recent.count > 0 && session.missed > 0) {
     link::MissedSteps plan;
@@ -346,12 +429,12 @@ void Server::move_tip(std::size_t slot, const link::Command& command, const link
     for (std::size_t i = 0; i < plan.count; ++i) {
       const link::MissedSteps::Step& step = plan.step[i];
       const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - tip.last_target_w_nm) / step.spacing_s;
-      move_tip_once(slot, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
+      move_tip_once(slot, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s, operates);
     }
     counters_.recovered += plan.count;
     spacing_s = plan.last_spacing_s;
   }
-  move_tip_once(slot, command, spacing_s);
+  move_tip_once(slot, command, spacing_s, operates);
   tip.last_step_ns = tip.moved_ns = now_ns;
   tip.at_rest = false;
 }
@@ -359,6 +442,11 @@ void Server::move_tip(std::size_t slot, const link::Command& command, const link
 std::size_t Server::on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                                std::span<std::uint8_t> out, const rt::Clock* clock) noexcept {
   std::size_t slot = link::SessionTable::kNone;
+  const std::size_t of = table_.find(command.session_id);
+  const bool logs = of != link::SessionTable::kNone && logs_steps(table_[of]);
+  if (!logs && (incoming_.steps.count > 0 || command.control.method == link::kMethodTwin) &&
+      of != link::SessionTable::kNone)
+    return drop(DropCause::kUnexpected);
   const DropCause cause =
       table_.accept(command, peer_key(from), now_ns, slot, incoming_.recent.count > 0, standing_.identity);
   if (cause != DropCause::kNone) return on_unusable_command(command, cause, slot, now_ns, out);
@@ -369,7 +457,9 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   if (shared()) share_tip(slot, command, now_ns);
   const bool moves = !shared() || holder_.holds(slot);
-  if (moves) {
+  if (logs_steps(session)) {
+    move_by_log(slot, command, now_ns);
+  } else if (moves) {
     move_tip(slot, command, incoming_.recent, now_ns);
   } else if (controls) {
     seat.control.observe(command.control);
@@ -392,6 +482,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   if (moves && wants_model(session, command)) reply.model = tip.output.model;
   if ((session.feature_bits & link::kFeatureStepHistory) != 0) reply.steps_before = session.steps_before;
   if ((session.feature_bits & link::kFeatureParticle) != 0) reply.particle = tip.output.particle;
+  if (logs_steps(session)) reply.steps = step_report(slot);
   if (shared()) reply.tip = {moves ? holder_.number() : 0, tip.output.commanded_pos_w_nm};
   const std::int64_t sent_ns = clock != nullptr ? std::max(clock->now_ns(), now_ns) : now_ns;
   reply.server_time_ns = static_cast<std::uint64_t>(sent_ns);
@@ -456,6 +547,7 @@ void Server::poll(std::int64_t now_ns) noexcept {
     if (state == link::SlotState::kSilent) {
       ++counters_.timed_out;
       if (!shared()) tips_[slot].last_step_ns = now_ns;
+      if (seats_[slot].steps.enabled()) seats_[slot].steps.declare_break(link::kBreakSilence);
     }
     if (state == link::SlotState::kFree) forget(slot, now_ns);
   });
@@ -464,6 +556,8 @@ void Server::poll(std::int64_t now_ns) noexcept {
   if (shared()) return withdraw_shared_tip(now_ns);
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
+    if (session.state == link::SlotState::kActive && seats_[slot].steps.waits() && tips_[slot].slave)
+      run_log(slot, kStepsPerPoll, now_ns);
     const bool leaving =
         session.state == link::SlotState::kSilent || session.state == link::SlotState::kEnding;
     if (leaving && tips_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {

@@ -53,6 +53,8 @@ struct ServerConfig {
   double challenges_per_s = 20000;
   double openings_per_s = 64;
   double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
+  double step_gap_s = 2;    ///< a step may be missing in a log; then it is left out, and the log says so
+  double step_ring_s = 4;   ///< of logged steps that may wait for their turn, in each session that logs
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
 
   /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
@@ -155,7 +157,12 @@ class Server {
   /// Steps the tip of `slot` by one command, and by those before it that it repeats.
   void move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
                 std::int64_t now_ns) noexcept;
-  void move_tip_once(std::size_t slot, const link::Command& command, double spacing_s) noexcept;
+  void move_tip_once(std::size_t slot, const link::Command& command, double spacing_s,
+                     bool may_operate) noexcept;
+  void begin_log(std::size_t slot) noexcept;
+  link::StepReport step_report(std::size_t slot) noexcept;
+  void run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept;
+  void move_by_log(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
   void end(std::size_t slot, std::int64_t now_ns) noexcept;
   void forget(std::size_t slot, std::int64_t now_ns) noexcept;
   void withdraw_shared_tip(std::int64_t now_ns) noexcept;
@@ -177,7 +184,8 @@ class Server {
   TokenSearch search_;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   bool shutting_down_ = false;
-  net::Standing standing_;  ///< of the datagram at hand
+  net::Standing standing_;        ///< of the datagram at hand
+  std::uint32_t last_flags_ = 0;  ///< of the last step of a log that was executed
   link::DropCounters drops_;
   ServerCounters counters_;
   ServiceTimes service_;

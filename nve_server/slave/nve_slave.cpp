@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "common/base/error.h"
+#include "nve_server/slave/state_fields.h"
 
 namespace telenano::slave {
 namespace {
@@ -99,6 +100,8 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene, const PortGround& 
   port().mode.velocity_nm_s = 0;
   SlaveOutput unused;
   publish(0, unused);
+  at_first_.resize(kSnapshotBytes);
+  at_first_.resize(save(at_first_));
 }
 
 void NveSlave::accept_trial() noexcept {
@@ -311,6 +314,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
 
 void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   const physics::Probe& probe = scene_->cantilever;
+  last_faults_ = fault_bits;
   output.force_w_nn = port().solution.force_w_nn;
   output.tip_pos_w_nm = port().solution.apex_w_nm;
   output.commanded_pos_w_nm = port().commanded_w_nm;
@@ -324,6 +328,85 @@ void NveSlave::publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept {
   if (const physics::ParticleSolution* const particle = sample_.particle())
     output.particle = {particle->particle_centre_w_nm, scene_->particle->parameters.particle_radius_nm,
                        particle_status(*particle)};
+}
+
+template <class Visit, class Of>
+void NveSlave::visit_port(Visit& visit, Of& port) const noexcept {
+  fields(visit, port.commanded_w_nm);
+  fields(visit, port.extension_w_nm);
+  if (scene_->potential) {
+    fields(visit, port.potential);
+  } else {
+    // A level sample's two ports find the one table's handover each for itself, with the same result.
+    const bool one_table = scalar_ && port.tip.law.cache.tabulated;
+    bool of_one_radius = one_table;
+    visit(of_one_radius);
+    law_fields(visit, port.tip.law, of_one_radius);
+    if (!scalar_) fields(visit, port.tip);
+  }
+  fields(visit, port.solution);
+  fields(visit, port.mode);
+  visit(port.stored_aj);
+}
+
+/// The sample first: a foot's memory is of a surface as it is then.
+template <class Visit>
+void NveSlave::write_state(Visit& visit) const noexcept {
+  visit.surface_stamp = sample_.surface_stamp();
+  sample_.write(visit);
+  visit_port(visit, port());
+  visit(energy_in_aj_);
+  visit(energy_out_aj_);
+  visit(paid_ahead_aj_);
+  visit(std::uint64_t{last_faults_});
+}
+
+std::uint64_t NveSlave::state_hash() const noexcept {
+  StateHash hash;
+  write_state(hash);
+  return hash.value();
+}
+
+std::size_t NveSlave::save(std::span<std::uint8_t> out) const noexcept {
+  StateWriter writer(out);
+  write_state(writer);
+  return writer.ok() ? writer.size() : 0;
+}
+
+std::size_t NveSlave::snapshot_bytes_max() const noexcept {
+  const physics::SplineSurface* const marks = sample_.marked_surface();
+  return kSnapshotBytes + (marks == nullptr ? 0
+                                            : 28 * static_cast<std::size_t>(marks->rows()) *
+                                                  static_cast<std::size_t>(marks->columns()));
+}
+
+void NveSlave::reset() noexcept {
+  if (at_first_.empty() || !load(at_first_)) sample_.reset();
+}
+
+bool NveSlave::load(std::span<const std::uint8_t> bytes) noexcept {
+  StateReader reader(bytes);
+  reader.surface_stamp = sample_.surface_stamp();
+  bool good = sample_.read(reader);
+  Port& to = ports_[now_];
+  to = {};
+  visit_port(reader, to);
+  reader(energy_in_aj_);
+  reader(energy_out_aj_);
+  reader(paid_ahead_aj_);
+  std::uint64_t faults = 0;
+  reader(faults);
+  last_faults_ = static_cast<std::uint32_t>(faults);
+  good = good && faults <= UINT32_MAX && reader.ok() && reader.at_end() && energy_in_aj_ >= 0 &&
+         energy_out_aj_ >= 0;
+  if (good) {
+    const physics::TipSampleLaw& law = scene_->equilibrium->law();
+    law.derive(to.tip.law.cache);
+    ports_[1 - now_] = to;
+    return true;
+  }
+  if (bytes.data() != at_first_.data()) reset();
+  return false;
 }
 
 NveSlave::Trace NveSlave::trace() const noexcept {

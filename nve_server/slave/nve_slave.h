@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <functional>
 #include <memory>
+#include <span>
+#include <vector>
 
 #include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/probe.h"
@@ -88,6 +90,23 @@ class NveSlave final : public Slave {
     double unbooked_aj = 0;  ///< cumulative, of these: work that potential and losses do not account for
   };
   Trace trace() const noexcept;
+  /// 64 bits over everything that later steps depend on, warm starts included; the same steps from the same
+  /// state give the same. Memory layout and history are not in it. Takes some hundred nanoseconds.
+  std::uint64_t state_hash() const noexcept override;
+  /// The state as bytes (state_fields.h); 0: they do not fit. At most kSnapshotBytes and 28 a changed node
+  /// where marks stay. Does not allocate; looks at every node of a surface with marks.
+  std::size_t save(std::span<std::uint8_t> out) const noexcept override;
+  static constexpr std::size_t kSnapshotBytes = 8192;
+  /// Takes up what save() of a slave of the same scene wrote. Bytes may be anybody's: false, and the state is
+  /// that of the beginning, for what is no such state. Does not allocate.
+  bool load(std::span<const std::uint8_t> bytes) noexcept override;
+  /// As it was made. Does not allocate.
+  void reset() noexcept override;
+  std::size_t snapshot_bytes_max() const noexcept override;
+
+  /// What the last step said, or the one before a load(); without its local model.
+  void say_again(SlaveOutput& output) noexcept { publish(last_faults_, output); }
+
   const TouchedSample& sample() const noexcept { return sample_; }
   /// This session's own surface; null where no marks stay.
   const physics::SplineSurface* marked_surface() const noexcept { return sample_.marked_surface(); }
@@ -116,6 +135,10 @@ class NveSlave final : public Slave {
   const Port& port() const noexcept { return ports_[now_]; }
   Port& trial_port() noexcept { return ports_[1 - now_]; }
   void accept_trial() noexcept;
+  template <class Visit, class Of>
+  void visit_port(Visit& visit, Of& port) const noexcept;
+  template <class Visit>
+  void write_state(Visit& visit) const noexcept;
   Piece piece_of(double dt_s) const noexcept;
   int pieces(double dt_s, double distance_nm) const noexcept;
   /// The springs of this trial, which stay until the next; null: no balance.
@@ -141,7 +164,9 @@ class NveSlave final : public Slave {
   Trace trace_;
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;
-  double paid_ahead_aj_ = 0;  // by how much the charges so far exceed the port's work
+  std::uint32_t last_faults_ = 0;
+  double paid_ahead_aj_ = 0;            // by how much the charges so far exceed the port's work
+  std::vector<std::uint8_t> at_first_;  // the state as it was made
 };
 
 /// Makes slaves of one scene; what they have in common is found now.

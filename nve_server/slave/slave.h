@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 
 #include "common/base/vec3.h"
 #include "common/link/messages.h"
@@ -67,6 +69,18 @@ class Slave {
   /// fault bit is still safe to render.
   virtual void step(const SlaveInput& input, double dt_s, SlaveOutput& output) noexcept = 0;
   virtual const SlaveLimits& limits() const noexcept = 0;
+
+  // A slave whose state is a function of its steps can be run twice, here and at the station: it says what
+  // its state is, and gives it away. An instrument cannot: it has no state hash, so that no step log is
+  // granted.
+
+  /// 64 bits over all that later steps depend on; 0: its state is not known.
+  virtual std::uint64_t state_hash() const noexcept { return 0; }
+  /// The state as bytes; 0: there is none, or it does not fit.
+  virtual std::size_t save(std::span<std::uint8_t> /*out*/) const noexcept { return 0; }
+  virtual bool load(std::span<const std::uint8_t> /*bytes*/) noexcept { return false; }
+  virtual void reset() noexcept {}
+  virtual std::size_t snapshot_bytes_max() const noexcept { return 0; }
 };
 
 }  // namespace telenano::slave

@@ -8,6 +8,7 @@
 #include "nve_server/physics/particle_equilibrium.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
+#include "nve_server/slave/state_fields.h"
 
 namespace telenano::slave {
 
@@ -44,6 +45,15 @@ class TouchedSample {
     return particle_ ? &particle_->solution : nullptr;
   }
 
+  /// What of it later steps depend on: `visit` is a StateHash, StateWriter or StateReader (state_fields.h).
+  template <class Visit>
+  void write(Visit& visit) const noexcept;
+  /// False: not such a sample's; then it is as at the beginning.
+  bool read(StateReader& visit) noexcept;
+  void reset() noexcept;
+  /// Of the surface, which a foot remembers (physics/surface.h).
+  std::uint32_t surface_stamp() const noexcept;
+
  private:
   struct ParticleTrial {
     physics::ParticleEquilibrium equilibrium;
@@ -51,7 +61,10 @@ class TouchedSample {
     physics::ParticleState trial_state;
     physics::ParticleSolution solution;
     physics::ParticleSolution trial_solution;
+    physics::ParticleState at_first;
   };
+
+  void unmark() noexcept;
 
   std::shared_ptr<const scene::Scene> scene_;
   std::unique_ptr<physics::MarkedSample> marked_;

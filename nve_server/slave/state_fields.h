@@ -1,0 +1,392 @@
+#pragma once
+
+#include <bit>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <span>
+
+#include "common/base/vec3.h"
+#include "nve_server/physics/particle_equilibrium.h"
+#include "nve_server/physics/potential_equilibrium.h"
+#include "nve_server/physics/tip_equilibrium.h"
+
+/// What of a slave's state later steps depend on, field by field, in one list for three uses: the hash that
+/// two ends compare, the bytes of a snapshot, and reading them again. Whatever is left out here is left out
+/// of all three, and a replay after a restore shows it.
+///
+/// Warm starts are part of it: a search that begins elsewhere ends in other last bits. What is a pure
+/// function of the rest (the curve at a radius, springs) is not: it is made again.
+namespace telenano::slave {
+
+/// Mixes one word: a multiplication and a fold of its halves (after Wang's wyhash), about a nanosecond.
+inline std::uint64_t mix_words(std::uint64_t a, std::uint64_t b) noexcept {
+  __extension__ using Wide = unsigned __int128;
+  const Wide product = static_cast<Wide>(a ^ 0x9e3779b97f4a7c15ull) * (b ^ 0xd1b54a32d192ed03ull);
+  return static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64);
+}
+
+/// Surfaces that change say so by a stamp; a foot remembered under another is out of date. The stamp itself
+/// counts changes, which is history, so that only its being the present one is state.
+struct StateUse {
+  std::uint32_t surface_stamp = 0;
+};
+
+/// 64 bits over the fields, in order. Not cryptographic: it finds what differs by mistake.
+class StateHash : public StateUse {
+ public:
+  static constexpr bool kReads = false;
+  void word(std::uint64_t bits) noexcept { hash_ = mix_words(hash_ + 1, bits); }
+  void operator()(const double& x) noexcept { word(std::bit_cast<std::uint64_t>(x)); }
+  void operator()(const bool& x) noexcept { word(x ? 1 : 2); }
+  void operator()(const int& x) noexcept { word(static_cast<std::uint32_t>(x)); }
+  void operator()(const std::uint64_t& x) noexcept { word(x); }
+  bool ok() const noexcept { return true; }
+  std::uint64_t value() const noexcept { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0x243f6a8885a308d3ull;
+};
+
+/// Little-endian bytes, 8 for a double, 1 for a bool, 4 for an int. `ok` is false when they did not fit.
+class StateWriter : public StateUse {
+ public:
+  static constexpr bool kReads = false;
+  explicit StateWriter(std::span<std::uint8_t> out) noexcept : out_(out) {}
+  void operator()(const double& x) noexcept { put(&x, sizeof x); }
+  void operator()(const bool& x) noexcept {
+    const std::uint8_t byte = x ? 1 : 0;
+    put(&byte, 1);
+  }
+  void operator()(const int& x) noexcept { put(&x, sizeof x); }
+  void operator()(const std::uint64_t& x) noexcept { put(&x, sizeof x); }
+  bool ok() const noexcept { return ok_; }
+  std::size_t size() const noexcept { return at_; }
+
+ private:
+  void put(const void* from, std::size_t bytes) noexcept {
+    if (!ok_ || out_.size() - at_ < bytes) {
+      ok_ = false;
+      return;
+    }
+    std::memcpy(out_.data() + at_, from, bytes);
+    at_ += bytes;
+  }
+  std::span<std::uint8_t> out_;
+  std::size_t at_ = 0;
+  bool ok_ = true;
+};
+
+/// Of bytes that may be anybody's: what is cut, not finite or no value of its kind makes `ok` false.
+class StateReader : public StateUse {
+ public:
+  static constexpr bool kReads = true;
+  explicit StateReader(std::span<const std::uint8_t> in) noexcept : in_(in) {}
+  void operator()(double& x) noexcept {
+    take(&x, sizeof x);
+    if (!std::isfinite(x)) fail();
+    if (!ok_) x = 0;
+  }
+  void operator()(bool& x) noexcept {
+    std::uint8_t byte = 0;
+    take(&byte, 1);
+    if (byte > 1) fail();
+    x = byte == 1;
+  }
+  void operator()(int& x) noexcept { take(&x, sizeof x); }
+  void operator()(std::uint64_t& x) noexcept { take(&x, sizeof x); }
+  void fail() noexcept { ok_ = false; }
+  bool ok() const noexcept { return ok_; }
+  bool at_end() const noexcept { return at_ == in_.size(); }
+
+ private:
+  void take(void* to, std::size_t bytes) noexcept {
+    if (!ok_ || in_.size() - at_ < bytes) {
+      ok_ = false;
+      std::memset(to, 0, bytes);
+      return;
+    }
+    std::memcpy(to, in_.data() + at_, bytes);
+    at_ += bytes;
+  }
+  std::span<const std::uint8_t> in_;
+  std::size_t at_ = 0;
+  bool ok_ = true;
+};
+
+static_assert(std::endian::native == std::endian::little, "values go as they are");
+
+template <class V, class E>
+void enumerator(V& v, E& e, int last) noexcept {
+  int number = static_cast<int>(e);
+  v(number);
+  if constexpr (V::kReads) {
+    if (number < 0 || number > last) v.fail();
+    e = static_cast<E>(v.ok() ? number : 0);
+  }
+}
+template <class V, class E>
+void enumerator(V& v, const E& e, int /*last*/) noexcept {
+  const int number = static_cast<int>(e);
+  v(number);
+}
+
+/// A count of entries in use; false: out of range.
+template <class V, class Count>
+bool count(V& v, Count& n, int most) noexcept {
+  v(n);
+  if constexpr (V::kReads) {
+    if (n < 0 || n > most) v.fail();
+    if (!v.ok()) n = 0;
+  }
+  return v.ok();
+}
+
+// `T` is the type or the const type: one list for writing and reading.
+#define TELENANO_FIELDS_OF(Type)                        \
+  template <class V, class T>                           \
+  requires std::is_same_v<std::remove_const_t<T>, Type> \
+  void fields(V& v, T& s) noexcept
+
+TELENANO_FIELDS_OF(Vec3) {
+  v(s.x());
+  v(s.y());
+  v(s.z());
+}
+
+TELENANO_FIELDS_OF(Mat3) {
+  for (int i = 0; i < 9; ++i) v(s(i / 3, i % 3));
+}
+
+TELENANO_FIELDS_OF(physics::CurvePoint) {
+  v(s.contact);
+  v(s.parameter);
+  v(s.outer_radius);
+  v(s.contact_radius);
+  v(s.overlap);
+  v(s.load);
+  v(s.overlap_rate);
+  v(s.load_rate);
+  v(s.contact_radius_rate);
+  v(s.overlap_bend);
+  v(s.load_bend);
+  v(s.overlap_by_lambda);
+  v(s.load_by_lambda);
+  v(s.contact_radius_by_lambda);
+  v(s.energy);
+}
+
+/// Handover and parting are numbers found by a search whose start is the last ones': they are state. On the
+/// one table of a level sample they are the same whenever they are found (`of_one_radius`), and each of a
+/// slave's two ports finds them for itself: there they are not.
+template <class V, class Cache>
+void cache_fields(V& v, Cache& s, bool of_one_radius) noexcept {
+  v(s.radius_nm);
+  v(s.wet);
+  v(s.lambda);
+  v(s.u);
+  v(s.has_last);
+  if (s.has_last) fields(v, s.last);
+  if (of_one_radius) return;
+  v(s.has_handover);
+  if (s.has_handover) {
+    v(s.handover.reversible);
+    fields(v, s.handover.inside);
+    v(s.handover.gap);
+  }
+  v(s.has_parting);
+  if (s.has_parting) {
+    v(s.parting.reversible);
+    fields(v, s.parting.end);
+    v(s.parting.gap);
+    v(s.parting.energy_offset);
+  }
+  for (int i = 0; i < 2; ++i) {
+    v(s.handover_lambda[i]);
+    v(s.handover_ratio[i]);
+  }
+  v(s.far_radius_nm);
+  v(s.far_compliance);
+  v(s.far_base_nm);
+  v(s.far_base_rate);
+  v(s.far_contact);
+  v(s.far_parameter);
+  v(s.fold_radius_nm);
+  fields(v, s.rigid_fold);
+  v(s.far_force_per_radius_n_m);
+}
+
+/// The caller rebuilds what the law derives (TipSampleLaw::derive) after reading.
+template <class V, class State>
+void law_fields(V& v, State& s, bool of_one_radius) noexcept {
+  enumerator(v, s.branch, static_cast<int>(physics::Branch::kContact));
+  v(s.overlap_nm);
+  v(s.warm);
+  v(s.bridge.present);
+  v(s.bridge.volume_nm3);
+  v(s.bridge.rupture_gap_nm);
+  cache_fields(v, s.cache, of_one_radius);
+}
+
+TELENANO_FIELDS_OF(physics::FootMemory) {
+  v(s.x_nm);
+  v(s.y_nm);
+  v(s.warm);
+  bool fresh = s.stamp != 0 && s.stamp == v.surface_stamp;
+  v(fresh);
+  if constexpr (V::kReads) s.stamp = fresh ? v.surface_stamp : 0;
+  if (!fresh) return;
+  v(s.jet.z);
+  v(s.jet.zx);
+  v(s.jet.zy);
+  v(s.jet.zxx);
+  v(s.jet.zxy);
+  v(s.jet.zyy);
+}
+
+TELENANO_FIELDS_OF(physics::FrictionState) {
+  fields(v, s.extension_w_nm);
+  fields(v, s.normal_w);
+  v(s.stiffness_n_m);
+}
+
+TELENANO_FIELDS_OF(physics::ContactRadiusRates) {
+  v(s.per_force_nm_nn);
+  v(s.per_radius);
+}
+
+/// Without its law's part.
+TELENANO_FIELDS_OF(physics::TipState) {
+  if (!count(v, s.foot_count, physics::kMaxFeet)) return;
+  for (int i = 0; i < s.foot_count; ++i) {
+    auto& foot = s.feet[static_cast<std::size_t>(i)];
+    fields(v, foot.memory);
+    v(foot.share);
+  }
+  v(s.started);
+  fields(v, s.free_end_w_nm);
+  fields(v, s.apex_w_nm);
+  fields(v, s.normal_w);
+  v(s.force_nn);
+  v(s.overlap_nm);
+  v(s.stiffness_n_m);
+  v(s.radius_nm);
+  v(s.radius_force_nn);
+  v(s.contact_radius_nm);
+  fields(v, s.contact_radius_rates);
+  v(s.radius_as_overlap);
+  fields(v, s.friction);
+  fields(v, s.follow);
+  fields(v, s.trend.move_w_nm);
+  fields(v, s.trend.bend_w_nm);
+  v(s.trend.force_nn);
+  fields(v, s.trend.contact_radius_rates);
+  v(s.stored_aj);
+  v(s.under_way);
+  v(s.stuck);
+  v(s.slide_part);
+}
+
+/// Its springs are made again of the compliance.
+TELENANO_FIELDS_OF(physics::PotentialState) {
+  v(s.started);
+  v(s.inside);
+  v(s.under_way);
+  fields(v, s.free_end_w_nm);
+  fields(v, s.apex_w_nm);
+  v(s.hint.overlap_nm);
+  v(s.hint.log_radius);
+  v(s.hint.parameter);
+  v(s.hint.by_overlap_per_nm);
+  v(s.hint.by_overlap_twice_per_nm2);
+  v(s.hint.by_log_radius);
+  fields(v, s.follow);
+  fields(v, s.move_w_nm);
+  fields(v, s.bend_w_nm);
+  fields(v, s.bristle);
+}
+
+/// What of the last balance the next step, or the output of this one, looks at.
+TELENANO_FIELDS_OF(physics::TipSolution) {
+  enumerator(v, s.branch, static_cast<int>(physics::Branch::kContact));
+  fields(v, s.apex_w_nm);
+  fields(v, s.force_w_nn);
+  fields(v, s.friction_w_nn);
+  fields(v, s.normal_w);
+  v(s.normal_force_nn);
+  v(s.overlap_nm);
+  v(s.radius_nm);
+  v(s.contact_radius_nm);
+  v(s.stiffness_n_m);
+  v(s.potential_aj);
+  v(s.friction_stored_aj);
+  v(s.sliding);
+  v(s.under_way);
+  v(s.stuck);
+  v(s.outside);
+  v(s.radius_clamped);
+}
+
+TELENANO_FIELDS_OF(physics::ModeState) {
+  v(s.deflection_nm);
+  v(s.velocity_nm_s);
+  v(s.force_nn);
+}
+
+TELENANO_FIELDS_OF(physics::ParticleFeet) {
+  if (!count(v, s.count, physics::kMaxParticleFeet)) return;
+  for (int i = 0; i < s.count; ++i) fields(v, s.feet[static_cast<std::size_t>(i)]);
+}
+
+TELENANO_FIELDS_OF(physics::Equilibrium) {
+  enumerator(v, s.status, static_cast<int>(physics::SolveStatus::kNonFinite));
+  enumerator(v, s.branch, static_cast<int>(physics::Branch::kContact));
+  v(s.overlap_nm);
+  v(s.force_nn);
+  v(s.stiffness_n_m);
+  v(s.contact_radius_nm);
+  v(s.potential_aj);
+  v(s.dissipated_aj);
+  v(s.jumps);
+  v(s.bridge);
+}
+
+TELENANO_FIELDS_OF(physics::ParticleState) {
+  for (auto& contact : s.contacts) {
+    law_fields(v, contact.law, false);
+    v(contact.contact_radius_nm);
+    fields(v, contact.normal_w);
+    fields(v, contact.slide_nm);
+    fields(v, contact.roll_rad);
+    fields(v, contact.spin_rad);
+    v(contact.slide_stiffness);
+    v(contact.roll_stiffness);
+    v(contact.spin_stiffness);
+  }
+  fields(v, s.tip_feet);
+  fields(v, s.particle_feet);
+  v(s.started);
+  fields(v, s.tip_centre_w_nm);
+  fields(v, s.tip_force_w_nn);
+  fields(v, s.particle_centre_w_nm);
+  fields(v, s.turned_w_rad);
+  v(s.orientation_w.x());
+  v(s.orientation_w.y());
+  v(s.orientation_w.z());
+  v(s.orientation_w.w());
+  v(s.potential_aj);
+  v(s.sleep.asleep);
+  if (!s.sleep.asleep) return;
+  fields(v, s.sleep.law);
+  fields(v, s.sleep.normal_w);
+  v(s.sleep.radius_nm);
+  fields(v, s.sleep.slide_force_w_nn);
+  fields(v, s.sleep.roll_torque_w_nn_nm);
+  fields(v, s.sleep.spin_torque_w_nn_nm);
+  v(s.sleep.potential_aj);
+}
+
+#undef TELENANO_FIELDS_OF
+
+}  // namespace telenano::slave

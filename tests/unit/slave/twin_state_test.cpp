@@ -1,0 +1,194 @@
+// The state that a slave says it has: its hash and its bytes. As games with rollback test theirs (GGRS's sync
+// test): at each tick the state of eight ticks ago is given to another slave, the last eight steps are
+// repeated there, and the two must be the same to the bit, in the hash, in the forces and in what they say of
+// their energy. What the bytes forget, or the hash leaves out although later steps depend on it, is seen
+// here; the oracle is the slave that was never interrupted.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <deque>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "common/base/vec3.h"
+#include "nve_server/scene/scene.h"
+#include "nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
+#include "tests/support/alloc_guard.h"
+
+namespace {
+
+using telenano::Vec3;
+using telenano::slave::NveSlave;
+using telenano::slave::SlaveInput;
+using telenano::slave::SlaveOutput;
+
+constexpr std::size_t kReplayed = 8;
+constexpr double kTick_s = 1e-3;
+
+std::string scene_path(const std::string& name) {
+  return std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml";
+}
+
+/// Down into the sample, along it, up again, with a stop's retreat in between: every branch that the scene
+/// has. Where there is a particle, over it.
+Vec3 target_of(const telenano::scene::Scene& scene, const telenano::slave::SlaveLimits& limits, int tick,
+               int ticks) {
+  const double t = static_cast<double>(tick) / ticks;
+  Vec3 start = limits.start_pos_w_nm;
+  double surface = limits.surface_z_w_nm;
+  if (scene.particle) {
+    start.x() = scene.particle->x_nm - 30;
+    start.y() = scene.particle->y_nm + 1.5;
+    surface = scene.surface->height_nm(start.x(), start.y());
+  }
+  const double deep_nm = scene.particle ? -4 : scene.marks ? 12 : 3;
+  Vec3 at = start;
+  const double down = std::clamp(t / 0.25, 0.0, 1.0);
+  const double up = std::clamp((t - 0.75) / 0.1, 0.0, 1.0);
+  const double low = surface - deep_nm;
+  at.z() = start.z() + (low - start.z()) * down * (1 - up) + 0.3 * std::fabs(std::fmod(t * 40, 2.0) - 1);
+  const double along = std::clamp((t - 0.25) / 0.5, 0.0, 1.0);
+  at.x() += 60 * along;
+  at.y() += 6 * std::fabs(std::fmod(4 * along, 2.0) - 1);
+  return at;
+}
+
+struct Step {
+  SlaveInput input;
+  double dt_s = kTick_s;
+};
+
+Step step_of(const telenano::scene::Scene& scene, const NveSlave& slave, int tick, int ticks) {
+  Step step;
+  step.input.tip_target_pos_w_nm = target_of(scene, slave.limits(), tick, ticks);
+  step.dt_s = tick % 7 == 0 ? 1.3e-3 : kTick_s;  // ticks come late
+  step.input.follow = tick % 50 != 49;
+  step.input.retract = tick > ticks * 8 / 10 && tick < ticks * 8 / 10 + 30;
+  return step;
+}
+
+int ticks_of(const std::string& name) {
+  if (const char* const given = std::getenv("TELENANO_SYNC_TICKS")) return std::atoi(given);
+  return name == "lithography" ? 400 : 1200;
+}
+
+class SyncTest : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(SyncTest, AStateOfEightStepsAgoLeadsToTheSameState) {
+  const auto scene = telenano::scene::load_scene(scene_path(GetParam()));
+  NveSlave played(scene);
+  NveSlave again(scene);
+  ASSERT_EQ(played.state_hash(), again.state_hash()) << "two slaves of a scene begin alike";
+  const int ticks = ticks_of(GetParam());
+  struct Past {
+    std::vector<std::uint8_t> state;
+    std::vector<Step> steps;
+  };
+  std::deque<Past> past;
+  std::vector<std::uint8_t> bytes(played.snapshot_bytes_max());
+  SlaveOutput output, repeated;
+  std::set<telenano::link::ContactState> seen;
+  std::set<std::uint64_t> hashes;
+  for (int tick = 0; tick < ticks; ++tick) {
+    const std::size_t size = played.save(bytes);
+    ASSERT_GT(size, 0u);
+    past.push_back({{bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(size)}, {}});
+    const Step step = step_of(*scene, played, tick, ticks);
+    played.step(step.input, step.dt_s, output);
+    seen.insert(output.contact_state);
+    hashes.insert(played.state_hash());
+    for (Past& p : past) p.steps.push_back(step);
+    if (past.size() < kReplayed) continue;
+    ASSERT_TRUE(again.load(past.front().state)) << "tick " << tick;
+    for (const Step& s : past.front().steps) again.step(s.input, s.dt_s, repeated);
+    ASSERT_EQ(played.state_hash(), again.state_hash())
+        << "tick " << tick << ", contact state " << static_cast<int>(output.contact_state);
+    ASSERT_EQ(output.force_w_nn, repeated.force_w_nn) << "tick " << tick;
+    ASSERT_EQ(output.tip_pos_w_nm, repeated.tip_pos_w_nm) << "tick " << tick;
+    ASSERT_EQ(output.energy_in_aj, repeated.energy_in_aj) << "tick " << tick;
+    ASSERT_EQ(output.energy_out_aj, repeated.energy_out_aj) << "tick " << tick;
+    past.pop_front();
+  }
+  if (!scene->particle) {
+    EXPECT_TRUE(seen.contains(telenano::link::ContactState::kContact)) << "the motion must touch";
+  }
+  EXPECT_GT(hashes.size(), static_cast<std::size_t>(ticks) / 2) << "the hash must see that the state moves";
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, SyncTest,
+                         ::testing::Values("flakes", "flakes_potential", "flat_pdms", "flat_polystyrene",
+                                           "flat_silicon_oxide", "flat_table", "humid_flakes", "lithography",
+                                           "particle"),
+                         [](const auto& scene) { return scene.param; });
+
+TEST(TwinState, ResetIsTheStateOfTheBeginning) {
+  for (const char* const name : {"flat_pdms", "lithography", "particle"}) {
+    const auto scene = telenano::scene::load_scene(scene_path(name));
+    NveSlave slave(scene);
+    const std::uint64_t first = slave.state_hash();
+    SlaveOutput output;
+    for (int tick = 0; tick < 200; ++tick) {
+      const Step step = step_of(*scene, slave, tick, 400);
+      slave.step(step.input, step.dt_s, output);
+    }
+    EXPECT_NE(slave.state_hash(), first) << name;
+    slave.reset();
+    EXPECT_EQ(slave.state_hash(), first) << name;
+  }
+}
+
+TEST(TwinState, WhatIsNoStateIsRefusedAndLeavesTheBeginning) {
+  const auto scene = telenano::scene::load_scene(scene_path("particle"));
+  NveSlave slave(scene);
+  const std::uint64_t first = slave.state_hash();
+  SlaveOutput output;
+  for (int tick = 0; tick < 100; ++tick) {
+    const Step step = step_of(*scene, slave, tick, 400);
+    slave.step(step.input, step.dt_s, output);
+  }
+  std::vector<std::uint8_t> bytes(slave.snapshot_bytes_max());
+  bytes.resize(slave.save(bytes));
+  std::uint64_t seed = 1;
+  int refused = 0;
+  for (int trial = 0; trial < 120; ++trial) {
+    std::vector<std::uint8_t> bad = bytes;
+    for (int flip = 0; flip < 3; ++flip) {
+      seed = telenano::slave::mix_words(seed, 7);
+      bad[seed % bad.size()] ^= static_cast<std::uint8_t>(seed >> 32);
+    }
+    if (trial % 3 == 0) bad.resize(bad.size() * (seed % 100) / 100);
+    // Either it is refused, and the slave begins anew; or it is a state, and the slave goes on from it.
+    if (!slave.load(bad)) {
+      ++refused;
+      ASSERT_EQ(slave.state_hash(), first);
+    }
+    slave.step({}, kTick_s, output);
+  }
+  EXPECT_GT(refused, 36);
+}
+
+TEST(TwinState, HashSaveAndLoadDoNotAllocate) {
+  const auto scene = telenano::scene::load_scene(scene_path("lithography"));
+  NveSlave slave(scene);
+  std::vector<std::uint8_t> bytes(slave.snapshot_bytes_max());
+  SlaveOutput output;
+  for (int tick = 0; tick < 150; ++tick) {
+    const Step step = step_of(*scene, slave, tick, 400);
+    slave.step(step.input, step.dt_s, output);
+  }
+  const telenano::support::AllocGuard guard;
+  const std::uint64_t hash = slave.state_hash();
+  const std::size_t size = slave.save(bytes);
+  const bool loaded = slave.load(std::span(bytes).first(size));
+  const auto allocations = guard.allocations();
+  EXPECT_TRUE(loaded);
+  EXPECT_EQ(slave.state_hash(), hash);
+  EXPECT_EQ(allocations, 0u);
+}
+
+}  // namespace
