@@ -250,7 +250,8 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
       replies_.accept(reply.sequence, SequenceWindow::max_leap(config_.rate_hz, now_ns - last_news_ns_));
   overtaken_ = cause == DropCause::kStale;
   if (cause != DropCause::kNone) return drop(cause);
-  if (logs_steps()) steps_.heard(reply.steps, now_ns);
+  if (logs_steps())
+    steps_.heard(reply.steps, now_ns, static_cast<std::int64_t>(stats_.rtt_ns()) + 10'000'000);
   reply_ = reply;
   has_reply_ = true;
   reply_time_ns_ = last_news_ns_ = waits_since_ns_ = now_ns;

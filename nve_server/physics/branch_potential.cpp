@@ -19,6 +19,9 @@ constexpr double kFoldInContact =
 constexpr double kSlopeStep = 1e-3;  // of ρ: five-point differences err by some 1e-12
 constexpr double kAtFold_nm = 1e-7;  // the borders' own error, and more
 
+constexpr double kBiasSoftening_nm = 0.35;
+constexpr double kBiasGrowth = 0.6;
+
 /// What the law's curve leaves open: M and M' of the class comment.
 struct Moment {
   double value = 0;
@@ -99,6 +102,8 @@ auto with_curve(const TipSampleParameters& p, double lambda, const Use& use) {
 BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_nm)
     : BranchPotential(law, nominal_radius_nm, false) {
   const LongRangeParameters& far = law_.parameters().long_range;
+  const double coarsest = 0.25 * nominal_radius_nm;
+  bias_softening_ = {std::min(kBiasSoftening_nm, 0.5 * coarsest), coarsest, 0.0, kBiasGrowth, 0.0};
   const Electrostatic field(far.tip_bias_v, shape_of(far));
   if (field.active()) {
     bias_.emplace([&](double gap, double radius) { return field.energy_aj(gap, radius); }, cut_off_nm_,

@@ -249,7 +249,7 @@ link::StepReport Server::step_report(std::size_t slot) noexcept {
 void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept {
   Seat& seat = seats_[slot];
   Tip& tip = tip_of(slot);
-  if (seat.steps.gap() && now_ns - seat.steps.gap_since_ns() > table_.config().timeout_ns)
+  if (seat.steps.gap() && 1e-9 * static_cast<double>(now_ns - seat.steps.gap_since_ns()) > config_.step_gap_s)
     seat.steps.skip_to_newest(link::kBreakGap);
   link::LoggedStep step;
   for (std::size_t i = 0; i < most && seat.steps.pop(now_ns, step); ++i) {
