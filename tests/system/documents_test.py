@@ -233,6 +233,11 @@ class Documents(unittest.TestCase):
         self.none([f"{name(path)}: {what}" for path, what in wrong if what])
         self.assertGreater(sum(command.startswith("telenano-") for _, command in commands), 100)
 
+    def test_each_subcommand_has_an_example(self):
+        text = (SOURCE / "deploy/docs/programs.md").read_text()
+        self.none([f"deploy/docs/programs.md has no {program} {sub}" for program in PROGRAMS for sub in sorted(subcommands(program))
+                   if not re.search(rf"\b{program} {sub}\b", text)])
+
     def test_flags_without_their_program_exist(self):
         known = set()
         for path in [*(SOURCE / "deploy").rglob("*.sh"), *(SOURCE / "tests").rglob("*.sh")]:
