@@ -9,7 +9,7 @@ import re
 import shutil
 import sys
 
-LEFT_OUT = {".git", "build", "demo-out", "packages", "report", "site", "__pycache__"}
+MADE = {"build", "demo-out", "packages", "report", "site"}  # folders of the project's root that hold no sources
 
 
 def copy(source, file, folder):
@@ -22,7 +22,8 @@ def copy(source, file, folder):
 
 def main(source, folder):
     for at, folders, files in os.walk(source):
-        folders[:] = sorted(f for f in folders if f not in LEFT_OUT and (pathlib.Path(at) / f).resolve() != folder)
+        folders[:] = sorted(f for f in folders if f not in (".git", "__pycache__")
+                            and not (at == str(source) and f in MADE) and (pathlib.Path(at) / f).resolve() != folder)
         for name in sorted(f for f in files if f.endswith(".md")):
             document = pathlib.Path(at) / name
             text = document.read_text()

@@ -16,14 +16,14 @@ import unittest
 
 SOURCE, BUILD = (pathlib.Path(p).resolve() for p in sys.argv[1:3])
 PROGRAMS = ("telenano-nve", "telenano-master", "telenano-lab", "telenano-afm-sim")
-NO_SOURCES = {".git", "build", "demo-out", "packages", "report", "site", "__pycache__"}
+MADE = {"build", "demo-out", "packages", "report", "site"}  # folders of the project's root that hold no sources
 README_BYTES = 8192
 FOREIGN = {"apt", "buildah", "cmake", "ctest", "cyclictest", "debootstrap", "systemctl", "--build-arg"}  # whose flags are not ours
 
 
 def documents():
     for folder, folders, files in os.walk(SOURCE):
-        folders[:] = sorted(f for f in folders if f not in NO_SOURCES)
+        folders[:] = sorted(f for f in folders if f not in (".git", "__pycache__") and not (folder == str(SOURCE) and f in MADE))
         yield from (pathlib.Path(folder) / f for f in sorted(files) if f.endswith(".md"))
 
 
@@ -232,6 +232,11 @@ class Documents(unittest.TestCase):
         wrong = [(path, wrong_command(command)) for path, command in commands]
         self.none([f"{name(path)}: {what}" for path, what in wrong if what])
         self.assertGreater(sum(command.startswith("telenano-") for _, command in commands), 100)
+
+    def test_each_subcommand_has_an_example(self):
+        text = (SOURCE / "deploy/docs/programs.md").read_text()
+        self.none([f"deploy/docs/programs.md has no {program} {sub}" for program in PROGRAMS for sub in sorted(subcommands(program))
+                   if not re.search(rf"\b{program} {sub}\b", text)])
 
     def test_flags_without_their_program_exist(self):
         known = set()
