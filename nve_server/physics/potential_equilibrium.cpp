@@ -214,7 +214,7 @@ class PotentialEquilibrium::Walk {
       const Vec3 step = rubs ? Vec3(-(inverse * g)) : Vec3(-llt.solve(g));
       const double length = step.norm();
       if (!(last > 0.0)) {
-        if (!(length <= kPredictorError * move.norm() + kPredictorLeast)) return false;
+        if (!(length <= kPredictorError * (move.norm() + bend.norm()) + kPredictorLeast)) return false;
       } else if (!(length <= kContraction * last || length < kNoise)) {
         return false;
       }
@@ -627,8 +627,8 @@ class PotentialEquilibrium::Walk {
   int most_ = kMostEvaluations;
 };
 
-TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance& c,
-                                          PotentialState& state) const noexcept {
+TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance& c, PotentialState& state,
+                                          const Vec3& jolt) const noexcept {
   TipSolution solution;
   solution.status = SolveStatus::kNonFinite;
   if (!is_finite(free_end) || !c.allFinite()) return solution;
@@ -657,10 +657,10 @@ TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance
       const double next = std::min(1.0, gone + part);
       const Vec3 to = next < 1.0 ? Vec3(from + next * whole) : free_end;
       const double trend = straight && halvings == 0 ? part_of_trend : 0.0;
-      if (walk.follow(to, trend * trend * state.bend_w_nm)) {
+      if (walk.follow(to, trend * trend * state.bend_w_nm + (gone == 0.0 ? jolt : Vec3(Vec3::Zero())))) {
         if (straight && next == 1.0) {
           move = whole;
-          bend = walk.apex() - (state.apex_w_nm + state.follow * whole);
+          bend = walk.apex() - (state.apex_w_nm + state.follow * whole) - jolt;
         }
       } else if (halvings < kMostHalvings && !walk.spent()) {
         ++halvings;

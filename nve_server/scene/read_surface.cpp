@@ -14,6 +14,7 @@
 #include "nve_server/physics/softening.h"
 #include "nve_server/physics/sphere_surface.h"
 #include "nve_server/physics/spline_surface.h"
+#include "nve_server/scene/fields_cache.h"
 #include "nve_server/scene/levelling.h"
 #include "nve_server/scene/readers.h"
 
@@ -25,6 +26,7 @@ using config::TomlTable;
 using physics::HeightGrid;
 
 constexpr double kRadPerDeg = kPi / 180.0;
+constexpr double kPileUp = 1.0;  // flow keeps the volume
 
 /// What a surface is made of until it is known whether it has to be a grid.
 struct Built {
@@ -141,15 +143,30 @@ void keep_inside(const physics::SplineSurface& surface, const TomlTable& limits,
   ground.y_max_nm = surface.y_last_nm() - margin;
 }
 
+physics::ScanFields fields_of(const HeightGrid& grid, double radius, const physics::SofteningRule& rule,
+                              const SceneLoading& loading, SurfaceDescription& ground) {
+  if (loading.fields_cache.empty()) return physics::ScanFields(grid, radius, rule, loading.progress);
+  const FieldsCache cache(loading.fields_cache);
+  if (auto kept = cache.find(grid, radius, rule)) {
+    ground.fields_from_cache = true;
+    return std::move(*kept);
+  }
+  physics::ScanFields fields(grid, radius, rule, loading.progress);
+  cache.keep(grid, radius, rule, fields);
+  return fields;
+}
+
 std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGrid& grid,
-                                                                  const Scene& scene) {
+                                                                  const SceneLoading& loading, Scene& scene) {
   const physics::TipSampleParameters& p = scene.law_parameters;
   const double radius = scene.probe.tip_radius_nm;
   const physics::SofteningRule rule = physics::softening_rule(
       radius, p.work_of_adhesion_n_m, 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
+  auto fields = std::make_shared<physics::ScanFields>(fields_of(grid, radius, rule, loading, scene.ground));
+  scene.ground.fields_bytes = fields->bytes();
   return std::make_shared<physics::PotentialEquilibrium>(
-      std::make_shared<physics::ScanFields>(grid, radius, rule),
-      std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius), scene.friction);
+      std::move(fields), std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius),
+      scene.friction);
 }
 
 }  // namespace
@@ -160,7 +177,6 @@ void check_potential(const TomlTable& root, const Scene& scene) {
         key,
         what + " does not go with [surface] force = \"potential\" yet: leave it out, or force = \"foot\"");
   };
-  if (scene.sample.hardness_gpa > 0) refuse("sample", "hardness_gpa (marks)");
   if (root.optional_table("particle")) refuse("particle", "a particle");
   if (scene.friction && scene.friction->kinetic_ratio < 1.0) refuse("friction", "kinetic_ratio below 1");
   const physics::LongRangeParameters& far = scene.law_parameters.long_range;
@@ -174,7 +190,7 @@ void check_potential(const TomlTable& root, const Scene& scene) {
   }
 }
 
-std::string read_surface(const config::TomlDocument& document, Scene& scene) {
+std::string read_surface(const config::TomlDocument& document, const SceneLoading& loading, Scene& scene) {
   const TomlTable root = document.root();
   const TomlTable table = root.table("surface");
   const TomlTable limits = root.table("limits");
@@ -190,8 +206,8 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h), and
   // a mark is no wider than the contact that made it.
   ground.potential = table.choice_or("force", {"foot", "potential"}, "foot") == "potential";
-  if (ground.potential && !scan && !sampled_shape) {
-    table.fail("force", "\"potential\" goes with kind scan, step or grating");
+  if (ground.potential && !scan && !sampled_shape && !yields) {
+    table.fail("force", "\"potential\" goes with kind scan, step or grating, or with [sample] hardness_gpa");
   }
   ground.radius_force = table.boolean_or("radius_force", !scan && !yields && !ground.potential);
   if (ground.potential && ground.radius_force) {
@@ -201,7 +217,13 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
     table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
   }
   if (yields) {
-    scene.marks = Marks{scene.sample.hardness_gpa};
+    scene.marks = Marks{scene.sample.hardness_gpa, ground.potential ? kPileUp : 0.0};
+    if (marks) {
+      if (!ground.potential && marks->has("pile_up")) {
+        marks->fail("pile_up", "goes with [surface] force = \"potential\": the foot piles nothing up");
+      }
+      scene.marks->pile_up = marks->number_or("pile_up", between(0.0, 1.0), scene.marks->pile_up);
+    }
   }
 
   // The patch of an unbounded shape, and how finely it is kept where it has to be a grid.
@@ -243,7 +265,7 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
     if (ground.potential) {
       check_potential(root, scene);
-      scene.potential = potential_of(built.grid, scene);
+      scene.potential = potential_of(built.grid, loading, scene);
     }
     const auto surface = std::make_shared<physics::SplineSurface>(built.grid, tip_radius);
     keep_inside(*surface, limits, ground);

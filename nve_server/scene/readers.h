@@ -25,7 +25,7 @@ void read_probe(const config::TomlTable& table, Scene& scene);
 void read_forces(const config::TomlTable& root, Scene& scene);
 
 /// [surface] and [marks]: builds scene.surface. Returns the bytes of the files it read, for the hash.
-std::string read_surface(const config::TomlDocument& document, Scene& scene);
+std::string read_surface(const config::TomlDocument& document, const SceneLoading& loading, Scene& scene);
 
 /// [surface] force = "potential", after all that the tip feels is known: refuses what it does not have.
 void check_potential(const config::TomlTable& root, const Scene& scene);

@@ -71,7 +71,7 @@ void read_start(const TomlTable& table, Scene& scene) {
   scene.start_apex_w_nm = Vec3(x, y, scene.start_touch_w_nm + height);
 }
 
-std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document) {
+std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, const SceneLoading& loading) {
   const TomlTable root = document.root();
   auto scene = std::make_shared<Scene>();
   scene->path = document.path();
@@ -86,7 +86,7 @@ std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document) {
   scene->coupling.stiffness_n_m = coupling.number("stiffness_n_m", kStiffness_n_m);
   scene->coupling.damping_n_s_m = coupling.number_or("damping_n_s_m", between(0.0, 1e3), 0.0);
 
-  const std::string scan_bytes = read_surface(document, *scene);
+  const std::string scan_bytes = read_surface(document, loading, *scene);
   scene->equilibrium = std::make_shared<physics::TipEquilibrium>(
       scene->surface, physics::TipSampleLaw(scene->law_parameters, scene->probe.tip_radius_nm),
       scene->probe.tip_radius_nm, physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
@@ -111,12 +111,14 @@ physics::Compliance Scene::probe_compliance_nm_nn() const {
   return cantilever.compliance_nm_nn();
 }
 
-std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
-  return make_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")));
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path, const SceneLoading& loading) {
+  return make_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")),
+                    loading);
 }
 
-std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name) {
-  return make_scene(config::TomlDocument::parse(std::move(content), name));
+std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name,
+                                         const SceneLoading& loading) {
+  return make_scene(config::TomlDocument::parse(std::move(content), name), loading);
 }
 
 }  // namespace telenano::scene

@@ -161,7 +161,7 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
     scene_->equilibrium->advance_flat(free_end, *springs, to.tip.law, to.solution);
   } else if (scene_->potential) {
     to.potential = from.potential;
-    to.solution = scene_->potential->advance(free_end, *springs, to.potential);
+    to.solution = sample_.advance(free_end, *springs, to.potential);
   } else {
     to.tip = from.tip;
     to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.tip);
