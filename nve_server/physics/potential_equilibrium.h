@@ -105,6 +105,7 @@ class PotentialEquilibrium {
   const BranchPotential& potential() const noexcept { return *potential_; }
   const std::shared_ptr<const BranchPotential>& shared_potential() const noexcept { return potential_; }
   const ContactFields& fields() const noexcept { return *fields_; }
+  const std::shared_ptr<const ContactFields>& shared_fields() const noexcept { return fields_; }
 
  private:
   class Walk;

@@ -238,6 +238,23 @@ TEST(Dilation, ReliefOfThousandsOfSoftenings) {
   }
 }
 
+// Two lanes or four: to the last bit, spheres and paraboloids. (On a processor without AVX two and two.)
+TEST(Dilation, TheSameBitsInWhateverRegisters) {
+  const HeightGrid grid = random_grid(6, 40);
+  const BicubicSpline height = BicubicSpline::interpolating(grid);
+  for (const double t : {0.09, 0.5, 3.0}) {
+    const DilationLattice lattice = dilation_lattice(height, 2.0, 0.6 * std::sqrt(kRadius * t));
+    const auto two = Dilation(height, lattice, kRadius, t, relief_of(grid), Lanes::kTwo).make_all();
+    const auto widest = Dilation(height, lattice, kRadius, t, relief_of(grid)).make_all();
+    ASSERT_EQ(two.size(), widest.size());
+    for (std::size_t k = 0; k < two.size(); ++k) {
+      ASSERT_EQ(two[k].height_nm, widest[k].height_nm) << t;
+      ASSERT_EQ(two[k].log_radius, widest[k].log_radius) << t;
+      ASSERT_EQ(two[k].cosine, widest[k].cosine) << t;
+    }
+  }
+}
+
 TEST(Dilation, RefusesWhatIsNoTip) {
   const HeightGrid grid = random_grid(1);
   const SofteningRule rule;
@@ -450,7 +467,7 @@ TEST(ScanFields, VanDerWaalsAtADistanceAgreesWithTheProximitySum) {
 // multiply-add.
 TEST(ScanFields, SameBitsEverywhere) {
   const ScanFields fields(random_grid(7, 16), kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
-  EXPECT_EQ(fields.hash(), 17297704423472308761u);
+  EXPECT_EQ(fields.hash(), 566685692452517784u);
 }
 
 // A mark: exact at its apex at every softening, seen from every height, nothing far from it, and nothing at
