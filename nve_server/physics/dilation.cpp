@@ -3,6 +3,7 @@
 #include <immintrin.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numeric>
 
@@ -246,18 +247,35 @@ void Dilation::each_block(const Window& window, int i, int j, const Use& use) co
                              static_cast<std::size_t>(qx - reach_ - window.first_block_x);
   const auto blocks_x = static_cast<std::size_t>(window.blocks_x);
   // The largest term is at least this: in each block the highest sub-sample with the lowest of ψ.
+  __m128 floors = _mm_set1_ps(-INFINITY);
   float floor_of_largest = -INFINITY;
   for (std::size_t row = 0; row < across; ++row) {
     const float* most = &window.most[corner + row * blocks_x];
     const float* least = &least_[table + row * across];
-    for (std::size_t b = 0; b < across; ++b)
-      floor_of_largest = std::max(floor_of_largest, most[b] + least[b]);
+    std::size_t b = 0;
+    for (; b + 4 <= across; b += 4) {
+      floors = _mm_max_ps(floors, _mm_add_ps(_mm_loadu_ps(most + b), _mm_loadu_ps(least + b)));
+    }
+    for (; b < across; ++b) floor_of_largest = std::max(floor_of_largest, most[b] + least[b]);
   }
+  float four[4];
+  _mm_storeu_ps(four, floors);
+  for (const float one : four) floor_of_largest = std::max(floor_of_largest, one);
   const float cut = floor_of_largest - static_cast<float>(kLeftOut * t_);
+  const __m128 cuts = _mm_set1_ps(cut);
   for (std::size_t row = 0; row < across; ++row) {
     const std::size_t on = corner + row * blocks_x;
     const std::size_t of = table + row * across;
-    for (std::size_t b = 0; b < across; ++b) {
+    std::size_t b = 0;
+    for (; b + 4 <= across; b += 4) {
+      const __m128 reach = _mm_add_ps(_mm_loadu_ps(&window.most[on + b]), _mm_loadu_ps(&most_[of + b]));
+      unsigned in = static_cast<unsigned>(_mm_movemask_ps(_mm_cmpge_ps(reach, cuts)));
+      for (; in != 0; in &= in - 1) {
+        const auto k = b + static_cast<std::size_t>(std::countr_zero(in));
+        use(on + k, of + k);
+      }
+    }
+    for (; b < across; ++b) {
       if (window.most[on + b] + most_[of + b] >= cut) use(on + b, of + b);
     }
   }

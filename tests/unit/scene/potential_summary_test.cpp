@@ -3,9 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
 #include <string>
+#include <vector>
 
 #include "nve_server/physics/potential_equilibrium.h"
+#include "nve_server/physics/scan_fields.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/scene/scene_summary.h"
 #include "nve_server/scene/scene_terms.h"
@@ -49,8 +53,9 @@ height_nm = 10.0
 }
 
 // On a crest and in a trough of z = A cos(kx), A = 1 nm, the sample's curvature is ±A k² = 0.0247/nm, so that
-// R_eff = R/√(1 ± R A k²): 16.4 and 28.1 nm. 5 and 95 % of the places lie within the outermost twentieth of the
-// phase, where the curvature is that to 2 %; and the fields average it over a contact (t/R_eff, below 1 %).
+// R_eff = R/√(1 ± R A k²): 16.4 and 28.1 nm. 5 and 95 % of the places lie within the outermost twentieth of
+// the phase, where the curvature is that to 2 %; and the fields average it over a contact (t/R_eff, below 1
+// %).
 TEST(PotentialSummary, RadiiAreThoseOfTheGround) {
   const auto scene = parse_scene(text_of("potential"), "waves.toml");
   const SceneSummary summary = summarise(*scene);
@@ -82,7 +87,8 @@ TEST(PotentialSummary, TermsAreLeftOutOnTheSameFields) {
   const auto scene = parse_scene(text_of("potential"), "waves.toml");
   bool friction = false, ground = false, attraction = false;
   for (const WithoutTerm& without : without_each_term(*scene)) {
-    if (without.term == "friction") friction = without.scene->potential != nullptr && !without.scene->friction;
+    if (without.term == "friction")
+      friction = without.scene->potential != nullptr && !without.scene->friction;
     if (without.term == "van der Waals") {
       attraction = true;
       EXPECT_EQ(&without.scene->potential->fields(), &scene->potential->fields());
@@ -91,6 +97,40 @@ TEST(PotentialSummary, TermsAreLeftOutOnTheSameFields) {
     if (without.term == "one potential of tip and ground") ground = without.scene->potential == nullptr;
   }
   EXPECT_TRUE(friction && ground && attraction);
+}
+
+// A second start takes what the first has made, and says so; a file that was spoiled between is made anew.
+TEST(PotentialLoading, FieldsAreMadeOnceAndTold) {
+  char folder[] = "/tmp/telenano_loading_XXXXXX";
+  ASSERT_NE(::mkdtemp(folder), nullptr);
+  std::vector<double> parts;
+  SceneLoading loading;
+  loading.fields_cache = std::string(folder) + "/fields";
+  loading.progress = [&parts](double part) { parts.push_back(part); };
+  const auto hash_of = [](const Scene& scene) {
+    return dynamic_cast<const physics::ScanFields&>(scene.potential->fields()).hash();
+  };
+  const auto made = parse_scene(text_of("potential"), "waves.toml", loading);
+  EXPECT_FALSE(made->ground.fields_from_cache);
+  EXPECT_GT(made->ground.fields_bytes, 100000u);
+  ASSERT_GT(parts.size(), 3u);
+  EXPECT_TRUE(std::is_sorted(parts.begin(), parts.end()));
+  EXPECT_NEAR(parts.back(), 1.0, 1e-12);
+  parts.clear();
+  const auto kept = parse_scene(text_of("potential"), "waves.toml", loading);
+  EXPECT_TRUE(kept->ground.fields_from_cache);
+  EXPECT_TRUE(parts.empty());
+  EXPECT_EQ(hash_of(*kept), hash_of(*made));
+  for (const auto& file : std::filesystem::directory_iterator(loading.fields_cache)) {
+    std::filesystem::resize_file(file.path(), file.file_size() - 8);
+  }
+  EXPECT_FALSE(parse_scene(text_of("potential"), "waves.toml", loading)->ground.fields_from_cache);
+  EXPECT_TRUE(parse_scene(text_of("potential"), "waves.toml", loading)->ground.fields_from_cache);
+  // Another material has another softening, and so other fields.
+  std::string soft = text_of("potential");
+  soft.replace(soft.find("70.0"), 4, "3.0");
+  EXPECT_FALSE(parse_scene(soft, "waves.toml", loading)->ground.fields_from_cache);
+  std::filesystem::remove_all(folder);
 }
 
 }  // namespace
