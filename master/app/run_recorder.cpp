@@ -32,6 +32,7 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   if (const auto local = find_scene(scene_name, about.scene_hash)) {
     about.scene_text = local->text;
     about.extra.emplace_back("scene_path", local->path);
+    about.extra.emplace_back("surface.force", local->force);
   }
   about.station_text = file.text.empty() ? "defaults" : file.text;
   about.seed = fmt::format("{}", nonce_seed);

@@ -21,10 +21,11 @@ namespace fs = std::filesystem;
 // Of a description only what tells where its scan is: the rest is the server's to judge.
 LocalScene read_scene(const std::string& path) {
   const config::TomlDocument document = config::TomlDocument::load(path);
-  LocalScene scene{path, document.content(), ""};
+  LocalScene scene{path, document.content(), "", "foot"};
   const auto surface = document.root().optional_table("surface");
   if (surface && surface->text_or("kind", "") == "scan")
     scene.scan_path = document.resolve(surface->text("file"));
+  if (surface) scene.force = surface->text_or("force", scene.force);
   return scene;
 }
 

@@ -14,8 +14,9 @@ namespace telenano::app {
 /// A scene's description on this machine.
 struct LocalScene {
   std::string path;
-  std::string text;       ///< the whole file
-  std::string scan_path;  ///< of the surface; empty: it is none that was scanned
+  std::string text;            ///< the whole file
+  std::string scan_path;       ///< of the surface; empty: it is none that was scanned
+  std::string force = "foot";  ///< surface.force: what the ground is to the tip, "foot" or "potential"
 };
 
 /// The scene of this name and hash (16 hexadecimal digits), if it is here: `also` (a file, may be empty), one

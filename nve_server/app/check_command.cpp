@@ -151,7 +151,9 @@ void write_limits(const std::shared_ptr<const scene::Scene>& scene, const std::s
 }
 
 void run(const std::string& path, const std::string& limits_path) {
+  const auto begin = std::chrono::steady_clock::now();
   const auto scene = load_scene(path);
+  const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
   if (!limits_path.empty()) write_limits(scene, limits_path);
   const scene::Limits& limits = scene->limits;
   const scene::SceneSummary summary = scene::summarise(*scene);
@@ -183,6 +185,19 @@ void run(const std::string& path, const std::string& limits_path) {
     std::printf("%-14s %.4g to %.4g nN over the sample, half below %.4g (5 to 95 %% of %d places)\n", "",
                 summary.pull_off_low_nn, summary.pull_off_high_nn, summary.pull_off_median_nn,
                 summary.pull_off_places);
+    std::printf("%-14s %.4g to %.4g nm over the sample, half below %.4g, the tip's own %g\n", "radius felt",
+                summary.radius_low_nm, summary.radius_high_nm, summary.radius_median_nm, radius);
+  }
+  const char* head = "model error";
+  for (const std::string& line : summary.model_errors) {
+    std::printf("%-14s %s\n", head, line.c_str());
+    head = "";
+  }
+  if (scene->potential) {
+    std::printf("%-14s %s with the scene in %.3g s, %.3g MB for all sessions%s\n", "fields",
+                scene->ground.fields_from_cache ? "taken from the cache" : "made", spent.count(),
+                1e-6 * static_cast<double>(scene->ground.fields_bytes),
+                scene->marks ? ", and in each what its marks touch" : "");
   }
   std::printf("%-14s at most %.4g aJ, %s\n", "adhesive well", slave::PortGround(*scene).well_aj(),
               scene->surface->is_flat() ? "at the tip's radius"

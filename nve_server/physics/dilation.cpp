@@ -1,8 +1,9 @@
 #include "nve_server/physics/dilation.h"
 
-#include <emmintrin.h>
+#include <immintrin.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numeric>
 
@@ -91,11 +92,12 @@ void Dilation::weight_at(double psi, double& weight, double& moment) const noexc
 }
 
 Dilation::Dilation(const BicubicSpline& height, const DilationLattice& lattice, double tip_radius_nm,
-                   double softening_nm, double relief_nm)
+                   double softening_nm, double relief_nm, Lanes lanes)
     : height_(&height),
       lattice_(lattice),
       radius_(tip_radius_nm),
       t_(softening_nm),
+      lanes_(lanes),
       level_(relief_nm == 0.0),
       paraboloid_(softening_nm > kParaboloidFrom * tip_radius_nm),
       dx_(lattice.node_dx_nm / lattice.m),
@@ -245,43 +247,105 @@ void Dilation::each_block(const Window& window, int i, int j, const Use& use) co
                              static_cast<std::size_t>(qx - reach_ - window.first_block_x);
   const auto blocks_x = static_cast<std::size_t>(window.blocks_x);
   // The largest term is at least this: in each block the highest sub-sample with the lowest of ψ.
+  __m128 floors = _mm_set1_ps(-INFINITY);
   float floor_of_largest = -INFINITY;
   for (std::size_t row = 0; row < across; ++row) {
     const float* most = &window.most[corner + row * blocks_x];
     const float* least = &least_[table + row * across];
-    for (std::size_t b = 0; b < across; ++b)
-      floor_of_largest = std::max(floor_of_largest, most[b] + least[b]);
+    std::size_t b = 0;
+    for (; b + 4 <= across; b += 4) {
+      floors = _mm_max_ps(floors, _mm_add_ps(_mm_loadu_ps(most + b), _mm_loadu_ps(least + b)));
+    }
+    for (; b < across; ++b) floor_of_largest = std::max(floor_of_largest, most[b] + least[b]);
   }
+  float four[4];
+  _mm_storeu_ps(four, floors);
+  for (const float one : four) floor_of_largest = std::max(floor_of_largest, one);
   const float cut = floor_of_largest - static_cast<float>(kLeftOut * t_);
+  const __m128 cuts = _mm_set1_ps(cut);
   for (std::size_t row = 0; row < across; ++row) {
     const std::size_t on = corner + row * blocks_x;
     const std::size_t of = table + row * across;
-    for (std::size_t b = 0; b < across; ++b) {
+    std::size_t b = 0;
+    for (; b + 4 <= across; b += 4) {
+      const __m128 reach = _mm_add_ps(_mm_loadu_ps(&window.most[on + b]), _mm_loadu_ps(&most_[of + b]));
+      unsigned in = static_cast<unsigned>(_mm_movemask_ps(_mm_cmpge_ps(reach, cuts)));
+      for (; in != 0; in &= in - 1) {
+        const auto k = b + static_cast<std::size_t>(std::countr_zero(in));
+        use(on + k, of + k);
+      }
+    }
+    for (; b < across; ++b) {
       if (window.most[on + b] + most_[of + b] >= cut) use(on + b, of + b);
     }
   }
 }
 
-Dilation::Sums Dilation::sum_node(const Window& window, int i, int j) const {
-  __m128d s = _mm_setzero_pd(), phi = _mm_setzero_pd(), moment = _mm_setzero_pd(),
-          moment_phi = _mm_setzero_pd();
-  each_block(window, i, j, [&](std::size_t on, std::size_t of) {
-    const Block& block = kernel_[of];
-    const double* h = &window.height[16 * on];
-    const double* e = &window.boosted[16 * on];
+// Terms k, k + 4, k + 8 … have a sum of their own for each k of four, whichever registers hold them: four
+// chains of additions for each quantity in two registers or one.
+void Dilation::sum_two(const Pair* pairs, std::size_t count, Sums& sums) noexcept {
+  __m128d s[2], phi[2], moment[2], moment_phi[2];
+  for (int half = 0; half < 2; ++half)
+    s[half] = phi[half] = moment[half] = moment_phi[half] = _mm_setzero_pd();
+  for (std::size_t n = 0; n < count; ++n) {
+    const Pair& pair = pairs[n];
     for (int k = 0; k < 16; k += 2) {
-      const __m128d boost = _mm_loadu_pd(e + k);
-      const __m128d f = _mm_add_pd(_mm_loadu_pd(h + k), _mm_loadu_pd(block.profile + k));
-      const __m128d p = _mm_mul_pd(boost, _mm_loadu_pd(block.weight + k));
-      const __m128d n = _mm_mul_pd(boost, _mm_loadu_pd(block.moment + k));
-      s = _mm_add_pd(s, p);
-      phi = _mm_add_pd(phi, _mm_mul_pd(p, f));
-      moment = _mm_add_pd(moment, n);
-      moment_phi = _mm_add_pd(moment_phi, _mm_mul_pd(n, f));
+      const int half = k / 2 % 2;
+      const __m128d boost = _mm_loadu_pd(pair.boosted + k);
+      const __m128d f = _mm_add_pd(_mm_loadu_pd(pair.height + k), _mm_loadu_pd(pair.kernel->profile + k));
+      const __m128d p = _mm_mul_pd(boost, _mm_loadu_pd(pair.kernel->weight + k));
+      const __m128d m = _mm_mul_pd(boost, _mm_loadu_pd(pair.kernel->moment + k));
+      s[half] = _mm_add_pd(s[half], p);
+      phi[half] = _mm_add_pd(phi[half], _mm_mul_pd(p, f));
+      moment[half] = _mm_add_pd(moment[half], m);
+      moment_phi[half] = _mm_add_pd(moment_phi[half], _mm_mul_pd(m, f));
     }
+  }
+  const auto total = [](const __m128d(&v)[2]) {
+    const __m128d two = _mm_add_pd(v[0], v[1]);
+    return _mm_cvtsd_f64(two) + _mm_cvtsd_f64(_mm_unpackhi_pd(two, two));
+  };
+  sums = {total(s), total(phi), total(moment), total(moment_phi)};
+}
+
+__attribute__((target("avx"))) void Dilation::sum_four(const Pair* pairs, std::size_t count,
+                                                       Sums& sums) noexcept {
+  __m256d s = _mm256_setzero_pd(), phi = s, moment = s, moment_phi = s;
+  for (std::size_t n = 0; n < count; ++n) {
+    const Pair& pair = pairs[n];
+    for (int k = 0; k < 16; k += 4) {
+      const __m256d boost = _mm256_loadu_pd(pair.boosted + k);
+      const __m256d f =
+          _mm256_add_pd(_mm256_loadu_pd(pair.height + k), _mm256_loadu_pd(pair.kernel->profile + k));
+      const __m256d p = _mm256_mul_pd(boost, _mm256_loadu_pd(pair.kernel->weight + k));
+      const __m256d m = _mm256_mul_pd(boost, _mm256_loadu_pd(pair.kernel->moment + k));
+      s = _mm256_add_pd(s, p);
+      phi = _mm256_add_pd(phi, _mm256_mul_pd(p, f));
+      moment = _mm256_add_pd(moment, m);
+      moment_phi = _mm256_add_pd(moment_phi, _mm256_mul_pd(m, f));
+    }
+  }
+  __m256d all[4] = {s, phi, moment, moment_phi};
+  double totals[4];
+  for (int i = 0; i < 4; ++i) {
+    const __m128d two = _mm_add_pd(_mm256_castpd256_pd128(all[i]), _mm256_extractf128_pd(all[i], 1));
+    totals[i] = _mm_cvtsd_f64(two) + _mm_cvtsd_f64(_mm_unpackhi_pd(two, two));
+  }
+  sums = {totals[0], totals[1], totals[2], totals[3]};
+}
+
+Lanes widest_lanes() noexcept {
+  return __builtin_cpu_supports("avx") ? Lanes::kFour : Lanes::kTwo;
+}
+
+Dilation::Sums Dilation::sum_node(const Window& window, int i, int j, std::vector<Pair>& pairs) const {
+  pairs.clear();
+  each_block(window, i, j, [&](std::size_t on, std::size_t of) {
+    pairs.push_back({&window.height[16 * on], &window.boosted[16 * on], &kernel_[of]});
   });
-  const auto total = [](__m128d v) { return _mm_cvtsd_f64(v) + _mm_cvtsd_f64(_mm_unpackhi_pd(v, v)); };
-  return {total(s), total(phi), total(moment), total(moment_phi)};
+  Sums sums;
+  (lanes_ == Lanes::kFour ? sum_four : sum_two)(pairs.data(), pairs.size(), sums);
+  return sums;
 }
 
 // For a relief of hundreds of t, where e^{h/t} of the tile has no room in a double: the node has its own
@@ -355,10 +419,12 @@ void Dilation::make_part(int i0, int j0, int nx, int ny, int stride, DilatedNode
     make_part(i0 + half_x, j0 + half_y, nx - half_x, ny - half_y, stride, nodes + half_y * stride + half_x);
     return;
   }
+  std::vector<Pair> pairs;
+  pairs.reserve(static_cast<std::size_t>(2 * reach_ + 1) * static_cast<std::size_t>(2 * reach_ + 1));
   for (int j = 0; j < ny; ++j) {
     for (int i = 0; i < nx; ++i) {
       double reference = window.reference;
-      Sums sums = sum_node(window, i0 + i, j0 + j);
+      Sums sums = sum_node(window, i0 + i, j0 + j, pairs);
       if (!(sums.s > kLeastSum)) sums = sum_slowly(window, i0 + i, j0 + j, reference);
       nodes[j * stride + i] = fields_of(sums, reference);
     }

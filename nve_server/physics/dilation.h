@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "nve_server/physics/bicubic_spline.h"
@@ -34,8 +35,8 @@ namespace telenano::physics {
 /// R_f
 ///           t/s²) or so, R_f the foot's radius along the line (R c³ up a slope). What adds less than e^{−25}
 ///           of the largest term is left out.
-/// Bits      det_math, fixed order: the same on every x86-64, and a node's values do not depend on which
-/// other
+/// Bits      det_math, fixed order: the same on every x86-64, in whatever registers, and a node's values do
+/// not depend on which other
 ///           nodes are made.
 inline constexpr double kConeCosine = 0.2;
 
@@ -59,12 +60,20 @@ struct DilatedNode {
   double cosine = 1;      ///< c, in [kConeCosine, 1]
 };
 
+/// Registers that sums are made in. Both add the same numbers in the same order: the same bits.
+enum class Lanes {
+  kTwo,   ///< SSE2
+  kFour,  ///< AVX
+};
+/// The most that this processor has.
+Lanes widest_lanes() noexcept;
+
 /// One softening length. Throws UserError if radius or softening are not positive.
 class Dilation {
  public:
   /// `height` must outlive it. `relief_nm` is at least the highest sample less the lowest.
   Dilation(const BicubicSpline& height, const DilationLattice& lattice, double tip_radius_nm,
-           double softening_nm, double relief_nm);
+           double softening_nm, double relief_nm, Lanes lanes = widest_lanes());
 
   /// The tile of kTile × kTile nodes with this number across and along (fewer at the far rims), row-major.
   static constexpr int kTile = 64;
@@ -93,7 +102,14 @@ class Dilation {
   void make_part(int i0, int j0, int nx, int ny, int stride, DilatedNode* nodes) const;
   template <class Use>
   void each_block(const Window& window, int i, int j, const Use& use) const;
-  Sums sum_node(const Window& window, int i, int j) const;
+  struct Pair {
+    const double* height;
+    const double* boosted;
+    const Block* kernel;
+  };
+  static void sum_two(const Pair* pairs, std::size_t count, Sums& sums) noexcept;
+  static void sum_four(const Pair* pairs, std::size_t count, Sums& sums) noexcept;
+  Sums sum_node(const Window& window, int i, int j, std::vector<Pair>& pairs) const;
   Sums sum_slowly(const Window& window, int i, int j, double& reference) const;
   DilatedNode fields_of(const Sums& sums, double reference) const;
   double profile_at(double r2) const noexcept;
@@ -102,6 +118,7 @@ class Dilation {
   const BicubicSpline* height_;
   DilationLattice lattice_;
   double radius_, t_;
+  Lanes lanes_;
   bool level_;  // all nodes are one
   bool paraboloid_;
   double dx_, dy_;                   // of sub-samples

@@ -62,26 +62,20 @@ bool TipBesideSleeper::advance(const Vec3& free_end, const Compliance& springs, 
   const double gap_before = gap_at(tip.apex_w_nm, away);
   const double gap = gap_at(foreseen, away);
   if (!(gap > 0.0) || !(move.squaredNorm() < kPartOfGap * kPartOfGap * gap_before * gap_before)) return false;
-  TipSampleState memory = pull.memory;
-  const Equilibrium drawn = law_.advance(-gap, 0.0, radius_nm_, memory);
+  pull.law = law_.advance(-gap, 0.0, radius_nm_, pull.memory);
+  const Equilibrium& drawn = pull.law;
   const bool outside = drawn.branch == Branch::kFree || drawn.branch == Branch::kVanDerWaals;
   if (drawn.status != SolveStatus::kOk || !outside || !(std::abs(drawn.force_nn) <= little_pull_nn_)) {
     return false;
   }
-  const Vec3 force = away * (drawn.force_nn / (gap + reach_nm_));
-  const Vec3 felt = springs * force;
+  pull.force_w_nn = away * (drawn.force_nn / (gap + reach_nm_));
   // The free end as the other force alone has it.
-  TipState after = tip;
-  solution = equilibrium_.advance(free_end + felt, springs, after);
-  if (solution.status != SolveStatus::kOk || solution.under_way) return false;
-  after.free_end_w_nm = free_end;
-  tip = after;
-  pull.memory = memory;
-  pull.law = drawn;
-  pull.force_w_nn = force;
-  solution.force_w_nn += force;
+  solution = equilibrium_.advance(free_end + springs * pull.force_w_nn, springs, tip);
+  if (solution.status != SolveStatus::kOk) return false;
+  tip.free_end_w_nm = free_end;
+  solution.force_w_nn += pull.force_w_nn;
   solution.potential_aj +=
-      drawn.potential_aj - force.dot(solution.apex_w_nm - foreseen) + lies.sleep.potential_aj;
+      drawn.potential_aj - pull.force_w_nn.dot(solution.apex_w_nm - foreseen) + lies.sleep.potential_aj;
   return true;
 }
 

@@ -35,7 +35,7 @@ class TipBesideSleeper {
     Equilibrium law;
     Vec3 force_w_nn = Vec3::Zero();  ///< on the tip
   };
-  /// False, with `tip` and `pull` left as they were: the particle wakes.
+  /// False, with `tip` left as it was: the particle wakes.
   bool advance(const Vec3& free_end_w_nm, const Compliance& springs, const ParticleState& lies, Pull& pull,
                TipState& tip, TipSolution& solution) const noexcept;
   /// The two contacts of the tip, as they are after such a step; nothing else of `out` has changed.

@@ -85,6 +85,7 @@ class PotentialEquilibrium {
 
   const TipPotential& potential() const noexcept { return potential_; }
   const ContactFields& fields() const noexcept { return potential_.fields(); }
+  const std::shared_ptr<const ContactFields>& shared_fields() const noexcept { return potential_.shared_fields(); }
 
  private:
   TipPotential potential_;

@@ -18,7 +18,12 @@ struct SceneSummary {
   double dry_contact_pull_off_nn = 0;  ///< of the contact alone
   /// On a curved sample: at 5, 50 and 95 % of places over it, of the radius of curvature there.
   double pull_off_low_nn = 0, pull_off_median_nn = 0, pull_off_high_nn = 0;
-  int pull_off_places = 0;        ///< 0: flat
+  int pull_off_places = 0;  ///< 0: flat
+  /// The effective radius at touch, at the same places.
+  double radius_low_nm = 0, radius_median_nm = 0, radius_high_nm = 0;
+  /// One line each, of a ground that is one potential: how far what is felt is from elasticity, by regime,
+  /// and where that is known from. Empty otherwise.
+  std::vector<std::string> model_errors;
   double jump_to_contact_nm = 0;  ///< gap at which the probe jumps, coming down slowly; 0: it does not
   double unloaded_radius_nm = 0;  ///< of the contact, coming out of it
   double radius_at_limit_nm = 0;  ///< of the contact at the force limit, as the next

@@ -3,7 +3,9 @@
 #include <functional>
 #include <utility>
 
+#include "nve_server/physics/branch_potential.h"
 #include "nve_server/physics/flat_surface.h"
+#include "nve_server/physics/potential_equilibrium.h"
 
 namespace telenano::scene {
 namespace {
@@ -16,6 +18,15 @@ std::shared_ptr<const Scene> changed(const Scene& scene, const Change& change) {
   copy->equilibrium = std::make_shared<physics::TipEquilibrium>(
       copy->surface, physics::TipSampleLaw(copy->law_parameters, copy->probe.tip_radius_nm),
       copy->probe.tip_radius_nm, physics::EquilibriumOptions{copy->friction, copy->ground.radius_force});
+  // The ground is the same; law and friction are what has changed.
+  if (copy->potential) {
+    const double radius = copy->probe.tip_radius_nm;
+    copy->potential = std::make_shared<physics::PotentialEquilibrium>(
+        scene.potential->shared_fields(),
+        std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(copy->law_parameters, radius),
+                                                   radius),
+        copy->friction);
+  }
   const double height = scene.start_apex_w_nm.z() - scene.start_touch_w_nm;
   const Vec3& start = scene.start_apex_w_nm;
   copy->start_touch_w_nm = copy->equilibrium->touch_height_nm(start.x(), start.y());
@@ -47,6 +58,7 @@ void without_mode(Scene& scene) {
 
 void without_surface(Scene& scene) {
   scene.surface = std::make_shared<physics::FlatSurface>(scene.probe.tip_radius_nm);
+  scene.potential.reset();
   scene.marks.reset();
   scene.ground.radius_force = false;
 }
@@ -58,9 +70,6 @@ std::vector<WithoutTerm> without_each_term(const Scene& scene) {
   const auto leave_out = [&](bool in, const char* term, const Change& change) {
     if (in) all.push_back({term, changed(scene, change)});
   };
-  // One potential holds law and ground together, made when the scene was read: no term of it can be taken out
-  // here.
-  if (scene.potential) return all;
   const physics::TipSampleParameters& law = scene.law_parameters;
   const physics::LongRangeParameters& far = law.long_range;
   const physics::Compliance& lever = scene.cantilever.compliance_nm_nn();
@@ -84,7 +93,10 @@ std::vector<WithoutTerm> without_each_term(const Scene& scene) {
             [](Scene& s) { s.ground.radius_force = false; });
   leave_out(scene.marks.has_value(), "yield and marks", [](Scene& s) { s.marks.reset(); });
   leave_out(scene.particle.has_value(), "particle", [](Scene& s) { s.particle.reset(); });
-  leave_out(!scene.surface->is_flat(), "spline, nearest-point search, local curvature", without_surface);
+  leave_out(
+      !scene.surface->is_flat(),
+      scene.potential ? "one potential of tip and ground" : "spline, nearest-point search, local curvature",
+      without_surface);
   return all;
 }
 

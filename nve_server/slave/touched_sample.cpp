@@ -55,7 +55,6 @@ bool TouchedSample::advance_alone(const Vec3& free_end, const physics::Complianc
                                   physics::TipState& state) noexcept {
   ParticleTrial& p = *particle_;
   if (!p.begun) p.beside.begin(p.state, p.solution, p.springs, state);
-  p.trial_pull = p.pull;
   return p.beside.advance(free_end, springs, p.state, p.trial_pull, state, p.trial_solution.tip);
 }
 
@@ -72,7 +71,7 @@ void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
   ParticleTrial& p = *particle_;
   if (p.trial_alone) {
     p.begun = true;
-    p.pull = p.trial_pull;
+    std::swap(p.pull, p.trial_pull);
     p.beside.describe(p.trial_solution.tip, p.pull, p.solution);
     return;
   }
@@ -80,7 +79,7 @@ void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
   p.solution = p.trial_solution;
   p.alone = p.beside.may_begin(p.state);
   p.begun = false;
-  p.pull.memory = p.state.contacts[physics::kTipParticle].law;
+  if (p.alone) p.pull.memory = p.trial_pull.memory = p.state.contacts[physics::kTipParticle].law;
 }
 
 std::uint32_t TouchedSample::surface_stamp() const noexcept {

@@ -77,7 +77,7 @@ class TouchedSample {
     // While it sleeps the tip is balanced alone, in the state of who calls, once it has begun.
     physics::TipBesideSleeper beside;
     physics::TipBesideSleeper::Pull pull;
-    physics::TipBesideSleeper::Pull trial_pull;
+    physics::TipBesideSleeper::Pull trial_pull;  // the law's memory in it: any is right, the last is quick
     bool alone = false;
     bool begun = false;
     bool trial_alone = false;

@@ -81,6 +81,7 @@ TEST_F(ReplayTest, ARecordingExplainsItself) {
       record("flakes", {}, {"--task", "position", "--station", write("station.toml", station)});
   const recording::RecordingReader reader(file);
   EXPECT_EQ(reader.configuration("scene_text"), file_text(scene_path("flakes")));
+  EXPECT_EQ(reader.configuration("surface.force"), "foot");  // what the file leaves out
   EXPECT_EQ(reader.configuration("station_text"), station);
 }
 

@@ -96,6 +96,7 @@ RecordedSession load_session(const std::filesystem::path& path) {
   session.scene_hash = text_of(reader, "scene_hash");
   session.scene_path = reader.configuration("scene_path");
   session.scene_text = reader.configuration("scene_text");
+  session.surface_force = reader.configuration("surface.force");
   session.station = station_of(reader);
   session.device = device_of(reader);
   session.link = link_of(reader);

@@ -68,9 +68,19 @@ ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
       recorded.path.string(), name, recorded.scene_hash, name));
 }
 
+/// The same description may once be read as the other: then no force would come out as recorded.
+ScenePtr with_recorded_force(const RecordedSession& recorded, ScenePtr scene) {
+  const std::string now = scene->ground.potential ? "potential" : "foot";
+  if (recorded.surface_force.empty() || recorded.surface_force == now) return scene;
+  throw UserError(
+      fmt::format("{}: was recorded with surface.force = \"{}\", and this program reads its scene as \"{}\": "
+                  "replay it with the program that recorded it",
+                  recorded.path.string(), recorded.surface_force, now));
+}
+
 bool run_one(const std::string& file, const std::string& scene) {
   const RecordedSession recorded = load_session(file);
-  const ReplayResult result = replay(recorded, scene_of(recorded, scene));
+  const ReplayResult result = replay(recorded, with_recorded_force(recorded, scene_of(recorded, scene)));
   std::printf("%s,%lld,%lld,%lld,%lld,%.3g,%s\n", file.c_str(), static_cast<long long>(result.recorded_ticks),
               static_cast<long long>(result.replayed_ticks), static_cast<long long>(result.equal_ticks),
               static_cast<long long>(result.steps), result.largest_force_error_n,

@@ -1,0 +1,137 @@
+// What `check` says of a ground that is one potential. Oracle: closed forms of the radius on a sinusoid.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "nve_server/physics/potential_equilibrium.h"
+#include "nve_server/physics/scan_fields.h"
+#include "nve_server/scene/scene.h"
+#include "nve_server/scene/scene_summary.h"
+#include "nve_server/scene/scene_terms.h"
+
+namespace telenano::scene {
+namespace {
+
+std::string text_of(const std::string& force) {
+  return R"(name = "waves"
+[sample]
+youngs_modulus_gpa = 70.0
+poisson_ratio = 0.27
+surface_energy_j_m2 = 0.2
+[surface]
+kind = "grating"
+height_nm = 2.0
+period_nm = 40.0
+force = ")" +
+         force + R"("
+[forces]
+van_der_waals = true
+[friction]
+shear_strength_mpa = 300.0
+[probe]
+tip_radius_nm = 20.0
+stiffness_n_m = 40.0
+[probe.tip]
+youngs_modulus_gpa = 160.0
+poisson_ratio = 0.27
+surface_energy_j_m2 = 0.2
+[coupling]
+stiffness_n_m = 20.0
+[limits]
+force_max_nn = 200.0
+half_width_nm = 60.0
+[start]
+x_nm = 0.0
+y_nm = 0.0
+height_nm = 10.0
+)";
+}
+
+// On a crest and in a trough of z = A cos(kx), A = 1 nm, the sample's curvature is ±A k² = 0.0247/nm, so that
+// R_eff = R/√(1 ± R A k²): 16.4 and 28.1 nm. 5 and 95 % of the places lie within the outermost twentieth of
+// the phase, where the curvature is that to 2 %; and the fields average it over a contact (t/R_eff, below 1
+// %).
+TEST(PotentialSummary, RadiiAreThoseOfTheGround) {
+  const auto scene = parse_scene(text_of("potential"), "waves.toml");
+  const SceneSummary summary = summarise(*scene);
+  const double bend = 1.0 * std::pow(2 * 3.14159265358979 / 40, 2) * 20;
+  EXPECT_NEAR(summary.radius_low_nm, 20 / std::sqrt(1 + bend), 0.4);
+  EXPECT_NEAR(summary.radius_high_nm, 20 / std::sqrt(1 - bend), 1.0);
+  EXPECT_LT(summary.pull_off_low_nn, summary.pull_off_median_nn);
+  EXPECT_GT(summary.pull_off_high_nn / summary.pull_off_low_nn, 1.4);
+}
+
+TEST(PotentialSummary, TellsTheModelsErrorsAndWhereTheyAreFrom) {
+  const auto has = [](const SceneSummary& summary, const std::string& word) {
+    return std::any_of(summary.model_errors.begin(), summary.model_errors.end(),
+                       [&](const std::string& line) { return line.find(word) != std::string::npos; });
+  };
+  const SceneSummary summary = summarise(*parse_scene(text_of("potential"), "waves.toml"));
+  for (const char* word : {"pull-off", "pressed", "van der Waals", "not compared", "boundary elements"}) {
+    EXPECT_TRUE(has(summary, word)) << word;
+  }
+  EXPECT_FALSE(has(summary, "unlike"));
+  EXPECT_TRUE(summarise(*parse_scene(text_of("foot"), "waves.toml")).model_errors.empty());
+  std::string soft = text_of("potential");
+  soft.replace(soft.find("70.0"), 4, "0.5");
+  EXPECT_TRUE(has(summarise(*parse_scene(soft, "waves.toml")), "unlike"));
+}
+
+// Each term can be left out of a potential, on the same fields.
+TEST(PotentialSummary, TermsAreLeftOutOnTheSameFields) {
+  const auto scene = parse_scene(text_of("potential"), "waves.toml");
+  bool friction = false, ground = false, attraction = false;
+  for (const WithoutTerm& without : without_each_term(*scene)) {
+    if (without.term == "friction")
+      friction = without.scene->potential != nullptr && !without.scene->friction;
+    if (without.term == "van der Waals") {
+      attraction = true;
+      EXPECT_EQ(&without.scene->potential->fields(), &scene->potential->fields());
+      EXPECT_FALSE(without.scene->potential->potential().law().parameters().van_der_waals);
+    }
+    if (without.term == "one potential of tip and ground") ground = without.scene->potential == nullptr;
+  }
+  EXPECT_TRUE(friction && ground && attraction);
+}
+
+// A second start takes what the first has made, and says so; a file that was spoiled between is made anew.
+TEST(PotentialLoading, FieldsAreMadeOnceAndTold) {
+  char folder[] = "/tmp/telenano_loading_XXXXXX";
+  ASSERT_NE(::mkdtemp(folder), nullptr);
+  std::vector<double> parts;
+  SceneLoading loading;
+  loading.fields_cache = std::string(folder) + "/fields";
+  loading.progress = [&parts](double part) { parts.push_back(part); };
+  const auto hash_of = [](const Scene& scene) {
+    return dynamic_cast<const physics::ScanFields&>(scene.potential->fields()).hash();
+  };
+  const auto made = parse_scene(text_of("potential"), "waves.toml", loading);
+  EXPECT_FALSE(made->ground.fields_from_cache);
+  EXPECT_GT(made->ground.fields_bytes, 100000u);
+  ASSERT_GT(parts.size(), 3u);
+  EXPECT_TRUE(std::is_sorted(parts.begin(), parts.end()));
+  EXPECT_NEAR(parts.back(), 1.0, 1e-12);
+  parts.clear();
+  const auto kept = parse_scene(text_of("potential"), "waves.toml", loading);
+  EXPECT_TRUE(kept->ground.fields_from_cache);
+  EXPECT_TRUE(parts.empty());
+  EXPECT_EQ(hash_of(*kept), hash_of(*made));
+  for (const auto& file : std::filesystem::directory_iterator(loading.fields_cache)) {
+    std::filesystem::resize_file(file.path(), file.file_size() - 8);
+  }
+  EXPECT_FALSE(parse_scene(text_of("potential"), "waves.toml", loading)->ground.fields_from_cache);
+  EXPECT_TRUE(parse_scene(text_of("potential"), "waves.toml", loading)->ground.fields_from_cache);
+  // Another material has another softening, and so other fields.
+  std::string soft = text_of("potential");
+  soft.replace(soft.find("70.0"), 4, "3.0");
+  EXPECT_FALSE(parse_scene(soft, "waves.toml", loading)->ground.fields_from_cache);
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace telenano::scene
