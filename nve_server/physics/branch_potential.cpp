@@ -247,8 +247,8 @@ void BranchPotential::outside(double overlap_nm, double log_radius, PotentialJet
     jet.stiffness_n_m = 2.0 * jet.force_nn * per_gap;
     jet.by_radius_aj = jet.by_radius_twice_aj = jet.energy_aj;
     jet.mixed_nn = jet.force_nn;
+    if (far_) far_->add(overlap_nm, log_radius, radius, jet);
   }
-  if (far_) far_->add(overlap_nm, log_radius, jet);
 }
 
 bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
@@ -268,7 +268,7 @@ bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hi
   jet.energy_aj += cubic(c, at.t);
   jet.by_radius_aj += (c[1] + at.t * (2.0 * c[2] + 3.0 * at.t * c[3])) / step_;
   jet.by_radius_twice_aj += (2.0 * c[2] + 6.0 * at.t * c[3]) / (step_ * step_);
-  if (far_) far_->add(overlap_nm, log_radius, jet);
+  if (far_) far_->add(overlap_nm, log_radius, root * square, jet);
   return true;
 }
 
@@ -320,7 +320,7 @@ bool BranchPotential::on_curve(const Curve& curve, const ContactScales& s, doubl
 }
 
 void BranchPotential::add_bias(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept {
-  if (bias_) bias_->add(overlap_nm, log_radius, jet);
+  if (bias_) bias_->add(overlap_nm, log_radius, det_exp(log_radius), jet);
 }
 
 }  // namespace telenano::physics

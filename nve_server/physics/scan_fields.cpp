@@ -45,24 +45,44 @@ struct Weights {
   double value[4], slope[4], bend[4];
 };
 
-// Cubic B-splines that reach into a cell at u in [0, 1], and their derivatives along the length: `inv` is
-// 1/h.
-Weights weights(double u, double inv) {
-  const double v = 1.0 - u;
-  const double u2 = u * u;
-  const double inv2 = inv * inv;
-  constexpr double kSixth = 1.0 / 6.0;
-  return {{kSixth * v * v * v, kSixth * ((3.0 * u - 6.0) * u2 + 4.0),
-           kSixth * (((-3.0 * u + 3.0) * u + 3.0) * u + 1.0), kSixth * u2 * u},
-          {inv * (-0.5 * v * v), inv * ((1.5 * u - 2.0) * u), inv * ((-1.5 * u + 1.0) * u + 0.5),
-           inv * (0.5 * u2)},
-          {inv2 * v, inv2 * (3.0 * u - 2.0), inv2 * (1.0 - 3.0 * u), inv2 * u}};
+// Cubic B-splines that reach into a cell at u in [0, 1], and their derivatives along the length (`inv` is
+// 1/h), of both axes at once.
+inline void weights(double u_x, double u_y, double inv_x, double inv_y, Weights& wx, Weights& wy) noexcept {
+  const auto both = [](double a) { return _mm_set1_pd(a); };
+  const __m128d u = _mm_set_pd(u_y, u_x), inv = _mm_set_pd(inv_y, inv_x);
+  const __m128d v = _mm_sub_pd(both(1.0), u), sixth = both(1.0 / 6.0);
+  const __m128d u2 = _mm_mul_pd(u, u), inv2 = _mm_mul_pd(inv, inv);
+  const __m128d three_u = _mm_mul_pd(both(3.0), u);
+  const auto put = [](__m128d w, double& x, double& y) {
+    _mm_storel_pd(&x, w);
+    _mm_storeh_pd(&y, w);
+  };
+  // v³/6, ((3u − 6) u² + 4)/6, (((3 − 3u) u + 3) u + 1)/6, u³/6
+  const __m128d second = _mm_add_pd(_mm_mul_pd(_mm_sub_pd(three_u, both(6.0)), u2), both(4.0));
+  const __m128d third = _mm_add_pd(
+      _mm_mul_pd(_mm_add_pd(_mm_mul_pd(_mm_sub_pd(both(3.0), three_u), u), both(3.0)), u), both(1.0));
+  put(_mm_mul_pd(sixth, _mm_mul_pd(_mm_mul_pd(v, v), v)), wx.value[0], wy.value[0]);
+  put(_mm_mul_pd(sixth, second), wx.value[1], wy.value[1]);
+  put(_mm_mul_pd(sixth, third), wx.value[2], wy.value[2]);
+  put(_mm_mul_pd(sixth, _mm_mul_pd(u2, u)), wx.value[3], wy.value[3]);
+  const __m128d half = _mm_mul_pd(both(0.5), inv);
+  const __m128d falling = _mm_mul_pd(half, _mm_mul_pd(v, v)), rising = _mm_mul_pd(half, u2);
+  const __m128d steep = _mm_mul_pd(both(1.5), u);
+  put(_mm_sub_pd(_mm_setzero_pd(), falling), wx.slope[0], wy.slope[0]);
+  put(_mm_mul_pd(inv, _mm_mul_pd(_mm_sub_pd(steep, both(2.0)), u)), wx.slope[1], wy.slope[1]);
+  put(_mm_mul_pd(inv, _mm_add_pd(_mm_mul_pd(_mm_sub_pd(both(1.0), steep), u), both(0.5))), wx.slope[2],
+      wy.slope[2]);
+  put(rising, wx.slope[3], wy.slope[3]);
+  put(_mm_mul_pd(inv2, v), wx.bend[0], wy.bend[0]);
+  put(_mm_mul_pd(inv2, _mm_sub_pd(three_u, both(2.0))), wx.bend[1], wy.bend[1]);
+  put(_mm_mul_pd(inv2, _mm_sub_pd(both(1.0), three_u)), wx.bend[2], wy.bend[2]);
+  put(_mm_mul_pd(inv2, u), wx.bend[3], wy.bend[3]);
 }
 
 /// Jets of `Pairs` pairs of lanes from `first` on: jets[lane][derivative].
-template <int kPairs>
-void stencil(const double* corner, std::ptrdiff_t stride, int lanes, const Weights& wx, const Weights& wy,
-             double (*jets)[6]) noexcept {
+template <int kPairs, int lanes>
+inline void stencil(const double* corner, std::ptrdiff_t stride, const Weights& wx, const Weights& wy,
+                    double (*jets)[6]) noexcept {
   for (int pair = 0; pair < kPairs; ++pair) {
     __m128d out[6];
     for (int i = 0; i < 4; ++i) {
@@ -100,8 +120,9 @@ void stencil(const double* corner, std::ptrdiff_t stride, int lanes, const Weigh
 }
 
 /// One lane alone.
-void stencil_of_one(const double* corner, std::ptrdiff_t stride, int lanes, const Weights& wx,
-                    const Weights& wy, double (&jet)[6]) noexcept {
+template <int lanes>
+inline void stencil_of_one(const double* corner, std::ptrdiff_t stride, const Weights& wx, const Weights& wy,
+                           double (&jet)[6]) noexcept {
   for (double& d : jet) d = 0;
   for (int i = 0; i < 4; ++i) {
     const double* c = corner + i * lanes;
@@ -155,14 +176,13 @@ struct Cell {
   Weights wx, wy;
 };
 
-Cell cell_of(double x, double y, int columns, int rows, double inv_dx, double inv_dy) noexcept {
+inline Cell cell_of(double x, double y, int columns, int rows, double inv_dx, double inv_dy) noexcept {
   const double across = x * inv_dx;
   const double along = y * inv_dy;
   Cell cell;
   cell.column = std::min(static_cast<int>(across), columns - 2);
   cell.row = std::min(static_cast<int>(along), rows - 2);
-  cell.wx = weights(across - cell.column, inv_dx);
-  cell.wy = weights(along - cell.row, inv_dy);
+  weights(across - cell.column, along - cell.row, inv_dx, inv_dy, cell.wx, cell.wy);
   return cell;
 }
 
@@ -410,8 +430,9 @@ double ScanFields::touch_height_nm(double x_nm, double y_nm) const noexcept {
   const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
   const std::ptrdiff_t stride = (grid.columns + 2) * kLanes;
   double jet[6];
-  stencil_of_one(&grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)],
-                 stride, kLanes, cell.wx, cell.wy, jet);
+  stencil_of_one<kLanes>(
+      &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)], stride, cell.wx,
+      cell.wy, jet);
   return jet[kValue];
 }
 
@@ -493,10 +514,10 @@ void ScanFields::contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexce
   const double* corner =
       &finest.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)];
   double fine[6][6];
-  stencil_of_one(corner, stride, kLanes, cell.wx, cell.wy, fine[0]);
+  stencil_of_one<kLanes>(corner, stride, cell.wx, cell.wy, fine[0]);
   const SofteningLevel level = softening_level(rule_, z - fine[0][kValue]);
   if (level.level <= 0.0) {
-    stencil<2>(corner, stride, kLanes, cell.wx, cell.wy, fine);
+    stencil<2, kLanes>(corner, stride, cell.wx, cell.wy, fine);
     contact_of(level_in_space(fine[0]), level_in_space(fine[1]), level_in_space(fine[2]), z, at.back_x,
                at.back_y, jet);
     return;
@@ -513,8 +534,9 @@ void ScanFields::growing_at(const Vec3& apex_w_nm, const SofteningRule& rule,
   const Cell cell = cell_of(at.x, at.y, finest.columns, finest.rows, finest.inv_dx, finest.inv_dy);
   const std::ptrdiff_t stride = (finest.columns + 2) * kLanes;
   double fine[6];
-  stencil_of_one(&finest.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)],
-                 stride, kLanes, cell.wx, cell.wy, fine);
+  stencil_of_one<kLanes>(
+      &finest.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)], stride,
+      cell.wx, cell.wy, fine);
   SofteningLevel level = softening_level(rule, z - fine[kValue]);
   level.level += level_of_softening(rule_, rule.finest_nm);
   blended(at, blend_levels(level.level, levels_), fine, z, level, jet);
@@ -534,8 +556,9 @@ void ScanFields::at_softening(const Vec3& apex_w_nm, double softening_nm, Contac
     const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
     const std::ptrdiff_t stride = (grid.columns + 2) * kLayerLanes;
     double jets[4][6];
-    stencil<2>(&grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLayerLanes)],
-               stride, kLayerLanes, cell.wx, cell.wy, jets);
+    stencil<2, kLayerLanes>(
+        &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLayerLanes)], stride,
+        cell.wx, cell.wy, jets);
     contact_of(level_in_space(jets[0]), level_in_space(jets[1]), level_in_space(jets[2]), apex_w_nm.z(),
                at.back_x, at.back_y, jet);
     return;
@@ -588,12 +611,12 @@ void ScanFields::blended(const Place& at, const LevelBlend& blend, const double 
     const bool both = !odd && k < 2;
     int lane = 0;
     if (both) {
-      stencil<3>(corner, stride, kLanes, cell.wx, cell.wy, jets);
+      stencil<3, kLanes>(corner, stride, cell.wx, cell.wy, jets);
     } else if (odd) {
-      stencil<2>(corner + 2, stride, kLanes, cell.wx, cell.wy, jets);
+      stencil<2, kLanes>(corner + 2, stride, cell.wx, cell.wy, jets);
       lane = 1;
     } else {
-      stencil<2>(corner, stride, kLanes, cell.wx, cell.wy, jets);
+      stencil<2, kLanes>(corner, stride, cell.wx, cell.wy, jets);
     }
     for (int level_of_grid = 0; level_of_grid < (both ? 2 : 1); ++level_of_grid, ++k, lane += 3) {
       const double w = blend.weight[k];
