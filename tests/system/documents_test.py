@@ -172,7 +172,8 @@ def named_in_code():
 
 class Documents(unittest.TestCase):
     def none(self, wrong):
-        self.assertFalse(wrong, "\n" + "\n".join(wrong))
+        if wrong:
+            self.fail("\n" + "\n".join(wrong))
 
     def test_readme_is_short(self):
         self.assertLessEqual((SOURCE / "README.md").stat().st_size, README_BYTES)
