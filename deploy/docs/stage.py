@@ -20,6 +20,20 @@ def copy(source, file, folder):
     return to
 
 
+def for_mkdocs(text):
+    """What MkDocs' Markdown reads otherwise than GitHub's: it wants a blank line before a table or a list, and in a table it keeps
+    the backslash of an escaped bar in a code span."""
+    lines, fenced, last = [], False, ""
+    for line in text.splitlines():
+        fenced ^= line.lstrip().startswith("```")
+        begins = re.match(r"\||- |\d+\. ", line)
+        if not fenced and begins and last and not re.match(r"\||- |\d+\. |\s", last):
+            lines.append("")
+        lines.append(line)
+        last = line
+    return re.sub(r"`[^`\n]+`", lambda span: span[0].replace(r"\|", "|"), "\n".join(lines) + "\n")
+
+
 def main(source, folder):
     for at, folders, files in os.walk(source):
         folders[:] = sorted(f for f in folders if f not in (".git", "__pycache__")
@@ -31,9 +45,7 @@ def main(source, folder):
                 target = (document.parent / link).resolve()
                 if target.is_file() and target.suffix != ".md" and source in target.parents:
                     copy(source, target, folder)
-            # MkDocs' tables keep a bar within a code span as it is, GitHub's want it escaped.
-            to = copy(source, document, folder)
-            to.write_text(re.sub(r"`[^`\n]+`", lambda span: span[0].replace(r"\|", "|"), text))
+            copy(source, document, folder).write_text(for_mkdocs(text))
 
 
 if __name__ == "__main__":
