@@ -98,8 +98,11 @@ double det_exp(double x) noexcept {
     p = p * r + inverse;
   }
   const double y = 1.0 + (r + (r * r * p + tail));
-  // Scale by 2^n in two steps so that subnormal results come out right.
   const int k = static_cast<int>(n);
+  if (k > -1020 && k < 1020) {  // y lies in (0.7, 1.5): exact
+    return y * std::bit_cast<double>(static_cast<std::uint64_t>(1023 + k) << 52);
+  }
+  // Scale by 2^n in two steps so that subnormal results come out right.
   return std::ldexp(std::ldexp(y, k / 2), k - k / 2);
 }
 

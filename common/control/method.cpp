@@ -8,8 +8,8 @@
 namespace telenano::control {
 namespace {
 
-constexpr std::array<std::string_view, 7> kNames = {"none", "ks",   "ks-clamp", "tdpa",
-                                                    "wave", "tank", "model"};
+constexpr std::array<std::string_view, 8> kNames = {"none", "ks",   "ks-clamp", "tdpa",
+                                                    "wave", "tank", "model", "twin"};
 
 }  // namespace
 
@@ -23,7 +23,7 @@ Method parse_method(std::string_view name) {
     if (kNames[i] == name) return static_cast<Method>(i);
   }
   throw UserError("method '" + std::string(name) +
-                  "' is unknown; use none, ks, ks-clamp, tdpa, wave, tank or model");
+                  "' is unknown; use none, ks, ks-clamp, tdpa, wave, tank, model or twin");
 }
 
 }  // namespace telenano::control

@@ -7,22 +7,23 @@
 namespace telenano::control {
 
 /// How the port is kept passive. The names are the same in flags, configuration, CSV and recordings.
-enum class Method : std::uint8_t { kNone, kKs, kKsClamp, kTdpa, kWave, kTank, kModel };
+enum class Method : std::uint8_t { kNone, kKs, kKsClamp, kTdpa, kWave, kTank, kModel, kTwin };
 
-/// "none | ks | ks-clamp | tdpa | wave | tank | model"
+/// "none | ks | ks-clamp | tdpa | wave | tank | model | twin"
 std::string_view method_name(Method method) noexcept;
 
 /// Throws UserError for an unknown name.
 Method parse_method(std::string_view name);
 
-inline constexpr std::array<Method, 7> kAllMethods = {Method::kNone, Method::kKs,   Method::kKsClamp,
-                                                      Method::kTdpa, Method::kWave, Method::kTank,
-                                                      Method::kModel};
+inline constexpr std::array<Method, 8> kAllMethods = {Method::kNone,  Method::kKs,   Method::kKsClamp,
+                                                      Method::kTdpa,  Method::kWave, Method::kTank,
+                                                      Method::kModel, Method::kTwin};
 
 /// Does it promise that no hand slower than v_max extracts more than the allowances, whatever the network and
 /// the other side do? Such a method commits no force that it could not pay for.
 constexpr bool claims_energy_bound(Method method) noexcept {
-  return method == Method::kKsClamp || method == Method::kTank || method == Method::kModel;
+  return method == Method::kKsClamp || method == Method::kTank || method == Method::kModel ||
+         method == Method::kTwin;
 }
 
 /// Needs the slave's port to take part (energies or waves in both directions).

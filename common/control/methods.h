@@ -7,6 +7,7 @@
 #include "common/control/local_model.h"
 #include "common/control/one_port.h"
 #include "common/control/station_method.h"
+#include "common/control/twin.h"
 #include "common/control/two_layer_tank.h"
 #include "common/control/two_port.h"
 #include "common/control/wave_port.h"
@@ -24,6 +25,7 @@ class Methods {
         wave_(config),
         tank_(config),
         model_(config),
+        twin_(config),
         method_(method) {}
 
   /// From now on a method of the caller's own stands in for whichever is in use: a candidate, or one that is
@@ -64,6 +66,8 @@ class Methods {
         return tank_;
       case Method::kModel:
         return model_;
+      case Method::kTwin:
+        return twin_;
       case Method::kKsClamp:
         break;
     }
@@ -77,6 +81,7 @@ class Methods {
   WavePort wave_;
   TwoLayerTank tank_;
   LocalModel model_;
+  Twin twin_;
   Method method_;
   std::unique_ptr<StationMethod> other_;
 };

@@ -60,6 +60,7 @@ int binding_delay_samples(Method method, int loop_delay_samples) noexcept {
     case Method::kWave:
     case Method::kTank:
     case Method::kModel:
+    case Method::kTwin:
       return std::min(loop_delay_samples, 1);
   }
   return loop_delay_samples;

@@ -31,6 +31,16 @@ struct SlaveNews {
   double given_j = 0;
 };
 
+/// What the slave that runs at the station says after the step of this tick, in the station's units.
+struct LocalNews {
+  Vec3 force_h_n = Vec3::Zero();  ///< α_F F_tip
+  bool other_state = false;       ///< the slave was put into another state since the last step
+  double dt_s = 1e-3;             ///< of this tick
+  /// Of its own book, as in SlaveNews.
+  double well_j = 0;
+  double given_j = 0;
+};
+
 /// Where the station renders.
 struct RenderPoint {
   Vec3 target_w_nm = Vec3::Zero();  ///< commanded tip position of this tick
@@ -74,6 +84,8 @@ class StationMethod {
 
   virtual void book(const PortInterval& interval) noexcept = 0;
   virtual void hear(const SlaveNews& news) noexcept = 0;
+  /// Each tick, where the slave runs at the station too.
+  virtual void feel(const LocalNews& /*news*/) noexcept {}
   /// The force to show now, before ramp, damper and limits.
   virtual Vec3 force_h_n(const RenderPoint& at) noexcept = 0;
   virtual Vec3 damper_force_h_n() const noexcept { return Vec3::Zero(); }

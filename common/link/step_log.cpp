@@ -113,7 +113,8 @@ bool StepSender::begin(std::uint64_t executed, bool same_log) noexcept {
   if (!kept) newest_ = executed;
   executed_ = executed;
   sent_ = executed;
-  again_ = 0;
+  last_new_ = again_ = 0;
+  again_ns_ = 0;
   waits_ns_ = 0;
   return kept;
 }
@@ -128,11 +129,22 @@ std::uint64_t StepSender::oldest() const noexcept {
   return std::max(executed_ + 1, kept);
 }
 
-void StepSender::heard(const StepReport& report, std::int64_t now_ns) noexcept {
-  if (report.executed > newest_ || report.executed <= executed_) return;
-  executed_ = report.executed;
-  sent_ = std::max(sent_, executed_);
-  waits_ns_ = now_ns;
+void StepSender::heard(const StepReport& report, std::int64_t now_ns, std::int64_t rtt_ns) noexcept {
+  if (report.executed > newest_ || report.executed < executed_) return;
+  if (report.executed > executed_) {
+    executed_ = report.executed;
+    sent_ = std::max(sent_, executed_);
+    waits_ns_ = now_ns;
+  }
+  if (again_ != 0 && again_ <= executed_) again_ = 0;
+  // Later ones have come, and this one has not.
+  const bool missing = report.newest > report.executed && report.newest <= newest_;
+  if (missing && again_ == 0 && now_ns - again_ns_ > rtt_ns) send_again(now_ns);
+}
+
+void StepSender::send_again(std::int64_t now_ns) noexcept {
+  again_ = executed_ + 1;
+  again_ns_ = waits_ns_ = now_ns;
 }
 
 bool StepSender::urgent(std::int64_t now_ns, std::int64_t wait_ns) noexcept {
@@ -146,9 +158,12 @@ std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns,
   if (!enabled() || newest_ == executed_ || out.size() <= kStepsHeaderBytes + kRecordMost) return 0;
   if (waits_ns_ == 0 || sent_ <= executed_) waits_ns_ = now_ns;
   // Without an answer for so long, all that is open goes again, in as many datagrams as it takes.
-  if (again_ == 0 && sent_ > executed_ && now_ns - waits_ns_ > wait_ns) again_ = executed_ + 1;
-  const std::uint64_t repeat = sent_ + 1 > kRepeated ? sent_ + 1 - kRepeated : 1;
-  const std::uint64_t from = std::max(oldest(), again_ != 0 ? again_ : repeat);
+  if (again_ == 0 && sent_ > executed_ && now_ns - waits_ns_ > wait_ns) send_again(now_ns);
+  const std::uint64_t at_least = sent_ + 1 > kRepeated ? sent_ + 1 - kRepeated : 1;
+  const std::uint64_t repeat = std::min(at_least, std::max<std::uint64_t>(last_new_, 1));
+  std::uint64_t from = std::max(oldest(), again_ != 0 ? again_ : repeat);
+  // New steps must not starve where much is new.
+  if (again_ == 0 && sent_ + 1 > from + kMaxBatch / 2) from = std::max(oldest(), sent_ + 1 - kMaxBatch / 2);
   StepWriter writer(out.first(std::min(out.size(), kStepsBytesMost)), from);
   std::uint64_t to = from;
   while (to <= newest_ && writer.add(at(to))) ++to;
@@ -156,6 +171,7 @@ std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns,
     again_ = to > sent_ ? 0 : to;
     waits_ns_ = now_ns;
   }
+  if (to > sent_ + 1) last_new_ = sent_ + 1;
   sent_ = std::max(sent_, to - 1);
   return writer.count() > 0 ? writer.size() : 0;
 }

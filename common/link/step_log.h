@@ -109,7 +109,8 @@ class StepSender {
   /// The oldest one is forgotten where the ring is full: that gap the server will skip.
   void add(const LoggedStep& step) noexcept;
   /// What a reply says: executed up to, and the newest that has come.
-  void heard(const StepReport& report, std::int64_t now_ns) noexcept;
+  /// A gap that it names is sent again at once, but only once a round trip.
+  void heard(const StepReport& report, std::int64_t now_ns, std::int64_t rtt_ns) noexcept;
   /// Is there a reason to send besides the pace: something to be sent again, or more new steps than the next
   /// datagram could take?
   bool urgent(std::int64_t now_ns, std::int64_t wait_ns) noexcept;
@@ -117,19 +118,22 @@ class StepSender {
   /// may take; before that nothing is sent again.
   std::size_t write(std::span<std::uint8_t> out, std::int64_t now_ns, std::int64_t wait_ns) noexcept;
 
-  /// Steps that every datagram repeats unasked, where they are not known to have come.
+  /// Every datagram repeats unasked what was new in the one before, and at least so many.
   static constexpr std::uint64_t kRepeated = 8;
 
  private:
   const LoggedStep& at(std::uint64_t number) const noexcept { return ring_[number % ring_.size()]; }
+  void send_again(std::int64_t now_ns) noexcept;
   std::uint64_t oldest() const noexcept;  // that is kept and not executed
 
   std::vector<LoggedStep> ring_;
   std::uint64_t newest_ = 0;
   std::uint64_t executed_ = 0;
-  std::uint64_t sent_ = 0;     // up to here at least once
-  std::uint64_t again_ = 0;    // sending again from here; 0: not
-  std::int64_t waits_ns_ = 0;  // since then without progress
+  std::uint64_t sent_ = 0;      // up to here at least once
+  std::uint64_t last_new_ = 0;  // the first that was new in the last datagram
+  std::uint64_t again_ = 0;     // sending again from here; 0: not
+  std::int64_t again_ns_ = 0;   // since then
+  std::int64_t waits_ns_ = 0;   // since then without progress
 };
 
 /// The server's end: executes every step once and in order. What comes before its turn waits in a ring that

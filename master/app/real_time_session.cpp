@@ -9,6 +9,7 @@ namespace {
 constexpr std::int64_t kStopTicks = 20;  // for the stop to reach the server
 constexpr double kAfterTaskS = 0.2;      // the hand comes to rest
 constexpr double kSilentS = 0.1;         // from when on a person is told
+constexpr double kUnfeltN = 0.005;       // a force that nobody notices
 
 // Before the first reply there is no age: since the start, then.
 double silent_s(const recording::Sample& sample) noexcept {
@@ -47,6 +48,7 @@ void RealTimeSession::run() noexcept {
     see_tip(sample);
     hand_.device.advance(elapsed_ns);
     if (desk_ != nullptr) ask_screen(sample);
+    if (chooses_method_) follow_link(sample, static_cast<double>(elapsed_ns) * 1e-9);
     if (quit_ || stop_.load(std::memory_order_relaxed)) {
       loop_.set_buttons(device::kButtonStop);
       ++stop_ticks_;
@@ -83,6 +85,26 @@ void RealTimeSession::see_tip(const recording::Sample& before) noexcept {
   const auto& target = before.tip_target_w_nm;
   hand_.motion->see_tip({Vec3(target[0], target[1], target[2]) - task_origin_w_nm_,
                          1e-9 / before.velocity_scale, station_.mode() == station::Mode::kEngaged});
+}
+
+/// Another method where the link has become another one; at a moment at which nobody feels it.
+void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) noexcept {
+  if (station_.config().method != choice_.now()) {  // a person has said which
+    chooses_method_ = false;
+    return;
+  }
+  control::MethodCircumstances now;
+  if (before.rtt_us > 0) now.rtt_s = std::max(1e-6 * before.rtt_smoothed_us, 1e-3 * before.playout_delay_ms);
+  now.jitter_s = 1e-6 * before.jitter_us;
+  now.at_rest = before.contact_state != static_cast<std::uint32_t>(link::ContactState::kContact) &&
+                loop_.trace().commanded_force_h_n.norm() < kUnfeltN;
+  const control::Method wanted = choice_.update(now, dt_s);
+  if (wanted == station_.config().method) return;
+  station_.change_method(wanted);
+  if (recorder_ != nullptr)
+    recorder_->push(recording::make_event(before.tick, before.time_s, kEventMethod,
+                                          "method changed with the link",
+                                          static_cast<std::uint32_t>(wanted)));
 }
 
 void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
@@ -148,6 +170,8 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.slave_faults = sample.fault_bits;
   p.energy_j = sample.energy_j;
   p.mode = sample.station_mode;
+  p.method = station_.config().method;
+  p.chooses_method = chooses_method_;
   p.silent_s = silent_s(sample);
   p.force_off = loop_.force_off();
   p.observes = loop_.trace().observes;

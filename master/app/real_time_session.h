@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include "common/control/method_choice.h"
 #include "common/link/client_session.h"
 #include "common/recording/recorder.h"
 #include "common/recording/summary_builder.h"
@@ -34,6 +35,7 @@ inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of th
 inline constexpr std::uint32_t kEventTip = 102;      ///< of a shared tip; value: 1 = holds it, 0 = observes
 inline constexpr std::uint32_t kEventMark = 103;     ///< a person's; value: its number, from 1
 inline constexpr std::uint32_t kEventTask = 104;     ///< another was chosen; value: its place in the list
+inline constexpr std::uint32_t kEventMethod = 105;   ///< changed by the rule; value: control::Method
 
 /// What the loop tells the progress line.
 struct Progress {
@@ -47,6 +49,8 @@ struct Progress {
   std::uint64_t commands_held = 0;  ///< by the deadband
   double energy_j = 0;
   std::uint32_t mode = 0;
+  control::Method method = control::Method::kNone;
+  bool chooses_method = false;  ///< by the rule; nobody has said which
   double silent_s = 0;
   device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
   bool observes = false;                                           ///< of a shared tip
@@ -83,6 +87,12 @@ class RealTimeSession {
   /// Of a shared tip: link::kFlagTakeOver or link::kFlagHandOver. Before run().
   void set_tip_wish(std::uint32_t flags) noexcept { loop_.set_tip_wish(flags); }
 
+  /// The method follows the link (control::MethodChoice) until a person says which, before run().
+  void choose_method() noexcept {
+    chooses_method_ = true;
+    choice_ = control::MethodChoice(station_.config().method);
+  }
+
   /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
   /// then waits for the person there instead of ending the session. `stays`: so does a hand at the end of its
   /// motion; it does anyway once a task has been chosen there.
@@ -108,6 +118,7 @@ class RealTimeSession {
 
  private:
   void see_tip(const recording::Sample& before) noexcept;
+  void follow_link(const recording::Sample& before, double dt_s) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
   void publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept;
@@ -135,6 +146,8 @@ class RealTimeSession {
   Ending ending_ = Ending::kTaskDone;
 
   std::int64_t stop_ticks_ = 0;
+  bool chooses_method_ = false;
+  control::MethodChoice choice_;
   bool quit_ = false;
   bool stays_ = false;
   std::uint32_t marks_ = 0;

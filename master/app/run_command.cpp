@@ -16,8 +16,10 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
   command.add_option("--station,--config", options.config_file, "Station file (TOML); flags win over it");
   command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command.add_option("--method", options.method, "How the port is kept passive (default model)")
-      ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model}");
+  command
+      .add_option("--method", options.method,
+                  "How the port is kept passive (default auto: tank or model, by the round trip)")
+      ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model}");
   command.add_option("--velocity-scale", options.velocity_scale,
                      "alpha_v, tip metres per hand metre (default: planned, see plan)");
   command.add_option("--force-scale", options.force_scale,

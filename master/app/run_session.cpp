@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "common/base/error.h"
+#include "common/control/method_choice.h"
 #include "common/link/client_session.h"
 #include "common/metrics/exporter.h"
 #include "common/net/udp.h"
@@ -70,7 +71,7 @@ StationFile station_file(const RunOptions& options) {
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   station::StationConfig& config = file.station;
   if (options.rate_hz) config.rate_hz = *options.rate_hz;
-  if (options.method) config.method = control::parse_method(*options.method);
+  if (options.method) file.choose(*options.method);
   if (options.velocity_scale) file.scaling.velocity = *options.velocity_scale;
   if (options.force_scale) file.scaling.force = *options.force_scale;
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
@@ -168,8 +169,8 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
                 const std::string& scene_name, const station::ScalingCheck& check,
                 const std::string& planned) {
   const control::Method method = file.station.method;
-  fmt::print(stderr, "session {:016x} on scene '{}', method {}, {}\n", welcome.session_id, scene_name,
-             control::method_name(method), check.text);
+  fmt::print(stderr, "session {:016x} on scene '{}', method {}{}, {}\n", welcome.session_id, scene_name,
+             control::method_name(method), file.chooses_method ? " (by the round trip)" : "", check.text);
   const control::Method used = station::usable_method(method, welcome.feature_bits);
   if (used != method) {
     fmt::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
@@ -294,6 +295,10 @@ int run_session(const RunOptions& options) {
   // With play-out the controller sees the buffer's delay, not the link's.
   const int delay_samples =
       control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);
+  if (file.chooses_method) {
+    const double answer_s = std::max(link.median_s, playout_delay_s(file));
+    file.station.method = control::MethodChoice::at_start({answer_s, 0, true});
+  }
   const config::SlaveLimits slave = slave_limits(welcome);
   const device::DeviceInfo device_info =
       simulated ? device::sim_device_info(file.plant) : opened.device->info();
@@ -324,6 +329,7 @@ int run_session(const RunOptions& options) {
   station::Station station(config, device_info, port);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
+  if (file.chooses_method) live.choose_method();
   if (view_model::RequestDesk* const desk =
           view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
                       options.record, tasks, file.plant.workspace_half_m, options.give_up_s}))

@@ -51,6 +51,10 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
                now.tip_up ? "the slave has withdrawn the tip: the force is zero until it is back"
                           : "the tip is back: it follows from where it is");
   }
+  if (before.ticks > 0 && before.method != now.method && now.chooses_method) {
+    fmt::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,
+               control::method_name(now.method), 1e-3 * now.link.rtt_us);
+  }
   if (!before.shutting_down && now.shutting_down) {
     fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
                end_of_line);

@@ -27,10 +27,11 @@ void read_workspaces(const TomlTable& table, Workspaces& workspaces) {
   workspaces.nano_nm = table.optional_number("nano_nm", between(1e-3, 1e9));
 }
 
-void read_control(const TomlTable& table, station::StationConfig& station) {
-  const std::string method = table.text_or("method", control::method_name(station.method));
+void read_control(const TomlTable& table, StationFile& file) {
+  station::StationConfig& station = file.station;
+  const std::string method = table.text_or("method", "auto");
   try {
-    station.method = control::parse_method(method);
+    file.choose(method);
   } catch (const std::exception& error) {
     table.fail("method", error.what());
   }
@@ -114,7 +115,7 @@ StationFile read(const config::TomlDocument& document) {
   file.station.rate_hz = root.number_or("rate_hz", between(10, 8000), file.station.rate_hz);
   if (const auto table = root.optional_table("scaling")) read_scaling(*table, file);
   if (const auto table = root.optional_table("workspaces")) read_workspaces(*table, file.workspaces);
-  if (const auto table = root.optional_table("control")) read_control(*table, file.station);
+  if (const auto table = root.optional_table("control")) read_control(*table, file);
   if (const auto table = root.optional_table("limits")) read_limits(*table, file.station);
   if (const auto table = root.optional_table("link")) read_link(*table, file);
   if (const auto table = root.optional_table("device")) {

@@ -30,6 +30,7 @@ struct Workspaces {
 /// Everything that deploy/station.toml may say; what it leaves out keeps its default.
 struct StationFile {
   station::StationConfig station{};
+  bool chooses_method = true;  ///< no method was given, or "auto": control::MethodChoice
   device::PlantConfig
       plant{};  ///< of the simulated device and its operator's hand; its period follows station.rate_hz
   GivenScaling scaling{};  ///< goes into station.scaling as well
@@ -40,6 +41,12 @@ struct StationFile {
   int redundancy = 0;          ///< commands that each datagram repeats, 0 to 4
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording
+
+  /// The name of a method, or "auto". Throws UserError.
+  void choose(const std::string& method) {
+    chooses_method = method == "auto";
+    if (!chooses_method) station.method = control::parse_method(method);
+  }
 };
 
 /// Throws UserError: one line with file, line, key and expected range; unknown keys are refused.

@@ -9,6 +9,7 @@ namespace telenano::loop {
 struct LinkOptions {
   link::PlayoutConfig playout{};
   link::SendGateConfig gate{};
+  std::int64_t step_pace_ns = 10'000'000;  ///< between two commands while a twin is felt
 };
 
 }  // namespace telenano::loop

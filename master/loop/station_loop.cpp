@@ -14,7 +14,8 @@ StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, co
       station_(station),
       clock_(clock),
       playout_(options.playout),
-      gate_(options.gate) {}
+      gate_(options.gate),
+      step_pace_ns_(options.step_pace_ns) {}
 
 void StationLoop::send(std::size_t size) noexcept {
   if (size == 0) return;
@@ -27,6 +28,36 @@ const link::Reply* StationLoop::next_reply(std::int64_t now_ns, bool replied) no
   if (session_.stats().samples() > 0)
     playout_.set_link(session_.stats().rtt_ns(), session_.stats().rtt_var_ns());
   return playout_.due(now_ns);
+}
+
+/// The slave's state, where the twin is apart: asked for piece by piece, kRequestsPerTick in a tick.
+void StationLoop::fetch_snapshot(std::int64_t now_ns) noexcept {
+  constexpr int kRequestsPerTick = 4;
+  if (input_.snapshot != nullptr) session_.drop_snapshot();  // the station has it
+  if (!output_.wants_snapshot) return;
+  if (!session_.snapshot().active()) {
+    if (session_.snapshot().refused()) return;
+    session_.ask_snapshot();
+  }
+  for (int i = 0; i < kRequestsPerTick; ++i) {
+    const std::size_t size = session_.make_snapshot_request(now_ns, buffer_);
+    if (size == 0) return;
+    send(size);
+  }
+}
+
+/// With a twin the hand needs no quick answer, and what a datagram costs is shared by the steps that it
+/// carries: it goes at a slower pace. What is missing, another flag or method does not wait for it.
+bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
+  const link::Command& command = output_.command;
+  const bool paced = output_.has_step && output_.trace.method == control::Method::kTwin;
+  const bool due = now_ns - paced_ns_ >= step_pace_ns_ || command.flags != paced_flags_ ||
+                   command.control.method != paced_method_ || session_.steps_are_urgent(now_ns);
+  if (paced && !due) return false;
+  paced_ns_ = now_ns;
+  paced_flags_ = command.flags;
+  paced_method_ = command.control.method;
+  return paced || gate_.wants(command, output_.hand_force_h_n, now_ns);
 }
 
 void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& sample) noexcept {
@@ -62,6 +93,11 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.applied_force_h_n = applied_h_n_;
   input_.session_up = session_.has_session();
   input_.command_sequence = session_.commands_sent() + 1;
+  input_.next_step = session_.next_step();
+  const link::SnapshotFetch& snapshot = session_.snapshot();
+  input_.snapshot = snapshot.active() && snapshot.complete() ? &snapshot : nullptr;
+  input_.snapshot_refused = snapshot.refused();
+  input_.rtt_s = 1e-9 * session_.stats().rtt_ns();
   input_.reply = next_reply(now_ns, replied);
   station_.step(input_, interval_s, output_);
   sample.now_ns = now_ns;
@@ -71,7 +107,9 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
 
   send(session_.poll(now_ns, buffer_));
   sample.sent_ns = 0;
-  if (gate_.wants(output_.command, output_.hand_force_h_n, now_ns)) {
+  if (output_.has_step) session_.add_step(output_.step);
+  fetch_snapshot(now_ns);
+  if (wants_to_send(now_ns)) {
     const std::int64_t sent_ns = clock_ != nullptr ? clock_->now_ns() : now_ns;
     const std::size_t size = session_.make_command(output_.command, sent_ns, buffer_);
     if (size > 0) sample.sent_ns = sent_ns;

@@ -60,6 +60,8 @@ class StationLoop {
   // Enough for what gathers in a quarter of a second at 1 kHz; the rest of a flood waits for the next tick.
   static constexpr std::size_t kDatagramsPerTick = 256;
 
+  void fetch_snapshot(std::int64_t now_ns) noexcept;
+  bool wants_to_send(std::int64_t now_ns) noexcept;
   double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;
   void note_datagram(std::int64_t came_ns) noexcept;
@@ -75,6 +77,10 @@ class StationLoop {
   device::DeviceReading reading_;
   link::Playout playout_;
   link::SendGate gate_;
+  std::int64_t step_pace_ns_;
+  std::int64_t paced_ns_ = 0;
+  std::uint32_t paced_flags_ = 0;
+  std::uint32_t paced_method_ = 0;
   link::LinkQuality quality_;
   station::StationInput input_;
   station::StationOutput output_;

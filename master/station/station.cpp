@@ -74,10 +74,38 @@ const char* fault_name(std::uint32_t faults) noexcept {
 control::Method usable_method(control::Method wanted, std::uint64_t features) noexcept {
   using control::Method;
   constexpr std::uint64_t kModelling = link::kFeatureLocalModel | link::kFeaturePortControl;
+  if (wanted == Method::kTwin && (features & link::kFeatureStepLog) == 0) wanted = Method::kModel;
   if (wanted == Method::kModel && (features & kModelling) != kModelling) wanted = Method::kTank;
   if (control::needs_port_control(wanted) && !(features & link::kFeaturePortControl))
     wanted = Method::kKsClamp;
   return wanted;
+}
+
+/// A twin must be there too, of the scene that is served, and must not have been given up.
+control::Method Station::usable(control::Method wanted) const noexcept {
+  if (wanted == control::Method::kTwin && (!twin_ || !twin_->on())) wanted = control::Method::kModel;
+  return usable_method(wanted, features_);
+}
+
+/// How long a force is shown after the last new reply. A twin needs none to be right: it may go on for as
+/// long as the server's slave would go on following.
+double Station::hold_s() const noexcept {
+  return shows_twin() ? std::max(config_.stale_hold_s, twin_->silence_s()) : config_.stale_hold_s;
+}
+
+double Station::zero_s() const noexcept {
+  return shows_twin() ? hold_s() + config_.stale_zero_s - config_.stale_hold_s : config_.stale_zero_s;
+}
+
+/// The sample's own energy, as slave and twin know of it: credited is the larger, once.
+double Station::given_aj() const noexcept {
+  return std::max(most_given_aj_, twin_ ? twin_->most_given_aj() : 0.0);
+}
+
+/// The deepest well that is believed: with a twin no more than the station has found in the scene itself.
+double Station::well_j() const noexcept {
+  const double believed_aj = shows_twin() ? std::min(well_aj_, twin_->well_aj()) : well_aj_;
+  return std::min(config_.scaling.hand_energy_j(believed_aj), config_.well_max_j);
 }
 
 Station::Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave,
@@ -114,7 +142,7 @@ control::MethodConfig Station::method_config() const noexcept {
 
 void Station::change_method(control::Method method) noexcept {
   config_.method = method;
-  method = usable_method(method, features_);
+  method = usable(method);
   if (method == methods_.method()) return;
   methods_.change_to(method, method_config(), hand_pos_h_m_);
   if (has_reply_) tell_method({}, 0);
@@ -169,7 +197,14 @@ void Station::begin_session(const link::Welcome& welcome, bool known_book) noexc
   if (has_scene_ && welcome.scene_hash != scene_hash_) latched_ |= kFaultOtherScene;
   scene_hash_ = welcome.scene_hash;
   has_scene_ = true;
-  const control::Method method = usable_method(config_.method, features_);
+  if (twin_) {
+    if (logs_steps() && twin_->scene_hash() == welcome.scene_hash) {
+      twin_->begin(welcome.steps, new_epoch || !has_scene_, 1e-3 * welcome.timeout_ms, last_tick_ns_);
+    } else {
+      twin_->leave();
+    }
+  }
+  const control::Method method = usable(config_.method);
   if (method != methods_.method()) methods_.change_to(method, method_config(), hand_pos_h_m_);
   methods_.now().begin_session(new_epoch);
   if (welcome.coupling_stiffness_n_m > slave_.coupling_stiffness_n_m ||
@@ -268,7 +303,7 @@ void Station::accept_reply(const StationInput& input) noexcept {
   if (is_new) {
     newest_sequence_ = input.reply->sequence;
     if (finite_reply(*input.reply)) {
-      const bool resumes = !has_reply_ || stale_s_ > config_.stale_hold_s;
+      const bool resumes = !has_reply_ || stale_s_ > hold_s();
       reply_ = *input.reply;
       if (shares_tip()) hear_who_holds(reply_.tip);
       hear_whether_tip_is_up();
@@ -276,6 +311,7 @@ void Station::accept_reply(const StationInput& input) noexcept {
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
+      if (twin_ && logs_steps()) twin_->hear(reply_.steps, input.time_ns);
       const link::ReceivedSums::News added = book_slave();
       if (holds_tip()) {
         tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
@@ -288,7 +324,12 @@ void Station::accept_reply(const StationInput& input) noexcept {
       ramp_ = 0;
     }
   }
-  if (has_reply_ && stale_s_ > config_.stale_hold_s) faults_ |= kFaultStale;
+  blind_s_ = stale_s_;
+  if (shows_twin()) {
+    const double beyond_s = twin_->lag_s(input.time_ns) - twin_->lag_most_s(input.rtt_s);
+    if (beyond_s > 0) blind_s_ = std::max(blind_s_, hold_s() + beyond_s);
+  }
+  if (has_reply_ && blind_s_ > hold_s()) faults_ |= kFaultStale;
 }
 
 /// What the newest reply has added to the slave's sums; of what came out, what may be credited.
@@ -317,8 +358,8 @@ void Station::tell_method(const link::ReceivedSums::News& added, double price_j_
   news.wave_h = added.wave * std::sqrt(price_j_aj);
   if (!is_finite(news.wave_h)) news.wave_h.setZero();
   news.wave_j = crossed_j(added.wave_aj);
-  news.well_j = std::min(config_.scaling.hand_energy_j(well_aj_), config_.well_max_j);
-  news.given_j = std::min(config_.scaling.hand_energy_j(most_given_aj_), news.well_j);
+  news.well_j = well_j();
+  news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);
   news.model = contact_model(reply_.model);
   news.answers = reply_.command_sequence;
   methods_.now().hear(news);
@@ -378,8 +419,8 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   } else if (mode_ == Mode::kEngaged) {
     // A station that was itself kept from running so long has been as blind as in an outage, even if the
     // reply that waited for it is taken for news.
-    if (std::max(stale_s_, dt_s) >= config_.stale_zero_s) mode_ = Mode::kHeld;
-  } else if (has_reply_ && stale_s_ <= config_.stale_hold_s) {
+    if (std::max(blind_s_, dt_s) >= zero_s()) mode_ = Mode::kHeld;
+  } else if (has_reply_ && blind_s_ <= hold_s()) {
     mode_ = Mode::kEngaged;
   } else {
     mode_ = was_engaged ? Mode::kHeld : Mode::kReady;
@@ -387,18 +428,18 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
 }
 
 void Station::update_ramp(const StationInput& input, double dt_s) noexcept {
-  const double fade_s = config_.stale_zero_s - config_.stale_hold_s;
+  const double fade_s = zero_s() - hold_s();
   if (mode_ == Mode::kStopped || input.device_status != device::DeviceStatus::kOk) {
     ramp_ = 0;
     return;
   }
-  const bool stale = stale_s_ > config_.stale_hold_s;
+  const bool stale = blind_s_ > hold_s();
   if (mode_ == Mode::kEngaged && has_reply_ && !stale) {
     ramp_ = std::min(1.0, ramp_ + std::min(dt_s, period_s_) / config_.engage_ramp_s);
     return;
   }
   if (mode_ != Mode::kEngaged) ramp_ = std::max(0.0, ramp_ - dt_s / fade_s);
-  if (stale) ramp_ = std::min(ramp_, std::max(0.0, (config_.stale_zero_s - stale_s_) / fade_s));
+  if (stale) ramp_ = std::min(ramp_, std::max(0.0, (zero_s() - blind_s_) / fade_s));
 }
 
 Vec3 Station::limited_force(double dt_s, StationTrace& trace) noexcept {
@@ -418,9 +459,45 @@ Vec3 Station::limited_force(double dt_s, StationTrace& trace) noexcept {
   return limit_norm(force_h_n, trace.force_bound_n, trace.clamped);
 }
 
+std::uint32_t Station::command_flags(const StationInput& input) const noexcept {
+  std::uint32_t flags = 0;
+  // The slave of a shared tip that is up brings it back for an operator who wants to engage. It follows
+  // nothing until then. (A private one needs no word, and would go back to where it was a round trip ago.)
+  if (mode_ == Mode::kEngaged || (waits_for_tip_ && shares_tip())) flags |= link::kFlagClutch;
+  if (!config_.require_deadman || (input.buttons & device::kButtonDeadman)) flags |= link::kFlagDeadman;
+  if (mode_ == Mode::kStopped) flags |= link::kFlagStop;
+  return flags;
+}
+
+/// The slave's step of this tick, where steps are logged: here at once, if there is a twin, and at the server
+/// when it has come.
+void Station::step_slave(const StationInput& input, double dt_s, StationOutput& output) noexcept {
+  if (!logs_steps() || !input.session_up) return;
+  output.has_step = true;
+  output.step = link::logged_step(mapping_.target_w_nm(), command_flags(input), dt_s);
+  if (!twin_) return;
+  if (input.snapshot != nullptr) {
+    const link::SnapshotFetch& state = *input.snapshot;
+    twin_->take_up(state.data(), state.step(), state.state_hash(), state.breaks(), input.time_ns);
+  }
+  if (input.snapshot_refused && twin_->wants_snapshot()) twin_->give_up();
+  twin_->step(input.next_step, output.step, input.time_ns);
+  output.wants_snapshot = twin_->wants_snapshot();
+  if (methods_.method() == control::Method::kTwin && !twin_->on()) change_method(config_.method);
+  if (!shows_twin()) return;
+  control::LocalNews news;
+  news.other_state = twin_->take_swapped();
+  news.dt_s = std::min(dt_s, period_s_);
+  news.force_h_n = config_.scaling.hand_force_n(twin_->answer().force_w_nn);
+  news.well_j = well_j();
+  news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);
+  methods_.now().feel(news);
+}
+
 void Station::step(const StationInput& input, double dt_s, StationOutput& output) noexcept {
   output = {};
   faults_ = 0;
+  last_tick_ns_ = input.time_ns;
   const bool good_tick = dt_s > 0 && std::isfinite(dt_s);
   if (good_tick) {
     watch(input, dt_s);
@@ -428,6 +505,7 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
     choose_mode(input, dt_s);
     follow_a_retracted_tip();
     mapping_.update(mode_ == Mode::kEngaged, hand_pos_h_m_);
+    step_slave(input, dt_s, output);
     render(input, dt_s, output.trace);
     update_ramp(input, dt_s);
   } else {
@@ -445,7 +523,8 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
 /// that it knows at which one something was pressed when another method follows.
 void Station::tell_slave(link::Command& command) const noexcept {
   const control::Method method = methods_.method();
-  const bool asks_slave = control::needs_port_control(method) || method == control::Method::kModel;
+  const bool asks_slave = control::needs_port_control(method) || method == control::Method::kModel ||
+                          method == control::Method::kTwin;
   if (!(features_ & link::kFeaturePortControl)) return;
   const double scale_aj_j = config_.scaling.tip_energy_aj(1);
   command.control.energy_scale_aj_j = scale_aj_j;
@@ -465,16 +544,12 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
 
   link::Command& command = output.command;
   command.newest_reply = newest_sequence_;
-  // The slave of a shared tip that is up brings it back for an operator who wants to engage. It follows
-  // nothing until then. (A private one needs no word, and would go back to where it was a round trip ago.)
-  if (mode_ == Mode::kEngaged || (waits_for_tip_ && shares_tip())) command.flags |= link::kFlagClutch;
-  if (!config_.require_deadman || (input.buttons & device::kButtonDeadman))
-    command.flags |= link::kFlagDeadman;
-  if (mode_ == Mode::kStopped) command.flags |= link::kFlagStop;
+  // Where steps are logged, the command says what its step does: a stop found since goes with the next.
+  command.flags = output.has_step ? output.step.flags : command_flags(input);
   command.flags |= input.tip_wish;
   command.tip_hold = tip_hold_;
   if (good_tick) command.tip_vel_w_nm_s = (target_w_nm - last_target_w_nm_) / dt_s;
-  command.tip_pos_w_nm = target_w_nm;
+  command.tip_pos_w_nm = output.has_step ? link::target_w_nm(output.step) : target_w_nm;
   command.energy_in_j = observer_.energy_in_j();
   command.energy_out_j = observer_.energy_out_j();
   tell_slave(command);
@@ -502,6 +577,10 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   trace.quantisation_bound_j = observer_.quantisation_bound_j();
   trace.ledger_j = methods_.now().ledger_j();
   trace.method = methods_.method();
+  if (twin_) {
+    trace.twin = twin_->state();
+    trace.twin_behind = twin_->on() ? twin_->behind() : 0;
+  }
   trace.model_version = reply_.model.version;
   trace.slave_energy_in_j = config_.scaling.hand_energy_j(reply_.energy_in_aj);
   trace.slave_energy_out_j = config_.scaling.hand_energy_j(reply_.energy_out_aj);

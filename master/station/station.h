@@ -9,10 +9,12 @@
 #include "common/link/messages.h"
 #include "common/link/priced_energy.h"
 #include "common/link/received_sums.h"
+#include "common/link/snapshot.h"
 #include "master/device/haptic_device.h"
 #include "master/station/force_limits.h"
 #include "master/station/scale_history.h"
 #include "master/station/station_config.h"
+#include "master/station/twin_run.h"
 #include "master/station/workspace_mapping.h"
 
 namespace telenano::station {
@@ -54,7 +56,11 @@ struct StationInput {
   bool session_up = false;
   const link::Reply* reply = nullptr;  ///< newest accepted since the last tick; null if none came
   std::uint64_t command_sequence = 0;  ///< that the command of this tick will carry
-  std::uint32_t tip_wish = 0;          ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
+  std::uint64_t next_step = 0;         ///< number that this tick's step gets, where steps are logged
+  const link::SnapshotFetch* snapshot = nullptr;  ///< of the slave's state, complete; null: none
+  bool snapshot_refused = false;                  ///< it is larger than there is room for, or cannot be had
+  double rtt_s = 0;                               ///< as known; 0: not yet
+  std::uint32_t tip_wish = 0;  ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
 };
 
 /// What one tick did, for recording and display. Plain data.
@@ -93,12 +99,17 @@ struct StationTrace {
   double stale_s = 0;  ///< since the last new reply
   std::uint64_t reply_sequence = 0;
   link::Particle particle;  ///< from the newest reply; radius 0: none, or not known
-  bool observes = false;    ///< another session moves the tip, or none: no force, no commanded motion
+  TwinState twin = TwinState::kNone;
+  std::uint64_t twin_behind = 0;  ///< steps of the twin that are not confirmed
+  bool observes = false;          ///< another session moves the tip, or none: no force, no commanded motion
 };
 
 struct StationOutput {
   Vec3 hand_force_h_n = Vec3::Zero();  ///< to send to the device now
   link::Command command{};  ///< velocity, position, energies, flags, newest_reply; the link fills the rest
+  bool has_step = false;    ///< the slave's next step, where steps are logged
+  link::LoggedStep step{};
+  bool wants_snapshot = false;  ///< of the slave's state
   StationTrace trace{};
 };
 
@@ -112,6 +123,10 @@ class Station {
   /// `stand_in`: a method of the caller's own in place of the configured one (control::Methods::stand_in).
   Station(const StationConfig& config, const device::DeviceInfo& device, const SlavePort& slave,
           std::unique_ptr<control::StationMethod> stand_in = nullptr);
+
+  /// The slave's twin, for sessions that log their steps and serve its scene. Before the first tick.
+  void use_twin(std::unique_ptr<TwinRun> twin) noexcept { twin_ = std::move(twin); }
+  const TwinRun* twin() const noexcept { return twin_.get(); }
 
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
   /// makes a force step; the book goes on (a new session grants no new allowance). Scaling, damper and clamp
@@ -148,6 +163,17 @@ class Station {
   const control::EnergyObserver& observer() const noexcept { return observer_; }
 
  private:
+  control::Method usable(control::Method wanted) const noexcept;
+  bool logs_steps() const noexcept { return (features_ & link::kFeatureStepLog) != 0; }
+  bool shows_twin() const noexcept {
+    return twin_ && twin_->on() && methods_.method() == control::Method::kTwin;
+  }
+  double hold_s() const noexcept;
+  double zero_s() const noexcept;
+  std::uint32_t command_flags(const StationInput& input) const noexcept;
+  void step_slave(const StationInput& input, double dt_s, StationOutput& output) noexcept;
+  double given_aj() const noexcept;
+  double well_j() const noexcept;
   bool shares_tip() const noexcept { return (features_ & link::kFeatureSharing) != 0; }
   void accept_reply(const StationInput& input) noexcept;
   void hear_who_holds(const link::TipShare& tip) noexcept;
@@ -176,6 +202,7 @@ class Station {
   control::EnergyObserver observer_;
   control::Methods methods_;
   std::uint64_t features_ = 0;  // of the session
+  std::unique_ptr<TwinRun> twin_;
   std::uint32_t epoch_ = 0;
   std::uint64_t scene_hash_ = 0;
   bool has_scene_ = false;
@@ -204,6 +231,8 @@ class Station {
   std::uint64_t newest_sequence_ = 0;
   std::int64_t last_reply_ns_ = 0;
   double stale_s_ = 0;
+  std::int64_t last_tick_ns_ = 0;
+  double blind_s_ = 0;  // that, or how long too much was shown without a confirmation
   double ramp_ = 0;
   Vec3 last_target_w_nm_ = Vec3::Zero();
   Vec3 commanded_force_h_n_ = Vec3::Zero();

@@ -19,6 +19,9 @@ constexpr double kFoldInContact =
 constexpr double kSlopeStep = 1e-3;  // of ρ: five-point differences err by some 1e-12
 constexpr double kAtFold_nm = 1e-7;  // the borders' own error, and more
 
+constexpr double kBiasSoftening_nm = 0.35;
+constexpr double kBiasGrowth = 0.6;
+
 /// What the law's curve leaves open: M and M' of the class comment.
 struct Moment {
   double value = 0;
@@ -99,6 +102,8 @@ auto with_curve(const TipSampleParameters& p, double lambda, const Use& use) {
 BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_nm)
     : BranchPotential(law, nominal_radius_nm, false) {
   const LongRangeParameters& far = law_.parameters().long_range;
+  const double coarsest = 0.25 * nominal_radius_nm;
+  bias_softening_ = {std::min(kBiasSoftening_nm, 0.5 * coarsest), coarsest, 0.0, kBiasGrowth, 0.0};
   const Electrostatic field(far.tip_bias_v, shape_of(far));
   if (field.active()) {
     bias_.emplace([&](double gap, double radius) { return field.energy_aj(gap, radius); }, cut_off_nm_,
@@ -242,8 +247,8 @@ void BranchPotential::outside(double overlap_nm, double log_radius, PotentialJet
     jet.stiffness_n_m = 2.0 * jet.force_nn * per_gap;
     jet.by_radius_aj = jet.by_radius_twice_aj = jet.energy_aj;
     jet.mixed_nn = jet.force_nn;
+    if (far_) far_->add(overlap_nm, log_radius, radius, jet);
   }
-  if (far_) far_->add(overlap_nm, log_radius, jet);
 }
 
 bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
@@ -263,7 +268,7 @@ bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hi
   jet.energy_aj += cubic(c, at.t);
   jet.by_radius_aj += (c[1] + at.t * (2.0 * c[2] + 3.0 * at.t * c[3])) / step_;
   jet.by_radius_twice_aj += (2.0 * c[2] + 6.0 * at.t * c[3]) / (step_ * step_);
-  if (far_) far_->add(overlap_nm, log_radius, jet);
+  if (far_) far_->add(overlap_nm, log_radius, root * square, jet);
   return true;
 }
 
@@ -315,7 +320,7 @@ bool BranchPotential::on_curve(const Curve& curve, const ContactScales& s, doubl
 }
 
 void BranchPotential::add_bias(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept {
-  if (bias_) bias_->add(overlap_nm, log_radius, jet);
+  if (bias_) bias_->add(overlap_nm, log_radius, det_exp(log_radius), jet);
 }
 
 }  // namespace telenano::physics

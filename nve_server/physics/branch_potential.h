@@ -7,6 +7,7 @@
 #include "nve_server/physics/bridge_potential.h"
 #include "nve_server/physics/far_term.h"
 #include "nve_server/physics/potential_jet.h"
+#include "nve_server/physics/softening.h"
 #include "nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
@@ -79,8 +80,12 @@ class BranchPotential {
 
   bool has_bias() const noexcept { return bias_.has_value(); }
   void add_bias(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
-  /// The length over which the bias changes near touch is that of the gap itself: its softening.
-  static constexpr double kBiasSoftening_nm = 1.0;
+  /// The softening of the fields that the bias reads. Its force goes like 1/d² with the capacitor's distance
+  /// d = a0 + gap, so t grows with the gap from the first, 0.6 of it as for van der Waals; under the contact
+  /// it rests, for the capacitor there does.
+  /// (Against proximity sums over self-affine grounds at gaps of 0.165 to 6 nm: ninth decile 2 to 10 %; a
+  /// fixed 1 nm gives 17 to 30 %.)
+  SofteningRule bias_softening() const noexcept { return bias_softening_; }
 
   /// Of the branches under liquid; null where no bridge ever forms. Has no bias and no bridge of its own.
   const BranchPotential* wet() const noexcept { return wet_.get(); }
@@ -130,6 +135,7 @@ class BranchPotential {
   std::vector<Piece> pieces_;
   std::optional<FarTerm> far_;
   std::optional<FarTerm> bias_;
+  SofteningRule bias_softening_;
   BridgePotential bridge_;
   std::shared_ptr<const BranchPotential> wet_;
 };

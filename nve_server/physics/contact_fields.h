@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/base/vec3.h"
+#include "nve_server/physics/softening.h"
 
 namespace telenano::physics {
 
@@ -26,6 +27,10 @@ class ContactFields {
   /// With the softening that grows with the distance from touch: for contact and van der Waals. No
   /// allocation, no throw.
   virtual void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept = 0;
+  /// With a softening that grows with the distance from touch by another rule, but is never finer than the
+  /// fields' own: for a term whose range is another one.
+  virtual void growing_at(const Vec3& apex_w_nm, const SofteningRule& rule,
+                          ContactJet& jet) const noexcept = 0;
   /// With a fixed softening length (nm, > 0; kept within what the fields hold): for a term of another range.
   virtual void at_softening(const Vec3& apex_w_nm, double softening_nm, ContactJet& jet) const noexcept = 0;
   /// Of that overlap and ρ alone.

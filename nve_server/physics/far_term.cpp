@@ -70,8 +70,7 @@ FarTerm::FarTerm(const FarEnergy& energy_aj, double cut_off_nm, double first, do
   }
 }
 
-void FarTerm::add(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept {
-  const double radius = det_exp(log_radius);
+void FarTerm::add(double overlap_nm, double log_radius, double radius, PotentialJet& jet) const noexcept {
   double value = 0, by_x = 0, by_x_twice = 0, by_r = 0, by_r_twice = 0, by_both = 0;
   double x_rate = 0, x_bend = 0;
   if (overlap_nm < 0) {

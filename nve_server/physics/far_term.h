@@ -20,8 +20,8 @@ class FarTerm {
   FarTerm(const std::function<double(double, double)>& energy_aj, double cut_off_nm, double first_log_radius,
           double last_log_radius);
 
-  /// Adds the term to `jet`. Any overlap; radii beyond the table's as at its end.
-  void add(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
+  /// Adds the term to `jet`. Any overlap; radii beyond the table's as at its end. `radius_nm` = e^ρ.
+  void add(double overlap_nm, double log_radius, double radius_nm, PotentialJet& jet) const noexcept;
 
  private:
   double cut_off_nm_;

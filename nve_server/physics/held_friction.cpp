@@ -11,7 +11,10 @@ RubbedContact rubbed_contact(const PotentialSample& at) noexcept {
   const double steepness = place.overlap_grad.norm();
   if (!(steepness > 0.0)) return c;
   c.normal = -place.overlap_grad / steepness;
-  c.turn = -((Mat3::Identity() - c.normal * c.normal.transpose()) * place.overlap_hess_per_nm) / steepness;
+  // −(1 − n nᵀ) ∇∇δ/|∇δ|
+  const double per = 1.0 / steepness;
+  const Vec3 along = place.overlap_hess_per_nm * c.normal;
+  c.turn = per * (c.normal * along.transpose() - place.overlap_hess_per_nm);
   c.load = at.law.force_nn * steepness + at.other_load_nn;
   c.load_grad = steepness * (at.law.stiffness_n_m * place.overlap_grad +
                              at.law.mixed_nn * place.log_radius_grad_per_nm) +

@@ -1,12 +1,12 @@
 #include "nve_server/physics/potential_walk.h"
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
 #include "common/base/det_math.h"
+#include "nve_server/physics/small_matrix.h"
 
 namespace telenano::physics {
 namespace {
@@ -108,10 +108,13 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
       g -= springs_.to_frame(rub.force_w_nn);
       h = springs_.hessian(at.hessian_n_m + rub.stiffness_n_m);
     }
-    const Eigen::LLT<Mat3> llt(h);
-    if (llt.info() != Eigen::Success) return false;
-    if (rubs) inverse = springs_.hessian(at.hessian_n_m + rubbing_tangent(touch, rub, q - p_)).inverse();
-    const Vec3 step = rubs ? Vec3(-(inverse * g)) : Vec3(-llt.solve(g));
+    if (rubs) {
+      if (!positive_definite(h)) return false;
+      inverse = springs_.hessian(at.hessian_n_m + rubbing_tangent(touch, rub, q - p_)).inverse();
+    } else if (!invert_positive(h, inverse)) {
+      return false;
+    }
+    const Vec3 step = -(inverse * g);
     const double length = step.norm();
     if (!(last > 0.0)) {
       if (!(length <= kPredictorError * move.norm() + kPredictorLeast)) return false;
@@ -129,11 +132,11 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
       branch_ = branch;
       hint_ = hint;
       if (!rubs) {
-        settle(q, step_w, at, [&](const Mat3& m) { return Mat3(llt.solve(m)); });
+        settle(q, step_w, at, inverse);
         if (friction_) rest_on({}, FrictionState{});
         return true;
       }
-      settle(q, step_w, at, [&](const Mat3& m) { return Mat3(inverse * m); });
+      settle(q, step_w, at, inverse);
       rub = friction_->move(bristle_, (touch.normal + touch.turn * step_w).normalized(), p_ - from,
                             std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
                             touch.load + touch.load_grad.dot(step_w), false);
@@ -192,15 +195,15 @@ bool PotentialWalk::fall() noexcept {
   while (true) {
     const Vec3 g = springs_.gradient(p_ - x_, at.gradient_nn) - springs_.to_frame(held_.force_nn(p_));
     const Mat3 h = springs_.hessian(at.hessian_n_m + held_.stiffness_n_m(p_));
-    const Eigen::LLT<Mat3> llt(h);
+    Mat3 inverse;
     Vec3 step = Vec3::Zero();
-    bool newton = llt.info() == Eigen::Success;
+    bool newton = invert_positive(h, inverse);
     if (newton) {
-      step = -llt.solve(g);
+      step = -(inverse * g);
       const double length = step.norm();
       if (length < kStepDone || (near > 0.0 && length < kNoise)) {
         lost_ += std::max(0.0, before - energy);
-        settle(p_, springs_.to_world(step), at, [&](const Mat3& m) { return Mat3(llt.solve(m)); });
+        settle(p_, springs_.to_world(step), at, inverse);
         force_ += held_.force_nn(p_);
         found = true;
         break;
@@ -342,9 +345,8 @@ bool PotentialWalk::let_go() noexcept {
 // ---- What came of it
 
 // Newton's last step, of second order in the energy and of first in the force.
-template <class Solve>
 void PotentialWalk::settle(const Vec3& q, const Vec3& step, const PotentialSample& at,
-                           const Solve& solve) noexcept {
+                           const Mat3& inverse) noexcept {
   at_ = at;
   const Vec3 turned = at.hessian_n_m * step;
   at_.energy_aj += at.gradient_nn.dot(step) + 0.5 * step.dot(turned);
@@ -355,7 +357,7 @@ void PotentialWalk::settle(const Vec3& q, const Vec3& step, const PotentialSampl
       at.law.stiffness_n_m * deeper + at.law.mixed_nn * at.place.log_radius_grad_per_nm.dot(step);
   p_ = q + step;
   balanced_ = true;
-  follow_ = springs_.follow(at.hessian_n_m, solve);
+  follow_ = springs_.follow(at.hessian_n_m, inverse);
 }
 
 void PotentialWalk::forget_losses() noexcept {

@@ -55,8 +55,7 @@ class PotentialWalk {
   void rest_on(const FrictionStep& step, const FrictionState& after) noexcept;
   void hold_friction() noexcept;
   bool let_go() noexcept;
-  template <class Solve>
-  void settle(const Vec3& q, const Vec3& step, const PotentialSample& at, const Solve& solve) noexcept;
+  void settle(const Vec3& q, const Vec3& step, const PotentialSample& at, const Mat3& inverse) noexcept;
 
   const TipPotential& potential_;
   const std::optional<Friction>& friction_;

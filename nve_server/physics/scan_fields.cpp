@@ -31,6 +31,13 @@ const HeightGrid& checked(const HeightGrid& grid, double tip_radius_nm, const So
   return grid;
 }
 
+const std::vector<double>& checked(const std::vector<double>& softenings_nm) {
+  for (const double t : softenings_nm) {
+    if (!(t > 0.0 && std::isfinite(t))) throw UserError("surface: expected softenings that are positive");
+  }
+  return softenings_nm;
+}
+
 /// Value, ∂x, ∂y, ∂xx, ∂xy, ∂yy of one field.
 enum { kValue, kX, kY, kXx, kXy, kYy };
 
@@ -38,24 +45,44 @@ struct Weights {
   double value[4], slope[4], bend[4];
 };
 
-// Cubic B-splines that reach into a cell at u in [0, 1], and their derivatives along the length: `inv` is
-// 1/h.
-Weights weights(double u, double inv) {
-  const double v = 1.0 - u;
-  const double u2 = u * u;
-  const double inv2 = inv * inv;
-  constexpr double kSixth = 1.0 / 6.0;
-  return {{kSixth * v * v * v, kSixth * ((3.0 * u - 6.0) * u2 + 4.0),
-           kSixth * (((-3.0 * u + 3.0) * u + 3.0) * u + 1.0), kSixth * u2 * u},
-          {inv * (-0.5 * v * v), inv * ((1.5 * u - 2.0) * u), inv * ((-1.5 * u + 1.0) * u + 0.5),
-           inv * (0.5 * u2)},
-          {inv2 * v, inv2 * (3.0 * u - 2.0), inv2 * (1.0 - 3.0 * u), inv2 * u}};
+// Cubic B-splines that reach into a cell at u in [0, 1], and their derivatives along the length (`inv` is
+// 1/h), of both axes at once.
+inline void weights(double u_x, double u_y, double inv_x, double inv_y, Weights& wx, Weights& wy) noexcept {
+  const auto both = [](double a) { return _mm_set1_pd(a); };
+  const __m128d u = _mm_set_pd(u_y, u_x), inv = _mm_set_pd(inv_y, inv_x);
+  const __m128d v = _mm_sub_pd(both(1.0), u), sixth = both(1.0 / 6.0);
+  const __m128d u2 = _mm_mul_pd(u, u), inv2 = _mm_mul_pd(inv, inv);
+  const __m128d three_u = _mm_mul_pd(both(3.0), u);
+  const auto put = [](__m128d w, double& x, double& y) {
+    _mm_storel_pd(&x, w);
+    _mm_storeh_pd(&y, w);
+  };
+  // v³/6, ((3u − 6) u² + 4)/6, (((3 − 3u) u + 3) u + 1)/6, u³/6
+  const __m128d second = _mm_add_pd(_mm_mul_pd(_mm_sub_pd(three_u, both(6.0)), u2), both(4.0));
+  const __m128d third = _mm_add_pd(
+      _mm_mul_pd(_mm_add_pd(_mm_mul_pd(_mm_sub_pd(both(3.0), three_u), u), both(3.0)), u), both(1.0));
+  put(_mm_mul_pd(sixth, _mm_mul_pd(_mm_mul_pd(v, v), v)), wx.value[0], wy.value[0]);
+  put(_mm_mul_pd(sixth, second), wx.value[1], wy.value[1]);
+  put(_mm_mul_pd(sixth, third), wx.value[2], wy.value[2]);
+  put(_mm_mul_pd(sixth, _mm_mul_pd(u2, u)), wx.value[3], wy.value[3]);
+  const __m128d half = _mm_mul_pd(both(0.5), inv);
+  const __m128d falling = _mm_mul_pd(half, _mm_mul_pd(v, v)), rising = _mm_mul_pd(half, u2);
+  const __m128d steep = _mm_mul_pd(both(1.5), u);
+  put(_mm_sub_pd(_mm_setzero_pd(), falling), wx.slope[0], wy.slope[0]);
+  put(_mm_mul_pd(inv, _mm_mul_pd(_mm_sub_pd(steep, both(2.0)), u)), wx.slope[1], wy.slope[1]);
+  put(_mm_mul_pd(inv, _mm_add_pd(_mm_mul_pd(_mm_sub_pd(both(1.0), steep), u), both(0.5))), wx.slope[2],
+      wy.slope[2]);
+  put(rising, wx.slope[3], wy.slope[3]);
+  put(_mm_mul_pd(inv2, v), wx.bend[0], wy.bend[0]);
+  put(_mm_mul_pd(inv2, _mm_sub_pd(three_u, both(2.0))), wx.bend[1], wy.bend[1]);
+  put(_mm_mul_pd(inv2, _mm_sub_pd(both(1.0), three_u)), wx.bend[2], wy.bend[2]);
+  put(_mm_mul_pd(inv2, u), wx.bend[3], wy.bend[3]);
 }
 
 /// Jets of `Pairs` pairs of lanes from `first` on: jets[lane][derivative].
-template <int kPairs>
-void stencil(const double* corner, std::ptrdiff_t stride, int lanes, const Weights& wx, const Weights& wy,
-             double (*jets)[6]) noexcept {
+template <int kPairs, int lanes>
+inline void stencil(const double* corner, std::ptrdiff_t stride, const Weights& wx, const Weights& wy,
+                    double (*jets)[6]) noexcept {
   for (int pair = 0; pair < kPairs; ++pair) {
     __m128d out[6];
     for (int i = 0; i < 4; ++i) {
@@ -93,8 +120,9 @@ void stencil(const double* corner, std::ptrdiff_t stride, int lanes, const Weigh
 }
 
 /// One lane alone.
-void stencil_of_one(const double* corner, std::ptrdiff_t stride, int lanes, const Weights& wx,
-                    const Weights& wy, double (&jet)[6]) noexcept {
+template <int lanes>
+inline void stencil_of_one(const double* corner, std::ptrdiff_t stride, const Weights& wx, const Weights& wy,
+                           double (&jet)[6]) noexcept {
   for (double& d : jet) d = 0;
   for (int i = 0; i < 4; ++i) {
     const double* c = corner + i * lanes;
@@ -148,14 +176,13 @@ struct Cell {
   Weights wx, wy;
 };
 
-Cell cell_of(double x, double y, int columns, int rows, double inv_dx, double inv_dy) noexcept {
+inline Cell cell_of(double x, double y, int columns, int rows, double inv_dx, double inv_dy) noexcept {
   const double across = x * inv_dx;
   const double along = y * inv_dy;
   Cell cell;
   cell.column = std::min(static_cast<int>(across), columns - 2);
   cell.row = std::min(static_cast<int>(along), rows - 2);
-  cell.wx = weights(across - cell.column, inv_dx);
-  cell.wy = weights(along - cell.row, inv_dy);
+  weights(across - cell.column, along - cell.row, inv_dx, inv_dy, cell.wx, cell.wy);
   return cell;
 }
 
@@ -178,7 +205,8 @@ double missing_cosine(double coarse, double fine) {
 
 }  // namespace
 
-ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule)
+ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
+                       const std::vector<double>& fixed_softenings_nm)
     : rule_(rule),
       radius_(tip_radius_nm),
       levels_(0),
@@ -206,60 +234,73 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
   const auto quasi = [](double before, double here, double after) {
     return (8.0 * here - before - after) / 6.0;
   };
-  for (int g = 0; g < grids; ++g) {
+  // A grid of nodes half as far apart at each split.
+  const auto grid_split = [&](int split, int lanes) {
     Grid fields;
-    const int split = 1 << (doublings - std::max(0, g - 1));
     fields.columns = (top.columns - 1) * split + 1;
     fields.rows = (top.rows - 1) * split + 1;
     fields.inv_dx = (fields.columns - 1) / width_;
     fields.inv_dy = (fields.rows - 1) / length_;
+    fields.coefficients.resize(static_cast<std::size_t>(fields.columns + 2) *
+                               static_cast<std::size_t>(fields.rows + 2) * static_cast<std::size_t>(lanes));
+    return fields;
+  };
+  // H, ρ, c at softening t into three lanes from `lane` on.
+  const auto fill = [&](Grid& fields, int lanes, int lane, double t) {
     const int stride = fields.columns + 2;
-    fields.coefficients.resize(static_cast<std::size_t>(stride) * static_cast<std::size_t>(fields.rows + 2) *
-                               kLanes);
-    for (int half = 0; half < 2; ++half) {
-      const int level = std::min(2 * g + half, levels_ - 1);
-      const double t = rule.finest_nm * (1 << level);
-      DilationLattice lattice = top;
-      lattice.columns = fields.columns;
-      lattice.rows = fields.rows;
-      lattice.node_dx_nm = width_ / (fields.columns - 1);
-      lattice.node_dy_nm = length_ / (fields.rows - 1);
-      lattice.m = sub_samples(lattice, 0.65 * std::sqrt(tip_radius_nm * t));
-      const std::vector<DilatedNode> nodes = Dilation(height, lattice, tip_radius_nm, t, relief).make_all();
-      const auto fold = [](int i, int count) { return i < 0 ? -i : (i < count ? i : 2 * count - 2 - i); };
-      const auto node = [&](int i, int j) -> const DilatedNode& {
-        return nodes[static_cast<std::size_t>(fold(j, fields.rows)) *
-                         static_cast<std::size_t>(fields.columns) +
-                     static_cast<std::size_t>(fold(i, fields.columns))];
-      };
-      for (int j = -1; j <= fields.rows; ++j) {
-        for (int i = -1; i <= fields.columns; ++i) {
-          const int ci = fold(i, fields.columns), cj = fold(j, fields.rows);
-          double line[3][3];
-          double least = INFINITY, most = 0;
-          for (int r = -1; r <= 1; ++r) {
-            const DilatedNode& a = node(ci - 1, cj + r);
-            const DilatedNode& b = node(ci, cj + r);
-            const DilatedNode& c = node(ci + 1, cj + r);
-            line[r + 1][0] = quasi(a.height_nm, b.height_nm, c.height_nm);
-            line[r + 1][1] = quasi(a.log_radius, b.log_radius, c.log_radius);
-            line[r + 1][2] = quasi(a.cosine, b.cosine, c.cosine);
-            least = std::min({least, a.cosine, b.cosine, c.cosine});
-            most = std::max({most, a.cosine, b.cosine, c.cosine});
-          }
-          double* at =
-              &fields.coefficients[(static_cast<std::size_t>(j + 1) * static_cast<std::size_t>(stride) +
-                                    static_cast<std::size_t>(i + 1)) *
-                                       kLanes +
-                                   static_cast<std::size_t>(3 * half)];
-          for (int k = 0; k < 3; ++k) at[k] = quasi(line[0][k], line[1][k], line[2][k]);
-          at[2] = std::clamp(at[2], least, most);
+    DilationLattice lattice = top;
+    lattice.columns = fields.columns;
+    lattice.rows = fields.rows;
+    lattice.node_dx_nm = width_ / (fields.columns - 1);
+    lattice.node_dy_nm = length_ / (fields.rows - 1);
+    lattice.m = sub_samples(lattice, 0.65 * std::sqrt(tip_radius_nm * t));
+    const std::vector<DilatedNode> nodes = Dilation(height, lattice, tip_radius_nm, t, relief).make_all();
+    const auto fold = [](int i, int count) { return i < 0 ? -i : (i < count ? i : 2 * count - 2 - i); };
+    const auto node = [&](int i, int j) -> const DilatedNode& {
+      return nodes[static_cast<std::size_t>(fold(j, fields.rows)) * static_cast<std::size_t>(fields.columns) +
+                   static_cast<std::size_t>(fold(i, fields.columns))];
+    };
+    for (int j = -1; j <= fields.rows; ++j) {
+      for (int i = -1; i <= fields.columns; ++i) {
+        const int ci = fold(i, fields.columns), cj = fold(j, fields.rows);
+        double line[3][3];
+        double least = INFINITY, most = 0;
+        for (int r = -1; r <= 1; ++r) {
+          const DilatedNode& a = node(ci - 1, cj + r);
+          const DilatedNode& b = node(ci, cj + r);
+          const DilatedNode& c = node(ci + 1, cj + r);
+          line[r + 1][0] = quasi(a.height_nm, b.height_nm, c.height_nm);
+          line[r + 1][1] = quasi(a.log_radius, b.log_radius, c.log_radius);
+          line[r + 1][2] = quasi(a.cosine, b.cosine, c.cosine);
+          least = std::min({least, a.cosine, b.cosine, c.cosine});
+          most = std::max({most, a.cosine, b.cosine, c.cosine});
         }
+        double* at =
+            &fields.coefficients[(static_cast<std::size_t>(j + 1) * static_cast<std::size_t>(stride) +
+                                  static_cast<std::size_t>(i + 1)) *
+                                     static_cast<std::size_t>(lanes) +
+                                 static_cast<std::size_t>(lane)];
+        for (int k = 0; k < 3; ++k) at[k] = quasi(line[0][k], line[1][k], line[2][k]);
+        at[2] = std::clamp(at[2], least, most);
       }
+    }
+  };
+  const auto split_of = [&](int g) { return 1 << (doublings - std::max(0, g - 1)); };
+  for (int g = 0; g < grids; ++g) {
+    Grid fields = grid_split(split_of(g), kLanes);
+    for (int half = 0; half < 2; ++half) {
+      const double t = rule.finest_nm * (1 << std::min(2 * g + half, levels_ - 1));
+      fill(fields, kLanes, 3 * half, t);
       if (half == 0 && g > 0) hold_growth(grids_.back(), fields, 0.5 * t);
     }
     hold_growth(fields, rule.finest_nm * (1 << (2 * g)));
     grids_.push_back(std::move(fields));
+  }
+  for (const double t : checked(fixed_softenings_nm)) {
+    const int g = std::min(grids - 1, static_cast<int>(level_of_softening(rule, t)) / 2);
+    Layer layer{t, grid_split(split_of(g), kLayerLanes)};
+    fill(layer.grid, kLayerLanes, 0, t);
+    layers_.push_back(std::move(layer));
   }
 }
 
@@ -368,6 +409,7 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
 std::size_t ScanFields::bytes() const noexcept {
   std::size_t bytes = 0;
   for (const Grid& grid : grids_) bytes += grid.coefficients.size() * sizeof(double);
+  for (const Layer& layer : layers_) bytes += layer.grid.coefficients.size() * sizeof(double);
   return bytes;
 }
 
@@ -388,8 +430,9 @@ double ScanFields::touch_height_nm(double x_nm, double y_nm) const noexcept {
   const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
   const std::ptrdiff_t stride = (grid.columns + 2) * kLanes;
   double jet[6];
-  stencil_of_one(&grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)],
-                 stride, kLanes, cell.wx, cell.wy, jet);
+  stencil_of_one<kLanes>(
+      &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)], stride, cell.wx,
+      cell.wy, jet);
   return jet[kValue];
 }
 
@@ -471,10 +514,10 @@ void ScanFields::contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexce
   const double* corner =
       &finest.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)];
   double fine[6][6];
-  stencil_of_one(corner, stride, kLanes, cell.wx, cell.wy, fine[0]);
+  stencil_of_one<kLanes>(corner, stride, cell.wx, cell.wy, fine[0]);
   const SofteningLevel level = softening_level(rule_, z - fine[0][kValue]);
   if (level.level <= 0.0) {
-    stencil<2>(corner, stride, kLanes, cell.wx, cell.wy, fine);
+    stencil<2, kLanes>(corner, stride, cell.wx, cell.wy, fine);
     contact_of(level_in_space(fine[0]), level_in_space(fine[1]), level_in_space(fine[2]), z, at.back_x,
                at.back_y, jet);
     return;
@@ -483,11 +526,73 @@ void ScanFields::contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexce
   blended(at, blend, fine[0], z, level, jet);
 }
 
+void ScanFields::growing_at(const Vec3& apex_w_nm, const SofteningRule& rule,
+                            ContactJet& jet) const noexcept {
+  const Place at = place(apex_w_nm.x(), apex_w_nm.y());
+  const double z = apex_w_nm.z();
+  const Grid& finest = grids_[0];
+  const Cell cell = cell_of(at.x, at.y, finest.columns, finest.rows, finest.inv_dx, finest.inv_dy);
+  const std::ptrdiff_t stride = (finest.columns + 2) * kLanes;
+  double fine[6];
+  stencil_of_one<kLanes>(
+      &finest.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)], stride,
+      cell.wx, cell.wy, fine);
+  SofteningLevel level = softening_level(rule, z - fine[kValue]);
+  level.level += level_of_softening(rule_, rule.finest_nm);
+  blended(at, blend_levels(level.level, levels_), fine, z, level, jet);
+}
+
+const ScanFields::Layer* ScanFields::layer_of(double softening_nm) const noexcept {
+  for (const Layer& layer : layers_) {
+    if (layer.softening_nm == softening_nm) return &layer;
+  }
+  return nullptr;
+}
+
 void ScanFields::at_softening(const Vec3& apex_w_nm, double softening_nm, ContactJet& jet) const noexcept {
   const Place at = place(apex_w_nm.x(), apex_w_nm.y());
+  if (const Layer* layer = layer_of(softening_nm)) {
+    const Grid& grid = layer->grid;
+    const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
+    const std::ptrdiff_t stride = (grid.columns + 2) * kLayerLanes;
+    double jets[4][6];
+    stencil<2, kLayerLanes>(
+        &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLayerLanes)], stride,
+        cell.wx, cell.wy, jets);
+    contact_of(level_in_space(jets[0]), level_in_space(jets[1]), level_in_space(jets[2]), apex_w_nm.z(),
+               at.back_x, at.back_y, jet);
+    return;
+  }
   const LevelBlend blend = blend_levels(level_of_softening(rule_, softening_nm), levels_);
   const double none[6] = {};
   blended(at, blend, none, apex_w_nm.z(), SofteningLevel{}, jet);
+}
+
+void ScanFields::values_at_softening(const Vec3& apex_w_nm, double softening_nm, double& overlap_nm,
+                                     double& log_radius) const noexcept {
+  const Layer* layer = layer_of(softening_nm);
+  if (!layer) {
+    ContactFields::values_at_softening(apex_w_nm, softening_nm, overlap_nm, log_radius);
+    return;
+  }
+  const Place at = place(apex_w_nm.x(), apex_w_nm.y());
+  const Grid& grid = layer->grid;
+  const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
+  const std::ptrdiff_t stride = (grid.columns + 2) * kLayerLanes;
+  const double* corner =
+      &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLayerLanes)];
+  double height = 0, radius = 0, cosine = 0;
+  for (int j = 0; j < 4; ++j) {
+    double line[3] = {0, 0, 0};
+    for (int i = 0; i < 4; ++i) {
+      for (int k = 0; k < 3; ++k) line[k] += cell.wx.value[i] * corner[j * stride + i * kLayerLanes + k];
+    }
+    height += cell.wy.value[j] * line[0];
+    radius += cell.wy.value[j] * line[1];
+    cosine += cell.wy.value[j] * line[2];
+  }
+  overlap_nm = (height - apex_w_nm.z()) * cosine;
+  log_radius = radius;
 }
 
 void ScanFields::blended(const Place& at, const LevelBlend& blend, const double (&first_jet)[6], double z_nm,
@@ -506,12 +611,12 @@ void ScanFields::blended(const Place& at, const LevelBlend& blend, const double 
     const bool both = !odd && k < 2;
     int lane = 0;
     if (both) {
-      stencil<3>(corner, stride, kLanes, cell.wx, cell.wy, jets);
+      stencil<3, kLanes>(corner, stride, cell.wx, cell.wy, jets);
     } else if (odd) {
-      stencil<2>(corner + 2, stride, kLanes, cell.wx, cell.wy, jets);
+      stencil<2, kLanes>(corner + 2, stride, cell.wx, cell.wy, jets);
       lane = 1;
     } else {
-      stencil<2>(corner, stride, kLanes, cell.wx, cell.wy, jets);
+      stencil<2, kLanes>(corner, stride, cell.wx, cell.wy, jets);
     }
     for (int level_of_grid = 0; level_of_grid < (both ? 2 : 1); ++level_of_grid, ++k, lane += 3) {
       const double w = blend.weight[k];

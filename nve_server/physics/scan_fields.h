@@ -33,11 +33,16 @@ namespace telenano::physics {
 /// Outside   the scan its mirror image goes on.
 class ScanFields final : public ContactFields {
  public:
-  /// Needs at least 2×2 finite samples, positive spacing, radius and softenings; UserError.
-  ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule);
+  /// Needs at least 2×2 finite samples, positive spacing, radius and softenings; UserError. For each of the
+  /// `fixed_softenings_nm` at_softening() has a layer made at just that length: exact, and one stencil.
+  ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
+             const std::vector<double>& fixed_softenings_nm = {});
 
   void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept override;
+  void growing_at(const Vec3& apex_w_nm, const SofteningRule& rule, ContactJet& jet) const noexcept override;
   void at_softening(const Vec3& apex_w_nm, double softening_nm, ContactJet& jet) const noexcept override;
+  void values_at_softening(const Vec3& apex_w_nm, double softening_nm, double& overlap_nm,
+                           double& log_radius) const noexcept override;
 
   /// Apex height of first touch, at the finest softening.
   double touch_height_nm(double x_nm, double y_nm) const noexcept;
@@ -57,6 +62,12 @@ class ScanFields final : public ContactFields {
     double inv_dx = 1, inv_dy = 1;
     std::vector<double> coefficients;  // (columns + 2)(rows + 2) kLanes, one node more at either side
   };
+  struct Layer {
+    double softening_nm = 0;
+    Grid grid;  // kLayerLanes lanes
+  };
+  static constexpr int kLayerLanes = 4;  // H, ρ, c, 0
+  const Layer* layer_of(double softening_nm) const noexcept;
   static void hold_growth(Grid& grid, double fine_t);
   static void hold_growth(const Grid& finer, Grid& coarse, double fine_t);
   struct Place;
@@ -69,6 +80,7 @@ class ScanFields final : public ContactFields {
   int levels_;
   double x_first_, y_first_, width_, length_;
   std::vector<Grid> grids_;
+  std::vector<Layer> layers_;
 };
 
 }  // namespace telenano::physics

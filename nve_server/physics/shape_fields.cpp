@@ -1,5 +1,6 @@
 #include "nve_server/physics/shape_fields.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "common/base/det_math.h"
@@ -76,6 +77,10 @@ void PlaneFields::contact_at(const Vec3& apex, ContactJet& jet) const noexcept {
   jet.log_radius = log_radius_;
 }
 
+void PlaneFields::growing_at(const Vec3& apex, const SofteningRule&, ContactJet& jet) const noexcept {
+  contact_at(apex, jet);
+}
+
 void PlaneFields::at_softening(const Vec3& apex, double, ContactJet& jet) const noexcept {
   contact_at(apex, jet);
 }
@@ -118,14 +123,18 @@ void SphereFields::at_softening(const Vec3& apex, double softening_nm, ContactJe
 }
 
 void SphereFields::contact_at(const Vec3& apex, ContactJet& jet) const noexcept {
+  growing_at(apex, rule_, jet);
+}
+
+void SphereFields::growing_at(const Vec3& apex, const SofteningRule& rule, ContactJet& jet) const noexcept {
   const Feet both = feet(apex);
   const double log_ratio = log_ball_ - log_plate_;
   const double t0 = rule_.finest_nm;
   const Field at_finest = sum(both.plate, t0, two_feet(sum(Field{}, 1.0 / t0, both.apart), log_ratio).height);
   // t = t0 2^level(v0), v0 = −δ at the finest.
-  const SofteningLevel level = softening_level(rule_, -at_finest.value);
+  const SofteningLevel level = softening_level(rule, -at_finest.value);
   const double a = kLn2 * level.slope_per_nm, b = kLn2 * level.bend_per_nm2;
-  const double t = t0 * det_exp(kLn2 * level.level);
+  const double t = std::max(t0, rule.finest_nm) * det_exp(kLn2 * level.level);
   const Field v0 = sum(Field{}, -1.0, at_finest);
   const Field softening = of(v0, t, t * a, t * (a * a + b));
   const Field sharpness = of(v0, 1.0 / t, -a / t, (a * a - b) / t);

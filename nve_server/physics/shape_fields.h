@@ -16,6 +16,7 @@ class PlaneFields final : public ContactFields {
   PlaneFields(const PlaneSurface::Shape& shape, double tip_radius_nm);
 
   void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept override;
+  void growing_at(const Vec3& apex_w_nm, const SofteningRule& rule, ContactJet& jet) const noexcept override;
   void at_softening(const Vec3& apex_w_nm, double softening_nm, ContactJet& jet) const noexcept override;
 
  private:
@@ -37,6 +38,7 @@ class SphereFields final : public ContactFields {
   SphereFields(const SphereSurface::Shape& shape, double tip_radius_nm, const SofteningRule& rule);
 
   void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept override;
+  void growing_at(const Vec3& apex_w_nm, const SofteningRule& rule, ContactJet& jet) const noexcept override;
   void at_softening(const Vec3& apex_w_nm, double softening_nm, ContactJet& jet) const noexcept override;
 
  private:

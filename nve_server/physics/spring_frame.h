@@ -1,6 +1,7 @@
 #pragma once
 
 #include "common/base/vec3.h"
+#include "nve_server/physics/small_matrix.h"
 #include "nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
@@ -31,11 +32,10 @@ struct SpringFrame {
   double energy_aj(const Vec3& stretch_w_nm) const noexcept;
   /// The springs' force on the tip; in rigid directions the one that holds against `of_sample_nn`.
   Vec3 force_nn(const Vec3& stretch_w_nm, const Vec3& of_sample_nn) const noexcept;
-  /// ∂apex/∂(free end) of a balance, `solve(m)` = (Hessian in the frame)⁻¹ m.
-  template <class Solve>
-  Mat3 follow(const Mat3& of_sample_n_m, const Solve& solve) const noexcept {
-    if (rank == 3) return solve(stiffness_n_m);
-    return basis_w * solve(given(of_sample_n_m)) * basis_w.transpose();
+  /// ∂apex/∂(free end) of a balance, from the inverse of its Hessian in the frame.
+  Mat3 follow(const Mat3& of_sample_n_m, const Mat3& inverse) const noexcept {
+    if (rank == 3) return times(inverse, stiffness_n_m);
+    return basis_w * times(inverse, given(of_sample_n_m)) * basis_w.transpose();
   }
 
  private:

@@ -61,7 +61,7 @@ BranchEnd TipPotential::sample(const Vec3& apex, const PotentialBranch& branch, 
   add(out.law, at, out);
   if (potential_->has_bias()) {
     ContactJet there;
-    fields_->at_softening(apex, BranchPotential::kBiasSoftening_nm, there);
+    fields_->growing_at(apex, potential_->bias_softening(), there);
     PotentialJet bias;
     potential_->add_bias(there.overlap_nm, there.log_radius, bias);
     add(bias, there, out);

@@ -44,7 +44,8 @@ enum class BranchEnd {
 ///   U_b(p) = W_b(δ(p), ρ(p)) + W_bias(δ_1(p), ρ_1(p)) + W_bridge(δ_2(p), ρ_2(p)),
 ///
 /// contact, van der Waals, retardation and cone at the t that grows with the distance from touch, the bias at
-/// kBiasSoftening_nm, the bridge at 0.24 of its rupture gap.
+/// one that grows by a rule of its own (BranchPotential::bias_softening), the bridge at a fixed one
+/// (bridge_potential.h).
 ///
 /// Branches  Outside or inside, dry or wet: four. Borders of contact are those of the medium. A bridge ends
 ///           where its gap −δ_2 passes the rupture gap. Outside one forms where the films meet (−δ_2 at most

@@ -155,9 +155,11 @@ std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGr
   const double radius = scene.probe.tip_radius_nm;
   const physics::SofteningRule rule = physics::softening_rule(
       radius, p.work_of_adhesion_n_m, 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
+  const auto law = std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius);
+  std::vector<double> fixed_nm;
+  if (law->bridge().active()) fixed_nm.push_back(law->bridge().softening_nm());
   return std::make_shared<physics::PotentialEquilibrium>(
-      std::make_shared<physics::ScanFields>(grid, radius, rule),
-      std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius), scene.friction);
+      std::make_shared<physics::ScanFields>(grid, radius, rule, fixed_nm), law, scene.friction);
 }
 
 }  // namespace
@@ -170,11 +172,6 @@ void check_potential(const TomlTable& root, const Scene& scene) {
   };
   if (scene.sample.hardness_gpa > 0) refuse("sample", "hardness_gpa (marks)");
   if (root.optional_table("particle")) refuse("particle", "a particle");
-  if (scene.friction && scene.friction->kinetic_ratio < 1.0) refuse("friction", "kinetic_ratio below 1");
-  const physics::LongRangeParameters& far = scene.law_parameters.long_range;
-  if (far.capillary.humidity_percent > 0 || far.capillary.volume_nm3 > 0) {
-    refuse("forces", "capillary (a liquid bridge)");
-  }
   const physics::ContactModel model = scene.law_parameters.model;
   if (model == physics::ContactModel::kSchwarz || model == physics::ContactModel::kCarpickOgletreeSalmeron ||
       model == physics::ContactModel::kPietrementTroyon) {

@@ -53,7 +53,8 @@ struct ServerConfig {
   double challenges_per_s = 20000;
   double openings_per_s = 64;
   double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
-  double step_ring_s = 2;   ///< of logged steps that may wait for their turn, in each session that logs
+  double step_gap_s = 2;    ///< a step may be missing in a log; then it is left out, and the log says so
+  double step_ring_s = 4;   ///< of logged steps that may wait for their turn, in each session that logs
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
 
   /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
@@ -158,6 +159,8 @@ class Server {
                 std::int64_t now_ns) noexcept;
   void move_tip_once(std::size_t slot, const link::Command& command, double spacing_s,
                      bool may_operate) noexcept;
+  std::size_t on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,
+                                  std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void begin_log(std::size_t slot) noexcept;
   link::StepReport step_report(std::size_t slot) noexcept;
   void run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept;

@@ -117,6 +117,9 @@ Description dry_smooth_potential() {
   return dry_smooth().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
 }
 
+Description full_potential() {
+  return humid_flakes().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
+}
 Description dry_potential() {
   return without_capillary().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
 }
@@ -175,6 +178,7 @@ const bool kRegistered = [] {
     Description (*description)();
     bool sleeps = true;
   } rows[] = {{"full", humid_flakes},
+              {"full/potential", full_potential},
               {"without_friction", without_friction},
               {"without_capillary", without_capillary},
               {"without_retardation_and_cone", without_retardation_and_cone},

@@ -71,6 +71,9 @@ class EggCrate final : public ContactFields {
     jet.log_radius_grad_per_nm = r.grad;
     jet.log_radius_hess_per_nm2 = r.hess;
   }
+  void growing_at(const Vec3& p, const SofteningRule& /*rule*/, ContactJet& jet) const noexcept override {
+    (softened ? *softened : *this).contact_at(p, jet);
+  }
   void at_softening(const Vec3& p, double /*softening_nm*/, ContactJet& jet) const noexcept override {
     (softened ? *softened : *this).contact_at(p, jet);
   }
@@ -158,6 +161,7 @@ struct Lap {
   double lost = 0;
   double rubbed = 0;
   int jumps = 0;
+  int bridges = 0;  ///< that formed or ruptured
   int under_way = 0;
 };
 
@@ -179,6 +183,7 @@ inline Lap lap(const PotentialEquilibrium& on, const Compliance& c, const Closed
     const Vec3 x = path.at(static_cast<double>(i % steps) / steps, &rate);
     const PotentialState was = state;
     s = on.advance(x, c, state);
+    out.bridges += was.branch.bridge.present != state.branch.bridge.present;
     EXPECT_EQ(s.status, SolveStatus::kOk);
     EXPECT_GE(s.dissipated_aj, 0.0);
     double power = -0.5 * (s.force_w_nn.dot(rate) + force.dot(last_rate)) / steps;

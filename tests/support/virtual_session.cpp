@@ -6,6 +6,7 @@
 
 #include "common/base/error.h"
 #include "nve_server/slave/nve_slave.h"
+#include "twin/scene_twin.h"
 
 namespace telenano::support {
 
@@ -18,6 +19,10 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
         c.nonce_seed = config.seed;
         c.resume_token = config.resume_token;
         c.redundancy = config.redundancy;
+        if (config.twin) {
+          c.step_ring = static_cast<std::size_t>(4 * config.station.rate_hz);
+          c.snapshot_bytes = 4 << 20;
+        }
         return c;
       }()) {
   period_ns_ = std::llround(1e9 / config_.station.rate_hz);
@@ -60,6 +65,13 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
       station::SlavePort{welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m,
                          welcome.force_max_nn},
       config_.make_method ? config_.make_method() : nullptr);
+  if (config_.twin) {
+    station::TwinRunConfig twin;
+    twin.rate_hz = config_.station.rate_hz;
+    station_->use_twin(std::make_unique<station::TwinRun>(twin,
+                                                          std::make_unique<twin::SceneTwin>(config_.scene),
+                                                          std::make_unique<twin::SceneTwin>(config_.scene)));
+  }
   loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_,
                                               nullptr, config_.link_options);
   loop_->set_tip_wish(config_.tip_wish);

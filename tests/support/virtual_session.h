@@ -48,6 +48,7 @@ struct VirtualSessionConfig {
   std::uint64_t resume_token = 0;  ///< of an earlier station
   std::uint32_t tip_wish = 0;      ///< link::kFlagTakeOver, link::kFlagHandOver
   loop::LinkOptions link_options{};
+  bool twin = false;           ///< the station logs its steps and has a twin of the scene
   std::size_t redundancy = 0;  ///< commands that each datagram repeats
 };
 

@@ -53,6 +53,11 @@ class Packages(unittest.TestCase):
             for other, program in PROGRAMS.items():
                 (self.assertIn if other == component else self.assertNotIn)(f"usr/bin/{program}\n", names)
 
+    def test_documents_come_along(self):
+        documents = self.root / "usr/share/doc/telenano-common"
+        for name in ("OPERATIONS.md", "CHANGELOG.md", "docs/README.md", "docs/evidence.md", "docs/equations.md"):
+            self.assertTrue((documents / name).is_file(), name)
+
     def test_no_file_is_in_two(self):
         files = []
         for package in self.packages.values():

@@ -168,6 +168,6 @@ out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 bash "$here/vm.sh" --help >/dev/null
 (cd "$build" && cpack -B "$out") >"$out/cpack.log" 2>&1 || { tail -n 5 "$out/cpack.log"; exit 1; }
-bash "$here/vm.sh" --out "$out" --seconds 840 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
+bash "$here/vm.sh" --out "$out" --seconds 1500 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
 cat "$out/checks.log"
 grep -q '^failed 0$' "$out/checks.log" || { tail -n 40 "$out/systemd.log"; exit 1; }

@@ -37,6 +37,12 @@ std::string potential(const std::string& name) {
   return with(text_of(name), "\n[surface]\n", "force = \"potential\"\n");
 }
 
+/// Moist air, friction, a lever that bends and twists.
+const std::shared_ptr<const scene::Scene>& humid_flakes() {
+  static const auto scene = scene::parse_scene(potential("humid_flakes"), "humid_flakes.toml");
+  return scene;
+}
+
 const std::shared_ptr<const scene::Scene>& flakes() {
   static const auto scene = scene::parse_scene(potential("flakes"), "flakes.toml");
   return scene;
@@ -58,12 +64,6 @@ TEST(PotentialScene, IsChosenByAKeyAndRefusesWhatItLacks) {
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   };
   refused(with(text_of("flakes"), "\n[surface]\n", "force = \"both\"\n"), "force");
-  refused(potential("humid_flakes"), "capillary");
-  refused(potential("flakes") + "\n[friction]\nshear_strength_mpa = 300.0\nkinetic_ratio = 0.5\n",
-          "kinetic_ratio");
-  refused(
-      with(potential("flakes"), "\nvan_der_waals = true", "\n[forces.capillary]\nhumidity_percent = 50.0"),
-      "capillary");
   refused(with(potential("flakes"), "\nsurface_energy_j_m2 = 0.2", "\nhardness_gpa = 9.0"), "hardness_gpa");
   refused(potential("flakes") + "\n[particle]\nradius_nm = 10.0\n", "particle");
   refused(with(potential("flakes"), "\n[surface]\n", "radius_force = true\n"), "radius_force");
@@ -123,19 +123,20 @@ struct Loops {
   int jumps = 0;
 };
 
-Loops loops(double x_nm, double y_nm, int steps, int laps) {
-  slave::NveSlave slave(flakes());
+Loops loops(const std::shared_ptr<const scene::Scene>& scene, double x_nm, double y_nm, double depth_nm,
+            int steps, int laps) {
+  slave::NveSlave slave(scene);
   slave::SlaveInput input;
   slave::SlaveOutput output;
   const auto go = [&](const Vec3& to) {
     input.tip_target_pos_w_nm = to;
     slave.step(input, 1e-3, output);
   };
-  const double high = flakes()->start_touch_w_nm + 30.0;
-  const double ground = flakes()->potential->touch_height_nm(x_nm, y_nm, high + 100.0);
+  const double high = scene->start_touch_w_nm + 30.0;
+  const double ground = scene->potential->touch_height_nm(x_nm, y_nm, high + 100.0);
   const auto at = [&](double s) {
     return Vec3(x_nm + 5 * std::cos(kTwoPi * s), y_nm + 5 * std::sin(kTwoPi * s),
-                ground - 8.0 + std::sin(2 * kTwoPi * s));
+                ground - depth_nm + std::sin(2 * kTwoPi * s));
   };
   for (Vec3 end = slave.trace().commanded_end_w_nm; (Vec3(at(0).x(), at(0).y(), end.z()) - end).norm() > 0;) {
     const Vec3 way = Vec3(at(0).x(), at(0).y(), end.z()) - end;
@@ -173,7 +174,7 @@ TEST(PotentialScene, ClosedLoopsGiveNoEnergyToThePort) {
   for (int i = 0; i < 30; ++i) {
     const double x = 60 + std::fmod(i * 97.31, 480.0);
     const double y = 60 + std::fmod(i * 61.77, 480.0);
-    const Loops l = loops(x, y, 4000, 2);
+    const Loops l = loops(flakes(), x, y, 8.0, 4000, 2);
     EXPECT_GE(l.charged, -1e-9 * l.turnover) << x << ", " << y;
     EXPECT_GE(l.lost, 0.0);
     // 4000 steps a lap of 33 nm: the trapezium's own error, 5e-8 of a smooth lap's turnover; the foot's is up
@@ -187,6 +188,48 @@ TEST(PotentialScene, ClosedLoopsGiveNoEnergyToThePort) {
   std::printf(
       "%d of 30 loops lose less than 1e-6 of their turnover; trapezia less losses: at most %.1e of it\n",
       smooth, worst);
+}
+
+// All that humid_flakes.toml has: bridges, friction, stick–slip, a tilted lever. What the port puts in on a
+// closed loop, known from forces alone, is what its book says.
+TEST(PotentialScene, HumidLoopsAreCharged) {
+  const auto jerky = scene::parse_scene(
+      with(potential("humid_flakes"), "\nshear_strength_mpa = 300.0", "\nkinetic_ratio = 0.6"), "jerky.toml");
+  double worst = 0;
+  for (int i = 0; i < 12; ++i) {
+    const double x = 60 + std::fmod(i * 97.31, 480.0);
+    const double y = 60 + std::fmod(i * 61.77, 480.0);
+    const bool jerks = i % 3 == 2;
+    // Pressed, or out of contact and the bridge and back again.
+    const Loops l = loops(jerks ? jerky : humid_flakes(), x, y, i % 2 == 0 ? 8.0 : 0.5, 8000, 1);
+    EXPECT_GT(l.lost, 0.0);
+    // What bristle and springs hold at the end of the lap is not what they held at its beginning
+    // (stick–slip), so the charge is compared, which has that. A loop of 8000 steps of 4 pm: backward Euler's
+    // first order, and where the tip lets go within a step the trapezium is off by half of it.
+    EXPECT_NEAR(l.trapezia, l.charged, (jerks ? 1e-2 : 1e-3) * l.turnover) << x << ", " << y;
+    worst = std::max(worst, std::fabs(l.trapezia - l.charged) / l.turnover);
+  }
+  std::printf("trapezia less charge: at most %.1e of the turnover\n", worst);
+}
+
+TEST(PotentialScene, HumidForceCurvesPass) {
+  for (int i = 0; i < 40; ++i) {
+    scene::CurvePlan plan;
+    plan.x_nm = 40 + std::fmod(i * 97.31, 520.0);
+    plan.y_nm = 40 + std::fmod(i * 61.77, 520.0);
+    plan.from_nm = 12;
+    plan.to_nm = -4;
+    plan.step_nm = 0.05;
+    double work = 0, last = 0;
+    const scene::CurveOutcome outcome =
+        scene::run_curve(*humid_flakes(), plan, [&](const scene::CurveRow& row) {
+          work = row.work_aj;
+          last = row.force_nn;
+        });
+    EXPECT_EQ(outcome.gaps, 0);
+    EXPECT_GT(work, -1e-9) << "curve " << i << " creates energy";
+    EXPECT_LT(std::fabs(last), 0.5);
+  }
 }
 
 }  // namespace

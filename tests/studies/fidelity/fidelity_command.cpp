@@ -14,6 +14,7 @@
 #include "common/base/version.h"
 #include "tests/studies/fidelity/fidelity_grid.h"
 #include "tests/studies/fidelity/fidelity_page.h"
+#include "tests/studies/fidelity/real_programs.h"
 #include "tests/studies/fidelity/sensitivity.h"
 #include "tests/studies/parse_list.h"
 #include "tests/studies/report/page.h"
@@ -93,6 +94,34 @@ std::vector<CellResult> run_cells(const std::vector<Cell>& cells, const ScenePai
   return results;
 }
 
+/// One motion after the other in real time: default scenes flakes/raster and flat_silicon_oxide/indent_slow,
+/// default methods the station's own choice, tank and model.
+void run_real_programs(FidelityOptions options, const FigureFolder& folder) {
+  if (options.scenes.empty()) options.scenes = {"flakes/raster", "flat_silicon_oxide/indent_slow"};
+  const std::vector<const SceneMotion*> motions = chosen_motions(options.scenes, options.quick);
+  RealLink link;
+  if (!options.rtt_ms.empty()) link.rtt_ms = options.rtt_ms.front();
+  if (!options.loss.empty()) link.loss = options.loss.front();
+  std::vector<std::string> methods = {"auto", "tank", "model"};
+  if (!options.methods.empty()) methods.clear();
+  for (const control::Method m : options.methods) methods.emplace_back(control::method_name(m));
+  const ScenePairs scenes(motions);
+  std::string csv;
+  for (const SceneMotion* motion : motions) {
+    for (const std::string& method : methods) {
+      std::fprintf(stderr, "fidelity: real programs, %s %s, %s ...\n", motion->scene, motion->motion,
+                   method.c_str());
+      const CellResult result = run_real(*motion, method, link, scenes, folder.path() / "recordings");
+      const std::string table = cells_csv({result});
+      const std::size_t head = table.find('\n') + 1;
+      if (csv.empty()) csv = "asked," + table.substr(0, head);
+      csv += method + "," + table.substr(head);
+    }
+  }
+  folder.write("real.csv", csv);
+  std::fputs(csv.c_str(), stdout);
+}
+
 }  // namespace
 
 bool run_fidelity(const FidelityOptions& given) {
@@ -102,6 +131,10 @@ bool run_fidelity(const FidelityOptions& given) {
   const FigureFolder folder(options.out);
   if (!folder.has_gnuplot())
     std::fprintf(stderr, "fidelity: gnuplot is not installed: CSV only, no figures\n");
+  if (options.real) {
+    run_real_programs(given, folder);
+    return true;
+  }
   const auto begin = std::chrono::steady_clock::now();
 
   std::vector<const SceneMotion*> needed = motions;
@@ -169,6 +202,9 @@ void add_fidelity_command(CLI::App& app, int& exit_code) {
                     "five motions, two round trips, three methods: some seconds");
   command->add_flag("--check-sensitivity", a->options.check_sensitivity,
                     "besides: is every renderer that is wrong on purpose found out? Exit status 1 if not");
+  command->add_flag(
+      "--real", a->options.real,
+      "the real programs through a relay, in real time: the first of --rtt [100] and of --loss [0.02]");
   command->callback([a, command, &exit_code] {
     for (const std::string& name : a->methods) a->options.methods.push_back(control::parse_method(name));
     if (command->count("--rtt") > 0) a->options.rtt_ms = parse_list(a->rtt, "fidelity: --rtt");

@@ -7,6 +7,7 @@
 
 #include "tests/studies/report/gnuplot.h"
 #include "tests/studies/report/page.h"
+#include "tests/studies/stress/invariants.h"
 
 namespace telenano::studies::fidelity {
 namespace {
@@ -257,15 +258,18 @@ std::string sensitivity_section(const std::vector<SensitivityRow>& rows) {
   for (const SensitivityRow& row : rows) {
     std::string rules;
     for (const std::string& rule : row.rules) rules += (rules.empty() ? "" : "; ") + rule;
-    body += fmt::format("<tr><th>{}</th><td>{}</td><td>{:.3g}</td><td>{}</td></tr>\n",
+    body += fmt::format("<tr><th>{}</th><td>{}</td><td>{:.3g}</td><td>{}</td><td>{}</td></tr>\n",
                         wrong_renderer_name(row.wrong), row.motion, row.nrmse,
-                        rules.empty() ? "–" : html_escaped(rules));
+                        rules.empty() ? "–" : html_escaped(rules),
+                        row.stress == 0 ? "nothing" : stress::invariant_names(row.stress));
   }
   return "<h2>Would it be found out?</h2>\n<p>Renderers that are wrong on purpose, without a link, and the "
-         "sample itself "
-         "(none) beside them.</p>\n<div class=\"scroll\"><table>\n<thead><tr><th>renderer</th><th>shows most "
+         "sample itself (none) beside them. Last column: what the stress laboratory, which looks at energy, "
+         "force "
+         "limits and time, finds of the product's model made wrong likewise.</p>\n<div "
+         "class=\"scroll\"><table>\n<thead><tr><th>renderer</th><th>shows most "
          "in</th>"
-         "<th>NRMSE</th><th>rules broken</th></tr></thead>\n<tbody>\n" +
+         "<th>NRMSE</th><th>rules broken</th><th>stress laboratory finds</th></tr></thead>\n<tbody>\n" +
          body + "</tbody></table></div>\n";
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -28,11 +29,14 @@ struct SensitivityRow {
   std::string motion;              ///< in which it shows most, by the NRMSE
   std::vector<std::string> rules;  ///< broken there
   double nrmse = 0;
+  /// What the stress laboratory finds broken where the product's `model` is made wrong likewise, and is not
+  /// where it is right: stress::Invariant bits.
+  std::uint32_t stress = 0;
 };
 /// The right renderer first, then each wrong one: the worst of the telling motions.
 std::vector<SensitivityRow> check_sensitivity(const ScenePairs& scenes);
 
-/// As CSV: wrong, motion, nrmse, rules.
+/// As CSV: renderer, motion, nrmse, stress, broken.
 std::string sensitivity_csv(const std::vector<SensitivityRow>& rows);
 
 }  // namespace telenano::studies::fidelity

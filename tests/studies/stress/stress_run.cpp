@@ -148,6 +148,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
 
   support::VirtualSessionConfig config = session_config(spec, scenes, watch, force_scale);
   config.hand = with_mutant(hand, spec.mutant);
+  if (extras.make_method) config.make_method = extras.make_method;
   support::VirtualSession session(config);
   Trouble trouble(spec, session);
   const station::StationConfig& station = session.station().config();

@@ -1,9 +1,12 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
+#include "common/control/station_method.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/scenes.h"
 
@@ -51,6 +54,8 @@ struct RunExtras {
   std::vector<TraceRow>* trace = nullptr;  ///< every tick of it
   std::vector<double>* path_m = nullptr;   ///< the hand's, over the ground
   double* most_extracted_at_s = nullptr;   ///< when the most had been extracted
+  /// A method of the caller's own in place of the run's, whose promises it is held to.
+  std::function<std::unique_ptr<control::StationMethod>()> make_method{};
 };
 
 /// One session in virtual time with the station, session and server objects of the programs. Climbs are

@@ -9,9 +9,8 @@
 #include <vector>
 
 #include "common/base/error.h"
-#include "common/surface/gsf.h"
 #include "nve_server/physics/dilation.h"
-#include "tests/source_dir.h"
+#include "tests/support/field_checks.h"
 
 namespace telenano::physics {
 namespace {
@@ -35,18 +34,6 @@ HeightGrid sampled(int count, double spacing, Height height) {
 double relief_of(const HeightGrid& grid) {
   const auto [low, high] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
   return 1.3 * (*high - *low);
-}
-
-/// A square of `count` samples of a real scan from (column, row) on.
-HeightGrid piece_of(const std::string& name, int column, int row, int count) {
-  const HeightGrid scan = surface::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/" + name).grid;
-  HeightGrid piece{count, count, scan.dx_nm, scan.dy_nm, 0.0, 0.0, {}};
-  for (int j = 0; j < count; ++j) {
-    for (int i = 0; i < count; ++i) {
-      piece.z_nm.push_back(scan.z_nm[static_cast<std::size_t>((row + j) * scan.columns + column + i)]);
-    }
-  }
-  return piece;
 }
 
 HeightGrid random_grid(unsigned seed, int count = 24) {
@@ -299,21 +286,8 @@ TEST(ScanFields, DerivativesAgreeWithDifferences) {
       }
       return jet;
     };
-    const ContactJet jet = jet_at(at);
-    for (int k = 0; k < 3; ++k) {
-      const ContactJet more = jet_at(at + h * Vec3::Unit(k)), less = jet_at(at - h * Vec3::Unit(k));
-      ASSERT_NEAR((more.overlap_nm - less.overlap_nm) / (2 * h), jet.overlap_grad[k], 1e-7);
-      ASSERT_NEAR((more.log_radius - less.log_radius) / (2 * h), jet.log_radius_grad_per_nm[k], 1e-7);
-      for (int i = 0; i < 3; ++i) {
-        const double overlap = (more.overlap_grad[i] - less.overlap_grad[i]) / (2 * h);
-        const double radius = (more.log_radius_grad_per_nm[i] - less.log_radius_grad_per_nm[i]) / (2 * h);
-        ASSERT_NEAR(overlap, jet.overlap_hess_per_nm(i, k), 2e-5 * (1 + std::abs(overlap)))
-            << n << " " << i << k;
-        ASSERT_NEAR(radius, jet.log_radius_hess_per_nm2(i, k), 2e-5 * (1 + std::abs(radius)))
-            << n << " " << i << k;
-      }
-    }
-    ASSERT_EQ(jet.overlap_hess_per_nm, jet.overlap_hess_per_nm.transpose());
+    support::expect_derivatives(jet_at, at, h, 1e-7, 2e-5);
+    if (HasFatalFailure()) return;
   }
 }
 
@@ -351,7 +325,7 @@ TEST(ScanFields, GrowingNeverTurnsTheOverlapBack) {
                            {"nanoscope_peakforce_1um.gsf", 0, 370},
                            {"nanoscope_peakforce_1um.gsf", 200, 200}}) {
     SCOPED_TRACE(one.name);
-    const HeightGrid grid = piece_of(one.name, one.column, one.row, 64);
+    const HeightGrid grid = support::piece_of(one.name, one.column, one.row, 64);
     const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
     const double extent = 63 * grid.dx_nm;
     double least_rate = 1, least_stiffness = 1;
@@ -392,7 +366,7 @@ TEST(ScanFields, VanDerWaalsAtADistanceAgreesWithTheProximitySum) {
   // The first piece is mostly edges of flakes.
   for (const Piece& one :
        {Piece{"wsxm_600nm.gsf", 60, 110, 0.10}, {"nanoscope_peakforce_1um.gsf", 200, 200, 0.06}}) {
-    const HeightGrid grid = piece_of(one.name, one.column, one.row, 64);
+    const HeightGrid grid = support::piece_of(one.name, one.column, one.row, 64);
     const BicubicSpline height = BicubicSpline::interpolating(grid);
     const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
     const double extent = 63 * grid.dx_nm;

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "common/base/error.h"
+#include "tests/support/field_checks.h"
 
 namespace telenano::physics {
 namespace {
@@ -87,19 +88,9 @@ TEST(SphereFields, DerivativesAgreeWithDifferences) {
       }
       return jet;
     };
-    const ContactJet jet = jet_at(at);
-    for (int k = 0; k < 3; ++k) {
-      const ContactJet more = jet_at(at + h * Vec3::Unit(k)), less = jet_at(at - h * Vec3::Unit(k));
-      // h² of a third derivative of up to t^−2, and rounding of 1e-15·60/h.
-      ASSERT_NEAR((more.overlap_nm - less.overlap_nm) / (2 * h), jet.overlap_grad[k], 3e-8);
-      ASSERT_NEAR((more.log_radius - less.log_radius) / (2 * h), jet.log_radius_grad_per_nm[k], 3e-8);
-      for (int i = 0; i < 3; ++i) {
-        const double overlap = (more.overlap_grad[i] - less.overlap_grad[i]) / (2 * h);
-        const double radius = (more.log_radius_grad_per_nm[i] - less.log_radius_grad_per_nm[i]) / (2 * h);
-        ASSERT_NEAR(overlap, jet.overlap_hess_per_nm(i, k), 2e-6 * (1 + std::abs(overlap)));
-        ASSERT_NEAR(radius, jet.log_radius_hess_per_nm2(i, k), 2e-6 * (1 + std::abs(radius)));
-      }
-    }
+    // h² of a third derivative of up to t^−2, and rounding of 1e-15·60/h.
+    support::expect_derivatives(jet_at, at, h, 3e-8, 2e-6);
+    if (HasFatalFailure()) return;
   }
 }
 

@@ -1,0 +1,198 @@
+#include "master/station/twin_run.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace telenano::station {
+
+const char* twin_state_name(TwinState state) noexcept {
+  switch (state) {
+    case TwinState::kNone:
+      return "none";
+    case TwinState::kBehind:
+      return "behind";
+    case TwinState::kConfirmed:
+      return "confirmed";
+    case TwinState::kApart:
+      return "apart";
+    case TwinState::kGivenUp:
+      return "given up";
+  }
+  return "unknown";
+}
+
+TwinRun::TwinRun(const TwinRunConfig& config, std::unique_ptr<control::LocalSlave> now,
+                 std::unique_ptr<control::LocalSlave> next)
+    : config_(config),
+      now_(std::move(now)),
+      next_(std::move(next)),
+      ring_(static_cast<std::size_t>(std::clamp(config.ring_s * config.rate_hz, 64.0, 65536.0))),
+      silence_s_(config.silence_s) {
+  unexplained_ns_.reserve(static_cast<std::size_t>(config_.partings) + 1);
+}
+
+const TwinRun::Made* TwinRun::find(std::uint64_t number) const noexcept {
+  const Made& made = ring_[number % ring_.size()];
+  return number != 0 && made.number == number ? &made : nullptr;
+}
+
+void TwinRun::leave() noexcept {
+  state_ = TwinState::kNone;
+}
+
+void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double timeout_s,
+                    std::int64_t now_ns) noexcept {
+  silence_s_ = std::min(config_.silence_s, 0.5 * timeout_s);
+  if (!new_slave && state_ != TwinState::kNone) {
+    // The same slave, and a log that goes on, unless the server has executed what this twin never made.
+    if (welcome.executed <= newest_) {
+      hear(welcome, now_ns);
+      return;
+    }
+  }
+  catching_up_ = false;
+  now_->reset();
+  answer_ = {};
+  swapped_ = true;
+  given_aj_ = std::min(given_aj_, 0.0);  // what the last slave has given is not this one's to give again
+  book_aj_ = 0;
+  newest_ = confirmed_ = welcome.executed;
+  breaks_ = welcome.breaks;
+  reason_ = 0;
+  state_ = TwinState::kConfirmed;
+  last_target_w_nm_.setZero();
+  if (new_slave) unexplained_ns_.clear();
+  if (welcome.state_hash != now_->state_hash()) part(link::kBreakSilence, now_ns);
+}
+
+void TwinRun::make(control::LocalSlave& slave, const link::LoggedStep& step, const Vec3& from_w_nm,
+                   control::LocalAnswer& answer) noexcept {
+  control::LocalStep local;
+  local.target_w_nm = link::target_w_nm(step);
+  local.dt_s = link::dt_s(step);
+  local.vel_w_nm_s = (local.target_w_nm - from_w_nm) / local.dt_s;
+  local.flags = step.flags;
+  slave.step(local, answer);
+}
+
+void TwinRun::book(double out_less_in_aj) noexcept {
+  given_aj_ += out_less_in_aj - book_aj_;
+  book_aj_ = out_less_in_aj;
+  most_given_aj_ = std::max(most_given_aj_, given_aj_);
+}
+
+void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int64_t now_ns) noexcept {
+  if (!on()) return;
+  if (number != newest_ + 1) {  // another log than this twin's
+    newest_ = number - 1;
+    confirmed_ = std::min(confirmed_, newest_);
+    part(link::kBreakGap, now_ns);
+  }
+  make(*now_, step, last_target_w_nm_, answer_);
+  last_target_w_nm_ = link::target_w_nm(step);
+  newest_ = number;
+  made(number) = {number, now_->state_hash(), now_ns, step};
+  if (!is_finite(answer_.force_w_nn) || !std::isfinite(answer_.energy_in_aj) ||
+      !std::isfinite(answer_.energy_out_aj)) {
+    answer_.force_w_nn.setZero();
+    state_ = TwinState::kGivenUp;
+    return;
+  }
+  book(answer_.energy_out_aj - answer_.energy_in_aj);
+  if (catching_up_) catch_up(now_ns);
+  if (state_ == TwinState::kConfirmed) state_ = TwinState::kBehind;
+}
+
+void TwinRun::part(std::uint32_t reason, std::int64_t now_ns) noexcept {
+  if (state_ == TwinState::kApart || state_ == TwinState::kGivenUp) return;
+  state_ = TwinState::kApart;
+  catching_up_ = false;
+  reason_ = reason;
+  ++partings_;
+  if (reason != link::kBreakNone) return;
+  const auto since_ns = now_ns - static_cast<std::int64_t>(config_.partings_s * 1e9);
+  std::erase_if(unexplained_ns_, [since_ns](std::int64_t at_ns) { return at_ns < since_ns; });
+  unexplained_ns_.push_back(now_ns);
+  if (static_cast<int>(unexplained_ns_.size()) >= config_.partings) state_ = TwinState::kGivenUp;
+}
+
+void TwinRun::hear(const link::StepReport& report, std::int64_t now_ns) noexcept {
+  if (!on() || report.executed > newest_) return;
+  if (state_ == TwinState::kApart) return;
+  if (report.breaks != breaks_) {
+    if (report.breaks < breaks_) return;  // older than the state that was taken up
+    breaks_ = report.breaks;
+    part(report.break_reason != link::kBreakNone ? report.break_reason
+                                                 : static_cast<std::uint32_t>(link::kBreakSilence),
+         now_ns);
+    return;
+  }
+  if (report.executed <= confirmed_) return;
+  const Made* const own = find(report.executed);
+  if (own == nullptr || own->hash != report.state_hash) {
+    part(link::kBreakNone, now_ns);
+    return;
+  }
+  confirmed_ = report.executed;
+  state_ = confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind;
+}
+
+void TwinRun::take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
+                      std::uint32_t breaks, std::int64_t now_ns) noexcept {
+  if (state_ != TwinState::kApart || catching_up_) return;
+  const bool known = number <= newest_ && (number == newest_ || find(number + 1) != nullptr);
+  if (!known || !next_->load(state, next_answer_) || next_->state_hash() != hash) {
+    // A state that is not what it says, or older than what is kept: another one is asked for.
+    state_ = TwinState::kBehind;
+    part(link::kBreakNone, now_ns);
+    return;
+  }
+  breaks_ = breaks;
+  next_newest_ = number;
+  const Made* const last = find(number);
+  next_target_w_nm_ = last != nullptr ? link::target_w_nm(last->step) : next_answer_.commanded_pos_w_nm;
+  catching_up_ = true;
+  ++snapshots_;
+}
+
+/// The second twin makes the steps that the server had not made then; when it is there, it is the twin.
+void TwinRun::catch_up(std::int64_t now_ns) noexcept {
+  const std::uint64_t from = next_newest_;
+  while (next_newest_ < newest_ && next_newest_ - from < kReplayedPerTick) {
+    Made& step = made(next_newest_ + 1);
+    if (step.number != next_newest_ + 1) {  // forgotten meanwhile
+      catching_up_ = false;
+      state_ = TwinState::kBehind;
+      part(link::kBreakNone, now_ns);
+      return;
+    }
+    make(*next_, step.step, next_target_w_nm_, next_answer_);
+    next_target_w_nm_ = link::target_w_nm(step.step);
+    step.hash = next_->state_hash();
+    ++next_newest_;
+    if (confirmed_ < from) confirmed_ = from;
+  }
+  if (next_newest_ < newest_) return;
+  std::swap(now_, next_);
+  answer_ = next_answer_;
+  catching_up_ = false;
+  swapped_ = true;
+  // No exchange: what the new state holds less than the last one is not given, and more is withheld.
+  const double book_aj = answer_.energy_out_aj - answer_.energy_in_aj;
+  given_aj_ += std::min(0.0, book_aj - book_aj_);
+  book_aj_ = book_aj;
+  state_ = confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind;
+}
+
+double TwinRun::lag_s(std::int64_t now_ns) const noexcept {
+  if (confirmed_ >= newest_) return 0;
+  const Made* const oldest = find(confirmed_ + 1);
+  return oldest != nullptr ? 1e-9 * static_cast<double>(now_ns - oldest->at_ns) : config_.ring_s;
+}
+
+double TwinRun::lag_most_s(double rtt_s) const noexcept {
+  return std::clamp(4 * rtt_s, config_.lag_s, 0.5 * config_.ring_s);
+}
+
+}  // namespace telenano::station

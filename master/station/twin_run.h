@@ -1,0 +1,129 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "common/base/vec3.h"
+#include "common/control/local_slave.h"
+#include "common/link/step_log.h"
+
+namespace telenano::station {
+
+/// none: there is no twin in this session. behind: its newest steps are not confirmed yet, as it should be.
+/// confirmed: all are. apart: the server's state is another one; a snapshot is asked for. given_up: too often
+/// apart without a reason, or too slow; another method takes over. Stored in files: never renumber.
+enum class TwinState : std::uint8_t { kNone, kBehind, kConfirmed, kApart, kGivenUp };
+const char* twin_state_name(TwinState state) noexcept;
+
+struct TwinRunConfig {
+  double rate_hz = 1000;
+  double ring_s = 4;  ///< of steps that may be unconfirmed: twice what may be shown
+  /// Shown without a new reply, at most; half of the server's time-out if that is less. Then the force fades.
+  double silence_s = 0.2;
+  /// Shown without a confirmation while replies flow: this, or four round trips.
+  double lag_s = 1.0;
+  int partings = 3;  ///< unexplained ones within `partings_s`: no twin any more
+  double partings_s = 10;
+};
+
+/// The server's slave at the station, and whether it is what the server has: makes each step at once, keeps
+/// its number and the hash of the state after it, and compares with what the replies say. Where the two are
+/// apart it takes up the server's state, makes the steps that the server had not, and goes on from there.
+///
+/// Pure, no allocation after construction.
+class TwinRun {
+ public:
+  /// `now` and `next`: of the same scene; the second one is where a snapshot is taken up.
+  TwinRun(const TwinRunConfig& config, std::unique_ptr<control::LocalSlave> now,
+          std::unique_ptr<control::LocalSlave> next);
+
+  std::uint64_t scene_hash() const noexcept { return now_->scene_hash(); }
+  double well_aj() const noexcept { return now_->well_aj(); }
+
+  /// A session whose server has executed the log up to `welcome`; `new_slave`: another epoch, so that its
+  /// slave is a new one.
+  void begin(const link::StepReport& welcome, bool new_slave, double timeout_s, std::int64_t now_ns) noexcept;
+  /// There is no log in this session.
+  void leave() noexcept;
+
+  /// The step of this tick; numbers go up by one.
+  void step(std::uint64_t number, const link::LoggedStep& step, std::int64_t now_ns) noexcept;
+  void hear(const link::StepReport& report, std::int64_t now_ns) noexcept;
+
+  TwinState state() const noexcept { return state_; }
+  bool on() const noexcept { return state_ != TwinState::kNone && state_ != TwinState::kGivenUp; }
+  /// Why it was given up, or is apart: link::StepBreak; kBreakNone: unexplained.
+  std::uint32_t reason() const noexcept { return reason_; }
+  const control::LocalAnswer& answer() const noexcept { return answer_; }
+  std::uint64_t behind() const noexcept { return newest_ - confirmed_; }
+  std::uint64_t confirmed() const noexcept { return confirmed_; }
+  /// How old the oldest step is that is not confirmed; 0: none.
+  double lag_s(std::int64_t now_ns) const noexcept;
+  double silence_s() const noexcept { return silence_s_; }
+  double lag_most_s(double rtt_s) const noexcept;
+  std::uint64_t partings() const noexcept { return partings_; }
+  std::uint64_t snapshots() const noexcept { return snapshots_; }
+
+  /// Of the twin's own book: the most that its sample has given beyond what was put in, aJ. A state that is
+  /// taken up is no exchange: what it holds less than the last one is not given, and what it has given more
+  /// is withheld.
+  double most_given_aj() const noexcept { return most_given_aj_; }
+
+  /// The answer is another state's from this tick on.
+  bool take_swapped() noexcept { return std::exchange(swapped_, false); }
+
+  /// Is the server's state asked for?
+  bool wants_snapshot() const noexcept { return state_ == TwinState::kApart && !catching_up_; }
+  /// The server's state after step `number`: taken up by the second twin, which then catches up.
+  void take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
+               std::uint32_t breaks, std::int64_t now_ns) noexcept;
+  void give_up() noexcept { state_ = TwinState::kGivenUp; }
+
+  /// The steps that the second twin makes in a tick to catch up.
+  static constexpr std::uint64_t kReplayedPerTick = 16;
+
+ private:
+  struct Made {
+    std::uint64_t number = 0;
+    std::uint64_t hash = 0;
+    std::int64_t at_ns = 0;
+    link::LoggedStep step;
+  };
+  Made& made(std::uint64_t number) noexcept { return ring_[number % ring_.size()]; }
+  const Made* find(std::uint64_t number) const noexcept;
+  void make(control::LocalSlave& slave, const link::LoggedStep& step, const Vec3& from_w_nm,
+            control::LocalAnswer& answer) noexcept;
+  void part(std::uint32_t reason, std::int64_t now_ns) noexcept;
+  void catch_up(std::int64_t now_ns) noexcept;
+  void book(double out_less_in_aj) noexcept;
+
+  TwinRunConfig config_;
+  std::unique_ptr<control::LocalSlave> now_;
+  std::unique_ptr<control::LocalSlave> next_;
+  std::vector<Made> ring_;
+  control::LocalAnswer answer_;
+  TwinState state_ = TwinState::kNone;
+  std::uint32_t reason_ = 0;
+  std::uint64_t newest_ = 0;
+  std::uint64_t confirmed_ = 0;
+  std::uint32_t breaks_ = 0;
+  Vec3 last_target_w_nm_ = Vec3::Zero();
+  double silence_s_ = 0.2;
+  double given_aj_ = 0;  // of the twin's own book, less what is withheld
+  double book_aj_ = 0;   // out less in, of the state in use
+  double most_given_aj_ = 0;
+  bool swapped_ = false;
+  bool catching_up_ = false;
+  std::uint64_t next_newest_ = 0;  // of the second twin
+  Vec3 next_target_w_nm_ = Vec3::Zero();
+  control::LocalAnswer next_answer_;
+  std::uint64_t partings_ = 0;
+  std::uint64_t snapshots_ = 0;
+  std::vector<std::int64_t> unexplained_ns_;  // the last ones, oldest first
+};
+
+}  // namespace telenano::station
