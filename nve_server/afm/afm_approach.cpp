@@ -169,7 +169,7 @@ void AfmLogic::lift_reading(double deflection_nm, std::int64_t now_ns) {
   if (lift_last_nm_ != kNoFloor && change_nm < 0.05 * rise_nm) {
     free_ = true;
     lift_nm_ = std::max(config_.lift_nm, sent_w_nm_.z() - rise_nm);  // free there already
-    enter(Phase::kTaring, now_ns);  // settles anew
+    enter(Phase::kTaring, now_ns);                                   // settles anew
     if (lift_nm_ > config_.top_nm) {
       refusal_ = config_.path + text(
                                     ": [limits] top_nm: the tip sticks until %.4g nm above where it touches, "

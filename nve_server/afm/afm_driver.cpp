@@ -69,8 +69,7 @@ void AfmDriver::start(const std::atomic<bool>& stop) {
     if (phase == Phase::kFollowing || awaits_.load(std::memory_order_acquire) ||
         stop.load(std::memory_order_relaxed))
       return;
-    if (refused_.load(std::memory_order_acquire) || (phase == Phase::kWithdrawn && !has_refusal_.load()))
-      break;
+    if (refused_.load(std::memory_order_acquire) || phase == Phase::kWithdrawn) break;
     nap(5'000'000);
   }
   // The thread still looks after the tip; what it says is settled.
@@ -227,9 +226,10 @@ void AfmDriver::turn(std::int64_t now_ns) {
     told_ = logic_.news_count();
     news_(logic_.news());
   }
-  if (!logic_.refusal().empty() && logic_.finished()) refused_.store(true, std::memory_order_release);
+  if (!logic_.refusal().empty() &&
+      (logic_.state().phase == Phase::kRefused || logic_.state().phase == Phase::kWithdrawn))
+    refused_.store(true, std::memory_order_release);
   awaits_.store(logic_.awaits_approval(), std::memory_order_release);
-  has_refusal_.store(!logic_.refusal().empty());
   phase_.store(logic_.state().phase, std::memory_order_release);
 }
 

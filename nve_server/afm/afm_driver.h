@@ -75,7 +75,6 @@ class AfmDriver {
   std::atomic<bool> stop_{false};
   std::atomic<Phase> phase_{Phase::kChecking};
   std::atomic<bool> refused_{false};
-  std::atomic<bool> has_refusal_{false};
   std::atomic<bool> awaits_{false};
   std::thread thread_;
 };

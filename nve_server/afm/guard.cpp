@@ -34,7 +34,8 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kRetryNs = 20 * kMs;
 constexpr std::int64_t kSlowRetryNs = 500 * kMs;  // to a controller that has long not been there
 constexpr std::int64_t kLongNs = 60'000 * kMs;
-constexpr std::int64_t kReplyNs = 3000 * kMs;  // to a withdrawal that waits until it is done
+constexpr std::int64_t kLimitsReplyNs = 50 * kMs;  // the withdrawal does not wait longer for the limits
+constexpr std::int64_t kReplyNs = 3000 * kMs;      // to a withdrawal that waits until it is done
 // The start-up checks ask the emergency connection this often; the heart beat begins before anything moves.
 constexpr int kCheckRequests = 3;
 constexpr std::int64_t kAgainNs = 100 * kMs;  // before the next withdrawal
@@ -140,7 +141,7 @@ class Guard {
     retry_ns_ = now + (withdraws_ && now > begun_ns_ + kLongNs ? kSlowRetryNs : kRetryNs);
     asked_ns_ = 0;
     was_up_ = false;
-    step_ = first_step();
+    step_ = Step::kUp;  // the limits had their chance
   }
   bool write(const nanonis::Bytes& bytes, std::int64_t now) {
     std::size_t n = 0;
@@ -221,8 +222,12 @@ class Guard {
       tell("the controller has not withdrawn the tip yet; going on until it has");
     }
     if (asked_ns_ != 0) {
-      if (now > asked_ns_ + kReplyNs) drop(now);
-      return;
+      if ((step_ == Step::kLimitsOn || step_ == Step::kFloor) && now > asked_ns_ + kLimitsReplyNs) {
+        step_ = Step::kUp;  // at once: what is late is heard and passed over
+      } else {
+        if (now > asked_ns_ + kReplyNs) drop(now);
+        return;
+      }
     }
     if (now < next_ns_) return;
     if (!write(nanonis::encode_call(step_call()), now)) return;
