@@ -10,6 +10,7 @@
 
 #include "common/config/completion.h"
 #include "common/config/slave_limits_file.h"
+#include "nve_server/app/scene_loading.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/scene/scene_summary.h"
 #include "nve_server/scene/scene_terms.h"
@@ -150,7 +151,7 @@ void write_limits(const std::shared_ptr<const scene::Scene>& scene, const std::s
 }
 
 void run(const std::string& path, const std::string& limits_path) {
-  const auto scene = scene::load_scene(path);
+  const auto scene = load_scene(path);
   if (!limits_path.empty()) write_limits(scene, limits_path);
   const scene::Limits& limits = scene->limits;
   const scene::SceneSummary summary = scene::summarise(*scene);

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "common/config/completion.h"
+#include "nve_server/app/scene_loading.h"
 #include "nve_server/scene/force_curve.h"
 #include "nve_server/scene/scene.h"
 
@@ -19,7 +20,7 @@ struct Options {
 };
 
 void run(const Options& options) {
-  const auto scene = scene::load_scene(options.scene);
+  const auto scene = load_scene(options.scene);
   scene::CurvePlan plan = options.plan;
   plan.x_nm = options.x_nm.value_or(scene->start_apex_w_nm.x());
   plan.y_nm = options.y_nm.value_or(scene->start_apex_w_nm.y());

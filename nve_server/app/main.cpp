@@ -7,6 +7,7 @@
 #include "nve_server/app/check_command.h"
 #include "nve_server/app/curve_command.h"
 #include "nve_server/app/keys_command.h"
+#include "nve_server/app/scene_loading.h"
 #include "nve_server/app/serve_afm.h"
 #include "nve_server/app/serve_command.h"
 #include "nve_server/app/surface_keeper.h"
@@ -17,7 +18,7 @@
 namespace {
 
 telenano::server::ServedScene serve_scene(const std::string& path, const std::string& surface_folder) {
-  const auto scene = telenano::scene::load_scene(path);
+  const auto scene = telenano::app::load_scene(path);
   telenano::server::ServedScene served;
   served.name = telenano::server::scene_name(scene->name);
   served.hash = scene->hash;

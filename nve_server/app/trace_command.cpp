@@ -15,6 +15,7 @@
 #include "common/config/completion.h"
 #include "common/surface/gsf.h"
 #include "nve_server/app/path_file.h"
+#include "nve_server/app/scene_loading.h"
 #include "nve_server/scene/force_curve.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
@@ -93,7 +94,7 @@ void write_row(std::FILE* file, double t_s, const Vec3& end, const slave::SlaveO
 
 void run(const Options& options) {
   const std::vector<PathPoint> path = read_path(options.path);
-  const auto scene = scene::load_scene(options.scene);
+  const auto scene = load_scene(options.scene);
   slave::NveSlave slave(scene);
   if (!options.surface.empty() && slave.marked_surface() == nullptr) {
     throw UserError(options.scene +

@@ -96,6 +96,7 @@ Dilation::Dilation(const BicubicSpline& height, const DilationLattice& lattice, 
       lattice_(lattice),
       radius_(tip_radius_nm),
       t_(softening_nm),
+      level_(relief_nm == 0.0),
       paraboloid_(softening_nm > kParaboloidFrom * tip_radius_nm),
       dx_(lattice.node_dx_nm / lattice.m),
       dy_(lattice.node_dy_nm / lattice.m) {
@@ -367,6 +368,12 @@ void Dilation::make_part(int i0, int j0, int nx, int ny, int stride, DilatedNode
 std::vector<DilatedNode> Dilation::make_all() const {
   std::vector<DilatedNode> all(static_cast<std::size_t>(lattice_.columns) *
                                static_cast<std::size_t>(lattice_.rows));
+  if (level_) {
+    DilatedNode node;
+    make_part(0, 0, 1, 1, 1, &node);
+    std::fill(all.begin(), all.end(), node);
+    return all;
+  }
   std::vector<DilatedNode> tile;
   for (int tj = 0; tj < tile_rows(); ++tj) {
     for (int ti = 0; ti < tile_columns(); ++ti) {

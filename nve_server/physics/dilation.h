@@ -72,7 +72,7 @@ class Dilation {
   int tile_columns() const noexcept { return (lattice_.columns + kTile - 1) / kTile; }
   int tile_rows() const noexcept { return (lattice_.rows + kTile - 1) / kTile; }
 
-  /// All tiles, row-major over the lattice.
+  /// All tiles, row-major over the lattice. Of a level ground one node is made, which all are.
   std::vector<DilatedNode> make_all() const;
 
   const DilationLattice& lattice() const noexcept { return lattice_; }
@@ -102,6 +102,7 @@ class Dilation {
   const BicubicSpline* height_;
   DilationLattice lattice_;
   double radius_, t_;
+  bool level_;  // all nodes are one
   bool paraboloid_;
   double dx_, dy_;                   // of sub-samples
   int reach_;                        // blocks to either side

@@ -13,6 +13,8 @@ struct Mark {
   /// to which the surface has been lowered. 0: it goes to the conformity by the share by which the surface
   /// falls.
   double strain = 0;
+  /// What stands round the crater, out to twice its rim, of the volume that it has lost.
+  double pile_up = 0;
 };
 
 }  // namespace telenano::physics

@@ -101,6 +101,8 @@ class ParticleEquilibrium {
   static void wake(ParticleState& state) noexcept { state.sleep.asleep = false; }
 
   const ParticleModel& model() const noexcept { return model_; }
+  /// Of the tip, that wakes a particle.
+  double little_pull_nn() const noexcept { return little_pull_nn_; }
 
  private:
   bool rests(const ParticleBalance& balance) const noexcept;

@@ -45,8 +45,8 @@ double PotentialEquilibrium::touch_height_nm(double x_nm, double y_nm, double hi
   return z;
 }
 
-TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance& c,
-                                          PotentialState& state) const noexcept {
+TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance& c, PotentialState& state,
+                                          const Vec3& jolt) const noexcept {
   TipSolution solution;
   solution.status = SolveStatus::kNonFinite;
   if (!is_finite(free_end) || !c.allFinite()) return solution;
@@ -75,10 +75,10 @@ TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance
       const double next = std::min(1.0, gone + part);
       const Vec3 to = next < 1.0 ? Vec3(from + next * whole) : free_end;
       const double trend = straight && halvings == 0 ? part_of_trend : 0.0;
-      if (walk.follow(to, trend * trend * state.bend_w_nm)) {
+      if (walk.follow(to, trend * trend * state.bend_w_nm + (gone == 0.0 ? jolt : Vec3(Vec3::Zero())))) {
         if (straight && next == 1.0) {
           move = whole;
-          bend = walk.apex() - (state.apex_w_nm + state.follow * whole);
+          bend = walk.apex() - (state.apex_w_nm + state.follow * whole) - jolt;
         }
       } else if (halvings < kMostHalvings && !walk.spent()) {
         ++halvings;

@@ -75,14 +75,16 @@ class PotentialEquilibrium {
 
   /// Moves the free end to `free_end_w_nm`. The first call places the tip there, wherever that is, and lets
   /// it come to rest with nothing booked. No allocation, no throw. Unless the status is kOk (arguments or
-  /// energies that are no numbers), `state` is left as it was.
-  TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn,
-                      PotentialState& state) const noexcept;
+  /// energies that are no numbers), `state` is left as it was. `jolt_w_nm`: by which the apex is expected to
+  /// move because the ground has changed since the last step; costs time where it is wrong, and nothing else.
+  TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, PotentialState& state,
+                      const Vec3& jolt_w_nm = Vec3::Zero()) const noexcept;
 
   /// Height of the apex over (x, y) at which the overlap is 0: the closed form's or the fields' own touch.
   double touch_height_nm(double x_nm, double y_nm, double highest_nm) const noexcept;
 
   const TipPotential& potential() const noexcept { return potential_; }
+  const ContactFields& fields() const noexcept { return potential_.fields(); }
 
  private:
   TipPotential potential_;

@@ -117,7 +117,7 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
     const Vec3 step = -(inverse * g);
     const double length = step.norm();
     if (!(last > 0.0)) {
-      if (!(length <= kPredictorError * move.norm() + kPredictorLeast)) return false;
+      if (!(length <= kPredictorError * (move.norm() + bend.norm()) + kPredictorLeast)) return false;
     } else if (!(length <= kContraction * last || length < kNoise)) {
       return false;
     }

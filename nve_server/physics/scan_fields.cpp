@@ -6,7 +6,9 @@
 #include <bit>
 #include <cmath>
 
+#include "common/base/det_math.h"
 #include "common/base/error.h"
+#include "nve_server/physics/cubic_weights.h"
 
 namespace telenano::physics {
 namespace {
@@ -41,12 +43,9 @@ const std::vector<double>& checked(const std::vector<double>& softenings_nm) {
 /// Value, ∂x, ∂y, ∂xx, ∂xy, ∂yy of one field.
 enum { kValue, kX, kY, kXx, kXy, kYy };
 
-struct Weights {
-  double value[4], slope[4], bend[4];
-};
+using Weights = CubicWeights;
 
-// Cubic B-splines that reach into a cell at u in [0, 1], and their derivatives along the length (`inv` is
-// 1/h), of both axes at once.
+// cubic_weights.h's of both axes at once.
 inline void weights(double u_x, double u_y, double inv_x, double inv_y, Weights& wx, Weights& wy) noexcept {
   const auto both = [](double a) { return _mm_set1_pd(a); };
   const __m128d u = _mm_set_pd(u_y, u_x), inv = _mm_set_pd(inv_y, inv_x);
@@ -139,8 +138,9 @@ inline void stencil_of_one(const double* corner, std::ptrdiff_t stride, const We
   }
 }
 
-/// Where x is in the mirrored scan, in [0, extent], and whether it runs backwards there.
-double mirrored(double offset, double extent, bool& backwards) noexcept {
+}  // namespace
+
+double ScanFields::mirrored(double offset, double extent, bool& backwards) noexcept {
   double u = offset / extent;
   backwards = false;
   if (!(u >= 0.0 && u <= 1.0)) {
@@ -154,8 +154,6 @@ double mirrored(double offset, double extent, bool& backwards) noexcept {
   }
   return offset;
 }
-
-}  // namespace
 
 struct ScanFields::Place {
   double x, y;  // from the first node, mirrored
@@ -206,48 +204,25 @@ double missing_cosine(double coarse, double fine) {
 }  // namespace
 
 ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
-                       const std::vector<double>& fixed_softenings_nm)
-    : rule_(rule),
-      radius_(tip_radius_nm),
-      levels_(0),
-      x_first_(checked(grid, tip_radius_nm, rule).x_first_nm),
-      y_first_(grid.y_first_nm),
-      width_((grid.columns - 1) * grid.dx_nm),
-      length_((grid.rows - 1) * grid.dy_nm) {
-  levels_ = level_count(rule);
+                       const std::vector<double>& fixed_softenings_nm,
+                       const std::function<void(double)>& made)
+    : rule_(rule), radius_(tip_radius_nm) {
+  checked(grid, tip_radius_nm, rule);
   const BicubicSpline height = BicubicSpline::interpolating(grid);
   const auto [lowest, highest] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
   // The spline may overshoot its samples by a seventh of a step.
   const double relief = 1.3 * (*highest - *lowest);
-  const int grids = (levels_ + 1) / 2;
-  // The finest grid has half a pixel, but need not be finer than a foot of radius R at t0, unless the area is
-  // small: over a groove, where two feet meet, the fields have creases t0 over the difference of their slopes
-  // wide, which a finer grid rounds off less. The others are twice as wide each from the third on, so that
-  // their nodes are nodes of the finer ones.
-  constexpr double kSmallNodes = 131072;
-  const double half_pixel = 0.5 * std::min(grid.dx_nm, grid.dy_nm);
-  const double foot = std::sqrt(tip_radius_nm * rule.finest_nm) / 1.2;
-  const double finest = std::clamp(std::sqrt(width_ * length_ / kSmallNodes),
-                                   std::max(half_pixel, 0.25 * foot), std::max(half_pixel, foot));
-  const int doublings = std::max(0, grids - 2);
-  const DilationLattice top = dilation_lattice(height, finest * (1 << doublings), INFINITY);
+  const DilationLattice top = lay_out(grid, height, checked(fixed_softenings_nm));
   const auto quasi = [](double before, double here, double after) {
     return (8.0 * here - before - after) / 6.0;
   };
-  // A grid of nodes half as far apart at each split.
-  const auto grid_split = [&](int split, int lanes) {
-    Grid fields;
-    fields.columns = (top.columns - 1) * split + 1;
-    fields.rows = (top.rows - 1) * split + 1;
-    fields.inv_dx = (fields.columns - 1) / width_;
-    fields.inv_dy = (fields.rows - 1) / length_;
-    fields.coefficients.resize(static_cast<std::size_t>(fields.columns + 2) *
-                               static_cast<std::size_t>(fields.rows + 2) * static_cast<std::size_t>(lanes));
-    return fields;
-  };
+  // A node costs about the same at every level.
+  double all = 0, done = 0;
+  for (const Grid& fields : grids_) all += 2.0 * fields.columns * fields.rows;
+  for (const Layer& layer : layers_) all += static_cast<double>(layer.grid.columns) * layer.grid.rows;
   // H, ρ, c at softening t into three lanes from `lane` on.
-  const auto fill = [&](Grid& fields, int lanes, int lane, double t) {
-    const int stride = fields.columns + 2;
+  const auto fill = [&](Grid& fields, int lane, double t) {
+    fields.made->resize(fields.size());
     DilationLattice lattice = top;
     lattice.columns = fields.columns;
     lattice.rows = fields.rows;
@@ -275,39 +250,108 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
           least = std::min({least, a.cosine, b.cosine, c.cosine});
           most = std::max({most, a.cosine, b.cosine, c.cosine});
         }
-        double* at =
-            &fields.coefficients[(static_cast<std::size_t>(j + 1) * static_cast<std::size_t>(stride) +
-                                  static_cast<std::size_t>(i + 1)) *
-                                     static_cast<std::size_t>(lanes) +
-                                 static_cast<std::size_t>(lane)];
+        double* at = fields.made->data() + static_cast<std::ptrdiff_t>(j + 1) * fields.stride() +
+                     (i + 1) * fields.lanes + lane;
         for (int k = 0; k < 3; ++k) at[k] = quasi(line[0][k], line[1][k], line[2][k]);
         at[2] = std::clamp(at[2], least, most);
       }
     }
+    done += static_cast<double>(fields.columns) * fields.rows;
+    if (made) made(done / all);
   };
-  const auto split_of = [&](int g) { return 1 << (doublings - std::max(0, g - 1)); };
-  for (int g = 0; g < grids; ++g) {
-    Grid fields = grid_split(split_of(g), kLanes);
+  for (std::size_t g = 0; g < grids_.size(); ++g) {
+    Grid& fields = grids_[g];
     for (int half = 0; half < 2; ++half) {
-      const double t = rule.finest_nm * (1 << std::min(2 * g + half, levels_ - 1));
-      fill(fields, kLanes, 3 * half, t);
-      if (half == 0 && g > 0) hold_growth(grids_.back(), fields, 0.5 * t);
+      const double t = rule.finest_nm * (1 << std::min(2 * static_cast<int>(g) + half, levels_ - 1));
+      fill(fields, 3 * half, t);
+      if (half == 0 && g > 0) hold_growth(grids_[g - 1], fields, 0.5 * t);
     }
     hold_growth(fields, rule.finest_nm * (1 << (2 * g)));
-    grids_.push_back(std::move(fields));
   }
-  for (const double t : checked(fixed_softenings_nm)) {
-    const int g = std::min(grids - 1, static_cast<int>(level_of_softening(rule, t)) / 2);
-    Layer layer{t, grid_split(split_of(g), kLayerLanes)};
-    fill(layer.grid, kLayerLanes, 0, t);
-    layers_.push_back(std::move(layer));
+  for (Layer& layer : layers_) fill(layer.grid, 0, layer.softening_nm);
+}
+
+DilationLattice ScanFields::lay_out(const HeightGrid& grid, const BicubicSpline& height,
+                                    const std::vector<double>& fixed_softenings_nm) {
+  x_first_ = grid.x_first_nm;
+  y_first_ = grid.y_first_nm;
+  width_ = (grid.columns - 1) * grid.dx_nm;
+  length_ = (grid.rows - 1) * grid.dy_nm;
+  levels_ = level_count(rule_);
+  const int grids = (levels_ + 1) / 2;
+  // The finest grid has half a pixel, but need not be finer than a foot of radius R at t0, unless the area is
+  // small: over a groove, where two feet meet, the fields have creases t0 over the difference of their slopes
+  // wide, which a finer grid rounds off less. The others are twice as wide each from the third on, so that
+  // their nodes are nodes of the finer ones.
+  constexpr double kSmallNodes = 131072;
+  const double half_pixel = 0.5 * std::min(grid.dx_nm, grid.dy_nm);
+  const double foot = std::sqrt(radius_ * rule_.finest_nm) / 1.2;
+  const double finest = std::clamp(std::sqrt(width_ * length_ / kSmallNodes),
+                                   std::max(half_pixel, 0.25 * foot), std::max(half_pixel, foot));
+  const int doublings = std::max(0, grids - 2);
+  const DilationLattice top = dilation_lattice(height, finest * (1 << doublings), INFINITY);
+  const auto grid_at = [&](int g, int lanes) {
+    Grid fields;
+    const int split = 1 << (doublings - std::max(0, g - 1));
+    fields.lanes = lanes;
+    fields.columns = (top.columns - 1) * split + 1;
+    fields.rows = (top.rows - 1) * split + 1;
+    fields.inv_dx = (fields.columns - 1) / width_;
+    fields.inv_dy = (fields.rows - 1) / length_;
+    return fields;
+  };
+  for (int g = 0; g < grids; ++g) grids_.push_back(grid_at(g, kLanes));
+  for (const double t : fixed_softenings_nm) {
+    const int g = std::min(grids - 1, static_cast<int>(level_of_softening(rule_, t)) / 2);
+    layers_.push_back({t, grid_at(g, kLayerLanes)});
   }
+  return top;
+}
+
+std::vector<std::span<const double>> ScanFields::coefficients() const {
+  std::vector<std::span<const double>> all;
+  for (const Grid& grid : grids_) all.emplace_back(*grid.made);
+  for (const Layer& layer : layers_) all.emplace_back(*layer.grid.made);
+  return all;
+}
+
+std::optional<ScanFields> ScanFields::restored(const HeightGrid& grid, double tip_radius_nm,
+                                               const SofteningRule& rule,
+                                               const std::vector<double>& fixed_softenings_nm,
+                                               std::vector<std::vector<double>> coefficients) {
+  checked(grid, tip_radius_nm, rule);
+  ScanFields fields;
+  fields.rule_ = rule;
+  fields.radius_ = tip_radius_nm;
+  fields.lay_out(grid, BicubicSpline::interpolating(grid), checked(fixed_softenings_nm));
+  if (coefficients.size() != fields.grids_.size() + fields.layers_.size()) return {};
+  const auto [lowest, highest] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
+  // A spline's coefficients are within some times its values; the dilated ground is higher than the scan by
+  // less than R(1/kConeCosine − 1), at most.
+  const double room = 3.0 * (*highest - *lowest) + 10.0 * tip_radius_nm;
+  constexpr double kMostLogRatio = 30.0;
+  const double log_radius = det_log(tip_radius_nm);
+  for (std::size_t g = 0; g < coefficients.size(); ++g) {
+    const std::size_t grids = fields.grids_.size();
+    Grid& one = g < grids ? fields.grids_[g] : fields.layers_[g - grids].grid;
+    const std::vector<double>& c = coefficients[g];
+    if (c.size() != one.size()) return {};
+    bool good = true;
+    const std::size_t step = one.lanes == kLanes ? 3 : kLayerLanes;
+    for (std::size_t k = 0; k < c.size(); k += step) {
+      good = good && c[k] > *lowest - room && c[k] < *highest + room &&
+             std::abs(c[k + 1] - log_radius) < kMostLogRatio && c[k + 2] > 0.01 && c[k + 2] < 1.01;
+    }
+    if (!good) return {};
+    *one.made = std::move(coefficients[g]);
+  }
+  return fields;
 }
 
 // Of two levels on one grid: where each coefficient is high enough the fields are everywhere.
 void ScanFields::hold_growth(Grid& grid, double fine_t) {
-  for (std::size_t k = 0; k < grid.coefficients.size(); k += kLanes) {
-    double* c = &grid.coefficients[k];
+  for (std::size_t k = 0; k < grid.made->size(); k += kLanes) {
+    double* c = &(*grid.made)[k];
     c[3] += std::max(0.0, missing_height(c[3], c[0], fine_t));
     c[5] += std::max(0.0, missing_cosine(c[5], c[2]));
   }
@@ -329,17 +373,16 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
   constexpr Line kNode{{1.0 / 6, 4.0 / 6, 1.0 / 6}, 3, 1.0};
   constexpr Line kHalfWay{{23.0 / 48, 23.0 / 48, 0.0}, 2, 23.0 / 24};
   if (finer.columns == coarse.columns) {
-    for (std::size_t k = 0; k < coarse.coefficients.size(); k += kLanes) {
-      double* c = &coarse.coefficients[k];
-      c[0] += std::max(0.0, missing_height(c[0], finer.coefficients[k + 3], fine_t));
-      c[2] += std::max(0.0, missing_cosine(c[2], finer.coefficients[k + 5]));
+    for (std::size_t k = 0; k < coarse.made->size(); k += kLanes) {
+      double* c = &(*coarse.made)[k];
+      c[0] += std::max(0.0, missing_height(c[0], (*finer.made)[k + 3], fine_t));
+      c[2] += std::max(0.0, missing_cosine(c[2], (*finer.made)[k + 5]));
     }
     return;
   }
   for (int j = 0; j < finer.rows; ++j) {
     for (int i = 0; i < finer.columns; ++i) {
-      const double* fine =
-          &finer.coefficients[static_cast<std::size_t>((j + 1) * fine_stride + (i + 1) * kLanes)];
+      const double* fine = &(*finer.made)[static_cast<std::size_t>((j + 1) * fine_stride + (i + 1) * kLanes)];
       const auto fine_value = [&](int lane) {
         const auto line = [&](const double* c) {
           return c[lane - kLanes] + 4.0 * c[lane] + c[lane + kLanes];
@@ -363,8 +406,7 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
       for (int r = 0; r < 4; ++r) {
         for (int k = 0; k < 4; ++k) {
           if (wj[r] * wi[k] == 0.0) continue;
-          const double* c =
-              &coarse.coefficients[static_cast<std::size_t>((cj + r) * stride + (ci + k) * kLanes)];
+          const double* c = &(*coarse.made)[static_cast<std::size_t>((cj + r) * stride + (ci + k) * kLanes)];
           height += wj[r] * wi[k] * c[0];
           cosine += wj[r] * wi[k] * c[2];
         }
@@ -393,7 +435,7 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
       // image() of the inner one beside the rim: the two share the greater rise.
       const int mi = i == 2 ? 0 : (i == columns - 3 ? columns - 1 : image(i, columns));
       const int mj = j == 2 ? 0 : (j == rows - 3 ? rows - 1 : image(j, rows));
-      double* c = &coarse.coefficients[static_cast<std::size_t>(j * stride + i * kLanes)];
+      double* c = &(*coarse.made)[static_cast<std::size_t>(j * stride + i * kLanes)];
       const double* all[4] = {from(i, j), from(mi, j), from(i, mj), from(mi, mj)};
       double height = 0, cosine = 0;
       for (const double* one : all) {
@@ -408,15 +450,15 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
 
 std::size_t ScanFields::bytes() const noexcept {
   std::size_t bytes = 0;
-  for (const Grid& grid : grids_) bytes += grid.coefficients.size() * sizeof(double);
-  for (const Layer& layer : layers_) bytes += layer.grid.coefficients.size() * sizeof(double);
+  for (const Grid& grid : grids_) bytes += grid.made->size() * sizeof(double);
+  for (const Layer& layer : layers_) bytes += layer.grid.made->size() * sizeof(double);
   return bytes;
 }
 
 std::uint64_t ScanFields::hash() const noexcept {
   std::uint64_t hash = 14695981039346656037ull;
-  for (const Grid& grid : grids_) {
-    for (const double c : grid.coefficients) {
+  for (const std::span<const double> of_grid : coefficients()) {
+    for (const double c : of_grid) {
       std::uint64_t bits = std::bit_cast<std::uint64_t>(c);
       for (int byte = 0; byte < 8; ++byte, bits >>= 8) hash = (hash ^ (bits & 0xff)) * 1099511628211ull;
     }
@@ -430,10 +472,31 @@ double ScanFields::touch_height_nm(double x_nm, double y_nm) const noexcept {
   const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
   const std::ptrdiff_t stride = (grid.columns + 2) * kLanes;
   double jet[6];
-  stencil_of_one<kLanes>(
-      &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)], stride, cell.wx,
-      cell.wy, jet);
+  stencil_of_one<kLanes>(grid.corner(cell.column, cell.row), stride, cell.wx, cell.wy, jet);
   return jet[kValue];
+}
+
+void ScanFields::ground_at(const Vec3& apex_w_nm, double& cosine,
+                           double& unmarked_log_radius) const noexcept {
+  const Place at = place(apex_w_nm.x(), apex_w_nm.y());
+  const double v0 = apex_w_nm.z() - touch_height_nm(apex_w_nm.x(), apex_w_nm.y());
+  const LevelBlend blend = blend_levels(softening_level(rule_, v0).level, levels_);
+  cosine = unmarked_log_radius = 0;
+  for (int k = 0; k < 3; ++k) {
+    if (blend.weight[k] == 0.0) continue;
+    const int level = blend.first + k;
+    const Grid& grid = grids_[static_cast<std::size_t>(level / 2)];
+    const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
+    const std::ptrdiff_t stride = grid.stride();
+    const double* const now = grid.corner(cell.column, cell.row);
+    const double* const made = grid.made->data() + cell.row * stride + cell.column * kLanes;
+    const int lane = 3 * (level % 2);
+    double jet[6];
+    stencil_of_one<kLanes>(now + lane + 2, stride, cell.wx, cell.wy, jet);
+    cosine += blend.weight[k] * jet[kValue];
+    stencil_of_one<kLanes>(made + lane + 1, stride, cell.wx, cell.wy, jet);
+    unmarked_log_radius += blend.weight[k] * jet[kValue];
+  }
 }
 
 namespace {
@@ -511,8 +574,7 @@ void ScanFields::contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexce
   const Grid& finest = grids_[0];
   const Cell cell = cell_of(at.x, at.y, finest.columns, finest.rows, finest.inv_dx, finest.inv_dy);
   const std::ptrdiff_t stride = (finest.columns + 2) * kLanes;
-  const double* corner =
-      &finest.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)];
+  const double* corner = finest.corner(cell.column, cell.row);
   double fine[6][6];
   stencil_of_one<kLanes>(corner, stride, cell.wx, cell.wy, fine[0]);
   const SofteningLevel level = softening_level(rule_, z - fine[0][kValue]);
@@ -534,9 +596,7 @@ void ScanFields::growing_at(const Vec3& apex_w_nm, const SofteningRule& rule,
   const Cell cell = cell_of(at.x, at.y, finest.columns, finest.rows, finest.inv_dx, finest.inv_dy);
   const std::ptrdiff_t stride = (finest.columns + 2) * kLanes;
   double fine[6];
-  stencil_of_one<kLanes>(
-      &finest.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)], stride,
-      cell.wx, cell.wy, fine);
+  stencil_of_one<kLanes>(finest.corner(cell.column, cell.row), stride, cell.wx, cell.wy, fine);
   SofteningLevel level = softening_level(rule, z - fine[kValue]);
   level.level += level_of_softening(rule_, rule.finest_nm);
   blended(at, blend_levels(level.level, levels_), fine, z, level, jet);
@@ -556,9 +616,7 @@ void ScanFields::at_softening(const Vec3& apex_w_nm, double softening_nm, Contac
     const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
     const std::ptrdiff_t stride = (grid.columns + 2) * kLayerLanes;
     double jets[4][6];
-    stencil<2, kLayerLanes>(
-        &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLayerLanes)], stride,
-        cell.wx, cell.wy, jets);
+    stencil<2, kLayerLanes>(grid.corner(cell.column, cell.row), stride, cell.wx, cell.wy, jets);
     contact_of(level_in_space(jets[0]), level_in_space(jets[1]), level_in_space(jets[2]), apex_w_nm.z(),
                at.back_x, at.back_y, jet);
     return;
@@ -579,8 +637,7 @@ void ScanFields::values_at_softening(const Vec3& apex_w_nm, double softening_nm,
   const Grid& grid = layer->grid;
   const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
   const std::ptrdiff_t stride = (grid.columns + 2) * kLayerLanes;
-  const double* corner =
-      &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLayerLanes)];
+  const double* corner = grid.corner(cell.column, cell.row);
   double height = 0, radius = 0, cosine = 0;
   for (int j = 0; j < 4; ++j) {
     double line[3] = {0, 0, 0};
@@ -604,8 +661,7 @@ void ScanFields::blended(const Place& at, const LevelBlend& blend, const double 
     const Grid& grid = grids_[static_cast<std::size_t>(g)];
     const Cell cell = cell_of(at.x, at.y, grid.columns, grid.rows, grid.inv_dx, grid.inv_dy);
     const std::ptrdiff_t stride = (grid.columns + 2) * kLanes;
-    const double* corner =
-        &grid.coefficients[static_cast<std::size_t>(cell.row * stride + cell.column * kLanes)];
+    const double* corner = grid.corner(cell.column, cell.row);
     double jets[6][6];
     const bool odd = (blend.first + k) % 2 == 1;
     const bool both = !odd && k < 2;

@@ -2,6 +2,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
 #include <vector>
 
 #include "nve_server/physics/contact_fields.h"
@@ -10,6 +15,21 @@
 #include "nve_server/physics/softening.h"
 
 namespace telenano::physics {
+
+/// An impression in the fields of the apex.
+struct FieldMark {
+  double x_nm = 0;  ///< of the apex
+  double y_nm = 0;
+  double depth_nm = 0;         ///< by which H falls there, at all softenings
+  double radius_nm = 0;        ///< of the crater's rim
+  double log_radius_rise = 0;  ///< by which ρ rises there, at all softenings
+  /// ε of the material (flow_family.h): around the mark ρ rises by what belongs to the depth to which H
+  /// falls.
+  double strain = 0;
+  double last_radius_nm = 1e9;  ///< at which the radius stops rising
+  /// What stands in the rim afterwards, of the volume that the crater has lost.
+  double pile_up = 0;
+};
 
 /// The ground of a scan as fields of the apex: levels of softening t0 2^k (dilation.h), blended over the
 /// level that softening.h gives to the distance from touch.
@@ -31,12 +51,44 @@ namespace telenano::physics {
 /// Blend     Value and gradient go on without a step; second derivatives step where three levels become the
 ///           next three (quadratic B-splines over the level).
 /// Outside   the scan its mirror image goes on.
+/// Marks     press() changes coefficients, which belong to the session: a copy shares what was made, and has
+///           tiles of kTile × kTile coefficients of its own where it has been pressed. Memory for them is
+///           reserved in whole when a copy is made for marks, and taken page by page as tiles are written (at
+///           once where the process locks its memory), so that a step never allocates.
 class ScanFields final : public ContactFields {
  public:
   /// Needs at least 2×2 finite samples, positive spacing, radius and softenings; UserError. For each of the
   /// `fixed_softenings_nm` at_softening() has a layer made at just that length: exact, and one stencil.
+  /// `made`, if given, hears now and then which part of the work is done, from 0 to 1.
   ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
-             const std::vector<double>& fixed_softenings_nm = {});
+             const std::vector<double>& fixed_softenings_nm = {},
+             const std::function<void(double)>& made = {});
+
+  /// What the constructor makes of the same arguments may be kept, and brought back: coefficients() of each
+  /// grid and layer, valid for the version that made them. None where these coefficients cannot be such:
+  /// their number, a value that is no number, a height, radius or cosine that no ground of this relief has.
+  /// Whether they are of this ground only who kept them can know.
+  static constexpr std::uint32_t kVersion = 2;
+  std::vector<std::span<const double>> coefficients() const;
+  static std::optional<ScanFields> restored(const HeightGrid& grid, double tip_radius_nm,
+                                            const SofteningRule& rule,
+                                            const std::vector<double>& fixed_softenings_nm,
+                                            std::vector<std::vector<double>> coefficients);
+
+  /// For marks: the same ground, to be pressed by one session. `unmarked` may end before it.
+  static ScanFields for_marks(const ScanFields& unmarked);
+
+  /// Afterwards, at the apex (x, y) of the mark and all softenings: H is less by the depth, ρ is more by the
+  /// rise, slopes of H are what they were (to rounding); δ at (x, y, z) is what it was at (x, y, z + depth).
+  /// Nothing has changed further than twice the rim, or some nodes, from it. A mark that is no number, or has
+  /// a negative depth, radius or pile-up, changes nothing, nor does one on fields that are not for_marks().
+  /// No allocation. Takes O(radius²/node²).
+  void press(const FieldMark& mark) noexcept;
+  /// Cosine of the feet at an apex, and ρ there as it was before any mark, both at the softening that
+  /// contact_at() has there.
+  void ground_at(const Vec3& apex_w_nm, double& cosine, double& unmarked_log_radius) const noexcept;
+  /// Coefficients of this session's own, in bytes: what has been pressed.
+  std::size_t own_bytes() const noexcept;
 
   void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept override;
   void growing_at(const Vec3& apex_w_nm, const SofteningRule& rule, ContactJet& jet) const noexcept override;
@@ -57,10 +109,38 @@ class ScanFields final : public ContactFields {
 
  private:
   static constexpr int kLanes = 6;  // H, ρ, c of the even level, then of the odd one
+  static constexpr int kTile = 16;  // coefficients along a side
+  struct Release {
+    void operator()(double* p) const noexcept { std::free(p); }
+  };
   struct Grid {
+    int lanes = kLanes;
     int columns = 0, rows = 0;  // of nodes
     double inv_dx = 1, inv_dy = 1;
-    std::vector<double> coefficients;  // (columns + 2)(rows + 2) kLanes, one node more at either side
+    // (columns + 2)(rows + 2) lanes, one node more at either side; shared by all copies.
+    std::shared_ptr<std::vector<double>> made = std::make_shared<std::vector<double>>();
+    // The same layout, where a session has pressed. A tile is `copied` when its coefficients are in `own`,
+    // and `usable` when those of the next ones are, too, which the stencils that begin in it reach.
+    std::unique_ptr<double[], Release> own;
+    std::vector<std::uint8_t> copied, usable;
+    int tiles_across = 0;
+
+    int stride() const noexcept { return (columns + 2) * lanes; }
+    std::size_t size() const noexcept {
+      return static_cast<std::size_t>(columns + 2) * static_cast<std::size_t>(rows + 2) *
+             static_cast<std::size_t>(lanes);
+    }
+    /// Where the 4 × 4 coefficients of a cell begin.
+    const double* corner(int column, int row) const noexcept {
+      const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(stride()) +
+                             static_cast<std::size_t>(column) * static_cast<std::size_t>(lanes);
+      const bool pressed =
+          own && usable[static_cast<std::size_t>((row / kTile) * tiles_across + column / kTile)];
+      return (pressed ? own.get() : made->data()) + at;
+    }
+    void make_usable(int first_column, int last_column, int first_row, int last_row) noexcept;
+    void press(const FieldMark& mark, double x, double y) noexcept;
+    Grid for_marks() const;
   };
   struct Layer {
     double softening_nm = 0;
@@ -68,6 +148,12 @@ class ScanFields final : public ContactFields {
   };
   static constexpr int kLayerLanes = 4;  // H, ρ, c, 0
   const Layer* layer_of(double softening_nm) const noexcept;
+  ScanFields() = default;
+  /// All but the coefficients; the lattice of the coarsest grid.
+  DilationLattice lay_out(const HeightGrid& grid, const BicubicSpline& height,
+                          const std::vector<double>& fixed_softenings_nm);
+  /// Where x is in the mirrored scan, in [0, extent], and whether it runs backwards there.
+  static double mirrored(double offset, double extent, bool& backwards) noexcept;
   static void hold_growth(Grid& grid, double fine_t);
   static void hold_growth(const Grid& finer, Grid& coarse, double fine_t);
   struct Place;
@@ -76,9 +162,9 @@ class ScanFields final : public ContactFields {
                const SofteningLevel& level, ContactJet& jet) const noexcept;
 
   SofteningRule rule_;
-  double radius_;
-  int levels_;
-  double x_first_, y_first_, width_, length_;
+  double radius_ = 0;
+  int levels_ = 0;
+  double x_first_ = 0, y_first_ = 0, width_ = 0, length_ = 0;
   std::vector<Grid> grids_;
   std::vector<Layer> layers_;
 };

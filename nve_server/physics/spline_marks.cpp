@@ -20,6 +20,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "nve_server/physics/crater.h"
 #include "nve_server/physics/flow_family.h"
 #include "nve_server/physics/relative_curvature.h"
 #include "nve_server/physics/spline_surface.h"
@@ -29,40 +30,40 @@ namespace {
 
 constexpr double kLeastCells = 2.0;  // narrower a crater cannot be on the grid
 
-// φ at (ξ, η).
-double level_of(double xi, double eta) noexcept {
-  const double rho_sq = xi * xi + eta * eta;
-  if (!(rho_sq < 1.0)) return 0.0;
-  const double rest = 1.0 - rho_sq * rho_sq;
-  return rest * rest;
-}
+}  // namespace
 
-// Unknowns a, b, c from three equations, by elimination. On the rim the slope across is nil whatever is done:
-// that equation is empty then, and its unknown left at 0.
-void solve(double (&m)[3][4], double (&out)[3]) noexcept {
-  constexpr double kEmpty = 1e-9;
-  bool used[3];
-  for (int k = 0; k < 3; ++k) {
-    used[k] = std::abs(m[k][k]) > kEmpty;
-    if (!used[k]) continue;
-    for (int i = k + 1; i < 3; ++i) {
-      const double factor = m[i][k] / m[k][k];
-      for (int j = k; j < 4; ++j) m[i][j] -= factor * m[k][j];
+// Raises coefficients round a crater by `volume` (the sum of what they rise) in all. The 16 that reach its
+// deepest point stay. False: nothing to be piled up, or nowhere.
+bool SplineSurface::heap_up(double x, double y, double radius, double volume) noexcept {
+  if (!(volume > 0.0)) return false;
+  const BicubicSpline::Stencil at = height_.stencil(x, y);
+  const double reach = kHeapReach * radius;
+  const int first_row = height_.row_of(y - reach), last_row = height_.row_of(y + reach);
+  const int first_column = height_.column_of(x - reach), last_column = height_.column_of(x + reach);
+  double sum = 0;
+  for (const bool count : {true, false}) {
+    if (!count && !(sum > 0.0)) return false;
+    for (int row = first_row; row <= last_row; ++row) {
+      const double eta = (height_.node_y_nm(row) - y) / radius;
+      for (int column = first_column; column <= last_column; ++column) {
+        if (row >= at.row && row <= at.row + 3 && column >= at.column && column <= at.column + 3) continue;
+        const double level = heap_level((height_.node_x_nm(column) - x) / radius, eta);
+        if (!(level > 0.0)) continue;
+        if (count) {
+          sum += level;
+        } else {
+          height_.set_coefficient(column, row, height_.coefficient(column, row) + volume / sum * level);
+        }
+      }
     }
   }
-  for (int k = 2; k >= 0; --k) {
-    double sum = m[k][3];
-    for (int j = k + 1; j < 3; ++j) sum -= m[k][j] * out[j];
-    out[k] = used[k] ? sum / m[k][k] : 0.0;
-  }
+  return true;
 }
-
-}  // namespace
 
 void SplineSurface::press(const Mark& mark) noexcept {
   if (!(std::isfinite(mark.x_nm) && std::isfinite(mark.y_nm) && std::isfinite(mark.depth_nm) &&
         std::isfinite(mark.radius_nm) && std::isfinite(mark.conformity) && mark.depth_nm >= 0.0 &&
-        mark.radius_nm >= 0.0)) {
+        mark.radius_nm >= 0.0 && mark.pile_up >= 0.0 && std::isfinite(mark.pile_up))) {
     return;
   }
   const double x = std::clamp(mark.x_nm, x_first_nm(), x_last_nm());
@@ -79,7 +80,7 @@ void SplineSurface::press(const Mark& mark) noexcept {
     const double eta = eta_of(BicubicSpline::folded(at.row + r, height_.rows()));
     for (int c = 0; c < 4; ++c) {
       const double xi = xi_of(BicubicSpline::folded(at.column + c, height_.columns()));
-      const double level = level_of(xi, eta);
+      const double level = crater_level(xi, eta);
       const double terms[3] = {level, level * xi, level * eta};
       const double weight[3] = {at.x_value[c] * at.y_value[r], at.x_slope[c] * at.y_value[r],
                                 at.x_value[c] * at.y_slope[r]};
@@ -89,7 +90,7 @@ void SplineSurface::press(const Mark& mark) noexcept {
     }
   }
   double a[3];
-  solve(moments, a);
+  solve_crater(moments, a);
 
   // Coefficients within the rim, and the 16.
   const auto clamped_column = [&](int i) { return std::clamp(i, 0, height_.columns() - 1); };
@@ -98,15 +99,17 @@ void SplineSurface::press(const Mark& mark) noexcept {
   const int last_column = std::max(height_.column_of(x + radius), clamped_column(at.column + 3));
   const int first_row = std::min(height_.row_of(y - radius), clamped_row(at.row));
   const int last_row = std::max(height_.row_of(y + radius), clamped_row(at.row + 3));
+  double lost = 0;
   for (int row = first_row; row <= last_row; ++row) {
     const double eta = eta_of(row);
     const bool row_reaches = row >= at.row && row <= at.row + 3;
     for (int column = first_column; column <= last_column; ++column) {
       const double xi = xi_of(column);
-      const double level = level_of(xi, eta);
+      const double level = crater_level(xi, eta);
       const double fall = level > 0.0 ? level * (a[0] + a[1] * xi + a[2] * eta) : 0.0;
       if (level > 0.0) {
         height_.set_coefficient(column, row, height_.coefficient(column, row) - fall);
+        lost += fall;
       }
       if (mark.strain > 0.0) {
         if (fall > 0.0) {
@@ -141,11 +144,17 @@ void SplineSurface::press(const Mark& mark) noexcept {
     }
   }
 
+  const double reach = heap_up(x, y, radius, mark.pile_up * lost) ? kHeapReach * radius : radius;
+  const int left = std::min(first_column, height_.column_of(x - reach));
+  const int right = std::max(last_column, height_.column_of(x + reach));
+  const int low = std::min(first_row, height_.row_of(y - reach));
+  const int high = std::max(last_row, height_.row_of(y + reach));
+
   // The nodes that these coefficients reach: one further in each direction.
-  const double reach_sq = (radius + 1.4143 * cell_) * (radius + 1.4143 * cell_);
-  for (int row = clamped_row(first_row - 1); row <= clamped_row(last_row + 1); ++row) {
+  const double reach_sq = (reach + 1.4143 * cell_) * (reach + 1.4143 * cell_);
+  for (int row = clamped_row(low - 1); row <= clamped_row(high + 1); ++row) {
     const double ey = height_.node_y_nm(row) - y;
-    for (int column = clamped_column(first_column - 1); column <= clamped_column(last_column + 1); ++column) {
+    for (int column = clamped_column(left - 1); column <= clamped_column(right + 1); ++column) {
       const double ex = height_.node_x_nm(column) - x;
       if (ex * ex + ey * ey > reach_sq) continue;
       const double z = height_.node_value(column, row);

@@ -94,6 +94,7 @@ class SplineSurface final : public Surface {
   double y_last_nm() const noexcept { return height_.y_last_nm(); }
 
  private:
+  bool heap_up(double x_nm, double y_nm, double radius_nm, double volume) noexcept;
   struct Foot;
   Foot descend(const Vec3& centre_w_nm, double x_nm, double y_nm, const HeightJet& start,
                bool jet_is_old) const noexcept;

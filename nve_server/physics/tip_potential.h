@@ -68,6 +68,7 @@ class TipPotential {
   static constexpr int kMostEnds = 4;
 
   const BranchPotential& potential() const noexcept { return *potential_; }
+  const std::shared_ptr<const BranchPotential>& shared_potential() const noexcept { return potential_; }
   const ContactFields& fields() const noexcept { return *fields_; }
 
  private:

@@ -14,6 +14,7 @@
 #include "nve_server/physics/softening.h"
 #include "nve_server/physics/sphere_surface.h"
 #include "nve_server/physics/spline_surface.h"
+#include "nve_server/scene/fields_cache.h"
 #include "nve_server/scene/levelling.h"
 #include "nve_server/scene/readers.h"
 
@@ -25,6 +26,7 @@ using config::TomlTable;
 using physics::HeightGrid;
 
 constexpr double kRadPerDeg = kPi / 180.0;
+constexpr double kPileUp = 1.0;  // flow keeps the volume
 
 /// What a surface is made of until it is known whether it has to be a grid.
 struct Built {
@@ -149,8 +151,23 @@ void keep_inside(const physics::SplineSurface& surface, const TomlTable& limits,
   ground.y_max_nm = surface.y_last_nm() - margin;
 }
 
+physics::ScanFields fields_of(const HeightGrid& grid, double radius, const physics::SofteningRule& rule,
+                              const std::vector<double>& fixed_nm, const SceneLoading& loading,
+                              SurfaceDescription& ground) {
+  if (loading.fields_cache.empty())
+    return physics::ScanFields(grid, radius, rule, fixed_nm, loading.progress);
+  const FieldsCache cache(loading.fields_cache);
+  if (auto kept = cache.find(grid, radius, rule, fixed_nm)) {
+    ground.fields_from_cache = true;
+    return std::move(*kept);
+  }
+  physics::ScanFields fields(grid, radius, rule, fixed_nm, loading.progress);
+  cache.keep(grid, radius, rule, fixed_nm, fields);
+  return fields;
+}
+
 std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGrid& grid,
-                                                                  const Scene& scene) {
+                                                                  const SceneLoading& loading, Scene& scene) {
   const physics::TipSampleParameters& p = scene.law_parameters;
   const double radius = scene.probe.tip_radius_nm;
   const physics::SofteningRule rule = physics::softening_rule(
@@ -158,8 +175,10 @@ std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGr
   const auto law = std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius);
   std::vector<double> fixed_nm;
   if (law->bridge().active()) fixed_nm.push_back(law->bridge().softening_nm());
-  return std::make_shared<physics::PotentialEquilibrium>(
-      std::make_shared<physics::ScanFields>(grid, radius, rule, fixed_nm), law, scene.friction);
+  auto fields =
+      std::make_shared<physics::ScanFields>(fields_of(grid, radius, rule, fixed_nm, loading, scene.ground));
+  scene.ground.fields_bytes = fields->bytes();
+  return std::make_shared<physics::PotentialEquilibrium>(std::move(fields), law, scene.friction);
 }
 
 }  // namespace
@@ -170,7 +189,6 @@ void check_potential(const TomlTable& root, const Scene& scene) {
         key,
         what + " does not go with [surface] force = \"potential\" yet: leave it out, or force = \"foot\"");
   };
-  if (scene.sample.hardness_gpa > 0) refuse("sample", "hardness_gpa (marks)");
   if (root.optional_table("particle")) refuse("particle", "a particle");
   const physics::ContactModel model = scene.law_parameters.model;
   if (model == physics::ContactModel::kSchwarz || model == physics::ContactModel::kCarpickOgletreeSalmeron ||
@@ -179,7 +197,8 @@ void check_potential(const TomlTable& root, const Scene& scene) {
   }
 }
 
-std::string read_surface(const config::TomlDocument& document, Scene& scene, const std::string* given) {
+std::string read_surface(const config::TomlDocument& document, const SceneLoading& loading, Scene& scene,
+                         const std::string* given) {
   const TomlTable root = document.root();
   const TomlTable table = root.table("surface");
   const TomlTable limits = root.table("limits");
@@ -195,8 +214,8 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene, con
   // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h), and
   // a mark is no wider than the contact that made it.
   ground.potential = table.choice_or("force", {"foot", "potential"}, "foot") == "potential";
-  if (ground.potential && !scan && !sampled_shape) {
-    table.fail("force", "\"potential\" goes with kind scan, step or grating");
+  if (ground.potential && !scan && !sampled_shape && !yields) {
+    table.fail("force", "\"potential\" goes with kind scan, step or grating, or with [sample] hardness_gpa");
   }
   ground.radius_force = table.boolean_or("radius_force", !scan && !yields && !ground.potential);
   if (ground.potential && ground.radius_force) {
@@ -206,7 +225,13 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene, con
     table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
   }
   if (yields) {
-    scene.marks = Marks{scene.sample.hardness_gpa};
+    scene.marks = Marks{scene.sample.hardness_gpa, ground.potential ? kPileUp : 0.0};
+    if (marks) {
+      if (!ground.potential && marks->has("pile_up")) {
+        marks->fail("pile_up", "goes with [surface] force = \"potential\": the foot piles nothing up");
+      }
+      scene.marks->pile_up = marks->number_or("pile_up", between(0.0, 1.0), scene.marks->pile_up);
+    }
   }
 
   // The patch of an unbounded shape, and how finely it is kept where it has to be a grid.
@@ -248,7 +273,7 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene, con
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
     if (ground.potential) {
       check_potential(root, scene);
-      scene.potential = potential_of(built.grid, scene);
+      scene.potential = potential_of(built.grid, loading, scene);
     }
     const auto surface = std::make_shared<physics::SplineSurface>(built.grid, tip_radius);
     keep_inside(*surface, limits, ground);

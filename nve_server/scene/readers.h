@@ -27,7 +27,8 @@ void read_forces(const config::TomlTable& root, Scene& scene);
 
 /// [surface] and [marks]: builds scene.surface. Returns the bytes of the scan, for the hash: those of its
 /// file, or `given` in place of all files.
-std::string read_surface(const config::TomlDocument& document, Scene& scene, const std::string* given);
+std::string read_surface(const config::TomlDocument& document, const SceneLoading& loading, Scene& scene,
+                         const std::string* given);
 
 /// [surface] force = "potential", after all that the tip feels is known: refuses what it does not have.
 void check_potential(const config::TomlTable& root, const Scene& scene);
@@ -37,7 +38,7 @@ void read_particle(const config::TomlTable& table, Scene& scene);
 
 /// All of them. `scan`: null, and the scan is read from the file that the document names, or its bytes.
 /// `scan_read` (may be null) gets the bytes of the scan, empty where there is none.
-std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document,
+std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, const SceneLoading& loading,
                                         const std::string* scan = nullptr, std::string* scan_read = nullptr);
 
 /// What load_scene reads.

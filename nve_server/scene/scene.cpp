@@ -73,8 +73,8 @@ void read_start(const TomlTable& table, Scene& scene) {
 
 }  // namespace
 
-std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, const std::string* scan,
-                                        std::string* scan_read) {
+std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, const SceneLoading& loading,
+                                        const std::string* scan, std::string* scan_read) {
   const TomlTable root = document.root();
   auto scene = std::make_shared<Scene>();
   scene->path = document.path();
@@ -89,7 +89,7 @@ std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, co
   scene->coupling.stiffness_n_m = coupling.number("stiffness_n_m", kStiffness_n_m);
   scene->coupling.damping_n_s_m = coupling.number_or("damping_n_s_m", between(0.0, 1e3), 0.0);
 
-  std::string scan_bytes = read_surface(document, *scene, scan);
+  std::string scan_bytes = read_surface(document, loading, *scene, scan);
   scene->equilibrium = std::make_shared<physics::TipEquilibrium>(
       scene->surface, physics::TipSampleLaw(scene->law_parameters, scene->probe.tip_radius_nm),
       scene->probe.tip_radius_nm, physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
@@ -117,12 +117,13 @@ physics::Compliance Scene::probe_compliance_nm_nn() const {
   return cantilever.compliance_nm_nn();
 }
 
-std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
-  return make_scene(load_description(name_or_path));
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path, const SceneLoading& loading) {
+  return make_scene(load_description(name_or_path), loading);
 }
 
-std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name) {
-  return make_scene(config::TomlDocument::parse(std::move(content), name));
+std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name,
+                                         const SceneLoading& loading) {
+  return make_scene(config::TomlDocument::parse(std::move(content), name), loading);
 }
 
 }  // namespace telenano::scene

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -34,13 +36,16 @@ struct SurfaceDescription {
   std::string scan_title;
   double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
   double spacing_nm = 0;                                          ///< of the grid; 0: none
-  bool radius_force = false;  ///< the force of a changing radius is part of the balance
-  bool potential = false;     ///< force = "potential": Scene::potential is the balance
+  bool radius_force = false;       ///< the force of a changing radius is part of the balance
+  bool potential = false;          ///< force = "potential": Scene::potential is the balance
+  std::size_t fields_bytes = 0;    ///< of the potential's fields, shared by all sessions
+  bool fields_from_cache = false;  ///< they were not made anew
 };
 
 /// Marks stay where the mean pressure passes the sample's hardness.
 struct Marks {
   double hardness_gpa = 0;
+  double pile_up = 0;  ///< what stands round a mark, of the volume displaced; on a potential only
 };
 
 struct Particle {
@@ -94,10 +99,18 @@ struct Scene {
   physics::Compliance probe_compliance_nm_nn() const;
 };
 
+/// What takes seconds in building a scene: the fields of a scan, for surface.force = "potential".
+struct SceneLoading {
+  std::string fields_cache{};  ///< folder (fields_cache.h); empty: fields are made anew, and not kept
+  /// Hears which part of the fields is made, from 0 to 1; not called where they come from the cache.
+  std::function<void(double part)> progress{};
+};
+
 /// Reads and checks a description (TOML) and its scan, and builds the pipeline. Throws UserError: one line
 /// naming file, line, key and expected range.
-std::shared_ptr<const Scene> load_scene(const std::string& name_or_path);
+std::shared_ptr<const Scene> load_scene(const std::string& name_or_path, const SceneLoading& loading = {});
 /// The same from a text; `name` stands for its path.
-std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name);
+std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name,
+                                         const SceneLoading& loading = {});
 
 }  // namespace telenano::scene

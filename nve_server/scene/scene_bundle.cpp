@@ -95,7 +95,7 @@ std::string encode(const config::TomlDocument& document, const std::string& scan
 SceneWithBundle make_both(const config::TomlDocument& document) {
   SceneWithBundle both;
   std::string scan;
-  both.scene = make_scene(document, nullptr, &scan);
+  both.scene = make_scene(document, {}, nullptr, &scan);
   try {
     both.bundle = encode(document, scan);
     open_bundle(both.bundle);
@@ -242,7 +242,7 @@ std::shared_ptr<const Scene> decode_bundle(std::string_view bytes, const BundleL
   if (parts.physics_version != kPhysicsVersion)
     refuse("of physics version " + std::to_string(parts.physics_version) +
            ", this program computes version " + std::to_string(kPhysicsVersion) + "; update the older one");
-  return make_scene(config::TomlDocument::from_values(parts.values, parts.text, kName), &parts.scan);
+  return make_scene(config::TomlDocument::from_values(parts.values, parts.text, kName), {}, &parts.scan);
 }
 
 void check_bundle_text(const BundleParts& parts) {

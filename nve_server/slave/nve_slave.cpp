@@ -164,7 +164,7 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
     scene_->equilibrium->advance_flat(free_end, *springs, to.tip.law, to.solution);
   } else if (scene_->potential) {
     to.potential = from.potential;
-    to.solution = scene_->potential->advance(free_end, *springs, to.potential);
+    to.solution = sample_.advance(free_end, *springs, to.potential);
   } else {
     to.tip = from.tip;
     to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.tip);
@@ -362,12 +362,14 @@ void NveSlave::write_state(Visit& visit) const noexcept {
 }
 
 std::uint64_t NveSlave::state_hash() const noexcept {
+  if (!sample_.state_is_known()) return 0;
   StateHash hash;
   write_state(hash);
   return hash.value();
 }
 
 std::size_t NveSlave::save(std::span<std::uint8_t> out) const noexcept {
+  if (!sample_.state_is_known()) return 0;
   StateWriter writer(out);
   write_state(writer);
   return writer.ok() ? writer.size() : 0;
@@ -385,6 +387,7 @@ void NveSlave::reset() noexcept {
 }
 
 bool NveSlave::load(std::span<const std::uint8_t> bytes) noexcept {
+  if (!sample_.state_is_known()) return false;
   StateReader reader(bytes);
   reader.surface_stamp = sample_.surface_stamp();
   bool good = sample_.read(reader);

@@ -291,8 +291,12 @@ TELENANO_FIELDS_OF(physics::TipState) {
 /// Its springs are made again of the compliance.
 TELENANO_FIELDS_OF(physics::PotentialState) {
   v(s.started);
-  v(s.inside);
+  v(s.branch.inside);
+  v(s.branch.bridge.present);
+  v(s.branch.bridge.volume_nm3);
+  v(s.branch.bridge.rupture_gap_nm);
   v(s.under_way);
+  v(s.broken_away);
   fields(v, s.free_end_w_nm);
   fields(v, s.apex_w_nm);
   v(s.hint.overlap_nm);

@@ -10,17 +10,26 @@ TouchedSample::TouchedSample(std::shared_ptr<const scene::Scene> scene) : scene_
   if (scene_->marks) {
     const auto* heights = dynamic_cast<const physics::SplineSurface*>(scene_->surface.get());
     if (heights == nullptr) throw UserError(scene_->path + ": marks need a surface of heights");
-    physics::EquilibriumOptions options = scene_->equilibrium->options();
-    options.hardness_gpa = scene_->marks->hardness_gpa;
-    marked_ = std::make_unique<physics::MarkedSample>(*heights, scene_->equilibrium->law(),
-                                                      scene_->probe.tip_radius_nm, options);
+    if (scene_->potential) {
+      const auto* fields = dynamic_cast<const physics::ScanFields*>(&scene_->potential->fields());
+      if (fields == nullptr) throw UserError(scene_->path + ": marks need fields on a grid");
+      marked_potential_ =
+          std::make_unique<physics::MarkedPotential>(*fields, *heights, *scene_->potential, scene_->friction,
+                                                     scene_->marks->hardness_gpa, scene_->marks->pile_up);
+    } else {
+      physics::EquilibriumOptions options = scene_->equilibrium->options();
+      options.hardness_gpa = scene_->marks->hardness_gpa;
+      marked_ = std::make_unique<physics::MarkedSample>(*heights, scene_->equilibrium->law(),
+                                                        scene_->probe.tip_radius_nm, options);
+    }
   }
   if (!scene_->particle) return;
   const scene::Particle& particle = *scene_->particle;
   physics::ParticleEquilibrium equilibrium(scene_->surface, particle.parameters);
   const physics::ParticleState resting = equilibrium.place(particle.x_nm, particle.y_nm);
+  physics::TipBesideSleeper beside(scene_->surface, equilibrium.model(), equilibrium.little_pull_nn());
   particle_ = std::make_unique<ParticleTrial>(
-      ParticleTrial{std::move(equilibrium), resting, resting, {}, {}, resting});
+      ParticleTrial{std::move(equilibrium), resting, resting, {}, {}, resting, std::move(beside), {}, {}});
   particle_->solution.particle_centre_w_nm = resting.particle_centre_w_nm;
   particle_->solution.on_surface = true;
 }
@@ -31,16 +40,47 @@ physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics:
     const physics::TipEquilibrium& equilibrium = marked_ ? marked_->equilibrium() : *scene_->equilibrium;
     return equilibrium.advance(free_end, springs, state);
   }
-  particle_->trial_state = particle_->state;
-  particle_->trial_solution = particle_->equilibrium.advance(free_end, springs, dt_s, particle_->trial_state);
-  return particle_->trial_solution.tip;
+  ParticleTrial& p = *particle_;
+  p.trial_alone = p.alone && advance_alone(free_end, springs, state);
+  if (p.trial_alone) return p.trial_solution.tip;
+  p.trial_state = p.state;
+  if (p.alone && p.begun) p.beside.end(state, p.solution.tip, p.pull, p.trial_state);
+  p.springs = springs;
+  p.trial_solution = p.equilibrium.advance(free_end, springs, dt_s, p.trial_state);
+  return p.trial_solution.tip;
+}
+
+// The particle sleeps: the tip beside it. False: it wakes, `state` is what it was.
+bool TouchedSample::advance_alone(const Vec3& free_end, const physics::Compliance& springs,
+                                  physics::TipState& state) noexcept {
+  ParticleTrial& p = *particle_;
+  if (!p.begun) p.beside.begin(p.state, p.solution, p.springs, state);
+  p.trial_pull = p.pull;
+  return p.beside.advance(free_end, springs, p.state, p.trial_pull, state, p.trial_solution.tip);
+}
+
+physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics::Compliance& springs,
+                                            physics::PotentialState& state) noexcept {
+  if (marked_potential_) return marked_potential_->advance(free_end, springs, state);
+  return scene_->potential->advance(free_end, springs, state);
 }
 
 void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
+  if (marked_potential_) marked_potential_->accept(accepted);
   if (marked_) marked_->press(accepted.yielded);
   if (!particle_) return;
-  particle_->state = particle_->trial_state;
-  particle_->solution = particle_->trial_solution;
+  ParticleTrial& p = *particle_;
+  if (p.trial_alone) {
+    p.begun = true;
+    p.pull = p.trial_pull;
+    p.beside.describe(p.trial_solution.tip, p.pull, p.solution);
+    return;
+  }
+  p.state = p.trial_state;
+  p.solution = p.trial_solution;
+  p.alone = p.beside.may_begin(p.state);
+  p.begun = false;
+  p.pull.memory = p.state.contacts[physics::kTipParticle].law;
 }
 
 std::uint32_t TouchedSample::surface_stamp() const noexcept {
@@ -56,6 +96,23 @@ void visit_particle(Visit& visit, Solution& solution) noexcept {
   fields(visit, solution.particle_centre_w_nm);
   visit(solution.held_by_tip);
   visit(solution.on_surface);
+}
+
+/// The tip beside a particle that sleeps: what the next step, or the particle's first one awake, begins from.
+template <class Visit, class Trial>
+void visit_sleeper(Visit& visit, Trial& p) noexcept {
+  visit(p.alone);
+  visit(p.begun);
+  if (!p.alone) return;
+  fields(visit, p.springs);
+  law_fields(visit, p.pull.memory, false);
+  fields(visit, p.pull.law);
+  fields(visit, p.solution.tip);
+  auto& report = p.solution.contacts[physics::kTipSample];
+  visit(report.normal_force_nn);
+  visit(report.overlap_nm);
+  visit(report.stiffness_n_m);
+  visit(report.radius_nm);
 }
 
 /// What marks have changed is a list of nodes in rising order: number, then the three values. The hash takes
@@ -97,6 +154,7 @@ void TouchedSample::write(Visit& visit) const noexcept {
   if (!particle_) return;
   fields(visit, particle_->state);
   visit_particle(visit, particle_->solution);
+  visit_sleeper(visit, std::as_const(*particle_));
 }
 
 template void TouchedSample::write(StateHash&) const noexcept;
@@ -119,6 +177,8 @@ void TouchedSample::reset() noexcept {
   if (marked_) unmark();
   if (!particle_) return;
   particle_->state = particle_->at_first;
+  particle_->alone = particle_->begun = false;
+  particle_->pull = {};
   particle_->solution = {};
   particle_->solution.particle_centre_w_nm = particle_->state.particle_centre_w_nm;
   particle_->solution.on_surface = true;
@@ -153,8 +213,10 @@ bool TouchedSample::read(StateReader& visit) noexcept {
     physics::ParticleState& state = particle_->state;
     fields(visit, state);
     visit_particle(visit, particle_->solution);
+    visit_sleeper(visit, *particle_);
     const auto& laws = particle_->equilibrium.model().laws;
     for (std::size_t i = 0; i < laws.size(); ++i) laws[i].derive(state.contacts[i].law.cache);
+    laws[physics::kTipParticle].derive(particle_->pull.memory.cache);
   }
   if (!visit.ok()) reset();
   return visit.ok();

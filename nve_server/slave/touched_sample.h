@@ -4,7 +4,9 @@
 #include <memory>
 #include <optional>
 
+#include "nve_server/physics/marked_potential.h"
 #include "nve_server/physics/marked_sample.h"
+#include "nve_server/physics/particle_asleep.h"
 #include "nve_server/physics/particle_equilibrium.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
@@ -24,19 +26,27 @@ class TouchedSample {
   /// `dissipated_aj` and `friction_dissipated_aj` lost in this step.
   physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs, double dt_s,
                                physics::TipState& state) noexcept;
+  /// The same on a scene of one potential.
+  physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs,
+                               physics::PotentialState& state) noexcept;
   /// `accepted`, the last trial, is what happened.
   void accept(const physics::TipSolution& accepted) noexcept;
 
   /// This session's own surface; null where no marks stay.
   const physics::SplineSurface* marked_surface() const noexcept {
+    if (marked_potential_) return &marked_potential_->surface();
     return marked_ ? &marked_->surface() : nullptr;
   }
 
   /// Steps that left a mark.
-  std::uint64_t marks() const noexcept { return marked_ ? marked_->marks() : 0; }
+  std::uint64_t marks() const noexcept {
+    if (marked_potential_) return marked_potential_->marks();
+    return marked_ ? marked_->marks() : 0;
+  }
 
   /// Hears of every mark from now on; nothing where none stay.
   void set_mark_journal(physics::MarkJournal* journal) noexcept {
+    if (marked_potential_) marked_potential_->set_journal(journal);
     if (marked_) marked_->set_journal(journal);
   }
 
@@ -45,6 +55,8 @@ class TouchedSample {
     return particle_ ? &particle_->solution : nullptr;
   }
 
+  /// False: marks pressed into the fields of a potential, which neither hash nor snapshot hold yet.
+  bool state_is_known() const noexcept { return !marked_potential_; }
   /// What of it later steps depend on: `visit` is a StateHash, StateWriter or StateReader (state_fields.h).
   template <class Visit>
   void write(Visit& visit) const noexcept;
@@ -62,12 +74,23 @@ class TouchedSample {
     physics::ParticleSolution solution;
     physics::ParticleSolution trial_solution;
     physics::ParticleState at_first;
+    // While it sleeps the tip is balanced alone, in the state of who calls, once it has begun.
+    physics::TipBesideSleeper beside;
+    physics::TipBesideSleeper::Pull pull;
+    physics::TipBesideSleeper::Pull trial_pull;
+    bool alone = false;
+    bool begun = false;
+    bool trial_alone = false;
+    physics::Compliance springs = physics::Compliance::Zero();  // of the last trial
   };
+  bool advance_alone(const Vec3& free_end_w_nm, const physics::Compliance& springs,
+                     physics::TipState& state) noexcept;
 
   void unmark() noexcept;
 
   std::shared_ptr<const scene::Scene> scene_;
   std::unique_ptr<physics::MarkedSample> marked_;
+  std::unique_ptr<physics::MarkedPotential> marked_potential_;
   std::unique_ptr<ParticleTrial> particle_;
 };
 

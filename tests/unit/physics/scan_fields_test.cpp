@@ -427,5 +427,102 @@ TEST(ScanFields, SameBitsEverywhere) {
   EXPECT_EQ(fields.hash(), 17297704423472308761u);
 }
 
+// A mark: exact at its apex at every softening, seen from every height, nothing far from it, and nothing at
+// all in the ground that it was made from.
+TEST(ScanFields, AMarkLowersTheGroundExactlyAtItsApex) {
+  const HeightGrid grid = random_grid(9, 40);
+  const ScanFields ground(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  ScanFields marked = ScanFields::for_marks(ground);
+  EXPECT_EQ(marked.own_bytes(), 0u);
+  std::mt19937 random(11);
+  const auto between = [&](double a, double b) {
+    return a + (b - a) * 1e-6 * static_cast<double>(random() % 1000000);
+  };
+  for (int n = 0; n < 60; ++n) {
+    FieldMark mark;
+    mark.x_nm = between(0, 78);
+    mark.y_nm = between(0, 78);
+    mark.depth_nm = between(0, 0.5);
+    mark.radius_nm = between(0.5, 12);
+    mark.log_radius_rise = between(0, 0.3);
+    mark.strain = n % 2 == 0 ? 0.1 : 0.0;
+    mark.pile_up = n % 3 == 0 ? 1.0 : 0.0;
+    const Vec3 apex(mark.x_nm, mark.y_nm, marked.touch_height_nm(mark.x_nm, mark.y_nm));
+    std::vector<ContactJet> before, after;
+    const double heights[] = {-1.5, -0.3, 0.2, 3.0};
+    for (const double z : heights) {
+      ContactJet jet;
+      marked.contact_at(apex + Vec3(0, 0, z + mark.depth_nm), jet);
+      before.push_back(jet);
+      marked.at_softening(apex + Vec3(0, 0, z + mark.depth_nm), 1.3, jet);
+      before.push_back(jet);
+    }
+    marked.press(mark);
+    for (const double z : heights) {
+      ContactJet jet;
+      marked.contact_at(apex + Vec3(0, 0, z), jet);
+      after.push_back(jet);
+      marked.at_softening(apex + Vec3(0, 0, z), 1.3, jet);
+      after.push_back(jet);
+    }
+    for (std::size_t k = 0; k < before.size(); ++k) {
+      // Rounding of 16 weights, heights of some nm; slopes over nodes of 1 nm.
+      ASSERT_NEAR(after[k].overlap_nm, before[k].overlap_nm, 1e-12);
+      ASSERT_NEAR(after[k].log_radius, before[k].log_radius + mark.log_radius_rise, 1e-12);
+      ASSERT_LE((after[k].overlap_grad - before[k].overlap_grad).norm(), 1e-10) << n << " " << k;
+    }
+  }
+  EXPECT_GT(marked.own_bytes(), 0u);
+  EXPECT_EQ(ground.hash(), ScanFields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165)).hash());
+  ContactJet a, b;
+  ground.contact_at({30, 30, 2}, a);
+  ScanFields::for_marks(ground).contact_at({30, 30, 2}, b);
+  EXPECT_EQ(a.overlap_nm, b.overlap_nm);
+  EXPECT_EQ(a.log_radius_hess_per_nm2, b.log_radius_hess_per_nm2);
+}
+
+// One mark changes nothing beyond twice its rim and some nodes; every stencil there reads tiles as they were
+// made, and beside the rim tiles of both kinds: values and slopes go on across the borders of tiles.
+TEST(ScanFields, AMarkIsLocalAndLeavesNoSeam) {
+  const HeightGrid grid = random_grid(10, 60);
+  const ScanFields ground(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  ScanFields marked = ScanFields::for_marks(ground);
+  FieldMark mark{59.3, 61.7, 0.6, 6, 0.2, 0.1, 1e9, 1.0};
+  marked.press(mark);
+  double least = 0, most = 0;
+  ContactJet last;
+  bool first = true;
+  for (double x = 2; x < 116; x += 0.01) {
+    ContactJet was, is;
+    const Vec3 apex(x, 61.2, 3.0);
+    ground.contact_at(apex, was);
+    marked.contact_at(apex, is);
+    if (std::abs(x - mark.x_nm) > 45) {  // coarse grids: nodes of 7 nm
+      ASSERT_EQ(is.overlap_nm, was.overlap_nm) << x;
+      ASSERT_EQ(is.log_radius, was.log_radius) << x;
+    }
+    least = std::min(least, is.overlap_nm - was.overlap_nm);
+    most = std::max(most, is.overlap_nm - was.overlap_nm);
+    if (!first) {
+      ASSERT_NEAR(is.overlap_nm - last.overlap_nm, 0.005 * (is.overlap_grad.x() + last.overlap_grad.x()),
+                  2e-5);
+    }
+    last = is;
+    first = false;
+  }
+  EXPECT_LT(least, -0.5);
+  EXPECT_GT(most, 0.05);  // the rim
+  for (const FieldMark& none :
+       {FieldMark{NAN, 2, 1, 3}, FieldMark{2, 2, -1, 3}, FieldMark{2, 2, 1, INFINITY}}) {
+    const std::size_t bytes = marked.own_bytes();
+    ContactJet before, after;
+    marked.contact_at({3, 3, 1}, before);
+    marked.press(none);
+    marked.contact_at({3, 3, 1}, after);
+    EXPECT_EQ(before.overlap_nm, after.overlap_nm);
+    EXPECT_EQ(marked.own_bytes(), bytes);
+  }
+}
+
 }  // namespace
 }  // namespace telenano::physics

@@ -1,0 +1,44 @@
+#include "nve_server/app/scene_loading.h"
+
+#include <chrono>
+#include <cstdio>
+
+#include "nve_server/scene/fields_cache.h"
+
+namespace telenano::app {
+
+std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path,
+                                               const std::function<void(const std::string&)>& tell) {
+  using Clock = std::chrono::steady_clock;
+  constexpr std::chrono::seconds kQuiet{2};  // what is made in less needs no word on the way
+  const auto begin = Clock::now();
+  auto next = begin + kQuiet;
+  scene::SceneLoading loading;
+  loading.fields_cache = scene::FieldsCache::folder_of_user();
+  loading.progress = [&](double part) {
+    if (Clock::now() < next || part >= 1.0) return;
+    next = Clock::now() + kQuiet;
+    char text[96];
+    std::snprintf(text, sizeof text, "making the fields of the surface: %.0f %%", 100 * part);
+    tell(text);
+  };
+  auto scene = scene::load_scene(name_or_path, loading);
+  if (scene->potential) {
+    const std::chrono::duration<double> spent = Clock::now() - begin;
+    char text[160];
+    std::snprintf(text, sizeof text, "fields of the surface %s in %.3g s, %.3g MB%s",
+                  scene->ground.fields_from_cache ? "taken from the cache" : "made", spent.count(),
+                  1e-6 * static_cast<double>(scene->ground.fields_bytes),
+                  loading.fields_cache.empty() ? ", not kept (TELENANO_CACHE)" : "");
+    tell(text);
+  }
+  return scene;
+}
+
+std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path) {
+  return load_scene(name_or_path, [](const std::string& text) {
+    std::fprintf(stderr, "telenano-nve: %s\n", text.c_str());
+  });
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "nve_server/scene/scene.h"
+
+namespace telenano::app {
+
+/// Loads a scene with the fields of its scan from the user's cache ($TELENANO_CACHE, or "off"), and says on
+/// `tell` what takes long: lines without an end.
+std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path,
+                                               const std::function<void(const std::string&)>& tell);
+
+/// The same, telling stderr.
+std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path);
+
+}  // namespace telenano::app
