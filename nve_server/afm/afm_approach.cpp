@@ -14,6 +14,7 @@ using enum nanonis::CommandId;
 
 namespace {
 
+constexpr int kLiftReadings = 4;
 constexpr std::int64_t kSettleNs = 20 * kMs;  // of lever and piezo after a lift
 constexpr double kCalmNm = 0.5;               // between two looks at an engaged tip
 constexpr int kCalmLooks = 4;
@@ -26,6 +27,16 @@ void AfmLogic::engage(std::int64_t now_ns) {
   engage_step_ = 0;
   setpoint_ok_ = false;
   calm_ = 0;
+  contact_stiffness_n_m_ = 0;
+  approved_ = false;     // used up
+  floor_nm_ = kNoFloor;  // the guard may have raised it
+  safe_tip_air_known_ = safe_tip_touch_known_ = false;
+  free_ = false;
+  lift_readings_ = 0;
+  lift_sum_nm_ = 0;
+  lift_last_nm_ = kNoFloor;
+  lift_nm_ = config_.lift_nm;
+  watch_.begin();
   state_.cause = Cause::kNone;
   state_.force_known = false;
   book_.interrupt();
@@ -50,7 +61,7 @@ bool AfmLogic::next_motion(std::int64_t now_ns, Call& call) {
   Connection& c = at(Role::kMotion);
   switch (state_.phase) {
     case Phase::kEngaging:
-      if (!setpoint_ok_) return false;  // the data connection asks
+      if (!setpoint_ok_ || floor_nm_ == kNoFloor) return false;  // the data connection asks and sets
       if (engage_step_ == 0) return send(Role::kMotion, kOnOffSet, {1}, now_ns, call);
       if (engage_step_ == 1) {
         c.next_ns = now_ns + kLookPeriodNs;
@@ -63,6 +74,8 @@ bool AfmLogic::next_motion(std::int64_t now_ns, Call& call) {
         return send(Role::kMotion, kOnOffGet, {}, now_ns, call);
       }
       return send(Role::kMotion, kZPosGet, {}, now_ns, call);
+    case Phase::kTaring:
+      return next_lift(now_ns, call);
     case Phase::kTouching:
       return next_touch(now_ns, call);
     case Phase::kFollowing:
@@ -131,8 +144,10 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
       history_.add(now_ns, sent_w_nm_);
       state_.base_w_nm = sent_w_nm_;
       model_.forget_place();
+      lift_to_nm_ = sent_w_nm_.z();
       tared_ = 0;
       tare_sum_ = tare_squares_ = tare_lateral_sum_ = 0;
+      free_volts_.clear();
       enter(Phase::kTaring, now_ns);
     }
   } else if (state_.phase == Phase::kTouching && id == kZPosSet) {
@@ -140,9 +155,61 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
   }
 }
 
+/// Averages at heights that are a fifth of the lift apart. A tip that sticks bends the lever by what the base
+/// rises; one that is free does not: a twentieth is what the attraction far from the sample, and noise, may
+/// be taken for.
+void AfmLogic::lift_reading(double deflection_nm, std::int64_t now_ns) {
+  lift_sum_nm_ += deflection_nm;
+  if (++lift_readings_ < kLiftReadings) return;
+  const double mean_nm = lift_sum_nm_ / lift_readings_;
+  lift_readings_ = 0;
+  lift_sum_nm_ = 0;
+  const double rise_nm = std::max(0.2 * config_.lift_nm, 4 * config_.step_nm);
+  const double change_nm = std::fabs(mean_nm - lift_last_nm_);
+  if (lift_last_nm_ != kNoFloor && change_nm < 0.05 * rise_nm) {
+    free_ = true;
+    lift_nm_ = std::max(config_.lift_nm, sent_w_nm_.z() - rise_nm);  // free there already
+    enter(Phase::kTaring, now_ns);                                   // settles anew
+    if (lift_nm_ > config_.top_nm) {
+      refusal_ = config_.path + text(
+                                    ": [limits] top_nm: the tip sticks until %.4g nm above where it touches, "
+                                    "and the workspace ends at "
+                                    "%.4g nm: raise it, or take a stiffer lever (the tip was withdrawn)",
+                                    lift_nm_, config_.top_nm);
+      withdraw(Cause::kNoSurface, now_ns);
+    }
+    return;
+  }
+  lift_last_nm_ = mean_nm;
+  lift_to_nm_ = sent_w_nm_.z() + rise_nm;
+  if (height_nm_ + rise_nm < top_height_nm_ - 1) return;
+  refusal_ = config_.path +
+             text(
+                 ": the tip does not come off the sample within the piezo's range, %.4g nm above where it "
+                 "touched: approach from further away, or take a stiffer lever (the tip was withdrawn)",
+                 sent_w_nm_.z());
+  withdraw(Cause::kNoSurface, now_ns);
+}
+
+bool AfmLogic::next_lift(std::int64_t now_ns, Call& call) {
+  if (sent_w_nm_.z() >= lift_to_nm_) return false;
+  if (now_ns < last_move_ns_ + ns(config_.step_nm / config_.speed_nm_s)) return false;
+  last_move_ns_ = now_ns;
+  return send_z(std::min(sent_w_nm_.z() + config_.step_nm, lift_to_nm_), now_ns, call);
+}
+
 void AfmLogic::tare(double deflection_nm, double lateral_nn, std::int64_t sent_ns, std::int64_t now_ns) {
-  if (sent_ns - ns(config_.period_s()) < phase_ns_ + kSettleNs) return;  // averaged before the tip was free
+  const std::int64_t from_ns = sent_ns - ns(config_.period_s());
+  // Averaged before the tip stood where it stands.
+  if (from_ns < phase_ns_ + kSettleNs) return;
+  if (!free_) {
+    const bool moving = sent_w_nm_.z() < lift_to_nm_ || at(Role::kMotion).busy;
+    if (!moving && from_ns >= last_move_ns_ + kSettleNs) lift_reading(deflection_nm, now_ns);
+    return;
+  }
+  if (!safe_tip_air_known_) return;
   ++tared_;
+  free_volts_.push_back(deflection_nm / config_.sensitivity_nm_v);
   tare_sum_ += deflection_nm;
   tare_squares_ += (deflection_nm - free_deflection_nm_) * (deflection_nm - free_deflection_nm_);
   tare_lateral_sum_ += lateral_nn;
@@ -155,6 +222,7 @@ void AfmLogic::tare(double deflection_nm, double lateral_nn, std::int64_t sent_n
   tare_nn_ = config_.spring_constant_n_m * tare_nm_;
   tare_lateral_nn_ = tare_lateral_sum_ / n;
   model_.set_noise(state_.noise_nn);
+  watch_.learn(free_volts_);
   touches_ = 0;
   touch_ = Touch::kDown;
   touch_fresh_ = false;
@@ -173,26 +241,30 @@ bool AfmLogic::next_touch(std::int64_t now_ns, Call& call) {
   if (touch_ == Touch::kDown) {
     // Each step down waits for a reading that was begun after the last one.
     if (!touch_fresh_) return false;
+    const double step_nm = std::min(config_.step_nm, sent_w_nm_.z() - lowest_allowed_nm(now_ns));
+    if (step_nm < 1e-3 * config_.step_nm) return false;
     touch_fresh_ = false;
-    return send_z(sent_w_nm_.z() - config_.step_nm, now_ns, call);
+    return send_z(sent_w_nm_.z() - step_nm, now_ns, call);
   }
-  if (sent_w_nm_.z() >= config_.lift_nm) {
+  if (touch_ == Touch::kCompare) return false;  // the data connection asks
+  if (sent_w_nm_.z() >= lift_nm_) {
     touched(now_ns);
     return false;
   }
   if (now_ns < last_move_ns_ + ns(config_.step_nm / config_.speed_nm_s)) return false;
   last_move_ns_ = now_ns;
-  return send_z(std::min(sent_w_nm_.z() + config_.step_nm, config_.lift_nm), now_ns, call);
+  return send_z(std::min(sent_w_nm_.z() + config_.step_nm, lift_nm_), now_ns, call);
 }
 
 void AfmLogic::touch_reading(std::int64_t sent_ns, std::int64_t now_ns) {
+  if (touch_ == Touch::kCompare && safe_tip_touch_known_) return compare_safe_tip(now_ns);
   if (touch_ != Touch::kDown || at(Role::kMotion).busy) return;
   if (sent_ns - ns(config_.period_s()) < touch_moved_ns_) return;
   touch_fresh_ = true;
   const double force = state_.measured_force_w_nn.z();
   model_.add(sent_w_nm_, force, now_ns);
   if (force >= config_.touch_force_nn) {
-    touch_ = Touch::kUp;
+    touch_ = touches_ == 0 ? Touch::kCompare : Touch::kUp;
     touch_height_nm_ = height_nm_ + force / model_.stiffness_n_m();
     touch_ns_ = now_ns;
   } else if (sent_w_nm_.z() < -2 * config_.lift_nm - config_.step_nm) {
@@ -233,6 +305,7 @@ void AfmLogic::touched(std::int64_t now_ns) {
     touch_ = Touch::kPause;
     return;
   }
+  contact_stiffness_n_m_ = model_.stiffness_n_m();
   ever_touched_ = true;
   was_touching_ = false;
   enter(Phase::kFollowing, now_ns);

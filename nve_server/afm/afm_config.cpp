@@ -17,6 +17,8 @@ AfmConfig load_afm_config(const std::string& path) {
   c.lateral_signal = static_cast<int>(signals.integer("lateral", 0, 4095));
   if (c.lateral_signal == c.deflection_signal) signals.fail("lateral", "the same signal as deflection");
 
+  c.range_v = signals.number_or("range_v", between(0.1, 1000), AfmConfig{}.range_v);
+
   const TomlTable calibration = root.table("calibration");
   c.z_sign = static_cast<int>(calibration.integer("z_sign", -1, 1));
   if (c.z_sign == 0)

@@ -12,6 +12,7 @@ struct AfmConfig {
   // [signals]
   int deflection_signal = 8;
   int lateral_signal = 9;
+  double range_v = 10;  ///< both end at plus and minus this
   // [calibration]
   int z_sign = 1;                   ///< +1: larger Z is away from the sample
   double sensitivity_nm_v = 50;     ///< signed: deflection away from the sample, per volt

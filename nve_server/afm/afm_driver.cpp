@@ -10,12 +10,14 @@
 #include <vector>
 
 #include "common/base/error.h"
+#include "nve_server/afm/guard.h"
 
 namespace telenano::afm {
 namespace {
 
 constexpr std::int64_t kReconnectNs = 20'000'000;
 constexpr std::int64_t kConnectNs = 2'000'000'000;
+constexpr std::int64_t kAskNs = 200'000'000;
 constexpr std::int64_t kTurnNs = 500'000;
 
 void nap(std::int64_t ns) {
@@ -32,11 +34,19 @@ AfmDriver::AfmDriver(const AfmConfig& config, const DriverOptions& options,
       options_(options),
       exchange_(std::move(exchange)),
       clock_(clock),
-      news_(std::move(news)) {}
+      news_(std::move(news)) {
+  if (!options_.approved) logic_.await_approval();
+}
 
-AfmDriver::~AfmDriver() {
+bool AfmDriver::end() {
   stop_.store(true, std::memory_order_relaxed);
   if (thread_.joinable()) thread_.join();
+  const Phase phase = logic_.state().phase;
+  return phase == Phase::kChecking || phase == Phase::kRefused || phase == Phase::kWithdrawn;
+}
+
+AfmDriver::~AfmDriver() {
+  end();
   if (options_.emergency_handle >= 0) ::close(options_.emergency_handle);  // the guard withdraws once more
 }
 
@@ -56,7 +66,9 @@ void AfmDriver::start(const std::atomic<bool>& stop) {
   thread_ = std::thread([this] { run(); });
   for (;;) {
     const Phase phase = phase_.load(std::memory_order_acquire);
-    if (phase == Phase::kFollowing || stop.load(std::memory_order_relaxed)) return;
+    if (phase == Phase::kFollowing || awaits_.load(std::memory_order_acquire) ||
+        stop.load(std::memory_order_relaxed))
+      return;
     if (refused_.load(std::memory_order_acquire) || phase == Phase::kWithdrawn) break;
     nap(5'000'000);
   }
@@ -188,7 +200,18 @@ void AfmDriver::turn(std::int64_t now_ns) {
     if (handle(role) >= 0 && !streams_[i].connecting) receive(role, now_ns);
   }
   exchange_->load_wish(wish_);
+  if (logic_.awaits_approval() && options_.take_approval && now_ns >= approval_asked_ns_ + kAskNs) {
+    approval_asked_ns_ = now_ns;
+    if (options_.take_approval()) logic_.approve(now_ns);
+  }
   logic_.tick(now_ns, wish_);
+  if (options_.before_approach && approaching(logic_.state().phase)) {
+    try {
+      std::exchange(options_.before_approach, nullptr)();
+    } catch (const UserError& error) {
+      logic_.forbid(error.what(), now_ns);
+    }
+  }
   // Emergency first: a withdrawal goes before all else, and its heart beat before the first motion.
   for (std::size_t k = 0; k < kRoles; ++k) {
     const std::size_t i = (k + kRoles - 1) % kRoles;
@@ -206,6 +229,7 @@ void AfmDriver::turn(std::int64_t now_ns) {
   if (!logic_.refusal().empty() &&
       (logic_.state().phase == Phase::kRefused || logic_.state().phase == Phase::kWithdrawn))
     refused_.store(true, std::memory_order_release);
+  awaits_.store(logic_.awaits_approval(), std::memory_order_release);
   phase_.store(logic_.state().phase, std::memory_order_release);
 }
 
@@ -229,8 +253,8 @@ void AfmDriver::run() {
       if (exit_ns == 0) {
         exit_ns = now_ns + static_cast<std::int64_t>(kExitS * 1e9);
         logic_.withdraw(Cause::kExit, now_ns);
-      } else if (phase == Phase::kWithdrawn || phase == Phase::kChecking || phase == Phase::kRefused ||
-                 now_ns > exit_ns) {
+      } else if (logic_.finished() || phase == Phase::kChecking || now_ns > exit_ns) {
+        if (logic_.finished()) send(Role::kEmergency, goodbye(), now_ns);
         return;
       }
     }

@@ -18,6 +18,12 @@ namespace telenano::afm {
 struct DriverOptions {
   std::array<net::Address, 3> ports;  ///< motion, reads, data
   int emergency_handle = -1;          ///< a stream to the guard, which has the fourth connection; taken over
+  /// Where false, the tip stays up after the checks until an operator wants to engage, or take_approval()
+  /// says that one has approved (asked now and then, from the controller's thread).
+  bool approved = true;
+  std::function<bool()> take_approval = nullptr;
+  /// Once, before anything moves; from that thread. Where it throws, nothing does.
+  std::function<void()> before_approach = nullptr;
 };
 
 /// The thread that has the connections: moves bytes between the logic and the controller, reconnects, and
@@ -29,7 +35,12 @@ class AfmDriver {
   /// Withdraws, and waits for it as long as kExitS.
   ~AfmDriver();
 
-  /// Connects, checks and approaches; returns when the tip waits above the surface, or `stop` is set. Throws
+  /// Withdraws, gives the controller its settings back, and waits for it as long as kExitS. True when the tip
+  /// is known to be up, or has never moved.
+  bool end();
+
+  /// Connects, checks and approaches; returns when the tip waits above the surface, or stays up until it is
+  /// approved, or `stop` is set. Throws
   /// UserError, one line, for whatever does not fit: then nothing has moved, or the tip is withdrawn.
   void start(const std::atomic<bool>& stop);
 
@@ -60,9 +71,11 @@ class AfmDriver {
   bool emergency_open_ = false;
   PortWish wish_;
   std::uint64_t told_ = 0;
+  std::int64_t approval_asked_ns_ = 0;
   std::atomic<bool> stop_{false};
   std::atomic<Phase> phase_{Phase::kChecking};
   std::atomic<bool> refused_{false};
+  std::atomic<bool> awaits_{false};
   std::thread thread_;
 };
 

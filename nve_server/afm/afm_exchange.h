@@ -57,7 +57,9 @@ enum class Cause : std::uint8_t {
   kStaleForce,
   kSafeTip,    ///< the controller withdrew by itself
   kNoSurface,  ///< the approach found none
-  kExit
+  kExit,
+  kNotApproved,  ///< the last server did not end with the tip withdrawn, and nobody has approved an approach
+  kSignal        ///< the deflection's signal is not that of a live sensor
 };
 std::string_view name(Phase phase) noexcept;
 std::string_view name(Cause cause) noexcept;

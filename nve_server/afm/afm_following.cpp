@@ -11,11 +11,51 @@ using nanonis::Answer;
 using nanonis::Call;
 using enum nanonis::CommandId;
 
+/// How high the ground may be, by what is known of it: that of the last touch, two steps, and not so high
+/// that a signal that may rest for ever would never be let down to it.
+double AfmLogic::top_of_ground_nm() const noexcept {
+  return std::min(2 * config_.step_nm, 0.5 * config_.force_max_nn / config_.spring_constant_n_m);
+}
+
 double AfmLogic::lowest_allowed_nm(std::int64_t now_ns) noexcept {
   const MotionHistory::Stretch since = history_.between(reading_from_ns_, now_ns);
   const double k = config_.spring_constant_n_m;
-  const double left_nn = config_.force_max_nn - state_.measured_force_w_nn.z();
-  return since.highest_nm + config_.slope_max * since.path_across_nm - left_nn / k;
+  const double force_nn = state_.measured_force_w_nn.z();
+  const double left_nn = config_.force_max_nn - force_nn;
+  double highest_nm = since.highest_nm, across_nm = since.path_across_nm;
+  if (watch_.repeats() > 0) {
+    highest_nm = std::max(highest_nm, watch_.highest_nm());
+    across_nm += watch_.across_nm();
+    if (force_nn < model_.contact_threshold_nn()) {
+      highest_nm = std::min(highest_nm, std::max(top_of_ground_nm(), since.highest_nm));
+      across_nm = since.path_across_nm;
+    }
+  }
+  return highest_nm + config_.slope_max * across_nm - left_nn / k;
+}
+
+/// False when the signal shows that it is none; the tip is then on its way up.
+bool AfmLogic::plausible(double volts, double lateral_volts, std::int64_t from_ns, std::int64_t now_ns) {
+  SignalWatch::Reading r;
+  r.time_ns = now_ns;
+  r.volts = volts;
+  r.lateral_volts = lateral_volts;
+  r.force_nn = state_.measured_force_w_nn.z();
+  r.contact_nn = model_.contact_threshold_nn();
+  if (state_.phase == Phase::kTouching || state_.phase == Phase::kFollowing) {
+    const MotionHistory::Stretch since = history_.between(from_ns, now_ns);
+    const MotionHistory::Stretch moved = history_.between(std::min(reading_from_ns_, from_ns), now_ns);
+    r.highest_nm = since.highest_nm;
+    r.base_nm = history_.between(from_ns, from_ns).mean_w_nm.z();
+    r.way_nm = moved.path_nm;
+    r.across_nm = moved.path_across_nm;
+    if (state_.phase == Phase::kFollowing) r.stiffness_n_m = contact_stiffness_n_m_;
+  }
+  const SignalFault fault = watch_.add(r);
+  if (fault == SignalFault::kNone) return true;
+  withdraw(Cause::kSignal, now_ns);
+  tell("withdrawing: the deflection's signal: " + std::string(name(fault)));
+  return false;
 }
 
 bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
@@ -74,8 +114,15 @@ void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64
   const double zero_nm = free ? free_deflection_nm_ : tare_nm_;
   state_.measured_force_w_nn = Vec3(free ? 0 : lateral_nn - tare_lateral_nn_, 0,
                                     config_.spring_constant_n_m * (deflection_nm - zero_nm));
-  state_.measured_ns = now_ns - period_ns / 2;
+  // The middle of the averaging, and the way back: half a round trip, as a question shows that is answered at
+  // once, or what this one took beyond the whole period that it may have waited.
+  const std::int64_t round_trip_ns = std::max(round_trip_ns_, now_ns - sent_ns - period_ns);
+  state_.measured_ns = now_ns - period_ns / 2 - round_trip_ns / 2;
   state_.force_known = true;
+  if (!withdrawing() &&
+      !plausible(deflection_nm / config_.sensitivity_nm_v,
+                 (answer.numbers[1] - lateral_offset_) / lateral_calibration_, sent_ns - period_ns, now_ns))
+    state_.force_known = false;
   reading_from_ns_ = sent_ns - period_ns;
   reading_ns_ = now_ns;
   if (withdrawing()) return;

@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::int64_t kEmergencyPeriodNs = 40 * kMs;  // the heart beat; the guard knows it too
 constexpr std::int64_t kDataPeriodNs = 40 * kMs;
+constexpr double kFloorSlack_nm = 10;   // for what drifts until the floor is set anew
 constexpr double kContactPart = 0.125;  // of the force of a touch: less is no contact
 
 }  // namespace
@@ -45,12 +46,18 @@ std::string_view name(Cause cause) noexcept {
                                          "stale force",
                                          "SafeTip",
                                          "no surface found",
-                                         "exit"};
+                                         "exit",
+                                         "not approved",
+                                         "signal not plausible"};
   return kNames[static_cast<std::size_t>(cause)];
 }
 
 AfmLogic::AfmLogic(const AfmConfig& config)
     : config_(config),
+      lift_nm_(config.lift_nm),
+      watch_({config.spring_constant_n_m, config.step_nm,
+              std::fabs(config.spring_constant_n_m * config.sensitivity_nm_v), config.range_v,
+              ns(config.period_s())}),
       model_(config.spring_constant_n_m, 0, kContactPart * config.touch_force_nn, config.slope_max),
       book_(config.spring_constant_n_m) {
   make_checks();
@@ -149,6 +156,10 @@ bool AfmLogic::send(Role role, CommandId id, std::vector<double> numbers, std::i
 bool AfmLogic::next(Role role, std::int64_t now_ns, Call& call) {
   Connection& c = at(role);
   if (!c.connected || c.busy || now_ns < c.next_ns) return false;
+  if (gives_back()) {
+    if (give_back_[given_back_].role == role) return next_given_back(role, now_ns, call);
+    if (state_.phase == Phase::kRefused) return false;
+  }
   if (state_.phase == Phase::kRefused) return false;
   if (state_.phase == Phase::kChecking) {
     if (!all_connected() || next_check_ >= checks_.size() || checks_[next_check_].role != role) return false;
@@ -178,7 +189,20 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
   if (state_.phase == Phase::kChecking) {
     const Check check = checks_[next_check_++];
     checked(check, answer);
-    if (state_.phase == Phase::kChecking && next_check_ == checks_.size()) engage(now_ns);
+    if (state_.phase != Phase::kChecking || next_check_ != checks_.size()) return;
+    if (!unapproved_) return engage(now_ns);
+    enter(Phase::kWithdrawn, now_ns);
+    state_.cause = Cause::kNotApproved;
+    ++state_.latches;
+    cleared_ = wish_.clears;
+    tell(
+        "the last server did not end with the tip withdrawn: it stays up until an operator engages, or says "
+        "telenano-nve afm approve");
+    return;
+  }
+  if (gives_back() && role == give_back_[given_back_].role && id == give_back_[given_back_].call.id &&
+      c.call.numbers == give_back_[given_back_].call.numbers) {
+    ++given_back_;  // also what it does not take
     return;
   }
   if (answer.error != 0) {
@@ -194,7 +218,13 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
   switch (id) {
     case kSignalValsGet:
       return on_reading(answer, sent_ns, now_ns);
+    case kLimitsSet:
+      floor_nm_ = asked_floor_nm_;
+      return;
+    case kSafeTipSignalGet:
+      return on_safe_tip_signal(answer.numbers[0]);
     case kStatusGet:
+      if (role == Role::kData) round_trip_ns_ = now_ns - sent_ns;
       c.next_ns = now_ns + (state_.phase == Phase::kWithdrawing ? kLookPeriodNs : kEmergencyPeriodNs);
       return on_status(answer.numbers[0], sent_ns, now_ns);
     case kSetpointGet:
@@ -211,12 +241,48 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
 // ---- watching
 
 bool AfmLogic::next_data(std::int64_t now_ns, Call& call) {
+  if (state_.phase != Phase::kWithdrawing && next_floor(now_ns, call)) return true;
   if (state_.phase == Phase::kWithdrawing || state_.phase == Phase::kWithdrawn)
     return send(Role::kData, kZPosGet, {}, now_ns, call);
+  if ((state_.phase == Phase::kTaring && !safe_tip_air_known_) ||
+      (state_.phase == Phase::kTouching && touch_ == Touch::kCompare && !safe_tip_touch_known_))
+    return send(Role::kData, kSafeTipSignalGet, {}, now_ns, call);
   if (state_.phase == Phase::kEngaging && !setpoint_ok_)
     return send(Role::kData, kSetpointGet, {}, now_ns, call);
   at(Role::kData).next_ns = now_ns + kDataPeriodNs;
   return send(Role::kData, kStatusGet, {}, now_ns, call);
+}
+
+Call AfmLogic::limits_call(double floor_nm) const {
+  const double floor_m = 1e-9 * config_.z_sign * floor_nm;
+  // Where larger Z is towards the sample, the floor is the high limit.
+  if (config_.z_sign > 0) return {kLimitsSet, {outer_high_m_, std::max(floor_m, outer_low_m_)}};
+  return {kLimitsSet, {std::min(floor_m, outer_high_m_), outer_low_m_}};
+}
+
+/// As deep as the controller shall let any command go: the workspace's depth, once the surface is known;
+/// above all else while the tip is withdrawn.
+double AfmLogic::wanted_floor_nm(std::int64_t now_ns) const noexcept {
+  switch (state_.phase) {
+    case Phase::kTaring:
+    case Phase::kTouching:
+      return surface_height_nm_ - 2 * config_.lift_nm - 2 * config_.step_nm - kFloorSlack_nm;
+    case Phase::kFollowing:
+      return contact_height_nm(now_ns) - config_.depth_nm - kFloorSlack_nm;
+    case Phase::kWithdrawn:
+      return std::min(top_height_nm_, 0.45 * range_z_nm_) - 1;
+    default:
+      return -0.5 * range_z_nm_;
+  }
+}
+
+bool AfmLogic::next_floor(std::int64_t now_ns, Call& call) {
+  if (ending_ || !refusal_.empty()) return false;  // they are given back
+  const double wanted = wanted_floor_nm(now_ns);
+  if (std::fabs(wanted - floor_nm_) <= 0.25 * kFloorSlack_nm) return false;
+  asked_floor_nm_ = wanted;
+  const Call limits = limits_call(wanted);
+  return send(Role::kData, limits.id, limits.numbers, now_ns, call);
 }
 
 void AfmLogic::on_status(double status, std::int64_t sent_ns, std::int64_t now_ns) {
@@ -264,9 +330,25 @@ void AfmLogic::on_height(double z_m, std::int64_t now_ns) {
   }
 }
 
+void AfmLogic::approve(std::int64_t now_ns) {
+  if (!awaits_approval()) return;
+  approved_ = true;
+  tell("an operator has approved an approach");
+  state_.time_ns = now_ns;
+}
+
+void AfmLogic::forbid(const std::string& why, std::int64_t now_ns) {
+  refusal_ = why;
+  withdraw(Cause::kController, now_ns);
+}
+
 // ---- withdrawing
 
 void AfmLogic::withdraw(Cause cause, std::int64_t now_ns) {
+  if (cause == Cause::kExit) {
+    ending_ = true;
+    if (state_.phase == Phase::kChecking) refuse("ended before the approach");
+  }
   if (state_.phase == Phase::kChecking || state_.phase == Phase::kRefused) return;
   if (withdrawing()) {
     if (state_.cause == Cause::kParked && cause != Cause::kParked) {
@@ -319,7 +401,8 @@ void AfmLogic::tick(std::int64_t now_ns, const PortWish& wish) {
   if (state_.phase == Phase::kChecking || state_.phase == Phase::kRefused) return;
 
   if (withdrawing()) {
-    if (state_.phase != Phase::kWithdrawn || !all_connected() || !refusal_.empty()) return;
+    if (state_.phase != Phase::kWithdrawn || !all_connected() || !refusal_.empty() || ending_) return;
+    if (approved_ && awaits_approval()) return engage(now_ns);
     const bool wanted = wish_.session != 0 && (wish_.wanted || wish_.follow) && !wish_.retract &&
                         now_ns - wish_.time_ns < ns(1e-3 * config_.link_loss_ms);
     const bool free = state_.cause == Cause::kParked || wish_.clears != cleared_;

@@ -8,6 +8,7 @@
 #include "nve_server/afm/afm_config.h"
 #include "nve_server/afm/afm_exchange.h"
 #include "nve_server/afm/motion_history.h"
+#include "nve_server/afm/signal_watch.h"
 #include "nve_server/afm/touch_model.h"
 #include "nve_server/afm/work_book.h"
 #include "nve_server/nanonis/codec.h"
@@ -29,11 +30,13 @@ enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 /// motion connection besides, until the height that the controller reports is that of a withdrawn tip.
 ///
 /// Force limit. The base goes lower only as far as no reading is needed to know that the force stays below
-/// the limit. A reading F is the average over a window in which the base was no higher than z_hi and after
-/// whose beginning it travelled s across; the force as a function of the base is nowhere steeper than the
-/// lever, k, and ground no steeper than m. So at z, F' ≤ F + k (z_hi − z + m s) (a jump only lowers it on the
-/// way down), and the base is kept at z ≥ z_hi + m s − (F_max − F)/k. What is left over the limit is noise,
-/// thermal bending since the tare, and drift times the age of the reading, times k.
+/// the limit. A reading that only repeats the last one, bit for bit, is none: z_hi counts from the first of
+/// them on, at most from the top of the ground that was touched last, as long as the value says that the tip
+/// is free (signal_watch.h). A reading F is the average over a window in which the base was no higher than
+/// z_hi and after whose beginning it travelled s across; the force as a function of the base is nowhere
+/// steeper than the lever, k, and ground no steeper than m. So at z, F' ≤ F + k (z_hi − z + m s) (a jump only
+/// lowers it on the way down), and the base is kept at z ≥ z_hi + m s − (F_max − F)/k. What is left over the
+/// limit is noise, thermal bending since the tare, and drift times the age of the reading, times k.
 ///
 /// In the approach the Z controller moves the tip, and presses with its set point: that is read before each
 /// approach, and must lie within F_max. Beyond it (it was changed, or the controller overshoots) the readings
@@ -57,6 +60,17 @@ class AfmLogic {
   void tick(std::int64_t now_ns, const PortWish& wish);
 
   void withdraw(Cause cause, std::int64_t now_ns);
+  /// Before the start: no approach after the checks, until approve() or an operator who wants to engage.
+  void await_approval() noexcept { unapproved_ = true; }
+  bool awaits_approval() const noexcept {
+    return state_.phase == Phase::kWithdrawn && state_.cause == Cause::kNotApproved && !ending_;
+  }
+  void approve(std::int64_t now_ns);
+  /// No approach, for a reason outside of the rig: refused.
+  void forbid(const std::string& why, std::int64_t now_ns);
+  /// Nothing is left to do after withdraw(Cause::kExit), or after a refusal: the tip is up, and the
+  /// controller has its settings back, or cannot be reached for it before anything has moved.
+  bool finished() const noexcept;
   const PortState& state() const noexcept { return state_; }
   /// One line, once kRefused.
   const std::string& refusal() const noexcept { return refusal_; }
@@ -82,6 +96,7 @@ class AfmLogic {
   struct Check {
     Role role;
     nanonis::Call call;
+    bool keep = false;  ///< what it says is given back at the end
   };
 
   Connection& at(Role role) noexcept { return connections_[static_cast<std::size_t>(role)]; }
@@ -93,6 +108,17 @@ class AfmLogic {
 
   void make_checks();
   void checked(const Check& check, const nanonis::Answer& answer);
+  void keep(const Check& check, const nanonis::Answer& answer);
+  bool gives_back() const noexcept;
+  bool next_given_back(Role role, std::int64_t now_ns, nanonis::Call& call);
+  nanonis::Call limits_call(double floor_nm) const;
+  double wanted_floor_nm(std::int64_t now_ns) const noexcept;
+  bool next_floor(std::int64_t now_ns, nanonis::Call& call);
+  void on_safe_tip_signal(double value);
+  void compare_safe_tip(std::int64_t now_ns);
+  double signal_of(double deflection_nm) const noexcept {
+    return offset_ + calibration_m_v_ * deflection_nm / config_.sensitivity_nm_v;
+  }
   /// Why the approach must not be made with this set point; empty if it may.
   std::string setpoint_excess(double setpoint) const;
   void refuse(const std::string& text);
@@ -106,13 +132,17 @@ class AfmLogic {
   bool next_motion(std::int64_t now_ns, nanonis::Call& call);
   bool next_move(std::int64_t now_ns, nanonis::Call& call);
   bool next_touch(std::int64_t now_ns, nanonis::Call& call);
+  bool next_lift(std::int64_t now_ns, nanonis::Call& call);
+  void lift_reading(double deflection_nm, std::int64_t now_ns);
   bool next_emergency(std::int64_t now_ns, nanonis::Call& call);
   bool next_data(std::int64_t now_ns, nanonis::Call& call);
   bool send_z(double z_w_nm, std::int64_t now_ns, nanonis::Call& call);
   double lowest_allowed_nm(std::int64_t now_ns) noexcept;
+  double top_of_ground_nm() const noexcept;
 
   void on_motion(const nanonis::Answer& answer, std::int64_t now_ns);
   void on_reading(const nanonis::Answer& answer, std::int64_t sent_ns, std::int64_t now_ns);
+  bool plausible(double volts, double lateral_volts, std::int64_t from_ns, std::int64_t now_ns);
   void on_status(double status, std::int64_t sent_ns, std::int64_t now_ns);
   void on_setpoint(double setpoint, std::int64_t now_ns);
   void on_height(double z_m, std::int64_t now_ns);
@@ -144,6 +174,22 @@ class AfmLogic {
   double start_x_nm_ = 0, start_y_nm_ = 0;
   double top_height_nm_ = 0;  // where it stood withdrawn
 
+  // What it had before, and how deep it lets the tip go.
+  std::vector<Check> give_back_;
+  std::size_t given_back_ = 0;
+  bool ending_ = false;
+  bool unapproved_ = false;
+  bool approved_ = false;
+  bool had_limits_ = false;
+  double outer_high_m_ = 0, outer_low_m_ = 0;  // limits within which all happens
+  double floor_nm_ = kNoFloor;                 // as the controller was told last
+  double asked_floor_nm_ = kNoFloor;
+  static constexpr double kNoFloor = 1e300;  // not known
+
+  // SafeTip's signal in the air and at the first touch.
+  double safe_tip_air_ = 0, safe_tip_touch_ = 0;
+  bool safe_tip_air_known_ = false, safe_tip_touch_known_ = false;
+
   // Approach.
   std::int64_t phase_ns_ = 0;  // since when
   std::int64_t engage_ns_ = 0;
@@ -155,11 +201,20 @@ class AfmLogic {
   double last_height_nm_ = 0;
   double settled_height_nm_ = 0;
   double height_nm_ = 0;  // as last sent or read, of the base
+  // The lift goes on until the force no longer changes with the height.
+  double lift_nm_;  // above the surface, where the tip waits: as configured, or where it came off
+  bool free_ = false;
+  double lift_to_nm_ = 0;
+  int lift_readings_ = 0;
+  double lift_sum_nm_ = 0, lift_last_nm_ = kNoFloor;
   int tared_ = 0;
   double tare_sum_ = 0, tare_squares_ = 0, tare_lateral_sum_ = 0;
   double tare_nm_ = 0, tare_nn_ = 0, tare_lateral_nn_ = 0;
+  std::vector<double> free_volts_;  // of the deflection, in free space
+  SignalWatch watch_;
+  double contact_stiffness_n_m_ = 0;  // of the last touch; 0 until there was one in this approach
   bool ever_touched_ = false;
-  enum class Touch : std::uint8_t { kDown, kUp, kPause } touch_ = Touch::kDown;
+  enum class Touch : std::uint8_t { kDown, kCompare, kUp, kPause } touch_ = Touch::kDown;
   int touches_ = 0;
   bool touch_fresh_ = false;  // a reading since the last step down
   std::int64_t touch_moved_ns_ = 0;
@@ -182,6 +237,7 @@ class AfmLogic {
   std::int64_t last_xy_ns_ = 0;
   std::int64_t reading_from_ns_ = 0;  // the window of the newest one
   std::int64_t reading_ns_ = 0;       // when it came
+  std::int64_t round_trip_ns_ = 0;    // of a question that is answered at once
   std::int64_t last_book_ns_ = 0;
   bool across_next_ = false;
   TouchModel model_;

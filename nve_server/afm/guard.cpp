@@ -16,6 +16,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
+#include <string_view>
 #include <utility>
 
 #include "common/base/error.h"
@@ -33,11 +34,13 @@ constexpr std::int64_t kMs = 1'000'000;
 constexpr std::int64_t kRetryNs = 20 * kMs;
 constexpr std::int64_t kSlowRetryNs = 500 * kMs;  // to a controller that has long not been there
 constexpr std::int64_t kLongNs = 60'000 * kMs;
-constexpr std::int64_t kReplyNs = 3000 * kMs;  // to a withdrawal that waits until it is done
-// The start-up checks ask the emergency connection once; the heart beat begins before anything moves.
-constexpr int kCheckRequests = 1;
+constexpr std::int64_t kLimitsReplyNs = 50 * kMs;  // the withdrawal does not wait longer for the limits
+constexpr std::int64_t kReplyNs = 3000 * kMs;      // to a withdrawal that waits until it is done
+// The start-up checks ask the emergency connection this often; the heart beat begins before anything moves.
+constexpr int kCheckRequests = 3;
 constexpr std::int64_t kAgainNs = 100 * kMs;  // before the next withdrawal
 constexpr double kSameHeightM = 1e-9;
+constexpr std::string_view kGoodbye = "Telenano.Goodbye";
 
 /// A name that only one process has at a time, and that goes with it.
 class OneName {
@@ -106,6 +109,8 @@ class Guard {
   }
 
  private:
+  enum class Step : std::uint8_t { kLimitsOn, kFloor, kUp, kHeight };
+
   void connect(std::int64_t now) {
     if (connecting_) {
       if (tcp_.connecting()) {
@@ -135,7 +140,8 @@ class Guard {
     controller_.clear();
     retry_ns_ = now + (withdraws_ && now > begun_ns_ + kLongNs ? kSlowRetryNs : kRetryNs);
     asked_ns_ = 0;
-    was_up_ = asks_height_ = false;
+    was_up_ = false;
+    step_ = Step::kUp;  // the limits had their chance
   }
   bool write(const nanonis::Bytes& bytes, std::int64_t now) {
     std::size_t n = 0;
@@ -157,6 +163,10 @@ class Guard {
       nanonis::Header header;
       std::span<const std::uint8_t> body;
       while (requests_.next(header, body) == nanonis::FrameReader::Status::kFrame) {
+        if (header.name == kGoodbye) {
+          given_back_ = true;
+          continue;
+        }
         const nanonis::Command* command = nanonis::find_command(header.name);
         nanonis::Call call;
         if (command != nullptr && nanonis::decode_call(*command, body, call))
@@ -189,13 +199,15 @@ class Guard {
           drop(now);
           return true;
         }
+        if (passed_on_ <= kCheckRequests) overhear(header, body);
         if (withdraws_ && asked_ns_ != 0) hear(header, body, now);
       }
     }
   }
   void begin(std::int64_t now) {
     withdraws_ = true;
-    was_up_ = asks_height_ = false;
+    was_up_ = false;
+    step_ = first_step();
     told_ = false;
     begun_ns_ = now;
     asked_ns_ = 0;
@@ -210,29 +222,68 @@ class Guard {
       tell("the controller has not withdrawn the tip yet; going on until it has");
     }
     if (asked_ns_ != 0) {
-      if (now > asked_ns_ + kReplyNs) drop(now);
-      return;
+      if ((step_ == Step::kLimitsOn || step_ == Step::kFloor) && now > asked_ns_ + kLimitsReplyNs) {
+        step_ = Step::kUp;  // at once: what is late is heard and passed over
+      } else {
+        if (now > asked_ns_ + kReplyNs) drop(now);
+        return;
+      }
     }
     if (now < next_ns_) return;
-    const nanonis::Call up{nanonis::CommandId::kWithdraw, {1, 2000}};
-    const nanonis::Call height{nanonis::CommandId::kZPosGet, {}};
-    if (!write(nanonis::encode_call(asks_height_ ? height : up), now)) return;
+    if (!write(nanonis::encode_call(step_call()), now)) return;
     asked_ns_ = now;
+  }
+  nanonis::Call step_call() const {
+    switch (step_) {
+      case Step::kLimitsOn:
+        return {nanonis::CommandId::kLimitsEnabledSet, {1}};
+      case Step::kFloor:
+        return {nanonis::CommandId::kLimitsSet, {floor_high_m_, floor_low_m_}};
+      case Step::kUp:
+        return {nanonis::CommandId::kWithdraw, {1, 2000}};
+      default:
+        return {nanonis::CommandId::kZPosGet, {}};
+    }
+  }
+  Step first_step() const noexcept {
+    return range_m_ > 0 && top_known_ && !given_back_ ? Step::kLimitsOn : Step::kUp;
+  }
+  /// In the checks: where the withdrawn tip stands, and the whole range. The end that it is near is "up".
+  void overhear(const nanonis::Header& header, std::span<const std::uint8_t> body) {
+    for (const auto id : {nanonis::CommandId::kZPosGet, nanonis::CommandId::kPiezoRangeGet}) {
+      const nanonis::Command& command = nanonis::command(id);
+      nanonis::Answer answer;
+      if (header.name != command.name || !nanonis::decode_answer(command, body, answer) || answer.error != 0)
+        continue;
+      if (id == nanonis::CommandId::kZPosGet) {
+        top_m_ = answer.numbers[0];
+        top_known_ = true;
+      } else {
+        range_m_ = answer.numbers[2];
+      }
+    }
+    // A withdrawal may end lower than where the tip stood, by the same reckoning as the server's.
+    const double end_m = 0.5 * range_m_, up_m = std::min(std::fabs(top_m_), 0.9 * end_m) - kSameHeightM;
+    floor_high_m_ = top_m_ > 0 ? end_m : -up_m;
+    floor_low_m_ = top_m_ > 0 ? up_m : -end_m;
   }
   /// A whole reply while withdrawing. One to the server's last requests may still come between.
   void hear(const nanonis::Header& header, std::span<const std::uint8_t> body, std::int64_t now) {
-    const nanonis::Command& asked =
-        nanonis::command(asks_height_ ? nanonis::CommandId::kZPosGet : nanonis::CommandId::kWithdraw);
+    const nanonis::Command& asked = nanonis::command(step_call().id);
     nanonis::Answer answer;
     if (header.name != asked.name || !nanonis::decode_answer(asked, body, answer)) return;
     asked_ns_ = 0;
     const bool done = answer.error == 0;
-    if (!done) next_ns_ = now + kAgainNs;
-    if (!asks_height_) {
-      asks_height_ = done;
+    if (step_ == Step::kLimitsOn || step_ == Step::kFloor) {
+      step_ = step_ == Step::kLimitsOn ? Step::kFloor : Step::kUp;  // whether it takes them or not
       return;
     }
-    asks_height_ = false;
+    if (!done) next_ns_ = now + kAgainNs;
+    if (step_ == Step::kUp) {
+      if (done) step_ = Step::kHeight;
+      return;
+    }
+    step_ = first_step();
     if (!done) return;
     next_ns_ = now + kAgainNs;
     const double height_m = answer.numbers[0];
@@ -258,9 +309,12 @@ class Guard {
   bool server_ = true;
   bool armed_ = false;
   int passed_on_ = 0;  // requests
+  bool given_back_ = false;
+  bool top_known_ = false;
+  double top_m_ = 0, range_m_ = 0, floor_high_m_ = 0, floor_low_m_ = 0;
   bool withdraws_ = false;
-  bool asks_height_ = false;  // else to withdraw
-  bool was_up_ = false;       // a withdrawal has ended, at height_m_
+  Step step_ = Step::kUp;
+  bool was_up_ = false;  // a withdrawal has ended, at height_m_
   double height_m_ = 0;
   bool told_ = false;
   std::int64_t heard_ns_ = 0;
@@ -293,6 +347,12 @@ void await_last_guard(const std::string& emergency, const std::atomic<bool>& sto
   }
 }
 
+nanonis::Bytes goodbye() {
+  nanonis::Bytes frame(nanonis::kHeaderBytes, 0);
+  std::copy(kGoodbye.begin(), kGoodbye.end(), frame.begin());
+  return frame;
+}
+
 int start_guard(const std::string& emergency, int silence_ms) {
   int ends[2] = {-1, -1};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
@@ -300,8 +360,8 @@ int start_guard(const std::string& emergency, int silence_ms) {
   posix_spawn_file_actions_t actions;
   ::posix_spawn_file_actions_init(&actions);
   ::posix_spawn_file_actions_adddup2(&actions, ends[1], STDIN_FILENO);
-  // The guard may outlive the server by minutes: with the server's sockets in its hands, the next server would
-  // find its own port in use.
+  // The guard may outlive the server by minutes: with the server's sockets in its hands, the next server
+  // would find its own port in use.
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   std::string program = "telenano-nve", command = "afm-guard", flag = "--emergency", address = emergency,
               silence = "--silence-ms", time = std::to_string(silence_ms);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "common/net/datagram.h"
+#include "nve_server/nanonis/codec.h"
 
 namespace telenano::afm {
 
@@ -12,10 +13,17 @@ namespace telenano::afm {
 /// requests on, whole frames only, and replies back. When the server's end of `handle` closes, as it does
 /// however the server ends, or is silent for `silence_ms` (it beats every 40 ms), the guard withdraws the
 /// tip, and ends, after the server, only when the tip is known to be up: two withdrawals in a row have ended
-/// at the same height. Until then it goes on, however long the controller cannot be reached. A server that
-/// ends in its checks, before the heart beat, has moved nothing, and the guard just ends. Returns the
-/// process's exit code: 0 withdrawn, 3 the controller was never reached at all.
+/// at the same height. Until then it goes on, however long the controller cannot be reached. Before each
+/// withdrawal it raises the floor of the controller's Z limits to where the tip stood withdrawn at the start,
+/// as it has overheard it, so that a ZPosSet that comes late moves nothing on a controller that holds
+/// commands to its limits; one that does not take them is withdrawn all the same. A server that ends in its
+/// checks, before the heart beat, has moved nothing, and the guard just ends. Returns the process's exit
+/// code: 0 withdrawn, 3 the controller was never reached at all.
 int run_guard(int handle, const net::Address& emergency, int silence_ms);
+
+/// What a server tells its guard, and no controller, when the tip is up and the controller has its settings
+/// back: the Z limits are then not the guard's any more.
+nanonis::Bytes goodbye();
 
 /// Waits while a guard whose server is gone still withdraws the tip by that port (as net::to_string() writes
 /// it), or until `stop`; says so once. A new server must not take the controller from it: it may be the only

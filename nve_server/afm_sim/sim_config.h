@@ -27,6 +27,8 @@ struct SimConfig {
   double noise_nm_sqrt_hz = 5e-4;  ///< white, of the deflection
   double lateral_nn_v = 100;
   double lateral_noise_nn_sqrt_hz = 0.02;
+  double quantum_v = 0;        ///< of the converter, 3.05e-4 for 16 bits over ±10 V; 0: none
+  double signal_range_v = 10;  ///< a signal ends at plus and minus this
   // Controller.
   double acquisition_s = 0.005;
   double latency_s = 4e-4;  ///< of any reply, at least; at most three times this
@@ -37,6 +39,7 @@ struct SimConfig {
   double setpoint_nn = 15;  ///< what ZCtrl.SetpntGet says as the deflection's signal, offset included
   double feedback_nm_s_nn = 20;
   nanonis::ErrorForm error_form = nanonis::ErrorForm::kZeroFilled;
+  int safe_tip_signal = 8;      ///< index of the signal that SafeTip watches; negative: with the other sign
   bool restrict_roles = false;  ///< port k answers only what suits its role: motion, reads, data, emergency
   std::uint64_t seed = 1;
 };
@@ -46,5 +49,16 @@ inline constexpr int kSignalCount = 32;
 inline constexpr int kDeflectionSignal = 8;
 inline constexpr int kLateralSignal = 9;
 inline constexpr int kZSignal = 30;
+
+/// What goes wrong with the photodiode or what reads it: the signal, the Z controller's feedback and SafeTip
+/// see it.
+enum class SensorFault : std::uint8_t {
+  kNone,
+  kFrozen,    ///< the last value, for ever
+  kHighEnd,   ///< at the end of its range: the laser has left the photodiode
+  kLowEnd,    ///< at the other one
+  kNoisy,     ///< a hundred times the noise
+  kInverted,  ///< about the value of the free lever: force away from the sample looks like force towards it
+};
 
 }  // namespace telenano::afm_sim

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "common/base/det_math.h"
 
@@ -44,7 +45,13 @@ bool suits(CommandId id, int port) noexcept {
     case kZPosGet:
     case kXyPosGet:
     case kOnOffGet:
+    case kPiezoRangeGet:
+    case kLimitsEnabledSet:
+    case kLimitsSet:
+    case kLimitsGet:
       return port != 1;
+    case kSpeedGet:
+      return port == 0 || port == 2;
     default:
       return port == 2;
   }
@@ -79,6 +86,47 @@ bool SimController::busy() const noexcept {
          status_ == ZStatus::kSwitchingOff || piezo_nm_.head<2>() != target_nm_.head<2>();
 }
 
+void SimController::set_sensor_fault(SensorFault fault) noexcept {
+  if (sensor_fault_ == SensorFault::kNone) frozen_bend_nm_ = tip_.deflection_nm();
+  sensor_fault_ = fault;
+}
+
+/// The lever's bending as the photodiode shows it, without offset and noise.
+double SimController::sensed_nm(double bend_nm) const noexcept {
+  const double end_nm = config_.signal_range_v * std::fabs(config_.deflection_nm_v);
+  switch (sensor_fault_) {
+    case SensorFault::kFrozen:
+      return frozen_bend_nm_;
+    case SensorFault::kHighEnd:
+      return end_nm - config_.deflection_offset_nm;
+    case SensorFault::kLowEnd:
+      return -end_nm - config_.deflection_offset_nm;
+    case SensorFault::kInverted:
+      return -bend_nm;
+    default:
+      return bend_nm;
+  }
+}
+
+double SimController::safe_tip_signal() const noexcept {
+  const double sign = config_.safe_tip_signal < 0 ? -1 : 1;
+  switch (std::abs(config_.safe_tip_signal)) {
+    case kDeflectionSignal:
+      return sign * 1e-9 * (sensed_nm(tip_.deflection_nm()) + config_.deflection_offset_nm);
+    case kLateralSignal:
+      return sign * tip_.force_w_nn().x() / config_.lateral_nn_v;
+    case kZSignal:
+      return sign * 1e-9 * config_.z_sign * piezo_nm_.z();
+    default:
+      return 0;
+  }
+}
+
+double SimController::converted_v(double volts) const noexcept {
+  const double within = std::clamp(volts, -config_.signal_range_v, config_.signal_range_v);
+  return config_.quantum_v > 0 ? config_.quantum_v * std::nearbyint(within / config_.quantum_v) : within;
+}
+
 void SimController::step(double dt_s) noexcept {
   const double move = speed_nm_s_ * dt_s;
   const Vec3 to = Vec3(target_nm_.x() - piezo_nm_.x(), target_nm_.y() - piezo_nm_.y(), 0);
@@ -86,7 +134,10 @@ void SimController::step(double dt_s) noexcept {
   if (way > 0) piezo_nm_ += way > move ? Vec3(to * (move / way)) : to;
   switch (status_) {
     case ZStatus::kOn: {
-      const double error_nn = config_.setpoint_nn - tip_.force_w_nn().z();
+      const double force_nn = sensor_fault_ == SensorFault::kNone
+                                  ? tip_.force_w_nn().z()
+                                  : sensed_nm(tip_.deflection_nm()) / tip_.deflection_nm_nn();
+      const double error_nn = config_.setpoint_nn - force_nn;
       const double rate =
           std::clamp(config_.feedback_nm_s_nn * error_nn, -config_.approach_nm_s, config_.approach_nm_s);
       piezo_nm_.z() = std::clamp(piezo_nm_.z() - rate * dt_s, lowest_nm(), retracted_nm());
@@ -107,12 +158,11 @@ void SimController::step(double dt_s) noexcept {
       break;
   }
   tip_.step(piezo_nm_, dt_s);
-  const double bend_nm = tip_.deflection_nm();
+  const double bend_nm = sensed_nm(tip_.deflection_nm());
   sum_s_ += dt_s;
   sum_deflection_ += dt_s * bend_nm;
   sum_lateral_ += dt_s * tip_.force_w_nn().x();
-  const double signal_m = 1e-9 * (bend_nm + config_.deflection_offset_nm);
-  if (safe_tip_on_ && std::fabs(signal_m) > safe_tip_[2] && status_ != ZStatus::kSafeTip &&
+  if (safe_tip_on_ && std::fabs(safe_tip_signal()) > safe_tip_[2] && status_ != ZStatus::kSafeTip &&
       status_ != ZStatus::kWithdrawing) {
     status_ = ZStatus::kSafeTip;
     target_nm_ = piezo_nm_;
@@ -126,12 +176,22 @@ void SimController::end_acquisition() noexcept {
   const double thermal_nm =
       config_.thermal_nm * det_sin_cos(std::fmod(2 * kPi * time_s / config_.thermal_period_s, 2 * kPi)).sin;
   const double bandwidth = std::sqrt(0.5 / sum_s_);  // of an average over that time
-  const double noise_nm = config_.noise_nm_sqrt_hz * bandwidth * random_.normal();
+  double noise_nm = config_.noise_nm_sqrt_hz * bandwidth * random_.normal();
+  if (sensor_fault_ == SensorFault::kNoisy) noise_nm *= 100;
+  const double last_m = value_deflection_m_, last_v = value_lateral_v_;
   value_deflection_m_ =
       1e-9 * (sum_deflection_ / sum_s_ + config_.deflection_offset_nm + thermal_nm + noise_nm);
   value_lateral_v_ =
       (sum_lateral_ / sum_s_ + config_.lateral_noise_nn_sqrt_hz * bandwidth * random_.normal()) /
       config_.lateral_nn_v;
+  const double nm_v = std::fabs(config_.deflection_nm_v);
+  if (config_.quantum_v > 0 || std::fabs(value_deflection_m_) > 1e-9 * nm_v * config_.signal_range_v)
+    value_deflection_m_ = 1e-9 * nm_v * converted_v(1e9 * value_deflection_m_ / nm_v);
+  value_lateral_v_ = converted_v(value_lateral_v_);
+  if (sensor_fault_ == SensorFault::kFrozen) {
+    value_deflection_m_ = last_m;
+    value_lateral_v_ = last_v;
+  }
   sum_s_ = sum_deflection_ = sum_lateral_ = 0;
 }
 
@@ -262,6 +322,7 @@ void SimController::execute(const Call& call, std::int64_t now_ns, Pending& pend
       if (!(in[0] > in[1]) || std::fabs(in[0]) > 0.501e-9 * config_.range_z_nm ||
           std::fabs(in[1]) > 0.501e-9 * config_.range_z_nm)
         return fail(8, "limits: high is above low, both within the piezo's range");
+      if (!limits_on_) return;  // as documented: without effect while they are off
       limit_high_m_ = in[0];
       limit_low_m_ = in[1];
       return;
@@ -307,6 +368,27 @@ void SimController::execute(const Call& call, std::int64_t now_ns, Pending& pend
       acquisition_ns_ = ns(in[0]);
       next_acquisition_ns_ = (now_ns_ / acquisition_ns_ + 1) * acquisition_ns_;
       sum_s_ = sum_deflection_ = sum_lateral_ = 0;
+      return;
+    case kAcqPeriodGet:
+      out = {1e-9 * static_cast<double>(acquisition_ns_)};
+      return;
+    case kWithdrawRateGet:
+      out = {1e-9 * config_.withdraw_nm_s};
+      return;
+    case kTipLiftGet:
+      out = {1e-9 * config_.tip_lift_nm};
+      return;
+    case kSwitchOffDelayGet:
+      out = {config_.switch_off_delay_s};
+      return;
+    case kLimitsEnabledGet:
+      out = {limits_on_ ? 1.0 : 0.0};
+      return;
+    case kLimitsGet:
+      out = {limit_high_m_, limit_low_m_};
+      return;
+    case kSafeTipSignalGet:
+      out = {safe_tip_signal()};
       return;
   }
 }

@@ -40,12 +40,22 @@ class SimController {
   const SimTip& tip() const noexcept { return tip_; }
   SimTip& tip() noexcept { return tip_; }
   double height_nm() const noexcept { return piezo_nm_.z(); }  ///< as told, away from the sample positive
-  bool withdrawn() const noexcept { return piezo_nm_.z() >= retracted_nm() - 1e-6; }
+  /// Limits that were set as floats, and are off again, may have stopped it 1e-5 nm below the end.
+  bool withdrawn() const noexcept { return piezo_nm_.z() >= retracted_nm() - 1e-3; }
   std::uint64_t safe_tips() const noexcept { return safe_tips_; }
   std::uint64_t moves() const noexcept { return moves_; }  ///< calls that moved or may move the tip
   const SimConfig& config() const noexcept { return config_; }
 
+  /// From now on.
+  void set_sensor_fault(SensorFault fault) noexcept;
+  bool limits_enabled() const noexcept { return limits_on_; }
+  double limit_high_m() const noexcept { return limit_high_m_; }
+  double limit_low_m() const noexcept { return limit_low_m_; }
+
  private:
+  double sensed_nm(double bend_nm) const noexcept;
+  double safe_tip_signal() const noexcept;
+  double converted_v(double volts) const noexcept;
   double retracted_nm() const noexcept;
   double lowest_nm() const noexcept;
   double true_value(int index) const noexcept;
@@ -70,6 +80,8 @@ class SimController {
   bool safe_tip_on_ = false;
   std::array<double, 3> safe_tip_{0, 0, 0};  // recovery, pause, threshold
   std::uint64_t safe_tips_ = 0;
+  SensorFault sensor_fault_ = SensorFault::kNone;
+  double frozen_bend_nm_ = 0;
   std::uint64_t moves_ = 0;
   // The average under way and the last one.
   std::int64_t acquisition_ns_ = 0;

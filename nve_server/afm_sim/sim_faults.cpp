@@ -1,7 +1,10 @@
 #include "nve_server/afm_sim/sim_faults.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <sstream>
+#include <string_view>
 
 #include "common/base/det_math.h"
 #include "common/base/error.h"
@@ -11,9 +14,9 @@ namespace telenano::afm_sim {
 namespace {
 
 [[noreturn]] void refuse(const std::string& what, const std::string& text) {
-  throw UserError(
-      what + " '" + text +
-      "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY, e.g. '@5s silent 500ms'");
+  throw UserError(what + " '" + text +
+                  "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY | sensor "
+                  "frozen|high|low|noisy|inverted|good, e.g. '@5s silent 500ms'");
 }
 
 std::int64_t parse_time(const std::string& word, const std::string& what, const std::string& text) {
@@ -57,6 +60,13 @@ Fault parse_fault(const std::string& text, const std::string& what) {
     fault.kind = FaultKind::kSlow;
     fault.length_ns = time();
     fault.delay_ns = time();
+  } else if (word == "sensor") {
+    fault.kind = FaultKind::kSensor;
+    constexpr std::string_view kNames[] = {"good", "frozen", "high", "low", "noisy", "inverted"};
+    if (!(words >> word)) refuse(what, text);
+    const auto* const found = std::find(std::begin(kNames), std::end(kNames), word);
+    if (found == std::end(kNames)) refuse(what, text);
+    fault.sensor = static_cast<SensorFault>(found - std::begin(kNames));
   } else {
     refuse(what, text);
   }

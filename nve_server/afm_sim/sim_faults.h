@@ -4,6 +4,8 @@
 #include <string>
 #include <vector>
 
+#include "nve_server/afm_sim/sim_config.h"
+
 namespace telenano::afm_sim {
 
 enum class FaultKind : std::uint8_t {
@@ -11,6 +13,7 @@ enum class FaultKind : std::uint8_t {
   kReset,    ///< all connections are reset at once
   kGarbage,  ///< the next reply on every port is noise
   kSlow,     ///< replies come later by delay_ns
+  kSensor,   ///< the photodiode or what reads it, from then on
 };
 
 struct Fault {
@@ -18,10 +21,12 @@ struct Fault {
   FaultKind kind = FaultKind::kSilent;
   std::int64_t length_ns = 0;
   std::int64_t delay_ns = 0;
+  SensorFault sensor = SensorFault::kNone;
 };
 
-/// "silent 500ms", "reset", "garbage", "slow 2s 50ms" (for two seconds, each reply 50 ms late); before it
-/// may stand when it begins: "@5s silent 500ms". Throws UserError, naming `what`.
+/// "silent 500ms", "reset", "garbage", "slow 2s 50ms" (for two seconds, each reply 50 ms late), "sensor
+/// frozen" (or high, low, noisy, inverted, good); before it may stand when it begins: "@5s silent 500ms".
+/// Throws UserError, naming `what`.
 Fault parse_fault(const std::string& text, const std::string& what);
 
 /// Faults of any kind and of 1 ms to 10 s (log-uniform) at a mean rate, for as long as `duration_s`.

@@ -44,6 +44,9 @@ void SimServer::apply(const Fault& fault) {
       slow_until_ns_ = now_ns() + fault.length_ns;
       slow_ns_ = fault.delay_ns;
       break;
+    case FaultKind::kSensor:
+      controller_.set_sensor_fault(fault.sensor);
+      break;
   }
 }
 

@@ -118,11 +118,18 @@ int main(int argc, char** argv) {
   app.add_option("--setpoint-nn", o.rig.setpoint_nn, "Of the Z controller")
       ->capture_default_str()
       ->check(CLI::Range(0.1, 1e4));
+  app.add_option("--quantum-v", o.rig.quantum_v, "Of the converter: 3.05e-4 is 16 bits over +-10 V; 0: none")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0));
+  app.add_option("--safe-tip-signal", o.rig.safe_tip_signal, "What SafeTip watches; negative: its negative")
+      ->capture_default_str()
+      ->check(CLI::Range(-31, 31));
   app.add_flag("--restrict-roles", o.rig.restrict_roles,
                "Ports take only what suits their role: motion, reads, data, emergency");
   app.add_flag("--error-alone", o.error_alone, "Error replies without the values, not zero-filled");
   app.add_option("--fault", o.faults,
-                 "'[@TIME] silent TIME', 'reset', 'garbage', 'slow TIME DELAY'; may be given more than once")
+                 "'[@TIME] silent TIME', 'reset', 'garbage', 'slow TIME DELAY', 'sensor "
+                 "frozen|high|low|noisy|inverted|good'; may be given more than once")
       ->type_name("TEXT");
   app.add_option("--faults-per-minute", o.faults_per_minute, "Random faults, from --seed")
       ->capture_default_str()

@@ -42,6 +42,7 @@ int main(int argc, char** argv) {
   int exit_code = 0;
   telenano::app::add_serve_command(app, serve_scene, exit_code);
   telenano::app::add_afm_guard_command(app, exit_code);
+  telenano::app::add_afm_command(app);
   telenano::app::add_curve_command(app);
   telenano::app::add_check_command(app);
   telenano::app::add_trace_command(app);

@@ -2,18 +2,29 @@
 
 #include <unistd.h>
 
+#include <cstdio>
+
 #include "common/base/error.h"
 #include "common/net/udp.h"
 #include "nve_server/afm/afm_driver.h"
 #include "nve_server/afm/afm_slave.h"
 #include "nve_server/afm/guard.h"
 #include "nve_server/app/port_list.h"
+#include "nve_server/app/tip_latch.h"
 
 namespace telenano::app {
 
 struct ServeAfm::Running {
   std::shared_ptr<afm::AfmExchange> exchange = std::make_shared<afm::AfmExchange>();
+  std::unique_ptr<TipLatch> latch;
   std::unique_ptr<afm::AfmDriver> driver;
+  /// Nothing moves any more. Where the tip is known to be up, nobody needs to approve the next approach.
+  ~Running() {
+    if (!driver) return;
+    const bool up = driver->end();
+    driver.reset();
+    if (up) latch->clear();
+  }
 };
 
 ServeAfm::ServeAfm() = default;
@@ -27,6 +38,11 @@ void ServeAfm::add_flags(CLI::App& command) {
   command.add_option("--controller", controller_, "Host of the AFM's controller")->type_name("HOST");
   command.add_option("--ports", ports_, "Its TCP ports: motion, reads, data, emergency; a range or a list")
       ->capture_default_str();
+  command
+      .add_option(
+          "--afm-state", state_,
+          "Folder that keeps whether the tip may be out [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+      ->type_name("FOLDER");
   command.add_option("--afm", afm_, "The rig and its limits (TOML; see deploy/afm.toml)")->type_name("FILE");
 }
 
@@ -34,8 +50,8 @@ void ServeAfm::check(const std::string& scene) const {
   if (!wanted()) {
     if (scene.empty())
       throw UserError("serve: --scene is missing: expected a scene file, or --slave nanonis");
-    if (!controller_.empty() || !afm_.empty())
-      throw UserError("serve: --controller and --afm belong to --slave nanonis");
+    if (!controller_.empty() || !afm_.empty() || !state_.empty())
+      throw UserError("serve: --controller, --afm and --afm-state belong to --slave nanonis");
     return;
   }
   if (!scene.empty()) throw UserError("serve: --scene belongs to --slave nve: an AFM has its own sample");
@@ -60,12 +76,23 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
       emergency = net::to_string(address);
     }
   }
+  auto running = std::make_unique<Running>();
+  running->latch = std::make_unique<TipLatch>(state_folder(state_), emergency);
+  options.approved = !running->latch->held();
+  options.before_approach = [latch = running->latch.get()] { latch->set(); };
+  options.take_approval = [latch = running->latch.get()] { return latch->take_approval(); };
   afm::await_last_guard(emergency, stop, news);
   options.emergency_handle = afm::start_guard(emergency, config.guard_silence_ms());
-  running_ = std::make_unique<Running>();
-  running_->driver =
-      std::make_unique<afm::AfmDriver>(config, options, running_->exchange, clock, std::move(news));
-  running_->driver->start(stop);
+  running->driver =
+      std::make_unique<afm::AfmDriver>(config, options, running->exchange, clock, std::move(news));
+  running_ = std::move(running);
+  try {
+    running_->driver->start(stop);
+  } catch (const UserError&) {
+    running_.reset();  // removes the latch where the tip is up
+
+    throw;
+  }
 
   server::ServedScene served;
   served.name = server::scene_name("afm");
@@ -78,6 +105,30 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
 
 void ServeAfm::stop() {
   running_.reset();
+}
+
+CLI::App* add_afm_command(CLI::App& app) {
+  struct Options {
+    std::string state, controller;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* const command = app.add_subcommand("afm", "An AFM's tip: approve an approach");
+  command->require_subcommand(1);
+  CLI::App* const approve = command->add_subcommand(
+      "approve", "Let the tip approach once, after a server that did not end with it withdrawn");
+  approve
+      ->add_option("--afm-state", options->state,
+                   "The server's state folder [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+      ->type_name("FOLDER");
+  approve->add_option("--controller", options->controller, "Which, if there are several: its emergency port")
+      ->type_name("HOST:PORT");
+  approve->footer(
+      "The unit's folder is /var/lib/telenano. Look first whether the tip is up and the sample as it was.");
+  approve->callback([options] {
+    const std::string latch = approve_tip(state_folder(options->state), options->controller);
+    std::fprintf(stderr, "telenano-nve: approved one approach (%s)\n", latch.c_str());
+  });
+  return command;
 }
 
 void add_afm_guard_command(CLI::App& app, int& exit_code) {

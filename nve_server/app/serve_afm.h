@@ -32,8 +32,13 @@ class ServeAfm {
   std::string controller_;
   std::string ports_ = "6501-6504";
   std::string afm_;
+  std::string state_;
   std::unique_ptr<Running> running_;
 };
+
+/// `afm approve`: an operator's word that the tip may approach again after a server that did not end with it
+/// withdrawn.
+CLI::App* add_afm_command(CLI::App& app);
 
 /// The hidden `afm-guard`, which the server starts itself (nve_server/afm/guard.h).
 void add_afm_guard_command(CLI::App& app, int& exit_code);

@@ -36,6 +36,13 @@ constexpr std::array<Command, kCommandCount> kCommands = {{
     {kSignalCalibrGet, "Signals.CalibrGet", "i", "ff"},
     {kPiezoRangeGet, "Piezo.RangeGet", "", "fff"},
     {kAcqPeriodSet, "Util.AcqPeriodSet", "f", ""},
+    {kAcqPeriodGet, "Util.AcqPeriodGet", "", "f"},
+    {kWithdrawRateGet, "ZCtrl.WithdrawRateGet", "", "f"},
+    {kTipLiftGet, "ZCtrl.TipLiftGet", "", "f"},
+    {kSwitchOffDelayGet, "ZCtrl.SwitchOffDelayGet", "", "f"},
+    {kLimitsEnabledGet, "ZCtrl.LimitsEnabledGet", "", "I"},
+    {kLimitsGet, "ZCtrl.LimitsGet", "", "ff"},
+    {kSafeTipSignalGet, "SafeTip.SignalGet", "", "f"},
 }};
 
 constexpr bool in_order() {

@@ -38,8 +38,15 @@ enum class CommandId : std::uint8_t {
   kSignalCalibrGet,    ///< index → calibration in units a volt, offset in units
   kPiezoRangeGet,      ///< → x, y, z: whole ranges, symmetric about 0
   kAcqPeriodSet,       ///< s: the time over which a signal is averaged
+  kAcqPeriodGet,       ///< → s
+  kWithdrawRateGet,    ///< → m/s
+  kTipLiftGet,         ///< → m
+  kSwitchOffDelayGet,  ///< → s
+  kLimitsEnabledGet,   ///< → 1, 0
+  kLimitsGet,          ///< → high, low
+  kSafeTipSignalGet,   ///< → the value of the signal that SafeTip watches; no command tells which it is
 };
-inline constexpr std::size_t kCommandCount = 28;
+inline constexpr std::size_t kCommandCount = 35;
 
 /// What ZCtrl.StatusGet returns.
 enum class ZStatus : std::uint8_t {

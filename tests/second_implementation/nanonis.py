@@ -37,6 +37,13 @@ COMMANDS = {
     "Signals.CalibrGet": (["i"], ["f", "f"]),
     "Piezo.RangeGet": ([], ["f", "f", "f"]),
     "Util.AcqPeriodSet": (["f"], []),
+    "Util.AcqPeriodGet": ([], ["f"]),
+    "ZCtrl.WithdrawRateGet": ([], ["f"]),
+    "ZCtrl.TipLiftGet": ([], ["f"]),
+    "ZCtrl.SwitchOffDelayGet": ([], ["f"]),
+    "ZCtrl.LimitsEnabledGet": ([], ["I"]),
+    "ZCtrl.LimitsGet": ([], ["f", "f"]),
+    "SafeTip.SignalGet": ([], ["f"]),
 }
 
 #: One example of each: arguments, returned values.
@@ -69,6 +76,13 @@ EXAMPLES = {
     "Signals.CalibrGet": ([8], [5e-8, 1e-9]),
     "Piezo.RangeGet": ([], [1e-5, 1e-5, 2e-6]),
     "Util.AcqPeriodSet": ([0.005], []),
+    "Util.AcqPeriodGet": ([], [0.02]),
+    "ZCtrl.WithdrawRateGet": ([], [5e-6]),
+    "ZCtrl.TipLiftGet": ([], [2e-8]),
+    "ZCtrl.SwitchOffDelayGet": ([], [0.05]),
+    "ZCtrl.LimitsEnabledGet": ([], [1]),
+    "ZCtrl.LimitsGet": ([], [5e-7, -2.5e-7]),
+    "SafeTip.SignalGet": ([], [-1.5e-9]),
 }
 
 

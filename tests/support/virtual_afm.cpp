@@ -44,6 +44,9 @@ void VirtualAfm::apply(const afm_sim::Fault& fault) {
     case afm_sim::FaultKind::kGarbage:
       for (Channel& c : channels_) c.garbage = true;
       return;
+    case afm_sim::FaultKind::kSensor:
+      sim_.set_sensor_fault(fault.sensor);
+      return;
     case afm_sim::FaultKind::kReset:
       for (std::size_t i = 0; i < channels_.size(); ++i) {
         close(i);
@@ -112,6 +115,11 @@ void VirtualAfm::step(const afm::PortWish& wish) {
       if (c.open && logic_.next(role, now_ns_, call)) c.inbox.push_back(call);
     }
   } else if (!guard_done_ && now_ns_ > killed_ns_ + kGuardNs && reachable()) {
+    // As guard.cpp does: the floor first.
+    const double end_m = 0.5e-9 * sim_.config().range_z_nm, up_m = 0.9 * end_m - 1e-9;
+    const bool away = sim_.config().z_sign > 0;
+    sim_.begin({nanonis::CommandId::kLimitsEnabledSet, {1}}, 3, now_ns_);
+    sim_.begin({nanonis::CommandId::kLimitsSet, {away ? end_m : -up_m, away ? up_m : -end_m}}, 3, now_ns_);
     sim_.begin({nanonis::CommandId::kWithdraw, {0, -1}}, 3, now_ns_);
     guard_done_ = true;
   }

@@ -36,6 +36,9 @@ checks() {
   }
   guards() { { grep -la 'afm-guar[d]' /proc/[0-9]*/cmdline 2>/dev/null || true; } | wc -l; }
   until_no_guard() { local i; for ((i = 0; i < 10 * $1; ++i)); do [ "$(guards)" = 0 ] && return 0; sleep 0.1; done; return 1; }
+  approve() { telenano-nve afm approve --afm-state /var/lib/telenano; }
+  approaches() { journalctl -u telenano-nve -o cat | grep -c 'afm: approaching' || true; }
+  until_approaches() { local i; for ((i = 0; i < 600; ++i)); do [ "$(approaches)" = "$1" ] && return 0; sleep 0.1; done; approaches; return 1; }
   with_an_afm() {
     local i
     cp /etc/telenano/nve.env /tmp/nve.env
@@ -64,7 +67,13 @@ checks() {
     check "AFM: stopped while it heard nothing, the tip is withdrawn" tip_of sim2 withdrawn
 
     simulate sim3
+    # That server could not know that the tip was up: the next one serves, withdrawn, until an operator says so.
+    local seen; seen=$(approaches)
     check "AFM: starts a third time" systemctl start telenano-nve
+    sleep 2
+    check "AFM: and does not approach by itself" equals "$(approaches)" "$seen"
+    check "AFM: is approved" approve
+    check "AFM: and approaches" until_approaches $((seen + 1))
     check "AFM: silent once more" silent 3600 sim3
     local before; before=$(value MainPID)
     check "AFM: a restart while it hears nothing" systemctl --no-block restart telenano-nve
@@ -80,6 +89,8 @@ checks() {
     systemctl --no-block kill --kill-whom=main -s KILL telenano-nve
     check "AFM: a killed one is started again" until_is NRestarts 2 60
     check "AFM: and serves again" until_is ActiveState active 60
+    sleep 2
+    check "AFM: none of them approached by itself" equals "$(approaches)" $((seen + 1))
     check "AFM: stops at last" systemctl stop telenano-nve
     check "AFM: no guard is left" until_no_guard 20
     check "AFM: at last the tip is withdrawn" tip_of sim3 withdrawn

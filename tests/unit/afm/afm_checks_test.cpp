@@ -42,6 +42,9 @@ TEST(AfmChecks, RefusedBeforeAnythingMoves) {
       {"half_width_nm", [](AfmConfig& c, afm_sim::SimConfig&) { c.half_width_nm = 5001; }},
       {"top_nm", [](AfmConfig& c, afm_sim::SimConfig&) { c.top_nm = 980; }},
       {"top_nm", [](AfmConfig&, afm_sim::SimConfig& r) { r.range_z_nm = 90; }},
+      // A signal that ends below the limit, or stands at its end, would never show it.
+      {"beyond the end", [](AfmConfig& c, afm_sim::SimConfig&) { c.range_v = 0.2; }},
+      {"an end of its range", [](AfmConfig&, afm_sim::SimConfig& r) { r.deflection_offset_nm = 600; }},
   };
   for (const Case& c : cases) {
     AfmConfig config;
@@ -96,9 +99,11 @@ TEST(AfmChecks, WithoutASampleTheApproachEndsWithdrawn) {
 TEST(AfmChecks, SafeTipIsSetUpAndLooked) {
   support::VirtualAfm afm(AfmConfig{}, afm_sim::SimConfig{}, afm_sim::default_scene());
   afm.advance_to(3'000'000'000, {});
-  for (const CommandId id : {CommandId::kSafeTipPropsSet, CommandId::kSafeTipOnOffSet,
-                             CommandId::kSafeTipPropsGet, CommandId::kSafeTipOnOffGet})
+  for (const CommandId id : {CommandId::kSafeTipPropsSet, CommandId::kSafeTipOnOffSet})
     EXPECT_EQ(afm.calls(id), 1u);
+  // As it was found, and whether the controller took what it was told.
+  for (const CommandId id : {CommandId::kSafeTipPropsGet, CommandId::kSafeTipOnOffGet})
+    EXPECT_EQ(afm.calls(id), 2u);
 }
 
 TEST(AfmChecks, WithoutASessionTheTipIsParkedAndASessionBringsItBack) {

@@ -5,46 +5,10 @@
 
 #include <cmath>
 
-#include "nve_server/afm_sim/default_scene.h"
-#include "tests/support/virtual_afm.h"
+#include "tests/unit/afm/afm_bench.h"
 
 namespace telenano::afm {
 namespace {
-
-using support::VirtualAfm;
-
-constexpr std::int64_t kMs = 1'000'000;
-
-struct Bench {
-  AfmConfig config;
-  afm_sim::SimConfig rig;
-  std::optional<VirtualAfm> afm;
-  PortWish wish;
-
-  VirtualAfm& start() {
-    afm.emplace(config, rig, afm_sim::default_scene());
-    return *afm;
-  }
-  Phase phase() const { return afm->logic().state().phase; }
-  bool until(Phase wanted, std::int64_t most_ms = 30000) {
-    for (std::int64_t end = afm->now_ns() + most_ms * kMs; afm->now_ns() < end;) {
-      if (phase() == wanted) return true;
-      run(1);
-    }
-    return phase() == wanted;
-  }
-  void run(std::int64_t ms) {
-    for (std::int64_t end = afm->now_ns() + ms * kMs; afm->now_ns() < end;) {
-      if (wish.session != 0) wish.time_ns = afm->now_ns();
-      afm->advance_to(afm->now_ns() + kMs, wish);
-    }
-  }
-  void follow(const Vec3& target) {
-    wish.session = 1;
-    wish.follow = true;
-    wish.target_w_nm = target;
-  }
-};
 
 TEST(AfmLogic, ItFindsTheSurfaceTaresAndMeasuresTheDrift) {
   Bench b;
@@ -200,7 +164,15 @@ TEST(AfmLogic, ACommandThatComesAfterTheWithdrawalDoesNotLeaveTheTipDown) {
   b.wish.retract = true;
   b.run(300);
   ASSERT_EQ(b.phase(), Phase::kWithdrawn);
-  b.afm->controller().begin({nanonis::CommandId::kZPosSet, {0.0}}, -1, b.afm->now_ns());
+  b.run(100);
+  const auto late = [&] {
+    b.afm->controller().begin({nanonis::CommandId::kZPosSet, {0.0}}, -1, b.afm->now_ns());
+  };
+  late();
+  EXPECT_TRUE(b.afm->controller().withdrawn()) << "the controller's Z limits hold it";
+  // A controller that does not hold direct commands to its limits.
+  b.afm->controller().begin({nanonis::CommandId::kLimitsEnabledSet, {0}}, -1, b.afm->now_ns());
+  late();
   ASSERT_FALSE(b.afm->controller().withdrawn());
   b.run(200);
   EXPECT_TRUE(b.afm->controller().withdrawn());

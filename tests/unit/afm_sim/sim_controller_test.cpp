@@ -129,9 +129,9 @@ TEST(SimController, WithdrawRetractsToTheUpperLimitAtItsRate) {
     Rig rig(config);
     rig.touch();
     rig.call(kWithdrawRateSet, {5e-6});
+    rig.call(kLimitsEnabledSet, {1});
     rig.call(kLimitsSet,
              sign > 0 ? std::vector<double>{250e-9, -500e-9} : std::vector<double>{500e-9, -250e-9});
-    rig.call(kLimitsEnabledSet, {1});
     const double way = 250 - rig.controller.height_nm();
     rig.call(kWithdraw, {1, -1});
     EXPECT_NEAR(1e-9 * static_cast<double>(rig.took_ns), way / 5000, 2e-3);
@@ -150,6 +150,86 @@ TEST(SimController, ThePiezosRangeAndItsLimitsHold) {
   ASSERT_EQ(range.size(), 3u);
   EXPECT_NEAR(range[0], 1e-5, 1e-15);
   EXPECT_NEAR(range[2], 1e-6, 1e-15);
+}
+
+TEST(SimController, LimitsCountOnlyWhileTheyAreOnAndAFloorHoldsALateCommand) {
+  for (const int sign : {1, -1}) {
+    SimConfig config = quiet();
+    config.z_sign = sign;
+    Rig rig(config);
+    rig.call(kLimitsSet, {1e-9, -1e-9});
+    EXPECT_EQ(rig.call(kLimitsEnabledGet).numbers[0], 0);
+    EXPECT_NEAR(rig.call(kLimitsGet).numbers[0], 0.5e-6, 1e-15) << "they were off";
+    EXPECT_NEAR(rig.call(kLimitsGet).numbers[1], -0.5e-6, 1e-15);
+    rig.call(kLimitsEnabledSet, {1});
+    // The floor: with Z towards the sample it is the high limit.
+    const double high = sign > 0 ? 500e-9 : -499e-9, low = sign > 0 ? 499e-9 : -500e-9;
+    rig.call(kLimitsSet, {high, low});
+    EXPECT_EQ(rig.call(kLimitsEnabledGet).numbers[0], 1);
+    EXPECT_EQ(rig.call(kLimitsGet).numbers, (std::vector<double>{high, low}));
+    EXPECT_NE(rig.call(kZPosSet, {0}).error, 0u);
+    EXPECT_TRUE(rig.controller.withdrawn());
+  }
+}
+
+TEST(SimController, SettingsAreReadAsTheyWereSet) {
+  Rig rig;
+  rig.call(kAcqPeriodSet, {0.02});
+  rig.call(kWithdrawRateSet, {3e-6});
+  rig.call(kTipLiftSet, {2e-8});
+  rig.call(kSwitchOffDelaySet, {0.05});
+  EXPECT_NEAR(rig.call(kAcqPeriodGet).numbers[0], 0.02, 1e-9);
+  EXPECT_NEAR(rig.call(kWithdrawRateGet).numbers[0], 3e-6, 1e-12);
+  EXPECT_NEAR(rig.call(kTipLiftGet).numbers[0], 2e-8, 1e-15);
+  EXPECT_NEAR(rig.call(kSwitchOffDelayGet).numbers[0], 0.05, 1e-9);
+}
+
+TEST(SimController, SafeTipSaysTheValueOfWhatItWatches) {
+  for (const auto& [signal, value] :
+       {std::pair{kDeflectionSignal, 1.5e-9}, std::pair{-kDeflectionSignal, -1.5e-9},
+        std::pair{kZSignal, 5e-7}, std::pair{kLateralSignal, 0.0}}) {
+    SimConfig config = quiet();
+    config.safe_tip_signal = signal;
+    EXPECT_NEAR(Rig(config).call(kSafeTipSignalGet).numbers[0], value, 1e-12) << signal;
+  }
+}
+
+TEST(SimController, SensorFaultsAreSeenByTheSignalsAndNotByTheTip) {
+  Rig rig;
+  rig.touch();
+  const auto reading = [&] {
+    rig.wait(20 * kMs);
+    return rig.call(kSignalValGet, {kDeflectionSignal, 1}).numbers[0];
+  };
+  const double good = reading(), free = 1.5e-9;
+  ASSERT_NEAR(good, free + 1e-9 * 15 / 40, 1e-11);
+  rig.call(kOnOffSet, {0});
+  rig.wait(50 * kMs);
+  rig.controller.set_sensor_fault(SensorFault::kInverted);
+  EXPECT_NEAR(reading(), 2 * free - good, 2e-11);
+  rig.controller.set_sensor_fault(SensorFault::kHighEnd);
+  EXPECT_NEAR(reading(), 10 * 50e-9, 1e-12);
+  rig.controller.set_sensor_fault(SensorFault::kLowEnd);
+  EXPECT_NEAR(reading(), -10 * 50e-9, 1e-12);
+  rig.controller.set_sensor_fault(SensorFault::kFrozen);
+  const double frozen = reading();
+  rig.call(kWithdraw, {1, -1});
+  EXPECT_EQ(reading(), frozen);
+  rig.controller.set_sensor_fault(SensorFault::kNone);
+  EXPECT_NEAR(reading(), free, 1e-11);
+}
+
+TEST(SimController, AConverterOf16BitsRoundsToItsSteps) {
+  SimConfig config = quiet();
+  config.noise_nm_sqrt_hz = 5e-3;
+  config.quantum_v = 20.0 / 65536;
+  Rig rig(config);
+  for (int i = 0; i < 50; ++i) {
+    rig.wait(7 * kMs);
+    const double steps =
+        rig.call(kSignalValGet, {kDeflectionSignal, 0}).numbers[0] / (50e-9 * config.quantum_v);
+    EXPECT_NEAR(steps, std::round(steps), 1e-6);
+  }
 }
 
 TEST(SimController, SafeTipWithdrawsByItself) {

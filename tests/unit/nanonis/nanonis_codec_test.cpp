@@ -72,6 +72,13 @@ const std::map<CommandId, Example>& examples() {
       {kSignalCalibrGet, {{8}, {f(5e-8), f(1e-9)}}},
       {kPiezoRangeGet, {{}, {f(1e-5), f(1e-5), f(2e-6)}}},
       {kAcqPeriodSet, {{f(0.005)}, {}}},
+      {kAcqPeriodGet, {{}, {f(0.02)}}},
+      {kWithdrawRateGet, {{}, {f(5e-6)}}},
+      {kTipLiftGet, {{}, {f(2e-8)}}},
+      {kSwitchOffDelayGet, {{}, {f(0.05)}}},
+      {kLimitsEnabledGet, {{}, {1}}},
+      {kLimitsGet, {{}, {f(5e-7), f(-2.5e-7)}}},
+      {kSafeTipSignalGet, {{}, {f(-1.5e-9)}}},
   };
   return kExamples;
 }

@@ -1,0 +1,137 @@
+#include "nve_server/afm/signal_watch.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace telenano::afm {
+namespace {
+
+constexpr double kChance = 1e-13;       // of a live signal that looks frozen
+constexpr int kLeastRepeats = 5;        // a float that repeats so often is no float of a converter
+constexpr double kSurelyRests = 0.999;  // more than this, and a signal may well rest for minutes
+constexpr double kPart = 0.1;           // of the contact's stiffness that must show
+constexpr double kWrongPart = 0.3;
+constexpr double kEnd = 0.999;  // of the range
+constexpr std::int64_t kAnchorNs = 500'000'000;
+
+}  // namespace
+
+std::string_view name(SignalFault fault) noexcept {
+  constexpr std::string_view kNames[] = {"good", "it repeats the same value, bit for bit: frozen",
+                                         "it stands at an end of its range",
+                                         "it is far noisier than when the tip was free",
+                                         "it does not follow the motion of the lever in contact"};
+  return kNames[static_cast<std::size_t>(fault)];
+}
+
+void SignalWatch::limit() noexcept {
+  most_repeats_ = kNoLimit;
+  if (!(sigma_v_ > 0) || spread_v_ < 1.5 * quantum_v_) return;
+  const double sigma = std::max(0.5 * sigma_v_, 0.25 * quantum_v_);
+  const double p = std::erf(quantum_v_ / (2 * std::sqrt(2.0) * sigma));
+  if (p > kSurelyRests) return;
+  const double n = p > 0 ? std::log(kChance) / std::log(p) : 0;
+  most_repeats_ = std::max(kLeastRepeats, static_cast<int>(std::ceil(n)));
+}
+
+void SignalWatch::learn(std::span<const double> volts) noexcept {
+  if (volts.size() < 3) return;
+  double squares = 0, low = volts[0], high = volts[0];
+  for (std::size_t i = 1; i < volts.size(); ++i) {
+    const double d = std::fabs(volts[i] - volts[i - 1]);
+    squares += d * d;
+    if (d > 0 && (quantum_v_ == 0 || d < quantum_v_)) quantum_v_ = d;
+    low = std::min(low, volts[i]);
+    high = std::max(high, volts[i]);
+  }
+  // By neighbours: what moves slowly is no noise.
+  sigma_v_ = std::sqrt(squares / (2 * static_cast<double>(volts.size() - 1)));
+  spread_v_ = high - low;
+  limit();
+}
+
+void SignalWatch::begin() noexcept {
+  any_ = anchored_ = false;
+  repeats_ = strikes_ = 0;
+  odd_.fill(false);
+}
+
+double SignalWatch::scatter_nn() const noexcept {
+  return rig_.nn_v * (8 * sigma_v_ + 4 * quantum_v_);
+}
+
+SignalFault SignalWatch::add(const Reading& r) noexcept {
+  if (std::fabs(r.volts) >= kEnd * rig_.range_v || std::fabs(r.lateral_volts) >= kEnd * rig_.range_v)
+    return SignalFault::kAtEnd;
+  const bool repeats = any_ && r.volts == last_.volts;
+  const double change_v = any_ ? std::fabs(r.volts - last_.volts) : 0;
+  if (change_v > 0 && (quantum_v_ == 0 || change_v < quantum_v_)) {
+    quantum_v_ = change_v;
+    limit();
+  }
+  SignalFault fault = SignalFault::kNone;
+  if (!repeats) {
+    repeats_ = 0;
+    highest_nm_ = r.highest_nm;
+    run_low_nm_ = run_high_nm_ = r.base_nm;
+    run_across_nm_ = 0;
+    counted_ns_ = r.time_ns;
+  } else {
+    highest_nm_ = std::max(highest_nm_, r.highest_nm);
+    run_low_nm_ = std::min(run_low_nm_, r.base_nm);
+    run_high_nm_ = std::max(run_high_nm_, r.base_nm);
+    run_across_nm_ += r.across_nm;
+    // Two answers within one period may be of the same average.
+    if (r.time_ns - counted_ns_ >= rig_.period_ns * 3 / 4) {
+      counted_ns_ = r.time_ns;
+      ++repeats_;
+    }
+    const double way_nm = run_high_nm_ - run_low_nm_ - rig_.step_nm;
+    const bool moved = r.stiffness_n_m > 0 && r.force_nn > r.contact_nn && run_across_nm_ < rig_.step_nm &&
+                       kPart * r.stiffness_n_m * way_nm > scatter_nn();
+    if (repeats_ >= most_repeats_ || (repeats_ >= 3 && moved && way_nm > 0)) fault = SignalFault::kFrozen;
+  }
+  if (fault == SignalFault::kNone && r.stiffness_n_m > 0) {
+    if (any_ && noisy(r)) fault = SignalFault::kNoisy;
+    if (fault == SignalFault::kNone && strikes(r)) fault = SignalFault::kNotFollowing;
+  }
+  last_ = r;
+  any_ = true;
+  return fault;
+}
+
+bool SignalWatch::noisy(const Reading& r) noexcept {
+  if (r.way_nm > 0.5 * rig_.step_nm) return false;  // what motion does is for strikes()
+  const bool contact = std::fabs(r.force_nn) > r.contact_nn;
+  const double may_nn = rig_.nn_v * (8 * std::sqrt(2.0) * sigma_v_ + 3 * quantum_v_) +
+                        rig_.lever_n_m * (r.way_nm + (contact ? 0.5 : 0.1) * rig_.step_nm);
+  odd_[odd_at_++ % odd_.size()] = std::fabs(r.force_nn - last_.force_nn) > may_nn;
+  return std::count(odd_.begin(), odd_.end(), true) >= static_cast<std::ptrdiff_t>(odd_.size() / 2);
+}
+
+bool SignalWatch::strikes(const Reading& r) noexcept {
+  const auto anchor = [&] {
+    anchored_ = std::fabs(r.force_nn) > r.contact_nn;
+    anchor_nm_ = r.base_nm;
+    anchor_nn_ = r.force_nn;
+    anchor_ns_ = r.time_ns;
+    return false;
+  };
+  if (!anchored_ || r.across_nm > 0) {
+    strikes_ = 0;
+    return anchor();
+  }
+  // What changes over a longer time is drift and creep.
+  if (r.time_ns - anchor_ns_ > std::max(kAnchorNs, 4 * rig_.period_ns)) return anchor();
+  const double down_nm = anchor_nm_ - r.base_nm;
+  const double least_nm = std::max(2 * rig_.step_nm, scatter_nn() / (kPart * r.stiffness_n_m) + rig_.step_nm);
+  if (std::fabs(down_nm) < least_nm) return false;
+  const double part = (r.force_nn - anchor_nn_) / (r.stiffness_n_m * down_nm);
+  const bool presses = r.force_nn > r.contact_nn && anchor_nn_ > r.contact_nn;
+  const bool pulls = r.force_nn < -r.contact_nn && anchor_nn_ < -r.contact_nn;
+  strikes_ = (presses && part < kPart) || (pulls && part < -kWrongPart) ? strikes_ + 1 : 0;
+  anchor();
+  return strikes_ >= 2;
+}
+
+}  // namespace telenano::afm
