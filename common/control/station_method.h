@@ -34,6 +34,8 @@ struct SlaveNews {
 /// What the slave that runs at the station says after the step of this tick, in the station's units.
 struct LocalNews {
   Vec3 force_h_n = Vec3::Zero();  ///< α_F F_tip
+  bool other_state = false;       ///< the slave was put into another state since the last step
+  double dt_s = 1e-3;             ///< of this tick
   /// Of its own book, as in SlaveNews.
   double well_j = 0;
   double given_j = 0;

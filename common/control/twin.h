@@ -27,12 +27,22 @@ class Twin final : public StationMethod {
     controller_ = PassivityController(OnePort::with(Method::kTwin, config.passivity));
     controller_.take_over(ledger_j, hand_pos_h_m);
     force_h_n_.setZero();
+    apart_h_n_.setZero();
   }
   void begin_session(bool) noexcept override {}
   void book(const PortInterval& interval) noexcept override { controller_.book(interval); }
   void hear(const SlaveNews& news) noexcept override { credit(news.given_j, news.well_j); }
   void feel(const LocalNews& news) noexcept override {
-    force_h_n_ = news.force_h_n;
+    // Where the slave was put into another state the force goes over slowly, up as well as down.
+    if (news.other_state) apart_h_n_ = force_h_n_ - news.force_h_n;
+    const double apart_n = apart_h_n_.norm();
+    const double step_n = kGoOver_n_s * news.dt_s;
+    if (apart_n > step_n) {
+      apart_h_n_ *= 1 - step_n / apart_n;
+    } else {
+      apart_h_n_.setZero();
+    }
+    force_h_n_ = news.force_h_n + apart_h_n_;
     credit(news.given_j, news.well_j);
   }
   Vec3 force_h_n(const RenderPoint&) noexcept override { return force_h_n_; }
@@ -40,6 +50,8 @@ class Twin final : public StationMethod {
   double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }
   double force_bound_n() const noexcept override { return controller_.force_bound_n(); }
   double ledger_j() const noexcept override { return controller_.ledger_j(); }
+
+  static constexpr double kGoOver_n_s = 20;
 
  private:
   void credit(double given_j, double well_j) noexcept {
@@ -51,6 +63,7 @@ class Twin final : public StationMethod {
 
   PassivityController controller_;
   Vec3 force_h_n_ = Vec3::Zero();
+  Vec3 apart_h_n_ = Vec3::Zero();
 };
 
 }  // namespace telenano::control

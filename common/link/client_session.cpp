@@ -27,7 +27,10 @@ const char* name(ClientState state) noexcept {
 }
 
 ClientSession::ClientSession(const ClientConfig& config)
-    : config_(config), resume_token_(config.resume_token), steps_(config.step_ring) {
+    : config_(config),
+      resume_token_(config.resume_token),
+      steps_(config.step_ring),
+      snapshot_(config.snapshot_bytes) {
   config_.redundancy = std::min(config_.redundancy, kMaxRecent);
   if (config_.redundancy == 0) config_.feature_bits &= ~std::uint64_t{kFeatureRedundancy};
   if (config_.step_ring == 0) config_.feature_bits &= ~std::uint64_t{kFeatureStepLog};
@@ -125,6 +128,12 @@ ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std:
       return on_reply(incoming_.reply, now_ns);
     case MessageType::kBye:
       return on_bye(incoming_.bye, now_ns);
+    case MessageType::kSnapshotPiece:
+      if (!session_alive_ || !logs_steps()) return drop(DropCause::kUnexpected);
+      if (incoming_.snapshot_piece.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
+      if (!snapshot_.take(incoming_.snapshot_piece)) return drop(DropCause::kStale);
+      return ClientEvent::kPiece;
+    case MessageType::kSnapshotRequest:
     case MessageType::kHello:
     case MessageType::kCommand:
     case MessageType::kNone:
@@ -163,6 +172,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   if ((welcome.feature_bits & kFeatureWell) == 0 && welcome.well_aj != 0) return drop(DropCause::kUnexpected);
   if ((welcome.feature_bits & kFeatureStepLog) == 0 && !welcome.steps.empty())
     return drop(DropCause::kUnexpected);
+  snapshot_.stop();
   steps_.begin(welcome.steps.executed, sessions_ > 0 && welcome.epoch == welcome_.epoch);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
@@ -303,6 +313,13 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
   sent_.before(command, config_.redundancy, recent_);
   sent_.add(command);
   return codec_.encode(command, recent_, out);
+}
+
+std::size_t ClientSession::make_snapshot_request(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
+  SnapshotRequest request;
+  if (!session_alive_ || !logs_steps() || !snapshot_.next(now_ns, step_wait_ns(), request)) return 0;
+  request.session_id = welcome_.session_id;
+  return codec_.encode(request, out);
 }
 
 /// Adds what this session has counted.

@@ -13,6 +13,7 @@
 #include "common/link/received_energy.h"
 #include "common/link/recent_commands.h"
 #include "common/link/sequence_window.h"
+#include "common/link/snapshot.h"
 #include "common/link/step_log.h"
 
 namespace telenano::link {
@@ -35,6 +36,8 @@ struct ClientConfig {
   std::size_t redundancy = 0;
   /// Steps that are kept until the server has executed them (step_log.h); 0: the log is not asked for.
   std::size_t step_ring = 0;
+  /// Largest state of the slave that may be fetched; 0: none.
+  std::size_t snapshot_bytes = 0;
 };
 
 /// idle → hello_sent → challenged → established ⇄ lost → …; closed and refused are final until start().
@@ -50,7 +53,16 @@ enum class ClientState : std::uint8_t {
 
 const char* name(ClientState state) noexcept;
 
-enum class ClientEvent : std::uint8_t { kNone, kDropped, kReply, kChallenge, kWelcome, kRefused, kBye };
+enum class ClientEvent : std::uint8_t {
+  kNone,
+  kDropped,
+  kReply,
+  kChallenge,
+  kWelcome,
+  kRefused,
+  kBye,
+  kPiece
+};
 
 /// The station's end of a session, sans-IO: datagrams and times go in, datagrams come out, in every tick:
 ///
@@ -83,6 +95,12 @@ class ClientSession {
   /// Do steps ask for a datagram, whatever the pace?
   bool steps_are_urgent(std::int64_t now_ns) noexcept { return steps_.urgent(now_ns, step_wait_ns()); }
   const StepSender& steps() const noexcept { return steps_; }
+  /// Begins to fetch the slave's state as it is when the server hears of it.
+  void ask_snapshot() noexcept { snapshot_.start(); }
+  void drop_snapshot() noexcept { snapshot_.stop(); }
+  const SnapshotFetch& snapshot() const noexcept { return snapshot_; }
+  /// The next request for it; 0: none now.
+  std::size_t make_snapshot_request(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
 
   /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
   std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;
@@ -181,6 +199,7 @@ class ClientSession {
   SentCommands sent_;
   RecentCommands recent_;
   StepSender steps_;
+  SnapshotFetch snapshot_;
   std::array<std::uint8_t, kStepsBytesMost> step_bytes_{};
   LinkQuality past_;  ///< counts of the sessions before this one
   ReceivedEnergy slave_energy_;

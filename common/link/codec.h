@@ -24,6 +24,8 @@ struct Incoming {
   StepBatch steps;        ///< likewise
   Reply reply;
   Bye bye;
+  SnapshotRequest snapshot_request;
+  SnapshotPiece snapshot_piece;
 };
 
 /// Between structs and datagrams; the only place that sees Protobuf. Its messages are made once and reused:
@@ -52,6 +54,8 @@ class Codec {
                      std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Reply& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Bye& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SnapshotRequest& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SnapshotPiece& message, std::span<std::uint8_t> out) noexcept;
 
   DropCause decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept;
 

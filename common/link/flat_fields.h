@@ -116,6 +116,27 @@ requires std::is_same_v<std::remove_const_t<Message>, Reply> TELENANO_INLINE voi
   visit.template operator()<51>(m.steps.break_step);
 }
 
+template <class Message, class Visit>
+requires std::is_same_v<std::remove_const_t<Message>, SnapshotRequest> TELENANO_INLINE void visit_fields(
+    Message& m, Visit& visit) noexcept {
+  visit.template operator()<1>(m.session_id);
+  visit.template operator()<2>(m.snapshot);
+  visit.template operator()<3>(m.piece);
+}
+
+/// Without its bytes.
+template <class Message, class Visit>
+requires std::is_same_v<std::remove_const_t<Message>, SnapshotPiece> TELENANO_INLINE void visit_fields(
+    Message& m, Visit& visit) noexcept {
+  visit.template operator()<1>(m.session_id);
+  visit.template operator()<2>(m.snapshot);
+  visit.template operator()<3>(m.piece);
+  visit.template operator()<4>(m.step);
+  visit.template operator()<5>(m.state_hash);
+  visit.template operator()<6>(m.breaks);
+  visit.template operator()<7>(m.total);
+}
+
 /// A field's tag as it stands on the wire: number << 3 | wire type, seven bits a byte, the low ones first.
 template <std::uint32_t kNumber, class Value>
 struct FieldTag {

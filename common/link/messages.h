@@ -289,6 +289,29 @@ struct Reply {
   StepReport steps;
 };
 
+/// Of the slave's state in one datagram.
+inline constexpr std::size_t kSnapshotPieceBytes = 432;
+
+/// Station → server, behind kFeatureStepLog: asks for a piece of the slave's state.
+struct SnapshotRequest {
+  std::uint64_t session_id = 0;
+  std::uint32_t snapshot = 0;  ///< the station's number for it, not 0; another one freezes the state anew
+  std::uint32_t piece = 0;     ///< from 0
+};
+
+/// Server → station: that piece.
+struct SnapshotPiece {
+  std::uint64_t session_id = 0;
+  std::uint32_t snapshot = 0;
+  std::uint32_t piece = 0;
+  std::uint64_t step = 0;        ///< the last one executed when it was frozen
+  std::uint64_t state_hash = 0;  ///< then
+  std::uint32_t breaks = 0;      ///< declared until then
+  std::uint32_t total = 0;       ///< bytes of the state; 0: it cannot be had
+  std::uint32_t size = 0;        ///< of `data`
+  std::array<std::uint8_t, kSnapshotPieceBytes> data{};
+};
+
 enum class ByeReason : std::uint32_t {
   kDone = 1,
   kIdle = 2,
@@ -311,7 +334,9 @@ enum class MessageType : std::uint8_t {
   kRefuse = 4,
   kCommand = 5,
   kReply = 6,
-  kBye = 7
+  kBye = 7,
+  kSnapshotRequest = 10,
+  kSnapshotPiece = 11
 };
 
 }  // namespace telenano::link

@@ -47,6 +47,8 @@ constexpr FieldList kReplyFields = {
     kF64, kF64, kF64, kF64, kF32,                                      // 46: step log
     kF64, kF64, kF64, kF32, kF32, kF64};
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
+constexpr FieldList kSnapshotRequestFields = {kNoField, kF64, kF32, kF32};
+constexpr FieldList kSnapshotPieceFields = {kNoField, kF64, kF32, kF32, kF64, kF64, kF32, kF32, kLen};
 constexpr FieldList kNoFields = {};
 
 /// The same list by tag (number << 3 | wire type), which is what is met on the wire: how far to go on, and
@@ -93,10 +95,18 @@ constexpr TagTable tag_table(const FieldList& fields) {
   return table;
 }
 
-constexpr std::array<TagTable, 8> kTagTables = {tag_table(kNoFields),        tag_table(kHelloFields),
-                                                tag_table(kChallengeFields), tag_table(kWelcomeFields),
-                                                tag_table(kRefuseFields),    tag_table(kCommandFields),
-                                                tag_table(kReplyFields),     tag_table(kByeFields)};
+constexpr std::array<TagTable, 12> kTagTables = {tag_table(kNoFields),
+                                                 tag_table(kHelloFields),
+                                                 tag_table(kChallengeFields),
+                                                 tag_table(kWelcomeFields),
+                                                 tag_table(kRefuseFields),
+                                                 tag_table(kCommandFields),
+                                                 tag_table(kReplyFields),
+                                                 tag_table(kByeFields),
+                                                 tag_table(kNoFields),
+                                                 tag_table(kNoFields),
+                                                 tag_table(kSnapshotRequestFields),
+                                                 tag_table(kSnapshotPieceFields)};
 
 /// Reads a length of one or two bytes (all that fits a datagram), in its shortest form. False: cut or longer.
 bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size_t& value) noexcept {
@@ -160,6 +170,8 @@ bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::s
       parse_bytes = field_start;
     }
     at += length;
+    // The bytes of a piece are the last field; their length is checked where it is read.
+    if (type == MessageType::kSnapshotPiece && at != size) return false;
     if (type == MessageType::kWelcome && length > kSceneNameBytes) return false;
     if (type == MessageType::kHello) {
       if (at != size) return false;
@@ -190,7 +202,9 @@ DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) 
   // Hello and Refuse never change their layout: they are how two versions find out about each other.
   const bool any_version = type == MessageType::kHello || type == MessageType::kRefuse;
   if (datagram[4] != kProtocolVersion && !any_version) return DropCause::kWrongVersion;
-  if (type_byte == 0 || type_byte >= kTagTables.size()) return DropCause::kUnknownType;
+  const bool known = (type_byte >= 1 && type_byte <= 7) || type == MessageType::kSnapshotRequest ||
+                     type == MessageType::kSnapshotPiece;
+  if (!known) return DropCause::kUnknownType;
   const std::size_t payload_bytes =
       static_cast<std::size_t>(datagram[6]) | (static_cast<std::size_t>(datagram[7]) << 8);
   const std::size_t behind_header = datagram.size() - kHeaderBytes;

@@ -30,6 +30,22 @@ const link::Reply* StationLoop::next_reply(std::int64_t now_ns, bool replied) no
   return playout_.due(now_ns);
 }
 
+/// The slave's state, where the twin is apart: asked for piece by piece, kRequestsPerTick in a tick.
+void StationLoop::fetch_snapshot(std::int64_t now_ns) noexcept {
+  constexpr int kRequestsPerTick = 4;
+  if (input_.snapshot != nullptr) session_.drop_snapshot();  // the station has it
+  if (!output_.wants_snapshot) return;
+  if (!session_.snapshot().active()) {
+    if (session_.snapshot().refused()) return;
+    session_.ask_snapshot();
+  }
+  for (int i = 0; i < kRequestsPerTick; ++i) {
+    const std::size_t size = session_.make_snapshot_request(now_ns, buffer_);
+    if (size == 0) return;
+    send(size);
+  }
+}
+
 /// With a twin the hand needs no quick answer, and what a datagram costs is shared by the steps that it
 /// carries: it goes at a slower pace. What is missing, another flag or method does not wait for it.
 bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
@@ -78,6 +94,9 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.session_up = session_.has_session();
   input_.command_sequence = session_.commands_sent() + 1;
   input_.next_step = session_.next_step();
+  const link::SnapshotFetch& snapshot = session_.snapshot();
+  input_.snapshot = snapshot.active() && snapshot.complete() ? &snapshot : nullptr;
+  input_.snapshot_refused = snapshot.refused();
   input_.rtt_s = 1e-9 * session_.stats().rtt_ns();
   input_.reply = next_reply(now_ns, replied);
   station_.step(input_, interval_s, output_);
@@ -89,6 +108,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   send(session_.poll(now_ns, buffer_));
   sample.sent_ns = 0;
   if (output_.has_step) session_.add_step(output_.step);
+  fetch_snapshot(now_ns);
   if (wants_to_send(now_ns)) {
     const std::int64_t sent_ns = clock_ != nullptr ? clock_->now_ns() : now_ns;
     const std::size_t size = session_.make_command(output_.command, sent_ns, buffer_);

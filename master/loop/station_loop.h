@@ -60,6 +60,7 @@ class StationLoop {
   // Enough for what gathers in a quarter of a second at 1 kHz; the rest of a flood waits for the next tick.
   static constexpr std::size_t kDatagramsPerTick = 256;
 
+  void fetch_snapshot(std::int64_t now_ns) noexcept;
   bool wants_to_send(std::int64_t now_ns) noexcept;
   double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;

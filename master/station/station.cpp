@@ -476,11 +476,18 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   output.has_step = true;
   output.step = link::logged_step(mapping_.target_w_nm(), command_flags(input), dt_s);
   if (!twin_) return;
+  if (input.snapshot != nullptr) {
+    const link::SnapshotFetch& state = *input.snapshot;
+    twin_->take_up(state.data(), state.step(), state.state_hash(), state.breaks(), input.time_ns);
+  }
+  if (input.snapshot_refused && twin_->wants_snapshot()) twin_->give_up();
   twin_->step(input.next_step, output.step, input.time_ns);
+  output.wants_snapshot = twin_->wants_snapshot();
   if (methods_.method() == control::Method::kTwin && !twin_->on()) change_method(config_.method);
   if (!shows_twin()) return;
-  if (twin_->take_swapped()) bump_ahead_ = true;
   control::LocalNews news;
+  news.other_state = twin_->take_swapped();
+  news.dt_s = std::min(dt_s, period_s_);
   news.force_h_n = config_.scaling.hand_force_n(twin_->answer().force_w_nn);
   news.well_j = well_j();
   news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);

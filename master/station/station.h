@@ -9,6 +9,7 @@
 #include "common/link/messages.h"
 #include "common/link/priced_energy.h"
 #include "common/link/received_sums.h"
+#include "common/link/snapshot.h"
 #include "master/device/haptic_device.h"
 #include "master/station/force_limits.h"
 #include "master/station/scale_history.h"
@@ -56,8 +57,10 @@ struct StationInput {
   const link::Reply* reply = nullptr;  ///< newest accepted since the last tick; null if none came
   std::uint64_t command_sequence = 0;  ///< that the command of this tick will carry
   std::uint64_t next_step = 0;         ///< number that this tick's step gets, where steps are logged
-  double rtt_s = 0;                    ///< as known; 0: not yet
-  std::uint32_t tip_wish = 0;          ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
+  const link::SnapshotFetch* snapshot = nullptr;  ///< of the slave's state, complete; null: none
+  bool snapshot_refused = false;                  ///< it is larger than there is room for, or cannot be had
+  double rtt_s = 0;                               ///< as known; 0: not yet
+  std::uint32_t tip_wish = 0;  ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
 };
 
 /// What one tick did, for recording and display. Plain data.
@@ -106,6 +109,7 @@ struct StationOutput {
   link::Command command{};  ///< velocity, position, energies, flags, newest_reply; the link fills the rest
   bool has_step = false;    ///< the slave's next step, where steps are logged
   link::LoggedStep step{};
+  bool wants_snapshot = false;  ///< of the slave's state
   StationTrace trace{};
 };
 

@@ -51,6 +51,7 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
       return;
     }
   }
+  catching_up_ = false;
   now_->reset();
   answer_ = {};
   swapped_ = true;
@@ -99,12 +100,14 @@ void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int6
     return;
   }
   book(answer_.energy_out_aj - answer_.energy_in_aj);
+  if (catching_up_) catch_up(now_ns);
   if (state_ == TwinState::kConfirmed) state_ = TwinState::kBehind;
 }
 
 void TwinRun::part(std::uint32_t reason, std::int64_t now_ns) noexcept {
-  if (state_ == TwinState::kApart) return;
+  if (state_ == TwinState::kApart || state_ == TwinState::kGivenUp) return;
   state_ = TwinState::kApart;
+  catching_up_ = false;
   reason_ = reason;
   ++partings_;
   if (reason != link::kBreakNone) return;
@@ -118,6 +121,7 @@ void TwinRun::hear(const link::StepReport& report, std::int64_t now_ns) noexcept
   if (!on() || report.executed > newest_) return;
   if (state_ == TwinState::kApart) return;
   if (report.breaks != breaks_) {
+    if (report.breaks < breaks_) return;  // older than the state that was taken up
     breaks_ = report.breaks;
     part(report.break_reason != link::kBreakNone ? report.break_reason
                                                  : static_cast<std::uint32_t>(link::kBreakSilence),
@@ -131,6 +135,53 @@ void TwinRun::hear(const link::StepReport& report, std::int64_t now_ns) noexcept
     return;
   }
   confirmed_ = report.executed;
+  state_ = confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind;
+}
+
+void TwinRun::take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
+                      std::uint32_t breaks, std::int64_t now_ns) noexcept {
+  if (state_ != TwinState::kApart || catching_up_) return;
+  const bool known = number <= newest_ && (number == newest_ || find(number + 1) != nullptr);
+  if (!known || !next_->load(state, next_answer_) || next_->state_hash() != hash) {
+    // A state that is not what it says, or older than what is kept: another one is asked for.
+    state_ = TwinState::kBehind;
+    part(link::kBreakNone, now_ns);
+    return;
+  }
+  breaks_ = breaks;
+  next_newest_ = number;
+  const Made* const last = find(number);
+  next_target_w_nm_ = last != nullptr ? link::target_w_nm(last->step) : next_answer_.commanded_pos_w_nm;
+  catching_up_ = true;
+  ++snapshots_;
+}
+
+/// The second twin makes the steps that the server had not made then; when it is there, it is the twin.
+void TwinRun::catch_up(std::int64_t now_ns) noexcept {
+  const std::uint64_t from = next_newest_;
+  while (next_newest_ < newest_ && next_newest_ - from < kReplayedPerTick) {
+    Made& step = made(next_newest_ + 1);
+    if (step.number != next_newest_ + 1) {  // forgotten meanwhile
+      catching_up_ = false;
+      state_ = TwinState::kBehind;
+      part(link::kBreakNone, now_ns);
+      return;
+    }
+    make(*next_, step.step, next_target_w_nm_, next_answer_);
+    next_target_w_nm_ = link::target_w_nm(step.step);
+    step.hash = next_->state_hash();
+    ++next_newest_;
+    if (confirmed_ < from) confirmed_ = from;
+  }
+  if (next_newest_ < newest_) return;
+  std::swap(now_, next_);
+  answer_ = next_answer_;
+  catching_up_ = false;
+  swapped_ = true;
+  // No exchange: what the new state holds less than the last one is not given, and more is withheld.
+  const double book_aj = answer_.energy_out_aj - answer_.energy_in_aj;
+  given_aj_ += std::min(0.0, book_aj - book_aj_);
+  book_aj_ = book_aj;
   state_ = confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind;
 }
 

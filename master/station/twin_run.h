@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -75,10 +76,15 @@ class TwinRun {
   /// The answer is another state's from this tick on.
   bool take_swapped() noexcept { return std::exchange(swapped_, false); }
 
-  // A snapshot, in pieces (link/snapshot.h).
+  /// Is the server's state asked for?
+  bool wants_snapshot() const noexcept { return state_ == TwinState::kApart && !catching_up_; }
+  /// The server's state after step `number`: taken up by the second twin, which then catches up.
+  void take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
+               std::uint32_t breaks, std::int64_t now_ns) noexcept;
+  void give_up() noexcept { state_ = TwinState::kGivenUp; }
 
   /// The steps that the second twin makes in a tick to catch up.
-  static constexpr std::uint64_t kReplayedPerTick = 32;
+  static constexpr std::uint64_t kReplayedPerTick = 16;
 
  private:
   struct Made {
@@ -92,6 +98,7 @@ class TwinRun {
   void make(control::LocalSlave& slave, const link::LoggedStep& step, const Vec3& from_w_nm,
             control::LocalAnswer& answer) noexcept;
   void part(std::uint32_t reason, std::int64_t now_ns) noexcept;
+  void catch_up(std::int64_t now_ns) noexcept;
   void book(double out_less_in_aj) noexcept;
 
   TwinRunConfig config_;
@@ -110,6 +117,10 @@ class TwinRun {
   double book_aj_ = 0;   // out less in, of the state in use
   double most_given_aj_ = 0;
   bool swapped_ = false;
+  bool catching_up_ = false;
+  std::uint64_t next_newest_ = 0;  // of the second twin
+  Vec3 next_target_w_nm_ = Vec3::Zero();
+  control::LocalAnswer next_answer_;
   std::uint64_t partings_ = 0;
   std::uint64_t snapshots_ = 0;
   std::vector<std::int64_t> unexplained_ns_;  // the last ones, oldest first

@@ -34,6 +34,7 @@ constexpr std::int64_t kRestNs = 50'000'000;
 /// others waiting.
 constexpr std::size_t kStepsPerDatagram = 64, kStepsPerPoll = 64;
 constexpr double kStepRingMost = 32768;  // 1.5 MB
+constexpr std::int64_t kFreezeEveryNs = 100'000'000;
 
 bool logs_steps(const link::Session& session) noexcept {
   return (session.feature_bits & link::kFeatureStepLog) != 0;
@@ -166,6 +167,8 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
       return on_command(incoming_.command, from, now_ns, out, clock);
     case link::MessageType::kHello:
       return on_hello(incoming_.hello, from, now_ns, out, standing_);
+    case link::MessageType::kSnapshotRequest:
+      return on_snapshot_request(incoming_.snapshot_request, from, now_ns, out);
     case link::MessageType::kBye:
       on_bye(incoming_.bye, from, now_ns);
       return 0;
@@ -234,6 +237,7 @@ void Server::begin_log(std::size_t slot) noexcept {
   const double ring = config_.step_ring_s * table_[slot].rate_hz;
   try {
     seat.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
+    seat.frozen.bytes.resize(tip_of(slot).slave->snapshot_bytes_max());
   } catch (...) {  // out of memory: nothing moves the slave, the session stands still
     seat.steps = {};
   }
@@ -492,6 +496,33 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   session.peer_stats.on_reply(reply.sequence, sent_ns);
   ++counters_.exchanges;
   return codec_.encode(reply, out);
+}
+
+/// A piece of the slave's state. Another number than the last freezes it anew, not more often than
+/// kFreezeEveryNs: where marks stay that looks at every node of the surface.
+std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,
+                                        std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
+  const std::size_t slot = table_.find(request.session_id);
+  if (slot == link::SessionTable::kNone) return drop(DropCause::kUnknownSession);
+  const link::Session& session = table_[slot];
+  if (!(session.peer == peer_key(from)) || session.owner != standing_.identity)
+    return drop(DropCause::kUnauthenticated);
+  if (session.state != link::SlotState::kActive || !logs_steps(session)) return drop(DropCause::kUnexpected);
+  link::FrozenState& frozen = seats_[slot].frozen;
+  if (request.snapshot != frozen.id) {
+    if (frozen.id != 0 && now_ns - frozen.at_ns < kFreezeEveryNs) return drop(DropCause::kRateLimited);
+    const link::StepReport report = step_report(slot);
+    frozen.id = request.snapshot;
+    frozen.step = report.executed;
+    frozen.state_hash = report.state_hash;
+    frozen.breaks = report.breaks;
+    frozen.at_ns = now_ns;
+    frozen.size = tip_of(slot).slave->save(frozen.bytes);
+  }
+  link::SnapshotPiece piece;
+  if (!frozen.piece(request.piece, piece)) return drop(DropCause::kOutOfRange);
+  piece.session_id = session.session_id;
+  return codec_.encode(piece, out);
 }
 
 void Server::on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept {

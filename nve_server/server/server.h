@@ -159,6 +159,8 @@ class Server {
                 std::int64_t now_ns) noexcept;
   void move_tip_once(std::size_t slot, const link::Command& command, double spacing_s,
                      bool may_operate) noexcept;
+  std::size_t on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,
+                                  std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void begin_log(std::size_t slot) noexcept;
   link::StepReport step_report(std::size_t slot) noexcept;
   void run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept;

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/link/session_table.h"
+#include "common/link/snapshot.h"
 #include "common/link/step_log.h"
 #include "common/net/datagram.h"
 #include "nve_server/server/port_book.h"
@@ -30,6 +31,7 @@ struct Seat {
   PortControl control;
   PortBook book;  ///< of a shared tip; a private one's is the slave's own
   net::Address address;
+  link::FrozenState frozen;        ///< of the slave, while the station fetches it
   link::StepReceiver steps;        ///< where the session logs its steps; its ring is made with the session
   link::PortControl last_control;  ///< of the newest command: that of steps which come to their turn later
   bool operates = true;            ///< the right of the newest command

@@ -19,7 +19,10 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
         c.nonce_seed = config.seed;
         c.resume_token = config.resume_token;
         c.redundancy = config.redundancy;
-        if (config.twin) c.step_ring = static_cast<std::size_t>(4 * config.station.rate_hz);
+        if (config.twin) {
+          c.step_ring = static_cast<std::size_t>(4 * config.station.rate_hz);
+          c.snapshot_bytes = 4 << 20;
+        }
         return c;
       }()) {
   period_ns_ = std::llround(1e9 / config_.station.rate_hz);

@@ -1,0 +1,203 @@
+// The log of steps: what is written is read, whatever comes is survived, and over any link every step is
+// executed once and in order. The oracle is the list of steps that were made.
+#include "common/link/step_log.h"
+
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <random>
+#include <vector>
+
+namespace telenano::link {
+namespace {
+
+LoggedStep random_step(std::mt19937_64& random, const LoggedStep& last) {
+  LoggedStep step = last;
+  if (random() % 4 == 0) return step;  // at rest
+  for (std::int64_t& t : step.target) t += static_cast<std::int64_t>(random() % 4001) - 2000;
+  if (random() % 50 == 0) step.target[0] = kStepTargetMost;
+  if (random() % 5 == 0) step.dt_ns = 1'000'000 + static_cast<std::uint32_t>(random() % 100'000);
+  step.flags = random() % 10 == 0 ? static_cast<std::uint32_t>(random() % 8) : step.flags;
+  return step;
+}
+
+TEST(StepLog, WhatIsWrittenIsRead) {
+  std::mt19937_64 random(1);
+  LoggedStep last{{0, 0, 0}, 1'000'000, 3};
+  for (int trial = 0; trial < 2000; ++trial) {
+    std::array<std::uint8_t, kStepsBytesMost> bytes;
+    const std::uint64_t first = 1 + random() % 1000000;
+    StepWriter writer(bytes, first);
+    std::vector<LoggedStep> in;
+    for (;;) {
+      last = random_step(random, last);
+      if (!writer.add(last)) break;
+      in.push_back(last);
+    }
+    ASSERT_EQ(writer.count(), in.size());
+    StepBatch batch;
+    ASSERT_TRUE(read_steps(std::span(bytes).first(writer.size()), batch)) << trial;
+    ASSERT_EQ(batch.first, first);
+    ASSERT_EQ(batch.count, in.size());
+    for (std::size_t i = 0; i < in.size(); ++i) ASSERT_EQ(batch.step[i], in[i]) << i;
+  }
+}
+
+TEST(StepLog, RestCostsNextToNothing) {
+  std::array<std::uint8_t, kStepsBytesMost> bytes;
+  StepWriter writer(bytes, 1);
+  const LoggedStep rest{{163840, -5, 7}, 1'000'000, 3};
+  for (int i = 0; i < 64; ++i) ASSERT_TRUE(writer.add(rest));
+  EXPECT_LE(writer.size(), kStepsHeaderBytes + 3 * 4 + 8 + 8);
+}
+
+TEST(StepLog, AnyBytesAreSurvived) {
+  std::mt19937_64 random(2);
+  std::array<std::uint8_t, kStepsBytesMost + 8> bytes{};
+  StepBatch batch;
+  int good = 0;
+  for (int trial = 0; trial < 200000; ++trial) {
+    const std::size_t size = random() % bytes.size();
+    for (std::size_t i = 0; i < size; ++i) bytes[i] = static_cast<std::uint8_t>(random());
+    for (int i = 1; i < 8; ++i) bytes[static_cast<std::size_t>(i)] = 0;
+    if (size > 8) bytes[8] = static_cast<std::uint8_t>(random() % 6);
+    if (!read_steps(std::span<const std::uint8_t>(bytes).first(size), batch)) {
+      ASSERT_EQ(batch.count, 0u);
+      continue;
+    }
+    ++good;
+    for (std::size_t i = 0; i < batch.count; ++i) {
+      ASSERT_GE(batch.step[i].dt_ns, kStepShortestNs);
+      ASSERT_LE(batch.step[i].dt_ns, kStepLongestNs);
+      for (const std::int64_t t : batch.step[i].target) ASSERT_LE(std::abs(t), kStepTargetMost);
+    }
+  }
+  std::printf("%d of 200000 random strings were steps\n", good);
+}
+
+TEST(StepLog, EveryStepOnceAndInOrderOverABadLink) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    std::mt19937_64 random(seed);
+    StepSender sender(4000);
+    StepReceiver receiver(4000);
+    sender.begin(0, false);
+    struct Up {
+      std::int64_t at_ns;
+      std::vector<std::uint8_t> bytes;
+    };
+    struct Down {
+      std::int64_t at_ns;
+      StepReport report;
+    };
+    std::vector<Up> up;
+    std::vector<Down> down;
+    std::vector<LoggedStep> made, executed;
+    LoggedStep last{{0, 0, 0}, 1'000'000, 3};
+    std::array<std::uint8_t, kStepsBytesMost> bytes;
+    const std::int64_t delay_ns = 60'000'000;
+    const double loss = 0.15;
+    const auto lost = [&] { return std::uniform_real_distribution<>(0, 1)(random) < loss; };
+    for (int tick = 1; tick <= 20000; ++tick) {
+      const std::int64_t now_ns = tick * std::int64_t{1'000'000};
+      if (tick <= 19000) {
+        last = random_step(random, last);
+        last.dt_ns = 1'000'000;
+        sender.add(last);
+        made.push_back(last);
+      }
+      if (tick % 10 == 0 || sender.urgent(now_ns, 200'000'000)) {
+        const std::size_t n = sender.write(bytes, now_ns, 200'000'000);
+        for (int copy = 0; copy < (random() % 20 == 0 ? 2 : 1); ++copy) {
+          if (n > 0 && !lost())
+            up.push_back({now_ns + delay_ns + static_cast<std::int64_t>(random() % 20'000'000),
+                          {bytes.begin(), bytes.begin() + static_cast<std::ptrdiff_t>(n)}});
+        }
+      }
+      for (std::size_t i = 0; i < up.size();) {  // out of order
+        if (up[i].at_ns > now_ns) {
+          ++i;
+          continue;
+        }
+        StepBatch batch;
+        ASSERT_TRUE(read_steps(up[i].bytes, batch));
+        up.erase(up.begin() + static_cast<std::ptrdiff_t>(i));
+        receiver.take(batch, now_ns);
+        LoggedStep step;
+        while (receiver.pop(now_ns, step)) executed.push_back(step);
+        if (!lost()) down.push_back({now_ns + delay_ns, receiver.report()});
+      }
+      for (std::size_t i = 0; i < down.size();) {
+        if (down[i].at_ns > now_ns) {
+          ++i;
+          continue;
+        }
+        sender.heard(down[i].report, now_ns, 2 * delay_ns + 10'000'000);
+        down.erase(down.begin() + static_cast<std::ptrdiff_t>(i));
+      }
+    }
+    ASSERT_EQ(executed.size(), made.size()) << "seed " << seed;
+    EXPECT_TRUE(executed == made) << "seed " << seed;
+    EXPECT_EQ(sender.open(), 0u);
+    EXPECT_EQ(receiver.report().breaks, 0u);
+  }
+}
+
+TEST(StepLog, TheSumOfStepsIsBoundedByTheWallAndNothingIsLeftOut) {
+  StepReceiver receiver(64);
+  std::uint64_t next = 1;
+  std::uint64_t executed = 0;
+  LoggedStep step;
+  // Steps of 100 ms as fast as they go: ten times the wall's time.
+  for (int tick = 0; tick < 10000; ++tick) {
+    const std::int64_t now_ns = tick * std::int64_t{10'000'000};
+    StepBatch batch;
+    batch.first = next;
+    batch.count = 1;
+    batch.step[0] = {{static_cast<std::int64_t>(next), 0, 0}, kStepLongestNs, 3};
+    receiver.take(batch, now_ns);
+    while (receiver.pop(now_ns, step)) {
+      ++executed;
+      ASSERT_EQ(step.target[0], static_cast<std::int64_t>(executed)) << "postponed, never left out";
+    }
+    if (next < receiver.executed() + 60) ++next;
+  }
+  // 100 s of wall, filled 1.001 times as fast, and the bucket of 2 s.
+  EXPECT_LE(static_cast<double>(executed) * 0.1, 100 * 1.001 + 2.001);
+  EXPECT_GE(static_cast<double>(executed) * 0.1, 100);
+}
+
+TEST(StepLog, ASkipGoesToTheNewestAndIsDeclared) {
+  StepReceiver receiver(64);
+  StepBatch batch;
+  batch.first = 5;
+  batch.count = 3;
+  for (std::size_t i = 0; i < 3; ++i)
+    batch.step[i] = {{static_cast<std::int64_t>(5 + i), 0, 0}, 1'000'000, 0};
+  receiver.take(batch, 1);
+  LoggedStep step;
+  EXPECT_FALSE(receiver.pop(1, step));
+  EXPECT_TRUE(receiver.gap());
+  receiver.skip_to_newest(kBreakGap);
+  ASSERT_TRUE(receiver.pop(2, step));
+  EXPECT_EQ(step.target[0], 7);
+  EXPECT_FALSE(receiver.pop(3, step));
+  EXPECT_EQ(receiver.report(), (StepReport{7, 0, 7, 1, kBreakGap, 7}));
+}
+
+TEST(StepLog, EndlessGapsTakeNoMoreThanTheRing) {
+  StepReceiver receiver(64);
+  std::mt19937_64 random(3);
+  LoggedStep step;
+  for (int i = 0; i < 100000; ++i) {
+    StepBatch batch;
+    batch.first = 2 + random() % (UINT64_MAX / 4);
+    batch.count = 1 + random() % kMaxBatch;
+    for (LoggedStep& s : batch.step) s.dt_ns = 1'000'000;
+    receiver.take(batch, i);
+    receiver.pop(i, step);
+    ASSERT_LE(receiver.newest(), receiver.executed() + 64);
+  }
+}
+
+}  // namespace
+}  // namespace telenano::link
