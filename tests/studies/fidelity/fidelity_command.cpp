@@ -37,8 +37,8 @@ double seconds_since(std::chrono::steady_clock::time_point begin) {
 FidelityOptions with_defaults(FidelityOptions o) {
   using control::Method;
   if (o.methods.empty()) {
-    o.methods = {Method::kNone, Method::kTank, Method::kWave, Method::kTdpa, Method::kModel};
-    if (o.quick) o.methods = {Method::kNone, Method::kTank, Method::kModel};
+    o.methods = {Method::kNone, Method::kTank, Method::kWave, Method::kTdpa, Method::kModel, Method::kTwin};
+    if (o.quick) o.methods = {Method::kNone, Method::kTank, Method::kModel, Method::kTwin};
   }
   if (o.rtt_ms.empty())
     o.rtt_ms = o.quick ? std::vector<double>{0, 200} : std::vector<double>{0, 20, 50, 100, 200, 500};
@@ -193,13 +193,13 @@ void add_fidelity_command(CLI::App& app, int& exit_code) {
       ->capture_default_str();
   command->add_option("--scenes", a->options.scenes, "scenes, or scene/motion, separated by commas [all]")
       ->delimiter(',');
-  command->add_option("--methods", a->methods, "some of: " + names + " [none,tank,wave,tdpa,model]")
+  command->add_option("--methods", a->methods, "some of: " + names + " [none,tank,wave,tdpa,model,twin]")
       ->delimiter(',');
   command->add_option("--rtt", a->rtt, "round trips, ms, separated by commas [0,20,50,100,200,500]");
   command->add_option("--loss", a->loss, "shares of datagrams lost each way, separated by commas [0,0.1]");
   command->add_option("--seed", a->options.seed, "same seed, same bits")->capture_default_str();
   command->add_flag("--quick", a->options.quick,
-                    "five motions, two round trips, three methods: some seconds");
+                    "seven motions, two round trips, four methods: some seconds");
   command->add_flag("--check-sensitivity", a->options.check_sensitivity,
                     "besides: is every renderer that is wrong on purpose found out? Exit status 1 if not");
   command->add_flag(

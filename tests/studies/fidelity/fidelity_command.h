@@ -16,7 +16,7 @@ namespace telenano::studies {
 struct FidelityOptions {
   std::filesystem::path out = "fidelity";
   std::vector<std::string> scenes;       ///< "flakes" or "flakes/raster"; empty: all
-  std::vector<control::Method> methods;  ///< empty: none, tank, wave, tdpa, model
+  std::vector<control::Method> methods;  ///< empty: none, tank, wave, tdpa, model, twin
   std::vector<double> rtt_ms;            ///< empty: 0, 20, 50, 100, 200, 500
   std::vector<double> loss;              ///< empty: 0, 0.1
   std::uint64_t seed = 1;

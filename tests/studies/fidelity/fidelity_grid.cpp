@@ -54,6 +54,7 @@ CellResult run_cell(const Cell& cell, const ScenePairs& scenes, const MakeMethod
                                             session.station.rate_hz, cell.motion->velocity_scale);
   session.station.allow_unsafe_scaling = true;  // `none` over a delay is beyond what is safe
   if (stand_in) session.make_method = [&] { return stand_in(session.station.scaling); };
+  session.twin = run.by_executed_log = cell.method == control::Method::kTwin && !stand_in;
   session.task = device::Task::kScript;
   session.script = cell.motion->script;
   session.seed = cell.seed;
@@ -73,27 +74,26 @@ CellResult run_cell(const Cell& cell, const ScenePairs& scenes, const MakeMethod
 
 std::string cells_csv(const std::vector<CellResult>& results) {
   std::string csv =
-      "scene,motion,method,rtt_ms,loss,seed,nrmse,nrmse_between,nrmse_x,nrmse_y,nrmse_z,lateral_correlation,"
-      "lag_ms,"
-      "nrmse_at_lag,snap_in_true_n,snap_in_error,pull_off_true_n,pull_off_error,false_releases,work_true_mj,"
-      "work_felt_mj,snap_in_peak_n,pull_off_peak_n,true_rms_n,true_lateral_rms_n,contact_share,contacts,"
-      "clamped_share,stopped_s\n";
+      "scene,motion,method,rtt_ms,loss,nrmse,nrmse_between,nrmse_x,nrmse_y,nrmse_z,lateral_correlation,"
+      "lag_ms,nrmse_at_lag,snap_in_true_n,snap_in_error,pull_off_true_n,pull_off_error,false_releases,work_"
+      "true_mj,"
+      "work_felt_mj,snap_in_peak_n,pull_off_peak_n,true_rms_n,true_lateral_rms_n,clamped_share,"
+      "stopped_s,unexecuted\n";
   const auto number = [](double value) {
     return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string();
   };
   for (const CellResult& r : results) {
     const FeltMetrics& m = r.metrics;
-    csv += fmt::format("{},{},{},{:g},{:g},{}", r.cell.motion->scene, r.cell.motion->motion,
-                       control::method_name(r.cell.method), r.cell.rtt_ms, r.cell.loss, r.cell.seed);
+    csv += fmt::format("{},{},{},{:g},{:g}", r.cell.motion->scene, r.cell.motion->motion,
+                       control::method_name(r.cell.method), r.cell.rtt_ms, r.cell.loss);
     for (const double value :
          {m.nrmse, m.nrmse_between, m.nrmse_x, m.nrmse_y, m.nrmse_z, m.lateral_correlation, m.lag_ms,
           m.nrmse_at_lag, m.snap_in_true_n, m.snap_in_error, m.pull_off_true_n, m.pull_off_error})
       csv.append(1, ',').append(number(value));
-    csv += fmt::format(",{},{:.4g},{:.4g}", m.false_releases, m.work_true_mj, m.work_felt_mj);
+    csv += fmt::format(",{},{:.3g},{:.3g}", m.false_releases, m.work_true_mj, m.work_felt_mj);
     for (const double value : {m.snap_in_peak_n, m.pull_off_peak_n, m.true_rms_n, m.true_lateral_rms_n})
       csv.append(1, ',').append(number(value));
-    csv += fmt::format(",{:.3f},{},{:.3f},{:g}\n", m.contact_share, m.contacts, r.run.clamped_share,
-                       r.run.stopped_s);
+    csv += fmt::format(",{:.3g},{:g},{}\n", r.run.clamped_share, r.run.stopped_s, r.run.unexecuted);
   }
   return csv;
 }

@@ -106,7 +106,9 @@ std::string heat_key() {
          "in the middle of a contact, ■ the station stopped.</p>\n";
 }
 
-/// The motion that is drawn: the one of most lateral force that was traced.
+constexpr double kBeforeS = 0.2, kShownS = 2.8;
+constexpr std::size_t kEveryTick = 10;  // some pixels wide
+
 std::vector<const CellResult*> drawn(const std::vector<CellResult>& results) {
   std::vector<const CellResult*> list;
   for (const CellResult& r : results) {
@@ -125,17 +127,22 @@ Figure felt_figure(const std::vector<CellResult>& results, const FigureFolder& f
       "lines), "
       "right the force along the normal, N at the hand, over time. Dark: the sample itself at that hand's "
       "own path; "
-      "orange: what was felt. Each hand yields to what it feels, so that paths differ.",
+      "orange: what was felt. From the first touch on; each hand yields to what it feels, so that paths "
+      "differ.",
       full_name(*cell.motion), cell.rtt_ms);
   std::string csv = "# time_s,true_x_n,felt_x_n,true_z_n,felt_z_n; one block a method\n";
-  double low[2] = {0, 0}, high[2] = {0, 0}, seconds = 0;
+  double low[2] = {0, 0}, high[2] = {0, 0};
   for (const CellResult* r : traced) {
     const auto& rows = r->run.trace.rows;
     const double period_s = r->run.trace.period_s;
-    seconds = std::max(seconds, period_s * static_cast<double>(rows.size()));
-    for (std::size_t i = 0; i < rows.size(); i += 8) {
+    // From shortly before the first touch, for as long as two lines take.
+    const auto touch = std::find_if(rows.begin(), rows.end(), [](const auto& row) { return row.touches; });
+    const auto tick = [&](double s) { return static_cast<std::size_t>(std::llround(s / period_s)); };
+    const auto touched = static_cast<std::size_t>(touch - rows.begin());
+    const std::size_t from = touched > tick(kBeforeS) ? touched - tick(kBeforeS) : 0;
+    for (std::size_t i = from; i < std::min(rows.size(), from + tick(kShownS)); i += kEveryTick) {
       csv +=
-          fmt::format("{:.4g},{:.3g},{:.3g},{:.3g},{:.3g}\n", period_s * static_cast<double>(i),
+          fmt::format("{:.4g},{:.3g},{:.3g},{:.3g},{:.3g}\n", period_s * static_cast<double>(i - from),
                       rows[i].true_h_n.x(), rows[i].felt_h_n.x(), rows[i].true_h_n.z(), rows[i].felt_h_n.z());
       for (int axis = 0; axis < 2; ++axis) {
         low[axis] = std::min(low[axis], rows[i].true_h_n[2 * axis]);
@@ -154,7 +161,7 @@ Figure felt_figure(const std::vector<CellResult>& results, const FigureFolder& f
       script += fmt::format(
           "set lmargin at screen {:.4f}\nset rmargin at screen {:.4f}\nset tmargin at screen {:.4f}\n"
           "set bmargin at screen {:.4f}\nset xrange [0:{:.4g}]\n{}",
-          side == 0 ? 0.10 : 0.58, side == 0 ? 0.50 : 0.98, top - 0.12 * height, top - 0.9 * height, seconds,
+          side == 0 ? 0.10 : 0.58, side == 0 ? 0.50 : 0.98, top - 0.12 * height, top - 0.9 * height, kShownS,
           y_range(1.3 * low[side], 1.3 * high[side]));
       script += i == 0 && side == 0 ? "set key top left Left reverse horizontal\n" : "unset key\n";
       script +=

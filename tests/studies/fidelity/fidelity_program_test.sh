@@ -21,13 +21,13 @@ some=(fidelity --quick --scenes flat_silicon_oxide,lithography/plough)
 "$lab" "${some[@]}" --out two >two.csv 2>/dev/null
 cmp one.csv two.csv || fail "same seed, other bits"
 cmp one.csv one/fidelity.csv || fail "the file is not what was printed"
-[ "$(wc -l <one.csv)" -eq 19 ] || fail "expected 3 motions x 3 methods x 2 round trips: $(wc -l <one.csv) lines"
+[ "$(wc -l <one.csv)" -eq 25 ] || fail "expected 3 motions x 4 methods x 2 round trips: $(wc -l <one.csv) lines"
 grep -q "cells" progress.txt || fail "no progress"
 grep -q "<table" one/index.html || fail "no heat map"
 ! grep -qE 'src="http|href="http' one/index.html || fail "the page needs other files"
 if command -v gnuplot >/dev/null; then grep -q "<svg" one/index.html || fail "no picture"; fi
 # Over 200 ms, the newest answer is 200 ms late.
-awk -F, '$3 == "none" && $4 == 200 && $2 == "indent_fast" { found = 1; exit !($13 == 200) } END { exit !found }' one.csv ||
+awk -F, '$3 == "none" && $4 == 200 && $2 == "indent_fast" { found = 1; exit !($12 == 200) } END { exit !found }' one.csv ||
   fail "the lag of none over 200 ms is not 200 ms: $(grep none,200 one.csv)"
 refuses "moon" "$lab" fidelity --quick --scenes moon --out x
 refuses "out of range" "$lab" fidelity --quick --rtt -1 --out x

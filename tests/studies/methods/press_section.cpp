@@ -178,6 +178,8 @@ const char* method_colour(Method method) {
       return kInk;
     case Method::kModel:
       return kRed;
+    case Method::kTwin:
+      return "#E69F00";  // the orange of the same palette
   }
   return kInk;
 }
