@@ -164,11 +164,6 @@ void check_potential(const TomlTable& root, const Scene& scene) {
   };
   if (scene.sample.hardness_gpa > 0) refuse("sample", "hardness_gpa (marks)");
   if (root.optional_table("particle")) refuse("particle", "a particle");
-  const physics::ContactModel model = scene.law_parameters.model;
-  if (model == physics::ContactModel::kSchwarz || model == physics::ContactModel::kCarpickOgletreeSalmeron ||
-      model == physics::ContactModel::kPietrementTroyon) {
-    refuse("contact", "law = \"" + std::string(physics::contact_model_name(model)) + "\"");
-  }
 }
 
 std::string read_surface(const config::TomlDocument& document, Scene& scene) {

@@ -67,7 +67,6 @@ TEST(PotentialScene, IsChosenByAKeyAndRefusesWhatItLacks) {
   refused(with(potential("flakes"), "\nsurface_energy_j_m2 = 0.2", "\nhardness_gpa = 9.0"), "hardness_gpa");
   refused(potential("flakes") + "\n[particle]\nradius_nm = 10.0\n", "particle");
   refused(with(potential("flakes"), "\n[surface]\n", "radius_force = true\n"), "radius_force");
-  refused(potential("flakes") + "\n[contact]\nlaw = \"cos\"\n", "cos");
   refused(potential("flat_silicon_oxide"), "force");
 }
 
