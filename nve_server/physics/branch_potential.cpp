@@ -17,6 +17,8 @@ constexpr double kPiece = 0.02;        // of ρ: cubics are then within 1e-10 of
 constexpr double kFoldInContact =
     0.9379474572107123;              // λ from which on the fold of overlap is (maugis_dugdale.cpp)
 constexpr double kSlopeStep = 1e-3;  // of ρ: five-point differences err by some 1e-12
+// Of ρ, of laws whose own form goes with λ: truncation 1e-8, rounding of the second differences 1e-6.
+constexpr double kModelStep = 2e-4;
 constexpr double kAtFold_nm = 1e-7;  // the borders' own error, and more
 
 constexpr double kBiasSoftening_nm = 0.35;
@@ -91,6 +93,9 @@ auto with_curve(const TipSampleParameters& p, double lambda, const Use& use) {
     case ContactModel::kDmt:
       return use(HertzianCurve(lambda, 2.0));
     case ContactModel::kJkr:
+    case ContactModel::kSchwarz:
+    case ContactModel::kCarpickOgletreeSalmeron:
+    case ContactModel::kPietrementTroyon:
       return use(AdhesiveCurve(lambda, closed_form_coefficients(p.model, lambda), p.van_der_waals));
     default:
       return use(MaugisDugdale(lambda));
@@ -118,16 +123,14 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
     : law_(law),
       medium_(law.media().of(wet)),
       unit_(medium_.scales(1.0)),
-      cut_off_nm_(law.parameters().equilibrium_distance_nm) {
+      cut_off_nm_(law.parameters().equilibrium_distance_nm),
+      model_moves_(law.parameters().model == ContactModel::kSchwarz ||
+                   law.parameters().model == ContactModel::kCarpickOgletreeSalmeron ||
+                   law.parameters().model == ContactModel::kPietrementTroyon) {
   const TipSampleParameters& p = law_.parameters();
   if (!(std::isfinite(nominal_radius_nm) && nominal_radius_nm > 0)) {
     throw UserError("potential of tip and sample: the radius must be positive and finite (nm), not " +
                     std::to_string(nominal_radius_nm));
-  }
-  if (p.model == ContactModel::kSchwarz || p.model == ContactModel::kCarpickOgletreeSalmeron ||
-      p.model == ContactModel::kPietrementTroyon) {
-    throw UserError("potential of tip and sample: not with " + std::string(contact_model_name(p.model)) +
-                    "; expected maugis-dugdale, jkr, dmt or hertz");
   }
   const double nominal = det_log(nominal_radius_nm);
   const double last = nominal + kAboveNominal;
@@ -251,7 +254,7 @@ void BranchPotential::outside(double overlap_nm, double log_radius, PotentialJet
   }
 }
 
-bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
+bool BranchPotential::on_law(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
                              ContactSize& size) const noexcept {
   const double root = det_exp(log_radius / 3.0);
   const double square = root * root;
@@ -259,16 +262,57 @@ bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hi
                         unit_.energy_aj * (square * square), unit_.lambda * root};
   jet = {};
   size = {};
-  const bool found = with_curve(law_.parameters(), s.lambda, [&](const auto& curve) {
+  return with_curve(law_.parameters(), s.lambda, [&](const auto& curve) {
     return on_curve(curve, s, overlap_nm, log_radius, hint, jet, size);
   });
-  if (!found) return false;
+}
+
+bool BranchPotential::by_differences(double overlap_nm, double log_radius, const CurveHint& hint,
+                                     PotentialJet& jet, ContactSize& size) const noexcept {
+  struct Side {
+    PotentialJet jet;
+    ContactSize size;
+    bool there = false;
+  };
+  const auto at = [&](int steps) {
+    Side side;
+    CurveHint near = hint;
+    side.there = on_law(overlap_nm, log_radius + steps * kModelStep, near, side.jet, side.size);
+    return side;
+  };
+  const Side here{jet, size, true}, up = at(1), down = at(-1);
+  const auto differences = [&](const auto& of, double& first, double* second) {
+    const double per = 1.0 / kModelStep;
+    if (up.there && down.there) {
+      first = 0.5 * per * (of(up) - of(down));
+      if (second) *second = per * per * (of(up) - 2.0 * of(here) + of(down));
+      return true;
+    }
+    // Beside the fold: from the side that has the state.
+    const double side = up.there ? 1.0 : -1.0;
+    const Side& one = up.there ? up : down;
+    const Side two = at(up.there ? 2 : -2);
+    if (!one.there || !two.there) return false;
+    first = 0.5 * side * per * (4.0 * of(one) - 3.0 * of(here) - of(two));
+    if (second) *second = per * per * (of(here) - 2.0 * of(one) + of(two));
+    return true;
+  };
+  return differences([](const Side& s) { return s.jet.energy_aj; }, jet.by_radius_aj,
+                     &jet.by_radius_twice_aj) &&
+         differences([](const Side& s) { return s.jet.force_nn; }, jet.mixed_nn, nullptr) &&
+         differences([](const Side& s) { return s.size.square_nm2; }, size.by_log_radius_nm2, nullptr);
+}
+
+bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
+                             ContactSize& size) const noexcept {
+  if (!on_law(overlap_nm, log_radius, hint, jet, size)) return false;
+  if (model_moves_ && !by_differences(overlap_nm, log_radius, hint, jet, size)) return false;
   const Place at = place(log_radius);
   const double(&c)[4] = at.piece->offset;
   jet.energy_aj += cubic(c, at.t);
   jet.by_radius_aj += (c[1] + at.t * (2.0 * c[2] + 3.0 * at.t * c[3])) / step_;
   jet.by_radius_twice_aj += (2.0 * c[2] + 6.0 * at.t * c[3]) / (step_ * step_);
-  if (far_) far_->add(overlap_nm, log_radius, root * square, jet);
+  if (far_) far_->add(overlap_nm, log_radius, det_exp(log_radius), jet);
   return true;
 }
 

@@ -46,7 +46,8 @@ struct CurveHint {
 ///             W_δ = u_F P,  W_ρ = E M + O',  W_δδ = (u_F/u_δ) P_Δ,  W_δρ = u_F X,  X = P + (P' − P_Δ (Δ' +
 ///             Δ))/3, W_ρρ = E (4/3 M + (M' − X (Δ' + Δ))/3) + O'',
 ///           since ∂M/∂Δ = X (mixed derivatives agree). Laws without λ (Hertz, DMT, JKR) have M = 4/3 Û − Δ
-///           P/3 and no x'.
+///           P/3 and no x'. Of laws whose own form goes with λ (Schwarz, COS, Piétrement–Troyon) W_ρ, W_δρ and
+///           W_ρρ are differences over 2e-4 of ρ of the exact W and W_δ.
 /// Method    Inside, the curve's own exact state at δ, found by Newton's method from the last one
 /// (CurveHint):
 ///           one or two evaluations, no table, no error of one, any radius. The borders and O are piecewise
@@ -63,7 +64,7 @@ struct CurveHint {
 ///           far terms 1e-7 of theirs (force 1e-6). Second derivatives in ρ 1e-5.
 class BranchPotential {
  public:
-  /// Throws UserError for a law that it does not have: Schwarz, COS, Piétrement–Troyon.
+  /// Throws UserError unless the radius is positive and finite.
   BranchPotential(const TipSampleLaw& law, double nominal_radius_nm);
 
   struct Borders {
@@ -120,6 +121,12 @@ class BranchPotential {
   Place place(double log_radius) const noexcept;
   AtRadius at_radius(double log_radius) const;
   double offset_slope(double log_radius) const;
+  /// inside() without offset and far terms.
+  bool on_law(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
+              ContactSize& size) const noexcept;
+  /// Writes the derivatives in ρ of what on_law() has found.
+  bool by_differences(double overlap_nm, double log_radius, const CurveHint& hint, PotentialJet& jet,
+                      ContactSize& size) const noexcept;
   template <class Curve>
   bool on_curve(const Curve& curve, const ContactScales& scales, double overlap_nm, double log_radius,
                 CurveHint& hint, PotentialJet& jet, ContactSize& size) const noexcept;
@@ -130,6 +137,7 @@ class BranchPotential {
   ContactMedium medium_;
   ContactScales unit_;  // at a radius of 1 nm
   double cut_off_nm_ = 0;
+  bool model_moves_ = false;  // the law's form itself goes with λ
   double first_ = 0;
   double step_ = 0;  // of ρ
   std::vector<Piece> pieces_;

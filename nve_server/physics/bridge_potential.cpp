@@ -25,6 +25,7 @@ BridgeState BridgePotential::formed_at(double overlap_nm, double log_radius) con
 
 void BridgePotential::add(const BridgeState& bridge, double overlap_nm, double log_radius,
                           PotentialJet& jet) const noexcept {
+  if (ruptured(bridge, overlap_nm)) return;
   const double f0 = force_per_radius_ * det_exp(log_radius);
   const double gap = std::max(0.0, -overlap_nm);
   const double pressed = std::max(0.0, overlap_nm);

@@ -35,7 +35,7 @@ class BridgePotential {
     return overlap_nm < -bridge.rupture_gap_nm;
   }
 
-  /// Adds the bridge's term. Beyond the rupture gap the formula goes on.
+  /// Adds the bridge's term; beyond the rupture gap there is none.
   void add(const BridgeState& bridge, double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
 
  private:

@@ -190,11 +190,6 @@ void check_potential(const TomlTable& root, const Scene& scene) {
         what + " does not go with [surface] force = \"potential\" yet: leave it out, or force = \"foot\"");
   };
   if (root.optional_table("particle")) refuse("particle", "a particle");
-  const physics::ContactModel model = scene.law_parameters.model;
-  if (model == physics::ContactModel::kSchwarz || model == physics::ContactModel::kCarpickOgletreeSalmeron ||
-      model == physics::ContactModel::kPietrementTroyon) {
-    refuse("contact", "law = \"" + std::string(physics::contact_model_name(model)) + "\"");
-  }
 }
 
 std::string read_surface(const config::TomlDocument& document, const SceneLoading& loading, Scene& scene,

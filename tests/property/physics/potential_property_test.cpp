@@ -6,6 +6,7 @@
 #include <cmath>
 #include <memory>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "nve_server/physics/potential_equilibrium.h"
@@ -238,6 +239,52 @@ TEST(Potential, FlatGroundIsTheLaw) {
     // A jump begins up to a quarter of a step late: that times the force's change, as the end goes on.
     EXPECT_GE(lost, law_lost - 1e-6) << k;
     EXPECT_LE(lost, law_lost + 0.0025 * 2.0 * std::fabs(law_pull_off)) << k;
+  }
+}
+
+// Every law: level ground is its own balance, and a smooth closed path gives and takes nothing. Those whose
+// form goes with λ have their radius force by differences, 1e-8 of the energy.
+TEST(Potential, EveryLawHasOne) {
+  for (const ContactModel model :
+       {ContactModel::kHertz, ContactModel::kDmt, ContactModel::kJkr, ContactModel::kSchwarz,
+        ContactModel::kCarpickOgletreeSalmeron, ContactModel::kPietrementTroyon}) {
+    for (const bool van_der_waals : {false, true}) {
+      if (van_der_waals && model == ContactModel::kHertz) continue;
+      SCOPED_TRACE(std::string(contact_model_name(model)) + (van_der_waals ? "" : " alone"));
+      TipSampleParameters p = silicon_oxide();
+      p.model = model;
+      p.van_der_waals = van_der_waals;
+      const TipSampleLaw law(p, 20.0);
+      const PotentialEquilibrium flat(std::make_shared<EggCrate>(), potential_of(p));
+      const Compliance c = Mat3::Identity() / 5.0;
+      PotentialState state;
+      TipSampleState law_state;
+      int differ = 0;
+      double lost = 0, law_lost = 0;
+      for (int i = 0; i < 4000; ++i) {
+        const double z = std::fabs(20.0 - 0.01 * i) - 10.0;
+        const TipSolution s = flat.advance(Vec3(0, 0, z), c, state);
+        const Equilibrium exact = law.advance(-z, 0.2, 20.0, law_state);
+        ASSERT_GE(s.dissipated_aj, 0.0);
+        lost += s.dissipated_aj;
+        law_lost += exact.dissipated_aj;
+        const bool in = s.branch == Branch::kContact || s.branch == Branch::kNonContact;
+        const bool law_in = exact.branch == Branch::kContact || exact.branch == Branch::kNonContact;
+        if (in != law_in || s.under_way) {
+          ++differ;
+          continue;
+        }
+        ASSERT_NEAR(s.force_w_nn.z(), exact.force_nn, 1e-6) << z;
+        ASSERT_NEAR(s.potential_aj, exact.potential_aj, 1e-6) << z;
+      }
+      EXPECT_LE(differ, 2);
+      EXPECT_NEAR(lost, law_lost, 0.3);  // a quarter of a step of some 60 nN, at two events
+      const PotentialEquilibrium on(gentle_ground(), potential_of(p));
+      const Lap l = lap(on, stiff_springs(), ClosedPath(1, -4.0, 0.8), 0.05);
+      EXPECT_EQ(l.jumps, 0);
+      EXPECT_LE(std::fabs(l.work - l.stored - l.lost) / l.turnover, 1e-8);
+      EXPECT_LE(l.lost / l.turnover, 1e-6);
+    }
   }
 }
 

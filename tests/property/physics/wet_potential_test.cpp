@@ -155,6 +155,57 @@ TEST(WetPotential, SmoothClosedPathsGiveAndTakeNothing) {
   }
 }
 
+// Whatever the terms' own fields say, and however much dry attraction the liquid would displace.
+TEST(WetPotential, FormingAndRuptureLowerU) {
+  TipSampleParameters drop = held_volume(1.5);
+  drop.long_range.capillary.film_nm = 1.0;
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  for (const TipSampleParameters& p : {with_far(moist_oxide()), moist(silicon_oxide(), 20.0, 0.4), drop}) {
+    const TipPotential u(two_softenings(rough_ground()), potential_of(p));
+    int formed = 0, refused = 0, ruptured = 0;
+    const auto settle = [&](const Vec3& at, PotentialBranch& branch, PotentialSample& sample) {
+      for (int i = 0; i < TipPotential::kMostEnds; ++i) {
+        CurveHint hint;
+        const BranchEnd end = u.sample(at, branch, hint, sample);
+        if (end == BranchEnd::kNone) return;
+        branch = u.beyond(end, at, branch, sample);
+      }
+      ADD_FAILURE() << "no branch at " << at.transpose();
+    };
+    for (int i = 0; i < 20000; ++i) {
+      ContactJet ground;
+      const Vec3 level(30 * any(random), 30 * any(random), 0);
+      u.fields().contact_at(level, ground);
+      const Vec3 at = level + Vec3(0, 0, -ground.overlap_nm / ground.overlap_grad.z() + 2.0 * any(random));
+      PotentialSample dry, wet, after;
+      CurveHint hint;
+      PotentialBranch branch;
+      const BranchEnd end = u.sample(at, branch, hint, dry);
+      if (end == BranchEnd::kContact) continue;
+      PotentialBranch next = branch;
+      settle(at, next, after);
+      const BridgePotential& bridge = u.potential().bridge();
+      if (next.bridge.present) {
+        ++formed;
+        EXPECT_LT(after.energy_aj, dry.energy_aj) << at.transpose();
+      } else if (-dry.place.overlap_nm < 0.5 * -bridge.formation_overlap_nm(dry.place.log_radius)) {
+        ++refused;
+      }
+      branch.bridge = bridge.formed_at(0.0, std::log(20.0));
+      hint = {};
+      if (u.sample(at, branch, hint, wet) != BranchEnd::kBridge) continue;
+      ++ruptured;
+      settle(at, branch, after);
+      EXPECT_FALSE(branch.bridge.present);
+      EXPECT_LT(after.energy_aj, wet.energy_aj) << at.transpose();
+    }
+    std::printf("%d formed, %d refused, %d ruptured\n", formed, refused, ruptured);
+    EXPECT_GT(formed, 100);
+    EXPECT_GT(ruptured, 100);
+  }
+}
+
 // Any springs, any motion: no step without an end, none that gives energy, and the tip is where its branch
 // is.
 TEST(WetPotential, EveryStepEndsInAMinimumOrOnItsWayDown) {

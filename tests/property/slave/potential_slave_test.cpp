@@ -66,8 +66,48 @@ TEST(PotentialScene, IsChosenByAKeyAndRefusesWhatItLacks) {
   refused(with(text_of("flakes"), "\n[surface]\n", "force = \"both\"\n"), "force");
   refused(potential("flakes") + "\n[particle]\nradius_nm = 10.0\n", "particle");
   refused(with(potential("flakes"), "\n[surface]\n", "radius_force = true\n"), "radius_force");
-  refused(potential("flakes") + "\n[contact]\nlaw = \"cos\"\n", "cos");
   refused(potential("flat_silicon_oxide"), "force");
+}
+
+// Steps and gratings, in moist air with a bias, under each law that takes them: a tip that comes down, goes
+// across and comes up again finds a balance everywhere, and pays.
+TEST(PotentialScene, StepsAndGratingsTakeEveryTermAndLaw) {
+  const std::string shapes[] = {"kind = \"step\"\nheight_nm = 3.0\nedge_nm = 8.0\n",
+                                "kind = \"grating\"\nheight_nm = 4.0\nperiod_nm = 40.0\n"};
+  const std::string airs[] = {
+      "[forces.capillary]\nhumidity_percent = 60.0\n[forces.electrostatic]\ntip_bias_v = 1.0\n",
+      "[contact]\nlaw = \"jkr\"\n", "[contact]\nlaw = \"pietrement-troyon\"\n"};
+  for (const std::string& shape : shapes) {
+    for (const std::string& air : airs) {
+      std::string text = text_of("flat_silicon_oxide");
+      const std::string flat = "kind = \"flat\"";
+      text.replace(text.find(flat), flat.size(), shape + "force = \"potential\"\n");
+      text.replace(text.find("half_width_nm = 500.0"), std::string("half_width_nm = 500.0").size(),
+                   "half_width_nm = 40.0\nmargin_nm = 5.0");
+      const auto scene = scene::parse_scene(text + "\n" + air, "shape.toml");
+      ASSERT_TRUE(scene->potential) << air;
+      slave::NveSlave slave(scene);
+      slave::SlaveInput input;
+      slave::SlaveOutput output;
+      input.follow = true;
+      const Vec3 start = scene->start_apex_w_nm;
+      Vec3 to = start;
+      const auto go = [&](const Vec3& way) {
+        for (int i = 0; i < 200; ++i) {
+          input.tip_target_pos_w_nm = to += way / 200.0;
+          slave.step(input, 1e-3, output);
+          ASSERT_EQ(output.fault_bits, 0u) << shape << air << to.transpose();
+        }
+      };
+      const double down = start.z() - scene->start_touch_w_nm + 6.0;
+      go(Vec3(0, 0, -down));
+      EXPECT_GT(output.force_w_nn.z(), 5.0);
+      go(Vec3(20, 5, 0));
+      go(Vec3(-20, -5, down));
+      EXPECT_LT(std::fabs(output.force_w_nn.z()), 1.0);
+      EXPECT_GT(output.energy_in_aj - output.energy_out_aj, 0.0);
+    }
+  }
 }
 
 // Where the foot finds no balance.

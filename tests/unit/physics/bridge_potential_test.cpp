@@ -42,6 +42,7 @@ TEST(BridgePotential, IsTheBridgeOfAnyRadius) {
       const BridgeState bridge = w.formed_at(w.formation_overlap_nm(rho), rho);
       ASSERT_TRUE(bridge.present);
       EXPECT_NEAR(-w.formation_overlap_nm(rho), exact.formation_gap_nm(radius), 1e-14);
+      EXPECT_EQ(jet_of(w, bridge, -1.001 * bridge.rupture_gap_nm, rho).energy_aj, 0.0);
       for (const double part : {0.0, 0.1, 0.5, 0.99, 1.0}) {
         const double gap = part * bridge.rupture_gap_nm;
         const PotentialJet jet = jet_of(w, bridge, -gap, rho);
