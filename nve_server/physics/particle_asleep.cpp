@@ -101,6 +101,8 @@ void TipBesideSleeper::describe(const TipSolution& solution, const Pull& pull,
   particle.stiffness_n_m = pull.law.stiffness_n_m;
   particle.force_w_nn = -pull.force_w_nn;
   out.held_by_tip = false;
+  out.substeps = out.iterations = 0;  // of what moves the particle: none
+  out.friction_loss_aj = out.drag_loss_aj = out.jump_loss_aj = out.dissipated_aj = 0;
   out.turned_w_rad.setZero();
 }
 

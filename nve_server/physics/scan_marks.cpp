@@ -211,7 +211,41 @@ void ScanFields::press(const FieldMark& mark) noexcept {
   bool back_x, back_y;
   const double x = mirrored(mark.x_nm - x_first_, width_, back_x);
   const double y = mirrored(mark.y_nm - y_first_, length_, back_y);
-  for (Grid& grid : grids_) grid.press(mark, x, y);
+  for (std::size_t g = 0; g < grids_.size(); ++g) {
+    Grid& grid = grids_[g];
+    grid.press(mark, x, y);
+    // Where the crater is spread on a coarse grid that falls more than the finer one does round it, and a
+    // larger softening must not lower the ground so much that pressing deeper would lift it away
+    // (scan_fields.cpp): held up there, but for the 16 that the mark itself needs.
+    const double spread = kLeastNodes * std::max(1.0 / grid.inv_dx, 1.0 / grid.inv_dy);
+    if (g == 0 || spread <= mark.radius_nm || grids_[g - 1].columns == grid.columns) continue;
+    const Grid& finer = grids_[g - 1];
+    const double most_fall = 0.53 * rule_.finest_nm * (1 << (2 * g - 1));
+    const int column = std::min(static_cast<int>(x * grid.inv_dx), grid.columns - 2);
+    const int row = std::min(static_cast<int>(y * grid.inv_dy), grid.rows - 2);
+    constexpr int kReach = static_cast<int>(kLeastNodes) + 1;
+    const auto node_of = [](int padded, int nodes) {
+      const int i = padded - 1;
+      return i < 0 ? -i : (i < nodes ? i : 2 * nodes - 2 - i);
+    };
+    const int left = std::max(0, column + 1 - kReach),
+              right = std::min(grid.columns + 1, column + 2 + kReach);
+    const int low = std::max(0, row + 1 - kReach), high = std::min(grid.rows + 1, row + 2 + kReach);
+    grid.make_usable(left, right, low, high);
+    for (int j = low; j <= high; ++j) {
+      for (int i = left; i <= right; ++i) {
+        if (i >= column && i <= column + 3 && j >= row && j <= row + 3) continue;
+        double* const at = grid.own.get() +
+                           static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.stride()) +
+                           static_cast<std::size_t>(i) * kLanes;
+        const int fi = 2 * node_of(i, grid.columns), fj = 2 * node_of(j, grid.rows);  // node, padded less 1
+        const double* const fine = finer.corner(fi, fj) + finer.stride() + kLanes + 3;
+        const double lacking = std::max(0.0, *fine - most_fall - at[0]);
+        at[0] += lacking;
+        at[3] += lacking;
+      }
+    }
+  }
   for (Layer& layer : layers_) layer.grid.press(mark, x, y);
 }
 

@@ -375,8 +375,9 @@ TEST(ScanFields, GrowingDoesNotTurnTheOverlapBackInMarks) {
   const HeightGrid grid = piece_of("wsxm_600nm.gsf", 60, 110, 64);
   const ScanFields ground(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
   ScanFields fields = ScanFields::for_marks(ground);
+  // As ploughed: a* = √(R D/2) for a depth D of 3 nm.
   for (double x = 40; x < 100; x += 0.3) {
-    fields.press({x, 60 + 0.2 * x, 0.2, 5.5, 0.02, 0.1, 6000, 1.0});
+    fields.press({x, 60 + 0.2 * x, 0.085, 7.5, 0.008, 0.1, 6000, 1.0});
   }
   double least_rate = 1, deepest = 0;
   for (int i = 0; i < 80; ++i) {
@@ -392,9 +393,9 @@ TEST(ScanFields, GrowingDoesNotTurnTheOverlapBackInMarks) {
       }
     }
   }
+  std::printf("deepest %.2f nm, least rate %.3f\n", deepest, least_rate);
   EXPECT_GT(deepest, 2.0);
   EXPECT_GE(least_rate, ScanFields::kLeastRate);
-  std::printf("deepest %.2f nm, least rate %.3f\n", deepest, least_rate);
 }
 
 // Van der Waals at a distance, U = −A R_eff/(6 d), against the direct proximity sum −A/(12π) Σ dA/d² over the

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 #include <random>
+#include <vector>
 
 #include "nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
@@ -176,6 +177,51 @@ TEST(ParticleSlave, NoPathDrawsEnergy) {
   }
   EXPECT_GT(touched, 100);
   EXPECT_GT(dissipated, 100);
+}
+
+// A particle that sleeps is not balanced: while the tip is far only the tip's own step is made, pressed or
+// above. What is felt is that of one that never sleeps, to what a sleeping particle leaves out (1e-6 of the
+// pull-off of particle and sample, 60 nN), also while the tip comes near, so that the particle wakes, is
+// pushed, and falls asleep again. The tip's own snap into contact is booked by the law alone and by the
+// trapezium with the particle: apart by 30 nN × 0.25 nm.
+TEST(ParticleSlave, BesideASleeperItIsAsIfItWereAwake) {
+  Session sleeper(deployed());
+  Session watcher(changed([](scene::Scene& s) { s.particle->parameters.sleeps = false; }));
+  int alone = 0, steps = 0, woken = 0;
+  double most = 0, most_booked = 0;
+  const auto both = [&](const Vec3& to, double step) {
+    std::vector<SlaveOutput> a, b;
+    std::vector<int> substeps;
+    sleeper.go_to(to, step, [&](const SlaveOutput& out) {
+      a.push_back(out);
+      substeps.push_back(sleeper.particle().substeps);
+    });
+    watcher.go_to(to, step, [&](const SlaveOutput& out) { b.push_back(out); });
+    ASSERT_EQ(a.size(), b.size());
+    for (std::size_t i = 0; i < a.size(); ++i) {
+      const double charged_apart = charged(a[i]) - charged(b[i]);
+      most = std::max(most, (a[i].force_w_nn - b[i].force_w_nn).norm());
+      most_booked = std::max(most_booked, std::fabs(charged_apart));
+      alone += substeps[i] == 0;
+      woken += sleeper.particle().held_by_tip;
+      ++steps;
+    }
+  };
+  both({-100, 0, 10}, 1.0);
+  both({-100, 0, -4}, 0.5);  // pressed, and dragged over the sample
+  both({-60, 20, -4}, 0.5);
+  both({-60, 20, 12}, 0.5);
+  EXPECT_GT(alone, steps / 2);
+  const int before = alone;
+  both({30, 0, 12}, 0.5);  // against it, and off again
+  both({-80, 0, 12}, 0.5);
+  both({-120, 0, 12}, 0.5);
+  EXPECT_GT(woken, 5);
+  EXPECT_GT(alone, before + 50);
+  std::printf("forces apart by %.2g nN, charges by %.2g aJ, %d of %d steps alone\n", most, most_booked, alone,
+              steps);
+  EXPECT_LT(most, 6e-5);
+  EXPECT_LT(most_booked, 7.5);
 }
 
 // Pressed on from above and drawn off. Which contact breaks is decided by the pull-offs: for equal pairs of
