@@ -306,6 +306,12 @@ void AfmLogic::touched(std::int64_t now_ns) {
     return;
   }
   contact_stiffness_n_m_ = model_.stiffness_n_m();
+  places_.fill({});
+  place_count_ = 0;
+  shift_nm_ = 0;
+  shifted_ns_ = now_ns;
+  last_force_nn_ = 0;
+  remember(Vec3(sent_w_nm_.x(), sent_w_nm_.y(), -config_.touch_force_nn / contact_stiffness_n_m_), touch_ns_);
   ever_touched_ = true;
   was_touching_ = false;
   enter(Phase::kFollowing, now_ns);

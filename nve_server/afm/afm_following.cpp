@@ -1,6 +1,7 @@
 // AfmLogic: following commands within what the force allows, and what the readings say.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "nve_server/afm/afm_logic.h"
 #include "nve_server/afm/afm_units.h"
@@ -58,8 +59,64 @@ bool AfmLogic::plausible(double volts, double lateral_volts, std::int64_t from_n
   return false;
 }
 
+namespace {
+
+constexpr double kSamePlace_nm = 3;
+constexpr double kDriftSpread_nm_s =
+    0.1;  // by which the drift may be wrong: creep after the approach, or it has changed
+constexpr double kTouchSpread_nm = 0.1;  // by which a touch may be wrong: noise, curvature of the contact
+constexpr double kSlopeSpread = 0.25;    // of the ground between two touches that are not quite at one place
+constexpr double kShift_nm_s = 1;        // no hand feels that
+
+}  // namespace
+
+void AfmLogic::remember(const Vec3& place_w_nm, std::int64_t now_ns) noexcept {
+  places_[place_count_ % places_.size()] = {place_w_nm, now_ns};
+  ++place_count_;
+}
+
+/// The same ground must be met at the same height of W. Where it was not, the drift was wrong by e/t since, e
+/// being the difference and t the time between; creep after the approach looks like drift at first. What the
+/// touch can tell is σ² = 0.1² + (0.25 · distance)², in nm; what the drift may have made is (0.1 nm/s · t)²;
+/// the part of the second in both is believed. W's zero moves by as much, slowly.
+void AfmLogic::retouch(const Vec3& base_w_nm, double force_nn, double way_nm, std::int64_t now_ns) {
+  const double from_nn = std::exchange(last_force_nn_, force_nn);
+  const double touch_nn = config_.touch_force_nn;
+  if (from_nn >= touch_nn || force_nn < touch_nn || force_nn > 3 * touch_nn || way_nm > config_.step_nm)
+    return;
+  Vec3 place = base_w_nm;
+  place.z() += (force_nn - touch_nn) / contact_stiffness_n_m_;
+  for (TouchPlace& known : places_) {
+    if (known.time_ns == 0) continue;
+    const double distance_nm = (place - known.at_w_nm).head<2>().norm();
+    if (distance_nm > kSamePlace_nm) continue;
+    const double time_s = 1e-9 * static_cast<double>(now_ns - known.time_ns);
+    if (time_s < 1) return;
+    const double error_nm = place.z() - known.at_w_nm.z() - shift_nm_;
+    const double made = kDriftSpread_nm_s * time_s, slope = kSlopeSpread * distance_nm;
+    const double believed = made * made / (made * made + kTouchSpread_nm * kTouchSpread_nm + slope * slope);
+    surface_height_nm_ = contact_height_nm(now_ns);
+    surface_ns_ = now_ns;
+    drift_nm_s_ = std::clamp(drift_nm_s_ + believed * error_nm / time_s, -config_.drift_max_nm_s,
+                             config_.drift_max_nm_s);
+    shift_nm_ += believed * error_nm;
+    known.time_ns = now_ns;
+    return;
+  }
+  place.z() -= shift_nm_;  // where it will be
+  remember(place, now_ns);
+}
+
+void AfmLogic::slew_surface(std::int64_t now_ns) noexcept {
+  const double may_nm = kShift_nm_s * 1e-9 * static_cast<double>(now_ns - std::exchange(shifted_ns_, now_ns));
+  const double shift_nm = std::clamp(shift_nm_, -may_nm, may_nm);
+  surface_height_nm_ += shift_nm;
+  shift_nm_ -= shift_nm;
+}
+
 bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
   if (!state_.force_known) return false;
+  slew_surface(now_ns);
   const bool told = wish_.session != 0 && wish_.follow;
   const Vec3 low(-config_.half_width_nm, -config_.half_width_nm, -config_.depth_nm);
   const Vec3 high(config_.half_width_nm, config_.half_width_nm, config_.top_nm);
@@ -75,7 +132,7 @@ bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
   const double least = 1e-3 * config_.step_nm;
   const bool wants_across = across.norm() > least;
   // Holding still along Z must be told too, as the rig drifts.
-  const double stale_z = std::fabs(drift_nm_s_) * 1e-9 * static_cast<double>(now_ns - last_move_ns_);
+  const double stale_z = std::fabs(sent_w_nm_.z() + contact_height_nm(now_ns) - height_nm_);
   const bool wants_z = std::fabs(up) > least || stale_z > 0.05 * config_.step_nm;
   if (wants_across && (across_next_ || !wants_z)) {
     const double may =
@@ -147,6 +204,7 @@ void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64
   model_.add(averaged.mean_w_nm, force.z(), now_ns);
   state_.model = model_.model();
   state_.touching = model_.touching();
+  retouch(averaged.mean_w_nm, force.z(), history_.between(now_ns - 2 * period_ns, now_ns).path_nm, now_ns);
   WorkBook::Reading reading;
   reading.base_w_nm = averaged.mean_w_nm;
   reading.force_w_nn = force;

@@ -149,6 +149,9 @@ class AfmLogic {
   void tare(double deflection_nm, double lateral_nn, std::int64_t sent_ns, std::int64_t now_ns);
   void touch_reading(std::int64_t sent_ns, std::int64_t now_ns);
   void touched(std::int64_t now_ns);
+  void retouch(const Vec3& base_w_nm, double force_nn, double way_nm, std::int64_t now_ns);
+  void slew_surface(std::int64_t now_ns) noexcept;
+  void remember(const Vec3& place_w_nm, std::int64_t now_ns) noexcept;
 
   double contact_height_nm(std::int64_t now_ns) const noexcept;
   double height_of(double z_m) const noexcept { return 1e9 * config_.z_sign * z_m; }
@@ -229,6 +232,16 @@ class AfmLogic {
   std::int64_t surface_ns_ = 0;
   double drift_nm_s_ = 0;
   bool drift_known_ = false;
+  // Touches that a later one at the same place is compared with: where in W the force of a touch was reached.
+  struct TouchPlace {
+    Vec3 at_w_nm = Vec3::Zero();
+    std::int64_t time_ns = 0;
+  };
+  std::array<TouchPlace, 8> places_{};
+  std::size_t place_count_ = 0;
+  double last_force_nn_ = 0;
+  double shift_nm_ = 0;  // of W's zero, still to be made
+  std::int64_t shifted_ns_ = 0;
 
   // Following.
   MotionHistory history_;

@@ -258,6 +258,34 @@ TEST(AfmRig, ASoftLeverThatCannotComeOffIsRefused) {
   }
 }
 
+// Touched every ten seconds for ten minutes: where W says that the base stands, beside where it truly does.
+TEST(AfmRig, TouchesInTheSessionKeepTheZeroOfW) {
+  for (const double drift_nm_s : {-0.05, 0.3, -0.5}) {
+    Bench b;
+    b.rig.drift_z_nm_s = drift_nm_s;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().news();
+    const auto off_nm = [&] {
+      return b.afm->logic().state().base_w_nm.z() - b.afm->controller().tip().base_w_nm().z();
+    };
+    b.follow(Vec3(0, 0, 10));
+    b.run(100);
+    const double first_nm = off_nm();
+    for (int touch = 0; touch < 60 && b.phase() == Phase::kFollowing; ++touch) {
+      b.follow(Vec3(0, 0, 5));
+      b.run(7500);
+      EXPECT_NEAR(off_nm(), first_nm, 2) << drift_nm_s << " nm/s, touch " << touch;
+      for (int i = 0; i < 100; ++i) {  // down to -5 at 10 nm/s
+        b.follow(Vec3(0, 0, 5 - 0.1 * i));
+        b.run(10);
+      }
+      b.run(1500);
+    }
+    EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
+    EXPECT_NEAR(b.afm->logic().drift_nm_s(), -drift_nm_s, 0.02);
+  }
+}
+
 TEST(AfmRig, TheAgeOfTheForceKnowsTheWay) {
   Bench b;
   b.config.stale_force_ms = 1000;

@@ -122,6 +122,18 @@ void task(Bench& b, double seconds, Random& random) {
     Vec3 to(random.uniform(-40, 40), random.uniform(-40, 40), random.uniform(-12, 30));
     if (random.chance(0.5)) to.head<2>() = at.head<2>();
     if (random.chance(0.3)) to = at;
+    // Back to where the surface is known, every few legs: slowly down, as one who measures does.
+    if (random.chance(0.25)) {
+      for (const Vec3& by : {Vec3(at.x(), at.y(), 10), Vec3(0, 0, 10), Vec3(0, 0, -6), Vec3(0, 0, 10)}) {
+        const int steps = static_cast<int>((by - at).norm() / (by.z() < 0 ? 15 : 100) / 0.02) + 1;
+        for (int i = 1; i <= steps && b.phase() == Phase::kFollowing; ++i) {
+          b.follow(at + (by - at) * (static_cast<double>(i) / steps));
+          b.run(20);
+        }
+        at = by;
+      }
+      continue;
+    }
     const double way_s = std::max(0.2, (to - at).norm() / speed_nm_s);
     const int steps = static_cast<int>(way_s * 1000 / 20) + 1;
     for (int i = 1; i <= steps && b.phase() == Phase::kFollowing; ++i) {
