@@ -46,8 +46,8 @@ struct CurveHint {
 ///             W_δ = u_F P,  W_ρ = E M + O',  W_δδ = (u_F/u_δ) P_Δ,  W_δρ = u_F X,  X = P + (P' − P_Δ (Δ' +
 ///             Δ))/3, W_ρρ = E (4/3 M + (M' − X (Δ' + Δ))/3) + O'',
 ///           since ∂M/∂Δ = X (mixed derivatives agree). Laws without λ (Hertz, DMT, JKR) have M = 4/3 Û − Δ
-///           P/3 and no x'. Of laws whose own form goes with λ (Schwarz, COS, Piétrement–Troyon) W_ρ, W_δρ and
-///           W_ρρ are differences over 2e-4 of ρ of the exact W and W_δ.
+///           P/3 and no x'. Of laws whose own form goes with λ (Schwarz, COS, Piétrement–Troyon) W_ρ, W_δρ
+///           and W_ρρ are differences over 2e-4 of ρ of the exact W and W_δ.
 /// Method    Inside, the curve's own exact state at δ, found by Newton's method from the last one
 /// (CurveHint):
 ///           one or two evaluations, no table, no error of one, any radius. The borders and O are piecewise

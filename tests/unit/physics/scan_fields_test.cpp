@@ -283,7 +283,9 @@ TEST(ScanFields, PlaneIsExactAtAnyDistance) {
 // size.
 TEST(ScanFields, DerivativesAgreeWithDifferences) {
   const HeightGrid grid = random_grid(3);
-  const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
+  const double layer = 0.41;  // made for itself; 0.7 is blended
+  const ScanFields fields(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165), {layer});
+  const SofteningRule other{0.35, 5.0, 0.0, 0.6, 0.0};
   std::mt19937 random(4);
   const auto between = [&](double a, double b) {
     return a + (b - a) * 1e-6 * static_cast<double>(random() % 1000000);
@@ -293,19 +295,61 @@ TEST(ScanFields, DerivativesAgreeWithDifferences) {
     const double x = between(-20, 66), y = between(-20, 66);
     const double away = n % 3 == 0 ? between(-3, 0) : (n % 3 == 1 ? between(0, 2) : between(2, 30));
     const Vec3 at(x, y, fields.touch_height_nm(x, y) + away);
-    const bool fixed = n % 5 == 0;
     const auto jet_at = [&](const Vec3& apex) {
       ContactJet jet;
-      if (fixed) {
-        fields.at_softening(apex, 0.7, jet);
-      } else {
-        fields.contact_at(apex, jet);
+      switch (n % 5) {
+        case 0:
+          fields.at_softening(apex, 0.7, jet);
+          break;
+        case 1:
+          fields.at_softening(apex, layer, jet);
+          break;
+        case 2:
+          fields.growing_at(apex, other, jet);
+          break;
+        default:
+          fields.contact_at(apex, jet);
       }
       return jet;
     };
     support::expect_derivatives(jet_at, at, h, 1e-7, 2e-5);
     if (HasFatalFailure()) return;
+    double overlap = 0, log_radius = 0;
+    for (const double softening : {0.7, layer}) {
+      ContactJet jet;
+      fields.at_softening(at, softening, jet);
+      fields.values_at_softening(at, softening, overlap, log_radius);
+      ASSERT_NEAR(overlap, jet.overlap_nm, 1e-13 * (1 + std::abs(overlap)));
+      ASSERT_NEAR(log_radius, jet.log_radius, 1e-13);
+    }
   }
+}
+
+// A layer is the dilation at just its softening: at the finest, the fields at touch themselves; and it is
+// that of a direct sum at any other (Dilation's tests), so between two levels it lies near their blend.
+TEST(ScanFields, ALayerIsTheDilationAtItsSoftening) {
+  const HeightGrid grid = random_grid(6);
+  const SofteningRule rule = softening_rule(kRadius, 0.4, 52.5, 0.165);
+  const ScanFields fields(grid, kRadius, rule, {rule.finest_nm, 0.41});
+  const ScanFields without(grid, kRadius, rule);
+  double worst = 0;
+  for (int n = 0; n < 200; ++n) {
+    const Vec3 at(1.0 + 0.21 * n, 40 - 0.17 * n, 3.0);
+    ContactJet layer, level;
+    fields.at_softening(at, rule.finest_nm, layer);
+    without.at_softening(at, rule.finest_nm, level);
+    EXPECT_NEAR(layer.overlap_nm, level.overlap_nm, 1e-12);
+    EXPECT_NEAR(layer.log_radius, level.log_radius, 1e-12);
+    fields.at_softening(at, 0.41, layer);
+    without.at_softening(at, 0.41, level);
+    worst = std::max(worst, std::abs(layer.overlap_nm - level.overlap_nm));
+  }
+  EXPECT_GT(worst, 0);
+  // The blend takes levels from 0.18 to 0.73 nm, and |dH/dt| is about 1 on this ground.
+  EXPECT_LT(worst, 0.55);
+  EXPECT_GT(fields.bytes(), without.bytes());
+  EXPECT_EQ(fields.hash(), without.hash());  // of the levels
+  EXPECT_THROW(ScanFields(grid, kRadius, rule, {0.0}), UserError);
 }
 
 // Beyond the rim the mirror image: the same numbers, slopes across the rim turned about, and no step in the

@@ -83,6 +83,8 @@ TEST(SphereFields, DerivativesAgreeWithDifferences) {
       ContactJet jet;
       if (n % 4 == 0) {
         fields.at_softening(apex, 0.8, jet);
+      } else if (n % 4 == 1) {
+        fields.growing_at(apex, {0.35, 5.0, 0.0, 0.6, 0.0}, jet);
       } else {
         fields.contact_at(apex, jet);
       }
