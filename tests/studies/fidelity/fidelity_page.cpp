@@ -45,7 +45,7 @@ const Shade& shade(double nrmse) {
 }
 
 std::string heat_cell(const CellResult* r) {
-  if (r == nullptr || !std::isfinite(r->metrics.nrmse)) return "<td>–</td>";
+  if (r == nullptr || !std::isfinite(r->metrics.nrmse)) return "<td class=h5>no touch</td>";
   std::string marks;
   if (r->run.stopped_s >= 0) marks += " ■";
   if (r->metrics.false_releases > 0) marks += " ○";

@@ -177,9 +177,8 @@ const char* method_colour(Method method) {
     case Method::kTank:
       return kInk;
     case Method::kModel:
+    case Method::kTwin:  // without a twin of the scene, which the wall has not
       return kRed;
-    case Method::kTwin:
-      return "#E69F00";  // the orange of the same palette
   }
   return kInk;
 }
