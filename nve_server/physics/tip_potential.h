@@ -68,7 +68,9 @@ class TipPotential {
   static constexpr int kMostEnds = 4;
 
   const BranchPotential& potential() const noexcept { return *potential_; }
+  const std::shared_ptr<const BranchPotential>& shared_potential() const noexcept { return potential_; }
   const ContactFields& fields() const noexcept { return *fields_; }
+  const std::shared_ptr<const ContactFields>& shared_fields() const noexcept { return fields_; }
 
  private:
   const BranchPotential& of(const BridgeState& bridge) const noexcept {
