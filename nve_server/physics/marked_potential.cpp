@@ -40,8 +40,8 @@ MarkedPotential::MarkedPotential(const ScanFields& unmarked, const SplineSurface
                                  double pile_up)
     : fields_(std::make_shared<Yielding>(unmarked)),
       heights_(heights),
-      plastic_(scene.potential().potential().law(), hardness_gpa),
-      equilibrium_(fields_, scene.potential().shared_potential(), friction),
+      plastic_(scene.potential().law(), hardness_gpa),
+      equilibrium_(fields_, scene.shared_potential(), friction),
       tip_radius_nm_(unmarked.tip_radius_nm()),
       last_radius_nm_(kMostRadii * unmarked.tip_radius_nm()),
       pile_up_(pile_up) {

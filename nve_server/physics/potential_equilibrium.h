@@ -83,9 +83,15 @@ class PotentialEquilibrium {
   /// Height of the apex over (x, y) at which the overlap is 0: the closed form's or the fields' own touch.
   double touch_height_nm(double x_nm, double y_nm, double highest_nm) const noexcept;
 
-  const TipPotential& potential() const noexcept { return potential_; }
+  const TipPotential& tip_potential() const noexcept { return potential_; }
+  const BranchPotential& potential() const noexcept { return potential_.potential(); }
+  const std::shared_ptr<const BranchPotential>& shared_potential() const noexcept {
+    return potential_.shared_potential();
+  }
   const ContactFields& fields() const noexcept { return potential_.fields(); }
-  const std::shared_ptr<const ContactFields>& shared_fields() const noexcept { return potential_.shared_fields(); }
+  const std::shared_ptr<const ContactFields>& shared_fields() const noexcept {
+    return potential_.shared_fields();
+  }
 
  private:
   TipPotential potential_;

@@ -108,7 +108,7 @@ TEST(Potential, EveryStepEndsInAMinimumOrOnItsWayDown) {
       most = std::max(most, s.iterations);
       CurveHint hint;
       PotentialSample at;
-      ASSERT_EQ(on.potential().sample(s.apex_w_nm, state.branch, hint, at), BranchEnd::kNone)
+      ASSERT_EQ(on.tip_potential().sample(s.apex_w_nm, state.branch, hint, at), BranchEnd::kNone)
           << "motion " << motion << " step " << i;
       ASSERT_GE(s.friction_dissipated_aj, 0.0);
       const bool rubs = motion % 3 == 2;

@@ -251,7 +251,7 @@ TEST(WetPotential, EveryStepEndsInAMinimumOrOnItsWayDown) {
       ASSERT_GE(s.friction_dissipated_aj, 0.0);
       CurveHint hint;
       PotentialSample at;
-      ASSERT_EQ(on.potential().sample(s.apex_w_nm, state.branch, hint, at), BranchEnd::kNone)
+      ASSERT_EQ(on.tip_potential().sample(s.apex_w_nm, state.branch, hint, at), BranchEnd::kNone)
           << "motion " << motion << " step " << i;
       run = s.under_way ? run + 1 : 0;
       interrupted += s.under_way;
