@@ -28,6 +28,7 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(a.scaling.velocity, b.scaling.velocity);
   EXPECT_EQ(a.scaling.force, b.scaling.force);
   EXPECT_EQ(a.method, b.method);
+  EXPECT_TRUE(file.chooses_method && defaults.chooses_method) << "by the round trip";
   EXPECT_EQ(a.allowance_j, b.allowance_j);
   EXPECT_EQ(a.well_max_j, b.well_max_j);
   EXPECT_EQ(a.guaranteed_velocity_m_s, b.guaranteed_velocity_m_s);
@@ -76,6 +77,7 @@ TEST(StationFile, ReadsWhatItIsTold) {
   EXPECT_FALSE(file.scaling.velocity);
   EXPECT_EQ(file.workspaces.nano_nm, 50);
   EXPECT_EQ(file.station.method, control::Method::kKs);
+  EXPECT_FALSE(file.chooses_method);
   EXPECT_EQ(file.station.damper, control::DamperDirection::kPerAxis);
   EXPECT_EQ(file.plant.arm_mass_kg, 2);
   EXPECT_EQ(file.station.device_damping_n_s_m, 1.5);
