@@ -116,8 +116,11 @@ ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std:
       return on_reply(incoming_.reply, now_ns);
     case MessageType::kBye:
       return on_bye(incoming_.bye, now_ns);
+    case MessageType::kSceneChunk:
+      return on_scene_chunk(incoming_.scene_chunk);
     case MessageType::kHello:
     case MessageType::kCommand:
+    case MessageType::kSceneRequest:
     case MessageType::kNone:
       break;
   }
@@ -152,6 +155,8 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
   }
   if ((welcome.feature_bits & ~config_.feature_bits) != 0) return drop(DropCause::kOutOfRange);
   if ((welcome.feature_bits & kFeatureWell) == 0 && welcome.well_aj != 0) return drop(DropCause::kUnexpected);
+  if ((welcome.feature_bits & kFeatureScene) == 0 && !welcome.scene.empty())
+    return drop(DropCause::kUnexpected);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
     stats_.reset();  // another server, perhaps: another clock
@@ -214,6 +219,21 @@ ClientEvent ClientSession::on_bye(const Bye& bye, std::int64_t now_ns) noexcept 
     set_state(ClientState::kLost, now_ns);
   }
   return ClientEvent::kBye;
+}
+
+ClientEvent ClientSession::on_scene_chunk(const SceneChunk& chunk) noexcept {
+  if (!session_alive_) return drop(DropCause::kUnexpected);
+  if (chunk.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
+  if ((features() & kFeatureScene) == 0) return drop(DropCause::kUnexpected);
+  const SceneOffer& scene = welcome_.scene;
+  const bool fits = chunk.bundle == scene.name() && chunk.size == scene.chunk_bytes(chunk.chunk);
+  return fits && chunk.size > 0 ? ClientEvent::kSceneChunk : drop(DropCause::kOutOfRange);
+}
+
+std::size_t ClientSession::make_scene_request(std::uint32_t chunk, std::span<std::uint8_t> out) noexcept {
+  if (!session_alive_ || (features() & kFeatureScene) == 0 || welcome_.scene.chunk_bytes(chunk) == 0)
+    return 0;
+  return codec_.encode(SceneRequest{welcome_.session_id, welcome_.scene.name(), chunk}, out);
 }
 
 ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noexcept {

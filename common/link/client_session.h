@@ -46,7 +46,16 @@ enum class ClientState : std::uint8_t {
 
 const char* name(ClientState state) noexcept;
 
-enum class ClientEvent : std::uint8_t { kNone, kDropped, kReply, kChallenge, kWelcome, kRefused, kBye };
+enum class ClientEvent : std::uint8_t {
+  kNone,
+  kDropped,
+  kReply,
+  kChallenge,
+  kWelcome,
+  kRefused,
+  kBye,
+  kSceneChunk  ///< in incoming(): of the scene that the newest Welcome offers, of its right size
+};
 
 /// The station's end of a session, sans-IO: datagrams and times go in, datagrams come out, in every tick:
 ///
@@ -70,6 +79,9 @@ class ClientSession {
   /// On return `command` is what was sent: totals and the wave's sum count from this session's Welcome, and
   /// `control` is empty where the feature was not agreed.
   std::size_t make_command(Command& command, std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
+  /// Asks for a piece of the scene that the newest Welcome offers; 0 while there is no session, or no such
+  /// piece. Asking is no sign of life: commands go on beside it.
+  std::size_t make_scene_request(std::uint32_t chunk, std::span<std::uint8_t> out) noexcept;
   /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
   std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;
 
@@ -124,6 +136,7 @@ class ClientSession {
   ClientEvent on_refuse(const Refuse& refuse, std::int64_t now_ns) noexcept;
   ClientEvent on_reply(const Reply& reply, std::int64_t now_ns) noexcept;
   ClientEvent on_bye(const Bye& bye, std::int64_t now_ns) noexcept;
+  ClientEvent on_scene_chunk(const SceneChunk& chunk) noexcept;
 
   ClientConfig config_;
   Codec codec_;

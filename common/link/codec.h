@@ -22,6 +22,8 @@ struct Incoming {
   RecentCommands recent;  ///< with the command
   Reply reply;
   Bye bye;
+  SceneRequest scene_request;
+  SceneChunk scene_chunk;
 };
 
 /// Between structs and datagrams; the only place that sees Protobuf. Its messages are made once and reused:
@@ -47,6 +49,8 @@ class Codec {
                      std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Reply& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const Bye& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SceneRequest& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SceneChunk& message, std::span<std::uint8_t> out) noexcept;
 
   DropCause decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept;
 

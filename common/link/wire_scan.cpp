@@ -27,8 +27,8 @@ constexpr FieldList kHelloFields = {kNoField, kF32, kF32, kF64, kF64, kF64, kF64
 constexpr FieldList kChallengeFields = {kNoField, kF64, kF64};
 constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF32, kF32, kF32,
                                       kLen,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 25: well
-                                      kF64};
+                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,  // 25: well; 26: scene
+                                      kF64,     kF64, kF64, kF64, kF64, kF32, kF64};
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
 constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64, kF64, kF64,
                                       kF64,     kF64, kF64, kF64, kF64,                    // 15: port control
@@ -43,6 +43,8 @@ constexpr FieldList kReplyFields = {
     kF32, kF64, kF64, kF64, kF64,                                      // 40: step history; 41: particle
     kF64, kF64, kF64, kF64, kF32};
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
+constexpr FieldList kSceneRequestFields = {kNoField, kF64, kF64, kF32};
+constexpr FieldList kSceneChunkFields = {kNoField, kF64, kF64, kF32, kLen};
 constexpr FieldList kNoFields = {};
 
 /// The same list by tag (number << 3 | wire type), which is what is met on the wire: how far to go on, and
@@ -73,6 +75,8 @@ constexpr std::size_t longest_payload(const FieldList& fields) {
 }
 static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 411,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
+static_assert(longest_payload(kWelcomeFields) + 2 + kSceneNameBytes == 316 &&
+              longest_payload(kSceneChunkFields) + 3 + kSceneChunkBytes == 490);
 static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kMaxRecent * kRecentBytes <=
               kMaxPayloadBytes);
 
@@ -89,10 +93,11 @@ constexpr TagTable tag_table(const FieldList& fields) {
   return table;
 }
 
-constexpr std::array<TagTable, 8> kTagTables = {tag_table(kNoFields),        tag_table(kHelloFields),
-                                                tag_table(kChallengeFields), tag_table(kWelcomeFields),
-                                                tag_table(kRefuseFields),    tag_table(kCommandFields),
-                                                tag_table(kReplyFields),     tag_table(kByeFields)};
+constexpr std::array<TagTable, 10> kTagTables = {
+    tag_table(kNoFields),        tag_table(kHelloFields),  tag_table(kChallengeFields),
+    tag_table(kWelcomeFields),   tag_table(kRefuseFields), tag_table(kCommandFields),
+    tag_table(kReplyFields),     tag_table(kByeFields),    tag_table(kSceneRequestFields),
+    tag_table(kSceneChunkFields)};
 
 /// Reads a length of one or two bytes (all that fits a datagram), in its shortest form. False: cut or longer.
 bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size_t& value) noexcept {
@@ -112,8 +117,8 @@ bool fits_recent(std::size_t length, std::size_t at, std::size_t size) noexcept 
          at + length == size;
 }
 
-/// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding and
-/// before a Command's repeated commands.
+/// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding,
+/// before a Command's repeated commands and before a SceneChunk's bytes.
 bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::size_t& parse_bytes) noexcept {
   const TagTable& table = kTagTables[static_cast<std::size_t>(type)];
   const std::uint8_t* const bytes = payload.data();
@@ -149,8 +154,9 @@ bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::s
     }
     at += length;
     if (type == MessageType::kWelcome && length > kSceneNameBytes) return false;
-    if (type == MessageType::kHello) {
+    if (type == MessageType::kHello || type == MessageType::kSceneChunk) {
       if (at != size) return false;
+      if (type == MessageType::kSceneChunk && (length == 0 || length > kSceneChunkBytes)) return false;
       parse_bytes = field_start;
     }
   }
@@ -211,6 +217,11 @@ DropCause scan_payload(WireFrame& frame) noexcept {
   }
   if (frame.type == MessageType::kCommand && parse_bytes < frame.payload.size())
     take_recent(frame.payload, parse_bytes, frame.recent);
+  if (frame.type == MessageType::kSceneChunk && parse_bytes < frame.payload.size()) {
+    std::size_t at = parse_bytes + 1, length = 0;
+    read_length(frame.payload, at, length);
+    frame.data = frame.payload.subspan(at);
+  }
   frame.payload = frame.payload.first(parse_bytes);
   return DropCause::kNone;
 }

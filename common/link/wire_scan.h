@@ -17,6 +17,7 @@ struct WireFrame {
   MessageType type = MessageType::kNone;
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
   std::span<const std::uint8_t> recent;  ///< of a Command: its repeated commands, which Protobuf does not see
+  std::span<const std::uint8_t> data;    ///< of a SceneChunk: likewise
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
@@ -25,6 +26,8 @@ void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
 /// Before the repeated commands of a Command: the tag of field kRecentField and a length, 3 or 4 bytes.
 inline constexpr std::uint32_t kRecentField = 40;
 inline constexpr std::size_t kRecentTagBytes = 2;
+/// The bytes of a SceneChunk: last on the wire, likewise.
+inline constexpr std::uint32_t kSceneDataField = 4;
 
 /// Checks a datagram down to the last tag before Protobuf sees it: header, total length, and that every field
 /// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field

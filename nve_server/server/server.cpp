@@ -29,6 +29,9 @@ constexpr double kStepMinS = 1e-6;
 /// A slave that has not moved for so long on its way up has arrived: it may have a rate of its own.
 constexpr std::int64_t kRestNs = 50'000'000;
 
+/// Pieces of the scene that a session may have at once.
+constexpr double kSceneBurst = 64;
+
 /// Who moved a shared tip last is no longer known: nobody who comes.
 constexpr std::size_t kForgotten = SIZE_MAX - 1;
 
@@ -89,7 +92,8 @@ link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
 
 /// Sharing is offered where there is something to share, and asked for there; a particle and a well where
 /// there is one.
-link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits) {
+link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits,
+                                             const ServedScene& scene) {
   link::ServerHandshakeConfig handshake;
   handshake.secret = config.secret;
   handshake.feature_bits = config.feature_bits & ~std::uint64_t{link::kFeatureSharing};
@@ -98,6 +102,7 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
     handshake.feature_bits |= link::kFeatureSharing;
   }
   if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
+  if (!scene.to_fetch) handshake.feature_bits &= ~std::uint64_t{link::kFeatureScene};
   if (!has_well(limits)) handshake.feature_bits &= ~std::uint64_t{link::kFeatureWell};
   handshake.rate_max_hz = limits.rate_max_hz;
   handshake.challenges_per_s = config.challenges_per_s;
@@ -120,11 +125,12 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       spare_(first_slave(scene_)),
       limits_(spare_->limits()),
       table_(table_of(config), config.secret),
-      handshake_(handshake_config(config, limits_)),
+      handshake_(handshake_config(config, limits_, scene_)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       seats_(table_.capacity()),
       holder_(table_.capacity()),
-      search_(config.mail, config.worker) {
+      search_(config.mail, config.worker),
+      scene_chunks_(config.scene_chunks_all_per_s, kSceneBurst) {
   if (shared()) {
     if (search_.has_others()) throw UserError("one tip for all is one worker's: leave --workers at 1");
     make_tip(0, 0);
@@ -152,6 +158,8 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
       return on_command(incoming_.command, from, now_ns, out, clock);
     case link::MessageType::kHello:
       return on_hello(incoming_.hello, from, now_ns, out, standing_);
+    case link::MessageType::kSceneRequest:
+      return on_scene_request(incoming_.scene_request, from, now_ns, out);
     case link::MessageType::kBye:
       on_bye(incoming_.bye, from, now_ns);
       return 0;
@@ -205,6 +213,7 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.coupling_stiffness_n_m = limits.coupling_stiffness_n_m;
   w.coupling_damping_n_s_m = limits.coupling_damping_n_s_m;
   if ((session.feature_bits & link::kFeatureWell) != 0 && has_well(limits)) w.well_aj = limits.well_aj;
+  if ((session.feature_bits & link::kFeatureScene) != 0 && scene_.to_fetch) w.scene = scene_.to_fetch->offer;
   return codec_.encode(w, out);
 }
 
@@ -265,6 +274,8 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       break;
   }
   seats_[verdict.slot].address = from;
+  if (verdict.kind != Kind::kAgain)
+    seats_[verdict.slot].scene_chunks = link::TokenBucket(config_.scene_chunks_per_s, kSceneBurst);
   return welcome(verdict.slot, hello.nonce, out);
 }
 
@@ -401,6 +412,32 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   session.peer_stats.on_reply(reply.sequence, sent_ns);
   ++counters_.exchanges;
   return codec_.encode(reply, out);
+}
+
+/// Nothing is kept but how much was sent: what is asked for again is sent again, within the same bounds.
+std::size_t Server::on_scene_request(const link::SceneRequest& request, const net::Address& from,
+                                     std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
+  const std::size_t slot = table_.find(request.session_id);
+  if (slot == link::SessionTable::kNone) return drop(DropCause::kUnknownSession);
+  const link::Session& session = table_[slot];
+  if (!(session.peer == peer_key(from)) || session.owner != standing_.identity)
+    return drop(DropCause::kUnauthenticated);
+  if (session.state != link::SlotState::kActive || (session.feature_bits & link::kFeatureScene) == 0)
+    return drop(DropCause::kUnexpected);
+  const SceneToFetch& scene = *scene_.to_fetch;
+  const std::size_t size = scene.offer.chunk_bytes(request.chunk);
+  if (request.bundle != scene.offer.name() || size == 0) return drop(DropCause::kOutOfRange);
+  if (!seats_[slot].scene_chunks.take(now_ns) || !scene_chunks_.take(now_ns))
+    return drop(DropCause::kRateLimited);
+  link::SceneChunk& chunk = chunk_;
+  chunk.session_id = request.session_id;
+  chunk.bundle = request.bundle;
+  chunk.chunk = request.chunk;
+  chunk.size = static_cast<std::uint32_t>(size);
+  std::memcpy(chunk.data.data(), scene.bytes.data() + std::size_t{request.chunk} * link::kSceneChunkBytes,
+              size);
+  ++counters_.scene_chunks;
+  return codec_.encode(chunk, out);
 }
 
 void Server::on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept {

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/link/session_table.h"
+#include "common/link/token_bucket.h"
 #include "common/net/datagram.h"
 #include "nve_server/server/port_book.h"
 #include "nve_server/server/port_control.h"
@@ -29,6 +30,7 @@ struct Seat {
   PortControl control;
   PortBook book;  ///< of a shared tip; a private one's is the slave's own
   net::Address address;
+  link::TokenBucket scene_chunks{0, 0};  ///< how fast this session may fetch the scene
 };
 
 /// A whole session, with a tip of its own, on its way from one worker to another.

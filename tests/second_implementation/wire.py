@@ -12,10 +12,12 @@ MAGIC = b"TLNO"
 VERSION = 1
 MAX_BYTES = 512
 HEADER = struct.Struct("<4sBBH")
-TYPES = {1: pb.Hello, 2: pb.Challenge, 3: pb.Welcome, 4: pb.Refuse, 5: pb.Command, 6: pb.Reply, 7: pb.Bye}
+TYPES = {1: pb.Hello, 2: pb.Challenge, 3: pb.Welcome, 4: pb.Refuse, 5: pb.Command, 6: pb.Reply, 7: pb.Bye,
+         8: pb.SceneRequest, 9: pb.SceneChunk}
 NUMBER = {cls: number for number, cls in TYPES.items()}
 ANY_VERSION = (pb.Hello, pb.Refuse)
 SCENE_NAME_BYTES = 48
+SCENE_CHUNK_BYTES = 464
 
 FEATURE_PORT_CONTROL = 1 << 0
 FEATURE_LOCAL_MODEL = 1 << 1
@@ -24,11 +26,12 @@ FEATURE_REDUNDANCY = 1 << 3
 FEATURE_STEP_HISTORY = 1 << 4
 FEATURE_PARTICLE = 1 << 5
 FEATURE_WELL = 1 << 6
+FEATURE_SCENE = 1 << 7
 KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
-                  FEATURE_PARTICLE | FEATURE_WELL)
+                  FEATURE_PARTICLE | FEATURE_WELL | FEATURE_SCENE)
 #: Field numbers behind each feature (section 9).
 FEATURE_FIELDS = {
-    pb.Welcome: {FEATURE_WELL: (25,)},
+    pb.Welcome: {FEATURE_WELL: (25,), FEATURE_SCENE: range(26, 32)},
     pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_SHARING: (31,), FEATURE_REDUNDANCY: (40,)},
     pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36), FEATURE_SHARING: range(36, 40),
                FEATURE_STEP_HISTORY: (40,), FEATURE_PARTICLE: range(41, 46)},
@@ -156,7 +159,8 @@ def scan(payload, cls):
         if wire == 2:
             size, at = varint(payload, at)
             need(cls is not pb.Welcome or size <= SCENE_NAME_BYTES, "malformed_field")
-            need(cls not in (pb.Hello, pb.Command) or at + size == len(payload), "malformed_field")
+            need(cls is pb.Welcome or at + size == len(payload), "malformed_field")
+            need(cls is not pb.SceneChunk or 1 <= size <= SCENE_CHUNK_BYTES, "malformed_field")
             whole = size > 0 and size % RECENT.size == 0 and size <= MAX_RECENT * RECENT.size
             need(cls is not pb.Command or whole, "malformed_field")
         else:
@@ -177,10 +181,19 @@ def check(m):
     need(good, "out_of_range")
 
 
+def scene_offer(welcome):
+    """(SHA-256, bytes, canonical motion) of the scene that can be fetched, or None."""
+    words = [getattr(welcome, f"scene_sha256_{k}") for k in range(4)]
+    if not any(words) and welcome.scene_bytes == 0 and welcome.canonical_motion == 0:
+        return None
+    return struct.pack("<4Q", *words), welcome.scene_bytes, welcome.canonical_motion
+
+
 def check_welcome(m):
     low, high = vector(m, "workspace_min_w_{}_nm"), vector(m, "workspace_max_w_{}_nm")
     return (m.version and m.nonce and m.session_id and m.epoch and m.timeout_ms and
             all(a <= b for a, b in zip(low, high)) and
+            (scene_offer(m) is None or m.scene_sha256_0 != 0 and m.scene_bytes != 0) and
             min(m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m, m.well_aj) >= 0)
 
 
@@ -214,4 +227,6 @@ CHECKS = {
     pb.Command: check_command,
     pb.Reply: check_reply,
     pb.Bye: lambda m: m.session_id and 1 <= m.reason <= 5,
+    pb.SceneRequest: lambda m: m.session_id and m.bundle,
+    pb.SceneChunk: lambda m: m.session_id and m.bundle and m.data,
 }

@@ -31,6 +31,9 @@ struct GoldenMessages {
   /// The reply without features, and a particle.
   Reply reply_with_particle = make_reply_with_particle();
   Welcome welcome_with_well = make_welcome_with_well();
+  Welcome welcome_with_scene = make_welcome_with_scene();
+  SceneRequest scene_request{0x4142434445464740, 0x6162636465666768, 565};
+  SceneChunk scene_chunk = make_scene_chunk();
   RecentCommands recent = make_recent();
 
   static Welcome make_welcome() {
@@ -59,6 +62,22 @@ struct GoldenMessages {
   static Welcome make_welcome_with_well() {
     Welcome m = make_welcome();
     m.well_aj = 384.5;
+    return m;
+  }
+  static Welcome make_welcome_with_scene() {
+    Welcome m = make_welcome_with_well();
+    m.scene = {{0x6162636465666768, 0x7172737475767778, 0x8182838485868788, 0x9192939495969798},
+               262437,
+               0xa1a2a3a4a5a6a7a8};
+    return m;
+  }
+  static SceneChunk make_scene_chunk() {
+    SceneChunk m;
+    m.session_id = 0x4142434445464740;
+    m.bundle = 0x6162636465666768;
+    m.chunk = 565;
+    m.size = 277;
+    for (std::uint32_t i = 0; i < m.size; ++i) m.data[i] = static_cast<std::uint8_t>(7 * i + 3);
     return m;
   }
   static Command make_command() {
@@ -183,11 +202,14 @@ struct GoldenMessages {
     add(reply_with_history);
     add(reply_with_particle);
     add(welcome_with_well);
+    add(welcome_with_scene);
+    add(scene_request);
+    add(scene_chunk);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 15> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 18> kGoldenNames = {"hello",
                                                              "challenge",
                                                              "welcome",
                                                              "refuse",
@@ -201,12 +223,16 @@ inline constexpr std::array<const char*, 15> kGoldenNames = {"hello",
                                                              "reply_with_sharing",
                                                              "reply_with_history",
                                                              "reply_with_particle",
-                                                             "welcome_with_well"};
-inline constexpr std::array<MessageType, 15> kGoldenTypes = {
-    MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
-    MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
-    MessageType::kReply,   MessageType::kCommand,   MessageType::kCommand, MessageType::kReply,
-    MessageType::kReply,   MessageType::kReply,     MessageType::kWelcome};
+                                                             "welcome_with_well",
+                                                             "welcome_with_scene",
+                                                             "scene_request",
+                                                             "scene_chunk"};
+inline constexpr std::array<MessageType, 18> kGoldenTypes = {
+    MessageType::kHello,        MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
+    MessageType::kCommand,      MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
+    MessageType::kReply,        MessageType::kCommand,   MessageType::kCommand, MessageType::kReply,
+    MessageType::kReply,        MessageType::kReply,     MessageType::kWelcome, MessageType::kWelcome,
+    MessageType::kSceneRequest, MessageType::kSceneChunk};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -225,7 +251,7 @@ inline bool same(const Welcome& a, const Welcome& b) {
          a.start_pos_w_nm == b.start_pos_w_nm && a.surface_z_w_nm == b.surface_z_w_nm &&
          a.force_max_nn == b.force_max_nn && a.coupling_stiffness_n_m == b.coupling_stiffness_n_m &&
          a.coupling_damping_n_s_m == b.coupling_damping_n_s_m && a.stiffness_min_n_m == b.stiffness_min_n_m &&
-         a.well_aj == b.well_aj;
+         a.well_aj == b.well_aj && a.scene == b.scene;
 }
 inline bool same(const Refuse& a, const Refuse& b) {
   return a.nonce == b.nonce && a.reason == b.reason && a.version_min == b.version_min &&
@@ -277,6 +303,14 @@ inline bool same(const Bye& a, const Bye& b) {
   return a.session_id == b.session_id && a.reason == b.reason;
 }
 
+inline bool same(const SceneRequest& a, const SceneRequest& b) {
+  return a.session_id == b.session_id && a.bundle == b.bundle && a.chunk == b.chunk;
+}
+inline bool same(const SceneChunk& a, const SceneChunk& b) {
+  return a.session_id == b.session_id && a.bundle == b.bundle && a.chunk == b.chunk && a.size == b.size &&
+         std::equal(a.data.begin(), a.data.begin() + a.size, b.data.begin());
+}
+
 /// Is what was decoded the golden message number `which` (of kGoldenNames)?
 inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_t which) {
   if (in.type != kGoldenTypes[which]) return false;
@@ -286,7 +320,9 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
     case MessageType::kChallenge:
       return same(in.challenge, golden.challenge);
     case MessageType::kWelcome:
-      return same(in.welcome, which < 7 ? golden.welcome : golden.welcome_with_well);
+      return same(in.welcome, which < 7    ? golden.welcome
+                              : which < 15 ? golden.welcome_with_well
+                                           : golden.welcome_with_scene);
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:
@@ -302,6 +338,10 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
                                          : golden.reply_with_particle);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
+    case MessageType::kSceneRequest:
+      return same(in.scene_request, golden.scene_request);
+    case MessageType::kSceneChunk:
+      return same(in.scene_chunk, golden.scene_chunk);
     case MessageType::kNone:
       return false;
   }
