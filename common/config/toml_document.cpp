@@ -11,6 +11,8 @@
 #include <set>
 #include <sstream>
 #include <string_view>
+#include <type_traits>
+#include <utility>
 
 #include "common/base/error.h"
 #include "common/config/edit_distance.h"
@@ -346,6 +348,92 @@ TomlDocument TomlDocument::parse(std::string content, const std::string& name) {
     std::string what(error.description());
     std::replace(what.begin(), what.end(), '\n', ' ');
     refuse(name + ":" + std::to_string(error.source().begin.line) + ": not valid TOML: " + what);
+  }
+  auto node = std::make_shared<TomlTable::Node>();
+  node->table = &shared->root;
+  node->shared = std::move(shared);
+  TomlDocument document;
+  document.path_ = name;
+  document.content_ = std::move(content);
+  document.root_.node_ = node;
+  return document;
+}
+
+namespace {
+
+constexpr std::size_t kTablesDeepMax = 8;
+
+bool is_plain_key(std::string_view key) noexcept {
+  return !key.empty() && std::all_of(key.begin(), key.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+  });
+}
+
+void collect(const toml::table& table, const std::string& before, const std::string& name,
+             std::vector<TomlValue>& values) {
+  for (const auto& [key, node] : table) {
+    const std::string path = before + std::string(key.str());
+    if (!is_plain_key(key.str())) refuse(name + ": key '" + path + "' has more than a-z, 0-9 and _");
+    if (const toml::table* const inner = node.as_table()) {
+      if (inner->empty()) values.push_back({path, std::monostate{}});
+      collect(*inner, path + ".", name, values);
+    } else if (node.is_boolean()) {
+      values.push_back({path, *node.value<bool>()});
+    } else if (node.is_integer()) {
+      values.push_back({path, *node.value<std::int64_t>()});
+    } else if (node.is_floating_point()) {
+      values.push_back({path, *node.value<double>()});
+    } else if (node.is_string()) {
+      values.push_back({path, *node.value<std::string>()});
+    } else {
+      refuse(name + ": '" + path + "' is neither a number, a text, true nor false");
+    }
+  }
+}
+
+void put(toml::table& table, const std::string& key, const TomlValue::Held& held) {
+  std::visit(
+      [&](const auto& value) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::monostate>)
+          table.insert(key, toml::table{});
+        else
+          table.insert(key, value);
+      },
+      held);
+}
+
+}  // namespace
+
+std::vector<TomlValue> TomlDocument::values() const {
+  std::vector<TomlValue> values;
+  collect(root_.node_->shared->root, "", path_, values);
+  std::sort(values.begin(), values.end(),
+            [](const TomlValue& a, const TomlValue& b) { return a.path < b.path; });
+  return values;
+}
+
+TomlDocument TomlDocument::from_values(const std::vector<TomlValue>& values, std::string content,
+                                       const std::string& name) {
+  auto shared = std::make_shared<Shared>();
+  shared->path = name;
+  for (const TomlValue& entry : values) {
+    toml::table* table = &shared->root;
+    std::string_view left = entry.path;
+    for (std::size_t deep = 0;; ++deep) {
+      const std::size_t dot = left.find('.');
+      const std::string key(left.substr(0, dot));
+      if (!is_plain_key(key)) refuse(name + ": key '" + entry.path + "' has more than a-z, 0-9 and _");
+      if (deep > kTablesDeepMax) refuse(name + ": '" + entry.path + "' has too many tables in each other");
+      if (dot == std::string_view::npos) {
+        if (table->contains(key)) refuse(name + ": '" + entry.path + "' comes twice");
+        put(*table, key, entry.value);
+        break;
+      }
+      if (!table->contains(key)) table->insert(key, toml::table{});
+      table = table->get(key)->as_table();
+      if (table == nullptr) refuse(name + ": '" + entry.path + "' leads through a value");
+      left.remove_prefix(dot + 1);
+    }
   }
   auto node = std::make_shared<TomlTable::Node>();
   node->table = &shared->root;

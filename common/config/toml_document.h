@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <variant>
 #include <vector>
 
 /// The only door to toml++. A configuration is read key by key, each with the range that makes sense;
@@ -36,6 +37,15 @@ inline Range between(double min, double max) {
 }
 
 class TomlDocument;
+
+/// One value of a document and where it stands: "probe.tip.poisson_ratio". A table without keys, which may
+/// mean something by being there, is a std::monostate.
+struct TomlValue {
+  using Held = std::variant<std::monostate, bool, std::int64_t, double, std::string>;
+  std::string path;
+  Held value;
+  friend bool operator==(const TomlValue&, const TomlValue&) = default;
+};
 
 /// A table of the document: a light handle, valid while a copy of its document lives. Asking for a key,
 /// present or not, makes it known: what stays unknown is reported by TomlDocument::finish().
@@ -76,6 +86,15 @@ class TomlDocument {
  public:
   static TomlDocument load(const std::string& path);
   static TomlDocument parse(std::string content, const std::string& name);
+  /// The document that has these values, without reading any text; `content` is kept as it is. Each key may
+  /// have lower-case letters, digits and '_'. Throws UserError for other keys, for more than 8 tables in each
+  /// other, and where a path comes twice or leads through a value.
+  static TomlDocument from_values(const std::vector<TomlValue>& values, std::string content,
+                                  const std::string& name);
+
+  /// All of its values by rising path. Throws UserError for what TomlValue cannot hold: arrays, dates, keys
+  /// that from_values() does not take.
+  std::vector<TomlValue> values() const;
 
   TomlTable root() const { return root_; }
   const std::string& path() const { return path_; }

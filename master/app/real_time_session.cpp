@@ -148,6 +148,8 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.slave_faults = sample.fault_bits;
   p.energy_j = sample.energy_j;
   p.mode = sample.station_mode;
+  p.twin = loop_.trace().twin;
+  p.twin_behind = loop_.trace().twin_behind;
   p.silent_s = silent_s(sample);
   p.force_off = loop_.force_off();
   p.observes = loop_.trace().observes;

@@ -16,8 +16,14 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
   command.add_option("--station,--config", options.config_file, "Station file (TOML); flags win over it");
   command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
-  command.add_option("--method", options.method, "How the port is kept passive (default model)")
-      ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model}");
+  command
+      .add_option("--method", options.method,
+                  "How the port is kept passive (default twin with --scene, else model)")
+      ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
+  command.add_option(
+      "--scene", options.scene,
+      "The server's scene, a name or a file: the station runs its slave itself, so that the hand "
+      "feels the sample without delay (method twin)");
   command.add_option("--velocity-scale", options.velocity_scale,
                      "alpha_v, tip metres per hand metre (default: planned, see plan)");
   command.add_option("--force-scale", options.force_scale,

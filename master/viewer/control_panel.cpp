@@ -39,7 +39,9 @@ const char* about(Method method) {
     case Method::kTank:
       return "two layers, energy tank";
     case Method::kModel:
-      return "local model of the contact (default)";
+      return "local model of the contact";
+    case Method::kTwin:
+      return "the server's slave at the station (default)";
   }
   return "";
 }

@@ -118,11 +118,19 @@ Built read_grating(const TomlTable& table, const physics::SampledArea& area, Sur
 }
 
 Built read_scan(const config::TomlDocument& document, const TomlTable& table, SurfaceDescription& ground,
-                std::string& bytes) {
+                const std::string* given, std::string& bytes) {
   const std::string file = table.text("file");
   if (file.empty()) table.fail("file", "is empty, expected a .gsf scan");
-  ground.scan_path = document.resolve(file);
-  surface::Scan scan = surface::read_gsf(ground.scan_path, &bytes);
+  surface::Scan scan;
+  if (given != nullptr) {
+    if (file != kGivenScan) table.fail("file", std::string("expected ") + kGivenScan);
+    ground.scan_path = kGivenScan;
+    scan = surface::parse_gsf(*given, document.path() + ": " + kGivenScan);
+    bytes = *given;
+  } else {
+    ground.scan_path = document.resolve(file);
+    scan = surface::read_gsf(ground.scan_path, &bytes);
+  }
   ground.scan_title = scan.title;
   const std::string levelling = table.choice_or("level", {"none", "plane", "lines"}, "none");
   level(scan.grid, *levelling_from_name(levelling));
@@ -174,7 +182,7 @@ void check_potential(const TomlTable& root, const Scene& scene) {
   }
 }
 
-std::string read_surface(const config::TomlDocument& document, Scene& scene) {
+std::string read_surface(const config::TomlDocument& document, Scene& scene, const std::string* given) {
   const TomlTable root = document.root();
   const TomlTable table = root.table("surface");
   const TomlTable limits = root.table("limits");
@@ -231,7 +239,7 @@ std::string read_surface(const config::TomlDocument& document, Scene& scene) {
   } else if (ground.kind == "grating") {
     built = read_grating(table, area, ground);
   } else {
-    built = read_scan(document, table, ground, bytes);
+    built = read_scan(document, table, ground, given, bytes);
   }
 
   if (built.exact && !yields) {

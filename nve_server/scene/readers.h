@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -24,13 +25,25 @@ void read_probe(const config::TomlTable& table, Scene& scene);
 /// scene.friction for tip and sample.
 void read_forces(const config::TomlTable& root, Scene& scene);
 
-/// [surface] and [marks]: builds scene.surface. Returns the bytes of the files it read, for the hash.
-std::string read_surface(const config::TomlDocument& document, Scene& scene);
+/// [surface] and [marks]: builds scene.surface. Returns the bytes of the scan, for the hash: those of its
+/// file, or `given` in place of all files.
+std::string read_surface(const config::TomlDocument& document, Scene& scene, const std::string* given);
 
 /// [surface] force = "potential", after all that the tip feels is known: refuses what it does not have.
 void check_potential(const config::TomlTable& root, const Scene& scene);
 
 /// [particle]: fills scene.particle.
 void read_particle(const config::TomlTable& table, Scene& scene);
+
+/// All of them. `scan`: null, and the scan is read from the file that the document names, or its bytes.
+/// `scan_read` (may be null) gets the bytes of the scan, empty where there is none.
+std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document,
+                                        const std::string* scan = nullptr, std::string* scan_read = nullptr);
+
+/// What load_scene reads.
+config::TomlDocument load_description(const std::string& name_or_path);
+
+/// The name of a scan that did not come from a file of this machine.
+inline constexpr const char* kGivenScan = "scan.gsf";
 
 }  // namespace telenano::scene

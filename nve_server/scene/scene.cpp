@@ -71,7 +71,10 @@ void read_start(const TomlTable& table, Scene& scene) {
   scene.start_apex_w_nm = Vec3(x, y, scene.start_touch_w_nm + height);
 }
 
-std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document) {
+}  // namespace
+
+std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, const std::string* scan,
+                                        std::string* scan_read) {
   const TomlTable root = document.root();
   auto scene = std::make_shared<Scene>();
   scene->path = document.path();
@@ -86,7 +89,7 @@ std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document) {
   scene->coupling.stiffness_n_m = coupling.number("stiffness_n_m", kStiffness_n_m);
   scene->coupling.damping_n_s_m = coupling.number_or("damping_n_s_m", between(0.0, 1e3), 0.0);
 
-  const std::string scan_bytes = read_surface(document, *scene);
+  std::string scan_bytes = read_surface(document, *scene, scan);
   scene->equilibrium = std::make_shared<physics::TipEquilibrium>(
       scene->surface, physics::TipSampleLaw(scene->law_parameters, scene->probe.tip_radius_nm),
       scene->probe.tip_radius_nm, physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
@@ -98,10 +101,13 @@ std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document) {
   }
   document.finish();
   scene->hash = fnv1a(scan_bytes, fnv1a(document.content()));
+  if (scan_read != nullptr) *scan_read = std::move(scan_bytes);
   return scene;
 }
 
-}  // namespace
+config::TomlDocument load_description(const std::string& name_or_path) {
+  return config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml"));
+}
 
 physics::Compliance Scene::port_compliance_nm_nn() const {
   return Mat3::Identity() / coupling.stiffness_n_m + probe_compliance_nm_nn();
@@ -112,7 +118,7 @@ physics::Compliance Scene::probe_compliance_nm_nn() const {
 }
 
 std::shared_ptr<const Scene> load_scene(const std::string& name_or_path) {
-  return make_scene(config::TomlDocument::load(config::find_shared(name_or_path, "scenes", ".toml")));
+  return make_scene(load_description(name_or_path));
 }
 
 std::shared_ptr<const Scene> parse_scene(std::string content, const std::string& name) {

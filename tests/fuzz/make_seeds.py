@@ -91,3 +91,38 @@ for base in range(4):
     put("hdf5", "copy_%d" % base, bytes([base, COPY]) + struct.pack("<HHB", 500, 1500, 40))
 put("hdf5", "no_hdf5", bytes([0, WHOLE]) + b"time_s,x\n0,1\n")
 put("hdf5", "signature_only", bytes([0, WHOLE]) + b"\x89HDF\r\n\x1a\n" + bytes([0] * 16) + bytes([255] * 72))
+
+
+# Scene bundles (nve_server/scene/scene_bundle.h).
+def bundle(values, scan=None, text="", count=None, version=1):
+    def value(path, v):
+        kind, body = ((0, b"") if v is None else (1, bytes([v])) if isinstance(v, bool) else (2, struct.pack("<q", v)) if isinstance(v, int)
+                      else (3, struct.pack("<d", v)) if isinstance(v, float) else (4, struct.pack("<H", len(v)) + v.encode()))
+        return bytes([kind, len(path)]) + path.encode() + body
+    table = struct.pack("<I", len(values) if count is None else count) + b"".join(value(p, values[p]) for p in sorted(values))
+    entries = ([("scan.gsf", scan)] if scan else []) + [("scene.toml", text.encode()), ("values", table)]
+    return b"TLNB" + struct.pack("<III", 1, version, len(entries)) + b"".join(
+        bytes([len(n)]) + n.encode() + struct.pack("<I", len(c)) + c for n, c in entries)
+
+
+flat = {"name": "flat", "sample.youngs_modulus_gpa": 70.0, "sample.poisson_ratio": 0.27, "sample.surface_energy_j_m2": 0.2, "surface.kind": "flat",
+        "probe.tip_radius_nm": 20.0, "probe.rigid": True, "probe.tip.youngs_modulus_gpa": 160.0, "probe.tip.poisson_ratio": 0.27,
+        "probe.tip.surface_energy_j_m2": 0.2, "forces": None, "coupling.stiffness_n_m": 20.0, "limits.force_max_nn": 500.0,
+        "start.x_nm": 0.0, "start.y_nm": 0.0, "start.height_nm": 20.0}
+put("bundle", "flat", bundle(flat))
+put("bundle", "text_too", bundle(dict(flat, name="a"), text='name = "a"\n'))
+put("bundle", "sphere", bundle(dict(flat, **{"surface.kind": "sphere", "surface.radius_nm": 30.0, "limits.half_width_nm": 20.0})))
+put("bundle", "grating", bundle(dict(flat, **{"surface.kind": "grating", "surface.height_nm": 5.0, "surface.period_nm": 40.0,
+                                            "limits.half_width_nm": 20.0, "surface.spacing_nm": 1.0})))
+put("bundle", "marks", bundle(dict(flat, **{"sample.hardness_gpa": 1.0, "limits.half_width_nm": 20.0, "marks.spacing_nm": 2.0})))
+put("bundle", "scan", bundle(dict(flat, **{"surface.kind": "scan", "surface.file": "scan.gsf", "start.x_nm": 30.0, "start.y_nm": 30.0}),
+                             scan=gsf(8, 8, [1e-10 * (i % 5) for i in range(64)])))
+put("bundle", "scan_of_nan", bundle(dict(flat, **{"surface.kind": "scan", "surface.file": "scan.gsf"}), scan=gsf(2, 2, [float("nan")] * 4)))
+put("bundle", "path_in_it", bundle(dict(flat, **{"surface.kind": "scan", "surface.file": "/etc/passwd"}), scan=gsf(2, 2, [0.0] * 4)))
+put("bundle", "many_values", bundle(flat, count=0xffffffff))
+put("bundle", "other_physics", bundle(flat, version=99))
+put("bundle", "twice", bundle(flat).replace(b"start.y_nm", b"start.x_nm"))
+put("bundle", "cut", bundle(flat)[:-9])
+put("bundle", "not_finite", bundle(dict(flat, **{"start.x_nm": float("nan")})))
+put("bundle", "bomb", bundle(dict(flat, **{"surface.kind": "grating", "surface.height_nm": 5.0, "surface.period_nm": 1e5,
+                                         "limits.half_width_nm": 1e6, "surface.spacing_nm": 0.05})))

@@ -51,6 +51,7 @@ std::vector<Include> includes_of(const fs::path& tree) {
 const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"common/base", {}},
     {"common/config", {"common/base"}},
+    {"common/hash", {"common/base"}},
     {"common/rt", {"common/base"}},
     {"common/control", {"common/base"}},
     {"common/link", {"common/base"}},
@@ -92,8 +93,8 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base", "common/config", "common/link", "common/net", "common/rt", "nve_server/nanonis",
       "nve_server/slave"}},
     {"nve_server/app",
-     {"common/base", "common/config", "common/metrics", "common/rt", "common/link", "common/net",
-      "common/security", "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave",
+     {"common/base", "common/config", "common/hash", "common/metrics", "common/rt", "common/link",
+      "common/net", "common/security", "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave",
       "nve_server/server", "nve_server/afm", "nve_server/afm_sim", "nve_server/nanonis"}},
 };
 
@@ -103,7 +104,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"telenano.pb.h", {"common/link/codec"}},
     {"proto/telenano.pb.h", {"common/link/codec"}},
     {"boost/asio", {"common/net/udp", "common/net/tcp"}},
-    {"openssl/", {"common/security/dtls_"}},
+    {"openssl/", {"common/security/dtls_", "common/hash/sha256"}},
     {"prometheus/", {"common/metrics/exporter"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},

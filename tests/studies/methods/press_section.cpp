@@ -177,6 +177,7 @@ const char* method_colour(Method method) {
     case Method::kTank:
       return kInk;
     case Method::kModel:
+    case Method::kTwin:  // without a twin of the scene, which the wall has not
       return kRed;
   }
   return kInk;

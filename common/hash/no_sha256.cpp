@@ -1,0 +1,14 @@
+#include "common/base/error.h"
+#include "common/hash/sha256.h"
+
+namespace telenano {
+
+Sha256 sha256(std::string_view) {
+  throw RunError("this build has no OpenSSL, and so no SHA-256");
+}
+
+bool has_sha256() noexcept {
+  return false;
+}
+
+}  // namespace telenano
