@@ -121,7 +121,7 @@ def document_tables():
     """{message: {number: (name, type)}} of section 2, ranges and {x,y,z} written out."""
     text = (PROTO / "PROTOCOL.md").read_text(encoding="utf-8")
     tables = {}
-    for title, body in re.findall(r"^### \d (\w+)[^\n]*\n(.*?)(?=^##)", text, re.M | re.S):
+    for title, body in re.findall(r"^### \d+ (\w+)[^\n]*\n(.*?)(?=^##)", text, re.M | re.S):
         fields = tables[title] = {}
         for numbers, names, kind in re.findall(r"^\| ([\d,– ]+) \| ([^|]+) \| (\w+) \|", body, re.M):
             first, *rest = [int(n) for n in re.findall(r"\d+", numbers)]
@@ -147,8 +147,8 @@ class Document(unittest.TestCase):
             self.assertEqual(tables[descriptor.name], {f.number: (f.name, names[f.type]) for f in descriptor.fields})
 
     def test_its_largest_datagrams(self):
-        # Every field there, none left out as zero: 207 and 419 bytes.
-        for cls, size in ((pb.Command, 207), (pb.Reply, 419)):
+        # Every field there, none left out as zero: 207 and 471 bytes.
+        for cls, size in ((pb.Command, 207), (pb.Reply, 471)):
             total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
                                       for n, wire in FIELDS[cls].items() if wire != 2)
             self.assertEqual(total, size)
@@ -197,7 +197,7 @@ class Causes(unittest.TestCase):
         good = golden("bye")
         for bad, expected in ((good + bytes(500), "oversize"), (good[:7], "truncated"), (b"", "truncated"),
                               (b"TLNX" + good[4:], "bad_magic"), (good[:4] + b"\2" + good[5:], "wrong_version"),
-                              (good[:5] + b"\0" + good[6:], "unknown_type"), (good[:5] + b"\x0a" + good[6:], "unknown_type"),
+                              (good[:5] + b"\0" + good[6:], "unknown_type"), (good[:5] + b"\x0c" + good[6:], "unknown_type"),
                               (good[:-1], "truncated"), (good + b"\0", "bad_length"), (golden("hello")[:400], "truncated")):
             self.assertEqual(cause(bad), expected, bad[:10])
         short_hello = b"TLNO\1\1" + struct.pack("<H", 100) + bytes([0x7A, 98]) + bytes(98)
@@ -253,6 +253,9 @@ class Causes(unittest.TestCase):
         zero["welcome_with_scene"] = zero["welcome"] | {"scene_sha256_0", "scene_bytes"}
         zero["scene_request"] = {"session_id", "bundle"}
         zero["scene_chunk"] = {"session_id", "bundle", "data"}
+        zero["command_with_steps"], zero["reply_with_steps"], zero["welcome_with_steps"] = (
+            zero["command"], zero["reply"], zero["welcome"])
+        zero["snapshot_request"] = zero["snapshot_piece"] = {"session_id", "snapshot"}
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",
@@ -263,7 +266,7 @@ class Causes(unittest.TestCase):
                 if field.name.startswith(("padding", "version_m", "workspace", "model_normal")):
                     continue
                 expected = "out_of_range" if field.name in zero[name] else None
-                default = b"" if field.name in ("scene_name", "recent_commands", "data") else 0
+                default = b"" if field.name in ("scene_name", "recent_commands", "data", "steps") else 0
                 self.assertEqual(self.changed(name, **{field.name: default}), expected, (name, field.name))
                 if isinstance(getattr(value, field.name), float):
                     expected = "out_of_range" if field.name in not_negative else None
@@ -272,7 +275,7 @@ class Causes(unittest.TestCase):
             self.assertEqual(self.changed(name, version_min=0), "out_of_range")
             self.assertEqual(self.changed(name, version_min=2), "out_of_range")
             self.assertIsNone(self.changed(name, version_max=2))
-        self.assertEqual(self.changed("command_with_features", method=7), "out_of_range")
+        self.assertEqual(self.changed("command_with_features", method=8), "out_of_range")
         self.assertEqual(self.changed("reply", contact_state=4), "out_of_range")
         self.assertEqual(self.changed("reply_with_particle", particle_state=4), "out_of_range")
         self.assertIsNone(self.changed("reply_with_particle", particle_state=3))
