@@ -7,7 +7,7 @@
 local telenano = Proto("telenano", "Telenano")
 
 local types = { [1] = "Hello", [2] = "Challenge", [3] = "Welcome", [4] = "Refuse", [5] = "Command", [6] = "Reply",
-  [7] = "Bye" }
+  [7] = "Bye", [8] = "SceneRequest", [9] = "SceneChunk" }
 
 local refuse_reasons = { [1] = "version", [2] = "full", [3] = "rate", [4] = "shutting down" }
 local bye_reasons = { [1] = "done", [2] = "idle", [3] = "shutting down", [4] = "stopped", [5] = "unknown session" }
@@ -36,6 +36,11 @@ local messages = {
     { 7, "measurement_age_ns", "q" }, { 8, "epoch", "i" }, { 9, "contact_state", "i", contact_states },
     { 10, "fault_bits", "i" } },
   [7] = { { 1, "session_id", "x" }, { 2, "reason", "i", bye_reasons } },
+  [8] = { { 1, "session_id", "x" }, { 2, "bundle", "x" }, { 3, "chunk", "i" } },
+  [9] = { { 1, "session_id", "x" }, { 2, "bundle", "x" }, { 3, "chunk", "i" }, { 4, "data", "b" } },
+  [10] = { { 1, "session_id", "x" }, { 2, "snapshot", "i" }, { 3, "piece", "i" } },
+  [11] = { { 1, "session_id", "x" }, { 2, "snapshot", "i" }, { 3, "piece", "i" }, { 4, "step", "q" },
+    { 5, "state_hash", "x" }, { 6, "breaks", "i" }, { 7, "total", "i" }, { 8, "data", "b" } },
 }
 local function more(type, ...)
   for _, entry in ipairs({ ... }) do table.insert(messages[type], entry) end
@@ -45,14 +50,16 @@ xyz(messages[3], 14, "workspace_max_w_{}_nm")
 xyz(messages[3], 17, "start_pos_w_{}_nm")
 more(3, { 20, "surface_z_w_nm", "d" }, { 21, "force_max_nn", "d" }, { 22, "coupling_stiffness_n_m", "d" },
   { 23, "coupling_damping_n_s_m", "d" }, { 24, "stiffness_min_n_m", "d" },
-  { 25, "well_aj", "d" })
+  { 25, "well_aj", "d" }, { 26, "scene_sha256_0", "x" }, { 27, "scene_sha256_1", "x" }, { 28, "scene_sha256_2", "x" },
+  { 29, "scene_sha256_3", "x" }, { 30, "scene_bytes", "i" }, { 31, "canonical_motion", "x" },
+  { 40, "steps_executed", "q" }, { 41, "state_hash", "x" }, { 42, "steps_breaks", "i" })
 xyz(messages[5], 7, "tip_vel_w_{}_nm_s")
 xyz(messages[5], 10, "tip_pos_w_{}_nm")
 more(5, { 13, "energy_in_j", "d" }, { 14, "energy_out_j", "d" }, { 15, "method", "i", methods },
   { 16, "energy_scale_aj_j", "d" }, { 17, "energy_sent_j", "d" })
 xyz(messages[5], 18, "wave_sum_w_{}_sqrt_aj_s")
 more(5, { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" }, { 31, "tip_hold", "i" },
-  { 40, "recent_commands", "b" })
+  { 40, "recent_commands", "b" }, { 41, "steps", "b" })
 xyz(messages[6], 11, "force_w_{}_nn")
 xyz(messages[6], 14, "tip_pos_w_{}_nm")
 more(6, { 17, "deflection_nm", "d" }, { 18, "energy_in_aj", "d" }, { 19, "energy_out_aj", "d" },
@@ -66,7 +73,9 @@ more(6, { 32, "model_stiffness_n_m", "d" }, { 33, "model_adhesion_nn", "d" }, { 
 xyz(messages[6], 37, "hold_pos_w_{}_nm")
 more(6, { 40, "steps_before", "q" })
 xyz(messages[6], 41, "particle_pos_w_{}_nm")
-more(6, { 44, "particle_radius_nm", "d" }, { 45, "particle_state", "i", particle_states })
+more(6, { 44, "particle_radius_nm", "d" }, { 45, "particle_state", "i", particle_states },
+  { 46, "steps_executed", "q" }, { 47, "state_hash", "x" }, { 48, "steps_newest", "q" }, { 49, "steps_breaks", "i" },
+  { 50, "break_reason", "i" }, { 51, "break_step", "q" })
 
 local header = {
   magic = ProtoField.string("telenano.magic", "Magic"),
@@ -136,6 +145,9 @@ local function add_fields(buffer, at, type, tree)
     if at + bytes > buffer:len() then return "field " .. number .. " is cut" end
     if type == 5 and wire == 2 and (bytes == 0 or bytes % 64 ~= 0 or bytes > 256 or at + bytes ~= buffer:len()) then
       return "repeated commands are not 1 to 4 whole records at the end"
+    end
+    if type == 9 and wire == 2 and (bytes == 0 or bytes > 464 or at + bytes ~= buffer:len()) then
+      return "data are not 1 to 464 bytes at the end"
     end
     if wire == 2 then
       tree:add(known.field, buffer(at, bytes))

@@ -134,8 +134,11 @@ ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std:
       if (!snapshot_.take(incoming_.snapshot_piece)) return drop(DropCause::kStale);
       return ClientEvent::kPiece;
     case MessageType::kSnapshotRequest:
+    case MessageType::kSceneChunk:
+      return on_scene_chunk(incoming_.scene_chunk);
     case MessageType::kHello:
     case MessageType::kCommand:
+    case MessageType::kSceneRequest:
     case MessageType::kNone:
       break;
   }
@@ -174,6 +177,8 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
     return drop(DropCause::kUnexpected);
   snapshot_.stop();
   steps_.begin(welcome.steps.executed, sessions_ > 0 && welcome.epoch == welcome_.epoch);
+  if ((welcome.feature_bits & kFeatureScene) == 0 && !welcome.scene.empty())
+    return drop(DropCause::kUnexpected);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
     stats_.reset();  // another server, perhaps: another clock
@@ -236,6 +241,21 @@ ClientEvent ClientSession::on_bye(const Bye& bye, std::int64_t now_ns) noexcept 
     set_state(ClientState::kLost, now_ns);
   }
   return ClientEvent::kBye;
+}
+
+ClientEvent ClientSession::on_scene_chunk(const SceneChunk& chunk) noexcept {
+  if (!session_alive_) return drop(DropCause::kUnexpected);
+  if (chunk.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
+  if ((features() & kFeatureScene) == 0) return drop(DropCause::kUnexpected);
+  const SceneOffer& scene = welcome_.scene;
+  const bool fits = chunk.bundle == scene.name() && chunk.size == scene.chunk_bytes(chunk.chunk);
+  return fits && chunk.size > 0 ? ClientEvent::kSceneChunk : drop(DropCause::kOutOfRange);
+}
+
+std::size_t ClientSession::make_scene_request(std::uint32_t chunk, std::span<std::uint8_t> out) noexcept {
+  if (!session_alive_ || (features() & kFeatureScene) == 0 || welcome_.scene.chunk_bytes(chunk) == 0)
+    return 0;
+  return codec_.encode(SceneRequest{welcome_.session_id, welcome_.scene.name(), chunk}, out);
 }
 
 ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noexcept {

@@ -61,7 +61,8 @@ enum class ClientEvent : std::uint8_t {
   kWelcome,
   kRefused,
   kBye,
-  kPiece
+  kPiece,
+  kSceneChunk  ///< in incoming(): of the scene that the newest Welcome offers, of its right size
 };
 
 /// The station's end of a session, sans-IO: datagrams and times go in, datagrams come out, in every tick:
@@ -102,6 +103,9 @@ class ClientSession {
   /// The next request for it; 0: none now.
   std::size_t make_snapshot_request(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
 
+  /// Asks for a piece of the scene that the newest Welcome offers; 0 while there is no session, or no such
+  /// piece. Asking is no sign of life: commands go on beside it.
+  std::size_t make_scene_request(std::uint32_t chunk, std::span<std::uint8_t> out) noexcept;
   /// Ends the session (state kClosed). Not answered; send it two or three times if it matters.
   std::size_t make_bye(ByeReason reason, std::span<std::uint8_t> out) noexcept;
 
@@ -157,6 +161,7 @@ class ClientSession {
   ClientEvent on_refuse(const Refuse& refuse, std::int64_t now_ns) noexcept;
   ClientEvent on_reply(const Reply& reply, std::int64_t now_ns) noexcept;
   ClientEvent on_bye(const Bye& bye, std::int64_t now_ns) noexcept;
+  ClientEvent on_scene_chunk(const SceneChunk& chunk) noexcept;
 
   ClientConfig config_;
   Codec codec_;

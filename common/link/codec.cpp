@@ -24,6 +24,8 @@ struct Codec::Messages {
   wire::Command command;
   wire::Reply reply;
   wire::Bye bye;
+  wire::SceneRequest scene_request;
+  wire::SceneChunk scene_chunk;
 };
 
 Codec::Codec() : messages_(std::make_unique<Messages>()) {
@@ -120,6 +122,12 @@ std::size_t Codec::encode(const Welcome& m, std::span<std::uint8_t> out) noexcep
   w.set_steps_executed(m.steps.executed);
   w.set_state_hash(m.steps.state_hash);
   w.set_steps_breaks(m.steps.breaks);
+  w.set_scene_sha256_0(m.scene.hash[0]);
+  w.set_scene_sha256_1(m.scene.hash[1]);
+  w.set_scene_sha256_2(m.scene.hash[2]);
+  w.set_scene_sha256_3(m.scene.hash[3]);
+  w.set_scene_bytes(m.scene.bytes);
+  w.set_canonical_motion(m.scene.canonical_motion);
   return write(MessageType::kWelcome, w, out);
 }
 
@@ -283,6 +291,35 @@ std::size_t Codec::encode(const SnapshotPiece& m, std::span<std::uint8_t> out) n
   return total;
 }
 
+std::size_t Codec::encode(const SceneRequest& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->scene_request;
+  w.set_session_id(m.session_id);
+  w.set_bundle(m.bundle);
+  w.set_chunk(m.chunk);
+  return write(MessageType::kSceneRequest, w, out);
+}
+
+/// Its bytes by hand behind the other fields, as with a Hello's padding.
+std::size_t Codec::encode(const SceneChunk& m, std::span<std::uint8_t> out) noexcept {
+  auto& w = messages_->scene_chunk;
+  w.set_session_id(m.session_id);
+  w.set_bundle(m.bundle);
+  w.set_chunk(m.chunk);
+  const std::size_t size = std::min<std::size_t>(m.size, kSceneChunkBytes);
+  const std::size_t fields = w.ByteSizeLong();
+  const std::size_t length_bytes = size < 0x80 ? 1 : 2;
+  const std::size_t total = kHeaderBytes + fields + 1 + length_bytes + size;
+  if (size == 0 || out.size() < total) return 0;
+  write_header(out.first<kHeaderBytes>(), MessageType::kSceneChunk, total - kHeaderBytes);
+  w.SerializeWithCachedSizesToArray(out.data() + kHeaderBytes);
+  std::uint8_t* at = out.data() + kHeaderBytes + fields;
+  put(at, (kSceneDataField << 3) | 2u, 1);
+  put(at, size < 0x80 ? size : (size & 0x7fu) | 0x80u, 1);
+  if (length_bytes == 2) put(at, size >> 7, 1);
+  std::memcpy(at, m.data.data(), size);
+  return total;
+}
+
 namespace {
 
 // What a message may say beyond its form. Monotony and sessions are the business of the state machines.
@@ -331,6 +368,9 @@ DropCause read(const wire::Welcome& w, Welcome& m) noexcept {
   m.steps.executed = m.steps.newest = w.steps_executed();
   m.steps.state_hash = w.state_hash();
   m.steps.breaks = w.steps_breaks();
+  m.scene.hash = {w.scene_sha256_0(), w.scene_sha256_1(), w.scene_sha256_2(), w.scene_sha256_3()};
+  m.scene.bytes = w.scene_bytes();
+  m.scene.canonical_motion = w.canonical_motion();
   if (!all_finite(m.workspace_min_w_nm) || !all_finite(m.workspace_max_w_nm) ||
       !all_finite(m.start_pos_w_nm) ||
       !all_finite(m.surface_z_w_nm, m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m,
@@ -341,7 +381,8 @@ DropCause read(const wire::Welcome& w, Welcome& m) noexcept {
   const bool limits =
       m.force_max_nn >= 0 && m.coupling_stiffness_n_m >= 0 && m.coupling_damping_n_s_m >= 0 && m.well_aj >= 0;
   const bool ids = m.version != 0 && m.nonce != 0 && m.session_id != 0 && m.epoch != 0 && m.timeout_ms != 0;
-  return box && limits && ids ? DropCause::kNone : DropCause::kOutOfRange;
+  const bool scene = m.scene.empty() || (m.scene.bytes != 0 && m.scene.name() != 0);
+  return box && limits && ids && scene ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
 DropCause read(const wire::Refuse& w, Refuse& m) noexcept {
@@ -494,6 +535,20 @@ DropCause read(const wire::Bye& w, Bye& m) noexcept {
   m.reason = static_cast<ByeReason>(w.reason());
   const bool known = w.reason() >= 1 && w.reason() <= static_cast<std::uint32_t>(ByeReason::kUnknownSession);
   return known && m.session_id != 0 ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::SceneRequest& w, SceneRequest& m) noexcept {
+  m.session_id = w.session_id();
+  m.bundle = w.bundle();
+  m.chunk = w.chunk();
+  return m.session_id != 0 && m.bundle != 0 ? DropCause::kNone : DropCause::kOutOfRange;
+}
+
+DropCause read(const wire::SceneChunk& w, SceneChunk& m) noexcept {
+  m.session_id = w.session_id();
+  m.bundle = w.bundle();
+  m.chunk = w.chunk();
+  return m.session_id != 0 && m.bundle != 0 ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
 /// A number that is none goes before a value out of range, wherever the two are (PROTOCOL.md, section 8).
@@ -660,6 +715,15 @@ DropCause Codec::decode(std::span<const std::uint8_t> datagram, Incoming& incomi
       break;
     case MessageType::kBye:
       cause = parse(frame, messages_->bye, incoming.bye);
+      break;
+    case MessageType::kSceneRequest:
+      cause = parse(frame, messages_->scene_request, incoming.scene_request);
+      break;
+    case MessageType::kSceneChunk:
+      cause = parse(frame, messages_->scene_chunk, incoming.scene_chunk);
+      incoming.scene_chunk.size = static_cast<std::uint32_t>(frame.data.size());
+      std::copy(frame.data.begin(), frame.data.end(), incoming.scene_chunk.data.begin());
+      if (frame.data.empty()) cause = first_cause(cause, DropCause::kOutOfRange);
       break;
     case MessageType::kNone:
       cause = DropCause::kUnknownType;

@@ -26,6 +26,8 @@ struct Incoming {
   Bye bye;
   SnapshotRequest snapshot_request;
   SnapshotPiece snapshot_piece;
+  SceneRequest scene_request;
+  SceneChunk scene_chunk;
 };
 
 /// Between structs and datagrams; the only place that sees Protobuf. Its messages are made once and reused:
@@ -56,6 +58,8 @@ class Codec {
   std::size_t encode(const Bye& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const SnapshotRequest& message, std::span<std::uint8_t> out) noexcept;
   std::size_t encode(const SnapshotPiece& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SceneRequest& message, std::span<std::uint8_t> out) noexcept;
+  std::size_t encode(const SceneChunk& message, std::span<std::uint8_t> out) noexcept;
 
   DropCause decode(std::span<const std::uint8_t> datagram, Incoming& incoming) noexcept;
 

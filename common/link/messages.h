@@ -13,6 +13,7 @@ namespace telenano::link {
 inline constexpr std::uint8_t kProtocolVersion = 1;
 inline constexpr std::size_t kMaxDatagramBytes = 512;
 inline constexpr std::size_t kSceneNameBytes = 48;
+inline constexpr std::size_t kSceneChunkBytes = 464;  ///< of a scene's bundle in one datagram
 
 /// What may be agreed on beyond the fields that every session has. A session has a feature if the station's
 /// Hello asks for it and the server's Welcome grants it; without, its fields are never sent.
@@ -24,11 +25,12 @@ enum FeatureBits : std::uint64_t {
   kFeatureStepHistory = 1u << 4,  ///< Reply::steps_before
   kFeatureParticle = 1u << 5,     ///< Particle in Reply
   kFeatureWell = 1u << 6,         ///< Welcome::well_aj
+  kFeatureScene = 1u << 7,        ///< Welcome::scene, SceneRequest, SceneChunk
   kFeatureStepLog = 1u << 8,      ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
 };
 inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing |
                                                 kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle |
-                                                kFeatureWell | kFeatureStepLog;
+                                                kFeatureWell | kFeatureScene | kFeatureStepLog;
 
 /// Why the slave's state is not what the log of steps says.
 enum StepBreak : std::uint32_t {
@@ -79,6 +81,26 @@ struct Challenge {
   std::uint64_t cookie = 0;
 };
 
+/// The bundle that the server's scene can be fetched as. Behind kFeatureScene; all zero: none.
+struct SceneOffer {
+  std::array<std::uint64_t, 4> hash{};  ///< SHA-256 of the bundle, eight bytes a number, little-endian
+  std::uint32_t bytes = 0;              ///< of the bundle
+  std::uint64_t canonical_motion = 0;   ///< what the server's own physics make of it
+
+  bool empty() const noexcept { return bytes == 0 && hash == decltype(hash){} && canonical_motion == 0; }
+  std::uint64_t name() const noexcept { return hash[0]; }  ///< short enough for each request and chunk
+  std::uint32_t chunks() const noexcept {
+    return static_cast<std::uint32_t>((std::uint64_t{bytes} + kSceneChunkBytes - 1) / kSceneChunkBytes);
+  }
+  /// 0: there is no such chunk.
+  std::size_t chunk_bytes(std::uint32_t chunk) const noexcept {
+    const std::uint64_t at = std::uint64_t{chunk} * kSceneChunkBytes;
+    if (at >= bytes) return 0;
+    return bytes - at < kSceneChunkBytes ? static_cast<std::size_t>(bytes - at) : kSceneChunkBytes;
+  }
+  friend bool operator==(const SceneOffer&, const SceneOffer&) = default;
+};
+
 /// Server → station: a session, the slave's limits and where the tip is.
 struct Welcome {
   std::uint32_t version = kProtocolVersion;
@@ -104,6 +126,7 @@ struct Welcome {
   /// was ever put in; >= 0.
   double well_aj = 0;
   StepReport steps;  ///< behind kFeatureStepLog: where the log goes on
+  SceneOffer scene;
 };
 
 enum class RefuseReason : std::uint32_t { kVersion = 1, kFull = 2, kRate = 3, kShuttingDown = 4 };
@@ -312,6 +335,22 @@ struct SnapshotPiece {
   std::array<std::uint8_t, kSnapshotPieceBytes> data{};
 };
 
+/// Station → server, behind kFeatureScene: asks for a piece of the scene's bundle.
+struct SceneRequest {
+  std::uint64_t session_id = 0;
+  std::uint64_t bundle = 0;  ///< SceneOffer::name
+  std::uint32_t chunk = 0;   ///< from 0
+};
+
+/// Server → station: that piece.
+struct SceneChunk {
+  std::uint64_t session_id = 0;
+  std::uint64_t bundle = 0;
+  std::uint32_t chunk = 0;
+  std::uint32_t size = 0;  ///< of `data`, 1 … kSceneChunkBytes
+  std::array<std::uint8_t, kSceneChunkBytes> data{};
+};
+
 enum class ByeReason : std::uint32_t {
   kDone = 1,
   kIdle = 2,
@@ -335,6 +374,8 @@ enum class MessageType : std::uint8_t {
   kCommand = 5,
   kReply = 6,
   kBye = 7,
+  kSceneRequest = 8,
+  kSceneChunk = 9,
   kSnapshotRequest = 10,
   kSnapshotPiece = 11
 };

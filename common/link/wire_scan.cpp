@@ -28,8 +28,8 @@ constexpr FieldList kHelloFields = {kNoField, kF32, kF32, kF64, kF64, kF64, kF64
 constexpr FieldList kChallengeFields = {kNoField, kF64, kF64};
 constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kLen,
                                       kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64,  // 25: well
-                                      kF64,     0,    0,    0,    0,    0,    0,    0,    0,    0,
+                                      kF64,     kF64, kF64, kF64, kF64,  // 25: well; 26: scene
+                                      kF64,     kF64, kF64, kF64, kF64, kF32, kF64, 0,    0,    0,
                                       0,        0,    0,    0,    0,    kF64, kF64, kF32};  // 40: step log
 constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
 constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64,
@@ -49,6 +49,8 @@ constexpr FieldList kReplyFields = {
 constexpr FieldList kByeFields = {kNoField, kF64, kF32};
 constexpr FieldList kSnapshotRequestFields = {kNoField, kF64, kF32, kF32};
 constexpr FieldList kSnapshotPieceFields = {kNoField, kF64, kF32, kF32, kF64, kF64, kF32, kF32, kLen};
+constexpr FieldList kSceneRequestFields = {kNoField, kF64, kF64, kF32};
+constexpr FieldList kSceneChunkFields = {kNoField, kF64, kF64, kF32, kLen};
 constexpr FieldList kNoFields = {};
 
 /// The same list by tag (number << 3 | wire type), which is what is met on the wire: how far to go on, and
@@ -79,6 +81,8 @@ constexpr std::size_t longest_payload(const FieldList& fields) {
 }
 static_assert(longest_payload(kCommandFields) == 199 && longest_payload(kReplyFields) == 463,
               "as PROTOCOL.md says, and within kMaxPayloadBytes");
+static_assert(longest_payload(kWelcomeFields) + 2 + kSceneNameBytes == 342 &&
+              longest_payload(kSceneChunkFields) + 3 + kSceneChunkBytes == 490);
 static_assert(longest_payload(kCommandFields) + kRecentTagBytes + 2 + kMaxRecent * kRecentBytes <=
               kMaxPayloadBytes);
 
@@ -103,8 +107,8 @@ constexpr std::array<TagTable, 12> kTagTables = {tag_table(kNoFields),
                                                  tag_table(kCommandFields),
                                                  tag_table(kReplyFields),
                                                  tag_table(kByeFields),
-                                                 tag_table(kNoFields),
-                                                 tag_table(kNoFields),
+                                                 tag_table(kSceneRequestFields),
+                                                 tag_table(kSceneChunkFields),
                                                  tag_table(kSnapshotRequestFields),
                                                  tag_table(kSnapshotPieceFields)};
 
@@ -134,6 +138,8 @@ bool fits_steps(std::size_t length, std::size_t at, std::size_t size) noexcept {
 
 /// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding and
 /// before a Command's repeated commands.
+/// True if every field is on the list, whole, and there once. `parse_bytes` ends before a Hello's padding,
+/// before a Command's repeated commands and before a SceneChunk's bytes.
 bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::size_t& parse_bytes) noexcept {
   const TagTable& table = kTagTables[static_cast<std::size_t>(type)];
   const std::uint8_t* const bytes = payload.data();
@@ -173,8 +179,9 @@ bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::s
     // The bytes of a piece are the last field; their length is checked where it is read.
     if (type == MessageType::kSnapshotPiece && at != size) return false;
     if (type == MessageType::kWelcome && length > kSceneNameBytes) return false;
-    if (type == MessageType::kHello) {
+    if (type == MessageType::kHello || type == MessageType::kSceneChunk) {
       if (at != size) return false;
+      if (type == MessageType::kSceneChunk && (length == 0 || length > kSceneChunkBytes)) return false;
       parse_bytes = field_start;
     }
   }
@@ -202,9 +209,7 @@ DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) 
   // Hello and Refuse never change their layout: they are how two versions find out about each other.
   const bool any_version = type == MessageType::kHello || type == MessageType::kRefuse;
   if (datagram[4] != kProtocolVersion && !any_version) return DropCause::kWrongVersion;
-  const bool known = (type_byte >= 1 && type_byte <= 7) || type == MessageType::kSnapshotRequest ||
-                     type == MessageType::kSnapshotPiece;
-  if (!known) return DropCause::kUnknownType;
+  if (type_byte == 0 || type_byte >= kTagTables.size()) return DropCause::kUnknownType;
   const std::size_t payload_bytes =
       static_cast<std::size_t>(datagram[6]) | (static_cast<std::size_t>(datagram[7]) << 8);
   const std::size_t behind_header = datagram.size() - kHeaderBytes;
@@ -241,6 +246,11 @@ DropCause scan_payload(WireFrame& frame) noexcept {
   }
   if (frame.type == MessageType::kCommand && parse_bytes < frame.payload.size())
     take_tail(frame.payload, parse_bytes, frame);
+  if (frame.type == MessageType::kSceneChunk && parse_bytes < frame.payload.size()) {
+    std::size_t at = parse_bytes + 1, length = 0;
+    read_length(frame.payload, at, length);
+    frame.data = frame.payload.subspan(at);
+  }
   frame.payload = frame.payload.first(parse_bytes);
   return DropCause::kNone;
 }

@@ -18,6 +18,7 @@ struct WireFrame {
   std::span<const std::uint8_t> payload;  ///< what Protobuf may parse: the padding of a Hello is left out
   std::span<const std::uint8_t> recent;  ///< of a Command: its repeated commands, which Protobuf does not see
   std::span<const std::uint8_t> steps;   ///< of a Command, instead of these: its steps (step_log.h), likewise
+  std::span<const std::uint8_t> data;    ///< of a SceneChunk: likewise
 };
 
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
@@ -28,6 +29,8 @@ inline constexpr std::uint32_t kRecentField = 40;
 inline constexpr std::size_t kRecentTagBytes = 2;
 /// Likewise before its steps.
 inline constexpr std::uint32_t kStepsField = 41;
+/// The bytes of a SceneChunk: last on the wire, likewise.
+inline constexpr std::uint32_t kSceneDataField = 4;
 
 /// Checks a datagram down to the last tag before Protobuf sees it: header, total length, and that every field
 /// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field

@@ -172,6 +172,8 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.mode = sample.station_mode;
   p.method = station_.config().method;
   p.chooses_method = chooses_method_;
+  p.twin = loop_.trace().twin;
+  p.twin_behind = loop_.trace().twin_behind;
   p.silent_s = silent_s(sample);
   p.force_off = loop_.force_off();
   p.observes = loop_.trace().observes;

@@ -54,8 +54,10 @@ struct Progress {
   double silent_s = 0;
   device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
   bool observes = false;                                           ///< of a shared tip
-  bool tip_up = false;         ///< the slave has withdrawn the session's tip
-  bool shutting_down = false;  ///< the server has said so, and is not back yet
+  station::TwinState twin = station::TwinState::kNone;
+  std::uint64_t twin_behind = 0;  ///< steps of it that the server has not confirmed
+  bool tip_up = false;            ///< the slave has withdrawn the session's tip
+  bool shutting_down = false;     ///< the server has said so, and is not back yet
   std::uint64_t resume_token = 0;
   std::int64_t ticks = 0;
   std::uint64_t overruns = 0;

@@ -18,8 +18,13 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       ->check(CLI::Range(100.0, 8000.0));
   command
       .add_option("--method", options.method,
-                  "How the port is kept passive (default auto: tank or model, by the round trip)")
-      ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model}");
+                  "How the port is kept passive (default auto: twin with --scene, else tank or model, by the "
+                  "round trip)")
+      ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
+  command.add_option(
+      "--scene", options.scene,
+      "The server's scene, a name or a file: the station runs its slave itself, so that the hand "
+      "feels the sample without delay (method twin)");
   command.add_option("--velocity-scale", options.velocity_scale,
                      "alpha_v, tip metres per hand metre (default: planned, see plan)");
   command.add_option("--force-scale", options.force_scale,

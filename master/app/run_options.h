@@ -20,6 +20,7 @@ struct RunOptions : ServerAccess {
   std::optional<double> depth_nm;
   std::optional<double> rate_hz;
   std::optional<std::string> method;
+  std::string scene;  ///< of the twin; empty: none
   std::optional<double> velocity_scale;
   std::optional<double> force_scale;
   bool allow_unsafe_scaling = false;

@@ -40,6 +40,7 @@
 #include "master/app/stop_signals.h"
 #include "master/device/sim_device.h"
 #include "master/station/station.h"
+#include "twin/load_twin.h"
 
 namespace telenano::app {
 namespace {
@@ -50,6 +51,8 @@ constexpr int kProbeMin = 5;
 constexpr int kProbeMax = 40;
 // A loop that has not come back so long after a stop is left behind.
 constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
+// Steps that are kept until the server has made them; twice what is felt without its word.
+constexpr double kTwinRingS = 4;
 constexpr std::chrono::milliseconds kLineAgain(200);
 constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
@@ -71,7 +74,11 @@ StationFile station_file(const RunOptions& options) {
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   station::StationConfig& config = file.station;
   if (options.rate_hz) config.rate_hz = *options.rate_hz;
-  if (options.method) file.choose(*options.method);
+  if (options.method) {
+    file.choose(*options.method);
+  } else if (!options.scene.empty()) {
+    file.choose("twin");
+  }
   if (options.velocity_scale) file.scaling.velocity = *options.velocity_scale;
   if (options.force_scale) file.scaling.force = *options.force_scale;
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
@@ -245,6 +252,18 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
   return "";
 }
 
+/// Says what of the wish for a twin this server does not give.
+void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const link::Welcome& welcome,
+              const station::StationConfig& config, station::Station& station, bool quiet) {
+  const bool same = twins[0]->scene_hash() == welcome.scene_hash;
+  if (!same && !quiet)
+    fmt::print(stderr, "note: --scene is another scene than the server's: no twin, method model instead\n");
+  station::TwinRunConfig twin;
+  twin.rate_hz = config.rate_hz;
+  twin.ring_s = kTwinRingS;
+  station.use_twin(std::make_unique<station::TwinRun>(twin, std::move(twins[0]), std::move(twins[1])));
+}
+
 }  // namespace
 
 int run_session(const RunOptions& options) {
@@ -276,6 +295,13 @@ int run_session(const RunOptions& options) {
   client_config.redundancy = static_cast<std::size_t>(file.redundancy);
   // Only a replay needs to know in which order the slave stepped.
   if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
+  // The scene is run here too. Whether it is the server's own, the Welcome says.
+  std::vector<std::unique_ptr<control::LocalSlave>> twins;
+  if (!options.scene.empty()) {
+    twins = twin::load_twins(options.scene, 2);
+    client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
+    client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
+  }
   link::ClientSession session(client_config);
   connect(session, way, server, config.rate_hz, options, stop);
   Farewell farewell(session, way.datagram(), server);
@@ -327,6 +353,7 @@ int run_session(const RunOptions& options) {
       make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed);
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned);
   station::Station station(config, device_info, port);
+  if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
   if (file.chooses_method) live.choose_method();

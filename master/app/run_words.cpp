@@ -21,6 +21,12 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
       p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
   if (p.playout_delay_ms > 0)
     line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
+  if (p.twin == station::TwinState::kApart)
+    line += "  twin: apart from the server, taking up its state";
+  else if (p.twin == station::TwinState::kGivenUp)
+    line += "  twin: given up";
+  else if (p.twin != station::TwinState::kNone)
+    line += fmt::format("  twin: {} steps ahead", p.twin_behind);
   if (p.force_off != device::ForceOffCause::kNone)
     line += fmt::format("  no force: {}", device::force_off_text(p.force_off));
   if (p.observes) line += "  observing: another session holds the tip, or none";
@@ -41,6 +47,12 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
 
 void print_changes(const Progress& before, const Progress& now, bool terminal) {
   const char* const end_of_line = terminal ? "\n" : "";
+  if (before.twin != now.twin && now.twin == station::TwinState::kGivenUp) {
+    fmt::print(stderr,
+               "{}note: what the server's slave does is not what its scene does here: no twin from now on, "
+               "method model\n",
+               end_of_line);
+  }
   if (before.observes != now.observes) {
     fmt::print(stderr, "{}{}\n", end_of_line,
                now.observes ? "the tip is another session's, or nobody's: observing, the force is zero"

@@ -1,9 +1,11 @@
 #include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "common/base/version.h"
 #include "common/config/program.h"
+#include "common/hash/sha256.h"
 #include "nve_server/app/check_command.h"
 #include "nve_server/app/curve_command.h"
 #include "nve_server/app/keys_command.h"
@@ -12,17 +14,34 @@
 #include "nve_server/app/serve_command.h"
 #include "nve_server/app/surface_keeper.h"
 #include "nve_server/app/trace_command.h"
-#include "nve_server/scene/scene.h"
+#include "nve_server/scene/scene_bundle.h"
+#include "nve_server/slave/canonical_motion.h"
 #include "nve_server/slave/nve_slave.h"
 
 namespace {
 
+void offer_bundle(telenano::scene::SceneWithBundle both, telenano::server::ServedScene& served) {
+  if (!telenano::has_sha256()) both.why_none = "this program was built without OpenSSL";
+  served.why_no_fetch = both.why_none;
+  if (!both.why_none.empty()) return;
+  auto to_fetch = std::make_shared<telenano::server::SceneToFetch>();
+  const telenano::Sha256 hash = telenano::sha256(both.bundle);
+  for (std::size_t i = 0; i < hash.size(); ++i)
+    to_fetch->offer.hash[i / 8] |= std::uint64_t{hash[i]} << (8 * (i % 8));
+  to_fetch->offer.bytes = static_cast<std::uint32_t>(both.bundle.size());
+  to_fetch->offer.canonical_motion = telenano::slave::canonical_motion_hash(both.scene);
+  to_fetch->bytes = std::move(both.bundle);
+  served.to_fetch = std::move(to_fetch);
+}
+
 telenano::server::ServedScene serve_scene(const std::string& path, const std::string& surface_folder) {
-  const auto scene = telenano::app::load_scene(path);
+  auto both = telenano::app::load_scene_with_bundle(path);
+  const auto scene = both.scene;
   telenano::server::ServedScene served;
   served.name = telenano::server::scene_name(scene->name);
   served.hash = scene->hash;
   served.timeout_ms = scene->session_timeout_ms;
+  offer_bundle(std::move(both), served);
   if (surface_folder.empty()) {
     served.make_slave = telenano::slave::nve_slaves(scene);
   } else {

@@ -7,8 +7,19 @@
 
 namespace telenano::app {
 
-std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path,
-                                               const std::function<void(const std::string&)>& tell) {
+namespace {
+
+const std::shared_ptr<const scene::Scene>& scene_of(const std::shared_ptr<const scene::Scene>& scene) {
+  return scene;
+}
+const std::shared_ptr<const scene::Scene>& scene_of(const scene::SceneWithBundle& both) {
+  return both.scene;
+}
+
+using Tell = std::function<void(const std::string&)>;
+
+template <class Load>
+auto loaded(const Tell& tell, const Load& load) {
   using Clock = std::chrono::steady_clock;
   constexpr std::chrono::seconds kQuiet{2};  // what is made in less needs no word on the way
   const auto begin = Clock::now();
@@ -22,22 +33,38 @@ std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path,
     std::snprintf(text, sizeof text, "making the fields of the surface: %.0f %%", 100 * part);
     tell(text);
   };
-  auto scene = scene::load_scene(name_or_path, loading);
-  if (scene->potential) {
+  auto result = load(loading);
+  const scene::Scene& scene = *scene_of(result);
+  if (scene.potential) {
     const std::chrono::duration<double> spent = Clock::now() - begin;
     char text[160];
     std::snprintf(text, sizeof text, "fields of the surface %s in %.3g s, %.3g MB%s",
-                  scene->ground.fields_from_cache ? "taken from the cache" : "made", spent.count(),
-                  1e-6 * static_cast<double>(scene->ground.fields_bytes),
+                  scene.ground.fields_from_cache ? "taken from the cache" : "made", spent.count(),
+                  1e-6 * static_cast<double>(scene.ground.fields_bytes),
                   loading.fields_cache.empty() ? ", not kept (TELENANO_CACHE)" : "");
     tell(text);
   }
-  return scene;
+  return result;
+}
+
+void tell_stderr(const std::string& text) {
+  std::fprintf(stderr, "telenano-nve: %s\n", text.c_str());
+}
+
+}  // namespace
+
+std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path, const Tell& tell) {
+  return loaded(tell,
+                [&](const scene::SceneLoading& loading) { return scene::load_scene(name_or_path, loading); });
 }
 
 std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path) {
-  return load_scene(name_or_path, [](const std::string& text) {
-    std::fprintf(stderr, "telenano-nve: %s\n", text.c_str());
+  return load_scene(name_or_path, tell_stderr);
+}
+
+scene::SceneWithBundle load_scene_with_bundle(const std::string& name_or_path) {
+  return loaded(tell_stderr, [&](const scene::SceneLoading& loading) {
+    return scene::load_scene_with_bundle(name_or_path, loading);
   });
 }
 

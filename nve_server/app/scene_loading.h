@@ -5,6 +5,7 @@
 #include <string>
 
 #include "nve_server/scene/scene.h"
+#include "nve_server/scene/scene_bundle.h"
 
 namespace telenano::app {
 
@@ -12,6 +13,9 @@ namespace telenano::app {
 /// `tell` what takes long: lines without an end.
 std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path,
                                                const std::function<void(const std::string&)>& tell);
+
+/// The same with its bundle, telling stderr.
+scene::SceneWithBundle load_scene_with_bundle(const std::string& name_or_path);
 
 /// The same, telling stderr.
 std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path);

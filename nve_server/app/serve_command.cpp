@@ -106,6 +106,7 @@ struct ServeOptions {
   std::string local_rights;                      // left out: operate
   std::optional<int> timeout_ms;                 // left out: as the scene says
   int resume_s = 30;
+  bool no_scene_sharing = false;
   std::string share;  // left out: as the scene's slave must be, else private
   std::size_t workers = 1;
   bool busy_poll = false;
@@ -150,6 +151,10 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
       options.afm.wanted() ? options.afm.start(clock, signals.stop,
                                                [log](const std::string& text) { log->info("afm: {}", text); })
                            : load_scene(options.scene, options.surfaces);
+  if (options.no_scene_sharing) {
+    scene.to_fetch.reset();
+    scene.why_no_fetch = "--no-scene-sharing";
+  }
   server::ServerConfig config;
   config.secret = fresh_secret();
   const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
@@ -169,6 +174,11 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
   log->info("serving {} on {}{}{}{}", options.afm.wanted() ? "an AFM" : options.scene,
             net::to_string(workers.local()), secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
             options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
+  if (scene.to_fetch)
+    log->info("stations may fetch the scene: {} bytes, {:016x}", scene.to_fetch->offer.bytes,
+              scene.to_fetch->offer.name());
+  else if (!scene.why_no_fetch.empty())
+    log->info("stations cannot fetch the scene: {}", scene.why_no_fetch);
   log->info("{}", buffer_text(workers.receive_buffer_bytes()));
   std::optional<rt::CpuAwake> awake;
   if (options.low_latency) {
@@ -222,6 +232,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
             counters.opened, counters.resumed,
             counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
             drops.empty() ? "none" : drops);
+  if (counters.scene_chunks > 0) log->info("{} pieces of the scene were fetched", counters.scene_chunks);
   if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
   if (secure) log->info("channels: {}", workers.channels_text());
 }
@@ -257,6 +268,8 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
                    "Threads that serve; each station is one thread's, by its address and port")
       ->capture_default_str()
       ->check(CLI::Range(1, 64));
+  command->add_flag("--no-scene-sharing", options->no_scene_sharing,
+                    "Do not let stations fetch the scene (description and scan) that they touch");
   command
       ->add_option("--timeout-ms", options->timeout_ms,
                    "Silence after which a session's slave retracts; left out: as the scene says")

@@ -71,6 +71,8 @@ void write_metrics(const std::vector<const server::LoopStatus*>& workers,
   page.counter("telenano_sessions_ended_total", "Sessions ended by Bye", number(s.counters.ended));
   page.counter("telenano_datagrams_total", "Datagrams received", number(s.counters.datagrams));
   page.counter("telenano_exchanges_total", "Commands answered", number(s.counters.exchanges));
+  page.counter("telenano_scene_pieces_total", "Pieces of the scene that stations have fetched",
+               number(s.counters.scene_chunks));
   page.counter("telenano_commands_recovered_total", "Lost commands that a later datagram repeated",
                number(s.counters.recovered));
   for (std::size_t i = 1; i < s.drops.size(); ++i) {

@@ -92,10 +92,10 @@ std::string encode(const config::TomlDocument& document, const std::string& scan
   return bytes;
 }
 
-SceneWithBundle make_both(const config::TomlDocument& document) {
+SceneWithBundle make_both(const config::TomlDocument& document, const SceneLoading& loading = {}) {
   SceneWithBundle both;
   std::string scan;
-  both.scene = make_scene(document, {}, nullptr, &scan);
+  both.scene = make_scene(document, loading, nullptr, &scan);
   try {
     both.bundle = encode(document, scan);
     open_bundle(both.bundle);
@@ -199,8 +199,8 @@ const config::TomlValue* find(const std::vector<config::TomlValue>& values, std:
 
 }  // namespace
 
-SceneWithBundle load_scene_with_bundle(const std::string& name_or_path) {
-  return make_both(load_description(name_or_path));
+SceneWithBundle load_scene_with_bundle(const std::string& name_or_path, const SceneLoading& loading) {
+  return make_both(load_description(name_or_path), loading);
 }
 
 SceneWithBundle parse_scene_with_bundle(std::string content, const std::string& name) {

@@ -48,7 +48,7 @@ struct SceneWithBundle {
 };
 
 /// load_scene, and the bundle of exactly what was read. Throws UserError as that does.
-SceneWithBundle load_scene_with_bundle(const std::string& name_or_path);
+SceneWithBundle load_scene_with_bundle(const std::string& name_or_path, const SceneLoading& loading = {});
 /// parse_scene likewise.
 SceneWithBundle parse_scene_with_bundle(std::string content, const std::string& name);
 

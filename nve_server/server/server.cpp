@@ -39,6 +39,8 @@ constexpr std::int64_t kFreezeEveryNs = 100'000'000;
 bool logs_steps(const link::Session& session) noexcept {
   return (session.feature_bits & link::kFeatureStepLog) != 0;
 }
+/// Pieces of the scene that a session may have at once.
+constexpr double kSceneBurst = 64;
 
 /// Who moved a shared tip last is no longer known: nobody who comes.
 constexpr std::size_t kForgotten = SIZE_MAX - 1;
@@ -101,7 +103,7 @@ link::SessionTableConfig table_of(const ServerConfig& config) noexcept {
 /// Sharing is offered where there is something to share, and asked for there; a particle and a well where
 /// there is one.
 link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const slave::SlaveLimits& limits,
-                                             bool knows_state) {
+                                             bool knows_state, const ServedScene& scene) {
   link::ServerHandshakeConfig handshake;
   handshake.secret = config.secret;
   handshake.feature_bits = config.feature_bits & ~std::uint64_t{link::kFeatureSharing};
@@ -110,6 +112,7 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
     handshake.feature_bits |= link::kFeatureSharing;
   }
   if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
+  if (!scene.to_fetch) handshake.feature_bits &= ~std::uint64_t{link::kFeatureScene};
   if (!has_well(limits)) handshake.feature_bits &= ~std::uint64_t{link::kFeatureWell};
   // A log of steps asks for a slave whose state they make, and for one tip a session.
   if (!knows_state || config.share == Share::kOneTip)
@@ -135,11 +138,12 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       spare_(first_slave(scene_)),
       limits_(spare_->limits()),
       table_(table_of(config), config.secret),
-      handshake_(handshake_config(config, limits_, spare_->state_hash() != 0)),
+      handshake_(handshake_config(config, limits_, spare_->state_hash() != 0, scene_)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       seats_(table_.capacity()),
       holder_(table_.capacity()),
-      search_(config.mail, config.worker) {
+      search_(config.mail, config.worker),
+      scene_chunks_(config.scene_chunks_all_per_s, kSceneBurst) {
   if (shared()) {
     if (search_.has_others()) throw UserError("one tip for all is one worker's: leave --workers at 1");
     make_tip(0, 0);
@@ -169,6 +173,8 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
       return on_hello(incoming_.hello, from, now_ns, out, standing_);
     case link::MessageType::kSnapshotRequest:
       return on_snapshot_request(incoming_.snapshot_request, from, now_ns, out);
+    case link::MessageType::kSceneRequest:
+      return on_scene_request(incoming_.scene_request, from, now_ns, out);
     case link::MessageType::kBye:
       on_bye(incoming_.bye, from, now_ns);
       return 0;
@@ -223,6 +229,7 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
   w.coupling_damping_n_s_m = limits.coupling_damping_n_s_m;
   if ((session.feature_bits & link::kFeatureWell) != 0 && has_well(limits)) w.well_aj = limits.well_aj;
   if (logs_steps(session)) w.steps = step_report(slot);
+  if ((session.feature_bits & link::kFeatureScene) != 0 && scene_.to_fetch) w.scene = scene_.to_fetch->offer;
   return codec_.encode(w, out);
 }
 
@@ -358,6 +365,8 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       break;
   }
   seats_[verdict.slot].address = from;
+  if (verdict.kind != Kind::kAgain)
+    seats_[verdict.slot].scene_chunks = link::TokenBucket(config_.scene_chunks_per_s, kSceneBurst);
   return welcome(verdict.slot, hello.nonce, out);
 }
 
@@ -523,6 +532,32 @@ std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, co
   if (!frozen.piece(request.piece, piece)) return drop(DropCause::kOutOfRange);
   piece.session_id = session.session_id;
   return codec_.encode(piece, out);
+}
+
+/// Nothing is kept but how much was sent: what is asked for again is sent again, within the same bounds.
+std::size_t Server::on_scene_request(const link::SceneRequest& request, const net::Address& from,
+                                     std::int64_t now_ns, std::span<std::uint8_t> out) noexcept {
+  const std::size_t slot = table_.find(request.session_id);
+  if (slot == link::SessionTable::kNone) return drop(DropCause::kUnknownSession);
+  const link::Session& session = table_[slot];
+  if (!(session.peer == peer_key(from)) || session.owner != standing_.identity)
+    return drop(DropCause::kUnauthenticated);
+  if (session.state != link::SlotState::kActive || (session.feature_bits & link::kFeatureScene) == 0)
+    return drop(DropCause::kUnexpected);
+  const SceneToFetch& scene = *scene_.to_fetch;
+  const std::size_t size = scene.offer.chunk_bytes(request.chunk);
+  if (request.bundle != scene.offer.name() || size == 0) return drop(DropCause::kOutOfRange);
+  if (!seats_[slot].scene_chunks.take(now_ns) || !scene_chunks_.take(now_ns))
+    return drop(DropCause::kRateLimited);
+  link::SceneChunk& chunk = chunk_;
+  chunk.session_id = request.session_id;
+  chunk.bundle = request.bundle;
+  chunk.chunk = request.chunk;
+  chunk.size = static_cast<std::uint32_t>(size);
+  std::memcpy(chunk.data.data(), scene.bytes.data() + std::size_t{request.chunk} * link::kSceneChunkBytes,
+              size);
+  ++counters_.scene_chunks;
+  return codec_.encode(chunk, out);
 }
 
 void Server::on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept {

@@ -5,12 +5,14 @@
 #include <functional>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "common/link/codec.h"
 #include "common/link/drop_cause.h"
 #include "common/link/server_handshake.h"
 #include "common/link/session_table.h"
+#include "common/link/token_bucket.h"
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
 #include "nve_server/server/port_book.h"
@@ -29,6 +31,12 @@ namespace telenano::server {
 /// it (TipHolder says which), the others observe.
 enum class Share : std::uint8_t { kPrivate, kOneTip };
 
+/// A scene's bundle, for stations to fetch.
+struct SceneToFetch {
+  link::SceneOffer offer;
+  std::string bytes;  ///< offer.bytes of them
+};
+
 /// What is served.
 struct ServedScene {
   link::SceneName name;
@@ -39,6 +47,8 @@ struct ServedScene {
   std::function<std::unique_ptr<slave::Slave>()> make_slave;
   std::uint32_t timeout_ms = 2000;  ///< that the scene asks for; who makes the SessionTableConfig decides
   bool one_tip_only = false;        ///< there is only one, as with a real instrument: never Share::kPrivate
+  std::shared_ptr<const SceneToFetch> to_fetch;  ///< null: it cannot be fetched,
+  std::string why_no_fetch;                      ///< because of this; empty: there is nothing to say
 };
 
 /// "flakes" → {'f','l',…,0}; cut to what fits.
@@ -53,8 +63,12 @@ struct ServerConfig {
   double challenges_per_s = 20000;
   double openings_per_s = 64;
   double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
-  double step_gap_s = 2;    ///< a step may be missing in a log; then it is left out, and the log says so
-  double step_ring_s = 4;   ///< of logged steps that may wait for their turn, in each session that logs
+  double step_gap_s = 2;   ///< a step may be missing in a log; then it is left out, and the log says so
+  double step_ring_s = 4;  ///< of logged steps that may wait for their turn, in each session that logs
+  /// Pieces of the scene that are sent, to one session and to all: beside commands, which they must not
+  /// delay. One takes about a microsecond.
+  double scene_chunks_per_s = 2000;
+  double scene_chunks_all_per_s = 10000;
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
 
   /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
@@ -70,11 +84,12 @@ struct ServerCounters {
   std::uint64_t opened = 0;
   std::uint64_t resumed = 0;
   std::uint64_t timed_out = 0;
-  std::uint64_t ended = 0;      ///< by Bye
-  std::uint64_t holdings = 0;   ///< how often a shared tip went to somebody
-  std::uint64_t recovered = 0;  ///< lost commands that a later datagram repeated
-  std::uint64_t moved_in = 0;   ///< handed over by another worker
-  std::uint64_t moved_out = 0;  ///< to another worker
+  std::uint64_t ended = 0;         ///< by Bye
+  std::uint64_t holdings = 0;      ///< how often a shared tip went to somebody
+  std::uint64_t recovered = 0;     ///< lost commands that a later datagram repeated
+  std::uint64_t scene_chunks = 0;  ///< pieces of the scene sent
+  std::uint64_t moved_in = 0;      ///< handed over by another worker
+  std::uint64_t moved_out = 0;     ///< to another worker
 
   void add(const ServerCounters& more) noexcept {
     datagrams += more.datagrams;
@@ -87,6 +102,7 @@ struct ServerCounters {
     moved_out += more.moved_out;
     holdings += more.holdings;
     recovered += more.recovered;
+    scene_chunks += more.scene_chunks;
   }
 };
 
@@ -146,6 +162,8 @@ class Server {
   void adopt(SessionParcel& parcel) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
+  std::size_t on_scene_request(const link::SceneRequest& request, const net::Address& from,
+                               std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void on_bye(const link::Bye& bye, const net::Address& from, std::int64_t now_ns) noexcept;
   std::size_t welcome(std::size_t slot, std::uint64_t nonce, std::span<std::uint8_t> out) noexcept;
   bool shared() const noexcept { return config_.share == Share::kOneTip; }
@@ -188,6 +206,8 @@ class Server {
   bool shutting_down_ = false;
   net::Standing standing_;        ///< of the datagram at hand
   std::uint32_t last_flags_ = 0;  ///< of the last step of a log that was executed
+  link::TokenBucket scene_chunks_;
+  link::SceneChunk chunk_;
   link::DropCounters drops_;
   ServerCounters counters_;
   ServiceTimes service_;

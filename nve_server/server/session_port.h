@@ -6,6 +6,7 @@
 #include "common/link/session_table.h"
 #include "common/link/snapshot.h"
 #include "common/link/step_log.h"
+#include "common/link/token_bucket.h"
 #include "common/net/datagram.h"
 #include "nve_server/server/port_book.h"
 #include "nve_server/server/port_control.h"
@@ -35,6 +36,7 @@ struct Seat {
   link::StepReceiver steps;        ///< where the session logs its steps; its ring is made with the session
   link::PortControl last_control;  ///< of the newest command: that of steps which come to their turn later
   bool operates = true;            ///< the right of the newest command
+  link::TokenBucket scene_chunks{0, 0};  ///< how fast this session may fetch the scene
 };
 
 /// A whole session, with a tip of its own, on its way from one worker to another.

@@ -29,6 +29,10 @@ std::size_t encode_again(Codec& codec, const Incoming& in, std::span<std::uint8_
       return codec.encode(in.reply, out);
     case MessageType::kBye:
       return codec.encode(in.bye, out);
+    case MessageType::kSceneRequest:
+      return codec.encode(in.scene_request, out);
+    case MessageType::kSceneChunk:
+      return codec.encode(in.scene_chunk, out);
     default:
       return 0;
   }
@@ -56,6 +60,10 @@ void check_promises(const Incoming& in) {
       FUZZ_CHECK(telenano::is_finite(in.reply.force_w_nn) && telenano::is_finite(in.reply.tip_pos_w_nm));
       FUZZ_CHECK(in.reply.energy_in_aj >= 0 && in.reply.energy_out_aj >= 0);
       FUZZ_CHECK(is_finite(in.reply.particle) && in.reply.particle.radius_nm >= 0);
+      break;
+    case MessageType::kSceneChunk:
+      FUZZ_CHECK(in.scene_chunk.size >= 1 && in.scene_chunk.size <= kSceneChunkBytes);
+      FUZZ_CHECK(in.scene_chunk.session_id != 0 && in.scene_chunk.bundle != 0);
       break;
     default:
       break;

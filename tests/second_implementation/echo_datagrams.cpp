@@ -27,6 +27,14 @@ std::size_t encode(Codec& codec, const Incoming& in, std::span<std::uint8_t> out
       return codec.encode(in.reply, out);
     case MessageType::kBye:
       return codec.encode(in.bye, out);
+    case MessageType::kSceneRequest:
+      return codec.encode(in.scene_request, out);
+    case MessageType::kSceneChunk:
+      return codec.encode(in.scene_chunk, out);
+    case MessageType::kSnapshotRequest:
+      return codec.encode(in.snapshot_request, out);
+    case MessageType::kSnapshotPiece:
+      return codec.encode(in.snapshot_piece, out);
     case MessageType::kNone:
       break;
   }

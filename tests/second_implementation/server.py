@@ -4,12 +4,13 @@ import collections
 import hashlib
 import hmac
 import secrets
+import struct
 
 import telenano_pb2 as pb
 from rules import Received, SequenceWindow
 from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEADMAN, FAULT_RETRACTED,
-                  FEATURE_PARTICLE, FEATURE_SHARING, FEATURE_STEP_HISTORY, FEATURE_WELL, KNOWN_FEATURES,
-                  REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN, REFUSE_VERSION, STOP, VERSION, Drop, decode, encode,
+                  FEATURE_PARTICLE, FEATURE_SCENE, FEATURE_SHARING, FEATURE_STEP_HISTORY, FEATURE_WELL, KNOWN_FEATURES,
+                  REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN, REFUSE_VERSION, SCENE_CHUNK_BYTES, STOP, VERSION, Drop, decode, encode,
                   features_used, need, recent_commands, set_vector, vector)
 
 SECOND = 1_000_000_000
@@ -71,9 +72,10 @@ class Session:
 class Server:
     """on_datagram(bytes, address, now) returns the answer or None; poll(now) applies the time-outs."""
 
-    def __init__(self, capacity=4, features=KNOWN_FEATURES, timeout_ms=500, rate_max_hz=8000):
+    def __init__(self, capacity=4, features=KNOWN_FEATURES, timeout_ms=500, rate_max_hz=8000, bundle=None):
+        self.bundle = bundle  # of the scene, for stations to fetch; None: they cannot
         # There is nothing to share, no particle, and no well: nothing here attracts.
-        features &= ~(FEATURE_SHARING | FEATURE_PARTICLE | FEATURE_WELL)
+        features &= ~(FEATURE_SHARING | FEATURE_PARTICLE | FEATURE_WELL | (0 if bundle else FEATURE_SCENE))
         self.capacity, self.features, self.timeout_ms, self.rate_max_hz = capacity, features, timeout_ms, rate_max_hz
         self.shutting_down = False
         self.secret = secrets.token_bytes(32)
@@ -94,7 +96,8 @@ class Server:
     def on_datagram(self, datagram, address, now_ns):
         try:
             m = decode(datagram)
-            handler = {pb.Hello: self.on_hello, pb.Command: self.on_command, pb.Bye: self.on_bye}.get(type(m))
+            handler = {pb.Hello: self.on_hello, pb.Command: self.on_command, pb.Bye: self.on_bye,
+                       pb.SceneRequest: self.on_scene_request}.get(type(m))
             need(handler is not None, "unknown_type")
             answer = handler(m, address, now_ns)
         except Drop as drop:
@@ -103,7 +106,7 @@ class Server:
         if answer is None:
             return None
         answer = encode(answer)
-        assert isinstance(answer, bytes) and len(answer) <= max(len(datagram), 419)
+        assert isinstance(answer, bytes) and len(answer) <= max(len(datagram), 498)
         return answer
 
     def drop(self, cause, answer=None):
@@ -157,7 +160,20 @@ class Server:
         set_vector(w, "workspace_min_w_{}_nm", slave.LOW)
         set_vector(w, "workspace_max_w_{}_nm", slave.HIGH)
         set_vector(w, "start_pos_w_{}_nm", slave.position)
+        if session.features & FEATURE_SCENE:
+            (w.scene_sha256_0, w.scene_sha256_1, w.scene_sha256_2, w.scene_sha256_3) = struct.unpack(
+                "<4Q", hashlib.sha256(self.bundle).digest())
+            w.scene_bytes, w.canonical_motion = len(self.bundle), 7
         return w
+
+    def on_scene_request(self, m, address, now_ns):
+        session = self.by_id(m.session_id)
+        need(session is not None, "unknown_session")
+        need(session.address == address, "unauthenticated")
+        need(session.state == "active" and session.features & FEATURE_SCENE, "unexpected")
+        data = self.bundle[m.chunk * SCENE_CHUNK_BYTES:(m.chunk + 1) * SCENE_CHUNK_BYTES]
+        need(m.bundle == struct.unpack_from("<Q", hashlib.sha256(self.bundle).digest())[0] and data, "out_of_range")
+        return pb.SceneChunk(session_id=m.session_id, bundle=m.bundle, chunk=m.chunk, data=data)
 
     # Exchange
 

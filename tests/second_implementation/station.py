@@ -1,11 +1,13 @@
 """The station's end of a session, written from PROTOCOL.md: bytes and times in, bytes out."""
 import collections
+import hashlib
 import secrets
 
 import telenano_pb2 as pb
 from rules import LinkTimes, Received, SequenceWindow
 from wire import (BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION, FEATURE_REDUNDANCY,
-                  KNOWN_FEATURES, RECENT, REFUSE_FULL, REFUSE_SHUTTING_DOWN, VERSION, Drop, decode, encode, features_used, need, set_vector)
+                  FEATURE_SCENE, KNOWN_FEATURES, RECENT, REFUSE_FULL, REFUSE_SHUTTING_DOWN, SCENE_CHUNK_BYTES, VERSION, Drop, decode, encode, features_used, need, scene_offer,
+                  set_vector)
 
 MS = 1_000_000
 #: Sums of a command that count from the session's Welcome.
@@ -44,6 +46,8 @@ class Station:
         self.energy_in_aj, self.energy_out_aj = Received(), Received()
         self.times = LinkTimes()
         self.drops = collections.Counter()
+        self.pieces = {}  # of the scene, by number
+        self.asked_for = {}  # piece: when
 
     # Handshake
 
@@ -77,7 +81,7 @@ class Station:
         try:
             message = decode(datagram)
             handler = {pb.Challenge: self.on_challenge, pb.Welcome: self.on_welcome, pb.Refuse: self.on_refuse,
-                       pb.Reply: self.on_reply, pb.Bye: self.on_bye}.get(type(message))
+                       pb.Reply: self.on_reply, pb.Bye: self.on_bye, pb.SceneChunk: self.on_scene_chunk}.get(type(message))
             need(handler is not None, "unknown_type")
             handler(message, now_ns)
             return message
@@ -107,6 +111,8 @@ class Station:
             self.energy_in_aj, self.energy_out_aj = Received(), Received()
             self.times = LinkTimes()
         self.resumed_book = not self.welcomes and self.token != 0 and m.resume_token == self.token
+        if self.welcome is None or scene_offer(m) != scene_offer(self.welcome):
+            self.pieces, self.asked_for = {}, {}
         self.welcome = m
         self.welcomes.append(m)
         self.token = m.resume_token
@@ -179,6 +185,37 @@ class Station:
         self.times.on_reply(m, now_ns)
         if self.state == "lost":
             self.state = "established"
+
+    # The scene (section 14)
+
+    def scene(self):
+        """Its bundle, once all of it is here and has the hash that the Welcome names; else None."""
+        offer = self.welcome and scene_offer(self.welcome)
+        if not offer or len(self.pieces) < -(-offer[1] // SCENE_CHUNK_BYTES):
+            return None
+        bundle = b"".join(self.pieces[k] for k in sorted(self.pieces))
+        assert hashlib.sha256(bundle).digest() == offer[0], "another bundle than the Welcome names"
+        return bundle
+
+    def scene_requests(self, now_ns, most=2, again_ms=100):
+        """Datagrams to send now, beside the command."""
+        offer = self.welcome and scene_offer(self.welcome)
+        if not self.alive or not offer:
+            return []
+        wanted = [k for k in range(-(-offer[1] // SCENE_CHUNK_BYTES))
+                  if k not in self.pieces and now_ns - self.asked_for.get(k, -MS * 10 ** 6) > again_ms * MS][:most]
+        self.asked_for.update(dict.fromkeys(wanted, now_ns))
+        return [encode(pb.SceneRequest(session_id=self.welcome.session_id, bundle=self.welcome.scene_sha256_0, chunk=k))
+                for k in wanted]
+
+    def on_scene_chunk(self, m, now_ns):
+        need(self.alive, "unexpected")
+        need(m.session_id == self.welcome.session_id, "unknown_session")
+        need(self.welcome.feature_bits & FEATURE_SCENE, "unexpected")
+        left = self.welcome.scene_bytes - m.chunk * SCENE_CHUNK_BYTES
+        need(m.bundle == self.welcome.scene_sha256_0 and len(m.data) == min(max(left, 0), SCENE_CHUNK_BYTES), "out_of_range")
+        if m.chunk in self.asked_for:
+            self.pieces.setdefault(m.chunk, m.data)
 
     # End
 

@@ -1,13 +1,15 @@
 """A Python station at the real server over loopback: every reply held to the document's rules."""
 import math
+import struct
 import time
+import tomllib
 import unittest
 
 import telenano_pb2 as pb
-from programs import counted, now_ns, serve, udp
+from programs import SCENES, counted, now_ns, serve, udp
 from station import Station
 from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY,
-                  FEATURE_PARTICLE, FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, features_used, vector)
+                  FEATURE_PARTICLE, FEATURE_SCENE, FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, features_used, vector)
 
 RATE_HZ = 200
 ALL = KNOWN_FEATURES & ~(FEATURE_SHARING | FEATURE_PARTICLE)  # of a server with private tips and no particle
@@ -317,6 +319,68 @@ class StationAtTheServer(unittest.TestCase):
         self.assertEqual([m.reason for m in client.receive(0.2) if isinstance(m, pb.Bye)], [3], "the others are late")
         self.assertEqual((client.station.state, client.station.alive), ("lost", False))
         self.assertEqual(client.station.drops["unexpected"], 2, "it is said three times")
+
+    def test_fetches_the_scene_and_finds_what_the_document_says_in_it(self):
+        client = Client(self, self.server)
+        w = client.connect()
+        self.assertTrue(w.feature_bits & FEATURE_SCENE)
+        for _ in range(400):
+            client.tick(vector(w, "start_pos_w_{}_nm"))
+            for datagram in client.station.scene_requests(now_ns()):
+                client.send(datagram)
+            client.receive(1 / RATE_HZ)
+            if client.station.scene() is not None:
+                break
+        bundle = client.station.scene()  # its hash is looked at there
+        self.assertEqual(bundle[:4], b"TLNB")
+        form, _, count = struct.unpack_from("<3I", bundle, 4)
+        at, entries = 16, {}
+        for _ in range(count):
+            name = bundle[at + 1:at + 1 + bundle[at]].decode()
+            at += 1 + bundle[at]
+            size, = struct.unpack_from("<I", bundle, at)
+            entries[name], at = bundle[at + 4:at + 4 + size], at + 4 + size
+        self.assertEqual((form, at, sorted(entries)), (1, len(bundle), ["scene.toml", "values"]))
+        self.assertEqual(entries["scene.toml"], (SCENES / "flat_pdms.toml").read_bytes())
+        values, at = {}, 4
+        for _ in range(struct.unpack_from("<I", entries["values"])[0]):
+            kind, length = entries["values"][at:at + 2]
+            path, at = entries["values"][at + 2:at + 2 + length].decode(), at + 2 + length
+            size = {0: 0, 1: 1, 2: 8, 3: 8}.get(kind)
+            if size is None:
+                size, at = struct.unpack_from("<H", entries["values"], at)[0], at + 2
+            data, at = entries["values"][at:at + size], at + size
+            values[path] = {0: dict, 1: lambda d: bool(d[0]), 2: lambda d: struct.unpack("<q", d)[0],
+                            3: lambda d: struct.unpack("<d", d)[0], 4: bytes.decode}[kind](*([data] if kind else []))
+        self.assertEqual(at, len(entries["values"]))
+        # The document's own example of what the numbers are: those of the text.
+        with open(SCENES / "flat_pdms.toml", "rb") as file:
+            said = tomllib.load(file)
+
+        def flat(table, before=""):
+            for key, value in table.items():
+                if isinstance(value, dict) and value:
+                    yield from flat(value, before + key + ".")
+                else:
+                    yield before + key, value
+
+        self.assertEqual(values, dict(flat(said)))
+        self.assertEqual(list(values), sorted(values))
+        client.send(client.station.end())
+        self.assertEqual(self.child.stop(), 0, self.child.said())
+        self.assertIn("pieces of the scene were fetched", self.child.said())
+
+    def test_a_server_told_not_to_share_its_scene_does_not(self):
+        self.child.stop()
+        self.start_server("--no-scene-sharing")
+        client = Client(self, self.server)
+        w = client.connect()
+        self.assertEqual((w.feature_bits & FEATURE_SCENE, w.scene_sha256_0, w.scene_bytes), (0, 0, 0))
+        client.send(encode(pb.SceneRequest(session_id=w.session_id, bundle=1)))
+        client.send(client.station.end())
+        self.assertEqual(self.child.stop(), 0, self.child.said())
+        self.assertEqual(counted(self.child.said()).get("unexpected"), 1, self.child.said())
+        self.assertIn("cannot fetch the scene: --no-scene-sharing", self.child.said())
 
     def test_shutting_down_answers_while_the_tip_is_withdrawn(self):
         client = Client(self, self.server)

@@ -30,6 +30,12 @@ class Link:
             delay = self.delay_ms * (0.5 + self.random.random()) * MS
             heapq.heappush(self.queue, (self.now_ns + int(delay), self.count, to_server, datagram))
 
+    def fetch(self, ticks):
+        for _ in range(ticks):
+            self.ticks(1)
+            for datagram in self.station.scene_requests(self.now_ns):
+                self.send(datagram, True)
+
     def ticks(self, count):
         for _ in range(count):
             end_ns = self.now_ns + MS
@@ -59,6 +65,30 @@ class Together(unittest.TestCase):
             self.assertEqual(vector(station.reply, "force_w_{}_nn"), (0, 0, 3))
             self.assertGreater(server.drops["stale"], 100)
             self.assertGreater(server.drops["duplicate"], 100)
+
+    def test_a_scene_is_fetched_under_loss_and_goes_on_over_an_outage(self):
+        bundle = random.Random(5).randbytes(100_001)
+        for seed in range(3):
+            station, server = Station(), Server(bundle=bundle)
+            link = Link(station, server, seed, delay_ms=10, loss=0.1, double=0.1)
+            station.start(0)
+            link.fetch(150)
+            had = len(station.pieces)
+            self.assertTrue(0 < had < 216, had)
+            link.up = False
+            link.fetch(1500)
+            link.up = True
+            link.fetch(2500)
+            self.assertEqual(station.scene(), bundle)
+            self.assertGreater(len(station.welcomes), 1)
+
+    def test_a_server_without_a_scene_offers_none(self):
+        station, server = Station(), Server()
+        link = Link(station, server)
+        station.start(0)
+        link.fetch(100)
+        self.assertEqual((station.scene(), station.pieces), (None, {}))
+        self.assertEqual(server.drops["unexpected"], 0)
 
     def test_features_are_those_of_both(self):
         for asked in range(4):

@@ -56,6 +56,9 @@ VALUES = {
                                     **xyz("start_pos_w_{}_nm", 1.5, -2.5, 80), surface_z_w_nm=12.25, force_max_nn=1000,
                                     coupling_stiffness_n_m=0.75, coupling_damping_n_s_m=0.0625, stiffness_min_n_m=-0.375,
                                     well_aj=384.5),
+    "scene_request": pb.SceneRequest(session_id=ID["session_id"], bundle=0x6162636465666768, chunk=565),
+    "scene_chunk": pb.SceneChunk(session_id=ID["session_id"], bundle=0x6162636465666768, chunk=565,
+                                 data=bytes((7 * i + 3) % 256 for i in range(277))),
     "refuse": pb.Refuse(nonce=ID["nonce"], reason=1, version_min=1, version_max=1),
     "command": pb.Command(**COMMAND),
     "reply": pb.Reply(**REPLY),
@@ -69,6 +72,29 @@ VALUES = {
     "command_with_sharing": pb.Command(**{**COMMAND, "flags": 11}, tip_hold=5),
     "reply_with_sharing": pb.Reply(**REPLY, tip_hold=6, **xyz("hold_pos_w_{}_nm", 1.25, -2.5, 3.75)),
 }
+
+
+VALUES["welcome_with_scene"] = pb.Welcome()
+VALUES["welcome_with_scene"].CopyFrom(VALUES["welcome_with_well"])
+VALUES["welcome_with_scene"].MergeFrom(pb.Welcome(
+    scene_sha256_0=0x6162636465666768, scene_sha256_1=0x7172737475767778, scene_sha256_2=0x8182838485868788,
+    scene_sha256_3=0x9192939495969798, scene_bytes=262437, canonical_motion=0xA1A2A3A4A5A6A7A8))
+
+
+STEP_LOG = {"steps_executed": 1000, "state_hash": 0x5152535455565758, "steps_breaks": 2}
+#: Records by hand: the first in full (zigzag varints of 18432, -36864, 57344 and 1 ms), two more alike; then 1000 lower and
+#: 0.25 ms longer; then a stop at the same place.
+STEPS = (struct.pack("<QB", 1001, 5) + bytes.fromhex("43 80a002 ffbf04 808007 80897a".replace(" ", "")) +
+         bytes.fromhex("03 00 00 cf0f a0c21e".replace(" ", "")) + bytes.fromhex("1c"))
+VALUES["command_with_steps"] = pb.Command(**COMMAND, steps=STEPS)
+VALUES["reply_with_steps"] = pb.Reply(**REPLY, **STEP_LOG, steps_newest=1005, break_reason=2, break_step=900)
+VALUES["welcome_with_steps"] = pb.Welcome()
+VALUES["welcome_with_steps"].CopyFrom(VALUES["welcome"])
+VALUES["welcome_with_steps"].MergeFrom(pb.Welcome(**STEP_LOG))
+VALUES["snapshot_request"] = pb.SnapshotRequest(session_id=ID["session_id"], snapshot=3, piece=2)
+VALUES["snapshot_piece"] = pb.SnapshotPiece(session_id=ID["session_id"], snapshot=3, piece=2, step=1000,
+                                            state_hash=0x5152535455565758, breaks=2, total=1064,
+                                            data=bytes((7 * i + 1) % 256 for i in range(200)))
 
 
 def golden(name):
@@ -95,7 +121,7 @@ def document_tables():
     """{message: {number: (name, type)}} of section 2, ranges and {x,y,z} written out."""
     text = (PROTO / "PROTOCOL.md").read_text(encoding="utf-8")
     tables = {}
-    for title, body in re.findall(r"^### \d (\w+)[^\n]*\n(.*?)(?=^##)", text, re.M | re.S):
+    for title, body in re.findall(r"^### \d+ (\w+)[^\n]*\n(.*?)(?=^##)", text, re.M | re.S):
         fields = tables[title] = {}
         for numbers, names, kind in re.findall(r"^\| ([\d,– ]+) \| ([^|]+) \| (\w+) \|", body, re.M):
             first, *rest = [int(n) for n in re.findall(r"\d+", numbers)]
@@ -121,8 +147,8 @@ class Document(unittest.TestCase):
             self.assertEqual(tables[descriptor.name], {f.number: (f.name, names[f.type]) for f in descriptor.fields})
 
     def test_its_largest_datagrams(self):
-        # Every field there, none left out as zero: 207 and 419 bytes.
-        for cls, size in ((pb.Command, 207), (pb.Reply, 419)):
+        # Every field there, none left out as zero: 207 and 471 bytes.
+        for cls, size in ((pb.Command, 207), (pb.Reply, 471)):
             total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
                                       for n, wire in FIELDS[cls].items() if wire != 2)
             self.assertEqual(total, size)
@@ -160,7 +186,8 @@ class Golden(unittest.TestCase):
         self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3,
                                 "command_with_sharing": 4, "reply_with_sharing": 4,
                                 "command_with_recent": 9, "reply_with_history": 19, "reply_with_particle": 32,
-                                "welcome_with_well": 64})
+                                "welcome_with_well": 64, "welcome_with_scene": 192,
+                                "command_with_steps": 256, "reply_with_steps": 256, "welcome_with_steps": 256})
 
 
 class Causes(unittest.TestCase):
@@ -170,7 +197,7 @@ class Causes(unittest.TestCase):
         good = golden("bye")
         for bad, expected in ((good + bytes(500), "oversize"), (good[:7], "truncated"), (b"", "truncated"),
                               (b"TLNX" + good[4:], "bad_magic"), (good[:4] + b"\2" + good[5:], "wrong_version"),
-                              (good[:5] + b"\0" + good[6:], "unknown_type"), (good[:5] + b"\x08" + good[6:], "unknown_type"),
+                              (good[:5] + b"\0" + good[6:], "unknown_type"), (good[:5] + b"\x0c" + good[6:], "unknown_type"),
                               (good[:-1], "truncated"), (good + b"\0", "bad_length"), (golden("hello")[:400], "truncated")):
             self.assertEqual(cause(bad), expected, bad[:10])
         short_hello = b"TLNO\1\1" + struct.pack("<H", 100) + bytes([0x7A, 98]) + bytes(98)
@@ -223,6 +250,12 @@ class Causes(unittest.TestCase):
         zero["reply_with_particle"] = zero["reply"]
         zero["command_with_sharing"] = zero["command"]
         zero["welcome_with_well"] = zero["welcome"]
+        zero["welcome_with_scene"] = zero["welcome"] | {"scene_sha256_0", "scene_bytes"}
+        zero["scene_request"] = {"session_id", "bundle"}
+        zero["scene_chunk"] = {"session_id", "bundle", "data"}
+        zero["command_with_steps"], zero["reply_with_steps"], zero["welcome_with_steps"] = (
+            zero["command"], zero["reply"], zero["welcome"])
+        zero["snapshot_request"] = zero["snapshot_piece"] = {"session_id", "snapshot"}
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",
@@ -233,7 +266,7 @@ class Causes(unittest.TestCase):
                 if field.name.startswith(("padding", "version_m", "workspace", "model_normal")):
                     continue
                 expected = "out_of_range" if field.name in zero[name] else None
-                default = b"" if field.name in ("scene_name", "recent_commands") else 0
+                default = b"" if field.name in ("scene_name", "recent_commands", "data", "steps") else 0
                 self.assertEqual(self.changed(name, **{field.name: default}), expected, (name, field.name))
                 if isinstance(getattr(value, field.name), float):
                     expected = "out_of_range" if field.name in not_negative else None
@@ -242,7 +275,7 @@ class Causes(unittest.TestCase):
             self.assertEqual(self.changed(name, version_min=0), "out_of_range")
             self.assertEqual(self.changed(name, version_min=2), "out_of_range")
             self.assertIsNone(self.changed(name, version_max=2))
-        self.assertEqual(self.changed("command_with_features", method=7), "out_of_range")
+        self.assertEqual(self.changed("command_with_features", method=8), "out_of_range")
         self.assertEqual(self.changed("reply", contact_state=4), "out_of_range")
         self.assertEqual(self.changed("reply_with_particle", particle_state=4), "out_of_range")
         self.assertIsNone(self.changed("reply_with_particle", particle_state=3))

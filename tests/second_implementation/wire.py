@@ -12,10 +12,14 @@ MAGIC = b"TLNO"
 VERSION = 1
 MAX_BYTES = 512
 HEADER = struct.Struct("<4sBBH")
-TYPES = {1: pb.Hello, 2: pb.Challenge, 3: pb.Welcome, 4: pb.Refuse, 5: pb.Command, 6: pb.Reply, 7: pb.Bye}
+TYPES = {1: pb.Hello, 2: pb.Challenge, 3: pb.Welcome, 4: pb.Refuse, 5: pb.Command, 6: pb.Reply, 7: pb.Bye,
+         8: pb.SceneRequest, 9: pb.SceneChunk, 10: pb.SnapshotRequest, 11: pb.SnapshotPiece}
 NUMBER = {cls: number for number, cls in TYPES.items()}
 ANY_VERSION = (pb.Hello, pb.Refuse)
 SCENE_NAME_BYTES = 48
+SCENE_CHUNK_BYTES = 464
+SNAPSHOT_PIECE_BYTES = 432
+STEPS_BYTES = range(10, 301)
 
 FEATURE_PORT_CONTROL = 1 << 0
 FEATURE_LOCAL_MODEL = 1 << 1
@@ -24,14 +28,18 @@ FEATURE_REDUNDANCY = 1 << 3
 FEATURE_STEP_HISTORY = 1 << 4
 FEATURE_PARTICLE = 1 << 5
 FEATURE_WELL = 1 << 6
+FEATURE_SCENE = 1 << 7
+#: Known on the wire; station.py and server.py do not ask for it, nor grant it.
+FEATURE_STEP_LOG = 1 << 8
 KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
-                  FEATURE_PARTICLE | FEATURE_WELL)
+                  FEATURE_PARTICLE | FEATURE_WELL | FEATURE_SCENE)
 #: Field numbers behind each feature (section 9).
 FEATURE_FIELDS = {
-    pb.Welcome: {FEATURE_WELL: (25,)},
-    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_SHARING: (31,), FEATURE_REDUNDANCY: (40,)},
+    pb.Welcome: {FEATURE_WELL: (25,), FEATURE_SCENE: range(26, 32), FEATURE_STEP_LOG: range(40, 43)},
+    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_SHARING: (31,), FEATURE_REDUNDANCY: (40,),
+                 FEATURE_STEP_LOG: (41,)},
     pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36), FEATURE_SHARING: range(36, 40),
-               FEATURE_STEP_HISTORY: (40,), FEATURE_PARTICLE: range(41, 46)},
+               FEATURE_STEP_HISTORY: (40,), FEATURE_PARTICLE: range(41, 46), FEATURE_STEP_LOG: range(46, 52)},
 }
 
 CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER = 1, 2, 4, 8, 16
@@ -145,6 +153,49 @@ def varint(payload, at):
     return value & 0x7F | payload[at + 1] << 7, at + 2
 
 
+IN_ORDER = (pb.SnapshotRequest, pb.SnapshotPiece)
+
+
+def steps(data):
+    """[(number, target, length_ns, flags)] of Command.steps (section 15), or None."""
+    first, count = struct.unpack_from("<QB", data)
+    at, found, target, length = 9, [], [0, 0, 0], 0
+
+    def number():
+        nonlocal at
+        value = shift = 0
+        while True:
+            if at >= len(data) or shift >= 56:
+                raise ValueError
+            byte = data[at]
+            at += 1
+            value |= (byte & 0x7F) << shift
+            if byte < 0x80:
+                if byte == 0 and shift:
+                    raise ValueError
+                return value >> 1 ^ -(value & 1)
+            shift += 7
+
+    try:
+        while at < len(data):
+            head = data[at]
+            at += 1
+            if not head & 8:
+                target = [t + number() for t in target]
+                if any(abs(t) > 1 << 46 for t in target):
+                    return None
+            if not head & 16:
+                length += number()
+            if not 1000 <= length <= 100_000_000:
+                return None
+            for _ in range(1 + (head >> 5)):
+                found.append((first + len(found), tuple(target), length, head & 7))
+    except ValueError:
+        return None
+    good = 1 <= first <= (1 << 63) - 1 and 1 <= count <= 64 and len(found) == count
+    return found if good else None
+
+
 def scan(payload, cls):
     """Every field on the list, with its wire type, once, and whole."""
     at, seen = 0, set()
@@ -152,13 +203,17 @@ def scan(payload, cls):
         tag, at = varint(payload, at)
         field, wire = tag >> 3, tag & 7
         need(FIELDS[cls].get(field) == wire and field not in seen, "malformed_field")
+        need(cls not in IN_ORDER or not seen or field > max(seen), "malformed_field")
         seen.add(field)
         if wire == 2:
             size, at = varint(payload, at)
             need(cls is not pb.Welcome or size <= SCENE_NAME_BYTES, "malformed_field")
-            need(cls not in (pb.Hello, pb.Command) or at + size == len(payload), "malformed_field")
+            need(cls is pb.Welcome or at + size == len(payload), "malformed_field")
+            need(cls is not pb.SceneChunk or 1 <= size <= SCENE_CHUNK_BYTES, "malformed_field")
             whole = size > 0 and size % RECENT.size == 0 and size <= MAX_RECENT * RECENT.size
+            whole = size in STEPS_BYTES if field == 41 else whole
             need(cls is not pb.Command or whole, "malformed_field")
+            need(cls is not pb.SnapshotPiece or 1 <= size <= SNAPSHOT_PIECE_BYTES, "malformed_field")
         else:
             size = SIZE[wire]
         at += size
@@ -177,10 +232,19 @@ def check(m):
     need(good, "out_of_range")
 
 
+def scene_offer(welcome):
+    """(SHA-256, bytes, canonical motion) of the scene that can be fetched, or None."""
+    words = [getattr(welcome, f"scene_sha256_{k}") for k in range(4)]
+    if not any(words) and welcome.scene_bytes == 0 and welcome.canonical_motion == 0:
+        return None
+    return struct.pack("<4Q", *words), welcome.scene_bytes, welcome.canonical_motion
+
+
 def check_welcome(m):
     low, high = vector(m, "workspace_min_w_{}_nm"), vector(m, "workspace_max_w_{}_nm")
     return (m.version and m.nonce and m.session_id and m.epoch and m.timeout_ms and
             all(a <= b for a, b in zip(low, high)) and
+            (scene_offer(m) is None or m.scene_sha256_0 != 0 and m.scene_bytes != 0) and
             min(m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m, m.well_aj) >= 0)
 
 
@@ -194,7 +258,7 @@ def check_command(m):
         recent = recent_commands(m)
         ages = [record[0] for record in recent]
         repeated = len(recent) < m.sequence and ages == sorted(ages) and all(record[3] >= 0 for record in recent)
-    return m.sequence and m.method <= 6 and not_negative and scale and impedance and repeated
+    return m.sequence and m.method <= 7 and (not m.steps or steps(m.steps) is not None) and not_negative and scale and impedance and repeated
 
 
 def check_reply(m):
@@ -214,4 +278,8 @@ CHECKS = {
     pb.Command: check_command,
     pb.Reply: check_reply,
     pb.Bye: lambda m: m.session_id and 1 <= m.reason <= 5,
+    pb.SnapshotRequest: lambda m: m.session_id and m.snapshot,
+    pb.SnapshotPiece: lambda m: m.session_id and m.snapshot,
+    pb.SceneRequest: lambda m: m.session_id and m.bundle,
+    pb.SceneChunk: lambda m: m.session_id and m.bundle and m.data,
 }

@@ -93,8 +93,8 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base", "common/config", "common/link", "common/net", "common/rt", "nve_server/nanonis",
       "nve_server/slave"}},
     {"nve_server/app",
-     {"common/base", "common/config", "common/metrics", "common/rt", "common/link", "common/net",
-      "common/security", "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave",
+     {"common/base", "common/config", "common/hash", "common/metrics", "common/rt", "common/link",
+      "common/net", "common/security", "common/surface", "nve_server/physics", "nve_server/scene", "nve_server/slave",
       "nve_server/server", "nve_server/afm", "nve_server/afm_sim", "nve_server/nanonis"}},
 };
 

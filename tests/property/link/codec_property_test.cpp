@@ -77,6 +77,12 @@ TEST(RoundTrip, Reply) {
 TEST(RoundTrip, Bye) {
   round_trip<Bye>(any_bye, &Incoming::bye, MessageType::kBye);
 }
+TEST(RoundTrip, SceneRequest) {
+  round_trip<SceneRequest>(any_scene_request, &Incoming::scene_request, MessageType::kSceneRequest);
+}
+TEST(RoundTrip, SceneChunk) {
+  round_trip<SceneChunk>(any_scene_chunk, &Incoming::scene_chunk, MessageType::kSceneChunk);
+}
 
 /// Command and Reply are written without Protobuf: their bytes must be Protobuf's own, whatever is in them.
 template <class Wire, class Make>
@@ -100,6 +106,9 @@ TEST(SameAsProtobuf, Command) {
 }
 TEST(SameAsProtobuf, Reply) {
   protobuf_writes_the_same<wire::Reply>(any_reply, 12);
+}
+TEST(SameAsProtobuf, SceneChunk) {
+  protobuf_writes_the_same<wire::SceneChunk>(any_scene_chunk, 13);
 }
 
 /// Every datagram, cut anywhere and its length mended, ends where the memory does: who reads on does not

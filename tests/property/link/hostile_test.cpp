@@ -58,7 +58,7 @@ class Attacker {
     for (std::size_t i = from; i < to; ++i) bytes_[i] = static_cast<std::uint8_t>(random_.bits());
   }
   std::size_t message() {
-    switch (random_.below(7)) {
+    switch (random_.below(9)) {
       case 0:
         return codec_.encode(link::any_hello(random_), bytes_);
       case 1:
@@ -71,6 +71,10 @@ class Attacker {
         return codec_.encode(link::any_command(random_), bytes_);
       case 5:
         return codec_.encode(link::any_reply(random_), bytes_);
+      case 6:
+        return codec_.encode(link::any_scene_request(random_), bytes_);
+      case 7:
+        return codec_.encode(link::any_scene_chunk(random_), bytes_);
       default:
         return codec_.encode(link::any_bye(random_), bytes_);
     }

@@ -75,6 +75,26 @@ inline Welcome any_welcome(Random& random) {
   m.coupling_damping_n_s_m = std::fabs(any_finite(random));
   m.stiffness_min_n_m = any_finite(random);
   m.well_aj = std::fabs(any_finite(random));
+  if (random.chance(0.5)) {
+    for (std::uint64_t& word : m.scene.hash) word = any_u64(random);
+    m.scene.hash[0] |= 1;
+    m.scene.bytes = any_u32(random) | 1;
+    m.scene.canonical_motion = any_u64(random);
+  }
+  return m;
+}
+
+inline SceneRequest any_scene_request(Random& random) {
+  return {some_u64(random), some_u64(random), any_u32(random)};
+}
+
+inline SceneChunk any_scene_chunk(Random& random) {
+  SceneChunk m;
+  m.session_id = some_u64(random);
+  m.bundle = some_u64(random);
+  m.chunk = any_u32(random);
+  m.size = 1 + static_cast<std::uint32_t>(random.below(kSceneChunkBytes));
+  for (std::uint32_t i = 0; i < m.size; ++i) m.data[i] = static_cast<std::uint8_t>(random.bits());
   return m;
 }
 

@@ -141,7 +141,7 @@ TEST(Codec, NamesTheCauseOfEachDrop) {
   b = datagram(MessageType::kBye, kBye);
   b[4] = 2;
   EXPECT_EQ(decode(b), DropCause::kWrongVersion);
-  EXPECT_EQ(decode(datagram(static_cast<MessageType>(8), kBye)), DropCause::kUnknownType);
+  EXPECT_EQ(decode(datagram(static_cast<MessageType>(12), kBye)), DropCause::kUnknownType);
   EXPECT_EQ(decode(datagram(MessageType::kNone, kBye)), DropCause::kUnknownType);
   EXPECT_EQ(decode(Bytes(513)), DropCause::kOversize);
   EXPECT_EQ(decode(datagram(MessageType::kHello, {0x0d, 1, 0, 0, 0})), DropCause::kBadLength) << "not padded";
@@ -355,7 +355,7 @@ TEST(Codec, HoldsPortControlToItsRanges) {
       p.wave_impedance_n_s_m = impedance;
     });
   };
-  for (std::uint32_t method = 0; method <= kMethodModel; ++method) {
+  for (std::uint32_t method = 0; method <= kMethodTwin; ++method) {
     EXPECT_EQ(with_method(method, 1, 1), DropCause::kNone) << method;
     const bool scale_needed = method == 3 || method == 4 || method == 5;
     EXPECT_EQ(with_method(method, 0, 1), scale_needed ? DropCause::kOutOfRange : DropCause::kNone) << method;
@@ -363,7 +363,7 @@ TEST(Codec, HoldsPortControlToItsRanges) {
     EXPECT_EQ(with_method(method, -1, 1), DropCause::kOutOfRange) << method;
     EXPECT_EQ(with_method(method, 1, -1), DropCause::kOutOfRange) << method;
   }
-  EXPECT_EQ(with_method(7, 1, 1), DropCause::kOutOfRange);
+  EXPECT_EQ(with_method(8, 1, 1), DropCause::kOutOfRange);
   EXPECT_EQ(with_method(UINT32_MAX, 1, 1), DropCause::kOutOfRange);
   EXPECT_EQ(cause_with([](PortControl& p) { p.energy_sent_j = -1e-300; }), DropCause::kOutOfRange);
   EXPECT_EQ(cause_with([](PortControl& p) { p.wave_energy_aj = -1e-300; }), DropCause::kOutOfRange);

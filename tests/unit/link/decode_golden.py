@@ -7,16 +7,21 @@ import pathlib
 import struct
 import sys
 
-TYPES = {1: "hello", 2: "challenge", 3: "welcome", 4: "refuse", 5: "command", 6: "reply", 7: "bye"}
+TYPES = {1: "hello", 2: "challenge", 3: "welcome", 4: "refuse", 5: "command", 6: "reply", 7: "bye",
+         8: "scene_request", 9: "scene_chunk", 10: "snapshot_request", 11: "snapshot_piece"}
 # Field list of each type in PROTOCOL.md's order: q = fixed64, i = fixed32, d = double, b = bytes.
 FIELDS = {
     "hello": "iiqqqqi",
     "challenge": "qq",
-    "welcome": "iqqqqiiibq" + "d" * 15,
+    "welcome": "iqqqqiiibq" + "d" * 15 + "qqqqiq" + "-" * 8 + "qqi",
     "refuse": "qiii",
-    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "-" * 8 + "i" + "-" * 8 + "b",  # - = no such field
-    "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10 + "i" + "d" * 3 + "q" + "d" * 4 + "i",
+    "command": "qqqqii" + "d" * 8 + "i" + "d" * 7 + "-" * 8 + "i" + "-" * 8 + "bb",  # - = no such field
+    "reply": "qqqqqqqiii" + "d" * 9 + "d" * 5 + "i" + "d" * 10 + "i" + "d" * 3 + "q" + "d" * 4 + "i" + "qqqiiq",
     "bye": "qi",
+    "scene_request": "qqi",
+    "scene_chunk": "qqib",
+    "snapshot_request": "qii",
+    "snapshot_piece": "qiiqqiib",
 }
 WIRE = {"q": 1, "d": 1, "b": 2, "i": 5}
 FORMAT = {"q": "<Q", "d": "<d", "i": "<I"}
@@ -67,7 +72,8 @@ def main():
         assert name == path.stem.partition("_with_")[0], path
         decoded[path.stem] = values
     more = {f"{name}_with_{what}" for name in ("command", "reply") for what in ("features", "sharing")}
-    assert set(decoded) == set(TYPES.values()) | more | {"command_with_recent", "reply_with_history", "reply_with_particle",
+    assert set(decoded) == set(TYPES.values()) | more | {"command_with_recent", "reply_with_history", "reply_with_particle", "welcome_with_scene",
+                                                             "command_with_steps", "reply_with_steps", "welcome_with_steps",
                                                              "welcome_with_well"}, decoded.keys()
     for name, fields in FIELDS.items():
         seen = set().union(*(values for stem, values in decoded.items() if stem.partition("_with_")[0] == name))
@@ -90,6 +96,11 @@ def main():
     assert decoded["reply_with_history"][40] == 0xFEDCBA9876543210
     assert [decoded["reply_with_particle"][k] for k in range(41, 46)] == [61.5, -7.25, 30.125, 30.5, 2]
     assert decoded["welcome_with_well"] == decoded["welcome"] | {25: 384.5}
+    words = [0x6162636465666768, 0x7172737475767778, 0x8182838485868788, 0x9192939495969798]
+    assert decoded["welcome_with_scene"] == decoded["welcome_with_well"] | dict(zip(range(26, 30), words)) | {
+        30: 262437, 31: 0xA1A2A3A4A5A6A7A8}
+    assert decoded["scene_request"] == {1: 0x4142434445464740, 2: words[0], 3: 565}
+    assert decoded["scene_chunk"] == decoded["scene_request"] | {4: bytes((7 * i + 3) % 256 for i in range(277))}
     assert decoded["bye"] == {1: 0x4142434445464740, 2: 1}
     print("decoded", len(decoded), "golden datagrams")
 

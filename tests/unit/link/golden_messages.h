@@ -25,12 +25,21 @@ struct GoldenMessages {
   /// With sharing alone.
   Command command_with_sharing = make_command_with_sharing();
   Reply reply_with_sharing = make_reply_with_sharing();
+  /// The command with steps: moving, at rest (a run), late, and a stop.
+  StepBatch steps = make_steps();
+  Reply reply_with_steps = make_reply_with_steps();
+  Welcome welcome_with_steps = make_welcome_with_steps();
+  SnapshotRequest snapshot_request{0x4142434445464740, 3, 2};
+  SnapshotPiece snapshot_piece = make_snapshot_piece();
   /// That command with the four before it.
   /// The reply with features, and which commands came before its own.
   Reply reply_with_history = make_reply_with_history();
   /// The reply without features, and a particle.
   Reply reply_with_particle = make_reply_with_particle();
   Welcome welcome_with_well = make_welcome_with_well();
+  Welcome welcome_with_scene = make_welcome_with_scene();
+  SceneRequest scene_request{0x4142434445464740, 0x6162636465666768, 565};
+  SceneChunk scene_chunk = make_scene_chunk();
   RecentCommands recent = make_recent();
 
   static Welcome make_welcome() {
@@ -59,6 +68,22 @@ struct GoldenMessages {
   static Welcome make_welcome_with_well() {
     Welcome m = make_welcome();
     m.well_aj = 384.5;
+    return m;
+  }
+  static Welcome make_welcome_with_scene() {
+    Welcome m = make_welcome_with_well();
+    m.scene = {{0x6162636465666768, 0x7172737475767778, 0x8182838485868788, 0x9192939495969798},
+               262437,
+               0xa1a2a3a4a5a6a7a8};
+    return m;
+  }
+  static SceneChunk make_scene_chunk() {
+    SceneChunk m;
+    m.session_id = 0x4142434445464740;
+    m.bundle = 0x6162636465666768;
+    m.chunk = 565;
+    m.size = 277;
+    for (std::uint32_t i = 0; i < m.size; ++i) m.data[i] = static_cast<std::uint8_t>(7 * i + 3);
     return m;
   }
   static Command make_command() {
@@ -142,6 +167,45 @@ struct GoldenMessages {
     return m;
   }
 
+  static StepBatch make_steps() {
+    StepBatch m;
+    m.first = 1001;
+    const LoggedStep moving{{18432, -36864, 57344}, 1'000'000, kFlagClutch | kFlagDeadman};
+    LoggedStep late = moving, stopped = moving;
+    late.target[2] -= 1000;
+    late.dt_ns = 1'250'000;
+    stopped = late;
+    stopped.flags = kFlagStop;
+    m.step[0] = m.step[1] = m.step[2] = moving;
+    m.step[3] = late;
+    m.step[4] = stopped;
+    m.count = 5;
+    return m;
+  }
+  static Reply make_reply_with_steps() {
+    Reply m = make_reply();
+    m.steps = {1000, 0x5152535455565758, 1005, 2, kBreakStop, 900};
+    return m;
+  }
+  static Welcome make_welcome_with_steps() {
+    Welcome m = make_welcome();
+    m.steps = {1000, 0x5152535455565758, 1000, 2, 0, 0};
+    return m;
+  }
+  static SnapshotPiece make_snapshot_piece() {
+    SnapshotPiece m;
+    m.session_id = 0x4142434445464740;
+    m.snapshot = 3;
+    m.piece = 2;
+    m.step = 1000;
+    m.state_hash = 0x5152535455565758;
+    m.breaks = 2;
+    m.total = 1064;
+    m.size = 200;
+    for (std::size_t i = 0; i < m.size; ++i) m.data[i] = static_cast<std::uint8_t>(7 * i + 1);
+    return m;
+  }
+
   static RecentCommands make_recent() {
     RecentCommands m;
     m.count = 4;
@@ -183,11 +247,24 @@ struct GoldenMessages {
     add(reply_with_history);
     add(reply_with_particle);
     add(welcome_with_well);
+    add(welcome_with_scene);
+    add(scene_request);
+    add(scene_chunk);
+    std::array<std::uint8_t, kStepsBytesMost> bytes{};
+    StepWriter writer(bytes, steps.first);
+    for (std::size_t i = 0; i < steps.count; ++i) writer.add(steps.step[i]);
+    const std::size_t with =
+        codec.encode(command, std::span<const std::uint8_t>(bytes).first(writer.size()), out);
+    all.emplace_back(out.begin(), out.begin() + static_cast<std::ptrdiff_t>(with));
+    add(reply_with_steps);
+    add(welcome_with_steps);
+    add(snapshot_request);
+    add(snapshot_piece);
     return all;
   }
 };
 
-inline constexpr std::array<const char*, 15> kGoldenNames = {"hello",
+inline constexpr std::array<const char*, 23> kGoldenNames = {"hello",
                                                              "challenge",
                                                              "welcome",
                                                              "refuse",
@@ -201,12 +278,28 @@ inline constexpr std::array<const char*, 15> kGoldenNames = {"hello",
                                                              "reply_with_sharing",
                                                              "reply_with_history",
                                                              "reply_with_particle",
-                                                             "welcome_with_well"};
-inline constexpr std::array<MessageType, 15> kGoldenTypes = {
-    MessageType::kHello,   MessageType::kChallenge, MessageType::kWelcome, MessageType::kRefuse,
-    MessageType::kCommand, MessageType::kReply,     MessageType::kBye,     MessageType::kCommand,
-    MessageType::kReply,   MessageType::kCommand,   MessageType::kCommand, MessageType::kReply,
-    MessageType::kReply,   MessageType::kReply,     MessageType::kWelcome};
+                                                             "welcome_with_well",
+                                                             "welcome_with_scene",
+                                                             "scene_request",
+                                                             "scene_chunk",
+                                                             "command_with_steps",
+                                                             "reply_with_steps",
+                                                             "welcome_with_steps",
+                                                             "snapshot_request",
+                                                             "snapshot_piece"};
+inline constexpr std::array<MessageType, 23> kGoldenTypes = {
+    MessageType::kHello,        MessageType::kChallenge,
+    MessageType::kWelcome,      MessageType::kRefuse,
+    MessageType::kCommand,      MessageType::kReply,
+    MessageType::kBye,          MessageType::kCommand,
+    MessageType::kReply,        MessageType::kCommand,
+    MessageType::kCommand,      MessageType::kReply,
+    MessageType::kReply,        MessageType::kReply,
+    MessageType::kWelcome,      MessageType::kWelcome,
+    MessageType::kSceneRequest, MessageType::kSceneChunk,
+    MessageType::kCommand,      MessageType::kReply,
+    MessageType::kWelcome,      MessageType::kSnapshotRequest,
+    MessageType::kSnapshotPiece};
 
 inline bool same(const Hello& a, const Hello& b) {
   return a.version_min == b.version_min && a.version_max == b.version_max &&
@@ -225,7 +318,7 @@ inline bool same(const Welcome& a, const Welcome& b) {
          a.start_pos_w_nm == b.start_pos_w_nm && a.surface_z_w_nm == b.surface_z_w_nm &&
          a.force_max_nn == b.force_max_nn && a.coupling_stiffness_n_m == b.coupling_stiffness_n_m &&
          a.coupling_damping_n_s_m == b.coupling_damping_n_s_m && a.stiffness_min_n_m == b.stiffness_min_n_m &&
-         a.well_aj == b.well_aj;
+         a.well_aj == b.well_aj && a.scene == b.scene && a.steps == b.steps;
 }
 inline bool same(const Refuse& a, const Refuse& b) {
   return a.nonce == b.nonce && a.reason == b.reason && a.version_min == b.version_min &&
@@ -271,10 +364,30 @@ inline bool same(const Reply& a, const Reply& b) {
          a.tip_pos_w_nm == b.tip_pos_w_nm && a.deflection_nm == b.deflection_nm &&
          a.energy_in_aj == b.energy_in_aj && a.energy_out_aj == b.energy_out_aj && same(a.port, b.port) &&
          same(a.model, b.model) && a.tip.hold == b.tip.hold && a.tip.pos_w_nm == b.tip.pos_w_nm &&
-         a.steps_before == b.steps_before && a.particle == b.particle;
+         a.steps_before == b.steps_before && a.particle == b.particle && a.steps == b.steps;
+}
+inline bool same(const StepBatch& a, const StepBatch& b) {
+  return a.count == b.count && (a.count == 0 || a.first == b.first) &&
+         std::equal(a.step.begin(), a.step.begin() + static_cast<std::ptrdiff_t>(a.count), b.step.begin());
+}
+inline bool same(const SnapshotRequest& a, const SnapshotRequest& b) {
+  return a.session_id == b.session_id && a.snapshot == b.snapshot && a.piece == b.piece;
+}
+inline bool same(const SnapshotPiece& a, const SnapshotPiece& b) {
+  return a.session_id == b.session_id && a.snapshot == b.snapshot && a.piece == b.piece && a.step == b.step &&
+         a.state_hash == b.state_hash && a.breaks == b.breaks && a.total == b.total && a.size == b.size &&
+         std::equal(a.data.begin(), a.data.begin() + a.size, b.data.begin());
 }
 inline bool same(const Bye& a, const Bye& b) {
   return a.session_id == b.session_id && a.reason == b.reason;
+}
+
+inline bool same(const SceneRequest& a, const SceneRequest& b) {
+  return a.session_id == b.session_id && a.bundle == b.bundle && a.chunk == b.chunk;
+}
+inline bool same(const SceneChunk& a, const SceneChunk& b) {
+  return a.session_id == b.session_id && a.bundle == b.bundle && a.chunk == b.chunk && a.size == b.size &&
+         std::equal(a.data.begin(), a.data.begin() + a.size, b.data.begin());
 }
 
 /// Is what was decoded the golden message number `which` (of kGoldenNames)?
@@ -286,22 +399,35 @@ inline bool matches(const Incoming& in, const GoldenMessages& golden, std::size_
     case MessageType::kChallenge:
       return same(in.challenge, golden.challenge);
     case MessageType::kWelcome:
-      return same(in.welcome, which < 7 ? golden.welcome : golden.welcome_with_well);
+      return same(in.welcome, which < 7    ? golden.welcome
+                              : which < 15 ? golden.welcome_with_well
+                              : which < 16 ? golden.welcome_with_scene
+                                           : golden.welcome_with_steps);
     case MessageType::kRefuse:
       return same(in.refuse, golden.refuse);
     case MessageType::kCommand:
-      return same(in.command, which < 7    ? golden.command
-                              : which < 10 ? golden.command_with_features
-                                           : golden.command_with_sharing) &&
-             same(in.recent, which == 9 ? golden.recent : RecentCommands{});
+      return same(in.command, which < 7 || which == 18 ? golden.command
+                              : which < 10             ? golden.command_with_features
+                                                       : golden.command_with_sharing) &&
+             same(in.recent, which == 9 ? golden.recent : RecentCommands{}) &&
+             same(in.steps, which == 18 ? golden.steps : StepBatch{});
     case MessageType::kReply:
       return same(in.reply, which < 7    ? golden.reply
                             : which < 10 ? golden.reply_with_features
                             : which < 12 ? golden.reply_with_sharing
                             : which < 13 ? golden.reply_with_history
-                                         : golden.reply_with_particle);
+                            : which < 14 ? golden.reply_with_particle
+                                         : golden.reply_with_steps);
     case MessageType::kBye:
       return same(in.bye, golden.bye);
+    case MessageType::kSceneRequest:
+      return same(in.scene_request, golden.scene_request);
+    case MessageType::kSceneChunk:
+      return same(in.scene_chunk, golden.scene_chunk);
+    case MessageType::kSnapshotRequest:
+      return same(in.snapshot_request, golden.snapshot_request);
+    case MessageType::kSnapshotPiece:
+      return same(in.snapshot_piece, golden.snapshot_piece);
     case MessageType::kNone:
       return false;
   }
