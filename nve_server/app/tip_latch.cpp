@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 #include <random>
+#include <system_error>
 
 #include "common/base/error.h"
 #include "common/security/private_file.h"
@@ -122,7 +123,8 @@ std::string approve_tip(const std::string& folder, const std::string& controller
         name.compare(name.size() - kAfter.size(), kAfter.size(), kAfter) == 0)
       latches.push_back(entry.path().string());
   }
-  if (error) throw UserError("--afm-state " + folder + ": " + error.message());
+  if (error && error != std::errc::no_such_file_or_directory)
+    throw UserError("--afm-state " + folder + ": " + error.message());
   if (!controller.empty()) {
     const std::string wanted = file_name(controller);
     std::erase_if(latches, [&](const std::string& path) { return fs::path(path).filename() != wanted; });
