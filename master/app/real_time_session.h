@@ -83,6 +83,9 @@ class RealTimeSession {
   /// Of a shared tip: link::kFlagTakeOver or link::kFlagHandOver. Before run().
   void set_tip_wish(std::uint32_t flags) noexcept { loop_.set_tip_wish(flags); }
 
+  /// Who fetches the server's scene, before run().
+  void set_scene_pipe(loop::ScenePipe& pipe) noexcept { loop_.set_scene_pipe(&pipe); }
+
   /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
   /// then waits for the person there instead of ending the session. `stays`: so does a hand at the end of its
   /// motion; it does anyway once a task has been chosen there.
