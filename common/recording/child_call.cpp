@@ -50,9 +50,9 @@ bool send_text(int fd, std::string_view text) noexcept {
   return send_all(fd, &size, sizeof size) && send_all(fd, text.data(), text.size());
 }
 
-bool receive_text(int fd, std::string& text) {
+bool receive_text(int fd, std::string& text, std::size_t most = SIZE_MAX) {
   std::uint64_t size = 0;
-  if (!receive_all(fd, &size, sizeof size)) return false;
+  if (!receive_all(fd, &size, sizeof size) || size > most) return false;
   text.resize(size);
   return receive_all(fd, text.data(), text.size());
 }
@@ -62,14 +62,31 @@ void limit(int resource, rlim_t soft, rlim_t hard) noexcept {
   ::setrlimit(static_cast<__rlimit_resource>(resource), &value);
 }
 
+/// Bytes of this process's address space.
+rlim_t size_now() noexcept {
+  std::FILE* const file = std::fopen("/proc/self/statm", "re");
+  if (file == nullptr) return 0;
+  unsigned long pages = 0;
+  const bool read = std::fscanf(file, "%lu", &pages) == 1;
+  std::fclose(file);
+  return read ? static_cast<rlim_t>(pages) * static_cast<rlim_t>(::sysconf(_SC_PAGESIZE)) : 0;
+}
+
 /// The child: answers until its parent hangs up. Never returns, so that nothing of the parent's is undone
 /// twice.
 [[noreturn]] void serve_until_hung_up(int fd, const std::string& subject, const ChildCall::Serve& serve,
-                                      std::chrono::seconds time_limit) {
+                                      const ChildLimits& limits) {
   ::prctl(PR_SET_PDEATHSIG, SIGKILL);
   limit(RLIMIT_CORE, 0, 0);
-  const auto seconds = static_cast<rlim_t>(time_limit.count());
+  const auto seconds = static_cast<rlim_t>(limits.time.count());
   limit(RLIMIT_CPU, seconds, seconds + 1);
+  if (limits.memory_bytes > 0) {
+    const rlim_t most = size_now() + static_cast<rlim_t>(limits.memory_bytes);
+    limit(RLIMIT_AS, most, most);
+    limit(RLIMIT_FSIZE, 0, 0);
+    limit(RLIMIT_NOFILE, 0, 0);
+    static_cast<void>(::setpriority(PRIO_PROCESS, 0, 10));  // beside a station's loop
+  }
   for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU}) ::signal(number, SIG_DFL);
   // Ctrl-C goes to the whole group: the parent decides.
   ::signal(SIGINT, SIG_IGN);
@@ -97,7 +114,11 @@ void limit(int resource, rlim_t soft, rlim_t hard) noexcept {
 }  // namespace
 
 ChildCall::ChildCall(std::string subject, const Serve& serve, std::chrono::seconds time_limit)
-    : subject_(std::move(subject)) {
+    : ChildCall(std::move(subject), serve,
+                ChildLimits{time_limit, 0, SIZE_MAX, "the HDF5 library", "take another copy of the file"}) {}
+
+ChildCall::ChildCall(std::string subject, const Serve& serve, const ChildLimits& limits)
+    : subject_(std::move(subject)), limits_(limits) {
   int ends[2] = {-1, -1};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
     throw RunError(subject_ + ": cannot be read in a process of its own: " + std::strerror(errno));
@@ -106,12 +127,12 @@ ChildCall::ChildCall(std::string subject, const Serve& serve, std::chrono::secon
   pid_ = ::fork();
   if (pid_ == 0) {
     ::close(ends[0]);
-    serve_until_hung_up(ends[1], subject_, serve, time_limit);
+    serve_until_hung_up(ends[1], subject_, serve, limits);
   }
   const int error = errno;
   ::close(ends[1]);
   fd_ = ends[0];
-  const timeval patience{static_cast<time_t>(time_limit.count()), 0};
+  const timeval patience{static_cast<time_t>(limits.time.count()), 0};
   ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
   if (pid_ < 0) {
     ::close(fd_);
@@ -134,7 +155,7 @@ std::string ChildCall::ask(std::string_view request) {
   std::string answer;
   errno = 0;
   if (pid_ < 0 || !send_text(fd_, request) || !receive_all(fd_, &outcome, sizeof outcome) ||
-      !receive_text(fd_, answer)) {
+      !receive_text(fd_, answer, limits_.answer_bytes)) {
     ended();
   }
   if (outcome == Outcome::kUserError) throw UserError(answer);
@@ -157,7 +178,7 @@ void ChildCall::ended() {
   } else if (WIFSIGNALED(status)) {
     how = std::string("crashed (") + ::strsignal(WTERMSIG(status)) + ")";
   }
-  throw RunError(subject_ + ": damaged: the HDF5 library " + how + " over it; take another copy of the file");
+  throw RunError(subject_ + ": damaged: " + limits_.reader + " " + how + " over it; " + limits_.advice);
 }
 
 }  // namespace telenano::recording

@@ -3,11 +3,22 @@
 #include <sys/types.h>
 
 #include <chrono>
+#include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <string_view>
 
 namespace telenano::recording {
+
+/// What a process of its own may take, and the words for its end.
+struct ChildLimits {
+  std::chrono::seconds time{300};  ///< of the processor, for all answers; and the wait for each of them
+  std::size_t memory_bytes = 0;    ///< beyond what it begins with; it then opens and writes no files. 0: any
+  std::size_t answer_bytes = SIZE_MAX;
+  std::string reader = "the HDF5 library";
+  std::string advice = "take another copy of the file";
+};
 
 /// A function in a process of its own. What a library does to itself over a damaged or hostile file (a crash,
 /// a loop without end) happens there: here it becomes one clear error.
@@ -22,6 +33,7 @@ class ChildCall {
   /// process, and for the wait for each answer.
   ChildCall(std::string subject, const Serve& serve,
             std::chrono::seconds time_limit = std::chrono::seconds(300));
+  ChildCall(std::string subject, const Serve& serve, const ChildLimits& limits);
   ~ChildCall();
   ChildCall(const ChildCall&) = delete;
   ChildCall& operator=(const ChildCall&) = delete;
@@ -34,6 +46,7 @@ class ChildCall {
   [[noreturn]] void ended();
 
   std::string subject_;
+  ChildLimits limits_;
   pid_t pid_ = -1;
   int fd_ = -1;
 };

@@ -94,6 +94,8 @@ class RealTimeSession {
     chooses_method_ = true;
     choice_ = control::MethodChoice(station_.config().method);
   }
+  /// Who fetches the server's scene, before run().
+  void set_scene_pipe(loop::ScenePipe& pipe) noexcept { loop_.set_scene_pipe(&pipe); }
 
   /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
   /// then waits for the person there instead of ending the session. `stays`: so does a hand at the end of its

@@ -12,11 +12,13 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/base64.h"
 #include "common/base/error.h"
 #include "common/recording/recording_reader.h"
 #include "common/surface/gsf.h"
 #include "master/app/picture_size.h"
 #include "master/app/scene_files.h"
+#include "master/scene/scene_check.h"
 #include "master/view_model/playback.h"
 #include "master/viewer/photographer.h"
 #include "master/viewer/window.h"
@@ -103,6 +105,26 @@ view_model::Ground plane_under(const std::vector<recording::Sample>& rows, doubl
   return {surface_z_w_nm, low - Vec3::Constant(kRoom_nm), high + Vec3::Constant(kRoom_nm)};
 }
 
+/// The scene's surface where the recording holds the scene; what does not hold together is a plane, and said.
+view_model::Ground recorded_ground(const recording::RecordingReader& reader,
+                                   const std::vector<recording::Sample>& rows, double surface_z_w_nm) {
+  const std::string held = reader.configuration("scene_bundle");
+  if (!held.empty()) {
+    try {
+      const auto bundle = from_base64(held);
+      if (!bundle) throw RunError("is not written as a bundle is");
+      scene_store::CheckedScene scene = scene_store::SceneChecker().check(*bundle);
+      if (fmt::format("{:016x}", scene.scene_hash) != reader.configuration("scene_hash"))
+        throw RunError("is another one than the session's");
+      if (!scene.ground.z_nm.empty()) return view_model::Ground(std::move(scene.ground));
+    } catch (const std::exception& error) {
+      fmt::print(stderr, "note: {}: the scene in it: {}; a plane is drawn\n", reader.path().string(),
+                 error.what());
+    }
+  }
+  return plane_under(rows, surface_z_w_nm);
+}
+
 view_model::Ground scan_ground(const recording::RecordingReader& reader, const std::string& text,
                                std::string& doubt) {
   const std::string path = find_surface(text);
@@ -146,7 +168,7 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
   Rows read = read_rows(reader);
   viewer::ViewFacts facts = facts_of(reader, options, read.every);
   view_model::Ground ground = options.surface.empty()
-                                  ? plane_under(read.rows, facts.surface_z_w_nm)
+                                  ? recorded_ground(reader, read.rows, facts.surface_z_w_nm)
                                   : scan_ground(reader, options.surface, facts.surface_doubt);
   view_model::Playback playback(std::move(read.rows), read_marks(reader));
   if (photo) {

@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <utility>
 
+#include "common/base/base64.h"
 #include "common/base/version.h"
 #include "master/app/run_words.h"
 #include "master/app/scene_files.h"
@@ -18,7 +19,8 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
                                                    const link::Welcome& welcome, const LinkDelay& link,
                                                    const SessionDevice& opened,
                                                    const device::DeviceInfo& device,
-                                                   const std::string& planned, std::uint64_t nonce_seed) {
+                                                   const std::string& planned, std::uint64_t nonce_seed,
+                                                   const std::string* bundle) {
   if (options.record.empty()) return nullptr;
   const std::string scene_name = slave_limits(welcome).scene_name;
   recording::Configuration about;
@@ -34,6 +36,7 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
     about.extra.emplace_back("scene_path", local->path);
     about.extra.emplace_back("surface.force", local->force);
   }
+  if (bundle != nullptr) about.extra.emplace_back("scene_bundle", to_base64(*bundle));
   about.station_text = file.text.empty() ? "defaults" : file.text;
   about.seed = fmt::format("{}", nonce_seed);
   about.rate_hz = file.station.rate_hz;

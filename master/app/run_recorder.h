@@ -14,12 +14,14 @@
 
 namespace telenano::app {
 
-/// The recording of a session, with what makes the file explain itself; null without --record. Throws
+/// The recording of a session, with what makes the file explain itself; null without --record. `bundle`: of
+/// the scene, where it is here; may be null. Throws
 /// UserError if the file cannot be made.
 std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
                                                    const link::Welcome& welcome, const LinkDelay& link,
                                                    const SessionDevice& opened,
                                                    const device::DeviceInfo& device,
-                                                   const std::string& planned, std::uint64_t nonce_seed);
+                                                   const std::string& planned, std::uint64_t nonce_seed,
+                                                   const std::string* bundle);
 
 }  // namespace telenano::app

@@ -31,6 +31,7 @@
 #include "master/app/run_metrics.h"
 #include "master/app/run_recorder.h"
 #include "master/app/run_words.h"
+#include "master/app/scene_wait.h"
 #include "master/app/server_link.h"
 #include "master/app/session_device.h"
 #include "master/app/session_file.h"
@@ -39,6 +40,7 @@
 #include "master/app/station_plan.h"
 #include "master/app/stop_signals.h"
 #include "master/device/sim_device.h"
+#include "master/scene/scene_keeper.h"
 #include "master/station/station.h"
 #include "twin/load_twin.h"
 
@@ -53,6 +55,8 @@ constexpr int kProbeMax = 40;
 constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
 // Steps that are kept until the server has made them; twice what is felt without its word.
 constexpr double kTwinRingS = 4;
+// A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
+constexpr double kSceneWaitS = 2;
 constexpr std::chrono::milliseconds kLineAgain(200);
 constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
@@ -264,6 +268,28 @@ void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const lin
   station.use_twin(std::make_unique<station::TwinRun>(twin, std::move(twins[0]), std::move(twins[1])));
 }
 
+scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
+  scene_store::SceneKeeperOptions scene;
+  if (!options.quiet) {
+    scene.say = [new_line = isatty(STDERR_FILENO) != 0](const std::string& text) {
+      fmt::print(stderr, "{}note: {}\n", new_line ? "\n" : "", text);
+    };
+  }
+  return scene;
+}
+
+/// The surface of the scene that is here, each time that it is another one; a flat one is a plane as it is.
+std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_store::SceneKeeper& keeper) {
+  return [&keeper, shown = std::shared_ptr<const scene_store::StationScene>()]() mutable
+         -> std::optional<surface::HeightGrid> {
+    const auto scene = keeper.scene();
+    if (!scene || scene == shown) return std::nullopt;
+    shown = scene;
+    if (scene->checked.ground.z_nm.empty()) return std::nullopt;
+    return scene->checked.ground;
+  };
+}
+
 }  // namespace
 
 int run_session(const RunOptions& options) {
@@ -275,6 +301,8 @@ int run_session(const RunOptions& options) {
   const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
   // What is wrong with a task, a script or a device is found before a server is asked.
   if (simulated) intended_motion(options, file.task, 0);
+  // Forks, so before whatever has threads, keys or sockets.
+  scene_store::SceneKeeper scene(scene_options(options));
   SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
   SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
   if (!simulated) add_pedals(opened, file.pedal);
@@ -318,6 +346,9 @@ int run_session(const RunOptions& options) {
       measure_link(session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
                    options.connect_timeout_s, stop);
+  scene.start();
+  if (view.wanted() || !options.record.empty())
+    wait_for_scene(session, way, server, scene, view.wanted(), kSceneWaitS, stop);
   // With play-out the controller sees the buffer's delay, not the link's.
   const int delay_samples =
       control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);
@@ -350,18 +381,20 @@ int run_session(const RunOptions& options) {
   const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
   const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
   const std::unique_ptr<recording::Recorder> recorder =
-      make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed);
+      make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
+                    scene.bundle().get());
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned);
   station::Station station(config, device_info, port);
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
   if (file.chooses_method) live.choose_method();
-  if (view_model::RequestDesk* const desk =
-          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
-                      options.record, tasks, file.plant.workspace_half_m, options.give_up_s}))
+  if (view_model::RequestDesk* const desk = view.begin(
+          {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
+           tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene)}))
     live.show_on(*desk, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
+  live.set_scene_pipe(scene.pipe());
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
     exporter.emplace(options.metrics, options.metrics_public,

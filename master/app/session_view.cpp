@@ -55,6 +55,7 @@ struct SessionView::Parts {
   std::optional<surface::Scan> scan;
   std::string scan_bytes;
   std::optional<view_model::Ground> ground;
+  std::function<std::optional<surface::HeightGrid>()> fetched_ground;
   viewer::ViewFacts facts;
 };
 
@@ -142,8 +143,13 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
     parts_->scan_bytes = {};
     parts_->ground.emplace(std::move(parts_->scan->grid));
   } else {
+    parts_->fetched_ground = session.fetched_ground;
     parts_->ground.emplace(session.slave.surface_z_w_nm, session.slave.workspace_min_w_nm,
                            session.slave.workspace_max_w_nm);
+    if (parts_->fetched_ground) {
+      // Kept from an earlier session, it is there from the first picture on.
+      if (auto grid = parts_->fetched_ground()) parts_->ground.emplace(std::move(*grid));
+    }
   }
   desk_ = std::make_unique<view_model::RequestDesk>(port_, region.impedance_bound);
   return desk_.get();
@@ -165,6 +171,12 @@ std::string SessionView::run(const RealTimeSession& live, const recording::Recor
   if (!options_.surface.empty()) {
     watched.emplace(options_.surface);
     hooks.changed_ground = [&watched] { return watched->changed(); };
+  } else if (parts_->fetched_ground) {
+    hooks.changed_ground = [this]() -> std::optional<view_model::Ground> {
+      auto grid = parts_->fetched_ground();
+      if (!grid) return std::nullopt;
+      return view_model::Ground(std::move(*grid));
+    };
   }
   hooks.pointer = &pointer_;
   hooks.last_words = callbacks.last_words;

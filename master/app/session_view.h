@@ -4,6 +4,7 @@
 #include <array>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "common/link/messages.h"
 #include "common/recording/recorder.h"
 #include "common/rt/latest_value.h"
+#include "common/surface/height_grid.h"
 #include "master/app/real_time_session.h"
 #include "master/device/pointer_device.h"
 #include "master/station/station_config.h"
@@ -57,6 +59,8 @@ struct ViewedSession {
   std::vector<SimTask> tasks;         ///< of a simulated hand, by number
   Vec3 device_half_m = Vec3::Zero();  ///< of its box
   double give_up_s = 0;               ///< of silence
+  /// The true surface, once it is here: each time that it is another one. Null function: it never comes.
+  std::function<std::optional<surface::HeightGrid>()> fetched_ground = nullptr;
 };
 
 /// The picture of a session: a window, or one photograph without a display; nothing where neither is asked

@@ -7,8 +7,8 @@ void add_picture_flags(CLI::App& command, ViewOptions& options, const std::strin
   command
       .add_option("--surface", options.surface,
                   "Scan to draw: a .gsf as the server's scene has it, or the scene's name; read again when "
-                  "it changes; "
-                  "without, a plane and what has been touched")
+                  "it changes; without, "
+                  "the one that the server lets be fetched, else a plane and what has been touched")
       ->type_name(config::kSceneOrFile);
   command
       .add_option("--tip-radius-nm", options.tip_radius_nm,

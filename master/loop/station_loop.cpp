@@ -72,6 +72,10 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     const std::int64_t came_ns = (clock_ != nullptr ? clock_->now_ns() : now_ns) - received.age_ns;
     const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), came_ns);
     replied |= event == link::ClientEvent::kReply;
+    if (event == link::ClientEvent::kSceneChunk) {
+      if (scene_pipe_ != nullptr) scene_pipe_->take(session_.incoming().scene_chunk);
+      continue;  // nothing that the station hears of, nor a recording
+    }
     note_datagram(came_ns);
     if (!playout_.active()) continue;
     if (event == link::ClientEvent::kWelcome) playout_.clear();
@@ -115,6 +119,8 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     if (size > 0) sample.sent_ns = sent_ns;
     send(size);
   }
+
+  if (scene_pipe_ != nullptr) scene_pipe_->turn(session_, socket_, server_, buffer_);
 
   fill(now_ns, applied_h_n_, sample);
   ++ticks_;

@@ -12,6 +12,7 @@
 #include "common/rt/clock.h"
 #include "master/device/haptic_device.h"
 #include "master/loop/link_options.h"
+#include "master/loop/scene_pipe.h"
 #include "master/station/station.h"
 
 namespace telenano::loop {
@@ -40,6 +41,8 @@ class StationLoop {
   /// Sends Bye, three times since nobody answers it.
   void say_bye(link::ByeReason reason) noexcept;
 
+  /// Who fetches the server's scene; before the first tick, must outlive this. Null: nobody.
+  void set_scene_pipe(ScenePipe* pipe) noexcept { scene_pipe_ = pipe; }
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
   /// link::kFlagTakeOver: ask for a shared tip; link::kFlagHandOver: leave it to others; 0: as it comes.
   void set_tip_wish(std::uint32_t flags) noexcept { input_.tip_wish = flags; }
@@ -74,6 +77,7 @@ class StationLoop {
   link::ClientSession& session_;
   station::Station& station_;
   const rt::Clock* clock_;
+  ScenePipe* scene_pipe_ = nullptr;
   device::DeviceReading reading_;
   link::Playout playout_;
   link::SendGate gate_;

@@ -1,16 +1,22 @@
 """The real station at a Python server over loopback: a spring wall; every command held to the document's rules."""
+import base64
+import hashlib
 import math
 import os
+import pathlib
+import subprocess
+import tempfile
 import threading
 import time
 import unittest
 
 import telenano_pb2 as pb
-from programs import Child, now_ns, udp
+from programs import SCENES, Child, now_ns, serve, udp
 from server import Server, SpringWall
 from wire import BYE_DONE, CLUTCH, DEADMAN, encode, vector
 
 ADDRESS = ("127.0.0.1", 0)
+SEEDS = pathlib.Path(os.environ["TELENANO_SOURCE_DIR"]) / "tests" / "fuzz" / "seeds" / "bundle"
 
 
 class Serving:
@@ -144,6 +150,69 @@ class StationAtThePythonServer(unittest.TestCase):
         self.assertEqual(serving.server.drops["unexpected"], 0)
         self.assertEqual(serving.server.sessions[0].features, 0)
         self.assertGreater(len(serving.server.accepted), 300)
+
+    def fetching(self, serving, cache, *more):
+        """The station's own words, and how many pieces it asked for."""
+        host, port = serving.address
+        asked = []
+        answer = serving.server.on_scene_request
+        serving.server.on_scene_request = lambda m, *of: asked.append(m.chunk) or answer(m, *of)
+        environment = dict(os.environ, XDG_CACHE_HOME=str(cache))
+        done = subprocess.run([os.environ["TELENANO_MASTER"], "run", "--server", f"{host}:{port}", "--rt-priority", "0", "--task",
+                               "position", "--duration-s", "1.5", *more], env=environment, capture_output=True, text=True,
+                              timeout=60, check=False)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        self.assertIsNone(serving.error)
+        self.assertGreater(len(serving.server.accepted), 300, "the session went on")
+        return asked, [line for line in done.stderr.splitlines() if "scene" in line and line.startswith("note")], done.stderr
+
+    def test_the_station_fetches_the_scene_once_and_records_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            bundles = []
+            for recording in (folder + "/one.h5", folder + "/two.h5"):
+                child, (host, port) = serve(self, "flat_pdms")
+                done = subprocess.run([os.environ["TELENANO_MASTER"], "run", "--server", f"{host}:{port}", "--rt-priority", "0",
+                                       "--task", "position", "--duration-s", "1", "--record", recording],
+                                      env=dict(os.environ, XDG_CACHE_HOME=folder), capture_output=True, text=True, timeout=60,
+                                      check=False)
+                self.assertEqual(done.returncode, 0, done.stderr)
+                self.assertEqual(child.stop(), 0)
+                self.assertEqual("pieces of the scene were fetched" in child.said(), not bundles, "only the first time")
+                (kept,) = pathlib.Path(folder, "telenano").iterdir()
+                bundles.append(kept.read_bytes())
+                self.assertEqual(hashlib.sha256(bundles[-1]).hexdigest() + ".scene", kept.name)
+                self.assertEqual((kept.stat().st_mode & 0o777, kept.parent.stat().st_mode & 0o777), (0o600, 0o700))
+                self.assertIn(base64.b64encode(bundles[-1]), pathlib.Path(recording).read_bytes())
+            self.assertEqual(bundles[0], bundles[1])
+            self.assertIn((SCENES / "flat_pdms.toml").read_bytes(), bundles[0])
+
+    def test_a_hostile_scene_is_one_line_and_the_session_goes_on(self):
+        good = (SEEDS / "flat").read_bytes()
+
+        class Liar(Server):
+            def welcome(self, session, nonce):
+                w = super().welcome(session, nonce)
+                self.lie(w)
+                return w
+
+        def other_hash(w):
+            w.scene_sha256_3 ^= 1
+
+        def huge(w):
+            w.scene_bytes = 0xFFFFFFFF
+
+        with tempfile.TemporaryDirectory() as folder:
+            for lie, bundle, words in ((other_hash, good, "another hash"), (huge, good, "4294967295 bytes"),
+                                       (lambda w: None, b"TLNB" + bytes(3000), "form 0"),
+                                       (lambda w: None, (SEEDS / "bomb").read_bytes(), "scene bundle: ")):
+                serving = Serving(self)
+                serving.server = Liar(bundle=bundle)
+                serving.server.lie = lie
+                _, notes, said = self.fetching(serving, folder)
+                self.assertEqual(len(notes), 1, said)
+                self.assertIn(words, notes[0])
+                self.assertIn("the session goes on without", notes[0])
+            self.assertEqual(list(pathlib.Path(folder).rglob("*.scene")), [])
 
     def test_refusals_end_the_program_with_one_line(self):
         for config, word in ((dict(rate_max_hz=500), "500|rate"), (dict(capacity=0), "full|sessions")):

@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <map>
 
+#include "common/base/base64.h"
 #include "common/base/error.h"
 #include "common/link/messages.h"
 #include "common/recording/recording_reader.h"
@@ -97,6 +98,8 @@ RecordedSession load_session(const std::filesystem::path& path) {
   session.scene_path = reader.configuration("scene_path");
   session.scene_text = reader.configuration("scene_text");
   session.surface_force = reader.configuration("surface.force");
+  if (const std::string bundle = reader.configuration("scene_bundle"); !bundle.empty())
+    session.scene_bundle = from_base64(bundle).value_or("");
   session.station = station_of(reader);
   session.device = device_of(reader);
   session.link = link_of(reader);

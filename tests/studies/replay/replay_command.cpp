@@ -10,6 +10,7 @@
 
 #include "common/base/error.h"
 #include "common/config/completion.h"
+#include "nve_server/scene/scene_bundle.h"
 #include "tests/studies/replay/replay.h"
 
 namespace telenano::studies {
@@ -37,8 +38,8 @@ ScenePtr if_recorded(const RecordedSession& recorded, const Load& load) {
   }
 }
 
-/// The very scene that was recorded: given, where the station had it, by its name among those that came with
-/// the program or in this folder, or as the recording holds it.
+/// The very scene that was recorded: given, as the recording holds it whole, where the station had it, by its
+/// name among those that came with the program or in this folder, or as the recording holds it.
 ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
   if (!given.empty()) {
     ScenePtr scene = scene::load_scene(given);
@@ -47,6 +48,10 @@ ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
         fmt::format("{}: was recorded on another scene than {} (hash {}, not {}); name its file by "
                     "--scene FILE",
                     recorded.path.string(), scene->path, recorded.scene_hash, hash_of(*scene)));
+  }
+  if (!recorded.scene_bundle.empty()) {
+    if (auto scene = if_recorded(recorded, [&] { return scene::decode_bundle(recorded.scene_bundle); }))
+      return scene;
   }
   const std::string& name = recorded.scene_name;
   // The name comes from a server: it may lead nowhere else.

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <atomic>
+
+#include "common/link/client_session.h"
+#include "common/net/datagram.h"
+#include "master/app/server_link.h"
+#include "master/scene/scene_keeper.h"
+
+namespace telenano::app {
+
+/// Gives the scene a little time before the loop begins: what records needs its bytes, what draws needs it
+/// looked at. The session is kept awake meanwhile; what is not here in time comes while it runs. Returns
+/// after at most `wait_s`, or on `stop`.
+void wait_for_scene(link::ClientSession& session, ServerLink& way, const net::Address& server,
+                    scene_store::SceneKeeper& keeper, bool looked_at, double wait_s,
+                    const std::atomic<bool>& stop);
+
+}  // namespace telenano::app

@@ -1,0 +1,107 @@
+#include "master/scene/scene_check.h"
+
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "common/base/error.h"
+#include "common/recording/packed.h"
+#include "common/surface/gsf.h"
+#include "nve_server/scene/levelling.h"
+#include "nve_server/scene/scene_bundle.h"
+#include "nve_server/slave/canonical_motion.h"
+
+namespace telenano::scene_store {
+namespace {
+
+constexpr const char* kSubject = "scene bundle";
+constexpr int kSampledSide = 257;
+
+/// Heights for the picture: those of the scan, or of the shape at even places over where the tip may go.
+surface::HeightGrid ground_of(const scene::Scene& scene, const scene::BundleParts& parts) {
+  surface::HeightGrid grid;
+  if (!parts.scan.empty()) {
+    grid = surface::parse_gsf(parts.scan, kSubject).grid;
+    for (const config::TomlValue& value : parts.values) {
+      if (value.path != "surface.level") continue;
+      const auto* const name = std::get_if<std::string>(&value.value);
+      if (name != nullptr)
+        scene::level(grid, scene::levelling_from_name(*name).value_or(scene::Levelling::kNone));
+    }
+    return grid;
+  }
+  if (scene.surface->is_flat()) return grid;
+  grid.columns = grid.rows = kSampledSide;
+  grid.x_first_nm = scene.ground.x_min_nm;
+  grid.y_first_nm = scene.ground.y_min_nm;
+  grid.dx_nm = (scene.ground.x_max_nm - scene.ground.x_min_nm) / (kSampledSide - 1);
+  grid.dy_nm = (scene.ground.y_max_nm - scene.ground.y_min_nm) / (kSampledSide - 1);
+  for (int row = 0; row < grid.rows; ++row)
+    for (int column = 0; column < grid.columns; ++column)
+      grid.z_nm.push_back(scene.surface->height_nm(grid.x_first_nm + column * grid.dx_nm,
+                                                   grid.y_first_nm + row * grid.dy_nm));
+  return grid;
+}
+
+std::string answer(std::string_view bundle) {
+  const scene::BundleParts parts = scene::open_bundle(bundle);
+  const auto scene = scene::decode_bundle(bundle);
+  scene::check_bundle_text(parts);
+  const surface::HeightGrid ground = ground_of(*scene, parts);
+  recording::Packer packed;
+  packed.text(scene->name).text(parts.text).put(scene->hash).put(slave::canonical_motion_hash(scene));
+  packed.put(ground.columns).put(ground.rows).put(ground.dx_nm).put(ground.dy_nm);
+  packed.put(ground.x_first_nm).put(ground.y_first_nm);
+  packed.raw(ground.z_nm.data(), ground.z_nm.size() * sizeof(double));
+  return packed.take();
+}
+
+recording::ChildLimits limits_of(std::size_t memory_bytes, int seconds) {
+  recording::ChildLimits limits;
+  limits.time = std::chrono::seconds(seconds);
+  limits.memory_bytes = memory_bytes;
+  limits.answer_bytes = std::size_t{64} << 20;
+  limits.reader = "this program";
+  limits.advice = "it is not used";
+  return limits;
+}
+
+}  // namespace
+
+SceneChecker::SceneChecker(std::size_t memory_bytes, int seconds)
+    : child_(kSubject, answer, limits_of(memory_bytes, seconds)) {}
+
+CheckedScene SceneChecker::check(const std::string& bundle) {
+  const std::string said = child_.ask(bundle);
+  recording::Unpacker from(said);
+  CheckedScene scene;
+  scene.name = from.text();
+  scene.text = from.text();
+  scene.scene_hash = from.get<std::uint64_t>();
+  scene.canonical_motion = from.get<std::uint64_t>();
+  surface::HeightGrid& grid = scene.ground;
+  grid.columns = from.get<int>();
+  grid.rows = from.get<int>();
+  grid.dx_nm = from.get<double>();
+  grid.dy_nm = from.get<double>();
+  grid.x_first_nm = from.get<double>();
+  grid.y_first_nm = from.get<double>();
+  const auto side = [](int n) { return n >= 2 && n <= kGroundMax; };
+  const bool flat = grid.columns == 0 && grid.rows == 0;
+  bool good = flat || (side(grid.columns) && side(grid.rows) && grid.dx_nm > 0 && grid.dy_nm > 0 &&
+                       std::isfinite(grid.dx_nm + grid.dy_nm + grid.x_first_nm + grid.y_first_nm));
+  const std::size_t count =
+      good ? static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows) : 0;
+  good = good && from.left() == count * sizeof(double);
+  if (good && count > 0) {
+    grid.z_nm.resize(count);
+    std::memcpy(grid.z_nm.data(), from.raw(count * sizeof(double)).data(), count * sizeof(double));
+    for (const double z : grid.z_nm) good = good && std::isfinite(z);
+  }
+  if (!good)
+    throw RunError(std::string(kSubject) + ": its surface cannot be drawn: more than " +
+                   std::to_string(kGroundMax) + " heights a side, or numbers that are none");
+  return scene;
+}
+
+}  // namespace telenano::scene_store

@@ -1,0 +1,163 @@
+#include "master/scene/scene_keeper.h"
+
+#include <signal.h>
+
+#include <chrono>
+#include <exception>
+#include <span>
+#include <utility>
+
+#include "common/rt/steady_clock.h"
+
+namespace telenano::scene_store {
+namespace {
+
+constexpr std::chrono::milliseconds kWhileFetching(1);
+constexpr std::chrono::milliseconds kElse(20);
+
+/// Signals are for the main thread.
+class SignalsBlocked {
+ public:
+  SignalsBlocked() {
+    sigset_t all;
+    ::sigfillset(&all);
+    ::pthread_sigmask(SIG_SETMASK, &all, &before_);
+  }
+  ~SignalsBlocked() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsBlocked(const SignalsBlocked&) = delete;
+  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
+
+ private:
+  sigset_t before_{};
+};
+
+}  // namespace
+
+Sha256 hash_of(const link::SceneOffer& offer) noexcept {
+  Sha256 hash{};
+  for (std::size_t i = 0; i < hash.size(); ++i)
+    hash[i] = static_cast<std::uint8_t>(offer.hash[i / 8] >> (8 * (i % 8)));
+  return hash;
+}
+
+SceneKeeper::SceneKeeper(SceneKeeperOptions options)
+    : options_(std::move(options)),
+      cache_(options_.cache),
+      checker_(options_.check_memory_bytes, options_.check_seconds),
+      fetch_(options_.limits) {}
+
+SceneKeeper::~SceneKeeper() {
+  stop_.store(true, std::memory_order_release);
+  if (thread_.joinable()) thread_.join();
+}
+
+void SceneKeeper::start() {
+  const SignalsBlocked blocked;
+  thread_ = std::thread([this] { run(); });
+}
+
+std::shared_ptr<const StationScene> SceneKeeper::scene() const {
+  const std::lock_guard lock(mutex_);
+  return scene_;
+}
+
+std::shared_ptr<const std::string> SceneKeeper::bundle() const {
+  const std::lock_guard lock(mutex_);
+  return bundle_;
+}
+
+void SceneKeeper::give_up(const std::string& why) {
+  settled_.store(true, std::memory_order_release);
+  if (options_.say)
+    options_.say("the server's scene cannot be used: " + why + "; the session goes on without");
+}
+
+void SceneKeeper::take_offer(const loop::OfferedScene& offer, std::int64_t now_ns) {
+  const bool same = offer.scene == offered_;
+  offered_ = offer.scene;
+  if (same && (settled_.load(std::memory_order_relaxed) || fetch_.state() == link::SceneFetch::State::kDone))
+    return;
+  if (!same) {
+    const std::lock_guard lock(mutex_);
+    scene_.reset();
+    bundle_.reset();
+  }
+  settled_.store(false, std::memory_order_release);
+  if (offered_.empty()) {
+    fetch_.offer({}, now_ns);
+    settled_.store(true, std::memory_order_release);
+    return;
+  }
+  if (!has_sha256()) return give_up("this program was built without OpenSSL");
+  if (!same) {
+    if (auto kept = cache_.read(hash_of(offered_), offered_.bytes);
+        kept && offered_.bytes <= options_.limits.bytes_max) {
+      fetch_.offer({}, now_ns);
+      return use(std::move(*kept), true);
+    }
+  }
+  fetch_.offer(offered_, now_ns);
+  if (fetch_.state() == link::SceneFetch::State::kTooLarge)
+    give_up("it has " + std::to_string(offered_.bytes) + " bytes, expected at most " +
+            std::to_string(options_.limits.bytes_max));
+}
+
+void SceneKeeper::use(std::string bundle, bool cached) {
+  const auto bytes = std::make_shared<const std::string>(std::move(bundle));
+  if (sha256(*bytes) != hash_of(offered_)) return give_up("what it sent has another hash than it said");
+  {
+    const std::lock_guard lock(mutex_);
+    bundle_ = bytes;
+  }
+  auto scene = std::make_shared<StationScene>();
+  scene->offer = offered_;
+  scene->bundle = *bytes;
+  try {
+    scene->checked = checker_.check(*bytes);
+  } catch (const std::exception& error) {
+    return give_up(error.what());
+  }
+  scene->same_physics = scene->checked.canonical_motion == offered_.canonical_motion;
+  if (!cached) {
+    const std::string why = cache_.keep(hash_of(offered_), *bytes);
+    if (!why.empty() && options_.say) options_.say(why);
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    scene_ = std::move(scene);
+  }
+  settled_.store(true, std::memory_order_release);
+}
+
+void SceneKeeper::run() {
+  const rt::SteadyClock clock;
+  std::uint64_t offers_seen = 0;
+  bool begun = false;
+  loop::OfferedScene offer;
+  loop::ScenePiece piece;
+  using State = link::SceneFetch::State;
+  while (!stop_.load(std::memory_order_acquire)) {
+    const std::int64_t now_ns = clock.now_ns();
+    if (const std::uint64_t count = pipe_.offer.count(); count != offers_seen) {
+      offers_seen = count;
+      const loop::OfferedScene newest = pipe_.offer.load();
+      const bool another_session = !begun || newest.sessions != offer.sessions;
+      begun = true;
+      offer = newest;
+      if (another_session && offer.sessions > 0) take_offer(offer, now_ns);
+      fetch_.set_up(offer.up, now_ns);
+    }
+    while (pipe_.pieces.pop(piece)) {
+      if (piece.bundle == fetch_.scene().name())
+        fetch_.take(piece.chunk, std::span(piece.data).first(piece.size), now_ns);
+    }
+    while (const auto chunk = fetch_.next(now_ns)) pipe_.requests.push({fetch_.scene().name(), *chunk});
+    if (!settled_.load(std::memory_order_relaxed) && fetch_.state() == State::kDone)
+      use({fetch_.bytes().begin(), fetch_.bytes().end()}, false);
+    if (!settled_.load(std::memory_order_relaxed) && fetch_.state() == State::kGivenUp)
+      give_up("the server does not send it");
+    std::this_thread::sleep_for(fetch_.state() == State::kFetching ? kWhileFetching : kElse);
+  }
+}
+
+}  // namespace telenano::scene_store

@@ -1,0 +1,270 @@
+// A scene on its way to a station: from a server that a test plays, honest or not, through the process that
+// looks at it, into the cache.
+#include "master/scene/scene_keeper.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "common/base/error.h"
+#include "nve_server/scene/scene_bundle.h"
+#include "nve_server/slave/canonical_motion.h"
+#include "tests/source_dir.h"
+
+namespace telenano::scene_store {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::string kScenes = std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/";
+
+std::string flat_with(const std::string& surface, const std::string& limits = "") {
+  const std::string text =
+      "name = \"a\"\n[sample]\nyoungs_modulus_gpa = 70\npoisson_ratio = 0.27\n"
+      "surface_energy_j_m2 = 0.2\n[surface]\n" +
+      surface +
+      "\n[probe]\ntip_radius_nm = 20\nstiffness_n_m = 40\n[probe.tip]\n"
+      "youngs_modulus_gpa = 160\npoisson_ratio = 0.27\nsurface_energy_j_m2 = 0.2\n[forces]\n"
+      "[coupling]\nstiffness_n_m = 20\n[limits]\nforce_max_nn = 500\n" +
+      limits + "\n[start]\nx_nm = 0\ny_nm = 0\nheight_nm = 20\n";
+  return text;
+}
+
+std::string bundle_of(const std::string& text) {
+  return scene::parse_scene_with_bundle(text, "a.toml").bundle;
+}
+
+link::SceneOffer offer_of(const std::string& bundle, std::uint64_t canonical_motion) {
+  link::SceneOffer offer;
+  const Sha256 hash = sha256(bundle);
+  for (std::size_t i = 0; i < hash.size(); ++i) offer.hash[i / 8] |= std::uint64_t{hash[i]} << (8 * (i % 8));
+  offer.bytes = static_cast<std::uint32_t>(bundle.size());
+  offer.canonical_motion = canonical_motion;
+  return offer;
+}
+
+class Keeper : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!has_sha256()) GTEST_SKIP() << "built without OpenSSL";
+    std::string made = (fs::temp_directory_path() / "telenano_keeper_XXXXXX").string();
+    ASSERT_NE(::mkdtemp(made.data()), nullptr);
+    base_ = made;
+  }
+  void TearDown() override {
+    keeper_.reset();
+    std::error_code ignored;
+    if (!base_.empty()) fs::remove_all(base_, ignored);
+  }
+  SceneKeeperOptions options() {
+    SceneKeeperOptions o;
+    o.cache = base_ / "telenano";
+    o.say = [this](const std::string& line) {
+      const std::lock_guard lock(mutex_);
+      said_.push_back(line);
+    };
+    return o;
+  }
+  void begin(const SceneKeeperOptions& o) {
+    keeper_ = std::make_unique<SceneKeeper>(o);
+    keeper_->start();
+  }
+  void offer(const link::SceneOffer& scene) { keeper_->pipe().offer.store({scene, ++sessions_, true}); }
+  /// Answers requests out of `bytes` until the keeper has settled: no duration decides but what hangs.
+  void serve(const std::string& bytes, bool endless = false) {
+    loop::SceneAsk ask;
+    loop::ScenePiece piece;
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(120);
+    while (!keeper_->settled() && std::chrono::steady_clock::now() < end) {
+      while (keeper_->pipe().requests.pop(ask)) {
+        ++asked_;
+        const std::size_t at = std::size_t{ask.chunk} * link::kSceneChunkBytes;
+        if (at >= bytes.size()) continue;
+        piece.bundle = ask.bundle;
+        piece.chunk = ask.chunk;
+        piece.size = static_cast<std::uint32_t>(std::min(bytes.size() - at, link::kSceneChunkBytes));
+        std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), piece.size, piece.data.begin());
+        keeper_->pipe().pieces.push(piece);
+      }
+      // One that never stops sending what nobody asked for.
+      for (int i = 0; endless && i < 64; ++i) {
+        ++piece.chunk;
+        keeper_->pipe().pieces.push(piece);
+      }
+      std::this_thread::sleep_for(std::chrono::microseconds(300));
+    }
+    ASSERT_TRUE(keeper_->settled());
+  }
+  std::vector<std::string> said() {
+    const std::lock_guard lock(mutex_);
+    for (const std::string& line : said_) EXPECT_EQ(line.find('\n'), std::string::npos) << line;
+    return said_;
+  }
+  void expect_refused(const std::string& why) {
+    EXPECT_FALSE(keeper_->scene());
+    const auto lines = said();
+    ASSERT_EQ(lines.size(), 1u);
+    EXPECT_NE(lines[0].find(why), std::string::npos) << lines[0];
+    EXPECT_NE(lines[0].find("the session goes on without"), std::string::npos) << lines[0];
+  }
+
+  fs::path base_;
+  std::unique_ptr<SceneKeeper> keeper_;
+  std::uint64_t sessions_ = 0;
+  int asked_ = 0;
+  std::mutex mutex_;
+  std::vector<std::string> said_;
+};
+
+TEST_F(Keeper, FetchesLooksAtAndKeepsAndThenAsksForNothing) {
+  const auto both = scene::load_scene_with_bundle(kScenes + "flakes.toml");
+  const link::SceneOffer is = offer_of(both.bundle, slave::canonical_motion_hash(both.scene));
+  begin(options());
+  offer(is);
+  serve(both.bundle);
+  ASSERT_TRUE(keeper_->scene());
+  EXPECT_EQ(keeper_->scene()->bundle, both.bundle);
+  EXPECT_TRUE(keeper_->scene()->same_physics);
+  const CheckedScene& checked = keeper_->scene()->checked;
+  EXPECT_EQ(checked.name, "flakes");
+  EXPECT_EQ(checked.scene_hash, both.scene->hash);
+  // The spline goes through the heights: the picture's are those that are felt, to its rounding.
+  ASSERT_EQ(checked.ground.columns, 256);
+  for (const int at : {0, 77, 255}) {
+    const double x = checked.ground.x_first_nm + at * checked.ground.dx_nm;
+    EXPECT_NEAR(checked.ground.z_nm[static_cast<std::size_t>(256 * at + at)],
+                both.scene->surface->height_nm(x, checked.ground.y_first_nm + at * checked.ground.dy_nm),
+                1e-9);
+  }
+  EXPECT_EQ(asked_, static_cast<int>(is.chunks()));
+  EXPECT_TRUE(said().empty());
+
+  keeper_.reset();
+  asked_ = 0;
+  begin(options());
+  offer(is);
+  serve("");
+  ASSERT_TRUE(keeper_->scene());
+  EXPECT_EQ(keeper_->scene()->bundle, both.bundle);
+  EXPECT_EQ(asked_, 0);
+  // The same in another session: still there. Another scene: that one.
+  offer(is);
+  const std::string other = bundle_of(flat_with("kind = \"sphere\"\nradius_nm = 30"));
+  offer(offer_of(other, 1));
+  while (keeper_->scene() && keeper_->scene()->bundle == both.bundle)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  serve(other);
+  ASSERT_TRUE(keeper_->scene());
+  EXPECT_EQ(keeper_->scene()->bundle, other);
+  EXPECT_FALSE(keeper_->scene()->same_physics) << "1 is not what this program makes of it";
+  EXPECT_FALSE(keeper_->scene()->checked.ground.z_nm.empty());
+}
+
+TEST_F(Keeper, RefusesOtherBytesThanWereNamed) {
+  const std::string bundle = bundle_of(flat_with("kind = \"flat\""));
+  std::string other = bundle;
+  other.back() = static_cast<char>(other.back() ^ 1);
+  begin(options());
+  offer(offer_of(bundle, 1));
+  serve(other);
+  expect_refused("another hash");
+}
+
+TEST_F(Keeper, RefusesWhatIsTooLargeBeforeItAsks) {
+  begin(options());
+  link::SceneOffer offer_huge = offer_of("x", 1);
+  offer_huge.bytes = UINT32_MAX;
+  offer(offer_huge);
+  serve("");
+  EXPECT_EQ(asked_, 0);
+  expect_refused("4294967295 bytes");
+}
+
+TEST_F(Keeper, GivesUpOneThatDoesNotCome) {
+  SceneKeeperOptions o = options();
+  o.limits.give_up_ns = 300'000'000;
+  begin(o);
+  offer(offer_of(bundle_of(flat_with("kind = \"flat\"")), 1));
+  serve("");
+  expect_refused("does not send it");
+}
+
+TEST_F(Keeper, IsNotDistractedByPiecesWithoutEnd) {
+  const std::string bundle = bundle_of(flat_with("kind = \"flat\""));
+  begin(options());
+  offer(offer_of(bundle, 1));
+  serve(bundle, true);
+  ASSERT_TRUE(keeper_->scene());
+  EXPECT_EQ(keeper_->scene()->bundle, bundle);
+}
+
+TEST_F(Keeper, RefusesWhatIsNoScene) {
+  begin(options());
+  const std::string nonsense(5000, '\xff');
+  offer(offer_of(nonsense, 1));
+  serve(nonsense);
+  expect_refused("does not begin with");
+  EXPECT_FALSE(fs::exists(base_ / "telenano")) << "kept is only what was looked at";
+}
+
+// Valid, and of as many heights as a description may ask for: 4 · 10⁶, of several numbers each.
+TEST_F(Keeper, RefusesASceneThatTakesMoreMemoryThanItMay) {
+  SceneKeeperOptions o = options();
+  o.check_memory_bytes = std::size_t{48} << 20;
+  begin(o);
+  const std::string text = flat_with("kind = \"grating\"\nheight_nm = 5\nperiod_nm = 400\nspacing_nm = 1",
+                                     "half_width_nm = 1000\n");
+  const std::string bomb = bundle_of(text);
+  ASSERT_FALSE(bomb.empty());
+  offer(offer_of(bomb, 1));
+  serve(bomb);
+  expect_refused("do not fit into memory");
+}
+
+// Valid, and takes some seconds of a processor: fields of a whole scan.
+TEST_F(Keeper, RefusesASceneThatTakesMoreTimeThanItMayAndSaysSoOfTheNext) {
+  SceneKeeperOptions o = options();
+  o.check_seconds = 1;
+  begin(o);
+  const std::string slow = scene::load_scene_with_bundle(kScenes + "flakes_potential.toml").bundle;
+  offer(offer_of(slow, 1));
+  serve(slow);
+  expect_refused("found no end");
+  const std::string next = bundle_of(flat_with("kind = \"flat\""));
+  offer(offer_of(next, 1));
+  while (said().size() < 2) {
+    loop::SceneAsk ask;
+    while (keeper_->pipe().requests.pop(ask)) {
+      loop::ScenePiece piece;
+      piece.bundle = ask.bundle;
+      piece.chunk = ask.chunk;
+      const std::size_t at = std::size_t{ask.chunk} * link::kSceneChunkBytes;
+      piece.size = static_cast<std::uint32_t>(std::min(next.size() - at, link::kSceneChunkBytes));
+      std::copy_n(next.begin() + static_cast<std::ptrdiff_t>(at), piece.size, piece.data.begin());
+      keeper_->pipe().pieces.push(piece);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_FALSE(keeper_->scene());
+}
+
+TEST_F(Keeper, RefusesATextThatSaysOtherThanTheNumbers) {
+  std::string bundle = bundle_of(flat_with("kind = \"flat\""));
+  const std::size_t at = bundle.find("force_max_nn = 500");
+  ASSERT_NE(at, std::string::npos);
+  bundle.replace(at, 18, "force_max_nn = 100");
+  begin(options());
+  offer(offer_of(bundle, 1));
+  serve(bundle);
+  expect_refused("its text says other than its numbers");
+}
+
+}  // namespace
+}  // namespace telenano::scene_store
