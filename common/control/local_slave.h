@@ -30,7 +30,7 @@ struct LocalAnswer {
 
 /// Seam: the server's slave, run at the station; whose state is a function of its steps, to the bit. Nothing
 /// here allocates, waits or throws. Control and station know no scene: who makes one of these does
-/// (twin/scene_twin.h).
+/// (master/twin/scene_twin.h).
 class LocalSlave {
  public:
   LocalSlave() = default;

@@ -42,7 +42,7 @@
 #include "master/device/sim_device.h"
 #include "master/scene/scene_keeper.h"
 #include "master/station/station.h"
-#include "twin/load_twin.h"
+#include "master/twin/load_twin.h"
 
 namespace telenano::app {
 namespace {

@@ -41,7 +41,7 @@ const char* about(Method method) {
     case Method::kModel:
       return "local model of the contact";
     case Method::kTwin:
-      return "the server's slave at the station (default)";
+      return "the server's slave at the station (run --scene)";
   }
   return "";
 }

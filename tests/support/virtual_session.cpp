@@ -6,7 +6,7 @@
 
 #include "common/base/error.h"
 #include "nve_server/slave/nve_slave.h"
-#include "twin/scene_twin.h"
+#include "master/twin/scene_twin.h"
 
 namespace telenano::support {
 

@@ -22,7 +22,7 @@ struct Include {
 };
 
 const fs::path kRoot = TELENANO_SOURCE_DIR;
-const std::vector<std::string> kTrees = {"common", "master", "nve_server", "twin"};
+const std::vector<std::string> kTrees = {"common", "master", "nve_server"};
 
 std::string folder_of(const std::string& path) {
   return fs::path(path).parent_path().generic_string();
@@ -75,7 +75,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base",    "common/config",    "common/rt",         "common/control",      "common/link",
       "common/net",     "common/recording", "common/metrics",    "common/plot",         "common/security",
       "common/surface", "master/device",    "master/device/hid", "master/device/omega", "master/station",
-      "master/loop",    "master/scene",     "master/view_model", "master/viewer",       "twin"}},
+      "master/loop",    "master/scene",     "master/view_model", "master/viewer",       "master/twin"}},
     {"master/view_model",
      {"common/base", "common/control", "common/link", "common/recording", "common/rt", "common/surface",
       "master/device", "master/station"}},
@@ -83,7 +83,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base", "common/control", "common/link", "common/recording", "common/rt", "common/surface",
       "master/device", "master/station", "master/view_model"}},
     // Between the two: the server's slave behind the station's seam.
-    {"twin", {"common/base", "common/control", "common/link", "nve_server/scene", "nve_server/slave"}},
+    {"master/twin", {"common/base", "common/control", "common/link", "nve_server/scene", "nve_server/slave"}},
     {"nve_server/physics", {"common/base", "common/surface"}},
     {"nve_server/scene", {"common/base", "common/config", "common/surface", "nve_server/physics"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},

@@ -1,7 +1,7 @@
-#include "twin/load_twin.h"
+#include "master/twin/load_twin.h"
 
 #include "nve_server/scene/scene.h"
-#include "twin/scene_twin.h"
+#include "master/twin/scene_twin.h"
 
 namespace telenano::twin {
 

@@ -1,4 +1,4 @@
-#include "twin/scene_twin.h"
+#include "master/twin/scene_twin.h"
 
 #include <utility>
 
