@@ -55,6 +55,8 @@ constexpr int kProbeMax = 40;
 constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
 // Steps that are kept until the server has made them; twice what is felt without its word.
 constexpr double kTwinRingS = 4;
+// For a twin nothing can begin without the scene: 4 MB at the server's 464 kB/s, and reading it.
+constexpr double kTwinSceneWaitS = 20;
 // A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
 constexpr double kSceneWaitS = 2;
 constexpr std::chrono::milliseconds kLineAgain(200);
@@ -268,6 +270,31 @@ void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const lin
   station.use_twin(std::make_unique<station::TwinRun>(twin, std::move(twins[0]), std::move(twins[1])));
 }
 
+/// Twins of the scene that the server lets be fetched; none, with a line that says why, where it does not.
+/// The log of steps is agreed on as a session is opened, and needs the scene: so this opens one of its own
+/// before.
+std::vector<std::unique_ptr<control::LocalSlave>> fetch_twins(link::ClientConfig client_config,
+                                                              ServerLink& way, const net::Address& server,
+                                                              double rate_hz, const RunOptions& options,
+                                                              scene_store::SceneKeeper& keeper,
+                                                              const std::atomic<bool>& stop) {
+  client_config.nonce_seed = random_nonce_seed();
+  client_config.resume_token = 0;
+  link::ClientSession session(client_config);
+  connect(session, way, server, rate_hz, options, stop);
+  Farewell farewell(session, way.datagram(), server);
+  keeper.start();
+  wait_for_scene(session, way, server, keeper, true, kTwinSceneWaitS, stop);
+  const auto scene = keeper.scene();
+  if (scene && scene->same_physics) return twin::decode_twins(scene->bundle, 2);
+  if (!options.quiet) {
+    fmt::print(stderr, "note: no twin, method model instead: {}\n",
+               scene ? "this program's physics give the server's scene other bits (another version?)"
+                     : "the server's scene cannot be fetched; name it by --scene");
+  }
+  return {};
+}
+
 scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
   scene_store::SceneKeeperOptions scene;
   if (!options.quiet) {
@@ -327,6 +354,10 @@ int run_session(const RunOptions& options) {
   std::vector<std::unique_ptr<control::LocalSlave>> twins;
   if (!options.scene.empty()) {
     twins = twin::load_twins(options.scene, 2);
+  } else if (file.station.method == control::Method::kTwin && !file.chooses_method) {
+    twins = fetch_twins(client_config, way, server, config.rate_hz, options, scene, stop);
+  }
+  if (!twins.empty()) {
     client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
     client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
   }

@@ -52,6 +52,7 @@ SceneKeeper::~SceneKeeper() {
 }
 
 void SceneKeeper::start() {
+  if (thread_.joinable()) return;
   const SignalsBlocked blocked;
   thread_ = std::thread([this] { run(); });
 }

@@ -39,7 +39,7 @@ struct SceneKeeperOptions {
 /// wrong is one line, and the session goes on without.
 class SceneKeeper {
  public:
-  /// Forks (SceneChecker): construct it before there are threads. start() begins the work.
+  /// Forks (SceneChecker): construct it before there are threads. start() begins the work, once.
   explicit SceneKeeper(SceneKeeperOptions options);
   ~SceneKeeper();
   SceneKeeper(const SceneKeeper&) = delete;

@@ -183,7 +183,7 @@ std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGr
 
 }  // namespace
 
-void check_potential(const TomlTable& root, const Scene& scene) {
+void check_potential(const TomlTable& root) {
   const auto refuse = [&](const char* key, const std::string& what) {
     root.fail(
         key,
@@ -267,7 +267,7 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
     if (built.exact) built.grid = within(table, [&] { return sampled(*built.exact, area); });
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
     if (ground.potential) {
-      check_potential(root, scene);
+      check_potential(root);
       scene.potential = potential_of(built.grid, loading, scene);
     }
     const auto surface = std::make_shared<physics::SplineSurface>(built.grid, tip_radius);

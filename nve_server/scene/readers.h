@@ -31,7 +31,7 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
                          const std::string* given);
 
 /// [surface] force = "potential", after all that the tip feels is known: refuses what it does not have.
-void check_potential(const config::TomlTable& root, const Scene& scene);
+void check_potential(const config::TomlTable& root);
 
 /// [particle]: fills scene.particle.
 void read_particle(const config::TomlTable& table, Scene& scene);
