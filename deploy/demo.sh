@@ -86,7 +86,7 @@ run "Without control (KS fig. 13)"               --method none     "${unsafe[@]}
   say "The station stopped this run itself, as it should when the hand gets too fast; its recording is kept"
 run "KS's controller as published"               --method ks       "${unsafe[@]}" --record "$out/recordings/sio2_ks.h5"
 run "With an energy clamp, ks-clamp"             --method ks-clamp "${unsafe[@]}" --record "$out/recordings/sio2_ks_clamp.h5"
-run "The default, a local model (KS fig. 14)"    --method model    "${unsafe[@]}" --record "$out/recordings/sio2_model.h5"
+run "With a local model (KS fig. 14)"    --method model    "${unsafe[@]}" --record "$out/recordings/sio2_model.h5"
 stop_server
 
 say "Force against distance on silicon oxide, approach and retract (KS fig. 6)"

@@ -356,6 +356,7 @@ int run_session(const RunOptions& options) {
     twins = twin::load_twins(options.scene, 2);
   } else if (file.station.method == control::Method::kTwin && !file.chooses_method) {
     twins = fetch_twins(client_config, way, server, config.rate_hz, options, scene, stop);
+    if (twins.empty()) file.station.method = control::Method::kModel;
   }
   if (!twins.empty()) {
     client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);

@@ -336,7 +336,7 @@ TEST_F(AfmProgramsTest, ACommandThatComesAfterTheGuardHasGoneMovesNothing) {
     // ZCtrl.ZPosSet of 0, the middle of the range, as the protocol's document has it; then its error's reply.
     std::string frame = "ZCtrl.ZPosSet";
     frame.resize(32, '\0');
-    for (const char byte : {0, 0, 0, 4, 0, 1, 0, 0, 0, 0, 0, 0}) frame += byte;
+    for (const int byte : {0, 0, 0, 4, 0, 1, 0, 0, 0, 0, 0, 0}) frame += static_cast<char>(byte);
     net::TcpStream late = net::TcpStream::connect(
         net::parse_address("127.0.0.1:" + simulator.ports({0}), "test"), 2'000'000'000);
     std::size_t n = 0;

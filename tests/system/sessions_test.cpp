@@ -167,6 +167,26 @@ TEST_F(SessionsTest, AHangUpReadsTheKeysAgainAndSaysWhatItDoesNot) {
   EXPECT_TRUE(says(server.stop(), "SIGHUP: reading the list of keys"));
 }
 
+// Method twin: the scene comes from the server, its slave runs at the station, and each reply's hash says
+// whether the two are still the same. A server that shares no scene leaves the station with the plane.
+TEST_F(SessionsTest, TheStationFetchesTheSceneAndFeelsItsTwin) {
+  if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without OpenSSL, whose SHA-256 names scenes";
+  Server server(scene_path("flat_silicon_oxide"));
+  const std::vector<std::string> press{"--task", "indent", "--duration-s", "2", "--method", "twin"};
+  const Finished done = run_program(talking(server, press), {}, kLong);
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_TRUE(says(done.err, "method twin")) << done.err;
+  EXPECT_TRUE(says(done.err, "steps ahead")) << done.err;
+  EXPECT_FALSE(says(done.err, "no twin")) << done.err;
+  EXPECT_FALSE(says(done.err, "given up")) << done.err;
+  EXPECT_FALSE(says(done.err, "apart")) << done.err;
+
+  Server secretive(scene_path("flat_silicon_oxide"), 0, {"--no-scene-sharing"});
+  const Finished plain = run_program(talking(secretive, press), {}, kLong);
+  EXPECT_EQ(plain.exit_code, 0) << plain.err;
+  EXPECT_TRUE(says(plain.err, "no twin, method model instead")) << plain.err;
+}
+
 TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {
   if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without TELENANO_DTLS";
   const std::string keys = path("keys.toml");

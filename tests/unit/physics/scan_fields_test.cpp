@@ -416,7 +416,7 @@ TEST(ScanFields, GrowingNeverTurnsTheOverlapBack) {
 // The same on ground that has been ploughed, craters, walls and rims: marks lower all levels alike but for
 // grids that are too coarse for them.
 TEST(ScanFields, GrowingDoesNotTurnTheOverlapBackInMarks) {
-  const HeightGrid grid = piece_of("wsxm_600nm.gsf", 60, 110, 64);
+  const HeightGrid grid = support::piece_of("wsxm_600nm.gsf", 60, 110, 64);
   const ScanFields ground(grid, kRadius, softening_rule(kRadius, 0.4, 52.5, 0.165));
   ScanFields fields = ScanFields::for_marks(ground);
   // As ploughed: a* = √(R D/2) for a depth D of 3 nm.

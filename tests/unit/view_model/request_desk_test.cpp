@@ -34,8 +34,8 @@ struct Fixture {
     return info;
   }
   static station::SlavePort slave() { return {13, 0, 500}; }
-  static std::array<double, 7> bounds() {
-    std::array<double, 7> bound{};
+  static std::array<double, 8> bounds() {
+    std::array<double, 8> bound{};
     bound.fill(60);
     bound[static_cast<std::size_t>(control::Method::kNone)] = 5;
     bound[static_cast<std::size_t>(control::Method::kKs)] = 5;
