@@ -74,9 +74,11 @@ void server_exchange(benchmark::State& state, const std::string& scene_name, dou
   const auto scene = scene_of(scene_name);
   server::ServerConfig config;
   config.secret = link::SipKey{1, 2};
-  server::Server server(config, server::ServedScene{server::scene_name(scene->name), scene->hash, [scene] {
-                                                      return std::make_unique<slave::NveSlave>(scene);
-                                                    }});
+  server::ServedScene served;
+  served.name = server::scene_name(scene->name);
+  served.hash = scene->hash;
+  served.make_slave = [scene] { return std::make_unique<slave::NveSlave>(scene); };
+  server::Server server(config, served);
   link::ClientSession client(link::ClientConfig{});
   net::Address station;
   station.port = 4000;
