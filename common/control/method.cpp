@@ -9,7 +9,7 @@ namespace telenano::control {
 namespace {
 
 constexpr std::array<std::string_view, 8> kNames = {"none", "ks",   "ks-clamp", "tdpa",
-                                                    "wave", "tank", "model", "twin"};
+                                                    "wave", "tank", "model",    "twin"};
 
 }  // namespace
 

@@ -94,7 +94,9 @@ void AfmLogic::keep(const Check& check, const Answer& answer) {
     case kSafeTipPropsGet:
       return later(kSafeTipPropsSet, n);
     case kSafeTipOnOffGet:
-      return later(kSafeTipOnOffSet, {n[0] == 1 ? 1.0 : 2.0});
+      // Before its threshold, at which one that was off may act.
+      give_back_.insert(give_back_.begin(), {check.role, {kSafeTipOnOffSet, {n[0] == 1 ? 1.0 : 2.0}}});
+      return;
     case kLimitsEnabledGet:
       had_limits_ = n[0] == 1;
       return;

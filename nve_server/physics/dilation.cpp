@@ -308,8 +308,10 @@ void Dilation::sum_two(const Pair* pairs, std::size_t count, Sums& sums) noexcep
   sums = {total(s), total(phi), total(moment), total(moment_phi)};
 }
 
-__attribute__((target("avx"))) void Dilation::sum_four(const Pair* pairs, std::size_t count,
-                                                       Sums& sums) noexcept {
+// In a section of its own, so that a test can look for such instructions in all other code.
+__attribute__((target("avx"), section("dispatched_avx"))) void Dilation::sum_four(const Pair* pairs,
+                                                                                  std::size_t count,
+                                                                                  Sums& sums) noexcept {
   __m256d s = _mm256_setzero_pd(), phi = s, moment = s, moment_phi = s;
   for (std::size_t n = 0; n < count; ++n) {
     const Pair& pair = pairs[n];

@@ -457,8 +457,8 @@ std::size_t ScanFields::bytes() const noexcept {
 
 std::uint64_t ScanFields::hash() const noexcept {
   std::uint64_t hash = 14695981039346656037ull;
-  for (const std::span<const double> of_grid : coefficients()) {
-    for (const double c : of_grid) {
+  for (const Grid& grid : grids_) {
+    for (const double c : *grid.made) {
       std::uint64_t bits = std::bit_cast<std::uint64_t>(c);
       for (int byte = 0; byte < 8; ++byte, bits >>= 8) hash = (hash ^ (bits & 0xff)) * 1099511628211ull;
     }

@@ -102,7 +102,7 @@ class ScanFields final : public ContactFields {
   int levels() const noexcept { return levels_; }
   double tip_radius_nm() const noexcept { return radius_; }
   std::size_t bytes() const noexcept;
-  /// FNV-1a over all coefficients: the same on every machine.
+  /// FNV-1a over the coefficients of all levels: the same on every machine.
   std::uint64_t hash() const noexcept;
 
   static constexpr double kLeastRate = 0.3;

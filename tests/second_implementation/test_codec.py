@@ -104,6 +104,8 @@ class Codec(unittest.TestCase):
                 # In bytes, so that every bit of a number counts, the sign of a zero too; a padding is no value.
                 if datagram[5] == 1:
                     message.ClearField("padding")
+                elif datagram[5] == 5:  # the echo leaves out the steps, which test_wire.py looks at
+                    message.ClearField("steps")
                 self.assertEqual(bytes.fromhex(echo), encode(message), datagram.hex())
         print(dict(causes))
         for cause in ("none", "truncated", "oversize", "bad_magic", "wrong_version", "unknown_type", "bad_length",

@@ -5,8 +5,8 @@
 #include <span>
 
 #include "common/base/error.h"
-#include "nve_server/slave/nve_slave.h"
 #include "master/twin/scene_twin.h"
+#include "nve_server/slave/nve_slave.h"
 
 namespace telenano::support {
 

@@ -126,7 +126,8 @@ void expect_good_session(const Finished& run, const std::string& file, bool touc
   std::erase(rtt_us, 0.0);
   EXPECT_GT(median(rtt_us), 1);
   EXPECT_LT(median(rtt_us), 5000);
-  EXPECT_EQ(rows.force_n(0), 0);
+  // The ramp's first tick, of what attracts a tip that is far from the surface.
+  EXPECT_LT(std::fabs(rows.force_n(0)), 1e-5);
 }
 
 TEST_F(ProgramsTest, ASessionOfEachKindEndsWellAndIsRecorded) {

@@ -89,18 +89,19 @@ TEST_F(ReplayTest, AUsersOwnSceneIsFoundOrAskedFor) {
   std::string scene = file_text(scene_path("flat_silicon_oxide"));
   scene.replace(scene.find("\"flat_silicon_oxide\""), 20, "\"mine\"");
   const std::string own = write("mine.toml", scene);
-  Server server(own);
-  const auto run_in = [&](const std::filesystem::path& folder, const std::string& name) {
+  Server server(own), secretive(own, 0, {"--no-scene-sharing"});
+  const auto run_in = [&](const std::filesystem::path& folder, const std::string& name, const Server& with) {
     ChildOptions options;
     options.folder = folder;
     const Finished run = run_program(
-        station(server, {"--task", "indent", "--duration-s", "1", "--rate", "500", "--record", path(name)}),
+        station(with, {"--task", "indent", "--duration-s", "1", "--rate", "500", "--record", path(name)}),
         options, kLong);
     EXPECT_EQ(run.exit_code, 0) << run.err;
     return path(name);
   };
-  const std::string knows = run_in(folder_, "knows.h5");
-  const std::string does_not = run_in("/", "does_not.h5");
+  const std::string knows = run_in(folder_, "knows.h5", server);
+  const std::string does_not = run_in("/", "does_not.h5", server);
+  const std::string has_nothing = run_in("/", "has_nothing.h5", secretive);
   EXPECT_EQ(recording::RecordingReader(knows).configuration("scene_text"), scene);
   EXPECT_EQ(recording::RecordingReader(does_not).configuration("scene_text"), "");
   // Where the station had it; by name in this folder; by file.
@@ -109,10 +110,11 @@ TEST_F(ReplayTest, AUsersOwnSceneIsFoundOrAskedFor) {
   EXPECT_EQ(run_program({kLab, "replay", knows}, {}, kLong).exit_code, 0);
   EXPECT_EQ(run_program({kLab, "replay", does_not}, here, kLong).exit_code, 0);
   EXPECT_EQ(run_program({kLab, "replay", does_not, "--scene", own}, {}, kLong).exit_code, 0);
-  // Gone: the recording holds it.
+  // Gone: the recording holds it, as text or as the bundle that the server gave.
   std::filesystem::rename(own, path("away.toml"));
   EXPECT_EQ(run_program({kLab, "replay", knows}, {}, kLong).exit_code, 0);
-  const Finished lost = run_program({kLab, "replay", does_not}, {}, kLong);
+  EXPECT_EQ(run_program({kLab, "replay", does_not}, {}, kLong).exit_code, 0);
+  const Finished lost = run_program({kLab, "replay", has_nothing}, {}, kLong);
   EXPECT_EQ(lost.exit_code, 2);
   EXPECT_NE(lost.err.find("was recorded on the scene 'mine'"), std::string::npos) << lost.err;
   EXPECT_NE(lost.err.find("name its file by --scene FILE"), std::string::npos) << lost.err;

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <deque>
 #include <random>
 #include <vector>
@@ -14,7 +15,8 @@ namespace {
 LoggedStep random_step(std::mt19937_64& random, const LoggedStep& last) {
   LoggedStep step = last;
   if (random() % 4 == 0) return step;  // at rest
-  for (std::int64_t& t : step.target) t += static_cast<std::int64_t>(random() % 4001) - 2000;
+  for (std::int64_t& t : step.target)
+    t = std::clamp(t + static_cast<std::int64_t>(random() % 4001) - 2000, -kStepTargetMost, kStepTargetMost);
   if (random() % 50 == 0) step.target[0] = kStepTargetMost;
   if (random() % 5 == 0) step.dt_ns = 1'000'000 + static_cast<std::uint32_t>(random() % 100'000);
   step.flags = random() % 10 == 0 ? static_cast<std::uint32_t>(random() % 8) : step.flags;
