@@ -7,13 +7,14 @@
 local telenano = Proto("telenano", "Telenano")
 
 local types = { [1] = "Hello", [2] = "Challenge", [3] = "Welcome", [4] = "Refuse", [5] = "Command", [6] = "Reply",
-  [7] = "Bye", [8] = "SceneRequest", [9] = "SceneChunk" }
+  [7] = "Bye", [8] = "SceneRequest", [9] = "SceneChunk", [10] = "SnapshotRequest", [11] = "SnapshotPiece" }
 
 local refuse_reasons = { [1] = "version", [2] = "full", [3] = "rate", [4] = "shutting down" }
 local bye_reasons = { [1] = "done", [2] = "idle", [3] = "shutting down", [4] = "stopped", [5] = "unknown session" }
 local contact_states = { [0] = "free", [1] = "van der Waals", [2] = "non-contact", [3] = "contact" }
 local particle_states = { [0] = "rests", [1] = "pushed", [2] = "held", [3] = "lost" }
-local methods = { [0] = "none", [1] = "ks", [2] = "ks-clamp", [3] = "tdpa", [4] = "wave", [5] = "tank", [6] = "model" }
+local methods = { [0] = "none", [1] = "ks", [2] = "ks-clamp", [3] = "tdpa", [4] = "wave", [5] = "tank", [6] = "model",
+  [7] = "twin" }
 
 -- Section 2: {number, name, kind, names of values}. Kinds: i fixed32, q fixed64, x fixed64 shown in hexadecimal,
 -- d double, b bytes. xyz() is three doubles with {} in their name.
@@ -143,10 +144,13 @@ local function add_fields(buffer, at, type, tree)
       if not bytes then return "length cut or too long" end
     end
     if at + bytes > buffer:len() then return "field " .. number .. " is cut" end
-    if type == 5 and wire == 2 and (bytes == 0 or bytes % 64 ~= 0 or bytes > 256 or at + bytes ~= buffer:len()) then
+    if type == 5 and number == 41 and (bytes <= 9 or bytes > 300 or at + bytes ~= buffer:len()) then
+      return "steps are not 10 to 300 bytes at the end"
+    end
+    if type == 5 and number == 40 and (bytes == 0 or bytes % 64 ~= 0 or bytes > 256 or at + bytes ~= buffer:len()) then
       return "repeated commands are not 1 to 4 whole records at the end"
     end
-    if type == 9 and wire == 2 and (bytes == 0 or bytes > 464 or at + bytes ~= buffer:len()) then
+    if (type == 9 or type == 11) and wire == 2 and (bytes == 0 or bytes > 464 or at + bytes ~= buffer:len()) then
       return "data are not 1 to 464 bytes at the end"
     end
     if wire == 2 then
