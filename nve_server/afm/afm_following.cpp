@@ -107,8 +107,12 @@ void AfmLogic::retouch(const Vec3& base_w_nm, double force_nn, double way_nm, st
   remember(place, now_ns);
 }
 
+// Only off the sample: under load the base would do work that no hand has asked for, and the tank of a
+// session over a delay pays for that.
 void AfmLogic::slew_surface(std::int64_t now_ns) noexcept {
-  const double may_nm = kShift_nm_s * 1e-9 * static_cast<double>(now_ns - std::exchange(shifted_ns_, now_ns));
+  const std::int64_t since_ns = now_ns - std::exchange(shifted_ns_, now_ns);
+  if (state_.touching) return;
+  const double may_nm = kShift_nm_s * 1e-9 * static_cast<double>(since_ns);
   const double shift_nm = std::clamp(shift_nm_, -may_nm, may_nm);
   surface_height_nm_ += shift_nm;
   shift_nm_ -= shift_nm;
