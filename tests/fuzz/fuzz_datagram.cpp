@@ -33,6 +33,10 @@ std::size_t encode_again(Codec& codec, const Incoming& in, std::span<std::uint8_
       return codec.encode(in.scene_request, out);
     case MessageType::kSceneChunk:
       return codec.encode(in.scene_chunk, out);
+    case MessageType::kSnapshotRequest:
+      return codec.encode(in.snapshot_request, out);
+    case MessageType::kSnapshotPiece:
+      return codec.encode(in.snapshot_piece, out);
     default:
       return 0;
   }
