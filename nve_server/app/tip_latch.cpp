@@ -1,6 +1,7 @@
 #include "nve_server/app/tip_latch.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -114,6 +115,20 @@ std::string state_folder(const std::string& flag) {
   throw UserError("--afm-state is missing: expected a folder, as neither STATE_DIRECTORY nor HOME is set");
 }
 
+namespace {
+
+/// The approval must be the server's own file. So an administrator becomes the server's user for it; anybody
+/// else is told to.
+void become_owner(const std::string& latch) {
+  struct stat info {};
+  if (::stat(latch.c_str(), &info) != 0 || info.st_uid == ::geteuid()) return;
+  if (::geteuid() == 0 && ::setegid(info.st_gid) == 0 && ::seteuid(info.st_uid) == 0) return;
+  throw UserError(latch + " is another user's: run this as root, or as that user (uid " +
+                  std::to_string(info.st_uid) + ")");
+}
+
+}  // namespace
+
 std::string approve_tip(const std::string& folder, const std::string& controller) {
   std::vector<std::string> latches;
   std::error_code error;
@@ -135,6 +150,7 @@ std::string approve_tip(const std::string& folder, const std::string& controller
   if (latches.size() > 1)
     throw UserError("more than one AFM in " + folder +
                     ": name one with --controller HOST:PORT (its emergency port)");
+  become_owner(latches.front());
   const std::string file = approval_of(latches.front(), read_id(latches.front()));
   security::replace_private_file(file, "\n", "the approval");
   return latches.front();
