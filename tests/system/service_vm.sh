@@ -37,7 +37,7 @@ checks() {
   guards() { { grep -la 'afm-guar[d]' /proc/[0-9]*/cmdline 2>/dev/null || true; } | wc -l; }
   until_no_guard() { local i; for ((i = 0; i < 10 * $1; ++i)); do [ "$(guards)" = 0 ] && return 0; sleep 0.1; done; return 1; }
   approve() { telenano-nve afm approve --afm-state /var/lib/telenano; }
-  approaches() { journalctl -u telenano-nve -o cat | grep -c 'afm: approaching' || true; }
+  approaches() { grep -c 'afm: approaching' /out/server.log || true; }
   until_approaches() { local i; for ((i = 0; i < 600; ++i)); do [ "$(approaches)" = "$1" ] && return 0; sleep 0.1; done; approaches; return 1; }
   with_an_afm() {
     local i
@@ -51,6 +51,7 @@ checks() {
 
     simulate sim1
     check "AFM: starts" systemctl start telenano-nve
+    check "AFM: and approaches" until_approaches 1
     check "AFM: with a guard" equals "$(guards)" 1
     check "AFM: stops" systemctl stop telenano-nve
     check "AFM: the guard ends too" until_no_guard 20
@@ -149,9 +150,11 @@ StandardOutput=append:/out/checks.log
 StandardError=append:/out/checks.log
 ExecStopPost=/bin/systemctl exit 0
 UNIT
-  # The service wants a network and a whole system to be up; here there is only what it needs.
+  # The service wants a network and a whole system to be up; here there is only what it needs. There is no journal either:
+  # what the server says goes to a file.
   mkdir -p /etc/systemd/system/telenano-nve.service.d
-  printf '[Unit]\nDefaultDependencies=no\nWants=\nAfter=\n' >/etc/systemd/system/telenano-nve.service.d/alone.conf
+  printf '[Unit]\nDefaultDependencies=no\nWants=\nAfter=\n[Service]\nStandardOutput=append:/out/server.log\nStandardError=append:/out/server.log\n' \
+    >/etc/systemd/system/telenano-nve.service.d/alone.conf
   env -i container=vm PATH="$PATH" unshare --fork --pid --mount-proc /lib/systemd/systemd --unit=checks.service --log-target=console \
     --show-status=0 >/out/systemd.log 2>&1
 }
