@@ -1,6 +1,7 @@
 #include "common/control/method.h"
 
 #include <array>
+#include <optional>
 #include <string>
 
 #include "common/base/error.h"
@@ -18,12 +19,25 @@ std::string_view method_name(Method method) noexcept {
   return index < kNames.size() ? kNames[index] : "unknown";
 }
 
-Method parse_method(std::string_view name) {
+std::optional<Method> find_method(std::string_view name) noexcept {
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     if (kNames[i] == name) return static_cast<Method>(i);
   }
-  throw UserError("method '" + std::string(name) +
-                  "' is unknown; use none, ks, ks-clamp, tdpa, wave, tank, model or twin");
+  return std::nullopt;
+}
+
+std::string method_list() {
+  std::string list;
+  for (std::size_t i = 0; i < kNames.size(); ++i) {
+    if (i > 0) list += i + 1 < kNames.size() ? ", " : " or ";
+    list += kNames[i];
+  }
+  return list;
+}
+
+Method parse_method(std::string_view name) {
+  if (const auto method = find_method(name)) return *method;
+  throw UserError("method '" + std::string(name) + "' is unknown; use " + method_list());
 }
 
 }  // namespace telenano::control

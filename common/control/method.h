@@ -2,6 +2,8 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
+#include <string>
 #include <string_view>
 
 namespace telenano::control {
@@ -9,11 +11,17 @@ namespace telenano::control {
 /// How the port is kept passive. The names are the same in flags, configuration, CSV and recordings.
 enum class Method : std::uint8_t { kNone, kKs, kKsClamp, kTdpa, kWave, kTank, kModel, kTwin };
 
-/// "none | ks | ks-clamp | tdpa | wave | tank | model | twin"
+/// The name in flags, files and recordings; "unknown" for a value out of range.
 std::string_view method_name(Method method) noexcept;
 
-/// Throws UserError for an unknown name.
+/// Nothing for an unknown name.
+std::optional<Method> find_method(std::string_view name) noexcept;
+
+/// Throws UserError for an unknown name; the line lists method_list().
 Method parse_method(std::string_view name);
+
+/// "none, ks, ... or twin", for an error's one line.
+std::string method_list();
 
 inline constexpr std::array<Method, 8> kAllMethods = {Method::kNone,  Method::kKs,   Method::kKsClamp,
                                                       Method::kTdpa,  Method::kWave, Method::kTank,

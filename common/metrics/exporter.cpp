@@ -1,7 +1,6 @@
 #include "common/metrics/exporter.h"
 
 #include <pthread.h>
-#include <signal.h>
 
 #include <exception>
 #include <limits>
@@ -14,6 +13,7 @@
 
 #include "common/base/error.h"
 #include "common/net/udp.h"
+#include "common/rt/signals_blocked.h"
 
 namespace telenano::metrics {
 namespace {
@@ -83,9 +83,6 @@ class Collected final : public prometheus::Collectable {
 class ServingThreads {
  public:
   ServingThreads() {
-    sigset_t all;
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before_);
     changed_ = pthread_getattr_default_np(&stacks_) == 0;
     pthread_attr_t small;
     if (changed_ && pthread_attr_init(&small) == 0) {
@@ -99,14 +96,13 @@ class ServingThreads {
       pthread_setattr_default_np(&stacks_);
       pthread_attr_destroy(&stacks_);
     }
-    pthread_sigmask(SIG_SETMASK, &before_, nullptr);
   }
   ServingThreads(const ServingThreads&) = delete;
   ServingThreads& operator=(const ServingThreads&) = delete;
 
  private:
   static constexpr std::size_t kStackBytes = 512 * 1024;
-  sigset_t before_{};
+  rt::SignalsBlocked blocked_{};
   pthread_attr_t stacks_{};
   bool changed_ = false;
 };

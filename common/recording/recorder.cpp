@@ -2,7 +2,6 @@
 
 #include <pthread.h>
 #include <sched.h>
-#include <signal.h>
 
 #include <algorithm>
 #include <atomic>
@@ -12,6 +11,7 @@
 #include <thread>
 
 #include "common/recording/recording_file.h"
+#include "common/rt/signals_blocked.h"
 #include "common/rt/spsc_queue.h"
 
 namespace telenano::recording {
@@ -28,23 +28,6 @@ void become_background_thread() {
   ::pthread_setname_np(::pthread_self(), "recorder");
 }
 
-/// Blocks all signals while a thread is being created, so that it inherits the mask from its first
-/// instruction.
-class SignalsBlocked {
- public:
-  SignalsBlocked() {
-    sigset_t all;
-    ::sigfillset(&all);
-    ::pthread_sigmask(SIG_SETMASK, &all, &before_);
-  }
-  ~SignalsBlocked() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  SignalsBlocked(const SignalsBlocked&) = delete;
-  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
-
- private:
-  sigset_t before_{};
-};
-
 }  // namespace
 
 class Recorder::Impl {
@@ -58,7 +41,7 @@ class Recorder::Impl {
     rows_.reserve(RecordingFile::kChunkRows);
     event_rows_.reserve(RecordingFile::kChunkRows);
     datagram_rows_.reserve(RecordingFile::kChunkRows);
-    const SignalsBlocked blocked;
+    const rt::SignalsBlocked blocked;
     thread_ = std::thread([this] { run(); });
   }
 

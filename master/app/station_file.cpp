@@ -135,6 +135,14 @@ StationFile read(const config::TomlDocument& document) {
 
 }  // namespace
 
+void StationFile::choose(const std::string& method) {
+  chooses_method = method == "auto";
+  if (chooses_method) return;
+  const auto found = control::find_method(method);
+  if (!found) throw UserError("method '" + method + "' is unknown; use auto, " + control::method_list());
+  station.method = *found;
+}
+
 StationFile load_station_file(const std::string& path) {
   return read(config::TomlDocument::load(path));
 }

@@ -43,10 +43,7 @@ struct StationFile {
   std::string text;            ///< of the file, for the recording
 
   /// The name of a method, or "auto". Throws UserError.
-  void choose(const std::string& method) {
-    chooses_method = method == "auto";
-    if (!chooses_method) station.method = control::parse_method(method);
-  }
+  void choose(const std::string& method);
 };
 
 /// Throws UserError: one line with file, line, key and expected range; unknown keys are refused.

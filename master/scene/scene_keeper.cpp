@@ -1,12 +1,11 @@
 #include "master/scene/scene_keeper.h"
 
-#include <signal.h>
-
 #include <chrono>
 #include <exception>
 #include <span>
 #include <utility>
 
+#include "common/rt/signals_blocked.h"
 #include "common/rt/steady_clock.h"
 
 namespace telenano::scene_store {
@@ -14,22 +13,6 @@ namespace {
 
 constexpr std::chrono::milliseconds kWhileFetching(1);
 constexpr std::chrono::milliseconds kElse(20);
-
-/// Signals are for the main thread.
-class SignalsBlocked {
- public:
-  SignalsBlocked() {
-    sigset_t all;
-    ::sigfillset(&all);
-    ::pthread_sigmask(SIG_SETMASK, &all, &before_);
-  }
-  ~SignalsBlocked() { ::pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  SignalsBlocked(const SignalsBlocked&) = delete;
-  SignalsBlocked& operator=(const SignalsBlocked&) = delete;
-
- private:
-  sigset_t before_{};
-};
 
 }  // namespace
 
@@ -53,7 +36,7 @@ SceneKeeper::~SceneKeeper() {
 
 void SceneKeeper::start() {
   if (thread_.joinable()) return;
-  const SignalsBlocked blocked;
+  const rt::SignalsBlocked blocked;  // signals are for the main thread
   thread_ = std::thread([this] { run(); });
 }
 

@@ -59,7 +59,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"common/recording", {"common/base", "common/rt"}},
     {"common/plot", {"common/base"}},
     {"common/surface", {"common/base"}},
-    {"common/metrics", {"common/base", "common/net"}},
+    {"common/metrics", {"common/base", "common/net", "common/rt"}},
     {"common/security", {"common/base", "common/config", "common/link", "common/net", "common/rt"}},
     {"master/device", {"common/base", "common/control", "common/rt"}},
     {"master/device/omega", {"common/base", "master/device"}},

@@ -109,7 +109,7 @@ TEST(StationFile, RefusesMistakesInOneLineThatNamesFileAndKey) {
       {"rate_khz = 1\n", "rate_khz"},
       {"[scaling]\nforce = -1\n", "force"},
       {"[control]\ndamper = \"all\"\n", "per-axis"},
-      {"[control]\nmethod = \"KS\"\n", "unknown"},
+      {"[control]\nmethod = \"KS\"\n", "unknown; use auto, none, ks, "},
       {"[limits]\ntrip_velocity_m_s = 1.0\n", "trip_velocity_m_s"},
       {"[limits]\nstale_zero_s = 0.01\n", "stale_zero_s"},
       {"[limits]\nslew_n = 5\n", "slew_n"},
