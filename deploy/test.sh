@@ -3,12 +3,17 @@
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 usage() {
   cat <<'H'
-usage: deploy/test.sh [--no-install] [CTEST ARGUMENT ...]
+usage: deploy/test.sh [--no-install] [--full] [CTEST ARGUMENT ...]
   --no-install   do not call apt; fail if something is missing
+  --full         also what takes minutes each: an AFM under a real systemd, long sessions, big statistics (an hour on two cores)
   other words go to CTest, for example:  deploy/test.sh -L unit      deploy/test.sh -R MaugisDugdale
 H
 }
 parse_common_flags "$@"
+words=("${rest[@]}") rest=()
+for word in "${words[@]}"; do
+  if [ "$word" = --full ]; then rest=(-C full "${rest[@]}"); else rest+=("$word"); fi
+done
 if [ "$install" = yes ]; then
   install_missing "${build_packages[@]}" "${test_packages[@]}"
   say 'Preparing the virtual machine of the network tests'

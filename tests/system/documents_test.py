@@ -120,7 +120,7 @@ def wrong_command(command):
 
 @functools.cache
 def ctest(*arguments):
-    listed = subprocess.run(["ctest", "-N", *arguments], cwd=BUILD, capture_output=True, text=True, timeout=120).stdout
+    listed = subprocess.run(["ctest", "-C", "full", "-N", *arguments], cwd=BUILD, capture_output=True, text=True, timeout=120).stdout
     return re.findall(r"^ *Test +#\d+: (\S+)", listed, flags=re.M)
 
 

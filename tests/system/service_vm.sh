@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# The packages under a real systemd: installed, started, hung, killed, used, reloaded, stopped, with an AFM, misconfigured, purged; in a
+# The packages under a real systemd: installed, started, hung, killed, used, reloaded, stopped, misconfigured, purged; in a
 # small virtual machine, so that this machine stays as it is.
-#   service_vm.sh BUILD_DIR        exit status 77: no virtual machine can be had here (vm.sh says why)
+#   service_vm.sh BUILD_DIR [afm]  afm: instead, with a simulated AFM whose tip must not stay out however the unit ends
+# Exit status 77: no virtual machine can be had here (vm.sh says why).
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
@@ -99,37 +100,40 @@ checks() {
     rm /etc/telenano/afm.toml
   }
 
-  check "starts, and says when it is ready" systemctl start telenano-nve
-  check "runs as its own user" equals "$(stat -c %U "/proc/$(value MainPID)")" telenano
-  check "no new privileges" equals "$(status_of NoNewPrivs)" 1
-  check "no capability" equals "$(status_of CapBnd)" 0000000000000000
-  check "system calls filtered" equals "$(status_of Seccomp)" 2
-  check "may run in real time" grep -q 'Max realtime priority *90' "/proc/$(value MainPID)/limits"
-  check "may lock memory" grep -q 'Max locked memory *unlimited' "/proc/$(value MainPID)/limits"
-  check "serves a station" session
-  check "tells its state" grep -qE '^[0-9]+ sessions|^serving' <(value StatusText)
-  local first; first=$(value MainPID)
-  check "reloads" systemctl reload telenano-nve
-  sleep 1
-  check "is the same process after a reload" is MainPID "$first"
-  kill -STOP "$first"
-  check "a hung one is killed and started again" until_is NRestarts 1 20
-  kill -KILL "$(value MainPID)"
-  check "a killed one is started again" until_is NRestarts 2 20
-  check "serves a station again" session
-  check "stops" systemctl stop telenano-nve
-  check "ended well" is ExecMainStatus 0
-  with_an_afm
-  sed -i 's/flakes/nowhere/' /etc/telenano/nve.env
-  systemctl start telenano-nve 2>/dev/null || true
-  sleep 2
-  check "a wrong scene is told once, not tried for ever" is ExecMainStatus 2
-  check "and is a failure" is ActiveState failed
-  sed -i 's/nowhere/flakes/' /etc/telenano/nve.env
-  check "starts when mended" systemctl start telenano-nve
-  check "is removed" dpkg --purge telenano-server
-  check "and stopped by that" is ActiveState inactive
-  check "nothing is left" bash -c '! ls -d /etc/telenano /var/lib/telenano /lib/systemd/system/telenano* /usr/lib/systemd/system/telenano* 2>/dev/null | grep .'
+  serving() {
+    check "starts, and says when it is ready" systemctl start telenano-nve
+    check "runs as its own user" equals "$(stat -c %U "/proc/$(value MainPID)")" telenano
+    check "no new privileges" equals "$(status_of NoNewPrivs)" 1
+    check "no capability" equals "$(status_of CapBnd)" 0000000000000000
+    check "system calls filtered" equals "$(status_of Seccomp)" 2
+    check "may run in real time" grep -q 'Max realtime priority *90' "/proc/$(value MainPID)/limits"
+    check "may lock memory" grep -q 'Max locked memory *unlimited' "/proc/$(value MainPID)/limits"
+    check "serves a station" session
+    check "tells its state" grep -qE '^[0-9]+ sessions|^serving' <(value StatusText)
+    local first; first=$(value MainPID)
+    check "reloads" systemctl reload telenano-nve
+    sleep 1
+    check "is the same process after a reload" is MainPID "$first"
+    kill -STOP "$first"
+    check "a hung one is killed and started again" until_is NRestarts 1 20
+    kill -KILL "$(value MainPID)"
+    check "a killed one is started again" until_is NRestarts 2 20
+    check "serves a station again" session
+    check "stops" systemctl stop telenano-nve
+    check "ended well" is ExecMainStatus 0
+    sed -i 's/flakes/nowhere/' /etc/telenano/nve.env
+    systemctl start telenano-nve 2>/dev/null || true
+    sleep 2
+    check "a wrong scene is told once, not tried for ever" is ExecMainStatus 2
+    check "and is a failure" is ActiveState failed
+    sed -i 's/nowhere/flakes/' /etc/telenano/nve.env
+    check "starts when mended" systemctl start telenano-nve
+    check "is removed" dpkg --purge telenano-server
+    check "and stopped by that" is ActiveState inactive
+    check "nothing is left" bash -c '! ls -d /etc/telenano /var/lib/telenano /lib/systemd/system/telenano* /usr/lib/systemd/system/telenano* 2>/dev/null | grep .'
+  }
+
+  if [ "${1:-}" = afm ]; then with_an_afm; else serving; fi
   echo "failed $failed"
 }
 
@@ -145,7 +149,7 @@ inside() {
 DefaultDependencies=no
 [Service]
 Type=oneshot
-ExecStart=/bin/bash $here/service_vm.sh --checks
+ExecStart=/bin/bash $here/service_vm.sh --checks ${1:-}
 StandardOutput=append:/out/checks.log
 StandardError=append:/out/checks.log
 ExecStopPost=/bin/systemctl exit 0
@@ -160,9 +164,9 @@ UNIT
 }
 
 case ${1:-} in
-  --checks) checks; exit ;;
-  --inside) inside; exit ;;
-  '') sed -n '2,5p' "$0"; exit 2 ;;
+  --checks) checks "${2:-}"; exit ;;
+  --inside) inside "${2:-}"; exit ;;
+  '') sed -n '2,6p' "$0"; exit 2 ;;
 esac
 
 [ -x /lib/systemd/systemd ] || { echo "service_vm: cannot run here: systemd is not installed" >&2; exit 77; }
@@ -171,6 +175,6 @@ out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 bash "$here/vm.sh" --help >/dev/null
 (cd "$build" && cpack -B "$out") >"$out/cpack.log" 2>&1 || { tail -n 5 "$out/cpack.log"; exit 1; }
-bash "$here/vm.sh" --out "$out" --seconds 1500 "$here/service_vm.sh" --inside || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
+bash "$here/vm.sh" --out "$out" --seconds 1500 "$here/service_vm.sh" --inside "${2:-}" || { rc=$?; [ "$rc" = 77 ] || cat "$out"/*.log; exit "$rc"; }
 cat "$out/checks.log"
 grep -q '^failed 0$' "$out/checks.log" || { tail -n 40 "$out/systemd.log"; exit 1; }
