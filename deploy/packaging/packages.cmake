@@ -30,6 +30,8 @@ foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station
 endforeach()
 
 install(DIRECTORY deploy/scenes deploy/data DESTINATION ${share} COMPONENT common)
+# What `telenano-lab precision --only ground` compares with.
+install(DIRECTORY tests/data/elastic DESTINATION ${share} COMPONENT lab FILES_MATCHING PATTERN "*.csv")
 install(FILES proto/PROTOCOL.md proto/telenano.proto proto/telenano.lua DESTINATION ${share}/proto COMPONENT common)
 install(FILES deploy/OPERATIONS.md CHANGELOG.md DESTINATION share/doc/telenano-common COMPONENT common)
 install(DIRECTORY deploy/docs DESTINATION share/doc/telenano-common COMPONENT common FILES_MATCHING PATTERN "*.md")

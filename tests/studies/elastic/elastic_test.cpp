@@ -14,6 +14,7 @@
 #include "nve_server/physics/branch_potential.h"
 #include "nve_server/physics/scan_fields.h"
 #include "tests/source_dir.h"
+#include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/elastic/places.h"
 
 namespace telenano::elastic {
@@ -21,7 +22,6 @@ namespace {
 
 using physics::BranchPotential;
 using physics::ContactJet;
-using physics::PotentialJet;
 using physics::ScanFields;
 
 constexpr const char* kScans[] = {"wsxm_600nm", "nanoscope_peakforce_1um"};
@@ -31,26 +31,6 @@ surface::HeightGrid scan_of(const std::string& name) {
 }
 std::vector<Place> places_of(const std::string& name, const char* table = "adhesive_elastic_") {
   return read_places(std::string(TELENANO_SOURCE_DIR) + "/tests/data/elastic/" + table + name + ".csv");
-}
-
-/// 64 × 64 samples round a place, fewer at a rim; the place's (x, y) stays.
-surface::HeightGrid piece_round(const surface::HeightGrid& scan, int column, int row) {
-  const int first_column = std::clamp(column - 32, 0, scan.columns - 64);
-  const int first_row = std::clamp(row - 32, 0, scan.rows - 64);
-  surface::HeightGrid piece{64,
-                            64,
-                            scan.dx_nm,
-                            scan.dy_nm,
-                            scan.x_first_nm + first_column * scan.dx_nm,
-                            scan.y_first_nm + first_row * scan.dy_nm,
-                            {}};
-  for (int j = 0; j < 64; ++j) {
-    for (int i = 0; i < 64; ++i) {
-      piece.z_nm.push_back(
-          scan.z_nm[static_cast<std::size_t>((first_row + j) * scan.columns + first_column + i)]);
-    }
-  }
-  return piece;
 }
 
 // Hertz: F = (4/3) E* √R δ^(3/2) on a paraboloid. 0.3 % at a contact radius of 0.12 of the side is what the
@@ -106,82 +86,28 @@ TEST(ElasticPatch, AgreesWithAnIndependentProgram) {
   }
 }
 
-/// −∂U/∂z on the way out: of the inner branch up to where it is left, then of the outer one.
-double force_at(const BranchPotential& law, const ContactJet& jet) {
-  PotentialJet potential;
-  physics::CurveHint hint;
-  physics::ContactSize size;
-  if (jet.overlap_nm < law.borders(jet.log_radius).leave_nm ||
-      !law.inside(jet.overlap_nm, jet.log_radius, hint, potential, size)) {
-    law.outside(jet.overlap_nm, jet.log_radius, potential);
-  }
-  return -(potential.force_nn * jet.overlap_grad.z() +
-           potential.by_radius_aj * jet.log_radius_grad_per_nm.z());
-}
-
-struct Figures {
-  std::vector<double> pull_off;  // error of the ratio to the flat sample's
-  double pressed_error = 0, pressed_force = 0;
-};
-
-double quantile(std::vector<double> values, double q) {
-  std::sort(values.begin(), values.end());
-  const double at = q * static_cast<double>(values.size() - 1);
-  const auto k = static_cast<std::size_t>(at);
-  return k + 1 < values.size() ? values[k] + (at - static_cast<double>(k)) * (values[k + 1] - values[k])
-                               : values[k];
-}
-
-/// Adds the places of a table, whose first is the flat sample.
-void compare(const std::string& name, const char* table, const BranchPotential& law, Figures& figures) {
+/// The places of a table, whose first is the flat sample.
+void compare(const std::string& name, const char* table, const BranchPotential& law,
+             std::vector<PlaceError>& errors) {
   const std::vector<Place> places = places_of(name, table);
   const surface::HeightGrid scan = scan_of(name);
   const double radius = 20;
-  const auto curve_pull_off = [&](const auto& force_of) {
-    double deepest = 0;
-    for (double z = -0.2; z < 0.6; z += 0.002) deepest = std::max(deepest, -force_of(z));
-    return deepest;
-  };
-  const auto on_flat = [&](double z) {
-    ContactJet jet;
-    jet.overlap_nm = -z;
-    jet.overlap_grad = Vec3(0, 0, -1);
-    jet.log_radius = std::log(radius);
-    return force_at(law, jet);
-  };
-  const double flat = curve_pull_off(on_flat);
-  const double reference_flat = places[0].pull_off_nn();
+  const ForceOf on_flat = flat_force(law, radius);
   for (std::size_t k = 1; k < places.size(); ++k) {
     const Place& place = places[k];
     const ScanFields fields(piece_round(scan, place.column, place.row), radius,
                             physics::softening_rule(radius, 0.4, 52.5, 0.165));
     const double x = scan.x_first_nm + place.column * scan.dx_nm,
                  y = scan.y_first_nm + place.row * scan.dy_nm;
-    const auto force = [&](double z) {
+    errors.push_back(place_error(places[0], on_flat, place, [&](double z) {
       ContactJet jet;
       fields.contact_at({x, y, place.touch_nm + z}, jet);
-      return force_at(law, jet);
-    };
-    const double ratio = curve_pull_off(force) / flat, reference = place.pull_off_nn() / reference_flat;
-    figures.pull_off.push_back(std::abs(ratio / reference - 1));
-    double error = 0, square = 0;
-    for (std::size_t s = 0; s < place.states.size(); ++s) {
-      // What Lennard and Jones' attraction differs from Dugdale's by on the flat sample is no error of the
-      // ground.
-      const State& state = place.states[s];
-      if (state.z_nm > -0.2) continue;
-      const double model = places[0].states[s].force_nn - on_flat(places[0].states[s].z_nm);
-      const double off = force(state.z_nm) + model - state.force_nn;
-      error += off * off;
-      square += state.force_nn * state.force_nn;
-    }
-    std::printf(
-        "%s place %2d: pull-off %.3f of flat, oracle %.3f (%+.1f %%); pressed 0.2 to 0.85 nm: %.1f %% rms; "
-        "touch %+.4f nm\n",
-        name.c_str(), place.number, ratio, reference, 100 * (ratio / reference - 1),
-        100 * std::sqrt(error / square), fields.touch_height_nm(x, y) - place.touch_nm);
-    figures.pressed_error += error;
-    figures.pressed_force += square;
+      return retraction_force_nn(law, jet);
+    }));
+    std::printf("%s place %2d: pull-off %.3f of flat, oracle %.3f (%+.1f %%); touch %+.4f nm\n", name.c_str(),
+                place.number, errors.back().pull_off_ratio, errors.back().reference_ratio,
+                100 * (errors.back().pull_off_ratio / errors.back().reference_ratio - 1),
+                fields.touch_height_nm(x, y) - place.touch_nm);
   }
 }
 
@@ -199,16 +125,17 @@ TEST(FieldsAgainstElasticity, PullOffAndPressedForce) {
   const BranchPotential law(physics::TipSampleLaw(silicon_oxide()), 20);
   const double median[] = {0.02, 0.04}, p90[] = {0.08, 0.12}, pressed[] = {0.05, 0.08};
   for (int k = 0; k < 2; ++k) {
-    Figures figures;
-    compare(kScans[k], "adhesive_elastic_", law, figures);
-    compare(kScans[k], "places_", law, figures);
+    std::vector<PlaceError> errors;
+    compare(kScans[k], "adhesive_elastic_", law, errors);
+    compare(kScans[k], "places_", law, errors);
+    std::vector<double> pull_off;
+    for (const PlaceError& error : errors) pull_off.push_back(error.pull_off_error());
     std::printf("%s, %zu places: pull-off median %.1f %%, p90 %.1f %%; pressed %.1f %% rms\n", kScans[k],
-                figures.pull_off.size(), 100 * quantile(figures.pull_off, 0.5),
-                100 * quantile(figures.pull_off, 0.9),
-                100 * std::sqrt(figures.pressed_error / figures.pressed_force));
-    EXPECT_LE(quantile(figures.pull_off, 0.5), median[k]);
-    EXPECT_LE(quantile(figures.pull_off, 0.9), p90[k]);
-    EXPECT_LE(std::sqrt(figures.pressed_error / figures.pressed_force), pressed[k]);
+                errors.size(), 100 * quantile(pull_off, 0.5), 100 * quantile(pull_off, 0.9),
+                100 * pressed_error(errors));
+    EXPECT_LE(quantile(pull_off, 0.5), median[k]);
+    EXPECT_LE(quantile(pull_off, 0.9), p90[k]);
+    EXPECT_LE(pressed_error(errors), pressed[k]);
   }
 }
 
@@ -252,18 +179,7 @@ TEST(FieldsAgainstElasticity, GroovesTrenchesRidges) {
   }
   ASSERT_EQ(places.size(), 9u);
   const BranchPotential law(physics::TipSampleLaw(silicon_oxide()), 20);
-  const auto deepest = [&](const auto& overlap_at) {
-    double most = 0;
-    for (double z = -0.2; z < 0.6; z += 0.002) most = std::max(most, -force_at(law, overlap_at(z)));
-    return most;
-  };
-  const double flat = deepest([](double z) {
-    ContactJet jet;
-    jet.overlap_nm = -z;
-    jet.overlap_grad = Vec3(0, 0, -1);
-    jet.log_radius = std::log(20.0);
-    return jet;
-  });
+  const double flat = pull_off_nn(flat_force(law, 20));
   for (const Shape& shape : shapes) {
     surface::HeightGrid grid{201, 201, 0.25, 0.25, -25, -25, {}};
     for (int j = 0; j < 201; ++j) {
@@ -271,10 +187,10 @@ TEST(FieldsAgainstElasticity, GroovesTrenchesRidges) {
     }
     const ScanFields fields(grid, 20, physics::softening_rule(20, 0.4, 52.5, 0.165));
     const Place& place = places[static_cast<std::size_t>(shape.index)];
-    const double ratio = deepest([&](double z) {
+    const double ratio = pull_off_nn([&](double z) {
                            ContactJet jet;
                            fields.contact_at({0, 0, place.touch_nm + z}, jet);
-                           return jet;
+                           return retraction_force_nn(law, jet);
                          }) /
                          flat;
     const double reference = place.pull_off_nn() / places[0].pull_off_nn();

@@ -1,18 +1,16 @@
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <vector>
 
 #include "common/base/error.h"
 #include "common/surface/gsf.h"
 #include "tests/studies/elastic/places.h"
 
-// telenano-elastic-oracle FILE.gsf COLUMN,ROW ...   or   telenano-elastic-oracle NAME ...
-//
-// Retraction curves (CSV) of a sphere of 20 nm, E* = 52.5 GPa, w = 0.4 N/m, z0 = 0.165 nm, at samples of a
-// scan or over shapes whose formula is below. tests/data/elastic/README.md says which tables were made with
-// it.
+// tests/data/elastic/README.md says which tables were made with this.
 
 namespace {
 
@@ -45,55 +43,80 @@ constexpr Shape kShapes[] = {
      [](double x, double y) { return 0.15 * std::cos(2 * kPi * x / 4.166) * std::cos(2 * kPi * y / 4.166); }},
 };
 
-int run(int argc, char** argv) {
-  if (argc < 2) {
-    std::fprintf(stderr, "usage: telenano-elastic-oracle FILE.gsf COLUMN,ROW ... | SHAPE ...\nshapes:");
-    for (const Shape& shape : kShapes) std::fprintf(stderr, " %s", shape.name);
-    std::fprintf(stderr, "\n");
-    return 2;
-  }
-  const Probe probe;
-  const telenano::testing::ElasticPatch patch(probe.elements, probe.elements * probe.spacing_nm,
-                                              probe.modulus_gpa);
+struct Options {
+  std::vector<std::string> what;
+  Probe probe;
+  double heights_times = 1;
+  double from_nm = -0.8, to_nm = 1.0, step_nm = 0.04;
+};
+
+void print_curve(const Options& options, const std::string& place, int column, int row,
+                 const Ground& ground) {
   std::vector<double> heights;
-  for (int k = -20; k <= 25; ++k) heights.push_back(0.04 * k);
-  const auto print = [&](const std::string& place, int column, int row, const Ground& ground) {
-    for (const auto& state : telenano::elastic::follow(probe, ground, heights)) {
-      std::printf("%s,%d,%d,%.5f,%.5f,%.5g\n", place.c_str(), column, row, ground.touch_nm, state.z_nm,
-                  state.force_nn);
-    }
-    std::fflush(stdout);
-  };
-  std::printf("place,column,row,touch_nm,z_nm,force_nn\n");
-  const std::string first = argv[1];
-  if (first.size() > 4 && first.substr(first.size() - 4) == ".gsf") {
-    const auto scan = telenano::surface::read_gsf(first).grid;
-    for (int k = 2; k < argc; ++k) {
-      int column = 0, row = 0;
-      if (std::sscanf(argv[k], "%d,%d", &column, &row) != 2 || column < 0 || row < 0 ||
-          column >= scan.columns || row >= scan.rows) {
-        throw telenano::UserError(std::string(argv[k]) + ": expected COLUMN,ROW within the scan");
-      }
-      print(
-          std::to_string(k - 2), column, row,
-          ground_of(probe, scan, scan.x_first_nm + column * scan.dx_nm, scan.y_first_nm + row * scan.dy_nm));
-    }
-    return 0;
+  const int steps = static_cast<int>(std::lround((options.to_nm - options.from_nm) / options.step_nm));
+  for (int k = 0; k <= steps; ++k) heights.push_back(options.from_nm + options.step_nm * k);
+  for (const auto& state : telenano::elastic::follow(options.probe, ground, heights)) {
+    std::printf("%s,%d,%d,%.5f,%.5f,%.5g\n", place.c_str(), column, row, ground.touch_nm, state.z_nm,
+                state.force_nn);
   }
-  for (int k = 1; k < argc; ++k) {
+  std::fflush(stdout);
+}
+
+void run_scan(const Options& options) {
+  auto scan = telenano::surface::read_gsf(options.what.front()).grid;
+  for (double& z : scan.z_nm) z *= options.heights_times;
+  for (std::size_t k = 1; k < options.what.size(); ++k) {
+    int column = 0, row = 0;
+    if (std::sscanf(options.what[k].c_str(), "%d,%d", &column, &row) != 2 || column < 0 || row < 0 ||
+        column >= scan.columns || row >= scan.rows) {
+      throw telenano::UserError(options.what[k] + ": expected COLUMN,ROW within the scan");
+    }
+    print_curve(options, std::to_string(k - 1), column, row,
+                ground_of(options.probe, scan, scan.x_first_nm + column * scan.dx_nm,
+                          scan.y_first_nm + row * scan.dy_nm));
+  }
+}
+
+void run_shapes(const Options& options) {
+  const telenano::testing::ElasticPatch patch(
+      options.probe.elements, options.probe.elements * options.probe.spacing_nm, options.probe.modulus_gpa);
+  for (const std::string& name : options.what) {
     const auto* shape = std::find_if(std::begin(kShapes), std::end(kShapes),
-                                     [&](const Shape& one) { return argv[k] == std::string(one.name); });
-    if (shape == std::end(kShapes)) throw telenano::UserError(std::string(argv[k]) + ": no such shape");
-    print(shape->name, 0, 0, ground_of(probe, patch, shape->height));
+                                     [&](const Shape& one) { return name == one.name; });
+    if (shape == std::end(kShapes)) throw telenano::UserError(name + ": no such shape");
+    print_curve(options, shape->name, 0, 0, ground_of(options.probe, patch, shape->height));
   }
-  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  Options options;
+  CLI::App app{
+      "Retraction curves (CSV) of a sphere from an adhesive elastic half-space, by boundary elements"};
+  std::string shapes;
+  for (const Shape& shape : kShapes) shapes += std::string(" ") + shape.name;
+  app.add_option("what", options.what, "FILE.gsf COLUMN,ROW ...   or shapes:" + shapes)->required();
+  app.add_option("--radius-nm", options.probe.radius_nm, "of the tip")->capture_default_str();
+  app.add_option("--modulus-gpa", options.probe.modulus_gpa, "E*, plane strain")->capture_default_str();
+  app.add_option("--adhesion-n-m", options.probe.adhesion.work_n_per_m, "work of adhesion")
+      ->capture_default_str();
+  app.add_option("--spacing-nm", options.probe.spacing_nm, "of the 128 x 128 elements")
+      ->capture_default_str();
+  app.add_option("--heights-times", options.heights_times, "makes a scan steeper")->capture_default_str();
+  app.add_option("--from-nm", options.from_nm, "first height, above first touch")->capture_default_str();
+  app.add_option("--to-nm", options.to_nm, "last height")->capture_default_str();
+  app.add_option("--step-nm", options.step_nm, "between heights")
+      ->check(CLI::Range(1e-4, 1.0))
+      ->capture_default_str();
+  CLI11_PARSE(app, argc, argv);
   try {
-    return run(argc, argv);
+    const std::string& first = options.what.front();
+    if (first.size() > 4 && first.substr(first.size() - 4) == ".gsf")
+      run_scan(options);
+    else
+      run_shapes(options);
+    return 0;
   } catch (const telenano::UserError& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 2;

@@ -175,7 +175,7 @@ TEST(Precision, SaysWhatIsWrongBeforeMeasuring) {
     run_precision({out, true, {"laws"}});
     FAIL();
   } catch (const UserError& error) {
-    EXPECT_NE(std::string(error.what()).find("--only: 'laws' is unknown; expected some of law, nearest"),
+    EXPECT_NE(std::string(error.what()).find("--only: 'laws' is unknown; expected some of law, ground, nearest"),
               std::string::npos);
   }
   // A file where the folder should be: nobody, not even root, can write into it.

@@ -1,0 +1,102 @@
+#include "tests/studies/elastic/ground_truth.h"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+
+namespace telenano::elastic {
+
+double retraction_force_nn(const physics::BranchPotential& law, const physics::ContactJet& jet) noexcept {
+  physics::PotentialJet potential;
+  physics::CurveHint hint;
+  physics::ContactSize size;
+  if (jet.overlap_nm < law.borders(jet.log_radius).leave_nm ||
+      !law.inside(jet.overlap_nm, jet.log_radius, hint, potential, size)) {
+    law.outside(jet.overlap_nm, jet.log_radius, potential);
+  }
+  return -(potential.force_nn * jet.overlap_grad.z() +
+           potential.by_radius_aj * jet.log_radius_grad_per_nm.z());
+}
+
+ForceOf flat_force(const physics::BranchPotential& law, double radius_nm) {
+  return [&law, radius_nm](double z) {
+    physics::ContactJet jet;
+    jet.overlap_nm = -z;
+    jet.overlap_grad = Vec3(0, 0, -1);
+    jet.log_radius = std::log(radius_nm);
+    return retraction_force_nn(law, jet);
+  };
+}
+
+double pull_off_nn(const ForceOf& force) {
+  double most = 0;
+  for (int k = -100; k < 1500; ++k) most = std::max(most, -force(0.002 * k));
+  return most;
+}
+
+double PlaceError::pull_off_error() const noexcept {
+  return std::abs(pull_off_ratio / reference_ratio - 1);
+}
+
+PlaceError place_error(const Place& flat, const ForceOf& on_flat, const Place& place, const ForceOf& force) {
+  PlaceError result;
+  result.pull_off_ratio = pull_off_nn(force) / pull_off_nn(on_flat);
+  result.reference_ratio = place.pull_off_nn() / flat.pull_off_nn();
+  for (std::size_t k = 0; k < place.states.size() && k < flat.states.size(); ++k) {
+    const State& state = place.states[k];
+    if (state.z_nm > -0.2) continue;
+    const double law = flat.states[k].force_nn - on_flat(flat.states[k].z_nm);
+    const double off = force(state.z_nm) + law - state.force_nn;
+    result.pressed_error_nn2 += off * off;
+    result.pressed_square_nn2 += state.force_nn * state.force_nn;
+  }
+  return result;
+}
+
+double pressed_error(const std::vector<PlaceError>& places) {
+  double error = 0, square = 0;
+  for (const PlaceError& place : places) {
+    error += place.pressed_error_nn2;
+    square += place.pressed_square_nn2;
+  }
+  return std::sqrt(error / square);
+}
+
+double quantile(std::vector<double> values, double q) {
+  std::sort(values.begin(), values.end());
+  const double at = q * static_cast<double>(values.size() - 1);
+  const auto k = static_cast<std::size_t>(at);
+  return k + 1 < values.size() ? values[k] + (at - static_cast<double>(k)) * (values[k + 1] - values[k])
+                               : values[k];
+}
+
+Interval bootstrap(const std::vector<double>& values, double q, int resamples) {
+  std::mt19937_64 draw(1);
+  std::vector<double> quantiles, sample(values.size());
+  for (int i = 0; i < resamples; ++i) {
+    for (double& value : sample) value = values[draw() % values.size()];
+    quantiles.push_back(quantile(sample, q));
+  }
+  return {quantile(quantiles, 0.025), quantile(quantiles, 0.975)};
+}
+
+surface::HeightGrid piece_round(const surface::HeightGrid& scan, int column, int row) {
+  const int first_column = std::clamp(column - 32, 0, scan.columns - 64);
+  const int first_row = std::clamp(row - 32, 0, scan.rows - 64);
+  surface::HeightGrid piece{64,
+                            64,
+                            scan.dx_nm,
+                            scan.dy_nm,
+                            scan.x_first_nm + first_column * scan.dx_nm,
+                            scan.y_first_nm + first_row * scan.dy_nm,
+                            {}};
+  for (int j = 0; j < 64; ++j) {
+    for (int i = 0; i < 64; ++i) {
+      piece.z_nm.push_back(
+          scan.z_nm[static_cast<std::size_t>((first_row + j) * scan.columns + first_column + i)]);
+    }
+  }
+  return piece;
+}
+
+}  // namespace telenano::elastic
