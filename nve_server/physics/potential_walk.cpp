@@ -14,7 +14,7 @@ namespace {
 constexpr int kMostFollowed = 8;    // evaluations of one attempt
 constexpr double kStepDone = 1e-9;  // nm
 // Below which Newton's convergence is taken to be quadratic, nm: seen in this step, and seen in one before.
-constexpr double kForeseen = 1e-5;
+constexpr double kForeseen = 3e-5;
 constexpr double kForeseenByRate = 1e-4;
 // A rate of convergence that is remembered: for how much more it is taken, and how much a step not looked at
 // adds, so that at most some ten in turn end by it.
