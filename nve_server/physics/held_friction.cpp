@@ -18,7 +18,7 @@ RubbedContact rubbed_contact(const PotentialSample& at) noexcept {
   c.load = at.law.force_nn * steepness + at.other_load_nn;
   c.load_grad = steepness * (at.law.stiffness_n_m * place.overlap_grad +
                              at.law.mixed_nn * place.log_radius_grad_per_nm) +
-                at.other_load_grad_n_m;
+                at.other_load_grad_n_m - at.law.force_nn * along;  // ∇|∇δ| = −∇∇δ n
   if (!(at.size.square_nm2 > 0.0)) return c;
   c.radius = std::sqrt(at.size.square_nm2);
   c.radius_grad = (at.size.by_overlap_nm * place.overlap_grad +
@@ -29,7 +29,8 @@ RubbedContact rubbed_contact(const PotentialSample& at) noexcept {
 
 Mat3 rubbing_tangent(const RubbedContact& c, const FrictionStep& rub, const Vec3& moved) noexcept {
   return rub.stiffness_n_m - rub.force_per_radius_w_n_m * c.radius_grad.transpose() -
-         rub.force_per_load_w * c.load_grad.transpose() + c.normal * (c.turn * rub.force_w_nn).transpose() -
+         rub.force_per_load_w * c.load_grad.transpose() +
+         c.normal * (c.turn.transpose() * rub.force_w_nn).transpose() -
          c.normal.dot(moved) * (rub.stiffness_n_m * c.turn);
 }
 

@@ -10,16 +10,6 @@ namespace {
 
 constexpr int kMostHalvings = 2;         // four parts
 constexpr int kFirstEvaluations = 2000;  // where the tip is placed
-constexpr double kLongerMove = 2.0;
-constexpr double kTurnedMove = 0.2;
-
-double part_of_last(const Vec3& last, const Vec3& move) noexcept {
-  const double last_sq = last.squaredNorm();
-  if (!(last_sq > 0.0)) return 0.0;
-  const double part = move.dot(last) / last_sq;
-  const double turned_sq = (move - part * last).squaredNorm();
-  return part > 0.0 && part < kLongerMove && turned_sq < kTurnedMove * kTurnedMove * last_sq ? part : 0.0;
-}
 
 }  // namespace
 
@@ -52,8 +42,7 @@ TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance
   if (!is_finite(free_end) || !c.allFinite()) return solution;
   if (c != state.springs.compliance_nm_nn) state.springs.make(c);
   PotentialWalk walk(potential_, friction_, state);
-  Vec3 move = Vec3::Zero();
-  Vec3 bend = Vec3::Zero();
+  PathTrend trend;
   if (!state.started) {
     walk.place(free_end);
     walk.allow(kFirstEvaluations);
@@ -65,7 +54,8 @@ TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance
   } else {
     const Vec3 from = state.free_end_w_nm;
     const Vec3 whole = free_end - from;
-    const double part_of_trend = part_of_last(state.move_w_nm, whole);
+    const double part_of_trend = state.trend.part_of(whole);
+    const Vec3 foreseen = part_of_trend > 0.0 ? state.trend.guess(part_of_trend) : Vec3(Vec3::Zero());
     double gone = 0;
     double part = 1;
     int halvings = 0;
@@ -74,11 +64,13 @@ TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance
     while (gone < 1.0 && balanced) {
       const double next = std::min(1.0, gone + part);
       const Vec3 to = next < 1.0 ? Vec3(from + next * whole) : free_end;
-      const double trend = straight && halvings == 0 ? part_of_trend : 0.0;
-      if (walk.follow(to, trend * trend * state.bend_w_nm + (gone == 0.0 ? jolt : Vec3(Vec3::Zero())))) {
+      Vec3 bend = gone == 0.0 ? jolt : Vec3(Vec3::Zero());
+      if (straight && halvings == 0) bend += foreseen;
+      if (walk.follow(to, bend)) {
         if (straight && next == 1.0) {
-          move = whole;
-          bend = walk.apex() - (state.apex_w_nm + state.follow * whole) - jolt;
+          const Vec3 moved = walk.apex() - state.apex_w_nm - jolt;
+          trend = state.trend;
+          trend.take(whole, part_of_trend, moved - state.follow * whole, walk.rate() * whole - moved);
         }
       } else if (halvings < kMostHalvings && !walk.spent()) {
         ++halvings;
@@ -105,8 +97,7 @@ TipSolution PotentialEquilibrium::advance(const Vec3& free_end, const Compliance
   }
   solution.status = SolveStatus::kOk;
   walk.write(state);
-  state.move_w_nm = move;
-  state.bend_w_nm = bend;
+  state.trend = trend;
   return solution;
 }
 

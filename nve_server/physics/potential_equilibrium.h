@@ -5,6 +5,7 @@
 
 #include "common/base/vec3.h"
 #include "nve_server/physics/friction.h"
+#include "nve_server/physics/path_trend.h"
 #include "nve_server/physics/spring_frame.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/physics/tip_potential.h"
@@ -21,8 +22,10 @@ struct PotentialState {
   Vec3 apex_w_nm = Vec3::Zero();
   CurveHint hint;
   Mat3 follow = Mat3::Identity();  ///< ∂apex/∂(free end)
-  Vec3 move_w_nm = Vec3::Zero();   ///< of the free end in the last step; 0: nothing to go by
-  Vec3 bend_w_nm = Vec3::Zero();   ///< of the apex, beside what `follow` said
+  PathTrend trend;
+  /// Of a Newton step, over the square of the one before it: the last one that was seen, a little more for
+  /// each step since. 0: none.
+  double convergence_per_nm = 0;
   FrictionState bristle;
   SpringFrame springs;
 };

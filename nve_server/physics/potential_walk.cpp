@@ -11,9 +11,16 @@
 namespace telenano::physics {
 namespace {
 
-constexpr int kMostFollowed = 8;          // evaluations of one attempt
-constexpr double kStepDone = 1e-9;        // nm
-constexpr double kForeseen = 1e-5;        // nm, below which Newton's convergence is taken to be quadratic
+constexpr int kMostFollowed = 8;    // evaluations of one attempt
+constexpr double kStepDone = 1e-9;  // nm
+// Below which Newton's convergence is taken to be quadratic, nm: seen in this step, and seen in one before.
+constexpr double kForeseen = 3e-5;
+constexpr double kForeseenByRate = 1e-4;
+// A rate of convergence that is remembered: for how much more it is taken, and how much a step not looked at
+// adds, so that at most some ten in turn end by it.
+constexpr double kRateMargin = 2.0;
+constexpr double kRateAges = 1.3;
+constexpr double kLeastSeen = 1e-7;       // nm: from shorter steps on rounding hides the next
 constexpr double kNoise = 1e-8;           // nm, below which steps need not contract any more
 constexpr double kContraction = 0.6;      // of each step against the last
 constexpr double kPredictorError = 0.5;   // of the free end's move
@@ -68,6 +75,7 @@ PotentialWalk::PotentialWalk(const TipPotential& potential, const std::optional<
       branch_(from.branch),
       hint_(from.hint),
       follow_(from.follow),
+      convergence_(from.convergence_per_nm),
       bristle_(from.bristle),
       broken_(from.broken_away),
       most_(PotentialEquilibrium::kMostEvaluations) {}
@@ -121,27 +129,33 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
     } else if (!(length <= kContraction * last || length < kNoise)) {
       return false;
     }
+    if (last > kLeastSeen) convergence_ = length / (last * last);
     const bool foreseen =
         last > 0.0 && length < kForeseen && length * length * length < kStepDone * last * last;
-    const bool done = length < kStepDone || foreseen || (last > 0.0 && length < kNoise);
+    const bool by_rate = !(last > 0.0) && length < kForeseenByRate && convergence_ > 0.0 &&
+                         kRateMargin * convergence_ * length * length < kStepDone;
+    const bool done = length < kStepDone || foreseen || by_rate || (last > 0.0 && length < kNoise);
     const Vec3 step_w = springs_.to_world(step);
-    if (done) {
+    FrictionStep rest;
+    if (done && rubs) {
+      rest = friction_->move(bristle_, (touch.normal + touch.turn * step_w).normalized(), q + step_w - p_,
+                             std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
+                             touch.load + touch.load_grad.dot(step_w), false);
+    }
+    // The kink where a contact begins to slide is nothing that a rate foresees.
+    if (done && !(by_rate && rubs && rest.sliding != rub.sliding)) {
+      if (by_rate) convergence_ *= kRateAges;
       if (rubs && rub.sliding && may_stick_and_slip()) return false;  // it breaks away
-      const Vec3 from = p_;
       x_ = to_x;
       branch_ = branch;
       hint_ = hint;
-      if (!rubs) {
-        settle(q, step_w, at, inverse);
-        if (friction_) rest_on({}, FrictionState{});
-        return true;
-      }
       settle(q, step_w, at, inverse);
-      rub = friction_->move(bristle_, (touch.normal + touch.turn * step_w).normalized(), p_ - from,
-                            std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
-                            touch.load + touch.load_grad.dot(step_w), false);
-      force_ += rub.force_w_nn;
-      rest_on(rub, rub.after);
+      if (rubs) {
+        force_ += rest.force_w_nn;
+        rest_on(rest, rest.after);
+      } else if (friction_) {
+        rest_on({}, FrictionState{});
+      }
       return true;
     }
     last = length;
@@ -405,6 +419,7 @@ void PotentialWalk::write(PotentialState& out) const noexcept {
   out.apex_w_nm = p_;
   out.hint = hint_;
   out.follow = follow_;
+  out.convergence_per_nm = convergence_;
   out.bristle = bristle_;
 }
 

@@ -35,6 +35,7 @@ class PotentialWalk {
   void forget_losses() noexcept;
   bool spent() const noexcept { return evaluations_ >= most_; }
   const Vec3& apex() const noexcept { return p_; }
+  const Mat3& rate() const noexcept { return follow_; }  ///< ∂apex/∂(free end), of a balance
   const PotentialSample& here() const noexcept { return at_; }
   bool finite() const noexcept { return finite_; }
 
@@ -64,6 +65,7 @@ class PotentialWalk {
   PotentialBranch branch_;
   CurveHint hint_;
   Mat3 follow_;
+  double convergence_;  // per nm
   FrictionState bristle_;
   HeldFriction held_;
   bool broken_ = false;

@@ -11,6 +11,7 @@
 
 #include "nve_server/physics/contact_fields.h"
 #include "nve_server/physics/dilation.h"
+#include "nve_server/physics/field_stencil.h"
 #include "nve_server/physics/height_grid.h"
 #include "nve_server/physics/softening.h"
 
@@ -158,9 +159,11 @@ class ScanFields final : public ContactFields {
   static void hold_growth(const Grid& finer, Grid& coarse, double fine_t);
   struct Place;
   Place place(double x_nm, double y_nm) const noexcept;
-  void blended(const Place& place, const LevelBlend& blend, const double (&first_jet)[6], double z_nm,
+  struct Cell;
+  void blended(const Place& place, const Cell& finest_cell, const double (&finest)[6], double z_nm,
                const SofteningLevel& level, ContactJet& jet) const noexcept;
 
+  const StencilKernel* kernel_ = &stencil_kernel();
   SofteningRule rule_;
   double radius_ = 0;
   int levels_ = 0;

@@ -216,7 +216,7 @@ void ScanFields::press(const FieldMark& mark) noexcept {
     grid.press(mark, x, y);
     // Where the crater is spread on a coarse grid that falls more than the finer one does round it, and a
     // larger softening must not lower the ground so much that pressing deeper would lift it away
-    // (scan_fields.cpp): held up there, but for the 16 that the mark itself needs.
+    // (scan_fields_build.cpp): held up there, but for the 16 that the mark itself needs.
     const double spread = kLeastNodes * std::max(1.0 / grid.inv_dx, 1.0 / grid.inv_dy);
     if (g == 0 || spread <= mark.radius_nm || grids_[g - 1].columns == grid.columns) continue;
     const Grid& finer = grids_[g - 1];

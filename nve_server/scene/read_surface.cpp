@@ -11,6 +11,7 @@
 #include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/sampled_shapes.h"
 #include "nve_server/physics/scan_fields.h"
+#include "nve_server/physics/shape_fields.h"
 #include "nve_server/physics/softening.h"
 #include "nve_server/physics/sphere_surface.h"
 #include "nve_server/physics/spline_surface.h"
@@ -30,9 +31,10 @@ constexpr double kPileUp = 1.0;  // flow keeps the volume
 
 /// What a surface is made of until it is known whether it has to be a grid.
 struct Built {
-  std::shared_ptr<const physics::Surface> exact;  ///< in closed form
-  HeightGrid grid;                                ///< else
-  double half_width_nm = 0;                       ///< of an unbounded shape
+  std::shared_ptr<const physics::Surface> exact;         ///< in closed form
+  HeightGrid grid;                                       ///< else
+  double half_width_nm = 0;                              ///< of an unbounded shape
+  std::shared_ptr<const physics::ContactFields> fields;  ///< of the closed form
 };
 
 physics::SampledArea area_around_origin(double half_width, double spacing) {
@@ -75,10 +77,14 @@ Built read_plane(const TomlTable& table, double half_width, double tip_radius, S
   shape.slope_y = table.number_or("slope_y", slope, 0.0);
   shape.extent_nm = half_width;
   ground.text = words("plane of slopes ", shape.slope_x, " and ", shape.slope_y);
-  return {std::make_shared<physics::PlaneSurface>(shape, tip_radius), {}, half_width};
+  return {std::make_shared<physics::PlaneSurface>(shape, tip_radius),
+          {},
+          half_width,
+          std::make_shared<physics::PlaneFields>(shape, tip_radius)};
 }
 
-Built read_sphere(const TomlTable& table, double half_width, double tip_radius, SurfaceDescription& ground) {
+Built read_sphere(const TomlTable& table, double half_width, double tip_radius,
+                  const physics::SofteningRule& rule, SurfaceDescription& ground) {
   physics::SphereSurface::Shape shape;
   shape.radius_nm = table.number("radius_nm", between(1.0, 1e5));
   shape.x_nm = table.number_or("x_nm", between(-half_width, half_width), 0.0);
@@ -88,7 +94,8 @@ Built read_sphere(const TomlTable& table, double half_width, double tip_radius, 
       words("sphere of radius ", shape.radius_nm, " nm that rises ", shape.height_nm, " nm from a plate");
   return {within(table, [&] { return std::make_shared<physics::SphereSurface>(shape, tip_radius); }),
           {},
-          half_width};
+          half_width,
+          within(table, [&] { return std::make_shared<physics::SphereFields>(shape, tip_radius, rule); })};
 }
 
 Built read_step(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
@@ -99,7 +106,7 @@ Built read_step(const TomlTable& table, const physics::SampledArea& area, Surfac
   shape.x_nm = table.number_or("x_nm", between(-1e6, 1e6), 0.0);
   shape.y_nm = table.number_or("y_nm", between(-1e6, 1e6), 0.0);
   ground.text = words("step of ", shape.height_nm, " nm over an edge of ", shape.width_nm, " nm");
-  return {nullptr, within(table, [&] { return physics::sample_step(area, shape); }), 0.0};
+  return {nullptr, within(table, [&] { return physics::sample_step(area, shape); }), 0.0, nullptr};
 }
 
 Built read_grating(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
@@ -116,7 +123,7 @@ Built read_grating(const TomlTable& table, const physics::SampledArea& area, Sur
   shape.x_nm = table.number_or("x_nm", between(-1e6, 1e6), 0.0);
   shape.y_nm = table.number_or("y_nm", between(-1e6, 1e6), 0.0);
   ground.text = words(profile, " grating of ", shape.height_nm, " nm every ", shape.period_nm, " nm");
-  return {nullptr, within(table, [&] { return physics::sample_grating(area, shape); }), 0.0};
+  return {nullptr, within(table, [&] { return physics::sample_grating(area, shape); }), 0.0, nullptr};
 }
 
 Built read_scan(const config::TomlDocument& document, const TomlTable& table, SurfaceDescription& ground,
@@ -137,7 +144,7 @@ Built read_scan(const config::TomlDocument& document, const TomlTable& table, Su
   const std::string levelling = table.choice_or("level", {"none", "plane", "lines"}, "none");
   level(scan.grid, *levelling_from_name(levelling));
   ground.text = ground.scan_path + (levelling == "none" ? "" : ", levelled by " + levelling);
-  return {nullptr, std::move(scan.grid), 0.0};
+  return {nullptr, std::move(scan.grid), 0.0, nullptr};
 }
 
 // A grid keeps a margin from its rim, beyond which nothing was measured.
@@ -166,17 +173,31 @@ physics::ScanFields fields_of(const HeightGrid& grid, double radius, const physi
   return fields;
 }
 
+physics::SofteningRule softening_of(const Scene& scene) {
+  const physics::TipSampleParameters& p = scene.law_parameters;
+  return physics::softening_rule(scene.probe.tip_radius_nm, p.work_of_adhesion_n_m,
+                                 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
+}
+
+std::shared_ptr<const physics::BranchPotential> law_of(const Scene& scene) {
+  const double radius = scene.probe.tip_radius_nm;
+  return std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(scene.law_parameters, radius),
+                                                    radius);
+}
+
+std::shared_ptr<const physics::PotentialEquilibrium> potential_of(
+    std::shared_ptr<const physics::ContactFields> closed_form, const Scene& scene) {
+  return std::make_shared<physics::PotentialEquilibrium>(std::move(closed_form), law_of(scene),
+                                                         scene.friction);
+}
+
 std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGrid& grid,
                                                                   const SceneLoading& loading, Scene& scene) {
-  const physics::TipSampleParameters& p = scene.law_parameters;
-  const double radius = scene.probe.tip_radius_nm;
-  const physics::SofteningRule rule = physics::softening_rule(
-      radius, p.work_of_adhesion_n_m, 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
-  const auto law = std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(p, radius), radius);
+  const auto law = law_of(scene);
   std::vector<double> fixed_nm;
   if (law->bridge().active()) fixed_nm.push_back(law->bridge().softening_nm());
-  auto fields =
-      std::make_shared<physics::ScanFields>(fields_of(grid, radius, rule, fixed_nm, loading, scene.ground));
+  auto fields = std::make_shared<physics::ScanFields>(
+      fields_of(grid, scene.probe.tip_radius_nm, softening_of(scene), fixed_nm, loading, scene.ground));
   scene.ground.fields_bytes = fields->bytes();
   return std::make_shared<physics::PotentialEquilibrium>(std::move(fields), law, scene.friction);
 }
@@ -209,8 +230,8 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h), and
   // a mark is no wider than the contact that made it.
   ground.potential = table.choice_or("force", {"foot", "potential"}, "foot") == "potential";
-  if (ground.potential && !scan && !sampled_shape && !yields) {
-    table.fail("force", "\"potential\" goes with kind scan, step or grating, or with [sample] hardness_gpa");
+  if (ground.potential && ground.kind == "flat" && !yields) {
+    table.fail("force", "a level sample's law is one potential as it is: leave it out");
   }
   ground.radius_force = table.boolean_or("radius_force", !scan && !yields && !ground.potential);
   if (ground.potential && ground.radius_force) {
@@ -246,11 +267,11 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   Built built;
   if (ground.kind == "flat") {
     ground.text = "the plane z = 0";
-    built = {std::make_shared<physics::FlatSurface>(tip_radius), {}, half_width};
+    built = {std::make_shared<physics::FlatSurface>(tip_radius), {}, half_width, nullptr};
   } else if (ground.kind == "plane") {
     built = read_plane(table, half_width, tip_radius, ground);
   } else if (ground.kind == "sphere") {
-    built = read_sphere(table, half_width, tip_radius, ground);
+    built = read_sphere(table, half_width, tip_radius, softening_of(scene), ground);
   } else if (ground.kind == "step") {
     built = read_step(table, area, ground);
   } else if (ground.kind == "grating") {
@@ -263,6 +284,10 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
     scene.surface = built.exact;
     ground.x_min_nm = ground.y_min_nm = -half_width;
     ground.x_max_nm = ground.y_max_nm = half_width;
+    if (ground.potential) {
+      check_potential(root);
+      scene.potential = potential_of(built.fields, scene);
+    }
   } else {
     if (built.exact) built.grid = within(table, [&] { return sampled(*built.exact, area); });
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);

@@ -306,8 +306,11 @@ TELENANO_FIELDS_OF(physics::PotentialState) {
   v(s.hint.by_overlap_twice_per_nm2);
   v(s.hint.by_log_radius);
   fields(v, s.follow);
-  fields(v, s.move_w_nm);
-  fields(v, s.bend_w_nm);
+  fields(v, s.trend.move_w_nm);
+  fields(v, s.trend.forward_w_nm);
+  fields(v, s.trend.backward_w_nm);
+  enumerator(v, s.trend.order, static_cast<int>(physics::PathOrder::kCubic));
+  v(s.convergence_per_nm);
   fields(v, s.bristle);
 }
 
