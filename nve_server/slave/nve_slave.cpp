@@ -362,24 +362,19 @@ void NveSlave::write_state(Visit& visit) const noexcept {
 }
 
 std::uint64_t NveSlave::state_hash() const noexcept {
-  if (!sample_.state_is_known()) return 0;
   StateHash hash;
   write_state(hash);
   return hash.value();
 }
 
 std::size_t NveSlave::save(std::span<std::uint8_t> out) const noexcept {
-  if (!sample_.state_is_known()) return 0;
   StateWriter writer(out);
   write_state(writer);
   return writer.ok() ? writer.size() : 0;
 }
 
 std::size_t NveSlave::snapshot_bytes_max() const noexcept {
-  const physics::SplineSurface* const marks = sample_.marked_surface();
-  return kSnapshotBytes + (marks == nullptr ? 0
-                                            : 28 * static_cast<std::size_t>(marks->rows()) *
-                                                  static_cast<std::size_t>(marks->columns()));
+  return kSnapshotBytes + sample_.mark_bytes_max();
 }
 
 void NveSlave::reset() noexcept {
@@ -387,7 +382,6 @@ void NveSlave::reset() noexcept {
 }
 
 bool NveSlave::load(std::span<const std::uint8_t> bytes) noexcept {
-  if (!sample_.state_is_known()) return false;
   StateReader reader(bytes);
   reader.surface_stamp = sample_.surface_stamp();
   bool good = sample_.read(reader);

@@ -93,8 +93,9 @@ class NveSlave final : public Slave {
   /// 64 bits over everything that later steps depend on, warm starts included; the same steps from the same
   /// state give the same. Memory layout and history are not in it. Takes some hundred nanoseconds.
   std::uint64_t state_hash() const noexcept override;
-  /// The state as bytes (state_fields.h); 0: they do not fit. At most kSnapshotBytes and 28 a changed node
-  /// where marks stay. Does not allocate; looks at every node of a surface with marks.
+  /// The state as bytes (state_fields.h); 0: they do not fit. At most kSnapshotBytes and, where marks stay,
+  /// 28 a changed node and, on one potential, 40 a changed coefficient of its fields. Does not allocate;
+  /// looks at every node of a surface with marks.
   std::size_t save(std::span<std::uint8_t> out) const noexcept override;
   static constexpr std::size_t kSnapshotBytes = 8192;
   /// Takes up what save() of a slave of the same scene wrote. Bytes may be anybody's: false, and the state is
