@@ -191,7 +191,7 @@ TEST(SceneBook, IsNeverBehindThePortsWork) {
         middle.x() = 60 + 480 * uniform(random);
         middle.y() = 60 + 480 * uniform(random);
       }
-      middle.z() = scene->equilibrium->touch_height_nm(middle.x(), middle.y());
+      middle.z() = scene->touch_height_nm(middle.x(), middle.y());
       const Loop loop = go_round(scene, ClosedPath(random, middle, 40, 12));
       EXPECT_EQ(loop.held, 0) << name << " " << trial;
       EXPECT_LE(loop.most_iterations, 54 + 15) << name << " " << trial;
