@@ -39,9 +39,9 @@ namespace telenano::slave {
 /// deflection_nm is F_z-equivalent: C_zz F_z, the height by which the vertical force alone lifts the apex
 /// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
 ///
-/// One potential: where the scene asks for it (surface.force = "potential") the balance is
-/// physics::PotentialEquilibrium, whose charges need nothing for geometry; a descent that goes on in the next
-/// step is booked as far as it came.
+/// One potential: where the scene has it (surface.force = "potential", the default on scans, steps and
+/// gratings) the balance is physics::PotentialEquilibrium, whose charges need nothing for geometry; a descent
+/// that goes on in the next step is booked as far as it came.
 ///
 /// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
 /// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact
@@ -61,7 +61,9 @@ namespace telenano::slave {
 /// below is raised to it, the difference being dissipated; a charge above (the end of the step has more than
 /// was brought, as a strongly curved attraction may do) is lowered by slowing down the mode. On a curved
 /// sample, where the potential follows R_eff and the force does not (tip_equilibrium.h), the mode's own
-/// numerical loss counts instead (ModeLoss).
+/// numerical loss counts instead (ModeLoss). On one potential without marks the force held over a step of the
+/// mode is the one whose work is what all else has set free (a discrete gradient): the mode's own loss then
+/// is rounding, wherever the step is smooth and resolves the contact.
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);
