@@ -216,12 +216,12 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
     table.fail("force", "\"potential\" goes with kind scan, step or grating, or with [sample] hardness_gpa");
   }
   ground.radius_force = table.boolean_or("radius_force", !scan && !yields && !ground.potential);
+  if (yields && ground.radius_force) {
+    table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
+  }
   if (ground.potential && ground.radius_force) {
     table.fail("radius_force",
                "goes with force = \"foot\": give that, or leave this out; the potential has that force");
-  }
-  if (yields && ground.radius_force) {
-    table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
   }
   if (yields) {
     scene.marks = Marks{scene.sample.hardness_gpa, ground.potential ? kPileUp : 0.0};

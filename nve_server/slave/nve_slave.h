@@ -39,9 +39,9 @@ namespace telenano::slave {
 /// deflection_nm is F_z-equivalent: C_zz F_z, the height by which the vertical force alone lifts the apex
 /// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
 ///
-/// One potential: where the scene has it (surface.force = "potential", the default on scans, steps and
-/// gratings) the balance is physics::PotentialEquilibrium, whose charges need nothing for geometry; a descent
-/// that goes on in the next step is booked as far as it came.
+/// One potential: where the scene has it (surface.force = "potential", the default but for
+/// exact shapes and particles) the balance is physics::PotentialEquilibrium, whose charges need nothing for
+/// geometry; a descent that goes on in the next step is booked as far as it came.
 ///
 /// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
 /// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact

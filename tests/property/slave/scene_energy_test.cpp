@@ -168,7 +168,7 @@ INSTANTIATE_TEST_SUITE_P(Deployed, SceneEnergy,
                                            Case{"deploy/scenes/flat_pdms.toml", 10, 60, 1e-6},
                                            Case{"deploy/scenes/flakes.toml", 40, 12, 5e-3},
                                            Case{"deploy/scenes/humid_flakes.toml", 40, 12, 5e-3},
-                                           Case{"deploy/scenes/lithography.toml", 20, 12, 3e-2},
+                                           Case{"deploy/scenes/lithography.toml", 20, 12, 1e-3},
                                            Case{"deploy/scenes/particle.toml", 60, 12, 1e-3}),
                          [](const auto& each) {
                            return std::filesystem::path(each.param.scene).stem().string();

@@ -114,6 +114,11 @@ TEST(PotentialDefault, IsThatOfGridsWithoutAParticle) {
   std::string flat = without_force();
   flat.replace(flat.find("kind"), flat.find("[forces]") - flat.find("kind"), "kind = \"flat\"\n");
   EXPECT_FALSE(parse_scene(flat, "flat.toml")->ground.potential);
+  // A sample that yields is a grid whatever its shape.
+  flat.replace(flat.find("surface_energy_j_m2"), 0, "hardness_gpa = 9.0\n");
+  const auto yields = parse_scene(flat, "flat.toml");
+  EXPECT_TRUE(yields->ground.potential);
+  EXPECT_EQ(yields->marks->pile_up, 1.0);
 }
 
 // For a recording from before there was a choice: the scene as it was then. What a scene says itself stays.
