@@ -14,9 +14,12 @@
 #include <iterator>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/vec3.h"
+#include "nve_server/physics/potential_equilibrium.h"
+#include "nve_server/physics/scan_fields.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
@@ -237,6 +240,36 @@ TEST(TwinState, TheHashSeesWhereMarksAre) {
   EXPECT_NE(both, after({Vec3(a.x(), a.y(), b.z()), Vec3(b.x(), b.y(), a.z())}));
   EXPECT_NE(both, after({a, b + Vec3(1, 0, 0)}));
   EXPECT_EQ(after({}), 0u);
+}
+
+// Level ground, where all coefficients are alike: two of them pressed, then the same two values the other way
+// round. Taken back, nothing is left of either.
+TEST(TwinState, TheDigestOfMarksGoesByPlace) {
+  const auto scene = scene_of("lithography_by_potential");
+  const auto& made = dynamic_cast<const telenano::physics::ScanFields&>(scene->potential->fields());
+  using Pressed = telenano::physics::ScanFields::Pressed;
+  const double radius = std::log(scene->probe.tip_radius_nm);
+  const Pressed a{0, 5000, {-1.0, radius, -1.0, radius}}, b{0, 9000, {-2.0, radius, -2.0, radius}};
+  const auto digest = [&](const std::vector<Pressed>& all) {
+    auto fields = telenano::physics::ScanFields::for_marks(made);
+    for (const Pressed& one : all) EXPECT_TRUE(fields.set_pressed(one));
+    const std::uint64_t found = fields.marks_digest();
+    fields.unmark();
+    EXPECT_EQ(fields.marks_digest(), 0u);
+    int left = 0;
+    fields.each_pressed([&](const Pressed&) { ++left; });
+    EXPECT_EQ(left, 0);
+    return found;
+  };
+  Pressed a_there = a, b_there = b;
+  std::swap(a_there.number, b_there.number);
+  EXPECT_EQ(digest({a, b}), digest({b, a}));
+  EXPECT_NE(digest({a, b}), digest({a_there, b_there}));
+  auto fields = telenano::physics::ScanFields::for_marks(made);
+  EXPECT_FALSE(fields.set_pressed({0, 4000000000u, {}}));
+  EXPECT_FALSE(fields.set_pressed({99, 0, {}}));
+  EXPECT_FALSE(fields.set_pressed({0, 5000, {std::nan(""), radius, 0, radius}}));
+  EXPECT_EQ(fields.marks_digest(), 0u);
 }
 
 }  // namespace
