@@ -35,6 +35,8 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
     about.scene_text = local->text;
     about.extra.emplace_back("scene_path", local->path);
     about.extra.emplace_back("surface.force", local->force);
+  } else {
+    about.extra.emplace_back("surface.force", "unknown");  // a recording without a word is one by the foot
   }
   if (bundle != nullptr) about.extra.emplace_back("scene_bundle", to_base64(*bundle));
   about.station_text = file.text.empty() ? "defaults" : file.text;

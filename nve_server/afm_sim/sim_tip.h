@@ -4,6 +4,7 @@
 
 #include "common/base/vec3.h"
 #include "nve_server/afm_sim/sim_config.h"
+#include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/tip_equilibrium.h"
 #include "nve_server/scene/scene.h"
 
@@ -48,6 +49,7 @@ class SimTip {
   Vec3 base_w_nm_;
   bool started_ = false;
   physics::TipState state_;
+  physics::PotentialState potential_state_;  // instead, on a scene of one potential
   physics::TipSolution solution_;
   double work_aj_ = 0;
   double peak_force_nn_ = 0;

@@ -199,9 +199,12 @@ void run(const std::string& path, const std::string& limits_path) {
                 1e-6 * static_cast<double>(scene->ground.fields_bytes),
                 scene->marks ? ", and in each what its marks touch" : "");
   }
-  std::printf("%-14s at most %.4g aJ, %s\n", "adhesive well", slave::PortGround(*scene).well_aj(),
-              scene->surface->is_flat() ? "at the tip's radius"
-                                        : "at ten times the tip's radius, the most that a pit may have");
+  const slave::PortGround port_ground(*scene);
+  std::printf("%-14s at most %.4g aJ, at a radius of %.4g nm, %s\n", "adhesive well", port_ground.well_aj(),
+              port_ground.well_radius_nm(),
+              scene->surface->is_flat() ? "the tip's"
+              : scene->potential        ? "the largest of the fields"
+                                        : "ten times the tip's, the most that a pit may have");
   if (summary.jump_to_contact_nm > 0) {
     std::printf("%-14s jumps in from a gap of %.3g nm\n", "approach", summary.jump_to_contact_nm);
   }

@@ -1,5 +1,7 @@
 #include "nve_server/app/scene_loading.h"
 
+#include <unistd.h>
+
 #include <chrono>
 #include <cstdio>
 
@@ -35,11 +37,10 @@ auto loaded(const Tell& tell, const Load& load) {
   };
   auto result = load(loading);
   const scene::Scene& scene = *scene_of(result);
-  if (scene.potential) {
+  if (scene.potential && !scene.ground.fields_from_cache) {
     const std::chrono::duration<double> spent = Clock::now() - begin;
     char text[160];
-    std::snprintf(text, sizeof text, "fields of the surface %s in %.3g s, %.3g MB%s",
-                  scene.ground.fields_from_cache ? "taken from the cache" : "made", spent.count(),
+    std::snprintf(text, sizeof text, "fields of the surface made in %.3g s, %.3g MB%s", spent.count(),
                   1e-6 * static_cast<double>(scene.ground.fields_bytes),
                   loading.fields_cache.empty() ? ", not kept (TELENANO_CACHE)" : "");
     tell(text);
@@ -59,7 +60,9 @@ std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path, 
 }
 
 std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path) {
-  return load_scene(name_or_path, tell_stderr);
+  // A command's error output is for its errors, but for who looks on.
+  const bool watched = ::isatty(STDERR_FILENO) != 0;
+  return load_scene(name_or_path, watched ? Tell(tell_stderr) : Tell([](const std::string&) {}));
 }
 
 scene::SceneWithBundle load_scene_with_bundle(const std::string& name_or_path) {

@@ -17,7 +17,7 @@ std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path,
 /// The same with its bundle, telling stderr.
 scene::SceneWithBundle load_scene_with_bundle(const std::string& name_or_path);
 
-/// The same, telling stderr.
+/// The same, telling stderr if that is a terminal: a command's error output is for its errors.
 std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path);
 
 }  // namespace telenano::app

@@ -169,7 +169,7 @@ TipSolution MarkedPotential::advance(const Vec3& free_end, const Compliance& c,
   }
   const double by_descent = solution.dissipated_aj;
   double lost = 0;
-  if (has_last_ && !last_.under_way && !solution.under_way) {
+  if (last_.known && !last_.under_way && !solution.under_way) {
     const double work =
         -0.5 * (last_.force_w_nn + solution.force_w_nn).dot(solution.apex_w_nm - last_.apex_w_nm);
     lost = work - (solution.potential_aj - last_.potential_aj) -
@@ -184,8 +184,12 @@ TipSolution MarkedPotential::advance(const Vec3& free_end, const Compliance& c,
 }
 
 void MarkedPotential::accept(const TipSolution& accepted) noexcept {
-  last_ = accepted;
-  has_last_ = true;
+  last_ = {true,
+           accepted.under_way,
+           accepted.force_w_nn,
+           accepted.apex_w_nm,
+           accepted.potential_aj,
+           accepted.friction_stored_aj};
   const TipFlow& yielded = accepted.yielded;
   const PlasticFlow& flow = yielded.flow;
   if (!(pending_lowered_nm_ > 0.0) || !(flow.depth_nm > 0.0)) return;

@@ -55,6 +55,20 @@ class MarkedPotential {
   const SplineSurface& surface() const noexcept { return heights_; }
   const ScanFields& fields() const noexcept { return fields_->ground; }
   const PotentialEquilibrium& equilibrium() const noexcept { return equilibrium_; }
+  /// To take a state over; what both are left with is what later steps begin from, with the last step below.
+  SplineSurface& surface_to_restore() noexcept { return heights_; }
+  ScanFields& fields_to_restore() noexcept { return fields_->ground; }
+  /// The last accepted step, from which the work of one that flows is counted; none at first.
+  struct LastStep {
+    bool known = false;
+    bool under_way = false;
+    Vec3 force_w_nn = Vec3::Zero();
+    Vec3 apex_w_nm = Vec3::Zero();
+    double potential_aj = 0;
+    double friction_stored_aj = 0;
+  };
+  const LastStep& last_step() const noexcept { return last_; }
+  void set_last_step(const LastStep& last) noexcept { last_ = last; }
   /// Steps that left a mark.
   std::uint64_t marks() const noexcept { return marks_; }
   /// From now on hears of every mark in the heights; null: nobody.
@@ -109,9 +123,7 @@ class MarkedPotential {
   double pile_up_;
   Trial elastic_, trials_[2];
   double pending_lowered_nm_ = 0;
-  // The last accepted step.
-  TipSolution last_;
-  bool has_last_ = false;
+  LastStep last_;
   std::uint64_t marks_ = 0;
   MarkJournal* journal_ = nullptr;
 };

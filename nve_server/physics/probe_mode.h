@@ -73,7 +73,8 @@ class ProbeMode {
   /// quasi-static in one piece. With 32: f0 dt <= 5, e.g. 5 kHz at 1 kHz.
   static constexpr int kMaxPieces = 32;
 
-  /// Throws UserError unless stiffness and frequency are finite and positive and 0.6 <= quality <= 1e6.
+  /// Throws UserError unless stiffness and frequency are finite and positive and 0.6 <= quality <= 1e6,
+  /// or infinite: no damping.
   ProbeMode(double stiffness_n_m, double frequency_hz, double quality);
 
   /// Pieces that a time step is cut into: ceil(ω0 dt), or 1 where that is more than kMaxPieces.

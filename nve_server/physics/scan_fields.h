@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -90,6 +92,29 @@ class ScanFields final : public ContactFields {
   void ground_at(const Vec3& apex_w_nm, double& cosine, double& unmarked_log_radius) const noexcept;
   /// Coefficients of this session's own, in bytes: what has been pressed.
   std::size_t own_bytes() const noexcept;
+  /// No ρ of these fields is above this: splines stay within their coefficients. Without marks.
+  double largest_log_radius() const noexcept;
+
+  /// Of what marks have changed, by place and bits, whatever the order and whatever was there between; 0: all
+  /// as it was made. Kept as marks are pressed.
+  std::uint64_t marks_digest() const noexcept;
+  /// What a mark may change of a coefficient: H and ρ, of both levels; 0 where there is one level.
+  struct Pressed {
+    std::uint32_t grid = 0;    ///< fields, then layers
+    std::uint32_t number = 0;  ///< of the coefficient in it
+    double value[4] = {0, 0, 0, 0};
+  };
+  /// Tells of each coefficient that marks have changed, grid by grid in rising order.
+  template <class Found>
+  void each_pressed(const Found& found) const;
+  /// All coefficients that marks could change.
+  std::size_t pressable() const noexcept;
+  /// As each_pressed() told of another session on this ground. False, and nothing has changed, where there is
+  /// no such coefficient or no such value: not finite, or too far from what was made for any mark. Does not
+  /// allocate.
+  bool set_pressed(const Pressed& pressed) noexcept;
+  /// As it was made. Does not allocate.
+  void unmark() noexcept;
 
   void contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexcept override;
   void growing_at(const Vec3& apex_w_nm, const SofteningRule& rule, ContactJet& jet) const noexcept override;
@@ -125,6 +150,7 @@ class ScanFields final : public ContactFields {
     std::unique_ptr<double[], Release> own;
     std::vector<std::uint8_t> copied, usable;
     int tiles_across = 0;
+    std::uint64_t digest = 0;  // Σ of (words of place and new bits) less (of place and old bits)
 
     int stride() const noexcept { return (columns + 2) * lanes; }
     std::size_t size() const noexcept {
@@ -139,8 +165,18 @@ class ScanFields final : public ContactFields {
           own && usable[static_cast<std::size_t>((row / kTile) * tiles_across + column / kTile)];
       return (pressed ? own.get() : made->data()) + at;
     }
+    void copy_tile(int across, int along) noexcept;
     void make_usable(int first_column, int last_column, int first_row, int last_row) noexcept;
     void press(const FieldMark& mark, double x, double y) noexcept;
+    /// Padded coefficients from first to last.
+    struct Area {
+      int first_column, last_column, first_row, last_row;
+    };
+    std::uint64_t words(const Area& area) const noexcept;
+    class Changing;
+    template <class Found>
+    void each_pressed(std::uint32_t grid, const Found& found) const;
+    void unmark() noexcept;
     Grid for_marks() const;
   };
   struct Layer {
@@ -163,6 +199,11 @@ class ScanFields final : public ContactFields {
   void blended(const Place& place, const Cell& finest_cell, const double (&finest)[6], double z_nm,
                const SofteningLevel& level, ContactJet& jet) const noexcept;
 
+  Grid* grid_of(std::uint32_t number) noexcept {
+    if (number < grids_.size()) return &grids_[number];
+    return number - grids_.size() < layers_.size() ? &layers_[number - grids_.size()].grid : nullptr;
+  }
+
   const StencilKernel* kernel_ = &stencil_kernel();
   SofteningRule rule_;
   double radius_ = 0;
@@ -171,5 +212,40 @@ class ScanFields final : public ContactFields {
   std::vector<Grid> grids_;
   std::vector<Layer> layers_;
 };
+
+template <class Found>
+void ScanFields::Grid::each_pressed(std::uint32_t grid, const Found& found) const {
+  if (!own) return;
+  const int levels = lanes == kLanes ? 2 : 1;
+  const int tiles_along = static_cast<int>(copied.size()) / tiles_across;
+  for (int tj = 0; tj < tiles_along; ++tj) {
+    for (int j = tj * kTile; j < std::min((tj + 1) * kTile, rows + 2); ++j) {
+      for (int ti = 0; ti < tiles_across; ++ti) {
+        if (copied[static_cast<std::size_t>(tj * tiles_across + ti)] == 0) continue;
+        for (int i = ti * kTile; i < std::min((ti + 1) * kTile, columns + 2); ++i) {
+          const int number = j * (columns + 2) + i;
+          const std::size_t at = static_cast<std::size_t>(number) * static_cast<std::size_t>(lanes);
+          Pressed pressed{grid, static_cast<std::uint32_t>(number), {}};
+          bool changed = false;
+          for (int level = 0; level < levels; ++level) {
+            for (int lane = 0; lane < 2; ++lane) {
+              const std::size_t k = at + static_cast<std::size_t>(3 * level + lane);
+              pressed.value[2 * level + lane] = own[k];
+              changed |= std::bit_cast<std::uint64_t>(own[k]) != std::bit_cast<std::uint64_t>((*made)[k]);
+            }
+          }
+          if (changed) found(pressed);
+        }
+      }
+    }
+  }
+}
+
+template <class Found>
+void ScanFields::each_pressed(const Found& found) const {
+  std::uint32_t number = 0;
+  for (const Grid& grid : grids_) grid.each_pressed(number++, found);
+  for (const Layer& layer : layers_) layer.grid.each_pressed(number++, found);
+}
 
 }  // namespace telenano::physics

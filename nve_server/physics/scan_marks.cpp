@@ -6,6 +6,7 @@
 // kLeastNodes of theirs. ρ follows the depth by the flow's own law; what then lacks to the rise at the mark
 // the 16 coefficients share that reach it. The cosine stays.
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <new>
@@ -35,7 +36,123 @@ double place_of(int padded, int nodes, double spacing) noexcept {
   return spacing * (i < 0 ? -i : (i < nodes ? i : 2 * nodes - 2 - i));
 }
 
+// SplitMix64's finaliser (Steele, Lea, Flood 2014).
+std::uint64_t mixed(std::uint64_t x) noexcept {
+  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
+  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
+  return x ^ (x >> 31);
+}
+
+// Of H and ρ of one level of a coefficient. The place is in it, so that what changes places counts.
+std::uint64_t word_of(std::uint64_t place, const double* value) noexcept {
+  return mixed(mixed((place + 1) * 0x9e3779b97f4a7c15u ^ std::bit_cast<std::uint64_t>(value[0])) +
+               std::bit_cast<std::uint64_t>(value[1]));
+}
+
+// What a snapshot may say that marks have done, wherever it comes from: no tip has pressed deeper, no heap
+// stands higher, and the law has no radius beyond (branch_potential.h).
+constexpr double kMostPressed_nm = 1e4;
+constexpr double kMostLogRadiusRise = 12;
+
 }  // namespace
+
+/// While coefficients of an area change: the digest goes with them.
+class ScanFields::Grid::Changing {
+ public:
+  Changing(Grid& grid, const Area& area) noexcept : grid_(grid), area_(area) {
+    grid_.digest -= grid_.words(area_);
+  }
+  ~Changing() { grid_.digest += grid_.words(area_); }
+  Changing(const Changing&) = delete;
+  Changing& operator=(const Changing&) = delete;
+
+ private:
+  Grid& grid_;
+  Area area_;
+};
+
+std::uint64_t ScanFields::Grid::words(const Area& area) const noexcept {
+  std::uint64_t sum = 0;
+  for (int j = area.first_row; j <= area.last_row; ++j) {
+    for (int i = area.first_column; i <= area.last_column; ++i) {
+      const auto number = static_cast<std::size_t>(j * (columns + 2) + i);
+      const double* const at = own.get() + number * static_cast<std::size_t>(lanes);
+      sum += word_of(2 * number, at);
+      if (lanes == kLanes) sum += word_of(2 * number + 1, at + 3);
+    }
+  }
+  return sum;
+}
+
+std::uint64_t ScanFields::marks_digest() const noexcept {
+  std::uint64_t all = 0;
+  for (const Grid& grid : grids_) all = 3 * all + grid.digest;
+  for (const Layer& layer : layers_) all = 3 * all + layer.grid.digest;
+  return all;
+}
+
+std::size_t ScanFields::pressable() const noexcept {
+  std::size_t all = 0;
+  const auto add = [&](const Grid& grid) { all += grid.size() / static_cast<std::size_t>(grid.lanes); };
+  for (const Grid& grid : grids_) add(grid);
+  for (const Layer& layer : layers_) add(layer.grid);
+  return all;
+}
+
+bool ScanFields::set_pressed(const Pressed& pressed) noexcept {
+  Grid* const grid = grid_of(pressed.grid);
+  if (grid == nullptr || !grid->own || pressed.number >= grid->size() / static_cast<std::size_t>(grid->lanes))
+    return false;
+  const std::size_t at = pressed.number * static_cast<std::size_t>(grid->lanes);
+  const int levels = grid->lanes == kLanes ? 2 : 1;
+  for (int level = 0; level < levels; ++level) {
+    const double* const made = grid->made->data() + at + 3 * level;
+    const double* const value = pressed.value + 2 * level;
+    if (!(std::abs(value[0] - made[0]) <= kMostPressed_nm) ||
+        !(std::abs(value[1] - made[1]) <= kMostLogRadiusRise))
+      return false;
+  }
+  const int column = static_cast<int>(pressed.number) % (grid->columns + 2);
+  const int row = static_cast<int>(pressed.number) / (grid->columns + 2);
+  grid->make_usable(column, column, row, row);
+  const Grid::Changing changing(*grid, {column, column, row, row});
+  for (int level = 0; level < levels; ++level) {
+    for (int lane = 0; lane < 2; ++lane)
+      grid->own[at + static_cast<std::size_t>(3 * level + lane)] = pressed.value[2 * level + lane];
+  }
+  return true;
+}
+
+// What is `usable` may stay so: it is as it was made again.
+void ScanFields::Grid::unmark() noexcept {
+  if (!own || digest == 0) return;
+  const int tiles_along = static_cast<int>(copied.size()) / tiles_across;
+  for (int tj = 0; tj < tiles_along; ++tj) {
+    for (int ti = 0; ti < tiles_across; ++ti) {
+      if (copied[static_cast<std::size_t>(tj * tiles_across + ti)] != 0) copy_tile(ti, tj);
+    }
+  }
+  digest = 0;
+}
+
+void ScanFields::unmark() noexcept {
+  for (Grid& grid : grids_) grid.unmark();
+  for (Layer& layer : layers_) layer.grid.unmark();
+}
+
+double ScanFields::largest_log_radius() const noexcept {
+  double most = -HUGE_VAL;
+  const auto look = [&](const Grid& grid) {
+    const std::vector<double>& all = *grid.made;
+    for (std::size_t i = 0; i < all.size(); i += static_cast<std::size_t>(grid.lanes)) {
+      most = std::max(most, all[i + 1]);
+      if (grid.lanes == kLanes) most = std::max(most, all[i + 4]);
+    }
+  };
+  for (const Grid& grid : grids_) look(grid);
+  for (const Layer& layer : layers_) look(layer.grid);
+  return most;
+}
 
 ScanFields ScanFields::for_marks(const ScanFields& unmarked) {
   ScanFields fields;
@@ -70,6 +187,17 @@ ScanFields::Grid ScanFields::Grid::for_marks() const {
   return copy;
 }
 
+void ScanFields::Grid::copy_tile(int across, int along) noexcept {
+  const int count = std::min(kTile, columns + 2 - across * kTile);
+  const int last = std::min((along + 1) * kTile, rows + 2);
+  for (int j = along * kTile; j < last; ++j) {
+    const std::size_t at = static_cast<std::size_t>(j) * static_cast<std::size_t>(stride()) +
+                           static_cast<std::size_t>(across * kTile) * static_cast<std::size_t>(lanes);
+    std::memcpy(own.get() + at, made->data() + at,
+                static_cast<std::size_t>(count) * static_cast<std::size_t>(lanes) * sizeof(double));
+  }
+}
+
 // Of padded coefficients from first to last: they, and all that a stencil reaches which reaches them, are in
 // `own` afterwards.
 void ScanFields::Grid::make_usable(int first_column, int last_column, int first_row, int last_row) noexcept {
@@ -85,14 +213,7 @@ void ScanFields::Grid::make_usable(int first_column, int last_column, int first_
       for (int nj = tj; nj <= std::min(tj + 1, tiles_along - 1); ++nj) {
         for (int ni = ti; ni <= std::min(ti + 1, tiles_across - 1); ++ni) {
           if (flag(copied, ni, nj) != 0) continue;
-          const int count = std::min(kTile, columns + 2 - ni * kTile);
-          const int last = std::min((nj + 1) * kTile, rows + 2);
-          for (int j = nj * kTile; j < last; ++j) {
-            const std::size_t at = static_cast<std::size_t>(j) * static_cast<std::size_t>(stride()) +
-                                   static_cast<std::size_t>(ni * kTile) * static_cast<std::size_t>(lanes);
-            std::memcpy(own.get() + at, made->data() + at,
-                        static_cast<std::size_t>(count) * static_cast<std::size_t>(lanes) * sizeof(double));
-          }
+          copy_tile(ni, nj);
           flag(copied, ni, nj) = 1;
         }
       }
@@ -142,6 +263,7 @@ void ScanFields::Grid::press(const FieldMark& mark, double x, double y) noexcept
   const int last_column = last_of(x + reach, inv_dx, columns, column);
   const int last_row = last_of(y + reach, inv_dy, rows, row);
   make_usable(first_column, last_column, first_row, last_row);
+  const Changing changing(*this, {first_column, last_column, first_row, last_row});
   const auto coefficient = [&](double* base, int i, int j) {
     return base + static_cast<std::size_t>(j) * static_cast<std::size_t>(stride()) +
            static_cast<std::size_t>(i) * static_cast<std::size_t>(lanes);
@@ -232,6 +354,7 @@ void ScanFields::press(const FieldMark& mark) noexcept {
               right = std::min(grid.columns + 1, column + 2 + kReach);
     const int low = std::max(0, row + 1 - kReach), high = std::min(grid.rows + 1, row + 2 + kReach);
     grid.make_usable(left, right, low, high);
+    const Grid::Changing changing(grid, {left, right, low, high});
     for (int j = low; j <= high; ++j) {
       for (int i = left; i <= right; ++i) {
         if (i >= column && i <= column + 3 && j >= row && j <= row + 3) continue;

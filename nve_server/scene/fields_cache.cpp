@@ -145,6 +145,10 @@ std::string FieldsCache::folder_of_user() {
   return {};
 }
 
+std::string users_fields_cache() {
+  return FieldsCache::folder_of_user();
+}
+
 std::string FieldsCache::path(const HeightGrid& grid, double radius, const SofteningRule& rule,
                               const std::vector<double>& fixed) const {
   return folder_ + "/" + name_of(key_of(grid, radius, rule, fixed));

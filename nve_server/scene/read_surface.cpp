@@ -5,6 +5,7 @@
 
 #include "common/base/constants.h"
 #include "common/base/error.h"
+#include "common/config/surface_force.h"
 #include "common/surface/gsf.h"
 #include "nve_server/physics/flat_surface.h"
 #include "nve_server/physics/plane_surface.h"
@@ -229,16 +230,19 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");
   // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h), and
   // a mark is no wider than the contact that made it.
-  ground.potential = table.choice_or("force", {"foot", "potential"}, "foot") == "potential";
+  const std::string by_default =
+      loading.force_left_out.empty() ? config::default_surface_force(root) : loading.force_left_out;
+  ground.potential = table.choice_or("force", {"foot", "potential"}, by_default) == "potential";
   if (ground.potential && ground.kind == "flat" && !yields) {
     table.fail("force", "a level sample's law is one potential as it is: leave it out");
   }
   ground.radius_force = table.boolean_or("radius_force", !scan && !yields && !ground.potential);
-  if (ground.potential && ground.radius_force) {
-    table.fail("radius_force", "goes with force = \"foot\"; the potential has that force");
-  }
   if (yields && ground.radius_force) {
     table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
+  }
+  if (ground.potential && ground.radius_force) {
+    table.fail("radius_force",
+               "goes with force = \"foot\": give that, or leave this out; the potential has that force");
   }
   if (yields) {
     scene.marks = Marks{scene.sample.hardness_gpa, ground.potential ? kPileUp : 0.0};

@@ -9,6 +9,7 @@
 #include "common/base/fnv1a.h"
 #include "common/config/shared_files.h"
 #include "common/config/toml_document.h"
+#include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/scene/readers.h"
 
 namespace telenano::scene {
@@ -65,7 +66,7 @@ void read_start(const TomlTable& table, Scene& scene) {
       table.number("x_nm", between(limits.workspace_min_w_nm.x(), limits.workspace_max_w_nm.x()));
   const double y =
       table.number("y_nm", between(limits.workspace_min_w_nm.y(), limits.workspace_max_w_nm.y()));
-  scene.start_touch_w_nm = scene.equilibrium->touch_height_nm(x, y);
+  scene.start_touch_w_nm = scene.touch_height_nm(x, y);
   const double room = limits.workspace_max_w_nm.z() - scene.start_touch_w_nm;
   const double height = table.number("height_nm", {0.5, room, false, false});
   scene.start_apex_w_nm = Vec3(x, y, scene.start_touch_w_nm + height);
@@ -115,6 +116,11 @@ physics::Compliance Scene::port_compliance_nm_nn() const {
 
 physics::Compliance Scene::probe_compliance_nm_nn() const {
   return cantilever.compliance_nm_nn();
+}
+
+double Scene::touch_height_nm(double x_nm, double y_nm) const {
+  if (!potential) return equilibrium->touch_height_nm(x_nm, y_nm);
+  return potential->touch_height_nm(x_nm, y_nm, surface->highest_nm() + 2.0 * probe.tip_radius_nm);
 }
 
 std::shared_ptr<const Scene> load_scene(const std::string& name_or_path, const SceneLoading& loading) {

@@ -97,13 +97,23 @@ struct Scene {
   physics::Compliance port_compliance_nm_nn() const;
   /// The cantilever alone, its base held: what a force–distance curve needs.
   physics::Compliance probe_compliance_nm_nn() const;
+  /// Height of the apex at which tip and sample touch (overlap 0) over (x, y), as the balance has it: the
+  /// potential's where that is the force.
+  double touch_height_nm(double x_nm, double y_nm) const;
 };
 
-/// What takes seconds in building a scene: the fields of a scan, for surface.force = "potential".
+/// FieldsCache::folder_of_user().
+std::string users_fields_cache();
+
+/// How to build a scene. What takes seconds in it: the fields of a scan, for surface.force = "potential".
 struct SceneLoading {
-  std::string fields_cache{};  ///< folder (fields_cache.h); empty: fields are made anew, and not kept
+  /// Folder (fields_cache.h), as the environment has it; empty: fields are made anew, and not kept.
+  std::string fields_cache = users_fields_cache();
   /// Hears which part of the fields is made, from 0 to 1; not called where they come from the cache.
   std::function<void(double part)> progress{};
+  /// What a scene means that leaves surface.force out: "potential" or "foot"; empty: as it is today
+  /// (config::default_surface_force). For recordings from before there was a choice.
+  std::string force_left_out{};
 };
 
 /// Reads and checks a description (TOML) and its scan, and builds the pipeline. Throws UserError: one line

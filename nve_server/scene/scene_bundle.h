@@ -32,7 +32,8 @@ namespace telenano::scene {
 
 /// To be raised whenever the same scene moves otherwise than before. Who forgets it is found by the
 /// canonical motion (slave/canonical_motion.h).
-inline constexpr std::uint32_t kPhysicsVersion = 1;
+/// 2: scans, steps and gratings are one potential where the scene does not say.
+inline constexpr std::uint32_t kPhysicsVersion = 2;
 
 /// What a reader takes. A scene within them may still ask for much memory and time when it is built.
 struct BundleLimits {

@@ -29,7 +29,7 @@ std::shared_ptr<const Scene> changed(const Scene& scene, const Change& change) {
   }
   const double height = scene.start_apex_w_nm.z() - scene.start_touch_w_nm;
   const Vec3& start = scene.start_apex_w_nm;
-  copy->start_touch_w_nm = copy->equilibrium->touch_height_nm(start.x(), start.y());
+  copy->start_touch_w_nm = copy->touch_height_nm(start.x(), start.y());
   copy->start_apex_w_nm.z() = copy->start_touch_w_nm + height;
   return copy;
 }

@@ -78,6 +78,76 @@ double felt_stiffness(const physics::TipSolution& solution, const physics::Compl
   return k * along * along / (1.0 + k * solution.normal_w.dot(springs * solution.normal_w));
 }
 
+/// A mode's step on one potential by a discrete gradient (Gonzalez, J. Nonlinear Sci. 6:449, 1996): the force
+/// Φ̄ that is held over the step is the one that gives the mode just what all else has set free,
+///
+///   Φ̄ (q₁ − q₀) = −ΔV,   V the energy of tip, ground and the other springs, less the port's work,
+///
+/// and not the mean of its ends, whose work differs from −ΔV by the bend of the force. The motion under a
+/// held force is exact (probe_mode.h), so that nothing of the mode's energy is the method's. q₁ is found by
+/// Newton's method on f = q₁ − q_free − g Φ̄(q₁), f' = 1 − g (Φ₁ − Φ̄)/(q₁ − q₀), since Φ₁ = −dV/dq₁: the
+/// balance is told by how much the mode lies elsewhere (the shift), 1 + cK times what q₁ shall move.
+class MeanForce {
+ public:
+  /// `now`: the step as the balance has just seen it, `first` as ProbeMode::begin made it with θ = ½, whose
+  /// compliance is g/2.
+  MeanForce(const physics::ProbeMode& mode, const physics::ModeStep& now, const physics::ModeStep& first,
+            double force_nn, double given_aj) noexcept
+      : mode_(mode), now_(now), force_nn_(force_nn), given_aj_(given_aj) {
+    free_nm_ = first.shift_nm - first.compliance_nm_nn * first.from.force_nn;
+    held_nm_nn_ = 2.0 * first.compliance_nm_nn;
+    deflection_nm_ = now.shift_nm + now.compliance_nm_nn * force_nn;
+    moved_nm_ = deflection_nm_ - now.from.deflection_nm;
+  }
+
+  /// False: the mode stands all but still, or what is given is not the mode's (a port that moves fast): the
+  /// mean of a smooth force lies between its ends, or little beyond.
+  bool found() const noexcept {
+    constexpr double kStill_nm = 1e-7;
+    if (!(std::abs(moved_nm_) > kStill_nm)) return false;
+    const double trapezium = 0.5 * (now_.from.force_nn + force_nn_);
+    return std::abs(mean_nn() - trapezium) <= std::abs(force_nn_ - now_.from.force_nn);
+  }
+  bool done(double stored_aj) const noexcept {
+    constexpr double kRounding = 2e-16;
+    return std::abs(lost_aj()) <= kRounding * (std::abs(stored_aj) + mode_.energy_aj(now_.from));
+  }
+  double better_shift_nm(double stiffness_n_m) const noexcept {
+    const double f = deflection_nm_ - free_nm_ - held_nm_nn_ * mean_nn();
+    const double slope = 1.0 - held_nm_nn_ * (force_nn_ - mean_nn()) / moved_nm_;
+    return now_.shift_nm - f / slope * (1.0 + now_.compliance_nm_nn * stiffness_n_m);
+  }
+  physics::ModeLoss finish(physics::ModeState& to) const noexcept {
+    const physics::ModeState& from = now_.from;
+    const double held = held_nn();
+    to.force_nn = force_nn_;
+    to.deflection_nm = deflection_nm_;
+    to.velocity_nm_s =
+        now_.over.keep_v * from.velocity_nm_s +
+        now_.over.reach_s * (held - mode_.stiffness_n_m() * from.deflection_nm) / mode_.mass_kg();
+    physics::ModeLoss loss;
+    loss.damped_aj = std::max(0.0, held * moved_nm_ - (mode_.energy_aj(to) - mode_.energy_aj(from)));
+    loss.numerical_aj = lost_aj();
+    return loss;
+  }
+
+ private:
+  double mean_nn() const noexcept { return given_aj_ / moved_nm_; }
+  /// That leads to where the mode is.
+  double held_nn() const noexcept { return (deflection_nm_ - free_nm_) / held_nm_nn_; }
+  double lost_aj() const noexcept { return given_aj_ - held_nn() * moved_nm_; }
+
+  const physics::ProbeMode& mode_;
+  const physics::ModeStep& now_;
+  double force_nn_;
+  double given_aj_;
+  double free_nm_ = 0;
+  double held_nm_nn_ = 0;
+  double deflection_nm_ = 0;
+  double moved_nm_ = 0;
+};
+constexpr int kMostMeanForces = 5;
+
 // By how much `charge` falls short of a range: 0 within it, negative above it.
 double short_of(double least, double most, double charge) noexcept {
   return charge < least ? least - charge : std::min(0.0, most - charge);
@@ -169,18 +239,58 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
     to.tip = from.tip;
     to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.tip);
   }
-  if (to.solution.status != SolveStatus::kOk) return nullptr;
-  const Vec3& force = to.solution.force_w_nn;
-  to.extension_w_nm = (b_over_dt * from.extension_w_nm - force) / k_total;
-  to.stored_aj = to.solution.potential_aj + to.solution.friction_stored_aj +
-                 0.5 * k_c * to.extension_w_nm.squaredNorm() +
-                 0.5 * force.dot(probe.rest_compliance_nm_nn() * force);
+  const auto settle = [&] {
+    if (to.solution.status != SolveStatus::kOk) return false;
+    const Vec3& force = to.solution.force_w_nn;
+    to.extension_w_nm = (b_over_dt * from.extension_w_nm - force) / k_total;
+    to.stored_aj = to.solution.potential_aj + to.solution.friction_stored_aj +
+                   0.5 * k_c * to.extension_w_nm.squaredNorm() +
+                   0.5 * force.dot(probe.rest_compliance_nm_nn() * force);
+    to.damped_aj = b_over_dt * (to.extension_w_nm - from.extension_w_nm).squaredNorm();
+    return true;
+  };
+  if (!settle()) return nullptr;
   to.mode_loss = {};
-  if (mode) {
-    to.mode_loss = mode->finish(mode_step, probe.mode_shape_w().dot(force), to.mode);
-    to.stored_aj += mode->energy_aj(to.mode);
+  if (!mode) return springs;
+  const Vec3& shape = probe.mode_shape_w();
+  if (scene_->potential && !scene_->marks && piece.mode.integrator == physics::ModeIntegrator::kMeanForce &&
+      mode_step.blend == 0.0) {
+    // What the mode's mean force must have given, for none of it to be the method's: what the port brought,
+    // less what the rest stores and loses.
+    const auto given = [&] {
+      const Vec3 moved = to.commanded_w_nm - from.commanded_w_nm;
+      const double work = -0.5 * (from.solution.force_w_nn + to.solution.force_w_nn).dot(moved);
+      const double stored_before = from.stored_aj - mode->energy_aj(from.mode);
+      return work - (to.stored_aj - stored_before) - to.solution.dissipated_aj -
+             to.solution.friction_dissipated_aj - to.damped_aj;
+    };
+    const auto smooth = [&] { return to.solution.jumps == 0 && !to.solution.under_way; };
+    physics::ModeStep next = mode_step;
+    for (int i = 0; smooth(); ++i) {
+      const double force = shape.dot(to.solution.force_w_nn);
+      MeanForce mean(*mode, next, mode_step, force, given());
+      if (!mean.found()) break;
+      if (i == kMostMeanForces || mean.done(to.stored_aj)) {
+        to.mode_loss = mean.finish(to.mode);
+        to.stored_aj += mode->energy_aj(to.mode);
+        to.damped_aj += to.mode_loss.damped_aj;
+        return springs;
+      }
+      next.shift_nm = mean.better_shift_nm(felt_stiffness(to.solution, springs_without_mode(k_total), shape));
+      to.potential = from.potential;
+      to.solution =
+          sample_.advance(free_end + (next.shift_nm - mode_step.shift_nm) * shape, *springs, to.potential);
+      if (!settle()) return nullptr;
+    }
+    if (next.shift_nm != mode_step.shift_nm) {  // no mean force there: as without
+      to.potential = from.potential;
+      to.solution = sample_.advance(free_end, *springs, to.potential);
+      if (!settle()) return nullptr;
+    }
   }
-  to.damped_aj = b_over_dt * (to.extension_w_nm - from.extension_w_nm).squaredNorm() + to.mode_loss.damped_aj;
+  to.mode_loss = mode->finish(mode_step, shape.dot(to.solution.force_w_nn), to.mode);
+  to.stored_aj += mode->energy_aj(to.mode);
+  to.damped_aj += to.mode_loss.damped_aj;
   return springs;
 }
 
@@ -362,24 +472,19 @@ void NveSlave::write_state(Visit& visit) const noexcept {
 }
 
 std::uint64_t NveSlave::state_hash() const noexcept {
-  if (!sample_.state_is_known()) return 0;
   StateHash hash;
   write_state(hash);
   return hash.value();
 }
 
 std::size_t NveSlave::save(std::span<std::uint8_t> out) const noexcept {
-  if (!sample_.state_is_known()) return 0;
   StateWriter writer(out);
   write_state(writer);
   return writer.ok() ? writer.size() : 0;
 }
 
 std::size_t NveSlave::snapshot_bytes_max() const noexcept {
-  const physics::SplineSurface* const marks = sample_.marked_surface();
-  return kSnapshotBytes + (marks == nullptr ? 0
-                                            : 28 * static_cast<std::size_t>(marks->rows()) *
-                                                  static_cast<std::size_t>(marks->columns()));
+  return kSnapshotBytes + sample_.mark_bytes_max();
 }
 
 void NveSlave::reset() noexcept {
@@ -387,7 +492,6 @@ void NveSlave::reset() noexcept {
 }
 
 bool NveSlave::load(std::span<const std::uint8_t> bytes) noexcept {
-  if (!sample_.state_is_known()) return false;
   StateReader reader(bytes);
   reader.surface_stamp = sample_.surface_stamp();
   bool good = sample_.read(reader);

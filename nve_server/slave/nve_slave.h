@@ -39,9 +39,9 @@ namespace telenano::slave {
 /// deflection_nm is F_z-equivalent: C_zz F_z, the height by which the vertical force alone lifts the apex
 /// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
 ///
-/// One potential: where the scene asks for it (surface.force = "potential") the balance is
-/// physics::PotentialEquilibrium, whose charges need nothing for geometry; a descent that goes on in the next
-/// step is booked as far as it came.
+/// One potential: where the scene has it (surface.force = "potential", the default but for
+/// exact shapes and particles) the balance is physics::PotentialEquilibrium, whose charges need nothing for
+/// geometry; a descent that goes on in the next step is booked as far as it came.
 ///
 /// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
 /// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact
@@ -61,7 +61,9 @@ namespace telenano::slave {
 /// below is raised to it, the difference being dissipated; a charge above (the end of the step has more than
 /// was brought, as a strongly curved attraction may do) is lowered by slowing down the mode. On a curved
 /// sample, where the potential follows R_eff and the force does not (tip_equilibrium.h), the mode's own
-/// numerical loss counts instead (ModeLoss).
+/// numerical loss counts instead (ModeLoss). On one potential without marks the force held over a step of the
+/// mode is the one whose work is what all else has set free (a discrete gradient): the mode's own loss then
+/// is rounding, wherever the step is smooth and resolves the contact.
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);
@@ -93,8 +95,9 @@ class NveSlave final : public Slave {
   /// 64 bits over everything that later steps depend on, warm starts included; the same steps from the same
   /// state give the same. Memory layout and history are not in it. Takes some hundred nanoseconds.
   std::uint64_t state_hash() const noexcept override;
-  /// The state as bytes (state_fields.h); 0: they do not fit. At most kSnapshotBytes and 28 a changed node
-  /// where marks stay. Does not allocate; looks at every node of a surface with marks.
+  /// The state as bytes (state_fields.h); 0: they do not fit. At most kSnapshotBytes and, where marks stay,
+  /// 28 a changed node and, on one potential, 40 a changed coefficient of its fields. Does not allocate;
+  /// looks at every node of a surface with marks.
   std::size_t save(std::span<std::uint8_t> out) const noexcept override;
   static constexpr std::size_t kSnapshotBytes = 8192;
   /// Takes up what save() of a slave of the same scene wrote. Bytes may be anybody's: false, and the state is

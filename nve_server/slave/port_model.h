@@ -2,6 +2,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "common/link/messages.h"
 #include "nve_server/physics/friction.h"
@@ -10,30 +11,39 @@
 
 namespace telenano::slave {
 
-/// What a scene's level ground is like to the port: where a contact bears no load, how stiff it is there and
-/// where it lets go. Found by walking the law down and up, some thousands of balances: once for a scene, not
-/// once for each slave.
+/// What a scene's ground is like to the port: where a contact bears no load, how stiff it is there and where
+/// it lets go. Found by walking the law down and up, some thousands of balances: once for a scene, not once
+/// for each slave. On a scene of one potential at several effective radii, 1/8 to 8 times the tip's, for the
+/// law of that potential is the same walk at the radius that the fields have; elsewhere on level ground.
 class PortGround {
  public:
   explicit PortGround(const scene::Scene& scene);
 
-  double rest_overlap_nm() const noexcept { return rest_overlap_nm_; }        ///< of a contact without load
-  double rest_stiffness_n_m() const noexcept { return rest_stiffness_n_m_; }  ///< 0: it never pushes
-  double pull_off_nn() const noexcept { return pull_off_nn_; }  ///< against the port's springs, all terms
+  struct Rest {
+    double overlap_nm = 0;     ///< of a contact without load
+    double stiffness_n_m = 0;  ///< 0: it never pushes
+    double pull_off_nn = 0;    ///< against the port's springs, all terms
+  };
+  /// At an effective radius: lines over its logarithm on one potential (overlap ~ R^⅓: 0.7 % of it between
+  /// knots an octave apart); elsewhere that of level ground, the pull-off growing with the radius.
+  Rest rest(double radius_nm) const noexcept;
   /// The deepest adhesive well of the scene: the port's charge is the change of what tip and sample store,
   /// springs included, plus losses; springs store no less than nothing, so that no path gives out more than
   /// −min U beyond what was put in, U the law's potential, 0 far away. On a flat sample that is found by the
   /// walk at the tip's own radius, to some parts in 10⁴ and never too low; U grows with the effective
-  /// radius, so that on any other the largest that the law is ever given (relative_curvature.h: ten tip
-  /// radii) bounds it, 10 to 22 times too high where the ground is nearly level. With a particle, the tip's
-  /// well on it besides. Marks may flatten the ground further than that: what is more is not in it.
+  /// radius, so that elsewhere the largest that the law is ever given bounds it: on one potential the largest
+  /// coefficient of its fields (splines stay within theirs), by the foot ten tip radii
+  /// (relative_curvature.h). With a particle, the tip's well on it besides. Marks may flatten the ground
+  /// further than that: what is more is not in it.
   double well_aj() const noexcept { return well_aj_; }
+  double well_radius_nm() const noexcept { return well_radius_nm_; }  ///< at which that is
 
  private:
-  double rest_overlap_nm_ = 0;
-  double rest_stiffness_n_m_ = 0;
-  double pull_off_nn_ = 0;
+  double tip_radius_nm_ = 0;
+  double first_radius_nm_ = 0;  // of rests_, each next one an octave more
+  std::vector<Rest> rests_;
   double well_aj_ = 0;
+  double well_radius_nm_ = 0;
 };
 
 /// What the NVE's port is like around the tip, for the local contact model of the station: the tangent of its

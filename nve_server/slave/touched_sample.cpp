@@ -83,7 +83,7 @@ void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
 }
 
 std::uint32_t TouchedSample::surface_stamp() const noexcept {
-  if (marked_) return marked_->surface().stamp();
+  if (const auto* const marked = marked_surface()) return marked->stamp();
   const auto* const heights = dynamic_cast<const physics::SplineSurface*>(scene_->surface.get());
   return heights != nullptr ? heights->stamp() : 0;
 }
@@ -144,12 +144,74 @@ void write_marks(StateWriter& visit, const physics::SplineSurface& surface,
   });
 }
 
+/// The same of the fields of one potential: the coefficients that marks have changed.
+void write_marks(StateHash& visit, const physics::ScanFields& fields) noexcept {
+  visit(fields.marks_digest());
+}
+
+void write_marks(StateWriter& visit, const physics::ScanFields& fields) noexcept {
+  int changed = 0;
+  fields.each_pressed([&](const auto&) { ++changed; });
+  visit(changed);
+  fields.each_pressed([&](const physics::ScanFields::Pressed& pressed) {
+    visit(static_cast<int>(pressed.grid));
+    visit(static_cast<int>(pressed.number));
+    for (const double value : pressed.value) visit(value);
+  });
+}
+constexpr std::size_t kPressedBytes = 4 + 4 + 4 * 8;
+
+bool read_marks(StateReader& visit, physics::ScanFields& to) noexcept {
+  int changed = 0;
+  if (!count(visit, changed, static_cast<int>(to.pressable()))) return false;
+  std::int64_t last = -1;
+  for (int i = 0; i < changed && visit.ok(); ++i) {
+    int grid = 0, number = 0;
+    physics::ScanFields::Pressed pressed;
+    visit(grid);
+    visit(number);
+    for (double& value : pressed.value) visit(value);
+    const std::int64_t place = (static_cast<std::int64_t>(grid) << 32) + number;
+    if (grid < 0 || number < 0 || place <= last) visit.fail();
+    last = place;
+    pressed.grid = static_cast<std::uint32_t>(grid);
+    pressed.number = static_cast<std::uint32_t>(number);
+    if (!visit.ok() || !to.set_pressed(pressed)) visit.fail();
+  }
+  return visit.ok();
+}
+
+template <class Visit, class Last>
+void visit_last_step(Visit& visit, Last& last) noexcept {
+  visit(last.known);
+  if (!last.known) return;
+  visit(last.under_way);
+  fields(visit, last.force_w_nn);
+  fields(visit, last.apex_w_nm);
+  visit(last.potential_aj);
+  visit(last.friction_stored_aj);
+}
+
 }  // namespace
+
+std::size_t TouchedSample::mark_bytes_max() const noexcept {
+  const physics::SplineSurface* const surface = marked_surface();
+  if (surface == nullptr) return 0;
+  constexpr std::size_t kNodeBytes = 28;
+  const std::size_t nodes =
+      static_cast<std::size_t>(surface->rows()) * static_cast<std::size_t>(surface->columns());
+  return kNodeBytes * nodes +
+         (marked_potential_ ? kPressedBytes * marked_potential_->fields().pressable() : 0);
+}
 
 template <class Visit>
 void TouchedSample::write(Visit& visit) const noexcept {
-  if (marked_)
-    write_marks(visit, marked_->surface(), static_cast<const physics::SplineSurface&>(*scene_->surface));
+  if (const auto* const marked = marked_surface())
+    write_marks(visit, *marked, static_cast<const physics::SplineSurface&>(*scene_->surface));
+  if (marked_potential_) {
+    write_marks(visit, marked_potential_->fields());
+    visit_last_step(visit, marked_potential_->last_step());
+  }
   if (!particle_) return;
   fields(visit, particle_->state);
   visit_particle(visit, particle_->solution);
@@ -160,7 +222,11 @@ template void TouchedSample::write(StateHash&) const noexcept;
 template void TouchedSample::write(StateWriter&) const noexcept;
 
 void TouchedSample::unmark() noexcept {
-  physics::SplineSurface& surface = marked_->surface_to_restore();
+  if (marked_potential_) {
+    marked_potential_->fields_to_restore().unmark();
+    marked_potential_->set_last_step({});
+  }
+  physics::SplineSurface& surface = *surface_to_restore();
   if (!surface.marked()) return;
   const auto& scan = static_cast<const physics::SplineSurface&>(*scene_->surface);
   for (int row = 0; row < surface.rows(); ++row) {
@@ -173,7 +239,7 @@ void TouchedSample::unmark() noexcept {
 }
 
 void TouchedSample::reset() noexcept {
-  if (marked_) unmark();
+  if (marked_ || marked_potential_) unmark();
   if (!particle_) return;
   particle_->state = particle_->at_first;
   particle_->alone = particle_->begun = false;
@@ -185,8 +251,8 @@ void TouchedSample::reset() noexcept {
 
 bool TouchedSample::read(StateReader& visit) noexcept {
   reset();
-  if (marked_) {
-    physics::SplineSurface& surface = marked_->surface_to_restore();
+  if (marked_ || marked_potential_) {
+    physics::SplineSurface& surface = *surface_to_restore();
     bool marked = false;
     visit(marked);
     int changed = 0;
@@ -207,6 +273,11 @@ bool TouchedSample::read(StateReader& visit) noexcept {
     }
     surface.settle(marked);
     visit.surface_stamp = surface.stamp();
+  }
+  if (marked_potential_ && visit.ok() && read_marks(visit, marked_potential_->fields_to_restore())) {
+    physics::MarkedPotential::LastStep last;
+    visit_last_step(visit, last);
+    if (visit.ok()) marked_potential_->set_last_step(last);
   }
   if (particle_ && visit.ok()) {
     physics::ParticleState& state = particle_->state;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -55,8 +56,12 @@ class TouchedSample {
     return particle_ ? &particle_->solution : nullptr;
   }
 
-  /// False: marks pressed into the fields of a potential, which neither hash nor snapshot hold yet.
-  bool state_is_known() const noexcept { return !marked_potential_; }
+  /// Of what marks have changed of the fields of one potential; 0: nothing.
+  std::uint64_t marks_digest() const noexcept {
+    return marked_potential_ ? marked_potential_->fields().marks_digest() : 0;
+  }
+  /// Bytes that write() may need for what marks have changed.
+  std::size_t mark_bytes_max() const noexcept;
   /// What of it later steps depend on: `visit` is a StateHash, StateWriter or StateReader (state_fields.h).
   template <class Visit>
   void write(Visit& visit) const noexcept;
@@ -87,6 +92,10 @@ class TouchedSample {
                      physics::TipState& state) noexcept;
 
   void unmark() noexcept;
+  physics::SplineSurface* surface_to_restore() noexcept {
+    if (marked_potential_) return &marked_potential_->surface_to_restore();
+    return marked_ ? &marked_->surface_to_restore() : nullptr;
+  }
 
   std::shared_ptr<const scene::Scene> scene_;
   std::unique_ptr<physics::MarkedSample> marked_;

@@ -81,7 +81,7 @@ TEST_F(ReplayTest, ARecordingExplainsItself) {
       record("flakes", {}, {"--task", "position", "--station", write("station.toml", station)});
   const recording::RecordingReader reader(file);
   EXPECT_EQ(reader.configuration("scene_text"), file_text(scene_path("flakes")));
-  EXPECT_EQ(reader.configuration("surface.force"), "foot");  // what the file leaves out
+  EXPECT_EQ(reader.configuration("surface.force"), "potential");  // what the file leaves out
   EXPECT_EQ(reader.configuration("station_text"), station);
 }
 
@@ -104,6 +104,8 @@ TEST_F(ReplayTest, AUsersOwnSceneIsFoundOrAskedFor) {
   const std::string has_nothing = run_in("/", "has_nothing.h5", secretive);
   EXPECT_EQ(recording::RecordingReader(knows).configuration("scene_text"), scene);
   EXPECT_EQ(recording::RecordingReader(does_not).configuration("scene_text"), "");
+  EXPECT_EQ(recording::RecordingReader(knows).configuration("surface.force"), "foot");
+  EXPECT_EQ(recording::RecordingReader(does_not).configuration("surface.force"), "unknown");
   // Where the station had it; by name in this folder; by file.
   ChildOptions here;
   here.folder = folder_;

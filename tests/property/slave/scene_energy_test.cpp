@@ -166,9 +166,9 @@ INSTANTIATE_TEST_SUITE_P(Deployed, SceneEnergy,
                          ::testing::Values(Case{"deploy/scenes/flat_silicon_oxide.toml", 10, 12, 1e-3},
                                            Case{"deploy/scenes/flat_polystyrene.toml", 10, 12, 1e-3},
                                            Case{"deploy/scenes/flat_pdms.toml", 10, 60, 1e-6},
-                                           Case{"deploy/scenes/flakes.toml", 40, 12, 5e-2},
-                                           Case{"deploy/scenes/humid_flakes.toml", 40, 12, 5e-2},
-                                           Case{"deploy/scenes/lithography.toml", 20, 12, 3e-2},
+                                           Case{"deploy/scenes/flakes.toml", 40, 12, 5e-3},
+                                           Case{"deploy/scenes/humid_flakes.toml", 40, 12, 5e-3},
+                                           Case{"deploy/scenes/lithography.toml", 20, 12, 1e-3},
                                            Case{"deploy/scenes/particle.toml", 60, 12, 1e-3}),
                          [](const auto& each) {
                            return std::filesystem::path(each.param.scene).stem().string();
@@ -191,7 +191,7 @@ TEST(SceneBook, IsNeverBehindThePortsWork) {
         middle.x() = 60 + 480 * uniform(random);
         middle.y() = 60 + 480 * uniform(random);
       }
-      middle.z() = scene->equilibrium->touch_height_nm(middle.x(), middle.y());
+      middle.z() = scene->touch_height_nm(middle.x(), middle.y());
       const Loop loop = go_round(scene, ClosedPath(random, middle, 40, 12));
       EXPECT_EQ(loop.held, 0) << name << " " << trial;
       EXPECT_LE(loop.most_iterations, 54 + 15) << name << " " << trial;

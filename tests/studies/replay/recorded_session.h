@@ -19,11 +19,12 @@ namespace telenano::studies {
 struct RecordedSession {
   std::filesystem::path path;
   std::string scene_name;
-  std::string scene_hash;     ///< 16 hexadecimal digits
-  std::string scene_path;     ///< where the station had it; empty: it did not
-  std::string scene_text;     ///< the whole file, likewise
-  std::string surface_force;  ///< what the ground was to the tip: "foot" or "potential"; absent: foot
-  std::string scene_bundle;   ///< all of it (nve_server/scene/scene_bundle.h); empty: it was not fetched
+  std::string scene_hash;  ///< 16 hexadecimal digits
+  std::string scene_path;  ///< where the station had it; empty: it did not
+  std::string scene_text;  ///< the whole file, likewise
+  std::string
+      surface_force;  ///< what the ground was to the tip: "foot", "potential" or "unknown"; absent: foot
+  std::string scene_bundle;  ///< all of it (nve_server/scene/scene_bundle.h); empty: it was not fetched
   station::StationConfig station;
   device::DeviceInfo device;
   loop::LinkOptions link;

@@ -27,6 +27,20 @@ std::string hash_of(const scene::Scene& scene) {
   return fmt::format("{:016x}", scene.hash);
 }
 
+constexpr const char* kUnknownForce = "unknown";  // to a station without the scene
+
+/// What the ground was to the tip. Who recorded before there was a choice had the foot, and says nothing.
+std::string force_of(const RecordedSession& recorded) {
+  return recorded.surface_force.empty() ? "foot" : recorded.surface_force;
+}
+
+/// A scene that leaves surface.force out means what it meant then.
+scene::SceneLoading as_recorded(const RecordedSession& recorded) {
+  scene::SceneLoading loading;
+  if (force_of(recorded) != kUnknownForce) loading.force_left_out = force_of(recorded);
+  return loading;
+}
+
 /// Null where it cannot be read, or is another.
 template <class Load>
 ScenePtr if_recorded(const RecordedSession& recorded, const Load& load) {
@@ -42,7 +56,7 @@ ScenePtr if_recorded(const RecordedSession& recorded, const Load& load) {
 /// name among those that came with the program or in this folder, or as the recording holds it.
 ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
   if (!given.empty()) {
-    ScenePtr scene = scene::load_scene(given);
+    ScenePtr scene = scene::load_scene(given, as_recorded(recorded));
     if (hash_of(*scene) == recorded.scene_hash) return scene;
     throw UserError(
         fmt::format("{}: was recorded on another scene than {} (hash {}, not {}); name its file by "
@@ -60,11 +74,13 @@ ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
   if (!recorded.scene_path.empty()) places.push_back(recorded.scene_path);
   if (plain) places.insert(places.end(), {name, "./" + name + ".toml"});
   for (const std::string& place : places) {
-    if (auto scene = if_recorded(recorded, [&] { return scene::load_scene(place); })) return scene;
+    if (auto scene = if_recorded(recorded, [&] { return scene::load_scene(place, as_recorded(recorded)); }))
+      return scene;
   }
   if (!recorded.scene_text.empty()) {
     const std::string as = recorded.scene_path.empty() ? name : recorded.scene_path;
-    if (auto scene = if_recorded(recorded, [&] { return scene::parse_scene(recorded.scene_text, as); }))
+    if (auto scene = if_recorded(
+            recorded, [&] { return scene::parse_scene(recorded.scene_text, as, as_recorded(recorded)); }))
       return scene;
   }
   throw UserError(fmt::format(
@@ -76,11 +92,12 @@ ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
 /// The same description may once be read as the other: then no force would come out as recorded.
 ScenePtr with_recorded_force(const RecordedSession& recorded, ScenePtr scene) {
   const std::string now = scene->ground.potential ? "potential" : "foot";
-  if (recorded.surface_force.empty() || recorded.surface_force == now) return scene;
+  const std::string then = force_of(recorded);
+  if (then == now || then == kUnknownForce) return scene;
   throw UserError(
       fmt::format("{}: was recorded with surface.force = \"{}\", and this program reads its scene as \"{}\": "
                   "replay it with the program that recorded it",
-                  recorded.path.string(), recorded.surface_force, now));
+                  recorded.path.string(), then, now));
 }
 
 bool run_one(const std::string& file, const std::string& scene) {

@@ -76,10 +76,70 @@ TEST(PotentialSummary, TellsTheModelsErrorsAndWhereTheyAreFrom) {
     EXPECT_TRUE(has(summary, word)) << word;
   }
   EXPECT_FALSE(has(summary, "unlike"));
-  EXPECT_TRUE(summarise(*parse_scene(text_of("foot"), "waves.toml")).model_errors.empty());
+  EXPECT_TRUE(has(summarise(*parse_scene(text_of("foot"), "waves.toml")), "by the nearest point"));
   std::string soft = text_of("potential");
   soft.replace(soft.find("70.0"), 4, "0.5");
   EXPECT_TRUE(has(summarise(*parse_scene(soft, "waves.toml")), "unlike"));
+}
+
+std::string without_force() {
+  std::string text = text_of("");
+  return text.replace(text.find("force = \"\""), 10, "");
+}
+
+const std::string kParticle = R"([particle]
+radius_nm = 10.0
+x_nm = 20.0
+y_nm = 0.0
+[particle.material]
+youngs_modulus_gpa = 70.0
+poisson_ratio = 0.27
+surface_energy_j_m2 = 0.2
+)";
+
+// What a scene gets that says nothing, and that a grid with a particle, which the potential does not have
+// yet, keeps the foot and is told so.
+TEST(PotentialDefault, IsThatOfGridsWithoutAParticle) {
+  const auto grating = parse_scene(without_force(), "waves.toml");
+  EXPECT_TRUE(grating->ground.potential);
+  EXPECT_NE(grating->potential, nullptr);
+  EXPECT_EQ(grating->hash, parse_scene(without_force(), "waves.toml")->hash);
+
+  const auto particle = parse_scene(without_force() + kParticle, "waves.toml");
+  EXPECT_FALSE(particle->ground.potential);
+  const auto errors = summarise(*particle).model_errors;
+  EXPECT_EQ(std::count(errors.begin(), errors.end(), "a particle does not go with force = \"potential\" yet"),
+            1);
+
+  std::string flat = without_force();
+  flat.replace(flat.find("kind"), flat.find("[forces]") - flat.find("kind"), "kind = \"flat\"\n");
+  EXPECT_FALSE(parse_scene(flat, "flat.toml")->ground.potential);
+  // A sample that yields is a grid whatever its shape.
+  flat.replace(flat.find("surface_energy_j_m2"), 0, "hardness_gpa = 9.0\n");
+  const auto yields = parse_scene(flat, "flat.toml");
+  EXPECT_TRUE(yields->ground.potential);
+  EXPECT_EQ(yields->marks->pile_up, 1.0);
+}
+
+// For a recording from before there was a choice: the scene as it was then. What a scene says itself stays.
+TEST(PotentialDefault, IsTheFootWhereARecordingSaysNothing) {
+  SceneLoading then;
+  then.force_left_out = "foot";
+  EXPECT_FALSE(parse_scene(without_force(), "waves.toml", then)->ground.potential);
+  EXPECT_TRUE(parse_scene(text_of("potential"), "waves.toml", then)->ground.potential);
+}
+
+// Where the tip starts from and what the station takes for the ground is where the potential's overlap is 0,
+// at a place where the foot's is elsewhere: 45 nm along, on the slope of a groove.
+TEST(PotentialDefault, TheStartIsAboveWhereThePotentialTouches) {
+  std::string text = without_force();
+  text.replace(text.find("x_nm = 0.0"), 10, "x_nm = 13.0");
+  const auto scene = parse_scene(text, "waves.toml");
+  physics::ContactJet at;
+  scene->potential->fields().contact_at(Vec3(13, 0, scene->start_touch_w_nm), at);
+  EXPECT_NEAR(at.overlap_nm, 0, 1e-9);
+  EXPECT_NEAR(scene->start_apex_w_nm.z(), scene->start_touch_w_nm + 10, 1e-12);
+  EXPECT_GT(std::abs(scene->start_touch_w_nm - scene->equilibrium->touch_height_nm(13, 0)), 1e-6);
 }
 
 // Each term can be left out of a potential, on the same fields.

@@ -19,9 +19,12 @@ namespace {
 
 constexpr double kSpeed_nm_s = 1000;
 
+// By the nearest point; on one potential: potential_marks_test.cpp.
 std::shared_ptr<const scene::Scene> lithography(const std::function<void(scene::Scene&)>& change = {}) {
+  scene::SceneLoading by_foot;
+  by_foot.force_left_out = "foot";
   auto scene = std::make_shared<scene::Scene>(
-      *scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/lithography.toml"));
+      *scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/lithography.toml", by_foot));
   if (change) change(*scene);
   return scene;
 }

@@ -3,9 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <string>
+#include <vector>
 
+#include "nve_server/physics/potential_equilibrium.h"
+#include "nve_server/physics/scan_fields.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
@@ -137,6 +142,100 @@ TEST(PortModel, OnAScanTheNormalIsOneAndTheForceIsRight) {
     if (rig.output.contact_state != link::ContactState::kContact) continue;
     ASSERT_NEAR(m.stiffness_n_m * rig.depth_nm(), rig.output.force_w_nn.dot(m.normal_w), 1e-8);
   }
+}
+
+// On one potential: places all over a scan, each from above the ground down along the vertical and up again.
+// The station is told the ground's place before it is touched, and the force at which the tip lets go; what
+// the potential then does is the oracle. The ground is foretold from a gap of about 2 nm, where the fields
+// are softer than at touch and the tip does not come down along the normal: 0.1 nm in the median, 0.5 at the
+// worst tenth (found: 0.06 and 0.28). The pull-off is that of the law at the radius where the tip then is; a
+// radius that changes on the way and springs that give sideways are not in it: 10 % (found: 5 and 6).
+TEST(PortModel, OnAScanTheGroundAndItsAdhesionAreThePotentials) {
+  Rig rig("flakes");
+  ASSERT_NE(rig.scene->potential, nullptr);
+  std::vector<double> place_nm, adhesion;
+  for (int k = 0; k < 24; ++k) {
+    const double x = 60 + std::fmod(k * 97.31, 480.0), y = 60 + std::fmod(k * 61.77, 480.0);
+    const double touch = rig.scene->touch_height_nm(x, y);
+    NveSlave slave(rig.scene, PortGround(*rig.scene));
+    SlaveInput input;
+    SlaveOutput output;
+    input.wants_model = true;
+    const auto to = [&](double z, double step_nm) {
+      double& at = input.tip_target_pos_w_nm.z();
+      while (std::fabs(at - z) > 1e-12) {
+        at += std::fmin(std::fmax(z - at, -step_nm), step_nm);
+        slave.step(input, kT, output);
+      }
+    };
+    input.tip_target_pos_w_nm = slave.limits().start_pos_w_nm;
+    to(slave.limits().workspace_max_w_nm.z(), 5);
+    input.tip_target_pos_w_nm = Vec3(x, y, slave.limits().workspace_max_w_nm.z());
+    for (int i = 0; i < 100; ++i) slave.step(input, kT, output);
+    to(touch + 2.5, 5);
+    ASSERT_NE(output.contact_state, link::ContactState::kContact);
+    const link::LocalModel told = output.model;
+    double z = 0, f = 0;
+    while (output.contact_state != link::ContactState::kContact || output.force_w_nn.z() < 0) {
+      z = output.commanded_pos_w_nm.z(), f = output.force_w_nn.z();
+      to(z - 0.02, 0.02);
+      ASSERT_GT(z, touch - 20);
+    }
+    const double last_z = output.commanded_pos_w_nm.z(), last_f = output.force_w_nn.z();
+    const Vec3 zero(x, y, last_z + (z - last_z) * last_f / (last_f - f));
+    place_nm.push_back(std::fabs(told.normal_w.dot(told.point_w_nm - zero)));
+    double said_nn = 0, most_nn = 0;
+    while (output.contact_state == link::ContactState::kContact) {
+      if (output.force_w_nn.norm() > most_nn) {  // on slopes the whole, not its vertical part
+        most_nn = output.force_w_nn.norm();
+        said_nn = output.model.adhesion_nn;
+      }
+      to(output.commanded_pos_w_nm.z() + 0.02, 0.02);
+    }
+    adhesion.push_back(std::fabs(said_nn / most_nn - 1));
+  }
+  std::sort(place_nm.begin(), place_nm.end());
+  std::sort(adhesion.begin(), adhesion.end());
+  std::printf(
+      "ground foretold within %.3f nm in the median, %.3f at 9 of 10; adhesion within %.1f and %.1f %%\n",
+      place_nm[12], place_nm[21], 100 * adhesion[12], 100 * adhesion[21]);
+  EXPECT_LT(place_nm[12], 0.1);
+  EXPECT_LT(place_nm[21], 0.5);
+  EXPECT_LT(adhesion[21], 0.1);
+}
+
+// No apex anywhere over a scan has an energy below the well that a station is told: looked for on the
+// branch in contact, over 2.3 nm of height at each of 2500 places. And the well is not
+// told from the foot: the largest radius of the fields is another one than ten tip radii.
+TEST(PortModel, TheWellIsNoShallowerThanThePotential) {
+  const auto scene = Rig("flakes").scene;
+  const PortGround ground(*scene);
+  const auto* const fields = dynamic_cast<const physics::ScanFields*>(&scene->potential->fields());
+  ASSERT_NE(fields, nullptr);
+  double deepest_aj = 0, largest = 0;
+  for (int i = 0; i < 50; ++i) {
+    for (int j = 0; j < 50; ++j) {
+      const double x = 30 + 540 * (i + 0.37) / 50, y = 30 + 540 * (j + 0.61) / 50;
+      const double touch = scene->touch_height_nm(x, y);
+      physics::PotentialBranch branch;
+      branch.inside = true;
+      physics::CurveHint hint;
+      for (double z = touch - 2.0; z < touch + 0.3; z += 0.05) {
+        physics::PotentialSample at;
+        if (scene->potential->tip_potential().sample(Vec3(x, y, z), branch, hint, at) !=
+            physics::BranchEnd::kNone)
+          continue;
+        deepest_aj = std::max(deepest_aj, -at.energy_aj);
+        largest = std::max(largest, std::exp(at.place.log_radius));
+      }
+    }
+  }
+  std::printf("deepest seen %.4g aJ at radii to %.4g nm, told %.4g aJ at %.4g nm\n", deepest_aj, largest,
+              ground.well_aj(), ground.well_radius_nm());
+  EXPECT_GT(deepest_aj, 5);
+  EXPECT_GE(ground.well_aj(), deepest_aj);
+  EXPECT_GE(ground.well_radius_nm(), largest);
+  EXPECT_NEAR(ground.well_radius_nm(), std::exp(fields->largest_log_radius()), 1e-9 * largest);
 }
 
 // What slaves of one scene share must not show: one that was made with it goes bit for bit as one that found

@@ -364,7 +364,8 @@ TEST(PotentialMarks, PileUpIsAKeyOfThePotential) {
   };
   EXPECT_NE(refused(piled_up(lithography_text(), "1.5")).find("pile_up"), std::string::npos);
   EXPECT_NE(
-      refused(replaced(piled_up(lithography_text(), "0.5"), "force = \"potential\"", "")).find("pile_up"),
+      refused(replaced(piled_up(lithography_text(), "0.5"), "force = \"potential\"", "force = \"foot\""))
+          .find("pile_up"),
       std::string::npos);
 }
 

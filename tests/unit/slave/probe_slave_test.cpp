@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <random>
 
@@ -374,6 +375,40 @@ TEST(ProbeInSlave, AMovingProbeTakesNothingFromTheHeapAndGivesTheSameBits) {
   }
   EXPECT_EQ(guard.allocations(), 0u);
   if (!support::AllocGuard::active()) GTEST_SKIP() << "allocations are not counted in this build";
+}
+
+// A lever without damping that rings in contact with a scan, its base held still: nothing is put in, nothing
+// may be lost. The oracle is the energy itself, over 10⁵ steps of the mode: each is rounded to a few 1e-16 of
+// it, and the book takes rounding of either sign for a loss.
+TEST(ProbeInSlave, AnUndampedModeKeepsItsEnergyOnAScan) {
+  const double none = HUGE_VAL;
+  const auto scene = scene_with("flakes", moving(40, 2e3, none));
+  ASSERT_NE(scene->potential, nullptr);
+  NveSlave slave(scene);
+  const Vec3 start = scene->start_apex_w_nm;
+  Vec3 at(start.x(), start.y(), scene->start_touch_w_nm - 2.0);
+  for (double z = start.z(); z > at.z(); z -= 0.1) go(slave, Vec3(at.x(), at.y(), z));
+  at.z() -= 1.5;
+  go(slave, at);
+  go(slave, at);
+  const NveSlave::Trace first = slave.trace();
+  double most_aj = 0, least_nn = HUGE_VAL, greatest_nn = 0;
+  constexpr int kPieces = 13;  // that a step of 1 ms is cut into: ω0 dt = 12.6
+  for (int i = 0; i < 100000 / kPieces; ++i) {
+    const SlaveOutput out = go(slave, at);
+    ASSERT_EQ(out.contact_state, link::ContactState::kContact) << i;
+    most_aj = std::max(most_aj, std::fabs(slave.trace().stored_aj - first.stored_aj));
+    least_nn = std::min(least_nn, out.force_w_nn.z());
+    greatest_nn = std::max(greatest_nn, out.force_w_nn.z());
+  }
+  const NveSlave::Trace last = slave.trace();
+  std::printf("energy of %.6g aJ within %.2g aJ, forces %.3g to %.3g nN, lost %.2g, numerical %.2g aJ\n",
+              first.stored_aj, most_aj, least_nn, greatest_nn, last.dissipated_aj - first.dissipated_aj,
+              last.mode_numerical_aj - first.mode_numerical_aj);
+  EXPECT_GT(greatest_nn - least_nn, 5);  // it rings
+  const double rounding_aj = 1e5 * 4e-16 * first.stored_aj;
+  EXPECT_LT(most_aj, rounding_aj);
+  EXPECT_LT(std::fabs(last.mode_numerical_aj - first.mode_numerical_aj), rounding_aj);
 }
 
 }  // namespace

@@ -10,11 +10,16 @@
 #include <cmath>
 #include <cstdlib>
 #include <deque>
+#include <fstream>
+#include <iterator>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/base/vec3.h"
+#include "nve_server/physics/potential_equilibrium.h"
+#include "nve_server/physics/scan_fields.h"
 #include "nve_server/scene/scene.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
@@ -32,6 +37,18 @@ constexpr double kTick_s = 1e-3;
 
 std::string scene_path(const std::string& name) {
   return std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml";
+}
+
+/// A scene of the project, or, "_by_potential" or "_by_foot" behind its name, with that as its surface.force.
+std::shared_ptr<const telenano::scene::Scene> scene_of(const std::string& name) {
+  const auto by = name.find("_by_");
+  if (by == std::string::npos) return telenano::scene::load_scene(scene_path(name));
+  const std::string path = scene_path(name.substr(0, by));
+  std::ifstream file(path);
+  std::string text(std::istreambuf_iterator<char>(file), {});
+  const std::string section = "\n[surface]\n";
+  text.insert(text.find(section) + section.size(), "force = \"" + name.substr(by + 4) + "\"\n");
+  return telenano::scene::parse_scene(text, path);
 }
 
 /// Down into the sample, along it, up again, with a stop's retreat in between: every branch that the scene
@@ -74,13 +91,13 @@ Step step_of(const telenano::scene::Scene& scene, const NveSlave& slave, int tic
 
 int ticks_of(const std::string& name) {
   if (const char* const given = std::getenv("TELENANO_SYNC_TICKS")) return std::atoi(given);
-  return name == "lithography" ? 400 : 1200;
+  return name.starts_with("lithography") ? 400 : 1200;
 }
 
 class SyncTest : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(SyncTest, AStateOfEightStepsAgoLeadsToTheSameState) {
-  const auto scene = telenano::scene::load_scene(scene_path(GetParam()));
+  const auto scene = scene_of(GetParam());
   NveSlave played(scene);
   NveSlave again(scene);
   ASSERT_EQ(played.state_hash(), again.state_hash()) << "two slaves of a scene begin alike";
@@ -121,14 +138,16 @@ TEST_P(SyncTest, AStateOfEightStepsAgoLeadsToTheSameState) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, SyncTest,
-                         ::testing::Values("flakes", "flakes_potential", "flat_pdms", "flat_polystyrene",
-                                           "flat_silicon_oxide", "flat_table", "humid_flakes", "lithography",
-                                           "particle"),
+                         ::testing::Values("flakes", "flakes_by_foot", "flat_pdms", "flat_polystyrene",
+                                           "flat_silicon_oxide", "flat_table", "humid_flakes",
+                                           "humid_flakes_by_foot", "lithography_by_foot",
+                                           "lithography_by_potential", "particle"),
                          [](const auto& scene) { return scene.param; });
 
 TEST(TwinState, ResetIsTheStateOfTheBeginning) {
-  for (const char* const name : {"flat_pdms", "lithography", "particle"}) {
-    const auto scene = telenano::scene::load_scene(scene_path(name));
+  for (const char* const name :
+       {"flat_pdms", "lithography_by_foot", "lithography_by_potential", "particle"}) {
+    const auto scene = scene_of(name);
     NveSlave slave(scene);
     const std::uint64_t first = slave.state_hash();
     SlaveOutput output;
@@ -142,12 +161,14 @@ TEST(TwinState, ResetIsTheStateOfTheBeginning) {
   }
 }
 
-TEST(TwinState, WhatIsNoStateIsRefusedAndLeavesTheBeginning) {
-  const auto scene = telenano::scene::load_scene(scene_path("particle"));
+class StateBytes : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(StateBytes, WhatIsNoStateIsRefusedAndLeavesTheBeginning) {
+  const auto scene = scene_of(GetParam());
   NveSlave slave(scene);
   const std::uint64_t first = slave.state_hash();
   SlaveOutput output;
-  for (int tick = 0; tick < 100; ++tick) {
+  for (int tick = 0; tick < 150; ++tick) {
     const Step step = step_of(*scene, slave, tick, 400);
     slave.step(step.input, step.dt_s, output);
   }
@@ -169,11 +190,15 @@ TEST(TwinState, WhatIsNoStateIsRefusedAndLeavesTheBeginning) {
     }
     slave.step({}, kTick_s, output);
   }
+  // A length cut short is always seen; a changed bit of a number is another number.
   EXPECT_GT(refused, 36);
 }
 
-TEST(TwinState, HashSaveAndLoadDoNotAllocate) {
-  const auto scene = telenano::scene::load_scene(scene_path("lithography"));
+INSTANTIATE_TEST_SUITE_P(Scenes, StateBytes, ::testing::Values("particle", "lithography_by_potential"),
+                         [](const auto& scene) { return scene.param; });
+
+TEST_P(StateBytes, HashSaveAndLoadDoNotAllocate) {
+  const auto scene = scene_of(GetParam());
   NveSlave slave(scene);
   std::vector<std::uint8_t> bytes(slave.snapshot_bytes_max());
   SlaveOutput output;
@@ -189,6 +214,62 @@ TEST(TwinState, HashSaveAndLoadDoNotAllocate) {
   EXPECT_TRUE(loaded);
   EXPECT_EQ(slave.state_hash(), hash);
   EXPECT_EQ(allocations, 0u);
+}
+
+// Two grooves, pressed in one order and the other, and one of them moved by a step of the grid: what the hash
+// has of marks is where they are. Where the tip is besides is the same for all: far above.
+TEST(TwinState, TheHashSeesWhereMarksAre) {
+  const auto scene = scene_of("lithography_by_potential");
+  const auto after = [&](const std::vector<Vec3>& dents) {
+    NveSlave slave(scene);
+    SlaveOutput output;
+    SlaveInput input;
+    for (const Vec3& dent : dents) {
+      for (const double height : {5.0, -dent.z(), 20.0}) {
+        input.tip_target_pos_w_nm = Vec3(dent.x(), dent.y(), height);
+        for (int i = 0; i < 40; ++i) slave.step(input, kTick_s, output);
+      }
+    }
+    return slave.sample().marks_digest();
+  };
+  const Vec3 a(0, 0, 12), b(30, 10, 9);
+  const std::uint64_t both = after({a, b});
+  EXPECT_NE(both, 0u);
+  EXPECT_EQ(both, after({a, b}));
+  EXPECT_NE(both, after({a}));
+  EXPECT_NE(both, after({Vec3(a.x(), a.y(), b.z()), Vec3(b.x(), b.y(), a.z())}));
+  EXPECT_NE(both, after({a, b + Vec3(1, 0, 0)}));
+  EXPECT_EQ(after({}), 0u);
+}
+
+// Level ground, where all coefficients are alike: two of them pressed, then the same two values the other way
+// round. Taken back, nothing is left of either.
+TEST(TwinState, TheDigestOfMarksGoesByPlace) {
+  const auto scene = scene_of("lithography_by_potential");
+  const auto& made = dynamic_cast<const telenano::physics::ScanFields&>(scene->potential->fields());
+  using Pressed = telenano::physics::ScanFields::Pressed;
+  const double radius = std::log(scene->probe.tip_radius_nm);
+  const Pressed a{0, 5000, {-1.0, radius, -1.0, radius}}, b{0, 9000, {-2.0, radius, -2.0, radius}};
+  const auto digest = [&](const std::vector<Pressed>& all) {
+    auto fields = telenano::physics::ScanFields::for_marks(made);
+    for (const Pressed& one : all) EXPECT_TRUE(fields.set_pressed(one));
+    const std::uint64_t found = fields.marks_digest();
+    fields.unmark();
+    EXPECT_EQ(fields.marks_digest(), 0u);
+    int left = 0;
+    fields.each_pressed([&](const Pressed&) { ++left; });
+    EXPECT_EQ(left, 0);
+    return found;
+  };
+  Pressed a_there = a, b_there = b;
+  std::swap(a_there.number, b_there.number);
+  EXPECT_EQ(digest({a, b}), digest({b, a}));
+  EXPECT_NE(digest({a, b}), digest({a_there, b_there}));
+  auto fields = telenano::physics::ScanFields::for_marks(made);
+  EXPECT_FALSE(fields.set_pressed({0, 4000000000u, {}}));
+  EXPECT_FALSE(fields.set_pressed({99, 0, {}}));
+  EXPECT_FALSE(fields.set_pressed({0, 5000, {std::nan(""), radius, 0, radius}}));
+  EXPECT_EQ(fields.marks_digest(), 0u);
 }
 
 }  // namespace
