@@ -73,13 +73,15 @@ SignalFault SignalWatch::add(const Reading& r) noexcept {
   if (!repeats) {
     repeats_ = 0;
     highest_nm_ = r.highest_nm;
-    run_low_nm_ = run_high_nm_ = r.base_nm;
+    run_low_nm_ = r.highest_nm;
+    run_high_nm_ = r.lowest_nm;
     run_across_nm_ = 0;
     counted_ns_ = r.time_ns;
   } else {
     highest_nm_ = std::max(highest_nm_, r.highest_nm);
-    run_low_nm_ = std::min(run_low_nm_, r.base_nm);
-    run_high_nm_ = std::max(run_high_nm_, r.base_nm);
+    // Between two windows that do not overlap it has surely moved; within one the average may be of any part.
+    run_low_nm_ = std::min(run_low_nm_, r.highest_nm);
+    run_high_nm_ = std::max(run_high_nm_, r.lowest_nm);
     run_across_nm_ += r.across_nm;
     // Two answers within one period may be of the same average.
     if (r.time_ns - counted_ns_ >= rig_.period_ns * 3 / 4) {
@@ -112,7 +114,8 @@ bool SignalWatch::noisy(const Reading& r) noexcept {
 bool SignalWatch::strikes(const Reading& r) noexcept {
   const auto anchor = [&] {
     anchored_ = std::fabs(r.force_nn) > r.contact_nn;
-    anchor_nm_ = r.base_nm;
+    anchor_low_nm_ = r.lowest_nm;
+    anchor_high_nm_ = r.highest_nm;
     anchor_nn_ = r.force_nn;
     anchor_ns_ = r.time_ns;
     return false;
@@ -123,7 +126,9 @@ bool SignalWatch::strikes(const Reading& r) noexcept {
   }
   // What changes over a longer time is drift and creep.
   if (r.time_ns - anchor_ns_ > std::max(kAnchorNs, 4 * rig_.period_ns)) return anchor();
-  const double down_nm = anchor_nm_ - r.base_nm;
+  // What lies between the two windows is sure; within them a reading may be of any part.
+  const double down_nm =
+      std::max(anchor_low_nm_ - r.highest_nm, 0.0) - std::max(r.lowest_nm - anchor_high_nm_, 0.0);
   const double least_nm = std::max(2 * rig_.step_nm, scatter_nn() / (kPart * r.stiffness_n_m) + rig_.step_nm);
   if (std::fabs(down_nm) < least_nm) return false;
   const double part = (r.force_nn - anchor_nn_) / (r.stiffness_n_m * down_nm);
