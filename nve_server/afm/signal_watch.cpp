@@ -11,7 +11,8 @@ constexpr int kLeastRepeats = 5;        // a float that repeats so often is no f
 constexpr double kSurelyRests = 0.999;  // more than this, and a signal may well rest for minutes
 constexpr double kPart = 0.1;           // of the contact's stiffness that must show
 constexpr double kWrongPart = 0.3;
-constexpr double kEnd = 0.999;  // of the range
+constexpr double kContactNoise = 6;  // of it, over the force of contact
+constexpr double kEnd = 0.999;       // of the range
 constexpr std::int64_t kAnchorNs = 500'000'000;
 
 }  // namespace
@@ -112,8 +113,10 @@ bool SignalWatch::noisy(const Reading& r) noexcept {
 }
 
 bool SignalWatch::strikes(const Reading& r) noexcept {
+  // Surely in contact: noise alone does not lift a reading so high.
+  const double contact_nn = r.contact_nn + kContactNoise * rig_.nn_v * sigma_v_;
   const auto anchor = [&] {
-    anchored_ = std::fabs(r.force_nn) > r.contact_nn;
+    anchored_ = std::fabs(r.force_nn) > contact_nn;
     anchor_low_nm_ = r.lowest_nm;
     anchor_high_nm_ = r.highest_nm;
     anchor_nn_ = r.force_nn;
@@ -132,8 +135,8 @@ bool SignalWatch::strikes(const Reading& r) noexcept {
   const double least_nm = std::max(2 * rig_.step_nm, scatter_nn() / (kPart * r.stiffness_n_m) + rig_.step_nm);
   if (std::fabs(down_nm) < least_nm) return false;
   const double part = (r.force_nn - anchor_nn_) / (r.stiffness_n_m * down_nm);
-  const bool presses = r.force_nn > r.contact_nn && anchor_nn_ > r.contact_nn;
-  const bool pulls = r.force_nn < -r.contact_nn && anchor_nn_ < -r.contact_nn;
+  const bool presses = r.force_nn > contact_nn && anchor_nn_ > contact_nn;
+  const bool pulls = r.force_nn < -contact_nn && anchor_nn_ < -contact_nn;
   strikes_ = (presses && part < kPart) || (pulls && part < -kWrongPart) ? strikes_ + 1 : 0;
   anchor();
   return strikes_ >= 2;

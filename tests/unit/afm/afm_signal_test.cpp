@@ -187,6 +187,35 @@ TEST(AfmSignals, AForceThatIsAheadOfTheWindowsBeginningFollows) {
   EXPECT_EQ(after(false), SignalFault::kNotFollowing);
 }
 
+// In the air the lever has bent by 3.2 nN since the tare, as it does by temperature, and the noise of 2 nN
+// lifts many a reading over what counts as contact, 5 nN. The base goes up and down by 20 nm: there is
+// nothing to follow. Half an hour of readings.
+TEST(AfmSignals, NoiseOverTheThresholdOfContactIsNoContact) {
+  Random random(3);
+  SignalWatch watch({40, 1, 2000, 10, 5 * kMs});
+  std::vector<double> air_v(20);
+  for (double& v : air_v) v = 1e-3 * random.normal();
+  watch.learn(air_v);
+  SignalWatch::Reading r;
+  r.contact_nn = 5;
+  r.stiffness_n_m = 28;
+  double base_nm = 10, by_nm = -1;
+  SignalFault fault = SignalFault::kNone;
+  int i = 0;
+  for (; i < 360'000 && fault == SignalFault::kNone; ++i) {
+    if (base_nm < 5 || base_nm > 25) by_nm = -by_nm;
+    r.time_ns += 5 * kMs;
+    r.base_nm = r.highest_nm = std::max(base_nm, base_nm + by_nm);
+    r.lowest_nm = std::min(base_nm, base_nm + by_nm);
+    r.way_nm = 1;
+    base_nm += by_nm;
+    r.force_nn = 3.2 + 2 * random.normal();
+    r.volts = r.force_nn / 2000;
+    fault = watch.add(r);
+  }
+  EXPECT_EQ(name(fault), "good") << "after " << i << " readings";
+}
+
 /// Pressing, sliding, holding and lifting at random; `seconds` of it. How it ended: empty where the tip was
 /// there all the time.
 std::string task(Bench& b, double seconds, Random& random) {
