@@ -110,19 +110,23 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
   auto running = std::make_unique<Running>();
   running->latch = std::make_unique<TipLatch>(state_folder(state_), emergency);
   options.approved = !running->latch->held();
-  options.before_approach = [latch = running->latch.get()] { latch->set(); };
-  options.take_approval = [latch = running->latch.get()] { return latch->take_approval(); };
-  afm::await_last_guard(emergency, stop, news);
+  std::string risk;
   if (config.deadman_key.empty()) {
     // As the checks set SafeTip: two steps above the slave's own trip.
     const double safe_tip_nn = config.force_max_nn + 4 * config.step_nm * config.spring_constant_n_m;
-    news(fmt::format(
+    risk = fmt::format(
         "without a deadman: if this machine dies, or the network to the controller, with the tip on the "
         "sample, it stays there; the controller's SafeTip acts at some {:.0f} nN only",
-        safe_tip_nn));
-  } else if (!stop.load(std::memory_order_relaxed)) {
-    afm::meet_deadman(net::parse_address(emergency, "--controller"), read_deadman_key(config.deadman_key));
+        safe_tip_nn);
   }
+  options.before_approach = [latch = running->latch.get(), news, risk] {
+    latch->set();
+    if (!risk.empty()) news(risk);
+  };
+  options.take_approval = [latch = running->latch.get()] { return latch->take_approval(); };
+  afm::await_last_guard(emergency, stop, news);
+  if (!config.deadman_key.empty() && !stop.load(std::memory_order_relaxed))
+    afm::meet_deadman(net::parse_address(emergency, "--controller"), read_deadman_key(config.deadman_key));
   options.emergency_handle = afm::start_guard(emergency, config.guard_silence_ms(), config.deadman_key);
   running->driver =
       std::make_unique<afm::AfmDriver>(config, options, running->exchange, clock, std::move(news));
