@@ -37,6 +37,9 @@ install(FILES deploy/OPERATIONS.md CHANGELOG.md DESTINATION share/doc/telenano-c
 install(DIRECTORY deploy/docs DESTINATION share/doc/telenano-common COMPONENT common FILES_MATCHING PATTERN "*.md")
 install(FILES deploy/station.toml DESTINATION ${share} COMPONENT station)
 install(FILES deploy/afm.toml DESTINATION ${share} COMPONENT server)
+# For the controller's computer, to be copied there.
+install(PROGRAMS deploy/afm/deadman.py DESTINATION ${share}/afm COMPONENT server)
+install(FILES deploy/afm/deadman.toml DESTINATION ${share}/afm COMPONENT server)
 foreach(component common server station lab)
   install(FILES LICENSE DESTINATION share/doc/telenano-${component} RENAME copyright COMPONENT ${component})
 endforeach()

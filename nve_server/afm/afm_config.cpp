@@ -1,5 +1,7 @@
 #include "nve_server/afm/afm_config.h"
 
+#include <filesystem>
+
 #include "common/config/toml_document.h"
 
 namespace telenano::afm {
@@ -59,6 +61,11 @@ AfmConfig load_afm_config(const std::string& path) {
     c.park_after_s = t->number_or("park_after_s", between(1, 1e5), standard.park_after_s);
     if (c.touch_force_nn > 0.5 * c.force_max_nn) t->fail("touch_force_nn", "more than half of force_max_nn");
     if (c.lift_nm > c.top_nm) t->fail("lift_nm", "above the workspace: more than limits.top_nm");
+  }
+  if (const auto t = root.optional_table("deadman")) {
+    const std::string key = t->text("key");
+    if (key.empty()) t->fail("key", "expected the name of a file");
+    c.deadman_key = (std::filesystem::path(path).parent_path() / key).string();
   }
   document.finish();
   return c;

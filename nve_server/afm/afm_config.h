@@ -41,6 +41,8 @@ struct AfmConfig {
   double timeout_s = 60;     ///< of the whole approach
   double withdraw_nm_s = 20000;
   double park_after_s = 60;  ///< without a session: the tip is withdrawn until one comes
+  // [deadman]
+  std::string deadman_key;  ///< file; empty: none is named
 
   double period_s() const noexcept { return 1 / force_rate_hz; }
   /// After this long without a reading the force is not known.

@@ -47,6 +47,7 @@ bool AfmLogic::plausible(double volts, double lateral_volts, std::int64_t from_n
     const MotionHistory::Stretch since = history_.between(from_ns, now_ns);
     const MotionHistory::Stretch moved = history_.between(std::min(reading_from_ns_, from_ns), now_ns);
     r.highest_nm = since.highest_nm;
+    r.lowest_nm = since.lowest_nm;
     r.base_nm = history_.between(from_ns, from_ns).mean_w_nm.z();
     r.way_nm = moved.path_nm;
     r.across_nm = moved.path_across_nm;

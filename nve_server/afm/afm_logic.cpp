@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "nve_server/afm/afm_units.h"
 
@@ -100,6 +101,7 @@ void AfmLogic::connected(Role role, std::int64_t now_ns) {
   c = {};
   c.connected = true;
   c.next_ns = now_ns;
+  if (role == Role::kEmergency) emergency_ready_ = false;
   if (withdrawing()) {
     if (role == Role::kEmergency) stop_sent_ = withdraw_sent_ = false;
     if (role == Role::kMotion) motion_withdraw_sent_ = false;
@@ -109,6 +111,7 @@ void AfmLogic::connected(Role role, std::int64_t now_ns) {
 void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   Connection& c = at(role);
   c = {};
+  if (role == Role::kEmergency) emergency_ready_ = false;
   if (state_.phase == Phase::kRefused) return;
   if (state_.phase == Phase::kChecking) {
     const std::string who = "port of " + std::string(name(role)) + ": ";
@@ -213,6 +216,11 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
       stop_sent_ = withdraw_sent_ = false;
       c.next_ns = now_ns + kLookPeriodNs;
     }
+    if (id == kStatusGet && role == Role::kEmergency) {
+      c.next_ns = now_ns + kEmergencyPeriodNs;
+      emergency_ready_ = false;
+      if (!std::exchange(emergency_objects_, true)) tell("no approach: " + answer.error_text);
+    }
     return;
   }
   switch (id) {
@@ -225,7 +233,11 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
       return on_safe_tip_signal(answer.numbers[0]);
     case kStatusGet:
       if (role == Role::kData) round_trip_ns_ = now_ns - sent_ns;
-      c.next_ns = now_ns + (state_.phase == Phase::kWithdrawing ? kLookPeriodNs : kEmergencyPeriodNs);
+      if (role == Role::kEmergency) {
+        emergency_ready_ = true;
+        emergency_objects_ = false;
+      }
+      c.next_ns = now_ns + (withdrawing() ? kLookPeriodNs : kEmergencyPeriodNs);
       return on_status(answer.numbers[0], sent_ns, now_ns);
     case kSetpointGet:
       return on_setpoint(answer.numbers[0], now_ns);
@@ -368,6 +380,7 @@ void AfmLogic::withdraw(Cause cause, std::int64_t now_ns) {
   stop_sent_ = withdraw_sent_ = motion_withdraw_sent_ = false;
   at(Role::kEmergency).next_ns = now_ns;
   at(Role::kMotion).next_ns = now_ns;
+  emergency_ready_ = false;  // to be asked anew
   book_.interrupt();
   tell("withdrawing: " + std::string(name(cause)));
 }
@@ -385,7 +398,9 @@ bool AfmLogic::next_emergency(std::int64_t now_ns, Call& call) {
     }
     return send(Role::kEmergency, kZPosGet, {}, now_ns, call);
   }
-  if (state_.phase == Phase::kWithdrawn) return send(Role::kEmergency, kZPosGet, {}, now_ns, call);
+  // Up: is it still, and does a deadman that has the port let it come back?
+  if (state_.phase == Phase::kWithdrawn && std::exchange(asks_status_, !asks_status_))
+    return send(Role::kEmergency, kZPosGet, {}, now_ns, call);
   return send(Role::kEmergency, kStatusGet, {}, now_ns, call);
 }
 
@@ -402,6 +417,7 @@ void AfmLogic::tick(std::int64_t now_ns, const PortWish& wish) {
 
   if (withdrawing()) {
     if (state_.phase != Phase::kWithdrawn || !all_connected() || !refusal_.empty() || ending_) return;
+    if (!emergency_ready_) return;
     if (approved_ && awaits_approval()) return engage(now_ns);
     const bool wanted = wish_.session != 0 && (wish_.wanted || wish_.follow) && !wish_.retract &&
                         now_ns - wish_.time_ns < ns(1e-3 * config_.link_loss_ms);

@@ -262,6 +262,10 @@ class AfmLogic {
   bool stop_sent_ = false;
   bool withdraw_sent_ = false;
   bool motion_withdraw_sent_ = false;
+  // Whoever has the emergency port answers there, and does not object: no approach otherwise.
+  bool emergency_ready_ = false;
+  bool emergency_objects_ = false;
+  bool asks_status_ = false;
   std::int64_t withdraw_ns_ = 0;
 };
 

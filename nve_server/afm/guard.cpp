@@ -40,6 +40,9 @@ constexpr std::int64_t kReplyNs = 3000 * kMs;      // to a withdrawal that waits
 constexpr int kCheckRequests = 3;
 constexpr std::int64_t kAgainNs = 100 * kMs;  // before the next withdrawal
 constexpr double kSameHeightM = 1e-9;
+constexpr std::int64_t kBeatNs = 100 * kMs;        // between two heartbeats to the deadman
+constexpr std::int64_t kUnansweredNs = 500 * kMs;  // then the connection is made anew
+constexpr std::int64_t kMeetNs = 2000 * kMs;
 constexpr std::string_view kGoodbye = "Telenano.Goodbye";
 
 /// A name that only one process has at a time, and that goes with it.
@@ -78,11 +81,13 @@ class OneName {
 
 class Guard {
  public:
-  Guard(int handle, const net::Address& emergency, int silence_ms)
+  Guard(int handle, const net::Address& emergency, int silence_ms, const std::optional<DeadmanKey>& key)
       : handle_(handle),
         emergency_(emergency),
         silence_ns_(silence_ms * kMs),
-        withdraws_alone_(net::to_string(emergency)) {}
+        withdraws_alone_(net::to_string(emergency)) {
+    if (key) deadman_.emplace(*key, fresh_nonce());
+  }
 
   int run() {
     heard_ns_ = clock_.now_ns();
@@ -90,6 +95,14 @@ class Guard {
       const std::int64_t now = clock_.now_ns();
       connect(now);
       if (never_ && !tcp_.open()) return 3;
+      if (!met(now)) {
+        // The server met it a moment ago. What it asks waits.
+        if (now > heard_ns_ + kMeetNs || !read_controller(now)) return 3;
+        beat(now);
+        pollfd entry{tcp_.handle(), POLLIN, 0};
+        ::poll(&entry, 1, 10);
+        continue;
+      }
       if (server_ && !read_server(now)) {
         if (passed_on_ <= kCheckRequests) return 0;  // refused in the checks: nothing has moved
         server_ = false;
@@ -102,7 +115,8 @@ class Guard {
         begin(now);
       }
       if (withdraws_) withdraw(now);
-      if (!server_ && !withdraws_) return 0;
+      beat(now);
+      if (!server_ && !withdraws_ && told_the_deadman(now)) return 0;
       pollfd entries[] = {{server_ ? handle_ : -1, POLLIN, 0}, {tcp_.handle(), POLLIN, 0}};
       ::poll(entries, 2, 10);
     }
@@ -118,6 +132,7 @@ class Guard {
         return;
       }
       connecting_ = false;
+      beat_ns_ = now;
       if (!tcp_.open()) drop(now);
       return;
     }
@@ -126,6 +141,7 @@ class Guard {
     if (never_) {
       try {
         tcp_ = net::TcpStream::connect(emergency_, 2000 * kMs);
+        beat_ns_ = clock_.now_ns();
       } catch (const RunError&) {
       }
       return;
@@ -134,18 +150,58 @@ class Guard {
     connecting_ = true;
     asked_ns_ = 0;
   }
+  /// Until the deadman has answered for the first time, nothing goes through.
+  bool met(std::int64_t now) noexcept {
+    if (met_ || (deadman_ && deadman_->answers() == 0)) return met_;
+    met_ = true;
+    heard_ns_ = now;
+    return true;
+  }
+  /// Is there somebody who withdraws the tip if need be? The server, by what it was last heard; or this
+  /// guard, as long as it gets on; or nobody needs to, since it is up.
+  bool watched(std::int64_t now) const noexcept {
+    if (server_ && now <= heard_ns_ + silence_ns_) return true;
+    if (withdraws_) return now <= begun_ns_ + kOwnWithdrawalMs * kMs;
+    return up_ns_ > heard_ns_ || !server_;
+  }
+  void beat(std::int64_t now) {
+    if (!deadman_ || connecting_ || !tcp_.open()) return;
+    if (!deadman_->greeted() || deadman_->waiting()) {
+      if (now > beat_ns_ + kUnansweredNs) drop(now);
+      return;
+    }
+    if (deadman_->answers() > 0 && now < beat_ns_ + kBeatNs) return;
+    beat_ns_ = now;
+    // Without a sign of life, too: whoever proves the key may withdraw.
+    const bool done = !server_ && !withdraws_;
+    const bool quiet = passed_on_ <= kCheckRequests || !watched(now);
+    write_frame(deadman_->beat(done    ? DeadmanBeat::kDone
+                               : quiet ? DeadmanBeat::kQuiet
+                                       : DeadmanBeat::kWatch),
+                now);
+  }
+  /// That the tip is up and stays up; for as long as a deadman may need to find that it was not told.
+  bool told_the_deadman(std::int64_t now) noexcept {
+    if (!deadman_ || (deadman_->answers() > 0 && deadman_->answered_beat() == DeadmanBeat::kDone))
+      return true;
+    return now > up_ns_ + 2 * kUnansweredNs;
+  }
   void drop(std::int64_t now) {
     tcp_.close();
     connecting_ = false;
     controller_.clear();
+    if (deadman_) deadman_->restart();
     retry_ns_ = now + (withdraws_ && now > begun_ns_ + kLongNs ? kSlowRetryNs : kRetryNs);
     asked_ns_ = 0;
     was_up_ = false;
     step_ = Step::kUp;  // the limits had their chance
   }
   bool write(const nanonis::Bytes& bytes, std::int64_t now) {
+    if (connecting_ || !tcp_.open() || (deadman_ && deadman_->answers() == 0)) return false;
+    return write_frame(bytes, now);
+  }
+  bool write_frame(const nanonis::Bytes& bytes, std::int64_t now) {
     std::size_t n = 0;
-    if (connecting_ || !tcp_.open()) return false;
     if (tcp_.write(bytes, n) == net::TcpStream::Status::kOk && n == bytes.size()) return true;
     drop(now);
     return false;
@@ -188,7 +244,7 @@ class Guard {
         return false;
       }
       never_ = false;
-      if (server_) ::send(handle_, buffer.data(), n, MSG_NOSIGNAL | MSG_DONTWAIT);
+      if (server_ && !deadman_) ::send(handle_, buffer.data(), n, MSG_NOSIGNAL | MSG_DONTWAIT);
       controller_.feed(std::span(buffer).first(n));
       nanonis::Header header;
       std::span<const std::uint8_t> body;
@@ -199,10 +255,24 @@ class Guard {
           drop(now);
           return true;
         }
+        if (deadman_ && deadman_->feed(header, body)) {
+          if (!deadman_->broken()) continue;
+          drop(now);
+          return true;
+        }
+        if (deadman_ && server_) pass_back(header, body);
         if (passed_on_ <= kCheckRequests) overhear(header, body);
         if (withdraws_ && asked_ns_ != 0) hear(header, body, now);
       }
     }
+  }
+  void pass_back(const nanonis::Header& header, std::span<const std::uint8_t> body) const {
+    nanonis::Bytes bytes(nanonis::kHeaderBytes, 0);
+    std::copy(header.name.begin(), header.name.end(), bytes.begin());
+    for (std::size_t i = 0; i < 4; ++i)
+      bytes[nanonis::kNameBytes + i] = static_cast<std::uint8_t>(body.size() >> (24 - 8 * i));
+    bytes.insert(bytes.end(), body.begin(), body.end());
+    ::send(handle_, bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
   }
   void begin(std::int64_t now) {
     withdraws_ = true;
@@ -289,6 +359,7 @@ class Guard {
     const double height_m = answer.numbers[0];
     if (was_up_ && std::fabs(height_m - height_m_) < kSameHeightM) {
       withdraws_ = false;
+      up_ns_ = now;
       if (!server_) tell("the tip is withdrawn");
     }
     was_up_ = true;
@@ -301,6 +372,10 @@ class Guard {
   net::Address emergency_;
   std::int64_t silence_ns_;
   OneName withdraws_alone_;
+  std::optional<DeadmanLink> deadman_;
+  bool met_ = false;
+  std::int64_t beat_ns_ = 0;  // when the last beat was sent, or the connection made
+  std::int64_t up_ns_ = 0;    // when this guard's last withdrawal had ended
   net::TcpStream tcp_;
   nanonis::FrameReader requests_;
   nanonis::FrameReader controller_;
@@ -326,13 +401,14 @@ class Guard {
 
 }  // namespace
 
-int run_guard(int handle, const net::Address& emergency, int silence_ms) {
+int run_guard(int handle, const net::Address& emergency, int silence_ms,
+              const std::optional<DeadmanKey>& key) {
   struct sigaction ignore {};
   ignore.sa_handler = SIG_IGN;
   for (const int number : {SIGINT, SIGTERM, SIGHUP, SIGPIPE, SIGQUIT, SIGABRT})
     ::sigaction(number, &ignore, nullptr);
   ::setsid();
-  return Guard(handle, emergency, silence_ms).run();
+  return Guard(handle, emergency, silence_ms, key).run();
 }
 
 void await_last_guard(const std::string& emergency, const std::atomic<bool>& stop,
@@ -353,7 +429,7 @@ nanonis::Bytes goodbye() {
   return frame;
 }
 
-int start_guard(const std::string& emergency, int silence_ms) {
+int start_guard(const std::string& emergency, int silence_ms, const std::string& key_file) {
   int ends[2] = {-1, -1};
   if (::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
     throw RunError(std::string("cannot make a stream to the guard: ") + std::strerror(errno));
@@ -365,8 +441,16 @@ int start_guard(const std::string& emergency, int silence_ms) {
   ::posix_spawn_file_actions_addclosefrom_np(&actions, STDERR_FILENO + 1);
   std::string program = "telenano-nve", command = "afm-guard", flag = "--emergency", address = emergency,
               silence = "--silence-ms", time = std::to_string(silence_ms);
-  char* arguments[] = {program.data(), command.data(), flag.data(), address.data(),
-                       silence.data(), time.data(),    nullptr};
+  std::string key_flag = "--deadman-key", key = key_file;
+  char* arguments[] = {program.data(),
+                       command.data(),
+                       flag.data(),
+                       address.data(),
+                       silence.data(),
+                       time.data(),
+                       key.empty() ? nullptr : key_flag.data(),
+                       key.data(),
+                       nullptr};
   pid_t pid = -1;
   const int error = ::posix_spawn(&pid, "/proc/self/exe", &actions, nullptr, arguments, environ);
   ::posix_spawn_file_actions_destroy(&actions);

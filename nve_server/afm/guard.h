@@ -2,9 +2,11 @@
 
 #include <atomic>
 #include <functional>
+#include <optional>
 #include <string>
 
 #include "common/net/datagram.h"
+#include "nve_server/afm/deadman_link.h"
 #include "nve_server/nanonis/codec.h"
 
 namespace telenano::afm {
@@ -19,7 +21,14 @@ namespace telenano::afm {
 /// commands to its limits; one that does not take them is withdrawn all the same. A server that ends in its
 /// checks, before the heart beat, has moved nothing, and the guard just ends. Returns the process's exit
 /// code: 0 withdrawn, 3 the controller was never reached at all.
-int run_guard(int handle, const net::Address& emergency, int silence_ms);
+///
+/// With a key, a deadman stands between it and the controller. The guard proves to it ten times a second that
+/// the server is alive: not that the guard is. The heartbeats stop when the server has been silent for
+/// `silence_ms` and the guard's own withdrawal has not ended within kOwnWithdrawalMs; when the guard dies;
+/// when the network does.
+int run_guard(int handle, const net::Address& emergency, int silence_ms,
+              const std::optional<DeadmanKey>& key = std::nullopt);
+inline constexpr int kOwnWithdrawalMs = 1000;
 
 /// What a server tells its guard, and no controller, when the tip is up and the controller has its settings
 /// back: the Z limits are then not the guard's any more.
@@ -31,9 +40,10 @@ nanonis::Bytes goodbye();
 void await_last_guard(const std::string& emergency, const std::atomic<bool>& stop,
                       const std::function<void(const std::string&)>& news);
 
-/// Starts this very program as `PROGRAM afm-guard --emergency HOST:PORT --silence-ms MS`, its end of a stream
-/// as standard input; returns the other end. It ignores what ends a server or a whole service (SIGINT,
-/// SIGTERM, SIGHUP, SIGQUIT, SIGABRT): it ends after the server. Throws RunError.
-int start_guard(const std::string& emergency, int silence_ms);
+/// Starts this very program as `PROGRAM afm-guard --emergency HOST:PORT --silence-ms MS`, and `--deadman-key
+/// FILE` where one is named, its end of a stream as standard input; returns the other end. It ignores what
+/// ends a server or a whole service (SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGABRT): it ends after the server.
+/// Throws RunError.
+int start_guard(const std::string& emergency, int silence_ms, const std::string& key_file = {});
 
 }  // namespace telenano::afm

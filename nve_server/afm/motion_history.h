@@ -21,6 +21,7 @@ class MotionHistory {
 
   struct Stretch {
     double highest_nm = 0;          ///< largest z held
+    double lowest_nm = 0;           ///< and least
     double path_across_nm = 0;      ///< way travelled across
     double path_nm = 0;             ///< way travelled
     Vec3 mean_w_nm = Vec3::Zero();  ///< over time
@@ -31,6 +32,7 @@ class MotionHistory {
     const std::size_t n = std::min(next_, kKept);
     if (n == 0) return s;
     s.highest_nm = -1e300;
+    s.lowest_nm = 1e300;
     double time = 0;
     std::int64_t until_ns = to_ns;
     Vec3 later = Vec3::Zero();
@@ -39,6 +41,7 @@ class MotionHistory {
       const Entry& e = entries_[(next_ - i) % kKept];
       if (e.time_ns > to_ns) continue;
       s.highest_nm = std::max(s.highest_nm, e.pos_w_nm.z());
+      s.lowest_nm = std::min(s.lowest_nm, e.pos_w_nm.z());
       const double held = static_cast<double>(until_ns - std::max(e.time_ns, from_ns));
       s.mean_w_nm += held * e.pos_w_nm;
       time += held;

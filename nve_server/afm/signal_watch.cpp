@@ -11,7 +11,8 @@ constexpr int kLeastRepeats = 5;        // a float that repeats so often is no f
 constexpr double kSurelyRests = 0.999;  // more than this, and a signal may well rest for minutes
 constexpr double kPart = 0.1;           // of the contact's stiffness that must show
 constexpr double kWrongPart = 0.3;
-constexpr double kEnd = 0.999;  // of the range
+constexpr double kContactNoise = 6;  // of it, over the force of contact
+constexpr double kEnd = 0.999;       // of the range
 constexpr std::int64_t kAnchorNs = 500'000'000;
 
 }  // namespace
@@ -73,13 +74,15 @@ SignalFault SignalWatch::add(const Reading& r) noexcept {
   if (!repeats) {
     repeats_ = 0;
     highest_nm_ = r.highest_nm;
-    run_low_nm_ = run_high_nm_ = r.base_nm;
+    run_low_nm_ = r.highest_nm;
+    run_high_nm_ = r.lowest_nm;
     run_across_nm_ = 0;
     counted_ns_ = r.time_ns;
   } else {
     highest_nm_ = std::max(highest_nm_, r.highest_nm);
-    run_low_nm_ = std::min(run_low_nm_, r.base_nm);
-    run_high_nm_ = std::max(run_high_nm_, r.base_nm);
+    // Between two windows that do not overlap it has surely moved; within one the average may be of any part.
+    run_low_nm_ = std::min(run_low_nm_, r.highest_nm);
+    run_high_nm_ = std::max(run_high_nm_, r.lowest_nm);
     run_across_nm_ += r.across_nm;
     // Two answers within one period may be of the same average.
     if (r.time_ns - counted_ns_ >= rig_.period_ns * 3 / 4) {
@@ -110,9 +113,12 @@ bool SignalWatch::noisy(const Reading& r) noexcept {
 }
 
 bool SignalWatch::strikes(const Reading& r) noexcept {
+  // Surely in contact: noise alone does not lift a reading so high.
+  const double contact_nn = r.contact_nn + kContactNoise * rig_.nn_v * sigma_v_;
   const auto anchor = [&] {
-    anchored_ = std::fabs(r.force_nn) > r.contact_nn;
-    anchor_nm_ = r.base_nm;
+    anchored_ = std::fabs(r.force_nn) > contact_nn;
+    anchor_low_nm_ = r.lowest_nm;
+    anchor_high_nm_ = r.highest_nm;
     anchor_nn_ = r.force_nn;
     anchor_ns_ = r.time_ns;
     return false;
@@ -123,12 +129,14 @@ bool SignalWatch::strikes(const Reading& r) noexcept {
   }
   // What changes over a longer time is drift and creep.
   if (r.time_ns - anchor_ns_ > std::max(kAnchorNs, 4 * rig_.period_ns)) return anchor();
-  const double down_nm = anchor_nm_ - r.base_nm;
+  // What lies between the two windows is sure; within them a reading may be of any part.
+  const double down_nm =
+      std::max(anchor_low_nm_ - r.highest_nm, 0.0) - std::max(r.lowest_nm - anchor_high_nm_, 0.0);
   const double least_nm = std::max(2 * rig_.step_nm, scatter_nn() / (kPart * r.stiffness_n_m) + rig_.step_nm);
   if (std::fabs(down_nm) < least_nm) return false;
   const double part = (r.force_nn - anchor_nn_) / (r.stiffness_n_m * down_nm);
-  const bool presses = r.force_nn > r.contact_nn && anchor_nn_ > r.contact_nn;
-  const bool pulls = r.force_nn < -r.contact_nn && anchor_nn_ < -r.contact_nn;
+  const bool presses = r.force_nn > contact_nn && anchor_nn_ > contact_nn;
+  const bool pulls = r.force_nn < -contact_nn && anchor_nn_ < -contact_nn;
   strikes_ = (presses && part < kPart) || (pulls && part < -kWrongPart) ? strikes_ + 1 : 0;
   anchor();
   return strikes_ >= 2;

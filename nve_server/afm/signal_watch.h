@@ -33,8 +33,10 @@ std::string_view name(SignalFault fault) noexcept;
 /// In contact. Over at least two steps of the base along Z, and as much as makes a tenth of the contact's
 /// stiffness show over the noise (8 σ + 4 q), within half a second, the force must change by that tenth at
 /// least and the right way; while it pulls, which a tip does that snaps in or lets go, it must not change by
-/// more than three tenths the wrong way. Twice in a row it did not: kNotFollowing. The same value over such a
-/// way, three times: kFrozen.
+/// more than three tenths the wrong way. Twice in a row it did not: kNotFollowing. In
+/// contact is what exceeds the force of contact by 6 σ: 20 readings may find σ by a third too small. The same
+/// value over such a way, three times: kFrozen. Only that part of the way counts which lies between the
+/// windows in which two readings may have been averaged.
 ///
 /// Noise. While the base stands, a reading does not differ from the last one by more than 8·√2 σ + 3 q, and a
 /// tenth of a step's force in the air, or half of one in contact, where the floor shakes the lever too; four
@@ -54,6 +56,7 @@ class SignalWatch {
     double force_nn = 0;
     double base_nm = 0;        ///< along Z, where it stood when the reading's averaging may have begun
     double highest_nm = 0;     ///< of the base while it may have been averaged, and until now
+    double lowest_nm = 0;      ///< of it in that time
     double way_nm = 0;         ///< of the base along Z and across since the last reading may have begun
     double across_nm = 0;      ///< of it, across
     double contact_nn = 0;     ///< more force than this is contact
@@ -92,7 +95,7 @@ class SignalWatch {
   int repeats_ = 0;
   double highest_nm_ = 0, run_across_nm_ = 0, run_low_nm_ = 0, run_high_nm_ = 0;
   bool anchored_ = false;
-  double anchor_nm_ = 0, anchor_nn_ = 0;
+  double anchor_low_nm_ = 0, anchor_high_nm_ = 0, anchor_nn_ = 0;
   std::int64_t anchor_ns_ = 0;
   int strikes_ = 0;
   std::array<bool, 8> odd_{};

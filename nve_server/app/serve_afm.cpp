@@ -1,11 +1,15 @@
 #include "nve_server/app/serve_afm.h"
 
+#include <fmt/format.h>
 #include <unistd.h>
 
 #include <cstdio>
+#include <optional>
 
 #include "common/base/error.h"
+#include "common/hash/sha256.h"
 #include "common/net/udp.h"
+#include "common/security/private_file.h"
 #include "nve_server/afm/afm_driver.h"
 #include "nve_server/afm/afm_slave.h"
 #include "nve_server/afm/guard.h"
@@ -13,6 +17,20 @@
 #include "nve_server/app/tip_latch.h"
 
 namespace telenano::app {
+
+namespace {
+
+afm::DeadmanKey read_deadman_key(const std::string& file) {
+  if (!has_sha256())
+    throw UserError("this program was built without OpenSSL, which a deadman's heartbeats need");
+  const auto key = afm::parse_deadman_key(security::read_private_file(file, "[deadman] key"));
+  if (!key)
+    throw UserError(file +
+                    ": [deadman] key: expected 64 hexadecimal digits, as deadman.py new-key makes them");
+  return *key;
+}
+
+}  // namespace
 
 struct ServeAfm::Running {
   std::shared_ptr<afm::AfmExchange> exchange = std::make_shared<afm::AfmExchange>();
@@ -43,6 +61,9 @@ void ServeAfm::add_flags(CLI::App& command) {
           "--afm-state", state_,
           "Folder that keeps whether the tip may be out [$STATE_DIRECTORY, else ~/.local/state/telenano]")
       ->type_name("FOLDER");
+  command.add_flag("--without-deadman", without_deadman_,
+                   "Go without one beside the controller: if this machine or the network dies, the tip stays "
+                   "on the sample");
   command.add_option("--afm", afm_, "The rig and its limits (TOML; see deploy/afm.toml)")->type_name("FILE");
 }
 
@@ -50,8 +71,9 @@ void ServeAfm::check(const std::string& scene) const {
   if (!wanted()) {
     if (scene.empty())
       throw UserError("serve: --scene is missing: expected a scene file, or --slave nanonis");
-    if (!controller_.empty() || !afm_.empty() || !state_.empty())
-      throw UserError("serve: --controller, --afm and --afm-state belong to --slave nanonis");
+    if (!controller_.empty() || !afm_.empty() || !state_.empty() || without_deadman_)
+      throw UserError(
+          "serve: --controller, --afm, --afm-state and --without-deadman belong to --slave nanonis");
     return;
   }
   if (!scene.empty()) throw UserError("serve: --scene belongs to --slave nve: an AFM has its own sample");
@@ -64,6 +86,15 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
                                     std::function<void(const std::string&)> news) {
   const afm::AfmConfig config = afm::load_afm_config(afm_);
   const auto ports = parse_port_list(ports_, "--ports");
+  if (config.deadman_key.empty() && !without_deadman_)
+    throw UserError(
+        afm_ +
+        ": [deadman] key is missing: without a deadman beside the controller the tip stays on the sample "
+        "when "
+        "this machine or the network dies (deploy/afm/deadman.py); --without-deadman takes that risk");
+  if (!config.deadman_key.empty() && without_deadman_)
+    throw UserError("--without-deadman: " + afm_ +
+                    " names one ([deadman] key): leave out the one or the other");
   afm::DriverOptions options;
   std::string emergency;
   for (std::size_t i = 0; i < ports.size(); ++i) {
@@ -79,10 +110,24 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
   auto running = std::make_unique<Running>();
   running->latch = std::make_unique<TipLatch>(state_folder(state_), emergency);
   options.approved = !running->latch->held();
-  options.before_approach = [latch = running->latch.get()] { latch->set(); };
+  std::string risk;
+  if (config.deadman_key.empty()) {
+    // As the checks set SafeTip: two steps above the slave's own trip.
+    const double safe_tip_nn = config.force_max_nn + 4 * config.step_nm * config.spring_constant_n_m;
+    risk = fmt::format(
+        "without a deadman: if this machine dies, or the network to the controller, with the tip on the "
+        "sample, it stays there; the controller's SafeTip acts at some {:.0f} nN only",
+        safe_tip_nn);
+  }
+  options.before_approach = [latch = running->latch.get(), news, risk] {
+    latch->set();
+    if (!risk.empty()) news(risk);
+  };
   options.take_approval = [latch = running->latch.get()] { return latch->take_approval(); };
   afm::await_last_guard(emergency, stop, news);
-  options.emergency_handle = afm::start_guard(emergency, config.guard_silence_ms());
+  if (!config.deadman_key.empty() && !stop.load(std::memory_order_relaxed))
+    afm::meet_deadman(net::parse_address(emergency, "--controller"), read_deadman_key(config.deadman_key));
+  options.emergency_handle = afm::start_guard(emergency, config.guard_silence_ms(), config.deadman_key);
   running->driver =
       std::make_unique<afm::AfmDriver>(config, options, running->exchange, clock, std::move(news));
   running_ = std::move(running);
@@ -138,8 +183,12 @@ void add_afm_guard_command(CLI::App& app, int& exit_code) {
   auto silence_ms = std::make_shared<int>(400);
   command->add_option("--emergency", *emergency, "HOST:PORT")->required();
   command->add_option("--silence-ms", *silence_ms, "Of the server, before the guard withdraws the tip");
-  command->callback([emergency, silence_ms, &exit_code] {
-    exit_code = afm::run_guard(STDIN_FILENO, net::parse_address(*emergency, "--emergency"), *silence_ms);
+  auto key_file = std::make_shared<std::string>();
+  command->add_option("--deadman-key", *key_file, "Between it and the controller there is one that has this");
+  command->callback([emergency, silence_ms, key_file, &exit_code] {
+    std::optional<afm::DeadmanKey> key;
+    if (!key_file->empty()) key = read_deadman_key(*key_file);
+    exit_code = afm::run_guard(STDIN_FILENO, net::parse_address(*emergency, "--emergency"), *silence_ms, key);
   });
 }
 

@@ -33,6 +33,7 @@ class ServeAfm {
   std::string ports_ = "6501-6504";
   std::string afm_;
   std::string state_;
+  bool without_deadman_ = false;
   std::unique_ptr<Running> running_;
 };
 

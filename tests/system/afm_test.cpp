@@ -58,7 +58,7 @@ class Simulator {
 
 std::vector<std::string> serve(const std::string& ports, const std::string& afm, int port = 0) {
   return {kNve, "serve", "--listen", "127.0.0.1:" + std::to_string(port), "--slave", "nanonis",
-          "--controller", "127.0.0.1", "--ports", ports, "--afm", afm,
+          "--controller", "127.0.0.1", "--ports", ports, "--afm", afm, "--without-deadman",
           // Beside the rig's file, which is a test's own.
           "--afm-state", afm.substr(0, afm.rfind('/'))};
 }
@@ -430,7 +430,10 @@ TEST_F(AfmProgramsTest, FlagsThatDoNotGoTogether) {
            {{"--slave", "nanonis"}, "--controller is missing"},
            {{"--slave", "nanonis", "--controller", "127.0.0.1"}, "--afm is missing"},
            {{"--slave", "nanonis", "--scene", "x.toml"}, "--scene belongs to"},
-           {{"--scene", "x.toml", "--afm", "y.toml"}, "belong to --slave nanonis"}}) {
+           {{"--slave", "nanonis", "--controller", "127.0.0.1", "--afm", afm_file()},
+            "without a deadman beside the controller the tip stays on the sample"},
+           {{"--scene", "x.toml", "--afm", "y.toml"}, "belong to --slave nanonis"},
+           {{"--scene", "x.toml", "--without-deadman"}, "belong to --slave nanonis"}}) {
     std::vector<std::string> command{kNve, "serve", "--listen", "127.0.0.1:0"};
     command.insert(command.end(), flags.begin(), flags.end());
     const Finished done = run_program(command);

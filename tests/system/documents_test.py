@@ -300,6 +300,21 @@ class Documents(unittest.TestCase):
             for page in re.findall(r": (\S+\.md)$", (SOURCE / "deploy/docs/mkdocs.yml").read_text(), flags=re.M):
                 self.assertTrue((staged / page).exists(), page)
 
+    def test_each_hazard_names_a_test_that_exists(self):
+        """In the first table of SAFETY.md; … stands for what is left out."""
+        rows = re.findall(r"^\|(.*)\|$", (SOURCE / "nve_server/afm/SAFETY.md").read_text().partition("## Known")[0], flags=re.M)[2:]
+        self.assertGreater(len(rows), 20)
+        scripts = "".join(path.read_text() for path in (SOURCE / "tests/system").glob("*.py"))
+        tests = " ".join(ctest()) + " " + " ".join(re.findall(r"def (test_\w+)", scripts))
+        wrong = []
+        for row in rows:
+            named = re.findall(r"`([^`]+)`", row.split("|")[-1])
+            wrong += [f"{row.split('|')[0].strip()}: there is no {n}" for n in named
+                      if not n.endswith(".py") and n.strip("…") not in tests]
+            if not named:
+                wrong.append(f"{row.split('|')[0].strip()}: shown by no test")
+        self.none(wrong)
+
     def test_what_runs_here_finds_mistakes(self):
         self.needs_all_parts()
         self.assertEqual(anchors(SOURCE / "deploy/OPERATIONS.md") & {"an-afm", "no-such"}, {"an-afm"})

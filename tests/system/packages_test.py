@@ -58,6 +58,11 @@ class Packages(unittest.TestCase):
         for name in ("OPERATIONS.md", "CHANGELOG.md", "docs/README.md", "docs/evidence.md", "docs/equations.md"):
             self.assertTrue((documents / name).is_file(), name)
 
+    def test_the_deadman_is_ready_to_be_copied(self):
+        folder = self.root / "usr/share/telenano/afm"
+        self.assertTrue((folder / "deadman.toml").is_file())
+        self.assertIn("new-key", run(folder / "deadman.py", "--help").stdout)
+
     def test_no_file_is_in_two(self):
         files = []
         for package in self.packages.values():

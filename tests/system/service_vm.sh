@@ -45,7 +45,7 @@ checks() {
     cp /etc/telenano/nve.env /tmp/nve.env
     sed -e 's/^link_loss_ms = .*/link_loss_ms = 5000.0/' -e 's/^reply_timeout_ms = .*/reply_timeout_ms = 5000.0\nstale_force_ms = 5000.0/' \
       /usr/share/telenano/afm.toml >/etc/telenano/afm.toml
-    echo 'TELENANO_SERVE=--slave nanonis --controller 127.0.0.1 --ports 6501-6504 --afm /etc/telenano/afm.toml --listen 127.0.0.1:5100' \
+    echo 'TELENANO_SERVE=--slave nanonis --controller 127.0.0.1 --ports 6501-6504 --afm /etc/telenano/afm.toml --without-deadman --listen 127.0.0.1:5100' \
       >/etc/telenano/nve.env
     # Not there to be reset where systemd has unloaded the unit since it stopped.
     systemctl reset-failed telenano-nve 2>/dev/null || true

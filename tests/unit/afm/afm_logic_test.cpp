@@ -178,6 +178,33 @@ TEST(AfmLogic, ACommandThatComesAfterTheWithdrawalDoesNotLeaveTheTipDown) {
   EXPECT_TRUE(b.afm->controller().withdrawn());
 }
 
+// A deadman that has withdrawn the tip answers ZCtrl.StatusGet with an error until somebody has looked.
+TEST(AfmLogic, WhileTheEmergencyPortObjectsNothingApproaches) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.follow(Vec3(0, 0, 10));
+  b.run(100);
+  b.wish.retract = true;
+  ASSERT_TRUE(b.until(Phase::kWithdrawn));
+  b.wish.retract = false;
+  ++b.wish.clears;
+  b.wish.wanted = true;
+  const std::uint64_t moves = b.afm->controller().moves();
+  for (int i = 0; i < 2000; ++i) {
+    const nanonis::Call* asked = b.afm->logic().waits_for(Role::kEmergency);
+    if (asked != nullptr && asked->id == nanonis::CommandId::kStatusGet)
+      b.afm->logic().answered(Role::kEmergency, {{}, {}, 1, "look at it"}, b.afm->now_ns());
+    b.afm->advance_to(b.afm->now_ns() + VirtualAfm::kStepNs, b.wish);
+    b.wish.time_ns = b.afm->now_ns();
+  }
+  EXPECT_EQ(b.phase(), Phase::kWithdrawn);
+  EXPECT_EQ(b.afm->controller().moves(), moves);
+  EXPECT_NE(b.afm->logic().news().find("no approach: look at it"), std::string::npos)
+      << b.afm->logic().news();
+  EXPECT_TRUE(b.until(Phase::kFollowing)) << "as soon as it does not: " << b.afm->logic().news();
+}
+
 TEST(AfmLogic, ASetPointBeyondTheForceLimitIsRefusedAndNothingMoves) {
   Bench b;
   b.rig.setpoint_nn = 2000;

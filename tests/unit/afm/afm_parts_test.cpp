@@ -26,6 +26,7 @@ TEST(MotionHistory, WhatWasHeldInAWindow) {
   history.add(30, Vec3(3, 4, 2));
   const auto all = history.between(0, 40);
   EXPECT_EQ(all.highest_nm, 8);
+  EXPECT_EQ(all.lowest_nm, 2);
   EXPECT_EQ(all.path_across_nm, 5);
   EXPECT_EQ(all.path_nm, 3 + 5 + 6);
   EXPECT_NEAR(all.mean_w_nm.z(), (5 + 8 + 8 + 2) / 4.0, 1e-12);
