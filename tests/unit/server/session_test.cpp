@@ -103,6 +103,24 @@ TEST(Session, WithoutAFirstCommandIsForgottenAfterTwoSeconds) {
   EXPECT_EQ(table[slot].state, link::SlotState::kFree);
 }
 
+// What only a station may send is of no type that a server has: never taken for what came before it.
+TEST(Session, AServerThatAsksForTheStationsStateIsNotHeard) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(20);
+  ASSERT_EQ(s.client.state(), ClientState::kEstablished);
+  link::SnapshotRequest request;
+  request.session_id = s.client.welcome().session_id;
+  request.snapshot = 1;
+  link::Codec codec;
+  const std::size_t size = codec.encode(request, s.buffer);
+  ASSERT_GT(size, 0u);
+  const std::uint64_t before = s.client.drops()[DropCause::kUnknownType];
+  EXPECT_EQ(s.client.on_datagram({s.buffer.data(), size}, s.now_ns), link::ClientEvent::kDropped);
+  EXPECT_EQ(s.client.drops()[DropCause::kUnknownType], before + 1);
+}
+
 TEST(Session, SlaveSeesEachCommandOnceAndNewestOnly) {
   SpringSlave* slave = nullptr;
   Server server(test_config(), spring_scene(&slave));
