@@ -133,12 +133,12 @@ ClientEvent ClientSession::on_datagram(std::span<const std::uint8_t> bytes, std:
       if (incoming_.snapshot_piece.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
       if (!snapshot_.take(incoming_.snapshot_piece)) return drop(DropCause::kStale);
       return ClientEvent::kPiece;
-    case MessageType::kSnapshotRequest:
     case MessageType::kSceneChunk:
       return on_scene_chunk(incoming_.scene_chunk);
     case MessageType::kHello:
     case MessageType::kCommand:
     case MessageType::kSceneRequest:
+    case MessageType::kSnapshotRequest:
     case MessageType::kNone:
       break;
   }

@@ -81,8 +81,10 @@ std::size_t SessionTable::find_nonce(const PeerKey& peer, std::uint64_t nonce, b
 
 void SessionTable::start(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
                          std::int64_t now_ns) noexcept {
-  set_state(slot, SlotState::kActive);
   Session& session = sessions_[slot];
+  // Without a pause its slave has not withdrawn, and must not stand in the sample for longer than otherwise.
+  session.awaits_first = session.awaits_first || session.state != SlotState::kActive;
+  set_state(slot, SlotState::kActive);
   session.session_id = (secret_number() & ~slot_mask_) | slot;
   session.rate_hz = std::max<std::uint32_t>(rate_hz, 1);
   session.peer = peer;
@@ -214,6 +216,7 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   s.newest_reply = std::max(s.newest_reply, command.newest_reply);
   s.station_energy.update(command.energy_in_j, command.energy_out_j);
   s.used = true;
+  s.awaits_first = false;
   s.last_heard_ns = now_ns;
   return DropCause::kNone;
 }
@@ -223,8 +226,10 @@ SlotState SessionTable::expire_one(std::size_t slot, std::int64_t now_ns) noexce
   switch (s.state) {
     case SlotState::kFree:
       break;
-    case SlotState::kActive:
-      if (now_ns - s.last_heard_ns > config_.timeout_ns) {
+    case SlotState::kActive: {
+      const std::int64_t patience_ns =
+          s.awaits_first ? std::max(config_.timeout_ns, config_.first_command_ns) : config_.timeout_ns;
+      if (now_ns - s.last_heard_ns > patience_ns) {
         // Nothing to resume if not one command came: a Hello repeated by the network, or a station that gave
         // up.
         if (!s.used) {
@@ -235,6 +240,7 @@ SlotState SessionTable::expire_one(std::size_t slot, std::int64_t now_ns) noexce
         }
       }
       break;
+    }
     case SlotState::kSilent:
       if (now_ns - s.state_since_ns > config_.resume_ns) release(slot);
       break;

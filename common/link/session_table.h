@@ -55,6 +55,7 @@ struct Session {
   std::uint64_t reply_sequence = 0;  ///< of the last reply sent
   std::uint64_t newest_reply = 0;    ///< that the station has seen
   bool used = false;                 ///< a command has come, under this id or one before
+  bool awaits_first = false;         ///< none has come since it was opened, or resumed when it was silent
   std::int64_t last_heard_ns = 0;
   std::int64_t state_since_ns = 0;
   ReceivedEnergy station_energy;  ///< J, since the Welcome of this session id
@@ -63,6 +64,9 @@ struct Session {
 struct SessionTableConfig {
   std::size_t capacity = 64;                ///< 1 … kCapacityMax
   std::int64_t timeout_ns = 2'000'000'000;  ///< silence after which a session is silent (its slave retracts)
+  /// The same before the first command, if that is more: Welcome and first command take a whole round trip,
+  /// which may be longer than the time-out that a scene asks for.
+  std::int64_t first_command_ns = 2'000'000'000;
   std::int64_t resume_ns = 30'000'000'000;  ///< how long a silent one can be resumed
   std::int64_t ending_ns =
       2'000'000'000;  ///< how long an ended one keeps its slot, so that its slave can retract

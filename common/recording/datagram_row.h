@@ -14,11 +14,12 @@ struct DatagramRow {
   std::uint64_t sequence = 0;  ///< of a reply; else 0
   std::uint64_t answers = 0;   ///< the command that a reply answers; else 0
   std::uint64_t steps_before =
-      0;                   ///< of a reply: which of the 64 commands before that one the slave stepped by
-  std::uint32_t type = 0;  ///< link::MessageType; 0 = could not be decoded
-  std::uint32_t drop = 0;  ///< link::DropCause; 0 = accepted
+      0;                       ///< of a reply: which of the 64 commands before that one the slave stepped by
+  std::uint64_t executed = 0;  ///< of a reply: the last step of the log that the slave had made; else 0
+  std::uint32_t type = 0;      ///< link::MessageType; 0 = could not be decoded
+  std::uint32_t drop = 0;      ///< link::DropCause; 0 = accepted
 };
 
-static_assert(std::is_trivially_copyable_v<DatagramRow> && sizeof(DatagramRow) == 48);
+static_assert(std::is_trivially_copyable_v<DatagramRow> && sizeof(DatagramRow) == 56);
 
 }  // namespace telenano::recording

@@ -77,6 +77,7 @@ Handle datagram_type() {
   H5Tinsert(type.get(), "sequence", offsetof(DatagramRow, sequence), H5T_STD_U64LE);
   H5Tinsert(type.get(), "answers", offsetof(DatagramRow, answers), H5T_STD_U64LE);
   H5Tinsert(type.get(), "steps_before", offsetof(DatagramRow, steps_before), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "executed", offsetof(DatagramRow, executed), H5T_STD_U64LE);
   H5Tinsert(type.get(), "type", offsetof(DatagramRow, type), H5T_STD_U32LE);
   H5Tinsert(type.get(), "drop", offsetof(DatagramRow, drop), H5T_STD_U32LE);
   return type;

@@ -151,7 +151,7 @@ void RecordingFile::create_datasets() {
   good = good && datagrams &&
          write_text_attribute(datagrams.get(), "description",
                               "every datagram that came: tick and time (ns, station clock), a reply's number "
-                              "and the command it answers, type, cause if dropped (PROTOCOL.md)");
+                              "and the command it answers, the last logged step by then, type, cause if dropped (PROTOCOL.md)");
 
   const hsize_t fields = kProgressFields;
   const Handle space(H5Screate_simple(1, &fields, nullptr), H5Sclose);

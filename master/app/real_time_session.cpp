@@ -146,6 +146,18 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
                                           observes ? 0 : 1));
     last_observes_ = observes;
   }
+  // What is confirmed and what is on its way is one state here: they take turns with each reply.
+  station::TwinState twin = loop_.trace().twin;
+  if (twin == station::TwinState::kBehind) twin = station::TwinState::kConfirmed;
+  if (twin != last_twin_ && station_.twin() != nullptr) {
+    const char* const text = twin == station::TwinState::kConfirmed ? "twin: the server's state"
+                             : twin == station::TwinState::kApart   ? "twin: apart from the server"
+                             : twin == station::TwinState::kGivenUp ? "twin: given up"
+                                                                    : "twin: none in this session";
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventTwin, text,
+                                          static_cast<std::uint32_t>(station_.twin()->partings())));
+    last_twin_ = twin;
+  }
   const bool silent = silent_s(sample) > kSilentS;
   if (silent && !silent_)
     recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSilent, "server silent"));

@@ -36,6 +36,8 @@ inline constexpr std::uint32_t kEventTip = 102;      ///< of a shared tip; value
 inline constexpr std::uint32_t kEventMark = 103;     ///< a person's; value: its number, from 1
 inline constexpr std::uint32_t kEventTask = 104;     ///< another was chosen; value: its place in the list
 inline constexpr std::uint32_t kEventMethod = 105;   ///< changed by the rule; value: control::Method
+inline constexpr std::uint32_t kEventTwin =
+    106;  ///< is apart from the server, or again the same; value: partings
 
 /// What the loop tells the progress line.
 struct Progress {
@@ -165,6 +167,7 @@ class RealTimeSession {
   std::uint64_t last_sessions_;
   std::uint32_t last_epoch_;
   bool last_observes_ = false;
+  station::TwinState last_twin_ = station::TwinState::kNone;
 };
 
 }  // namespace telenano::app

@@ -15,12 +15,11 @@
 
 namespace telenano::app {
 
-std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
-                                                   const link::Welcome& welcome, const LinkDelay& link,
-                                                   const SessionDevice& opened,
-                                                   const device::DeviceInfo& device,
-                                                   const std::string& planned, std::uint64_t nonce_seed,
-                                                   const std::string* bundle) {
+std::unique_ptr<recording::Recorder> make_recorder(
+    const RunOptions& options, const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
+    const SessionDevice& opened, const device::DeviceInfo& device, const std::string& planned,
+    std::uint64_t nonce_seed, const std::string* bundle, const station::TwinRunConfig* twin,
+    std::uint64_t twin_scene_hash) {
   if (options.record.empty()) return nullptr;
   const std::string scene_name = slave_limits(welcome).scene_name;
   recording::Configuration about;
@@ -46,6 +45,10 @@ std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, co
   for (auto& setting : describe_link(file)) about.extra.push_back(std::move(setting));
   for (auto& setting : describe_device(device)) about.extra.push_back(std::move(setting));
   about.extra.emplace_back("features", fmt::format("{:x}", welcome.feature_bits));
+  if (twin != nullptr) {
+    about.extra.emplace_back("twin.scene_hash", fmt::format("{:016x}", twin_scene_hash));
+    about.extra.emplace_back("twin.ring_s", fmt::format("{:.17g}", twin->ring_s));
+  }
   about.extra.emplace_back("slave_timeout_ms", fmt::format("{}", welcome.timeout_ms));
   about.extra.emplace_back("scaling_chosen", planned.empty() ? "given" : planned);
   about.extra.emplace_back("round_trip_median_s", fmt::format("{:.9g}", link.median_s));

@@ -11,17 +11,17 @@
 #include "master/app/session_device.h"
 #include "master/app/station_file.h"
 #include "master/device/haptic_device.h"
+#include "master/station/twin_run.h"
 
 namespace telenano::app {
 
 /// The recording of a session, with what makes the file explain itself; null without --record. `bundle`: of
-/// the scene, where it is here; may be null. Throws
+/// the scene, where it is here; may be null. `twin`: how it runs, of which scene; null: there is none. Throws
 /// UserError if the file cannot be made.
-std::unique_ptr<recording::Recorder> make_recorder(const RunOptions& options, const StationFile& file,
-                                                   const link::Welcome& welcome, const LinkDelay& link,
-                                                   const SessionDevice& opened,
-                                                   const device::DeviceInfo& device,
-                                                   const std::string& planned, std::uint64_t nonce_seed,
-                                                   const std::string* bundle);
+std::unique_ptr<recording::Recorder> make_recorder(
+    const RunOptions& options, const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
+    const SessionDevice& opened, const device::DeviceInfo& device, const std::string& planned,
+    std::uint64_t nonce_seed, const std::string* bundle, const station::TwinRunConfig* twin = nullptr,
+    std::uint64_t twin_scene_hash = 0);
 
 }  // namespace telenano::app

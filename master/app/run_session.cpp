@@ -39,6 +39,7 @@
 #include "master/app/station_file.h"
 #include "master/app/station_plan.h"
 #include "master/app/stop_signals.h"
+#include "master/app/twin_cost.h"
 #include "master/device/sim_device.h"
 #include "master/scene/scene_keeper.h"
 #include "master/station/station.h"
@@ -183,7 +184,11 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
                 const std::string& planned) {
   const control::Method method = file.station.method;
   fmt::print(stderr, "session {:016x} on scene '{}', method {}{}, {}\n", welcome.session_id, scene_name,
-             control::method_name(method), file.chooses_method ? " (by the round trip)" : "", check.text);
+             control::method_name(method),
+             !file.chooses_method               ? ""
+             : method == control::Method::kTwin ? " (the server's scene runs here too)"
+                                                : " (by the round trip)",
+             check.text);
   const control::Method used = station::usable_method(method, welcome.feature_bits);
   if (used != method) {
     fmt::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
@@ -258,41 +263,88 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
   return "";
 }
 
+station::TwinRunConfig twin_config(double rate_hz) {
+  station::TwinRunConfig twin;
+  twin.rate_hz = rate_hz;
+  twin.ring_s = kTwinRingS;
+  return twin;
+}
+
 /// Says what of the wish for a twin this server does not give.
 void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const link::Welcome& welcome,
               const station::StationConfig& config, station::Station& station, bool quiet) {
   const bool same = twins[0]->scene_hash() == welcome.scene_hash;
   if (!same && !quiet)
     fmt::print(stderr, "note: --scene is another scene than the server's: no twin, method model instead\n");
-  station::TwinRunConfig twin;
-  twin.rate_hz = config.rate_hz;
-  twin.ring_s = kTwinRingS;
-  station.use_twin(std::make_unique<station::TwinRun>(twin, std::move(twins[0]), std::move(twins[1])));
+  station.use_twin(std::make_unique<station::TwinRun>(twin_config(config.rate_hz), std::move(twins[0]),
+                                                      std::move(twins[1])));
 }
 
-/// Twins of the scene that the server lets be fetched; none, with a line that says why, where it does not.
-/// The log of steps is agreed on as a session is opened, and needs the scene: so this opens one of its own
-/// before.
-std::vector<std::unique_ptr<control::LocalSlave>> fetch_twins(link::ClientConfig client_config,
-                                                              ServerLink& way, const net::Address& server,
-                                                              double rate_hz, const RunOptions& options,
-                                                              scene_store::SceneKeeper& keeper,
-                                                              const std::atomic<bool>& stop) {
+/// False, and a line that says so, where a tick has no room for this twin.
+bool is_quick_enough(control::LocalSlave& twin, double rate_hz, bool quiet) {
+  const double cost_s = twin_step_cost_s(twin, rate_hz);
+  if (cost_s <= kTwinShareOfTick / rate_hz) return true;
+  if (!quiet) {
+    fmt::print(
+        stderr,
+        "note: no twin: a step of this scene takes {:.0f} us here, more than a third of the tick's {:.0f} "
+        "us; a lower --rate leaves room for it\n",
+        1e6 * cost_s, 1e6 / rate_hz);
+  }
+  return false;
+}
+
+/// What a session before the session has found out.
+struct Ahead {
+  /// None: there can be none, and a line has said why.
+  std::vector<std::unique_ptr<control::LocalSlave>> twins;
+  std::uint64_t resume_token = 0;  ///< the session to go on with; 0: a new one
+  bool resumed = false;            ///< it was the last run's
+};
+
+/// Twins of the server's scene, if it logs steps and lets the scene be had. The log is agreed on as a session
+/// is opened, and needs the scene: so this opens one of its own before. `wanted`: somebody has asked for the
+/// twin; else it is the rule's first choice, nobody waits for it for long, and what takes its place is the
+/// rule's next.
+Ahead look_for_twins(link::ClientConfig client_config, ServerLink& way, const net::Address& server,
+                     double rate_hz, bool wanted, const RunOptions& options, scene_store::SceneKeeper& keeper,
+                     const std::atomic<bool>& stop) {
+  Ahead ahead;
+  const auto none = [&](const std::string& why) {
+    if (options.quiet) return;
+    fmt::print(stderr, "note: no twin, {}: {}\n",
+               wanted ? "method model instead" : "a method by the round trip instead", why);
+  };
   client_config.nonce_seed = random_nonce_seed();
-  client_config.resume_token = 0;
+  client_config.step_ring = 1;  // asks for the log; no step is made here
   link::ClientSession session(client_config);
   connect(session, way, server, rate_hz, options, stop);
   Farewell farewell(session, way.datagram(), server);
-  keeper.start();
-  wait_for_scene(session, way, server, keeper, true, kTwinSceneWaitS, stop);
-  const auto scene = keeper.scene();
-  if (scene && scene->same_physics) return twin::decode_twins(scene->bundle, 2);
-  if (!options.quiet) {
-    fmt::print(stderr, "note: no twin, method model instead: {}\n",
-               scene ? "this program's physics give the server's scene other bits (another version?)"
-                     : "the server's scene cannot be fetched; name it by --scene");
+  ahead.resumed = session.resumed_unknown_book();
+  if (client_config.resume_token != 0) {  // the last run's slave, if it is still there: it is gone on with
+    ahead.resume_token = session.resume_token();
+    farewell.leave_to_loop();
   }
-  return {};
+  if ((session.features() & link::kFeatureStepLog) == 0) {
+    // One tip that others hold or that is real, perhaps: the session goes on, for there may be no second.
+    ahead.resume_token = session.resume_token();
+    farewell.leave_to_loop();
+    none("this server keeps no log of steps (a shared tip, a real AFM or an older program)");
+    return ahead;
+  }
+  keeper.start();
+  wait_for_scene(session, way, server, keeper, true, wanted ? kTwinSceneWaitS : kSceneWaitS, stop);
+  const auto scene = keeper.scene();
+  if (scene && scene->same_physics) {
+    ahead.twins = twin::decode_twins(scene->bundle, 2);
+  } else if (scene) {
+    none("this program's physics give the server's scene other bits (another version?)");
+  } else if (!keeper.settled()) {
+    none("the server's scene is still on its way; the next session has it");
+  } else {
+    none("the server's scene cannot be fetched; name it by --scene");
+  }
+  return ahead;
 }
 
 scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
@@ -352,12 +404,20 @@ int run_session(const RunOptions& options) {
   if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
   // The scene is run here too. Whether it is the server's own, the Welcome says.
   std::vector<std::unique_ptr<control::LocalSlave>> twins;
+  const bool last_run = client_config.resume_token != 0;
+  std::optional<bool> resumed;
+  const bool wants_twin = file.station.method == control::Method::kTwin && !file.chooses_method;
   if (!options.scene.empty()) {
     twins = twin::load_twins(options.scene, 2);
-  } else if (file.station.method == control::Method::kTwin && !file.chooses_method) {
-    twins = fetch_twins(client_config, way, server, config.rate_hz, options, scene, stop);
-    if (twins.empty()) file.station.method = control::Method::kModel;
+  } else if ((wants_twin || file.chooses_method) && !options.observe) {
+    Ahead ahead =
+        look_for_twins(client_config, way, server, config.rate_hz, wants_twin, options, scene, stop);
+    twins = std::move(ahead.twins);
+    client_config.resume_token = ahead.resume_token;
+    resumed = ahead.resumed;
   }
+  if (!twins.empty() && !is_quick_enough(*twins[0], config.rate_hz, options.quiet)) twins.clear();
+  if (wants_twin && twins.empty()) file.station.method = control::Method::kModel;
   if (!twins.empty()) {
     client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
     client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
@@ -367,10 +427,11 @@ int run_session(const RunOptions& options) {
   Farewell farewell(session, way.datagram(), server);
 
   const link::Welcome welcome = session.welcome();
-  if (!options.quiet && client_config.resume_token != 0) {
+  if (!options.quiet && last_run) {
     fmt::print(stderr, "{}\n",
-               session.resumed_unknown_book() ? "resuming the session of the last run"
-                                              : "the session of the last run is gone; this is a new one");
+               resumed.value_or(session.resumed_unknown_book())
+                   ? "resuming the session of the last run"
+                   : "the session of the last run is gone; this is a new one");
   }
   session_file.keep(welcome.resume_token);
   const std::uint32_t wish = tip_wish(options, (welcome.feature_bits & link::kFeatureSharing) != 0);
@@ -384,7 +445,10 @@ int run_session(const RunOptions& options) {
   // With play-out the controller sees the buffer's delay, not the link's.
   const int delay_samples =
       control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);
-  if (file.chooses_method) {
+  // Where the sample itself can be felt without delay, nothing is better at any round trip.
+  const bool by_round_trip = file.chooses_method && twins.empty();
+  if (file.chooses_method && !twins.empty()) file.station.method = control::Method::kTwin;
+  if (by_round_trip) {
     const double answer_s = std::max(link.median_s, playout_delay_s(file));
     file.station.method = control::MethodChoice::at_start({answer_s, 0, true});
   }
@@ -412,15 +476,17 @@ int run_session(const RunOptions& options) {
   // Who only looks on has no task that could be over: until stopped, or for as long as was said.
   const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
   const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
+  const station::TwinRunConfig twin_settings = twin_config(config.rate_hz);
   const std::unique_ptr<recording::Recorder> recorder =
       make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
-                    scene.bundle().get());
+                    scene.bundle().get(), twins.empty() ? nullptr : &twin_settings,
+                    twins.empty() ? 0 : twins[0]->scene_hash());
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned);
   station::Station station(config, device_info, port);
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
-  if (file.chooses_method) live.choose_method();
+  if (by_round_trip) live.choose_method();
   if (view_model::RequestDesk* const desk = view.begin(
           {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
            tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene)}))

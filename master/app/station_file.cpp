@@ -226,6 +226,7 @@ std::vector<std::pair<std::string, std::string>> describe_link(const StationFile
   list.emplace_back("link.redundancy", text(file.redundancy));
   list.emplace_back("link.deadband_nm", text(gate.deadband_nm));
   list.emplace_back("link.deadband_n", text(gate.deadband_n));
+  list.emplace_back("link.step_pace_ms", text(static_cast<double>(file.link.step_pace_ns) * 1e-6));
   if (gate.enabled())
     list.emplace_back("link.heartbeat_ms", text(static_cast<double>(gate.heartbeat_ns) * 1e-6));
   return list;

@@ -53,6 +53,7 @@ bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
   const bool paced = output_.has_step && output_.trace.method == control::Method::kTwin;
   const bool due = now_ns - paced_ns_ >= step_pace_ns_ || command.flags != paced_flags_ ||
                    command.control.method != paced_method_ || session_.steps_are_urgent(now_ns);
+  if (sends_ != Sends::kAsDue) return sends_ == Sends::kNow;
   if (paced && !due) return false;
   paced_ns_ = now_ns;
   paced_flags_ = command.flags;
@@ -147,12 +148,14 @@ void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
          0,
          0,
          0,
+         0,
          static_cast<std::uint32_t>(in.type),
          static_cast<std::uint32_t>(session_.last_drop())};
   if (in.type != link::MessageType::kReply) return;
   row.sequence = in.reply.sequence;
   row.answers = in.reply.command_sequence;
   row.steps_before = in.reply.steps_before;
+  row.executed = in.reply.steps.executed;
 }
 
 void StationLoop::say_bye(link::ByeReason reason) noexcept {

@@ -43,6 +43,8 @@ class StationLoop {
 
   /// Who fetches the server's scene; before the first tick, must outlive this. Null: nobody.
   void set_scene_pipe(ScenePipe* pipe) noexcept { scene_pipe_ = pipe; }
+  /// For a replay, before a tick: a command goes in exactly those ticks in which one went.
+  void send_as_recorded(bool sends) noexcept { sends_ = sends ? Sends::kNow : Sends::kNot; }
   void set_buttons(std::uint32_t buttons) noexcept { extra_buttons_ = buttons; }  ///< or-ed to the device's
   /// link::kFlagTakeOver: ask for a shared tip; link::kFlagHandOver: leave it to others; 0: as it comes.
   void set_tip_wish(std::uint32_t flags) noexcept { input_.tip_wish = flags; }
@@ -81,6 +83,8 @@ class StationLoop {
   device::DeviceReading reading_;
   link::Playout playout_;
   link::SendGate gate_;
+  enum class Sends : std::uint8_t { kAsDue, kNow, kNot };
+  Sends sends_ = Sends::kAsDue;
   std::int64_t step_pace_ns_;
   std::int64_t paced_ns_ = 0;
   std::uint32_t paced_flags_ = 0;

@@ -103,8 +103,10 @@ double Station::given_aj() const noexcept {
 }
 
 /// The deepest well that is believed: with a twin no more than the station has found in the scene itself.
+/// That is known all the same when the twin was given up: a server must not gain by making it part.
 double Station::well_j() const noexcept {
-  const double believed_aj = shows_twin() ? std::min(well_aj_, twin_->well_aj()) : well_aj_;
+  const bool knows_scene = twin_ && has_scene_ && twin_->scene_hash() == scene_hash_;
+  const double believed_aj = knows_scene ? std::min(well_aj_, twin_->well_aj()) : well_aj_;
   return std::min(config_.scaling.hand_energy_j(believed_aj), config_.well_max_j);
 }
 

@@ -54,6 +54,52 @@ for name, body in (("record", record + struct.pack(">H", 32) + bytes(32)), ("cli
     put("dtls", name, bytes([FORGE]) + struct.pack("<H", len(body)) + body + bytes([FORGE_AS]) + struct.pack("<H", len(body)) + body + shake)
 
 
+# fuzz_steps.cpp: a datagram's field of steps (PROTOCOL.md, section 14), and the same bytes as a script.
+def steps(first, records, count=None):
+    return struct.pack("<QB", first, len(records) if count is None else count) + b"".join(records)
+
+
+def varint(x):
+    out = b""
+    while x >= 0x80:
+        out, x = out + bytes([x & 0x7F | 0x80]), x >> 7
+    return out + bytes([x])
+
+
+def zigzag(x):
+    return varint(x << 1 if x >= 0 else -x * 2 - 1)
+
+
+def record(flags, target, length, more=0):
+    return bytes([flags | more << 5]) + b"".join(zigzag(x) for x in target) + zigzag(length)
+
+
+first_step = record(3, (16384, -8, 327680), 1_000_000)
+put("steps", "one", steps(1, [first_step]))
+put("steps", "moving", steps(7, [first_step] + [bytes([3 | 1 << 4]) + zigzag(160) + zigzag(0) + zigzag(-1600)] * 20))
+put("steps", "rest", steps(9, [first_step, bytes([3 | 1 << 3 | 1 << 4 | 6 << 5])], 8))
+put("steps", "stop", steps(9, [first_step, bytes([4 | 1 << 3 | 1 << 4])]))
+put("steps", "count_wrong", steps(9, [first_step], 2))
+put("steps", "no_number", steps(0, [first_step]))
+put("steps", "far_away", steps(1, [record(3, (2**47, 0, 0), 1_000_000)]))
+put("steps", "long", steps(1, [record(3, (0, 0, 0), 200_000_000)]))
+put("steps", "cut", steps(1, [first_step])[:-2])
+put("steps", "in_order", bytes([0]) + bytes([0x1C, 0, 0x1E, 1, 40]) * 12)
+put("steps", "gap_and_skip", bytes([3]) + bytes([0x1C, 9, 0x1E, 1, 200, 3, 0x1E, 0x1C, 0, 0x1E]) * 4)
+put("steps", "too_fast", bytes([0]) + bytes([0xFC, 0, 0xFE]) * 20)
+
+# fuzz_snapshot.cpp: which scene, how, and changes of (place, value).
+for scene in range(3):
+    put("snapshot", "whole_%d" % scene, bytes([scene, 0]))
+    put("snapshot", "changed_%d" % scene, bytes([scene, 3 << 2]) + b"".join(struct.pack("<HB", at, 0xFF) for at in (3, 40, 90)))
+    put("snapshot", "not_finite_%d" % scene, bytes([scene, 8 << 2]) + b"".join(struct.pack("<HB", 24 + i, b) for i, b in enumerate(b"\0\0\0\0\0\0\xF8\x7F")))
+    put("snapshot", "cut_%d" % scene, bytes([scene, 3, 50, 0]))
+    put("snapshot", "pieces_%d" % scene, bytes([scene, 2]))
+    put("snapshot", "pieces_of_two_%d" % scene, bytes([scene, 2, 0, 160, 0, 210, 255, 255, 255, 255, 1, 0, 0, 0, 9]))
+put("snapshot", "anything", bytes([0, 1]) + bytes(range(120)))
+put("snapshot", "nothing", bytes([0, 1]))
+
+
 # .gsf
 def gsf(columns, rows, heights, more=""):
     head = ("Gwyddion Simple Field 1.0\nXRes = %d\nYRes = %d\nXReal = 6e-8\nYReal = 6e-8\nXYUnits = m\nZUnits = m\n%s"

@@ -14,6 +14,7 @@ from wire import (BYE_IDLE, BYE_SHUTTING_DOWN, BYE_UNKNOWN_SESSION, CLUTCH, DEAD
                   features_used, need, recent_commands, set_vector, vector)
 
 SECOND = 1_000_000_000
+FIRST_COMMAND_MS = 2000
 
 
 class SpringWall:
@@ -54,7 +55,7 @@ class Session:
         self.slave, self.epoch, self.token = SpringWall(), epoch, secrets.randbits(64) | 1
         self.nonces = []
         self.used = False
-        self.state = "active"
+        self.state, self.awaits_first = "active", True
 
     def begin(self, hello, address, features, now_ns):
         self.session_id = secrets.randbits(64) | 1
@@ -63,6 +64,7 @@ class Session:
         self.stepped = []  # numbers of the newest 64 commands accepted
         self.commands, self.replies, self.last_send_ns = SequenceWindow(hello.rate_hz, now_ns), 0, None
         self.energy_in_j, self.energy_out_j = Received(), Received()
+        self.awaits_first = self.awaits_first or self.state != "active"
         self.state, self.heard_ns, self.since_ns = "active", now_ns, now_ns
 
     def set_state(self, state, now_ns):
@@ -198,7 +200,7 @@ class Server:
         session.commands.accept(m.sequence, now_ns)
         steps_before = sum(1 << m.sequence - 1 - n for n in session.stepped if m.sequence - n <= 64)
         session.stepped = [n for n in session.stepped if m.sequence - n < 64] + [m.sequence]
-        session.used, session.heard_ns = True, now_ns
+        session.used, session.awaits_first, session.heard_ns = True, False, now_ns
         session.energy_in_j.update(m.energy_in_j)
         session.energy_out_j.update(m.energy_out_j)
         dt_s = (m.sequence - before) / session.rate_hz
@@ -244,7 +246,8 @@ class Server:
     def poll(self, now_ns):
         for session in list(self.sessions):
             age_ns = now_ns - session.since_ns
-            if session.state == "active" and now_ns - session.heard_ns > self.timeout_ms * 1_000_000:
+            patience_ms = max(self.timeout_ms, FIRST_COMMAND_MS) if session.awaits_first else self.timeout_ms
+            if session.state == "active" and now_ns - session.heard_ns > patience_ms * 1_000_000:
                 if session.used:
                     session.set_state("silent", now_ns)
                 else:

@@ -68,9 +68,11 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
   if (config_.twin) {
     station::TwinRunConfig twin;
     twin.rate_hz = config_.station.rate_hz;
-    station_->use_twin(std::make_unique<station::TwinRun>(twin,
-                                                          std::make_unique<twin::SceneTwin>(config_.scene),
-                                                          std::make_unique<twin::SceneTwin>(config_.scene)));
+    const auto make = [&]() -> std::unique_ptr<control::LocalSlave> {
+      if (config_.make_twin) return config_.make_twin();
+      return std::make_unique<twin::SceneTwin>(config_.scene);
+    };
+    station_->use_twin(std::make_unique<station::TwinRun>(twin, make(), make()));
   }
   loop_ = std::make_unique<loop::StationLoop>(device, link_.a(), link_.address_b(), client_, *station_,
                                               nullptr, config_.link_options);
@@ -136,9 +138,12 @@ void VirtualSession::serve_until(std::int64_t until_ns) {
     bool any = false;
     while (link_.b().receive(in, received)) {
       any = true;
+      bytes_up_ += received.size;
+      ++datagrams_up_;
       if (down_) continue;
-      const std::size_t n = server_->on_datagram(std::span(in).first(received.size), received.from,
-                                                 server_ns(arrival), out, &clock_, config_.standing);
+      std::size_t n = server_->on_datagram(std::span(in).first(received.size), received.from,
+                                           server_ns(arrival), out, &clock_, config_.standing);
+      if (n > 0 && config_.lie) n = config_.lie(out, n);
       if (n > 0) link_.b().send(std::span<const std::uint8_t>(out).first(n), received.from);
     }
     if (!any && link_.next_arrival_ns() <= arrival) break;  // only the station's datagrams are waiting

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -48,7 +49,12 @@ struct VirtualSessionConfig {
   std::uint64_t resume_token = 0;  ///< of an earlier station
   std::uint32_t tip_wish = 0;      ///< link::kFlagTakeOver, link::kFlagHandOver
   loop::LinkOptions link_options{};
-  bool twin = false;           ///< the station logs its steps and has a twin of the scene
+  bool twin = false;  ///< the station logs its steps and has a twin of the scene
+  /// Instead of the scene's own twin: any, called twice.
+  std::function<std::unique_ptr<control::LocalSlave>()> make_twin{};
+  /// What becomes of each datagram that the server sends, of so many bytes: a server that lies. Returns the
+  /// bytes that go; 0: none.
+  std::function<std::size_t(std::span<std::uint8_t>, std::size_t)> lie{};
   std::size_t redundancy = 0;  ///< commands that each datagram repeats
 };
 
@@ -87,6 +93,8 @@ class VirtualSession {
   net::SimLink& link() noexcept { return link_; }
   loop::StationLoop& loop() noexcept { return *loop_; }
   std::int64_t now_ns() const noexcept { return now_ns_; }
+  std::uint64_t bytes_up() const noexcept { return bytes_up_; }  ///< of datagrams that came, without headers
+  std::uint64_t datagrams_up() const noexcept { return datagrams_up_; }
   double period_s() const noexcept { return static_cast<double>(period_ns_) * 1e-9; }
 
  private:
@@ -111,6 +119,7 @@ class VirtualSession {
   std::int64_t now_ns_ = 0;
   std::int64_t since_last_tick_ns_ = 0;
   std::int64_t server_ahead_ns_ = 0;
+  std::uint64_t bytes_up_ = 0, datagrams_up_ = 0;
   bool motion_started_ = false;
 };
 

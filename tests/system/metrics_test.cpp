@@ -72,7 +72,7 @@ TEST_F(MetricsTest, ServerAndStationAnswerScrapesWhileTheyWork) {
   EXPECT_TRUE(idle.contains("telenano_drops_total{cause=\"bad_magic\"}"));
 
   ChildProcess station({kMaster, "run", "--server", server.address(), "--task", "contact", "--duration-s",
-                        "6", "--metrics", "127.0.0.1:0", "--redundancy", "2"});
+                        "6", "--metrics", "127.0.0.1:0", "--redundancy", "2", "--method", "model"});
   ASSERT_TRUE(station.wait_for_err("/metrics\n", kLong)) << station.err();
   const int station_port = port_in(station.err());
   ASSERT_GT(station_port, 0) << station.err();

@@ -1,6 +1,7 @@
 // Recorded sessions of the real programs, run again in virtual time by `telenano-lab replay`.
 #include <cstdlib>
 
+#include "common/control/method.h"
 #include "common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
@@ -51,11 +52,43 @@ TEST_F(ReplayTest, EveryForceComesOutAsRecorded) {
   }
 }
 
+// The twin runs in the replay too, beside a server that is made anew: what is felt, which steps the slave had
+// made by each reply, and its state after them must all come out as recorded.
+TEST_F(ReplayTest, ATwinComesOutAsRecorded) {
+  const std::vector<std::vector<std::string>> links = {
+      {}, {"--delay-ms", "40", "--jitter-ms", "4", "--loss", "0.1", "--duplicate", "0.05", "--seed", "5"}};
+  for (const std::vector<std::string>& link : links) {
+    for (const char* scene : {"flakes", "particle"}) {
+      const std::string file =
+          record(scene, link,
+                 {"--task", "indent", "--duration-s", "3", "--rate", "1000", "--scene", scene_path(scene)});
+      const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
+      EXPECT_EQ(replay.exit_code, 0) << replay.err << replay.out;
+      const auto lines = lines_of(replay.out);
+      ASSERT_EQ(lines.size(), 2u);
+      EXPECT_NE(lines[1].find(",0,yes"), std::string::npos) << lines[1];
+      // To its end; over losses up to the first gap that was filled by more steps than a datagram holds, and
+      // a line says so.
+      std::vector<double> ticks;
+      for (std::size_t at = lines[1].find(".h5,") + 4; ticks.size() < 3; at = lines[1].find(',', at) + 1)
+        ticks.push_back(std::atof(lines[1].c_str() + at));
+      EXPECT_GT(ticks[0], 3000) << lines[1];
+      EXPECT_GT(ticks[1], link.empty() ? ticks[0] - 1 : 100) << lines[1] << replay.err;
+      EXPECT_EQ(ticks[1] < ticks[0], replay.err.find("are not all recorded") != std::string::npos)
+          << replay.err;
+      const recording::RecordingReader reader(file);
+      std::vector<recording::Sample> rows(reader.rows());
+      reader.read_samples(0, rows);
+      EXPECT_EQ(rows[rows.size() / 2].method, static_cast<std::uint32_t>(control::Method::kTwin));
+    }
+  }
+}
+
 TEST_F(ReplayTest, WhateverTheNetworkDid) {
   const std::string file =
       record("flat_silicon_oxide",
              {"--delay-ms", "10", "--jitter-ms", "4", "--loss", "0.2", "--duplicate", "0.1", "--seed", "3"},
-             {"--task", "indent", "--duration-s", "3", "--rate", "1000"});
+             {"--task", "indent", "--duration-s", "3", "--rate", "1000", "--method", "model"});
   const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
   EXPECT_EQ(replay.exit_code, 0) << replay.err << replay.out;
   EXPECT_NE(replay.out.find(",0,yes"), std::string::npos) << replay.out;

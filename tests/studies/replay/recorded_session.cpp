@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <map>
 
 #include "common/base/base64.h"
@@ -81,6 +82,7 @@ loop::LinkOptions link_of(const RecordingReader& reader) {
   link.gate.deadband_nm = number_of(reader, "link.deadband_nm");
   link.gate.deadband_n = number_of(reader, "link.deadband_n");
   link.gate.heartbeat_ns = ns_of_ms(reader, "link.heartbeat_ms", link.gate.heartbeat_ns);
+  link.step_pace_ns = ns_of_ms(reader, "link.step_pace_ms", link.step_pace_ns);
   return link;
 }
 
@@ -105,10 +107,16 @@ RecordedSession load_session(const std::filesystem::path& path) {
   session.link = link_of(reader);
   session.redundancy = static_cast<std::size_t>(number_of(reader, "link.redundancy"));
   session.features = std::strtoull(text_of(reader, "features").c_str(), nullptr, 16);
+  session.twin_scene_hash = reader.configuration("twin.scene_hash");
+  if (!session.twin_scene_hash.empty()) session.twin_ring_s = number_of(reader, "twin.ring_s");
   session.slave_timeout_ns = std::llround(1e6 * number_of(reader, "slave_timeout_ms"));
   session.samples.resize(reader.rows());
   reader.read_samples(0, session.samples);
   session.datagrams = reader.datagrams();
+  for (const recording::Event& event : reader.events()) {
+    if (std::strstr(event.text.data(), "twin: apart") != nullptr)
+      session.apart_at = std::min(session.apart_at, event.tick);
+  }
   if (session.samples.empty()) throw UserError(path.string() + ": holds no row");
   return session;
 }

@@ -30,6 +30,9 @@ struct RecordedSession {
   loop::LinkOptions link;
   std::size_t redundancy = 0;
   std::uint64_t features = 0;         ///< agreed
+  std::string twin_scene_hash;        ///< of the twin's scene, likewise; empty: there was none
+  double twin_ring_s = 4;             ///< of steps that the station kept
+  std::int64_t apart_at = INT64_MAX;  ///< tick from which on twin and server were not the same
   std::int64_t slave_timeout_ns = 0;  ///< silence after which the slave withdraws, by the server's clock
   std::vector<recording::Sample> samples;
   std::vector<recording::DatagramRow> datagrams;

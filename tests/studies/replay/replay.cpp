@@ -3,10 +3,14 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <utility>
+#include <vector>
 
 #include "common/base/error.h"
 #include "common/link/client_session.h"
+#include "common/link/step_log.h"
 #include "master/loop/station_loop.h"
+#include "master/twin/scene_twin.h"
 #include "nve_server/slave/nve_slave.h"
 #include "tests/studies/replay/scripted_wire.h"
 
@@ -133,16 +137,27 @@ void prime(const RecordedSession& recorded, link::ClientSession& client, Scripte
   wire.open_to_all(false);
   std::set<std::uint64_t> come_later;
   for (const auto& row : recorded.datagrams) come_later.insert(row.answers);
+  // By the round trip a sender of logged steps knows for how long to wait before it sends them again.
+  const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
+  const std::int64_t round_trip_ns = std::llround(1e3 * first.rtt_smoothed_us);
+  std::vector<std::pair<std::int64_t, const std::vector<std::uint8_t>*>> measured;
   for (std::int64_t k = 1; k <= probes; ++k) {
     clock.set(first.now_ns - (probes - k + 1) * period_ns);
     link::Command command;
     command.tip_pos_w_nm = client.welcome().start_pos_w_nm;
     const std::size_t n = client.make_command(command, clock.now_ns(), buffer);
     wire.send(std::span(buffer).first(n), wire.address());
+    if (logs_steps) wire.end_tick(0, {});
     const auto number = static_cast<std::uint64_t>(k);
     const auto* reply = wire.reply_to(number);
-    if (reply != nullptr && !come_later.contains(number)) client.on_datagram(*reply, clock.now_ns());
+    if (reply == nullptr || come_later.contains(number)) continue;
+    if (logs_steps) {
+      measured.emplace_back(clock.now_ns() + round_trip_ns, reply);
+    } else {
+      client.on_datagram(*reply, clock.now_ns());
+    }
   }
+  for (const auto& [at_ns, reply] : measured) client.on_datagram(*reply, at_ns);
 }
 
 /// What the recording does not hold, at this row; empty: it goes on.
@@ -152,6 +167,8 @@ std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uin
   if (k > 0 && row.tick != recorded.samples[k - 1].tick + 1) return "rows are missing in the recording";
   if (row.sent_ns != 0 && static_cast<std::uint64_t>(row.commands_sent) >= unknown_from)
     return "more than 64 commands were lost in part: the order of the slave's steps is not known";
+  if (row.tick >= recorded.apart_at)
+    return "the twin was apart from the server's slave, whose state it then took up: that is not recorded";
   for (const auto& datagram : rows) {
     if (datagram.drop != 0) continue;
     if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome))
@@ -162,6 +179,17 @@ std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uin
   return "";
 }
 
+/// What the station's step of this tick says, besides where to (Station::command_flags of a tip of its own).
+std::uint32_t step_flags(const RecordedSession& recorded, const Sample& row, const Sample& replayed) {
+  std::uint32_t flags = 0;
+  const auto mode = static_cast<station::Mode>(replayed.station_mode);
+  if (mode == station::Mode::kEngaged) flags |= link::kFlagClutch;
+  if (!recorded.station.require_deadman || (row.buttons & device::kButtonDeadman) != 0)
+    flags |= link::kFlagDeadman;
+  if (mode == station::Mode::kStopped) flags |= link::kFlagStop;
+  return flags;
+}
+
 }  // namespace
 
 ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const scene::Scene>& scene) {
@@ -169,6 +197,8 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   server_config.secret = link::SipKey{1, 2};
   server_config.table.capacity = 1;
   server_config.feature_bits = recorded.features;
+  const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
+  if (logs_steps) server_config.table.timeout_ns = recorded.slave_timeout_ns;
   server::ServedScene served;
   served.name = server::scene_name(scene->name);
   served.hash = scene->hash;
@@ -183,6 +213,13 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(recorded.station.rate_hz);
   client_config.redundancy = recorded.redundancy;
+  if (logs_steps) {
+    client_config.step_ring = static_cast<std::size_t>(recorded.twin_ring_s * recorded.station.rate_hz);
+    for (const auto& row : recorded.datagrams) {
+      if (row.type == static_cast<std::uint32_t>(link::MessageType::kReply) && row.drop == 0)
+        wire.expect_executed(row.answers, row.executed);
+    }
+  }
   link::ClientSession client(client_config);
   prime(recorded, client, wire, clock);
 
@@ -191,6 +228,14 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   station::Station station(
       recorded.station, device.info(),
       {welcome.coupling_stiffness_n_m, welcome.coupling_damping_n_s_m, welcome.force_max_nn});
+  // A twin of another scene than the server's never came into use.
+  if (logs_steps && recorded.twin_scene_hash == recorded.scene_hash) {
+    station::TwinRunConfig twin;
+    twin.rate_hz = recorded.station.rate_hz;
+    twin.ring_s = recorded.twin_ring_s;
+    station.use_twin(std::make_unique<station::TwinRun>(twin, std::make_unique<twin::SceneTwin>(scene),
+                                                        std::make_unique<twin::SceneTwin>(scene)));
+  }
   loop::StationLoop loop(device, wire, wire.address(), client, station, &clock, recorded.link);
 
   const auto columns = compared_columns();
@@ -224,9 +269,18 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
         row.station_mode != static_cast<std::uint32_t>(station::Mode::kStopped))
       station.clear_stop();
 
+    if (logs_steps) loop.send_as_recorded(row.sent_ns != 0);
     device.set(row);
     wire.begin_tick(row.now_ns, rows);
     loop.tick(row.now_ns, row.dt_s, sample);
+    if (logs_steps) {
+      wire.end_tick(client.next_step() - 1, link::logged_step(loop.trace().tip_target_pos_w_nm,
+                                                              step_flags(recorded, row, sample), row.dt_s));
+    }
+    if (wire.other_steps_at() != 0) {
+      result.ended = "the steps that the server had made by then are not all recorded";
+      break;
+    }
     ++result.replayed_ticks;
     if (compare(row, sample, columns, result)) ++result.equal_ticks;
     for (std::size_t i = 0; i < 3; ++i)

@@ -12,27 +12,79 @@ constexpr std::size_t kRepliesKept = 1u << 16;
 
 }  // namespace
 
+/// The command at hand with the steps after the last that was executed, up to there, or (`all` false) as many
+/// of them as there are and fit; 0: not all are there, or they do not fit.
+std::size_t ScriptedWire::with_steps_until(std::uint64_t executed, bool all,
+                                           std::span<std::uint8_t> out) noexcept {
+  std::array<std::uint8_t, link::kStepsBytesMost> bytes{};
+  link::StepWriter writer(bytes, last_executed_ + 1);
+  std::uint64_t last = last_executed_;
+  while (last < executed) {
+    const auto found = made_.find(last + 1);
+    if (found == made_.end() || !writer.add(found->second)) break;
+    ++last;
+  }
+  if (all && last < executed) return 0;
+  const std::size_t used = writer.count() > 0 ? writer.size() : 0;
+  made_.erase(made_.begin(), made_.upper_bound(last));
+  last_executed_ = last;
+  return codec_.encode(incoming_.command, std::span<const std::uint8_t>(bytes).first(used), out);
+}
+
 net::SendStatus ScriptedWire::send(std::span<const std::uint8_t> bytes, const net::Address&) noexcept {
+  if (!open_ && !executed_.empty()) {
+    waits_for_steps_.push_back({clock_.now_ns(), {bytes.begin(), bytes.end()}});
+  } else {
+    deliver(bytes, clock_.now_ns());
+  }
+  return net::SendStatus::kSent;
+}
+
+void ScriptedWire::end_tick(std::uint64_t number, const link::LoggedStep& step) {
+  if (number > last_executed_) made_[number] = step;
+  for (const auto& [at_ns, bytes] : waits_for_steps_) deliver(bytes, at_ns);
+  waits_for_steps_.clear();
+}
+
+void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now_ns) {
   std::uint64_t number = 0;
+  std::array<std::uint8_t, link::kMaxDatagramBytes> rewritten{};
   if (!open_) {
     if (codec_.decode(bytes, incoming_) != link::DropCause::kNone ||
         incoming_.type != link::MessageType::kCommand)
-      return net::SendStatus::kSent;
+      return;
     number = incoming_.command.sequence;
-    if (!order_.commands.contains(number)) return net::SendStatus::kSent;
+    if (!order_.commands.contains(number)) return;
+    if (!executed_.empty()) {
+      // Of the next reply that came it is known: what is made before that is nobody's to see.
+      const auto next = executed_.lower_bound(number);
+      const bool known = next != executed_.end() && next->first == number;
+      const std::uint64_t until =
+          next != executed_.end() ? std::max(next->second, last_executed_) : last_executed_;
+      const std::size_t n = with_steps_until(until, known, rewritten);
+      if (n == 0) {
+        if (other_steps_at_ == 0) other_steps_at_ = number;
+        return;
+      }
+      bytes = std::span<const std::uint8_t>(rewritten).first(n);
+    }
   }
   std::vector<std::uint8_t> answer(link::kMaxDatagramBytes);
-  const std::size_t size = server_.on_datagram(bytes, address_, clock_.now_ns(), answer);
-  if (size == 0) return net::SendStatus::kSent;
+  const std::size_t size = server_.on_datagram(bytes, address_, now_ns, answer);
+  if (size == 0) return;
   answer.resize(size);
   if (open_) {
     waiting_.push_back(std::move(answer));
-  } else {
-    ++steps_;
-    replies_[number] = std::move(answer);
-    if (replies_.size() > kRepliesKept) replies_.erase(replies_.begin());
+    return;
   }
-  return net::SendStatus::kSent;
+  ++steps_;
+  const auto expected = executed_.find(number);
+  if (expected != executed_.end() && other_steps_at_ == 0 &&
+      (codec_.decode(answer, incoming_) != link::DropCause::kNone ||
+       incoming_.reply.steps.executed != expected->second))
+    other_steps_at_ = number;
+  replies_[number] = std::move(answer);
+  if (replies_.size() > kRepliesKept) replies_.erase(replies_.begin());
 }
 
 const std::vector<std::uint8_t>* ScriptedWire::reply_to(std::uint64_t command) const {

@@ -5,9 +5,11 @@
 #include <deque>
 #include <map>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/link/codec.h"
+#include "common/link/step_log.h"
 #include "common/net/datagram.h"
 #include "common/rt/clock.h"
 #include "nve_server/server/server.h"
@@ -46,9 +48,21 @@ class ScriptedWire final : public net::Datagram {
   bool receive(std::span<std::uint8_t> buffer, net::Received& received) noexcept override;
 
   std::int64_t steps() const noexcept { return steps_; }
+  /// What a reply that came had said of the log, where steps are logged: the last one that the slave had
+  /// made. With that command the server then gets the steps up to there: which datagram brought a step, and
+  /// how often it was sent again, depends on microseconds that no recording holds, and the slave's state does
+  /// not.
+  /// The tick is over, and this was its step: what was sent in it gets to the server.
+  void end_tick(std::uint64_t number, const link::LoggedStep& step);
+  void expect_executed(std::uint64_t command, std::uint64_t executed) { executed_[command] = executed; }
+  /// The first command at which the server had made other steps by then; 0: none.
+  std::uint64_t other_steps_at() const noexcept { return other_steps_at_; }
   const net::Address& address() const noexcept { return address_; }
 
  private:
+  void deliver(std::span<const std::uint8_t> bytes, std::int64_t now_ns);
+  std::size_t with_steps_until(std::uint64_t executed, bool all, std::span<std::uint8_t> out) noexcept;
+
   server::Server& server_;
   RecordedClock& clock_;
   StepOrder order_;
@@ -56,6 +70,11 @@ class ScriptedWire final : public net::Datagram {
   link::Codec codec_;
   link::Incoming incoming_;
   bool open_ = true;
+  std::map<std::uint64_t, std::uint64_t> executed_;  ///< by the command answered
+  std::uint64_t other_steps_at_ = 0;
+  std::map<std::uint64_t, link::LoggedStep> made_;  ///< by the station, and not yet by the server
+  std::uint64_t last_executed_ = 0;
+  std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> waits_for_steps_;  ///< sent in this tick
   std::int64_t steps_ = 0;
   std::span<const recording::DatagramRow> rows_;
   std::deque<std::vector<std::uint8_t>> waiting_;               ///< while open to all

@@ -63,7 +63,8 @@ bool passes_on_the_well(control::Method method) noexcept {
 }
 
 double promised_extraction_j(control::Method method, double allowance_j) noexcept {
-  return (method == control::Method::kKsClamp ? 1 : 2) * allowance_j;
+  const bool one_port = method == control::Method::kKsClamp || method == control::Method::kTwin;
+  return (one_port ? 1 : 2) * allowance_j;
 }
 
 void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
@@ -81,8 +82,12 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   }
   if (!hand.too_fast()) {
     const TrueBook& book = hand.book();
-    const double more_j = book.quantum_bound_j() + late_j_ + kRoundingJ +
-                          (passes_on_the_well(limits_.method) ? limits_.hand_j_per_aj * slave.well_aj : 0);
+    // A twin's sample gives before the server's slave has made the step: its well is the scene's, at any
+    // time.
+    const double well_j =
+        std::isfinite(limits_.well_most_j) ? limits_.well_most_j : limits_.hand_j_per_aj * slave.well_aj;
+    const double more_j =
+        book.quantum_bound_j() + late_j_ + kRoundingJ + (passes_on_the_well(limits_.method) ? well_j : 0);
     const double margin_j =
         promised_extraction_j(limits_.method, limits_.allowance_j) + more_j - book.extracted_j();
     least_margin_j_ = std::min(least_margin_j_, margin_j);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 
 #include "common/control/method.h"
@@ -15,7 +16,8 @@ namespace telenano::studies::stress {
 /// what the slave really did. Never by the product's own observer. Stored in tables: never renumber.
 enum Invariant : std::uint32_t {
   /// Energy: extracted(k) = ΣF(k−1)·Δx − bΣ|Δx|²/T ≤ 2E₀ (one-port methods: E₀) + (U₀ − U_min) + Q + late,
-  /// while |v| ≤ v_max. U₀ − U_min: passes_on_the_well(). late: a tick that comes k periods late may
+  /// while |v| ≤ v_max. U₀ − U_min: passes_on_the_well(); with `twin` the scene's, once. late: a tick
+  /// that comes k periods late may
   /// overdraw once by (k−1)|F|·v_max·T.
   kInvariantEnergy = 1u << 0,
   /// Two ports: hand and slave together have got no more than 2E₀ + Q + late (methods that balance both).
@@ -45,7 +47,7 @@ std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 /// are baselines: their violations are shown as they are), `ks` no cap of its damper.
 std::uint32_t promised(control::Method method) noexcept;
 
-/// 2E₀, or E₀ for methods that look at one port only, J.
+/// 2E₀, or E₀ for methods that promise it of one port (`ks-clamp`, `twin`), J.
 double promised_extraction_j(control::Method method, double allowance_j) noexcept;
 
 /// Where a sample's potential falls (a tip that snaps in), what it gives may reach the hand: U₀ − U_min, none
@@ -65,10 +67,11 @@ class InvariantWatch {
     double ramp_s = 0.2;
     double tip_limit_nn = 0;
     double damper_cap_n_s_m = 0;
-    bool balance = false;      ///< of both ports is to be checked
-    double hand_j_per_aj = 0;  ///< α_F/α_v in these units
-    double recover_s = 0;      ///< 0: not checked
-    double waits_s = 0;        ///< longest that a reply waits to be shown; 0: it is shown when it comes
+    bool balance = false;                                          ///< of both ports is to be checked
+    double hand_j_per_aj = 0;                                      ///< α_F/α_v in these units
+    double recover_s = 0;                                          ///< 0: not checked
+    double well_most_j = std::numeric_limits<double>::infinity();  ///< finite: that, at any time
+    double waits_s = 0;  ///< longest that a reply waits to be shown; 0: it is shown when it comes
   };
   explicit InvariantWatch(const Limits& limits) : limits_(limits) {}
 

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
+#include <iterator>
 #include <utility>
+#include <vector>
 
 #include "common/base/det_math.h"
 #include "common/base/error.h"
@@ -46,12 +48,25 @@ constexpr Hand kHands[] = {{HandKind::kPress},
                            {HandKind::kGreedy, 0.02, 0.05},
                            {HandKind::kWalk, 0.01, 0}};
 
+/// A wall that is computed by hand has no scene that a station could run: with a twin the others take turns
+/// in its place. False: there is none.
+bool suits(const ProfileOptions& options, std::size_t turn, RunSpec& spec) {
+  const auto has_scene = [](SceneKind kind) { return kind != SceneKind::kWall && kind != SceneKind::kHard; };
+  if (spec.method != Method::kTwin || has_scene(spec.scene)) return true;
+  std::vector<SceneKind> others;
+  std::copy_if(options.scenes.begin(), options.scenes.end(), std::back_inserter(others), has_scene);
+  if (others.empty()) return false;
+  spec.scene = others[turn % others.size()];
+  return true;
+}
+
 /// Collects the runs of a grid. Every section is a function of `base`; seeds come at the end.
 class Grid {
  public:
   explicit Grid(const ProfileOptions& options) : options_(options) {}
 
   void add(RunSpec spec) {
+    if (!suits(options_, specs.size(), spec)) return;
     const bool scene =
         std::find(options_.scenes.begin(), options_.scenes.end(), spec.scene) != options_.scenes.end();
     if (scene && options_.rtt_ms.holds(spec.rtt_ms) && options_.loss.holds(spec.loss)) specs.push_back(spec);
@@ -405,7 +420,7 @@ std::vector<RunSpec> make_profile(const ProfileOptions& options) {
   for (int i = 0; i < randoms; ++i) {
     RunSpec spec = random_run(options, random);
     if (!options.full) spec.seconds = 5;
-    grid.specs.push_back(spec);
+    if (suits(options, grid.specs.size(), spec)) grid.specs.push_back(spec);
   }
   for (const Method method : options.methods) {
     RunSpec base;

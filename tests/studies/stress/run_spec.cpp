@@ -12,7 +12,8 @@
 namespace telenano::studies::stress {
 namespace {
 
-constexpr std::array<std::string_view, 6> kScenes = {"wall", "oxide", "polystyrene", "pdms", "scan", "hard"};
+constexpr std::array<std::string_view, 9> kScenes = {"wall", "oxide", "polystyrene", "pdms",    "scan",
+                                                     "hard", "moist", "marks",       "particle"};
 constexpr std::array<std::string_view, 15> kHands = {
     "press",  "position",  "contact", "indent", "raster",      "human",      "passive", "sine",
     "square", "telegraph", "greedy",  "walk",   "climb-white", "climb-slow", "path"};

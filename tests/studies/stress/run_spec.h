@@ -19,7 +19,10 @@ enum class SceneKind : std::uint8_t {
   kPolystyrene,  ///< flat_polystyrene.toml
   kPdms,         ///< flat_pdms.toml
   kScan,         ///< flakes.toml, a real AFM scan
-  kHard          ///< the wall with 2000 N/m: harder than any coupling of a scene
+  kHard,         ///< the wall with 2000 N/m: harder than any coupling of a scene
+  kMoist,        ///< humid_flakes.toml: capillary bridges with hysteresis
+  kMarks,        ///< lithography.toml: marks that stay
+  kParticle      ///< particle.toml
 };
 enum class HandKind : std::uint8_t {
   kPress,     ///< a firm arm that presses once, holds, lets go

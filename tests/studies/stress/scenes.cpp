@@ -17,6 +17,12 @@ const char* file_name(SceneKind kind) {
       return "flat_pdms.toml";
     case SceneKind::kScan:
       return "flakes.toml";
+    case SceneKind::kMoist:
+      return "humid_flakes.toml";
+    case SceneKind::kMarks:
+      return "lithography.toml";
+    case SceneKind::kParticle:
+      return "particle.toml";
     default:
       return nullptr;
   }

@@ -93,6 +93,7 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   };
   if (make_mutant_method(spec)) session.make_method = [spec] { return make_mutant_method(spec); };
   session.station.method = spec.method;
+  session.twin = spec.method == control::Method::kTwin && session.scene != nullptr;
   session.station.rate_hz = spec.rate_hz;
   session.station.scaling = {spec.velocity_scale, force_scale};
   session.station.allow_unsafe_scaling = true;
@@ -154,13 +155,22 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   const station::StationConfig& station = session.station().config();
 
   InvariantWatch::Limits what;
-  what.method = spec.method;
+  // Without a scene there is no twin, and the station falls back.
+  what.method = spec.method == control::Method::kTwin && !config.twin ? control::Method::kModel : spec.method;
   what.allowance_j = station.allowance_j;
   what.velocity_max_m_s = station.guaranteed_velocity_m_s;
   what.period_s = session.period_s();
   what.force_limit_n = station.force_safety * kForceMaxN;
   what.slew_n_s = station.slew_n_s;
   what.stale_zero_s = station.stale_zero_s;
+  if (config.twin) {
+    // A twin needs no reply to be right, for as long as the slave itself would go on following. Its well is
+    // the scene's, once in the station's life.
+    const double hold_s =
+        std::min(station::TwinRunConfig{}.silence_s, 0.5e-3 * config.scene->session_timeout_ms);
+    what.stale_zero_s += std::max(0.0, hold_s - station.stale_hold_s);
+    what.well_most_j = std::min(station.scaling.hand_energy_j(limits.well_aj), station.well_max_j);
+  }
   what.ramp_s = station.engage_ramp_s;
   what.tip_limit_nn = limits.force_max_nn;
   const double impedance = force_scale * spec.velocity_scale;

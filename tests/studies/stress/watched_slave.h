@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <span>
 #include <utility>
 
 #include "nve_server/slave/slave.h"
@@ -60,6 +61,9 @@ class WatchedSlave final : public slave::Slave {
     }
   }
   const slave::SlaveLimits& limits() const noexcept override { return inner_->limits(); }
+  std::uint64_t state_hash() const noexcept override { return inner_->state_hash(); }
+  std::size_t save(std::span<std::uint8_t> out) const noexcept override { return inner_->save(out); }
+  std::size_t snapshot_bytes_max() const noexcept override { return inner_->snapshot_bytes_max(); }
 
  private:
   std::unique_ptr<slave::Slave> inner_;

@@ -64,6 +64,63 @@ TEST(Session, ComesUpUnderHeavyLossAndReordering) {
   }
 }
 
+// The first command comes a whole round trip after the Welcome has left, here after 0.8 s: a time-out of 0.3
+// s must not end what has not begun.
+TEST(Session, BeginsAndIsResumedAtARoundTripLongerThanItsTimeOut) {
+  ServerConfig config = test_config();
+  config.table.timeout_ns = 300'000'000;
+  Server server(config, spring_scene());
+  VirtualSession s(&server, {}, path(400), path(400), 1);
+  s.client.start(0);
+  s.ticks(4000);
+  ASSERT_EQ(s.client.state(), ClientState::kEstablished);
+  EXPECT_EQ(server.counters().opened, 1u);
+  EXPECT_EQ(server.counters().timed_out, 0u);
+  EXPECT_EQ(s.client.reply().force_w_nn.z(), 3);
+  // A silence under way still ends it after 0.3 s, and it comes back.
+  s.run_until(s.now_ns += 1'000'000'000);
+  server.poll(s.now_ns);
+  EXPECT_EQ(server.counters().timed_out, 1u);
+  const std::uint64_t before = server.counters().exchanges;
+  s.ticks(6000);
+  EXPECT_EQ(server.counters().opened, 1u);
+  EXPECT_EQ(server.counters().resumed, 1u);
+  EXPECT_EQ(server.counters().timed_out, 1u);
+  EXPECT_GT(server.counters().exchanges, before + 3000);
+}
+
+// It is not waited for longer than that: 2 s, then nothing is left, and a Hello that the network repeats
+// holds no place for ever.
+TEST(Session, WithoutAFirstCommandIsForgottenAfterTwoSeconds) {
+  ServerConfig config = test_config();
+  config.table.timeout_ns = 300'000'000;
+  link::SessionTable table(config.table, config.secret);
+  const auto changed = [](std::size_t, link::SlotState) {};
+  const std::size_t slot = table.open({}, 1, 1000, 0);
+  table.expire(2'000'000'000, changed);
+  EXPECT_EQ(table[slot].state, link::SlotState::kActive);
+  table.expire(2'000'000'001, changed);
+  EXPECT_EQ(table[slot].state, link::SlotState::kFree);
+}
+
+// What only a station may send is of no type that a server has: never taken for what came before it.
+TEST(Session, AServerThatAsksForTheStationsStateIsNotHeard) {
+  Server server(test_config(), spring_scene());
+  VirtualSession s(&server, {}, path(1), path(1), 1);
+  s.client.start(0);
+  s.ticks(20);
+  ASSERT_EQ(s.client.state(), ClientState::kEstablished);
+  link::SnapshotRequest request;
+  request.session_id = s.client.welcome().session_id;
+  request.snapshot = 1;
+  link::Codec codec;
+  const std::size_t size = codec.encode(request, s.buffer);
+  ASSERT_GT(size, 0u);
+  const std::uint64_t before = s.client.drops()[DropCause::kUnknownType];
+  EXPECT_EQ(s.client.on_datagram({s.buffer.data(), size}, s.now_ns), link::ClientEvent::kDropped);
+  EXPECT_EQ(s.client.drops()[DropCause::kUnknownType], before + 1);
+}
+
 TEST(Session, SlaveSeesEachCommandOnceAndNewestOnly) {
   SpringSlave* slave = nullptr;
   Server server(test_config(), spring_scene(&slave));
