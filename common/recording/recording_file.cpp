@@ -148,10 +148,12 @@ void RecordingFile::create_datasets() {
       good && events && write_text_attribute(events.get(), "description", "what happened, and at which tick");
   const Handle datagrams =
       create_extendable(file_.get(), kDatagramsDataset, datagram_type().get(), 1, kChunkRows);
-  good = good && datagrams &&
-         write_text_attribute(datagrams.get(), "description",
-                              "every datagram that came: tick and time (ns, station clock), a reply's number "
-                              "and the command it answers, the last logged step by then, type, cause if dropped (PROTOCOL.md)");
+  good =
+      good && datagrams &&
+      write_text_attribute(
+          datagrams.get(), "description",
+          "every datagram that came: tick and time (ns, station clock), a reply's number "
+          "and the command it answers, the last logged step by then, type, cause if dropped (PROTOCOL.md)");
 
   const hsize_t fields = kProgressFields;
   const Handle space(H5Screate_simple(1, &fields, nullptr), H5Sclose);

@@ -409,7 +409,7 @@ int run_session(const RunOptions& options) {
   const bool wants_twin = file.station.method == control::Method::kTwin && !file.chooses_method;
   if (!options.scene.empty()) {
     twins = twin::load_twins(options.scene, 2);
-  } else if ((wants_twin || file.chooses_method) && !options.observe) {
+  } else if (wants_twin) {
     Ahead ahead =
         look_for_twins(client_config, way, server, config.rate_hz, wants_twin, options, scene, stop);
     twins = std::move(ahead.twins);
