@@ -4,8 +4,9 @@
 
 namespace telenano::rt {
 
-/// Blocks all signals of the calling thread from here to the end of the scope. A thread that is made meanwhile inherits
-/// the mask from its first instruction, so that signals which end a program reach its main thread alone.
+/// Blocks all signals of the calling thread from here to the end of the scope. A thread that is made
+/// meanwhile inherits the mask from its first instruction, so that signals which end a program reach its main
+/// thread alone.
 class SignalsBlocked {
  public:
   SignalsBlocked() noexcept {

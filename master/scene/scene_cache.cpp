@@ -81,9 +81,10 @@ bool write_all(int fd, const std::string& bytes) {
 
 fs::path SceneCache::users_folder() {
   const char* const cache = std::getenv("XDG_CACHE_HOME");
-  if (cache != nullptr && fs::path(cache).is_absolute()) return fs::path(cache) / "telenano";
+  if (cache != nullptr && fs::path(cache).is_absolute()) return fs::path(cache) / "telenano" / "scenes";
   const char* const home = std::getenv("HOME");
-  if (home != nullptr && fs::path(home).is_absolute()) return fs::path(home) / ".cache" / "telenano";
+  if (home != nullptr && fs::path(home).is_absolute())
+    return fs::path(home) / ".cache" / "telenano" / "scenes";
   return {};
 }
 

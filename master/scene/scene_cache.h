@@ -22,7 +22,8 @@ class SceneCache {
   explicit SceneCache(std::filesystem::path folder, std::uint64_t bytes_max = kBytesMax)
       : folder_(std::move(folder)), bytes_max_(bytes_max) {}
 
-  /// $XDG_CACHE_HOME/telenano, else ~/.cache/telenano; empty where neither is an absolute path.
+  /// $XDG_CACHE_HOME/telenano/scenes, else ~/.cache/telenano/scenes; empty where neither is an absolute path.
+  /// A folder of its own: what else is in telenano/ (fields of scans) may be anybody's to read.
   static std::filesystem::path users_folder();
 
   /// The bundle of this hash and size.

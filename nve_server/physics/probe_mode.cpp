@@ -28,8 +28,7 @@ ProbeMode::ProbeMode(double stiffness_n_m, double frequency_hz, double quality)
           stiffness_n_m);
   require(std::isfinite(frequency_hz) && frequency_hz > 0, "frequency must be positive and finite (Hz)",
           frequency_hz);
-  require((quality >= 0.6 && quality <= 1e6) || quality == HUGE_VAL,
-          "quality must be 0.6 to 1e6, or infinite", quality);
+  require((quality >= 0.6 && quality <= 1e6) || quality == HUGE_VAL, "quality must be 0.6 to 1e6", quality);
   omega_1_per_s_ = 2.0 * kPi * frequency_hz;
   gamma_1_per_s_ = 0.5 * omega_1_per_s_ / quality;
   omega_damped_1_per_s_ = omega_1_per_s_ * std::sqrt(1.0 - 0.25 / (quality * quality));

@@ -39,19 +39,19 @@ struct Ground {
 
 const std::vector<Ground>& grounds() {
   static const std::vector<Ground> all{
-      {"scan of 600 nm", "wsxm_600nm", 1, 52.5, {"adhesive_elastic_wsxm_600nm", "places_wsxm_600nm"}},
-      {"scan of 1 um",
+      {"600 nm", "wsxm_600nm", 1, 52.5, {"adhesive_elastic_wsxm_600nm", "places_wsxm_600nm"}},
+      {"1 um",
        "nanoscope_peakforce_1um",
        1,
        52.5,
        {"adhesive_elastic_nanoscope_peakforce_1um", "places_nanoscope_peakforce_1um"}},
-      {"scan of 600 nm, 3 x higher, slopes of 30 to 45 deg", "wsxm_600nm", 3, 52.5, {"steep_wsxm_600nm"}},
-      {"scan of 1 um, 6 x higher, slopes of 30 to 45 deg",
+      {"600 nm, 3 x higher: 30 to 45 deg", "wsxm_600nm", 3, 52.5, {"steep_wsxm_600nm"}},
+      {"1 um, 6 x higher: 30 to 45 deg",
        "nanoscope_peakforce_1um",
        6,
        52.5,
        {"steep_nanoscope_peakforce_1um"}},
-      {"scan of 600 nm, soft: E* = 10 GPa, lambda = 2.2", "wsxm_600nm", 1, 10, {"soft_wsxm_600nm"}}};
+      {"600 nm, soft: E* 10 GPa, lambda 2.2", "wsxm_600nm", 1, 10, {"soft_wsxm_600nm"}}};
   return all;
 }
 

@@ -175,8 +175,9 @@ TEST(Precision, SaysWhatIsWrongBeforeMeasuring) {
     run_precision({out, true, {"laws"}});
     FAIL();
   } catch (const UserError& error) {
-    EXPECT_NE(std::string(error.what()).find("--only: 'laws' is unknown; expected some of law, ground, nearest"),
-              std::string::npos);
+    EXPECT_NE(
+        std::string(error.what()).find("--only: 'laws' is unknown; expected some of law, ground, nearest"),
+        std::string::npos);
   }
   // A file where the folder should be: nobody, not even root, can write into it.
   std::filesystem::remove_all(out);

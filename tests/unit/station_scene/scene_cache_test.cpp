@@ -116,12 +116,22 @@ TEST_F(Cache, LetsTheOldestGo) {
   EXPECT_NE(cache.keep(sha256(std::string(3000, 'd')), std::string(3000, 'd')), "");
 }
 
+// The server, or whoever else of this user came first, has made the folder above for all to see.
+TEST_F(Cache, KeepsInAFolderOfItsOwn) {
+  fs::create_directories(base_ / "telenano" / "fields");
+  fs::permissions(base_ / "telenano", fs::perms(0755));
+  ::setenv("XDG_CACHE_HOME", base_.c_str(), 1);
+  const SceneCache cache(SceneCache::users_folder());
+  EXPECT_EQ(cache.keep(sha256("bundle"), "bundle"), "");
+  EXPECT_EQ(cache.read(sha256("bundle"), 6), "bundle");
+}
+
 TEST_F(Cache, IsWhereTheUserWantsIt) {
   ::setenv("XDG_CACHE_HOME", "/somewhere", 1);
-  EXPECT_EQ(SceneCache::users_folder(), "/somewhere/telenano");
+  EXPECT_EQ(SceneCache::users_folder(), "/somewhere/telenano/scenes");
   ::setenv("XDG_CACHE_HOME", "not/absolute", 1);
   ::setenv("HOME", "/home/anna", 1);
-  EXPECT_EQ(SceneCache::users_folder(), "/home/anna/.cache/telenano");
+  EXPECT_EQ(SceneCache::users_folder(), "/home/anna/.cache/telenano/scenes");
   ::unsetenv("XDG_CACHE_HOME");
   ::unsetenv("HOME");
   EXPECT_EQ(SceneCache::users_folder(), "");
