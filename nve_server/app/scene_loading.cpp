@@ -5,6 +5,8 @@
 #include <chrono>
 #include <cstdio>
 
+#include "nve_server/app/server_signals.h"
+#include "nve_server/app/service_notify.h"
 #include "nve_server/scene/fields_cache.h"
 
 namespace telenano::app {
@@ -29,6 +31,7 @@ auto loaded(const Tell& tell, const Load& load) {
   scene::SceneLoading loading;
   loading.fields_cache = scene::FieldsCache::folder_of_user();
   loading.progress = [&](double part) {
+    if (asked_to_stop()) throw StoppedWhileLoading{};
     if (Clock::now() < next || part >= 1.0) return;
     next = Clock::now() + kQuiet;
     char text[96];
@@ -66,7 +69,11 @@ std::shared_ptr<const scene::Scene> load_scene(const std::string& name_or_path) 
 }
 
 scene::SceneWithBundle load_scene_with_bundle(const std::string& name_or_path) {
-  return loaded(tell_stderr, [&](const scene::SceneLoading& loading) {
+  const Tell tell = [](const std::string& text) {
+    tell_stderr(text);
+    notify_start_goes_on(text);
+  };
+  return loaded(tell, [&](const scene::SceneLoading& loading) {
     return scene::load_scene_with_bundle(name_or_path, loading);
   });
 }

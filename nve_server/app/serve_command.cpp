@@ -147,10 +147,16 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
   ServerSignals& signals = catch_server_signals();
-  server::ServedScene scene =
-      options.afm.wanted() ? options.afm.start(clock, signals.stop,
-                                               [log](const std::string& text) { log->info("afm: {}", text); })
-                           : load_scene(options.scene, options.surfaces);
+  server::ServedScene scene;
+  try {
+    scene = options.afm.wanted()
+                ? options.afm.start(clock, signals.stop,
+                                    [log](const std::string& text) { log->info("afm: {}", text); })
+                : load_scene(options.scene, options.surfaces);
+  } catch (const StoppedWhileLoading&) {
+    log->info("stopped while the scene was loaded");
+    return;
+  }
   if (options.no_scene_sharing) {
     scene.to_fetch.reset();
     scene.why_no_fetch = "--no-scene-sharing";

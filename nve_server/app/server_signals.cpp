@@ -37,4 +37,8 @@ ServerSignals& catch_server_signals() {
   return g_signals;
 }
 
+bool asked_to_stop() noexcept {
+  return g_signals.stop;
+}
+
 }  // namespace telenano::app

@@ -14,4 +14,10 @@ struct ServerSignals {
 /// Catches SIGINT, SIGTERM and SIGHUP from now on. A third SIGINT or SIGTERM kills, whatever hangs.
 ServerSignals& catch_server_signals();
 
+/// Whether one has asked since to stop; false where none are caught.
+bool asked_to_stop() noexcept;
+
+/// Thrown out of a loading that has found that it is asked to stop.
+struct StoppedWhileLoading {};
+
 }  // namespace telenano::app

@@ -19,6 +19,10 @@ constexpr std::int64_t kStatusPeriodUs = 5'000'000;
 
 }  // namespace
 
+void notify_start_goes_on(const std::string& status) noexcept {
+  sd_notifyf(0, "EXTEND_TIMEOUT_USEC=30000000\nSTATUS=%s", status.c_str());
+}
+
 ServiceNotify::ServiceNotify(std::vector<const server::LoopStatus*> loops) : loops_(std::move(loops)) {
   std::uint64_t watchdog_us = 0;
   watched_ = sd_watchdog_enabled(0, &watchdog_us) > 0;
@@ -60,6 +64,8 @@ void ServiceNotify::run() {
 }
 
 #else
+
+void notify_start_goes_on(const std::string&) noexcept {}
 
 ServiceNotify::ServiceNotify(std::vector<const server::LoopStatus*> loops) : loops_(std::move(loops)) {}
 ServiceNotify::~ServiceNotify() = default;

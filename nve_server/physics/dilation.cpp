@@ -433,7 +433,7 @@ void Dilation::make_part(int i0, int j0, int nx, int ny, int stride, DilatedNode
   }
 }
 
-std::vector<DilatedNode> Dilation::make_all() const {
+std::vector<DilatedNode> Dilation::make_all(const std::function<void(double)>& made) const {
   std::vector<DilatedNode> all(static_cast<std::size_t>(lattice_.columns) *
                                static_cast<std::size_t>(lattice_.rows));
   if (level_) {
@@ -454,6 +454,7 @@ std::vector<DilatedNode> Dilation::make_all() const {
             &all[static_cast<std::size_t>(tj * kTile + j) * static_cast<std::size_t>(lattice_.columns) +
                  static_cast<std::size_t>(ti * kTile)]);
       }
+      if (made) made(static_cast<double>(tj * tile_columns() + ti + 1) / (tile_rows() * tile_columns()));
     }
   }
   return all;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <vector>
 
 #include "nve_server/physics/bicubic_spline.h"
@@ -81,8 +82,9 @@ class Dilation {
   int tile_columns() const noexcept { return (lattice_.columns + kTile - 1) / kTile; }
   int tile_rows() const noexcept { return (lattice_.rows + kTile - 1) / kTile; }
 
-  /// All tiles, row-major over the lattice. Of a level ground one node is made, which all are.
-  std::vector<DilatedNode> make_all() const;
+  /// All tiles, row-major over the lattice. Of a level ground one node is made, which all are. `made`, if
+  /// given, hears after each tile which part is done, from 0 to 1.
+  std::vector<DilatedNode> make_all(const std::function<void(double)>& made = {}) const;
 
   const DilationLattice& lattice() const noexcept { return lattice_; }
 

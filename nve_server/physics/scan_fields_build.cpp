@@ -81,7 +81,11 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
     lattice.node_dx_nm = width_ / (fields.columns - 1);
     lattice.node_dy_nm = length_ / (fields.rows - 1);
     lattice.m = sub_samples(lattice, 0.65 * std::sqrt(tip_radius_nm * t));
-    const std::vector<DilatedNode> nodes = Dilation(height, lattice, tip_radius_nm, t, relief).make_all();
+    const double here = static_cast<double>(fields.columns) * fields.rows;
+    const std::vector<DilatedNode> nodes =
+        Dilation(height, lattice, tip_radius_nm, t, relief).make_all([&](double part) {
+          if (made) made((done + part * here) / all);
+        });
     const auto fold = [](int i, int count) { return i < 0 ? -i : (i < count ? i : 2 * count - 2 - i); };
     const auto node = [&](int i, int j) -> const DilatedNode& {
       return nodes[static_cast<std::size_t>(fold(j, fields.rows)) * static_cast<std::size_t>(fields.columns) +
@@ -108,8 +112,7 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
         at[2] = std::clamp(at[2], least, most);
       }
     }
-    done += static_cast<double>(fields.columns) * fields.rows;
-    if (made) made(done / all);
+    done += here;
   };
   for (std::size_t g = 0; g < grids_.size(); ++g) {
     Grid& fields = grids_[g];

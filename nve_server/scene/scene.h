@@ -110,6 +110,7 @@ struct SceneLoading {
   /// Folder (fields_cache.h), as the environment has it; empty: fields are made anew, and not kept.
   std::string fields_cache = users_fields_cache();
   /// Hears which part of the fields is made, from 0 to 1; not called where they come from the cache.
+  /// What it throws ends the loading.
   std::function<void(double part)> progress{};
   /// What a scene means that leaves surface.force out: "potential" or "foot"; empty: as it is today
   /// (config::default_surface_force). For recordings from before there was a choice.
