@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "common/base/det_math.h"
 
@@ -32,17 +31,16 @@ SofteningRule softening_rule(double radius_nm, double work_of_adhesion_n_per_m, 
   const double ratio = wanted / most;
   rule.finest_nm = wanted / fourth_root(1.0 + ratio * ratio * ratio * ratio);
   rule.dead_zone_nm = 2.0 * range_nm;
+  rule.pressed_onset_nm = 0.3 * range_nm;
   return rule;
 }
 
 SofteningLevel softening_level(const SofteningRule& rule, double v0_nm) noexcept {
   const bool pressed = v0_nm < 0.0;
-  static const double onset = std::getenv("ONSET") ? std::atof(std::getenv("ONSET")) : 0.0;
-  static const double al = std::getenv("ALPHA") ? std::atof(std::getenv("ALPHA")) : 0.0;
-  const double xi = pressed ? -v0_nm - onset : v0_nm - rule.dead_zone_nm;
+  const double xi = pressed ? -v0_nm - rule.pressed_onset_nm : v0_nm - rule.dead_zone_nm;
   if (!(xi > 0.0)) return {};
   const double side = pressed ? -1.0 : 1.0;
-  const double growth = pressed ? (al > 0 ? al : rule.pressed_growth) : rule.gap_growth;
+  const double growth = pressed ? rule.pressed_growth : rule.gap_growth;
   // s = ξ − ξ ξ0²/(ξ² + ξ0²)
   constexpr double o2 = kOnset * kOnset;
   const double inv = 1.0 / (xi * xi + o2);
