@@ -23,7 +23,8 @@ const HeightGrid& checked(const HeightGrid& grid, double tip_radius_nm, const So
     throw UserError("surface: expected a positive tip radius");
   }
   if (!(rule.finest_nm > 0.0 && rule.coarsest_nm > rule.finest_nm && std::isfinite(rule.coarsest_nm) &&
-        rule.pressed_growth >= 0.0 && rule.gap_growth >= 0.0 && rule.dead_zone_nm >= 0.0)) {
+        rule.pressed_growth >= 0.0 && rule.gap_growth >= 0.0 && rule.dead_zone_nm >= 0.0 &&
+        rule.pressed_onset_nm >= 0.0)) {
     throw UserError("surface: expected a softening that is positive and grows");
   }
   return grid;

@@ -31,12 +31,13 @@ SofteningRule softening_rule(double radius_nm, double work_of_adhesion_n_per_m, 
   const double ratio = wanted / most;
   rule.finest_nm = wanted / fourth_root(1.0 + ratio * ratio * ratio * ratio);
   rule.dead_zone_nm = 2.0 * range_nm;
+  rule.pressed_onset_nm = 0.3 * range_nm;
   return rule;
 }
 
 SofteningLevel softening_level(const SofteningRule& rule, double v0_nm) noexcept {
   const bool pressed = v0_nm < 0.0;
-  const double xi = pressed ? -v0_nm : v0_nm - rule.dead_zone_nm;
+  const double xi = pressed ? -v0_nm - rule.pressed_onset_nm : v0_nm - rule.dead_zone_nm;
   if (!(xi > 0.0)) return {};
   const double side = pressed ? -1.0 : 1.0;
   const double growth = pressed ? rule.pressed_growth : rule.gap_growth;

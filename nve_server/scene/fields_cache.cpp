@@ -103,8 +103,9 @@ Words key_of(const HeightGrid& grid, double radius, const SofteningRule& rule,
              const std::vector<double>& fixed) {
   Words key = {ScanFields::kVersion, static_cast<std::uint64_t>(grid.columns),
                static_cast<std::uint64_t>(grid.rows)};
-  for (const double value : {grid.dx_nm, grid.dy_nm, grid.x_first_nm, grid.y_first_nm, radius, rule.finest_nm,
-                             rule.coarsest_nm, rule.pressed_growth, rule.gap_growth, rule.dead_zone_nm}) {
+  for (const double value :
+       {grid.dx_nm, grid.dy_nm, grid.x_first_nm, grid.y_first_nm, radius, rule.finest_nm, rule.coarsest_nm,
+        rule.pressed_growth, rule.gap_growth, rule.dead_zone_nm, rule.pressed_onset_nm}) {
     key.push_back(std::bit_cast<std::uint64_t>(value));
   }
   key.push_back(fixed.size());

@@ -30,6 +30,30 @@ QUIET, WATCH, DONE = 0, 1, 2
 READY, LATCHED, IN_USE, NO_CONTROLLER = 0, 1, 2, 3
 
 
+class StandStills:
+    """When a processor stood still, as those of a virtual machine do: each silence that a deadman waits for has then been there."""
+
+    def __init__(self):
+        self.seen = []
+
+    def start(self):
+        for processor in os.sched_getaffinity(0):
+            threading.Thread(target=self.watch, args=(processor,), daemon=True).start()
+
+    def watch(self, processor):
+        os.sched_setaffinity(0, {processor})  # of this thread
+        last = time.monotonic()
+        while True:
+            time.sleep(0.005)
+            now = time.monotonic()
+            if now - last > 0.15:
+                self.seen.append(now - last)
+            last = now
+
+
+STAND_STILLS = StandStills()
+
+
 class Program:
     """A process whose standard error is kept."""
 
@@ -81,7 +105,23 @@ def children(pid):
 
 
 class Rig(unittest.TestCase):
-    """A simulator, a deadman, a server, in a folder of their own."""
+    """A simulator, a deadman, a server, in a folder of their own. Times are what is tested: a failure counts only where no processor
+    stood still meanwhile; else the test is run again."""
+
+    def run(self, result=None):
+        if result is None:
+            result = self.defaultTestResult()
+        for left in reversed(range(5)):
+            STAND_STILLS.seen.clear()
+            own = unittest.TestResult()
+            super().run(own)
+            if own.wasSuccessful() or not STAND_STILLS.seen or left == 0:
+                break
+            print(f"{self.id()}: again: a processor stood still for {1e3 * max(STAND_STILLS.seen):.0f} ms", file=sys.stderr)
+        result.testsRun += own.testsRun
+        for what in ("failures", "errors", "skipped"):
+            getattr(result, what).extend(getattr(own, what))
+        return result
 
     def setUp(self):
         self.folder = tempfile.TemporaryDirectory(prefix="telenano_deadman_")
@@ -563,4 +603,5 @@ class Heartbeats(Rig):
 
 
 if __name__ == "__main__":
+    STAND_STILLS.start()
     unittest.main(argv=[sys.argv[0]] + sys.argv[5:], warnings="ignore")  # sockets that a refusal has closed

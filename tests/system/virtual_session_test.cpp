@@ -16,8 +16,8 @@
 namespace telenano::support {
 namespace {
 
-constexpr std::uint64_t kGoldenHash = 0x4e21e204a972de25u;
-constexpr std::uint64_t kGoldenHashUncredited = 9316706100264351783u;
+constexpr std::uint64_t kGoldenHash = 0x97bc9dd7242d31au;
+constexpr std::uint64_t kGoldenHashUncredited = 9783254336666231963u;
 // By the ground's nearest point, which was the force on scans before.
 constexpr std::uint64_t kGoldenHashByFoot = 0x5807a2b1e5fe5bd1u;
 

@@ -14,6 +14,7 @@
 #include "common/link/codec.h"
 #include "master/twin/scene_twin.h"
 #include "tests/property/twin/felt_run.h"
+#include "tests/support/changed_news_method.h"
 
 namespace telenano::support {
 namespace {
@@ -182,36 +183,12 @@ TEST(TwinMutants, ASnapshotThatIsNotTakenUpOrComesAStepLateIsFound) {
 }
 
 /// The method `twin` with a ledger that does not know the sample's well, or has its sign wrong.
-class WrongLedger final : public control::StationMethod {
+class WrongLedger final : public ChangedNewsMethod {
  public:
-  explicit WrongLedger(double times)
-      : methods_(control::Method::kTwin, control::MethodConfig{}), times_(times) {}
-  void take_over(double ledger_j, const control::MethodConfig& config, const Vec3& pos) noexcept override {
-    right().take_over(ledger_j, config, pos);
-  }
-  void begin_session(bool new_epoch) noexcept override { right().begin_session(new_epoch); }
-  void book(const control::PortInterval& interval) noexcept override { right().book(interval); }
-  void hear(const control::SlaveNews& news) noexcept override {
-    control::SlaveNews wrong = news;
-    wrong.given_j *= times_;
-    right().hear(wrong);
-  }
-  void feel(const control::LocalNews& news) noexcept override {
-    control::LocalNews wrong = news;
-    wrong.given_j *= times_;
-    right().feel(wrong);
-  }
-  Vec3 force_h_n(const control::RenderPoint& at) noexcept override { return right().force_h_n(at); }
-  Vec3 damper_force_h_n() const noexcept override { return right().damper_force_h_n(); }
-  double damper_n_s_m() const noexcept override { return right().damper_n_s_m(); }
-  double force_bound_n() const noexcept override { return right().force_bound_n(); }
-  double ledger_j() const noexcept override { return right().ledger_j(); }
-  void tell(control::SlaveOrder& order) const noexcept override { right().tell(order); }
+  explicit WrongLedger(double times) : ChangedNewsMethod(control::Method::kTwin), times_(times) {}
 
  private:
-  control::StationMethod& right() noexcept { return methods_.now(); }
-  const control::StationMethod& right() const noexcept { return methods_.now(); }
-  control::Methods methods_;
+  void change(double& given_j, double& /*well_j*/) const noexcept override { given_j *= times_; }
   double times_;
 };
 

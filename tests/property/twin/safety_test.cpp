@@ -14,7 +14,9 @@
 #include "common/link/codec.h"
 #include "master/twin/scene_twin.h"
 #include "tests/source_dir.h"
+#include "tests/support/changed_news_method.h"
 #include "tests/support/driven_hand.h"
+#include "tests/support/sliders.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::support {
@@ -32,14 +34,7 @@ constexpr double kAllowanceJ = 0.010;
 // Rounding: 1e5 terms of some millijoules, in long double there and in double here.
 constexpr double kRoundingJ = 1e-12;
 
-/// When the operator moves the sliders of the two scales, always against each other: the impedance α_v α_F,
-/// which the planner watches, stays. A joule at the tip is worth 25 times as much at 5 as at 1.
-enum class Sliders { kNever, kPressLow, kEachTick, kSpite, kWalk };
 constexpr Sliders kSliders[] = {Sliders::kPressLow, Sliders::kEachTick, Sliders::kSpite, Sliders::kWalk};
-const char* name_of(Sliders sliders) {
-  constexpr const char* kNames[] = {"never", "low in, high out", "each tick", "spite", "walk"};
-  return kNames[static_cast<int>(sliders)];
-}
 
 /// What a server says that is not so.
 enum class Lie { kNone, kSums, kHash, kExecuted, kGap, kBreaks, kSnapshot, kForce, kWell, kWellParted, kAll };
@@ -200,24 +195,9 @@ Taken attack(const Attack& a) {
   double last_pos_m = 0;
   std::int64_t touched = 0, since_restart = 0;
   for (std::int64_t k = 0; cycles < a.cycles && k < 60'000; ++k) {
-    double wanted = by;
-    const double force_n = session.loop().trace().applied_force_h_n.z();
-    switch (a.sliders) {
-      case Sliders::kNever:
-        break;
-      case Sliders::kPressLow:
-        wanted = down ? 1 : 5;
-        break;
-      case Sliders::kEachTick:
-        wanted = k % 2 == 0 ? 1 : 5;
-        break;
-      case Sliders::kSpite:
-        wanted = force_n * (hand->pos_m() - last_pos_m) > 0 || !down ? 5 : 0.2;
-        break;
-      case Sliders::kWalk:
-        if (k % 250 == 0) wanted = std::clamp(by * std::exp(random.uniform(-2, 2)), 0.2, 5.0);
-        break;
-    }
+    const double wanted = next_scale(
+        a.sliders, by,
+        {k, down, false, session.loop().trace().applied_force_h_n.z(), hand->pos_m() - last_pos_m}, random);
     last_pos_m = hand->pos_m();
     if (wanted != by && session.station().change_scaling(scaled(wanted))) {
       by = wanted;
@@ -348,45 +328,21 @@ TEST(TwinSafety, AHostileScenesWellIsCapped) {
 }
 
 /// The method `twin` with its ledger's credit made wrong.
-class WrongCredit final : public control::StationMethod {
+class WrongCredit final : public ChangedNewsMethod {
  public:
   enum class How { kRight, kAgainAtEachSession };
-  explicit WrongCredit(How how) : methods_(Method::kTwin, control::MethodConfig{}), how_(how) {}
-  void take_over(double ledger_j, const control::MethodConfig& config, const Vec3& pos) noexcept override {
-    right().take_over(ledger_j, config, pos);
-  }
+  explicit WrongCredit(How how) : ChangedNewsMethod(Method::kTwin), how_(how) {}
   void begin_session(bool new_epoch) noexcept override {
-    right().begin_session(new_epoch);
+    ChangedNewsMethod::begin_session(new_epoch);
     if (new_epoch) ++sessions_;
   }
-  void book(const control::PortInterval& interval) noexcept override { right().book(interval); }
-  void hear(const control::SlaveNews& news) noexcept override {
-    control::SlaveNews wrong = news;
-    spoil(wrong.given_j, wrong.well_j);
-    right().hear(wrong);
-  }
-  void feel(const control::LocalNews& news) noexcept override {
-    control::LocalNews wrong = news;
-    spoil(wrong.given_j, wrong.well_j);
-    right().feel(wrong);
-  }
-  Vec3 force_h_n(const control::RenderPoint& at) noexcept override { return right().force_h_n(at); }
-  Vec3 damper_force_h_n() const noexcept override { return right().damper_force_h_n(); }
-  double damper_n_s_m() const noexcept override { return right().damper_n_s_m(); }
-  double force_bound_n() const noexcept override { return right().force_bound_n(); }
-  double ledger_j() const noexcept override { return right().ledger_j(); }
-  void tell(control::SlaveOrder& order) const noexcept override { right().tell(order); }
 
  private:
-  control::StationMethod& right() noexcept { return methods_.now(); }
-  const control::StationMethod& right() const noexcept { return methods_.now(); }
-  void spoil(double& given_j, double& well_j) const noexcept {
+  void change(double& given_j, double& well_j) const noexcept override {
     const double times = how_ == How::kAgainAtEachSession ? sessions_ : 1;
     given_j *= times;
     well_j *= times;
   }
-
-  control::Methods methods_;
   How how_;
   double sessions_ = 0;
 };

@@ -1,3 +1,5 @@
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
@@ -50,6 +52,22 @@ struct Options {
   double from_nm = -0.8, to_nm = 1.0, step_nm = 0.04;
 };
 
+// CLI11's ranges let "nan" through: no comparison fails with it.
+CLI::Validator between(double low, double high) {
+  return {[low, high](const std::string& text) {
+            double value = 0;
+            if (CLI::detail::lexical_cast(text, value) && value >= low && value <= high) return std::string();
+            return fmt::format("'{}' is no number between {} and {}", text, low, high);
+          },
+          fmt::format("{} to {}", low, high)};
+}
+
+void require_meaning(const Options& options) {
+  if (!(options.from_nm < options.to_nm)) {
+    throw telenano::UserError("--from-nm must be below --to-nm: the tip is led from the first to the last");
+  }
+}
+
 void print_curve(const Options& options, const std::string& place, int column, int row,
                  const Ground& ground) {
   std::vector<double> heights;
@@ -63,11 +81,15 @@ void print_curve(const Options& options, const std::string& place, int column, i
 }
 
 void run_scan(const Options& options) {
+  if (options.what.size() < 2) {
+    throw telenano::UserError(options.what.front() + ": name at least one place of it, as COLUMN,ROW");
+  }
   auto scan = telenano::surface::read_gsf(options.what.front()).grid;
   for (double& z : scan.z_nm) z *= options.heights_times;
   for (std::size_t k = 1; k < options.what.size(); ++k) {
-    int column = 0, row = 0;
-    if (std::sscanf(options.what[k].c_str(), "%d,%d", &column, &row) != 2 || column < 0 || row < 0 ||
+    int column = 0, row = 0, read = 0;
+    if (std::sscanf(options.what[k].c_str(), "%d,%d%n", &column, &row, &read) != 2 ||
+        options.what[k].size() != static_cast<std::size_t>(read) || column < 0 || row < 0 ||
         column >= scan.columns || row >= scan.rows) {
       throw telenano::UserError(options.what[k] + ": expected COLUMN,ROW within the scan");
     }
@@ -97,20 +119,31 @@ int main(int argc, char** argv) {
   std::string shapes;
   for (const Shape& shape : kShapes) shapes += std::string(" ") + shape.name;
   app.add_option("what", options.what, "FILE.gsf COLUMN,ROW ...   or shapes:" + shapes)->required();
-  app.add_option("--radius-nm", options.probe.radius_nm, "of the tip")->capture_default_str();
-  app.add_option("--modulus-gpa", options.probe.modulus_gpa, "E*, plane strain")->capture_default_str();
+  app.add_option("--radius-nm", options.probe.radius_nm, "of the tip")
+      ->check(between(0.1, 1e4))
+      ->capture_default_str();
+  app.add_option("--modulus-gpa", options.probe.modulus_gpa, "E*, plane strain")
+      ->check(between(1e-3, 1e4))
+      ->capture_default_str();
   app.add_option("--adhesion-n-m", options.probe.adhesion.work_n_per_m, "work of adhesion")
+      ->check(between(0, 10))
       ->capture_default_str();
   app.add_option("--spacing-nm", options.probe.spacing_nm, "of the 128 x 128 elements")
+      ->check(between(1e-3, 100))
       ->capture_default_str();
-  app.add_option("--heights-times", options.heights_times, "makes a scan steeper")->capture_default_str();
-  app.add_option("--from-nm", options.from_nm, "first height, above first touch")->capture_default_str();
-  app.add_option("--to-nm", options.to_nm, "last height")->capture_default_str();
+  app.add_option("--heights-times", options.heights_times, "makes a scan steeper")
+      ->check(between(0, 1e3))
+      ->capture_default_str();
+  app.add_option("--from-nm", options.from_nm, "first height, above first touch")
+      ->check(between(-100, 100))
+      ->capture_default_str();
+  app.add_option("--to-nm", options.to_nm, "last height")->check(between(-100, 100))->capture_default_str();
   app.add_option("--step-nm", options.step_nm, "between heights")
-      ->check(CLI::Range(1e-4, 1.0))
+      ->check(between(1e-4, 1.0))
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);
   try {
+    require_meaning(options);
     const std::string& first = options.what.front();
     if (first.size() > 4 && first.substr(first.size() - 4) == ".gsf")
       run_scan(options);

@@ -11,6 +11,7 @@
 #include "common/control/method.h"
 #include "tests/source_dir.h"
 #include "tests/support/driven_hand.h"
+#include "tests/support/sliders.h"
 #include "tests/support/virtual_session.h"
 #include "tests/support/wall_slave.h"
 
@@ -19,27 +20,13 @@ namespace {
 
 using control::Method;
 using control::Scaling;
+using support::Sliders;
 
 constexpr double kTip_n_m = 50;
 constexpr double kAllowanceJ = 0.010;
 
-/// When the operator moves the sliders of the two scales: always against each other, so that the impedance
-/// α_v α_F, which the planner watches, is the same.
-enum class Sliders {
-  kPressLow,   ///< α_v/5, α_F·5 for the way out: a joule at the tip is worth 25 times as much then
-  kPressHigh,  ///< the other way round
-  kOnTheWay,   ///< in the middle of each press, back in the middle of each withdrawal
-  kEachTick,   ///< to and fro with every tick
-  kSpite,      ///< with every tick so that what the hand takes is worth most, and what it gives least
-  kWalk        ///< a random walk over a range of 625 for the energy
-};
 constexpr Sliders kSliders[] = {Sliders::kPressLow, Sliders::kPressHigh, Sliders::kOnTheWay,
                                 Sliders::kEachTick, Sliders::kSpite,     Sliders::kWalk};
-const char* name_of(Sliders sliders) {
-  constexpr const char* kNames[] = {
-      "low in, high out", "high in, low out", "on the way", "each tick", "spite", "walk"};
-  return kNames[static_cast<int>(sliders)];
-}
 
 struct Presses {
   Method method = Method::kTank;
@@ -119,29 +106,11 @@ Taken press_and_rescale(const Presses& p) {
   Taken taken;
   double lowest_nm = 0, last_pos_m = 0;
   for (std::int64_t k = 0; cycles < p.cycles && k < 100'000; ++k) {
-    double wanted = by;
-    const bool deep = target_nm < -0.5 * kDeepNm;
-    const double force_n = session.loop().trace().applied_force_h_n.z();
-    switch (p.sliders) {
-      case Sliders::kPressLow:
-        wanted = down ? 1 : 5;
-        break;
-      case Sliders::kPressHigh:
-        wanted = down ? 5 : 1;
-        break;
-      case Sliders::kOnTheWay:
-        wanted = deep ? 5 : 1;
-        break;
-      case Sliders::kEachTick:
-        wanted = k % 2 == 0 ? 1 : 5;
-        break;
-      case Sliders::kSpite:
-        wanted = force_n * (hand->pos_m() - last_pos_m) > 0 || !down ? 5 : 0.2;
-        break;
-      case Sliders::kWalk:
-        if (k % 250 == 0) wanted = std::clamp(by * std::exp(random.uniform(-2, 2)), 0.2, 5.0);
-        break;
-    }
+    const double wanted =
+        next_scale(p.sliders, by,
+                   {k, down, target_nm < -0.5 * kDeepNm, session.loop().trace().applied_force_h_n.z(),
+                    hand->pos_m() - last_pos_m},
+                   random);
     last_pos_m = hand->pos_m();
     if (wanted != by && session.station().change_scaling(scaled(wanted))) {
       by = wanted;

@@ -109,10 +109,10 @@ TEST(Softening, RuleOfTheFinest) {
 
 TEST(Softening, GrowsWithTheDistanceFromTouch) {
   const double t0 = kRule.finest_nm;
-  for (const double v : {0.0, 0.1, 0.33}) EXPECT_EQ(softening_level(kRule, v).level, 0.0);
+  for (const double v : {-0.0495, 0.0, 0.1, 0.33}) EXPECT_EQ(softening_level(kRule, v).level, 0.0);
   // Long before the end at R/4 = 5 nm, t² = t0² + (α s)².
   const double xi = 1.0, s = xi * xi * xi / (xi * xi + 0.01);
-  EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, -1).level), std::hypot(t0, 0.7 * s), 1e-3);
+  EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, -1.0495).level), std::hypot(t0, 0.6 * s), 1e-3);
   EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, 1.33).level), std::hypot(t0, 0.6 * s), 1e-3);
   EXPECT_NEAR(t0 * std::exp2(softening_level(kRule, 1e6).level), 5.0, 1e-9);
   const double h = 1e-5;

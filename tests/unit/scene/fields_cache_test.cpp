@@ -96,7 +96,7 @@ TEST_F(FieldsCacheTest, AnotherGroundTipOrRuleIsNotFound) {
   for (double physics::SofteningRule::*part :
        {&physics::SofteningRule::finest_nm, &physics::SofteningRule::coarsest_nm,
         &physics::SofteningRule::pressed_growth, &physics::SofteningRule::gap_growth,
-        &physics::SofteningRule::dead_zone_nm}) {
+        &physics::SofteningRule::dead_zone_nm, &physics::SofteningRule::pressed_onset_nm}) {
     physics::SofteningRule changed = rule();
     changed.*part = std::nextafter(changed.*part, 100.0);
     EXPECT_FALSE(cache.find(ground(), kRadius, changed));
