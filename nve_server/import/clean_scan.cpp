@@ -224,27 +224,29 @@ std::size_t remove_spikes(HeightGrid& grid, double sigma) {
 }
 
 Plane fit_plane(const HeightGrid& grid) {
-  const int half_columns = grid.columns / 2;
-  const int half_rows = grid.rows / 2;
-  // Over half the scan, not from pixel to pixel: heights come in steps, and a step of one pixel's slope would
-  // be 500 of them over the scan.
+  // Of pixels a little apart. Far apart, most pairs would stand with one foot on a flake that covers a side;
+  // from pixel to pixel, heights that come in steps give slopes that do, and noise counts for more. What is
+  // left of either over the scan is some noise of a pixel, which the iteration takes.
+  const auto apart = [](int n) { return std::clamp(n / 64, 1, 16); };
+  const int few_columns = apart(grid.columns);
+  const int few_rows = apart(grid.rows);
   std::vector<double> differences;
   differences.reserve(grid.z_nm.size());
   for (int row = 0; row < grid.rows; ++row) {
-    for (int column = 0; column + half_columns < grid.columns; ++column) {
+    for (int column = 0; column + few_columns < grid.columns; ++column) {
       const std::size_t i = index(grid, column, row);
-      differences.push_back(grid.z_nm[i + static_cast<std::size_t>(half_columns)] - grid.z_nm[i]);
+      differences.push_back(grid.z_nm[i + static_cast<std::size_t>(few_columns)] - grid.z_nm[i]);
     }
   }
   Plane plane;
-  double a = median(differences) / half_columns;  // nm a column
+  double a = median(differences) / few_columns;  // nm a column
   differences.clear();
-  for (int row = 0; row + half_rows < grid.rows; ++row) {
+  for (int row = 0; row + few_rows < grid.rows; ++row) {
     for (int column = 0; column < grid.columns; ++column)
-      differences.push_back(grid.z_nm[index(grid, column, row + half_rows)] -
+      differences.push_back(grid.z_nm[index(grid, column, row + few_rows)] -
                             grid.z_nm[index(grid, column, row)]);
   }
-  double b = median(differences) / half_rows;  // nm a row
+  double b = median(differences) / few_rows;  // nm a row
   const double middle_column = 0.5 * (grid.columns - 1);
   const double middle_row = 0.5 * (grid.rows - 1);
   std::vector<double>& residuals = differences;

@@ -35,8 +35,8 @@ struct Plane {
 };
 
 /// The plane of most of the scan, by least squares that leave out what stands on it: Tukey's biweight (weight
-/// (1 − (r/4.685 s)²)², s = 1.4826 median |r|), iterated from the medians of height differences over half the
-/// scan. A plain least-squares plane tilts towards a flake that lies to one side; here flakes count for
+/// (1 − (r/4.685 s)²)², s = 1.4826 median |r|), iterated from the medians of height differences of pixels
+/// close by. A plain least-squares plane tilts towards a flake that lies to one side; here flakes count for
 /// nothing once they are further than 4.7 s from the plane, and most of the scan must lie on it.
 Plane fit_plane(const surface::HeightGrid& grid);
 

@@ -29,9 +29,9 @@ struct Erosion {
 };
 
 /// A place is certain if some pixel of the scan is touched there and nowhere else (Villarrubia, section 5):
-/// the ground must then have been as high as that. A pixel whose tip reaches beyond the rim (within
-/// √(2R·range) of it) may have been touched outside, and makes nothing certain. Where two pixels give a place
-/// the same height to the last bit, it counts for one of them.
+/// the ground must then have been as high as that. What is nearer to touching than 1/65536 of the scan's
+/// range, one step of the converter that measured it, counts as touching. A pixel whose tip reaches beyond
+/// the rim (within √(2R·range) of it) may have been touched outside, and makes nothing certain.
 Erosion erode(const surface::HeightGrid& scan, double radius_nm);
 
 }  // namespace telenano::import
