@@ -86,7 +86,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"master/twin", {"common/base", "common/control", "common/link", "nve_server/scene", "nve_server/slave"}},
     {"nve_server/physics", {"common/base", "common/surface"}},
     {"nve_server/scene", {"common/base", "common/config", "common/surface", "nve_server/physics"}},
-    {"nve_server/import", {"common/base", "common/surface", "nve_server/scene"}},
+    {"nve_server/import", {"common/base", "common/surface"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
     {"nve_server/nanonis", {"common/base"}},
