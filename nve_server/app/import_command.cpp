@@ -49,8 +49,7 @@ struct Options {
   std::string spikes = "none";
   bool fill_masked = false;
   double tip_radius_nm = 20;
-  double deconvolve_radius_nm = 0;
-  bool deconvolve = false;
+  std::string deconvolve;  // a radius, "blind", or empty
   bool force = false;
 };
 
@@ -227,11 +226,15 @@ void put_lowest_at_zero(surface::Scan& scan) {
 class Account {
  public:
   void add(const char* head, const std::string& text) {
-    std::printf("%-14s %s\n", head, text.c_str());
+    char line[64];
+    std::snprintf(line, sizeof line, "%-14s ", head);
+    lines_ += line + text + "\n";
     comments_.push_back(std::string(head) + ": " + text);
   }
   void warn(const std::string& text) { warnings_.push_back(text); }
   const std::vector<std::string>& comments() const { return comments_; }
+  /// In the end, so that what is refused on the way prints its one line alone.
+  void print() const { std::fputs(lines_.c_str(), stdout); }
   void print_warnings(const std::string& file) const {
     std::fflush(stdout);
     for (const std::string& text : warnings_)
@@ -239,6 +242,7 @@ class Account {
   }
 
  private:
+  std::string lines_;
   std::vector<std::string> comments_;
   std::vector<std::string> warnings_;
 };
@@ -258,6 +262,19 @@ std::optional<double> spike_limit(const Options& options) {
 void expect_radius(const char* flag, double radius_nm) {
   if (!(radius_nm >= 1.0 && radius_nm <= 1e4))
     throw UserError(words(flag, " is ", radius_nm, ", expected a radius of 1 to 1e4 nm"));
+}
+
+/// None: blind, or not asked for.
+std::optional<double> deconvolve_radius_nm(const Options& options) {
+  if (options.deconvolve.empty() || options.deconvolve == "blind") return std::nullopt;
+  double radius_nm = 0;
+  const char* end = options.deconvolve.data() + options.deconvolve.size();
+  const auto [read, error] = std::from_chars(options.deconvolve.data(), end, radius_nm);
+  if (error != std::errc() || read != end || !(radius_nm >= 1.0 && radius_nm <= 1e4)) {
+    throw UserError("--deconvolve-radius-nm is '" + import::printable(options.deconvolve) +
+                    "', expected a radius of 1 to 1e4 nm, or blind");
+  }
+  return radius_nm;
 }
 
 void clean(surface::HeightGrid& grid, const Options& options, Account& account) {
@@ -296,6 +313,28 @@ surface::Scan certainty_of(const surface::Scan& scan, const import::Erosion& ero
   map.title = "certainty: 1 nm where the tip has touched, 0 where the ground may be lower";
   for (std::size_t i = 0; i < map.grid.z_nm.size(); ++i) map.grid.z_nm[i] = erosion.certain[i] ? 1.0 : 0.0;
   return map;
+}
+
+/// Of the tip that measured: as given, or the bluntest that the scan allows.
+double measuring_radius_nm(const surface::Scan& scan, const Options& options, Account& account) {
+  if (const auto given = deconvolve_radius_nm(options)) return *given;
+  // One normal pixel in 5e8 is six times the noise off.
+  const double radius_nm = import::bluntest_radius_nm(scan.grid, 6.0 * import::pixel_noise_nm(scan.grid));
+  if (radius_nm <= 1.0) {
+    throw UserError(
+        options.file +
+        ": --deconvolve-radius-nm blind: the scan is sharper than any tip of 1 nm or more can make it: is "
+        "it noise? Smooth it, or give the radius");
+  }
+  if (radius_nm >= 1e4) {
+    throw UserError(
+        options.file +
+        ": --deconvolve-radius-nm blind: nothing in the scan is sharp enough to tell the tip: give the "
+        "radius");
+  }
+  account.add("tip", words("the one that measured was no blunter than ", radius_nm,
+                           " nm, by the scan itself; as blunt only if something in it is sharper"));
+  return radius_nm;
 }
 
 import::Erosion deconvolve(surface::Scan& scan, double radius_nm,
@@ -354,7 +393,7 @@ Targets targets_of(const Options& options) {
   if (std::filesystem::exists(status) && !std::filesystem::is_directory(status))
     throw UserError(targets.folder.string() + ": is there and no folder: choose another with -o");
   std::vector<std::string> files{targets.scan, targets.scene};
-  if (options.deconvolve) files.push_back(targets.certainty);
+  if (!options.deconvolve.empty()) files.push_back(targets.certainty);
   for (const std::string& file : files) {
     const auto there = std::filesystem::symlink_status(file, error);
     if (!std::filesystem::exists(there)) continue;
@@ -436,7 +475,7 @@ Heights take_channel(Source& source, const Options& options, Account& account) {
 
 void run(const Options& options) {
   expect_radius("--tip-radius-nm", options.tip_radius_nm);
-  if (options.deconvolve) expect_radius("--deconvolve-radius-nm", options.deconvolve_radius_nm);
+  deconvolve_radius_nm(options);
   spike_limit(options);
   Source source;
   if (options.list) {
@@ -451,7 +490,8 @@ void run(const Options& options) {
   surface::Scan& scan = heights.scan;
   clean(scan.grid, options, account);
   std::optional<import::Erosion> erosion;
-  if (options.deconvolve) erosion = deconvolve(scan, options.deconvolve_radius_nm, account);
+  if (!options.deconvolve.empty())
+    erosion = deconvolve(scan, measuring_radius_nm(scan, options, account), account);
   scan.lowest_before_shift_nm = 0;
   put_lowest_at_zero(scan);
   account.add("heights",
@@ -475,6 +515,7 @@ void run(const Options& options) {
   surface::write_gsf(targets.scan, scan);
   if (erosion) surface::write_gsf(targets.certainty, certainty_of(scan, *erosion));
   write_text(targets.scene, text);
+  account.print();
   std::printf("%-14s %s, %s%s\n", "written", targets.scene.c_str(), targets.scan.c_str(),
               erosion ? (", " + targets.certainty).c_str() : "");
   std::printf("%-14s telenano-nve check --scene %s\n", "next", targets.scene.c_str());
@@ -516,20 +557,19 @@ void add_import_command(CLI::App& app) {
                     "replace pixels under the channel's mask from around them");
   command->add_option("--tip-radius-nm", options->tip_radius_nm, "of the tip that will touch it, 1 to 1e4")
       ->capture_default_str();
-  CLI::Option* deconvolve = command->add_option(
-      "--deconvolve-radius-nm", options->deconvolve_radius_nm,
-      "take out the width of the tip that measured it, of this radius, 1 to 1e4; also writes "
-      "NAME_certainty.gsf");
+  command
+      ->add_option("--deconvolve-radius-nm", options->deconvolve,
+                   "take out the width of the tip that measured it: its radius, 1 to 1e4, or blind: the "
+                   "bluntest that the "
+                   "scan allows; also writes NAME_certainty.gsf")
+      ->type_name("R|blind");
   command->add_flag("--force", options->force, "replace files that are there");
   command->footer(
       "Writes FOLDER/NAME.gsf and FOLDER/scene.toml, which says in comments what was done; a scan carries no "
       "material: edit the\nscene's [sample] and [probe]. Order: gaps, spikes, lines, plane, tip. Pixels "
       "without "
       "a height are filled smoothly, at most a quarter.");
-  command->callback([options, deconvolve] {
-    options->deconvolve = deconvolve->count() > 0;
-    run(*options);
-  });
+  command->callback([options] { run(*options); });
 }
 
 }  // namespace telenano::app

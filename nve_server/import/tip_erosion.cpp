@@ -199,4 +199,32 @@ Erosion erode(const HeightGrid& scan, double radius_nm) {
   return result;
 }
 
+double bluntest_radius_nm(const HeightGrid& scan, double tolerance_nm) {
+  const auto [lowest, highest] = std::minmax_element(scan.z_nm.begin(), scan.z_nm.end());
+  const double range_nm = *highest - *lowest;
+  const double pixel_nm = std::max(scan.dx_nm, scan.dy_nm);
+  const auto possible = [&](double radius_nm) {
+    // The paraboloid of R is the sum of those of R₁ and R − R₁ = R′ between pixels, not on them: whole steps
+    // miss the lowest sum by up to (d/2)²(1/R₁ + 1/R′)/2 along x and as much along y; R₁ alone is off by h
+    // R′/R₁ at a depth h. The lesser of the two is largest, d √(h/4R₁), where they are the same.
+    const double grid_nm =
+        pixel_nm * std::sqrt(range_nm / (4.0 * radius_nm)) + pixel_nm * pixel_nm / (4.0 * radius_nm);
+    const std::vector<double> again =
+        dilate_plainly(scan, erode_plainly(scan, scan.z_nm, radius_nm), radius_nm);
+    std::size_t sharper = 0;
+    for (std::size_t i = 0; i < again.size(); ++i)
+      sharper += scan.z_nm[i] - again[i] > tolerance_nm + grid_nm ? 1 : 0;
+    return 1000 * sharper <= again.size();
+  };
+  double low = 1.0;
+  double high = 1e4;
+  if (possible(high)) return high;
+  if (!possible(low)) return low;
+  while (high > 1.01 * low) {
+    const double middle = std::sqrt(low * high);
+    (possible(middle) ? low : high) = middle;
+  }
+  return low;
+}
+
 }  // namespace telenano::import

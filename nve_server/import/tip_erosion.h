@@ -34,4 +34,12 @@ struct Erosion {
 /// the rim (within √(2R·range) of it) may have been touched outside, and makes nothing certain.
 Erosion erode(const surface::HeightGrid& scan, double radius_nm);
 
+/// The bluntest paraboloid that can have measured the scan (Villarrubia, section 6, for a shape of one
+/// parameter): at most one pixel in a thousand of the scan is sharper than that by more than `tolerance_nm`,
+/// which noise makes necessary, and what the pixels' width d makes necessary, d √(range/4R). A bound: the tip
+/// was no blunter, and as blunt only if the sample has something sharper than it. A blunter paraboloid is the
+/// sum of a sharper one and another, so that what it misses only grows with R, and halving the interval finds
+/// R to 1 %. Within 1 to 1e4 nm; at the upper end: nothing in the scan tells.
+double bluntest_radius_nm(const surface::HeightGrid& scan, double tolerance_nm);
+
 }  // namespace telenano::import

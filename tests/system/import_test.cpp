@@ -271,6 +271,37 @@ TEST_F(ImportTest, AScanThatIsCoarseForItsTipIsToldOf) {
   EXPECT_NE(import({file, "--tip-radius-nm", "19", "--force"}).err.find("coarse"), std::string::npos);
 }
 
+TEST_F(ImportTest, TheScanItselfTellsTheBluntestTip) {
+  // Points of 10 nm on a plain, as a tip of 12 nm sees them; 1 nm a pixel.
+  gwy::Field field{100, 100, 100e-9, 100e-9};
+  for (int row = 0; row < 100; ++row) {
+    for (int column = 0; column < 100; ++column) {
+      double z_nm = 0;
+      for (const auto& [x, y] : {std::pair{20, 30}, {70, 25}, {30, 75}, {75, 80}}) {
+        const double squared = (column - x) * (column - x) + (row - y) * (row - y);
+        z_nm = std::max(z_nm, 10.0 - squared / 24.0);
+      }
+      field.values.push_back(1e-9 * z_nm);
+    }
+  }
+  const std::string file = gwy_file("p.gwy", gwy::channel(0, "", field));
+  const Finished run = import({file, "--deconvolve-radius-nm", "blind"});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const std::string before = "no blunter than ";
+  ASSERT_NE(run.out.find(before), std::string::npos) << run.out;
+  const double found = std::atof(run.out.c_str() + run.out.find(before) + before.size());
+  EXPECT_GE(found, 0.98 * 12.0);
+  EXPECT_LE(found, 1.25 * 12.0);  // see TipErosion.TheBluntestTipIsTheOneThatMeasured
+  // The points are narrow again: four times π·120 pixels stood above half their height.
+  const Scan scan = surface::read_gsf(path("p/p.gsf"));
+  EXPECT_LT(std::count_if(scan.grid.z_nm.begin(), scan.grid.z_nm.end(), [](double z) { return z > 5.0; }),
+            400);
+
+  std::fill(field.values.begin(), field.values.end(), 1e-9);
+  expect_refused({gwy_file("flat.gwy", gwy::channel(0, "", field)), "--deconvolve-radius-nm", "blind"},
+                 {"blind", "give the radius"});
+}
+
 TEST_F(ImportTest, AThousandLinesTakeNoTime) {
   const std::string file = gwy_file("big.gwy", gwy::channel(0, "", marked(1024, 1024, 1e-6, 1e-6)));
   const auto begin = std::chrono::steady_clock::now();

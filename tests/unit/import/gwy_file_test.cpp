@@ -92,6 +92,27 @@ TEST(GwyFile, EveryCutIsOneLine) {
   }
 }
 
+TEST(GwyFile, AValueOfAByteLessIsCut) {
+  // In a container whose own size is right.
+  const std::string seven(7, '\1');
+  for (const auto& [type, value] : {std::pair('b', std::string()),
+                                    {'i', seven.substr(0, 3)},
+                                    {'d', seven},
+                                    {'q', seven},
+                                    {'D', gwy::raw(1u) + seven},
+                                    {'I', gwy::raw(2u) + seven},
+                                    {'C', gwy::raw(8u) + seven},
+                                    {'s', seven},
+                                    {'S', gwy::raw(1u) + seven},
+                                    {'o', gwy::text("x") + gwy::raw(8u) + seven},
+                                    {'D', seven.substr(0, 3)}}) {
+    EXPECT_EQ(
+        read_gwy(gwy::file(gwy::component("/0/x", type, value))).error,
+        "is truncated or damaged: in its container a component '/0/x' is longer than what is left of it")
+        << type;
+  }
+}
+
 TEST(GwyFile, SizesAreHeldAgainstWhatIsLeft) {
   // Every four bytes of a file, as if they were a size: the largest, one more, one less than is there.
   const std::string whole = gwy::file(gwy::component("/0/f", 'S', gwy::raw(1u) + gwy::text("s")) +
