@@ -1,5 +1,6 @@
 #include "nve_server/import/gwy_file.h"
 
+#include <algorithm>
 #include <bit>
 #include <charconv>
 #include <cstdint>
@@ -240,6 +241,27 @@ std::optional<std::pair<int, std::string_view>> numbered(std::string_view key) n
   return std::pair(number, std::string_view(end + 1, static_cast<std::size_t>(last - end - 1)));
 }
 
+/// Bytes of the letter in UTF-8 that `text` begins with; 0 where it begins with none that may be printed: a
+/// control character (also U+0080 to U+009F, which tell a terminal what to do as ESC does) or no UTF-8
+/// (Unicode 15, table 3-7).
+std::size_t letter_length(std::string_view text) noexcept {
+  const auto byte = [&](std::size_t i) { return i < text.size() ? static_cast<unsigned char>(text[i]) : 0u; };
+  const unsigned first = byte(0);
+  if (first < 0x80) return first >= 0x20 && first != 0x7f ? 1 : 0;
+  const std::size_t length = first >= 0xc2 && first <= 0xdf   ? 2
+                             : first >= 0xe0 && first <= 0xef ? 3
+                             : first >= 0xf0 && first <= 0xf4 ? 4
+                                                              : 0;
+  for (std::size_t i = 1; i < length; ++i) {
+    if (byte(i) < 0x80 || byte(i) > 0xbf) return 0;
+  }
+  const bool control = first == 0xc2 && byte(1) < 0xa0;
+  const bool overlong = (first == 0xe0 && byte(1) < 0xa0) || (first == 0xf0 && byte(1) < 0x90);
+  const bool surrogate = first == 0xed && byte(1) > 0x9f;
+  const bool too_far = first == 0xf4 && byte(1) > 0x8f;
+  return control || overlong || surrogate || too_far ? 0 : length;
+}
+
 struct Found {
   std::optional<Object> data;
   std::optional<Object> mask;
@@ -258,12 +280,12 @@ bool is_gwy(std::string_view bytes) noexcept {
 
 std::string printable(std::string_view text, std::size_t longest) {
   std::string line;
-  for (std::size_t i = 0; i < text.size() && i < longest; ++i) {
-    const auto c = static_cast<unsigned char>(text[i]);
-    // U+0080 to U+009F, C2 80 to C2 9F in UTF-8, tell a terminal what to do as ESC does.
-    const bool control = c < 0x20 || c == 0x7f || c == 0xff ||
-                         (c >= 0x80 && c < 0xa0 && i > 0 && static_cast<unsigned char>(text[i - 1]) == 0xc2);
-    line.push_back(control ? '?' : text[i]);
+  while (!text.empty()) {
+    const std::size_t length = letter_length(text);
+    const std::string_view letter = length == 0 ? "?" : text.substr(0, length);
+    if (line.size() + letter.size() > longest) break;
+    line += letter;
+    text.remove_prefix(std::max<std::size_t>(length, 1));
   }
   return line;
 }
@@ -286,17 +308,18 @@ GwyFile read_gwy(std::string_view bytes) {
     const auto key = numbered(part.name);
     if (!key) return;
     const auto& [number, rest] = *key;
+    if (found.size() > kChannelsMax) return;
     const bool field = part.type == 'o' && part.object.name == "GwyDataField";
     if (field && rest == "data") found[number].data = part.object;
     if (field && rest == "mask") found[number].mask = part.object;
     if (part.type == 's' && rest == "data/title") found[number].title = part.value;
   });
   if (!error.empty()) return refuse(error);
+  if (found.size() > kChannelsMax)
+    return refuse("has more than " + std::to_string(kChannelsMax) + " channels");
 
   for (const auto& [number, parts] : found) {
     if (!parts.data) continue;
-    if (file.channels.size() == kChannelsMax)
-      return refuse("has more than " + std::to_string(kChannelsMax) + " channels");
     GwyChannel channel;
     channel.number = number;
     channel.title = printable(parts.title);

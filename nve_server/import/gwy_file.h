@@ -51,7 +51,8 @@ bool is_gwy(std::string_view bytes) noexcept;
 /// passed over. `bytes` must outlive the result.
 GwyFile read_gwy(std::string_view bytes);
 
-/// One printable line of at most `longest` bytes: control characters become '?'.
+/// One printable line of at most `longest` bytes, valid UTF-8: control characters and what is no UTF-8 become
+/// '?'.
 std::string printable(std::string_view text, std::size_t longest = 120);
 
 }  // namespace telenano::import

@@ -43,6 +43,8 @@ void clean(const import::GwyChannel& channel) {
   for (const double z : grid.z_nm) FUZZ_CHECK(std::isfinite(z));
   const import::Erosion erosion = import::erode(grid, 10.0);
   FUZZ_CHECK(std::isfinite(erosion.misfit_rms_nm) && erosion.certain.size() == grid.z_nm.size());
+  const double bluntest_nm = import::bluntest_radius_nm(grid, 6.0 * import::pixel_noise_nm(grid));
+  FUZZ_CHECK(bluntest_nm >= 1.0 && bluntest_nm <= 1e4);
   surface::HeightGrid ground = grid;
   ground.z_nm = erosion.z_nm;
   const std::vector<double> again = import::dilate(ground, 10.0);

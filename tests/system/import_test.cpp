@@ -79,7 +79,7 @@ class ImportTest : public ProgramsTest {
 
 TEST_F(ImportTest, WritesASceneThatRunsAsItIs) {
   const std::string file =
-      gwy_file("my scan.gwy", gwy::channel(0, "Height \"1\"\\", marked(64, 48, 64e-9, 96e-9)));
+      gwy_file("my scan.\xff.gwy", gwy::channel(0, "H\xf6he \"1\"\\", marked(64, 48, 64e-9, 96e-9)));
   const Finished made = import({file, "-o", "new/folder", "--spikes", "12", "--flatten", "rows-median",
                                 "--deconvolve-radius-nm", "5", "--tip-radius-nm", "8"});
   ASSERT_EQ(made.exit_code, 0) << made.err;
@@ -89,7 +89,7 @@ TEST_F(ImportTest, WritesASceneThatRunsAsItIs) {
   const std::string scene = path("new/folder/scene.toml");
   const std::string text = file_text(scene);
   for (const char* word :
-       {"# spikes: ", "# flatten: ", "# level: ", "# deconvolved: ", "# from: my scan.gwy"})
+       {"# spikes: ", "# flatten: ", "# level: ", "# deconvolved: ", "# from: my scan.?.gwy"})
     EXPECT_NE(text.find(word), std::string::npos) << word << " in:\n" << text;
 
   const Finished check = run_program({kNve, "check", "--scene", scene}, {.folder = folder_}, kLong);
@@ -99,8 +99,8 @@ TEST_F(ImportTest, WritesASceneThatRunsAsItIs) {
   EXPECT_EQ(curve.exit_code, 0) << curve.err;
   EXPECT_GT(lines_of(curve.out).size(), 1000u);
 
-  const Scan scan = surface::read_gsf(path("new/folder/my_scan.gsf"));
-  const Scan certain = surface::read_gsf(path("new/folder/my_scan_certainty.gsf"));
+  const Scan scan = surface::read_gsf(path("new/folder/my_scan__.gsf"));
+  const Scan certain = surface::read_gsf(path("new/folder/my_scan___certainty.gsf"));
   EXPECT_EQ(certain.grid.z_nm.size(), scan.grid.z_nm.size());
   for (const double z : certain.grid.z_nm) ASSERT_TRUE(std::abs(z) < 1e-6 || std::abs(z - 1.0) < 1e-6) << z;
 }

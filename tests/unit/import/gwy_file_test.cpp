@@ -184,12 +184,33 @@ TEST(GwyFile, EveryMistakeIsNamed) {
   EXPECT_TRUE(read_gwy(gwy::file("")).channels.empty());
 }
 
+TEST(GwyFile, MoreChannelsThanAnybodyHasAreRefused) {
+  // Of what is kept, too, so that a file cannot ask for more memory than it has bytes.
+  std::string images, titles;
+  for (int i = 0; i < 1024; ++i) images += gwy::channel(i, "", small());
+  EXPECT_EQ(read_gwy(gwy::file(images)).channels.size(), 1024u);
+  EXPECT_EQ(read_gwy(gwy::file(images + gwy::channel(1024, "", small()))).error,
+            "has more than 1024 channels");
+  for (int i = 0; i < 1025; ++i)
+    titles += gwy::component("/" + std::to_string(i) + "/data/title", 's', gwy::text(""));
+  EXPECT_EQ(read_gwy(gwy::file(titles)).error, "has more than 1024 channels");
+}
+
 TEST(GwyFile, WordsFromFilesArePrintable) {
   EXPECT_EQ(printable("a\nb\x7f\tc"), "a?b??c");
   EXPECT_EQ(printable("\xc2\xb5m"), "\xc2\xb5m");  // µ stays
   EXPECT_EQ(printable("\xc2\x9b"
                       "31m"),
-            "\xc2?31m");  // CSI does not
+            "??31m");  // CSI does not
+  // What is no UTF-8 would make a scene's file unreadable: Latin-1, a cut, an overlong '/', half a surrogate
+  // pair, too far.
+  EXPECT_EQ(printable("H\xf6he"), "H?he");
+  EXPECT_EQ(printable("\xc2"), "?");
+  EXPECT_EQ(printable("\xc0\xaf"), "??");
+  EXPECT_EQ(printable("\xed\xa0\x80"), "???");
+  EXPECT_EQ(printable("\xf4\x90\x80\x80"), "????");
+  EXPECT_EQ(printable("\xe2\x82\xac\xf0\x9f\x94\xac"), "\xe2\x82\xac\xf0\x9f\x94\xac");
+  EXPECT_EQ(printable(std::string(119, 'x') + "\xc2\xb5"), std::string(119, 'x'));  // no half of a letter
   EXPECT_EQ(printable(std::string(500, 'x')).size(), 120u);
 }
 
