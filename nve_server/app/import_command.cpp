@@ -488,6 +488,11 @@ void run(const Options& options) {
   Account account;
   Heights heights = take_channel(source, options, account);
   surface::Scan& scan = heights.scan;
+  if (import::tip_too_wide(scan, options.tip_radius_nm)) {
+    throw UserError(words(options.file, ": the scan, ", scan.width_nm, " x ", scan.height_nm,
+                          " nm, is too small for a tip of ", options.tip_radius_nm,
+                          " nm radius: expected --tip-radius-nm of at most four times its shorter side"));
+  }
   clean(scan.grid, options, account);
   std::optional<import::Erosion> erosion;
   if (!options.deconvolve.empty())

@@ -27,6 +27,10 @@ std::string scene_text(const ImportedScene& scene, const surface::Scan& scan) {
   // Above the attraction of these materials, 2π·0.4 J/m²·R = 2.5 nN a nm at most, which a scene demands.
   const double force_max_nn = std::max(500.0, 10.0 * radius);
 
+  // A wide tip on a steep scan touches above the highest sample already; a scene must start above that.
+  const double range_nm = *std::max_element(grid.z_nm.begin(), grid.z_nm.end());
+  const double top_nm = std::max({100.0, radius, 0.2 * range_nm});
+
   std::ostringstream text;
   text.precision(9);
   for (const std::string& comment : scene.comments) text << "# " << printable(comment, 1000) << "\n";
@@ -60,7 +64,7 @@ std::string scene_text(const ImportedScene& scene, const surface::Scan& scan) {
        << "force_max_nn = " << force_max_nn << "\n"
        << "speed_max_nm_s = 100000.0\n"
        << "retract_speed_nm_s = 1000.0\n"
-       << "top_nm = 100.0                # workspace above the highest and\n"
+       << "top_nm = " << top_nm << "                  # workspace above the highest and\n"
        << "depth_nm = 60.0               # below the lowest point of the surface (of the commanded end)\n"
        << "margin_nm = " << margin_nm << "   # kept from the rim of the scan\n"
        << "rate_max_hz = 8000\n\n"

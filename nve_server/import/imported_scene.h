@@ -22,6 +22,12 @@ struct ImportedScene {
 /// `flakes`, with comments that say so. The tip starts over the middle.
 std::string scene_text(const ImportedScene& scene, const surface::Scan& scan);
 
+/// A tip whose radius is more than four times the scan's shorter side: it would touch beyond the rim, where
+/// nothing was measured, and its fields would be many times as wide as the scan.
+inline bool tip_too_wide(const surface::Scan& scan, double tip_radius_nm) {
+  return tip_radius_nm > 4.0 * (scan.width_nm < scan.height_nm ? scan.width_nm : scan.height_nm);
+}
+
 /// Wider pixels than half the tip's radius: fewer than four of them across the ball, so that the ground's
 /// curvature where the tip touches is the interpolation's and not the sample's.
 inline bool pixels_coarse(const surface::HeightGrid& grid, double tip_radius_nm) {

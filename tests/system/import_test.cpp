@@ -257,6 +257,7 @@ TEST_F(ImportTest, EveryWrongFileAndFlagIsOneLine) {
     for (const char* value : {"nan", "inf", "0", "-3", "1e9", "x"})
       expect_refused({good, flag, value}, {flag});
   }
+  expect_refused({good, "--tip-radius-nm", "41"}, {"10 x 10 nm", "41 nm radius", "--tip-radius-nm"});
   expect_refused({good, "--level", "twist"}, {"--level", "plane"});
   expect_refused({good, "--flatten", "twist"}, {"--flatten", "rows-median"});
   expect_refused({}, {"file is required"});
