@@ -547,12 +547,10 @@ void add_import_command(CLI::App& app) {
       ->type_name("TITLE|NUMBER");
   command->add_option("--level", options->level, "plane: take out the plane that most of the scan lies on")
       ->capture_default_str()
-      ->check(CLI::IsMember({"plane", "none"}))
-      ->type_name("{plane,none}");
+      ->check(CLI::IsMember({"plane", "none"}));
   command->add_option("--flatten", options->flatten, "rows-median: align the scan's lines")
       ->capture_default_str()
-      ->check(CLI::IsMember({"rows-median", "none"}))
-      ->type_name("{rows-median,none}");
+      ->check(CLI::IsMember({"rows-median", "none"}));
   command
       ->add_option("--spikes", options->spikes,
                    "take out single pixels that stand out by more than so many times the noise, e.g. 10")
