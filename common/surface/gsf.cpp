@@ -146,9 +146,10 @@ std::string one_line(std::string text) {
 
 Scan parse_gsf(const std::string& bytes, const std::string& name) {
   if (bytes.compare(0, kMagic.size(), kMagic) != 0) {
-    fail(name, foreign(bytes) +
-                   ": the first line must be 'Gwyddion Simple Field 1.0'; open it in Gwyddion, choose the "
-                   "height channel, and export it with File > Save As > Gwyddion Simple Field (.gsf)");
+    fail(name,
+         foreign(bytes) +
+             ": the first line must be 'Gwyddion Simple Field 1.0'; telenano-nve import FILE makes a scene "
+             "of it");
   }
   const std::size_t header_end = bytes.find('\0');
   if (header_end == std::string::npos || header_end > kHeaderMax) {

@@ -113,6 +113,40 @@ put("gsf", "not_finite", gsf(2, 2, [float("nan"), 0, float("inf"), 0]))
 put("gsf", "short", gsf(4, 4, [0.0] * 16)[:-3])
 put("gsf", "no_padding", gsf(2, 2, [0, 1, 2, 3]).replace(b"\0", b"x"))
 
+
+# .gwy, by the format's documentation
+def part(name, kind, value):
+    return name.encode() + b"\0" + kind.encode() + value
+
+
+def thing(name, data):
+    return name.encode() + b"\0" + struct.pack("<I", len(data)) + data
+
+
+def field(columns, rows, heights, unit="m", count=None):
+    units = thing("GwySIUnit", part("unitstr", "s", unit.encode() + b"\0"))
+    return thing("GwyDataField", part("xres", "i", struct.pack("<i", columns)) + part("yres", "i", struct.pack("<i", rows))
+                 + part("xreal", "d", struct.pack("<d", 1e-8)) + part("yreal", "d", struct.pack("<d", 2e-8)) + part("si_unit_xy", "o", units)
+                 + part("si_unit_z", "o", units) + part("data", "D", struct.pack("<I", len(heights) if count is None else count) + struct.pack("<%dd" % len(heights), *heights)))
+
+
+def gwy(*parts):
+    return b"GWYP" + thing("GwyContainer", b"".join(parts))
+
+
+waves = [3.0 * ((7 * i) % 5) + (40.0 if i == 17 else 0.0) for i in range(36)]
+image = part("/0/data", "o", field(6, 6, waves))
+title = part("/0/data/title", "s", b"Height\0")
+put("gwy", "one", gwy(image, title))
+put("gwy", "two_and_mask", gwy(part("/3/data", "o", field(2, 3, [1, 2, 3, 4, 5, 6], "V")), part("/0/mask", "o", field(6, 6, [i % 4 == 0 for i in range(36)])), image))
+put("gwy", "gaps", gwy(part("/0/data", "o", field(4, 4, [float("nan"), float("inf")] + [1.0] * 14))))
+put("gwy", "lists", gwy(part("/0/a", "S", struct.pack("<I", 2) + b"x\0y\0"), part("/0/b", "O", struct.pack("<I", 1) + thing("Nothing", b"")), part("/0/c", "I", struct.pack("<Iii", 2, 1, 2)), part("/0/d", "b", b"\1"), image))
+put("gwy", "cut", gwy(image)[:-40])
+put("gwy", "count_beyond_the_file", gwy(part("/0/data", "o", field(6, 6, waves, count=2**32 - 1))))
+put("gwy", "strings_beyond_the_file", gwy(part("/0/a", "S", struct.pack("<I", 2**32 - 1) + b"\0" * 20)))
+put("gwy", "negative_sides", gwy(part("/0/data", "o", field(-6, -6, waves))))
+put("gwy", "nested", gwy(part("/0/data", "o", thing("GwyDataField", part("data", "o", thing("a", part("b", "o", thing("c", b""))))))))
+
 # TOML
 key = "0123456789abcdef" * 4
 put("toml", "keys", ('[[key]]\nidentity = "omega-1"\npsk = "%s"\nrights = "operate"\n[[certificate]]\nname = "omega-2"\nrights = "observe"\n'

@@ -86,6 +86,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"master/twin", {"common/base", "common/control", "common/link", "nve_server/scene", "nve_server/slave"}},
     {"nve_server/physics", {"common/base", "common/surface"}},
     {"nve_server/scene", {"common/base", "common/config", "common/surface", "nve_server/physics"}},
+    {"nve_server/import", {"common/base", "common/surface"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
     {"nve_server/nanonis", {"common/base"}},
@@ -98,7 +99,8 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"nve_server/app",
      {"common/base", "common/config", "common/hash", "common/metrics", "common/rt", "common/link",
       "common/net", "common/security", "common/surface", "nve_server/physics", "nve_server/scene",
-      "nve_server/slave", "nve_server/server", "nve_server/afm", "nve_server/afm_sim", "nve_server/nanonis"}},
+      "nve_server/slave", "nve_server/server", "nve_server/afm", "nve_server/afm_sim", "nve_server/nanonis",
+      "nve_server/import"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
@@ -125,9 +127,9 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
 };
 
 // Pure folders: no clock, thread, file, socket or log.
-const std::set<std::string> kPure = {"common/base",       "common/control",    "common/link",
-                                     "master/station",    "master/view_model", "nve_server/physics",
-                                     "nve_server/nanonis"};
+const std::set<std::string> kPure = {"common/base",        "common/control",    "common/link",
+                                     "master/station",     "master/view_model", "nve_server/physics",
+                                     "nve_server/nanonis", "nve_server/import"};
 const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
                                        "fstream",       "iostream",     "filesystem", "cstdio",
                                        "stdio.h",       "time.h",       "ctime",      "unistd.h",

@@ -69,9 +69,7 @@ TEST(Gsf, EveryMistakeIsOneLine) {
     return gsf(fields);
   };
   const std::string how =
-      ": the first line must be 'Gwyddion Simple Field 1.0'; open it in Gwyddion, choose the height channel, "
-      "and "
-      "export it with File > Save As > Gwyddion Simple Field (.gsf)";
+      ": the first line must be 'Gwyddion Simple Field 1.0'; telenano-nve import FILE makes a scene of it";
   EXPECT_EQ(error_of("P5 3 2"), "s.gsf: is no Gwyddion Simple Field" + how);
   EXPECT_EQ(error_of(""), "s.gsf: is no Gwyddion Simple Field" + how);
   // As files of other programs begin.
