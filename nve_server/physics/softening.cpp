@@ -99,7 +99,7 @@ LevelBlend blend_levels(double level, int count) noexcept {
     return blend;
   }
   // Centred at k: ½(½ − u)², ¾ − u², ½(½ + u)² for k − 1, k, k + 1, u = e − k in [−½, ½].
-  const int k = static_cast<int>(e + 0.5);
+  const int k = static_cast<int>(e + 0.5);  // NOLINT(bugprone-incorrect-roundings): e >= 0.5
   const double u = e - k;
   const double a = 0.5 - u, b = 0.5 + u;
   blend.first = k - 1;

@@ -29,7 +29,10 @@ class ElasticPatch {
   int count() const { return n_; }
   double spacing_nm() const { return side_ / n_; }
   /// Of element i along x or y, from the middle of the patch.
-  double offset_nm(int i) const { return (i - n_ / 2) * spacing_nm(); }
+  double offset_nm(int i) const {
+    const int middle = n_ / 2;
+    return (i - middle) * spacing_nm();
+  }
 
   /// Force on the tip (up positive, nN) without adhesion; `gap` of the undeformed ground, element (i, j) at
   /// j·N + i.

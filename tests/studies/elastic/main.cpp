@@ -112,6 +112,7 @@ void run_shapes(const Options& options) {
 
 }  // namespace
 
+// What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {
   Options options;
   CLI::App app{
