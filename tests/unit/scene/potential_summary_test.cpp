@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/error.h"
 #include "nve_server/physics/potential_equilibrium.h"
 #include "nve_server/physics/scan_fields.h"
 #include "nve_server/scene/scene.h"
@@ -143,6 +144,21 @@ TEST(PotentialDefault, TheStartIsAboveWhereThePotentialTouches) {
 }
 
 // Each term can be left out of a potential, on the same fields.
+// It would touch beyond the rim, and its fields take all memory.
+TEST(PotentialLoading, ATipTooWideForTheSurfaceIsRefused) {
+  std::string text = text_of("potential");
+  const std::string tip = "tip_radius_nm = 20.0";
+  text.replace(text.find(tip), tip.size(), "tip_radius_nm = 9000.0");
+  try {
+    parse_scene(text, "waves.toml");
+    FAIL() << "taken";
+  } catch (const UserError& error) {
+    EXPECT_NE(std::string(error.what()).find("[probe] tip_radius_nm: 9000 nm is too wide for a surface of"),
+              std::string::npos)
+        << error.what();
+  }
+}
+
 TEST(PotentialSummary, TermsAreLeftOutOnTheSameFields) {
   const auto scene = parse_scene(text_of("potential"), "waves.toml");
   bool friction = false, ground = false, attraction = false;
