@@ -153,8 +153,9 @@ TEST(PotentialLoading, ATipTooWideForTheSurfaceIsRefused) {
     parse_scene(text, "waves.toml");
     FAIL() << "taken";
   } catch (const UserError& error) {
-    EXPECT_NE(std::string(error.what()).find("[probe] tip_radius_nm: 9000 nm is too wide for a surface of"),
-              std::string::npos)
+    EXPECT_NE(
+        std::string(error.what()).find("'tip_radius_nm' in [probe]: 9000 nm is too wide for a surface of"),
+        std::string::npos)
         << error.what();
   }
 }
