@@ -18,8 +18,8 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       ->check(CLI::Range(100.0, 8000.0));
   command
       .add_option("--method", options.method,
-                  "How the port is kept passive (default auto: twin with --scene, else tank or model, by the "
-                  "round trip)")
+                  "How the port is kept passive (default auto: twin where the server shares its scene and logs "
+                  "steps, else tank or model, by the round trip)")
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
   command.add_option(
       "--scene", options.scene,

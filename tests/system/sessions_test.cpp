@@ -239,7 +239,7 @@ TEST_F(SessionsTest, AWayBeyondWhatWasMeasuredIsToldAndNotATwins) {
   const std::size_t at = said.find(before) + before.size();
   const Finished run =
       run_program({kMaster, "run", "--server", said.substr(at, said.find_first_of(" \n", at) - at), "--task",
-                   "indent", "--duration-s", "0.5"},
+                   "indent", "--duration-s", "0.5", "--velocity-scale", "4e-6"},
                   {}, kLong);
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_TRUE(says(run.err, "note: no twin, a method by the round trip instead: the round trip is 52"))
