@@ -99,6 +99,8 @@ class ClientSession {
   /// Begins to fetch the slave's state as it is when the server hears of it.
   void ask_snapshot() noexcept { snapshot_.start(); }
   void drop_snapshot() noexcept { snapshot_.stop(); }
+  /// How large it may be, where that is known only once there is a session; before the first step. Allocates.
+  void make_room_for_snapshot(std::size_t bytes_max) { snapshot_ = SnapshotFetch(bytes_max); }
   const SnapshotFetch& snapshot() const noexcept { return snapshot_; }
   /// The next request for it; 0: none now.
   std::size_t make_snapshot_request(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;

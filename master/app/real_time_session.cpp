@@ -84,7 +84,8 @@ void RealTimeSession::see_tip(const recording::Sample& before) noexcept {
   if (hand_.motion == nullptr || !(before.velocity_scale > 0)) return;
   const auto& target = before.tip_target_w_nm;
   hand_.motion->see_tip({Vec3(target[0], target[1], target[2]) - task_origin_w_nm_,
-                         1e-9 / before.velocity_scale, station_.mode() == station::Mode::kEngaged});
+                         1e-9 / before.velocity_scale, station_.mode() == station::Mode::kEngaged,
+                         station_.mode() == station::Mode::kHeld});
 }
 
 /// Another method where the link has become another one; at a moment at which nobody feels it.

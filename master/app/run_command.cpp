@@ -17,9 +17,10 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
   command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
   command
-      .add_option("--method", options.method,
-                  "How the port is kept passive (default auto: twin with --scene, else tank or model, by the "
-                  "round trip)")
+      .add_option(
+          "--method", options.method,
+          "How the port is kept passive (default auto: twin where the server shares its scene and logs "
+          "steps, else tank or model, by the round trip)")
       ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
   command.add_option(
       "--scene", options.scene,

@@ -26,6 +26,7 @@
 #include "common/rt/realtime_thread.h"
 #include "master/app/connect.h"
 #include "master/app/device_monitor.h"
+#include "master/app/keep_awake.h"
 #include "master/app/link_probe.h"
 #include "master/app/real_time_session.h"
 #include "master/app/run_metrics.h"
@@ -60,6 +61,9 @@ constexpr double kTwinRingS = 4;
 constexpr double kTwinSceneWaitS = 20;
 // A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
 constexpr double kSceneWaitS = 2;
+// What the figures of the twin were shown to hold for (telenano-lab fidelity). Beyond it what is felt runs
+// ahead of what the server has confirmed for longer than a person who asks for nothing should rely on.
+constexpr double kTwinRoundTripMostS = 0.5;
 constexpr std::chrono::milliseconds kLineAgain(200);
 constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
@@ -280,71 +284,60 @@ void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const lin
                                                       std::move(twins[1])));
 }
 
-/// False, and a line that says so, where a tick has no room for this twin.
-bool is_quick_enough(control::LocalSlave& twin, double rate_hz, bool quiet) {
+/// Why a tick has no room for this twin; empty: it has.
+std::string too_slow(control::LocalSlave& twin, double rate_hz) {
   const double cost_s = twin_step_cost_s(twin, rate_hz);
-  if (cost_s <= kTwinShareOfTick / rate_hz) return true;
-  if (!quiet) {
-    fmt::print(
-        stderr,
-        "note: no twin: a step of this scene takes {:.0f} us here, more than a third of the tick's {:.0f} "
-        "us; a lower --rate leaves room for it\n",
-        1e6 * cost_s, 1e6 / rate_hz);
-  }
-  return false;
+  if (cost_s <= kTwinShareOfTick / rate_hz) return "";
+  return fmt::format(
+      "a step of this scene takes {:.0f} us here, more than a third of the tick's {:.0f} us; a lower --rate "
+      "leaves room for it",
+      1e6 * cost_s, 1e6 / rate_hz);
 }
 
-/// What a session before the session has found out.
-struct Ahead {
-  /// None: there can be none, and a line has said why.
-  std::vector<std::unique_ptr<control::LocalSlave>> twins;
-  std::uint64_t resume_token = 0;  ///< the session to go on with; 0: a new one
-  bool resumed = false;            ///< it was the last run's
-};
+using Twins = std::vector<std::unique_ptr<control::LocalSlave>>;
 
-/// Twins of the server's scene, if it logs steps and lets the scene be had. The log is agreed on as a session
-/// is opened, and needs the scene: so this opens one of its own before. `wanted`: somebody has asked for the
-/// twin; else it is the rule's first choice, nobody waits for it for long, and what takes its place is the
-/// rule's next.
-Ahead look_for_twins(link::ClientConfig client_config, ServerLink& way, const net::Address& server,
-                     double rate_hz, bool wanted, const RunOptions& options, scene_store::SceneKeeper& keeper,
-                     const std::atomic<bool>& stop) {
-  Ahead ahead;
-  const auto none = [&](const std::string& why) {
-    if (options.quiet) return;
-    fmt::print(stderr, "note: no twin, {}: {}\n",
-               wanted ? "method model instead" : "a method by the round trip instead", why);
-  };
-  client_config.nonce_seed = random_nonce_seed();
-  client_config.step_ring = 1;  // asks for the log; no step is made here
-  link::ClientSession session(client_config);
-  connect(session, way, server, rate_hz, options, stop);
-  Farewell farewell(session, way.datagram(), server);
-  ahead.resumed = session.resumed_unknown_book();
-  if (client_config.resume_token != 0) {  // the last run's slave, if it is still there: it is gone on with
-    ahead.resume_token = session.resume_token();
-    farewell.leave_to_loop();
+/// Twins of the server's scene; none, and `why`: there can be none in this session. `wanted`: somebody has
+/// asked for the twin; else it is the rule's first choice, nobody waits for it for long, and what takes its
+/// place is the rule's next. The session stays awake meanwhile.
+Twins find_twins(link::ClientSession& session, ServerLink& way, const net::Address& server,
+                 const LinkDelay& link, double rate_hz, bool wanted, scene_store::SceneKeeper& keeper,
+                 const std::atomic<bool>& stop, std::string& why) {
+  Twins twins;
+  if (!session.logs_steps()) {
+    why = "this server keeps no log of steps (a shared tip, a real AFM or an older program)";
+    return twins;
   }
-  if ((session.features() & link::kFeatureStepLog) == 0) {
-    // One tip that others hold or that is real, perhaps: the session goes on, for there may be no second.
-    ahead.resume_token = session.resume_token();
-    farewell.leave_to_loop();
-    none("this server keeps no log of steps (a shared tip, a real AFM or an older program)");
-    return ahead;
+  if (!wanted && link.median_s > kTwinRoundTripMostS) {
+    why = fmt::format("the round trip is {:.0f} ms, more than {:.0f} ms", 1e3 * link.median_s,
+                      1e3 * kTwinRoundTripMostS);
+    return twins;
+  }
+  if (session.welcome().scene.empty()) {
+    why = "this server does not share its scene; name it by --scene";
+    return twins;
   }
   keeper.start();
   wait_for_scene(session, way, server, keeper, true, wanted ? kTwinSceneWaitS : kSceneWaitS, stop);
   const auto scene = keeper.scene();
   if (scene && scene->same_physics) {
-    ahead.twins = twin::decode_twins(scene->bundle, 2);
+    const KeepAwake awake(session, way, server, keeper.pipe());
+    twins = twin::decode_twins(scene->bundle, 2);
+    why = too_slow(*twins[0], rate_hz);
+    if (!why.empty()) twins.clear();
   } else if (scene) {
-    none("this program's physics give the server's scene other bits (another version?)");
+    why = "this program's physics give the server's scene other bits (another version?)";
   } else if (!keeper.settled()) {
-    none("the server's scene is still on its way; the next session has it");
+    why = "the server's scene is still on its way; the next session has it";
   } else {
-    none("the server's scene cannot be fetched; name it by --scene");
+    why = "the server's scene cannot be fetched; name it by --scene";
   }
-  return ahead;
+  return twins;
+}
+
+/// One line of what takes the twin's place, and why.
+void tell_no_twin(const std::string& why, bool wanted) {
+  fmt::print(stderr, "note: no twin, {}: {}\n",
+             wanted ? "method model instead" : "a method by the round trip instead", why);
 }
 
 scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
@@ -403,45 +396,68 @@ int run_session(const RunOptions& options) {
   // Only a replay needs to know in which order the slave stepped.
   if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
   // The scene is run here too. Whether it is the server's own, the Welcome says.
-  std::vector<std::unique_ptr<control::LocalSlave>> twins;
+  Twins twins;
+  std::string no_twin;
   const bool last_run = client_config.resume_token != 0;
-  std::optional<bool> resumed;
   const bool wants_twin = file.station.method == control::Method::kTwin && !file.chooses_method;
   if (!options.scene.empty()) {
     twins = twin::load_twins(options.scene, 2);
-  } else if (wants_twin) {
-    Ahead ahead =
-        look_for_twins(client_config, way, server, config.rate_hz, wants_twin, options, scene, stop);
-    twins = std::move(ahead.twins);
-    client_config.resume_token = ahead.resume_token;
-    resumed = ahead.resumed;
+    no_twin = too_slow(*twins[0], config.rate_hz);
+    if (!no_twin.empty()) twins.clear();
   }
-  if (!twins.empty() && !is_quick_enough(*twins[0], config.rate_hz, options.quiet)) twins.clear();
-  if (wants_twin && twins.empty()) file.station.method = control::Method::kModel;
-  if (!twins.empty()) {
+  // Where nobody has said which, the sample itself is the first choice; who only looks on feels nothing.
+  const bool looks_for_twin =
+      options.scene.empty() && (wants_twin || (file.chooses_method && !options.observe));
+  if (looks_for_twin || !twins.empty())
     client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
-    client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
+  if (!twins.empty()) client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
+  std::optional<link::ClientSession> opened_session;
+  std::optional<Farewell> farewell;
+  const auto open = [&] {
+    opened_session.emplace(client_config);
+    connect(*opened_session, way, server, config.rate_hz, options, stop);
+    farewell.emplace(*opened_session, way.datagram(), server);
+  };
+  open();
+  const bool resumed = opened_session->resumed_unknown_book();
+  const LinkDelay link =
+      measure_link(*opened_session, way, server, config.rate_hz,
+                   std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
+                   options.connect_timeout_s, stop);
+  if (looks_for_twin) {
+    twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, scene, stop, no_twin);
+    if (!twins.empty()) {
+      opened_session->make_room_for_snapshot(twins[0]->snapshot_bytes_max());
+    } else if (opened_session->logs_steps()) {
+      // Whether steps are logged is agreed on with the session: on with the same slave, without the log.
+      client_config.step_ring = 0;
+      client_config.resume_token = opened_session->resume_token();
+      client_config.nonce_seed = random_nonce_seed();
+      farewell->leave_to_loop();
+      open();
+    }
   }
-  link::ClientSession session(client_config);
-  connect(session, way, server, config.rate_hz, options, stop);
-  Farewell farewell(session, way.datagram(), server);
+  link::ClientSession& session = *opened_session;
+  // Until the loop begins: a terminal that takes no more text, planning, a recording's file or a window may
+  // keep this thread for longer than the server waits.
+  std::optional<KeepAwake> awake(std::in_place, session, way, server, scene.pipe());
+  if (!no_twin.empty() && !options.quiet) tell_no_twin(no_twin, !file.chooses_method);
+  if (wants_twin && twins.empty()) file.station.method = control::Method::kModel;
 
   const link::Welcome welcome = session.welcome();
   if (!options.quiet && last_run) {
     fmt::print(stderr, "{}\n",
-               resumed.value_or(session.resumed_unknown_book())
-                   ? "resuming the session of the last run"
-                   : "the session of the last run is gone; this is a new one");
+               resumed ? "resuming the session of the last run"
+                       : "the session of the last run is gone; this is a new one");
   }
   session_file.keep(welcome.resume_token);
   const std::uint32_t wish = tip_wish(options, (welcome.feature_bits & link::kFeatureSharing) != 0);
-  const LinkDelay link =
-      measure_link(session, way, server, config.rate_hz,
-                   std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
-                   options.connect_timeout_s, stop);
   scene.start();
-  if (view.wanted() || !options.record.empty())
+  if (view.wanted() || !options.record.empty()) {
+    awake.reset();
     wait_for_scene(session, way, server, scene, view.wanted(), kSceneWaitS, stop);
+    awake.emplace(session, way, server, scene.pipe());
+  }
   // With play-out the controller sees the buffer's delay, not the link's.
   const int delay_samples =
       control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);
@@ -499,7 +515,7 @@ int run_session(const RunOptions& options) {
                      [&live](metrics::Page& page) { write_metrics(live.progress(), page); });
     if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
   }
-  farewell.leave_to_loop();
+  farewell->leave_to_loop();
   const bool terminal = isatty(STDERR_FILENO) != 0;
   // What follows the loop's end, once: a window may stay open after it.
   bool concluded = false;
@@ -528,7 +544,10 @@ int run_session(const RunOptions& options) {
   realtime.cpu = options.realtime_cpu;
   realtime.hold_cpu_awake = options.cpu_awake;
   {
-    rt::RealtimeThread thread(realtime, [&live](const std::stop_token&) { live.run(); });
+    rt::RealtimeThread thread(realtime, [&live, &awake](const std::stop_token&) {
+      awake.reset();
+      live.run();
+    });
     if (!options.quiet) {
       fmt::print(stderr, "loop: {:g} Hz, {}\n", config.rate_hz, thread.report().text);
       if (!thread.report().advice.empty()) fmt::print(stderr, "{}\n", thread.report().advice);

@@ -11,6 +11,9 @@ namespace telenano::device {
 namespace {
 
 constexpr double kApproachS = 2;  // from the hand's start to a script's first waypoint
+// A program that was kept from running for longer has led no hand meanwhile. Half of what makes a station
+// hold (limits.stale_zero_s, 0.1 s): from then on the tip would not have followed.
+constexpr std::int64_t kLongestTickNs = 50'000'000;
 
 IntendedMotion checked(const SimDeviceConfig& config, const IntendedMotion& motion) {
   config.plant.validate();
@@ -128,7 +131,9 @@ Vec3 SimDevice::next_intention_h_m() noexcept {
     if (change_.active()) return change_.intended_pos_h_m();
     config_.metres_per_nm = seen_.metres_per_nm;
     if (free_hand_) free_hand_->start_anew();
-  } else if (started_) {
+  } else if (started_ && !seen_.held) {
+    // Nobody goes on while the tip stands still: it would be as far from the sample afterwards as the hand
+    // went meanwhile.
     motion_ns_ += period_ns_;
   }
   if (!now().free) return intended_hand_pos_h_m(motion_time_s());
@@ -139,7 +144,7 @@ Vec3 SimDevice::next_intention_h_m() noexcept {
 }
 
 void SimDevice::advance(std::int64_t dt_ns) noexcept {
-  carried_ns_ += dt_ns;
+  carried_ns_ += dt_ns > kLongestTickNs ? period_ns_ : dt_ns;
   for (; carried_ns_ >= period_ns_; carried_ns_ -= period_ns_) {
     const Vec3 intention_h_m = next_intention_h_m();
     plant_.advance(applied_h_n_, intention_h_m);

@@ -49,7 +49,9 @@ class SimDevice final : public HapticDevice, public PlayedMotion {
   void read(DeviceReading& reading) noexcept override;
   Vec3 write_force(const Vec3& hand_force_h_n) noexcept override;
 
-  /// Lets `dt_ns` of time pass with the force held. The intended motion moves only while started.
+  /// Lets `dt_ns` of time pass with the force held. The intended motion moves only while started, and not
+  /// while the tip is held (TipSeen). A tick that is far too late (50 ms) is taken for one period: the
+  /// simulated hand and its operator stand still with the program that makes them.
   void advance(std::int64_t dt_ns) noexcept override;
 
   void start_motion() noexcept override { started_ = true; }

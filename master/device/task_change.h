@@ -11,6 +11,7 @@ struct TipSeen {
   Vec3 target_nm = Vec3::Zero();  ///< x, y from where the session starts, z above the surface there
   double metres_per_nm = 1e-3;    ///< hand over tip, 1/(α_v·1e9), as it is now
   bool engaged = false;           ///< the tip follows the hand
+  bool held = false;              ///< it did, and will again as soon as the server is heard of
 };
 
 /// How a simulated operator goes from the middle of one task to the beginning of another: he presses the

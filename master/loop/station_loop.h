@@ -49,6 +49,8 @@ class StationLoop {
   /// link::kFlagTakeOver: ask for a shared tip; link::kFlagHandOver: leave it to others; 0: as it comes.
   void set_tip_wish(std::uint32_t flags) noexcept { input_.tip_wish = flags; }
   const station::StationTrace& trace() const noexcept { return output_.trace; }
+  /// The slave's step of the tick that was last, where steps are logged.
+  const link::LoggedStep& step() const noexcept { return output_.step; }
   /// Why the device showed no force in the last tick.
   device::ForceOffCause force_off() const noexcept { return reading_.cause; }
   std::uint64_t send_failures() const noexcept { return send_failures_; }

@@ -471,12 +471,27 @@ std::uint32_t Station::command_flags(const StationInput& input) const noexcept {
   return flags;
 }
 
+/// How long the slave's step of this tick is. Of a hand that moves by the clock on the wall a late tick
+/// counts from its last position, and the next one as a whole period: the ticks add up to more than the time
+/// that passed, by each rise of the lateness. A server executes a log no faster than the wall goes
+/// (link::StepReceiver), so it would fall behind for ever. Steps may be ahead by so much, and are shortened
+/// then.
+double Station::step_s(std::int64_t now_ns, double dt_s) noexcept {
+  constexpr double kAheadMost_s = 0.1;
+  const double passed_s = 1e-9 * static_cast<double>(now_ns - last_tick_ns_);
+  steps_ahead_s_ = std::max(0.0, steps_ahead_s_ + dt_s - passed_s);
+  const double shorter_s = std::clamp(steps_ahead_s_ - kAheadMost_s, 0.0, dt_s);
+  steps_ahead_s_ -= shorter_s;
+  return dt_s - shorter_s;
+}
+
 /// The slave's step of this tick, where steps are logged: here at once, if there is a twin, and at the server
 /// when it has come.
 void Station::step_slave(const StationInput& input, double dt_s, StationOutput& output) noexcept {
+  const double step_dt_s = step_s(input.time_ns, dt_s);
   if (!logs_steps() || !input.session_up) return;
   output.has_step = true;
-  output.step = link::logged_step(mapping_.target_w_nm(), command_flags(input), dt_s);
+  output.step = link::logged_step(mapping_.target_w_nm(), command_flags(input), step_dt_s);
   if (!twin_) return;
   if (input.snapshot != nullptr) {
     const link::SnapshotFetch& state = *input.snapshot;
@@ -499,7 +514,6 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
 void Station::step(const StationInput& input, double dt_s, StationOutput& output) noexcept {
   output = {};
   faults_ = 0;
-  last_tick_ns_ = input.time_ns;
   const bool good_tick = dt_s > 0 && std::isfinite(dt_s);
   if (good_tick) {
     watch(input, dt_s);
@@ -508,6 +522,7 @@ void Station::step(const StationInput& input, double dt_s, StationOutput& output
     follow_a_retracted_tip();
     mapping_.update(mode_ == Mode::kEngaged, hand_pos_h_m_);
     step_slave(input, dt_s, output);
+    last_tick_ns_ = input.time_ns;
     render(input, dt_s, output.trace);
     update_ramp(input, dt_s);
   } else {

@@ -171,6 +171,7 @@ class Station {
   double hold_s() const noexcept;
   double zero_s() const noexcept;
   std::uint32_t command_flags(const StationInput& input) const noexcept;
+  double step_s(std::int64_t now_ns, double dt_s) noexcept;
   void step_slave(const StationInput& input, double dt_s, StationOutput& output) noexcept;
   double given_aj() const noexcept;
   double well_j() const noexcept;
@@ -232,7 +233,8 @@ class Station {
   std::int64_t last_reply_ns_ = 0;
   double stale_s_ = 0;
   std::int64_t last_tick_ns_ = 0;
-  double blind_s_ = 0;  // that, or how long too much was shown without a confirmation
+  double steps_ahead_s_ = 0;  // of the logged steps before the time that has passed
+  double blind_s_ = 0;        // that, or how long too much was shown without a confirmation
   double ramp_ = 0;
   Vec3 last_target_w_nm_ = Vec3::Zero();
   Vec3 commanded_force_h_n_ = Vec3::Zero();

@@ -210,10 +210,10 @@ TEST_F(SecureTest, AStationThatIsKilledComesBackWithItsKeyWithoutAStepOfTheForce
 TEST_F(SecureTest, RevokingAKeyEndsItsSession) {
   make_key("stays");
   Server server(scene_path("flakes"), 0, {"--keys", keys()});
-  ChildProcess run(station(
-      server, {"--duration-s", "30", "--task", "contact", "--key", path("omega-1.key"), "--give-up-s", "1"}));
-  std::this_thread::sleep_for(Milliseconds(1500));
-  ASSERT_TRUE(run.running()) << run.err();
+  const std::string file = path("revoked.h5");
+  ChildProcess run(station(server, {"--duration-s", "30", "--task", "contact", "--key", path("omega-1.key"),
+                                    "--give-up-s", "1", "--record", file}));
+  ASSERT_TRUE(wait_for(run, file, [](const RecordingReader& reader) { return reader.rows() > 100; }));
   EXPECT_EQ(run_program({kNve, "keys", "revoke", "omega-1", "--keys", keys()}).exit_code, 0);
   ASSERT_TRUE(run.wait(std::chrono::seconds(10))) << run.err();
   EXPECT_EQ(run.exit_code(), 1);

@@ -185,12 +185,66 @@ TEST_F(SessionsTest, TheStationFetchesTheSceneAndFeelsItsTwin) {
   const Finished plain = run_program(talking(secretive, press), {}, kLong);
   EXPECT_EQ(plain.exit_code, 0) << plain.err;
   EXPECT_TRUE(says(plain.err, "no twin, method model instead")) << plain.err;
-  // The first session goes on where no log can be had: of a shared tip there may be no second.
+  // The session goes on where no log can be had: of a shared tip there may be no second.
   Server shared(scene_path("flat_silicon_oxide"), 0, {"--share", "one-tip"});
   const Finished one_tip = run_program(talking(shared, press), {}, kLong);
   EXPECT_EQ(one_tip.exit_code, 0) << one_tip.err;
   EXPECT_TRUE(says(one_tip.err, "keeps no log of steps")) << one_tip.err;
-  EXPECT_TRUE(says(shared.stop(), "in 1 sessions (1 resumed)"));
+  EXPECT_TRUE(says(shared.stop(), "in 1 sessions (0 resumed)"));
+}
+
+// Where nobody says which: the twin, in the one session that is opened, and where there can be none one line
+// says why and the round trip decides, of the same slave.
+TEST_F(SessionsTest, WhereNobodySaysWhichTheSampleItselfIsFelt) {
+  if (TELENANO_WITH_DTLS == 0) GTEST_SKIP() << "built without OpenSSL, whose SHA-256 names scenes";
+  const std::vector<std::string> press{"--task", "indent", "--duration-s", "1"};
+  Server server(scene_path("flat_silicon_oxide"));
+  const Finished done = run_program(talking(server, press), {}, kLong);
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_TRUE(says(done.err, "method twin (the server's scene runs here too)")) << done.err;
+  EXPECT_FALSE(says(done.err, "no twin")) << done.err;
+  EXPECT_TRUE(says(server.stop(), "in 1 sessions (0 resumed)"));
+
+  const auto by_round_trip = [&](const Server& from, const std::vector<std::string>& more, const char* why) {
+    std::vector<std::string> command = talking(from, press);
+    command.insert(command.end(), more.begin(), more.end());
+    const Finished plain = run_program(command, {}, kLong);
+    EXPECT_EQ(plain.exit_code, 0) << plain.err;
+    EXPECT_TRUE(says(plain.err, std::string("note: no twin, a method by the round trip instead: ") + why))
+        << plain.err;
+    EXPECT_TRUE(says(plain.err, "(by the round trip)")) << plain.err;
+  };
+  Server secretive(scene_path("flat_silicon_oxide"), 0, {"--no-scene-sharing"});
+  by_round_trip(secretive, {}, "this server does not share its scene");
+  EXPECT_TRUE(says(secretive.stop(), "in 1 sessions (1 resumed)"));
+  Server shared(scene_path("flat_silicon_oxide"), 0, {"--share", "one-tip"});
+  by_round_trip(shared, {}, "this server keeps no log of steps");
+  EXPECT_TRUE(says(shared.stop(), "in 1 sessions (0 resumed)"));
+  // Who only looks on feels nothing: nothing is fetched for that, and nothing said.
+  Server watched(scene_path("flat_silicon_oxide"), 0, {"--share", "one-tip"});
+  std::vector<std::string> looks = talking(watched, press);
+  looks.push_back("--observe");
+  const Finished on_looker = run_program(looks, {}, kLong);
+  EXPECT_EQ(on_looker.exit_code, 0) << on_looker.err;
+  EXPECT_FALSE(says(on_looker.err, "no twin")) << on_looker.err;
+}
+
+TEST_F(SessionsTest, AWayBeyondWhatWasMeasuredIsToldAndNotATwins) {
+  Server server(scene_path("flat_silicon_oxide"));
+  ChildProcess relay(
+      {kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--delay-ms", "260"});
+  ASSERT_TRUE(relay.wait_for_err("relay on 127.0.0.1:", kLong) && relay.wait_for_err("\n", kLong));
+  const std::string said = relay.err();
+  const std::string before = "relay on ";
+  const std::size_t at = said.find(before) + before.size();
+  const Finished run =
+      run_program({kMaster, "run", "--server", said.substr(at, said.find_first_of(" \n", at) - at), "--task",
+                   "indent", "--duration-s", "0.5", "--velocity-scale", "4e-6"},
+                  {}, kLong);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_TRUE(says(run.err, "note: no twin, a method by the round trip instead: the round trip is 52"))
+      << run.err;
+  EXPECT_TRUE(says(run.err, "method model (by the round trip)")) << run.err;
 }
 
 TEST_F(SessionsTest, AKilledStationGoesOnWithItsSessionAndNobodyElseDoes) {

@@ -274,8 +274,10 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
     wire.begin_tick(row.now_ns, rows);
     loop.tick(row.now_ns, row.dt_s, sample);
     if (logs_steps) {
-      wire.end_tick(client.next_step() - 1, link::logged_step(loop.trace().tip_target_pos_w_nm,
-                                                              step_flags(recorded, row, sample), row.dt_s));
+      link::LoggedStep step =
+          link::logged_step(loop.trace().tip_target_pos_w_nm, step_flags(recorded, row, sample), row.dt_s);
+      step.dt_ns = loop.step().dt_ns;
+      wire.end_tick(client.next_step() - 1, step);
     }
     if (wire.other_steps_at() != 0) {
       result.ended = "the steps that the server had made by then are not all recorded";

@@ -35,6 +35,48 @@ TEST(SimDevice, TimeIsCountedInWholePeriods) {
   EXPECT_EQ(a.plant().pos_m(), b.plant().pos_m());
 }
 
+// A program that was kept from running for a second has led no hand meanwhile: the tip would not have
+// followed it, and would never come down to the sample. The plant is the same as after one period, to the
+// bit.
+TEST(SimDevice, ATickThatIsFarTooLateIsOnePeriod) {
+  SimDevice late({}, IntendedMotion::for_task(Task::kContact, {}));
+  SimDevice good({}, IntendedMotion::for_task(Task::kContact, {}));
+  for (SimDevice* device : {&late, &good}) {
+    device->start_motion();
+    for (int k = 0; k < 1500; ++k) device->advance(1'000'000);
+  }
+  late.advance(1'000'000'000);
+  good.advance(1'000'000);
+  EXPECT_EQ(late.plant().pos_m(), good.plant().pos_m());
+  EXPECT_EQ(late.motion_time_s(), good.motion_time_s());
+  // What an ordinary machine is late by is time that has passed for the hand too.
+  late.advance(49'000'000);
+  for (int k = 0; k < 49; ++k) good.advance(1'000'000);
+  EXPECT_EQ(late.plant().pos_m(), good.plant().pos_m());
+  EXPECT_EQ(late.motion_time_s(), good.motion_time_s());
+}
+
+// While the tip stands still because the server is silent the operator does not go on, and is not lost: the
+// motion takes as much longer as that took, and goes through the same places.
+TEST(SimDevice, WaitsWhileTheTipIsHeld) {
+  SimDevice device({}, IntendedMotion::for_task(Task::kContact, {}));
+  device.start_motion();
+  for (int k = 0; k < 1500; ++k) device.advance(1'000'000);
+  const double before_s = device.motion_time_s();
+  TipSeen held;
+  held.held = true;
+  device.see_tip(held);
+  for (int k = 0; k < 700; ++k) device.advance(1'000'000);
+  EXPECT_EQ(device.motion_time_s(), before_s);
+  // At rest at its intention, but for friction: 0.02 N against the arm's 400 N/m.
+  EXPECT_NEAR(device.plant().pos_m().z(), device.intended_hand_pos_h_m(before_s).z(), 1e-4);
+  TipSeen free;
+  free.engaged = true;
+  device.see_tip(free);
+  for (int k = 0; k < 100; ++k) device.advance(1'000'000);
+  EXPECT_NEAR(device.motion_time_s(), before_s + 0.1, 1e-12);
+}
+
 TEST(SimDevice, SaysWhatIsReallyApplied) {
   SimDevice device({}, IntendedMotion::for_task(Task::kPosition, {}));
   EXPECT_NEAR(device.write_force(Vec3(0, 0, 100)).z(), 12, 1e-14);

@@ -71,5 +71,42 @@ TEST(HandInterval, ALateTickDoesNotMakeAHandTooFast) {
   }
 }
 
+// A tick that is late takes the hand's time from its last position, and the one after it a whole period: the
+// intervals add up to more than the time on the wall, here to 5.75 s in 5 s. A server executes logged steps
+// no faster than the wall goes (link::StepReceiver: 1.001 of it, and 2 s in advance), so the steps must not
+// add up so. The bound is what the station lets them run ahead, 0.1 s, and one tick.
+TEST(HandInterval, StepsTakeNoLongerThanTheTimeThatHasPassed) {
+  for (const std::int64_t late_ns : {0, 300'000}) {
+    station::Station station{station::StationConfig{}, station::StationRig::device(), {10, 0, 500}};
+    link::Welcome welcome;
+    welcome.epoch = 1;
+    welcome.feature_bits = link::kFeatureStepLog;
+    welcome.workspace_min_w_nm = Vec3::Constant(-100);
+    welcome.workspace_max_w_nm = Vec3::Constant(100);
+    station.begin_session(welcome);
+    constexpr std::int64_t kPeriodNs = 1'000'000;
+    constexpr std::int64_t kTicks = 5000;
+    std::int64_t last_ns = 0;
+    std::int64_t steps_ns = 0;
+    for (std::int64_t k = 1; k <= kTicks; ++k) {
+      station::StationInput input;
+      input.time_ns = k * kPeriodNs + (k % 2 == 1 ? late_ns : 0);
+      input.session_up = true;
+      input.next_step = static_cast<std::uint64_t>(k);
+      const std::int64_t interval_ns = std::max(kPeriodNs, input.time_ns - last_ns);
+      last_ns = input.time_ns;
+      station::StationOutput output;
+      station.step(input, 1e-9 * static_cast<double>(interval_ns), output);
+      ASSERT_TRUE(output.has_step);
+      if (late_ns == 0) {
+        ASSERT_EQ(output.step.dt_ns, kPeriodNs) << k;  // nothing is taken from a good one
+      }
+      steps_ns += output.step.dt_ns;
+      ASSERT_LE(steps_ns, k * kPeriodNs + 101'000'000) << k;
+    }
+    EXPECT_GE(steps_ns, kTicks * kPeriodNs) << "nor are they less";
+  }
+}
+
 }  // namespace
 }  // namespace telenano::loop
