@@ -89,8 +89,7 @@ struct Rig {
     link::Reply reply;
     std::uint64_t answered = 0;
   };
-  Session open(std::uint64_t key, std::uint32_t rate_hz = 1000,
-               std::uint64_t features = kNoLog) {
+  Session open(std::uint64_t key, std::uint32_t rate_hz = 1000, std::uint64_t features = kNoLog) {
     Session s;
     s.from.port = static_cast<std::uint16_t>(++ports);
     s.standing.identity = key;
@@ -173,7 +172,7 @@ TEST(Work, NobodyTakesMoreThanItsShareWhateverItAsksFor) {
 TEST(Work, WhatIsLeftIsCaughtUpWithAndNoTimeIsLost) {
   Rig rig;
   auto s = rig.open(1);
-  rig.open(2);  // with which it shares
+  rig.open(2);                                                          // with which it shares
   for (int k = 0; k < 40; ++k) rig.say(s, Vec3(100.0 * k, 0, 0), kMs);  // at once: 20 ms of a share a step
   EXPECT_NE(s.reply.fault_bits & link::kFaultShare, 0u);
   EXPECT_LT(s.slave->at_w_nm.x(), 3000) << "it lags";
