@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/link/codec.h"
+#include "common/link/step_log.h"
 #include "nve_server/server/drain_order.h"
 #include "virtual_session.h"
 
@@ -262,6 +263,46 @@ TEST(Work, ASupersededCommandIsAnsweredAndItsMotionLeftToTheNext) {
   EXPECT_EQ(s.slave->at_w_nm, Vec3(10, 0, 0));
   EXPECT_NEAR(s.slave->time_s - time_s, 9e-3, 1e-12);
   EXPECT_EQ(s.reply.fault_bits, 0u);
+}
+
+// Steps of a log are made whole and in order, by as many as the share pays for; after two seconds of waiting
+// what is left is left out, and said to be. 2000 units a step, a step a millisecond, 200 units a millisecond.
+TEST(Work, LoggedStepsWaitForTheirShareAndAreThenLeftOutAsADeclaredBreak) {
+  Rig rig;
+  auto s = rig.open(1, 1000, link::kKnownFeatures);
+  rig.open(2);  // with which it shares
+  std::array<std::uint8_t, link::kStepsBytesMost> bytes{};
+  std::int64_t broken_ns = 0;
+  const std::int64_t begin_ns = rig.now_ns;
+  for (std::uint64_t k = 1; k <= 3000 && broken_ns == 0; ++k) {
+    rig.now_ns += kMs;
+    if (k % 5 == 0) rig.server->poll(rig.now_ns);
+    link::StepWriter writer(bytes, k);
+    const Vec3 to_w_nm(k % 2 == 0 ? 1000 : -1000, 0, 0);
+    ASSERT_TRUE(writer.add(link::logged_step(to_w_nm, s.command.flags, 1e-3)));
+    ++s.command.sequence;
+    s.command.send_time_ns += kMs;
+    const std::size_t n = rig.codec.encode(s.command, std::span(bytes.data(), writer.size()), rig.in);
+    const std::size_t m =
+        rig.server->on_datagram({rig.in.data(), n}, s.from, rig.now_ns, rig.out, nullptr, s.standing);
+    ASSERT_EQ(rig.codec.decode({rig.out.data(), m}, rig.incoming), link::DropCause::kNone);
+    ASSERT_EQ(rig.incoming.type, link::MessageType::kReply);
+    s.reply = rig.incoming.reply;
+    ASSERT_EQ(s.reply.fault_bits & link::kFaultShare, 0u) << "none is cut";
+    if (s.reply.steps.breaks > 0) {
+      broken_ns = rig.now_ns;
+    } else {
+      ASSERT_EQ(s.reply.steps.executed, s.slave->steps) << "each once, none left out";
+    }
+  }
+  ASSERT_NE(broken_ns, 0);
+  EXPECT_EQ(s.reply.steps.break_reason, link::kBreakShare);
+  EXPECT_GE(s.reply.steps.executed + 1, s.reply.steps.newest) << "it goes on with the newest";
+  // It began to wait within the first ticks, and was patient for 2 s.
+  EXPECT_NEAR(1e-9 * static_cast<double>(broken_ns - begin_ns), 2.0, 0.1);
+  // Owed afterwards is one step at most; saved up before, two datagrams' most.
+  EXPECT_LE(s.slave->work, 2.1 * rig.bounds.all_per_s / 2 + 2 * rig.bounds.a_datagram + 2 * 2000);
+  EXPECT_GE(s.slave->work, 0.9 * 2 * rig.bounds.all_per_s / 2);
 }
 
 TEST(DrainOrder, SendersTakeTurns) {
