@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <thread>
 #include <vector>
@@ -205,6 +206,9 @@ TEST_P(InsiderTest, TheNeighbourIsAnsweredInTime) {
   EXPECT_GE(beside.answered_percent(), 99.0);
   EXPECT_LT(beside.quantile_ms(0.5), 20.0);
   EXPECT_GT(insider.answered, 0u);
+  if (std::getenv("TELENANO_QUIET_MACHINE") == nullptr) return;
+  EXPECT_GE(beside.answered_percent(), 99.9);
+  EXPECT_LT(beside.quantile_ms(0.99), 2.0);
 }
 
 INSTANTIATE_TEST_SUITE_P(Datagrams, InsiderTest,
