@@ -39,6 +39,7 @@ enum StepBreak : std::uint32_t {
   kBreakStop = 2,     ///< a stop did not wait for steps that were missing
   kBreakRight = 3,    ///< steps without the right to operate: they moved nothing
   kBreakSilence = 4,  ///< the slave withdrew by itself: the session was silent
+  kBreakShare = 5,    ///< steps waited too long for the session's share of the server: left out
 };
 
 /// How far the server has executed the log of steps. Behind kFeatureStepLog; all zero without it.
@@ -211,6 +212,9 @@ enum FaultBits : std::uint32_t {
   kFaultStepLimit = 1u << 5,  ///< the commanded position moves faster than the slave allows; it follows late
   kFaultApproaching =
       1u << 6,  ///< with kFaultRetracted: the slave is bringing the tip back; no force until then
+  /// The session has used up its share of the server: the tip follows late, and catches up as the share comes
+  /// in. Nothing of the motion is lost.
+  kFaultShare = 1u << 7,
 };
 
 /// What the slave's port says to the method at the station. Behind kFeaturePortControl; all zero: nothing.

@@ -36,6 +36,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
                 : "  the tip is withdrawn: no force";
   }
   if (p.shutting_down) line += "  server has shut down, trying again";
+  if ((p.station_faults & station::kFaultOld) != 0) line += "  the round trip is too long: force is zero";
+  if ((p.slave_faults & link::kFaultShare) != 0) line += "  beyond the share of the server: the tip lags";
   if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
   if (terminal) {
     fmt::print(stderr, "\r{:<190}", line);
@@ -62,6 +64,13 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
     fmt::print(stderr, "{}{}\n", end_of_line,
                now.tip_up ? "the slave has withdrawn the tip: the force is zero until it is back"
                           : "the tip is back: it follows from where it is");
+  }
+  constexpr std::uint32_t kOld = station::kFaultOld;
+  if (((before.station_faults ^ now.station_faults) & kOld) != 0) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               (now.station_faults & kOld) != 0
+                   ? "the round trip is too long for this method: the force fades, the tip holds"
+                   : "the round trip is short enough again: the force comes back");
   }
   if (before.ticks > 0 && before.method != now.method && now.chooses_method) {
     fmt::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,

@@ -54,6 +54,7 @@ void read_limits(const TomlTable& table, station::StationConfig& station) {
   station.slew_n_s = table.number_or("slew_n_s", between(1, 1e6), station.slew_n_s);
   station.stale_hold_s = table.number_or("stale_hold_s", between(0, 0.020), station.stale_hold_s);
   station.stale_zero_s = table.number_or("stale_zero_s", positive(0.100), station.stale_zero_s);
+  station.force_age_s = table.number_or("force_age_s", between(0, 10), station.force_age_s);
   station.engage_ramp_s = table.number_or("engage_ramp_s", between(0.01, 10), station.engage_ramp_s);
   station.require_deadman = table.boolean_or("require_deadman", station.require_deadman);
 }
@@ -174,6 +175,7 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
   add("limits.slew_n_s", station.slew_n_s);
   add("limits.stale_hold_s", station.stale_hold_s);
   add("limits.stale_zero_s", station.stale_zero_s);
+  add("limits.force_age_s", station.force_age_s);
   add("limits.engage_ramp_s", station.engage_ramp_s);
   list.emplace_back("limits.require_deadman", station.require_deadman ? "true" : "false");
   list.emplace_back("allow_unsafe_scaling", station.allow_unsafe_scaling ? "true" : "false");

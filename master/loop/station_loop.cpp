@@ -228,7 +228,7 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   if (t.clamped) flags |= kLimitClamp;
   if (t.limited) flags |= kLimitForce;
   if (t.slewed) flags |= kLimitSlew;
-  if ((t.faults & station::kFaultStale) != 0) flags |= kLimitStale;
+  if ((t.faults & (station::kFaultStale | station::kFaultOld)) != 0) flags |= kLimitStale;
   if ((t.faults & station::kFaultVelocityTrip) != 0) flags |= kLimitVelocity;
   if ((t.slave_faults & link::kFaultWorkspace) != 0) flags |= kLimitWorkspace;
   if (t.ramp < 1) flags |= kLimitRamp;

@@ -11,6 +11,8 @@ namespace {
 // A measurement beyond these is no measurement: booked, it would buy or cost energy for the rest of the
 // session.
 constexpr double kBelievableStepM = 1.0;  // of the hand in a tick
+// Of the longest round trip: shorter than that, and forces come back.
+constexpr double kYoungAgain = 0.8;
 constexpr double kBelievableForce = 2.0;  // times what the device can do
 
 bool finite_reply(const link::Reply& reply) noexcept {
@@ -64,7 +66,8 @@ const char* fault_name(std::uint32_t faults) noexcept {
                                            "no new reply",
                                            "bad tick length",
                                            "slave stiffer than planned",
-                                           "another scene than before"};
+                                           "another scene than before",
+                                           "round trip too long for the method"};
   for (std::size_t bit = 0; bit < std::size(kNames); ++bit) {
     if (faults & (1u << bit)) return kNames[bit];
   }
@@ -332,6 +335,19 @@ void Station::accept_reply(const StationInput& input) noexcept {
     if (beyond_s > 0) blind_s_ = std::max(blind_s_, hold_s() + beyond_s);
   }
   if (has_reply_ && blind_s_ > hold_s()) faults_ |= kFaultStale;
+  watch_age(input);
+}
+
+/// Replies that come every millisecond are no news if each is of a second ago. Beyond the method's longest
+/// round trip the force fades and the tip holds as in an outage that begins then, until it is well below.
+void Station::watch_age(const StationInput& input) noexcept {
+  const double most_s = config_.age_most_s(methods_.method());
+  const bool was_old = old_;
+  old_ = input.session_up && !shows_twin() && input.rtt_s > (was_old ? kYoungAgain * most_s : most_s);
+  if (!old_) return;
+  if (!was_old) old_since_ns_ = input.time_ns;
+  faults_ |= kFaultOld;
+  blind_s_ = std::max(blind_s_, hold_s() + 1e-9 * static_cast<double>(input.time_ns - old_since_ns_));
 }
 
 /// What the newest reply has added to the slave's sums; of what came out, what may be credited.

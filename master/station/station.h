@@ -39,6 +39,7 @@ enum StationFaults : std::uint32_t {
   kFaultBadTick = 1u << 8,  ///< a tick without a positive, finite length: nothing was done but zero force
   kFaultSlaveStiffer = 1u << 9,  ///< latched: the new session's slave is stiffer than what was planned for
   kFaultOtherScene = 1u << 10,   ///< latched: the server that came back serves another scene
+  kFaultOld = 1u << 11,  ///< replies come, but the round trip is longer than the method may show forces at
 };
 /// Name of the lowest fault bit set; "none" if none.
 const char* fault_name(std::uint32_t faults) noexcept;
@@ -177,6 +178,7 @@ class Station {
   double well_j() const noexcept;
   bool shares_tip() const noexcept { return (features_ & link::kFeatureSharing) != 0; }
   void accept_reply(const StationInput& input) noexcept;
+  void watch_age(const StationInput& input) noexcept;
   void hear_who_holds(const link::TipShare& tip) noexcept;
   link::ReceivedSums::News book_slave() noexcept;
   void tell_method(const link::ReceivedSums::News& added, double price_j_aj) noexcept;
@@ -235,6 +237,8 @@ class Station {
   std::int64_t last_tick_ns_ = 0;
   double steps_ahead_s_ = 0;  // of the logged steps before the time that has passed
   double blind_s_ = 0;        // that, or how long too much was shown without a confirmation
+  bool old_ = false;          // the round trip is longer than the method allows,
+  std::int64_t old_since_ns_ = 0;
   double ramp_ = 0;
   Vec3 last_target_w_nm_ = Vec3::Zero();
   Vec3 commanded_force_h_n_ = Vec3::Zero();

@@ -32,6 +32,13 @@ std::string samples(int count) {
 
 }  // namespace
 
+double StationConfig::age_most_s(control::Method shown) const noexcept {
+  if (shown == control::Method::kTwin) return HUGE_VAL;
+  if (force_age_s > 0) return force_age_s;
+  if (shown == control::Method::kModel) return 0.8;
+  return control::needs_port_control(shown) ? 0.5 : 0.4;
+}
+
 void StationConfig::validate(const std::string& source) const {
   const auto require = [&](bool good, const char* key, double value, const std::string& range) {
     if (!good) throw UserError(source + ": " + key + " = " + number(value) + ", expected " + range);
@@ -54,6 +61,8 @@ void StationConfig::validate(const std::string& source) const {
   require(between(stale_hold_s, 0, 0.020), "limits.stale_hold_s", stale_hold_s, "0 to 0.02");
   require(stale_zero_s > stale_hold_s && stale_zero_s <= 0.100, "limits.stale_zero_s", stale_zero_s,
           "more than limits.stale_hold_s = " + number(stale_hold_s) + ", at most 0.1");
+  require(force_age_s == 0 || between(force_age_s, 0.05, 10), "limits.force_age_s", force_age_s,
+          "0.05 to 10, or 0 (by the method)");
   require(between(engage_ramp_s, 0.01, 10), "limits.engage_ramp_s", engage_ramp_s, "0.01 to 10");
   require(device_damping_n_s_m < 0 || between(device_damping_n_s_m, 0, 1000), "device.damping_n_s_m",
           device_damping_n_s_m, "0 to 1000, or negative for what the device reports");

@@ -29,11 +29,19 @@ struct StationConfig {
   double slew_n_s = 4000;                ///< of increases and reversals of |f|
   double stale_hold_s = 0.020;           ///< the last force is held so long after the last new reply
   double stale_zero_s = 0.100;           ///< and has become zero after so long
-  double engage_ramp_s = 0.200;          ///< from no force to the full one, on engage, resume and reconnect
-  double device_damping_n_s_m = -1;      ///< certain damping of the device; negative: as the device reports
+  /// Longest round trip at which forces are shown, 0.05 to 10; 0: by the method (age_most_s).
+  double force_age_s = 0;
+  double engage_ramp_s = 0.200;      ///< from no force to the full one, on engage, resume and reconnect
+  double device_damping_n_s_m = -1;  ///< certain damping of the device; negative: as the device reports
 
   bool require_deadman = true;        ///< the deadman button must be held to move and feel
   bool allow_unsafe_scaling = false;  ///< run beyond the exact bound (the force limit stays)
+
+  /// Longest round trip at which the method `shown` shows a force. Reflected forces (none, ks, ks-clamp) 0.4
+  /// s, methods whose ports keep an account (tdpa, wave, tank) 0.5 s, a local model 0.8 s: beyond, a hand
+  /// meets what it has not touched for as long as it takes to react twice. Infinite for the twin, which has
+  /// limits of its own.
+  double age_most_s(control::Method shown) const noexcept;
 
   /// Throws UserError: one line with the key, its value and the expected range. `source` names the file or
   /// the flags.

@@ -19,7 +19,7 @@ struct Fault {
 };
 
 // The gravest first. Those that latch end with what a person has to do.
-constexpr std::array<Fault, 11> kStationFaults = {{
+constexpr std::array<Fault, 12> kStationFaults = {{
     {station::kFaultDeviceFailed, "The device has failed: zero force. Check its cable and power, then clear"},
     {station::kFaultForceNonFinite, "The station's own force was no number: zero force. Please report this"},
     {station::kFaultHandPosNonFinite,
@@ -33,6 +33,8 @@ constexpr std::array<Fault, 11> kStationFaults = {{
     {station::kFaultStopPressed, "Stopped by the operator: zero force, the tip retracts. Clear when ready"},
     {station::kFaultBadTick, "A tick without length: zero force in it"},
     {station::kFaultReplyNonFinite, "A reply was no number: left out, the force comes back by a ramp"},
+    {station::kFaultOld,
+     "The round trip is too long for this method: the force fades, the tip holds, until it is shorter"},
     {station::kFaultStale, "No news from the server: the force is held, then fades to zero"},
 }};
 
@@ -105,8 +107,8 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
   const auto mode = static_cast<station::Mode>(now.station_mode);
   for (const Fault& fault : kStationFaults) {
     if ((now.station_faults & fault.bit) == 0) continue;
-    const bool grave = fault.bit != station::kFaultStale && fault.bit != station::kFaultReplyNonFinite &&
-                       fault.bit != station::kFaultBadTick;
+    const bool grave = fault.bit != station::kFaultStale && fault.bit != station::kFaultOld &&
+                       fault.bit != station::kFaultReplyNonFinite && fault.bit != station::kFaultBadTick;
     messages.push_back({fault.text, grave ? Mood::kAlarm : Mood::kWarning});
   }
   if (observes(now))
@@ -143,13 +145,14 @@ std::string reach_words(double reach_nm) {
 }
 
 std::vector<Message> slave_words(std::uint32_t faults) {
-  constexpr std::array<Fault, 7> kFaults = {{
+  constexpr std::array<Fault, 8> kFaults = {{
       {link::kFaultNonFinite, "The slave met a value that is no number: zero force"},
       {link::kFaultRetracted, "The tip has been retracted"},
       {link::kFaultApproaching, "The tip is on its way to the sample: no force until it is there"},
       {link::kFaultForceLimit, "The slave holds the tip back at its force limit"},
       {link::kFaultWorkspace, "At the border of the workspace"},
       {link::kFaultStepLimit, "Too fast for the slave: the tip follows late"},
+      {link::kFaultShare, "More than this session's share of the server: the tip follows late"},
       {link::kFaultNoEquilibrium, "The slave's solver gave up in this step: tip held"},
   }};
   std::vector<Message> messages;

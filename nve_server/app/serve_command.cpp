@@ -239,6 +239,9 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
             counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
             drops.empty() ? "none" : drops);
   if (counters.scene_chunks > 0) log->info("{} pieces of the scene were fetched", counters.scene_chunks);
+  if (counters.deferred > 0 || counters.cut > 0)
+    log->info("beyond their share of the server: {} commands waited for later ones, {} steps were cut",
+              counters.deferred, counters.cut);
   if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
   if (secure) log->info("channels: {}", workers.channels_text());
 }

@@ -75,6 +75,15 @@ void write_metrics(const std::vector<const server::LoopStatus*>& workers,
                number(s.counters.scene_chunks));
   page.counter("telenano_commands_recovered_total", "Lost commands that a later datagram repeated",
                number(s.counters.recovered));
+  page.counter("telenano_work_total", "Iterations and balances of the slaves' solvers",
+               number(s.counters.work));
+  page.counter(
+      "telenano_commands_deferred_total",
+      "Commands answered whose motion was left to later ones: the session's share was used up, or the "
+      "server behind",
+      number(s.counters.deferred));
+  page.counter("telenano_steps_cut_total", "Steps that ended before their way did, for their session's share",
+               number(s.counters.cut));
   for (std::size_t i = 1; i < s.drops.size(); ++i) {
     page.counter("telenano_drops_total", "Datagrams not used, by cause (PROTOCOL.md, section 8)",
                  number(s.drops[i]), {{"cause", link::name(static_cast<link::DropCause>(i))}});

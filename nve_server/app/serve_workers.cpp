@@ -50,6 +50,7 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
     own.table.parties = &parties_;
     own.openings_per_party_s = own.openings_per_s * static_cast<double>(own.table.per_party) /
                                static_cast<double>(config_.max_sessions);
+    own.work.enforced = true;
     if (workers_.size() > 1) {
       own.mail = &mail_;
       own.worker = i;

@@ -32,9 +32,12 @@ constexpr std::int64_t kRestNs = 50'000'000;
 
 /// Steps that one datagram, and one look of poll(), may execute of a log: catching up must not keep the
 /// others waiting.
+constexpr double kNoWorkBound = UINT32_MAX;
 constexpr std::size_t kStepsPerDatagram = 64, kStepsPerPoll = 64;
 constexpr double kStepRingMost = 32768;  // 1.5 MB
 constexpr std::int64_t kFreezeEveryNs = 100'000'000;
+/// A party that has not commanded for so long has no share.
+constexpr std::int64_t kPartyActiveNs = 1'000'000'000;
 
 bool logs_steps(const link::Session& session) noexcept {
   return (session.feature_bits & link::kFeatureStepLog) != 0;
@@ -141,6 +144,7 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       handshake_(handshake_config(config, limits_, spare_->state_hash() != 0, scene_)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       seats_(table_.capacity()),
+      parties_(config.work.enforced ? table_.capacity() + 1 : 0),
       holder_(table_.capacity()),
       search_(config.mail, config.worker),
       scene_chunks_(config.scene_chunks_all_per_s, kSceneBurst) {
@@ -161,11 +165,12 @@ std::size_t Server::drop(DropCause cause) noexcept {
 
 std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::Address& from,
                                 std::int64_t now_ns, std::span<std::uint8_t> out, const rt::Clock* clock,
-                                const net::Standing& standing) noexcept {
+                                const net::Standing& standing, bool superseded) noexcept {
   ++counters_.datagrams;
   const DropCause cause = codec_.decode(bytes, incoming_);
   if (cause != DropCause::kNone) return drop(cause);
   standing_ = standing;
+  superseded_ = superseded;
   switch (incoming_.type) {
     case link::MessageType::kCommand:
       return on_command(incoming_.command, from, now_ns, out, clock);
@@ -262,18 +267,68 @@ void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) no
   Tip& tip = tip_of(slot);
   if (seat.steps.gap() && 1e-9 * static_cast<double>(now_ns - seat.steps.gap_since_ns()) > config_.step_gap_s)
     seat.steps.skip_to_newest(link::kBreakGap);
+  // Each step is made whole, whatever it takes: both ends make the same. So what it takes is owed afterwards.
+  double left = work_left(slot, now_ns);
+  double taken = 0;
+  if (seat.defers && 1e-9 * static_cast<double>(now_ns - seat.defers_since_ns) > config_.step_gap_s) {
+    seat.steps.skip_to_newest(link::kBreakShare);
+    seat.defers = false;
+    left = std::max(left, 1.0);
+  }
   link::LoggedStep step;
-  for (std::size_t i = 0; i < most && seat.steps.pop(now_ns, step); ++i) {
+  for (std::size_t i = 0; i < most && taken < left && seat.steps.pop(now_ns, step); ++i) {
     link::Command command;
     command.control = seat.last_control;
     command.flags = step.flags;
     command.tip_pos_w_nm = link::target_w_nm(step);
     command.tip_vel_w_nm_s = (command.tip_pos_w_nm - tip.last_target_w_nm) / link::dt_s(step);
-    move_tip_once(slot, command, link::dt_s(step), seat.operates);
+    taken += move_tip_once(slot, command, link::dt_s(step), seat.operates, kNoWorkBound);
     tip.last_step_ns = tip.moved_ns = now_ns;
     tip.at_rest = false;
     last_flags_ = step.flags;
   }
+  take_work(slot, taken);
+  const bool defers = taken >= left && seat.steps.waits();
+  if (defers && !seat.defers) seat.defers_since_ns = now_ns;
+  seat.defers = defers;
+}
+
+/// Found by its number, or in place of the one that nobody has used for longest.
+Server::PartyWork& Server::party_work(std::size_t slot) noexcept {
+  const std::uint64_t party = table_[slot].party;
+  std::size_t& at = seats_[slot].party;
+  const auto is_it = [&](std::size_t i) {
+    return parties_[i].used_ns != INT64_MIN && parties_[i].party == party;
+  };
+  if (at < parties_.size() && is_it(at)) return parties_[at];
+  std::size_t oldest = 0;
+  for (at = 0; at < parties_.size() && !is_it(at); ++at)
+    if (parties_[at].used_ns < parties_[oldest].used_ns) oldest = at;
+  if (at == parties_.size()) {
+    at = oldest;
+    parties_[at] = {party, 0, {}};
+  }
+  return parties_[at];
+}
+
+/// What the datagram at hand may take: 0 or less is nothing.
+double Server::work_left(std::size_t slot, std::int64_t now_ns) noexcept {
+  const WorkBounds& bounds = config_.work;
+  if (!bounds.enforced) return kNoWorkBound;
+  PartyWork& party = party_work(slot);
+  if (party.used_ns < now_ns - kPartyActiveNs) ++active_parties_;  // until poll() counts again
+  party.used_ns = now_ns;
+  const double per_s = bounds.of_session(table_[slot].rate_hz, limits_.balances_per_s, table_.active());
+  const double of_session = seats_[slot].work.left(now_ns, per_s, bounds);
+  const double of_party = party.work.left(now_ns, bounds.of_party(active_parties_), bounds);
+  return std::min({of_session, bounds.a_datagram, std::max(of_party, bounds.free_a_datagram)});
+}
+
+void Server::take_work(std::size_t slot, double work) noexcept {
+  counters_.work += static_cast<std::uint64_t>(work);
+  if (!config_.work.enforced) return;
+  seats_[slot].work.take(work);
+  party_work(slot).work.take(std::max(0.0, work - config_.work.free_a_datagram));
 }
 
 /// A command of a session that logs its steps: only they move the tip. What takes motion away does not wait
@@ -301,7 +356,8 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   link::Command stop = command;
   stop.tip_pos_w_nm = tip.output.commanded_pos_w_nm;
   stop.tip_vel_w_nm_s.setZero();
-  move_tip_once(slot, stop, std::min(table_[slot].spacing_s, config_.step_max_s), true);
+  take_work(slot, move_tip_once(slot, stop, std::min(table_[slot].spacing_s, config_.step_max_s), true,
+                                config_.work.enforced ? config_.work.a_stop : kNoWorkBound));
   tip.last_step_ns = tip.moved_ns = now_ns;
   tip.at_rest = false;
 }
@@ -397,8 +453,8 @@ void Server::share_tip(std::size_t slot, const link::Command& command, std::int6
 }
 
 /// Steps the tip by a command of a session that may do so.
-void Server::move_tip_once(std::size_t slot, const link::Command& command, double spacing_s,
-                           bool may_operate) noexcept {
+double Server::move_tip_once(std::size_t slot, const link::Command& command, double spacing_s,
+                             bool may_operate, double work_most) noexcept {
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
   Seat& seat = seats_[slot];
@@ -409,6 +465,7 @@ void Server::move_tip_once(std::size_t slot, const link::Command& command, doubl
   slave::SlaveInput input =
       slave::input_of(command.tip_pos_w_nm, command.tip_vel_w_nm_s, command.flags, operates, was_up);
   input.opening = seat.opening;
+  input.work_most = static_cast<std::uint32_t>(std::clamp(work_most, 1.0, kNoWorkBound));
   input.wants_model = wants_model(session, command);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
@@ -428,13 +485,34 @@ void Server::move_tip_once(std::size_t slot, const link::Command& command, doubl
     }
   }
   tip.last_target_w_nm = command.tip_pos_w_nm;
+  if ((tip.output.fault_bits & link::kFaultShare) != 0) ++counters_.cut;
+  return tip.output.work;
 }
 
+/// Beyond the session's share, and where a newer command waits, a command moves nothing: its place is in the
+/// newer one's, its time and its energies are added to that. Only a stop never waits.
 void Server::move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
                       std::int64_t now_ns) noexcept {
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
   const bool operates = standing_.rights >= net::Rights::kOperate;
+  Seat& seat = seats_[slot];
+  double left = work_left(slot, now_ns);
+  if (superseded_ && command.flags == seat.command_flags) left = 0;
+  seat.command_flags = command.flags;
+  double taken = 0;
+  bool moved = false;
+  const auto follow = [&](const link::Command& next, double next_spacing_s) {
+    double most = left - taken;
+    if ((next.flags & link::kFlagStop) != 0) most = std::max(most, config_.work.a_stop);
+    if (most <= 0) {
+      seat.behind_s += next_spacing_s;
+      return;
+    }
+    taken += move_tip_once(slot, next, next_spacing_s + seat.behind_s, operates, most);
+    seat.behind_s = 0;
+    moved = true;
+  };
   double spacing_s = session.spacing_s;
   if (recent.count > 0 && session.missed > 0) {
     link::MissedSteps plan;
@@ -442,12 +520,18 @@ void Server::move_tip(std::size_t slot, const link::Command& command, const link
     for (std::size_t i = 0; i < plan.count; ++i) {
       const link::MissedSteps::Step& step = plan.step[i];
       const Vec3 vel_w_nm_s = (step.command.tip_pos_w_nm - tip.last_target_w_nm) / step.spacing_s;
-      move_tip_once(slot, link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s, operates);
+      follow(link::with_recent(command, step.command, vel_w_nm_s), step.spacing_s);
     }
     counters_.recovered += plan.count;
     spacing_s = plan.last_spacing_s;
   }
-  move_tip_once(slot, command, spacing_s, operates);
+  follow(command, spacing_s);
+  take_work(slot, taken);
+  if (seat.behind_s > 0) {
+    tip.output.fault_bits |= link::kFaultShare;
+    ++counters_.deferred;
+  }
+  if (!moved) return;
   tip.last_step_ns = tip.moved_ns = now_ns;
   tip.at_rest = false;
 }
@@ -595,6 +679,7 @@ void Server::retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexce
   slave::SlaveInput input;
   input.follow = false;
   input.retract = true;
+  if (config_.work.enforced) input.work_most = static_cast<std::uint32_t>(config_.work.a_datagram);
   input.tip_target_pos_w_nm = tip.output.commanded_pos_w_nm;
   const double dt_s =
       std::clamp(1e-9 * static_cast<double>(now_ns - tip.last_step_ns), kStepMinS, config_.step_max_s);
@@ -619,6 +704,10 @@ void Server::poll(std::int64_t now_ns) noexcept {
   });
   settle_cap();
   search_.forget_old(now_ns);
+  active_parties_ =
+      static_cast<std::size_t>(std::count_if(parties_.begin(), parties_.end(), [&](const PartyWork& p) {
+        return p.used_ns >= now_ns - kPartyActiveNs;
+      }));
   if (shared()) return withdraw_shared_tip(now_ns);
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];

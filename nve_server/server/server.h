@@ -22,6 +22,7 @@
 #include "nve_server/server/session_port.h"
 #include "nve_server/server/tip_holder.h"
 #include "nve_server/server/token_search.h"
+#include "nve_server/server/work_budget.h"
 #include "nve_server/server/worker_mail.h"
 #include "nve_server/slave/slave.h"
 
@@ -69,6 +70,7 @@ struct ServerConfig {
   /// delay. One takes about a microsecond.
   double scene_chunks_per_s = 2000;
   double scene_chunks_all_per_s = 10000;
+  WorkBounds work;
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
 
   /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
@@ -90,6 +92,9 @@ struct ServerCounters {
   std::uint64_t scene_chunks = 0;  ///< pieces of the scene sent
   std::uint64_t moved_in = 0;      ///< handed over by another worker
   std::uint64_t moved_out = 0;     ///< to another worker
+  std::uint64_t work = 0;          ///< slave::SlaveOutput::work, in all
+  std::uint64_t deferred = 0;      ///< commands answered whose motion was left to later ones
+  std::uint64_t cut = 0;           ///< steps that ended before their way did, for the same reason
 
   void add(const ServerCounters& more) noexcept {
     datagrams += more.datagrams;
@@ -103,6 +108,9 @@ struct ServerCounters {
     holdings += more.holdings;
     recovered += more.recovered;
     scene_chunks += more.scene_chunks;
+    work += more.work;
+    deferred += more.deferred;
+    cut += more.cut;
   }
 };
 
@@ -121,10 +129,12 @@ class Server {
   /// Returns the bytes of the answer to `from` in `out` (512 needed), 0 = none; to an address that has not
   /// been proven never more than came in. With `clock` the reply carries the time taken here as hold time;
   /// without, it counts as none. `standing`: what the channel of this datagram vouches for; a command that
-  /// may not operate is answered, but moves nothing.
+  /// may not operate is answered, but moves nothing. `superseded`: a newer one of the same sender waits, and
+  /// the server is behind: a command is answered, and its motion is left to that one, unless it says other
+  /// flags than the last.
   std::size_t on_datagram(std::span<const std::uint8_t> bytes, const net::Address& from, std::int64_t now_ns,
                           std::span<std::uint8_t> out, const rt::Clock* clock = nullptr,
-                          const net::Standing& standing = {}) noexcept;
+                          const net::Standing& standing = {}, bool superseded = false) noexcept;
 
   /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
   void poll(std::int64_t now_ns) noexcept;
@@ -175,8 +185,17 @@ class Server {
   /// Steps the tip of `slot` by one command, and by those before it that it repeats.
   void move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
                 std::int64_t now_ns) noexcept;
-  void move_tip_once(std::size_t slot, const link::Command& command, double spacing_s,
-                     bool may_operate) noexcept;
+  /// Returns the work that it was; about `work_most` at most.
+  double move_tip_once(std::size_t slot, const link::Command& command, double spacing_s, bool may_operate,
+                       double work_most) noexcept;
+  struct PartyWork {
+    std::uint64_t party = 0;
+    std::int64_t used_ns = INT64_MIN;
+    WorkBudget work;
+  };
+  PartyWork& party_work(std::size_t slot) noexcept;
+  double work_left(std::size_t slot, std::int64_t now_ns) noexcept;
+  void take_work(std::size_t slot, double work) noexcept;
   std::size_t on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,
                                   std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void begin_log(std::size_t slot) noexcept;
@@ -199,12 +218,15 @@ class Server {
   link::Incoming incoming_;
   std::vector<Tip> tips_;  ///< one a slot, or the one that all share
   std::vector<Seat> seats_;
+  std::vector<PartyWork> parties_;  ///< more than there can be sessions: who is in use is never forgotten
+  std::size_t active_parties_ = 0;  ///< that have commanded within a second
   TipHolder holder_;
   bool withdrawing_ = false;  ///< the shared tip
   TokenSearch search_;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   bool shutting_down_ = false;
   net::Standing standing_;        ///< of the datagram at hand
+  bool superseded_ = false;       ///< it is
   std::uint32_t last_flags_ = 0;  ///< of the last step of a log that was executed
   link::TokenBucket scene_chunks_;
   link::SceneChunk chunk_;

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <array>
+#include <vector>
 
 #include "common/link/messages.h"
+#include "nve_server/server/drain_order.h"
 
 namespace telenano::server {
 namespace {
@@ -14,10 +16,9 @@ struct Waiting {
   net::Received received;
 };
 
-/// So many are taken in before the first is looked at, as many as net::UdpBatch fetches at once; and so many
-/// times at most before the time-outs are looked at again.
-constexpr std::size_t kTogether = 32;
-constexpr int kTurns = 8;
+/// All that waits is taken in before the first is looked at, DrainOrder::kMost at most; and so many times at
+/// most before the time-outs are looked at again.
+constexpr int kTurns = 2;
 
 void publish(const Server& server, LoopStatus& status) noexcept {
   constexpr auto kRelaxed = std::memory_order_relaxed;
@@ -36,7 +37,8 @@ void publish(const Server& server, LoopStatus& status) noexcept {
 void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
               const std::function<void(std::int64_t timeout_ns)>& wait, const std::atomic<bool>& stop,
               const LoopOptions& options, LoopStatus& status) {
-  std::array<Waiting, kTogether> in;
+  std::vector<Waiting> in(DrainOrder::kMost);
+  DrainOrder order;
   for (Waiting& waiting : in) waiting.received.standing.rights = options.local_rights;
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
   net::Address to;
@@ -44,7 +46,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   std::int64_t next_snapshot_ns = clock.now_ns();
   std::int64_t next_poll_ns = clock.now_ns();
   while (!stop.load(std::memory_order_relaxed)) {
-    // At most a batch before the time-outs are looked at again, so that a flood cannot keep them waiting.
+    // At most two drains before the time-outs are looked at again, so that a flood cannot keep them waiting.
     bool drained = false;
     for (int i = 0; i < kTurns && !drained; ++i) {
       std::size_t waiting = 0;
@@ -53,11 +55,13 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
       if (waiting == 0) break;
       // They have been received now: an answer's hold time includes the wait for those before it.
       const std::int64_t came_ns = clock.now_ns();
-      for (std::size_t k = 0; k < waiting; ++k) {
-        const net::Received& received = in[k].received;
-        const std::size_t size = std::min(received.size, in[k].bytes.size());
-        const std::size_t n = server.on_datagram({in[k].bytes.data(), size}, received.from, came_ns, out,
-                                                 &clock, received.standing);
+      const auto from = [&in](std::size_t k) -> const net::Address& { return in[k].received.from; };
+      for (const DrainOrder::Item& next : order.of(waiting, from)) {
+        const Waiting& one = in[next.index];
+        const net::Received& received = one.received;
+        const std::size_t size = std::min(received.size, one.bytes.size());
+        const std::size_t n = server.on_datagram({one.bytes.data(), size}, received.from, came_ns, out,
+                                                 &clock, received.standing, next.superseded);
         // A full send queue loses the answer, as the network may: the next one says more.
         if (n > 0) socket.send({out.data(), n}, received.from);
       }

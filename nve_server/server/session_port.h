@@ -11,6 +11,7 @@
 #include "nve_server/server/port_book.h"
 #include "nve_server/server/port_control.h"
 #include "nve_server/server/tip_holder.h"
+#include "nve_server/server/work_budget.h"
 #include "nve_server/slave/slave.h"
 
 namespace telenano::server {
@@ -36,6 +37,12 @@ struct Seat {
   link::StepReceiver steps;        ///< where the session logs its steps; its ring is made with the session
   link::PortControl last_control;  ///< of the newest command: that of steps which come to their turn later
   bool operates = true;            ///< the right of the newest command
+  WorkBudget work;
+  std::size_t party = 0;                 ///< place of its party's budget, if that is still there
+  double behind_s = 0;                   ///< time of commands whose motion is left to later ones
+  std::uint32_t command_flags = 0;       ///< of the newest command that was not superseded
+  bool defers = false;                   ///< steps of its log wait for their share,
+  std::int64_t defers_since_ns = 0;      ///< since then
   link::TokenBucket scene_chunks{0, 0};  ///< how fast this session may fetch the scene
 };
 

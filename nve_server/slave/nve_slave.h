@@ -43,6 +43,9 @@ namespace telenano::slave {
 /// exact shapes and particles) the balance is physics::PotentialEquilibrium, whose charges need nothing for
 /// geometry; a descent that goes on in the next step is booked as far as it came.
 ///
+/// Work: where a step has made SlaveInput::work_most, what is left of its way is left for the next
+/// (kFaultShare). A particle's step is not cut but shortened before, to what so much work goes as a rule.
+///
 /// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
 /// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact
 /// radii: a groove's depth goes by the length of the piece to first order, 8 % at half a contact radius.
@@ -151,6 +154,7 @@ class NveSlave final : public Slave {
   bool solve_within_force_limit(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
                                 bool& held_back) noexcept;
   void book(const Port& before, const Piece& piece, Port& after) noexcept;
+  void count_work(const physics::TipSolution& solution) noexcept;
   void publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept;
 
   std::shared_ptr<const scene::Scene> scene_;
@@ -168,6 +172,7 @@ class NveSlave final : public Slave {
   double energy_in_aj_ = 0;
   double energy_out_aj_ = 0;
   std::uint32_t last_faults_ = 0;
+  std::uint32_t work_ = 0;              // of this step
   double paid_ahead_aj_ = 0;            // by how much the charges so far exceed the port's work
   std::vector<std::uint8_t> at_first_;  // the state as it was made
 };

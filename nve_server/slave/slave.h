@@ -21,6 +21,9 @@ struct SlaveInput {
   /// The operator wants to engage: follow, or would if the tip were where the station believes. What a slave
   /// with its tip up waits for, if bringing it back takes more than a step.
   bool wanted = false;
+  /// Work (SlaveOutput::work) after which the rest of the way is left for later steps. Only the first piece
+  /// of the way is made whatever it takes.
+  std::uint32_t work_most = UINT32_MAX;
 };
 
 /// SlaveOutput::measurement_age_ns of a slave that measures, but has not measured yet.
@@ -41,6 +44,9 @@ struct SlaveOutput {
   /// What the port is like here, if asked for and known; version 0 = unknown.
   link::LocalModel model;
   link::Particle particle;  ///< where SlaveLimits::has_particle; a slave without one leaves it alone
+  /// What this step took: iterations of the solvers, and one for each balance. A count, so that the same
+  /// steps cost the same everywhere; one is a microsecond or two. 0 where nothing is computed.
+  std::uint32_t work = 0;
 };
 
 /// What a station may know of a slave before it moves; all of it goes into Welcome, `has_particle` as a
@@ -58,6 +64,9 @@ struct SlaveLimits {
   /// The deepest adhesive well of the scene: most that the sample can give out of its own, beyond what was
   /// ever put in (energy_out_aj − energy_in_aj). An upper bound; 0: none, or not known.
   double well_aj = 0;
+  /// Balances a second that this slave makes besides one a step, whatever moves (a mode of the probe): 0 to
+  /// some 10⁵.
+  double balances_per_s = 0;
   bool measures = false;  ///< forces are an instrument's readings, which grow old; a model's do not
 };
 

@@ -94,6 +94,37 @@ TEST_F(ProgramsTest, ASessionOverDelayLossAndDuplicatesEndsWell) {
               summary(out, "to_server", "sent") - summary(out, "to_server", "lost_chance"), 10);
 }
 
+// The link's delay grows within the session, by 60 ms each way and half second, so that it is never taken for
+// a silence: at 602 ms there and back a reflected force (0.4 s at most) is no longer shown, and comes back by
+// itself. What is waited for is what the station says; that the whole takes longer than the trace is the
+// bound.
+TEST_F(ProgramsTest, AForceThatGrowsTooOldFadesAndComesBackByItself) {
+  std::string trace = "time_s,delay_ms,lost\n0,1,0\n3,1,0\n";
+  for (int k = 1; k <= 5; ++k)
+    trace += std::to_string(3 + 0.5 * k) + "," + std::to_string(60 * k + 1) + ",0\n";
+  trace += "7,301,0\n7.5,150,0\n8,1,0\n600,1,0\n";
+  Server server(scene_path("flat_pdms"));
+  ChildProcess relay({kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--trace",
+                      write("trace.csv", trace), "--quiet"});
+  const std::string before = "relay on 127.0.0.1:";
+  ASSERT_TRUE(relay.wait_for_err(before, kLong)) << relay.err();
+  ASSERT_TRUE(relay.wait_for_err("\n", kLong));
+  const std::string said = relay.err();
+  const std::string address =
+      "127.0.0.1:" + std::to_string(std::atoi(said.c_str() + said.find(before) + before.size()));
+  const Finished run = run_program(
+      {kMaster, "run", "--server", address, "--method", "ks", "--allow-unsafe-scaling", "--duration-s", "12"},
+      {}, kLong);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  const auto gone = run.err.find("the round trip is too long for this method");
+  ASSERT_NE(gone, std::string::npos) << run.err;
+  const auto held = run.err.find("held", gone);
+  const auto back = run.err.find("the round trip is short enough again", gone);
+  ASSERT_NE(back, std::string::npos) << run.err;
+  EXPECT_LT(held, back) << run.err;
+  EXPECT_NE(run.err.find("engaged", back), std::string::npos) << run.err;
+}
+
 TEST_F(ProgramsTest, ARelayWithNothingToDoEndsByItsTimeWithASummary) {
   const Finished run = run_program({kLab, "relay", "--listen", "127.0.0.1:0", "--to", "127.0.0.1:9",
                                     "--outage", "0:1", "--duration-s", "1.2", "--rate-bit-s", "1e6"});

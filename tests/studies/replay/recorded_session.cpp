@@ -51,6 +51,8 @@ station::StationConfig station_of(const RecordingReader& reader) {
   c.slew_n_s = number_of(reader, "limits.slew_n_s");
   c.stale_hold_s = number_of(reader, "limits.stale_hold_s");
   c.stale_zero_s = number_of(reader, "limits.stale_zero_s");
+  if (const std::string age = reader.configuration("limits.force_age_s"); !age.empty())
+    c.force_age_s = std::strtod(age.c_str(), nullptr);
   c.engage_ramp_s = number_of(reader, "limits.engage_ramp_s");
   c.require_deadman = text_of(reader, "limits.require_deadman") == "true";
   c.allow_unsafe_scaling = text_of(reader, "allow_unsafe_scaling") == "true";

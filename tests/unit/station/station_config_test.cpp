@@ -44,6 +44,7 @@ TEST(StationConfig, RefusesEveryBadValue) {
                                            &StationConfig::slew_n_s,
                                            &StationConfig::stale_hold_s,
                                            &StationConfig::stale_zero_s,
+                                           &StationConfig::force_age_s,
                                            &StationConfig::engage_ramp_s};
   for (double value : bad) {
     for (auto field : fields) {

@@ -37,6 +37,7 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(a.slew_n_s, b.slew_n_s);
   EXPECT_EQ(a.stale_hold_s, b.stale_hold_s);
   EXPECT_EQ(a.stale_zero_s, b.stale_zero_s);
+  EXPECT_EQ(a.force_age_s, b.force_age_s);
   EXPECT_EQ(a.engage_ramp_s, b.engage_ramp_s);
   EXPECT_EQ(a.require_deadman, b.require_deadman);
   EXPECT_EQ(a.device_damping_n_s_m, b.device_damping_n_s_m);

@@ -109,6 +109,59 @@ TEST(Station, HoldsThenFadesAStaleForceInItsStatedTimes) {
   EXPECT_NEAR(rig.output.trace.stale_s, 0.1, 1e-12);
 }
 
+// Replies come in every tick, but each is old. The fade is the stale one's: 80 ms; the way back is the ramp
+// of 200 ms, from zero.
+TEST(Station, ARoundTripTooLongFadesTheForceAndHoldsTheTipUntilItIsShort) {
+  using control::Method;
+  for (const Method method : {Method::kNone, Method::kKs, Method::kKsClamp}) {
+    StationConfig config;
+    config.method = method;
+    StationRig rig(config);
+    rig.input.rtt_s = 0.39;
+    rig.engage(kPush);
+    ASSERT_NEAR(rig.force_n(), 1, 1e-12) << "below 0.4 s all is as ever";
+    ASSERT_EQ(rig.output.trace.faults, 0u);
+    rig.input.rtt_s = 0.41;
+    double last_n = rig.force_n();
+    for (int ms = 0; ms < 80; ++ms) {
+      rig.tick();
+      ASSERT_NEAR(rig.force_n(), (80 - ms) / 80.0, 1e-9) << ms;
+      ASSERT_EQ(rig.output.trace.faults, kFaultOld) << ms;
+      ASSERT_LE(rig.force_n(), last_n);
+      last_n = rig.force_n();
+    }
+    rig.ticks(2);
+    EXPECT_EQ(rig.force_n(), 0);
+    EXPECT_EQ(rig.station.mode(), Mode::kHeld);
+    EXPECT_FALSE(rig.output.command.flags & link::kFlagClutch) << "the slave holds the tip";
+    EXPECT_STREQ(fault_name(rig.output.trace.faults), "round trip too long for the method");
+    rig.input.rtt_s = 0.33;
+    rig.ticks(100);
+    EXPECT_EQ(rig.force_n(), 0) << "not back and forth about the limit";
+    rig.input.rtt_s = 0.31;
+    for (int ms = 1; ms <= 200; ++ms) {
+      rig.tick();
+      ASSERT_EQ(rig.output.trace.faults, 0u);
+      ASSERT_NEAR(rig.force_n(), ms / 200.0, 1e-9) << ms;
+    }
+    EXPECT_EQ(rig.station.mode(), Mode::kEngaged);
+  }
+}
+
+TEST(Station, HowOldAForceMayBeIsTheMethodsOrThePersons) {
+  using control::Method;
+  StationConfig config;
+  EXPECT_EQ(config.age_most_s(Method::kKs), 0.4);
+  EXPECT_EQ(config.age_most_s(Method::kTank), 0.5);
+  EXPECT_EQ(config.age_most_s(Method::kWave), 0.5);
+  EXPECT_EQ(config.age_most_s(Method::kTdpa), 0.5);
+  EXPECT_EQ(config.age_most_s(Method::kModel), 0.8);
+  config.force_age_s = 0.1;
+  EXPECT_EQ(config.age_most_s(Method::kKs), 0.1);
+  EXPECT_EQ(config.age_most_s(Method::kModel), 0.1);
+  EXPECT_EQ(config.age_most_s(Method::kTwin), HUGE_VAL) << "it has two of its own";
+}
+
 TEST(Station, TheSameReplyAgainDoesNotCountAsNew) {
   StationRig rig;
   rig.engage(kPush);
