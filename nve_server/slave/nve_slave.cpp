@@ -123,10 +123,9 @@ class MeanForce {
     const double trapezium = 0.5 * (now_.from.force_nn + force_nn_);
     return std::abs(mean_nn() - trapezium) <= std::abs(force_nn_ - now_.from.force_nn);
   }
-  bool done(double stored_aj) const noexcept {
-    constexpr double kRounding = 2e-16;
-    return std::abs(lost_aj()) <= kRounding * (std::abs(stored_aj) + mode_.energy_aj(now_.from));
-  }
+  bool done(double stored_aj) const noexcept { return lost_below(2e-16, stored_aj); }  // rounding
+  /// What Newton's method has come to, if not to its end; a soft lever above a snap may not be there by far.
+  bool close(double stored_aj) const noexcept { return lost_below(1e-12, stored_aj); }
   double better_shift_nm(double stiffness_n_m) const noexcept {
     const double f = deflection_nm_ - free_nm_ - held_nm_nn_ * mean_nn();
     const double slope = 1.0 - held_nm_nn_ * (force_nn_ - mean_nn()) / moved_nm_;
@@ -151,6 +150,9 @@ class MeanForce {
   /// That leads to where the mode is.
   double held_nn() const noexcept { return (deflection_nm_ - free_nm_) / held_nm_nn_; }
   double lost_aj() const noexcept { return given_aj_ - held_nn() * moved_nm_; }
+  bool lost_below(double part, double stored_aj) const noexcept {
+    return std::abs(lost_aj()) <= part * (std::abs(stored_aj) + mode_.energy_aj(now_.from));
+  }
 
   const physics::ProbeMode& mode_;
   const physics::ModeStep& now_;
@@ -301,7 +303,9 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
       const double force = shape.dot(to.solution.force_w_nn);
       MeanForce mean(*mode, next, mode_step, force, given());
       if (!mean.found()) break;
-      if (i == kMostMeanForces || mean.done(to.stored_aj)) {
+      const bool last = i == kMostMeanForces;
+      if (last && !mean.close(to.stored_aj)) break;
+      if (last || mean.done(to.stored_aj)) {
         to.mode_loss = mean.finish(to.mode);
         to.stored_aj += mode->energy_aj(to.mode);
         to.damped_aj += to.mode_loss.damped_aj;

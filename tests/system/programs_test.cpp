@@ -210,8 +210,9 @@ TEST_F(ProgramsTest, AServerKilledInContactAndStartedAgainIsResumedWithoutAForce
   // machine needs for all that: who comes back on the way down, or after it, would meet nothing.
   const std::string script =
       write("twice.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,20\n1,0,0,-3\n12,0,0,-3\n13.5,0,0,-33\n30,0,0,-33\n");
-  ChildProcess run(station(*first, {"--task", "script", "--script", script, "--record", file, "--config",
-                                    write("station.toml", kStationFile)}));
+  // A twin goes on for longer than the 100 ms that a force of the server's is shown.
+  ChildProcess run(station(*first, {"--task", "script", "--script", script, "--method", "model", "--record",
+                                    file, "--config", write("station.toml", kStationFile)}));
   ASSERT_TRUE(wait_for_contact(run, file, 300));
   first->child().signal(SIGKILL);
   ASSERT_TRUE(first->child().wait(kLong));

@@ -28,6 +28,8 @@ void make_bad(Random& random, VirtualSessionConfig& config) {
   config.to_server = config.to_station = up;
   config.to_station.drift_ppm = -up.drift_ppm;
   if (random.chance(0.5)) std::swap(config.to_server, config.to_station);
+  config.station.force_age_s =
+      10;  // forces are shown at any round trip here: a tip that is held stands behind
 }
 
 void heal(net::SimPath& path) {
