@@ -113,6 +113,16 @@ device::IntendedMotion intended_motion(const RunOptions& options, device::TaskOp
   return device::IntendedMotion::for_task(task, task_options);
 }
 
+/// Who only looks on holds the hand still for as long as the task takes: one that the scale of the session
+/// has no room for must not end an observer.
+device::IntendedMotion hand_motion(const RunOptions& options, const device::TaskOptions& task_options,
+                                   double start_height_nm, bool only_looks_on) {
+  device::IntendedMotion motion = intended_motion(options, task_options, start_height_nm);
+  if (!only_looks_on) return motion;
+  const Vec3 start_nm(0, 0, start_height_nm);
+  return device::IntendedMotion({{0, start_nm}, {motion.duration_s(), start_nm}});
+}
+
 /// What a person can choose in the window besides the task that the session begins with, which is number 0.
 std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& options,
                                device::TaskOptions task_options, double start_height_nm,
@@ -481,8 +491,9 @@ int run_session(const RunOptions& options) {
   std::vector<SimTask> tasks;
   const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
   if (simulated) {
-    auto device = std::make_unique<device::SimDevice>(sim_device_config(file, start_height_nm),
-                                                      intended_motion(options, file.task, start_height_nm));
+    auto device = std::make_unique<device::SimDevice>(
+        sim_device_config(file, start_height_nm),
+        hand_motion(options, file.task, start_height_nm, options.observe && !view.has_window()));
     if (view.has_window()) tasks = add_tasks(*device, options, file.task, start_height_nm, view.pointer());
     opened.motion = device.get();
     opened.device = std::move(device);

@@ -65,6 +65,23 @@ TEST_F(SessionsTest, OneHoldsTheTipOthersLookOnAndTakeItByRight) {
   EXPECT_TRUE(says(said, "in 4 sessions")) << said;
 }
 
+// Its task would be too wide for the device at this scale; it has none.
+TEST_F(SessionsTest, WhoOnlyLooksOnIsNotRefusedForATask) {
+  Server server(scene_path("flat_pdms"), 0, {"--share", "one-tip"});
+  const std::string config = write("station.toml", "[scaling]\nvelocity = 4e-9\nforce = 1e6\n");
+  const std::vector<std::string> words = {"--task",   "indent", "--duration-s",          "1",
+                                          "--config", config,   "--allow-unsafe-scaling"};
+  ChildProcess refused(talking(server, words));
+  ASSERT_TRUE(refused.wait(kLong)) << refused.err();
+  EXPECT_EQ(refused.exit_code(), 2);
+  EXPECT_TRUE(says(refused.err(), "outside the device's")) << refused.err();
+  std::vector<std::string> observing = words;
+  observing.push_back("--observe");
+  ChildProcess observer(talking(server, observing));
+  ASSERT_TRUE(observer.wait(kLong)) << observer.err();
+  EXPECT_EQ(observer.exit_code(), 0) << observer.err();
+}
+
 TEST_F(SessionsTest, WhoOnlyLooksOnDoesSoUntilStopped) {
   Server server(scene_path("flat_pdms"), 0, {"--share", "one-tip"});
   // A task of a second would be over after one.
