@@ -54,13 +54,18 @@ class StandStills:
 STAND_STILLS = StandStills()
 
 
+def in_netns(name):
+    """As `ip netns exec`, which mounts /sys anew and so does not work where / is no mount (a chroot)."""
+    return ["nsenter", f"--net=/run/netns/{name}", "--"]
+
+
 class Program:
     """A process whose standard error is kept."""
 
     def __init__(self, *words, netns=None):
         words = [str(w) for w in words]
         if netns:
-            words = ["ip", "netns", "exec", netns] + words
+            words = [*in_netns(netns), *words]
         self.process = subprocess.Popen(words, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
         self.text, self.news = "", threading.Condition()
         self.reader = threading.Thread(target=self.read, daemon=True)
@@ -333,7 +338,7 @@ class Together(Rig):
         ip("addr", "add", f"{net}.1/24", "dev", near)
         ip("link", "set", near, "up")
         for words in (("addr", "add", f"{net}.2/24", "dev", far), ("link", "set", far, "up"), ("link", "set", "lo", "up")):
-            ip("netns", "exec", name, "ip", *words)
+            subprocess.run([*in_netns(name), "ip", *words], capture_output=True, check=False)
         host = f"{net}.2"
         simulator = self.simulator(host=host, netns=name)
         watcher = self.deadman(host=host, netns=name)
