@@ -84,7 +84,9 @@ start_server flat_silicon_oxide.toml
 unsafe=(--velocity-scale 1e-6 --force-scale 8e8 --allow-unsafe-scaling --task indent)
 run "Without control (KS fig. 13)"               --method none     "${unsafe[@]}" --record "$out/recordings/sio2_none.h5" ||
   say "The station stopped this run itself, as it should when the hand gets too fast; its recording is kept"
-run "KS's controller as published"               --method ks       "${unsafe[@]}" --record "$out/recordings/sio2_ks.h5"
+# Published without a bound: on a busy machine, with late ticks, the hand may get too fast here too.
+run "KS's controller as published"               --method ks       "${unsafe[@]}" --record "$out/recordings/sio2_ks.h5" ||
+  say "The station stopped this run itself, too; its recording is kept"
 run "With an energy clamp, ks-clamp"             --method ks-clamp "${unsafe[@]}" --record "$out/recordings/sio2_ks_clamp.h5"
 run "With a local model (KS fig. 14)"    --method model    "${unsafe[@]}" --record "$out/recordings/sio2_model.h5"
 stop_server
