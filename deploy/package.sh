@@ -3,13 +3,14 @@
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
 usage() {
   cat <<'H'
-usage: deploy/package.sh [--no-install] [--out DIR] [--only server|station|lab ...]
+usage: deploy/package.sh [--no-install] [--out DIR] [--only server|station|lab|dev ...]
   --no-install   do not call apt; fail if something is missing
   --out DIR      where the packages go (default: packages)
   --only NAME    builds and packs this one and what it needs; may be given again
 then, on the machines that use them:
   apt-get install ./telenano-common_*.deb ./telenano-server_*.deb     a server
   apt-get install ./telenano-station_*.deb                            a station
+  apt-get install ./telenano-dev_*.deb                                the libraries, for programs of one's own
 H
 }
 parse_common_flags "$@"
@@ -21,8 +22,8 @@ while [ ${#rest[@]} -gt 0 ]; do
     --only)
       case ${rest[1]:-} in
         server|lab) components+=(common "${rest[1]}") ;;
-        station) components+=(station) ;;
-        *) die "--only is '${rest[1]:-}', expected server, station or lab" 2 ;;
+        station|dev) components+=("${rest[1]}") ;;
+        *) die "--only is '${rest[1]:-}', expected server, station, lab or dev" 2 ;;
       esac
       rest=("${rest[@]:2}") ;;
     *) die "there is no option ${rest[0]}; see --help" 2 ;;

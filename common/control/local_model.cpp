@@ -1,4 +1,4 @@
-#include "common/control/local_model.h"
+#include "telenano/common/control/local_model.h"
 
 #include <algorithm>
 

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "common/control/model_renderer.h"
-#include "common/control/one_port.h"
-#include "common/control/station_method.h"
+#include "telenano/common/control/model_renderer.h"
+#include "telenano/common/control/one_port.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "common/control/contact_model.h"
+#include "telenano/common/control/contact_model.h"
 
 namespace telenano::control {
 

@@ -3,12 +3,12 @@
 #include <cstdint>
 #include <limits>
 
-#include "common/base/vec3.h"
-#include "common/control/contact_model.h"
-#include "common/control/method.h"
-#include "common/control/passivity_controller.h"
-#include "common/control/port_interval.h"
-#include "common/control/scaling.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/contact_model.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/passivity_controller.h"
+#include "telenano/common/control/port_interval.h"
+#include "telenano/common/control/scaling.h"
 
 namespace telenano::control {
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/control/one_port.h"
-#include "common/control/station_method.h"
+#include "telenano/common/control/one_port.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "common/control/one_port.h"
-#include "common/control/station_method.h"
+#include "telenano/common/control/one_port.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 

@@ -1,4 +1,4 @@
-#include "common/control/two_port.h"
+#include "telenano/common/control/two_port.h"
 
 #include <algorithm>
 

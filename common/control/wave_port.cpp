@@ -1,4 +1,4 @@
-#include "common/control/wave_port.h"
+#include "telenano/common/control/wave_port.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/control/station_method.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 

@@ -1,4 +1,4 @@
-#include "common/recording/legs.h"
+#include "telenano/common/recording/legs.h"
 
 #include <algorithm>
 #include <cmath>

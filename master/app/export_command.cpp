@@ -1,4 +1,4 @@
-#include "master/app/export_command.h"
+#include "telenano/master/app/export_command.h"
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/recording/legs.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/legs.h"
+#include "telenano/common/recording/recording_reader.h"
 
 namespace telenano::app {
 namespace {

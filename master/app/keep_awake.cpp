@@ -1,8 +1,8 @@
-#include "master/app/keep_awake.h"
+#include "telenano/master/app/keep_awake.h"
 
 #include <span>
 
-#include "common/rt/signals_blocked.h"
+#include "telenano/common/rt/signals_blocked.h"
 
 namespace telenano::app {
 namespace {
@@ -31,7 +31,7 @@ void SessionTender::turn() noexcept {
   pipe_.turn(session_, socket_, server_, buffer_);
 }
 
-KeepAwake::KeepAwake(link::ClientSession& session, ServerLink& way, const net::Address& server,
+KeepAwake::KeepAwake(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
                      loop::ScenePipe& pipe)
     : way_(way), tender_(session, way.datagram(), server, pipe) {
   const rt::SignalsBlocked blocked;  // signals are for the main thread

@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <thread>
 
-#include "common/link/client_session.h"
-#include "common/link/messages.h"
-#include "common/net/datagram.h"
-#include "common/rt/steady_clock.h"
-#include "master/app/server_link.h"
-#include "master/loop/scene_pipe.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/connection/server_link.h"
+#include "telenano/master/loop/scene_pipe.h"
 
 namespace telenano::app {
 
@@ -41,7 +41,8 @@ class SessionTender {
 /// session but to read its Welcome, nor the way to the server.
 class KeepAwake {
  public:
-  KeepAwake(link::ClientSession& session, ServerLink& way, const net::Address& server, loop::ScenePipe& pipe);
+  KeepAwake(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
+            loop::ScenePipe& pipe);
   ~KeepAwake();
   KeepAwake(const KeepAwake&) = delete;
   KeepAwake& operator=(const KeepAwake&) = delete;
@@ -49,7 +50,7 @@ class KeepAwake {
  private:
   void run() noexcept;
 
-  ServerLink& way_;
+  connection::ServerLink& way_;
   SessionTender tender_;
   std::atomic<bool> stop_{false};
   std::thread thread_;

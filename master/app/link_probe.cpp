@@ -1,4 +1,4 @@
-#include "master/app/link_probe.h"
+#include "telenano/master/app/link_probe.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::app {
 namespace {
@@ -23,7 +23,7 @@ double quantile_s(const std::vector<std::int64_t>& sorted_ns, double part) {
 
 }  // namespace
 
-LinkDelay measure_link(link::ClientSession& session, ServerLink& way, const net::Address& server,
+LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
                        double rate_hz, int count, double timeout_s, const std::atomic<bool>& stop) {
   const rt::SteadyClock clock;
   net::Datagram& socket = way.datagram();

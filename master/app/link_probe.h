@@ -2,9 +2,9 @@
 
 #include <atomic>
 
-#include "common/link/client_session.h"
-#include "common/net/datagram.h"
-#include "master/app/server_link.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/master/connection/server_link.h"
 
 namespace telenano::app {
 
@@ -19,7 +19,7 @@ struct LinkDelay {
 /// Measures an established session with `count` idle commands (clutch open: the tip holds where it is), one a
 /// period. Waits for late answers a few times as long as the slowest took. Throws RunError when none comes
 /// within `timeout_s` or the server ends the session, and on `stop`.
-LinkDelay measure_link(link::ClientSession& session, ServerLink& way, const net::Address& server,
+LinkDelay measure_link(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
                        double rate_hz, int count, double timeout_s, const std::atomic<bool>& stop);
 
 }  // namespace telenano::app

@@ -1,4 +1,4 @@
-#include "master/app/plan_command.h"
+#include "telenano/master/app/plan_command.h"
 
 #include <fmt/format.h>
 
@@ -9,16 +9,17 @@
 #include <optional>
 #include <string>
 
-#include "common/base/error.h"
-#include "common/link/client_session.h"
-#include "common/net/udp.h"
-#include "common/plot/gnuplot.h"
-#include "master/app/connect.h"
-#include "master/app/link_probe.h"
-#include "master/app/plan_plot.h"
-#include "master/app/station_plan.h"
-#include "master/app/stop_signals.h"
-#include "master/device/sim_device.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/plot/gnuplot.h"
+#include "telenano/master/app/access_flags.h"
+#include "telenano/master/app/link_probe.h"
+#include "telenano/master/app/plan_plot.h"
+#include "telenano/master/app/station_plan.h"
+#include "telenano/master/app/stop_signals.h"
+#include "telenano/master/connection/connect.h"
+#include "telenano/master/device/sim_device.h"
 
 namespace telenano::app {
 namespace {
@@ -28,7 +29,7 @@ constexpr double kProbeS = 0.5;
 constexpr int kProbeMin = 20;
 constexpr int kProbeMax = 500;
 
-struct PlanOptions : ServerAccess {
+struct PlanOptions : connection::ServerAccess {
   PlanOptions() { server.clear(); }  // a server or a file of limits: neither is taken for granted
 
   std::string config_file;
@@ -84,13 +85,13 @@ void validate(const PlanOptions& options) {
 Far ask_server(const PlanOptions& options, double rate_hz) {
   const net::Address server = net::parse_address(options.server, "--server");
   const std::atomic<bool>& stop = catch_stop_signals();
-  ServerLink way(options, server);
+  connection::ServerLink way(options, server);
   link::ClientConfig config;
   config.rate_hz = static_cast<std::uint32_t>(rate_hz);
-  config.nonce_seed = random_nonce_seed();
+  config.nonce_seed = connection::random_nonce_seed();
   link::ClientSession session(config);
-  connect(session, way, server, rate_hz, options, stop);
-  const Farewell farewell(session, way.datagram(), server);
+  connection::connect(session, way, server, rate_hz, options, stop);
+  const connection::Farewell farewell(session, way.datagram(), server);
   Far far;
   far.slave = slave_limits(session.welcome());
   if (!options.rtt_ms) {

@@ -1,4 +1,4 @@
-#include "master/app/real_time_session.h"
+#include "telenano/master/app/real_time_session.h"
 
 #include <algorithm>
 #include <cmath>

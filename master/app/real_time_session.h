@@ -3,18 +3,18 @@
 #include <atomic>
 #include <cstdint>
 
-#include "common/control/method_choice.h"
-#include "common/link/client_session.h"
-#include "common/recording/recorder.h"
-#include "common/recording/summary_builder.h"
-#include "common/rt/latest_value.h"
-#include "common/rt/periodic_timer.h"
-#include "common/rt/steady_clock.h"
-#include "master/device/haptic_device.h"
-#include "master/device/played_motion.h"
-#include "master/loop/station_loop.h"
-#include "master/station/station.h"
-#include "master/view_model/request_desk.h"
+#include "telenano/common/control/method_choice.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/recording/summary_builder.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/common/rt/periodic_timer.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/played_motion.h"
+#include "telenano/master/loop/station_loop.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/view_model/request_desk.h"
 
 namespace telenano::app {
 

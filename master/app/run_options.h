@@ -3,13 +3,13 @@
 #include <optional>
 #include <string>
 
-#include "master/app/server_access.h"
-#include "master/app/session_view.h"
+#include "telenano/master/app/session_view.h"
+#include "telenano/master/connection/server_access.h"
 
 namespace telenano::app {
 
 /// The flags of `telenano-master run`. What is left out keeps the station file's value.
-struct RunOptions : ServerAccess {
+struct RunOptions : connection::ServerAccess {
   std::string config_file;
   std::optional<std::string> device;
   bool home = false;

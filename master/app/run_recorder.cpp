@@ -1,4 +1,4 @@
-#include "master/app/run_recorder.h"
+#include "telenano/master/app/run_recorder.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -6,12 +6,12 @@
 #include <cstdio>
 #include <utility>
 
-#include "common/base/base64.h"
-#include "common/base/version.h"
-#include "master/app/run_words.h"
-#include "master/app/scene_files.h"
-#include "master/app/server_link.h"
-#include "master/app/station_plan.h"
+#include "telenano/common/base/base64.h"
+#include "telenano/common/base/version.h"
+#include "telenano/master/app/run_words.h"
+#include "telenano/master/app/scene_files.h"
+#include "telenano/master/app/station_plan.h"
+#include "telenano/master/connection/server_link.h"
 
 namespace telenano::app {
 
@@ -57,7 +57,7 @@ std::unique_ptr<recording::Recorder> make_recorder(
   describe(file.device, about.extra);
   if (simulated) about.extra.emplace_back("task", options.task);
   about.extra.emplace_back("server", options.server);
-  about.extra.emplace_back("security", describe_security(options));
+  about.extra.emplace_back("security", connection::describe_security(options));
   about.extra.emplace_back("protocol_version", fmt::format("{}", welcome.version));
   about.extra.emplace_back("surface_z_w_nm", fmt::format("{:.17g}", welcome.surface_z_w_nm));
   about.extra.emplace_back("start_pos_w_nm",

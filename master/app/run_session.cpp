@@ -1,4 +1,4 @@
-#include "master/app/run_session.h"
+#include "telenano/master/app/run_session.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -17,34 +17,34 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/control/method_choice.h"
-#include "common/link/client_session.h"
-#include "common/metrics/exporter.h"
-#include "common/net/udp.h"
-#include "common/recording/recorder.h"
-#include "common/rt/realtime_thread.h"
-#include "master/app/connect.h"
-#include "master/app/device_monitor.h"
-#include "master/app/keep_awake.h"
-#include "master/app/link_probe.h"
-#include "master/app/real_time_session.h"
-#include "master/app/run_metrics.h"
-#include "master/app/run_recorder.h"
-#include "master/app/run_words.h"
-#include "master/app/scene_wait.h"
-#include "master/app/server_link.h"
-#include "master/app/session_device.h"
-#include "master/app/session_file.h"
-#include "master/app/session_view.h"
-#include "master/app/station_file.h"
-#include "master/app/station_plan.h"
-#include "master/app/stop_signals.h"
-#include "master/app/twin_cost.h"
-#include "master/device/sim_device.h"
-#include "master/scene/scene_keeper.h"
-#include "master/station/station.h"
-#include "master/twin/load_twin.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/control/method_choice.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/metrics/exporter.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/master/app/device_monitor.h"
+#include "telenano/master/app/keep_awake.h"
+#include "telenano/master/app/link_probe.h"
+#include "telenano/master/app/real_time_session.h"
+#include "telenano/master/app/run_metrics.h"
+#include "telenano/master/app/run_recorder.h"
+#include "telenano/master/app/run_words.h"
+#include "telenano/master/app/scene_wait.h"
+#include "telenano/master/app/session_device.h"
+#include "telenano/master/app/session_file.h"
+#include "telenano/master/app/session_view.h"
+#include "telenano/master/app/station_file.h"
+#include "telenano/master/app/station_plan.h"
+#include "telenano/master/app/stop_signals.h"
+#include "telenano/master/app/twin_cost.h"
+#include "telenano/master/connection/connect.h"
+#include "telenano/master/connection/server_link.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/master/scene/scene_keeper.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/twin/load_twin.h"
 
 namespace telenano::app {
 namespace {
@@ -244,8 +244,8 @@ std::uint32_t tip_wish(const RunOptions& options, bool shared) {
 
 // What ended the session, in one line; empty: its task, or its operator.
 std::string failure_text(const RealTimeSession& live, const station::Station& station,
-                         const link::ClientSession& session, const RunOptions& options, const ServerLink& way,
-                         double rate_hz) {
+                         const link::ClientSession& session, const RunOptions& options,
+                         const connection::ServerLink& way, double rate_hz) {
   const auto tip_stayed_up = [&](const std::string& what) {
     return fmt::format(
         "{}: the slave at {} kept the tip withdrawn the whole time, and the force was zero; its log says why",
@@ -264,7 +264,7 @@ std::string failure_text(const RealTimeSession& live, const station::Station& st
     case Ending::kServerEnded:
       return fmt::format("the server at {} has ended the session; the force is zero", options.server);
     case Ending::kRefused:
-      return refusal_text(session.refuse(), rate_hz, options.server);
+      return connection::refusal_text(session.refuse(), rate_hz, options.server);
     case Ending::kServerGone:
       if (live.progress().shutting_down) {
         return fmt::format(
@@ -309,7 +309,7 @@ using Twins = std::vector<std::unique_ptr<control::LocalSlave>>;
 /// Twins of the server's scene; none, and `why`: there can be none in this session. `wanted`: somebody has
 /// asked for the twin; else it is the rule's first choice, nobody waits for it for long, and what takes its
 /// place is the rule's next. The session stays awake meanwhile.
-Twins find_twins(link::ClientSession& session, ServerLink& way, const net::Address& server,
+Twins find_twins(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
                  const LinkDelay& link, double rate_hz, bool wanted, scene_store::SceneKeeper& keeper,
                  const std::atomic<bool>& stop, std::string& why) {
   Twins twins;
@@ -394,12 +394,12 @@ int run_session(const RunOptions& options) {
   }
   const net::Address server = net::parse_address(options.server, "--server");
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
-  ServerLink way(options, server);
+  connection::ServerLink way(options, server);
   if (dscp != 0 && !way.set_dscp(dscp))
     fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
-  client_config.nonce_seed = random_nonce_seed();
+  client_config.nonce_seed = connection::random_nonce_seed();
   SessionFile session_file(options.session_file);
   client_config.resume_token = session_file.token();
   client_config.redundancy = static_cast<std::size_t>(file.redundancy);
@@ -422,10 +422,10 @@ int run_session(const RunOptions& options) {
     client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
   if (!twins.empty()) client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
   std::optional<link::ClientSession> opened_session;
-  std::optional<Farewell> farewell;
+  std::optional<connection::Farewell> farewell;
   const auto open = [&] {
     opened_session.emplace(client_config);
-    connect(*opened_session, way, server, config.rate_hz, options, stop);
+    connection::connect(*opened_session, way, server, config.rate_hz, options, stop);
     farewell.emplace(*opened_session, way.datagram(), server);
   };
   open();
@@ -442,7 +442,7 @@ int run_session(const RunOptions& options) {
       // Whether steps are logged is agreed on with the session: on with the same slave, without the log.
       client_config.step_ring = 0;
       client_config.resume_token = opened_session->resume_token();
-      client_config.nonce_seed = random_nonce_seed();
+      client_config.nonce_seed = connection::random_nonce_seed();
       farewell->leave_to_loop();
       open();
     }

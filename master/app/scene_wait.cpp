@@ -1,13 +1,13 @@
-#include "master/app/scene_wait.h"
+#include "telenano/master/app/scene_wait.h"
 
 #include <cmath>
 
-#include "common/rt/steady_clock.h"
-#include "master/app/keep_awake.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/app/keep_awake.h"
 
 namespace telenano::app {
 
-void wait_for_scene(link::ClientSession& session, ServerLink& way, const net::Address& server,
+void wait_for_scene(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
                     scene_store::SceneKeeper& keeper, bool looked_at, double wait_s,
                     const std::atomic<bool>& stop) {
   const rt::SteadyClock clock;

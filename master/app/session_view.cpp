@@ -1,4 +1,4 @@
-#include "master/app/session_view.h"
+#include "telenano/master/app/session_view.h"
 
 #include <fmt/format.h>
 
@@ -8,15 +8,15 @@
 #include <filesystem>
 #include <optional>
 
-#include "common/base/error.h"
-#include "common/rt/background.h"
-#include "common/surface/gsf.h"
-#include "master/app/picture_size.h"
-#include "master/app/scene_files.h"
-#include "master/app/station_plan.h"
-#include "master/station/station.h"
-#include "master/viewer/photographer.h"
-#include "master/viewer/window.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/background.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/master/app/picture_size.h"
+#include "telenano/master/app/scene_files.h"
+#include "telenano/master/app/station_plan.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/viewer/photographer.h"
+#include "telenano/master/viewer/window.h"
 
 namespace telenano::app {
 namespace {

@@ -8,16 +8,16 @@
 #include <string>
 #include <vector>
 
-#include "common/config/slave_limits_file.h"
-#include "common/link/messages.h"
-#include "common/recording/recorder.h"
-#include "common/rt/latest_value.h"
-#include "common/surface/height_grid.h"
-#include "master/app/real_time_session.h"
-#include "master/device/pointer_device.h"
-#include "master/station/station_config.h"
-#include "master/view_model/request_desk.h"
-#include "master/view_model/view_port.h"
+#include "telenano/common/config/slave_limits_file.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/common/surface/height_grid.h"
+#include "telenano/master/app/real_time_session.h"
+#include "telenano/master/device/pointer_device.h"
+#include "telenano/master/station/station_config.h"
+#include "telenano/master/view_model/request_desk.h"
+#include "telenano/master/view_model/view_port.h"
 
 namespace telenano::viewer {
 struct ViewHooks;

@@ -1,4 +1,4 @@
-#include "master/station/twin_run.h"
+#include "telenano/master/station/twin_run.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "common/control/local_slave.h"
-#include "common/link/step_log.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/local_slave.h"
+#include "telenano/common/link/step_log.h"
 
 namespace telenano::station {
 

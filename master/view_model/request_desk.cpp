@@ -1,4 +1,4 @@
-#include "master/view_model/request_desk.h"
+#include "telenano/master/view_model/request_desk.h"
 
 namespace telenano::view_model {
 

@@ -3,8 +3,8 @@
 #include <array>
 #include <cstdint>
 
-#include "master/station/station.h"
-#include "master/view_model/view_port.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/view_model/view_port.h"
 
 namespace telenano::view_model {
 

@@ -8,10 +8,10 @@
 #include <string>
 #include <thread>
 
-#include "common/net/tcp.h"
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/common/net/tcp.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm {
 

@@ -1,4 +1,4 @@
-#include "nve_server/afm/afm_exchange.h"
+#include "telenano/nve_server/afm/afm_exchange.h"
 
 namespace telenano::afm {
 

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <string_view>
 
-#include "common/base/vec3.h"
-#include "common/link/messages.h"
-#include "common/rt/latest_value.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/rt/latest_value.h"
 
 namespace telenano::afm {
 

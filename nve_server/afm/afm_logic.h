@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm/afm_exchange.h"
-#include "nve_server/afm/motion_history.h"
-#include "nve_server/afm/signal_watch.h"
-#include "nve_server/afm/touch_model.h"
-#include "nve_server/afm/work_book.h"
-#include "nve_server/nanonis/codec.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_exchange.h"
+#include "telenano/nve_server/afm/motion_history.h"
+#include "telenano/nve_server/afm/signal_watch.h"
+#include "telenano/nve_server/afm/touch_model.h"
+#include "telenano/nve_server/afm/work_book.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 namespace telenano::afm {
 

@@ -2,10 +2,10 @@
 
 #include <memory>
 
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm/afm_exchange.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_exchange.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::afm {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/contact_model.h"
+#include "telenano/nve_server/physics/contact_model.h"
 
 namespace telenano::physics {
 

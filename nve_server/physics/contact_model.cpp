@@ -1,4 +1,4 @@
-#include "nve_server/physics/contact_model.h"
+#include "telenano/nve_server/physics/contact_model.h"
 
 #include <array>
 #include <cstddef>

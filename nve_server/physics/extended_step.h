@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include "nve_server/physics/contact_medium.h"
-#include "nve_server/physics/long_range.h"
-#include "nve_server/physics/sign_change.h"
-#include "nve_server/physics/warm_start.h"
+#include "telenano/nve_server/physics/contact_medium.h"
+#include "telenano/nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/sign_change.h"
+#include "telenano/nve_server/physics/warm_start.h"
 
 namespace telenano::physics {
 

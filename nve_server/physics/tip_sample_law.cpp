@@ -1,14 +1,14 @@
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/error.h"
-#include "nve_server/physics/extended_step.h"
-#include "nve_server/physics/joined_step.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/extended_step.h"
+#include "telenano/nve_server/physics/joined_step.h"
 
 namespace telenano::physics {
 namespace {

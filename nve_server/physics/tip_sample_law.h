@@ -3,12 +3,12 @@
 #include <cstdint>
 #include <memory>
 
-#include "nve_server/physics/contact_medium.h"
-#include "nve_server/physics/contact_model.h"
-#include "nve_server/physics/joined_law.h"
-#include "nve_server/physics/long_range.h"
-#include "nve_server/physics/maugis_dugdale.h"
-#include "nve_server/physics/maugis_table.h"
+#include "telenano/nve_server/physics/contact_medium.h"
+#include "telenano/nve_server/physics/contact_model.h"
+#include "telenano/nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/maugis_table.h"
 
 namespace telenano::physics {
 

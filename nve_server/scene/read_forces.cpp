@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "common/base/error.h"
-#include "nve_server/physics/pull_off.h"
-#include "nve_server/scene/readers.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/pull_off.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 namespace {

@@ -1,15 +1,15 @@
-#include "nve_server/scene/scene_summary.h"
+#include "telenano/nve_server/scene/scene_summary.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "nve_server/physics/long_range.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/pull_off.h"
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/pull_off.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 
 namespace telenano::scene {
 namespace {

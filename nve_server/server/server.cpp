@@ -1,4 +1,4 @@
-#include "nve_server/server/server.h"
+#include "telenano/nve_server/server/server.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <limits>
 #include <utility>
 
-#include "common/base/error.h"
-#include "nve_server/slave/logged_step.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/slave/logged_step.h"
 
 namespace telenano::server {
 

@@ -4,7 +4,7 @@
 #include <new>
 #include <utility>
 
-#include "nve_server/server/server.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::server {
 

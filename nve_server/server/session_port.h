@@ -3,16 +3,16 @@
 #include <cstdint>
 #include <memory>
 
-#include "common/link/session_table.h"
-#include "common/link/snapshot.h"
-#include "common/link/step_log.h"
-#include "common/link/token_bucket.h"
-#include "common/net/datagram.h"
-#include "nve_server/server/port_book.h"
-#include "nve_server/server/port_control.h"
-#include "nve_server/server/tip_holder.h"
-#include "nve_server/server/work_budget.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/link/session_table.h"
+#include "telenano/common/link/snapshot.h"
+#include "telenano/common/link/step_log.h"
+#include "telenano/common/link/token_bucket.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/nve_server/server/port_book.h"
+#include "telenano/nve_server/server/port_control.h"
+#include "telenano/nve_server/server/tip_holder.h"
+#include "telenano/nve_server/server/work_budget.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::server {
 

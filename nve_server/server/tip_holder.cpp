@@ -1,6 +1,6 @@
-#include "nve_server/server/tip_holder.h"
+#include "telenano/nve_server/server/tip_holder.h"
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::server {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/net/rights.h"
+#include "telenano/common/net/rights.h"
 
 namespace telenano::server {
 

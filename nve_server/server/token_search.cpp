@@ -1,4 +1,4 @@
-#include "nve_server/server/token_search.h"
+#include "telenano/nve_server/server/token_search.h"
 
 namespace telenano::server {
 namespace {

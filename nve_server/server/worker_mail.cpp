@@ -1,4 +1,4 @@
-#include "nve_server/server/worker_mail.h"
+#include "telenano/nve_server/server/worker_mail.h"
 
 namespace telenano::server {
 

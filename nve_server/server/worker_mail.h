@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "common/rt/spsc_queue.h"
-#include "nve_server/server/session_port.h"
+#include "telenano/common/rt/spsc_queue.h"
+#include "telenano/nve_server/server/session_port.h"
 
 namespace telenano::server {
 

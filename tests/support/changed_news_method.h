@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/control/methods.h"
+#include "telenano/common/control/methods.h"
 
 /// For tests that make a ledger wrong, to see that it is found.
 namespace telenano::support {

@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::support {
 

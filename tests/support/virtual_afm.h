@@ -6,12 +6,12 @@
 #include <memory>
 #include <optional>
 
-#include "common/base/random.h"
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/afm/afm_slave.h"
-#include "nve_server/afm_sim/sim_controller.h"
-#include "nve_server/afm_sim/sim_faults.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm/afm_slave.h"
+#include "telenano/nve_server/afm_sim/sim_controller.h"
+#include "telenano/nve_server/afm_sim/sim_faults.h"
 
 namespace telenano::support {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::support {
 

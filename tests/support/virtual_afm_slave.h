@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_slave.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_slave.h"
 #include "tests/support/virtual_afm.h"
 
 namespace telenano::support {

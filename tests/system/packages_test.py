@@ -43,7 +43,7 @@ class Packages(unittest.TestCase):
         return run("dpkg-deb", "-f", self.packages[component], name).stdout.strip()
 
     def test_one_package_a_role(self):
-        self.assertEqual(set(self.packages), {"common", "server", "station", "lab"})
+        self.assertEqual(set(self.packages), {"common", "server", "station", "lab", "dev"})
         for component, package in self.packages.items():
             names = run("dpkg-deb", "-c", package).stdout
             self.assertIn(f"usr/share/doc/telenano-{component}/copyright", names)
@@ -62,6 +62,12 @@ class Packages(unittest.TestCase):
         folder = self.root / "usr/share/telenano/afm"
         self.assertTrue((folder / "deadman.toml").is_file())
         self.assertIn("new-key", run(folder / "deadman.py", "--help").stdout)
+
+    def test_libraries_come_with_headers_and_examples(self):
+        self.assertTrue((self.root / "usr/include/telenano/master/station/station.h").is_file())
+        self.assertTrue((self.root / "usr/lib/telenano/libtelenano_station.a").is_file())
+        self.assertTrue((self.root / "usr/lib/cmake/telenano/telenanoConfig.cmake").is_file())
+        self.assertTrue((self.root / "usr/share/doc/telenano-dev/examples/03_station.cpp").is_file())
 
     def test_no_file_is_in_two(self):
         files = []

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm_slave.h"
 
 namespace telenano::studies {

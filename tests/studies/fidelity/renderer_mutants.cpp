@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "common/control/local_model.h"
-#include "common/control/model_renderer.h"
+#include "telenano/common/control/local_model.h"
+#include "telenano/common/control/model_renderer.h"
 
 namespace telenano::studies::fidelity {
 namespace {

@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "nve_server/physics/maugis_dugdale.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/studies/precision/law_methods.h"
 
 namespace telenano::studies {

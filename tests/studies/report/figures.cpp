@@ -6,7 +6,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/report/decimate.h"
 #include "tests/studies/report/gnuplot.h"
 

@@ -6,8 +6,8 @@
 #include <fstream>
 #include <memory>
 
-#include "common/base/error.h"
-#include "common/recording/summary.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/summary.h"
 #include "tests/studies/report/figures.h"
 #include "tests/studies/report/page.h"
 #include "tests/studies/report/run_data.h"

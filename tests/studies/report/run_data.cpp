@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <limits>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/studies/report/decimate.h"
 
 namespace telenano::studies {

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/recording/legs.h"
-#include "common/recording/summary.h"
+#include "telenano/common/recording/legs.h"
+#include "telenano/common/recording/summary.h"
 
 namespace telenano::studies {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "common/control/methods.h"
+#include "telenano/common/control/methods.h"
 
 namespace telenano::studies::stress {
 namespace {

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "master/station/station.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/master/station/station.h"
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"

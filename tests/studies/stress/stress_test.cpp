@@ -6,10 +6,10 @@
 #include <fstream>
 #include <set>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "common/config/shared_files.h"
-#include "common/control/methods.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/config/shared_files.h"
+#include "telenano/common/control/methods.h"
 #include "tests/source_dir.h"
 #include "tests/studies/stress/arm.h"
 #include "tests/studies/stress/hunt.h"

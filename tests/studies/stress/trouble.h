@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/base/random.h"
-#include "common/recording/sample.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/recording/sample.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/stress_hand.h"

@@ -2,8 +2,8 @@
 
 #include <optional>
 
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm.h"
 
 namespace telenano::afm {

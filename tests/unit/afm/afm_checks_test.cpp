@@ -1,7 +1,7 @@
 // What does not fit is refused before anything moves; what only touching can tell ends withdrawn.
 #include <gtest/gtest.h>
 
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm.h"
 
 namespace telenano::afm {

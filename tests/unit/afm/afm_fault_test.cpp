@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 #include "tests/unit/afm/afm_bench.h"
 
 namespace telenano::afm {

@@ -2,14 +2,14 @@
 
 #include <cmath>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "common/config/toml_document.h"
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_slave.h"
-#include "nve_server/afm/motion_history.h"
-#include "nve_server/afm/touch_model.h"
-#include "nve_server/afm/work_book.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_slave.h"
+#include "telenano/nve_server/afm/motion_history.h"
+#include "telenano/nve_server/afm/touch_model.h"
+#include "telenano/nve_server/afm/work_book.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 

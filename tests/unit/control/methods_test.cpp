@@ -1,4 +1,4 @@
-#include "common/control/methods.h"
+#include "telenano/common/control/methods.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "common/control/model_renderer.h"
+#include "telenano/common/control/model_renderer.h"
 
 #include <gtest/gtest.h>
 

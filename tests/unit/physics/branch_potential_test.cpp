@@ -1,4 +1,4 @@
-#include "nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/branch_potential.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

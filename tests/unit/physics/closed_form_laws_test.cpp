@@ -1,4 +1,4 @@
-#include "nve_server/physics/closed_form_laws.h"
+#include "telenano/nve_server/physics/closed_form_laws.h"
 
 #include <gtest/gtest.h>
 
@@ -7,10 +7,10 @@
 #include <cmath>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/physics/adhesive_curve.h"
-#include "nve_server/physics/hertzian_curve.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/adhesive_curve.h"
+#include "telenano/nve_server/physics/hertzian_curve.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 #include "tests/support/md_oracle.h"
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/plastic_contact.h"
+#include "telenano/nve_server/physics/plastic_contact.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
 #include "tests/support/alloc_guard.h"
 
 // Oracles: Thornton's closed forms where adhesion is negligible; an independent integration of the flow rule;

@@ -1,4 +1,4 @@
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/error.h"
-#include "nve_server/scene/scene_summary.h"
-#include "nve_server/scene/scene_terms.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/scene/scene_summary.h"
+#include "telenano/nve_server/scene/scene_terms.h"
 #include "tests/source_dir.h"
 
 namespace telenano::scene {

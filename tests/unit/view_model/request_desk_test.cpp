@@ -1,9 +1,9 @@
-#include "master/view_model/request_desk.h"
+#include "telenano/master/view_model/request_desk.h"
 
 #include <gtest/gtest.h>
 
-#include "common/control/scaling.h"
-#include "master/view_model/scaling_region.h"
+#include "telenano/common/control/scaling.h"
+#include "telenano/master/view_model/scaling_region.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::view_model {

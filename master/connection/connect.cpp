@@ -1,4 +1,4 @@
-#include "master/app/connect.h"
+#include "telenano/master/connection/connect.h"
 
 #include <fmt/format.h>
 
@@ -7,10 +7,10 @@
 #include <span>
 #include <string>
 
-#include "common/base/error.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/steady_clock.h"
 
-namespace telenano::app {
+namespace telenano::connection {
 
 std::string refusal_text(const link::Refuse& refuse, double rate_hz, const std::string& server) {
   switch (refuse.reason) {
@@ -78,4 +78,4 @@ void connect(link::ClientSession& session, ServerLink& way, const net::Address& 
   }
 }
 
-}  // namespace telenano::app
+}  // namespace telenano::connection

@@ -4,12 +4,12 @@
 #include <memory>
 #include <string>
 
-#include "common/net/udp.h"
-#include "common/rt/steady_clock.h"
-#include "common/security/dtls_client.h"
-#include "master/app/server_access.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/common/security/dtls_client.h"
+#include "telenano/master/connection/server_access.h"
 
-namespace telenano::app {
+namespace telenano::connection {
 
 /// The way to the server: plain UDP on loopback, DTLS over it wherever a key or a certificate is given, which
 /// it must be off loopback.
@@ -42,4 +42,4 @@ class ServerLink {
 /// How this station shows who it is, for the recording: "none", "key omega-1", "certificate FILE".
 std::string describe_security(const ServerAccess& options);
 
-}  // namespace telenano::app
+}  // namespace telenano::connection

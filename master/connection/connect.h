@@ -5,11 +5,11 @@
 #include <span>
 #include <string>
 
-#include "common/link/client_session.h"
-#include "master/app/server_access.h"
-#include "master/app/server_link.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/master/connection/server_access.h"
+#include "telenano/master/connection/server_link.h"
 
-namespace telenano::app {
+namespace telenano::connection {
 
 /// Random, for ClientConfig::nonce_seed.
 std::uint64_t random_nonce_seed();
@@ -47,4 +47,4 @@ class Farewell {
   bool needed_ = true;
 };
 
-}  // namespace telenano::app
+}  // namespace telenano::connection

@@ -1,13 +1,13 @@
-#include "master/app/server_link.h"
+#include "telenano/master/connection/server_link.h"
 
 #include <fmt/format.h>
 
 #include <array>
 
-#include "common/base/error.h"
-#include "common/link/messages.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/messages.h"
 
-namespace telenano::app {
+namespace telenano::connection {
 namespace {
 
 bool wants_security(const ServerAccess& options) {
@@ -111,4 +111,4 @@ std::string describe_security(const ServerAccess& options) {
   return "none";
 }
 
-}  // namespace telenano::app
+}  // namespace telenano::connection

@@ -1,8 +1,8 @@
-#include "master/app/server_access.h"
+#include "telenano/master/app/access_flags.h"
 
 namespace telenano::app {
 
-void add_access_flags(CLI::App& command, ServerAccess& access) {
+void add_access_flags(CLI::App& command, connection::ServerAccess& access) {
   command.add_option("--key", access.key, "Key file of this station, for an encrypted session")
       ->type_name("FILE");
   command

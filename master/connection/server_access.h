@@ -1,0 +1,17 @@
+#pragma once
+
+#include <string>
+
+namespace telenano::connection {
+
+/// Where a server is, and how this station shows it who it is.
+struct ServerAccess {
+  std::string server = "127.0.0.1:5100";  ///< "HOST:PORT"; an IPv6 address in brackets
+  std::string key;                        ///< the station's key file; or the next three
+  std::string certificate;
+  std::string certificate_key;
+  std::string authority;
+  double connect_timeout_s = 3;  ///< how long to wait for the first answer
+};
+
+}  // namespace telenano::connection
