@@ -46,7 +46,7 @@ SAME_M = 1e-9           # two heights that are one
 LOOK_S = 0.1            # between two looks at a tip that is up
 
 
-class Wrong(Exception):
+class ConfigError(Exception):
     """What a person can mend: one line."""
 
 
@@ -97,16 +97,16 @@ class Frames:
 def read_key(path):
     try:
         if os.name == "posix" and stat.S_IMODE(os.stat(path).st_mode) & 0o077:
-            raise Wrong(f"{path}: holds a secret but others can read it; run: chmod 600 {path}")
+            raise ConfigError(f"{path}: holds a secret but others can read it; run: chmod 600 {path}")
         with open(path, encoding="ascii") as file:
             text = file.read(200).strip()
         key = bytes.fromhex(text)
     except OSError as error:
-        raise Wrong(f"{path}: {error.strerror}; make a key with: deadman.py new-key {path}") from None
+        raise ConfigError(f"{path}: {error.strerror}; make a key with: deadman.py new-key {path}") from None
     except ValueError:
         key = b""
     if len(key) != 32:
-        raise Wrong(f"{path}: expected 64 hexadecimal digits, as deadman.py new-key makes them")
+        raise ConfigError(f"{path}: expected 64 hexadecimal digits, as deadman.py new-key makes them")
     return key
 
 
@@ -114,7 +114,7 @@ def address(config, path, key, default_port):
     text = config.pop(key, None)
     host, _, port = text.rpartition(":") if isinstance(text, str) else ("", "", "")
     if not host or not port.isdecimal() or not 0 <= int(port) <= 65535:
-        raise Wrong(f"{path}: {key}: expected \"HOST:PORT\", e.g. \"{default_port}\"")
+        raise ConfigError(f"{path}: {key}: expected \"HOST:PORT\", e.g. \"{default_port}\"")
     return host.strip("[]"), int(port)
 
 
@@ -123,20 +123,20 @@ class Config:
         try:
             import tomllib
         except ImportError:
-            raise Wrong("this needs Python 3.11 or newer (tomllib)") from None
+            raise ConfigError("this needs Python 3.11 or newer (tomllib)") from None
         try:
             with open(path, "rb") as file:
                 config = tomllib.load(file)
         except OSError as error:
-            raise Wrong(f"{path}: {error.strerror}; expected a file like deploy/afm/deadman.toml") from None
+            raise ConfigError(f"{path}: {error.strerror}; expected a file like deploy/afm/deadman.toml") from None
         except tomllib.TOMLDecodeError as error:
-            raise Wrong(f"{path}: {error}") from None
+            raise ConfigError(f"{path}: {error}") from None
         folder = os.path.dirname(os.path.abspath(path))
 
         def file_of(key, default=None):
             name = config.pop(key, default)
             if not isinstance(name, str) or not name:
-                raise Wrong(f"{path}: {key}: expected the name of a file")
+                raise ConfigError(f"{path}: {key}: expected the name of a file")
             return os.path.join(folder, name)
 
         self.listen = address(config, path, "listen", "0.0.0.0:6514")
@@ -146,10 +146,10 @@ class Config:
         self.log = file_of("log") if "log" in config else None
         silence = config.pop("silence_ms", 500)
         if isinstance(silence, bool) or not isinstance(silence, (int, float)) or not 200 <= silence <= 900:
-            raise Wrong(f"{path}: silence_ms: expected 200 to 900 (ms): the tip is to be on its way up within a second")
+            raise ConfigError(f"{path}: silence_ms: expected 200 to 900 (ms): the tip is to be on its way up within a second")
         self.silence_s = 1e-3 * silence
         if config:
-            raise Wrong(f"{path}: {sorted(config)[0]}: no such key; there are listen, controller, key, silence_ms, latch, log")
+            raise ConfigError(f"{path}: {sorted(config)[0]}: no such key; there are listen, controller, key, silence_ms, latch, log")
 
 
 # ---- connections
@@ -205,7 +205,7 @@ class Controller:
         self.frames = Frames(1 << 18)
         self.selector.modify(self.socket, selectors.EVENT_READ, self)
         if now >= self.quiet_until:
-            self.say(f"connected to the controller at {self.where[0]}:{self.where[1]}")
+            self.report(f"connected to the controller at {self.where[0]}:{self.where[1]}")
 
     def lost(self, now, why):
         if self.socket:
@@ -216,7 +216,7 @@ class Controller:
             self.socket.close()
         # A port that another program uses closes each connection at once: not two lines each time.
         if not self.told and now >= self.quiet_until:
-            self.say(f"no connection to the controller at {self.where[0]}:{self.where[1]}: {why}; trying on")
+            self.report(f"no connection to the controller at {self.where[0]}:{self.where[1]}: {why}; trying on")
         if self.up and now - self.since < 1:
             self.quiet_until = now + 60
         self.socket, self.up, self.told, self.again = None, False, True, now + RECONNECT_S
@@ -305,14 +305,14 @@ class Withdrawal:
         self.at, self.asked, self.next = 0, False, now + LOOK_S
         if self.up is not None:
             if abs(height - self.up) > SAME_M:
-                self.deadman.say(f"the tip was moved to Z = {1e9 * height:.1f} nm; withdrawing again until it is cleared")
+                self.deadman.report(f"the tip was moved to Z = {1e9 * height:.1f} nm; withdrawing again until it is cleared")
                 self.up, self.height, self.begun, self.next, self.floor_tried = None, None, now, now, False
         elif self.height is not None and abs(height - self.height) <= SAME_M:
             self.up = height
-            self.deadman.say(f"the tip is withdrawn, at Z = {1e9 * height:.1f} nm")
+            self.deadman.report(f"the tip is withdrawn, at Z = {1e9 * height:.1f} nm")
         else:
             if self.height is None:
-                self.deadman.say(f"the tip has gone to Z = {1e9 * height:.1f} nm, "
+                self.deadman.report(f"the tip has gone to Z = {1e9 * height:.1f} nm, "
                                  f"{1e3 * (now - self.deadman.heard):.0f} ms after the last heartbeat")
             self.height, self.floor_tried = height, False
 
@@ -335,10 +335,10 @@ class Deadman:
         self.listener.setblocking(False)
         self.selector.register(self.listener, selectors.EVENT_READ, self)
         if os.path.exists(config.latch):
-            self.say(f"latched by an earlier withdrawal: keeping the tip up until it is cleared ({config.latch})")
+            self.report(f"latched by an earlier withdrawal: keeping the tip up until it is cleared ({config.latch})")
             self.withdrawal = Withdrawal(self, clock())
 
-    def say(self, text):
+    def report(self, text):
         line = f"{datetime.datetime.now().isoformat(timespec='milliseconds')} deadman: {text}"
         print(line, file=sys.stderr, flush=True)
         if self.log:
@@ -386,10 +386,10 @@ class Deadman:
         client.socket.close()
 
     def refuse(self, client, why):
-        self.say(f"refused {client.peer}: {why}")
+        self.report(f"refused {client.peer}: {why}")
         self.drop(client)
 
-    def hear(self, client, now):
+    def receive(self, client, now):
         try:
             data = client.socket.recv(4096)
         except BlockingIOError:
@@ -420,23 +420,23 @@ class Deadman:
         if number <= client.number or client.guard not in (None, guard):
             return self.refuse(client, "a heartbeat that is replayed")
         client.number, client.guard = number, guard
-        says = READY if self.controller.up else NO_CONTROLLER
+        answer_code = READY if self.controller.up else NO_CONTROLLER
         if client is not self.holder:
             before = self.holder
             if before and before.guard != guard and now - before.heard <= self.config.silence_s:
-                says = IN_USE
+                answer_code = IN_USE
             else:
                 if before:
                     self.drop(before)
                 self.strangers.remove(client)
                 self.holder = client
         if self.latched:
-            says = LATCHED
+            answer_code = LATCHED
         client.heard = now
         if client is self.holder:
             self.listen_to(client, state, now)
-        answer = ANSWER_BODY.pack(number, says, answer_proof(self.config.key, client.nonce, guard, number, says))
-        if not client.send(frame(BEAT, answer)) or says == IN_USE:
+        answer = ANSWER_BODY.pack(number, answer_code, answer_proof(self.config.key, client.nonce, guard, number, answer_code))
+        if not client.send(frame(BEAT, answer)) or answer_code == IN_USE:
             self.drop(client)
             return False
         return True
@@ -446,10 +446,10 @@ class Deadman:
             self.heard = now
             if not self.armed and not self.latched:
                 self.armed = True
-                self.say(f"watching over the server at {client.peer}")
+                self.report(f"watching over the server at {client.peer}")
         elif state == DONE and self.armed:
             self.armed = False
-            self.say("the server says that the tip is up and stays up: watching no longer")
+            self.report("the server says that the tip is up and stays up: watching no longer")
 
     def pass_on(self, client, name, whole, now):
         if name not in PASSED_ON:
@@ -482,13 +482,13 @@ class Deadman:
                 if isinstance(owner, Withdrawal):
                     owner.answered(name, body, now)
                 elif owner is self.holder:
-                    self.overhear(name, body)
+                    self.note_reply(name, body)
                     if not owner.send(whole):
                         self.drop(owner)
         except (ValueError, UnicodeDecodeError) as error:
             controller.lost(now, str(error))
 
-    def overhear(self, name, body):
+    def note_reply(self, name, body):
         """Before the tip moves the server asks where it stands withdrawn, and for the range."""
         if self.armed or self.latched or len(body) < 12 or struct.unpack(">Ii", body[-8:]) != (0, 0):
             return
@@ -503,14 +503,14 @@ class Deadman:
         self.armed = False
         self.withdrawal = Withdrawal(self, now)
         self.withdrawal.tick(now)       # before the disk
-        self.say(f"no heartbeat for {1e3 * (now - self.heard):.0f} ms: withdrawing the tip")
+        self.report(f"no heartbeat for {1e3 * (now - self.heard):.0f} ms: withdrawing the tip")
         try:
             with open(self.config.latch, "w", encoding="ascii") as file:
                 file.write(datetime.datetime.now().isoformat() + " no heartbeat\n")
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            self.say(f"{self.config.latch}: {error.strerror}: latched until the deadman is stopped")
+            self.report(f"{self.config.latch}: {error.strerror}: latched until the deadman is stopped")
             self.latch_looked = float("inf")
 
     def tick(self, now):
@@ -522,7 +522,7 @@ class Deadman:
                 self.latch_looked = now
                 if not os.path.exists(self.config.latch):
                     self.withdrawal = None
-                    return self.say("cleared")
+                    return self.report("cleared")
             self.withdrawal.tick(now)
 
     def turn(self, patience_s):
@@ -552,15 +552,15 @@ class Deadman:
                 elif self.controller.socket is entry.fileobj:
                     self.read_controller(now)
             elif entry.data is self.holder or entry.data in self.strangers:
-                self.hear(entry.data, now)
+                self.receive(entry.data, now)
 
     def run(self, stop):
         host, port = self.listener.getsockname()[:2]
-        self.say(f"listening on {host}:{port}, silence {1e3 * self.config.silence_s:.0f} ms")
+        self.report(f"listening on {host}:{port}, silence {1e3 * self.config.silence_s:.0f} ms")
         while not stop:
             self.turn(0.01 if self.armed or self.latched else 0.05)
         if self.armed:
-            self.say("stopped while it watches: the server will find that, and withdraw the tip")
+            self.report("stopped while it watches: the server will find that, and withdraw the tip")
 
     def close(self):
         for client in self.strangers + ([self.holder] if self.holder else []):
@@ -579,7 +579,7 @@ def new_key(path):
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except OSError as error:
-        raise Wrong(f"{path}: {error.strerror}; expected the name of a new file") from None
+        raise ConfigError(f"{path}: {error.strerror}; expected the name of a new file") from None
     with os.fdopen(handle, "w", encoding="ascii") as file:
         file.write(secrets.token_hex(32) + "\n")
     print(f"deadman: {path} made: the server needs a copy; nobody else does", file=sys.stderr)
@@ -589,9 +589,9 @@ def clear(config):
     try:
         os.unlink(config.latch)
     except FileNotFoundError:
-        raise Wrong("nothing to clear: the tip was not withdrawn by the deadman") from None
+        raise ConfigError("nothing to clear: the tip was not withdrawn by the deadman") from None
     except OSError as error:
-        raise Wrong(f"{config.latch}: {error.strerror}") from None
+        raise ConfigError(f"{config.latch}: {error.strerror}") from None
     print("deadman: cleared: the tip may be used again", file=sys.stderr)
 
 
@@ -602,7 +602,7 @@ def run(config):
     try:
         deadman = Deadman(config)
     except OSError as error:
-        raise Wrong(f"listen = \"{config.listen[0]}:{config.listen[1]}\": {error.strerror}") from None
+        raise ConfigError(f"listen = \"{config.listen[0]}:{config.listen[1]}\": {error.strerror}") from None
     deadman.run(stop)
     deadman.close()
 
@@ -623,7 +623,7 @@ def main(arguments):
             clear(Config(options.config))
         else:
             run(Config(options.config))
-    except Wrong as error:
+    except ConfigError as error:
         print(f"deadman: {error}", file=sys.stderr)
         return 2
     return 0

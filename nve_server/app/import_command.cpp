@@ -247,16 +247,20 @@ class Account {
   std::vector<std::string> warnings_;
 };
 
+/// The whole of `text` as a number from `least` to `most`.
+std::optional<double> number_within(const std::string& text, double least, double most) {
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const auto [read, error] = std::from_chars(text.data(), end, value);
+  if (error != std::errc() || read != end || !(value >= least && value <= most)) return std::nullopt;
+  return value;
+}
+
 std::optional<double> spike_limit(const Options& options) {
   if (options.spikes == "none") return std::nullopt;
-  double sigma = 0;
-  const char* end = options.spikes.data() + options.spikes.size();
-  const auto [read, error] = std::from_chars(options.spikes.data(), end, sigma);
-  if (error != std::errc() || read != end || !(sigma >= 1.0 && sigma <= 1e6)) {
-    throw UserError("--spikes is '" + import::printable(options.spikes) +
-                    "', expected none, or how many times the noise of a pixel: 1 to 1e6");
-  }
-  return sigma;
+  if (const auto sigma = number_within(options.spikes, 1, 1e6)) return sigma;
+  throw UserError("--spikes is '" + import::printable(options.spikes) +
+                  "', expected none, or how many times the noise of a pixel: 1 to 1e6");
 }
 
 void expect_radius(const char* flag, double radius_nm) {
@@ -267,14 +271,9 @@ void expect_radius(const char* flag, double radius_nm) {
 /// None: blind, or not asked for.
 std::optional<double> deconvolve_radius_nm(const Options& options) {
   if (options.deconvolve.empty() || options.deconvolve == "blind") return std::nullopt;
-  double radius_nm = 0;
-  const char* end = options.deconvolve.data() + options.deconvolve.size();
-  const auto [read, error] = std::from_chars(options.deconvolve.data(), end, radius_nm);
-  if (error != std::errc() || read != end || !(radius_nm >= 1.0 && radius_nm <= 1e4)) {
-    throw UserError("--deconvolve-radius-nm is '" + import::printable(options.deconvolve) +
-                    "', expected a radius of 1 to 1e4 nm, or blind");
-  }
-  return radius_nm;
+  if (const auto radius_nm = number_within(options.deconvolve, 1, 1e4)) return radius_nm;
+  throw UserError("--deconvolve-radius-nm is '" + import::printable(options.deconvolve) +
+                  "', expected a radius of 1 to 1e4 nm, or blind");
 }
 
 void clean(surface::HeightGrid& grid, const Options& options, Account& account) {
