@@ -4,7 +4,7 @@
 #include <memory>
 #include <utility>
 
-#include "telenano/common/control/local_model.h"
+#include "telenano/common/control/model_method.h"
 #include "telenano/common/control/one_port.h"
 #include "telenano/common/control/station_method.h"
 #include "telenano/common/control/twin.h"
@@ -80,7 +80,7 @@ class Methods {
   TwoPort two_port_;
   WavePort wave_;
   TwoLayerTank tank_;
-  LocalModel model_;
+  ModelMethod model_;
   Twin twin_;
   Method method_;
   std::unique_ptr<StationMethod> other_;

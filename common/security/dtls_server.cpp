@@ -183,7 +183,7 @@ struct DtlsServer::Impl {
       if (entry == nullptr) return false;
       peer.identity = entry->name.empty() ? identity.fingerprint : identity.name;
       peer.rights = entry->rights;
-      peer.number = number_of('c', peer.identity.data());
+      peer.number = identity_number('c', peer.identity.data());
       return true;
     }
     const char* const name = SSL_get_psk_identity(ssl);
@@ -192,16 +192,8 @@ struct DtlsServer::Impl {
     std::copy_n(entry->identity.begin(), std::min(entry->identity.size(), peer.identity.size() - 1),
                 peer.identity.begin());
     peer.rights = entry->rights;
-    peer.number = number_of('k', peer.identity.data());
+    peer.number = identity_number('k', peer.identity.data());
     return true;
-  }
-
-  /// Never 0. The names are those of the list, so that nobody can choose one that collides.
-  static std::uint64_t number_of(char kind, const char* identity) noexcept {
-    const std::string_view text(identity);
-    const link::SipKey key{static_cast<std::uint64_t>(kind), 0};
-    return std::max<std::uint64_t>(
-        link::siphash(key, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}), 1);
   }
 
   /// Ends what the new list no longer allows. An identity with another key or right ends too: it may come

@@ -7,6 +7,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/config/toml_document.h"
+#include "telenano/common/link/siphash.h"
 #include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
@@ -90,6 +91,12 @@ bool equal(const Psk& a, const Psk& b) noexcept {
   unsigned difference = 0;
   for (std::size_t i = 0; i < Psk::kBytes; ++i) difference |= static_cast<unsigned>(a.bytes[i] ^ b.bytes[i]);
   return difference == 0;
+}
+
+std::uint64_t identity_number(char kind, std::string_view identity) noexcept {
+  const link::SipKey key{static_cast<std::uint64_t>(kind), 0};
+  return std::max<std::uint64_t>(
+      link::siphash(key, {reinterpret_cast<const std::uint8_t*>(identity.data()), identity.size()}), 1);
 }
 
 bool is_identity(std::string_view text) noexcept {

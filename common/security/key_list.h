@@ -66,6 +66,10 @@ KeyList load_key_list(const std::string& path);
 KeyList parse_key_list(std::string content, const std::string& name);
 std::string key_list_text(const KeyList& list);
 
+/// net::Standing::identity of a key ('k') or a certificate ('c', its listed name or fingerprint); never 0.
+/// The names are those of the list, so that nobody can choose one that collides.
+std::uint64_t identity_number(char kind, std::string_view identity) noexcept;
+
 /// 1 to 64 letters, digits, dots, dashes and underscores: goes over the wire in the clear, into messages and
 /// file names.
 bool is_identity(std::string_view text) noexcept;

@@ -8,7 +8,7 @@
 
 #include "telenano/common/base/base64.h"
 #include "telenano/common/base/version.h"
-#include "telenano/master/app/run_words.h"
+#include "telenano/master/app/run_text.h"
 #include "telenano/master/app/scene_files.h"
 #include "telenano/master/app/station_plan.h"
 #include "telenano/master/connection/server_link.h"

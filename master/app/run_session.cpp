@@ -30,7 +30,7 @@
 #include "telenano/master/app/real_time_session.h"
 #include "telenano/master/app/run_metrics.h"
 #include "telenano/master/app/run_recorder.h"
-#include "telenano/master/app/run_words.h"
+#include "telenano/master/app/run_text.h"
 #include "telenano/master/app/scene_wait.h"
 #include "telenano/master/app/session_device.h"
 #include "telenano/master/app/session_file.h"
@@ -514,10 +514,10 @@ int run_session(const RunOptions& options) {
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
   if (by_round_trip) live.choose_method();
-  if (view_model::RequestDesk* const desk = view.begin(
+  if (view_model::ViewRequestHandler* const requests = view.begin(
           {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
            tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene)}))
-    live.show_on(*desk, stays_open(options, view, simulated));
+    live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   live.set_scene_pipe(scene.pipe());
   std::optional<metrics::Exporter> exporter;

@@ -96,7 +96,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
 
 SessionView::~SessionView() = default;
 
-view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
+view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session) {
   if (!wanted()) return nullptr;
   viewer::ViewFacts& facts = parts_->facts;
   facts.scene_name = session.slave.scene_name;
@@ -151,8 +151,8 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
       if (auto grid = parts_->fetched_ground()) parts_->ground.emplace(std::move(*grid));
     }
   }
-  desk_ = std::make_unique<view_model::RequestDesk>(port_, region.impedance_bound);
-  return desk_.get();
+  requests_ = std::make_unique<view_model::ViewRequestHandler>(port_, region.impedance_bound);
+  return requests_.get();
 }
 
 std::string SessionView::run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,

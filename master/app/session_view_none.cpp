@@ -27,7 +27,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse) : options_(opti
 
 SessionView::~SessionView() = default;
 
-view_model::RequestDesk* SessionView::begin(const ViewedSession&) {
+view_model::ViewRequestHandler* SessionView::begin(const ViewedSession&) {
   return nullptr;
 }
 

@@ -52,7 +52,7 @@ class TwinRun {
 
   /// The step of this tick; numbers go up by one.
   void step(std::uint64_t number, const link::LoggedStep& step, std::int64_t now_ns) noexcept;
-  void hear(const link::StepReport& report, std::int64_t now_ns) noexcept;
+  void on_reply(const link::StepReport& report, std::int64_t now_ns) noexcept;
 
   TwinState state() const noexcept { return state_; }
   bool on() const noexcept { return state_ != TwinState::kNone && state_ != TwinState::kGivenUp; }

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "telenano/master/view_model/nice_step.h"
-#include "telenano/master/view_model/words.h"
+#include "telenano/master/view_model/status_text.h"
 
 namespace telenano::viewer {
 namespace {

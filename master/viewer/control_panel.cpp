@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "telenano/master/station/station.h"
-#include "telenano/master/view_model/words.h"
+#include "telenano/master/view_model/status_text.h"
 #include "telenano/master/viewer/limited_slider.h"
 #include "telenano/master/viewer/playback_bar.h"
 

@@ -57,7 +57,7 @@ class AfmLogic {
   const nanonis::Call* waits_for(Role role) const noexcept;
 
   /// Time goes on: time-outs, latches. Call it before next(), at least every few milliseconds.
-  void tick(std::int64_t now_ns, const PortWish& wish);
+  void tick(std::int64_t now_ns, const PortTarget& wish);
 
   void withdraw(Cause cause, std::int64_t now_ns);
   /// Before the start: no approach after the checks, until approve() or an operator who wants to engage.
@@ -164,7 +164,7 @@ class AfmLogic {
   std::string news_;
   std::uint64_t news_count_ = 0;
   PortState state_;
-  PortWish wish_;
+  PortTarget wish_;
   std::uint64_t cleared_ = 0;
 
   // What the rig said.

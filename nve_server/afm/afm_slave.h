@@ -40,7 +40,7 @@ class AfmSlave final : public slave::Slave {
   double lag_nm_;
   std::shared_ptr<AfmExchange> exchange_;
   const rt::Clock& clock_;
-  PortWish wish_;
+  PortTarget wish_;
   PortState state_;
   bool wanted_ = false;
   std::uint64_t opening_ = 0;  // of the session that wanted to engage last

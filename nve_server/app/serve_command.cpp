@@ -21,6 +21,7 @@
 #include "telenano/common/net/udp.h"
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/app/audit_log.h"
 #include "telenano/nve_server/app/key_watcher.h"
 #include "telenano/nve_server/app/reload_watcher.h"
 #include "telenano/nve_server/app/serve_afm.h"
@@ -112,6 +113,7 @@ struct ServeOptions {
   bool busy_poll = false;
   bool low_latency = false;
   int realtime_priority = 0;
+  std::string audit;
   std::string metrics;
   bool metrics_public = false;
   std::string dscp = "ef";
@@ -140,6 +142,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
   workers_config.sessions_per_peer =
       options.sessions_per_peer.value_or(default_sessions_per_peer(options.max_sessions));
   if (!options.local_rights.empty()) workers_config.local_rights = *net::parse_rights(options.local_rights);
+  workers_config.audit = !options.audit.empty();
   Workers workers(workers_config, clock);
   const bool marked = dscp == 0 || workers.set_dscp(dscp);
 
@@ -171,6 +174,13 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
   workers.prepare(options.security, config, scene);
   const bool secure = options.security.is_secure();
 
+  std::optional<AuditLog> audit;
+  if (!options.audit.empty()) {
+    audit.emplace(options.audit, workers.audit_queues(), secure ? options.security.key_list_path() : "",
+                  clock, [log](const std::string& text) { log->warn(text); });
+    audit->start(
+        {options.afm.wanted() ? "an AFM" : options.scene, net::to_string(workers.local()), secure, one_tip});
+  }
   std::optional<metrics::Exporter> exporter;
   if (!options.metrics.empty()) {
     exporter.emplace(options.metrics, options.metrics_public,
@@ -215,6 +225,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
       log->info("SIGHUP: {}; the scene stays as it was loaded: restart to serve another one",
                 watcher ? "reading the list of keys" : "there are no keys to read");
       if (watcher) watcher->reload();
+      if (audit) audit->reopen();
     });
     const StatusPrinter printer(workers, log);
     const ServiceNotify service(workers.loops());
@@ -224,6 +235,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
     });
   }
 
+  audit.reset();
   options.afm.stop();
   const server::ServerCounters counters = workers.counters();
   const link::DropCounters dropped = workers.drops();
@@ -312,6 +324,12 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
           "Folder for each session's marked surface (SCENE-NUMBER.gsf, the next free number), written "
           "every 2 s and when it ends")
       ->type_name("DIR");
+  command
+      ->add_option(
+          "--audit", options->audit,
+          "File to append one JSON line to for each session, refusal, change of a shared tip and fault; "
+          "SIGHUP opens it anew")
+      ->type_name("FILE");
   command
       ->add_option("--metrics", options->metrics,
                    "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")

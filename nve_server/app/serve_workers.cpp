@@ -11,6 +11,8 @@ namespace {
 constexpr std::int64_t kNicBusyPollNs = 50'000;
 // A worker without sessions answers the others' questions within this time.
 constexpr std::int64_t kIdleWithOthersNs = 5'000'000;
+// All sessions at once, twice, in the tenth of a second in which it is read.
+constexpr std::size_t kAuditQueue = 8192;
 
 }  // namespace
 
@@ -51,6 +53,8 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
     own.openings_per_party_s = own.openings_per_s * static_cast<double>(own.table.per_party) /
                                static_cast<double>(config_.max_sessions);
     own.work.enforced = true;
+    if (config_.audit) worker.audit = std::make_unique<server::AuditQueue>(kAuditQueue);
+    own.audit = worker.audit.get();
     if (workers_.size() > 1) {
       own.mail = &mail_;
       own.worker = i;
@@ -95,6 +99,14 @@ bool Workers::set_dscp(int dscp) noexcept {
 std::vector<const server::LoopStatus*> Workers::loops() const {
   std::vector<const server::LoopStatus*> all;
   for (const auto& worker : workers_) all.push_back(&worker->status);
+  return all;
+}
+
+std::vector<server::AuditQueue*> Workers::audit_queues() const {
+  std::vector<server::AuditQueue*> all;
+  for (const auto& worker : workers_) {
+    if (worker->audit) all.push_back(worker->audit.get());
+  }
   return all;
 }
 

@@ -28,6 +28,7 @@ struct WorkersConfig {
   int realtime_priority = 0;                         ///< SCHED_FIFO, 1..99; 0 = ordinary scheduling
   std::size_t sessions_per_peer = 64;                ///< of one key, or in the clear of one IP address
   net::Rights local_rights = net::Rights::kOperate;  ///< of who shows no key
+  bool audit = false;                                ///< each worker leaves events in a queue
 };
 
 /// A quarter of all, so that no key keeps the others out; at least 4: a station that is restarted leaves one
@@ -69,8 +70,9 @@ class Workers {
   }
   std::vector<security::DtlsServer*> channels() const;
   std::vector<const server::LoopStatus*> loops() const;
-  WorkersStatus status() const noexcept;  ///< any thread, while they run
-  std::string channels_text() const;      ///< likewise
+  std::vector<server::AuditQueue*> audit_queues() const;  ///< none unless WorkersConfig::audit
+  WorkersStatus status() const noexcept;                  ///< any thread, while they run
+  std::string channels_text() const;                      ///< likewise
 
   // After run().
   server::ServerCounters counters() const noexcept;
@@ -82,6 +84,7 @@ class Workers {
     net::Udp socket;
     net::UdpBatch batch;
     std::unique_ptr<security::DtlsServer> secure;
+    std::unique_ptr<server::AuditQueue> audit;
     std::optional<server::Server> server;
     server::LoopStatus status;
   };

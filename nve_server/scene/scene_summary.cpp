@@ -49,7 +49,7 @@ void list_terms(const Scene& scene, SceneSummary& summary) {
     (in ? summary.terms_in : summary.terms_out).push_back(name);
   };
   const bool flat = scene.surface->is_flat();
-  summary.terms_in.push_back(std::string(physics::contact_model_name(law.model)) +
+  summary.terms_in.push_back(std::string(physics::contact_law_name(law.model)) +
                              (law.method == physics::MaugisMethod::kTable ? " contact (table)" : " contact"));
   term(law.van_der_waals, "van der Waals");
   term(far.retardation_nm > 0, "retardation");

@@ -15,6 +15,7 @@
 #include "telenano/common/link/token_bucket.h"
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/server/audit.h"
 #include "telenano/nve_server/server/port_book.h"
 #include "telenano/nve_server/server/port_control.h"
 #include "telenano/nve_server/server/service_times.h"
@@ -77,7 +78,8 @@ struct ServerConfig {
   /// same secret, so that cookies hold everywhere. Both outlive the servers; null: this one is alone.
   WorkerMail* mail = nullptr;
   std::size_t worker = 0;
-  SessionCap* cap = nullptr;  ///< of all workers' active sessions; table.capacity holds for each besides
+  AuditQueue* audit = nullptr;  ///< this worker's own, outlives the server; null: nobody asks
+  SessionCap* cap = nullptr;    ///< of all workers' active sessions; table.capacity holds for each besides
 };
 
 struct ServerCounters {
@@ -168,8 +170,14 @@ class Server {
                        std::span<std::uint8_t> out, const net::Standing& standing,
                        bool others = true) noexcept;
   void settle_cap() noexcept;
-  void hand_over(std::size_t slot, const Letter& question) noexcept;
-  void adopt(SessionParcel& parcel) noexcept;
+  AuditEvent audit_event(AuditEvent::Kind kind, std::size_t slot, std::int64_t now_ns) const noexcept;
+  void audit(AuditEvent::Kind kind, std::size_t slot, std::int64_t now_ns, std::uint32_t reason = 0) noexcept;
+  void audit_refusal(link::RefuseReason reason, const net::Address& from, const net::Standing& standing,
+                     std::int64_t now_ns) noexcept;
+  void audit_faults(std::size_t slot, std::uint32_t faults, std::int64_t now_ns) noexcept;
+  void audit_holder(std::size_t before, std::int64_t now_ns) noexcept;
+  void hand_over(std::size_t slot, const HandoffMessage& question) noexcept;
+  void adopt(SessionState& state) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
   std::size_t on_scene_request(const link::SceneRequest& request, const net::Address& from,
@@ -202,7 +210,8 @@ class Server {
   link::StepReport step_report(std::size_t slot) noexcept;
   void run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept;
   void move_by_log(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
-  void end(std::size_t slot, std::int64_t now_ns) noexcept;
+  void end(std::size_t slot, link::ByeReason reason, std::int64_t now_ns) noexcept;
+  void leave_tip(std::size_t slot, std::int64_t now_ns) noexcept;
   void forget(std::size_t slot, std::int64_t now_ns) noexcept;
   void withdraw_shared_tip(std::int64_t now_ns) noexcept;
   void retract(Tip& tip, PortControl* control, std::int64_t now_ns) noexcept;
@@ -217,7 +226,7 @@ class Server {
   link::Codec codec_;
   link::Incoming incoming_;
   std::vector<Tip> tips_;  ///< one a slot, or the one that all share
-  std::vector<Seat> seats_;
+  std::vector<SessionRecord> records_;
   std::vector<PartyWork> parties_;  ///< more than there can be sessions: who is in use is never forgotten
   std::size_t active_parties_ = 0;  ///< that have commanded within a second
   TipHolder holder_;
@@ -226,6 +235,7 @@ class Server {
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   bool shutting_down_ = false;
   net::Standing standing_;        ///< of the datagram at hand
+  std::int64_t now_ns_ = 0;       ///< its time, or that of poll()
   bool superseded_ = false;       ///< it is
   std::uint32_t last_flags_ = 0;  ///< of the last step of a log that was executed
   link::TokenBucket scene_chunks_;

@@ -28,8 +28,17 @@ struct Tip {
 };
 
 /// What a session has besides its tip.
-struct Seat {
-  std::uint64_t opening = 0;  ///< counts the sessions opened; one that is resumed keeps its number
+struct SessionRecord {
+  /// Counts the sessions opened, of all workers together; one that is resumed keeps its number.
+  std::uint64_t opening = 0;
+
+  // For the audit.
+  bool open = false;           ///< neither ended nor forgotten
+  std::uint64_t identity = 0;  ///< of its newest Hello,
+  net::Rights rights = net::Rights::kObserve;
+  std::uint32_t audited_faults = 0;     ///< of the slave, since the last event
+  std::int64_t audited_ns = INT64_MIN;  ///< when that was
+
   PortControl control;
   PortBook book;  ///< of a shared tip; a private one's is the slave's own
   net::Address address;
@@ -47,10 +56,10 @@ struct Seat {
 };
 
 /// A whole session, with a tip of its own, on its way from one worker to another.
-struct SessionParcel {
+struct SessionState {
   link::Session session;
   Tip tip;
-  Seat seat;
+  SessionRecord record;
 };
 
 }  // namespace telenano::server

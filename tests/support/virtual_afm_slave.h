@@ -26,7 +26,7 @@ class VirtualAfmSlave final : public slave::Slave {
   rt::VirtualClock clock_;
   std::shared_ptr<afm::AfmExchange> exchange_ = std::make_shared<afm::AfmExchange>();
   afm::AfmSlave slave_;
-  afm::PortWish wish_;
+  afm::PortTarget wish_;
 };
 
 /// Approaches; throws RunError if that does not end above the surface.

@@ -114,6 +114,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"boost/asio", {"common/net/udp", "common/net/tcp"}},
     {"openssl/", {"common/security/dtls_", "common/hash/sha256"}},
     {"prometheus/", {"common/metrics/exporter"}},
+    {"nlohmann/", {"nve_server/app/audit_log"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},

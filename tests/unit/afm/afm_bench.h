@@ -17,7 +17,7 @@ struct Bench {
   AfmConfig config;
   afm_sim::SimConfig rig;
   std::optional<VirtualAfm> afm;
-  PortWish wish;
+  PortTarget wish;
 
   VirtualAfm& start() {
     afm.emplace(config, rig, afm_sim::default_scene());

@@ -110,7 +110,7 @@ TEST(AfmChecks, WithoutASessionTheTipIsParkedAndASessionBringsItBack) {
   AfmConfig config;
   config.park_after_s = 2;
   support::VirtualAfm afm(config, afm_sim::SimConfig{}, afm_sim::default_scene());
-  PortWish wish;
+  PortTarget wish;
   afm.advance_to(12'000'000'000, wish);
   EXPECT_EQ(afm.logic().state().phase, Phase::kWithdrawn);
   EXPECT_EQ(afm.logic().state().cause, Cause::kParked);

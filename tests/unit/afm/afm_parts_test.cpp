@@ -153,7 +153,7 @@ TEST(AfmSlave, AStepExchangesAndTakesNoMemory) {
   EXPECT_EQ(output.force_w_nn, Vec3(0, 0, 90));
   EXPECT_EQ(output.measurement_age_ns, 7 * kMs);
   EXPECT_EQ(output.model.version, 4u);
-  PortWish wish;
+  PortTarget wish;
   ASSERT_TRUE(exchange->load_wish(wish));
   EXPECT_EQ(wish.target_w_nm, input.tip_target_pos_w_nm);
   EXPECT_TRUE(wish.follow);

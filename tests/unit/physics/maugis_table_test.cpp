@@ -210,7 +210,7 @@ TEST(MaugisTable, RefusesWhatMakesNoSense) {
   EXPECT_THROW(TipSampleLaw(table_of(0.8, true), -1), UserError);
   EXPECT_THROW(TipSampleLaw(table_of(1e7, true), 20), UserError);
   TipSampleParameters p = table_of(0.8, true);
-  p.model = ContactModel::kJkr;
+  p.model = ContactLaw::kJkr;
   EXPECT_THROW(TipSampleLaw(p, 20), UserError);
 }
 

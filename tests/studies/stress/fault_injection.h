@@ -11,9 +11,9 @@
 namespace telenano::studies::stress {
 
 /// What goes wrong in a run besides the delay: from the first established session on, by the run's seed.
-class Trouble {
+class FaultInjection {
  public:
-  Trouble(const RunSpec& spec, support::VirtualSession& session);
+  FaultInjection(const RunSpec& spec, support::VirtualSession& session);
 
   /// Of the next tick.
   int periods() noexcept;

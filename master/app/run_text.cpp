@@ -1,4 +1,4 @@
-#include "telenano/master/app/run_words.h"
+#include "telenano/master/app/run_text.h"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "telenano/master/view_model/words.h"
+#include "telenano/master/view_model/status_text.h"
 
 #include <gtest/gtest.h>
 
