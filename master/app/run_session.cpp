@@ -61,9 +61,6 @@ constexpr double kTwinRingS = 4;
 constexpr double kTwinSceneWaitS = 20;
 // A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
 constexpr double kSceneWaitS = 2;
-// What the figures of the twin were shown to hold for (telenano-lab fidelity). Beyond it what is felt runs
-// ahead of what the server has confirmed for longer than a person who asks for nothing should rely on.
-constexpr double kTwinRoundTripMostS = 0.5;
 constexpr std::chrono::milliseconds kLineAgain(200);
 constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
@@ -317,9 +314,9 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
     why = "this server keeps no log of steps (a shared tip, a real AFM or an older program)";
     return twins;
   }
-  if (!wanted && link.median_s > kTwinRoundTripMostS) {
+  if (!wanted && link.median_s > control::MethodChoice::kTwinMost_s) {
     why = fmt::format("the round trip is {:.0f} ms, more than {:.0f} ms", 1e3 * link.median_s,
-                      1e3 * kTwinRoundTripMostS);
+                      1e3 * control::MethodChoice::kTwinMost_s);
     return twins;
   }
   if (session.welcome().scene.empty()) {
@@ -471,12 +468,9 @@ int run_session(const RunOptions& options) {
   // With play-out the controller sees the buffer's delay, not the link's.
   const int delay_samples =
       control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);
-  // Where the sample itself can be felt without delay, nothing is better at any round trip.
-  const bool by_round_trip = file.chooses_method && twins.empty();
-  if (file.chooses_method && !twins.empty()) file.station.method = control::Method::kTwin;
-  if (by_round_trip) {
+  if (file.chooses_method) {
     const double answer_s = std::max(link.median_s, playout_delay_s(file));
-    file.station.method = control::MethodChoice::at_start({answer_s, 0, true});
+    file.station.method = control::MethodChoice::at_start({answer_s, 0, true, !twins.empty()});
   }
   const config::SlaveLimits slave = slave_limits(welcome);
   const device::DeviceInfo device_info =
@@ -513,7 +507,7 @@ int run_session(const RunOptions& options) {
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
-  if (by_round_trip) live.choose_method();
+  if (file.chooses_method) live.choose_method();
   if (view_model::ViewRequestHandler* const requests = view.begin(
           {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
            tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene)}))

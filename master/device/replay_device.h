@@ -24,7 +24,8 @@ struct HandTrack {
 
 /// A recorded hand, played again: on a line between the recorded points, held where they end. It yields to no
 /// force, like a hand of stone; the force is taken for applied up to that of an omega.3, so that the energy
-/// book is that of such a hand. A stop that was pressed then is not pressed again: it ended that session.
+/// book is that of such a hand. It waits while the tip is held (TipSeen), as the person would have. A stop
+/// that was pressed then is not pressed again: it ended that session.
 class ReplayDevice final : public HapticDevice, public PlayedMotion {
  public:
   explicit ReplayDevice(HandTrack track, const std::string& source = "replay");
@@ -38,11 +39,13 @@ class ReplayDevice final : public HapticDevice, public PlayedMotion {
   bool motion_started() const noexcept override { return started_; }
   double motion_time_s() const noexcept override { return static_cast<double>(motion_ns_) * 1e-9; }
   double motion_duration_s() const noexcept override { return track_.points.back().time_s; }
+  void see_tip(const TipSeen& seen) noexcept override { held_ = seen.held; }
 
  private:
   HandTrack track_;
   DeviceInfo info_;
   bool started_ = false;
+  bool held_ = false;
   std::int64_t motion_ns_ = 0;
   std::size_t at_ = 0;  // the last point that is not in the future
 };

@@ -153,8 +153,10 @@ void AuditLog::reopen() {
 }
 
 void AuditLog::open() {
-  // Who reads it learns who uses the instrument, and when: not everybody.
-  file_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, S_IRUSR | S_IWUSR | S_IRGRP);
+  // A pipe that nobody reads must not hold the server up. Who reads the file learns who uses the instrument,
+  // and when: not everybody.
+  file_ = ::open(path_.c_str(), O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NONBLOCK,
+                 S_IRUSR | S_IWUSR | S_IRGRP);
 }
 
 void AuditLog::run() {

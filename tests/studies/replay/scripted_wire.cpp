@@ -12,23 +12,56 @@ constexpr std::size_t kRepliesKept = 1u << 16;
 
 }  // namespace
 
-/// The command at hand with the steps after the last that was executed, up to there, or (`all` false) as many
-/// of them as there are and fit; 0: not all are there, or they do not fit.
-std::size_t ScriptedWire::with_steps_until(std::uint64_t executed, bool all,
-                                           std::span<std::uint8_t> out) noexcept {
+/// The command at hand with steps `first` to `last`, or as many of them as there are and fit. Returns its
+/// bytes; `reached`: the last that it holds, first - 1 for none.
+std::size_t ScriptedWire::with_steps(std::uint64_t first, std::uint64_t last, std::uint64_t& reached,
+                                     std::span<std::uint8_t> out) noexcept {
   std::array<std::uint8_t, link::kStepsBytesMost> bytes{};
-  link::StepWriter writer(bytes, last_executed_ + 1);
-  std::uint64_t last = last_executed_;
-  while (last < executed) {
-    const auto found = made_.find(last + 1);
+  link::StepWriter writer(bytes, first);
+  for (reached = first - 1; reached < last; ++reached) {
+    const auto found = made_.find(reached + 1);
     if (found == made_.end() || !writer.add(found->second)) break;
-    ++last;
   }
-  if (all && last < executed) return 0;
   const std::size_t used = writer.count() > 0 ? writer.size() : 0;
-  made_.erase(made_.begin(), made_.upper_bound(last));
-  last_executed_ = last;
   return codec_.encode(incoming_.command, std::span<const std::uint8_t>(bytes).first(used), out);
+}
+
+/// The command at hand with steps such that the server has executed those up to `executed` by its reply; 0:
+/// not all are there, or they do not fit.
+///
+/// After a loss a server has had steps waiting for one that was missing, and that one brings on more at once
+/// than a datagram holds. So a command at which nothing is executed takes along what comes after the next
+/// step, as far as the next reply that came will say (`then`), and leaves the next one out.
+std::size_t ScriptedWire::with_steps_until(std::uint64_t executed, std::uint64_t then,
+                                           std::span<std::uint8_t> out) noexcept {
+  std::uint64_t reached = 0;
+  const std::uint64_t next = last_executed_ + 1;
+  if (executed == last_executed_) {
+    const std::size_t n = with_steps(std::max(waiting_until_, next) + 1, then, reached, out);
+    if (reached > next) waiting_until_ = std::max(waiting_until_, reached);
+    return n;
+  }
+  const bool waits = executed <= waiting_until_;
+  const std::size_t n = with_steps(next, waits ? next : executed, reached, out);
+  if (reached < (waits ? next : executed)) return 0;
+  note_executed(executed);
+  return n;
+}
+
+/// The same for a command whose reply never came: the server executes what it can on the way to `then`.
+std::size_t ScriptedWire::with_steps_towards(std::uint64_t then, std::span<std::uint8_t> out) noexcept {
+  std::uint64_t reached = 0;
+  const std::uint64_t next = last_executed_ + 1;
+  const bool waits = waiting_until_ > next;
+  const std::size_t n = with_steps(next, waits ? next : then, reached, out);
+  if (reached >= next)
+    note_executed(waits ? std::min(waiting_until_, last_executed_ + link::kMaxBatch) : reached);
+  return n;
+}
+
+void ScriptedWire::note_executed(std::uint64_t number) noexcept {
+  made_.erase(made_.begin(), made_.upper_bound(number));
+  last_executed_ = number;
 }
 
 net::SendStatus ScriptedWire::send(std::span<const std::uint8_t> bytes, const net::Address&) noexcept {
@@ -59,9 +92,11 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
       // Of the next reply that came it is known: what is made before that is nobody's to see.
       const auto next = executed_.lower_bound(number);
       const bool known = next != executed_.end() && next->first == number;
-      const std::uint64_t until =
-          next != executed_.end() ? std::max(next->second, last_executed_) : last_executed_;
-      const std::size_t n = with_steps_until(until, known, rewritten);
+      const auto later = std::find_if(next, executed_.end(),
+                                      [&](const auto& reply) { return reply.second > last_executed_; });
+      const std::uint64_t then = later != executed_.end() ? later->second : last_executed_;
+      const std::size_t n = known ? with_steps_until(std::max(next->second, last_executed_), then, rewritten)
+                                  : with_steps_towards(then, rewritten);
       if (n == 0) {
         if (other_steps_at_ == 0) other_steps_at_ = number;
         return;

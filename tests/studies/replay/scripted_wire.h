@@ -61,7 +61,12 @@ class ScriptedWire final : public net::Datagram {
 
  private:
   void deliver(std::span<const std::uint8_t> bytes, std::int64_t now_ns);
-  std::size_t with_steps_until(std::uint64_t executed, bool all, std::span<std::uint8_t> out) noexcept;
+  std::size_t with_steps(std::uint64_t first, std::uint64_t last, std::uint64_t& reached,
+                         std::span<std::uint8_t> out) noexcept;
+  std::size_t with_steps_until(std::uint64_t executed, std::uint64_t then,
+                               std::span<std::uint8_t> out) noexcept;
+  std::size_t with_steps_towards(std::uint64_t then, std::span<std::uint8_t> out) noexcept;
+  void note_executed(std::uint64_t number) noexcept;
 
   server::Server& server_;
   RecordedClock& clock_;
@@ -74,6 +79,7 @@ class ScriptedWire final : public net::Datagram {
   std::uint64_t other_steps_at_ = 0;
   std::map<std::uint64_t, link::LoggedStep> made_;  ///< by the station, and not yet by the server
   std::uint64_t last_executed_ = 0;
+  std::uint64_t waiting_until_ = 0;  ///< the server has all after the next step to execute up to here
   std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> waits_for_steps_;  ///< sent in this tick
   std::int64_t steps_ = 0;
   std::span<const recording::DatagramRow> rows_;

@@ -61,6 +61,43 @@ TEST(MethodChoice, WhatIsNoNumberChangesNothing) {
   }
 }
 
+MethodCircumstances with_twin(double rtt_ms, bool at_rest = true, double jitter_ms = 0) {
+  return {1e-3 * rtt_ms, 1e-3 * jitter_ms, at_rest, true};
+}
+
+TEST(MethodChoice, ATwinIsTheFirstChoiceAsFarAsItWasShownToBeTrue) {
+  for (const double rtt_ms : {0.0, 4.0, 100.0, 500.0})
+    EXPECT_EQ(MethodChoice::at_start(with_twin(rtt_ms)), Method::kTwin) << rtt_ms;
+  EXPECT_EQ(MethodChoice::at_start(with_twin(501)), Method::kModel);
+  EXPECT_EQ(MethodChoice::at_start({-1, 0, true, true}), Method::kTwin) << "nothing is known of the link";
+}
+
+// A twin that is given up is gone in that tick, whatever is felt; the rule goes on from the model.
+TEST(MethodChoice, AfterATwinThatIsGivenUpTheRoundTripDecides) {
+  MethodChoice near(Method::kTwin), far(Method::kTwin);
+  EXPECT_EQ(after(near, link(1, 0, false), kT), Method::kModel) << "at once";
+  EXPECT_EQ(after(near, link(1, 0, false), 10), Method::kModel) << "a choice waits for a free tip";
+  EXPECT_EQ(after(near, link(1), 1.1), Method::kTank);
+  EXPECT_EQ(after(far, link(50), 10), Method::kModel);
+}
+
+TEST(MethodChoice, ATwinThatIsBackIsTakenUpAgainWhenNothingIsFelt) {
+  MethodChoice choice(Method::kTank);
+  EXPECT_EQ(after(choice, with_twin(1, false), 10), Method::kTank);
+  EXPECT_EQ(after(choice, with_twin(1), 0.9), Method::kTank);
+  EXPECT_EQ(after(choice, with_twin(1), 0.2), Method::kTwin);
+}
+
+TEST(MethodChoice, ARoundTripThatGrowsBeyondTheTwinsLimitEndsItAndComesBackBelowAnother) {
+  MethodChoice choice(Method::kTwin);
+  EXPECT_EQ(after(choice, with_twin(499), 10), Method::kTwin);
+  EXPECT_EQ(after(choice, with_twin(600, false), 10), Method::kTwin) << "not while something is felt";
+  EXPECT_EQ(after(choice, with_twin(600), 1.1), Method::kModel);
+  EXPECT_EQ(after(choice, with_twin(450), 10), Method::kModel) << "between the limits nothing changes";
+  EXPECT_EQ(after(choice, with_twin(399), 1.1), Method::kTwin);
+  EXPECT_EQ(after(choice, {-1, 0, true, true}, 10), Method::kTwin) << "not known: as before";
+}
+
 // What it chooses must keep the promise of energy: it acts without being asked.
 TEST(MethodChoice, OnlyMethodsThatPromiseEnergy) {
   for (const double rtt_ms : {0.0, 1.0, 5.0, 20.0, 500.0})

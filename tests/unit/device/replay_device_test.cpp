@@ -41,6 +41,20 @@ TEST(ReplayDevice, HoldsStillUntilStartedThenGoesOnALineBetweenThePoints) {
   EXPECT_EQ(device.motion_duration_s(), 0.004);
 }
 
+// A hand that went on while the tip stood still would be elsewhere than it was in the recording.
+TEST(ReplayDevice, WaitsWhileTheTipIsHeld) {
+  ReplayDevice device(track());
+  device.start_motion();
+  look(device, 500'000);
+  TipSeen held;
+  held.held = true;
+  device.see_tip(held);
+  EXPECT_LT((look(device, 20'000'000).hand_pos_h_m - Vec3(0, 0, 0.015)).norm(), 1e-17);
+  EXPECT_FALSE(device.motion_done());
+  device.see_tip({});
+  EXPECT_LT((look(device, 1'500'000).hand_pos_h_m - Vec3(0.002, 0, 0.02)).norm(), 1e-17);
+}
+
 TEST(ReplayDevice, TakesForceUpToThatOfAnOmega) {
   ReplayDevice device(track());
   EXPECT_EQ(device.write_force(Vec3(1, 2, 3)), Vec3(1, 2, 3));
