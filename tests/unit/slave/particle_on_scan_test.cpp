@@ -298,28 +298,34 @@ TEST(ParticleOnAScan, ChargesTheWorkOfTheCommandedEnd) {
   EXPECT_LT(most, 0.02 * work);
 }
 
-// With a bias and a liquid bridge to tip and ball, steeper: every border of a branch that there is.
-std::shared_ptr<const scene::Scene> with_all_terms() {
+/// "Few" terms; "All": a bias and a liquid bridge, on steeper waves, every border of a branch that there is;
+/// or another law of contact.
+std::shared_ptr<const scene::Scene> with_terms(const std::string& which) {
   std::string text = kGround;
   const auto put = [&](const std::string& what, const std::string& instead) {
     text.replace(text.find(what), what.size(), instead);
   };
-  put("height_nm = 1.0", "height_nm = 3.0");
-  put("[friction]",
-      "[forces]\nvan_der_waals = true\n[forces.electrostatic]\ntip_bias_v = 1.0\n"
-      "[forces.capillary]\nhumidity_percent = 40.0\n"
-      "contact_angle_tip_deg = 20.0\ncontact_angle_sample_deg = 20.0\n[friction]");
-  return scene::parse_scene(text + kBall, "all.toml");
+  if (which == "All") {
+    put("height_nm = 1.0", "height_nm = 3.0");
+    put("[friction]",
+        "[forces]\nvan_der_waals = true\n[forces.electrostatic]\ntip_bias_v = 1.0\n"
+        "[forces.capillary]\nhumidity_percent = 40.0\n"
+        "contact_angle_tip_deg = 20.0\ncontact_angle_sample_deg = 20.0\n[friction]");
+  } else if (which != "Few") {
+    put("[friction]", "[contact]\nlaw = \"" + which + "\"\n[friction]");
+  }
+  return scene::parse_scene(text + kBall, "ball.toml");
 }
 
-class Terms : public ::testing::TestWithParam<bool> {};
-INSTANTIATE_TEST_SUITE_P(ParticleOnAScan, Terms, ::testing::Bool(),
-                         [](const auto& all) { return all.param ? "All" : "Few"; });
+class Terms : public ::testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(ParticleOnAScan, Terms,
+                         ::testing::Values("Few", "All", "jkr", "dmt", "pietrement-troyon"),
+                         [](const auto& which) { return which.param.substr(0, which.param.find('-')); });
 
 // Whatever the path, with leaps of some nm: the book is stored plus lost, and neither loss nor book runs
 // backwards; every step finds its balance.
 TEST_P(Terms, NoPathDrawsEnergy) {
-  Walk walk(GetParam() ? with_all_terms() : with_ball());
+  Walk walk(with_terms(GetParam()));
   NveSlave& slave = walk.slave();
   const double stored_at_start = slave.trace().stored_aj;
   std::uint64_t random = 31;
