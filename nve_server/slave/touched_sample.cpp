@@ -92,7 +92,9 @@ void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
   p.solution = p.trial_solution;
   p.alone = p.beside.may_begin(p.state);
   p.begun = false;
-  if (p.alone) p.pull.memory = p.trial_pull.memory = p.state.contacts[physics::kTipParticle].law;
+  if (!p.alone) return;
+  p.pull = {};  // nothing of an earlier sleep is state
+  p.pull.memory = p.trial_pull.memory = p.state.contacts[physics::kTipParticle].law;
 }
 
 std::uint32_t TouchedSample::surface_stamp() const noexcept {

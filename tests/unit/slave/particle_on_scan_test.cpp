@@ -186,11 +186,16 @@ TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
   const int before = alone;
   EXPECT_GT(before, steps - 5);
   both({3, 0, 8}, 0.25);  // to the ball, and a little against it
-  both({-40, 0, 8}, 0.25);
-  both({-50, 0, 8}, 0.25);
+  const int met_by = alone;
+  both({3, 0, 45}, 0.25);  // off upwards: sideways it would come along
+  both({-20, 14, 45}, 0.25);
+  // Pressed beside it while it is awake, and on along the ground as it falls asleep.
+  both({-10, 14, 8}, 0.5);
+  both({-10, 14, -3}, 0.25);
+  both({-45, 14, -3}, 0.25);
   EXPECT_GT(met, 3);
   EXPECT_GE(woke, 1);
-  EXPECT_GT(alone, before + 50);
+  EXPECT_GT(alone, met_by + 50);
   std::printf(
       "forces apart by %.2g nN (while a snap is remembered %.2g), after meeting %.2g nN, charges by %.2g aJ; "
       "%d of %d steps alone\n",
@@ -216,8 +221,9 @@ TEST(ParticleOnAScan, ItsStateIsAllThatLaterStepsDependOn) {
   int steps = 0, asleep = 0, awake = 0;
   Vec3 lay = Vec3::Zero();
   bool slept = false;
-  const std::vector<Vec3> corners = {{-50, 0, 8}, {-50, 2, -2}, {-40, 6, -2}, {-30, 0, 8},
-                                     {3, 0, 8},   {-40, 0, 8},  {-50, 5, 8},  {-50, 5, -2}};
+  const std::vector<Vec3> corners = {{-50, 0, 8},   {-50, 2, -2},  {-40, 6, -2},  {-30, 0, 8},
+                                     {3, 0, 8},     {3, 0, 45},    {-20, 14, 45}, {-10, 14, 8},
+                                     {-10, 14, -3}, {-45, 14, -3}, {-50, 5, 8},   {-50, 5, -2}};
   for (const Vec3& corner : corners) {
     const Vec3 from = at;
     const int count = static_cast<int>(std::ceil((corner - from).norm() / 0.4));
