@@ -3,9 +3,9 @@
 #include <memory>
 #include <optional>
 
-#include "nve_server/physics/particle_equilibrium.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 

@@ -3,10 +3,10 @@
 #include <array>
 #include <memory>
 
-#include "nve_server/physics/particle_parameters.h"
-#include "nve_server/physics/particle_state.h"
-#include "nve_server/physics/surface.h"
-#include "nve_server/physics/tip_potential.h"
+#include "telenano/nve_server/physics/particle_parameters.h"
+#include "telenano/nve_server/physics/particle_state.h"
+#include "telenano/nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/tip_potential.h"
 
 namespace telenano::physics {
 

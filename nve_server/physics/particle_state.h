@@ -3,9 +3,9 @@
 #include <Eigen/Geometry>
 #include <array>
 
-#include "nve_server/physics/particle_footing.h"
-#include "nve_server/physics/tip_potential.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/particle_footing.h"
+#include "telenano/nve_server/physics/tip_potential.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
 

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::slave {
 namespace {
