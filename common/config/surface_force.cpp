@@ -4,9 +4,10 @@ namespace telenano::config {
 
 std::string default_surface_force(const TomlTable& scene) {
   const auto surface = scene.optional_table("surface");
-  if (!surface || scene.has("particle")) return "foot";
+  if (!surface) return "foot";
   const auto sample = scene.optional_table("sample");
-  const bool yields = sample && sample->has("hardness_gpa");  // any shape is a grid then
+  // Any shape is a grid then; beside a particle no marks are made.
+  const bool yields = sample && sample->has("hardness_gpa") && !scene.has("particle");
   const std::string kind = surface->text_or("kind", "");
   return yields || kind == "scan" || kind == "step" || kind == "grating" ? "potential" : "foot";
 }

@@ -1,6 +1,7 @@
 #include "telenano/nve_server/physics/particle_balance.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -25,6 +26,15 @@ constexpr double kArmijo = 1e-4;
 constexpr double kNearestCentres = 0.05;  // of the radii's sum: which way is out is lost there
 constexpr double kSteepest = 30.0;        // in units of a contact's own stiffness
 constexpr double kEps = std::numeric_limits<double>::epsilon();
+
+// What bends downwards taken to bend upwards, but no steeper than `most`: the gentlest step that goes down.
+Mat3 bent_upwards(const Mat3& h, double most_n_m) noexcept {
+  const Eigen::SelfAdjointEigenSolver<Mat3> eigen(h);
+  Vec3 k = eigen.eigenvalues();
+  if (k[0] >= 0.0) return h;
+  for (int i = 0; i < 3; ++i) k[i] = k[i] < 0.0 ? std::min(-k[i], most_n_m) : k[i];
+  return eigen.eigenvectors() * k.asDiagonal() * eigen.eigenvectors().transpose();
+}
 
 // d = tip·Δp + particle·Δq: motion of the upper body less that of the lower.
 struct Pair {
@@ -58,12 +68,17 @@ ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState
       particle_feet_(from.particle_feet),
       asleep_(asleep) {
   best_.y.head<3>() = start_u_;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    held_[i].place = from.contacts[i].place;
+    held_[i].hint = from.contacts[i].hint;
+  }
   if (!asleep) return;
   const ParticleSleep& rest = from.sleep;
   for (Trial* trial : {&best_, &trial_}) {
     ContactTrial& contact = trial->contacts[kParticleSample];
     contact.law = rest.law;
     contact.normal_w = rest.normal_w;
+    contact.push_w_nn = rest.push_w_nn;
     contact.radius_nm = rest.radius_nm;
     contact.slide.force = rest.slide_force_w_nn;
     contact.roll.force = rest.roll_torque_w_nn_nm;
@@ -77,10 +92,53 @@ ParticleBalance::Geometry ParticleBalance::geometry(const Vec9& y) noexcept {
   const Vec3 tip = free_end_ + y.head<3>();
   const Vec3 particle = from_.particle_centre_w_nm + y.segment<3>(3);
   Geometry out;
-  out.tip = stand(*model_.surface, tip, p.tip_radius_nm, tip_feet_);
-  if (!asleep_) out.particle = stand(*model_.surface, particle, p.particle_radius_nm, particle_feet_);
+  if (!model_.by_potential()) {
+    out.tip = stand(*model_.surface, tip, p.tip_radius_nm, tip_feet_);
+    if (!asleep_) out.particle = stand(*model_.surface, particle, p.particle_radius_nm, particle_feet_);
+  }
   out.tip_to_particle_w_nm = particle - tip;
   return out;
+}
+
+// Tip or particle on a ground of one potential, on the branch that is there. False: no number.
+bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noexcept {
+  const ParticleParameters& p = model_.parameters;
+  const TipPotential& ground = *model_.ground[i];
+  Held& held = held_[i];
+  const Vec3 apex = centre - Vec3(0.0, 0.0, i == kTipSample ? p.tip_radius_nm : p.particle_radius_nm);
+  contact.place = held.place;
+  int jumps = 0;
+  PotentialSample at;
+  for (int ends = 0;; ++ends) {
+    const BranchEnd end = ground.sample(apex, contact.place, held.hint, at);
+    if (end == BranchEnd::kNone) break;
+    if (end == BranchEnd::kNoNumber || ends == TipPotential::kMostEnds) return false;
+    jumps += end == BranchEnd::kBridge || !at.reversible ? 1 : 0;
+    const PotentialBranch next = ground.beyond(end, apex, contact.place, at);
+    if (next.bridge.present != contact.place.bridge.present) held.hint = {};  // another medium, another curve
+    contact.place = next;
+  }
+  const double steepness = at.place.overlap_grad.norm();
+  contact.normal_w = steepness > 0.0 ? Vec3(-at.place.overlap_grad / steepness) : Vec3(Vec3::UnitZ());
+  contact.push_w_nn = -at.gradient_nn;
+  contact.hessian_n_m = at.hessian_n_m;
+  contact.radius_nm = det_exp(at.place.log_radius);
+  contact.outside = contact.clamped = false;
+  const bool attracts = ground.potential().law().parameters().van_der_waals;
+  const Branch outer = attracts ? Branch::kVanDerWaals : Branch::kFree;
+  Equilibrium& law = contact.law;
+  law = {};
+  law.branch = !contact.place.inside      ? outer
+               : at.size.square_nm2 > 0.0 ? Branch::kContact
+                                          : Branch::kNonContact;
+  law.overlap_nm = at.place.overlap_nm;
+  law.force_nn = at.law.force_nn * steepness + at.other_load_nn;
+  law.stiffness_n_m = at.law.stiffness_n_m * steepness * steepness + at.other_stiffness_n_m;
+  law.contact_radius_nm = std::sqrt(std::max(0.0, at.size.square_nm2));
+  law.potential_aj = at.energy_aj;
+  law.jumps = jumps;
+  law.bridge = contact.place.bridge.present;
+  return true;
 }
 
 void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
@@ -107,7 +165,7 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
     if (asleep_ && i == kParticleSample) continue;
     ContactTrial& contact = trial.contacts[i];
     Held& held = held_[i];
-    double overlap;
+    double overlap = 0;
     if (i == kTipParticle) {
       const double distance = at.tip_to_particle_w_nm.norm();
       if (!(distance > kNearestCentres * (p.tip_radius_nm + lever))) return;
@@ -115,6 +173,9 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
       contact.bend_1_per_nm = (contact.normal_w * contact.normal_w.transpose() - Mat3::Identity()) / distance;
       contact.radius_nm = model_.nominal_radius_nm[i];
       overlap = p.tip_radius_nm + p.particle_radius_nm - distance;
+    } else if (on_potential(i)) {
+      const Vec3 tip = free_end_ + u;
+      if (!lean(i, i == kTipSample ? tip : Vec3(tip + at.tip_to_particle_w_nm), contact)) return;
     } else {
       const Footing& footing = i == kTipSample ? at.tip : at.particle;
       contact.normal_w = footing.normal_w;
@@ -125,9 +186,12 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
       contact.clamped = footing.clamped;
       overlap = footing.overlap_nm;
     }
-    held.law.branch = held.branch;  // the cache alone goes on from trial to trial
-    contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, held.law);
-    if (contact.law.status != SolveStatus::kOk) return;
+    if (!on_potential(i)) {
+      held.law.branch = held.branch;  // the cache alone goes on from trial to trial
+      contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, held.law);
+      if (contact.law.status != SolveStatus::kOk) return;
+      contact.push_w_nn = contact.law.force_nn * contact.normal_w;
+    }
 
     const Pair pair = kPairs[i];
     const Vec3 d = pair.tip * dp + pair.particle * dq;
@@ -151,14 +215,15 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
         contact.law.potential_aj + contact.slide.envelope + contact.roll.envelope + contact.spin.envelope;
     magnitude += std::abs(contact.law.potential_aj) + contact.slide.envelope + contact.roll.envelope +
                  contact.spin.envelope;
-    const Vec3 force = contact.slide.force - contact.law.force_nn * contact.normal_w;
+    const Vec3 force = contact.slide.force - contact.push_w_nn;
     trial.gradient.head<3>() += pair.tip * force;
     if (!asleep_) trial.gradient.segment<3>(3) += pair.particle * force;
     if (turns && !asleep_) {
       trial.gradient.tail<3>() +=
           contact.roll.force + contact.spin.force - lever * n.cross(contact.slide.force);
     }
-    trial.load_nn += std::abs(contact.law.force_nn) + contact.slide.force.norm() +
+    trial.load_nn += (on_potential(i) ? contact.push_w_nn.norm() : std::abs(contact.law.force_nn)) +
+                     contact.slide.force.norm() +
                      (contact.roll.force.norm() + contact.spin.force.norm()) / lever;
     trial.stiffest_n_m += std::abs(contact.law.stiffness_n_m) + held.slide.stiffness +
                           std::abs(contact.law.force_nn) * contact.kink_1_per_nm.trace();
@@ -185,10 +250,15 @@ ParticleBalance::Mat9 ParticleBalance::hessian(const Trial& trial, bool convex) 
       stiffness = std::max(stiffness, -held.stiffest_n_m);
       if (convex) stiffness = -stiffness;
     }
-    Mat3 relative = stiffness * contact.normal_w * contact.normal_w.transpose();
-    const bool bends_up = i == kTipParticle && force < 0.0;
-    if (!convex || bends_up) relative += force * contact.bend_1_per_nm;
-    if (!convex || force > 0.0) relative += force * contact.kink_1_per_nm;
+    Mat3 relative;
+    if (on_potential(i)) {
+      relative = convex ? bent_upwards(contact.hessian_n_m, held.stiffest_n_m) : contact.hessian_n_m;
+    } else {
+      relative = stiffness * contact.normal_w * contact.normal_w.transpose();
+      const bool bends_up = i == kTipParticle && force < 0.0;
+      if (!convex || bends_up) relative += force * contact.bend_1_per_nm;
+      if (!convex || force > 0.0) relative += force * contact.kink_1_per_nm;
+    }
 
     const Vec3& n = held.normal_w;
     const Mat3 across = Mat3::Identity() - n * n.transpose();
@@ -299,8 +369,11 @@ bool ParticleBalance::go_over() noexcept {
   bool over = false;
   for (int i = 0; i < kParticleContacts; ++i) {
     const Equilibrium& law = best_.contacts[i].law;
-    if (inside(law.branch) == inside(held_[i].branch)) continue;
+    const PotentialBranch& place = best_.contacts[i].place;
+    const bool same_bridge = !on_potential(i) || place.bridge.present == held_[i].place.bridge.present;
+    if (inside(law.branch) == inside(held_[i].branch) && same_bridge) continue;
     held_[i].branch = law.branch;
+    held_[i].place = place;
     jumps_ += law.jumps;
     over = true;
   }
@@ -379,11 +452,11 @@ bool ParticleBalance::settled() const noexcept {
     const ContactTrial& now = best_.contacts[i];
     const Held& held = held_[i];
     const double tolerance = kSettled * best_.load_nn;
-    if (std::abs(now.radius_nm - held.radius_nm) * std::abs(now.law.force_nn) > tolerance * held.radius_nm) {
-      return false;
-    }
-    if (held.lost) continue;
     const double friction = now.slide.force.norm() + (now.roll.force.norm() + now.spin.force.norm()) / lever;
+    // On one potential it is no more than rolling friction that takes the radius as it was held.
+    const double by_radius = on_potential(i) ? now.roll.force.norm() / lever : std::abs(now.law.force_nn);
+    if (std::abs(now.radius_nm - held.radius_nm) * by_radius > tolerance * held.radius_nm) return false;
+    if (held.lost) continue;
     if (friction == 0.0) continue;
     const double a = now.law.contact_radius_nm;
     if (a == 0.0) return false;
@@ -396,9 +469,16 @@ bool ParticleBalance::settled() const noexcept {
 SolveStatus ParticleBalance::solve() noexcept {
   {
     const Geometry at = geometry(best_.y);
-    best_.contacts[kTipSample].normal_w = at.tip.normal_w;
-    best_.contacts[kTipSample].radius_nm = at.tip.radius_nm;
-    if (!asleep_) {
+    if (model_.by_potential()) {
+      const Vec3 tip = from_.tip_centre_w_nm;
+      if (!lean(kTipSample, tip, best_.contacts[kTipSample])) return SolveStatus::kNonFinite;
+      if (!asleep_ && !lean(kParticleSample, from_.particle_centre_w_nm, best_.contacts[kParticleSample]))
+        return SolveStatus::kNonFinite;
+    } else {
+      best_.contacts[kTipSample].normal_w = at.tip.normal_w;
+      best_.contacts[kTipSample].radius_nm = at.tip.radius_nm;
+    }
+    if (!asleep_ && !model_.by_potential()) {
       best_.contacts[kParticleSample].normal_w = at.particle.normal_w;
       best_.contacts[kParticleSample].radius_nm = at.particle.radius_nm;
     }
@@ -409,6 +489,10 @@ SolveStatus ParticleBalance::solve() noexcept {
     hold(pass == 0);
     const SolveStatus status = minimise();
     if (status != SolveStatus::kOk) return status;
+    if (model_.by_potential()) {
+      if (settled()) return SolveStatus::kOk;
+      continue;
+    }
     const bool tip_deeper = look_around(*model_.surface, free_end_ + best_.y.head<3>(), tip_feet_);
     const bool particle_deeper =
         !asleep_ &&
@@ -466,6 +550,10 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
     memory.law = held.law;
     memory.law.branch = now.law.branch;
     memory.law.overlap_nm = now.law.overlap_nm;
+    if (on_potential(i)) {
+      memory.place = now.place;
+      memory.hint = held.hint;
+    }
     memory.contact_radius_nm = now.law.contact_radius_nm;
     memory.normal_w = held.normal_w;
     memory.slide_nm = now.slide.deflection;
@@ -487,6 +575,7 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
                  rest.law,
                  rest.normal_w,
                  held_[kParticleSample].radius_nm,
+                 rest.push_w_nn,
                  rest.slide.force,
                  rest.roll.force,
                  rest.spin.force,

@@ -28,6 +28,10 @@ namespace telenano::physics {
 /// the bristles' limits are those of the contact radii reported, and forces and torques balance. A contact
 /// that begins in this step carries friction from the next one on; one that ends carries none in this.
 ///
+/// On a ground of one potential (tip_potential.h) the two U_i of the ground are functions of the place alone,
+/// U(δ, ρ) with ρ = ln R_eff a field too: force −∇U and stiffness ∇∇U are exact, and no foot is looked for.
+/// Trials start from the branch that the step began on and go over its borders as they are met.
+///
 /// Asleep, Δq = φ = 0 and the contact of particle and sample is what it was: u alone is balanced, with the
 /// force of the particle where it lies. Source
 /// M. Ortiz, L. Stainier, Comput. Methods Appl. Mech. Eng. 171 (1999) 419 (incremental potentials).
@@ -47,7 +51,10 @@ class ParticleBalance {
     Vec3 normal_w = Vec3::UnitZ();      ///< −∇δ
     Mat3 bend_1_per_nm = Mat3::Zero();  ///< ∇²δ less its kink
     Mat3 kink_1_per_nm = Mat3::Zero();
-    double radius_nm = 0;  ///< effective, at this place
+    Vec3 push_w_nn = Vec3::Zero();    ///< on the upper body, without friction: −∇U
+    Mat3 hessian_n_m = Mat3::Zero();  ///< on a ground of one potential: ∇∇U
+    PotentialBranch place;            ///< the same: the branch that U is of
+    double radius_nm = 0;             ///< effective, at this place
     bool outside = false;
     bool clamped = false;
     BristleResponse slide, roll, spin;
@@ -83,6 +90,8 @@ class ParticleBalance {
     double stiffest_n_m = 0;  // bounds a fold's infinite slope
     TipSampleState law;
     Branch branch = Branch::kFree;  // that trials start from
+    PotentialBranch place;          // the same
+    CurveHint hint;
     Bristle slide, roll, spin;
     Vec3 slide_nm = Vec3::Zero(), roll_rad = Vec3::Zero(), spin_rad = Vec3::Zero();
     bool lost = false;
@@ -92,7 +101,9 @@ class ParticleBalance {
     Vec3 tip_to_particle_w_nm = Vec3::Zero();
   };
 
+  bool on_potential(int i) const noexcept { return model_.ground[i] != nullptr; }
   Geometry geometry(const Vec9& y) noexcept;
+  bool lean(int i, const Vec3& centre_w_nm, ContactTrial& contact) noexcept;
   void evaluate(const Vec9& y, Trial& trial) noexcept;
   void hold(bool first) noexcept;
   bool settled() const noexcept;

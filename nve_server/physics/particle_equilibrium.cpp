@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/physics/particle_balance.h"
 
 namespace telenano::physics {
@@ -65,7 +66,7 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
     report.stiffness_n_m = now.law.stiffness_n_m;
     report.normal_w = now.normal_w;
     report.friction_w_nn = -now.slide.force;
-    report.force_w_nn = now.law.force_nn * now.normal_w + report.friction_w_nn;
+    report.force_w_nn = now.push_w_nn + report.friction_w_nn;
     report.rolling_w_nn_nm = -now.roll.force;
     report.spinning_w_nn_nm = -now.spin.force;
     report.slides = now.slide.slips;
@@ -91,7 +92,7 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
   tip.stiffness_n_m = main.stiffness_n_m;
   tip.potential_aj = state.potential_aj;
   tip.jumps += balance.jumps();
-  tip.feet = felt ? 1 : state.tip_feet.count;
+  tip.feet = felt || model.by_potential() ? 1 : state.tip_feet.count;
   tip.outside = balance.contact(kTipSample).outside || balance.contact(kParticleSample).outside;
   tip.radius_clamped = balance.contact(kTipSample).clamped || balance.contact(kParticleSample).clamped;
 }
@@ -99,8 +100,8 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
 }  // namespace
 
 ParticleEquilibrium::ParticleEquilibrium(std::shared_ptr<const Surface> surface,
-                                         const ParticleParameters& parameters)
-    : model_(std::move(surface), parameters) {
+                                         const ParticleParameters& parameters, const ParticleGround& ground)
+    : model_(std::move(surface), parameters, ground) {
   // Its adhesion and, since most pulls are sideways, its friction: one without friction runs after any pull.
   const ContactFriction& friction = model_.friction[kParticleSample];
   const double a = model_.zero_load_radius_nm[kParticleSample];
@@ -124,6 +125,7 @@ bool ParticleEquilibrium::left_alone(const ParticleBalance& balance, double shar
 }
 
 ParticleState ParticleEquilibrium::place(double x_nm, double y_nm) const noexcept {
+  if (model_.by_potential()) return place_on_potential(x_nm, y_nm);
   const double radius = model_.parameters.particle_radius_nm;
   const Surface& surface = *model_.surface;
   // Down by the distance that is certainly free, until it touches.
@@ -144,6 +146,42 @@ ParticleState ParticleEquilibrium::place(double x_nm, double y_nm) const noexcep
   contact.normal_w = normal;
   contact.contact_radius_nm = rest.contact_radius_nm;
   state.potential_aj = rest.potential_aj;
+  return state;
+}
+
+ParticleState ParticleEquilibrium::place_on_potential(double x_nm, double y_nm) const noexcept {
+  const double radius = model_.parameters.particle_radius_nm;
+  const TipPotential& ground = *model_.ground[kParticleSample];
+  // Down to touch as PotentialEquilibrium::touch_height_nm, then in contact to where ∂U/∂z = 0.
+  Vec3 apex(x_nm, y_nm, model_.surface->highest_nm() + radius);
+  ContactJet touch;
+  for (int i = 0; i < 200; ++i) {
+    ground.fields().contact_at(apex, touch);
+    const double step = -touch.overlap_nm / std::min(touch.overlap_grad.z(), -0.1);
+    apex.z() += step;
+    if (std::abs(step) < 1e-11) break;
+  }
+  const ZeroLoad rest = zero_load(model_.laws[kParticleSample], det_exp(touch.log_radius));
+  apex.z() += rest.overlap_nm / std::min(touch.overlap_grad.z(), -0.1);
+  ParticleState state;
+  ParticleContactMemory& contact = state.contacts[kParticleSample];
+  contact.place.inside = true;
+  PotentialSample at;
+  for (int i = 0; i < 50; ++i) {
+    if (ground.sample(apex, contact.place, contact.hint, at) != BranchEnd::kNone) break;
+    const double stiffness = at.hessian_n_m(2, 2);
+    if (!(stiffness > 0.0)) break;
+    const double step = -at.gradient_nn.z() / stiffness;
+    apex.z() += std::clamp(step, -0.1 * rest.contact_radius_nm, 0.1 * rest.contact_radius_nm);
+    if (std::abs(step) < 1e-11) break;
+  }
+  state.particle_centre_w_nm = apex + Vec3(0.0, 0.0, radius);
+  contact.law.branch = Branch::kContact;
+  contact.law.overlap_nm = at.place.overlap_nm;
+  const double steepness = at.place.overlap_grad.norm();
+  if (steepness > 0.0) contact.normal_w = -at.place.overlap_grad / steepness;
+  contact.contact_radius_nm = std::sqrt(std::max(0.0, at.size.square_nm2));
+  state.potential_aj = at.energy_aj;
   return state;
 }
 

@@ -26,8 +26,10 @@ void check(const ContactFriction& friction) {
 
 }  // namespace
 
-ParticleModel::ParticleModel(std::shared_ptr<const Surface> the_surface, const ParticleParameters& p)
+ParticleModel::ParticleModel(std::shared_ptr<const Surface> the_surface, const ParticleParameters& p,
+                             const ParticleGround& the_ground)
     : surface(std::move(the_surface)),
+      ground{the_ground.tip, nullptr, the_ground.particle},
       parameters(p),
       laws{TipSampleLaw(p.tip_sample), TipSampleLaw(p.tip_particle), TipSampleLaw(p.particle_sample)},
       friction{p.tip_sample_friction, p.tip_particle_friction, p.particle_sample_friction} {

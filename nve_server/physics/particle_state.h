@@ -4,6 +4,7 @@
 #include <array>
 
 #include "telenano/nve_server/physics/particle_footing.h"
+#include "telenano/nve_server/physics/tip_potential.h"
 #include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
@@ -15,6 +16,8 @@ inline constexpr int kParticleContacts = 3;
 /// What one contact remembers: the branch of its law, and how far its bristles are bent.
 struct ParticleContactMemory {
   TipSampleState law;
+  PotentialBranch place;  ///< on a ground of one potential, where of `law` the branch and overlap alone count
+  CurveHint hint;         ///< the same
   double contact_radius_nm = 0;
   Vec3 normal_w = Vec3::UnitZ();  ///< from the lower body to the upper: sample, then tip, then particle
   Vec3 slide_nm = Vec3::Zero();
@@ -31,6 +34,7 @@ struct ParticleSleep {
   Equilibrium law;  ///< of its contact with the sample
   Vec3 normal_w = Vec3::UnitZ();
   double radius_nm = 0;
+  Vec3 push_w_nn = Vec3::Zero();  ///< without friction
   Vec3 slide_force_w_nn = Vec3::Zero();
   Vec3 roll_torque_w_nn_nm = Vec3::Zero();
   Vec3 spin_torque_w_nn_nm = Vec3::Zero();

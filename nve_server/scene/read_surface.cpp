@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <sstream>
 #include <utility>
 
@@ -30,12 +31,34 @@ using physics::HeightGrid;
 constexpr double kRadPerDeg = kPi / 180.0;
 constexpr double kPileUp = 1.0;  // flow keeps the volume
 
+/// What touches the ground: the tip, or the particle that lies on it.
+struct Sphere {
+  double radius_nm = 0;
+  const physics::TipSampleParameters* law = nullptr;
+};
+
+std::vector<Sphere> spheres_of(const Scene& scene) {
+  std::vector<Sphere> spheres = {{scene.probe.tip_radius_nm, &scene.law_parameters}};
+  if (scene.particle) {
+    const physics::ParticleParameters& p = scene.particle->parameters;
+    spheres.push_back({p.particle_radius_nm, &p.particle_sample});
+  }
+  return spheres;
+}
+
+physics::SofteningRule softening_of(const Sphere& sphere) {
+  const physics::TipSampleParameters& p = *sphere.law;
+  return physics::softening_rule(sphere.radius_nm, p.work_of_adhesion_n_m, 0.75 * p.contact_modulus_gpa,
+                                 p.equilibrium_distance_nm);
+}
+
 /// What a surface is made of until it is known whether it has to be a grid.
 struct Built {
-  std::shared_ptr<const physics::Surface> exact;         ///< in closed form
-  HeightGrid grid;                                       ///< else
-  double half_width_nm = 0;                              ///< of an unbounded shape
-  std::shared_ptr<const physics::ContactFields> fields;  ///< of the closed form
+  std::shared_ptr<const physics::Surface> exact;  ///< in closed form
+  HeightGrid grid;                                ///< else
+  double half_width_nm = 0;                       ///< of an unbounded shape
+  /// Of the closed form.
+  std::function<std::shared_ptr<const physics::ContactFields>(const Sphere&)> fields;
 };
 
 physics::SampledArea area_around_origin(double half_width, double spacing) {
@@ -81,11 +104,12 @@ Built read_plane(const TomlTable& table, double half_width, double tip_radius, S
   return {std::make_shared<physics::PlaneSurface>(shape, tip_radius),
           {},
           half_width,
-          std::make_shared<physics::PlaneFields>(shape, tip_radius)};
+          [shape](const Sphere& on_it) {
+            return std::make_shared<physics::PlaneFields>(shape, on_it.radius_nm);
+          }};
 }
 
-Built read_sphere(const TomlTable& table, double half_width, double tip_radius,
-                  const physics::SofteningRule& rule, SurfaceDescription& ground) {
+Built read_sphere(const TomlTable& table, double half_width, double tip_radius, SurfaceDescription& ground) {
   physics::SphereSurface::Shape shape;
   shape.radius_nm = table.number("radius_nm", between(1.0, 1e5));
   shape.x_nm = table.number_or("x_nm", between(-half_width, half_width), 0.0);
@@ -96,7 +120,11 @@ Built read_sphere(const TomlTable& table, double half_width, double tip_radius,
   return {within(table, [&] { return std::make_shared<physics::SphereSurface>(shape, tip_radius); }),
           {},
           half_width,
-          within(table, [&] { return std::make_shared<physics::SphereFields>(shape, tip_radius, rule); })};
+          [shape, table](const Sphere& on_it) {
+            return within(table, [&] {
+              return std::make_shared<physics::SphereFields>(shape, on_it.radius_nm, softening_of(on_it));
+            });
+          }};
 }
 
 Built read_step(const TomlTable& table, const physics::SampledArea& area, SurfaceDescription& ground) {
@@ -159,69 +187,73 @@ void keep_inside(const physics::SplineSurface& surface, const TomlTable& limits,
   ground.y_max_nm = surface.y_last_nm() - margin;
 }
 
-physics::ScanFields fields_of(const HeightGrid& grid, double radius, const physics::SofteningRule& rule,
-                              const std::vector<double>& fixed_nm, const SceneLoading& loading,
-                              SurfaceDescription& ground) {
-  if (loading.fields_cache.empty())
-    return physics::ScanFields(grid, radius, rule, fixed_nm, loading.progress);
-  const FieldsCache cache(loading.fields_cache);
-  if (auto kept = cache.find(grid, radius, rule, fixed_nm)) {
-    ground.fields_from_cache = true;
-    return std::move(*kept);
+std::shared_ptr<const physics::BranchPotential> law_of(const Sphere& sphere) {
+  return std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(*sphere.law, sphere.radius_nm),
+                                                    sphere.radius_nm);
+}
+
+/// `make`(sphere, law): the fields of the ground for it.
+template <class Make>
+void make_potential(Scene& scene, const Make& make) {
+  const std::vector<Sphere> spheres = spheres_of(scene);
+  const auto tip_law = law_of(spheres[0]);
+  scene.potential =
+      std::make_shared<physics::PotentialEquilibrium>(make(spheres[0], *tip_law), tip_law, scene.friction);
+  if (!scene.particle) return;
+  const auto law = law_of(spheres[1]);
+  scene.particle_ground = std::make_shared<physics::TipPotential>(make(spheres[1], *law), law);
+}
+
+/// From the cache, or made and kept there.
+class FieldsOfGrid {
+ public:
+  FieldsOfGrid(const HeightGrid& grid, const SceneLoading& loading, Scene& scene)
+      : grid_(grid), loading_(loading), ground_(scene.ground), sets_(scene.particle ? 2 : 1) {
+    ground_.fields_from_cache = !loading.fields_cache.empty();
   }
-  physics::ScanFields fields(grid, radius, rule, fixed_nm, loading.progress);
-  cache.keep(grid, radius, rule, fixed_nm, fields);
-  return fields;
-}
 
-physics::SofteningRule softening_of(const Scene& scene) {
-  const physics::TipSampleParameters& p = scene.law_parameters;
-  return physics::softening_rule(scene.probe.tip_radius_nm, p.work_of_adhesion_n_m,
-                                 0.75 * p.contact_modulus_gpa, p.equilibrium_distance_nm);
-}
+  std::shared_ptr<const physics::ContactFields> operator()(const Sphere& sphere,
+                                                           const physics::BranchPotential& law) {
+    std::vector<double> fixed_nm;
+    if (law.bridge().active()) fixed_nm.push_back(law.bridge().softening_nm());
+    auto fields =
+        std::make_shared<physics::ScanFields>(made(sphere.radius_nm, softening_of(sphere), fixed_nm));
+    ground_.fields_bytes += fields->bytes();
+    done_ += 1.0;
+    return fields;
+  }
 
-std::shared_ptr<const physics::BranchPotential> law_of(const Scene& scene) {
-  const double radius = scene.probe.tip_radius_nm;
-  return std::make_shared<physics::BranchPotential>(physics::TipSampleLaw(scene.law_parameters, radius),
-                                                    radius);
-}
+ private:
+  physics::ScanFields made(double radius, const physics::SofteningRule& rule,
+                           const std::vector<double>& fixed_nm) {
+    std::function<void(double)> progress;
+    if (loading_.progress) progress = [this](double part) { loading_.progress((done_ + part) / sets_); };
+    if (loading_.fields_cache.empty()) return physics::ScanFields(grid_, radius, rule, fixed_nm, progress);
+    const FieldsCache cache(loading_.fields_cache);
+    if (auto kept = cache.find(grid_, radius, rule, fixed_nm)) return std::move(*kept);
+    ground_.fields_from_cache = false;
+    physics::ScanFields fields(grid_, radius, rule, fixed_nm, progress);
+    cache.keep(grid_, radius, rule, fixed_nm, fields);
+    return fields;
+  }
 
-std::shared_ptr<const physics::PotentialEquilibrium> potential_of(
-    std::shared_ptr<const physics::ContactFields> closed_form, const Scene& scene) {
-  return std::make_shared<physics::PotentialEquilibrium>(std::move(closed_form), law_of(scene),
-                                                         scene.friction);
-}
-
-std::shared_ptr<const physics::PotentialEquilibrium> potential_of(const HeightGrid& grid,
-                                                                  const SceneLoading& loading, Scene& scene) {
-  const auto law = law_of(scene);
-  std::vector<double> fixed_nm;
-  if (law->bridge().active()) fixed_nm.push_back(law->bridge().softening_nm());
-  auto fields = std::make_shared<physics::ScanFields>(
-      fields_of(grid, scene.probe.tip_radius_nm, softening_of(scene), fixed_nm, loading, scene.ground));
-  scene.ground.fields_bytes = fields->bytes();
-  return std::make_shared<physics::PotentialEquilibrium>(std::move(fields), law, scene.friction);
-}
+  const HeightGrid& grid_;
+  const SceneLoading& loading_;
+  SurfaceDescription& ground_;
+  double sets_;
+  double done_ = 0;
+};
 
 }  // namespace
 
-void check_potential(const TomlTable& root) {
-  const auto refuse = [&](const char* key, const std::string& what) {
-    root.fail(
-        key,
-        what + " does not go with [surface] force = \"potential\" yet: leave it out, or force = \"foot\"");
-  };
-  if (root.optional_table("particle")) refuse("particle", "a particle");
-}
-
 // A wider tip touches beyond the rim, where nothing is known, and its fields are many times as wide as the
 // grid: a tip of 500 nm on a scan of 0.2 nm took all memory.
-void check_tip_fits(const TomlTable& root, const HeightGrid& grid, double tip_radius_nm) {
+void check_fits(const TomlTable& table, const char* key, const HeightGrid& grid, double radius_nm) {
   constexpr double kMostSides = 4;
   const double side = std::min((grid.columns - 1) * grid.dx_nm, (grid.rows - 1) * grid.dy_nm);
-  if (tip_radius_nm <= kMostSides * side) return;
-  root.table("probe").fail("tip_radius_nm", words(tip_radius_nm, " nm is too wide for a surface of ", side,
-                                                  " nm: expected at most four times its shorter side"));
+  if (radius_nm <= kMostSides * side) return;
+  table.fail(key, words(radius_nm, " nm is too wide for a surface of ", side,
+                        " nm: expected at most four times its shorter side"));
 }
 
 std::string read_surface(const config::TomlDocument& document, const SceneLoading& loading, Scene& scene,
@@ -285,7 +317,7 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   } else if (ground.kind == "plane") {
     built = read_plane(table, half_width, tip_radius, ground);
   } else if (ground.kind == "sphere") {
-    built = read_sphere(table, half_width, tip_radius, softening_of(scene), ground);
+    built = read_sphere(table, half_width, tip_radius, ground);
   } else if (ground.kind == "step") {
     built = read_step(table, area, ground);
   } else if (ground.kind == "grating") {
@@ -299,16 +331,19 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
     ground.x_min_nm = ground.y_min_nm = -half_width;
     ground.x_max_nm = ground.y_max_nm = half_width;
     if (ground.potential) {
-      check_potential(root);
-      scene.potential = potential_of(built.fields, scene);
+      make_potential(scene, [&](const Sphere& sphere, const auto&) { return built.fields(sphere); });
     }
   } else {
     if (built.exact) built.grid = within(table, [&] { return sampled(*built.exact, area); });
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
     if (ground.potential) {
-      check_potential(root);
-      check_tip_fits(root, built.grid, tip_radius);
-      scene.potential = potential_of(built.grid, loading, scene);
+      check_fits(root.table("probe"), "tip_radius_nm", built.grid, tip_radius);
+      if (scene.particle) {
+        check_fits(root.table("particle"), "radius_nm", built.grid,
+                   scene.particle->parameters.particle_radius_nm);
+      }
+      FieldsOfGrid fields(built.grid, loading, scene);
+      make_potential(scene, [&](const Sphere& sphere, const auto& law) { return fields(sphere, law); });
     }
     const auto surface = std::make_shared<physics::SplineSurface>(built.grid, tip_radius);
     keep_inside(*surface, limits, ground);

@@ -90,13 +90,13 @@ std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, co
   scene->coupling.stiffness_n_m = coupling.number("stiffness_n_m", kStiffness_n_m);
   scene->coupling.damping_n_s_m = coupling.number_or("damping_n_s_m", between(0.0, 1e3), 0.0);
 
+  if (const auto particle = root.optional_table("particle")) read_particle(*particle, *scene);
   std::string scan_bytes = read_surface(document, loading, *scene, scan);
   scene->equilibrium = std::make_shared<physics::TipEquilibrium>(
       scene->surface, physics::TipSampleLaw(scene->law_parameters, scene->probe.tip_radius_nm),
       scene->probe.tip_radius_nm, physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
   read_limits(root.table("limits"), *scene);
   read_start(root.table("start"), *scene);
-  if (const auto particle = root.optional_table("particle")) read_particle(*particle, *scene);
   if (const auto session = root.optional_table("session")) {
     scene->session_timeout_ms = static_cast<std::uint32_t>(session->integer_or("timeout_ms", 50, 60000, 500));
   }

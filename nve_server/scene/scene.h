@@ -18,7 +18,8 @@
 
 namespace telenano::physics {
 class PotentialEquilibrium;
-}
+class TipPotential;
+}  // namespace telenano::physics
 
 namespace telenano::scene {
 
@@ -91,6 +92,8 @@ struct Scene {
   std::shared_ptr<const physics::Surface> surface;
   std::shared_ptr<const physics::TipEquilibrium> equilibrium;
   std::shared_ptr<const physics::PotentialEquilibrium> potential;  ///< instead, where the ground asks for it
+  /// The ground to the particle, where it is one potential to the tip.
+  std::shared_ptr<const physics::TipPotential> particle_ground;
   double start_touch_w_nm = 0;  ///< height of the apex at contact under the start position
 
   /// Springs between the commanded end and the apex: coupling in series with the cantilever.

@@ -33,7 +33,8 @@ namespace telenano::scene {
 /// To be raised whenever the same scene moves otherwise than before. Who forgets it is found by the
 /// canonical motion (slave/canonical_motion.h).
 /// 2: scans, steps and gratings are one potential where the scene does not say.
-inline constexpr std::uint32_t kPhysicsVersion = 2;
+/// 3: with a particle, too.
+inline constexpr std::uint32_t kPhysicsVersion = 3;
 
 /// What a reader takes. A scene within them may still ask for much memory and time when it is built.
 struct BundleLimits {

@@ -149,8 +149,6 @@ void list_model_errors(const Scene& scene, SceneSummary& summary) {
     summary.model_errors.push_back(
         "by the nearest point (force = \"foot\"): pressed 7 to 19 % of the rms force, pull-off 8 to 32 % in "
         "the median, van der Waals 17 to 44 % at a distance; closed paths may give energy");
-    if (scene.particle)
-      summary.model_errors.push_back("a particle does not go with force = \"potential\" yet");
     return;
   }
   constexpr double kCalibratedLambda[2] = {0.35, 1.5};

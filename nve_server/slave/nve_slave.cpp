@@ -192,7 +192,7 @@ NveSlave::NveSlave(std::shared_ptr<const scene::Scene> scene, const PortGround& 
 }
 
 void NveSlave::count_work(const physics::TipSolution& solution) noexcept {
-  const std::uint32_t each = scene_->particle ? kWorkOfParticleIteration : 1;
+  const std::uint32_t each = sample_.balances_particle() ? kWorkOfParticleIteration : 1;
   work_ += 1 + each * static_cast<std::uint32_t>(std::max(solution.iterations, 0));
 }
 
@@ -266,7 +266,7 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
     scene_->equilibrium->advance_flat(free_end, *springs, to.tip.law, to.solution);
   } else if (scene_->potential) {
     to.potential = from.potential;
-    to.solution = sample_.advance(free_end, *springs, to.potential);
+    to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.potential);
   } else {
     to.tip = from.tip;
     to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.tip);
@@ -286,8 +286,8 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
   to.mode_loss = {};
   if (!mode) return springs;
   const Vec3& shape = probe.mode_shape_w();
-  if (scene_->potential && !scene_->marks && piece.mode.integrator == physics::ModeIntegrator::kMeanForce &&
-      mode_step.blend == 0.0) {
+  if (scene_->potential && !scene_->marks && !scene_->particle &&
+      piece.mode.integrator == physics::ModeIntegrator::kMeanForce && mode_step.blend == 0.0) {
     // What the mode's mean force must have given, for none of it to be the method's: what the port brought,
     // less what the rest stores and loses.
     const auto given = [&] {
@@ -313,13 +313,13 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
       }
       next.shift_nm = mean.better_shift_nm(felt_stiffness(to.solution, springs_without_mode(k_total), shape));
       to.potential = from.potential;
-      to.solution =
-          sample_.advance(free_end + (next.shift_nm - mode_step.shift_nm) * shape, *springs, to.potential);
+      to.solution = sample_.advance(free_end + (next.shift_nm - mode_step.shift_nm) * shape, *springs,
+                                    piece.dt_s, to.potential);
       if (!settle()) return nullptr;
     }
     if (next.shift_nm != mode_step.shift_nm) {  // no mean force there: as without
       to.potential = from.potential;
-      to.solution = sample_.advance(free_end, *springs, to.potential);
+      to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.potential);
       if (!settle()) return nullptr;
     }
   }

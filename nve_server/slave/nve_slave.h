@@ -40,8 +40,9 @@ namespace telenano::slave {
 /// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
 ///
 /// One potential: where the scene has it (surface.force = "potential", the default but for
-/// exact shapes and particles) the balance is physics::PotentialEquilibrium, whose charges need nothing for
-/// geometry; a descent that goes on in the next step is booked as far as it came.
+/// exact shapes) the balance is physics::PotentialEquilibrium, whose charges need nothing for geometry,
+/// beside a particle that does not sleep physics::ParticleEquilibrium on the same ground; a descent that goes
+/// on in the next step is booked as far as it came.
 ///
 /// Work: where a step has made SlaveInput::work_most, what is left of its way is left for the next
 /// (kFaultShare). A particle's step is not cut but shortened before, to what so much work goes as a rule.

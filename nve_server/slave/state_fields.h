@@ -288,23 +288,31 @@ TELENANO_FIELDS_OF(physics::TipState) {
   v(s.slide_part);
 }
 
+TELENANO_FIELDS_OF(physics::PotentialBranch) {
+  v(s.inside);
+  v(s.bridge.present);
+  v(s.bridge.volume_nm3);
+  v(s.bridge.rupture_gap_nm);
+}
+
+TELENANO_FIELDS_OF(physics::CurveHint) {
+  v(s.overlap_nm);
+  v(s.log_radius);
+  v(s.parameter);
+  v(s.by_overlap_per_nm);
+  v(s.by_overlap_twice_per_nm2);
+  v(s.by_log_radius);
+}
+
 /// Its springs are made again of the compliance.
 TELENANO_FIELDS_OF(physics::PotentialState) {
   v(s.started);
-  v(s.branch.inside);
-  v(s.branch.bridge.present);
-  v(s.branch.bridge.volume_nm3);
-  v(s.branch.bridge.rupture_gap_nm);
+  fields(v, s.branch);
   v(s.under_way);
   v(s.broken_away);
   fields(v, s.free_end_w_nm);
   fields(v, s.apex_w_nm);
-  v(s.hint.overlap_nm);
-  v(s.hint.log_radius);
-  v(s.hint.parameter);
-  v(s.hint.by_overlap_per_nm);
-  v(s.hint.by_overlap_twice_per_nm2);
-  v(s.hint.by_log_radius);
+  fields(v, s.hint);
   fields(v, s.follow);
   fields(v, s.trend.move_w_nm);
   fields(v, s.trend.forward_w_nm);

@@ -25,7 +25,12 @@ TouchedSample::TouchedSample(std::shared_ptr<const scene::Scene> scene) : scene_
   }
   if (!scene_->particle) return;
   const scene::Particle& particle = *scene_->particle;
-  physics::ParticleEquilibrium equilibrium(scene_->surface, particle.parameters);
+  physics::ParticleGround ground;
+  if (scene_->potential) {
+    ground.tip = std::make_shared<physics::TipPotential>(scene_->potential->tip_potential());
+    ground.particle = scene_->particle_ground;
+  }
+  physics::ParticleEquilibrium equilibrium(scene_->surface, particle.parameters, ground);
   const physics::ParticleState resting = equilibrium.place(particle.x_nm, particle.y_nm);
   physics::TipBesideSleeper beside(scene_->surface, equilibrium.model(), equilibrium.little_pull_nn());
   particle_ = std::make_unique<ParticleTrial>(
@@ -40,6 +45,12 @@ physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics:
     const physics::TipEquilibrium& equilibrium = marked_ ? marked_->equilibrium() : *scene_->equilibrium;
     return equilibrium.advance(free_end, springs, state);
   }
+  return advance_both(free_end, springs, dt_s, state);
+}
+
+template <class State>
+physics::TipSolution TouchedSample::advance_both(const Vec3& free_end, const physics::Compliance& springs,
+                                                 double dt_s, State& state) noexcept {
   ParticleTrial& p = *particle_;
   p.trial_alone = p.alone && advance_alone(free_end, springs, state);
   if (p.trial_alone) return p.trial_solution.tip;
@@ -51,15 +62,17 @@ physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics:
 }
 
 // The particle sleeps: the tip beside it. False: it wakes, `state` is what it was.
+template <class State>
 bool TouchedSample::advance_alone(const Vec3& free_end, const physics::Compliance& springs,
-                                  physics::TipState& state) noexcept {
+                                  State& state) noexcept {
   ParticleTrial& p = *particle_;
   if (!p.begun) p.beside.begin(p.state, p.solution, p.springs, state);
   return p.beside.advance(free_end, springs, p.state, p.trial_pull, state, p.trial_solution.tip);
 }
 
 physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics::Compliance& springs,
-                                            physics::PotentialState& state) noexcept {
+                                            double dt_s, physics::PotentialState& state) noexcept {
+  if (particle_) return advance_both(free_end, springs, dt_s, state);
   if (marked_potential_) return marked_potential_->advance(free_end, springs, state);
   return scene_->potential->advance(free_end, springs, state);
 }
@@ -79,7 +92,9 @@ void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
   p.solution = p.trial_solution;
   p.alone = p.beside.may_begin(p.state);
   p.begun = false;
-  if (p.alone) p.pull.memory = p.trial_pull.memory = p.state.contacts[physics::kTipParticle].law;
+  if (!p.alone) return;
+  p.pull = {};  // nothing of an earlier sleep is state
+  p.pull.memory = p.trial_pull.memory = p.state.contacts[physics::kTipParticle].law;
 }
 
 std::uint32_t TouchedSample::surface_stamp() const noexcept {
@@ -95,6 +110,17 @@ void visit_particle(Visit& visit, Solution& solution) noexcept {
   fields(visit, solution.particle_centre_w_nm);
   visit(solution.held_by_tip);
   visit(solution.on_surface);
+}
+
+/// What its contacts and the ground remember of each other on one potential.
+template <class Visit, class Trial>
+void visit_particle_ground(Visit& visit, Trial& p) noexcept {
+  for (auto& contact : p.state.contacts) {
+    fields(visit, contact.place);
+    fields(visit, contact.hint);
+  }
+  fields(visit, p.state.sleep.push_w_nn);
+  fields(visit, p.solution.contacts[physics::kTipParticle].force_w_nn);
 }
 
 /// The tip beside a particle that sleeps: what the next step, or the particle's first one awake, begins from.
@@ -216,6 +242,7 @@ void TouchedSample::write(Visit& visit) const noexcept {
   fields(visit, particle_->state);
   visit_particle(visit, particle_->solution);
   visit_sleeper(visit, std::as_const(*particle_));
+  if (scene_->potential) visit_particle_ground(visit, std::as_const(*particle_));
 }
 
 template void TouchedSample::write(StateHash&) const noexcept;
@@ -284,6 +311,7 @@ bool TouchedSample::read(StateReader& visit) noexcept {
     fields(visit, state);
     visit_particle(visit, particle_->solution);
     visit_sleeper(visit, *particle_);
+    if (scene_->potential) visit_particle_ground(visit, *particle_);
     const auto& laws = particle_->equilibrium.model().laws;
     for (std::size_t i = 0; i < laws.size(); ++i) laws[i].derive(state.contacts[i].law.cache);
     laws[physics::kTipParticle].derive(particle_->pull.memory.cache);

@@ -28,7 +28,7 @@ class TouchedSample {
   physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs, double dt_s,
                                physics::TipState& state) noexcept;
   /// The same on a scene of one potential.
-  physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs,
+  physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs, double dt_s,
                                physics::PotentialState& state) noexcept;
   /// `accepted`, the last trial, is what happened.
   void accept(const physics::TipSolution& accepted) noexcept;
@@ -55,6 +55,9 @@ class TouchedSample {
   const physics::ParticleSolution* particle() const noexcept {
     return particle_ ? &particle_->solution : nullptr;
   }
+
+  /// Whether the last trial balanced the particle together with the tip, which takes longer.
+  bool balances_particle() const noexcept { return particle_ && !particle_->trial_alone; }
 
   /// Of what marks have changed of the fields of one potential; 0: nothing.
   std::uint64_t marks_digest() const noexcept {
@@ -88,8 +91,12 @@ class TouchedSample {
     bool trial_alone = false;
     physics::Compliance springs = physics::Compliance::Zero();  // of the last trial
   };
-  bool advance_alone(const Vec3& free_end_w_nm, const physics::Compliance& springs,
-                     physics::TipState& state) noexcept;
+  /// With a particle; `State` is that of the tip's own balance.
+  template <class State>
+  physics::TipSolution advance_both(const Vec3& free_end_w_nm, const physics::Compliance& springs,
+                                    double dt_s, State& state) noexcept;
+  template <class State>
+  bool advance_alone(const Vec3& free_end_w_nm, const physics::Compliance& springs, State& state) noexcept;
 
   void unmark() noexcept;
   physics::SplineSurface* surface_to_restore() noexcept {

@@ -109,6 +109,28 @@ Description particle_far() {
 Description without_particle() {
   return Description("particle").table("particle").table("particle.material").table("particle.friction");
 }
+// The same on the scan, the particle some 200 nm away from where the tip goes.
+const std::string kParticleOnScan = R"([particle]
+radius_nm = 30.0
+x_nm = 480.0
+y_nm = 120.0
+[particle.material]
+youngs_modulus_gpa = 2.0
+poisson_ratio = 0.4
+surface_energy_j_m2 = 0.066
+[particle.friction]
+sample_shear_strength_mpa = 30.0
+tip_shear_strength_mpa = 30.0
+rolling_length_nm = 0.3
+
+)";
+Description scan_without_particle() {
+  return Description("flakes");
+}
+Description scan_particle_far() {
+  return scan_without_particle().line("[coupling]", kParticleOnScan + "[coupling]\n");
+}
+
 // What both ways of the force have: the same scene by the foot and by one potential.
 Description dry_smooth() {
   return humid_flakes().table("friction").table("forces.capillary");
@@ -192,7 +214,10 @@ const bool kRegistered = [] {
               {"flat_dry_rigid", flat_dry_rigid},
               {"particle_far", particle_far},
               {"particle_far_awake", particle_far, false},
-              {"particle_far_without", without_particle}};
+              {"particle_far_without", without_particle},
+              {"scan_particle_far", scan_particle_far},
+              {"scan_particle_far_awake", scan_particle_far, false},
+              {"scan_particle_far_without", scan_without_particle}};
   const struct {
     const char* name;
     double height_nm, move_nm;

@@ -64,7 +64,6 @@ TEST(PotentialScene, IsChosenByAKeyAndRefusesWhatItLacks) {
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   };
   refused(with(text_of("flakes"), "\n[surface]\n", "force = \"both\"\n"), "force");
-  refused(potential("flakes") + "\n[particle]\nradius_nm = 10.0\n", "particle");
   refused(with(potential("flakes"), "\n[surface]\n", "radius_force = true\n"), "radius_force");
   refused(potential("flat_silicon_oxide"), "force");
 }

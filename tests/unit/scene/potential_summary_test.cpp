@@ -11,6 +11,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/physics/potential_equilibrium.h"
 #include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/tip_potential.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/scene/scene_summary.h"
 #include "telenano/nve_server/scene/scene_terms.h"
@@ -98,19 +99,44 @@ poisson_ratio = 0.27
 surface_energy_j_m2 = 0.2
 )";
 
-// What a scene gets that says nothing, and that a grid with a particle, which the potential does not have
-// yet, keeps the foot and is told so.
-TEST(PotentialDefault, IsThatOfGridsWithoutAParticle) {
+// What a scene gets that says nothing: grids the potential, with a particle too, which then has fields of its
+// own radius; a level sample needs none.
+TEST(PotentialDefault, IsThatOfGrids) {
   const auto grating = parse_scene(without_force(), "waves.toml");
   EXPECT_TRUE(grating->ground.potential);
   EXPECT_NE(grating->potential, nullptr);
+  EXPECT_EQ(grating->particle_ground, nullptr);
   EXPECT_EQ(grating->hash, parse_scene(without_force(), "waves.toml")->hash);
 
   const auto particle = parse_scene(without_force() + kParticle, "waves.toml");
-  EXPECT_FALSE(particle->ground.potential);
-  const auto errors = summarise(*particle).model_errors;
-  EXPECT_EQ(std::count(errors.begin(), errors.end(), "a particle does not go with force = \"potential\" yet"),
-            1);
+  EXPECT_TRUE(particle->ground.potential);
+  ASSERT_NE(particle->particle_ground, nullptr);
+  EXPECT_GT(particle->ground.fields_bytes, grating->ground.fields_bytes);
+  // Each touches by its own radius: on the crest at half a period, whose ground bends down with radius
+  // 1/(A k²), a sphere of R has R_eff = R/√(1 + R A k²).
+  const double bend = 1.0 * std::pow(2 * 3.14159265358979 / 40, 2);
+  const auto radius_on_crest = [](const physics::ContactFields& fields, double highest_nm) {
+    physics::ContactJet at;
+    Vec3 apex(20, 0, highest_nm);
+    for (int i = 0; i < 60; ++i) {
+      fields.contact_at(apex, at);
+      apex.z() += at.overlap_nm;
+    }
+    return std::exp(at.log_radius);
+  };
+  const double top = particle->surface->highest_nm();
+  EXPECT_NEAR(radius_on_crest(particle->potential->fields(), top), 20 / std::sqrt(1 + 20 * bend), 0.2);
+  EXPECT_NEAR(radius_on_crest(particle->particle_ground->fields(), top), 10 / std::sqrt(1 + 10 * bend), 0.1);
+
+  // What does not fit under four sides of the ground is refused for either sphere.
+  std::string wide = without_force() + kParticle;
+  wide.replace(wide.find("radius_nm = 10.0\nx_nm"), 16, "radius_nm = 9000.0");
+  try {
+    parse_scene(wide, "waves.toml");
+    FAIL() << "taken";
+  } catch (const UserError& error) {
+    EXPECT_NE(std::string(error.what()).find("9000 nm is too wide"), std::string::npos) << error.what();
+  }
 
   std::string flat = without_force();
   flat.replace(flat.find("kind"), flat.find("[forces]") - flat.find("kind"), "kind = \"flat\"\n");

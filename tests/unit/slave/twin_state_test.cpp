@@ -39,8 +39,21 @@ std::string scene_path(const std::string& name) {
   return std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml";
 }
 
+/// The scene "particle" on waves instead of a flat ground.
+std::shared_ptr<const telenano::scene::Scene> particle_on_waves() {
+  const std::string path = scene_path("particle");
+  std::ifstream file(path);
+  std::string text(std::istreambuf_iterator<char>(file), {});
+  const std::string flat = "kind = \"flat\"";
+  text.replace(
+      text.find(flat), flat.size(),
+      "kind = \"grating\"\nprofile = \"sinusoid\"\nheight_nm = 4.0\nperiod_nm = 240.0\nspacing_nm = 10.0");
+  return telenano::scene::parse_scene(text, path);
+}
+
 /// A scene of the project, or, "_by_potential" or "_by_foot" behind its name, with that as its surface.force.
 std::shared_ptr<const telenano::scene::Scene> scene_of(const std::string& name) {
+  if (name == "particle_on_waves") return particle_on_waves();
   const auto by = name.find("_by_");
   if (by == std::string::npos) return telenano::scene::load_scene(scene_path(name));
   const std::string path = scene_path(name.substr(0, by));
@@ -141,12 +154,12 @@ INSTANTIATE_TEST_SUITE_P(Scenes, SyncTest,
                          ::testing::Values("flakes", "flakes_by_foot", "flat_pdms", "flat_polystyrene",
                                            "flat_silicon_oxide", "flat_table", "humid_flakes",
                                            "humid_flakes_by_foot", "lithography_by_foot",
-                                           "lithography_by_potential", "particle"),
+                                           "lithography_by_potential", "particle", "particle_on_waves"),
                          [](const auto& scene) { return scene.param; });
 
 TEST(TwinState, ResetIsTheStateOfTheBeginning) {
   for (const char* const name :
-       {"flat_pdms", "lithography_by_foot", "lithography_by_potential", "particle"}) {
+       {"flat_pdms", "lithography_by_foot", "lithography_by_potential", "particle", "particle_on_waves"}) {
     const auto scene = scene_of(name);
     NveSlave slave(scene);
     const std::uint64_t first = slave.state_hash();
@@ -194,7 +207,8 @@ TEST_P(StateBytes, WhatIsNoStateIsRefusedAndLeavesTheBeginning) {
   EXPECT_GT(refused, 36);
 }
 
-INSTANTIATE_TEST_SUITE_P(Scenes, StateBytes, ::testing::Values("particle", "lithography_by_potential"),
+INSTANTIATE_TEST_SUITE_P(Scenes, StateBytes,
+                         ::testing::Values("particle", "particle_on_waves", "lithography_by_potential"),
                          [](const auto& scene) { return scene.param; });
 
 TEST_P(StateBytes, HashSaveAndLoadDoNotAllocate) {
