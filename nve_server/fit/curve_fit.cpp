@@ -67,9 +67,14 @@ class Problem {
     const double margin = 5.0 + 0.05 * (top - low);
     from_nm_ = curve.touch_z_nm - top - margin;
     to_nm_ = curve.touch_z_nm - low + margin;
-    tolerance_nn_ = kPathShare * curve.innovation_nm / setup.compliance_nm_nn;
-    for (const double a : curve.correlation) noise_factor_ += a * a;
+    tolerance_nn_ = kPathShare * std::sqrt(curve.noise.white) / setup.compliance_nm_nn;
     rows_ = static_cast<Eigen::Index>(z.size() + back.size() + 2);
+    for (const PreparedLeg* leg : {&curve.approach, &curve.retract}) {
+      for (const double slope : leg->slope) {
+        const double of_z = curve.z_noise_nm * slope;
+        more_.push_back(of_z * of_z);
+      }
+    }
   }
 
   const Layout& at() const { return at_; }
@@ -144,30 +149,16 @@ class Problem {
 
   /// A perturbation of the residuals in nm, by leg, as it is seen after whitening.
   void whiten(const std::vector<double>& approach, const std::vector<double>& retract,
-              const std::vector<char>& used, Vector& out) const {
-    out.setZero(rows_);
-    Eigen::Index row = 0;
-    for (const bool first : {true, false}) {
-      const PreparedLeg& leg = first ? curve_.approach : curve_.retract;
-      const std::vector<double>& r = first ? approach : retract;
-      const std::size_t order = curve_.correlation.size();
-      std::size_t run = 0;
-      for (std::size_t i = 0; i < r.size(); ++i, ++row) {
-        if (used[static_cast<std::size_t>(row)] == 0) {
-          run = 0;
-          continue;
-        }
-        const double of_z = curve_.z_noise_nm * leg.slope[i];
-        if (run >= order) {
-          double e = r[i];
-          for (std::size_t j = 0; j < order; ++j) e -= curve_.correlation[j] * r[i - 1 - j];
-          out[row] = e / std::sqrt(curve_.innovation_nm * curve_.innovation_nm + noise_factor_ * of_z * of_z);
-        } else {
-          out[row] = r[i] / std::sqrt(curve_.noise_nm * curve_.noise_nm + of_z * of_z);
-        }
-        ++run;
-      }
+              const std::vector<char>& used, Vector& out) {
+    if (!whitener_ || used != whitened_) {
+      whitened_ = used;
+      std::vector<char> points(used.begin(), used.end() - 2);
+      whitener_.emplace(curve_.noise, more_, points);
     }
+    series_.assign(approach.begin(), approach.end());
+    series_.insert(series_.end(), retract.begin(), retract.end());
+    out.setZero(rows_);
+    whitener_->apply(series_, out.data());
   }
 
   /// False: the law has no balance somewhere.
@@ -201,8 +192,11 @@ class Problem {
   double from_nm_ = 0;
   double to_nm_ = 0;
   double tolerance_nn_ = 0;
-  double noise_factor_ = 1;
+  std::vector<double> more_;  // variance by noise of z
   Eigen::Index rows_ = 0;
+  std::optional<Whitener> whitener_;
+  std::vector<char> whitened_;
+  std::vector<double> series_;
   CurvePath path_;
   Vector path_of_;
   std::vector<double> work_[2];

@@ -4,13 +4,10 @@
 #include <cmath>
 #include <sstream>
 
-#include "common/base/det_math.h"
-
 namespace telenano::fit {
 namespace {
 
 constexpr double kStandsOut = 6.0;  // times the noise
-constexpr std::size_t kOrderMax = 12;
 
 double median(std::vector<double> values) {
   if (values.empty()) return 0;
@@ -152,19 +149,32 @@ void fit_baseline(PreparedCurve& curve) {
   }
 }
 
-std::vector<std::vector<double>> free_residuals(const PreparedCurve& curve) {
-  std::vector<std::vector<double>> runs;
-  const PreparedLeg* legs[2] = {&curve.approach, &curve.retract};
-  for (int leg = 0; leg < 2; ++leg) {
-    const PreparedLeg& l = *legs[leg];
-    std::vector<double> run;
+/// Of the free parts, about their baselines. Returns how many points they have.
+double take_noise(PreparedCurve& curve) {
+  const std::size_t n = curve.approach.z_nm.size();
+  const std::size_t all = n + curve.retract.z_nm.size();
+  std::vector<double> series(all, 0.0);
+  std::vector<char> used(all, 0);
+  std::vector<std::vector<double>> design(4, std::vector<double>(all, 0.0));
+  const double length = std::abs(curve.approach.z_nm.front() - curve.approach.z_nm.back());
+  double sum = 0;
+  double count = 0;
+  for (std::size_t leg = 0; leg < 2; ++leg) {
+    const PreparedLeg& l = leg == 0 ? curve.approach : curve.retract;
     for (std::size_t i = l.free_begin; i < l.free_end; ++i) {
-      run.push_back(l.deflection_nm[i] - curve.offset_nm[leg] -
-                    curve.tilt[leg] * (l.z_nm[i] - curve.z_middle_nm));
+      const std::size_t at = leg * n + i;
+      const double along = l.z_nm[i] - curve.z_middle_nm;
+      series[at] = l.deflection_nm[i] - curve.offset_nm[leg] - curve.tilt[leg] * along;
+      used[at] = 1;
+      design[leg][at] = 1;
+      design[2 + leg][at] = along / length;
+      sum += series[at] * series[at];
+      count += 1;
     }
-    runs.push_back(std::move(run));
   }
-  return runs;
+  curve.noise_nm = std::sqrt(sum / std::max(count - 4.0, 1.0));
+  curve.noise = estimate_noise(series, used, design);
+  return count;
 }
 
 /// Where the base is at touch, roughly: at the snap-in, but for the reach of the attraction; else where the
@@ -207,56 +217,6 @@ std::string number(double value) {
 }
 
 }  // namespace
-
-Autoregression burg(const std::vector<std::vector<double>>& runs, std::size_t order_max) {
-  std::vector<std::vector<double>> forward = runs;
-  std::vector<std::vector<double>> backward = runs;
-  double power = 0;
-  double count = 0;
-  for (const auto& run : runs) {
-    for (const double value : run) power += value * value;
-    count += static_cast<double>(run.size());
-  }
-  Autoregression best;
-  if (!(count > 0)) return best;
-  double variance = power / count;
-  best.innovation = std::sqrt(variance);
-  if (!(variance > 0)) return best;
-  std::vector<double> a;
-  double least = count * det_log(variance);
-  for (std::size_t order = 1; order <= order_max && static_cast<double>(20 * order) < count; ++order) {
-    double top = 0;
-    double bottom = 0;
-    for (std::size_t r = 0; r < runs.size(); ++r) {
-      for (std::size_t i = order; i < runs[r].size(); ++i) {
-        top += forward[r][i] * backward[r][i - 1];
-        bottom += forward[r][i] * forward[r][i] + backward[r][i - 1] * backward[r][i - 1];
-      }
-    }
-    if (!(bottom > 0)) break;
-    const double reflection = 2.0 * top / bottom;
-    std::vector<double> next = a;
-    next.push_back(reflection);
-    for (std::size_t j = 0; j < a.size(); ++j) next[j] = a[j] - reflection * a[a.size() - 1 - j];
-    a = std::move(next);
-    for (std::size_t r = 0; r < runs.size(); ++r) {
-      for (std::size_t i = runs[r].size(); i-- > order;) {
-        const double f = forward[r][i];
-        const double b = backward[r][i - 1];
-        forward[r][i] = f - reflection * b;
-        backward[r][i] = b - reflection * f;
-      }
-    }
-    variance *= 1.0 - reflection * reflection;
-    if (!(variance > 0)) break;
-    const double criterion = count * det_log(variance) + static_cast<double>(order) * det_log(count);
-    if (criterion < least) {
-      least = criterion;
-      best = {a, std::sqrt(variance)};
-    }
-  }
-  return best;
-}
 
 PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   PreparedCurve curve;
@@ -323,23 +283,11 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
     find_free_part(*leg, leg == &curve.approach, noise);
   }
   fit_baseline(curve);
-  const auto runs = free_residuals(curve);
-  double sum = 0;
-  double count = 0;
-  for (const auto& run : runs) {
-    for (const double value : run) sum += value * value;
-    count += static_cast<double>(run.size());
-  }
-  curve.noise_nm = std::sqrt(sum / std::max(count - 4.0, 1.0));
   // A curve without any noise is a computed one: its rounding is what is left.
   const double floor_nm = 1e-6 * range(a.deflection_nm);
-  const Autoregression noise = burg(runs, kOrderMax);
-  curve.correlation = noise.coefficients;
-  curve.innovation_nm = std::max(noise.innovation, floor_nm);
-  if (curve.noise_nm <= floor_nm) {
-    curve.noise_nm = floor_nm;
-    curve.correlation.clear();
-  }
+  const double count = take_noise(curve);
+  curve.noise_nm = std::max(curve.noise_nm, floor_nm);
+  curve.noise.white = std::max(curve.noise.white, floor_nm * floor_nm);
   curve.z_noise_nm = rough_noise(a.z_nm);
   for (PreparedLeg* leg : {&curve.approach, &curve.retract}) {
     smooth_slopes(*leg);

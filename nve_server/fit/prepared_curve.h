@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "nve_server/fit/noise_model.h"
 #include "nve_server/fit/raw_curve.h"
 
 namespace telenano::fit {
@@ -34,13 +35,12 @@ struct PreparedCurve {
   PreparedLeg retract;
   double z_middle_nm = 0;  ///< the baseline is offset + tilt·(z − z_middle), by way: approach, retract
   double offset_nm[2] = {0, 0};
-  double tilt[2] = {0, 0};          ///< virtual deflection and drift, nm/nm
-  double noise_nm = 0;              ///< rms of the free part about its baseline
-  double z_noise_nm = 0;            ///< white part of the noise of z
-  std::vector<double> correlation;  ///< autoregression a₁ … a_p of the noise: nᵢ = Σ aⱼ nᵢ₋ⱼ + eᵢ
-  double innovation_nm = 0;         ///< rms of e
-  double touch_z_nm = 0;            ///< base at touch, roughly: a start
-  double deepest_slope = 0;         ///< d(deflection)/d(−z) at the deepest tenth; 1: a rigid sample
+  double tilt[2] = {0, 0};            ///< virtual deflection and drift, nm/nm
+  double noise_nm = 0;                ///< rms of the free part about its baseline
+  double z_noise_nm = 0;              ///< white part of the noise of z
+  NoiseModel noise;                   ///< of the free part, along time: approach, then retract
+  double touch_z_nm = 0;              ///< base at touch, roughly: a start
+  double deepest_slope = 0;           ///< d(deflection)/d(−z) at the deepest tenth; 1: a rigid sample
   std::optional<double> invols_nm_v;  ///< that turned volts into nm
   std::vector<std::string> notes;     ///< what was done that a person would want to know
   std::string error;                  ///< not empty: why this curve cannot be fitted
@@ -57,15 +57,7 @@ struct Preparation {
 /// Baseline: a line under each way, by least squares over the free part, which goes on until the deflection
 /// stands out of the far quarter's line by six times its noise. One slope would do for virtual deflection
 /// (light that the sample reflects is a matter of the height), but drift has the other sign on the way back.
-/// Noise: autoregression by Burg's method (J. P. Burg, thesis, Stanford 1975) on the free part of both ways,
-/// its order by the Bayesian criterion of Schwarz (Ann. Statist. 6 (1978) 461), at most 12.
+/// Noise: see noise_model.h, from the free part of both ways.
 PreparedCurve prepare(const RawCurve& raw, const Preparation& how);
-
-/// Autoregression of a noise: coefficients, and the rms of what they leave. Exposed for its test.
-struct Autoregression {
-  std::vector<double> coefficients;
-  double innovation = 0;
-};
-Autoregression burg(const std::vector<std::vector<double>>& runs, std::size_t order_max);
 
 }  // namespace telenano::fit

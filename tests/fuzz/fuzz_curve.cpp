@@ -33,6 +33,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (const double d : leg->deflection_nm) FUZZ_CHECK(std::isfinite(d));
     if (leg->leap) FUZZ_CHECK(leg->leap->before < leg->leap->after && leg->leap->after < leg->z_nm.size());
   }
-  FUZZ_CHECK(prepared.noise_nm > 0 && std::isfinite(prepared.innovation_nm) && prepared.innovation_nm > 0);
+  FUZZ_CHECK(prepared.noise_nm > 0 && prepared.noise.white > 0 && std::isfinite(prepared.noise.sigma()));
   return 0;
 }

@@ -76,10 +76,10 @@ class Tutorial(unittest.TestCase):
                 server.terminate()
                 server.communicate(timeout=30)
 
-    def refused(self, content, *more):
+    def refused(self, content, *more, scene="flat_polystyrene"):
         name = self.folder / "curve.csv"
         name.write_bytes(content)
-        run = subprocess.run([nve, "fit", name, "--scene", "flat_polystyrene", "-o", self.folder / "fitted.toml", *more],
+        run = subprocess.run([nve, "fit", name, "--scene", scene, "-o", self.folder / "fitted.toml", *more],
                              capture_output=True, text=True, timeout=60)
         self.assertEqual(run.returncode, 2, run.stderr)
         self.assertEqual(run.stdout, "")
@@ -96,7 +96,7 @@ class Tutorial(unittest.TestCase):
         self.assertIn("--invols-nm-v", self.refused(table.encode()))
         self.assertIn("--invols-nm-v is 'x'", self.refused(table.encode(), "--invols-nm-v", "x"))
         self.assertIn("--radius-nm", self.refused(table.encode(), "--radius-nm", "0"))
-        self.assertIn("rigid", self.refused(table.encode(), "--scene", self.rigid()))
+        self.assertIn("rigid", self.refused(table.encode(), scene=self.rigid()))
 
     def rigid(self):
         text = (source / "deploy/scenes/flat_polystyrene.toml").read_text()

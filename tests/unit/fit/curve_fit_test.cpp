@@ -190,25 +190,16 @@ TEST(Fit, NoContactIsSaid) {
   EXPECT_NE(fit_of(raw, setup_for(Sample())).error.find("no contact"), std::string::npos);
 }
 
-TEST(Burg, FindsAnAutoregression) {
-  Random random(8);
-  std::vector<double> run{0, 0};
-  for (int i = 0; i < 20000; ++i) {
-    const std::size_t n = run.size();
-    run.push_back(1.2 * run[n - 1] - 0.5 * run[n - 2] + 0.3 * random.normal());
-  }
-  const Autoregression found = burg({run}, 12);
-  ASSERT_GE(found.coefficients.size(), 2u);
-  // Of 20 000 points a coefficient is known to some 0.007.
-  EXPECT_NEAR(found.coefficients[0], 1.2, 0.03);
-  EXPECT_NEAR(found.coefficients[1], -0.5, 0.03);
-  EXPECT_NEAR(found.innovation, 0.3, 0.01);
-}
-
 /// On a soft sample that shows both parameters.
 TEST(FitCoverage, IntervalsHoldWhatTheyShould) {
   int draws = 24;
-  const Blemish blemish{.white_nm = 0.05};
+  Blemish blemish{.white_nm = 0.05, .flicker_nm = 0.05, .drift_nm = 0.3, .interference_nm = 0.03};
+  if (const char* only = std::getenv("ONLY")) {
+    std::string o = only;
+    if (o.find('f') == o.npos) blemish.flicker_nm = 0;
+    if (o.find('d') == o.npos) blemish.drift_nm = 0;
+    if (o.find('i') == o.npos) blemish.interference_nm = 0;
+  }
   if (const char* more = std::getenv("TELENANO_FIT_DRAWS"))
     draws = std::atoi(more);  // NOLINT(concurrency-mt-unsafe)
   const Sample sample;
