@@ -280,14 +280,14 @@ void draw(const Curve& curve, const std::string& file) {
     const fit::FitLeg& leg = approach ? curve.fit.approach : curve.fit.retract;
     const fit::PreparedLeg& data = approach ? curve.prepared.approach : curve.prepared.retract;
     for (std::size_t i = 0; i < leg.model_nm.size(); ++i) {
-      std::snprintf(line, sizeof line, "%.7g %.7g %.7g %.7g\n", data.z_nm[i] - curve.fit.touch_z_nm,
+      std::snprintf(line, sizeof line, "%.7g,%.7g,%.7g,%.7g\n", data.z_nm[i] - curve.fit.touch_z_nm,
                     data.deflection_nm[i], leg.model_nm[i], leg.used[i] != 0 ? leg.residual_nm[i] : 0.0);
       script += line;
     }
     script += "\n\n";
   }
   script += "EOD\n";
-  script += "set multiplot layout 2,1\n";
+  script += "set bmargin\nset tmargin\nset multiplot layout 2,1\n";
   script += "set title " +
             plot::quoted(fit::plain_line(std::filesystem::path(curve.path).filename().string())) + "\n";
   script += "set ylabel 'deflection (nm)'\n";
