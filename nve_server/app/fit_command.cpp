@@ -289,7 +289,8 @@ void draw(const Curve& curve, const std::string& file) {
   script += "EOD\n";
   script += "set bmargin\nset tmargin\nset multiplot layout 2,1\n";
   script += "set title " +
-            plot::quoted(fit::plain_line(std::filesystem::path(curve.path).filename().string())) + "\n";
+            plot::quoted(fit::plain_line(std::filesystem::path(curve.path).filename().string())) +
+            " noenhanced\n";
   script += "set ylabel 'deflection (nm)'\n";
   const std::string blue = plot::kBlue;
   const std::string red = plot::kRed;

@@ -419,6 +419,10 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
                              : "downwards") +
           ": the curve has no more to say about it");
     }
+    if (e.name == "E" && (e.value < 1.01 * setup.modulus_min_gpa || e.value > 0.99 * setup.modulus_max_gpa)) {
+      say("E lies at the end of what a scene takes (" + number(setup.modulus_min_gpa) + " to " +
+          number(setup.modulus_max_gpa) + " GPa): is the tip's radius right?");
+    }
     if (e.name == "E" && std::abs(e.sensitivity_invols) > 5) {
       say("E and the deflection's sensitivity are hardly told apart on so stiff a sample: 1 % of InvOLS "
           "moves E by " +

@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
+#include <iterator>
 #include <sstream>
 
 #include "nve_server/fit/curve_file.h"
@@ -188,6 +189,43 @@ TEST(Fit, NoContactIsSaid) {
     leg.deflection.push_back(0.1 * random.normal());
   }
   EXPECT_NE(fit_of(raw, setup_for(Sample())).error.find("no contact"), std::string::npos);
+}
+
+std::string bytes_of(const std::string& name) {
+  std::ifstream file(std::string(TELENANO_SOURCE_DIR) + "/tests/data/curves/" + name, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+// Where the leaps are, and how high: by differences of neighbours in Python, on the same bytes.
+TEST(Prepare, FindsTheLeapsOfSiliconNitride) {
+  const PreparedCurve curve =
+      prepare(read_curve(bytes_of("silicon_nitride.ibw")),
+              {.stiffness_n_m = 1.1841, .invols_nm_v = {}, .invols_from_stiff = false});
+  ASSERT_EQ(curve.error, "");
+  ASSERT_TRUE(curve.approach.leap && curve.retract.leap);
+  EXPECT_GE(curve.approach.leap->before, 895u);
+  EXPECT_LE(curve.approach.leap->after, 900u);
+  EXPECT_NEAR(curve.approach.leap->height_nm, 2.43, 0.15);
+  const std::size_t in = curve.approach.z_nm.size();
+  EXPECT_GE(curve.retract.leap->before + in, 1259u);
+  EXPECT_LE(curve.retract.leap->after + in, 1270u);
+  EXPECT_NEAR(curve.retract.leap->height_nm, 10.5, 1.0);
+  EXPECT_NEAR(curve.noise_nm, 0.010, 0.004);
+  // From point 900 to 1000 the deflection grows by 10.19 nm over 22.85 nm: with the file's sensitivity no
+  // rigid sample.
+  EXPECT_NEAR(curve.deepest_slope, 0.446, 0.03);
+}
+
+// Not elastic, and adhesive only on the way back: the fit must say that the model does not hold it.
+TEST(Fit, ASampleThatTheModelDoesNotHoldIsSaid) {
+  FitSetup setup = setup_for(Sample());
+  setup.law.model = physics::ContactModel::kMaugisDugdale;
+  setup.law.van_der_waals = true;
+  setup.radius_nm = 50;
+  setup.compliance_nm_nn = 1 / 0.043493666;
+  const CurveFit fit = fit_of(read_curve(bytes_of("soft_sample.jpk-force")), setup);
+  ASSERT_EQ(fit.error, "");
+  EXPECT_NE(said(fit).find("model or calibration miss something"), std::string::npos) << said(fit);
 }
 
 /// Noise as a microscope has it, on a soft sample that shows both parameters.
