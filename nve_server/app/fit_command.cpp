@@ -1,4 +1,4 @@
-#include "nve_server/app/fit_command.h"
+#include "telenano/nve_server/app/fit_command.h"
 
 #include <fcntl.h>
 #include <stdio.h>
@@ -20,15 +20,15 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/config/completion.h"
-#include "common/plot/gnuplot.h"
-#include "nve_server/app/scene_loading.h"
-#include "nve_server/fit/curve_file.h"
-#include "nve_server/fit/curve_fit.h"
-#include "nve_server/fit/fitted_scene.h"
-#include "nve_server/fit/prepared_curve.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/plot/gnuplot.h"
+#include "telenano/nve_server/app/scene_loading.h"
+#include "telenano/nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/curve_fit.h"
+#include "telenano/nve_server/fit/fitted_scene.h"
+#include "telenano/nve_server/fit/prepared_curve.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::app {
 namespace {
@@ -323,7 +323,7 @@ std::string fitted_text(const Options& options, const scene::Scene& scene, const
   };
   physics::TipSampleParameters law = setup.law;
   set("sample", "youngs_modulus_gpa", median_of(curves, &fit::CurveFit::modulus_gpa));
-  const bool adhesion = law.model != physics::ContactModel::kHertz;
+  const bool adhesion = law.model != physics::ContactLaw::kHertz;
   double radius_nm = setup.radius_nm;
   if (setup.fit_radius) radius_nm = median_of(curves, &fit::CurveFit::radius_nm);
   if (adhesion) {

@@ -1,4 +1,4 @@
-#include "nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/curve_file.h"
 
 #include <algorithm>
 #include <array>

@@ -3,7 +3,7 @@
 #include <string>
 #include <string_view>
 
-#include "nve_server/fit/raw_curve.h"
+#include "telenano/nve_server/fit/raw_curve.h"
 
 /// Force curves as instruments write them. No reader throws but for want of memory; each size is held against
 /// what is left of the bytes before anything follows it, and no more memory is taken than a few times the

@@ -1,4 +1,4 @@
-#include "nve_server/fit/curve_fit.h"
+#include "telenano/nve_server/fit/curve_fit.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <sstream>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "nve_server/fit/curve_path.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/fit/curve_path.h"
 
 namespace telenano::fit {
 namespace {
@@ -43,7 +43,7 @@ struct Layout {
 Layout layout_of(const FitSetup& setup) {
   Layout layout;
   int n = 1;
-  if (setup.law.model != physics::ContactModel::kHertz) layout.work = n++;
+  if (setup.law.model != physics::ContactLaw::kHertz) layout.work = n++;
   if (setup.fit_radius) layout.radius = n++;
   if (setup.fit_distance) layout.distance = n++;
   layout.laws = n;
@@ -409,7 +409,7 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
   say("k, K, w and the Hamaker constant scale together: no quasi-static curve tells the lever's stiffness; "
       "an error "
       "of it goes straight into all of them");
-  if (setup.law.model == physics::ContactModel::kHertz || setup.law.model == physics::ContactModel::kDmt)
+  if (setup.law.model == physics::ContactLaw::kHertz || setup.law.model == physics::ContactLaw::kDmt)
     say("Hertz's shape gives K times the root of R only: an error of R goes into E");
   for (const Estimate& e : fit.estimates) {
     if (!e.low || !e.high) {
@@ -437,7 +437,7 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
     say("the deflection grows faster than the base goes down (slope " + number(curve.deepest_slope, 4) +
         "): the deflection's sensitivity is wrong");
   }
-  if (setup.law.model != physics::ContactModel::kHertz && !curve.retract.leap && !curve.approach.leap)
+  if (setup.law.model != physics::ContactLaw::kHertz && !curve.retract.leap && !curve.approach.leap)
     say("no leap in either way: w rests on the shape of the contact alone");
   if (fit.rms_nm > 1.2 * fit.noise_nm) {
     say("residuals are " + number(fit.rms_nm / fit.noise_nm) +

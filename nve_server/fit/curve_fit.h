@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/fit/prepared_curve.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/fit/prepared_curve.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::fit {
 

@@ -1,4 +1,4 @@
-#include "nve_server/fit/curve_path.h"
+#include "telenano/nve_server/fit/curve_path.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "nve_server/fit/fitted_scene.h"
+#include "telenano/nve_server/fit/fitted_scene.h"
 
 #include <algorithm>
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <map>
 
-#include "nve_server/fit/curve_file.h"
-#include "nve_server/fit/zip_member.h"
+#include "telenano/nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/zip_member.h"
 
 namespace telenano::fit {
 namespace {

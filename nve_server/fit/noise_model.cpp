@@ -1,11 +1,11 @@
-#include "nve_server/fit/noise_model.h"
+#include "telenano/nve_server/fit/noise_model.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::fit {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/fit/prepared_curve.h"
+#include "telenano/nve_server/fit/prepared_curve.h"
 
 #include <algorithm>
 #include <cmath>

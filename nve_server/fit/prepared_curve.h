@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/fit/noise_model.h"
-#include "nve_server/fit/raw_curve.h"
+#include "telenano/nve_server/fit/noise_model.h"
+#include "telenano/nve_server/fit/raw_curve.h"
 
 namespace telenano::fit {
 

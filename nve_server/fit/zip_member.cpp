@@ -1,4 +1,4 @@
-#include "nve_server/fit/zip_member.h"
+#include "telenano/nve_server/fit/zip_member.h"
 
 #include <zlib.h>
 

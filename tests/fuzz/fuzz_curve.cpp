@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "fuzz_input.h"
-#include "nve_server/fit/curve_file.h"
-#include "nve_server/fit/prepared_curve.h"
+#include "telenano/nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/prepared_curve.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace telenano;

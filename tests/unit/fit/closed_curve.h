@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "common/base/random.h"
-#include "nve_server/fit/raw_curve.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/fit/raw_curve.h"
 
 namespace telenano::fit_test {
 

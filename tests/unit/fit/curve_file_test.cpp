@@ -1,6 +1,6 @@
 // Force curves as instruments write them, against what another program reads from the same bytes or what the
 // files say about themselves; and files that are cut off or lie.
-#include "nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/curve_file.h"
 
 #include <gtest/gtest.h>
 

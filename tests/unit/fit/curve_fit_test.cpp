@@ -1,6 +1,6 @@
 // The fit of a force curve against curves in closed form whose parameters are known, and its intervals
 // against repeated draws of noise.
-#include "nve_server/fit/curve_fit.h"
+#include "telenano/nve_server/fit/curve_fit.h"
 
 #include <gtest/gtest.h>
 
@@ -12,8 +12,8 @@
 #include <iterator>
 #include <sstream>
 
-#include "nve_server/fit/curve_file.h"
-#include "nve_server/fit/curve_path.h"
+#include "telenano/nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/curve_path.h"
 #include "tests/source_dir.h"
 #include "tests/unit/fit/closed_curve.h"
 
@@ -33,7 +33,7 @@ double modulus_of(const Sample& sample) {
 
 FitSetup setup_for(const Sample& sample) {
   FitSetup setup;
-  setup.law.model = sample.jkr ? physics::ContactModel::kJkr : physics::ContactModel::kDmt;
+  setup.law.model = sample.jkr ? physics::ContactLaw::kJkr : physics::ContactLaw::kDmt;
   setup.law.van_der_waals = false;
   setup.law.contact_modulus_gpa = 1;
   setup.law.work_of_adhesion_n_m = 0.2;
@@ -66,7 +66,7 @@ std::string said(const CurveFit& fit) {
 TEST(CurvePath, IsTheClosedFormOfJkrWithALever) {
   const Sample sample;
   physics::TipSampleParameters parameters;
-  parameters.model = physics::ContactModel::kJkr;
+  parameters.model = physics::ContactLaw::kJkr;
   parameters.van_der_waals = false;
   parameters.contact_modulus_gpa = sample.contact_modulus_gpa;
   parameters.work_of_adhesion_n_m = sample.work_n_m;
@@ -219,7 +219,7 @@ TEST(Prepare, FindsTheLeapsOfSiliconNitride) {
 // Not elastic, and adhesive only on the way back: the fit must say that the model does not hold it.
 TEST(Fit, ASampleThatTheModelDoesNotHoldIsSaid) {
   FitSetup setup = setup_for(Sample());
-  setup.law.model = physics::ContactModel::kMaugisDugdale;
+  setup.law.model = physics::ContactLaw::kMaugisDugdale;
   setup.law.van_der_waals = true;
   setup.radius_nm = 50;
   setup.compliance_nm_nn = 1 / 0.043493666;

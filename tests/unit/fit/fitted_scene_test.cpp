@@ -1,5 +1,5 @@
 // A key put into a scene's text.
-#include "nve_server/fit/fitted_scene.h"
+#include "telenano/nve_server/fit/fitted_scene.h"
 
 #include <gtest/gtest.h>
 
