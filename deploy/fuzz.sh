@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Fuzzes the project's inputs: installs what is missing, builds with clang, AddressSanitizer and UndefinedBehaviorSanitizer, runs.
 source "$(dirname "${BASH_SOURCE[0]}")/lib.sh"
-targets=(datagram session dtls toml gsf gwy bundle steps snapshot hdf5 path)
+targets=(datagram session dtls toml gsf gwy curve bundle steps snapshot hdf5 path)
 usage() {
   cat <<H
 usage: deploy/fuzz.sh [--no-install] [--runs N | --seconds S] [TARGET ...]

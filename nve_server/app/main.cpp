@@ -8,6 +8,7 @@
 #include "telenano/common/hash/sha256.h"
 #include "telenano/nve_server/app/check_command.h"
 #include "telenano/nve_server/app/curve_command.h"
+#include "telenano/nve_server/app/fit_command.h"
 #include "telenano/nve_server/app/import_command.h"
 #include "telenano/nve_server/app/keys_command.h"
 #include "telenano/nve_server/app/scene_loading.h"
@@ -67,6 +68,7 @@ int main(int argc, char** argv) {
   telenano::app::add_check_command(app);
   telenano::app::add_trace_command(app);
   telenano::app::add_import_command(app);
+  telenano::app::add_fit_command(app);
   telenano::app::add_keys_command(app);
   return telenano::config::run_program(app, argc, argv, exit_code);
 }

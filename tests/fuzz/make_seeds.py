@@ -114,6 +114,35 @@ put("gsf", "short", gsf(4, 4, [0.0] * 16)[:-3])
 put("gsf", "no_padding", gsf(2, 2, [0, 1, 2, 3]).replace(b"\0", b"x"))
 
 
+# Force curves: a table, and an Igor wave by WaveMetrics' technical note 3.
+def ramp(i, n=60):
+    return abs(i - n // 2)
+
+
+rows = "".join("%d,%g\n" % (ramp(i), max(0, 5 - ramp(i)) + 0.01 * (i * i % 7)) for i in range(60))
+put("curve", "table", ("z_nm,deflection_nm\n" + rows).encode())
+put("curve", "volts", ("by hand\n# z\nz [um];Deflection [mV]\n" + rows.replace(",", ";")).encode())
+put("curve", "ways", ("direction,base_z_nm,force_nn\n" + "".join(
+    "%s,%s\n" % ("approach" if i < 30 else "retract", row) for i, row in enumerate(rows.splitlines()))).encode())
+put("curve", "not_a_number", ("z_nm,deflection_nm\n" + rows + "nan,inf\n").encode())
+
+
+def ibw(points, columns, numbers, note=b"", labels=b""):
+    head = struct.pack("<hhiiiiiiiiiiiiiiii", 5, 0, 320 + 4 * len(numbers), 0, len(note), 0, 0, 0, 0, 0, 0, len(labels), 0, 0, 0, 0, 0, 0)[:64]
+    wave = bytearray(320)
+    struct.pack_into("<ih", wave, 12, len(numbers), 2)
+    struct.pack_into("<ii", wave, 68, points, columns)
+    return head.ljust(64, b"\0") + bytes(wave) + struct.pack("<%df" % len(numbers), *numbers) + note + labels
+
+
+names = b"".join(name.ljust(32, b"\0") for name in (b"", b"Defl", b"ZSnsr"))
+numbers = [1e-9 * max(0, 5 - ramp(i)) for i in range(60)] + [1e-9 * ramp(i) for i in range(60)]
+put("curve", "igor", ibw(60, 2, numbers, b"SpringConstant: 0.2\rInvOLS: 4e-08\r", names))
+put("curve", "igor_large", ibw(2**31 - 1, 2, numbers, b"", names))
+put("curve", "igor_cut", ibw(60, 2, numbers, b"", names)[:-50])
+put("curve", "zip_end", b"PK\5\6" + bytes(4) + b"\xff\xff\xff\xff" + bytes(4) + b"\xff\xff\xff\xff" + bytes(2))
+
+
 # .gwy, by the format's documentation
 def part(name, kind, value):
     return name.encode() + b"\0" + kind.encode() + value

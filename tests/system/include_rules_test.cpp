@@ -90,6 +90,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"nve_server/physics", {"common/base", "common/surface"}},
     {"nve_server/scene", {"common/base", "common/config", "common/surface", "nve_server/physics"}},
     {"nve_server/import", {"common/base", "common/surface"}},
+    {"nve_server/fit", {"common/base", "nve_server/physics"}},
     {"nve_server/slave", {"common/base", "common/link", "nve_server/physics", "nve_server/scene"}},
     {"nve_server/server", {"common/base", "common/link", "common/net", "common/rt", "nve_server/slave"}},
     {"nve_server/nanonis", {"common/base"}},
@@ -103,7 +104,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base", "common/config", "common/hash", "common/metrics", "common/rt", "common/link",
       "common/net", "common/security", "common/surface", "nve_server/physics", "nve_server/scene",
       "nve_server/slave", "nve_server/server", "nve_server/afm", "nve_server/afm_sim", "nve_server/nanonis",
-      "nve_server/import"}},
+      "nve_server/import", "nve_server/fit", "common/plot"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
@@ -118,6 +119,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},
+    {"zlib.h", {"nve_server/fit/zip_member"}},
     {"dlfcn.h", {"master/device/omega/sdk"}},
     {"hidapi", {"master/device/hid/hidapi_"}},
     {"systemd/", {"nve_server/app/service_notify"}},
@@ -133,7 +135,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
 // Pure folders: no clock, thread, file, socket or log.
 const std::set<std::string> kPure = {"common/base",        "common/control",    "common/link",
                                      "master/station",     "master/view_model", "nve_server/physics",
-                                     "nve_server/nanonis", "nve_server/import"};
+                                     "nve_server/nanonis", "nve_server/import", "nve_server/fit"};
 const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
                                        "fstream",       "iostream",     "filesystem", "cstdio",
                                        "stdio.h",       "time.h",       "ctime",      "unistd.h",

@@ -1,0 +1,10 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+namespace telenano::app {
+
+/// `telenano-nve fit`: the material of a scene from force curves.
+void add_fit_command(CLI::App& app);
+
+}  // namespace telenano::app

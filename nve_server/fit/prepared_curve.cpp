@@ -1,0 +1,309 @@
+#include "telenano/nve_server/fit/prepared_curve.h"
+
+#include <algorithm>
+#include <cmath>
+#include <sstream>
+
+namespace telenano::fit {
+namespace {
+
+constexpr double kStandsOut = 6.0;  // times the noise
+
+double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+/// y = at + slope·(x − x_mean) over [begin, end).
+struct Line {
+  double x_mean = 0;
+  double at = 0;
+  double slope = 0;
+  double operator()(double x) const { return at + slope * (x - x_mean); }
+};
+
+Line line_through(const std::vector<double>& x, const std::vector<double>& y, std::size_t begin,
+                  std::size_t end) {
+  Line line;
+  const auto n = static_cast<double>(end - begin);
+  for (std::size_t i = begin; i < end; ++i) {
+    line.x_mean += x[i] / n;
+    line.at += y[i] / n;
+  }
+  double xx = 0;
+  double xy = 0;
+  for (std::size_t i = begin; i < end; ++i) {
+    xx += (x[i] - line.x_mean) * (x[i] - line.x_mean);
+    xy += (x[i] - line.x_mean) * (y[i] - line.at);
+  }
+  line.slope = xx > 0 ? xy / xx : 0;
+  return line;
+}
+
+/// Noise from one point to the next that neither slope nor slow drift is part of: third differences, whose
+/// variance for white noise is 20 times its own; by the median, so that leaps do not count.
+double rough_noise(const std::vector<double>& y) {
+  std::vector<double> size;
+  for (std::size_t i = 3; i < y.size(); ++i)
+    size.push_back(std::abs(y[i] - 3 * y[i - 1] + 3 * y[i - 2] - y[i - 3]));
+  return 1.4826 * median(std::move(size)) / std::sqrt(20.0);
+}
+
+/// `sign`: −1 a leap down (snap-in), +1 up (pull-off).
+std::optional<Leap> find_leap(const PreparedLeg& leg, double noise_nm, double sign) {
+  const std::vector<double>& d = leg.deflection_nm;
+  const std::size_t n = d.size();
+  const std::size_t width = std::min<std::size_t>(std::max<std::size_t>(2, n / 400), 8);
+  double largest = 0;
+  std::size_t at = 0;
+  std::vector<double> usual;
+  for (std::size_t i = 0; i + width < n; ++i) {
+    const double change = sign * (d[i + width] - d[i]);
+    usual.push_back(std::abs(change));
+    if (change > largest) {
+      largest = change;
+      at = i;
+    }
+  }
+  // Beside the noise, a leap must stand out of how the deflection changes anywhere else.
+  std::sort(usual.begin(), usual.end());
+  const double steep = usual.empty() ? 0 : usual[usual.size() * 9 / 10];
+  if (!(largest > std::max(8.0 * noise_nm, 3.0 * steep))) return std::nullopt;
+  Leap leap;
+  leap.before = at;
+  leap.after = at + width;
+  // To what still moves faster than noise and usual slope explain.
+  const double slow = std::max(4.0 * noise_nm, 2.0 * steep / static_cast<double>(width));
+  while (leap.before + 1 < leap.after && sign * (d[leap.before + 1] - d[leap.before]) < slow) ++leap.before;
+  while (leap.after - 1 > leap.before && sign * (d[leap.after] - d[leap.after - 1]) < slow) --leap.after;
+  while (leap.before > 0 && sign * (d[leap.before] - d[leap.before - 1]) > slow) --leap.before;
+  while (leap.after + 1 < n && sign * (d[leap.after + 1] - d[leap.after]) > slow) ++leap.after;
+  if (leap.after == leap.before) return std::nullopt;
+  leap.height_nm = sign * (d[leap.after] - d[leap.before]);
+  leap.z_nm = 0.5 * (leg.z_nm[leap.before] + leg.z_nm[leap.after]);
+  leap.sigma_nm = 0.5 * std::abs(leg.z_nm[leap.after] - leg.z_nm[leap.before]) / std::sqrt(3.0);
+  return leap;
+}
+
+void smooth_slopes(PreparedLeg& leg) {
+  const std::size_t n = leg.z_nm.size();
+  constexpr std::size_t kHalf = 6;
+  leg.slope.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    std::size_t begin = i > kHalf ? i - kHalf : 0;
+    std::size_t end = std::min(n, i + kHalf + 1);
+    if (leg.leap) {
+      if (i <= leg.leap->before) end = std::min(end, leg.leap->before + 1);
+      if (i >= leg.leap->after) begin = std::max(begin, leg.leap->after);
+    }
+    leg.slope[i] = end - begin >= 4 ? line_through(leg.z_nm, leg.deflection_nm, begin, end).slope : 0.0;
+    leg.slope[i] = std::clamp(leg.slope[i], -3.0, 3.0);
+  }
+}
+
+/// Points of `leg` seen from its free end.
+std::size_t from_far(const PreparedLeg& leg, bool approach, std::size_t i) {
+  return approach ? i : leg.z_nm.size() - 1 - i;
+}
+
+void find_free_part(PreparedLeg& leg, bool approach, double noise_nm) {
+  const std::size_t n = leg.z_nm.size();
+  const std::size_t third = std::max<std::size_t>(n / 4, 4);
+  const std::size_t begin = approach ? 0 : n - third;
+  const Line line = line_through(leg.z_nm, leg.deflection_nm, begin, begin + third);
+  double spread = 0;
+  for (std::size_t i = begin; i < begin + third; ++i)
+    spread += (leg.deflection_nm[i] - line(leg.z_nm[i])) * (leg.deflection_nm[i] - line(leg.z_nm[i]));
+  spread = std::max(std::sqrt(spread / static_cast<double>(third)), noise_nm);
+  std::size_t count = 0;
+  int out = 0;
+  for (; count < n && out < 3; ++count) {
+    const std::size_t i = from_far(leg, approach, count);
+    // A line that was made of a third is known worse further on: its noise is allowed to grow with the
+    // distance.
+    const double far = std::max(1.0, static_cast<double>(count) / static_cast<double>(third));
+    out = std::abs(leg.deflection_nm[i] - line(leg.z_nm[i])) > kStandsOut * spread * far ? out + 1 : 0;
+  }
+  if (leg.leap) {
+    const std::size_t to_leap = approach ? leg.leap->before : n - 1 - leg.leap->after;
+    count = std::min(count, to_leap);
+  }
+  count = std::max<std::size_t>(count * 9 / 10, 4);
+  leg.free_begin = approach ? 0 : n - count;
+  leg.free_end = approach ? count : n;
+}
+
+void fit_baseline(PreparedCurve& curve) {
+  const PreparedLeg* legs[2] = {&curve.approach, &curve.retract};
+  Line lines[2];
+  for (int leg = 0; leg < 2; ++leg) {
+    const PreparedLeg& l = *legs[leg];
+    lines[leg] = line_through(l.z_nm, l.deflection_nm, l.free_begin, l.free_end);
+  }
+  curve.z_middle_nm = 0.5 * (lines[0].x_mean + lines[1].x_mean);
+  for (int leg = 0; leg < 2; ++leg) {
+    curve.offset_nm[leg] = lines[leg](curve.z_middle_nm);
+    curve.tilt[leg] = lines[leg].slope;
+  }
+}
+
+/// Of the free parts, about their baselines. Returns how many points they have.
+double take_noise(PreparedCurve& curve) {
+  const std::size_t n = curve.approach.z_nm.size();
+  const std::size_t all = n + curve.retract.z_nm.size();
+  std::vector<double> series(all, 0.0);
+  std::vector<char> used(all, 0);
+  std::vector<std::vector<double>> design(4, std::vector<double>(all, 0.0));
+  const double length = std::abs(curve.approach.z_nm.front() - curve.approach.z_nm.back());
+  double sum = 0;
+  double count = 0;
+  for (std::size_t leg = 0; leg < 2; ++leg) {
+    const PreparedLeg& l = leg == 0 ? curve.approach : curve.retract;
+    for (std::size_t i = l.free_begin; i < l.free_end; ++i) {
+      const std::size_t at = leg * n + i;
+      const double along = l.z_nm[i] - curve.z_middle_nm;
+      series[at] = l.deflection_nm[i] - curve.offset_nm[leg] - curve.tilt[leg] * along;
+      used[at] = 1;
+      design[leg][at] = 1;
+      design[2 + leg][at] = along / length;
+      sum += series[at] * series[at];
+      count += 1;
+    }
+  }
+  curve.noise_nm = std::sqrt(sum / std::max(count - 4.0, 1.0));
+  curve.noise = estimate_noise(series, used, design);
+  return count;
+}
+
+/// Where the base is at touch, roughly: at the snap-in, but for the reach of the attraction; else where the
+/// deflection passes its baseline, seen from the deepest point.
+double find_touch(const PreparedCurve& curve) {
+  const PreparedLeg& leg = curve.approach;
+  if (leg.leap) return leg.leap->z_nm;
+  for (std::size_t i = leg.z_nm.size(); i-- > 0;) {
+    const double bend =
+        leg.deflection_nm[i] - curve.offset_nm[0] - curve.tilt[0] * (leg.z_nm[i] - curve.z_middle_nm);
+    if (bend <= 2.0 * curve.noise_nm) return leg.z_nm[i];
+  }
+  return leg.z_nm.back();
+}
+
+void take_signs(PreparedCurve& curve) {
+  PreparedLeg& a = curve.approach;
+  if (a.z_nm.back() > a.z_nm.front()) {
+    for (PreparedLeg* leg : {&curve.approach, &curve.retract})
+      for (double& z : leg->z_nm) z = -z;
+    curve.notes.push_back("z grows towards the sample in this file: taken with the other sign");
+  }
+  const std::size_t n = a.z_nm.size();
+  const std::size_t tenth = std::max<std::size_t>(n / 20, 5);
+  const Line deepest = line_through(a.z_nm, a.deflection_nm, n - tenth, n);
+  const Line farthest = line_through(a.z_nm, a.deflection_nm, 0, tenth);
+  if (deepest.slope - farthest.slope > 0) {
+    for (PreparedLeg* leg : {&curve.approach, &curve.retract})
+      for (double& d : leg->deflection_nm) d = -d;
+    curve.notes.push_back(
+        "deflection falls where the tip is pressed in this file: taken with the other sign");
+  }
+}
+
+std::string number(double value) {
+  std::ostringstream text;
+  text.precision(4);
+  text << value;
+  return text.str();
+}
+
+}  // namespace
+
+PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
+  PreparedCurve curve;
+  curve.error = raw.error;
+  if (!curve.error.empty()) return curve;
+  double to_nm = 1;
+  if (raw.unit == DeflectionUnit::kNanonewton) to_nm = 1.0 / how.stiffness_n_m;
+  if (raw.unit == DeflectionUnit::kVolt) {
+    curve.invols_nm_v = how.invols_nm_v ? how.invols_nm_v : raw.invols_nm_v;
+    if (!curve.invols_nm_v && !how.invols_from_stiff) {
+      curve.error =
+          "has its deflection in volts: give --invols-nm-v, or --invols-nm-v stiff where the sample is rigid "
+          "for "
+          "this lever";
+      return curve;
+    }
+    to_nm = how.invols_from_stiff ? 1.0 : *curve.invols_nm_v;
+  } else if (how.invols_nm_v || how.invols_from_stiff) {
+    if (!how.invols_from_stiff && raw.invols_nm_v) {
+      to_nm = *how.invols_nm_v / *raw.invols_nm_v;
+      curve.invols_nm_v = how.invols_nm_v;
+    } else if (!how.invols_from_stiff) {
+      curve.error =
+          "has its deflection in nm already and does not say by which sensitivity: --invols-nm-v does not "
+          "fit";
+      return curve;
+    }
+  }
+  const auto take = [&](const RawLeg& from, PreparedLeg& to) {
+    to.z_nm = from.z_nm;
+    to.deflection_nm = from.deflection;
+    for (double& d : to.deflection_nm) d *= to_nm;
+  };
+  take(raw.approach, curve.approach);
+  take(raw.retract, curve.retract);
+  take_signs(curve);
+  PreparedLeg& a = curve.approach;
+  const auto range = [](const std::vector<double>& v) {
+    const auto [low, high] = std::minmax_element(v.begin(), v.end());
+    return *high - *low;
+  };
+  if (!(range(a.z_nm) > 0) || !(range(a.deflection_nm) > 0) || !(range(curve.retract.z_nm) > 0)) {
+    curve.error = "does not move: height or deflection are constant";
+    return curve;
+  }
+  const std::size_t n = a.z_nm.size();
+  const std::size_t tenth = std::max<std::size_t>(n / 20, 5);
+  if (how.invols_from_stiff) {
+    const double slope = -line_through(a.z_nm, a.deflection_nm, n - tenth, n).slope;
+    if (!(slope > 1e-9)) {
+      curve.error = "has no deepest part in which the deflection grows: give --invols-nm-v as a number";
+      return curve;
+    }
+    for (PreparedLeg* leg : {&curve.approach, &curve.retract})
+      for (double& d : leg->deflection_nm) d /= slope;
+    if (raw.unit == DeflectionUnit::kVolt) curve.invols_nm_v = 1.0 / slope;
+    curve.notes.push_back(
+        "deflection sensitivity from the deepest part, as if the sample were rigid: E is then "
+        "only a lower bound");
+  }
+  for (PreparedLeg* leg : {&curve.approach, &curve.retract}) {
+    const double noise = rough_noise(leg->deflection_nm);
+    leg->leap = find_leap(*leg, noise, leg == &curve.approach ? -1.0 : 1.0);
+    find_free_part(*leg, leg == &curve.approach, noise);
+  }
+  fit_baseline(curve);
+  // A curve without any noise is a computed one: its rounding is what is left.
+  const double floor_nm = 1e-6 * range(a.deflection_nm);
+  const double count = take_noise(curve);
+  curve.noise_nm = std::max(curve.noise_nm, floor_nm);
+  curve.noise.white = std::max(curve.noise.white, floor_nm * floor_nm);
+  curve.z_noise_nm = rough_noise(a.z_nm);
+  for (PreparedLeg* leg : {&curve.approach, &curve.retract}) {
+    smooth_slopes(*leg);
+    // The lever's thermal motion, too, tips it over early or late: by about its amplitude, √(k_B T/k).
+    const double thermal_nm = std::sqrt(4.11e-3 / how.stiffness_n_m);
+    if (leg->leap)
+      leg->leap->sigma_nm = std::hypot(leg->leap->sigma_nm, thermal_nm, curve.z_noise_nm + curve.noise_nm);
+  }
+  curve.touch_z_nm = find_touch(curve);
+  curve.deepest_slope = -line_through(a.z_nm, a.deflection_nm, n - tenth, n).slope;
+  if (count < 50) curve.notes.push_back("fewer than 50 points without force: the noise is hardly known");
+  const double rise =
+      a.deflection_nm.back() - curve.offset_nm[0] - curve.tilt[0] * (a.z_nm.back() - curve.z_middle_nm);
+  if (!(rise > kStandsOut * curve.noise_nm) && !a.leap && !curve.retract.leap)
+    curve.error = "shows no contact: its deepest point is within " + number(kStandsOut) + " times the noise";
+  return curve;
+}
+
+}  // namespace telenano::fit
