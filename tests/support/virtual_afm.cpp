@@ -55,6 +55,14 @@ void VirtualAfm::apply(const afm_sim::Fault& fault) {
   }
 }
 
+void VirtualAfm::record(std::size_t i, std::span<const std::uint8_t> bytes) noexcept {
+  const auto mix = [this](std::uint8_t byte) { conversation_ = (conversation_ ^ byte) * 0x100000001b3; };
+  ++requests_;
+  for (int shift = 0; shift < 64; shift += 8) mix(static_cast<std::uint8_t>(now_ns_ >> shift));
+  mix(static_cast<std::uint8_t>(i));
+  for (const std::uint8_t byte : bytes) mix(byte);
+}
+
 void VirtualAfm::serve(std::size_t i) {
   Channel& c = channels_[i];
   if (c.answer) {
@@ -112,7 +120,10 @@ void VirtualAfm::step(const afm::PortWish& wish) {
         logic_.connected(role, now_ns_);
       }
       nanonis::Call call;
-      if (c.open && logic_.next(role, now_ns_, call)) c.inbox.push_back(call);
+      if (c.open && logic_.next(role, now_ns_, call)) {
+        record(i, nanonis::encode_call(call));
+        c.inbox.push_back(call);
+      }
     }
   } else if (!guard_done_ && now_ns_ > killed_ns_ + kGuardNs && reachable()) {
     // As guard.cpp does: the floor first.
