@@ -1,5 +1,6 @@
 #include "tests/support/virtual_afm.h"
 
+#include <stdexcept>
 #include <utility>
 
 #include "nve_server/nanonis/frame_reader.h"
@@ -7,6 +8,24 @@
 namespace telenano::support {
 
 using afm::Role;
+
+namespace {
+
+/// As the controller reads it: most numbers are floats on the wire.
+nanonis::Call decoded(std::span<const std::uint8_t> bytes) {
+  nanonis::FrameReader reader;
+  reader.feed(bytes);
+  nanonis::Header header;
+  std::span<const std::uint8_t> body;
+  nanonis::Call call;
+  reader.next(header, body);
+  const nanonis::Command* const command = nanonis::find_command(header.name);
+  if (command == nullptr || !nanonis::decode_call(*command, body, call))
+    throw std::runtime_error("a request that is none: " + header.name);
+  return call;
+}
+
+}  // namespace
 
 VirtualAfm::VirtualAfm(const afm::AfmConfig& config, const afm_sim::SimConfig& rig,
                        std::shared_ptr<const scene::Scene> scene, std::uint64_t seed)
@@ -121,8 +140,9 @@ void VirtualAfm::step(const afm::PortWish& wish) {
       }
       nanonis::Call call;
       if (c.open && logic_.next(role, now_ns_, call)) {
-        record(i, nanonis::encode_call(call));
-        c.inbox.push_back(call);
+        const nanonis::Bytes bytes = nanonis::encode_call(call);
+        record(i, bytes);
+        c.inbox.push_back(decoded(bytes));
       }
     }
   } else if (!guard_done_ && now_ns_ > killed_ns_ + kGuardNs && reachable()) {
