@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "nve_server/afm/afm_adapters.h"
 #include "nve_server/nanonis/frame_reader.h"
 
 namespace telenano::support {
@@ -11,7 +12,6 @@ using afm::Role;
 
 namespace {
 
-/// As the controller reads it: most numbers are floats on the wire.
 nanonis::Call decoded(std::span<const std::uint8_t> bytes) {
   nanonis::FrameReader reader;
   reader.feed(bytes);
@@ -29,7 +29,7 @@ nanonis::Call decoded(std::span<const std::uint8_t> bytes) {
 
 VirtualAfm::VirtualAfm(const afm::AfmConfig& config, const afm_sim::SimConfig& rig,
                        std::shared_ptr<const scene::Scene> scene, std::uint64_t seed)
-    : logic_(config), sim_(rig, std::move(scene)), random_(seed) {}
+    : logic_(config, afm::make_adapter("nanonis", config)), sim_(rig, std::move(scene)), random_(seed) {}
 
 void VirtualAfm::close(std::size_t i) {
   Channel& c = channels_[i];
@@ -86,8 +86,7 @@ void VirtualAfm::serve(std::size_t i) {
   Channel& c = channels_[i];
   if (c.answer) {
     if (now_ns_ < c.answer_ns) return;
-    const nanonis::Answer answer = *std::exchange(c.answer, std::nullopt);
-    if (killed_ns_ < 0) logic_.answered(static_cast<Role>(i), answer, now_ns_);
+    hand_over(i);
   }
   if (!c.pending) {
     if (c.inbox.empty()) return;
@@ -105,23 +104,26 @@ void VirtualAfm::serve(std::size_t i) {
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random_.bits());
     c.garbage = false;
   }
-  nanonis::FrameReader reader;
-  reader.feed(bytes);
-  nanonis::Header header;
-  std::span<const std::uint8_t> body;
-  nanonis::Answer answer;
-  if (reader.next(header, body) != nanonis::FrameReader::Status::kFrame || header.name != command.name ||
-      !nanonis::decode_answer(command, body, answer)) {
-    close(i);
-    if (killed_ns_ < 0) logic_.lost(static_cast<Role>(i), afm::Loss::kGarbage, now_ns_);
-    return;
+  c.answer = std::move(bytes);
+  c.answer_ns = now_ns_ + c.delay_ns;
+  if (c.delay_ns == 0) hand_over(i);
+}
+
+void VirtualAfm::hand_over(std::size_t i) {
+  const nanonis::Bytes bytes = *std::exchange(channels_[i].answer, std::nullopt);
+  if (killed_ns_ >= 0) return;
+  const Role role = static_cast<Role>(i);
+  logic_.port().feed(role, bytes);
+  afm::AfmReading reading;
+  switch (logic_.port().next(role, reading)) {
+    case afm::AfmPort::Next::kReading:
+      return logic_.answered(role, reading, now_ns_);
+    case afm::AfmPort::Next::kNeedMore:
+      return;
+    case afm::AfmPort::Next::kBroken:
+      close(i);
+      logic_.lost(role, afm::Loss::kGarbage, now_ns_);
   }
-  if (c.delay_ns > 0) {
-    c.answer = answer;
-    c.answer_ns = now_ns_ + c.delay_ns;
-    return;
-  }
-  if (killed_ns_ < 0) logic_.answered(static_cast<Role>(i), answer, now_ns_);
 }
 
 void VirtualAfm::step(const afm::PortWish& wish) {
@@ -138,9 +140,9 @@ void VirtualAfm::step(const afm::PortWish& wish) {
         c.open = true;
         logic_.connected(role, now_ns_);
       }
-      nanonis::Call call;
-      if (c.open && logic_.next(role, now_ns_, call)) {
-        const nanonis::Bytes bytes = nanonis::encode_call(call);
+      afm::AfmCommand command;
+      if (c.open && logic_.next(role, now_ns_, command)) {
+        const auto bytes = logic_.port().encode(role, command);
         record(i, bytes);
         c.inbox.push_back(decoded(bytes));
       }

@@ -61,12 +61,13 @@ class VirtualAfm {
     std::optional<afm_sim::SimController::Pending> pending;
     bool garbage = false;
     std::int64_t delay_ns = 0;
-    std::optional<nanonis::Answer> answer;  // on its way
+    std::optional<nanonis::Bytes> answer;  // on its way
     std::int64_t answer_ns = 0;
   };
   void step(const afm::PortWish& wish);
   void close(std::size_t i);
   void serve(std::size_t i);
+  void hand_over(std::size_t i);
   void record(std::size_t i, std::span<const std::uint8_t> bytes) noexcept;
 
   afm::AfmLogic logic_;
