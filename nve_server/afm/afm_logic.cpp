@@ -110,7 +110,7 @@ void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   if (state_.phase == Phase::kRefused) return;
   if (state_.phase == Phase::kChecking) {
     const std::string who = "port of " + std::string(name(role)) + ": ";
-    refuse(loss == Loss::kGarbage  ? who + "what answers there does not speak the Nanonis protocol"
+    refuse(loss == Loss::kGarbage  ? who + "what answers there does not speak the controller's protocol"
            : loss == Loss::kSilent ? who + "the controller does not answer; is another client using it?"
                                    : who + "closed by the controller; is it in use by another client?");
     return;
@@ -119,7 +119,7 @@ void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   withdraw(loss == Loss::kSilent ? Cause::kSilent : Cause::kConnection, now_ns);
   tell("withdrawing: port of " + std::string(name(role)) +
        (loss == Loss::kSilent    ? " does not answer"
-        : loss == Loss::kGarbage ? " answers no Nanonis"
+        : loss == Loss::kGarbage ? " gives no answer to what was asked"
                                  : " was closed"));
 }
 
