@@ -1,4 +1,4 @@
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 #include <bit>
 #include <cmath>

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano {
 

@@ -1,6 +1,6 @@
-#include "common/config/completion.h"
+#include "telenano/common/config/completion.h"
 
-#include "common/config/shared_files.h"
+#include "telenano/common/config/shared_files.h"
 
 #include <CLI/CLI.hpp>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "common/config/edit_distance.h"
+#include "telenano/common/config/edit_distance.h"
 
 #include <algorithm>
 

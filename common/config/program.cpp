@@ -1,4 +1,4 @@
-#include "common/config/program.h"
+#include "telenano/common/config/program.h"
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/config/completion.h"
-#include "common/config/usage_error.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/config/usage_error.h"
 
 namespace telenano::config {
 namespace {

@@ -1,10 +1,10 @@
-#include "common/config/shared_files.h"
+#include "telenano/common/config/shared_files.h"
 
 #include <algorithm>
 #include <cstdlib>
 #include <system_error>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::config {
 namespace fs = std::filesystem;

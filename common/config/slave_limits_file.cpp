@@ -1,4 +1,4 @@
-#include "common/config/slave_limits_file.h"
+#include "telenano/common/config/slave_limits_file.h"
 
 #include <array>
 #include <charconv>
@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/config/toml_document.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/toml_document.h"
 
 namespace telenano::config {
 namespace {

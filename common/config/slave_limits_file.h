@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::config {
 

@@ -1,4 +1,4 @@
-#include "common/config/surface_force.h"
+#include "telenano/common/config/surface_force.h"
 
 namespace telenano::config {
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/config/toml_document.h"
+#include "telenano/common/config/toml_document.h"
 
 namespace telenano::config {
 

@@ -1,4 +1,4 @@
-#include "common/config/toml_document.h"
+#include "telenano/common/config/toml_document.h"
 
 #include <toml++/toml.h>
 
@@ -14,8 +14,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/config/edit_distance.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/edit_distance.h"
 
 namespace telenano::config {
 namespace {

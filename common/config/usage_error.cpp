@@ -1,8 +1,8 @@
-#include "common/config/usage_error.h"
+#include "telenano/common/config/usage_error.h"
 
 #include <algorithm>
 
-#include "common/config/edit_distance.h"
+#include "telenano/common/config/edit_distance.h"
 
 namespace telenano::config {
 namespace {

@@ -1,10 +1,10 @@
-#include "common/control/method.h"
+#include "telenano/common/control/method.h"
 
 #include <array>
 #include <optional>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::control {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "common/control/method.h"
+#include "telenano/common/control/method.h"
 
 namespace telenano::control {
 

@@ -4,13 +4,13 @@
 #include <memory>
 #include <utility>
 
-#include "common/control/local_model.h"
-#include "common/control/one_port.h"
-#include "common/control/station_method.h"
-#include "common/control/twin.h"
-#include "common/control/two_layer_tank.h"
-#include "common/control/two_port.h"
-#include "common/control/wave_port.h"
+#include "telenano/common/control/model_method.h"
+#include "telenano/common/control/one_port.h"
+#include "telenano/common/control/station_method.h"
+#include "telenano/common/control/twin.h"
+#include "telenano/common/control/two_layer_tank.h"
+#include "telenano/common/control/two_port.h"
+#include "telenano/common/control/wave_port.h"
 
 namespace telenano::control {
 
@@ -80,7 +80,7 @@ class Methods {
   TwoPort two_port_;
   WavePort wave_;
   TwoLayerTank tank_;
-  LocalModel model_;
+  ModelMethod model_;
   Twin twin_;
   Method method_;
   std::unique_ptr<StationMethod> other_;

@@ -1,4 +1,4 @@
-#include "common/control/model_renderer.h"
+#include "telenano/common/control/model_renderer.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,7 +17,7 @@ void ModelRenderer::forget() noexcept {
   bristle_w_nm_.setZero();
 }
 
-void ModelRenderer::hear(const ContactModel& model, bool touching, std::uint64_t answers) noexcept {
+void ModelRenderer::on_reply(const ContactPlane& model, bool touching, std::uint64_t answers) noexcept {
   heard_ = capped(model);
   slave_touches_ = touching;
   answers_ = answers;
@@ -32,16 +32,16 @@ void ModelRenderer::hear(const ContactModel& model, bool touching, std::uint64_t
   }
 }
 
-ContactModel ModelRenderer::capped(ContactModel model) const noexcept {
+ContactPlane ModelRenderer::capped(ContactPlane model) const noexcept {
   model.stiffness_n_m = std::min(model.stiffness_n_m, stiffness_max_n_m_);
   model.shear_stiffness_n_m = std::min(model.shear_stiffness_n_m, stiffness_max_n_m_);
   return model;
 }
 
-ContactModel ModelRenderer::blend(double part) const noexcept {
+ContactPlane ModelRenderer::blend(double part) const noexcept {
   if (part >= 1) return heard_;
   const auto between = [part](double from, double to) { return from + part * (to - from); };
-  ContactModel model = heard_;
+  ContactPlane model = heard_;
   model.point_w_nm = model_.point_w_nm + part * (heard_.point_w_nm - model_.point_w_nm);
   const Vec3 normal_w = model_.normal_w + part * (heard_.normal_w - model_.normal_w);
   const double length = normal_w.norm();
@@ -54,18 +54,18 @@ ContactModel ModelRenderer::blend(double part) const noexcept {
 }
 
 // A model whose ground has come up over the tip is touched, whether it was before or not: its energy counts.
-bool ModelRenderer::touched(const ContactModel& model, const Vec3& target_w_nm) const noexcept {
+bool ModelRenderer::touched(const ContactPlane& model, const Vec3& target_w_nm) const noexcept {
   return attached_ || model.depth_nm(target_w_nm) >= 0;
 }
 
-double ModelRenderer::normal_potential_aj(const ContactModel& model, const Vec3& target_w_nm) const noexcept {
+double ModelRenderer::normal_potential_aj(const ContactPlane& model, const Vec3& target_w_nm) const noexcept {
   if (!(model.stiffness_n_m > 0) || !touched(model, target_w_nm)) return 0;
   const double depth = model.depth_nm(target_w_nm);
   return 0.5 * model.stiffness_n_m * depth * depth -
          0.5 * model.adhesion_nn * model.adhesion_nn / model.stiffness_n_m;
 }
 
-Vec3 ModelRenderer::normal_force_w_nn(const ContactModel& model, const Vec3& target_w_nm) const noexcept {
+Vec3 ModelRenderer::normal_force_w_nn(const ContactPlane& model, const Vec3& target_w_nm) const noexcept {
   if (!touched(model, target_w_nm)) return Vec3::Zero();
   Vec3 slope_w;
   const double depth = model.depth_nm(target_w_nm, slope_w);
@@ -82,7 +82,7 @@ void ModelRenderer::follow(const Vec3& target_w_nm, double energy_aj, double for
   const Vec3 force_nn = normal_force_w_nn(model_, target_w_nm);
   double part = 1;
   for (int i = 0; i <= kHalvings; ++i, part *= 0.5) {
-    const ContactModel next = blend(part);
+    const ContactPlane next = blend(part);
     if (normal_potential_aj(next, target_w_nm) - potential_aj > energy_aj) continue;
     if ((normal_force_w_nn(next, target_w_nm) - force_nn).norm() > force_step_nn) continue;
     // The bristle's force stays where it stiffens, its extension where it softens: both lower its energy.

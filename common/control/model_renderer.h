@@ -2,11 +2,11 @@
 
 #include <cstdint>
 
-#include "common/control/contact_model.h"
+#include "telenano/common/control/contact_plane.h"
 
 namespace telenano::control {
 
-/// Renders a ContactModel at the station's own rate, with hysteresis of touch and a bristle for friction. The
+/// Renders a ContactPlane at the station's own rate, with hysteresis of touch and a bristle for friction. The
 /// model in use may differ from the newest one heard: it goes over to it no faster than the energy and force
 /// that each step is given allow. Tip units: nm, nN, aJ.
 class ModelRenderer {
@@ -15,7 +15,7 @@ class ModelRenderer {
   explicit ModelRenderer(double stiffness_max_n_m) noexcept : stiffness_max_n_m_(stiffness_max_n_m) {}
 
   /// The slave's newest model; `touching`: its tip was in contact at command `answers`.
-  void hear(const ContactModel& model, bool touching, std::uint64_t answers) noexcept;
+  void on_reply(const ContactPlane& model, bool touching, std::uint64_t answers) noexcept;
   void forget() noexcept;
   void renumber() noexcept { answers_ = changed_at_ = 0; }  ///< commands are counted from 1 again
 
@@ -27,23 +27,23 @@ class ModelRenderer {
 
   bool has_model() const noexcept { return heard_.version != 0; }
   bool attached() const noexcept { return attached_; }
-  const ContactModel& model() const noexcept { return model_; }
+  const ContactPlane& model() const noexcept { return model_; }
   /// Potential of the model in use at `target_w_nm`, bristle included.
   double potential_aj(const Vec3& target_w_nm) const noexcept;
 
  private:
-  ContactModel blend(double part) const noexcept;
-  ContactModel capped(ContactModel model) const noexcept;
-  bool touched(const ContactModel& model, const Vec3& target_w_nm) const noexcept;
-  double normal_potential_aj(const ContactModel& model, const Vec3& target_w_nm) const noexcept;
-  Vec3 normal_force_w_nn(const ContactModel& model, const Vec3& target_w_nm) const noexcept;
+  ContactPlane blend(double part) const noexcept;
+  ContactPlane capped(ContactPlane model) const noexcept;
+  bool touched(const ContactPlane& model, const Vec3& target_w_nm) const noexcept;
+  double normal_potential_aj(const ContactPlane& model, const Vec3& target_w_nm) const noexcept;
+  Vec3 normal_force_w_nn(const ContactPlane& model, const Vec3& target_w_nm) const noexcept;
   void follow(const Vec3& target_w_nm, double energy_aj, double force_step_nn) noexcept;
   void touch(const Vec3& target_w_nm, std::uint64_t command) noexcept;
   void shear(const Vec3& moved_w_nm) noexcept;
 
   double stiffness_max_n_m_;
-  ContactModel heard_;
-  ContactModel model_;  // in use
+  ContactPlane heard_;
+  ContactPlane model_;  // in use
   bool slave_touches_ = false;
   std::uint64_t answers_ = 0;
   std::uint64_t changed_at_ = 0;  // command at which touch last changed here

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/control/station_method.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 
@@ -17,7 +17,7 @@ class OnePort final : public StationMethod {
   }
   void begin_session(bool) noexcept override {}
   void book(const PortInterval& interval) noexcept override { controller_.book(interval); }
-  void hear(const SlaveNews& news) noexcept override { force_h_n_ = news.force_h_n; }
+  void on_reply(const SlaveNews& news) noexcept override { force_h_n_ = news.force_h_n; }
   Vec3 force_h_n(const RenderPoint&) noexcept override { return force_h_n_; }
   Vec3 damper_force_h_n() const noexcept override { return controller_.damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }

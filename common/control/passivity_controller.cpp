@@ -1,4 +1,4 @@
-#include "common/control/passivity_controller.h"
+#include "telenano/common/control/passivity_controller.h"
 
 #include <algorithm>
 #include <cmath>

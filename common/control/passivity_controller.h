@@ -2,10 +2,10 @@
 
 #include <cstdint>
 
-#include "common/base/vec3.h"
-#include "common/control/certain_loss.h"
-#include "common/control/method.h"
-#include "common/control/port_interval.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/certain_loss.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/port_interval.h"
 
 namespace telenano::control {
 

@@ -1,10 +1,10 @@
-#include "common/control/scaling.h"
+#include "telenano/common/control/scaling.h"
 
 #include <algorithm>
 #include <limits>
 
-#include "common/base/det_math.h"
-#include "common/control/minimum.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/control/minimum.h"
 
 namespace telenano::control {
 namespace {

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/base/constants.h"
-#include "common/base/vec3.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::control {
 

@@ -1,12 +1,12 @@
-#include "common/control/scaling_plan.h"
+#include "telenano/common/control/scaling_plan.h"
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
 
-#include "common/base/error.h"
-#include "common/control/z_width.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/control/z_width.h"
 
 namespace telenano::control {
 namespace {

@@ -3,8 +3,8 @@
 #include <cstdint>
 #include <string>
 
-#include "common/control/method.h"
-#include "common/control/scaling.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/scaling.h"
 
 namespace telenano::control {
 

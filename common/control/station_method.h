@@ -3,12 +3,12 @@
 #include <cstdint>
 #include <limits>
 
-#include "common/base/vec3.h"
-#include "common/control/contact_model.h"
-#include "common/control/method.h"
-#include "common/control/passivity_controller.h"
-#include "common/control/port_interval.h"
-#include "common/control/scaling.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/contact_plane.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/passivity_controller.h"
+#include "telenano/common/control/port_interval.h"
+#include "telenano/common/control/scaling.h"
 
 namespace telenano::control {
 
@@ -22,7 +22,7 @@ struct SlaveNews {
   double energy_sent_j = 0;    ///< ≥ 0
   Vec3 wave_h = Vec3::Zero();  ///< Σ w T, √(J s)
   double wave_j = 0;           ///< Σ ½ w² T, ≥ 0
-  ContactModel model;          ///< version 0 = none
+  ContactPlane model;          ///< version 0 = none
   std::uint64_t answers = 0;   ///< number of the command answered
   /// What of the sample's own energy may be believed: at most `well_j`, the deepest well that it can have at
   /// the present scale (0: none, or not known). `given_j` ≤ well_j: the most that it has ever given beyond
@@ -63,9 +63,9 @@ struct MethodConfig {
       100;  ///< how fast a local model's own changes may change the force at a resting hand
 };
 
-/// A control method of the station's port. Order of calls in a tick: book() — hear(), if there is news —
-/// force_h_n() — damper_force_h_n(), force_bound_n() — tell(). All forces act on the hand (frame H, N).
-/// Nothing here allocates, waits or throws.
+/// A control method of the station's port. Order of calls in a tick: book() — on_reply(), if there is news —
+/// force_h_n() — damper_force_h_n(), force_bound_n() — fill_command(). All forces act on the hand (frame H,
+/// N). Nothing here allocates, waits or throws.
 class StationMethod {
  public:
   StationMethod() = default;
@@ -75,15 +75,15 @@ class StationMethod {
 
   /// Becomes the method in use: `ledger_j` is what the last one had. Its deficit is taken over, its surplus
   /// is not: a change of method grants no allowance. Likewise a change of scale. What it knew of the slave is
-  /// forgotten; the caller lets it hear() the newest reply again. credited_j() is carried over by who changes
-  /// methods.
+  /// forgotten; the caller lets it on_reply() the newest reply again. credited_j() is carried over by who
+  /// changes methods.
   virtual void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept = 0;
   /// A session has begun or was resumed: what was on the way is lost; with a new epoch the slave is another
   /// one, which knows of no energy that was sent to the last.
   virtual void begin_session(bool new_epoch) noexcept = 0;
 
   virtual void book(const PortInterval& interval) noexcept = 0;
-  virtual void hear(const SlaveNews& news) noexcept = 0;
+  virtual void on_reply(const SlaveNews& news) noexcept = 0;
   /// Each tick, where the slave runs at the station too.
   virtual void feel(const LocalNews& /*news*/) noexcept {}
   /// The force to show now, before ramp, damper and limits.
@@ -100,7 +100,7 @@ class StationMethod {
   double credited_j() const noexcept { return credited_j_; }
   void set_credited_j(double credited_j) noexcept { credited_j_ = credited_j; }
 
-  virtual void tell(SlaveOrder& order) const noexcept { order = {}; }
+  virtual void fill_command(SlaveOrder& order) const noexcept { order = {}; }
 
  protected:
   double credited_j_ = 0;

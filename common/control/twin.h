@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/control/one_port.h"
-#include "common/control/station_method.h"
+#include "telenano/common/control/one_port.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 
@@ -31,7 +31,7 @@ class Twin final : public StationMethod {
   }
   void begin_session(bool) noexcept override {}
   void book(const PortInterval& interval) noexcept override { controller_.book(interval); }
-  void hear(const SlaveNews& news) noexcept override { credit(news.given_j, news.well_j); }
+  void on_reply(const SlaveNews& news) noexcept override { credit(news.given_j, news.well_j); }
   void feel(const LocalNews& news) noexcept override {
     // Where the slave was put into another state the force goes over slowly, up as well as down.
     if (news.other_state) apart_h_n_ = force_h_n_ - news.force_h_n;

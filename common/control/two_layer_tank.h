@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "common/control/one_port.h"
-#include "common/control/station_method.h"
+#include "telenano/common/control/one_port.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 
@@ -45,7 +45,7 @@ class TwoLayerTank final : public StationMethod {
     sent_j_ += send_j;
     credited_j_ -= send_j;
   }
-  void hear(const SlaveNews& news) noexcept override {
+  void on_reply(const SlaveNews& news) noexcept override {
     force_h_n_ = news.force_h_n;
     const double believed_j =
         std::clamp(news.energy_sent_j, 0.0, std::max(0.0, news.well_j + grant_j_ - credited_j_));
@@ -60,7 +60,7 @@ class TwoLayerTank final : public StationMethod {
   double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }
   double force_bound_n() const noexcept override { return controller_.force_bound_n(); }
   double ledger_j() const noexcept override { return controller_.ledger_j(); }
-  void tell(SlaveOrder& order) const noexcept override {
+  void fill_command(SlaveOrder& order) const noexcept override {
     order = {};
     order.energy_sent_j = sent_j_;
   }

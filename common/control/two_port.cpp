@@ -1,4 +1,4 @@
-#include "common/control/two_port.h"
+#include "telenano/common/control/two_port.h"
 
 #include <algorithm>
 
@@ -39,7 +39,7 @@ void TwoPort::book(const PortInterval& interval) noexcept {
   damper_force_h_n_ = -damper_n_s_m_ / interval.dt_s * interval.displacement_h_m;
 }
 
-void TwoPort::hear(const SlaveNews& news) noexcept {
+void TwoPort::on_reply(const SlaveNews& news) noexcept {
   force_h_n_ = news.force_h_n;
   surplus_j_ += news.energy_out_j;
 }

@@ -1,4 +1,4 @@
-#include "common/control/wave_port.h"
+#include "telenano/common/control/wave_port.h"
 
 #include <algorithm>
 #include <cmath>
@@ -46,7 +46,7 @@ void WavePort::book(const PortInterval& interval) noexcept {
   sum_j_ += part * part * wave_j;
 }
 
-void WavePort::hear(const SlaveNews& news) noexcept {
+void WavePort::on_reply(const SlaveNews& news) noexcept {
   came_h_ += news.wave_h;
   came_j_ += news.wave_j;
 }
@@ -61,7 +61,7 @@ Vec3 WavePort::force_h_n(const RenderPoint& at) noexcept {
   return -(impedance_n_s_m_ * velocity_h_m_s_ + std::sqrt(2 * impedance_n_s_m_) * wave_h);
 }
 
-void WavePort::tell(SlaveOrder& order) const noexcept {
+void WavePort::fill_command(SlaveOrder& order) const noexcept {
   order = {};
   order.wave_sum_h = sum_h_;
   order.wave_j = sum_j_;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/control/station_method.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 
@@ -25,10 +25,10 @@ class WavePort final : public StationMethod {
   void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
   void begin_session(bool new_epoch) noexcept override;
   void book(const PortInterval& interval) noexcept override;
-  void hear(const SlaveNews& news) noexcept override;
+  void on_reply(const SlaveNews& news) noexcept override;
   Vec3 force_h_n(const RenderPoint& at) noexcept override;
   double ledger_j() const noexcept override { return owed_j_; }
-  void tell(SlaveOrder& order) const noexcept override;
+  void fill_command(SlaveOrder& order) const noexcept override;
 
  private:
   /// Of a device without certain damping: waves need some impedance, and every one is then active a little.

@@ -1,11 +1,11 @@
-#include "common/control/z_width.h"
+#include "telenano/common/control/z_width.h"
 
 #include <cmath>
 #include <limits>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/control/minimum.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/control/minimum.h"
 
 namespace telenano::control {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/hash/sha256.h"
+#include "telenano/common/hash/sha256.h"
 
 namespace telenano {
 

@@ -1,5 +1,5 @@
-#include "common/base/error.h"
-#include "common/hash/sha256.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/hash/sha256.h"
 
 namespace telenano {
 

@@ -1,8 +1,8 @@
-#include "common/hash/sha256.h"
+#include "telenano/common/hash/sha256.h"
 
 #include <openssl/evp.h>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano {
 

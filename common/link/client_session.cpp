@@ -1,8 +1,8 @@
-#include "common/link/client_session.h"
+#include "telenano/common/link/client_session.h"
 
 #include <algorithm>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::link {
 

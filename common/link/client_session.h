@@ -5,16 +5,16 @@
 #include <cstdint>
 #include <span>
 
-#include "common/link/codec.h"
-#include "common/link/drop_cause.h"
-#include "common/link/link_quality.h"
-#include "common/link/link_stats.h"
-#include "common/link/messages.h"
-#include "common/link/received_energy.h"
-#include "common/link/recent_commands.h"
-#include "common/link/sequence_window.h"
-#include "common/link/snapshot.h"
-#include "common/link/step_log.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/drop_cause.h"
+#include "telenano/common/link/link_quality.h"
+#include "telenano/common/link/link_stats.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/received_energy.h"
+#include "telenano/common/link/recent_commands.h"
+#include "telenano/common/link/sequence_window.h"
+#include "telenano/common/link/snapshot.h"
+#include "telenano/common/link/step_log.h"
 
 namespace telenano::link {
 

@@ -1,4 +1,4 @@
-#include "common/link/clock_drift.h"
+#include "telenano/common/link/clock_drift.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "common/link/codec.h"
+#include "telenano/common/link/codec.h"
 
 #include <algorithm>
 #include <array>
@@ -6,9 +6,9 @@
 #include <cmath>
 #include <cstring>
 
-#include "common/link/flat_fields.h"
-#include "common/link/wire_scan.h"
 #include "proto/telenano.pb.h"
+#include "telenano/common/link/flat_fields.h"
+#include "telenano/common/link/wire_scan.h"
 
 namespace telenano::link {
 

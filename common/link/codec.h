@@ -5,10 +5,10 @@
 #include <memory>
 #include <span>
 
-#include "common/link/drop_cause.h"
-#include "common/link/messages.h"
-#include "common/link/recent_commands.h"
-#include "common/link/step_log.h"
+#include "telenano/common/link/drop_cause.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/recent_commands.h"
+#include "telenano/common/link/step_log.h"
 
 namespace telenano::link {
 

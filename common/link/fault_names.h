@@ -3,7 +3,7 @@
 #include <array>
 #include <cstddef>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::link {
 

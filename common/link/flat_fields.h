@@ -5,7 +5,7 @@
 #include <cstring>
 #include <type_traits>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 /// The two messages of the stream, field by field, and a writer and a reader of their usual form: fixed-width
 /// fields in rising order, zeros left out, as proto3 writes them. It is the same form on the wire as

@@ -1,4 +1,4 @@
-#include "common/link/link_stats.h"
+#include "telenano/common/link/link_stats.h"
 
 #include <algorithm>
 #include <cmath>

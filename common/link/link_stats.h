@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "common/link/clock_drift.h"
-#include "common/link/messages.h"
+#include "telenano/common/link/clock_drift.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::link {
 

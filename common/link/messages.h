@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 /// The messages of the Telenano protocol, version 1, as plain structs. PROTOCOL.md is normative;
 /// telenano.proto is their form on the wire; only the codec sees both.

@@ -1,4 +1,4 @@
-#include "common/link/playout.h"
+#include "telenano/common/link/playout.h"
 
 #include <algorithm>
 

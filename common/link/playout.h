@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::link {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/base/vec3.h"
-#include "common/link/messages.h"
-#include "common/link/received_energy.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/received_energy.h"
 
 namespace telenano::link {
 

@@ -1,4 +1,4 @@
-#include "common/link/scene_fetch.h"
+#include "telenano/common/link/scene_fetch.h"
 
 #include <algorithm>
 #include <cmath>

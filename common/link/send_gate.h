@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "common/base/vec3.h"
-#include "common/link/messages.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::link {
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "common/link/drop_cause.h"
+#include "telenano/common/link/drop_cause.h"
 
 namespace telenano::link {
 

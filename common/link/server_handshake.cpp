@@ -1,4 +1,4 @@
-#include "common/link/server_handshake.h"
+#include "telenano/common/link/server_handshake.h"
 
 #include <algorithm>
 #include <array>

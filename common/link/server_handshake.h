@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/link/messages.h"
-#include "common/link/session_table.h"
-#include "common/link/siphash.h"
-#include "common/link/token_bucket.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/session_table.h"
+#include "telenano/common/link/siphash.h"
+#include "telenano/common/link/token_bucket.h"
 
 namespace telenano::link {
 

@@ -1,4 +1,4 @@
-#include "common/link/session_table.h"
+#include "telenano/common/link/session_table.h"
 
 #include <algorithm>
 

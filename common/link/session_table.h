@@ -5,13 +5,13 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/link/drop_cause.h"
-#include "common/link/link_quality.h"
-#include "common/link/messages.h"
-#include "common/link/party_counts.h"
-#include "common/link/received_energy.h"
-#include "common/link/sequence_window.h"
-#include "common/link/siphash.h"
+#include "telenano/common/link/drop_cause.h"
+#include "telenano/common/link/link_quality.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/party_counts.h"
+#include "telenano/common/link/received_energy.h"
+#include "telenano/common/link/sequence_window.h"
+#include "telenano/common/link/siphash.h"
 
 namespace telenano::link {
 

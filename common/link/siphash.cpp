@@ -1,4 +1,4 @@
-#include "common/link/siphash.h"
+#include "telenano/common/link/siphash.h"
 
 #include <bit>
 #include <cstddef>

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::link {
 

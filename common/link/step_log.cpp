@@ -1,4 +1,4 @@
-#include "common/link/step_log.h"
+#include "telenano/common/link/step_log.h"
 
 namespace telenano::link {
 namespace {

@@ -8,8 +8,8 @@
 #include <span>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "common/link/messages.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::link {
 

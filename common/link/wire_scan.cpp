@@ -1,10 +1,10 @@
-#include "common/link/wire_scan.h"
+#include "telenano/common/link/wire_scan.h"
 
 #include <array>
 #include <cstring>
 
-#include "common/link/recent_commands.h"
-#include "common/link/step_log.h"
+#include "telenano/common/link/recent_commands.h"
+#include "telenano/common/link/step_log.h"
 
 namespace telenano::link {
 namespace {

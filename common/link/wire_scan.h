@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <span>
 
-#include "common/link/drop_cause.h"
-#include "common/link/messages.h"
+#include "telenano/common/link/drop_cause.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::link {
 

@@ -1,4 +1,4 @@
-#include "common/metrics/exporter.h"
+#include "telenano/common/metrics/exporter.h"
 
 #include <pthread.h>
 
@@ -11,9 +11,9 @@
 #include <prometheus/exposer.h>
 #include <prometheus/metric_family.h>
 
-#include "common/base/error.h"
-#include "common/net/udp.h"
-#include "common/rt/signals_blocked.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/signals_blocked.h"
 
 namespace telenano::metrics {
 namespace {

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "common/metrics/page.h"
+#include "telenano/common/metrics/page.h"
 
 namespace telenano::metrics {
 

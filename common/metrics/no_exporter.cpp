@@ -1,6 +1,6 @@
 // A build without prometheus-cpp: the flag is there, and says what is missing.
-#include "common/base/error.h"
-#include "common/metrics/exporter.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/metrics/exporter.h"
 
 namespace telenano::metrics {
 

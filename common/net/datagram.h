@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <span>
 
-#include "common/net/rights.h"
+#include "telenano/common/net/rights.h"
 
 namespace telenano::net {
 

@@ -1,4 +1,4 @@
-#include "common/net/delay_line.h"
+#include "telenano/common/net/delay_line.h"
 
 #include <algorithm>
 #include <cstring>

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "common/net/impairment.h"
+#include "telenano/common/net/impairment.h"
 
 namespace telenano::net {
 

@@ -1,10 +1,10 @@
-#include "common/net/impairment.h"
+#include "telenano/common/net/impairment.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::net {
 

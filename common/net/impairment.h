@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::net {
 

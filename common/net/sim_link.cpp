@@ -1,10 +1,10 @@
-#include "common/net/sim_link.h"
+#include "telenano/common/net/sim_link.h"
 
 #include <algorithm>
 #include <cstring>
 
-#include "common/base/random.h"
-#include "common/net/delay_line.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/net/delay_line.h"
 
 namespace telenano::net {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <memory>
 
-#include "common/net/datagram.h"
-#include "common/net/impairment.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/net/impairment.h"
 
 namespace telenano::net {
 

@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <cstring>
 
-#include "common/net/datagram.h"
+#include "telenano/common/net/datagram.h"
 
 namespace telenano::net {
 

@@ -1,4 +1,4 @@
-#include "common/net/tcp.h"
+#include "telenano/common/net/tcp.h"
 
 #include <poll.h>
 #include <sys/socket.h>
@@ -13,9 +13,9 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ip/v6_only.hpp>
 
-#include "common/base/error.h"
-#include "common/net/socket_name.h"
-#include "common/net/udp.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/net/socket_name.h"
+#include "telenano/common/net/udp.h"
 
 namespace telenano::net {
 

@@ -6,7 +6,7 @@
 #include <span>
 #include <string>
 
-#include "common/net/datagram.h"
+#include "telenano/common/net/datagram.h"
 
 namespace telenano::net {
 

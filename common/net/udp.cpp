@@ -1,4 +1,4 @@
-#include "common/net/udp.h"
+#include "telenano/common/net/udp.h"
 
 #include <poll.h>
 #include <sys/socket.h>
@@ -16,8 +16,8 @@
 #include <boost/asio/ip/udp.hpp>
 #include <boost/asio/ip/v6_only.hpp>
 
-#include "common/base/error.h"
-#include "common/net/socket_name.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/net/socket_name.h"
 
 namespace telenano::net {
 namespace {

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "common/net/datagram.h"
+#include "telenano/common/net/datagram.h"
 
 namespace telenano::net {
 

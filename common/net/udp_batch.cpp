@@ -1,4 +1,4 @@
-#include "common/net/udp_batch.h"
+#include "telenano/common/net/udp_batch.h"
 
 #include <fcntl.h>
 #include <sys/socket.h>
@@ -11,7 +11,7 @@
 #include <cstring>
 #include <vector>
 
-#include "common/net/socket_name.h"
+#include "telenano/common/net/socket_name.h"
 
 namespace telenano::net {
 namespace {

@@ -5,8 +5,8 @@
 #include <memory>
 #include <span>
 
-#include "common/net/datagram.h"
-#include "common/net/udp.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/net/udp.h"
 
 namespace telenano::net {
 

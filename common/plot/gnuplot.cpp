@@ -1,4 +1,4 @@
-#include "common/plot/gnuplot.h"
+#include "telenano/common/plot/gnuplot.h"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::plot {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/recording/child_call.h"
+#include "telenano/common/recording/child_call.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -14,7 +14,7 @@
 #include <cstring>
 #include <new>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::recording {
 namespace {

@@ -2,9 +2,9 @@
 #include <array>
 #include <cstring>
 
-#include "common/base/error.h"
-#include "common/recording/hdf5_handle.h"
-#include "common/recording/recording_source.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/hdf5_handle.h"
+#include "telenano/common/recording/recording_source.h"
 
 namespace telenano::recording {
 namespace {

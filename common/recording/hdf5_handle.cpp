@@ -1,4 +1,4 @@
-#include "common/recording/hdf5_handle.h"
+#include "telenano/common/recording/hdf5_handle.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -6,8 +6,8 @@
 #include <string>
 #include <utility>
 
-#include "common/recording/datagram_row.h"
-#include "common/recording/sample.h"
+#include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/sample.h"
 
 /// The little of HDF5 that writer, reader and recovery share. Included by this folder's .cpp files only.
 namespace telenano::recording {

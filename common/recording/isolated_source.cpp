@@ -1,9 +1,9 @@
 #include <cstring>
 #include <memory>
 
-#include "common/recording/child_call.h"
-#include "common/recording/packed.h"
-#include "common/recording/recording_source.h"
+#include "telenano/common/recording/child_call.h"
+#include "telenano/common/recording/packed.h"
+#include "telenano/common/recording/recording_source.h"
 
 namespace telenano::recording {
 namespace {

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <type_traits>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::recording {
 

@@ -1,4 +1,4 @@
-#include "common/recording/recorder.h"
+#include "telenano/common/recording/recorder.h"
 
 #include <pthread.h>
 #include <sched.h>
@@ -10,9 +10,9 @@
 #include <mutex>
 #include <thread>
 
-#include "common/recording/recording_file.h"
-#include "common/rt/signals_blocked.h"
-#include "common/rt/spsc_queue.h"
+#include "telenano/common/recording/recording_file.h"
+#include "telenano/common/rt/signals_blocked.h"
+#include "telenano/common/rt/spsc_queue.h"
 
 namespace telenano::recording {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/recording/recording_file.h"
+#include "telenano/common/recording/recording_file.h"
 
 #include <unistd.h>
 
@@ -6,7 +6,7 @@
 #include <cstring>
 #include <ctime>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::recording {
 namespace {

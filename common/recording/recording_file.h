@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "common/recording/hdf5_handle.h"
-#include "common/recording/recorder.h"
-#include "common/recording/sample.h"
+#include "telenano/common/recording/hdf5_handle.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/recording/sample.h"
 
 namespace telenano::recording {
 

@@ -1,8 +1,8 @@
-#include "common/recording/recording_reader.h"
+#include "telenano/common/recording/recording_reader.h"
 
 #include <algorithm>
 
-#include "common/recording/recording_source.h"
+#include "telenano/common/recording/recording_source.h"
 
 namespace telenano::recording {
 

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/recording/datagram_row.h"
-#include "common/recording/sample.h"
+#include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/sample.h"
 
 namespace telenano::recording {
 

@@ -1,4 +1,4 @@
-#include "common/recording/recover.h"
+#include "telenano/common/recording/recover.h"
 
 #include <errno.h>
 #include <unistd.h>
@@ -9,11 +9,11 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/recording/child_call.h"
-#include "common/recording/hdf5_handle.h"
-#include "common/recording/packed.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/child_call.h"
+#include "telenano/common/recording/hdf5_handle.h"
+#include "telenano/common/recording/packed.h"
+#include "telenano/common/recording/recording_reader.h"
 
 namespace telenano::recording {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/recording/sample.h"
+#include "telenano/common/recording/sample.h"
 
 namespace telenano::recording {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/recording/summary.h"
+#include "telenano/common/recording/summary.h"
 
 #include <algorithm>
 #include <cstdarg>
@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <span>
 
-#include "common/recording/recording_reader.h"
-#include "common/recording/summary_builder.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/recording/summary_builder.h"
 
 namespace telenano::recording {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/recording/summary_builder.h"
+#include "telenano/common/recording/summary_builder.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/recording/sample.h"
-#include "common/recording/summary.h"
-#include "common/rt/log_histogram.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/summary.h"
+#include "telenano/common/rt/log_histogram.h"
 
 namespace telenano::recording {
 

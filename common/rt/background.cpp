@@ -1,4 +1,4 @@
-#include "common/rt/background.h"
+#include "telenano/common/rt/background.h"
 
 #include <sys/resource.h>
 #include <sys/syscall.h>

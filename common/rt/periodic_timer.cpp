@@ -1,10 +1,10 @@
-#include "common/rt/periodic_timer.h"
+#include "telenano/common/rt/periodic_timer.h"
 
 #include <time.h>
 
 #include <algorithm>
 
-#include "common/rt/steady_clock.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::rt {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "common/rt/log_histogram.h"
+#include "telenano/common/rt/log_histogram.h"
 
 namespace telenano::rt {
 

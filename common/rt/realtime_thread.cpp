@@ -1,4 +1,4 @@
-#include "common/rt/realtime_thread.h"
+#include "telenano/common/rt/realtime_thread.h"
 
 #include <alloca.h>
 #include <errno.h>

@@ -2,7 +2,7 @@
 
 #include <time.h>
 
-#include "common/rt/clock.h"
+#include "telenano/common/rt/clock.h"
 
 namespace telenano::rt {
 

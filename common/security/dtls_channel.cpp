@@ -1,4 +1,4 @@
-#include "common/security/dtls_channel.h"
+#include "telenano/common/security/dtls_channel.h"
 
 #include <openssl/bio.h>
 #include <openssl/err.h>
@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <new>
 
-#include "common/security/dtls_record.h"
+#include "telenano/common/security/dtls_record.h"
 
 namespace telenano::security {
 

@@ -8,7 +8,7 @@
 #include <memory>
 #include <span>
 
-#include "common/net/datagram.h"
+#include "telenano/common/net/datagram.h"
 
 namespace telenano::security {
 

@@ -1,4 +1,4 @@
-#include "common/security/dtls_client.h"
+#include "telenano/common/security/dtls_client.h"
 
 #include <openssl/err.h>
 #include <openssl/ssl.h>
@@ -7,11 +7,11 @@
 #include <algorithm>
 #include <array>
 
-#include "common/base/error.h"
-#include "common/link/messages.h"
-#include "common/security/dtls_channel.h"
-#include "common/security/dtls_context.h"
-#include "common/security/dtls_record.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/security/dtls_channel.h"
+#include "telenano/common/security/dtls_context.h"
+#include "telenano/common/security/dtls_record.h"
 
 namespace telenano::security {
 namespace {

@@ -6,10 +6,10 @@
 #include <span>
 #include <string>
 
-#include "common/net/datagram.h"
-#include "common/rt/clock.h"
-#include "common/security/certificate_files.h"
-#include "common/security/key_list.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/common/security/certificate_files.h"
+#include "telenano/common/security/key_list.h"
 
 namespace telenano::security {
 

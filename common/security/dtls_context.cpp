@@ -1,4 +1,4 @@
-#include "common/security/dtls_context.h"
+#include "telenano/common/security/dtls_context.h"
 
 #include <openssl/err.h>
 #include <openssl/evp.h>
@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <string_view>
 
-#include "common/base/error.h"
-#include "common/security/private_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "common/security/certificate_files.h"
+#include "telenano/common/security/certificate_files.h"
 
 namespace telenano::security {
 

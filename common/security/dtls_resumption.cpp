@@ -1,4 +1,4 @@
-#include "common/security/dtls_resumption.h"
+#include "telenano/common/security/dtls_resumption.h"
 
 #include <openssl/crypto.h>
 #include <openssl/evp.h>
@@ -9,8 +9,8 @@
 #include <optional>
 #include <string_view>
 
-#include "common/base/error.h"
-#include "common/security/dtls_context.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/dtls_context.h"
 
 namespace telenano::security {
 namespace {

@@ -6,8 +6,8 @@
 
 #include <array>
 
-#include "common/security/key_list.h"
-#include "common/security/resumption_cache.h"
+#include "telenano/common/security/key_list.h"
+#include "telenano/common/security/resumption_cache.h"
 
 namespace telenano::security {
 

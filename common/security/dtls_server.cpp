@@ -1,4 +1,4 @@
-#include "common/security/dtls_server.h"
+#include "telenano/common/security/dtls_server.h"
 
 #include <openssl/crypto.h>
 #include <openssl/err.h>
@@ -15,14 +15,14 @@
 #include <string_view>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/link/siphash.h"
-#include "common/link/token_bucket.h"
-#include "common/security/dtls_channel.h"
-#include "common/security/dtls_context.h"
-#include "common/security/dtls_record.h"
-#include "common/security/dtls_resumption.h"
-#include "common/security/handshake_budget.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/siphash.h"
+#include "telenano/common/link/token_bucket.h"
+#include "telenano/common/security/dtls_channel.h"
+#include "telenano/common/security/dtls_context.h"
+#include "telenano/common/security/dtls_record.h"
+#include "telenano/common/security/dtls_resumption.h"
+#include "telenano/common/security/handshake_budget.h"
 
 namespace telenano::security {
 namespace {

@@ -6,12 +6,12 @@
 #include <optional>
 #include <span>
 
-#include "common/net/datagram.h"
-#include "common/rt/clock.h"
-#include "common/security/certificate_files.h"
-#include "common/security/key_list.h"
-#include "common/security/resumption_cache.h"
-#include "common/security/security_counters.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/common/security/certificate_files.h"
+#include "telenano/common/security/key_list.h"
+#include "telenano/common/security/resumption_cache.h"
+#include "telenano/common/security/security_counters.h"
 
 namespace telenano::security {
 

@@ -1,4 +1,4 @@
-#include "common/security/key_admin.h"
+#include "telenano/common/security/key_admin.h"
 
 #include <sys/random.h>
 #include <sys/stat.h>
@@ -7,10 +7,10 @@
 #include <cerrno>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/config/edit_distance.h"
-#include "common/security/key_list.h"
-#include "common/security/private_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/edit_distance.h"
+#include "telenano/common/security/key_list.h"
+#include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/net/rights.h"
+#include "telenano/common/net/rights.h"
 
 namespace telenano::security {
 

@@ -1,13 +1,13 @@
-#include "common/security/key_list.h"
+#include "telenano/common/security/key_list.h"
 
 #include <string.h>
 
 #include <algorithm>
 #include <optional>
 
-#include "common/base/error.h"
-#include "common/config/toml_document.h"
-#include "common/security/private_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
 namespace {

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/net/rights.h"
+#include "telenano/common/net/rights.h"
 
 namespace telenano::security {
 

@@ -1,8 +1,8 @@
 // In place of dtls_*.cpp in a build without TELENANO_DTLS: the constructors tell, nothing else is ever
 // called.
-#include "common/base/error.h"
-#include "common/security/dtls_client.h"
-#include "common/security/dtls_server.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/dtls_client.h"
+#include "telenano/common/security/dtls_server.h"
 
 namespace telenano::security {
 namespace {

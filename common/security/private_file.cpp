@@ -1,4 +1,4 @@
-#include "common/security/private_file.h"
+#include "telenano/common/security/private_file.h"
 
 #include <fcntl.h>
 #include <sys/file.h>
@@ -11,7 +11,7 @@
 #include <cstring>
 #include <thread>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::security {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/security/resumption_cache.h"
+#include "telenano/common/security/resumption_cache.h"
 
 #include <strings.h>
 

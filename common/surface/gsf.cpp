@@ -1,4 +1,4 @@
-#include "common/surface/gsf.h"
+#include "telenano/common/surface/gsf.h"
 
 #include <fcntl.h>
 #include <stdio.h>
@@ -18,8 +18,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::surface {
 namespace {

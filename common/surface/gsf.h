@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/surface/height_grid.h"
+#include "telenano/common/surface/height_grid.h"
 
 namespace telenano::surface {
 

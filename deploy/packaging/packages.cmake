@@ -10,7 +10,7 @@ install(TARGETS telenano-master RUNTIME DESTINATION bin COMPONENT station)
 install(TARGETS telenano-lab RUNTIME DESTINATION bin COMPONENT lab)
 
 # Each program tells bash how to complete it.
-set(completions ${CMAKE_BINARY_DIR}/completions)
+set(completions ${PROJECT_BINARY_DIR}/completions)
 file(MAKE_DIRECTORY ${completions})
 add_custom_target(programs)  # what is packed, without tests; programs-server, -station, -lab: for one package each
 foreach(component server station lab)
@@ -51,7 +51,7 @@ install(FILES deploy/systemd/telenano-server.tmpfiles DESTINATION lib/tmpfiles.d
 install(FILES deploy/systemd/nve.env DESTINATION /etc/telenano COMPONENT server)
 install(FILES deploy/systemd/telenano-realtime.conf DESTINATION /etc/security/limits.d COMPONENT station)
 install(FILES deploy/systemd/telenano-station.sysusers DESTINATION lib/sysusers.d RENAME telenano-station.conf COMPONENT station)
-file(GLOB udev_rules ${CMAKE_SOURCE_DIR}/deploy/udev/*.rules)
+file(GLOB udev_rules ${PROJECT_SOURCE_DIR}/deploy/udev/*.rules)
 if(udev_rules)
   install(FILES ${udev_rules} DESTINATION lib/udev/rules.d COMPONENT station)
 endif()
@@ -98,7 +98,7 @@ set(CPACK_COMPONENT_STATION_DESCRIPTION "Telenano: the haptic station
 set(CPACK_COMPONENT_LAB_DESCRIPTION "Telenano: the laboratory
  Studies and benchmarks: contact mechanics, control, Z-width, network
  impairments, reports of recordings.")
-set(scripts ${CMAKE_SOURCE_DIR}/deploy/packaging)
+set(scripts ${PROJECT_SOURCE_DIR}/deploy/packaging)
 set(CPACK_DEBIAN_SERVER_PACKAGE_CONTROL_EXTRA
     "${scripts}/server/conffiles;${scripts}/server/postinst;${scripts}/server/prerm;${scripts}/server/postrm")
 set(CPACK_DEBIAN_STATION_PACKAGE_CONTROL_EXTRA "${scripts}/station/conffiles;${scripts}/station/postinst")

@@ -1,4 +1,4 @@
-#include "master/app/calibrate_command.h"
+#include "telenano/master/app/calibrate_command.h"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -12,12 +12,12 @@
 #include <memory>
 #include <string>
 
-#include "common/base/error.h"
-#include "common/rt/steady_clock.h"
-#include "master/app/calibration.h"
-#include "master/app/session_device.h"
-#include "master/app/station_file.h"
-#include "master/app/stop_signals.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/app/calibration.h"
+#include "telenano/master/app/session_device.h"
+#include "telenano/master/app/station_file.h"
+#include "telenano/master/app/stop_signals.h"
 
 namespace telenano::app {
 namespace {

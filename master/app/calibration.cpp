@@ -1,4 +1,4 @@
-#include "master/app/calibration.h"
+#include "telenano/master/app/calibration.h"
 
 #include <fmt/format.h>
 

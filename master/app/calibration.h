@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "common/base/vec3.h"
-#include "master/device/device_map.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/master/device/device_map.h"
 
 namespace telenano::app {
 

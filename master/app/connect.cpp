@@ -1,4 +1,4 @@
-#include "master/app/connect.h"
+#include "telenano/master/app/connect.h"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <span>
 #include <string>
 
-#include "common/base/error.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::app {
 

@@ -5,9 +5,9 @@
 #include <span>
 #include <string>
 
-#include "common/link/client_session.h"
-#include "master/app/server_access.h"
-#include "master/app/server_link.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/master/app/server_access.h"
+#include "telenano/master/app/server_link.h"
 
 namespace telenano::app {
 

@@ -1,11 +1,11 @@
-#include "master/app/device_monitor.h"
+#include "telenano/master/app/device_monitor.h"
 
 #include <fmt/format.h>
 
 #include <chrono>
 #include <utility>
 
-#include "common/rt/steady_clock.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::app {
 

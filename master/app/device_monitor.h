@@ -6,8 +6,8 @@
 #include <string>
 #include <thread>
 
-#include "master/device/call_watch.h"
-#include "master/device/haptic_device.h"
+#include "telenano/master/device/call_watch.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/app/device_settings.h"
+#include "telenano/master/app/device_settings.h"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <sstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::app {
 namespace {

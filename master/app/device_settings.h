@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "common/config/toml_document.h"
-#include "master/device/device_map.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/master/device/device_map.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/app/devices_command.h"
+#include "telenano/master/app/devices_command.h"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "master/device/device_map.h"
-#include "master/device/hid/hid_port.h"
-#include "master/device/omega/omega_device.h"
+#include "telenano/master/device/device_map.h"
+#include "telenano/master/device/hid/hid_port.h"
+#include "telenano/master/device/omega/omega_device.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "master/app/export_command.h"
+#include "telenano/master/app/export_command.h"
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -12,9 +12,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/recording/legs.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/curve_segments.h"
+#include "telenano/common/recording/recording_reader.h"
 
 namespace telenano::app {
 namespace {
@@ -141,18 +141,19 @@ void export_curves(const RecordingReader& reader, const ExportOptions& options) 
   std::vector<double> lateral_nm(x_nm.size());
   for (std::size_t i = 0; i < x_nm.size(); ++i)
     lateral_nm[i] = std::hypot(x_nm[i] - x_nm.front(), y_nm[i] - y_nm.front());
-  const auto legs = recording::find_legs(target_nm, lateral_nm, recording::leg_threshold_nm(target_nm));
+  const auto segments =
+      recording::find_curve_segments(target_nm, lateral_nm, recording::segment_threshold_nm(target_nm));
   std::printf("leg,way,time_s,target_height_nm,tip_height_nm,force_nn,deflection_nm\n");
-  for (std::size_t leg = 0; leg < legs.size(); ++leg) {
+  for (std::size_t leg = 0; leg < segments.size(); ++leg) {
     std::size_t count = 0;
     double last = 0;
-    for (std::size_t i = legs[leg].begin; i < legs[leg].end; ++i) {
+    for (std::size_t i = segments[leg].begin; i < segments[leg].end; ++i) {
       // One row a reply: between two nothing new is known of the tip.
       if (!(sequence[i] > last)) continue;
       last = sequence[i];
       if (!within(options, time_s[i]) || count++ % options.every != 0) continue;
       std::printf("%zu,%s,%.9g,%.17g,%.17g,%.17g,%.17g\n", leg + 1,
-                  legs[leg].approach ? "approach" : "retract", time_s[i], target_nm[i], tip_nm[i],
+                  segments[leg].approach ? "approach" : "retract", time_s[i], target_nm[i], tip_nm[i],
                   force_nn[i], deflection_nm[i]);
     }
   }

@@ -1,12 +1,12 @@
-#include "master/app/hand_track_file.h"
+#include "telenano/master/app/hand_track_file.h"
 
 #include <algorithm>
 #include <array>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
-#include "master/station/station.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::app {
 

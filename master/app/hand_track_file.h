@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "master/device/replay_device.h"
+#include "telenano/master/device/replay_device.h"
 
 namespace telenano::app {
 

@@ -1,8 +1,8 @@
-#include "master/app/keep_awake.h"
+#include "telenano/master/app/keep_awake.h"
 
 #include <span>
 
-#include "common/rt/signals_blocked.h"
+#include "telenano/common/rt/signals_blocked.h"
 
 namespace telenano::app {
 namespace {

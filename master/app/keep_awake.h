@@ -5,12 +5,12 @@
 #include <cstdint>
 #include <thread>
 
-#include "common/link/client_session.h"
-#include "common/link/messages.h"
-#include "common/net/datagram.h"
-#include "common/rt/steady_clock.h"
-#include "master/app/server_link.h"
-#include "master/loop/scene_pipe.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/app/server_link.h"
+#include "telenano/master/loop/scene_pipe.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/app/link_probe.h"
+#include "telenano/master/app/link_probe.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::app {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <atomic>
 
-#include "common/link/client_session.h"
-#include "common/net/datagram.h"
-#include "master/app/server_link.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/master/app/server_link.h"
 
 namespace telenano::app {
 

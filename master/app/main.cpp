@@ -1,15 +1,15 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "common/base/version.h"
-#include "common/config/program.h"
-#include "master/app/calibrate_command.h"
-#include "master/app/devices_command.h"
-#include "master/app/export_command.h"
-#include "master/app/plan_command.h"
-#include "master/app/recover_command.h"
-#include "master/app/run_command.h"
-#include "master/app/view_command.h"
+#include "telenano/common/base/version.h"
+#include "telenano/common/config/program.h"
+#include "telenano/master/app/calibrate_command.h"
+#include "telenano/master/app/devices_command.h"
+#include "telenano/master/app/export_command.h"
+#include "telenano/master/app/plan_command.h"
+#include "telenano/master/app/recover_command.h"
+#include "telenano/master/app/run_command.h"
+#include "telenano/master/app/view_command.h"
 
 // What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {

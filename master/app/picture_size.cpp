@@ -1,9 +1,9 @@
-#include "master/app/picture_size.h"
+#include "telenano/master/app/picture_size.h"
 
 #include <charconv>
 #include <string_view>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::app {
 

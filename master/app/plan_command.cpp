@@ -1,4 +1,4 @@
-#include "master/app/plan_command.h"
+#include "telenano/master/app/plan_command.h"
 
 #include <fmt/format.h>
 
@@ -9,16 +9,16 @@
 #include <optional>
 #include <string>
 
-#include "common/base/error.h"
-#include "common/link/client_session.h"
-#include "common/net/udp.h"
-#include "common/plot/gnuplot.h"
-#include "master/app/connect.h"
-#include "master/app/link_probe.h"
-#include "master/app/plan_plot.h"
-#include "master/app/station_plan.h"
-#include "master/app/stop_signals.h"
-#include "master/device/sim_device.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/plot/gnuplot.h"
+#include "telenano/master/app/connect.h"
+#include "telenano/master/app/link_probe.h"
+#include "telenano/master/app/plan_plot.h"
+#include "telenano/master/app/station_plan.h"
+#include "telenano/master/app/stop_signals.h"
+#include "telenano/master/device/sim_device.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "master/app/plan_plot.h"
+#include "telenano/master/app/plan_plot.h"
 
 #include <fmt/format.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-#include "common/plot/gnuplot.h"
+#include "telenano/common/plot/gnuplot.h"
 
 namespace telenano::app {
 namespace {

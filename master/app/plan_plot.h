@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/control/scaling_plan.h"
+#include "telenano/common/control/scaling_plan.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/app/real_time_session.h"
+#include "telenano/master/app/real_time_session.h"
 
 #include <algorithm>
 #include <cmath>
@@ -47,7 +47,7 @@ void RealTimeSession::run() noexcept {
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
     see_tip(sample);
     hand_.device.advance(elapsed_ns);
-    if (desk_ != nullptr) ask_screen(sample);
+    if (requests_ != nullptr) ask_screen(sample);
     if (chooses_method_) follow_link(sample, static_cast<double>(elapsed_ns) * 1e-9);
     if (quit_ || stop_.load(std::memory_order_relaxed)) {
       loop_.set_buttons(device::kButtonStop);
@@ -68,10 +68,10 @@ void RealTimeSession::run() noexcept {
       record_events(sample);
     }
     publish(sample, timer.stats());
-    if (desk_ != nullptr) {
-      desk_->show(sample, loop_.force_off());
-      desk_->show(loop_.trace().particle);
-      if (motion != nullptr) desk_->show(motion->task());
+    if (requests_ != nullptr) {
+      requests_->show(sample, loop_.force_off());
+      requests_->show(loop_.trace().particle);
+      if (motion != nullptr) requests_->show(motion->task());
     }
   } while (!over(sample));
   hand_.device.write_force(Vec3::Zero());
@@ -109,7 +109,7 @@ void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) 
 }
 
 void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
-  const view_model::RequestDesk::Asked asked = desk_->answer(station_);
+  const view_model::ViewRequestHandler::Asked asked = requests_->answer(station_);
   loop_.set_buttons(asked.buttons);
   quit_ |= asked.quit;
   // Not while it is stopped, held or not connected: the hand would go its way without the tip.
@@ -223,7 +223,7 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     ending_ = Ending::kStopped;
     return true;
   }
-  if (desk_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped &&
+  if (requests_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped &&
       ++fault_ticks_ > kStopTicks) {
     ending_ = Ending::kFault;
     return true;
@@ -239,7 +239,7 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
   }
   // A hand that is played waits for the tip no longer than for a silent server. A person may know better.
   const bool begun = hand_.motion == nullptr || hand_.motion->motion_started();
-  if (!begun && desk_ == nullptr && tip_left_up_s_ > give_up_s_) {
+  if (!begun && requests_ == nullptr && tip_left_up_s_ > give_up_s_) {
     ending_ = Ending::kTipUp;
     return true;
   }

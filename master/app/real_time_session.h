@@ -3,18 +3,18 @@
 #include <atomic>
 #include <cstdint>
 
-#include "common/control/method_choice.h"
-#include "common/link/client_session.h"
-#include "common/recording/recorder.h"
-#include "common/recording/summary_builder.h"
-#include "common/rt/latest_value.h"
-#include "common/rt/periodic_timer.h"
-#include "common/rt/steady_clock.h"
-#include "master/device/haptic_device.h"
-#include "master/device/played_motion.h"
-#include "master/loop/station_loop.h"
-#include "master/station/station.h"
-#include "master/view_model/request_desk.h"
+#include "telenano/common/control/method_choice.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/recording/summary_builder.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/common/rt/periodic_timer.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/played_motion.h"
+#include "telenano/master/loop/station_loop.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/view_model/view_request_handler.h"
 
 namespace telenano::app {
 
@@ -102,8 +102,8 @@ class RealTimeSession {
   /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
   /// then waits for the person there instead of ending the session. `stays`: so does a hand at the end of its
   /// motion; it does anyway once a task has been chosen there.
-  void show_on(view_model::RequestDesk& desk, bool stays = false) noexcept {
-    desk_ = &desk;
+  void show_on(view_model::ViewRequestHandler& requests, bool stays = false) noexcept {
+    requests_ = &requests;
     stays_ = stays;
   }
 
@@ -137,7 +137,7 @@ class RealTimeSession {
   link::ClientSession& session_;
   station::Station& station_;
   recording::Recorder* recorder_;
-  view_model::RequestDesk* desk_ = nullptr;
+  view_model::ViewRequestHandler* requests_ = nullptr;
   double give_up_s_;
   double observe_s_;
   const std::atomic<bool>& stop_;

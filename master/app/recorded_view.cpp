@@ -1,4 +1,4 @@
-#include "master/app/recorded_view.h"
+#include "telenano/master/app/recorded_view.h"
 
 #include <fmt/format.h>
 
@@ -12,16 +12,16 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/base64.h"
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
-#include "common/surface/gsf.h"
-#include "master/app/picture_size.h"
-#include "master/app/scene_files.h"
-#include "master/scene/scene_check.h"
-#include "master/view_model/playback.h"
-#include "master/viewer/photographer.h"
-#include "master/viewer/window.h"
+#include "telenano/common/base/base64.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/master/app/picture_size.h"
+#include "telenano/master/app/scene_files.h"
+#include "telenano/master/scene/scene_check.h"
+#include "telenano/master/view_model/playback.h"
+#include "telenano/master/viewer/photographer.h"
+#include "telenano/master/viewer/window.h"
 
 namespace telenano::app {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "master/app/session_view.h"
+#include "telenano/master/app/session_view.h"
 
 namespace telenano::app {
 

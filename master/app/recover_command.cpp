@@ -1,4 +1,4 @@
-#include "master/app/recover_command.h"
+#include "telenano/master/app/recover_command.h"
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/recording/recover.h"
+#include "telenano/common/recording/recover.h"
 
 namespace telenano::app {
 

@@ -1,10 +1,10 @@
-#include "master/app/run_command.h"
+#include "telenano/master/app/run_command.h"
 
 #include <memory>
 #include <string>
 
-#include "master/app/run_options.h"
-#include "master/app/run_session.h"
+#include "telenano/master/app/run_options.h"
+#include "telenano/master/app/run_session.h"
 
 namespace telenano::app {
 namespace {

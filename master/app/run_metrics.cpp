@@ -1,6 +1,6 @@
-#include "master/app/run_metrics.h"
+#include "telenano/master/app/run_metrics.h"
 
-#include "common/base/version.h"
+#include "telenano/common/base/version.h"
 
 namespace telenano::app {
 namespace {

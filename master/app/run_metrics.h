@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/metrics/page.h"
-#include "master/app/real_time_session.h"
+#include "telenano/common/metrics/page.h"
+#include "telenano/master/app/real_time_session.h"
 
 namespace telenano::app {
 

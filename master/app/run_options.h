@@ -3,8 +3,8 @@
 #include <optional>
 #include <string>
 
-#include "master/app/server_access.h"
-#include "master/app/session_view.h"
+#include "telenano/master/app/server_access.h"
+#include "telenano/master/app/session_view.h"
 
 namespace telenano::app {
 

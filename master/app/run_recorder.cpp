@@ -1,4 +1,4 @@
-#include "master/app/run_recorder.h"
+#include "telenano/master/app/run_recorder.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -6,12 +6,12 @@
 #include <cstdio>
 #include <utility>
 
-#include "common/base/base64.h"
-#include "common/base/version.h"
-#include "master/app/run_words.h"
-#include "master/app/scene_files.h"
-#include "master/app/server_link.h"
-#include "master/app/station_plan.h"
+#include "telenano/common/base/base64.h"
+#include "telenano/common/base/version.h"
+#include "telenano/master/app/run_text.h"
+#include "telenano/master/app/scene_files.h"
+#include "telenano/master/app/server_link.h"
+#include "telenano/master/app/station_plan.h"
 
 namespace telenano::app {
 

@@ -4,14 +4,14 @@
 #include <memory>
 #include <string>
 
-#include "common/link/messages.h"
-#include "common/recording/recorder.h"
-#include "master/app/link_probe.h"
-#include "master/app/run_options.h"
-#include "master/app/session_device.h"
-#include "master/app/station_file.h"
-#include "master/device/haptic_device.h"
-#include "master/station/twin_run.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/master/app/link_probe.h"
+#include "telenano/master/app/run_options.h"
+#include "telenano/master/app/session_device.h"
+#include "telenano/master/app/station_file.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/station/twin_run.h"
 
 namespace telenano::app {
 

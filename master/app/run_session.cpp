@@ -1,4 +1,4 @@
-#include "master/app/run_session.h"
+#include "telenano/master/app/run_session.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -17,34 +17,34 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/control/method_choice.h"
-#include "common/link/client_session.h"
-#include "common/metrics/exporter.h"
-#include "common/net/udp.h"
-#include "common/recording/recorder.h"
-#include "common/rt/realtime_thread.h"
-#include "master/app/connect.h"
-#include "master/app/device_monitor.h"
-#include "master/app/keep_awake.h"
-#include "master/app/link_probe.h"
-#include "master/app/real_time_session.h"
-#include "master/app/run_metrics.h"
-#include "master/app/run_recorder.h"
-#include "master/app/run_words.h"
-#include "master/app/scene_wait.h"
-#include "master/app/server_link.h"
-#include "master/app/session_device.h"
-#include "master/app/session_file.h"
-#include "master/app/session_view.h"
-#include "master/app/station_file.h"
-#include "master/app/station_plan.h"
-#include "master/app/stop_signals.h"
-#include "master/app/twin_cost.h"
-#include "master/device/sim_device.h"
-#include "master/scene/scene_keeper.h"
-#include "master/station/station.h"
-#include "master/twin/load_twin.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/control/method_choice.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/metrics/exporter.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/master/app/connect.h"
+#include "telenano/master/app/device_monitor.h"
+#include "telenano/master/app/keep_awake.h"
+#include "telenano/master/app/link_probe.h"
+#include "telenano/master/app/real_time_session.h"
+#include "telenano/master/app/run_metrics.h"
+#include "telenano/master/app/run_recorder.h"
+#include "telenano/master/app/run_text.h"
+#include "telenano/master/app/scene_wait.h"
+#include "telenano/master/app/server_link.h"
+#include "telenano/master/app/session_device.h"
+#include "telenano/master/app/session_file.h"
+#include "telenano/master/app/session_view.h"
+#include "telenano/master/app/station_file.h"
+#include "telenano/master/app/station_plan.h"
+#include "telenano/master/app/stop_signals.h"
+#include "telenano/master/app/twin_cost.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/master/scene/scene_keeper.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/twin/load_twin.h"
 
 namespace telenano::app {
 namespace {
@@ -514,10 +514,10 @@ int run_session(const RunOptions& options) {
   RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
   if (by_round_trip) live.choose_method();
-  if (view_model::RequestDesk* const desk = view.begin(
+  if (view_model::ViewRequestHandler* const requests = view.begin(
           {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
            tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene)}))
-    live.show_on(*desk, stays_open(options, view, simulated));
+    live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   live.set_scene_pipe(scene.pipe());
   std::optional<metrics::Exporter> exporter;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "master/app/run_options.h"
+#include "telenano/master/app/run_options.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/app/scene_files.h"
+#include "telenano/master/app/scene_files.h"
 
 #include <fmt/format.h>
 
@@ -8,11 +8,11 @@
 #include <filesystem>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/base/fnv1a.h"
-#include "common/config/shared_files.h"
-#include "common/config/surface_force.h"
-#include "common/config/toml_document.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/fnv1a.h"
+#include "telenano/common/config/shared_files.h"
+#include "telenano/common/config/surface_force.h"
+#include "telenano/common/config/toml_document.h"
 
 namespace telenano::app {
 namespace {

@@ -3,8 +3,8 @@
 #include <optional>
 #include <string>
 
-#include "common/config/slave_limits_file.h"
-#include "common/surface/gsf.h"
+#include "telenano/common/config/slave_limits_file.h"
+#include "telenano/common/surface/gsf.h"
 
 namespace telenano::app {
 

@@ -1,9 +1,9 @@
-#include "master/app/scene_wait.h"
+#include "telenano/master/app/scene_wait.h"
 
 #include <cmath>
 
-#include "common/rt/steady_clock.h"
-#include "master/app/keep_awake.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/app/keep_awake.h"
 
 namespace telenano::app {
 

@@ -2,10 +2,10 @@
 
 #include <atomic>
 
-#include "common/link/client_session.h"
-#include "common/net/datagram.h"
-#include "master/app/server_link.h"
-#include "master/scene/scene_keeper.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/master/app/server_link.h"
+#include "telenano/master/scene/scene_keeper.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/app/server_access.h"
+#include "telenano/master/app/server_access.h"
 
 namespace telenano::app {
 

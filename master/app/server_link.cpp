@@ -1,11 +1,11 @@
-#include "master/app/server_link.h"
+#include "telenano/master/app/server_link.h"
 
 #include <fmt/format.h>
 
 #include <array>
 
-#include "common/base/error.h"
-#include "common/link/messages.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::app {
 namespace {

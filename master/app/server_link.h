@@ -4,10 +4,10 @@
 #include <memory>
 #include <string>
 
-#include "common/net/udp.h"
-#include "common/rt/steady_clock.h"
-#include "common/security/dtls_client.h"
-#include "master/app/server_access.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/common/security/dtls_client.h"
+#include "telenano/master/app/server_access.h"
 
 namespace telenano::app {
 

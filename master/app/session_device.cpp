@@ -1,14 +1,14 @@
-#include "master/app/session_device.h"
+#include "telenano/master/app/session_device.h"
 
 #include <charconv>
 
-#include "common/base/error.h"
-#include "master/app/hand_track_file.h"
-#include "master/device/hid/hid_device.h"
-#include "master/device/hid/hid_port.h"
-#include "master/device/hid/pedalled_device.h"
-#include "master/device/omega/omega_device.h"
-#include "master/device/replay_device.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/app/hand_track_file.h"
+#include "telenano/master/device/hid/hid_device.h"
+#include "telenano/master/device/hid/hid_port.h"
+#include "telenano/master/device/hid/pedalled_device.h"
+#include "telenano/master/device/omega/omega_device.h"
+#include "telenano/master/device/replay_device.h"
 
 namespace telenano::app {
 namespace {

@@ -4,13 +4,13 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/latest_value.h"
-#include "master/app/device_settings.h"
-#include "master/device/call_watch.h"
-#include "master/device/haptic_device.h"
-#include "master/device/hid/hid_reader.h"
-#include "master/device/played_motion.h"
-#include "master/device/pointer_device.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/master/app/device_settings.h"
+#include "telenano/master/device/call_watch.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/hid/hid_reader.h"
+#include "telenano/master/device/played_motion.h"
+#include "telenano/master/device/pointer_device.h"
 
 namespace telenano::app {
 

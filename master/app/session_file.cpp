@@ -1,4 +1,4 @@
-#include "master/app/session_file.h"
+#include "telenano/master/app/session_file.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -13,7 +13,7 @@
 #include <string_view>
 #include <utility>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "master/app/session_view.h"
+#include "telenano/master/app/session_view.h"
 
 #include <fmt/format.h>
 
@@ -8,15 +8,15 @@
 #include <filesystem>
 #include <optional>
 
-#include "common/base/error.h"
-#include "common/rt/background.h"
-#include "common/surface/gsf.h"
-#include "master/app/picture_size.h"
-#include "master/app/scene_files.h"
-#include "master/app/station_plan.h"
-#include "master/station/station.h"
-#include "master/viewer/photographer.h"
-#include "master/viewer/window.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/background.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/master/app/picture_size.h"
+#include "telenano/master/app/scene_files.h"
+#include "telenano/master/app/station_plan.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/viewer/photographer.h"
+#include "telenano/master/viewer/window.h"
 
 namespace telenano::app {
 namespace {
@@ -96,7 +96,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
 
 SessionView::~SessionView() = default;
 
-view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
+view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session) {
   if (!wanted()) return nullptr;
   viewer::ViewFacts& facts = parts_->facts;
   facts.scene_name = session.slave.scene_name;
@@ -151,8 +151,8 @@ view_model::RequestDesk* SessionView::begin(const ViewedSession& session) {
       if (auto grid = parts_->fetched_ground()) parts_->ground.emplace(std::move(*grid));
     }
   }
-  desk_ = std::make_unique<view_model::RequestDesk>(port_, region.impedance_bound);
-  return desk_.get();
+  requests_ = std::make_unique<view_model::ViewRequestHandler>(port_, region.impedance_bound);
+  return requests_.get();
 }
 
 std::string SessionView::run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,

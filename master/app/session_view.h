@@ -8,16 +8,16 @@
 #include <string>
 #include <vector>
 
-#include "common/config/slave_limits_file.h"
-#include "common/link/messages.h"
-#include "common/recording/recorder.h"
-#include "common/rt/latest_value.h"
-#include "common/surface/height_grid.h"
-#include "master/app/real_time_session.h"
-#include "master/device/pointer_device.h"
-#include "master/station/station_config.h"
-#include "master/view_model/request_desk.h"
-#include "master/view_model/view_port.h"
+#include "telenano/common/config/slave_limits_file.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/common/surface/height_grid.h"
+#include "telenano/master/app/real_time_session.h"
+#include "telenano/master/device/pointer_device.h"
+#include "telenano/master/station/station_config.h"
+#include "telenano/master/view_model/view_port.h"
+#include "telenano/master/view_model/view_request_handler.h"
 
 namespace telenano::viewer {
 struct ViewHooks;
@@ -81,7 +81,7 @@ class SessionView {
   }
 
   /// The loop's side, for RealTimeSession; null when no picture is wanted.
-  view_model::RequestDesk* begin(const ViewedSession& session);
+  view_model::ViewRequestHandler* begin(const ViewedSession& session);
   struct Callbacks {
     std::function<void()> each;  ///< every now and then, while the session runs
     /// Once it is over: why a window stays open, the cause first; none: it goes. Not asked of a photograph.
@@ -104,7 +104,7 @@ class SessionView {
   bool photo_ = false;
   view_model::ViewPort port_;
   rt::LatestValue<device::PointerState> pointer_;
-  std::unique_ptr<view_model::RequestDesk> desk_;
+  std::unique_ptr<view_model::ViewRequestHandler> requests_;
   std::unique_ptr<Parts> parts_;
 };
 

@@ -1,5 +1,5 @@
-#include "common/config/completion.h"
-#include "master/app/session_view.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/master/app/session_view.h"
 
 namespace telenano::app {
 

@@ -1,7 +1,7 @@
 // In a build without viewer: the same flags, and what to do about it.
-#include "common/base/error.h"
-#include "master/app/recorded_view.h"
-#include "master/app/session_view.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/app/recorded_view.h"
+#include "telenano/master/app/session_view.h"
 
 namespace telenano::app {
 
@@ -27,7 +27,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse) : options_(opti
 
 SessionView::~SessionView() = default;
 
-view_model::RequestDesk* SessionView::begin(const ViewedSession&) {
+view_model::ViewRequestHandler* SessionView::begin(const ViewedSession&) {
   return nullptr;
 }
 

@@ -1,13 +1,13 @@
-#include "master/app/station_file.h"
+#include "telenano/master/app/station_file.h"
 
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/config/toml_document.h"
-#include "common/link/recent_commands.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/common/link/recent_commands.h"
 
 namespace telenano::app {
 namespace {

@@ -5,11 +5,11 @@
 #include <utility>
 #include <vector>
 
-#include "master/app/device_settings.h"
-#include "master/device/intended_motion.h"
-#include "master/device/plant.h"
-#include "master/loop/link_options.h"
-#include "master/station/station_config.h"
+#include "telenano/master/app/device_settings.h"
+#include "telenano/master/device/intended_motion.h"
+#include "telenano/master/device/plant.h"
+#include "telenano/master/loop/link_options.h"
+#include "telenano/master/station/station_config.h"
 
 namespace telenano::app {
 

@@ -1,10 +1,10 @@
-#include "master/app/station_plan.h"
+#include "telenano/master/app/station_plan.h"
 
 #include <fmt/format.h>
 
 #include <cstring>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::app {
 

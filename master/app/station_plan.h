@@ -2,11 +2,11 @@
 
 #include <string>
 
-#include "common/config/slave_limits_file.h"
-#include "common/control/scaling_plan.h"
-#include "common/link/messages.h"
-#include "master/app/station_file.h"
-#include "master/device/haptic_device.h"
+#include "telenano/common/config/slave_limits_file.h"
+#include "telenano/common/control/scaling_plan.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/master/app/station_file.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::app {
 

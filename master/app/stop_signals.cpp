@@ -1,4 +1,4 @@
-#include "master/app/stop_signals.h"
+#include "telenano/master/app/stop_signals.h"
 
 #include <csignal>
 

@@ -1,11 +1,11 @@
-#include "master/app/twin_cost.h"
+#include "telenano/master/app/twin_cost.h"
 
 #include <time.h>
 
 #include <algorithm>
 #include <vector>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::app {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/control/local_slave.h"
+#include "telenano/common/control/local_slave.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/app/view_command.h"
+#include "telenano/master/app/view_command.h"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "master/app/recorded_view.h"
+#include "telenano/master/app/recorded_view.h"
 
 namespace telenano::app {
 

@@ -1,6 +1,6 @@
-#include "master/device/device_map.h"
+#include "telenano/master/device/device_map.h"
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "master/device/haptic_device.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::device {
 

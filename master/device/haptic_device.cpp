@@ -1,4 +1,4 @@
-#include "master/device/haptic_device.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::device {
 

@@ -1,4 +1,4 @@
-#include "master/device/intended_motion.h"
+#include "telenano/master/device/intended_motion.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <istream>
 #include <utility>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

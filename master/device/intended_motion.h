@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::device {
 

@@ -1,10 +1,10 @@
-#include "master/device/plant.h"
+#include "telenano/master/device/plant.h"
 
 #include <cmath>
 #include <limits>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

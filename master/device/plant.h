@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::device {
 

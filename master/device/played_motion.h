@@ -1,6 +1,6 @@
 #pragma once
 
-#include "master/device/task_change.h"
+#include "telenano/master/device/task_change.h"
 
 namespace telenano::device {
 

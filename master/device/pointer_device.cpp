@@ -1,7 +1,7 @@
-#include "master/device/pointer_device.h"
+#include "telenano/master/device/pointer_device.h"
 
-#include "master/device/plant.h"
-#include "master/device/sim_device.h"
+#include "telenano/master/device/plant.h"
+#include "telenano/master/device/sim_device.h"
 
 namespace telenano::device {
 

@@ -3,9 +3,9 @@
 #include <array>
 #include <cstdint>
 
-#include "common/rt/latest_value.h"
-#include "master/device/hand_motion.h"
-#include "master/device/haptic_device.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/master/device/hand_motion.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::device {
 

@@ -1,9 +1,9 @@
-#include "master/device/replay_device.h"
+#include "telenano/master/device/replay_device.h"
 
 #include <utility>
 
-#include "common/base/error.h"
-#include "master/device/sim_device.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/sim_device.h"
 
 namespace telenano::device {
 

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "master/device/haptic_device.h"
-#include "master/device/played_motion.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/played_motion.h"
 
 namespace telenano::device {
 

@@ -1,11 +1,11 @@
-#include "master/device/sim_device.h"
+#include "telenano/master/device/sim_device.h"
 
 #include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

@@ -4,13 +4,13 @@
 #include <optional>
 #include <vector>
 
-#include "master/device/hand_motion.h"
-#include "master/device/haptic_device.h"
-#include "master/device/intended_motion.h"
-#include "master/device/plant.h"
-#include "master/device/played_motion.h"
-#include "master/device/pointer_device.h"
-#include "master/device/task_change.h"
+#include "telenano/master/device/hand_motion.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/intended_motion.h"
+#include "telenano/master/device/plant.h"
+#include "telenano/master/device/played_motion.h"
+#include "telenano/master/device/pointer_device.h"
+#include "telenano/master/device/task_change.h"
 
 namespace telenano::device {
 

@@ -1,4 +1,4 @@
-#include "master/device/task_change.h"
+#include "telenano/master/device/task_change.h"
 
 #include <algorithm>
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/link/playout.h"
-#include "common/link/send_gate.h"
+#include "telenano/common/link/playout.h"
+#include "telenano/common/link/send_gate.h"
 
 namespace telenano::loop {
 

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <span>
 
-#include "common/link/client_session.h"
-#include "common/net/datagram.h"
-#include "common/rt/latest_value.h"
-#include "common/rt/spsc_queue.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/common/rt/spsc_queue.h"
 
 namespace telenano::loop {
 

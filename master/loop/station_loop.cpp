@@ -1,4 +1,4 @@
-#include "master/loop/station_loop.h"
+#include "telenano/master/loop/station_loop.h"
 
 #include <span>
 

@@ -5,15 +5,15 @@
 #include <cstdint>
 #include <span>
 
-#include "common/link/client_session.h"
-#include "common/net/datagram.h"
-#include "common/recording/datagram_row.h"
-#include "common/recording/sample.h"
-#include "common/rt/clock.h"
-#include "master/device/haptic_device.h"
-#include "master/loop/link_options.h"
-#include "master/loop/scene_pipe.h"
-#include "master/station/station.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/loop/link_options.h"
+#include "telenano/master/loop/scene_pipe.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::loop {
 

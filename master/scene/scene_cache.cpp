@@ -1,4 +1,4 @@
-#include "master/scene/scene_cache.h"
+#include "telenano/master/scene/scene_cache.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "common/hash/sha256.h"
+#include "telenano/common/hash/sha256.h"
 
 namespace telenano::scene_store {
 

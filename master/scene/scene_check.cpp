@@ -1,15 +1,15 @@
-#include "master/scene/scene_check.h"
+#include "telenano/master/scene/scene_check.h"
 
 #include <cmath>
 #include <string_view>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/recording/packed.h"
-#include "common/surface/gsf.h"
-#include "nve_server/scene/levelling.h"
-#include "nve_server/scene/scene_bundle.h"
-#include "nve_server/slave/canonical_motion.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/packed.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/scene/levelling.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
+#include "telenano/nve_server/slave/canonical_motion.h"
 
 namespace telenano::scene_store {
 namespace {

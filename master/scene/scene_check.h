@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "common/recording/child_call.h"
-#include "common/surface/height_grid.h"
+#include "telenano/common/recording/child_call.h"
+#include "telenano/common/surface/height_grid.h"
 
 namespace telenano::scene_store {
 

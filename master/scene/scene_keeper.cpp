@@ -1,12 +1,12 @@
-#include "master/scene/scene_keeper.h"
+#include "telenano/master/scene/scene_keeper.h"
 
 #include <chrono>
 #include <exception>
 #include <span>
 #include <utility>
 
-#include "common/rt/signals_blocked.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/rt/signals_blocked.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::scene_store {
 namespace {

@@ -9,10 +9,10 @@
 #include <string>
 #include <thread>
 
-#include "common/link/scene_fetch.h"
-#include "master/loop/scene_pipe.h"
-#include "master/scene/scene_cache.h"
-#include "master/scene/scene_check.h"
+#include "telenano/common/link/scene_fetch.h"
+#include "telenano/master/loop/scene_pipe.h"
+#include "telenano/master/scene/scene_cache.h"
+#include "telenano/master/scene/scene_check.h"
 
 namespace telenano::scene_store {
 

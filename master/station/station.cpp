@@ -1,4 +1,4 @@
-#include "master/station/station.h"
+#include "telenano/master/station/station.h"
 
 #include <algorithm>
 #include <cmath>
@@ -22,8 +22,8 @@ bool finite_reply(const link::Reply& reply) noexcept {
          std::isfinite(reply.port.wave_energy_aj) && link::is_finite(reply.model);
 }
 
-control::ContactModel contact_model(const link::LocalModel& m) noexcept {
-  control::ContactModel model;
+control::ContactPlane contact_plane(const link::LocalModel& m) noexcept {
+  control::ContactPlane model;
   if (m.version == 0) return model;
   model.version = m.version;
   model.point_w_nm = m.point_w_nm;
@@ -316,7 +316,7 @@ void Station::accept_reply(const StationInput& input) noexcept {
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
-      if (twin_ && logs_steps()) twin_->hear(reply_.steps, input.time_ns);
+      if (twin_ && logs_steps()) twin_->on_reply(reply_.steps, input.time_ns);
       const link::ReceivedSums::News added = book_slave();
       if (holds_tip()) {
         tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
@@ -378,9 +378,9 @@ void Station::tell_method(const link::ReceivedSums::News& added, double price_j_
   news.wave_j = crossed_j(added.wave_aj);
   news.well_j = well_j();
   news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);
-  news.model = contact_model(reply_.model);
+  news.model = contact_plane(reply_.model);
   news.answers = reply_.command_sequence;
-  methods_.now().hear(news);
+  methods_.now().on_reply(news);
 }
 
 /// What the method shows now. Where that may be another force than the last at once (news after an outage,
@@ -563,7 +563,7 @@ void Station::tell_slave(link::Command& command) const noexcept {
   command.control.energy_scale_aj_j = scale_aj_j;
   if (!asks_slave) return;
   control::SlaveOrder order;
-  methods_.now().tell(order);
+  methods_.now().fill_command(order);
   command.control.method = static_cast<std::uint32_t>(method);
   command.control.energy_sent_j = order.energy_sent_j;
   command.control.wave_sum = order.wave_sum_h * std::sqrt(scale_aj_j);

@@ -3,19 +3,19 @@
 #include <cstdint>
 #include <memory>
 
-#include "common/base/vec3.h"
-#include "common/control/energy_observer.h"
-#include "common/control/methods.h"
-#include "common/link/messages.h"
-#include "common/link/priced_energy.h"
-#include "common/link/received_sums.h"
-#include "common/link/snapshot.h"
-#include "master/device/haptic_device.h"
-#include "master/station/force_limits.h"
-#include "master/station/scale_history.h"
-#include "master/station/station_config.h"
-#include "master/station/twin_run.h"
-#include "master/station/workspace_mapping.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/energy_observer.h"
+#include "telenano/common/control/methods.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/priced_energy.h"
+#include "telenano/common/link/received_sums.h"
+#include "telenano/common/link/snapshot.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/station/force_limits.h"
+#include "telenano/master/station/scale_history.h"
+#include "telenano/master/station/station_config.h"
+#include "telenano/master/station/twin_run.h"
+#include "telenano/master/station/workspace_mapping.h"
 
 namespace telenano::station {
 

@@ -1,11 +1,11 @@
-#include "master/station/station_config.h"
+#include "telenano/master/station/station_config.h"
 
 #include <array>
 #include <charconv>
 #include <cmath>
 
-#include "common/base/error.h"
-#include "common/control/scaling_plan.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/control/scaling_plan.h"
 
 namespace telenano::station {
 namespace {

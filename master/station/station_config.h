@@ -2,10 +2,10 @@
 
 #include <string>
 
-#include "common/control/method.h"
-#include "common/control/passivity_controller.h"
-#include "common/control/scaling.h"
-#include "master/device/haptic_device.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/passivity_controller.h"
+#include "telenano/common/control/scaling.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::station {
 

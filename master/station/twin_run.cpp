@@ -1,4 +1,4 @@
-#include "master/station/twin_run.h"
+#include "telenano/master/station/twin_run.h"
 
 #include <algorithm>
 #include <cmath>
@@ -47,7 +47,7 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   if (!new_slave && state_ != TwinState::kNone) {
     // The same slave, and a log that goes on, unless the server has executed what this twin never made.
     if (welcome.executed <= newest_) {
-      hear(welcome, now_ns);
+      on_reply(welcome, now_ns);
       return;
     }
   }
@@ -117,7 +117,7 @@ void TwinRun::part(std::uint32_t reason, std::int64_t now_ns) noexcept {
   if (static_cast<int>(unexplained_ns_.size()) >= config_.partings) state_ = TwinState::kGivenUp;
 }
 
-void TwinRun::hear(const link::StepReport& report, std::int64_t now_ns) noexcept {
+void TwinRun::on_reply(const link::StepReport& report, std::int64_t now_ns) noexcept {
   if (!on() || report.executed > newest_) return;
   if (state_ == TwinState::kApart) return;
   if (report.breaks != breaks_) {

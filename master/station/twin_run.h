@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "common/control/local_slave.h"
-#include "common/link/step_log.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/local_slave.h"
+#include "telenano/common/link/step_log.h"
 
 namespace telenano::station {
 
@@ -52,7 +52,7 @@ class TwinRun {
 
   /// The step of this tick; numbers go up by one.
   void step(std::uint64_t number, const link::LoggedStep& step, std::int64_t now_ns) noexcept;
-  void hear(const link::StepReport& report, std::int64_t now_ns) noexcept;
+  void on_reply(const link::StepReport& report, std::int64_t now_ns) noexcept;
 
   TwinState state() const noexcept { return state_; }
   bool on() const noexcept { return state_ != TwinState::kNone && state_ != TwinState::kGivenUp; }

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "common/base/vec3.h"
-#include "common/control/scaling.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/scaling.h"
 
 namespace telenano::station {
 

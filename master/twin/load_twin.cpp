@@ -1,8 +1,8 @@
-#include "master/twin/load_twin.h"
+#include "telenano/master/twin/load_twin.h"
 
-#include "master/twin/scene_twin.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/scene/scene_bundle.h"
+#include "telenano/master/twin/scene_twin.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
 
 namespace telenano::twin {
 

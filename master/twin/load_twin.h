@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/control/local_slave.h"
+#include "telenano/common/control/local_slave.h"
 
 namespace telenano::twin {
 

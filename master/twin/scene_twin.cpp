@@ -1,8 +1,8 @@
-#include "master/twin/scene_twin.h"
+#include "telenano/master/twin/scene_twin.h"
 
 #include <utility>
 
-#include "nve_server/slave/logged_step.h"
+#include "telenano/nve_server/slave/logged_step.h"
 
 namespace telenano::twin {
 namespace {

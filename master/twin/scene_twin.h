@@ -2,9 +2,9 @@
 
 #include <memory>
 
-#include "common/control/local_slave.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/control/local_slave.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::twin {
 

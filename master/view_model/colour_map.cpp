@@ -1,4 +1,4 @@
-#include "master/view_model/colour_map.h"
+#include "telenano/master/view_model/colour_map.h"
 
 #include <algorithm>
 #include <cmath>

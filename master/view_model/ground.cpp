@@ -1,4 +1,4 @@
-#include "master/view_model/ground.h"
+#include "telenano/master/view_model/ground.h"
 
 #include <algorithm>
 #include <cmath>

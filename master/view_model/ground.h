@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "common/surface/height_grid.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/surface/height_grid.h"
 
 namespace telenano::view_model {
 

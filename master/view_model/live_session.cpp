@@ -1,10 +1,10 @@
-#include "master/view_model/live_session.h"
+#include "telenano/master/view_model/live_session.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/link/messages.h"
-#include "master/view_model/nice_step.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/master/view_model/nice_step.h"
 
 namespace telenano::view_model {
 namespace {

@@ -2,11 +2,11 @@
 
 #include <cstdint>
 
-#include "common/recording/sample.h"
-#include "master/view_model/ground.h"
-#include "master/view_model/round_trips.h"
-#include "master/view_model/strip.h"
-#include "master/view_model/trail.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/master/view_model/ground.h"
+#include "telenano/master/view_model/round_trips.h"
+#include "telenano/master/view_model/strip.h"
+#include "telenano/master/view_model/trail.h"
 
 namespace telenano::view_model {
 

@@ -1,4 +1,4 @@
-#include "master/view_model/meshes.h"
+#include "telenano/master/view_model/meshes.h"
 
 #include <Eigen/Geometry>
 #include <cmath>

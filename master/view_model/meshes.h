@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::view_model {
 

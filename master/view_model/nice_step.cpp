@@ -1,4 +1,4 @@
-#include "master/view_model/nice_step.h"
+#include "telenano/master/view_model/nice_step.h"
 
 #include <cmath>
 

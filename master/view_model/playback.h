@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/recording/sample.h"
+#include "telenano/common/recording/sample.h"
 
 namespace telenano::view_model {
 

@@ -1,9 +1,9 @@
-#include "master/view_model/pointer_hand.h"
+#include "telenano/master/view_model/pointer_hand.h"
 
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "master/device/haptic_device.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::view_model {
 

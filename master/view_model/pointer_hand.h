@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "common/base/constants.h"
-#include "common/base/vec3.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::view_model {
 

@@ -1,4 +1,4 @@
-#include "master/view_model/round_trips.h"
+#include "telenano/master/view_model/round_trips.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "master/view_model/scaling_region.h"
+#include "telenano/master/view_model/scaling_region.h"
 
 #include <algorithm>
 #include <cmath>

@@ -2,8 +2,8 @@
 
 #include <array>
 
-#include "common/control/method.h"
-#include "common/control/scaling.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/scaling.h"
 
 namespace telenano::view_model {
 

@@ -1,4 +1,4 @@
-#include "master/view_model/strip.h"
+#include "telenano/master/view_model/strip.h"
 
 #include <algorithm>
 #include <cmath>

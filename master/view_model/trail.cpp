@@ -1,4 +1,4 @@
-#include "master/view_model/trail.h"
+#include "telenano/master/view_model/trail.h"
 
 #include <algorithm>
 #include <bit>

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::view_model {
 

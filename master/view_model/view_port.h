@@ -3,14 +3,14 @@
 #include <array>
 #include <cstdint>
 
-#include "common/control/method.h"
-#include "common/control/scaling.h"
-#include "common/link/messages.h"
-#include "common/recording/sample.h"
-#include "common/rt/latest_value.h"
-#include "common/rt/spsc_queue.h"
-#include "master/device/haptic_device.h"
-#include "master/device/played_motion.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/scaling.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/common/rt/spsc_queue.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/played_motion.h"
 
 namespace telenano::view_model {
 

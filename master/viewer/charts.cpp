@@ -1,4 +1,4 @@
-#include "master/viewer/charts.h"
+#include "telenano/master/viewer/charts.h"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <array>
 #include <cmath>
 
-#include "master/view_model/nice_step.h"
-#include "master/view_model/words.h"
+#include "telenano/master/view_model/nice_step.h"
+#include "telenano/master/view_model/status_text.h"
 
 namespace telenano::viewer {
 namespace {

@@ -4,9 +4,9 @@
 
 #include <span>
 
-#include "master/view_model/round_trips.h"
-#include "master/view_model/strip.h"
-#include "master/viewer/gui.h"
+#include "telenano/master/view_model/round_trips.h"
+#include "telenano/master/view_model/strip.h"
+#include "telenano/master/viewer/gui.h"
 
 namespace telenano::viewer {
 

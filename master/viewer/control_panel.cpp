@@ -1,14 +1,14 @@
-#include "master/viewer/control_panel.h"
+#include "telenano/master/viewer/control_panel.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "master/station/station.h"
-#include "master/view_model/words.h"
-#include "master/viewer/limited_slider.h"
-#include "master/viewer/playback_bar.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/view_model/status_text.h"
+#include "telenano/master/viewer/limited_slider.h"
+#include "telenano/master/viewer/playback_bar.h"
 
 namespace telenano::viewer {
 namespace {

@@ -4,12 +4,12 @@
 #include <optional>
 #include <utility>
 
-#include "master/view_model/live_session.h"
-#include "master/view_model/playback.h"
-#include "master/view_model/view_port.h"
-#include "master/viewer/gui.h"
-#include "master/viewer/layout.h"
-#include "master/viewer/view_facts.h"
+#include "telenano/master/view_model/live_session.h"
+#include "telenano/master/view_model/playback.h"
+#include "telenano/master/view_model/view_port.h"
+#include "telenano/master/viewer/gui.h"
+#include "telenano/master/viewer/layout.h"
+#include "telenano/master/viewer/view_facts.h"
 
 namespace telenano::viewer {
 

@@ -1,11 +1,11 @@
-#include "master/viewer/gl.h"
+#include "telenano/master/viewer/gl.h"
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
 #include <numeric>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::viewer {
 namespace {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "master/view_model/camera.h"
-#include "master/view_model/colour_map.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/master/view_model/camera.h"
+#include "telenano/master/view_model/colour_map.h"
 
 /// OpenGL 3.3 core objects that free themselves. A context must be current wherever they are used.
 namespace telenano::viewer {

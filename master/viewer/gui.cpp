@@ -1,11 +1,11 @@
-#include "master/viewer/gui.h"
+#include "telenano/master/viewer/gui.h"
 
 #include <backends/imgui_impl_opengl3.h>
 
 #include <array>
 #include <filesystem>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::viewer {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <imgui.h>
 
-#include "master/viewer/palette.h"
-#include "master/viewer/word_board.h"
+#include "telenano/master/viewer/palette.h"
+#include "telenano/master/viewer/word_board.h"
 
 namespace telenano::viewer {
 

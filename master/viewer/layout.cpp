@@ -1,4 +1,4 @@
-#include "master/viewer/layout.h"
+#include "telenano/master/viewer/layout.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 #include <array>
 #include <cstdint>
 
-#include "master/viewer/scene_renderer.h"
+#include "telenano/master/viewer/scene_renderer.h"
 
 namespace telenano::viewer {
 

@@ -1,8 +1,8 @@
-#include "master/viewer/limited_slider.h"
+#include "telenano/master/viewer/limited_slider.h"
 
 #include <algorithm>
 
-#include "master/view_model/scaling_region.h"
+#include "telenano/master/view_model/scaling_region.h"
 
 namespace telenano::viewer {
 

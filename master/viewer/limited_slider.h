@@ -1,6 +1,6 @@
 #pragma once
 
-#include "master/viewer/gui.h"
+#include "telenano/master/viewer/gui.h"
 
 namespace telenano::viewer {
 

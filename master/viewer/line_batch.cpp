@@ -1,4 +1,4 @@
-#include "master/viewer/line_batch.h"
+#include "telenano/master/viewer/line_batch.h"
 
 #include <Eigen/Geometry>
 #include <cmath>

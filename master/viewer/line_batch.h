@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "master/view_model/camera.h"
-#include "master/view_model/colour_map.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/master/view_model/camera.h"
+#include "telenano/master/view_model/colour_map.h"
 
 namespace telenano::viewer {
 

@@ -1,8 +1,8 @@
-#include "master/viewer/offscreen.h"
+#include "telenano/master/viewer/offscreen.h"
 
 #include <epoxy/egl.h>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::viewer {
 namespace {

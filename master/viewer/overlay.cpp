@@ -1,4 +1,4 @@
-#include "master/viewer/overlay.h"
+#include "telenano/master/viewer/overlay.h"
 
 #include <fmt/format.h>
 
@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "master/view_model/nice_step.h"
-#include "master/view_model/words.h"
+#include "telenano/master/view_model/nice_step.h"
+#include "telenano/master/view_model/status_text.h"
 
 namespace telenano::viewer {
 namespace {

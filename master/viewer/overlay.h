@@ -1,10 +1,10 @@
 #pragma once
 
-#include "master/view_model/live_session.h"
-#include "master/viewer/gui.h"
-#include "master/viewer/scene_renderer.h"
-#include "master/viewer/scene_state.h"
-#include "master/viewer/view_facts.h"
+#include "telenano/master/view_model/live_session.h"
+#include "telenano/master/viewer/gui.h"
+#include "telenano/master/viewer/scene_renderer.h"
+#include "telenano/master/viewer/scene_state.h"
+#include "telenano/master/viewer/view_facts.h"
 
 namespace telenano::viewer {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "master/view_model/colour_map.h"
+#include "telenano/master/view_model/colour_map.h"
 
 /// The colours of the program, one meaning each wherever they appear.
 namespace telenano::viewer::palette {

@@ -1,12 +1,12 @@
-#include "master/viewer/photographer.h"
+#include "telenano/master/viewer/photographer.h"
 
 #include <chrono>
 #include <thread>
 #include <utility>
 
-#include "master/viewer/gl.h"
-#include "master/viewer/offscreen.h"
-#include "master/viewer/viewer.h"
+#include "telenano/master/viewer/gl.h"
+#include "telenano/master/viewer/offscreen.h"
+#include "telenano/master/viewer/viewer.h"
 
 namespace telenano::viewer {
 namespace {

@@ -3,9 +3,9 @@
 #include <functional>
 #include <string>
 
-#include "master/view_model/view_port.h"
-#include "master/viewer/png.h"
-#include "master/viewer/view_hooks.h"
+#include "telenano/master/view_model/view_port.h"
+#include "telenano/master/viewer/png.h"
+#include "telenano/master/viewer/view_hooks.h"
 
 namespace telenano::viewer {
 

@@ -1,4 +1,4 @@
-#include "master/viewer/playback_bar.h"
+#include "telenano/master/viewer/playback_bar.h"
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>

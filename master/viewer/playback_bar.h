@@ -1,8 +1,8 @@
 #pragma once
 
-#include "master/view_model/playback.h"
-#include "master/viewer/gui.h"
-#include "master/viewer/layout.h"
+#include "telenano/master/view_model/playback.h"
+#include "telenano/master/viewer/gui.h"
+#include "telenano/master/viewer/layout.h"
 
 namespace telenano::viewer {
 

@@ -1,9 +1,9 @@
-#include "master/viewer/png.h"
+#include "telenano/master/viewer/png.h"
 
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::viewer {
 

@@ -1,15 +1,15 @@
-#include "master/viewer/scene_renderer.h"
+#include "telenano/master/viewer/scene_renderer.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "master/view_model/meshes.h"
-#include "master/view_model/nice_step.h"
-#include "master/viewer/line_batch.h"
-#include "master/viewer/palette.h"
-#include "master/viewer/shaders.h"
+#include "telenano/master/view_model/meshes.h"
+#include "telenano/master/view_model/nice_step.h"
+#include "telenano/master/viewer/line_batch.h"
+#include "telenano/master/viewer/palette.h"
+#include "telenano/master/viewer/shaders.h"
 
 namespace telenano::viewer {
 namespace {

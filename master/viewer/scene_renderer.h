@@ -1,9 +1,9 @@
 #pragma once
 
-#include "master/view_model/camera.h"
-#include "master/view_model/ground.h"
-#include "master/viewer/gl.h"
-#include "master/viewer/scene_state.h"
+#include "telenano/master/view_model/camera.h"
+#include "telenano/master/view_model/ground.h"
+#include "telenano/master/viewer/gl.h"
+#include "telenano/master/viewer/scene_state.h"
 
 namespace telenano::viewer {
 

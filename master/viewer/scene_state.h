@@ -1,9 +1,9 @@
 #pragma once
 
-#include "common/base/vec3.h"
-#include "common/link/messages.h"
-#include "master/view_model/ground.h"
-#include "master/view_model/trail.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/master/view_model/ground.h"
+#include "telenano/master/view_model/trail.h"
 
 namespace telenano::viewer {
 

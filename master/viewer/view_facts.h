@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "master/view_model/scaling_region.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/master/view_model/scaling_region.h"
 
 namespace telenano::viewer {
 

@@ -5,11 +5,11 @@
 #include <string>
 #include <vector>
 
-#include "common/rt/latest_value.h"
-#include "master/device/pointer_device.h"
-#include "master/view_model/ground.h"
-#include "master/view_model/playback.h"
-#include "master/viewer/view_facts.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/master/device/pointer_device.h"
+#include "telenano/master/view_model/ground.h"
+#include "telenano/master/view_model/playback.h"
+#include "telenano/master/viewer/view_facts.h"
 
 namespace telenano::viewer {
 

@@ -1,4 +1,4 @@
-#include "master/viewer/viewer.h"
+#include "telenano/master/viewer/viewer.h"
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
@@ -9,11 +9,11 @@
 #include <cmath>
 #include <utility>
 
-#include "common/base/constants.h"
-#include "master/device/haptic_device.h"
-#include "master/viewer/charts.h"
-#include "master/viewer/overlay.h"
-#include "master/viewer/playback_bar.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/viewer/charts.h"
+#include "telenano/master/viewer/overlay.h"
+#include "telenano/master/viewer/playback_bar.h"
 
 namespace telenano::viewer {
 namespace {

@@ -4,16 +4,16 @@
 #include <string>
 #include <vector>
 
-#include "master/view_model/camera.h"
-#include "master/view_model/ground.h"
-#include "master/view_model/live_session.h"
-#include "master/view_model/pointer_hand.h"
-#include "master/view_model/view_port.h"
-#include "master/viewer/control_panel.h"
-#include "master/viewer/gui.h"
-#include "master/viewer/layout.h"
-#include "master/viewer/scene_renderer.h"
-#include "master/viewer/view_facts.h"
+#include "telenano/master/view_model/camera.h"
+#include "telenano/master/view_model/ground.h"
+#include "telenano/master/view_model/live_session.h"
+#include "telenano/master/view_model/pointer_hand.h"
+#include "telenano/master/view_model/view_port.h"
+#include "telenano/master/viewer/control_panel.h"
+#include "telenano/master/viewer/gui.h"
+#include "telenano/master/viewer/layout.h"
+#include "telenano/master/viewer/scene_renderer.h"
+#include "telenano/master/viewer/view_facts.h"
 
 namespace telenano::viewer {
 

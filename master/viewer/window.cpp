@@ -1,4 +1,4 @@
-#include "master/viewer/window.h"
+#include "telenano/master/viewer/window.h"
 
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE
@@ -16,9 +16,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/error.h"
-#include "master/viewer/png.h"
-#include "master/viewer/viewer.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/viewer/png.h"
+#include "telenano/master/viewer/viewer.h"
 
 namespace telenano::viewer {
 namespace {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "common/rt/log_histogram.h"
-#include "master/view_model/view_port.h"
-#include "master/viewer/view_hooks.h"
+#include "telenano/common/rt/log_histogram.h"
+#include "telenano/master/view_model/view_port.h"
+#include "telenano/master/viewer/view_hooks.h"
 
 namespace telenano::viewer {
 

@@ -1,9 +1,9 @@
-#include "nve_server/afm/afm_adapters.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
 
 #include <array>
 
-#include "common/base/error.h"
-#include "nve_server/afm/nanonis_adapter.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/afm/nanonis_adapter.h"
 
 namespace telenano::afm {
 namespace {

@@ -5,8 +5,8 @@
 #include <string_view>
 #include <vector>
 
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm/afm_port.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_port.h"
 
 namespace telenano::afm {
 

@@ -2,8 +2,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/afm/afm_units.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm/afm_units.h"
 
 namespace telenano::afm {
 

@@ -1,8 +1,8 @@
-#include "nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_config.h"
 
 #include <filesystem>
 
-#include "common/config/toml_document.h"
+#include "telenano/common/config/toml_document.h"
 
 namespace telenano::afm {
 

@@ -1,4 +1,4 @@
-#include "nve_server/afm/afm_driver.h"
+#include "telenano/nve_server/afm/afm_driver.h"
 
 #include <poll.h>
 #include <sys/socket.h>
@@ -9,9 +9,9 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/afm/afm_adapters.h"
-#include "nve_server/afm/guard.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
+#include "telenano/nve_server/afm/guard.h"
 
 namespace telenano::afm {
 namespace {

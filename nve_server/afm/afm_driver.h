@@ -9,9 +9,9 @@
 #include <string>
 #include <thread>
 
-#include "common/net/tcp.h"
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_logic.h"
+#include "telenano/common/net/tcp.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_logic.h"
 
 namespace telenano::afm {
 
@@ -69,7 +69,7 @@ class AfmDriver {
   std::function<void(const std::string&)> news_;
   std::array<Stream, kRoles> streams_;
   bool emergency_open_ = false;
-  PortWish wish_;
+  PortTarget wish_;
   std::uint64_t told_ = 0;
   std::int64_t approval_asked_ns_ = 0;
   std::atomic<bool> stop_{false};

@@ -1,13 +1,13 @@
-#include "nve_server/afm/afm_exchange.h"
+#include "telenano/nve_server/afm/afm_exchange.h"
 
 namespace telenano::afm {
 
-void AfmExchange::store_wish(const PortWish& w) noexcept {
+void AfmExchange::store_wish(const PortTarget& w) noexcept {
   wish_.store({w.time_ns, w.session, w.clears, plain(w.target_w_nm), static_cast<std::uint8_t>(w.follow),
                static_cast<std::uint8_t>(w.retract), static_cast<std::uint8_t>(w.wanted)});
 }
 
-bool AfmExchange::load_wish(PortWish& w) const noexcept {
+bool AfmExchange::load_wish(PortTarget& w) const noexcept {
   PlainWish p{};
   if (!wish_.try_load(p)) return false;
   w = {p.time_ns, p.session, p.clears, vector(p.target), p.follow != 0, p.retract != 0, p.wanted != 0};

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <string_view>
 
-#include "common/base/vec3.h"
-#include "common/link/messages.h"
-#include "common/rt/latest_value.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/rt/latest_value.h"
 
 namespace telenano::afm {
 
@@ -15,7 +15,7 @@ namespace telenano::afm {
 /// drift taken out. Positions are those of the lever's base: of the apex, if no force acts.
 
 /// What the port wants, from the server's loop to the controller's thread.
-struct PortWish {
+struct PortTarget {
   std::int64_t time_ns = 0;   ///< of the last step: its age says whether there is still a session
   std::uint64_t session = 0;  ///< counts the slaves that were told anything; 0: none yet
   std::uint64_t clears = 0;   ///< counts the times that an operator cleared the latch
@@ -87,8 +87,8 @@ struct PortState {
 /// Both, between one loop and one thread that never wait for each other.
 class AfmExchange {
  public:
-  void store_wish(const PortWish& wish) noexcept;
-  bool load_wish(PortWish& wish) const noexcept;
+  void store_wish(const PortTarget& wish) noexcept;
+  bool load_wish(PortTarget& wish) const noexcept;
   void store_state(const PortState& state) noexcept;
   bool load_state(PortState& state) const noexcept;
 

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/afm/afm_units.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm/afm_units.h"
 
 namespace telenano::afm {
 

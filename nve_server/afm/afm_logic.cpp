@@ -1,10 +1,10 @@
-#include "nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm/afm_logic.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "nve_server/afm/afm_units.h"
+#include "telenano/nve_server/afm/afm_units.h"
 
 namespace telenano::afm {
 
@@ -386,7 +386,7 @@ bool AfmLogic::next_emergency(std::int64_t now_ns, AfmCommand& call) {
   return send(Role::kEmergency, {AfmOp::kAskStatus}, now_ns, call);
 }
 
-void AfmLogic::tick(std::int64_t now_ns, const PortWish& wish) {
+void AfmLogic::tick(std::int64_t now_ns, const PortTarget& wish) {
   wish_ = wish;
   state_.time_ns = now_ns;
   for (std::size_t i = 0; i < kRoles; ++i) {

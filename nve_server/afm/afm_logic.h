@@ -5,13 +5,13 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm/afm_exchange.h"
-#include "nve_server/afm/afm_port.h"
-#include "nve_server/afm/motion_history.h"
-#include "nve_server/afm/signal_watch.h"
-#include "nve_server/afm/touch_model.h"
-#include "nve_server/afm/work_book.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_exchange.h"
+#include "telenano/nve_server/afm/afm_port.h"
+#include "telenano/nve_server/afm/motion_history.h"
+#include "telenano/nve_server/afm/signal_watch.h"
+#include "telenano/nve_server/afm/touch_model.h"
+#include "telenano/nve_server/afm/work_book.h"
 
 namespace telenano::afm {
 
@@ -53,7 +53,7 @@ class AfmLogic {
   const AfmCommand* waits_for(Role role) const noexcept;
 
   /// Time goes on: time-outs, latches. Call it before next(), at least every few milliseconds.
-  void tick(std::int64_t now_ns, const PortWish& wish);
+  void tick(std::int64_t now_ns, const PortTarget& wish);
 
   void withdraw(Cause cause, std::int64_t now_ns);
   /// Before the start: no approach after the checks, until approve() or an operator who wants to engage.
@@ -147,7 +147,7 @@ class AfmLogic {
   std::string news_;
   std::uint64_t news_count_ = 0;
   PortState state_;
-  PortWish wish_;
+  PortTarget wish_;
   std::uint64_t cleared_ = 0;
 
   // What the rig said.

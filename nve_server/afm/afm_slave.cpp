@@ -1,4 +1,4 @@
-#include "nve_server/afm/afm_slave.h"
+#include "telenano/nve_server/afm/afm_slave.h"
 
 #include <algorithm>
 #include <cmath>

@@ -2,10 +2,10 @@
 
 #include <memory>
 
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm/afm_exchange.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_exchange.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::afm {
 
@@ -40,7 +40,7 @@ class AfmSlave final : public slave::Slave {
   double lag_nm_;
   std::shared_ptr<AfmExchange> exchange_;
   const rt::Clock& clock_;
-  PortWish wish_;
+  PortTarget wish_;
   PortState state_;
   bool wanted_ = false;
   std::uint64_t opening_ = 0;  // of the session that wanted to engage last

@@ -1,16 +1,16 @@
-#include "nve_server/afm/deadman_link.h"
+#include "telenano/nve_server/afm/deadman_link.h"
 
 #include <poll.h>
 
 #include <algorithm>
 #include <random>
 
-#include "common/base/error.h"
-#include "common/hash/sha256.h"
-#include "common/net/tcp.h"
-#include "common/net/udp.h"
-#include "common/rt/steady_clock.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/hash/sha256.h"
+#include "telenano/common/net/tcp.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm {
 namespace {

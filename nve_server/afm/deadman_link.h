@@ -7,8 +7,8 @@
 #include <string>
 #include <string_view>
 
-#include "common/net/datagram.h"
-#include "nve_server/nanonis/codec.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 namespace telenano::afm {
 

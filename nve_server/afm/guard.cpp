@@ -1,4 +1,4 @@
-#include "nve_server/afm/guard.h"
+#include "telenano/nve_server/afm/guard.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -21,11 +21,11 @@
 #include <string_view>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/net/tcp.h"
-#include "common/net/udp.h"
-#include "common/rt/steady_clock.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/net/tcp.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 extern char** environ;
 

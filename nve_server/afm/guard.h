@@ -5,9 +5,9 @@
 #include <optional>
 #include <string>
 
-#include "common/net/datagram.h"
-#include "nve_server/afm/deadman_link.h"
-#include "nve_server/nanonis/codec.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/nve_server/afm/deadman_link.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 namespace telenano::afm {
 

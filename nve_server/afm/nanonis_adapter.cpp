@@ -1,10 +1,10 @@
-#include "nve_server/afm/nanonis_adapter.h"
+#include "telenano/nve_server/afm/nanonis_adapter.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "nve_server/afm/afm_units.h"
+#include "telenano/nve_server/afm/afm_units.h"
 
 namespace telenano::afm {
 

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm/afm_port.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_port.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm {
 

@@ -1,4 +1,4 @@
-#include "nve_server/afm/signal_watch.h"
+#include "telenano/nve_server/afm/signal_watch.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,10 +1,10 @@
-#include "nve_server/afm/touch_model.h"
+#include "telenano/nve_server/afm/touch_model.h"
 
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::afm {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 
 namespace telenano::afm_sim {
 

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::afm_sim {
 

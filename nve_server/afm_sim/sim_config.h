@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "nve_server/nanonis/codec.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 namespace telenano::afm_sim {
 

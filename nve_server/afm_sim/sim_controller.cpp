@@ -1,10 +1,10 @@
-#include "nve_server/afm_sim/sim_controller.h"
+#include "telenano/nve_server/afm_sim/sim_controller.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::afm_sim {
 

@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <memory>
 
-#include "common/base/random.h"
-#include "nve_server/afm_sim/sim_config.h"
-#include "nve_server/afm_sim/sim_tip.h"
-#include "nve_server/nanonis/codec.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/afm_sim/sim_config.h"
+#include "telenano/nve_server/afm_sim/sim_tip.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 namespace telenano::afm_sim {
 

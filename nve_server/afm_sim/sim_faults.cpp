@@ -1,4 +1,4 @@
-#include "nve_server/afm_sim/sim_faults.h"
+#include "telenano/nve_server/afm_sim/sim_faults.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,9 +6,9 @@
 #include <sstream>
 #include <string_view>
 
-#include "common/base/det_math.h"
-#include "common/base/error.h"
-#include "common/base/random.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::afm_sim {
 namespace {

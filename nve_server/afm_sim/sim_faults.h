@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/afm_sim/sim_config.h"
+#include "telenano/nve_server/afm_sim/sim_config.h"
 
 namespace telenano::afm_sim {
 

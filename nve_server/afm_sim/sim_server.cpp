@@ -1,4 +1,4 @@
-#include "nve_server/afm_sim/sim_server.h"
+#include "telenano/nve_server/afm_sim/sim_server.h"
 
 #include <poll.h>
 #include <sys/stat.h>
@@ -7,7 +7,7 @@
 #include <cstdio>
 #include <fstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::afm_sim {
 

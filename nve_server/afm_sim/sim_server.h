@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "common/net/tcp.h"
-#include "common/rt/clock.h"
-#include "nve_server/afm_sim/sim_controller.h"
-#include "nve_server/afm_sim/sim_faults.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/common/net/tcp.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm_sim/sim_controller.h"
+#include "telenano/nve_server/afm_sim/sim_faults.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm_sim {
 

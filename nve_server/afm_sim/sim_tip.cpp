@@ -1,10 +1,10 @@
-#include "nve_server/afm_sim/sim_tip.h"
+#include "telenano/nve_server/afm_sim/sim_tip.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
-#include "common/base/error.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::afm_sim {
 

@@ -2,11 +2,11 @@
 
 #include <memory>
 
-#include "common/base/vec3.h"
-#include "nve_server/afm_sim/sim_config.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/tip_equilibrium.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/afm_sim/sim_config.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::afm_sim {
 

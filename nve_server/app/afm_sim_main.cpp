@@ -8,15 +8,15 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/base/version.h"
-#include "common/config/completion.h"
-#include "common/config/program.h"
-#include "common/net/udp.h"
-#include "common/rt/steady_clock.h"
-#include "nve_server/afm_sim/default_scene.h"
-#include "nve_server/afm_sim/sim_server.h"
-#include "nve_server/app/port_list.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/version.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/config/program.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm_sim/sim_server.h"
+#include "telenano/nve_server/app/port_list.h"
 
 namespace {
 

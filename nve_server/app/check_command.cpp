@@ -1,4 +1,4 @@
-#include "nve_server/app/check_command.h"
+#include "telenano/nve_server/app/check_command.h"
 
 #include <algorithm>
 #include <chrono>
@@ -8,13 +8,13 @@
 #include <memory>
 #include <vector>
 
-#include "common/config/completion.h"
-#include "common/config/slave_limits_file.h"
-#include "nve_server/app/scene_loading.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/scene/scene_summary.h"
-#include "nve_server/scene/scene_terms.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/config/slave_limits_file.h"
+#include "telenano/nve_server/app/scene_loading.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene_summary.h"
+#include "telenano/nve_server/scene/scene_terms.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::app {
 namespace {

@@ -1,13 +1,13 @@
-#include "nve_server/app/curve_command.h"
+#include "telenano/nve_server/app/curve_command.h"
 
 #include <cstdio>
 #include <memory>
 #include <optional>
 
-#include "common/config/completion.h"
-#include "nve_server/app/scene_loading.h"
-#include "nve_server/scene/force_curve.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/nve_server/app/scene_loading.h"
+#include "telenano/nve_server/scene/force_curve.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/app/gwyddion_convert.h"
+#include "telenano/nve_server/app/gwyddion_convert.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -20,8 +20,8 @@
 #include <sstream>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/import/gwy_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/import/gwy_file.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/app/import_command.h"
+#include "telenano/nve_server/app/import_command.h"
 
 #include <fcntl.h>
 #include <stdio.h>
@@ -18,15 +18,15 @@
 #include <string>
 #include <vector>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "common/surface/gsf.h"
-#include "nve_server/app/gwyddion_convert.h"
-#include "nve_server/import/clean_scan.h"
-#include "nve_server/import/gwy_file.h"
-#include "nve_server/import/imported_scene.h"
-#include "nve_server/import/tip_erosion.h"
-#include "nve_server/scene/levelling.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/app/gwyddion_convert.h"
+#include "telenano/nve_server/import/clean_scan.h"
+#include "telenano/nve_server/import/gwy_file.h"
+#include "telenano/nve_server/import/imported_scene.h"
+#include "telenano/nve_server/import/tip_erosion.h"
+#include "telenano/nve_server/scene/levelling.h"
 
 namespace telenano::app {
 namespace {

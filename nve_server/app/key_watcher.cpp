@@ -1,4 +1,4 @@
-#include "nve_server/app/key_watcher.h"
+#include "telenano/nve_server/app/key_watcher.h"
 
 #include <sys/stat.h>
 
@@ -6,7 +6,7 @@
 #include <exception>
 #include <utility>
 
-#include "common/security/key_list.h"
+#include "telenano/common/security/key_list.h"
 
 namespace telenano::app {
 namespace {

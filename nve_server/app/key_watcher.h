@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/security/dtls_server.h"
+#include "telenano/common/security/dtls_server.h"
 
 namespace telenano::app {
 

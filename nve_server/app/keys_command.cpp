@@ -1,12 +1,12 @@
-#include "nve_server/app/keys_command.h"
+#include "telenano/nve_server/app/keys_command.h"
 
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "common/net/rights.h"
-#include "common/security/key_admin.h"
+#include "telenano/common/net/rights.h"
+#include "telenano/common/security/key_admin.h"
 
 namespace telenano::app {
 namespace {

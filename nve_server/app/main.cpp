@@ -3,21 +3,21 @@
 #include <string>
 #include <utility>
 
-#include "common/base/version.h"
-#include "common/config/program.h"
-#include "common/hash/sha256.h"
-#include "nve_server/app/check_command.h"
-#include "nve_server/app/curve_command.h"
-#include "nve_server/app/import_command.h"
-#include "nve_server/app/keys_command.h"
-#include "nve_server/app/scene_loading.h"
-#include "nve_server/app/serve_afm.h"
-#include "nve_server/app/serve_command.h"
-#include "nve_server/app/surface_keeper.h"
-#include "nve_server/app/trace_command.h"
-#include "nve_server/scene/scene_bundle.h"
-#include "nve_server/slave/canonical_motion.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/version.h"
+#include "telenano/common/config/program.h"
+#include "telenano/common/hash/sha256.h"
+#include "telenano/nve_server/app/check_command.h"
+#include "telenano/nve_server/app/curve_command.h"
+#include "telenano/nve_server/app/import_command.h"
+#include "telenano/nve_server/app/keys_command.h"
+#include "telenano/nve_server/app/scene_loading.h"
+#include "telenano/nve_server/app/serve_afm.h"
+#include "telenano/nve_server/app/serve_command.h"
+#include "telenano/nve_server/app/surface_keeper.h"
+#include "telenano/nve_server/app/trace_command.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
+#include "telenano/nve_server/slave/canonical_motion.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "nve_server/app/path_file.h"
+#include "telenano/nve_server/app/path_file.h"
 
 #include <cerrno>
 #include <charconv>
@@ -9,7 +9,7 @@
 #include <sstream>
 #include <string_view>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::app {
 namespace {

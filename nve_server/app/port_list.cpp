@@ -1,9 +1,9 @@
-#include "nve_server/app/port_list.h"
+#include "telenano/nve_server/app/port_list.h"
 
 #include <algorithm>
 #include <charconv>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/app/reload_watcher.h"
+#include "telenano/nve_server/app/reload_watcher.h"
 
 #include <chrono>
 #include <utility>

@@ -1,13 +1,13 @@
-#include "nve_server/app/scene_loading.h"
+#include "telenano/nve_server/app/scene_loading.h"
 
 #include <unistd.h>
 
 #include <chrono>
 #include <cstdio>
 
-#include "nve_server/app/server_signals.h"
-#include "nve_server/app/service_notify.h"
-#include "nve_server/scene/fields_cache.h"
+#include "telenano/nve_server/app/server_signals.h"
+#include "telenano/nve_server/app/service_notify.h"
+#include "telenano/nve_server/scene/fields_cache.h"
 
 namespace telenano::app {
 

@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "nve_server/scene/scene.h"
-#include "nve_server/scene/scene_bundle.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
 
 namespace telenano::app {
 

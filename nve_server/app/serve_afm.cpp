@@ -1,4 +1,4 @@
-#include "nve_server/app/serve_afm.h"
+#include "telenano/nve_server/app/serve_afm.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -8,16 +8,16 @@
 #include <optional>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/hash/sha256.h"
-#include "common/net/udp.h"
-#include "common/security/private_file.h"
-#include "nve_server/afm/afm_adapters.h"
-#include "nve_server/afm/afm_driver.h"
-#include "nve_server/afm/afm_slave.h"
-#include "nve_server/afm/guard.h"
-#include "nve_server/app/port_list.h"
-#include "nve_server/app/tip_latch.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/hash/sha256.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/security/private_file.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
+#include "telenano/nve_server/afm/afm_driver.h"
+#include "telenano/nve_server/afm/afm_slave.h"
+#include "telenano/nve_server/afm/guard.h"
+#include "telenano/nve_server/app/port_list.h"
+#include "telenano/nve_server/app/tip_latch.h"
 
 namespace telenano::app {
 

@@ -7,8 +7,8 @@
 #include <memory>
 #include <string>
 
-#include "common/rt/clock.h"
-#include "nve_server/server/server.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "nve_server/app/serve_command.h"
+#include "telenano/nve_server/app/serve_command.h"
 
 #include <fmt/format.h>
 #include <spdlog/sinks/stdout_sinks.h>
@@ -15,20 +15,20 @@
 #include <thread>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/config/completion.h"
-#include "common/metrics/exporter.h"
-#include "common/net/udp.h"
-#include "common/rt/realtime_thread.h"
-#include "common/rt/steady_clock.h"
-#include "nve_server/app/key_watcher.h"
-#include "nve_server/app/reload_watcher.h"
-#include "nve_server/app/serve_afm.h"
-#include "nve_server/app/serve_metrics.h"
-#include "nve_server/app/serve_security.h"
-#include "nve_server/app/serve_workers.h"
-#include "nve_server/app/server_signals.h"
-#include "nve_server/app/service_notify.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/metrics/exporter.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/app/key_watcher.h"
+#include "telenano/nve_server/app/reload_watcher.h"
+#include "telenano/nve_server/app/serve_afm.h"
+#include "telenano/nve_server/app/serve_metrics.h"
+#include "telenano/nve_server/app/serve_security.h"
+#include "telenano/nve_server/app/serve_workers.h"
+#include "telenano/nve_server/app/server_signals.h"
+#include "telenano/nve_server/app/service_notify.h"
 
 namespace telenano::app {
 namespace {

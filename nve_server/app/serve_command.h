@@ -4,7 +4,7 @@
 #include <functional>
 #include <string>
 
-#include "nve_server/server/server.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::app {
 

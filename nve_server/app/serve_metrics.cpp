@@ -1,11 +1,11 @@
-#include "nve_server/app/serve_metrics.h"
+#include "telenano/nve_server/app/serve_metrics.h"
 
 #include <algorithm>
 #include <array>
 #include <memory>
 #include <string>
 
-#include "common/base/version.h"
+#include "telenano/common/base/version.h"
 
 namespace telenano::app {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <vector>
 
-#include "common/metrics/page.h"
-#include "common/security/dtls_server.h"
-#include "nve_server/server/server_loop.h"
+#include "telenano/common/metrics/page.h"
+#include "telenano/common/security/dtls_server.h"
+#include "telenano/nve_server/server/server_loop.h"
 
 namespace telenano::app {
 

@@ -1,10 +1,10 @@
-#include "nve_server/app/serve_security.h"
+#include "telenano/nve_server/app/serve_security.h"
 
 #include <filesystem>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/security/key_list.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/key_list.h"
 
 namespace telenano::app {
 

@@ -5,9 +5,9 @@
 #include <memory>
 #include <string>
 
-#include "common/net/datagram.h"
-#include "common/rt/clock.h"
-#include "common/security/dtls_server.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/common/security/dtls_server.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "nve_server/app/serve_workers.h"
+#include "telenano/nve_server/app/serve_workers.h"
 
 #include <algorithm>
 #include <thread>

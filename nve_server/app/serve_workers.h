@@ -7,16 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "common/net/udp.h"
-#include "common/net/udp_batch.h"
-#include "common/rt/clock.h"
-#include "common/rt/realtime_thread.h"
-#include "common/security/dtls_server.h"
-#include "nve_server/app/serve_security.h"
-#include "nve_server/app/server_signals.h"
-#include "nve_server/server/server_loop.h"
-#include "nve_server/server/session_cap.h"
-#include "nve_server/server/worker_mail.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/net/udp_batch.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/common/security/dtls_server.h"
+#include "telenano/nve_server/app/serve_security.h"
+#include "telenano/nve_server/app/server_signals.h"
+#include "telenano/nve_server/server/server_loop.h"
+#include "telenano/nve_server/server/session_cap.h"
+#include "telenano/nve_server/server/worker_mail.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "nve_server/app/server_signals.h"
+#include "telenano/nve_server/app/server_signals.h"
 
 #include <csignal>
 

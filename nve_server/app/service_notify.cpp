@@ -1,4 +1,4 @@
-#include "nve_server/app/service_notify.h"
+#include "telenano/nve_server/app/service_notify.h"
 
 #ifdef TELENANO_SYSTEMD
 #include <systemd/sd-daemon.h>

@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "nve_server/server/server_loop.h"
+#include "telenano/nve_server/server/server_loop.h"
 
 namespace telenano::app {
 

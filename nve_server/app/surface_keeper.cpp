@@ -1,4 +1,4 @@
-#include "nve_server/app/surface_keeper.h"
+#include "telenano/nve_server/app/surface_keeper.h"
 
 #include <algorithm>
 #include <cctype>
@@ -7,11 +7,11 @@
 #include <filesystem>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/rt/background.h"
-#include "common/rt/spsc_queue.h"
-#include "common/surface/gsf.h"
-#include "nve_server/physics/mark_journal.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/background.h"
+#include "telenano/common/rt/spsc_queue.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/mark_journal.h"
 
 namespace telenano::app {
 namespace {

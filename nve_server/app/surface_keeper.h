@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "nve_server/app/tip_latch.h"
+#include "telenano/nve_server/app/tip_latch.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -12,8 +12,8 @@
 #include <random>
 #include <system_error>
 
-#include "common/base/error.h"
-#include "common/security/private_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/private_file.h"
 
 namespace telenano::app {
 namespace {

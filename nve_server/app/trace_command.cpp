@@ -1,4 +1,4 @@
-#include "nve_server/app/trace_command.h"
+#include "telenano/nve_server/app/trace_command.h"
 
 #include <unistd.h>
 
@@ -11,14 +11,14 @@
 #include <memory>
 #include <string>
 
-#include "common/base/error.h"
-#include "common/config/completion.h"
-#include "common/surface/gsf.h"
-#include "nve_server/app/path_file.h"
-#include "nve_server/app/scene_loading.h"
-#include "nve_server/scene/force_curve.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/app/path_file.h"
+#include "telenano/nve_server/app/scene_loading.h"
+#include "telenano/nve_server/scene/force_curve.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/import/clean_scan.h"
+#include "telenano/nve_server/import/clean_scan.h"
 
 #include <algorithm>
 #include <array>

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/surface/height_grid.h"
+#include "telenano/common/surface/height_grid.h"
 
 /// What is done to a scan before it is touched. Grids have 2 or more columns and rows, and finite heights
 /// where nothing else is said.

@@ -1,4 +1,4 @@
-#include "nve_server/import/gwy_file.h"
+#include "telenano/nve_server/import/gwy_file.h"
 
 #include <algorithm>
 #include <bit>

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/surface/height_grid.h"
+#include "telenano/common/surface/height_grid.h"
 
 /// Gwyddion's native files (.gwy), read by what their format's documentation says (Gwyddion user guide,
 /// "Gwyddion native format", http://gwyddion.net/documentation/user-guide-en/gwyfile-format.html): `GWYP`,

@@ -1,9 +1,9 @@
-#include "nve_server/import/imported_scene.h"
+#include "telenano/nve_server/import/imported_scene.h"
 
 #include <algorithm>
 #include <sstream>
 
-#include "nve_server/import/gwy_file.h"
+#include "telenano/nve_server/import/gwy_file.h"
 
 namespace telenano::import {
 

@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/surface/gsf.h"
+#include "telenano/common/surface/gsf.h"
 
 namespace telenano::import {
 

@@ -1,4 +1,4 @@
-#include "nve_server/import/tip_erosion.h"
+#include "telenano/nve_server/import/tip_erosion.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/surface/height_grid.h"
+#include "telenano/common/surface/height_grid.h"
 
 /// What a blunt tip has hidden (J. S. Villarrubia, "Algorithms for scanned probe microscope image simulation,
 /// surface reconstruction, and tip estimation", J. Res. Natl. Inst. Stand. Technol. 102, 425 (1997)), for a

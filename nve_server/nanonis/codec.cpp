@@ -1,4 +1,4 @@
-#include "nve_server/nanonis/codec.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 #include <algorithm>
 #include <bit>

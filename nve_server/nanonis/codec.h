@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "nve_server/nanonis/commands.h"
+#include "telenano/nve_server/nanonis/commands.h"
 
 namespace telenano::nanonis {
 

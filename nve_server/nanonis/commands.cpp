@@ -1,4 +1,4 @@
-#include "nve_server/nanonis/commands.h"
+#include "telenano/nve_server/nanonis/commands.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::nanonis {
 

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <span>
 
-#include "nve_server/nanonis/codec.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 namespace telenano::nanonis {
 

@@ -1,11 +1,11 @@
-#include "nve_server/physics/adhesive_curve.h"
+#include "telenano/nve_server/physics/adhesive_curve.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "common/base/det_math.h"
-#include "nve_server/physics/joined_law.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/joined_law.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "nve_server/physics/closed_form_laws.h"
-#include "nve_server/physics/contact_curve.h"
+#include "telenano/nve_server/physics/closed_form_laws.h"
+#include "telenano/nve_server/physics/contact_curve.h"
 
 namespace telenano::physics {
 

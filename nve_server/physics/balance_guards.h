@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 /// What keeps Newton's method of tip_equilibrium.cpp from going round in circles.
 namespace telenano::physics {

@@ -1,4 +1,4 @@
-#include "nve_server/physics/bicubic_spline.h"
+#include "telenano/nve_server/physics/bicubic_spline.h"
 
 #include <algorithm>
 #include <bit>

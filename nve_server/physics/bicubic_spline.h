@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "nve_server/physics/height_grid.h"
-#include "nve_server/physics/height_jet.h"
+#include "telenano/nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/height_jet.h"
 
 namespace telenano::physics {
 

@@ -1,12 +1,12 @@
-#include "nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/branch_potential.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {
@@ -88,14 +88,14 @@ TipShape shape_of(const LongRangeParameters& p) noexcept {  // checked by the la
 template <class Use>
 auto with_curve(const TipSampleParameters& p, double lambda, const Use& use) {
   switch (p.model) {
-    case ContactModel::kHertz:
+    case ContactLaw::kHertz:
       return use(HertzianCurve(lambda, 0.0));
-    case ContactModel::kDmt:
+    case ContactLaw::kDmt:
       return use(HertzianCurve(lambda, 2.0));
-    case ContactModel::kJkr:
-    case ContactModel::kSchwarz:
-    case ContactModel::kCarpickOgletreeSalmeron:
-    case ContactModel::kPietrementTroyon:
+    case ContactLaw::kJkr:
+    case ContactLaw::kSchwarz:
+    case ContactLaw::kCarpickOgletreeSalmeron:
+    case ContactLaw::kPietrementTroyon:
       return use(AdhesiveCurve(lambda, closed_form_coefficients(p.model, lambda), p.van_der_waals));
     default:
       return use(MaugisDugdale(lambda));
@@ -124,9 +124,9 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
       medium_(law.media().of(wet)),
       unit_(medium_.scales(1.0)),
       cut_off_nm_(law.parameters().equilibrium_distance_nm),
-      model_moves_(law.parameters().model == ContactModel::kSchwarz ||
-                   law.parameters().model == ContactModel::kCarpickOgletreeSalmeron ||
-                   law.parameters().model == ContactModel::kPietrementTroyon) {
+      model_moves_(law.parameters().model == ContactLaw::kSchwarz ||
+                   law.parameters().model == ContactLaw::kCarpickOgletreeSalmeron ||
+                   law.parameters().model == ContactLaw::kPietrementTroyon) {
   const TipSampleParameters& p = law_.parameters();
   if (!(std::isfinite(nominal_radius_nm) && nominal_radius_nm > 0)) {
     throw UserError("potential of tip and sample: the radius must be positive and finite (nm), not " +
@@ -144,7 +144,7 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
       const double middle = 0.5 * (low + high);
       (at_radius(middle).reversible ? low : high) = middle;
     }
-    if (p.model == ContactModel::kMaugisDugdale) {
+    if (p.model == ContactLaw::kMaugisDugdale) {
       const double apart = 3.0 * det_log(kFoldInContact / medium_.scales(det_exp(low)).lambda);
       step_ = apart / std::ceil(apart / kPiece);
     }
@@ -203,7 +203,7 @@ BranchPotential::AtRadius BranchPotential::at_radius(double log_radius) const {
     } else {
       out.leave_nm = curve.fold({1.0, 0.0}).overlap * s.overlap_nm;
       out.enter_nm = -curve.range() * s.overlap_nm;
-      out.reversible = p.model == ContactModel::kHertz;
+      out.reversible = p.model == ContactLaw::kHertz;
     }
     return out;
   });
@@ -212,7 +212,7 @@ BranchPotential::AtRadius BranchPotential::at_radius(double log_radius) const {
 double BranchPotential::offset_slope(double log_radius) const {
   const TipSampleParameters& p = law_.parameters();
   if (!p.van_der_waals) return 0;
-  if (p.model == ContactModel::kMaugisDugdale) {
+  if (p.model == ContactLaw::kMaugisDugdale) {
     const ContactScales s = medium_.scales(det_exp(log_radius));
     const MaugisDugdale curve(s.lambda);
     const OutsideLaw outside(s.lambda);

@@ -4,11 +4,11 @@
 #include <optional>
 #include <vector>
 
-#include "nve_server/physics/bridge_potential.h"
-#include "nve_server/physics/far_term.h"
-#include "nve_server/physics/potential_jet.h"
-#include "nve_server/physics/softening.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/bridge_potential.h"
+#include "telenano/nve_server/physics/far_term.h"
+#include "telenano/nve_server/physics/potential_jet.h"
+#include "telenano/nve_server/physics/softening.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
 

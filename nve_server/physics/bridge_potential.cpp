@@ -1,10 +1,10 @@
-#include "nve_server/physics/bridge_potential.h"
+#include "telenano/nve_server/physics/bridge_potential.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::physics {
 

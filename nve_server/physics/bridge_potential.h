@@ -1,7 +1,7 @@
 #pragma once
 
-#include "nve_server/physics/capillary.h"
-#include "nve_server/physics/potential_jet.h"
+#include "telenano/nve_server/physics/capillary.h"
+#include "telenano/nve_server/physics/potential_jet.h"
 
 namespace telenano::physics {
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "nve_server/physics/long_range_point.h"
+#include "telenano/nve_server/physics/long_range_point.h"
 
 namespace telenano::physics {
 

@@ -1,9 +1,9 @@
-#include "nve_server/physics/closed_form_laws.h"
+#include "telenano/nve_server/physics/closed_form_laws.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::physics {
 namespace {
@@ -34,22 +34,22 @@ ClosedFormCoefficients pietrement_troyon(double alpha, double pull_off, double a
 
 }  // namespace
 
-ClosedFormCoefficients closed_form_coefficients(ContactModel model, double lambda) noexcept {
+ClosedFormCoefficients closed_form_coefficients(ContactLaw model, double lambda) noexcept {
   switch (model) {
-    case ContactModel::kHertz:
+    case ContactLaw::kHertz:
       return {};
-    case ContactModel::kDmt:
+    case ContactLaw::kDmt:
       return {1.0, 0.0, 2.0, 0.0, 1.0};
-    case ContactModel::kSchwarz: {
+    case ContactLaw::kSchwarz: {
       const double x = 4.04 * power(lambda, 1.4);
       return schwarz(x < 1e300 ? x / (1.0 + x) : 1.0);
     }
-    case ContactModel::kCarpickOgletreeSalmeron:
-    case ContactModel::kPietrementTroyon: {
+    case ContactLaw::kCarpickOgletreeSalmeron:
+    case ContactLaw::kPietrementTroyon: {
       // 1 - exp(-x) is x for the smallest lambda, where the difference would lose digits.
       const double x = lambda / 0.924;
       const double alpha = (x < 1e-5 ? x * (1.0 - 0.5 * x) : 1.0 - det_exp(-x)) / 1.02;
-      if (model == ContactModel::kPietrementTroyon) {
+      if (model == ContactLaw::kPietrementTroyon) {
         return pietrement_troyon(
             alpha, 2.000 + alpha * (-0.767 + alpha * 0.267),
             1.264 + alpha * (0.950 + alpha * (-1.365 + alpha * (1.417 - alpha * 0.451))));
@@ -58,8 +58,8 @@ ClosedFormCoefficients closed_form_coefficients(ContactModel model, double lambd
       const double v = 2.28 * power(lambda, 1.3);
       return pietrement_troyon(alpha, 1.5 + 0.5 / (1.0 + u), 1.54 + 0.279 * (1.0 - 2.0 / (1.0 + v)));
     }
-    case ContactModel::kJkr:
-    case ContactModel::kMaugisDugdale:
+    case ContactLaw::kJkr:
+    case ContactLaw::kMaugisDugdale:
       break;
   }
   return schwarz(1.0);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/contact_model.h"
+#include "telenano/nve_server/physics/contact_law.h"
 
 namespace telenano::physics {
 
@@ -49,6 +49,6 @@ struct ClosedFormCoefficients {
 };
 
 /// Any model but Maugis–Dugdale.
-ClosedFormCoefficients closed_form_coefficients(ContactModel model, double lambda) noexcept;
+ClosedFormCoefficients closed_form_coefficients(ContactLaw model, double lambda) noexcept;
 
 }  // namespace telenano::physics

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/softening.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/softening.h"
 
 namespace telenano::physics {
 

@@ -2,11 +2,11 @@
 
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "nve_server/physics/joined_law.h"
-#include "nve_server/physics/maugis_dugdale.h"
-#include "nve_server/physics/van_der_waals.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/van_der_waals.h"
 
 namespace telenano::physics {
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/dilation.h"
+#include "telenano/nve_server/physics/dilation.h"
 
 #include <immintrin.h>
 
@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "common/base/det_math.h"
-#include "common/base/error.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

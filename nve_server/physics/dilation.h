@@ -4,7 +4,7 @@
 #include <functional>
 #include <vector>
 
-#include "nve_server/physics/bicubic_spline.h"
+#include "telenano/nve_server/physics/bicubic_spline.h"
 
 namespace telenano::physics {
 

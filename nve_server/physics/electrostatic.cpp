@@ -1,8 +1,8 @@
-#include "nve_server/physics/electrostatic.h"
+#include "telenano/nve_server/physics/electrostatic.h"
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "nve_server/physics/log_one_plus.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/log_one_plus.h"
 
 namespace telenano::physics {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/long_range_point.h"
+#include "telenano/nve_server/physics/long_range_point.h"
 
 namespace telenano::physics {
 

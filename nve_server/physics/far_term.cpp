@@ -1,9 +1,9 @@
-#include "nve_server/physics/far_term.h"
+#include "telenano/nve_server/physics/far_term.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::physics {
 namespace {

@@ -3,8 +3,8 @@
 #include <functional>
 #include <vector>
 
-#include "nve_server/physics/bicubic_spline.h"
-#include "nve_server/physics/potential_jet.h"
+#include "telenano/nve_server/physics/bicubic_spline.h"
+#include "telenano/nve_server/physics/potential_jet.h"
 
 namespace telenano::physics {
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/feet_in_use.h"
+#include "telenano/nve_server/physics/feet_in_use.h"
 
 #include <algorithm>
 #include <cmath>

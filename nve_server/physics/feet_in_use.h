@@ -2,8 +2,8 @@
 
 #include <array>
 
-#include "nve_server/physics/surface.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 

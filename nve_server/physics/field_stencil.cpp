@@ -1,8 +1,8 @@
-#include "nve_server/physics/field_stencil.h"
+#include "telenano/nve_server/physics/field_stencil.h"
 
 #include <emmintrin.h>
 
-#include "nve_server/physics/field_stencil_kernel.h"
+#include "telenano/nve_server/physics/field_stencil_kernel.h"
 
 namespace telenano::physics {
 

@@ -2,7 +2,7 @@
 
 #include <cstddef>
 
-#include "nve_server/physics/cubic_weights.h"
+#include "telenano/nve_server/physics/cubic_weights.h"
 
 namespace telenano::physics {
 

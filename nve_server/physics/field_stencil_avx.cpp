@@ -2,7 +2,7 @@
 // inline function that other files have too. In a section of its own, as Dilation::sum_four is.
 #include <immintrin.h>
 
-#include "nve_server/physics/field_stencil_kernel.h"
+#include "telenano/nve_server/physics/field_stencil_kernel.h"
 
 namespace telenano::physics {
 

@@ -6,7 +6,7 @@
 
 #include <cstddef>
 
-#include "nve_server/physics/field_stencil.h"
+#include "telenano/nve_server/physics/field_stencil.h"
 
 namespace telenano::physics {
 namespace {

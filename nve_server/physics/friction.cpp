@@ -1,11 +1,11 @@
-#include "nve_server/physics/friction.h"
+#include "telenano/nve_server/physics/friction.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

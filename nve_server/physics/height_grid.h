@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/surface/height_grid.h"
+#include "telenano/common/surface/height_grid.h"
 
 namespace telenano::physics {
 

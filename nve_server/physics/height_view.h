@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/height_grid.h"
 
 namespace telenano::physics {
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/held_friction.h"
+#include "telenano/nve_server/physics/held_friction.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/friction.h"
-#include "nve_server/physics/tip_potential.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/friction.h"
+#include "telenano/nve_server/physics/tip_potential.h"
 
 namespace telenano::physics {
 

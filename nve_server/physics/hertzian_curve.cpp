@@ -1,4 +1,4 @@
-#include "nve_server/physics/hertzian_curve.h"
+#include "telenano/nve_server/physics/hertzian_curve.h"
 
 #include <cmath>
 #include <limits>

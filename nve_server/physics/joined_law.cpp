@@ -1,11 +1,11 @@
-#include "nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/joined_law.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "nve_server/physics/adhesive_curve.h"
-#include "nve_server/physics/hertzian_curve.h"
-#include "nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/adhesive_curve.h"
+#include "telenano/nve_server/physics/hertzian_curve.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
 
 namespace telenano::physics {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <limits>
 
-#include "nve_server/physics/joined_law.h"
-#include "nve_server/physics/tip_sample_law.h"
-#include "nve_server/physics/warm_start.h"
+#include "telenano/nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/warm_start.h"
 
 namespace telenano::physics {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::physics {
 

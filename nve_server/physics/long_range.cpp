@@ -1,11 +1,11 @@
-#include "nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/long_range.h"
 
 #include <cmath>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

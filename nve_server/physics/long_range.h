@@ -1,9 +1,9 @@
 #pragma once
 
-#include "nve_server/physics/capillary.h"
-#include "nve_server/physics/electrostatic.h"
-#include "nve_server/physics/tip_van_der_waals.h"
-#include "nve_server/physics/van_der_waals.h"
+#include "telenano/nve_server/physics/capillary.h"
+#include "telenano/nve_server/physics/electrostatic.h"
+#include "telenano/nve_server/physics/tip_van_der_waals.h"
+#include "telenano/nve_server/physics/van_der_waals.h"
 
 namespace telenano::physics {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/mark.h"
+#include "telenano/nve_server/physics/mark.h"
 
 namespace telenano::physics {
 

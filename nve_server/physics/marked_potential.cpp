@@ -1,14 +1,14 @@
-#include "nve_server/physics/marked_potential.h"
+#include "telenano/nve_server/physics/marked_potential.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/error.h"
-#include "nve_server/physics/crater.h"
-#include "nve_server/physics/flow_family.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/crater.h"
+#include "telenano/nve_server/physics/flow_family.h"
 
 namespace telenano::physics {
 namespace {

@@ -3,11 +3,11 @@
 #include <memory>
 #include <optional>
 
-#include "nve_server/physics/mark_journal.h"
-#include "nve_server/physics/plastic_contact.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/scan_fields.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/mark_journal.h"
+#include "telenano/nve_server/physics/plastic_contact.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 namespace telenano::physics {
 

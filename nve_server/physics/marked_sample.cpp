@@ -1,9 +1,9 @@
-#include "nve_server/physics/marked_sample.h"
+#include "telenano/nve_server/physics/marked_sample.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

@@ -2,9 +2,9 @@
 
 #include <memory>
 
-#include "nve_server/physics/mark_journal.h"
-#include "nve_server/physics/spline_surface.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/mark_journal.h"
+#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 

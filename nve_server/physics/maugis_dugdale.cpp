@@ -1,13 +1,13 @@
-#include "nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "nve_server/physics/sign_change.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/sign_change.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/contact_curve.h"
+#include "telenano/nve_server/physics/contact_curve.h"
 
 namespace telenano::physics {
 

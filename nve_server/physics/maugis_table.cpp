@@ -1,4 +1,4 @@
-#include "nve_server/physics/maugis_table.h"
+#include "telenano/nve_server/physics/maugis_table.h"
 
 #include <algorithm>
 #include <bit>
@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "nve_server/physics/sign_change.h"
+#include "telenano/nve_server/physics/sign_change.h"
 
 namespace telenano::physics {
 namespace {

@@ -6,9 +6,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "nve_server/physics/contact_curve.h"
-#include "nve_server/physics/joined_law.h"
-#include "nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/contact_curve.h"
+#include "telenano/nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
 
 namespace telenano::physics {
 

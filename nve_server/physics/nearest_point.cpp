@@ -16,8 +16,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nve_server/physics/relative_curvature.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/relative_curvature.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 namespace telenano::physics {
 namespace {

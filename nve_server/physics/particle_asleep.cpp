@@ -1,4 +1,4 @@
-#include "nve_server/physics/particle_asleep.h"
+#include "telenano/nve_server/physics/particle_asleep.h"
 
 #include <cmath>
 

@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "nve_server/physics/particle_equilibrium.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 

@@ -1,12 +1,12 @@
-#include "nve_server/physics/particle_balance.h"
+#include "telenano/nve_server/physics/particle_balance.h"
 
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::physics {
 namespace {

@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 #include <array>
 
-#include "nve_server/physics/particle_bristle.h"
-#include "nve_server/physics/particle_model.h"
-#include "nve_server/physics/particle_state.h"
+#include "telenano/nve_server/physics/particle_bristle.h"
+#include "telenano/nve_server/physics/particle_model.h"
+#include "telenano/nve_server/physics/particle_state.h"
 
 namespace telenano::physics {
 

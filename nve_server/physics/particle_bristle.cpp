@@ -1,4 +1,4 @@
-#include "nve_server/physics/particle_bristle.h"
+#include "telenano/nve_server/physics/particle_bristle.h"
 
 #include <Eigen/Geometry>
 

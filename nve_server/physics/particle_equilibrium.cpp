@@ -1,11 +1,11 @@
-#include "nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/particle_equilibrium.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "nve_server/physics/particle_balance.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/nve_server/physics/particle_balance.h"
 
 namespace telenano::physics {
 namespace {

@@ -3,9 +3,9 @@
 #include <array>
 #include <memory>
 
-#include "nve_server/physics/particle_model.h"
-#include "nve_server/physics/particle_state.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/particle_model.h"
+#include "telenano/nve_server/physics/particle_state.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 

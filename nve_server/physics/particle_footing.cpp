@@ -1,11 +1,11 @@
-#include "nve_server/physics/particle_footing.h"
+#include "telenano/nve_server/physics/particle_footing.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "common/base/det_math.h"
-#include "nve_server/physics/relative_curvature.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/relative_curvature.h"
 
 namespace telenano::physics {
 namespace {

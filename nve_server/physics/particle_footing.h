@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/surface.h"
 
 namespace telenano::physics {
 

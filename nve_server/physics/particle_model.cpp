@@ -1,10 +1,10 @@
-#include "nve_server/physics/particle_model.h"
+#include "telenano/nve_server/physics/particle_model.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

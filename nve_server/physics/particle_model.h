@@ -3,9 +3,9 @@
 #include <array>
 #include <memory>
 
-#include "nve_server/physics/particle_parameters.h"
-#include "nve_server/physics/particle_state.h"
-#include "nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/particle_parameters.h"
+#include "telenano/nve_server/physics/particle_state.h"
+#include "telenano/nve_server/physics/surface.h"
 
 namespace telenano::physics {
 

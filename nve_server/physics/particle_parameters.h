@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
 

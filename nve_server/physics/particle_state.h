@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <array>
 
-#include "nve_server/physics/particle_footing.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/particle_footing.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
 

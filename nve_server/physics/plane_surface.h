@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/surface.h"
 
 namespace telenano::physics {
 

@@ -1,11 +1,11 @@
-#include "nve_server/physics/plastic_contact.h"
+#include "telenano/nve_server/physics/plastic_contact.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {
@@ -35,7 +35,7 @@ PlasticContact::PlasticContact(const TipSampleLaw& law, double hardness_gpa)
     throw UserError("plastic contact: hardness must be positive and finite (GPa), not " +
                     std::to_string(hardness_gpa));
   }
-  if (law.parameters().model != ContactModel::kHertz) {
+  if (law.parameters().model != ContactLaw::kHertz) {
     adhesion_per_nm_ = 2.0 * kPi * law.parameters().work_of_adhesion_n_m;
   }
 }

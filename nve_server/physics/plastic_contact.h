@@ -1,7 +1,7 @@
 #pragma once
 
-#include "nve_server/physics/flow_family.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/flow_family.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
 

@@ -1,9 +1,9 @@
-#include "nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "nve_server/physics/potential_walk.h"
+#include "telenano/nve_server/physics/potential_walk.h"
 
 namespace telenano::physics {
 namespace {

@@ -3,12 +3,12 @@
 #include <memory>
 #include <optional>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/friction.h"
-#include "nve_server/physics/path_trend.h"
-#include "nve_server/physics/spring_frame.h"
-#include "nve_server/physics/tip_equilibrium.h"
-#include "nve_server/physics/tip_potential.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/friction.h"
+#include "telenano/nve_server/physics/path_trend.h"
+#include "telenano/nve_server/physics/spring_frame.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/tip_potential.h"
 
 namespace telenano::physics {
 

@@ -1,12 +1,12 @@
-#include "nve_server/physics/potential_walk.h"
+#include "telenano/nve_server/physics/potential_walk.h"
 
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
-#include "nve_server/physics/small_matrix.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/small_matrix.h"
 
 namespace telenano::physics {
 namespace {

@@ -2,10 +2,10 @@
 
 #include <optional>
 
-#include "nve_server/physics/held_friction.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/spring_frame.h"
-#include "nve_server/physics/tip_potential.h"
+#include "telenano/nve_server/physics/held_friction.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/spring_frame.h"
+#include "telenano/nve_server/physics/tip_potential.h"
 
 namespace telenano::physics {
 

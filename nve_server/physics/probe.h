@@ -2,8 +2,8 @@
 
 #include <optional>
 
-#include "nve_server/physics/probe_mode.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/probe_mode.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/pull_off.h"
+#include "telenano/nve_server/physics/pull_off.h"
 
 #include <algorithm>
 

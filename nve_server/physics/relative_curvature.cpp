@@ -1,4 +1,4 @@
-#include "nve_server/physics/relative_curvature.h"
+#include "telenano/nve_server/physics/relative_curvature.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/height_jet.h"
+#include "telenano/nve_server/physics/height_jet.h"
 
 namespace telenano::physics {
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/sample_tops.h"
+#include "telenano/nve_server/physics/sample_tops.h"
 
 #include <algorithm>
 #include <cmath>

@@ -3,8 +3,8 @@
 #include <array>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/height_grid.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/height_grid.h"
 
 namespace telenano::physics {
 

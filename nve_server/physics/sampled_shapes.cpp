@@ -1,12 +1,12 @@
-#include "nve_server/physics/sampled_shapes.h"
+#include "telenano/nve_server/physics/sampled_shapes.h"
 
 #include <cmath>
 #include <initializer_list>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/height_grid.h"
 
 /// Shapes that have no nearest point in closed form, as heights on a grid for a SplineSurface; a level sample
 /// too, where marks are to stay in it.

@@ -1,4 +1,4 @@
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 
 #include <emmintrin.h>
 
@@ -6,7 +6,7 @@
 #include <bit>
 #include <cmath>
 
-#include "nve_server/physics/field_stencil.h"
+#include "telenano/nve_server/physics/field_stencil.h"
 
 namespace telenano::physics {
 namespace {

@@ -11,11 +11,11 @@
 #include <span>
 #include <vector>
 
-#include "nve_server/physics/contact_fields.h"
-#include "nve_server/physics/dilation.h"
-#include "nve_server/physics/field_stencil.h"
-#include "nve_server/physics/height_grid.h"
-#include "nve_server/physics/softening.h"
+#include "telenano/nve_server/physics/contact_fields.h"
+#include "telenano/nve_server/physics/dilation.h"
+#include "telenano/nve_server/physics/field_stencil.h"
+#include "telenano/nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/softening.h"
 
 namespace telenano::physics {
 

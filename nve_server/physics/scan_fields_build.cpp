@@ -2,9 +2,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
-#include "common/base/error.h"
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 
 namespace telenano::physics {
 namespace {

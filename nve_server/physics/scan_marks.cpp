@@ -11,12 +11,12 @@
 #include <cstring>
 #include <new>
 
-#include "common/base/det_math.h"
-#include "nve_server/physics/crater.h"
-#include "nve_server/physics/cubic_weights.h"
-#include "nve_server/physics/flow_family.h"
-#include "nve_server/physics/log_one_plus.h"
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/crater.h"
+#include "telenano/nve_server/physics/cubic_weights.h"
+#include "telenano/nve_server/physics/flow_family.h"
+#include "telenano/nve_server/physics/log_one_plus.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 
 namespace telenano::physics {
 namespace {

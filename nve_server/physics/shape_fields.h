@@ -1,9 +1,9 @@
 #pragma once
 
-#include "nve_server/physics/contact_fields.h"
-#include "nve_server/physics/plane_surface.h"
-#include "nve_server/physics/softening.h"
-#include "nve_server/physics/sphere_surface.h"
+#include "telenano/nve_server/physics/contact_fields.h"
+#include "telenano/nve_server/physics/plane_surface.h"
+#include "telenano/nve_server/physics/softening.h"
+#include "telenano/nve_server/physics/sphere_surface.h"
 
 /// Shapes whose ground is known in closed form, as fields of the apex (frame W, nm).
 namespace telenano::physics {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::physics {
 

@@ -1,8 +1,8 @@
-#include "nve_server/physics/sphere_surface.h"
+#include "telenano/nve_server/physics/sphere_surface.h"
 
 #include <cmath>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 

@@ -20,10 +20,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nve_server/physics/crater.h"
-#include "nve_server/physics/flow_family.h"
-#include "nve_server/physics/relative_curvature.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/crater.h"
+#include "telenano/nve_server/physics/flow_family.h"
+#include "telenano/nve_server/physics/relative_curvature.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 namespace telenano::physics {
 namespace {

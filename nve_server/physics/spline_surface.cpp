@@ -1,10 +1,10 @@
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/error.h"
-#include "nve_server/physics/relative_curvature.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/relative_curvature.h"
 
 namespace telenano::physics {
 namespace {

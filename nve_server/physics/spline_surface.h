@@ -3,12 +3,12 @@
 #include <cstdint>
 #include <memory>
 
-#include "nve_server/physics/bicubic_spline.h"
-#include "nve_server/physics/height_grid.h"
-#include "nve_server/physics/height_view.h"
-#include "nve_server/physics/mark.h"
-#include "nve_server/physics/sample_tops.h"
-#include "nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/bicubic_spline.h"
+#include "telenano/nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/height_view.h"
+#include "telenano/nve_server/physics/mark.h"
+#include "telenano/nve_server/physics/sample_tops.h"
+#include "telenano/nve_server/physics/surface.h"
 
 namespace telenano::physics {
 

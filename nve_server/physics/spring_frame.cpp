@@ -1,4 +1,4 @@
-#include "nve_server/physics/spring_frame.h"
+#include "telenano/nve_server/physics/spring_frame.h"
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>

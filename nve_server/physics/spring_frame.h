@@ -1,8 +1,8 @@
 #pragma once
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/small_matrix.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/small_matrix.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 

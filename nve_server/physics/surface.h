@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/height_jet.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/height_jet.h"
 
 /// The sample's surface, frame W: x to the right, y up the image, z out of the sample, nm.
 namespace telenano::physics {

@@ -1,13 +1,13 @@
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "nve_server/physics/balance_guards.h"
-#include "nve_server/physics/feet_in_use.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/balance_guards.h"
+#include "telenano/nve_server/physics/feet_in_use.h"
 
 namespace telenano::physics {
 namespace {

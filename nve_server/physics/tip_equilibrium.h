@@ -4,11 +4,11 @@
 #include <memory>
 #include <optional>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/friction.h"
-#include "nve_server/physics/plastic_contact.h"
-#include "nve_server/physics/surface.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/friction.h"
+#include "telenano/nve_server/physics/plastic_contact.h"
+#include "telenano/nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::physics {
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/tip_potential.h"
+#include "telenano/nve_server/physics/tip_potential.h"
 
 #include <cmath>
 

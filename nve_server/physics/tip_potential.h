@@ -2,9 +2,9 @@
 
 #include <memory>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/branch_potential.h"
-#include "nve_server/physics/contact_fields.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/contact_fields.h"
 
 namespace telenano::physics {
 

@@ -1,14 +1,14 @@
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/error.h"
-#include "nve_server/physics/extended_step.h"
-#include "nve_server/physics/joined_step.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/joined_step.h"
+#include "telenano/nve_server/physics/long_range_step.h"
 
 namespace telenano::physics {
 namespace {
@@ -90,12 +90,12 @@ TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal
   require_positive(parameters.contact_modulus_gpa, "contact modulus K = 4E*/3", "GPa");
   require_positive(parameters.work_of_adhesion_n_m, "work of adhesion", "N/m");
   require_positive(parameters.equilibrium_distance_nm, "equilibrium distance", "nm");
-  if (parameters.model == ContactModel::kHertz && parameters.van_der_waals) {
+  if (parameters.model == ContactLaw::kHertz && parameters.van_der_waals) {
     throw UserError(
         "tip-sample law: hertz has no adhesion, so van der Waals cannot be joined to it; dmt is that law");
   }
   if (long_range_.active() &&
-      (parameters.model != ContactModel::kMaugisDugdale || parameters.method != MaugisMethod::kDirect)) {
+      (parameters.model != ContactLaw::kMaugisDugdale || parameters.method != MaugisMethod::kDirect)) {
     throw UserError(
         "tip-sample law: retardation, cone, electrostatic and capillary forces go with maugis-dugdale by the "
         "direct "
@@ -103,7 +103,7 @@ TipSampleLaw::TipSampleLaw(const TipSampleParameters& parameters, double nominal
   }
   MaugisDugdale(1.0).fold({1.0, 0.0});  // makes the table of folds, so that no step has to
   if (parameters.method == MaugisMethod::kTable) {
-    if (parameters.model != ContactModel::kMaugisDugdale) {
+    if (parameters.model != ContactLaw::kMaugisDugdale) {
       throw UserError("tip-sample law: only maugis-dugdale has a table; the other laws are closed forms");
     }
     require_positive(nominal_radius_nm, "radius of the table", "nm");
@@ -135,7 +135,7 @@ double TipSampleLaw::attraction_bound_nn(double radius_nm) const noexcept {
 double TipSampleLaw::pull_off_nn(double radius_nm) const noexcept {
   const ContactScales s = scales(radius_nm);
   switch (parameters_.model) {
-    case ContactModel::kMaugisDugdale:
+    case ContactLaw::kMaugisDugdale:
       return -MaugisDugdale(s.lambda).fold({0.0, 1.0}).load * s.force_nn;
     default:
       return closed_form_coefficients(parameters_.model, s.lambda).pull_off * s.force_nn;
@@ -151,10 +151,10 @@ void TipSampleLaw::prepare(double radius_nm, bool wet, TipSampleCache& cache) co
   cache.radius_nm = radius_nm;
   cache.scales = media_.of(wet).scales(radius_nm);
   switch (parameters_.model) {
-    case ContactModel::kHertz:
-    case ContactModel::kDmt:
+    case ContactLaw::kHertz:
+    case ContactLaw::kDmt:
       break;  // made at each step, of two numbers
-    case ContactModel::kMaugisDugdale: {
+    case ContactLaw::kMaugisDugdale: {
       const bool tabulated = table_ && table_->lambda() == cache.scales.lambda;
       if (!tabulated) cache.curve = MaugisDugdale(cache.scales.lambda);
       if (tabulated != cache.tabulated) {  // another parameter of the curve: nothing to extrapolate from
@@ -189,7 +189,7 @@ void TipSampleLaw::derive(TipSampleCache& cache) const noexcept {
 double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept {
   const TipSampleCache& cache = state.cache;
   if (eq.branch == Branch::kFree || !(cache.radius_nm > 0)) return 0;
-  if (parameters_.model != ContactModel::kMaugisDugdale || cache.tabulated || long_range_.active()) {
+  if (parameters_.model != ContactLaw::kMaugisDugdale || cache.tabulated || long_range_.active()) {
     return radius_force_by_difference(eq, state);
   }
   if (eq.branch == Branch::kVanDerWaals) return -eq.potential_aj / cache.radius_nm;
@@ -240,7 +240,7 @@ Equilibrium TipSampleLaw::try_advance(double base_overlap_nm, double compliance_
 RadiusRates TipSampleLaw::radius_rates(const Equilibrium& eq, const TipSampleState& state) const noexcept {
   const TipSampleCache& cache = state.cache;
   const bool inside = eq.branch == Branch::kContact || eq.branch == Branch::kNonContact;
-  if (!inside || parameters_.model != ContactModel::kMaugisDugdale || cache.tabulated) return {};
+  if (!inside || parameters_.model != ContactLaw::kMaugisDugdale || cache.tabulated) return {};
   return rates_on(cache.last, cache.scales, long_range_.active() ? cache.far_force_per_radius_n_m : 0.0,
                   cache.radius_nm);
 }
@@ -274,14 +274,14 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
   Losses losses;
   const bool vdw = parameters_.van_der_waals;
   switch (parameters_.model) {
-    case ContactModel::kMaugisDugdale:
+    case ContactLaw::kMaugisDugdale:
       losses = cache.tabulated ? step_on(*table_, z, compliance, vdw, state.branch, cache, out)
                                : step_on(cache.curve, z, compliance, vdw, state.branch, cache, out);
       break;
-    case ContactModel::kHertz:
+    case ContactLaw::kHertz:
       losses = step_on(HertzianCurve(s.lambda, 0.0), z, compliance, vdw, state.branch, cache, out);
       break;
-    case ContactModel::kDmt:
+    case ContactLaw::kDmt:
       losses = step_on(HertzianCurve(s.lambda, 2.0), z, compliance, vdw, state.branch, cache, out);
       break;
     default:
@@ -307,8 +307,8 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
 Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compliance_nm_nn,
                                            TipSampleState& state, bool join_energy) const noexcept {
   TipSampleCache& cache = state.cache;
-  ExtendedStep step(base_overlap_nm, compliance_nm_nn, media_, parameters_.equilibrium_distance_nm,
-                    long_range_, cache);
+  LongRangeStep step(base_overlap_nm, compliance_nm_nn, media_, parameters_.equilibrium_distance_nm,
+                     long_range_, cache);
   const bool inside = state.branch == Branch::kContact || state.branch == Branch::kNonContact;
   const bool converged = step.run(inside, state.overlap_nm, state.bridge);
   const TipPlace& place = step.place();

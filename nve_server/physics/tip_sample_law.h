@@ -3,12 +3,12 @@
 #include <cstdint>
 #include <memory>
 
-#include "nve_server/physics/contact_medium.h"
-#include "nve_server/physics/contact_model.h"
-#include "nve_server/physics/joined_law.h"
-#include "nve_server/physics/long_range.h"
-#include "nve_server/physics/maugis_dugdale.h"
-#include "nve_server/physics/maugis_table.h"
+#include "telenano/nve_server/physics/contact_law.h"
+#include "telenano/nve_server/physics/contact_medium.h"
+#include "telenano/nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/maugis_table.h"
 
 namespace telenano::physics {
 
@@ -21,7 +21,7 @@ struct TipSampleParameters {
   double equilibrium_distance_nm = 0.165;  ///< z0 of Maugis–Dugdale = a0 of van der Waals
   bool van_der_waals =
       true;  ///< Hamaker constant from w (H = 12 pi a0^2 w), so that no adhesion is counted twice
-  ContactModel model = ContactModel::kMaugisDugdale;
+  ContactLaw model = ContactLaw::kMaugisDugdale;
   MaugisMethod method = MaugisMethod::kDirect;
   LongRangeParameters long_range{};
 };
@@ -122,7 +122,7 @@ struct Equilibrium {
 /// the branch is carried over; if it no longer exists there the tip goes over to the other.
 ///
 /// Long-range forces (long_range.h) are added on both sides; there may then be more stable states, and the
-/// bridge is a second memory (extended_step.h). What is said above holds.
+/// bridge is a second memory (long_range_step.h). What is said above holds.
 ///
 /// Under the liquid of a bridge tip and sample attract each other less. With Young's equation, gamma_SV -
 /// gamma_SL = gamma cos(theta) for both, the wetted contact's work of adhesion is

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,7 +1,7 @@
-#include "nve_server/physics/tip_van_der_waals.h"
+#include "telenano/nve_server/physics/tip_van_der_waals.h"
 
-#include "common/base/constants.h"
-#include "nve_server/physics/log_one_plus.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/nve_server/physics/log_one_plus.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/base/constants.h"
+#include "telenano/common/base/constants.h"
 
 namespace telenano::physics {
 

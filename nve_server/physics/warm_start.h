@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/joined_law.h"
 
 namespace telenano::physics {
 

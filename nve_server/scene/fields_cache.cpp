@@ -1,4 +1,4 @@
-#include "nve_server/scene/fields_cache.h"
+#include "telenano/nve_server/scene/fields_cache.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>

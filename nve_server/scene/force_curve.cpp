@@ -1,11 +1,11 @@
-#include "nve_server/scene/force_curve.h"
+#include "telenano/nve_server/scene/force_curve.h"
 
 #include <algorithm>
 #include <cmath>
 #include <sstream>
 
-#include "common/base/error.h"
-#include "nve_server/physics/potential_equilibrium.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
 
 namespace telenano::scene {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <functional>
 
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::scene {
 

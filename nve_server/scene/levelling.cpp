@@ -1,4 +1,4 @@
-#include "nve_server/scene/levelling.h"
+#include "telenano/nve_server/scene/levelling.h"
 
 #include <algorithm>
 #include <vector>

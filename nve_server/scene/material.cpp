@@ -1,4 +1,4 @@
-#include "nve_server/scene/material.h"
+#include "telenano/nve_server/scene/material.h"
 
 #include <cmath>
 

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "common/base/error.h"
-#include "nve_server/physics/pull_off.h"
-#include "nve_server/scene/readers.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/pull_off.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 namespace {
@@ -18,9 +18,9 @@ void read_contact(const TomlTable& table, physics::TipSampleParameters& law) {
   const std::string name =
       table.choice_or("law", {"hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"},
                       "maugis-dugdale");
-  law.model = *physics::contact_model_from_name(name);
+  law.model = *physics::contact_law_from_name(name);
   const std::string method = table.choice_or("method", {"direct", "table"}, "direct");
-  if (method == "table" && law.model != physics::ContactModel::kMaugisDugdale) {
+  if (method == "table" && law.model != physics::ContactLaw::kMaugisDugdale) {
     table.fail("method", "only maugis-dugdale has a table; the others are closed forms");
   }
   law.method = method == "table" ? physics::MaugisMethod::kTable : physics::MaugisMethod::kDirect;
@@ -100,7 +100,7 @@ void read_long_range(const TomlTable& table, double tip_radius_nm, physics::TipS
   if (const auto capillary = table.optional_table("capillary")) {
     far.capillary = read_capillary(*capillary);
     const bool ambient = capillary->choice_or("adhesion", {"dry", "ambient"}, "dry") == "ambient";
-    const bool possible = law.model == physics::ContactModel::kMaugisDugdale &&
+    const bool possible = law.model == physics::ContactLaw::kMaugisDugdale &&
                           law.method == physics::MaugisMethod::kDirect;  // else refused below
     if (ambient && possible) law.work_of_adhesion_n_m = dry_work_of_adhesion(*capillary, law, tip_radius_nm);
   }
@@ -127,7 +127,7 @@ void read_forces(const TomlTable& root, Scene& scene) {
   if (const auto contact = root.optional_table("contact")) read_contact(*contact, law);
   if (const auto forces = root.optional_table("forces"))
     read_long_range(*forces, scene.probe.tip_radius_nm, law);
-  if (law.model == physics::ContactModel::kHertz && law.van_der_waals) {
+  if (law.model == physics::ContactLaw::kHertz && law.van_der_waals) {
     root.fail("contact",
               "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");
   }
@@ -135,7 +135,7 @@ void read_forces(const TomlTable& root, Scene& scene) {
   const bool extended = far.retardation_nm > 0 || far.cone_height_nm > 0 || far.tip_bias_v != 0 ||
                         far.capillary.humidity_percent > 0;
   if (extended &&
-      (law.model != physics::ContactModel::kMaugisDugdale || law.method == physics::MaugisMethod::kTable)) {
+      (law.model != physics::ContactLaw::kMaugisDugdale || law.method == physics::MaugisMethod::kTable)) {
     root.fail("contact",
               "retardation, cone, electrostatic and capillary forces go with law = \"maugis-dugdale\", "
               "method = \"direct\"");

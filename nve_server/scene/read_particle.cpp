@@ -1,4 +1,4 @@
-#include "nve_server/scene/readers.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 namespace {

@@ -1,6 +1,6 @@
 #include <string>
 
-#include "nve_server/scene/readers.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 namespace {

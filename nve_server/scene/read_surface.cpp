@@ -3,22 +3,22 @@
 #include <sstream>
 #include <utility>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "common/config/surface_force.h"
-#include "common/surface/gsf.h"
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/physics/plane_surface.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/sampled_shapes.h"
-#include "nve_server/physics/scan_fields.h"
-#include "nve_server/physics/shape_fields.h"
-#include "nve_server/physics/softening.h"
-#include "nve_server/physics/sphere_surface.h"
-#include "nve_server/physics/spline_surface.h"
-#include "nve_server/scene/fields_cache.h"
-#include "nve_server/scene/levelling.h"
-#include "nve_server/scene/readers.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/surface_force.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/plane_surface.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/sampled_shapes.h"
+#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/shape_fields.h"
+#include "telenano/nve_server/physics/softening.h"
+#include "telenano/nve_server/physics/sphere_surface.h"
+#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/scene/fields_cache.h"
+#include "telenano/nve_server/scene/levelling.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 namespace {

@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "common/config/toml_document.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/nve_server/scene/scene.h"
 
 /// The sections of a scene description, one reader each. They throw UserError naming file, line, key and
 /// expected range. Private to load_scene.

@@ -1,16 +1,16 @@
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 #include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <utility>
 
-#include "common/base/constants.h"
-#include "common/base/fnv1a.h"
-#include "common/config/shared_files.h"
-#include "common/config/toml_document.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/scene/readers.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/fnv1a.h"
+#include "telenano/common/config/shared_files.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 

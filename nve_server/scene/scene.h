@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/particle_parameters.h"
-#include "nve_server/physics/probe.h"
-#include "nve_server/physics/surface.h"
-#include "nve_server/physics/tip_equilibrium.h"
-#include "nve_server/physics/tip_sample_law.h"
-#include "nve_server/scene/material.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/particle_parameters.h"
+#include "telenano/nve_server/physics/probe.h"
+#include "telenano/nve_server/physics/surface.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/scene/material.h"
 
 namespace telenano::physics {
 class PotentialEquilibrium;

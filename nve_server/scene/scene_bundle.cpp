@@ -1,4 +1,4 @@
-#include "nve_server/scene/scene_bundle.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,8 @@
 #include <utility>
 #include <variant>
 
-#include "common/base/error.h"
-#include "nve_server/scene/readers.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 namespace {

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/config/toml_document.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/nve_server/scene/scene.h"
 
 /// A scene as one piece of bytes, to be sent, kept and built again elsewhere: what it describes as numbers,
 /// the description's text for people, and its scan as the file had it. No path in it is ever opened.

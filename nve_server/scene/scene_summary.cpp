@@ -1,15 +1,15 @@
-#include "nve_server/scene/scene_summary.h"
+#include "telenano/nve_server/scene/scene_summary.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "nve_server/physics/long_range.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/pull_off.h"
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/pull_off.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 
 namespace telenano::scene {
 namespace {
@@ -49,7 +49,7 @@ void list_terms(const Scene& scene, SceneSummary& summary) {
     (in ? summary.terms_in : summary.terms_out).push_back(name);
   };
   const bool flat = scene.surface->is_flat();
-  summary.terms_in.push_back(std::string(physics::contact_model_name(law.model)) +
+  summary.terms_in.push_back(std::string(physics::contact_law_name(law.model)) +
                              (law.method == physics::MaugisMethod::kTable ? " contact (table)" : " contact"));
   term(law.van_der_waals, "van der Waals");
   term(far.retardation_nm > 0, "retardation");

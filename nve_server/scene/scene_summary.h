@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::scene {
 

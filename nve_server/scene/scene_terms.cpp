@@ -1,11 +1,11 @@
-#include "nve_server/scene/scene_terms.h"
+#include "telenano/nve_server/scene/scene_terms.h"
 
 #include <functional>
 #include <utility>
 
-#include "nve_server/physics/branch_potential.h"
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
 
 namespace telenano::scene {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::scene {
 

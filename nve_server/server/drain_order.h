@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "common/net/datagram.h"
+#include "telenano/common/net/datagram.h"
 
 namespace telenano::server {
 

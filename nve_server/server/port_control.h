@@ -1,8 +1,8 @@
 #pragma once
 
-#include "common/link/messages.h"
-#include "common/link/priced_energy.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/priced_energy.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::server {
 

@@ -1,4 +1,4 @@
-#include "nve_server/server/server.h"
+#include "telenano/nve_server/server/server.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,8 +6,8 @@
 #include <limits>
 #include <utility>
 
-#include "common/base/error.h"
-#include "nve_server/slave/logged_step.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/slave/logged_step.h"
 
 namespace telenano::server {
 
@@ -143,7 +143,7 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       table_(table_of(config), config.secret),
       handshake_(handshake_config(config, limits_, spare_->state_hash() != 0, scene_)),
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
-      seats_(table_.capacity()),
+      records_(table_.capacity()),
       parties_(config.work.enforced ? table_.capacity() + 1 : 0),
       holder_(table_.capacity()),
       search_(config.mail, config.worker),
@@ -240,63 +240,64 @@ std::size_t Server::welcome(std::size_t slot, std::uint64_t nonce, std::span<std
 
 /// Makes room for the steps of a session: in a handshake, never within an exchange.
 void Server::begin_log(std::size_t slot) noexcept {
-  Seat& seat = seats_[slot];
+  SessionRecord& record = records_[slot];
   if (!logs_steps(table_[slot])) {
-    seat.steps = {};
+    record.steps = {};
     return;
   }
-  if (seat.steps.enabled()) return;
+  if (record.steps.enabled()) return;
   const double ring = config_.step_ring_s * table_[slot].rate_hz;
   try {
-    seat.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
-    seat.frozen.bytes.resize(tip_of(slot).slave->snapshot_bytes_max());
+    record.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
+    record.frozen.bytes.resize(tip_of(slot).slave->snapshot_bytes_max());
   } catch (...) {  // out of memory: nothing moves the slave, the session stands still
-    seat.steps = {};
+    record.steps = {};
   }
 }
 
 link::StepReport Server::step_report(std::size_t slot) noexcept {
-  link::StepReport report = seats_[slot].steps.report();
+  link::StepReport report = records_[slot].steps.report();
   report.state_hash = tip_of(slot).slave->state_hash();
   return report;
 }
 
 /// Executes what has come to its turn, `most` steps at once: the rest when poll() comes by.
 void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept {
-  Seat& seat = seats_[slot];
+  SessionRecord& record = records_[slot];
   Tip& tip = tip_of(slot);
-  if (seat.steps.gap() && 1e-9 * static_cast<double>(now_ns - seat.steps.gap_since_ns()) > config_.step_gap_s)
-    seat.steps.skip_to_newest(link::kBreakGap);
+  if (record.steps.gap() &&
+      1e-9 * static_cast<double>(now_ns - record.steps.gap_since_ns()) > config_.step_gap_s)
+    record.steps.skip_to_newest(link::kBreakGap);
   // Each step is made whole, whatever it takes: both ends make the same. So what it takes is owed afterwards.
   double left = work_left(slot, now_ns);
   double taken = 0;
-  if (seat.defers && 1e-9 * static_cast<double>(now_ns - seat.defers_since_ns) > config_.step_gap_s) {
-    seat.steps.skip_to_newest(link::kBreakShare);
-    seat.defers = false;
+  if (record.defers && 1e-9 * static_cast<double>(now_ns - record.defers_since_ns) > config_.step_gap_s) {
+    record.steps.skip_to_newest(link::kBreakShare);
+    record.defers = false;
     left = std::max(left, 1.0);
   }
   link::LoggedStep step;
-  for (std::size_t i = 0; i < most && taken < left && seat.steps.pop(now_ns, step); ++i) {
+  for (std::size_t i = 0; i < most && taken < left && record.steps.pop(now_ns, step); ++i) {
     link::Command command;
-    command.control = seat.last_control;
+    command.control = record.last_control;
     command.flags = step.flags;
     command.tip_pos_w_nm = link::target_w_nm(step);
     command.tip_vel_w_nm_s = (command.tip_pos_w_nm - tip.last_target_w_nm) / link::dt_s(step);
-    taken += move_tip_once(slot, command, link::dt_s(step), seat.operates, kNoWorkBound);
+    taken += move_tip_once(slot, command, link::dt_s(step), record.operates, kNoWorkBound);
     tip.last_step_ns = tip.moved_ns = now_ns;
     tip.at_rest = false;
     last_flags_ = step.flags;
   }
   take_work(slot, taken);
-  const bool defers = taken >= left && seat.steps.waits();
-  if (defers && !seat.defers) seat.defers_since_ns = now_ns;
-  seat.defers = defers;
+  const bool defers = taken >= left && record.steps.waits();
+  if (defers && !record.defers) record.defers_since_ns = now_ns;
+  record.defers = defers;
 }
 
 /// Found by its number, or in place of the one that nobody has used for longest.
 Server::PartyWork& Server::party_work(std::size_t slot) noexcept {
   const std::uint64_t party = table_[slot].party;
-  std::size_t& at = seats_[slot].party;
+  std::size_t& at = records_[slot].party;
   const auto is_it = [&](std::size_t i) {
     return parties_[i].used_ns != INT64_MIN && parties_[i].party == party;
   };
@@ -319,7 +320,7 @@ double Server::work_left(std::size_t slot, std::int64_t now_ns) noexcept {
   if (party.used_ns < now_ns - kPartyActiveNs) ++active_parties_;  // until poll() counts again
   party.used_ns = now_ns;
   const double per_s = bounds.of_session(table_[slot].rate_hz, limits_.balances_per_s, table_.active());
-  const double of_session = seats_[slot].work.left(now_ns, per_s, bounds);
+  const double of_session = records_[slot].work.left(now_ns, per_s, bounds);
   const double of_party = party.work.left(now_ns, bounds.of_party(active_parties_), bounds);
   return std::min({of_session, bounds.a_datagram, std::max(of_party, bounds.free_a_datagram)});
 }
@@ -327,32 +328,32 @@ double Server::work_left(std::size_t slot, std::int64_t now_ns) noexcept {
 void Server::take_work(std::size_t slot, double work) noexcept {
   counters_.work += static_cast<std::uint64_t>(work);
   if (!config_.work.enforced) return;
-  seats_[slot].work.take(work);
+  records_[slot].work.take(work);
   party_work(slot).work.take(std::max(0.0, work - config_.work.free_a_datagram));
 }
 
 /// A command of a session that logs its steps: only they move the tip. What takes motion away does not wait
 /// for its turn: a stop leaves out what is missing before it, and without the right to operate no step moves.
 void Server::move_by_log(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept {
-  Seat& seat = seats_[slot];
-  if (!seat.steps.enabled()) return;
-  seat.last_control = command.control;
+  SessionRecord& record = records_[slot];
+  if (!record.steps.enabled()) return;
+  record.last_control = command.control;
   const bool operates = standing_.rights >= net::Rights::kOperate;
-  if (seat.operates && !operates) seat.steps.declare_break(link::kBreakRight);
-  seat.operates = operates;
-  seat.steps.take(incoming_.steps, now_ns);
+  if (record.operates && !operates) record.steps.declare_break(link::kBreakRight);
+  record.operates = operates;
+  record.steps.take(incoming_.steps, now_ns);
   const bool stops = operates && (command.flags & link::kFlagStop) != 0;
   last_flags_ = 0;
   run_log(slot, kStepsPerDatagram, now_ns);
   if (!stops) return;
-  if (seat.steps.executed() < seat.steps.newest()) {
-    seat.steps.skip_to_newest(link::kBreakStop);
+  if (record.steps.executed() < record.steps.newest()) {
+    record.steps.skip_to_newest(link::kBreakStop);
     run_log(slot, 1, now_ns);
   }
   if ((last_flags_ & link::kFlagStop) != 0) return;
   // No step says so, or none has come: the command alone stops the tip.
   Tip& tip = tip_of(slot);
-  if ((tip.output.fault_bits & link::kFaultRetracted) == 0) seat.steps.declare_break(link::kBreakStop);
+  if ((tip.output.fault_bits & link::kFaultRetracted) == 0) record.steps.declare_break(link::kBreakStop);
   link::Command stop = command;
   stop.tip_pos_w_nm = tip.output.commanded_pos_w_nm;
   stop.tip_vel_w_nm_s.setZero();
@@ -408,11 +409,11 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       return codec_.encode(verdict.refuse, out);
     case Kind::kOpen:
       holder_.begin_session(verdict.slot);
-      seats_[verdict.slot].opening = ++counters_.opened;
+      records_[verdict.slot].opening = ++counters_.opened;
       begin_log(verdict.slot);
       break;
     case Kind::kResume:
-      seats_[verdict.slot].control.begin_session();
+      records_[verdict.slot].control.begin_session();
       holder_.resume_session(verdict.slot);
       begin_log(verdict.slot);
       ++counters_.resumed;
@@ -420,9 +421,9 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
     case Kind::kAgain:
       break;
   }
-  seats_[verdict.slot].address = from;
+  records_[verdict.slot].address = from;
   if (verdict.kind != Kind::kAgain)
-    seats_[verdict.slot].scene_chunks = link::TokenBucket(config_.scene_chunks_per_s, kSceneBurst);
+    records_[verdict.slot].scene_chunks = link::TokenBucket(config_.scene_chunks_per_s, kSceneBurst);
   return welcome(verdict.slot, hello.nonce, out);
 }
 
@@ -448,7 +449,7 @@ void Server::share_tip(std::size_t slot, const link::Command& command, std::int6
   if (!holder_.on_command(slot, standing_.rights, command.flags, now_ns)) return;
   ++counters_.holdings;
   Tip& tip = tips_[0];
-  if (tip.moved_by != slot && tip.moved_by != TipHolder::kNobody) seats_[slot].book.take_over(tip.output);
+  if (tip.moved_by != slot && tip.moved_by != TipHolder::kNobody) records_[slot].book.take_over(tip.output);
   tip.moved_by = slot;
 }
 
@@ -457,31 +458,31 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
                              bool may_operate, double work_most) noexcept {
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
-  Seat& seat = seats_[slot];
+  SessionRecord& record = records_[slot];
   // Who has just got the tip must first have taken up its position.
   const bool anchored = !shared() || command.tip_hold == holder_.number();
   const bool operates = may_operate && anchored;
   const bool was_up = (tip.output.fault_bits & link::kFaultRetracted) != 0;
   slave::SlaveInput input =
       slave::input_of(command.tip_pos_w_nm, command.tip_vel_w_nm_s, command.flags, operates, was_up);
-  input.opening = seat.opening;
+  input.opening = record.opening;
   input.work_most = static_cast<std::uint32_t>(std::clamp(work_most, 1.0, kNoWorkBound));
   input.wants_model = wants_model(session, command);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
   // Of a shared slave's book the port's control sees this session's part.
-  const PortBook before = seat.book;
-  if (controls && anchored) input = seat.control.before(command, input, last, tip.slave->limits(), dt_s);
-  if (controls && !anchored) seat.control.observe(command.control);
+  const PortBook before = record.book;
+  if (controls && anchored) input = record.control.before(command, input, last, tip.slave->limits(), dt_s);
+  if (controls && !anchored) record.control.observe(command.control);
   step_guarded(*tip.slave, input, dt_s, last, tip.output);
   if (shared() && anchored && was_up && (tip.output.fault_bits & link::kFaultRetracted) == 0) holder_.renew();
-  if (shared()) seat.book.add(last, tip.output);
+  if (shared()) record.book.add(last, tip.output);
   if (controls && anchored) {
     if (shared()) {
-      seat.control.after(before.seen(last), seat.book.seen(tip.output), dt_s);
+      record.control.after(before.seen(last), record.book.seen(tip.output), dt_s);
     } else {
-      seat.control.after(last, tip.output, dt_s);
+      record.control.after(last, tip.output, dt_s);
     }
   }
   tip.last_target_w_nm = command.tip_pos_w_nm;
@@ -496,21 +497,21 @@ void Server::move_tip(std::size_t slot, const link::Command& command, const link
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
   const bool operates = standing_.rights >= net::Rights::kOperate;
-  Seat& seat = seats_[slot];
+  SessionRecord& record = records_[slot];
   double left = work_left(slot, now_ns);
-  if (superseded_ && command.flags == seat.command_flags) left = 0;
-  seat.command_flags = command.flags;
+  if (superseded_ && command.flags == record.command_flags) left = 0;
+  record.command_flags = command.flags;
   double taken = 0;
   bool moved = false;
   const auto follow = [&](const link::Command& next, double next_spacing_s) {
     double most = left - taken;
     if ((next.flags & link::kFlagStop) != 0) most = std::max(most, config_.work.a_stop);
     if (most <= 0) {
-      seat.behind_s += next_spacing_s;
+      record.behind_s += next_spacing_s;
       return;
     }
-    taken += move_tip_once(slot, next, next_spacing_s + seat.behind_s, operates, most);
-    seat.behind_s = 0;
+    taken += move_tip_once(slot, next, next_spacing_s + record.behind_s, operates, most);
+    record.behind_s = 0;
     moved = true;
   };
   double spacing_s = session.spacing_s;
@@ -527,7 +528,7 @@ void Server::move_tip(std::size_t slot, const link::Command& command, const link
   }
   follow(command, spacing_s);
   take_work(slot, taken);
-  if (seat.behind_s > 0) {
+  if (record.behind_s > 0) {
     tip.output.fault_bits |= link::kFaultShare;
     ++counters_.deferred;
   }
@@ -549,7 +550,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   if (cause != DropCause::kNone) return on_unusable_command(command, cause, slot, now_ns, out);
 
   link::Session& session = table_[slot];
-  Seat& seat = seats_[slot];
+  SessionRecord& record = records_[slot];
   const Tip& tip = tip_of(slot);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   if (shared()) share_tip(slot, command, now_ns);
@@ -559,7 +560,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   } else if (moves) {
     move_tip(slot, command, incoming_.recent, now_ns);
   } else if (controls) {
-    seat.control.observe(command.control);
+    record.control.observe(command.control);
   }
 
   link::Reply reply;
@@ -573,9 +574,9 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.force_w_nn = tip.output.force_w_nn;
   reply.tip_pos_w_nm = tip.output.tip_pos_w_nm;
   reply.deflection_nm = tip.output.deflection_nm;
-  reply.energy_in_aj = shared() ? seat.book.in_aj() : tip.output.energy_in_aj;
-  reply.energy_out_aj = shared() ? seat.book.out_aj() : tip.output.energy_out_aj;
-  if (controls) reply.port = seat.control.answer();
+  reply.energy_in_aj = shared() ? record.book.in_aj() : tip.output.energy_in_aj;
+  reply.energy_out_aj = shared() ? record.book.out_aj() : tip.output.energy_out_aj;
+  if (controls) reply.port = record.control.answer();
   if (moves && wants_model(session, command)) reply.model = tip.output.model;
   if ((session.feature_bits & link::kFeatureStepHistory) != 0) reply.steps_before = session.steps_before;
   if ((session.feature_bits & link::kFeatureParticle) != 0) reply.particle = tip.output.particle;
@@ -601,7 +602,7 @@ std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, co
   if (!(session.peer == peer_key(from)) || session.owner != standing_.identity)
     return drop(DropCause::kUnauthenticated);
   if (session.state != link::SlotState::kActive || !logs_steps(session)) return drop(DropCause::kUnexpected);
-  link::FrozenState& frozen = seats_[slot].frozen;
+  link::FrozenState& frozen = records_[slot].frozen;
   if (request.snapshot != frozen.id) {
     if (frozen.id != 0 && now_ns - frozen.at_ns < kFreezeEveryNs) return drop(DropCause::kRateLimited);
     const link::StepReport report = step_report(slot);
@@ -631,7 +632,7 @@ std::size_t Server::on_scene_request(const link::SceneRequest& request, const ne
   const SceneToFetch& scene = *scene_.to_fetch;
   const std::size_t size = scene.offer.chunk_bytes(request.chunk);
   if (request.bundle != scene.offer.name() || size == 0) return drop(DropCause::kOutOfRange);
-  if (!seats_[slot].scene_chunks.take(now_ns) || !scene_chunks_.take(now_ns))
+  if (!records_[slot].scene_chunks.take(now_ns) || !scene_chunks_.take(now_ns))
     return drop(DropCause::kRateLimited);
   link::SceneChunk& chunk = chunk_;
   chunk.session_id = request.session_id;
@@ -667,7 +668,7 @@ void Server::end(std::size_t slot, std::int64_t now_ns) noexcept {
 /// Nothing is left of the session in this slot.
 void Server::forget(std::size_t slot, std::int64_t now_ns) noexcept {
   holder_.leave(slot, now_ns);
-  seats_[slot] = {};
+  records_[slot] = {};
   if (!shared()) {
     tips_[slot] = {};
   } else if (tips_[0].moved_by == slot) {
@@ -698,7 +699,7 @@ void Server::poll(std::int64_t now_ns) noexcept {
     if (state == link::SlotState::kSilent) {
       ++counters_.timed_out;
       if (!shared()) tips_[slot].last_step_ns = now_ns;
-      if (seats_[slot].steps.enabled()) seats_[slot].steps.declare_break(link::kBreakSilence);
+      if (records_[slot].steps.enabled()) records_[slot].steps.declare_break(link::kBreakSilence);
     }
     if (state == link::SlotState::kFree) forget(slot, now_ns);
   });
@@ -711,12 +712,12 @@ void Server::poll(std::int64_t now_ns) noexcept {
   if (shared()) return withdraw_shared_tip(now_ns);
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
-    if (session.state == link::SlotState::kActive && seats_[slot].steps.waits() && tips_[slot].slave)
+    if (session.state == link::SlotState::kActive && records_[slot].steps.waits() && tips_[slot].slave)
       run_log(slot, kStepsPerPoll, now_ns);
     const bool leaving =
         session.state == link::SlotState::kSilent || session.state == link::SlotState::kEnding;
     if (leaving && tips_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {
-      retract(tips_[slot], &seats_[slot].control, now_ns);
+      retract(tips_[slot], &records_[slot].control, now_ns);
     }
   }
 }
@@ -734,10 +735,10 @@ void Server::withdraw_shared_tip(std::int64_t now_ns) noexcept {
 
 std::size_t Server::next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept {
   shutting_down_ = true;
-  for (std::size_t slot = 0; slot < seats_.size(); ++slot) {
+  for (std::size_t slot = 0; slot < records_.size(); ++slot) {
     if (table_[slot].state != link::SlotState::kActive) continue;
     end(slot, now_ns);
-    to = seats_[slot].address;
+    to = records_[slot].address;
     return codec_.encode(link::Bye{table_[slot].session_id, link::ByeReason::kShuttingDown}, out);
   }
   return 0;

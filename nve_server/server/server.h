@@ -8,23 +8,23 @@
 #include <string>
 #include <vector>
 
-#include "common/link/codec.h"
-#include "common/link/drop_cause.h"
-#include "common/link/server_handshake.h"
-#include "common/link/session_table.h"
-#include "common/link/token_bucket.h"
-#include "common/net/datagram.h"
-#include "common/rt/clock.h"
-#include "nve_server/server/port_book.h"
-#include "nve_server/server/port_control.h"
-#include "nve_server/server/service_times.h"
-#include "nve_server/server/session_cap.h"
-#include "nve_server/server/session_port.h"
-#include "nve_server/server/tip_holder.h"
-#include "nve_server/server/token_search.h"
-#include "nve_server/server/work_budget.h"
-#include "nve_server/server/worker_mail.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/drop_cause.h"
+#include "telenano/common/link/server_handshake.h"
+#include "telenano/common/link/session_table.h"
+#include "telenano/common/link/token_bucket.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/server/port_book.h"
+#include "telenano/nve_server/server/port_control.h"
+#include "telenano/nve_server/server/service_times.h"
+#include "telenano/nve_server/server/session_cap.h"
+#include "telenano/nve_server/server/session_port.h"
+#include "telenano/nve_server/server/tip_holder.h"
+#include "telenano/nve_server/server/token_search.h"
+#include "telenano/nve_server/server/work_budget.h"
+#include "telenano/nve_server/server/worker_mail.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::server {
 
@@ -168,8 +168,8 @@ class Server {
                        std::span<std::uint8_t> out, const net::Standing& standing,
                        bool others = true) noexcept;
   void settle_cap() noexcept;
-  void hand_over(std::size_t slot, const Letter& question) noexcept;
-  void adopt(SessionParcel& parcel) noexcept;
+  void hand_over(std::size_t slot, const HandoffMessage& question) noexcept;
+  void adopt(SessionState& state) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
   std::size_t on_scene_request(const link::SceneRequest& request, const net::Address& from,
@@ -217,7 +217,7 @@ class Server {
   link::Codec codec_;
   link::Incoming incoming_;
   std::vector<Tip> tips_;  ///< one a slot, or the one that all share
-  std::vector<Seat> seats_;
+  std::vector<SessionRecord> records_;
   std::vector<PartyWork> parties_;  ///< more than there can be sessions: who is in use is never forgotten
   std::size_t active_parties_ = 0;  ///< that have commanded within a second
   TipHolder holder_;

@@ -1,11 +1,11 @@
-#include "nve_server/server/server_loop.h"
+#include "telenano/nve_server/server/server_loop.h"
 
 #include <algorithm>
 #include <array>
 #include <vector>
 
-#include "common/link/messages.h"
-#include "nve_server/server/drain_order.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/nve_server/server/drain_order.h"
 
 namespace telenano::server {
 namespace {

@@ -4,12 +4,12 @@
 #include <cstdint>
 #include <functional>
 
-#include "common/net/datagram.h"
-#include "common/rt/clock.h"
-#include "common/rt/latest_value.h"
-#include "nve_server/server/server.h"
-#include "nve_server/server/server_shutdown.h"
-#include "nve_server/server/server_snapshot.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/nve_server/server/server.h"
+#include "telenano/nve_server/server/server_shutdown.h"
+#include "telenano/nve_server/server/server_snapshot.h"
 
 namespace telenano::server {
 

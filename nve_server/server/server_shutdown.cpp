@@ -1,10 +1,10 @@
-#include "nve_server/server/server_shutdown.h"
+#include "telenano/nve_server/server/server_shutdown.h"
 
 #include <algorithm>
 #include <array>
 #include <vector>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::server {
 namespace {

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <functional>
 
-#include "common/net/datagram.h"
-#include "common/rt/clock.h"
-#include "nve_server/server/server.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::server {
 

@@ -4,8 +4,8 @@
 #include <array>
 #include <cstdint>
 
-#include "common/link/drop_cause.h"
-#include "nve_server/server/server.h"
+#include "telenano/common/link/drop_cause.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::server {
 

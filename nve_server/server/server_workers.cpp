@@ -4,7 +4,7 @@
 #include <new>
 #include <utility>
 
-#include "nve_server/server/server.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::server {
 
@@ -18,37 +18,37 @@ void Server::settle_cap() noexcept {
 }
 
 /// Where it cannot be sent, it stays, and no answer goes: the station asks again.
-void Server::hand_over(std::size_t slot, const Letter& question) noexcept {
-  SessionParcel* const parcel =
-      new (std::nothrow) SessionParcel{table_[slot], std::move(tips_[slot]), std::move(seats_[slot])};
-  if (parcel == nullptr) return;
-  Letter letter;
-  letter.kind = Letter::Kind::kParcel;
-  letter.from = static_cast<std::uint32_t>(config_.worker);
-  letter.ticket = question.ticket;
-  letter.parcel = parcel;
-  if (!config_.mail->post(question.from, letter)) {
-    tips_[slot] = std::move(parcel->tip);
-    seats_[slot] = std::move(parcel->seat);
-    delete parcel;
+void Server::hand_over(std::size_t slot, const HandoffMessage& question) noexcept {
+  SessionState* const state =
+      new (std::nothrow) SessionState{table_[slot], std::move(tips_[slot]), std::move(records_[slot])};
+  if (state == nullptr) return;
+  HandoffMessage message;
+  message.kind = HandoffMessage::Kind::kState;
+  message.from = static_cast<std::uint32_t>(config_.worker);
+  message.ticket = question.ticket;
+  message.state = state;
+  if (!config_.mail->post(question.from, message)) {
+    tips_[slot] = std::move(state->tip);
+    records_[slot] = std::move(state->record);
+    delete state;
     return;
   }
-  // From here on the parcel is the other worker's; its place under the cap goes with it.
+  // From here on the state is the other worker's; its place under the cap goes with it.
   if (table_[slot].state == SlotState::kActive) --cap_held_;
   table_.release(slot);
   tips_[slot] = {};
-  seats_[slot] = {};
+  records_[slot] = {};
   ++counters_.moved_out;
 }
 
-void Server::adopt(SessionParcel& parcel) noexcept {
-  if (parcel.session.state == SlotState::kActive) ++cap_held_;
-  const std::size_t slot = table_.adopt(parcel.session);
+void Server::adopt(SessionState& state) noexcept {
+  if (state.session.state == SlotState::kActive) ++cap_held_;
+  const std::size_t slot = table_.adopt(state.session);
   // With a cap there is a place, as at most as many sessions are active as each worker has slots; but silent
   // ones of a greater right may hold all of them, and do not give way.
   if (slot != link::SessionTable::kNone) {
-    tips_[slot] = std::move(parcel.tip);
-    seats_[slot] = std::move(parcel.seat);
+    tips_[slot] = std::move(state.tip);
+    records_[slot] = std::move(state.record);
   }
   settle_cap();
   ++counters_.moved_in;
@@ -56,30 +56,30 @@ void Server::adopt(SessionParcel& parcel) noexcept {
 
 void Server::exchange_mail() noexcept {
   if (!search_.has_others()) return;
-  Letter letter;
-  while (config_.mail->fetch(config_.worker, letter)) {
-    switch (letter.kind) {
-      case Letter::Kind::kAsk: {
-        const std::size_t slot = table_.find_token(letter.token, letter.owner);
+  HandoffMessage message;
+  while (config_.mail->fetch(config_.worker, message)) {
+    switch (message.kind) {
+      case HandoffMessage::Kind::kAsk: {
+        const std::size_t slot = table_.find_token(message.token, message.owner);
         if (slot != link::SessionTable::kNone) {
-          hand_over(slot, letter);
+          hand_over(slot, message);
           break;
         }
-        Letter answer;
-        answer.kind = Letter::Kind::kNotHere;
+        HandoffMessage answer;
+        answer.kind = HandoffMessage::Kind::kNotHere;
         answer.from = static_cast<std::uint32_t>(config_.worker);
-        answer.ticket = letter.ticket;
-        config_.mail->post(letter.from, answer);
+        answer.ticket = message.ticket;
+        config_.mail->post(message.from, answer);
         break;
       }
-      case Letter::Kind::kNotHere:
-        search_.on_answer(letter.ticket, false);
+      case HandoffMessage::Kind::kNotHere:
+        search_.on_answer(message.ticket, false);
         break;
-      case Letter::Kind::kParcel:
+      case HandoffMessage::Kind::kState:
         // Also one that nobody waits for any more: the station's next Hello finds it here.
-        adopt(*letter.parcel);
-        delete letter.parcel;
-        search_.on_answer(letter.ticket, true);
+        adopt(*message.state);
+        delete message.state;
+        search_.on_answer(message.ticket, true);
         break;
     }
   }

@@ -3,16 +3,16 @@
 #include <cstdint>
 #include <memory>
 
-#include "common/link/session_table.h"
-#include "common/link/snapshot.h"
-#include "common/link/step_log.h"
-#include "common/link/token_bucket.h"
-#include "common/net/datagram.h"
-#include "nve_server/server/port_book.h"
-#include "nve_server/server/port_control.h"
-#include "nve_server/server/tip_holder.h"
-#include "nve_server/server/work_budget.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/link/session_table.h"
+#include "telenano/common/link/snapshot.h"
+#include "telenano/common/link/step_log.h"
+#include "telenano/common/link/token_bucket.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/nve_server/server/port_book.h"
+#include "telenano/nve_server/server/port_control.h"
+#include "telenano/nve_server/server/tip_holder.h"
+#include "telenano/nve_server/server/work_budget.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::server {
 
@@ -28,7 +28,7 @@ struct Tip {
 };
 
 /// What a session has besides its tip.
-struct Seat {
+struct SessionRecord {
   std::uint64_t opening = 0;  ///< counts the sessions opened; one that is resumed keeps its number
   PortControl control;
   PortBook book;  ///< of a shared tip; a private one's is the slave's own
@@ -47,10 +47,10 @@ struct Seat {
 };
 
 /// A whole session, with a tip of its own, on its way from one worker to another.
-struct SessionParcel {
+struct SessionState {
   link::Session session;
   Tip tip;
-  Seat seat;
+  SessionRecord record;
 };
 
 }  // namespace telenano::server

@@ -1,18 +1,18 @@
-#include "nve_server/server/tip_holder.h"
+#include "telenano/nve_server/server/tip_holder.h"
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::server {
 
 bool TipHolder::on_command(std::size_t slot, net::Rights rights, std::uint32_t flags,
                            std::int64_t now_ns) noexcept {
-  Seat& seat = seats_[slot];
+  Claim& claim = claims_[slot];
   const bool takes = (flags & link::kFlagTakeOver) != 0;
   const bool operates = rights >= net::Rights::kOperate && (flags & link::kFlagHandOver) == 0;
-  if (!takes) seat.granted = false;
+  if (!takes) claim.granted = false;
   if (holder_ == slot) {
     constexpr std::uint32_t kEngaged = link::kFlagClutch | link::kFlagDeadman;
-    seat.granted = takes;
+    claim.granted = takes;
     if (!operates) {
       release(now_ns);
     } else if ((flags & kEngaged) == kEngaged) {
@@ -20,14 +20,14 @@ bool TipHolder::on_command(std::size_t slot, net::Rights rights, std::uint32_t f
     }
     return false;
   }
-  const bool begins = seat.begins, asks = takes && !seat.granted;
+  const bool begins = claim.begins, asks = takes && !claim.granted;
   if (!operates || !(asks || begins)) return false;
-  if (!withdrawing_) seat.begins = false;  // who comes while the tip is on its way up waits
+  if (!withdrawing_) claim.begins = false;  // who comes while the tip is on its way up waits
   const bool free = holder_ == kNobody && !withdrawing_;
   const bool released = holder_ != kNobody && now_ns - engaged_ns_ > kReleasedNs;
   const bool by_right = rights == net::Rights::kAdminister || released;
   if (!free && !(asks && by_right)) return false;
-  seat = {false, takes};
+  claim = {false, takes};
   holder_ = slot;
   if (++number_ == 0) number_ = 1;
   engaged_ns_ = now_ns;

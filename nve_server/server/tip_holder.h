@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/net/rights.h"
+#include "telenano/common/net/rights.h"
 
 namespace telenano::server {
 
@@ -25,12 +25,12 @@ class TipHolder {
   static constexpr std::size_t kNobody = SIZE_MAX;
   static constexpr std::int64_t kReleasedNs = 2'000'000'000;
 
-  explicit TipHolder(std::size_t slots) : seats_(slots) {}
+  explicit TipHolder(std::size_t slots) : claims_(slots) {}
 
-  void begin_session(std::size_t slot) noexcept { seats_[slot] = {}; }
+  void begin_session(std::size_t slot) noexcept { claims_[slot] = {}; }
   /// Goes on under a new id: may have a free tip back without asking, but what it had asked for stays used
   /// up.
-  void resume_session(std::size_t slot) noexcept { seats_[slot].begins = true; }
+  void resume_session(std::size_t slot) noexcept { claims_[slot].begins = true; }
   /// An accepted command of `slot`. True if it brings the tip to this session: a new holding begins.
   bool on_command(std::size_t slot, net::Rights rights, std::uint32_t flags, std::int64_t now_ns) noexcept;
   /// A session is silent, ended or forgotten.
@@ -52,14 +52,14 @@ class TipHolder {
   void withdrawn() noexcept;
 
  private:
-  struct Seat {
+  struct Claim {
     bool begins = true;    // no command yet that wanted the tip, and found it free or held
     bool granted = false;  // its kFlagTakeOver has brought it the tip, and was not clear since
   };
 
   void release(std::int64_t now_ns) noexcept;
 
-  std::vector<Seat> seats_;
+  std::vector<Claim> claims_;
   std::size_t holder_ = kNobody;
   std::uint32_t number_ = 0;
   std::int64_t engaged_ns_ = 0;  // the holder's last command that moved the tip, or its first

@@ -1,4 +1,4 @@
-#include "nve_server/server/token_search.h"
+#include "telenano/nve_server/server/token_search.h"
 
 namespace telenano::server {
 namespace {
@@ -30,17 +30,17 @@ link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& f
   q.standing = standing;
   q.since_ns = now_ns;
   ++open_;
-  Letter letter;
-  letter.kind = Letter::Kind::kAsk;
-  letter.from = static_cast<std::uint32_t>(worker_);
-  letter.ticket = static_cast<std::uint32_t>(free) | (q.generation << kIndexBits);
-  letter.token = hello.resume_token;
-  letter.owner = standing.identity;
+  HandoffMessage message;
+  message.kind = HandoffMessage::Kind::kAsk;
+  message.from = static_cast<std::uint32_t>(worker_);
+  message.ticket = static_cast<std::uint32_t>(free) | (q.generation << kIndexBits);
+  message.token = hello.resume_token;
+  message.owner = standing.identity;
   for (std::size_t to = 0; to < mail_->workers(); ++to) {
     if (to == worker_) continue;
     ++q.unheard;
     // Where there is no room the question goes unheard and grows old; nothing is opened twice for it.
-    mail_->post(to, letter);
+    mail_->post(to, message);
   }
   return link::DropCause::kNone;
 }

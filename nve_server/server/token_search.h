@@ -4,10 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "common/link/drop_cause.h"
-#include "common/link/messages.h"
-#include "common/net/datagram.h"
-#include "nve_server/server/worker_mail.h"
+#include "telenano/common/link/drop_cause.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/nve_server/server/worker_mail.h"
 
 namespace telenano::server {
 

@@ -1,9 +1,9 @@
-#include "nve_server/slave/canonical_motion.h"
+#include "telenano/nve_server/slave/canonical_motion.h"
 
 #include <bit>
 #include <string_view>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::slave {
 namespace {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <memory>
 
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::slave {
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/link/messages.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::slave {
 

@@ -1,13 +1,13 @@
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/error.h"
-#include "nve_server/slave/state_fields.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/slave/state_fields.h"
 
 namespace telenano::slave {
 namespace {

@@ -7,13 +7,13 @@
 #include <span>
 #include <vector>
 
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/probe.h"
-#include "nve_server/physics/tip_equilibrium.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/port_model.h"
-#include "nve_server/slave/slave.h"
-#include "nve_server/slave/touched_sample.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/probe.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/port_model.h"
+#include "telenano/nve_server/slave/slave.h"
+#include "telenano/nve_server/slave/touched_sample.h"
 
 namespace telenano::slave {
 

@@ -1,12 +1,12 @@
-#include "nve_server/slave/port_model.h"
+#include "telenano/nve_server/slave/port_model.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/relative_curvature.h"
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/relative_curvature.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 
 namespace telenano::slave {
 namespace {

@@ -4,10 +4,10 @@
 #include <optional>
 #include <vector>
 
-#include "common/link/messages.h"
-#include "nve_server/physics/friction.h"
-#include "nve_server/physics/tip_equilibrium.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/nve_server/physics/friction.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::slave {
 

@@ -7,10 +7,10 @@
 #include <cstring>
 #include <span>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/particle_equilibrium.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 /// What of a slave's state later steps depend on, field by field, in one list for three uses: the hash that
 /// two ends compare, the bytes of a snapshot, and reading them again. Whatever is left out here is left out

@@ -1,8 +1,8 @@
-#include "nve_server/slave/touched_sample.h"
+#include "telenano/nve_server/slave/touched_sample.h"
 
 #include <utility>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::slave {
 

@@ -5,13 +5,13 @@
 #include <memory>
 #include <optional>
 
-#include "nve_server/physics/marked_potential.h"
-#include "nve_server/physics/marked_sample.h"
-#include "nve_server/physics/particle_asleep.h"
-#include "nve_server/physics/particle_equilibrium.h"
-#include "nve_server/physics/tip_equilibrium.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/state_fields.h"
+#include "telenano/nve_server/physics/marked_potential.h"
+#include "telenano/nve_server/physics/marked_sample.h"
+#include "telenano/nve_server/physics/particle_asleep.h"
+#include "telenano/nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/state_fields.h"
 
 namespace telenano::slave {
 

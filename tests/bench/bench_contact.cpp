@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 
 // Time of one TipSampleLaw::advance. Paths are smooth oscillations as a hand makes them: about a hundredth of
@@ -15,7 +15,7 @@
 
 namespace {
 
-using telenano::physics::ContactModel;
+using telenano::physics::ContactLaw;
 using telenano::physics::Equilibrium;
 using telenano::physics::Held;
 using telenano::physics::MaugisDugdale;
@@ -108,14 +108,14 @@ void fold(benchmark::State& bench) {
   for (auto _ : bench) benchmark::DoNotOptimize(curve.fold({1.0, 0.3}));
 }
 
-/// The laws and the table on the same path, flat sample: polystyrene, argument the ContactModel; 7 is
+/// The laws and the table on the same path, flat sample: polystyrene, argument the ContactLaw; 7 is
 /// Maugis–Dugdale by table.
 void warm_by_law(benchmark::State& bench) {
   telenano::physics::TipSampleParameters p = silicon_on(2, 0.066, 0.4, true);
   const bool table = bench.range(0) == 7;
-  p.model = table ? ContactModel::kMaugisDugdale : static_cast<ContactModel>(bench.range(0));
+  p.model = table ? ContactLaw::kMaugisDugdale : static_cast<ContactLaw>(bench.range(0));
   if (table) p.method = MaugisMethod::kTable;
-  p.van_der_waals = p.model != ContactModel::kHertz;
+  p.van_der_waals = p.model != ContactLaw::kHertz;
   const TipSampleLaw law(p, 20);
   const double unit = law.scales(20).overlap_nm;
   const std::vector<double> path = oscillation(0.5 * unit, 8 * unit);

@@ -8,11 +8,11 @@
 #include <array>
 #include <cstring>
 
-#include "common/link/codec.h"
-#include "common/link/wire_scan.h"
-#include "common/net/sim_link.h"
-#include "common/net/udp.h"
-#include "nve_server/server/server.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/wire_scan.h"
+#include "telenano/common/net/sim_link.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/nve_server/server/server.h"
 #include "tests/unit/link/golden_messages.h"
 #include "tests/unit/server/virtual_session.h"
 

@@ -20,7 +20,7 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
 namespace telenano {

@@ -3,7 +3,7 @@
 #include <benchmark/benchmark.h>
 #include <openssl/evp.h>
 
-#include "common/rt/steady_clock.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/unit/security/dtls_rig.h"
 #include "tests/unit/security/memory_wire.h"
 

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "common/link/client_session.h"
-#include "master/twin/scene_twin.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/master/twin/scene_twin.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/virtual_session.h"
 

@@ -9,8 +9,8 @@
 #include <ctime>
 #include <vector>
 
-#include "master/viewer/offscreen.h"
-#include "master/viewer/viewer.h"
+#include "telenano/master/viewer/offscreen.h"
+#include "telenano/master/viewer/viewer.h"
 #include "tests/support/view_scene.h"
 
 namespace {

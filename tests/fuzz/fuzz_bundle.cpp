@@ -4,9 +4,9 @@
 #include <functional>
 #include <string>
 
-#include "common/base/error.h"
 #include "fuzz_input.h"
-#include "nve_server/scene/scene_bundle.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
 
 namespace {
 

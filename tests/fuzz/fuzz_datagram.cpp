@@ -4,9 +4,9 @@
 #include <cmath>
 #include <memory>
 
-#include "common/link/codec.h"
-#include "common/link/wire_scan.h"
 #include "fuzz_input.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/wire_scan.h"
 
 namespace telenano::link {
 namespace {

@@ -10,9 +10,9 @@
 #include <set>
 #include <vector>
 
-#include "common/security/dtls_client.h"
-#include "common/security/dtls_server.h"
 #include "fuzz_input.h"
+#include "telenano/common/security/dtls_client.h"
+#include "telenano/common/security/dtls_server.h"
 #include "tests/unit/security/dtls_rig.h"
 
 namespace telenano::security {

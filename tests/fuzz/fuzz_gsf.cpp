@@ -1,10 +1,10 @@
 // Any bytes as a scan: one clear line, or a grid that can be levelled and written and read again.
 #include <cmath>
 
-#include "common/base/error.h"
-#include "common/surface/gsf.h"
 #include "fuzz_input.h"
-#include "nve_server/scene/levelling.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/scene/levelling.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace telenano;

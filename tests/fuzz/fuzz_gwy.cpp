@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/surface/gsf.h"
 #include "fuzz_input.h"
-#include "nve_server/import/clean_scan.h"
-#include "nve_server/import/gwy_file.h"
-#include "nve_server/import/imported_scene.h"
-#include "nve_server/import/tip_erosion.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/import/clean_scan.h"
+#include "telenano/nve_server/import/gwy_file.h"
+#include "telenano/nve_server/import/imported_scene.h"
+#include "telenano/nve_server/import/tip_erosion.h"
 
 namespace {
 

@@ -17,12 +17,12 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/recording/recorder.h"
-#include "common/recording/recording_reader.h"
-#include "common/recording/recover.h"
-#include "common/recording/summary.h"
 #include "fuzz_input.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/recording/recover.h"
+#include "telenano/common/recording/summary.h"
 #if TELENANO_FUZZ
 #include "guided_reading.h"
 #endif

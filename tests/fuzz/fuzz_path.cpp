@@ -1,9 +1,9 @@
 // Any text as a path for the tip: one clear line, or points whose times rise.
 #include <cmath>
 
-#include "common/base/error.h"
 #include "fuzz_input.h"
-#include "nve_server/app/path_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/app/path_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace telenano;

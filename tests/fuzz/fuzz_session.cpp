@@ -6,8 +6,8 @@
 #include <map>
 #include <vector>
 
-#include "common/link/client_session.h"
 #include "fuzz_input.h"
+#include "telenano/common/link/client_session.h"
 #include "tests/unit/server/spring_slave.h"
 
 namespace telenano::server {

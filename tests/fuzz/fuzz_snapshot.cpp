@@ -5,10 +5,10 @@
 #include <memory>
 #include <vector>
 
-#include "common/link/snapshot.h"
 #include "fuzz_input.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/link/snapshot.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace {
 

@@ -4,8 +4,8 @@
 #include <array>
 #include <map>
 
-#include "common/link/step_log.h"
 #include "fuzz_input.h"
+#include "telenano/common/link/step_log.h"
 
 namespace {
 

@@ -7,13 +7,13 @@
 #include <string>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/config/slave_limits_file.h"
-#include "common/config/toml_document.h"
-#include "common/security/key_list.h"
 #include "fuzz_input.h"
-#include "master/app/station_file.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/slave_limits_file.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/common/security/key_list.h"
+#include "telenano/master/app/station_file.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace {
 

@@ -21,9 +21,9 @@
 #include <string>
 #include <string_view>
 
-#include "common/base/error.h"
-#include "common/recording/child_call.h"
 #include "fuzz_input.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/child_call.h"
 
 namespace telenano::fuzz {
 

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "common/link/codec.h"
+#include "telenano/common/link/codec.h"
 
 namespace {
 

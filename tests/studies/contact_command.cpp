@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/contact_study.h"
 #include "tests/studies/parse_list.h"
 

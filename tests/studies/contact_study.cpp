@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/error.h"
-#include "nve_server/physics/maugis_dugdale.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
 
 namespace telenano::studies {
 namespace {

@@ -1,8 +1,8 @@
 #include <CLI/CLI.hpp>
 #include <string>
 
-#include "common/base/version.h"
-#include "common/config/program.h"
+#include "telenano/common/base/version.h"
+#include "telenano/common/config/program.h"
 #include "tests/studies/afm/afm_command.h"
 #include "tests/studies/bench/bench_command.h"
 #include "tests/studies/contact_command.h"

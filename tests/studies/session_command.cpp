@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-#include "common/base/error.h"
-#include "common/config/completion.h"
-#include "common/control/method.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/control/method.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::studies {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/control/methods.h"
+#include "telenano/common/control/methods.h"
 
 /// For tests that make a ledger wrong, to see that it is found.
 namespace telenano::support {
@@ -14,10 +14,10 @@ class ChangedNewsMethod : public control::StationMethod {
   }
   void begin_session(bool new_epoch) noexcept override { right().begin_session(new_epoch); }
   void book(const control::PortInterval& interval) noexcept override { right().book(interval); }
-  void hear(const control::SlaveNews& news) noexcept override {
+  void on_reply(const control::SlaveNews& news) noexcept override {
     control::SlaveNews wrong = news;
     change(wrong.given_j, wrong.well_j);
-    right().hear(wrong);
+    right().on_reply(wrong);
   }
   void feel(const control::LocalNews& news) noexcept override {
     control::LocalNews wrong = news;
@@ -29,7 +29,7 @@ class ChangedNewsMethod : public control::StationMethod {
   double damper_n_s_m() const noexcept override { return right().damper_n_s_m(); }
   double force_bound_n() const noexcept override { return right().force_bound_n(); }
   double ledger_j() const noexcept override { return right().ledger_j(); }
-  void tell(control::SlaveOrder& order) const noexcept override { right().tell(order); }
+  void fill_command(control::SlaveOrder& order) const noexcept override { right().fill_command(order); }
 
  protected:
   virtual void change(double& given_j, double& well_j) const noexcept = 0;

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 namespace telenano::testing {
 

@@ -5,9 +5,9 @@
 #include <cmath>
 #include <string>
 
-#include "common/surface/gsf.h"
-#include "nve_server/physics/contact_fields.h"
-#include "nve_server/physics/height_grid.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/contact_fields.h"
+#include "telenano/nve_server/physics/height_grid.h"
 #include "tests/source_dir.h"
 
 /// What tests of fields of the apex have in common.

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/constants.h"
+#include "telenano/common/base/constants.h"
 #include "tests/support/matrix_exponential.h"
 
 namespace telenano::support {

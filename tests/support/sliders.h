@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 /// For tests of what a live change of scale grants.
 namespace telenano::support {

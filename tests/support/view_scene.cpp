@@ -4,9 +4,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/link/messages.h"
-#include "master/device/haptic_device.h"
-#include "master/station/station.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::support {
 namespace {

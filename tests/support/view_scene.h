@@ -2,9 +2,9 @@
 
 #include <cstdint>
 
-#include "common/recording/sample.h"
-#include "common/surface/height_grid.h"
-#include "master/viewer/view_facts.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/common/surface/height_grid.h"
+#include "telenano/master/viewer/view_facts.h"
 
 /// A session that never was, for pictures that must come out the same everywhere: a scan made by formula and
 /// a tip that comes down on it, presses and draws a circle.

@@ -3,8 +3,8 @@
 #include <stdexcept>
 #include <utility>
 
-#include "nve_server/afm/afm_adapters.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::support {
 
@@ -126,7 +126,7 @@ void VirtualAfm::hand_over(std::size_t i) {
   }
 }
 
-void VirtualAfm::step(const afm::PortWish& wish) {
+void VirtualAfm::step(const afm::PortTarget& wish) {
   now_ns_ += kStepNs;
   sim_.advance_to(now_ns_);
   const bool alive = killed_ns_ < 0;
@@ -166,7 +166,7 @@ void VirtualAfm::step(const afm::PortWish& wish) {
   for (std::size_t k = 0; k < channels_.size(); ++k) serve((first + k) % channels_.size());
 }
 
-void VirtualAfm::advance_to(std::int64_t until_ns, const afm::PortWish& wish) {
+void VirtualAfm::advance_to(std::int64_t until_ns, const afm::PortTarget& wish) {
   while (now_ns_ < until_ns) step(wish);
 }
 

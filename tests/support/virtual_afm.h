@@ -7,12 +7,12 @@
 #include <optional>
 #include <span>
 
-#include "common/base/random.h"
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/afm/afm_slave.h"
-#include "nve_server/afm_sim/sim_controller.h"
-#include "nve_server/afm_sim/sim_faults.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm/afm_slave.h"
+#include "telenano/nve_server/afm_sim/sim_controller.h"
+#include "telenano/nve_server/afm_sim/sim_faults.h"
 
 namespace telenano::support {
 
@@ -24,7 +24,7 @@ class VirtualAfm {
              std::shared_ptr<const scene::Scene> scene, std::uint64_t seed = 1);
 
   /// Until then, in steps of kStepNs.
-  void advance_to(std::int64_t now_ns, const afm::PortWish& wish);
+  void advance_to(std::int64_t now_ns, const afm::PortTarget& wish);
   void apply(const afm_sim::Fault& fault);
   /// From now on the answers of one connection come so much later than the controller gave them: whoever
   /// passes them on is kept waiting.
@@ -64,7 +64,7 @@ class VirtualAfm {
     std::optional<nanonis::Bytes> answer;  // on its way
     std::int64_t answer_ns = 0;
   };
-  void step(const afm::PortWish& wish);
+  void step(const afm::PortTarget& wish);
   void close(std::size_t i);
   void serve(std::size_t i);
   void hand_over(std::size_t i);

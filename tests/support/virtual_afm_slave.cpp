@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::support {
 
@@ -29,7 +29,7 @@ VirtualAfm approached(const afm::AfmConfig& config, const afm_sim::SimConfig& ri
                       const std::shared_ptr<const scene::Scene>& scene, std::uint64_t seed) {
   VirtualAfm afm(config, rig, scene, seed);
   constexpr std::int64_t kLongNs = 120'000'000'000;
-  const afm::PortWish nothing;
+  const afm::PortTarget nothing;
   while (afm.logic().state().phase != afm::Phase::kFollowing) {
     if (afm.now_ns() > kLongNs || !afm.logic().refusal().empty())
       throw RunError("the simulated AFM did not approach: " + std::string(name(afm.logic().state().phase)) +

@@ -2,8 +2,8 @@
 
 #include <memory>
 
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_slave.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_slave.h"
 #include "tests/support/virtual_afm.h"
 
 namespace telenano::support {
@@ -26,7 +26,7 @@ class VirtualAfmSlave final : public slave::Slave {
   rt::VirtualClock clock_;
   std::shared_ptr<afm::AfmExchange> exchange_ = std::make_shared<afm::AfmExchange>();
   afm::AfmSlave slave_;
-  afm::PortWish wish_;
+  afm::PortTarget wish_;
 };
 
 /// Approaches; throws RunError if that does not end above the surface.

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "master/device/haptic_device.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::support {
 

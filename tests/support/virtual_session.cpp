@@ -4,9 +4,9 @@
 #include <cmath>
 #include <span>
 
-#include "common/base/error.h"
-#include "master/twin/scene_twin.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/twin/scene_twin.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::support {
 

@@ -7,16 +7,16 @@
 #include <string>
 #include <vector>
 
-#include "common/link/client_session.h"
-#include "common/net/sim_link.h"
-#include "common/recording/sample.h"
-#include "common/rt/clock.h"
-#include "master/device/intended_motion.h"
-#include "master/device/sim_device.h"
-#include "master/loop/station_loop.h"
-#include "master/station/station.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/server/server.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/sim_link.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/master/device/intended_motion.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/master/loop/station_loop.h"
+#include "telenano/master/station/station.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/server/server.h"
 #include "tests/support/virtual_hand.h"
 
 namespace telenano::support {

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "nve_server/slave/slave.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::support {
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/control/energy_observer.h"
-#include "common/control/passivity_controller.h"
+#include "telenano/common/control/energy_observer.h"
+#include "telenano/common/control/passivity_controller.h"
 
 namespace telenano::support {
 

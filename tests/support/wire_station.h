@@ -5,10 +5,10 @@
 #include <memory>
 #include <optional>
 
-#include "common/link/client_session.h"
-#include "common/net/udp.h"
-#include "common/rt/steady_clock.h"
-#include "common/security/dtls_client.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/common/security/dtls_client.h"
 
 namespace telenano::support {
 

@@ -5,8 +5,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/net/tcp.h"
-#include "common/net/udp.h"
+#include "telenano/common/net/tcp.h"
+#include "telenano/common/net/udp.h"
 #include "tests/source_dir.h"
 #include "tests/system/programs.h"
 

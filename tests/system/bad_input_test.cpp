@@ -7,10 +7,10 @@
 #include <map>
 #include <thread>
 
-#include "common/link/codec.h"
-#include "common/link/messages.h"
-#include "common/net/udp.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/source_dir.h"
 #include "tests/system/programs.h"
 

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <set>
 
-#include "common/config/slave_limits_file.h"
+#include "telenano/common/config/slave_limits_file.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/recording/recording_reader.h"
+#include "telenano/common/recording/recording_reader.h"
 
 namespace telenano::programs {
 

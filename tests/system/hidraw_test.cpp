@@ -4,9 +4,9 @@
 
 #include <thread>
 
-#include "common/base/error.h"
-#include "master/device/hid/hid_port.h"
-#include "master/device/hid/hid_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/hid/hid_port.h"
+#include "telenano/master/device/hid/hid_reader.h"
 #include "tests/support/puck_bytes.h"
 #include "tests/support/virtual_hid.h"
 #include "tests/system/programs.h"

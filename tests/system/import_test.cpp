@@ -7,9 +7,9 @@
 #include <numeric>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/surface/gsf.h"
-#include "nve_server/app/gwyddion_convert.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/app/gwyddion_convert.h"
 #include "tests/support/gwy_bytes.h"
 #include "tests/system/programs.h"
 

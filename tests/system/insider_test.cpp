@@ -8,10 +8,10 @@
 #include <thread>
 #include <vector>
 
-#include "common/link/client_session.h"
-#include "common/link/codec.h"
-#include "common/net/udp.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

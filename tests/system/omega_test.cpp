@@ -7,7 +7,7 @@
 #include <cmath>
 #include <thread>
 
-#include "common/recording/recording_reader.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/support/standin_drd/standin_sdk.h"
 #include "tests/system/programs.h"
 #include "tests/system/recorded.h"

@@ -10,8 +10,8 @@
 #include <map>
 #include <thread>
 
-#include "common/net/udp.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

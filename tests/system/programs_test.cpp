@@ -7,13 +7,13 @@
 #include <cmath>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "common/link/client_session.h"
-#include "common/link/messages.h"
-#include "common/net/udp.h"
-#include "common/recording/recording_reader.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/system/programs.h"
 #include "tests/system/recorded.h"
 

@@ -6,8 +6,8 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
 /// What a station records while it runs: a test waits for what happens rather than for a time.

@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "common/recording/recording_reader.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

@@ -1,8 +1,8 @@
 // Recorded sessions of the real programs, run again in virtual time by `telenano-lab replay`.
 #include <cstdlib>
 
-#include "common/control/method.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {

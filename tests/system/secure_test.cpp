@@ -4,8 +4,8 @@
 #include <regex>
 #include <thread>
 
-#include "common/net/udp.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/system/felt_force.h"
 #include "tests/system/programs.h"
 #include "tests/system/recorded.h"

@@ -4,7 +4,7 @@
 
 #include <thread>
 
-#include "common/recording/recording_reader.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/system/felt_force.h"
 #include "tests/system/programs.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <thread>
 
-#include "common/surface/gsf.h"
+#include "telenano/common/surface/gsf.h"
 #include "tests/source_dir.h"
 #include "tests/system/programs.h"
 

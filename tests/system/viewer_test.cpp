@@ -4,8 +4,8 @@
 #include <cmath>
 #include <fstream>
 
-#include "common/recording/recording_reader.h"
-#include "master/viewer/png.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/master/viewer/png.h"
 #include "tests/source_dir.h"
 #include "tests/system/programs.h"
 

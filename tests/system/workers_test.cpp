@@ -7,7 +7,7 @@
 #include <tuple>
 #include <utility>
 
-#include "common/security/key_list.h"
+#include "telenano/common/security/key_list.h"
 #include "tests/support/wire_station.h"
 #include "tests/system/programs.h"
 

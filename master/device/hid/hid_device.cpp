@@ -1,11 +1,11 @@
-#include "master/device/hid/hid_device.h"
+#include "telenano/master/device/hid/hid_device.h"
 
 #include <algorithm>
 #include <cmath>
 #include <string>
 
-#include "common/base/error.h"
-#include "master/device/pointer_device.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/pointer_device.h"
 
 namespace telenano::device {
 namespace {

@@ -2,11 +2,11 @@
 
 #include <cstdint>
 
-#include "common/rt/latest_value.h"
-#include "master/device/device_map.h"
-#include "master/device/hand_motion.h"
-#include "master/device/haptic_device.h"
-#include "master/device/hid/hid_reader.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/master/device/device_map.h"
+#include "telenano/master/device/hand_motion.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/hid/hid_reader.h"
 
 namespace telenano::device {
 

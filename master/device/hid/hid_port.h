@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "master/device/device_map.h"
+#include "telenano/master/device/device_map.h"
 
 namespace telenano::device {
 

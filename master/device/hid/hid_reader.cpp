@@ -1,8 +1,8 @@
-#include "master/device/hid/hid_reader.h"
+#include "telenano/master/device/hid/hid_reader.h"
 
 #include <utility>
 
-#include "master/device/hid/pedal_reports.h"
+#include "telenano/master/device/hid/pedal_reports.h"
 
 namespace telenano::device {
 namespace {

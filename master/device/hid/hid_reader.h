@@ -6,9 +6,9 @@
 #include <stop_token>
 #include <thread>
 
-#include "common/rt/latest_value.h"
-#include "master/device/hid/hid_port.h"
-#include "master/device/hid/puck_reports.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/master/device/hid/hid_port.h"
+#include "telenano/master/device/hid/puck_reports.h"
 
 namespace telenano::device {
 

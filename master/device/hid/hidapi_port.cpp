@@ -8,9 +8,9 @@
 #include <set>
 #include <utility>
 
-#include "common/base/error.h"
-#include "master/device/hid/hid_port.h"
-#include "master/device/hid/hid_products.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/hid/hid_port.h"
+#include "telenano/master/device/hid/hid_products.h"
 
 namespace telenano::device {
 namespace {

@@ -1,6 +1,6 @@
 // Takes hidapi_port.cpp's place in a build without HID.
-#include "common/base/error.h"
-#include "master/device/hid/hid_port.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/hid/hid_port.h"
 
 namespace telenano::device {
 namespace {

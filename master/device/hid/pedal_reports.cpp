@@ -1,4 +1,4 @@
-#include "master/device/hid/pedal_reports.h"
+#include "telenano/master/device/hid/pedal_reports.h"
 
 #include <cstddef>
 

@@ -1,4 +1,4 @@
-#include "master/device/hid/pedalled_device.h"
+#include "telenano/master/device/hid/pedalled_device.h"
 
 #include <utility>
 

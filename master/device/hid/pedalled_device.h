@@ -3,9 +3,9 @@
 #include <cstdint>
 #include <memory>
 
-#include "master/device/device_map.h"
-#include "master/device/haptic_device.h"
-#include "master/device/hid/hid_reader.h"
+#include "telenano/master/device/device_map.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/hid/hid_reader.h"
 
 namespace telenano::device {
 

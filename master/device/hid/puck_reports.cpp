@@ -1,4 +1,4 @@
-#include "master/device/hid/puck_reports.h"
+#include "telenano/master/device/hid/puck_reports.h"
 
 #include <cstddef>
 

@@ -1,9 +1,9 @@
-#include "master/device/omega/omega_device.h"
+#include "telenano/master/device/omega/omega_device.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "master/device/call_watch.h"
-#include "master/device/device_map.h"
-#include "master/device/haptic_device.h"
-#include "master/device/omega/sdk.h"
-#include "master/device/omega/usb_nodes.h"
+#include "telenano/master/device/call_watch.h"
+#include "telenano/master/device/device_map.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/device/omega/sdk.h"
+#include "telenano/master/device/omega/usb_nodes.h"
 
 namespace telenano::device {
 

@@ -1,4 +1,4 @@
-#include "master/device/omega/sdk.h"
+#include "telenano/master/device/omega/sdk.h"
 
 #include <dlfcn.h>
 
@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

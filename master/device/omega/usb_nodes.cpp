@@ -1,4 +1,4 @@
-#include "master/device/omega/usb_nodes.h"
+#include "telenano/master/device/omega/usb_nodes.h"
 
 #include <unistd.h>
 

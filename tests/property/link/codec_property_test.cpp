@@ -6,10 +6,10 @@
 #include <array>
 #include <vector>
 
-#include "common/link/codec.h"
-#include "common/link/wire_scan.h"
 #include "proto/telenano.pb.h"
 #include "random_messages.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/wire_scan.h"
 #include "tests/unit/link/golden_messages.h"
 
 namespace telenano::link {

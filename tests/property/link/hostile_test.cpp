@@ -5,8 +5,8 @@
 #include <array>
 #include <cstdio>
 
-#include "common/link/wire_scan.h"
 #include "random_messages.h"
+#include "telenano/common/link/wire_scan.h"
 #include "tests/unit/link/golden_messages.h"
 #include "tests/unit/server/virtual_session.h"
 

@@ -3,9 +3,9 @@
 #include <bit>
 #include <cmath>
 
-#include "common/base/random.h"
-#include "common/link/messages.h"
-#include "common/link/recent_commands.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/link/recent_commands.h"
 
 namespace telenano::link {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/random.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::nanonis {
 namespace {

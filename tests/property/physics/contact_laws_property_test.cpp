@@ -5,7 +5,7 @@
 #include <random>
 #include <string>
 
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 
 // What must hold for every contact law, not only for the exact one (contact_property_test.cpp).
@@ -23,9 +23,9 @@ double log_uniform(std::mt19937_64& random, double low, double high) {
   return low * std::exp(std::uniform_real_distribution<double>(0, std::log(high / low))(random));
 }
 
-class EveryLaw : public ::testing::TestWithParam<ContactModel> {
+class EveryLaw : public ::testing::TestWithParam<ContactLaw> {
  protected:
-  bool has_van_der_waals() const { return GetParam() != ContactModel::kHertz; }
+  bool has_van_der_waals() const { return GetParam() != ContactLaw::kHertz; }
   TipSampleLaw law_of(double lambda, bool van_der_waals) const {
     TipSampleParameters p = material_of(lambda, van_der_waals);
     p.model = GetParam();
@@ -34,12 +34,11 @@ class EveryLaw : public ::testing::TestWithParam<ContactModel> {
 };
 
 INSTANTIATE_TEST_SUITE_P(ContactLaws, EveryLaw,
-                         ::testing::Values(ContactModel::kHertz, ContactModel::kDmt, ContactModel::kJkr,
-                                           ContactModel::kMaugisDugdale,
-                                           ContactModel::kCarpickOgletreeSalmeron,
-                                           ContactModel::kPietrementTroyon, ContactModel::kSchwarz),
+                         ::testing::Values(ContactLaw::kHertz, ContactLaw::kDmt, ContactLaw::kJkr,
+                                           ContactLaw::kMaugisDugdale, ContactLaw::kCarpickOgletreeSalmeron,
+                                           ContactLaw::kPietrementTroyon, ContactLaw::kSchwarz),
                          [](const auto& law) {
-                           std::string name(contact_model_name(law.param));
+                           std::string name(contact_law_name(law.param));
                            std::replace(name.begin(), name.end(), '-', '_');
                            return name;
                          });

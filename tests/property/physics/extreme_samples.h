@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "common/base/random.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 /// Tips and samples from the whole range that a scene may ask for.
 namespace telenano::testing {

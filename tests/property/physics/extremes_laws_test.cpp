@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/property/physics/extreme_samples.h"
 #include "tests/source_dir.h"
 
@@ -18,12 +18,12 @@ using testing::log_uniform;
 using testing::random_sample;
 using testing::Sample;
 
-constexpr ContactModel kModels[] = {ContactModel::kHertz,
-                                    ContactModel::kDmt,
-                                    ContactModel::kJkr,
-                                    ContactModel::kCarpickOgletreeSalmeron,
-                                    ContactModel::kPietrementTroyon,
-                                    ContactModel::kSchwarz};
+constexpr ContactLaw kModels[] = {ContactLaw::kHertz,
+                                  ContactLaw::kDmt,
+                                  ContactLaw::kJkr,
+                                  ContactLaw::kCarpickOgletreeSalmeron,
+                                  ContactLaw::kPietrementTroyon,
+                                  ContactLaw::kSchwarz};
 
 /// Any law of those that extremes_test.cpp does not walk. `kind` 0 ... 5: kModels; 6: the table; 7 and above:
 /// long-range forces.

@@ -7,8 +7,8 @@
 #include <memory>
 #include <string>
 
-#include "nve_server/physics/tip_sample_law.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/property/physics/extreme_samples.h"
 #include "tests/source_dir.h"
 #include "tests/support/md_walk.h"

@@ -5,9 +5,9 @@
 #include <memory>
 #include <random>
 
-#include "common/base/error.h"
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/physics/particle_equilibrium.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/particle_equilibrium.h"
 
 namespace telenano::physics {
 namespace {

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "nve_server/physics/marked_sample.h"
-#include "nve_server/physics/sampled_shapes.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/physics/marked_sample.h"
+#include "telenano/nve_server/physics/sampled_shapes.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::physics {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/potential_paths.h"
 
@@ -245,12 +245,11 @@ TEST(Potential, FlatGroundIsTheLaw) {
 // Every law: level ground is its own balance, and a smooth closed path gives and takes nothing. Those whose
 // form goes with λ have their radius force by differences, 1e-8 of the energy.
 TEST(Potential, EveryLawHasOne) {
-  for (const ContactModel model :
-       {ContactModel::kHertz, ContactModel::kDmt, ContactModel::kJkr, ContactModel::kSchwarz,
-        ContactModel::kCarpickOgletreeSalmeron, ContactModel::kPietrementTroyon}) {
+  for (const ContactLaw model : {ContactLaw::kHertz, ContactLaw::kDmt, ContactLaw::kJkr, ContactLaw::kSchwarz,
+                                 ContactLaw::kCarpickOgletreeSalmeron, ContactLaw::kPietrementTroyon}) {
     for (const bool van_der_waals : {false, true}) {
-      if (van_der_waals && model == ContactModel::kHertz) continue;
-      SCOPED_TRACE(std::string(contact_model_name(model)) + (van_der_waals ? "" : " alone"));
+      if (van_der_waals && model == ContactLaw::kHertz) continue;
+      SCOPED_TRACE(std::string(contact_law_name(model)) + (van_der_waals ? "" : " alone"));
       TipSampleParameters p = silicon_oxide();
       p.model = model;
       p.van_der_waals = van_der_waals;

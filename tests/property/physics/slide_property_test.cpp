@@ -9,9 +9,9 @@
 #include <memory>
 #include <random>
 
-#include "common/base/constants.h"
-#include "nve_server/physics/spline_surface.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 namespace {

@@ -8,7 +8,7 @@
 #include <deque>
 #include <memory>
 
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm_slave.h"
 #include "tests/support/virtual_session.h"
 

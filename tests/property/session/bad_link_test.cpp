@@ -1,8 +1,8 @@
 // Whatever the link does: no drift, no lost or invented energy, no step of the force, once it heals.
 #include <gtest/gtest.h>
 
-#include "common/base/random.h"
 #include "pressed_wall.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::support {
 namespace {

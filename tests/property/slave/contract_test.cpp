@@ -8,9 +8,9 @@
 #include <memory>
 #include <string>
 
-#include "common/base/random.h"
-#include "nve_server/afm_sim/default_scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/virtual_afm_slave.h"
 #include "tests/support/wall_slave.h"

@@ -8,10 +8,10 @@
 #include <memory>
 #include <string>
 
-#include "common/base/error.h"
-#include "nve_server/scene/force_curve.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/scene/force_curve.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
 namespace telenano {

@@ -8,8 +8,8 @@
 #include <random>
 #include <string>
 
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
 namespace telenano::slave {

@@ -3,8 +3,8 @@
 #include <cmath>
 #include <random>
 
-#include "common/control/passivity_controller.h"
-#include "master/station/force_limits.h"
+#include "telenano/common/control/passivity_controller.h"
+#include "telenano/master/station/force_limits.h"
 #include "tests/support/watched_controller.h"
 
 // The hard guarantee: below v_max, no hand and no environment extract more than the allowance beyond what the

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 #include "tests/unit/station/station_rig.h"
 
 namespace telenano::station {

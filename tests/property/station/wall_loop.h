@@ -4,8 +4,8 @@
 #include <cmath>
 #include <deque>
 
-#include "master/device/sim_device.h"
-#include "master/station/station.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::station {
 

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::support {
 

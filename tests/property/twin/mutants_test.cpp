@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "common/control/methods.h"
-#include "common/link/codec.h"
-#include "master/twin/scene_twin.h"
+#include "telenano/common/control/methods.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/master/twin/scene_twin.h"
 #include "tests/property/twin/felt_run.h"
 #include "tests/support/changed_news_method.h"
 

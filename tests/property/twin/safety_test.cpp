@@ -9,10 +9,10 @@
 #include <memory>
 #include <string>
 
-#include "common/base/random.h"
-#include "common/control/methods.h"
-#include "common/link/codec.h"
-#include "master/twin/scene_twin.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/control/methods.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/master/twin/scene_twin.h"
 #include "tests/source_dir.h"
 #include "tests/support/changed_news_method.h"
 #include "tests/support/driven_hand.h"

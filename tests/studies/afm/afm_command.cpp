@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <memory>
 
-#include "common/base/error.h"
-#include "common/base/version.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/version.h"
 #include "tests/studies/afm/over_force.h"
 #include "tests/studies/afm/touch.h"
 #include "tests/studies/report/gnuplot.h"

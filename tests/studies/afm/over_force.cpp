@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/det_math.h"
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm_slave.h"
 
 namespace telenano::studies {
@@ -35,7 +35,7 @@ struct Indent {
   explicit Indent(const VirtualAfm& ready) {
     VirtualAfm afm = ready;
     begin_ns = afm.now_ns() + 200 * kMs;
-    afm::PortWish wish;
+    afm::PortTarget wish;
     wish.session = 1;
     wish.follow = true;
     go(afm, wish, begin_ns);
@@ -45,7 +45,7 @@ struct Indent {
     }
   }
   double time_s(const VirtualAfm& afm) const { return 1e-9 * static_cast<double>(afm.now_ns() - begin_ns); }
-  void go(VirtualAfm& afm, afm::PortWish& wish, std::int64_t until_ns, bool told = true) const {
+  void go(VirtualAfm& afm, afm::PortTarget& wish, std::int64_t until_ns, bool told = true) const {
     while (afm.now_ns() < until_ns) {
       if (told) {
         wish.time_ns = afm.now_ns();
@@ -59,7 +59,7 @@ struct Indent {
 void run_trial(const Indent& indent, FaultTrial& t, double drift_nm_s, std::uint64_t seed) {
   Random random(seed);
   VirtualAfm afm = indent.kept[static_cast<std::size_t>(t.at_s / Indent::kEveryS)];
-  afm::PortWish wish;
+  afm::PortTarget wish;
   wish.session = 1;
   wish.follow = true;
   indent.go(afm, wish, indent.begin_ns + static_cast<std::int64_t>(t.at_s * 1e9));

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm_sim/sim_config.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm_sim/sim_config.h"
 
 namespace telenano::studies {
 

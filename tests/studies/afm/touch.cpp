@@ -5,10 +5,10 @@
 #include <fstream>
 #include <sstream>
 
-#include "common/base/error.h"
-#include "common/config/shared_files.h"
-#include "nve_server/afm_sim/default_scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/shared_files.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/support/virtual_afm_slave.h"
 #include "tests/support/virtual_session.h"
 

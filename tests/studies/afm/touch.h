@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "common/control/method.h"
-#include "common/recording/sample.h"
-#include "master/device/intended_motion.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/master/device/intended_motion.h"
 
 namespace telenano::studies {
 

@@ -11,8 +11,8 @@
 #include <string>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/config/shared_files.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/shared_files.h"
 #include "tests/studies/bench/codec_bench.h"
 #include "tests/studies/bench/memory_bench.h"
 #include "tests/studies/bench/net_bench.h"

@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <memory>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/studies/bench/closed_loop.h"
 #include "tests/studies/bench/served.h"
 #include "tests/studies/bench/server_bench.h"

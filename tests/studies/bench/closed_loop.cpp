@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/bench/pinned_thread.h"
 
 namespace telenano::studies {

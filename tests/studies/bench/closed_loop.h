@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "common/link/client_session.h"
-#include "common/net/datagram.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/datagram.h"
 #include "tests/studies/bench/motion.h"
 #include "tests/studies/bench/raw_udp.h"
 

@@ -3,7 +3,7 @@
 #include <array>
 #include <cstring>
 
-#include "common/link/codec.h"
+#include "telenano/common/link/codec.h"
 #include "tests/studies/bench/pinned_thread.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/link/golden_messages.h"

@@ -8,8 +8,8 @@
 #include <fstream>
 #include <memory>
 
-#include "common/base/error.h"
-#include "common/security/key_list.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/key_list.h"
 #include "tests/support/child_process.h"
 #include "tests/support/wire_station.h"
 

@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::studies {
 

@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <optional>
 
-#include "common/base/error.h"
-#include "common/rt/realtime_thread.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/realtime_thread.h"
 #include "tests/studies/bench/motion.h"
 #include "tests/studies/bench/raw_udp.h"
 #include "tests/studies/bench/served.h"

@@ -3,9 +3,9 @@
 #include <memory>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/link/client_session.h"
-#include "common/net/udp_batch.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/udp_batch.h"
 #include "tests/studies/bench/motion.h"
 #include "tests/studies/bench/paced_load.h"
 #include "tests/studies/bench/served.h"

@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "common/net/udp_batch.h"
-#include "common/rt/realtime_thread.h"
+#include "telenano/common/net/udp_batch.h"
+#include "telenano/common/rt/realtime_thread.h"
 #include "tests/studies/bench/paced_load.h"
 #include "tests/studies/bench/pinned_thread.h"
 #include "tests/studies/bench/raw_udp.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/rt/log_histogram.h"
+#include "telenano/common/rt/log_histogram.h"
 #include "tests/studies/bench/pinned_thread.h"
 #include "tests/studies/bench/server_bench.h"
 

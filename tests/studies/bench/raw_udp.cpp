@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/bench/pinned_thread.h"
 
 namespace telenano::studies {

@@ -2,8 +2,8 @@
 
 #include <random>
 
-#include "common/rt/realtime_thread.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::studies {
 namespace {

@@ -4,11 +4,11 @@
 #include <memory>
 #include <string>
 
-#include "common/net/udp.h"
-#include "common/net/udp_batch.h"
-#include "common/rt/steady_clock.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/server/server_loop.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/net/udp_batch.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/server/server_loop.h"
 #include "tests/studies/bench/pinned_thread.h"
 
 namespace telenano::studies {

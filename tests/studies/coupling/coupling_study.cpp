@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::studies {
 namespace {

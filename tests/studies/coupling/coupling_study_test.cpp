@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::studies {
 namespace {

@@ -6,7 +6,7 @@
 #include <chrono>
 #include <cmath>
 
-#include "common/base/constants.h"
+#include "telenano/common/base/constants.h"
 
 namespace telenano::studies {
 namespace {

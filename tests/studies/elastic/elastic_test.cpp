@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "common/surface/gsf.h"
-#include "nve_server/physics/branch_potential.h"
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/elastic/places.h"

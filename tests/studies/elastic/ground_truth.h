@@ -3,9 +3,9 @@
 #include <functional>
 #include <vector>
 
-#include "common/surface/height_grid.h"
-#include "nve_server/physics/branch_potential.h"
-#include "nve_server/physics/contact_fields.h"
+#include "telenano/common/surface/height_grid.h"
+#include "telenano/nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/contact_fields.h"
 #include "tests/studies/elastic/places.h"
 
 /// How far the product's ground and law are from elasticity at the places of a table.

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/surface/gsf.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/surface/gsf.h"
 #include "tests/studies/elastic/places.h"
 
 // tests/data/elastic/README.md says which tables were made with this.

@@ -5,8 +5,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "common/base/error.h"
-#include "nve_server/physics/bicubic_spline.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/bicubic_spline.h"
 
 namespace telenano::elastic {
 namespace {

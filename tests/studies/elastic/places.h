@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/surface/height_grid.h"
+#include "telenano/common/surface/height_grid.h"
 #include "tests/support/elastic_patch.h"
 
 /// Retraction curves of a sphere from the boundary elements of elastic_patch.h, at places of a scan or over

@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "common/base/vec3.h"
+#include "telenano/common/base/vec3.h"
 
 namespace telenano::studies::fidelity {
 

@@ -10,8 +10,8 @@
 #include <cstdio>
 #include <memory>
 
-#include "common/base/error.h"
-#include "common/base/version.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/version.h"
 #include "tests/studies/fidelity/fidelity_grid.h"
 #include "tests/studies/fidelity/fidelity_page.h"
 #include "tests/studies/fidelity/real_programs.h"

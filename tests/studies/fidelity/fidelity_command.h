@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/control/method.h"
+#include "telenano/common/control/method.h"
 
 namespace CLI {
 class App;

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "common/control/scaling_plan.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/control/scaling_plan.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/studies/zwidth/on_all_cores.h"
 
 namespace telenano::studies::fidelity {

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "common/control/method.h"
-#include "common/control/station_method.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/control/station_method.h"
 #include "tests/studies/fidelity/felt_metrics.h"
 #include "tests/studies/fidelity/motions.h"
 #include "tests/studies/fidelity/touch_run.h"

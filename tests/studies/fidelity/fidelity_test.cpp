@@ -5,9 +5,9 @@
 #include <cmath>
 #include <set>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "common/config/shared_files.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/shared_files.h"
 #include "tests/studies/fidelity/fidelity_grid.h"
 #include "tests/studies/fidelity/sensitivity.h"
 #include "tests/support/driven_hand.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::studies::fidelity {
 namespace {

@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "master/device/intended_motion.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/master/device/intended_motion.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::studies::fidelity {
 

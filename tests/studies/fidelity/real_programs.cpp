@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/support/child_process.h"
 
 namespace telenano::studies::fidelity {

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "common/control/local_model.h"
-#include "common/control/model_renderer.h"
+#include "telenano/common/control/model_method.h"
+#include "telenano/common/control/model_renderer.h"
 
 namespace telenano::studies::fidelity {
 namespace {
@@ -30,7 +30,7 @@ class LocalSample final : public StationMethod {
   }
   void begin_session(bool) noexcept override {}
   void book(const PortInterval&) noexcept override {}
-  void hear(const SlaveNews&) noexcept override {}
+  void on_reply(const SlaveNews&) noexcept override {}
   Vec3 force_h_n(const RenderPoint& at) noexcept override {
     slave::SlaveInput input;
     input.tip_target_pos_w_nm = at.target_w_nm;
@@ -55,7 +55,7 @@ class FirstPlane final : public StationMethod {
   }
   void begin_session(bool) noexcept override {}
   void book(const PortInterval&) noexcept override {}
-  void hear(const SlaveNews&) noexcept override {}
+  void on_reply(const SlaveNews&) noexcept override {}
   Vec3 force_h_n(const RenderPoint& at) noexcept override {
     if (output_.contact_state != link::ContactState::kContact) {
       slave::SlaveInput input;
@@ -63,7 +63,7 @@ class FirstPlane final : public StationMethod {
       input.wants_model = true;
       sample_->step(input, at.dt_s, output_);
       const link::LocalModel& m = output_.model;
-      control::ContactModel model;
+      control::ContactPlane model;
       model.version = m.version;
       model.point_w_nm = m.point_w_nm;
       model.normal_w = m.normal_w;
@@ -71,7 +71,7 @@ class FirstPlane final : public StationMethod {
       model.adhesion_nn = m.adhesion_nn;
       model.shear_stiffness_n_m = m.shear_stiffness_n_m;
       model.friction_nn = m.friction_nn;
-      plane_.hear(model, output_.contact_state == link::ContactState::kContact, at.command);
+      plane_.on_reply(model, output_.contact_state == link::ContactState::kContact, at.command);
     }
     return scaling_.hand_force_n(plane_.force_w_nn(at.target_w_nm, at.command, 1e30, 1e30));
   }
@@ -94,13 +94,13 @@ class Wrong final : public StationMethod {
   }
   void begin_session(bool new_epoch) noexcept override { right_->begin_session(new_epoch); }
   void book(const PortInterval& interval) noexcept override { right_->book(interval); }
-  void hear(const SlaveNews& news) noexcept override {
+  void on_reply(const SlaveNews& news) noexcept override {
     SlaveNews told = news;
     if (wrong_ == WrongRenderer::kFirstModel) {
       if (first_.version == 0 && news.touching) first_ = news.model;
       if (first_.version != 0) told.model = first_;
     }
-    right_->hear(told);
+    right_->on_reply(told);
   }
   Vec3 force_h_n(const RenderPoint& at) noexcept override {
     RenderPoint place = at;
@@ -137,13 +137,13 @@ class Wrong final : public StationMethod {
   double damper_n_s_m() const noexcept override { return right_->damper_n_s_m(); }
   double force_bound_n() const noexcept override { return right_->force_bound_n(); }
   double ledger_j() const noexcept override { return right_->ledger_j(); }
-  void tell(control::SlaveOrder& order) const noexcept override { right_->tell(order); }
+  void fill_command(control::SlaveOrder& order) const noexcept override { right_->fill_command(order); }
 
  private:
   WrongRenderer wrong_;
   std::unique_ptr<StationMethod> right_;
   double ground_w_nm_;
-  control::ContactModel first_;
+  control::ContactPlane first_;
   std::array<Vec3, kLateTicks> past_ = [] {
     std::array<Vec3, kLateTicks> none;
     none.fill(Vec3::Zero());
@@ -171,7 +171,7 @@ std::unique_ptr<StationMethod> local_sample(WrongRenderer wrong, const control::
 }
 
 std::unique_ptr<StationMethod> wrong_model(WrongRenderer wrong, double ground_w_nm) {
-  return std::make_unique<Wrong>(wrong, std::make_unique<control::LocalModel>(MethodConfig{}), ground_w_nm);
+  return std::make_unique<Wrong>(wrong, std::make_unique<control::ModelMethod>(MethodConfig{}), ground_w_nm);
 }
 
 }  // namespace telenano::studies::fidelity

@@ -5,9 +5,9 @@
 #include <memory>
 #include <string_view>
 
-#include "common/control/scaling.h"
-#include "common/control/station_method.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/common/control/scaling.h"
+#include "telenano/common/control/station_method.h"
+#include "telenano/nve_server/slave/slave.h"
 
 namespace telenano::studies::fidelity {
 

@@ -4,7 +4,7 @@
 #include <functional>
 #include <memory>
 
-#include "nve_server/slave/slave.h"
+#include "telenano/nve_server/slave/slave.h"
 #include "tests/studies/fidelity/felt_metrics.h"
 #include "tests/support/virtual_session.h"
 

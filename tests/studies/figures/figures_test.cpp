@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/source_dir.h"
 #include "tests/studies/figures/ks06.h"
 #include "tests/studies/figures/ks13.h"

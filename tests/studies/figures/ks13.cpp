@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "master/device/sim_device.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/studies/report/gnuplot.h"
 #include "tests/support/virtual_session.h"
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/control/method.h"
+#include "telenano/common/control/method.h"
 #include "tests/studies/report/figure_folder.h"
 
 namespace telenano::studies {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdio>
 
-#include "common/base/error.h"
-#include "common/base/version.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/version.h"
 #include "tests/studies/figures/ks06.h"
 #include "tests/studies/figures/ks13.h"
 #include "tests/studies/figures/ks16.h"

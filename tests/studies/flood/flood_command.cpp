@@ -10,7 +10,7 @@
 #include <string>
 #include <thread>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/flood/flood_station.h"
 #include "tests/studies/flood/flooder.h"
 

@@ -7,11 +7,11 @@
 #include <functional>
 #include <random>
 
-#include "common/base/error.h"
-#include "common/link/client_session.h"
-#include "common/rt/periodic_timer.h"
-#include "common/rt/realtime_thread.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/rt/periodic_timer.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::studies {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "common/net/udp.h"
-#include "common/rt/log_histogram.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/log_histogram.h"
 #include "tests/studies/flood/flooder.h"
 
 namespace telenano::studies {

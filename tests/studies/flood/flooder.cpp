@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "common/link/codec.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/rt/steady_clock.h"
 
 namespace telenano::studies {
 namespace {

@@ -8,9 +8,9 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/random.h"
-#include "common/link/messages.h"
-#include "common/net/udp.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/net/udp.h"
 
 namespace telenano::studies {
 

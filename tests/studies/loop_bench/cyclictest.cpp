@@ -6,7 +6,7 @@
 #include <numeric>
 #include <sstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::studies {
 

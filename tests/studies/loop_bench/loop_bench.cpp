@@ -10,8 +10,8 @@
 #include <limits>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/studies/loop_bench/cyclictest.h"
 #include "tests/support/child_process.h"
 

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/loop_bench/cyclictest.h"
 
 namespace telenano::studies {

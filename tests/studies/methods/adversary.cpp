@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/random.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/random.h"
 #include "tests/studies/methods/climbing.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/mass_spring_hand.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/control/method.h"
+#include "telenano/common/control/method.h"
 #include "tests/support/booked_hand.h"
 
 namespace telenano::studies {

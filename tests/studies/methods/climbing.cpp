@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 
 namespace telenano::studies {
 

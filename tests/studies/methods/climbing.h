@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::studies {
 

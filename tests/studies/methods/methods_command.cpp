@@ -9,8 +9,8 @@
 #include <cstdio>
 #include <memory>
 
-#include "common/base/error.h"
-#include "common/base/version.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/version.h"
 #include "tests/studies/methods/attack_section.h"
 #include "tests/studies/methods/press_section.h"
 #include "tests/studies/parse_list.h"

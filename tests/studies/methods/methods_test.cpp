@@ -5,10 +5,10 @@
 #include <cmath>
 #include <cstring>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "common/control/method.h"
-#include "master/station/station_config.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/control/method.h"
+#include "telenano/master/station/station_config.h"
 #include "tests/source_dir.h"
 #include "tests/studies/methods/adversary.h"
 #include "tests/studies/methods/shown_stiffness.h"

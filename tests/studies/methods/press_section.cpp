@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "master/station/station.h"
+#include "telenano/master/station/station.h"
 #include "tests/studies/methods/prototype_numbers.h"
 #include "tests/studies/report/gnuplot.h"
 #include "tests/studies/report/page.h"

@@ -3,7 +3,7 @@
 #include <array>
 #include <string_view>
 
-#include "common/control/method.h"
+#include "telenano/common/control/method.h"
 
 namespace telenano::studies {
 

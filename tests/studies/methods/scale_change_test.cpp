@@ -7,8 +7,8 @@
 #include <memory>
 #include <string>
 
-#include "common/base/random.h"
-#include "common/control/method.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/control/method.h"
 #include "tests/source_dir.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/sliders.h"

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/control/method.h"
-#include "master/device/plant.h"
+#include "telenano/common/control/method.h"
+#include "telenano/master/device/plant.h"
 
 namespace telenano::studies {
 

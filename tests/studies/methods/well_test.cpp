@@ -8,9 +8,9 @@
 #include <memory>
 #include <string>
 
-#include "common/base/random.h"
-#include "common/control/method.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/control/method.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/virtual_session.h"

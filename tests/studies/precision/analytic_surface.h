@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/height_grid.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 namespace telenano::studies {
 

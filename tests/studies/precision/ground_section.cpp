@@ -4,10 +4,10 @@
 #include <cmath>
 #include <filesystem>
 
-#include "common/config/shared_files.h"
-#include "common/surface/gsf.h"
-#include "nve_server/physics/scan_fields.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/common/config/shared_files.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/precision/studies.h"

@@ -6,7 +6,7 @@
 #include <memory>
 #include <stdexcept>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 #include "tests/studies/precision/analytic_surface.h"
 #include "tests/studies/precision/studies.h"
 

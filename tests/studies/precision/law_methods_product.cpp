@@ -1,13 +1,13 @@
 #include <cmath>
 
-#include "nve_server/physics/maugis_dugdale.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/studies/precision/law_methods.h"
 
 namespace telenano::studies {
 namespace {
 
-using physics::ContactModel;
+using physics::ContactLaw;
 using physics::CurvePoint;
 using physics::Held;
 using physics::MaugisDugdale;
@@ -18,7 +18,7 @@ constexpr Held kOverlapHeld{1.0, 0.0};
 /// What the loop calls: branches, energy, stiffness and units included.
 class WholeLaw final : public LawMethod {
  public:
-  WholeLaw(double lambda, ContactModel model, MaugisMethod method)
+  WholeLaw(double lambda, ContactLaw model, MaugisMethod method)
       : law_(parameters(lambda, model, method), kRadius), scales_(law_.scales(kRadius)) {}
 
   void run(std::span<const double> overlaps, double* loads) override {
@@ -35,7 +35,7 @@ class WholeLaw final : public LawMethod {
   static constexpr double kRadius = 20;
 
   // w = 0.1 N/m and the modulus that gives lambda: lambda = (2/pi) (sigma0/w) u_delta.
-  static physics::TipSampleParameters parameters(double lambda, ContactModel model, MaugisMethod method) {
+  static physics::TipSampleParameters parameters(double lambda, ContactLaw model, MaugisMethod method) {
     physics::TipSampleParameters p;
     p.work_of_adhesion_n_m = 0.1;
     p.van_der_waals = false;
@@ -50,12 +50,12 @@ class WholeLaw final : public LawMethod {
   physics::ContactScales scales_;
 };
 
-LawMethodEntry whole_law(std::string family, std::string setting, ContactModel model,
+LawMethodEntry whole_law(std::string family, std::string setting, ContactLaw model,
                          MaugisMethod method = MaugisMethod::kDirect) {
-  const bool is_default = model == ContactModel::kMaugisDugdale && method == MaugisMethod::kDirect;
+  const bool is_default = model == ContactLaw::kMaugisDugdale && method == MaugisMethod::kDirect;
   return {std::move(family), std::move(setting), is_default,
           [=](double lambda) { return std::make_unique<WholeLaw>(lambda, model, method); },
-          model == ContactModel::kMaugisDugdale};
+          model == ContactLaw::kMaugisDugdale};
 }
 
 /// The curve's own solver; `warm` starts from the last point's parameter.
@@ -111,17 +111,16 @@ class NewtonInU final : public LawMethod {
 
 std::vector<LawMethodEntry> product_law_methods() {
   std::vector<LawMethodEntry> entries;
-  entries.push_back(
-      whole_law("MD direct, the loop's call", "warm, to rounding", ContactModel::kMaugisDugdale));
-  entries.push_back(whole_law("MD table, the loop's call", "32 cells an octave", ContactModel::kMaugisDugdale,
+  entries.push_back(whole_law("MD direct, the loop's call", "warm, to rounding", ContactLaw::kMaugisDugdale));
+  entries.push_back(whole_law("MD table, the loop's call", "32 cells an octave", ContactLaw::kMaugisDugdale,
                               MaugisMethod::kTable));
   const std::string others = "other laws, the loop's call";
-  entries.push_back(whole_law(others, "Hertz", ContactModel::kHertz));
-  entries.push_back(whole_law(others, "DMT", ContactModel::kDmt));
-  entries.push_back(whole_law(others, "JKR", ContactModel::kJkr));
-  entries.push_back(whole_law(others, "COS", ContactModel::kCarpickOgletreeSalmeron));
-  entries.push_back(whole_law(others, "Piétrement–Troyon", ContactModel::kPietrementTroyon));
-  entries.push_back(whole_law(others, "Schwarz", ContactModel::kSchwarz));
+  entries.push_back(whole_law(others, "Hertz", ContactLaw::kHertz));
+  entries.push_back(whole_law(others, "DMT", ContactLaw::kDmt));
+  entries.push_back(whole_law(others, "JKR", ContactLaw::kJkr));
+  entries.push_back(whole_law(others, "COS", ContactLaw::kCarpickOgletreeSalmeron));
+  entries.push_back(whole_law(others, "Piétrement–Troyon", ContactLaw::kPietrementTroyon));
+  entries.push_back(whole_law(others, "Schwarz", ContactLaw::kSchwarz));
   entries.push_back({"MD curve alone, warm", "to rounding", false,
                      [](double l) { return std::make_unique<CurveSolve>(l, true); }});
   entries.push_back({"MD curve alone, cold", "to rounding", false,

@@ -10,8 +10,8 @@
 #include <memory>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/base/version.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/version.h"
 #include "tests/studies/precision/studies.h"
 #include "tests/studies/report/page.h"
 

@@ -5,7 +5,7 @@
 #include <fstream>
 #include <iterator>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/precision/analytic_surface.h"
 #include "tests/studies/precision/law_methods.h"
 #include "tests/studies/precision/precision_command.h"

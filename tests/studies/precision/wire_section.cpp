@@ -3,8 +3,8 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "common/base/random.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/studies/precision/studies.h"
 
 namespace telenano::studies {

@@ -8,11 +8,11 @@
 #include <optional>
 #include <vector>
 
-#include "common/net/delay_line.h"
-#include "common/net/impairment.h"
-#include "common/net/udp.h"
-#include "common/rt/clock.h"
-#include "common/rt/log_histogram.h"
+#include "telenano/common/net/delay_line.h"
+#include "telenano/common/net/impairment.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/common/rt/log_histogram.h"
 
 namespace telenano::studies {
 

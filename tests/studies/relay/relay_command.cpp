@@ -11,7 +11,7 @@
 #include <memory>
 #include <string>
 
-#include "common/rt/steady_clock.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/studies/relay/relay.h"
 #include "tests/studies/relay/relay_options.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/parse_list.h"
 #include "tests/studies/relay/trace_file.h"
 

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/relay/relay_options.h"
 #include "tests/studies/relay/trace_file.h"
 #include "tests/support/alloc_guard.h"

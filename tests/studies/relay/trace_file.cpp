@@ -6,7 +6,7 @@
 #include <fstream>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/parse_list.h"
 
 namespace telenano::studies {

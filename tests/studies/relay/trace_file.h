@@ -3,7 +3,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "common/net/impairment.h"
+#include "telenano/common/net/impairment.h"
 
 namespace telenano::studies {
 

@@ -6,10 +6,10 @@
 #include <cstring>
 #include <map>
 
-#include "common/base/base64.h"
-#include "common/base/error.h"
-#include "common/link/messages.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/base64.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/recording/recording_reader.h"
 
 namespace telenano::studies {
 namespace {

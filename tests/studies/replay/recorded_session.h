@@ -7,11 +7,11 @@
 #include <string>
 #include <vector>
 
-#include "common/recording/datagram_row.h"
-#include "common/recording/sample.h"
-#include "master/device/haptic_device.h"
-#include "master/loop/link_options.h"
-#include "master/station/station_config.h"
+#include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/loop/link_options.h"
+#include "telenano/master/station/station_config.h"
 
 namespace telenano::studies {
 

@@ -6,12 +6,12 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/link/client_session.h"
-#include "common/link/step_log.h"
-#include "master/loop/station_loop.h"
-#include "master/twin/scene_twin.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/link/step_log.h"
+#include "telenano/master/loop/station_loop.h"
+#include "telenano/master/twin/scene_twin.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/studies/replay/scripted_wire.h"
 
 namespace telenano::studies {

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 #include "tests/studies/replay/recorded_session.h"
 
 namespace telenano::studies {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/config/completion.h"
-#include "nve_server/scene/scene_bundle.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
 #include "tests/studies/replay/replay.h"
 
 namespace telenano::studies {

@@ -2,8 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "common/base/random.h"
-#include "common/link/messages.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::studies {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::studies {
 namespace {

@@ -8,11 +8,11 @@
 #include <utility>
 #include <vector>
 
-#include "common/link/codec.h"
-#include "common/link/step_log.h"
-#include "common/net/datagram.h"
-#include "common/rt/clock.h"
-#include "nve_server/server/server.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/step_log.h"
+#include "telenano/common/net/datagram.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/server/server.h"
 #include "tests/studies/replay/recorded_session.h"
 
 namespace telenano::studies {

@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::studies {
 namespace {

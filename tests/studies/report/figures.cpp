@@ -6,7 +6,7 @@
 #include <cmath>
 #include <fstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/report/decimate.h"
 #include "tests/studies/report/gnuplot.h"
 
@@ -35,8 +35,8 @@ std::string x_window(const RunData& run, const std::vector<double>& height) {
   double low = HUGE_VAL;
   double high = -HUGE_VAL;
   double end = -HUGE_VAL;
-  for (const Leg& leg : run.legs) {
-    for (std::size_t i = leg.begin; i < leg.end; ++i) {
+  for (const CurveSegment& segment : run.segments) {
+    for (std::size_t i = segment.begin; i < segment.end; ++i) {
       if (!std::isfinite(height[i])) continue;
       low = std::min(low, height[i]);
       end = std::max(end, height[i]);
@@ -127,23 +127,24 @@ Figure FigureMaker::force_distance(const RunData& run) {
       ""};
   const double jump_nn = kJump * range_of(run.tip_force_nn);
   const AxisUnit unit = readable({&run.tip_force_nn}, {"nN"}, "pN");
-  const auto write_legs = [&](const char* name, const std::vector<double>& height, bool approach) {
-    const auto count = static_cast<std::size_t>(std::count_if(
-        run.legs.begin(), run.legs.end(), [&](const Leg& leg) { return leg.approach == approach; }));
-    // The legs share the budget of points; the short ones of an oscillation are drawn whole anyway.
+  const auto write_segments = [&](const char* name, const std::vector<double>& height, bool approach) {
+    const auto count = static_cast<std::size_t>(
+        std::count_if(run.segments.begin(), run.segments.end(),
+                      [&](const CurveSegment& segment) { return segment.approach == approach; }));
+    // The segments share the budget of points; the short ones of an oscillation are drawn whole anyway.
     const std::size_t stretches = std::max<std::size_t>(1300 / std::max<std::size_t>(count, 1), 300);
     std::vector<std::vector<Point>> pieces;
     std::vector<std::vector<Point>> leaps;
-    for (const Leg& leg : run.legs) {
-      if (leg.approach != approach) continue;
-      std::size_t begin = leg.begin;
-      for (std::size_t i = leg.begin + 1; i <= leg.end; ++i) {
-        const bool hole = i < leg.end && run.time_s[i] - run.time_s[i - 1] > run.largest_step_s;
+    for (const CurveSegment& segment : run.segments) {
+      if (segment.approach != approach) continue;
+      std::size_t begin = segment.begin;
+      for (std::size_t i = segment.begin + 1; i <= segment.end; ++i) {
+        const bool hole = i < segment.end && run.time_s[i] - run.time_s[i - 1] > run.largest_step_s;
         const bool jump =
-            i < leg.end && !hole && std::abs(run.tip_force_nn[i] - run.tip_force_nn[i - 1]) > jump_nn;
+            i < segment.end && !hole && std::abs(run.tip_force_nn[i] - run.tip_force_nn[i - 1]) > jump_nn;
         if (jump)
           leaps.push_back({{height[i - 1], run.tip_force_nn[i - 1]}, {height[i], run.tip_force_nn[i]}});
-        if (i < leg.end && !hole && !jump) continue;
+        if (i < segment.end && !hole && !jump) continue;
         const auto part = [&](const std::vector<double>& v) {
           return std::vector<double>(v.begin() + static_cast<std::ptrdiff_t>(begin),
                                      v.begin() + static_cast<std::ptrdiff_t>(i));
@@ -161,8 +162,8 @@ Figure FigureMaker::force_distance(const RunData& run) {
   const std::string above = run.surface_known ? "height above the surface (nm)" : "z (nm)";
   const auto panel = [&](const char* name, const std::vector<double>& height, const std::string& label) {
     return fmt::format("set xlabel {}\nset title {} noenhanced font ',13'\n{}plot {}, \\\n  {}\n",
-                       quoted(above), quoted(label), x_window(run, height), write_legs(name, height, true),
-                       write_legs(name, height, false));
+                       quoted(above), quoted(label), x_window(run, height),
+                       write_segments(name, height, true), write_segments(name, height, false));
   };
   std::string script =
       "set multiplot\nset tmargin at screen 0.90\nset bmargin at screen 0.14\nset xzeroaxis lc rgb "
@@ -173,7 +174,7 @@ Figure FigureMaker::force_distance(const RunData& run) {
             panel("target_height_nm", run.target_height_nm, run.label + ": against the commanded height");
   script += "unset ylabel\nset lmargin at screen 0.57\nset rmargin at screen 0.98\n" +
             panel("tip_height_nm", run.tip_height_nm, run.label + ": against the height of the apex");
-  if (run.legs.empty()) {
+  if (run.segments.empty()) {
     script +=
         "set label 1 'no approach and no retract in this run' at screen 0.5, screen 0.5 center\nreplot\n";
   }

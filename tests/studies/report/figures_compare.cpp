@@ -6,7 +6,7 @@
 #include <fstream>
 #include <map>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/report/figures.h"
 #include "tests/studies/report/gnuplot.h"
 

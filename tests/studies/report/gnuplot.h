@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/plot/gnuplot.h"
+#include "telenano/common/plot/gnuplot.h"
 #include "tests/studies/report/run_data.h"
 
 /// Pieces of gnuplot scripts that all figures share, so that they look like one family.

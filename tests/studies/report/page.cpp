@@ -4,7 +4,7 @@
 #include <cstdlib>
 #include <functional>
 
-#include "common/recording/summary.h"
+#include "telenano/common/recording/summary.h"
 
 namespace telenano::studies {
 namespace {

@@ -6,8 +6,8 @@
 #include <fstream>
 #include <memory>
 
-#include "common/base/error.h"
-#include "common/recording/summary.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/summary.h"
 #include "tests/studies/report/figures.h"
 #include "tests/studies/report/page.h"
 #include "tests/studies/report/run_data.h"
@@ -68,7 +68,7 @@ std::string make_report(const ReportRequest& request) {
   const std::size_t single = request.runs.size();
   for (std::size_t i = 0; i < single; ++i) figures.push_back(maker.position_and_force(all[i]));
   for (std::size_t i = 0; i < single; ++i) {
-    if (!all[i].legs.empty()) figures.push_back(maker.force_distance(all[i]));
+    if (!all[i].segments.empty()) figures.push_back(maker.force_distance(all[i]));
   }
   for (std::size_t i = 0; i < single; ++i) figures.push_back(maker.energy_and_damper(all[i]));
   figures.push_back(maker.round_trips(all));

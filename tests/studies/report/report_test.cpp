@@ -7,8 +7,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/studies/report/curve_data.h"
 #include "tests/studies/report/decimate.h"
 #include "tests/studies/report/page.h"

@@ -6,8 +6,8 @@
 #include <cstdlib>
 #include <limits>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
 #include "tests/studies/report/decimate.h"
 
 namespace telenano::studies {
@@ -121,8 +121,8 @@ RunData load_run(const std::string& label, const std::filesystem::path& path) {
     run.stop_reason = fault_name(run.about("station_fault_names"), static_cast<unsigned>(faults[i - 1]));
   }
 
-  run.legs = recording::find_legs(run.target_height_nm, run.lateral_nm,
-                                  recording::leg_threshold_nm(run.target_height_nm));
+  run.segments = recording::find_curve_segments(run.target_height_nm, run.lateral_nm,
+                                                recording::segment_threshold_nm(run.target_height_nm));
   run.contacts = find_contacts(run.time_s, reader.read("contact_state"));
   return run;
 }

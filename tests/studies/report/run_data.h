@@ -5,12 +5,12 @@
 #include <utility>
 #include <vector>
 
-#include "common/recording/legs.h"
-#include "common/recording/summary.h"
+#include "telenano/common/recording/curve_segments.h"
+#include "telenano/common/recording/summary.h"
 
 namespace telenano::studies {
 
-using recording::Leg;
+using recording::CurveSegment;
 
 /// What the figures need of one recording, in the units of their axes.
 struct RunData {
@@ -43,7 +43,7 @@ struct RunData {
 
   std::string stop_reason;
 
-  std::vector<Leg> legs;
+  std::vector<CurveSegment> segments;
   std::vector<std::pair<double, double>> contacts;  ///< from, to, in seconds; at most 60
 };
 

@@ -5,7 +5,7 @@
 #include <numbers>
 #include <random>
 
-#include "common/recording/recorder.h"
+#include "telenano/common/recording/recorder.h"
 
 namespace telenano::studies {
 

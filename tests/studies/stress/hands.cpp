@@ -5,10 +5,10 @@
 #include <functional>
 #include <utility>
 
-#include "common/base/constants.h"
-#include "common/base/det_math.h"
-#include "common/base/random.h"
-#include "master/device/intended_motion.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/random.h"
+#include "telenano/master/device/intended_motion.h"
 #include "tests/studies/stress/arm.h"
 
 namespace telenano::studies::stress {

@@ -4,9 +4,9 @@
 #include <limits>
 #include <string>
 
-#include "common/control/method.h"
-#include "common/recording/sample.h"
-#include "master/station/station_config.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/master/station/station_config.h"
 #include "tests/studies/stress/stress_hand.h"
 #include "tests/studies/stress/watched_slave.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "common/control/methods.h"
+#include "telenano/common/control/methods.h"
 
 namespace telenano::studies::stress {
 namespace {
@@ -28,13 +28,13 @@ class Around : public StationMethod {
   }
   void begin_session(bool new_epoch) noexcept override { right().begin_session(new_epoch); }
   void book(const PortInterval& interval) noexcept override { right().book(interval); }
-  void hear(const SlaveNews& news) noexcept override { right().hear(news); }
+  void on_reply(const SlaveNews& news) noexcept override { right().on_reply(news); }
   Vec3 force_h_n(const RenderPoint& at) noexcept override { return right().force_h_n(at); }
   Vec3 damper_force_h_n() const noexcept override { return right().damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return right().damper_n_s_m(); }
   double force_bound_n() const noexcept override { return right().force_bound_n(); }
   double ledger_j() const noexcept override { return right().ledger_j(); }
-  void tell(SlaveOrder& order) const noexcept override { right().tell(order); }
+  void fill_command(SlaveOrder& order) const noexcept override { right().fill_command(order); }
 
  protected:
   StationMethod& right() noexcept { return methods_.now(); }
@@ -91,13 +91,13 @@ class MissingEpoch final : public Around {
 class HeldWave final : public Around {
  public:
   using Around::Around;
-  void hear(const SlaveNews& news) noexcept override {
+  void on_reply(const SlaveNews& news) noexcept override {
     last_ = news;
     heard_ = true;
-    right().hear(news);
+    right().on_reply(news);
   }
   Vec3 force_h_n(const RenderPoint& at) noexcept override {
-    if (!heard_) right().hear(last_);
+    if (!heard_) right().on_reply(last_);
     heard_ = false;
     return right().force_h_n(at);
   }
@@ -162,8 +162,8 @@ class FreeTank final : public Around {
     right().book(interval);
     sent_j_ += std::max(0.0, interval.put_in_j);
   }
-  void tell(SlaveOrder& order) const noexcept override {
-    right().tell(order);
+  void fill_command(SlaveOrder& order) const noexcept override {
+    right().fill_command(order);
     order.energy_sent_j += sent_j_;
   }
 

@@ -2,7 +2,7 @@
 
 #include <memory>
 
-#include "common/control/station_method.h"
+#include "telenano/common/control/station_method.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/support/virtual_hand.h"
 

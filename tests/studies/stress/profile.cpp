@@ -9,10 +9,10 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/det_math.h"
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "common/link/recent_commands.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/link/recent_commands.h"
 #include "tests/studies/stress/summary.h"
 
 namespace telenano::studies::stress {

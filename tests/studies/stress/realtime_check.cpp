@@ -11,13 +11,13 @@
 #include <span>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/net/udp.h"
-#include "common/rt/periodic_timer.h"
-#include "common/rt/realtime_thread.h"
-#include "common/rt/steady_clock.h"
-#include "master/loop/station_loop.h"
-#include "nve_server/server/server_loop.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/periodic_timer.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/loop/station_loop.h"
+#include "telenano/nve_server/server/server_loop.h"
 #include "tests/studies/relay/relay.h"
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/invariants.h"

@@ -8,7 +8,7 @@
 #include <map>
 #include <tuple>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/stress_report.h"
 #include "tests/studies/stress/sweep.h"

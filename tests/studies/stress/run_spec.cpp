@@ -6,8 +6,8 @@
 #include <cmath>
 #include <sstream>
 
-#include "common/base/error.h"
-#include "common/link/recent_commands.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/link/recent_commands.h"
 
 namespace telenano::studies::stress {
 namespace {

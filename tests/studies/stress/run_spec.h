@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "common/control/method.h"
-#include "common/link/playout.h"
+#include "telenano/common/control/method.h"
+#include "telenano/common/link/playout.h"
 
 namespace telenano::studies::stress {
 

@@ -1,7 +1,7 @@
 #include "tests/studies/stress/scenes.h"
 
-#include "common/config/shared_files.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/config/shared_files.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/support/wall_slave.h"
 
 namespace telenano::studies::stress {

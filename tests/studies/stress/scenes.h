@@ -5,8 +5,8 @@
 #include <map>
 #include <memory>
 
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/slave.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/slave.h"
 #include "tests/studies/stress/run_spec.h"
 
 namespace telenano::studies::stress {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 #include "tests/studies/methods/climbing.h"
 #include "tests/studies/stress/hands.h"
 

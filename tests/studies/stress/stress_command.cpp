@@ -10,8 +10,8 @@
 #include <fstream>
 #include <memory>
 
-#include "common/base/error.h"
-#include "common/config/shared_files.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/shared_files.h"
 #include "tests/studies/stress/hunt.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/realtime_check.h"

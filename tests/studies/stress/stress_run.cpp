@@ -5,14 +5,14 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "master/station/station.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/master/station/station.h"
+#include "tests/studies/stress/fault_injection.h"
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"
 #include "tests/studies/stress/search.h"
-#include "tests/studies/stress/trouble.h"
 #include "tests/studies/stress/watched_slave.h"
 #include "tests/support/virtual_session.h"
 
@@ -151,7 +151,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   config.hand = with_mutant(hand, spec.mutant);
   if (extras.make_method) config.make_method = extras.make_method;
   support::VirtualSession session(config);
-  Trouble trouble(spec, session);
+  FaultInjection faults(spec, session);
   const station::StationConfig& station = session.station().config();
 
   InvariantWatch::Limits what;
@@ -180,7 +180,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   what.balance = spec.method == control::Method::kTank;
   what.hand_j_per_aj = station.scaling.hand_energy_j(1);
   what.waits_s = 1e-3 * playout_longest_ms(spec);
-  if (trouble.clean_besides()) what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
+  if (faults.clean_besides()) what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
   InvariantWatch invariants(what);
 
   Outcome outcome;
@@ -193,7 +193,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   double stop_after_s = std::numeric_limits<double>::infinity();
   double now_s = 0;
   for (std::int64_t k = 0; k < first_ticks && moved < ticks && now_s < stop_after_s; ++k, ++done) {
-    const int periods = trouble.periods();
+    const int periods = faults.periods();
     InvariantWatch::Around around;
     around.given_before_j = hand->book().given_j();
     around.q_before_j = hand->book().quantum_bound_j();
@@ -205,7 +205,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     now_s = row.time_s;
     if (hand->started()) moved += periods;
     const double t_s = session.period_s() * static_cast<double>(moved);
-    trouble.step(row, *hand, *watch, t_s, invariants);
+    faults.step(row, *hand, *watch, t_s, invariants);
     local.add(row, session.period_s() * periods);
 
     const double force_n = row.hand_force_applied_h_n[2];
@@ -244,7 +244,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     if (extras.trace != nullptr)
       extras.trace->push_back({t_s, 1e3 * (ground.wall_m - hand->pos_h_m().z()), force_n,
                                1e3 * hand->book().extracted_j(), 1e3 * row.ledger_j,
-                               1e3 * what.hand_j_per_aj * watch->net_in_aj, trouble.down()});
+                               1e3 * what.hand_j_per_aj * watch->net_in_aj, faults.down()});
     if (spec.hand == HandKind::kPath && t_s >= spec.seconds) break;
   }
   const TrueBook& book = hand->book();
@@ -261,7 +261,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   outcome.shown_ratio = local.ratio();
   outcome.tip_nn = watch->most_force_nn;
   outcome.over_force = local.over_force(watch->most_force_nn);
-  const bool at_rest = is_task(spec.hand) && outcome.stopped_s < 0 && !trouble.down() &&
+  const bool at_rest = is_task(spec.hand) && outcome.stopped_s < 0 && !faults.down() &&
                        session.loop().trace().mode == station::Mode::kEngaged;
   // Hand and tip have been at rest for longer than the link takes: what is left between them is drift.
   outcome.drift_mm = at_rest

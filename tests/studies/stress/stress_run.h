@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/control/station_method.h"
+#include "telenano/common/control/station_method.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/scenes.h"
 

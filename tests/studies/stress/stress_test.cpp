@@ -6,10 +6,10 @@
 #include <fstream>
 #include <set>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "common/config/shared_files.h"
-#include "common/control/methods.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/config/shared_files.h"
+#include "telenano/common/control/methods.h"
 #include "tests/source_dir.h"
 #include "tests/studies/stress/arm.h"
 #include "tests/studies/stress/hunt.h"
@@ -400,13 +400,15 @@ TEST(StandIn, AFaithfulOneChangesNothing) {
     }
     void begin_session(bool epoch) noexcept override { right_.now().begin_session(epoch); }
     void book(const control::PortInterval& i) noexcept override { right_.now().book(i); }
-    void hear(const control::SlaveNews& n) noexcept override { right_.now().hear(n); }
+    void on_reply(const control::SlaveNews& n) noexcept override { right_.now().on_reply(n); }
     Vec3 force_h_n(const control::RenderPoint& at) noexcept override { return right_.now().force_h_n(at); }
     Vec3 damper_force_h_n() const noexcept override { return right_.now().damper_force_h_n(); }
     double damper_n_s_m() const noexcept override { return right_.now().damper_n_s_m(); }
     double force_bound_n() const noexcept override { return right_.now().force_bound_n(); }
     double ledger_j() const noexcept override { return right_.now().ledger_j(); }
-    void tell(control::SlaveOrder& order) const noexcept override { right_.now().tell(order); }
+    void fill_command(control::SlaveOrder& order) const noexcept override {
+      right_.now().fill_command(order);
+    }
 
    private:
     control::Methods right_;
@@ -462,7 +464,7 @@ TEST(StressRun, SameTextSameBits) {
   }
 }
 
-TEST(StressRun, TroublesDoWhatTheySay) {
+TEST(StressRun, FaultsDoWhatTheySay) {
   const auto of = [](const char* text) { return run(parse_run_spec(text), Scenes::of_this_tree()); };
   EXPECT_EQ(of("hand=press seconds=6").sessions, 1);
   const Outcome died = of("hand=press seconds=6 rtt-ms=20 restart=contact down-ms=300");

@@ -11,7 +11,7 @@
 #include <mutex>
 #include <thread>
 
-#include "common/base/version.h"
+#include "telenano/common/base/version.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/results.h"
 

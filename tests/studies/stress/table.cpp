@@ -15,7 +15,7 @@
 #include <limits>
 #include <map>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::studies::stress {
 namespace {

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
 #include "tests/source_dir.h"
 #include "tests/studies/stress/profile.h"
 #include "tests/studies/stress/sweep.h"

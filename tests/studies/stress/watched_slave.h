@@ -6,7 +6,7 @@
 #include <span>
 #include <utility>
 
-#include "nve_server/slave/slave.h"
+#include "telenano/nve_server/slave/slave.h"
 #include "tests/studies/stress/run_spec.h"
 
 namespace telenano::studies::stress {

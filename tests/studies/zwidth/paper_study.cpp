@@ -10,7 +10,7 @@
 #include <mutex>
 #include <set>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/zwidth/on_all_cores.h"
 #include "tests/studies/zwidth/sampled_loop.h"
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "common/control/z_width.h"
+#include "telenano/common/control/z_width.h"
 
 namespace telenano::studies {
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/control/scaling.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/control/scaling.h"
 #include "tests/studies/parse_list.h"
 #include "tests/studies/zwidth/scaling_study.h"
 #include "tests/studies/zwidth/zwidth_command.h"

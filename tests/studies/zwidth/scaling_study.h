@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "common/control/scaling.h"
+#include "telenano/common/control/scaling.h"
 #include "tests/studies/report/figure_folder.h"
 
 namespace telenano::studies {

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "common/control/z_width.h"
+#include "telenano/common/control/z_width.h"
 #include "tests/studies/zwidth/sampled_loop.h"
 
 namespace telenano::studies {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/zwidth/on_all_cores.h"
 #include "tests/studies/zwidth/wall_simulation.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/control/z_width.h"
+#include "telenano/common/control/z_width.h"
 
 namespace telenano::studies {
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/zwidth/paper_study.h"
 #include "tests/studies/zwidth/sampled_loop.h"
 #include "tests/studies/zwidth/scaling_study.h"

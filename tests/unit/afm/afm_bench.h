@@ -2,8 +2,8 @@
 
 #include <optional>
 
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm.h"
 
 namespace telenano::afm {
@@ -17,7 +17,7 @@ struct Bench {
   AfmConfig config;
   afm_sim::SimConfig rig;
   std::optional<VirtualAfm> afm;
-  PortWish wish;
+  PortTarget wish;
 
   VirtualAfm& start() {
     afm.emplace(config, rig, afm_sim::default_scene());

@@ -1,7 +1,7 @@
 // What does not fit is refused before anything moves; what only touching can tell ends withdrawn.
 #include <gtest/gtest.h>
 
-#include "nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm.h"
 
 namespace telenano::afm {
@@ -110,7 +110,7 @@ TEST(AfmChecks, WithoutASessionTheTipIsParkedAndASessionBringsItBack) {
   AfmConfig config;
   config.park_after_s = 2;
   support::VirtualAfm afm(config, afm_sim::SimConfig{}, afm_sim::default_scene());
-  PortWish wish;
+  PortTarget wish;
   afm.advance_to(12'000'000'000, wish);
   EXPECT_EQ(afm.logic().state().phase, Phase::kWithdrawn);
   EXPECT_EQ(afm.logic().state().cause, Cause::kParked);

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 #include "tests/unit/afm/afm_bench.h"
 
 namespace telenano::afm {
@@ -50,7 +50,7 @@ int trials() {
 /// A session that comes as soon as the tip waits, goes down to 4 nm below what the limit allows, and up
 /// again.
 struct Day {
-  PortWish wish;
+  PortTarget wish;
   std::int64_t begin_ns = -1;
   void step(VirtualAfm& afm, bool told = true) {
     if (begin_ns < 0 && afm.logic().state().phase == Phase::kFollowing) begin_ns = afm.now_ns();

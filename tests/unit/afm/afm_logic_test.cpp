@@ -1,5 +1,5 @@
 // The AFM slave's logic against the simulated controller, in virtual time.
-#include "nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm/afm_logic.h"
 
 #include <gtest/gtest.h>
 

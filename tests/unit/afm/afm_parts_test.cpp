@@ -2,14 +2,14 @@
 
 #include <cmath>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
-#include "common/config/toml_document.h"
-#include "common/rt/clock.h"
-#include "nve_server/afm/afm_slave.h"
-#include "nve_server/afm/motion_history.h"
-#include "nve_server/afm/touch_model.h"
-#include "nve_server/afm/work_book.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/config/toml_document.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/nve_server/afm/afm_slave.h"
+#include "telenano/nve_server/afm/motion_history.h"
+#include "telenano/nve_server/afm/touch_model.h"
+#include "telenano/nve_server/afm/work_book.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
@@ -153,7 +153,7 @@ TEST(AfmSlave, AStepExchangesAndTakesNoMemory) {
   EXPECT_EQ(output.force_w_nn, Vec3(0, 0, 90));
   EXPECT_EQ(output.measurement_age_ns, 7 * kMs);
   EXPECT_EQ(output.model.version, 4u);
-  PortWish wish;
+  PortTarget wish;
   ASSERT_TRUE(exchange->load_wish(wish));
   EXPECT_EQ(wish.target_w_nm, input.tip_target_pos_w_nm);
   EXPECT_TRUE(wish.follow);

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/base/det_math.h"
+#include "telenano/common/base/det_math.h"
 #include "tests/unit/afm/afm_bench.h"
 
 namespace telenano::afm {

@@ -1,11 +1,11 @@
 // Heartbeats to the deadman. The frames of the other end are Python's, made with its own hmac module.
-#include "nve_server/afm/deadman_link.h"
+#include "telenano/nve_server/afm/deadman_link.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm {
 namespace {

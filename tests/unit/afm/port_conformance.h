@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "nve_server/afm/afm_config.h"
-#include "nve_server/afm/afm_port.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/afm/afm_config.h"
+#include "telenano/nve_server/afm/afm_port.h"
 
 namespace telenano::afm {
 

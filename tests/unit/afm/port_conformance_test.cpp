@@ -11,12 +11,12 @@
 #include <optional>
 #include <sstream>
 
-#include "common/base/random.h"
-#include "nve_server/afm/afm_adapters.h"
-#include "nve_server/afm/afm_logic.h"
-#include "nve_server/afm_sim/default_scene.h"
-#include "nve_server/afm_sim/sim_controller.h"
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
+#include "telenano/nve_server/afm/afm_logic.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm_sim/sim_controller.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm {
 namespace {
@@ -301,7 +301,7 @@ TEST(PortConformance, FindsASwappedSignAStaleReadingAndAWithdrawalThatIsNone) {
 TEST(PortConformance, TheLogicApproachesTouchesAndWithdrawsOnTheScriptedController) {
   AfmLogic logic(scripted_config(), std::make_unique<ScriptedAdapter>());
   ScriptedDevice device;
-  PortWish wish;
+  PortTarget wish;
   double peak_nn = 0;
   std::int64_t now_ns = 0;
   const auto run_to = [&](Phase phase, double most_s) {

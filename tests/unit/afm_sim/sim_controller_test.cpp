@@ -1,13 +1,13 @@
 // The simulated rig as its protocol's document says that such a controller behaves.
-#include "nve_server/afm_sim/sim_controller.h"
+#include "telenano/nve_server/afm_sim/sim_controller.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "common/base/error.h"
-#include "nve_server/afm_sim/default_scene.h"
-#include "nve_server/afm_sim/sim_faults.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/afm_sim/default_scene.h"
+#include "telenano/nve_server/afm_sim/sim_faults.h"
 
 namespace telenano::afm_sim {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/config/completion.h"
+#include "telenano/common/config/completion.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

@@ -1,4 +1,4 @@
-#include "common/config/shared_files.h"
+#include "telenano/common/config/shared_files.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::config {
 namespace {

@@ -1,10 +1,10 @@
-#include "common/config/slave_limits_file.h"
+#include "telenano/common/config/slave_limits_file.h"
 
 #include <gtest/gtest.h>
 
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::config {
 namespace {

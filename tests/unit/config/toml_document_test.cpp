@@ -1,11 +1,11 @@
-#include "common/config/toml_document.h"
+#include "telenano/common/config/toml_document.h"
 
 #include <gtest/gtest.h>
 
 #include <functional>
 
-#include "common/base/error.h"
-#include "common/config/edit_distance.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/edit_distance.h"
 
 namespace telenano::config {
 namespace {

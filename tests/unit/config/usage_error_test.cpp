@@ -1,4 +1,4 @@
-#include "common/config/usage_error.h"
+#include "telenano/common/config/usage_error.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "common/control/energy_observer.h"
+#include "telenano/common/control/energy_observer.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "common/base/constants.h"
+#include "telenano/common/base/constants.h"
 #include "tests/support/plant_oracle.h"
 
 namespace telenano::control {

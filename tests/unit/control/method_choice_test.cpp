@@ -1,4 +1,4 @@
-#include "common/control/method_choice.h"
+#include "telenano/common/control/method_choice.h"
 
 #include <gtest/gtest.h>
 

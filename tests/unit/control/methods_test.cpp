@@ -1,4 +1,4 @@
-#include "common/control/methods.h"
+#include "telenano/common/control/methods.h"
 
 #include <gtest/gtest.h>
 
@@ -29,17 +29,17 @@ TEST(TwoPort, SplitsByDirectionAndComparesWithWhatCame) {
   TwoPort port(config_of());
   SlaveOrder order;
   port.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 3 mJ
-  port.tell(order);
+  port.fill_command(order);
   EXPECT_NEAR(order.energy_sent_j, 3e-3, 1e-18);
   EXPECT_EQ(port.ledger_j(), 0);  // own input is no budget for own output
   SlaveNews news;
   news.energy_out_j = 2e-3;
-  port.hear(news);
+  port.on_reply(news);
   port.book(interval(Vec3(-2.5, 0, 0), Vec3(-1e-3, 0, 0)));  // 2.5 mJ go out, 2 mJ had come
   EXPECT_NEAR(port.ledger_j(), -0.5e-3, 1e-15);
   EXPECT_NEAR(port.damper_n_s_m(), std::min(0.5e-3 * kT / 1e-6, 2.0), 1e-12);
   EXPECT_GT(port.damper_force_h_n().x(), 0);  // against the motion
-  port.tell(order);
+  port.fill_command(order);
   EXPECT_NEAR(order.energy_sent_j, 3e-3, 1e-18);  // output is never sent
 }
 
@@ -47,7 +47,7 @@ TEST(TwoPort, ANewSlaveOwesNothingOfTheOldOnesAndForgivesNothing) {
   TwoPort port(config_of());
   SlaveNews news;
   news.energy_out_j = 2e-3;
-  port.hear(news);
+  port.on_reply(news);
   port.begin_session(false);  // the same slave: what it gave back is still there
   EXPECT_NEAR(port.ledger_j(), 2e-3, 1e-18);
   port.begin_session(true);
@@ -64,7 +64,7 @@ TEST(TwoPort, WhatTheDamperTakesRepaysAndIsNoInput) {
   ASSERT_NEAR(damper_n.x(), -2, 1e-12);  // capped at b = 2 N·s/m, 1 m/s
   port.book(interval(damper_n, Vec3(1e-3, 0, 0)));
   SlaveOrder order;
-  port.tell(order);
+  port.fill_command(order);
   EXPECT_EQ(order.energy_sent_j, 0);
   EXPECT_NEAR(port.ledger_j(), -4e-3 + 2e-3, 1e-15);
 }
@@ -83,9 +83,9 @@ TEST(Tank, EnergyIsConserved) {
     SlaveNews news;
     news.energy_sent_j = 1e-4 * std::fabs(normal(random));
     news.well_j = 1e9;  // whatever comes is believed here
-    tank.hear(news);
+    tank.on_reply(news);
     book_j += static_cast<long double>(news.energy_sent_j);
-    tank.tell(order);
+    tank.fill_command(order);
     // 4e4 additions of less than a millijoule: rounding below 1e-14.
     // The slave's first allowance, 8 mJ, is in what was sent and never was in the ledger.
     ASSERT_NEAR(tank.ledger_j() + order.energy_sent_j - 8e-3, static_cast<double>(book_j), 1e-13);
@@ -99,41 +99,41 @@ TEST(Tank, NoMoreIsBelievedThanWasSentAndTheWellHolds) {
     TwoLayerTank tank(config_of(0));
     SlaveNews news;
     news.well_j = well_j;
-    tank.hear(news);  // the grant goes out
+    tank.on_reply(news);  // the grant goes out
     news.energy_sent_j = 5e-3;
-    for (int k = 0; k < 100; ++k) tank.hear(news);
+    for (int k = 0; k < 100; ++k) tank.on_reply(news);
     EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
     EXPECT_NEAR(tank.credited_j(), 8e-3 + well_j, 1e-15);
     tank.begin_session(true);  // another slave has no well of its own on top
-    for (int k = 0; k < 100; ++k) tank.hear(news);
+    for (int k = 0; k < 100; ++k) tank.on_reply(news);
     EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
     tank.book(interval(Vec3(-2, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 2 mJ, which are sent
     EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
-    for (int k = 0; k < 100; ++k) tank.hear(news);
+    for (int k = 0; k < 100; ++k) tank.on_reply(news);
     EXPECT_NEAR(tank.ledger_j(), 10e-3 + well_j, 1e-15) << "and may come back";
   }
 }
 
 // Snapped in the sample has given the hand 4 mJ: no leak of the link. Pulled off and snapped in again: once.
-TEST(LocalModel, TheSamplesOwnEnergyIsCreditedOnce) {
-  LocalModel model(config_of(0));
+TEST(ModelMethod, TheSamplesOwnEnergyIsCreditedOnce) {
+  ModelMethod model(config_of(0));
   SlaveNews news;
   news.well_j = 5e-3;
   news.given_j = 4e-3;
-  model.hear(news);
+  model.on_reply(news);
   EXPECT_NEAR(model.ledger_j(), 4e-3, 1e-18);
   model.book(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));
   EXPECT_NEAR(model.ledger_j(), 0, 1e-18);
   for (int k = 0; k < 10; ++k) {
     model.begin_session(true);
-    model.hear(news);
+    model.on_reply(news);
   }
   EXPECT_NEAR(model.ledger_j(), 0, 1e-18);
   news.given_j = 1;  // more than it can have
-  model.hear(news);
+  model.on_reply(news);
   EXPECT_NEAR(model.ledger_j(), 1e-3, 1e-15);
   news = {};
-  model.hear(news);  // a slave that says nothing of a well
+  model.on_reply(news);  // a slave that says nothing of a well
   EXPECT_NEAR(model.ledger_j(), 1e-3, 1e-15);
 }
 
@@ -150,7 +150,7 @@ TEST(Methods, NoRoundOfChangesGrantsTheWellTwice) {
     for (int round = 0; round < 20; ++round) {
       for (const Method method : kAllMethods) {
         methods.change_to(method, config, Vec3::Zero());
-        for (int k = 0; k < 3; ++k) methods.now().hear(lie);
+        for (int k = 0; k < 3; ++k) methods.now().on_reply(lie);
         if (!taken || !claims_energy_bound(method)) continue;
         // A hand takes all that the clamp lets it have.
         const double may_j = config.passivity.allowance_j + methods.now().ledger_j();
@@ -164,7 +164,7 @@ TEST(Methods, NoRoundOfChangesGrantsTheWellTwice) {
       EXPECT_GE(out_j, 15e-3 - 1e-12);
     }
     methods.change_to(Method::kModel, config, Vec3::Zero());
-    methods.now().hear(lie);
+    methods.now().on_reply(lie);
     EXPECT_LE(methods.now().ledger_j(), 5e-3 + 1e-12);
     if (!taken) {
       EXPECT_GE(methods.now().ledger_j(), 5e-3 - 1e-12) << "forfeited, it may come again";
@@ -179,11 +179,11 @@ TEST(Wave, AnotherScaleLeavesTheSumsAtTheTipWhatTheyAre) {
   WavePort port(config);
   for (int k = 0; k < 10; ++k) port.book(interval(Vec3(-3, 1, 0), Vec3(1e-3, 0, 2e-4)));
   SlaveOrder before, after;
-  port.tell(before);
+  port.fill_command(before);
   MethodConfig other = config;
   other.scaling = {2e-7, 1e8};
   port.take_over(port.ledger_j(), other, Vec3::Zero());
-  port.tell(after);
+  port.fill_command(after);
   const double from = config.scaling.tip_energy_aj(1), to = other.scaling.tip_energy_aj(1);
   ASSERT_GT(before.wave_j, 1e-3);
   EXPECT_NEAR(after.wave_j * to, before.wave_j * from, 1e-12 * before.wave_j * from);
@@ -196,10 +196,10 @@ TEST(Tank, NothingIsSentThatItHasNotGot) {
   tank.book(interval(Vec3(5, 0, 0), Vec3(1e-3, 0, 0)));   // −5 mJ
   tank.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: still in debt
   SlaveOrder order;
-  tank.tell(order);
+  tank.fill_command(order);
   EXPECT_EQ(order.energy_sent_j, 0);
   tank.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: 1 mJ there
-  tank.tell(order);
+  tank.fill_command(order);
   EXPECT_NEAR(order.energy_sent_j, 1e-3, 1e-15);
 }
 
@@ -221,9 +221,9 @@ TEST(Wave, NoMoreLeavesThanWasPutInAndCame) {
       const PortInterval i = interval(force_n, 1e-4 * Vec3(normal(random), normal(random), normal(random)));
       port.book(i);
       in_j += static_cast<long double>(i.put_in_j);
-      port.tell(order);
+      port.fill_command(order);
       ASSERT_LE(order.wave_j + port.ledger_j(), static_cast<double>(in_j) + 1e-12);
-      port.hear(news);
+      port.on_reply(news);
       in_j += static_cast<long double>(news.wave_j);
       force_n = port.force_h_n({Vec3::Zero(), 0, kT});
     }
@@ -235,7 +235,7 @@ TEST(Wave, ALumpOfLostWavesIsPlayedWithNoMoreThanItsEnergy) {
   SlaveNews news;  // ten waves of 1 √W at once
   news.wave_h = Vec3(0, 0, 10 * kT);
   news.wave_j = 10 * 0.5 * kT;
-  port.hear(news);
+  port.on_reply(news);
   const Vec3 force_n = port.force_h_n({Vec3::Zero(), 0, kT});
   // −√(2b) w with w = √10 instead of 10, b = 2.
   EXPECT_NEAR(force_n.z(), -2 * std::sqrt(10.0), 1e-12);
@@ -250,7 +250,7 @@ TEST(Wave, AWallAtNoDistanceIsTheSpringThatItIs) {
   const double f = 3, w = f / 2;  // √(2b) = 2
   news.wave_h = Vec3(0, 0, w * kT);
   news.wave_j = 0.5 * w * w * kT;
-  port.hear(news);
+  port.on_reply(news);
   EXPECT_NEAR(port.force_h_n({Vec3::Zero(), 0, kT}).z(), -f, 1e-12);
 }
 
@@ -271,10 +271,10 @@ TEST(Methods, AChangeCarriesTheDebtAndGrantsNothing) {
   }
 }
 
-TEST(LocalModel, GivesNoMoreThanTheAllowanceForAModelThatNobodyPaidFor) {
+TEST(ModelMethod, GivesNoMoreThanTheAllowanceForAModelThatNobodyPaidFor) {
   // Ground comes up 5 mm under a resting hand, 1000 N/m: ½·1000·(5e-3)² = 12.5 mJ, and E₀ = 10 mJ.
   MethodConfig config = config_of();
-  LocalModel method(config);
+  ModelMethod method(config);
   const Scaling s = config.scaling;
   SlaveNews news;
   news.model.version = 1;
@@ -283,7 +283,7 @@ TEST(LocalModel, GivesNoMoreThanTheAllowanceForAModelThatNobodyPaidFor) {
   const Vec3 target_w_nm(0, 0, -s.tip_displacement_nm(Vec3(0, 0, 5e-3)).z());
   double force_n = 0;
   for (std::uint64_t k = 1; k < 5000; ++k) {
-    method.hear(news);
+    method.on_reply(news);
     force_n = method.force_h_n({target_w_nm, k, kT}).z();
   }
   const double stored_j = 0.5 * force_n * force_n / 1000;  // if it is the model's stiffness, not its place
@@ -292,14 +292,14 @@ TEST(LocalModel, GivesNoMoreThanTheAllowanceForAModelThatNobodyPaidFor) {
   EXPECT_GT(stored_j, 5e-3);
 }
 
-TEST(LocalModel, IsNeverStifferThanTheDeviceShowsPassively) {
+TEST(ModelMethod, IsNeverStifferThanTheDeviceShowsPassively) {
   MethodConfig config = config_of(2);
-  LocalModel method(config);
+  ModelMethod method(config);
   const Scaling s = config.scaling;
   SlaveNews news;
   news.model.version = 1;
   news.model.stiffness_n_m = 1e6 / s.impedance();
-  method.hear(news);
+  method.on_reply(news);
   method.force_h_n({Vec3(0, 0, 100), 1, kT});
   const Vec3 target_w_nm(0, 0, -s.tip_displacement_nm(Vec3(0, 0, 1e-3)).z());
   double force_n = 0;

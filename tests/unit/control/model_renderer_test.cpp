@@ -1,4 +1,4 @@
-#include "common/control/model_renderer.h"
+#include "telenano/common/control/model_renderer.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@ namespace {
 
 constexpr double kPlenty = 1e12;  // energy (aJ) and force (nN) that limit nothing
 
-ContactModel ground(double stiffness_n_m, double adhesion_nn = 0, double height_nm = 0) {
-  ContactModel model;
+ContactPlane ground(double stiffness_n_m, double adhesion_nn = 0, double height_nm = 0) {
+  ContactPlane model;
   model.version = 1;
   model.point_w_nm = Vec3(0, 0, height_nm);
   model.stiffness_n_m = stiffness_n_m;
@@ -20,9 +20,9 @@ ContactModel ground(double stiffness_n_m, double adhesion_nn = 0, double height_
 }
 
 // Taken over whole, at a place where that costs nothing.
-ModelRenderer renderer_of(const ContactModel& model, double stiffness_max_n_m = 1e9) {
+ModelRenderer renderer_of(const ContactPlane& model, double stiffness_max_n_m = 1e9) {
   ModelRenderer renderer(stiffness_max_n_m);
-  renderer.hear(model, false, 0);
+  renderer.on_reply(model, false, 0);
   renderer.force_w_nn(Vec3(0, 0, 1e3), 1, kPlenty, kPlenty);
   return renderer;
 }
@@ -38,7 +38,7 @@ TEST(ModelRenderer, WithoutAModelThereIsNoForce) {
 }
 
 TEST(ModelRenderer, AWallIsASpringAlongItsNormal) {
-  ContactModel model = ground(40);
+  ContactPlane model = ground(40);
   model.normal_w = Vec3(0.6, 0, 0.8);
   ModelRenderer renderer = renderer_of(model);
   const Vec3 target = at(-5, 2);
@@ -71,7 +71,7 @@ TEST(ModelRenderer, AnAdhesiveContactCostsItsClosedFormAroundTheLoop) {
 }
 
 TEST(ModelRenderer, ForceIsTheSlopeOfThePotential) {
-  ContactModel model = ground(30, 8);
+  ContactPlane model = ground(30, 8);
   model.normal_w = Vec3(0.28, 0.0, 0.96);
   ModelRenderer renderer = renderer_of(model);
   renderer.force_w_nn(at(-3, 1), 2, kPlenty, kPlenty);
@@ -90,9 +90,9 @@ TEST(ModelRenderer, AStifferModelIsTakenUpAsFarAsItIsPaidFor) {
   const Vec3 target = at(-4);
   renderer.force_w_nn(target, 2, kPlenty, kPlenty);
   const double before = renderer.potential_aj(target);
-  ContactModel stiffer = ground(50);
+  ContactPlane stiffer = ground(50);
   stiffer.version = 2;
-  renderer.hear(stiffer, true, 2);
+  renderer.on_reply(stiffer, true, 2);
   const double budget = 37;  // of ½·40·16 = 320 aJ
   renderer.force_w_nn(target, 3, budget, kPlenty);
   EXPECT_LE(renderer.potential_aj(target) - before, budget);
@@ -107,9 +107,9 @@ TEST(ModelRenderer, GroundThatComesUpUnderTheTipIsPaidForToo) {
   ModelRenderer renderer = renderer_of(ground(50, 0, -100));
   renderer.force_w_nn(at(-4), 2, 0, kPlenty);
   EXPECT_FALSE(renderer.attached());
-  ContactModel higher = ground(50, 0, 0);
+  ContactPlane higher = ground(50, 0, 0);
   higher.version = 2;
-  renderer.hear(higher, true, 2);
+  renderer.on_reply(higher, true, 2);
   double given = 0;
   for (std::uint64_t i = 0; i < 200; ++i) {
     const double before = renderer.potential_aj(at(-4));
@@ -123,9 +123,9 @@ TEST(ModelRenderer, GroundThatComesUpUnderTheTipIsPaidForToo) {
 TEST(ModelRenderer, ARestingHandIsNotHit) {
   ModelRenderer renderer = renderer_of(ground(10));
   renderer.force_w_nn(at(-4), 2, kPlenty, kPlenty);
-  ContactModel higher = ground(60, 5, 3);
+  ContactPlane higher = ground(60, 5, 3);
   higher.version = 2;
-  renderer.hear(higher, true, 2);
+  renderer.on_reply(higher, true, 2);
   double last = 40;
   for (std::uint64_t i = 0; i < 500; ++i) {
     const double force = renderer.force_w_nn(at(-4), 3 + i, kPlenty, 2).z();
@@ -141,15 +141,15 @@ TEST(ModelRenderer, OldNewsOfTouchDoesNotBringItBack) {
   EXPECT_TRUE(renderer.attached());
   renderer.force_w_nn(at(0.6), 11, kPlenty, kPlenty);  // beyond F/k = 0.5 nm: let go
   EXPECT_FALSE(renderer.attached());
-  renderer.hear(ground(20, 10), true, 9);  // the slave had not heard of that yet
+  renderer.on_reply(ground(20, 10), true, 9);  // the slave had not heard of that yet
   renderer.force_w_nn(at(0.3), 12, kPlenty, kPlenty);
   EXPECT_FALSE(renderer.attached());
-  renderer.hear(ground(20, 10), true, 12);  // now it has, and its tip has snapped in
+  renderer.on_reply(ground(20, 10), true, 12);  // now it has, and its tip has snapped in
   EXPECT_NEAR(renderer.force_w_nn(at(0.3), 13, kPlenty, kPlenty).z(), -6, 1e-9);
 }
 
 TEST(ModelRenderer, FrictionSticksSlipsAndNeverGivesEnergyAway) {
-  ContactModel model = ground(20);
+  ContactPlane model = ground(20);
   model.shear_stiffness_n_m = 15;
   model.friction_nn = 6;
   ModelRenderer renderer = renderer_of(model);

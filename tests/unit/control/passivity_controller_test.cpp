@@ -1,10 +1,10 @@
-#include "common/control/passivity_controller.h"
+#include "telenano/common/control/passivity_controller.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/support/watched_controller.h"
 
 namespace telenano::control {

@@ -1,4 +1,4 @@
-#include "common/control/scaling_plan.h"
+#include "telenano/common/control/scaling_plan.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::control {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/control/scaling.h"
+#include "telenano/common/control/scaling.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "common/control/z_width.h"
+#include "telenano/common/control/z_width.h"
 
 #include <gtest/gtest.h>
 

@@ -1,11 +1,11 @@
-#include "master/device/intended_motion.h"
+#include "telenano/master/device/intended_motion.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <sstream>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

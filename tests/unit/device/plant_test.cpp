@@ -1,4 +1,4 @@
-#include "master/device/plant.h"
+#include "telenano/master/device/plant.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <complex>
 #include <random>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/support/plant_oracle.h"
 
 namespace telenano::device {

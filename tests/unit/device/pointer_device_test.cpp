@@ -1,4 +1,4 @@
-#include "master/device/pointer_device.h"
+#include "telenano/master/device/pointer_device.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::device {
 namespace {

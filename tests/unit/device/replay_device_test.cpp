@@ -1,10 +1,10 @@
-#include "master/device/replay_device.h"
+#include "telenano/master/device/replay_device.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

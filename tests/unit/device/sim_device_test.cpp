@@ -1,8 +1,8 @@
-#include "master/device/sim_device.h"
+#include "telenano/master/device/sim_device.h"
 
 #include <gtest/gtest.h>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::device {
 namespace {

@@ -1,15 +1,15 @@
 // A simulated operator who changes tasks, with the station's own mapping from hand to tip between: where the
 // tip goes on the way, whatever has happened to the anchor before.
-#include "master/device/task_change.h"
+#include "telenano/master/device/task_change.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/error.h"
-#include "master/device/sim_device.h"
-#include "master/station/workspace_mapping.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/master/station/workspace_mapping.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::device {

@@ -1,5 +1,5 @@
 // The oracle is what was put into a synthetic scan: a plane, gaps in a harmonic field, spikes.
-#include "nve_server/import/clean_scan.h"
+#include "telenano/nve_server/import/clean_scan.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <random>
 #include <set>
 
-#include "nve_server/scene/levelling.h"
+#include "telenano/nve_server/scene/levelling.h"
 
 namespace telenano::import {
 namespace {

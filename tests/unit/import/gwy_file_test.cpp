@@ -1,6 +1,6 @@
 // The oracle is the documentation of the format (tests/support/gwy_bytes.h writes by it), and a file that
 // Gwyddion itself wrote.
-#include "nve_server/import/gwy_file.h"
+#include "telenano/nve_server/import/gwy_file.h"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // The oracles are the definitions of dilation, erosion and contact, by every pair of pixels, and the ground
 // that a simulated scan was made of.
-#include "nve_server/import/tip_erosion.h"
+#include "telenano/nve_server/import/tip_erosion.h"
 
 #include <gtest/gtest.h>
 

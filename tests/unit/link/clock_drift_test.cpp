@@ -1,11 +1,11 @@
-#include "common/link/clock_drift.h"
+#include "telenano/common/link/clock_drift.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::link {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/link/codec.h"
+#include "telenano/common/link/codec.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <iterator>
 #include <limits>
 
-#include "common/link/wire_scan.h"
 #include "golden_messages.h"
+#include "telenano/common/link/wire_scan.h"
 #include "tests/source_dir.h"
 
 namespace telenano::link {

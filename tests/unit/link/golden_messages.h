@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/link/codec.h"
+#include "telenano/common/link/codec.h"
 
 namespace telenano::link {
 

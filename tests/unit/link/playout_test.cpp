@@ -1,11 +1,11 @@
-#include "common/link/playout.h"
+#include "telenano/common/link/playout.h"
 
 #include <gtest/gtest.h>
 
 #include <map>
 #include <vector>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::link {
 namespace {

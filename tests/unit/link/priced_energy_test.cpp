@@ -1,4 +1,4 @@
-#include "common/link/priced_energy.h"
+#include "telenano/common/link/priced_energy.h"
 
 #include <gtest/gtest.h>
 

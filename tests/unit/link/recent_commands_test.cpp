@@ -1,4 +1,4 @@
-#include "common/link/recent_commands.h"
+#include "telenano/common/link/recent_commands.h"
 
 #include <gtest/gtest.h>
 

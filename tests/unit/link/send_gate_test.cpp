@@ -1,4 +1,4 @@
-#include "common/link/send_gate.h"
+#include "telenano/common/link/send_gate.h"
 
 #include <gtest/gtest.h>
 

@@ -2,11 +2,11 @@
 
 #include <array>
 
-#include "common/link/link_stats.h"
-#include "common/link/received_energy.h"
-#include "common/link/sequence_window.h"
-#include "common/link/siphash.h"
-#include "common/link/token_bucket.h"
+#include "telenano/common/link/link_stats.h"
+#include "telenano/common/link/received_energy.h"
+#include "telenano/common/link/sequence_window.h"
+#include "telenano/common/link/siphash.h"
+#include "telenano/common/link/token_bucket.h"
 
 namespace telenano::link {
 namespace {

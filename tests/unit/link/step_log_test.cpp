@@ -1,6 +1,6 @@
 // The log of steps: what is written is read, whatever comes is survived, and over any link every step is
 // executed once and in order. The oracle is the list of steps that were made.
-#include "common/link/step_log.h"
+#include "telenano/common/link/step_log.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Golden bytes: made by the second encoder in Python from the protocol's published tables, not by this code.
-#include "nve_server/nanonis/codec.h"
+#include "telenano/nve_server/nanonis/codec.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <map>
 #include <string>
 
-#include "nve_server/nanonis/frame_reader.h"
+#include "telenano/nve_server/nanonis/frame_reader.h"
 #include "tests/source_dir.h"
 
 namespace telenano::nanonis {

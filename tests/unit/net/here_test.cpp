@@ -17,9 +17,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/net/udp.h"
-#include "common/net/udp_batch.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/net/udp_batch.h"
 
 namespace telenano::net {
 namespace {

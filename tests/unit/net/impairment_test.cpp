@@ -1,4 +1,4 @@
-#include "common/net/impairment.h"
+#include "telenano/common/net/impairment.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/net/delay_line.h"
+#include "telenano/common/net/delay_line.h"
 
 namespace telenano::net {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "common/net/sim_link.h"
+#include "telenano/common/net/sim_link.h"
 
 #include <gtest/gtest.h>
 

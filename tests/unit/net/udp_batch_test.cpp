@@ -1,6 +1,6 @@
 // Many datagrams a system call, over real loopback sockets: nothing may be lost, cut or mixed up that one
 // call a datagram would not lose, and the kernel is asked no oftener than promised.
-#include "common/net/udp_batch.h"
+#include "telenano/common/net/udp_batch.h"
 
 #include <gtest/gtest.h>
 #include <sys/socket.h>

@@ -1,4 +1,4 @@
-#include "common/net/udp.h"
+#include "telenano/common/net/udp.h"
 
 #include <gtest/gtest.h>
 #include <netinet/in.h>
@@ -11,7 +11,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::net {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/branch_potential.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {
@@ -243,7 +243,7 @@ TipSampleParameters with_far(TipSampleParameters p) {
   p.long_range.cone_height_nm = 10000.0;
   return p;
 }
-TipSampleParameters of(ContactModel model, bool van_der_waals) {
+TipSampleParameters of(ContactLaw model, bool van_der_waals) {
   TipSampleParameters p = silicon_oxide();
   p.model = model;
   p.van_der_waals = van_der_waals;
@@ -254,11 +254,11 @@ INSTANTIATE_TEST_SUITE_P(Laws, BranchPotentialOf,
                          ::testing::Values(std::pair{"oxide", silicon_oxide()},
                                            std::pair{"polystyrene", polystyrene()}, std::pair{"hard", hard()},
                                            std::pair{"far", with_far(silicon_oxide())},
-                                           std::pair{"dmt", of(ContactModel::kDmt, true)},
-                                           std::pair{"jkr", of(ContactModel::kJkr, true)},
-                                           std::pair{"schwarz", of(ContactModel::kSchwarz, true)},
-                                           std::pair{"cos", of(ContactModel::kCarpickOgletreeSalmeron, true)},
-                                           std::pair{"pt", of(ContactModel::kPietrementTroyon, true)}),
+                                           std::pair{"dmt", of(ContactLaw::kDmt, true)},
+                                           std::pair{"jkr", of(ContactLaw::kJkr, true)},
+                                           std::pair{"schwarz", of(ContactLaw::kSchwarz, true)},
+                                           std::pair{"cos", of(ContactLaw::kCarpickOgletreeSalmeron, true)},
+                                           std::pair{"pt", of(ContactLaw::kPietrementTroyon, true)}),
                          [](const auto& of_law) { return of_law.param.first; });
 
 TEST(BranchPotential, BiasIsOfItsOwnAndHeldFromTouchOn) {

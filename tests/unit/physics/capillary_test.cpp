@@ -1,12 +1,12 @@
-#include "nve_server/physics/capillary.h"
+#include "telenano/nve_server/physics/capillary.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "common/base/error.h"
-#include "nve_server/physics/maugis_dugdale.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/maugis_dugdale.h"
 
 namespace telenano::physics {
 namespace {

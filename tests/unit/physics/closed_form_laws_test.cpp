@@ -1,4 +1,4 @@
-#include "nve_server/physics/closed_form_laws.h"
+#include "telenano/nve_server/physics/closed_form_laws.h"
 
 #include <gtest/gtest.h>
 
@@ -7,10 +7,10 @@
 #include <cmath>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/physics/adhesive_curve.h"
-#include "nve_server/physics/hertzian_curve.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/adhesive_curve.h"
+#include "telenano/nve_server/physics/hertzian_curve.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 #include "tests/support/md_oracle.h"
 
@@ -21,11 +21,10 @@ using Real = boost::multiprecision::cpp_dec_float_50;
 
 constexpr Held kOverlap{1.0, 0.0};
 constexpr Held kLoad{0.0, 1.0};
-constexpr ContactModel kAdhesive[] = {ContactModel::kJkr, ContactModel::kSchwarz,
-                                      ContactModel::kCarpickOgletreeSalmeron,
-                                      ContactModel::kPietrementTroyon};
+constexpr ContactLaw kAdhesive[] = {ContactLaw::kJkr, ContactLaw::kSchwarz,
+                                    ContactLaw::kCarpickOgletreeSalmeron, ContactLaw::kPietrementTroyon};
 
-AdhesiveCurve curve_of(ContactModel model, double lambda, bool vdw = false) {
+AdhesiveCurve curve_of(ContactLaw model, double lambda, bool vdw = false) {
   return {lambda, closed_form_coefficients(model, lambda), vdw};
 }
 
@@ -106,21 +105,21 @@ TEST(ClosedFormLaws, JkrAndSchwarzAreTheirFormulas) {
     const Real tau = sqrt(x / (1 + x));
     for (const double b : {0.9, 1.1, 1.4, 3.0, 10.0}) {
       const Real a = Real(b) * b;
-      const CurvePoint s = curve_of(ContactModel::kSchwarz, lambda).contact(b);
+      const CurvePoint s = curve_of(ContactLaw::kSchwarz, lambda).contact(b);
       const Published want = schwarz(a, tau);
       // Rounding of the terms, of which A^3 and A^2 are the greatest.
       EXPECT_NEAR(s.load, to_double(want.load), 3e-15 * (2 + std::pow(b, 6)));
       EXPECT_NEAR(s.overlap, to_double(want.overlap), 3e-15 * (2 + std::pow(b, 4)));
-      const CurvePoint j = curve_of(ContactModel::kJkr, lambda).contact(b);
+      const CurvePoint j = curve_of(ContactLaw::kJkr, lambda).contact(b);
       const Published jkr = schwarz(a, 1);
       EXPECT_NEAR(j.load, to_double(jkr.load), 3e-15 * (2 + std::pow(b, 6)));
       EXPECT_NEAR(j.overlap, to_double(jkr.overlap), 3e-15 * (2 + std::pow(b, 4)));
     }
     // Pull-off -(2 - tau^2/2) under load control.
-    EXPECT_NEAR(curve_of(ContactModel::kSchwarz, lambda).fold(kLoad).load, to_double(-2 + tau * tau / 2),
+    EXPECT_NEAR(curve_of(ContactLaw::kSchwarz, lambda).fold(kLoad).load, to_double(-2 + tau * tau / 2),
                 4e-15);
   }
-  const AdhesiveCurve jkr = curve_of(ContactModel::kJkr, 1.0);
+  const AdhesiveCurve jkr = curve_of(ContactLaw::kJkr, 1.0);
   EXPECT_NEAR(jkr.fold(kLoad).load, -1.5, 1e-15);
   EXPECT_NEAR(jkr.fold(kOverlap).load, -5.0 / 6.0, 1e-15);
   EXPECT_NEAR(jkr.solve(0.0, kOverlap).point.load, -4.0 / 3.0, 1e-14);
@@ -128,9 +127,8 @@ TEST(ClosedFormLaws, JkrAndSchwarzAreTheirFormulas) {
 
 TEST(ClosedFormLaws, CosAndPietrementTroyonAreTheirFormulas) {
   for (const double lambda : {0.05, 0.1, 0.5, 1.0, 4.0, 50.0}) {
-    for (const ContactModel model :
-         {ContactModel::kCarpickOgletreeSalmeron, ContactModel::kPietrementTroyon}) {
-      const bool cos = model == ContactModel::kCarpickOgletreeSalmeron;
+    for (const ContactLaw model : {ContactLaw::kCarpickOgletreeSalmeron, ContactLaw::kPietrementTroyon}) {
+      const bool cos = model == ContactLaw::kCarpickOgletreeSalmeron;
       const Fits fits = cos ? cos_fits(lambda) : pietrement_troyon_fits(lambda);
       const AdhesiveCurve curve = curve_of(model, lambda);
       EXPECT_NEAR(curve.fold(kLoad).load, to_double(fits.load_c), 1e-14);
@@ -149,7 +147,7 @@ TEST(ClosedFormLaws, CosAndPietrementTroyonAreTheirFormulas) {
 
 // int P dDelta by Simpson's rule over ln B, where every power of B is smooth.
 TEST(ClosedFormLaws, EnergyIsTheIntegralOfTheLoad) {
-  for (const ContactModel model : kAdhesive) {
+  for (const ContactLaw model : kAdhesive) {
     for (const double lambda : {1e-3, 0.1, 1.0, 100.0}) {
       const AdhesiveCurve curve = curve_of(model, lambda);
       constexpr double kStart = 0.01;
@@ -164,14 +162,14 @@ TEST(ClosedFormLaws, EnergyIsTheIntegralOfTheLoad) {
         sum *= step / 3.0;
         // Simpson: h^4/180 (h = 1.4e-3) of the fourth derivative, 10^4 times the integrand at most (B^10).
         EXPECT_NEAR(curve.contact(b).energy - curve.contact(kStart).energy, sum, 1e-9 * (1 + std::fabs(sum)))
-            << contact_model_name(model) << ' ' << lambda << ' ' << b;
+            << contact_law_name(model) << ' ' << lambda << ' ' << b;
       }
     }
   }
 }
 
 TEST(ClosedFormLaws, FoldEndsTheStableStates) {
-  for (const ContactModel model : kAdhesive) {
+  for (const ContactLaw model : kAdhesive) {
     for (const double lambda : {1e-3, 0.01, 0.1, 0.7, 3.0, 1e4}) {
       const AdhesiveCurve curve = curve_of(model, lambda);
       for (const double soft : {0.0, 0.05, 1.0, 40.0}) {
@@ -184,15 +182,14 @@ TEST(ClosedFormLaws, FoldEndsTheStableStates) {
         const double panel = (1.2 * std::max(curve.load_fold(), from) - from) / 20000;
         for (int i = 0; i <= 20000; ++i) least = std::min(least, curve.contact(from + panel * i).held(held));
         EXPECT_LE(z, least + 1e-14 * (1 + soft));
-        EXPECT_NEAR(z, least, 1e-7 * (1 + soft)) << contact_model_name(model) << ' ' << lambda << ' ' << soft;
+        EXPECT_NEAR(z, least, 1e-7 * (1 + soft)) << contact_law_name(model) << ' ' << lambda << ' ' << soft;
         EXPECT_EQ(curve.solve(z - 1e-9 * (1 + soft), held).status, CurveStatus::kNoState);
         for (const double above : {1e-9, 1e-3, 1.0, 1e3, 1e8}) {
           double answers[3];
           int n = 0;
           for (const double guess : {0.0, 0.3, 50.0}) {
             const CurveSolution s = curve.solve(z + above, held, guess);
-            ASSERT_EQ(s.status, CurveStatus::kOk)
-                << contact_model_name(model) << ' ' << lambda << ' ' << above;
+            ASSERT_EQ(s.status, CurveStatus::kOk) << contact_law_name(model) << ' ' << lambda << ' ' << above;
             EXPECT_NEAR(s.point.held(held), z + above, 1e-13 * (1 + above + soft * 2 + std::fabs(z)));
             EXPECT_LE(s.evaluations, 40);
             answers[n++] = s.point.load;
@@ -209,12 +206,12 @@ TEST(ClosedFormLaws, FoldEndsTheStableStates) {
 // How far each law is from Maugis–Dugdale: the table in closed_form_laws.h.
 TEST(ClosedFormLaws, ModelErrorAgainstFiftyDigits) {
   constexpr double kLambda[] = {0.01, 0.1, 0.5, 1.0, 3.0, 10.0};
-  constexpr ContactModel kAll[] = {ContactModel::kHertz,
-                                   ContactModel::kDmt,
-                                   ContactModel::kJkr,
-                                   ContactModel::kSchwarz,
-                                   ContactModel::kCarpickOgletreeSalmeron,
-                                   ContactModel::kPietrementTroyon};
+  constexpr ContactLaw kAll[] = {ContactLaw::kHertz,
+                                 ContactLaw::kDmt,
+                                 ContactLaw::kJkr,
+                                 ContactLaw::kSchwarz,
+                                 ContactLaw::kCarpickOgletreeSalmeron,
+                                 ContactLaw::kPietrementTroyon};
   double worst[6][6] = {};
   double pull_off[6][6] = {};
   for (int j = 0; j < 6; ++j) {
@@ -228,9 +225,9 @@ TEST(ClosedFormLaws, ModelErrorAgainstFiftyDigits) {
     }
     const double exact_pull_off = -exact.pull_off_load();
     for (int i = 0; i < 6; ++i) {
-      const ContactModel model = kAll[i];
-      const bool plain = model == ContactModel::kHertz || model == ContactModel::kDmt;
-      const double l = model == ContactModel::kDmt ? 2.0 : 0.0;
+      const ContactLaw model = kAll[i];
+      const bool plain = model == ContactLaw::kHertz || model == ContactLaw::kDmt;
+      const double l = model == ContactLaw::kDmt ? 2.0 : 0.0;
       for (std::size_t k = 0; k < overlaps.size(); ++k) {
         const CurveSolution s = plain ? HertzianCurve(kLambda[j], l).solve(overlaps[k], kOverlap)
                                       : curve_of(model, kLambda[j]).solve(overlaps[k], kOverlap);
@@ -259,7 +256,7 @@ TEST(ClosedFormLaws, ModelErrorAgainstFiftyDigits) {
 
 TEST(ClosedFormLaws, RefusesWhatMakesNoSense) {
   TipSampleParameters p = testing::material_of(0.5, true);
-  p.model = ContactModel::kHertz;
+  p.model = ContactLaw::kHertz;
   EXPECT_THROW(TipSampleLaw{p}, UserError);
   p.van_der_waals = false;
   EXPECT_NO_THROW(TipSampleLaw{p});
@@ -268,7 +265,7 @@ TEST(ClosedFormLaws, RefusesWhatMakesNoSense) {
 // F = K sqrt(R) delta^1.5: the work of adhesion only made the units.
 TEST(ClosedFormLaws, HertzInNanometresAndNanonewtons) {
   TipSampleParameters p = testing::silicon_on(70, 0.2, 0.27, false);
-  p.model = ContactModel::kHertz;
+  p.model = ContactLaw::kHertz;
   TipSampleState state;
   const Equilibrium e = TipSampleLaw(p).advance(1.0, 0.0, 20.0, state);
   EXPECT_NEAR(e.force_nn, p.contact_modulus_gpa * std::sqrt(20.0), 1e-12 * e.force_nn);
@@ -280,13 +277,13 @@ TEST(ClosedFormLaws, HertzInNanometresAndNanonewtons) {
 
 TEST(ClosedFormLaws, NamesGoThereAndBack) {
   for (int i = 0; i < 7; ++i) {
-    const auto model = static_cast<ContactModel>(i);
-    EXPECT_EQ(contact_model_from_name(contact_model_name(model)), model);
+    const auto model = static_cast<ContactLaw>(i);
+    EXPECT_EQ(contact_law_from_name(contact_law_name(model)), model);
   }
-  EXPECT_EQ(contact_model_from_name("cos"), ContactModel::kCarpickOgletreeSalmeron);
-  EXPECT_EQ(contact_model_from_name("maugis-dugdale"), ContactModel::kMaugisDugdale);
-  EXPECT_FALSE(contact_model_from_name("JKR"));
-  EXPECT_FALSE(contact_model_from_name(""));
+  EXPECT_EQ(contact_law_from_name("cos"), ContactLaw::kCarpickOgletreeSalmeron);
+  EXPECT_EQ(contact_law_from_name("maugis-dugdale"), ContactLaw::kMaugisDugdale);
+  EXPECT_FALSE(contact_law_from_name("JKR"));
+  EXPECT_FALSE(contact_law_from_name(""));
   EXPECT_EQ(maugis_method_from_name("table"), MaugisMethod::kTable);
   EXPECT_EQ(maugis_method_from_name("direct"), MaugisMethod::kDirect);
   EXPECT_FALSE(maugis_method_from_name("tables"));

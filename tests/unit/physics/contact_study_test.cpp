@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/studies/contact_command.h"
 #include "tests/support/md_oracle.h"
 

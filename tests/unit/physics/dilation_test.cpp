@@ -1,4 +1,4 @@
-#include "nve_server/physics/dilation.h"
+#include "telenano/nve_server/physics/dilation.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include <random>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 #include "tests/support/sampled_ground.h"
 
 namespace telenano::physics {

@@ -1,4 +1,4 @@
-#include "nve_server/physics/friction.h"
+#include "telenano/nve_server/physics/friction.h"
 
 #include <gtest/gtest.h>
 
@@ -9,10 +9,10 @@
 #include <memory>
 #include <random>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 namespace telenano::physics {
 namespace {

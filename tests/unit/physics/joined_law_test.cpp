@@ -1,10 +1,10 @@
-#include "nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/joined_law.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "nve_server/physics/van_der_waals.h"
+#include "telenano/nve_server/physics/van_der_waals.h"
 
 namespace telenano::physics {
 namespace {
@@ -124,7 +124,7 @@ TEST(Parting, EnergyInsideIsSmoothInLambdaWhereTheHandoverTurnsOneWay) {
   EXPECT_TRUE(find_parting(maugis(0.6), OutsideLaw(0.6)).reversible);
   EXPECT_FALSE(find_parting(maugis(0.85), OutsideLaw(0.85)).reversible);
   const auto jkr = [](double lambda) {
-    return AdhesiveCurve(lambda, closed_form_coefficients(ContactModel::kJkr, lambda), true);
+    return AdhesiveCurve(lambda, closed_form_coefficients(ContactLaw::kJkr, lambda), true);
   };
   EXPECT_TRUE(jkr(0.2).saturated());
   EXPECT_FALSE(jkr(0.25).saturated());
@@ -135,7 +135,7 @@ TEST(Parting, EnergyInsideIsSmoothInLambdaWhereTheHandoverTurnsOneWay) {
 // nothing lost.
 TEST(Handover, OfANeckedLawIsUsedBothWaysWhereItCrossesTwice) {
   for (const double lambda : {0.24, 0.3, 0.35, 0.45, 0.8}) {
-    const AdhesiveCurve curve(lambda, closed_form_coefficients(ContactModel::kJkr, lambda), true);
+    const AdhesiveCurve curve(lambda, closed_form_coefficients(ContactLaw::kJkr, lambda), true);
     const OutsideLaw outside(lambda);
     ASSERT_FALSE(curve.saturated());
     const CurvePoint fold = curve.fold({1, 0});

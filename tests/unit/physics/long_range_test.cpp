@@ -1,4 +1,4 @@
-#include "nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/long_range.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <functional>
 #include <limits>
 
-#include "common/base/error.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 

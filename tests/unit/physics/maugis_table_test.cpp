@@ -1,4 +1,4 @@
-#include "nve_server/physics/maugis_table.h"
+#include "telenano/nve_server/physics/maugis_table.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "common/base/error.h"
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 #include "tests/support/md_oracle.h"
 
@@ -210,7 +210,7 @@ TEST(MaugisTable, RefusesWhatMakesNoSense) {
   EXPECT_THROW(TipSampleLaw(table_of(0.8, true), -1), UserError);
   EXPECT_THROW(TipSampleLaw(table_of(1e7, true), 20), UserError);
   TipSampleParameters p = table_of(0.8, true);
-  p.model = ContactModel::kJkr;
+  p.model = ContactLaw::kJkr;
   EXPECT_THROW(TipSampleLaw(p, 20), UserError);
 }
 

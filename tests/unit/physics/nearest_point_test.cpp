@@ -4,10 +4,10 @@
 #include <functional>
 #include <random>
 
-#include "common/surface/gsf.h"
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/physics/relative_curvature.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/common/surface/gsf.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/relative_curvature.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 #include "tests/source_dir.h"
 
 namespace telenano::physics {

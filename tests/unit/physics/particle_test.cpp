@@ -6,11 +6,11 @@
 #include <functional>
 #include <limits>
 
-#include "common/base/error.h"
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/physics/particle_bristle.h"
-#include "nve_server/physics/particle_equilibrium.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/particle_bristle.h"
+#include "telenano/nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/plastic_contact.h"
+#include "telenano/nve_server/physics/plastic_contact.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
 #include "tests/support/alloc_guard.h"
 
 // Oracles: Thornton's closed forms where adhesion is negligible; an independent integration of the flow rule;
@@ -228,7 +228,7 @@ TEST(PlasticContact, AdhesionAloneSinksALittle) {
   p.contact_modulus_gpa = 3.0;
   p.work_of_adhesion_n_m = 0.2;
   p.van_der_waals = false;
-  p.model = ContactModel::kHertz;
+  p.model = ContactLaw::kHertz;
   EXPECT_EQ(PlasticContact(TipSampleLaw(p), 0.2).zero_load_depth_nm(kRadius), 0.0);
 }
 
@@ -241,7 +241,7 @@ TEST(PlasticContact, DissipationOfAStickySampleIsPositiveAndThatOfTheClosedForm)
     p.contact_modulus_gpa = modulus;
     p.work_of_adhesion_n_m = adhesion;
     p.van_der_waals = false;
-    p.model = ContactModel::kJkr;
+    p.model = ContactLaw::kJkr;
     const PlasticContact contact{TipSampleLaw(p), hardness};
     const double strain = kPi * hardness / modulus;
     Place place;

@@ -1,4 +1,4 @@
-#include "nve_server/physics/probe.h"
+#include "telenano/nve_server/physics/probe.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <functional>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {

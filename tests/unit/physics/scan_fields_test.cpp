@@ -1,4 +1,4 @@
-#include "nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/scan_fields.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/physics/dilation.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/dilation.h"
 #include "tests/support/field_checks.h"
 #include "tests/support/sampled_ground.h"
 

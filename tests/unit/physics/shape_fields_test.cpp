@@ -1,11 +1,11 @@
-#include "nve_server/physics/shape_fields.h"
+#include "telenano/nve_server/physics/shape_fields.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <random>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/support/field_checks.h"
 
 namespace telenano::physics {

@@ -4,12 +4,12 @@
 #include <functional>
 #include <random>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "nve_server/physics/plane_surface.h"
-#include "nve_server/physics/sampled_shapes.h"
-#include "nve_server/physics/sphere_surface.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/plane_surface.h"
+#include "telenano/nve_server/physics/sampled_shapes.h"
+#include "telenano/nve_server/physics/sphere_surface.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 namespace telenano::physics {
 namespace {

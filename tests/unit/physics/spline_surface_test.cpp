@@ -1,4 +1,4 @@
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/tip_equilibrium.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <functional>
 #include <random>
 
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/spline_surface.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,4 +1,4 @@
-#include "nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/tip_sample_law.h"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <limits>
 #include <random>
 
-#include "common/base/error.h"
-#include "nve_server/physics/van_der_waals.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/van_der_waals.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 

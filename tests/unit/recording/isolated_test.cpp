@@ -14,12 +14,12 @@
 #include <new>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/recording/child_call.h"
-#include "common/recording/recorder.h"
-#include "common/recording/recording_reader.h"
-#include "common/recording/recover.h"
-#include "common/recording/summary.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/child_call.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/recording/recover.h"
+#include "telenano/common/recording/summary.h"
 #include "tests/unit/recording/numbered_row.h"
 
 namespace telenano::recording {

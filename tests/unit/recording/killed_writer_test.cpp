@@ -15,10 +15,10 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
-#include "common/recording/recover.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/recording/recover.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/unit/recording/numbered_row.h"
 
 namespace telenano::recording {

@@ -2,7 +2,7 @@
 
 #include <cstring>
 
-#include "common/recording/sample.h"
+#include "telenano/common/recording/sample.h"
 
 namespace telenano::recording {
 

@@ -1,4 +1,4 @@
-#include "common/recording/recorder.h"
+#include "telenano/common/recording/recorder.h"
 
 #include <gtest/gtest.h>
 #include <hdf5.h>
@@ -9,9 +9,9 @@
 #include <functional>
 #include <thread>
 
-#include "common/base/error.h"
-#include "common/recording/recording_reader.h"
-#include "common/recording/recover.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/recording/recover.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/recording/numbered_row.h"
 

@@ -6,10 +6,10 @@
 #include <filesystem>
 #include <limits>
 
-#include "common/base/error.h"
-#include "common/recording/recorder.h"
-#include "common/recording/recording_reader.h"
-#include "common/recording/summary_builder.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/recording/summary_builder.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/recording/numbered_row.h"
 

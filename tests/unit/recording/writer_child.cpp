@@ -9,8 +9,8 @@
 #include <exception>
 #include <thread>
 
-#include "common/recording/recorder.h"
-#include "common/rt/steady_clock.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/unit/recording/numbered_row.h"
 
 namespace {

@@ -1,4 +1,4 @@
-#include "common/rt/latest_value.h"
+#include "telenano/common/rt/latest_value.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "common/rt/log_histogram.h"
+#include "telenano/common/rt/log_histogram.h"
 
 #include <gtest/gtest.h>
 

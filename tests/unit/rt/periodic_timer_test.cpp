@@ -1,11 +1,11 @@
-#include "common/rt/periodic_timer.h"
+#include "telenano/common/rt/periodic_timer.h"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <thread>
 
-#include "common/rt/steady_clock.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::rt {

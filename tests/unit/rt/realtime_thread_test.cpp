@@ -1,4 +1,4 @@
-#include "common/rt/realtime_thread.h"
+#include "telenano/common/rt/realtime_thread.h"
 
 #include <gtest/gtest.h>
 #include <pthread.h>

@@ -1,4 +1,4 @@
-#include "common/rt/spsc_queue.h"
+#include "telenano/common/rt/spsc_queue.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // Fields kept in files. Oracle: fields made anew, to the last bit; what is damaged by hand must not be read.
-#include "nve_server/scene/fields_cache.h"
+#include "telenano/nve_server/scene/fields_cache.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::scene {
 namespace {

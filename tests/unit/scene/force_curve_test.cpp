@@ -1,11 +1,11 @@
-#include "nve_server/scene/force_curve.h"
+#include "telenano/nve_server/scene/force_curve.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/source_dir.h"
 
 namespace telenano::scene {

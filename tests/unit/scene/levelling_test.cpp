@@ -1,4 +1,4 @@
-#include "nve_server/scene/levelling.h"
+#include "telenano/nve_server/scene/levelling.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <functional>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::scene {
 namespace {

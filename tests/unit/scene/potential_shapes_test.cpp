@@ -4,9 +4,9 @@
 #include <cmath>
 #include <string>
 
-#include "common/base/error.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/scene/scene.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::scene {
 namespace {

@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/scan_fields.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/scene/scene_summary.h"
-#include "nve_server/scene/scene_terms.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene_summary.h"
+#include "telenano/nve_server/scene/scene_terms.h"
 
 namespace telenano::scene {
 namespace {

@@ -1,5 +1,5 @@
 // The form of a bundle: what is written byte by byte here by hand is read, and nothing else.
-#include "nve_server/scene/scene_bundle.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
 
 #include <gtest/gtest.h>
 
@@ -10,8 +10,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/hash/sha256.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/hash/sha256.h"
 
 namespace telenano::scene {
 namespace {

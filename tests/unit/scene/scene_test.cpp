@@ -1,4 +1,4 @@
-#include "nve_server/scene/scene.h"
+#include "telenano/nve_server/scene/scene.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/base/error.h"
-#include "nve_server/scene/scene_summary.h"
-#include "nve_server/scene/scene_terms.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/scene/scene_summary.h"
+#include "telenano/nve_server/scene/scene_terms.h"
 #include "tests/source_dir.h"
 
 namespace telenano::scene {
@@ -163,7 +163,7 @@ sample_shear_strength_mpa = 50.0
 rolling_length_nm = 0.2
 [coupling])"));
   const auto& law = scene->law_parameters;
-  EXPECT_EQ(law.model, physics::ContactModel::kMaugisDugdale);
+  EXPECT_EQ(law.model, physics::ContactLaw::kMaugisDugdale);
   EXPECT_EQ(law.equilibrium_distance_nm, 0.2);
   EXPECT_EQ(law.work_of_adhesion_n_m, 0.1);
   EXPECT_EQ(law.long_range.retardation_nm, 100.0);
@@ -190,12 +190,12 @@ TEST_F(SceneFile, EveryLawAndShapeHasAName) {
   for (const char* law : {"dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"}) {
     const auto scene =
         load_scene(write("[coupling]", std::string("[contact]\nlaw = \"") + law + "\"\n[coupling]"));
-    EXPECT_EQ(physics::contact_model_name(scene->law_parameters.model), law);
+    EXPECT_EQ(physics::contact_law_name(scene->law_parameters.model), law);
   }
   EXPECT_EQ(load_scene(write("[coupling]",
                              "[contact]\nlaw = \"hertz\"\n[forces]\nvan_der_waals = false\n[coupling]"))
                 ->law_parameters.model,
-            physics::ContactModel::kHertz);
+            physics::ContactLaw::kHertz);
   EXPECT_EQ(
       load_scene(write("[coupling]", "[contact]\nmethod = \"table\"\n[coupling]"))->law_parameters.method,
       physics::MaugisMethod::kTable);

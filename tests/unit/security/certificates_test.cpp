@@ -8,7 +8,7 @@
 
 #include <filesystem>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/unit/security/dtls_rig.h"
 
 namespace telenano::security {

@@ -7,8 +7,8 @@
 #include <map>
 #include <vector>
 
-#include "common/base/random.h"
-#include "common/net/datagram.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/net/datagram.h"
 
 namespace telenano::security {
 

@@ -1,6 +1,6 @@
 // What a datagram is taken for before OpenSSL sees it. The layouts are those of RFC 6347, section 4.1
 // and 4.2.2.
-#include "common/security/dtls_record.h"
+#include "telenano/common/security/dtls_record.h"
 
 #include <gtest/gtest.h>
 

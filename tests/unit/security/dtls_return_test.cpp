@@ -7,7 +7,7 @@
 #include <memory>
 #include <thread>
 
-#include "common/security/dtls_record.h"
+#include "telenano/common/security/dtls_record.h"
 #include "tests/unit/security/dtls_rig.h"
 
 namespace telenano::security {

@@ -8,9 +8,9 @@
 #include <string>
 #include <string_view>
 
-#include "common/rt/clock.h"
-#include "common/security/dtls_client.h"
-#include "common/security/dtls_server.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/common/security/dtls_client.h"
+#include "telenano/common/security/dtls_server.h"
 #include "tests/unit/security/datagram_pipe.h"
 
 namespace telenano::security {

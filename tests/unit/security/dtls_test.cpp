@@ -2,7 +2,7 @@
 // server do. Every datagram is a real one, made or changed by the test.
 #include <gtest/gtest.h>
 
-#include "common/security/dtls_record.h"
+#include "telenano/common/security/dtls_record.h"
 #include "tests/unit/security/dtls_rig.h"
 
 namespace telenano::security {

@@ -1,4 +1,4 @@
-#include "common/security/handshake_budget.h"
+#include "telenano/common/security/handshake_budget.h"
 
 #include <gtest/gtest.h>
 

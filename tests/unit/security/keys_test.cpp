@@ -15,10 +15,10 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "common/security/key_admin.h"
-#include "common/security/key_list.h"
-#include "common/security/private_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/key_admin.h"
+#include "telenano/common/security/key_list.h"
+#include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
 namespace {

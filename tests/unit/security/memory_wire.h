@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "common/net/datagram.h"
+#include "telenano/common/net/datagram.h"
 
 namespace telenano::security {
 

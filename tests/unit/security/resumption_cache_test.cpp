@@ -1,4 +1,4 @@
-#include "common/security/resumption_cache.h"
+#include "telenano/common/security/resumption_cache.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 
 namespace telenano::security {
 namespace {

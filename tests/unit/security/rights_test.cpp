@@ -1,8 +1,8 @@
 // A whole session inside a secure channel: what each right allows, and how fast it comes back.
 #include <gtest/gtest.h>
 
-#include "common/link/client_session.h"
-#include "common/security/dtls_record.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/security/dtls_record.h"
 #include "tests/unit/security/dtls_rig.h"
 #include "tests/unit/server/spring_slave.h"
 

@@ -1,12 +1,12 @@
 // The real-time loop over real loopback UDP: what virtual time cannot show.
-#include "nve_server/server/server_loop.h"
+#include "telenano/nve_server/server/server_loop.h"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <thread>
 
-#include "common/net/udp.h"
+#include "telenano/common/net/udp.h"
 #include "virtual_session.h"
 
 namespace telenano::server {

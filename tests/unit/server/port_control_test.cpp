@@ -1,4 +1,4 @@
-#include "nve_server/server/port_control.h"
+#include "telenano/nve_server/server/port_control.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 #include "virtual_session.h"
 
 namespace telenano::server {

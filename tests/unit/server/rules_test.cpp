@@ -4,7 +4,7 @@
 #include <set>
 #include <string>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "virtual_session.h"
 
 namespace telenano::server {

@@ -1,5 +1,5 @@
 // A scene fetched through a session, in virtual time: loss, resume, rights, and what a hostile peer tries.
-#include "common/link/scene_fetch.h"
+#include "telenano/common/link/scene_fetch.h"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
 // `serve` with a slave that can be computed by hand, for testing the command from outside.
 #include <cstdio>
 
-#include "common/base/error.h"
-#include "nve_server/app/serve_command.h"
 #include "spring_slave.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/app/serve_command.h"
 
 int main(int argc, char** argv) {
   CLI::App app("serves an elastic floor");

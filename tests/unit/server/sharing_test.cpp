@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "virtual_session.h"
 
 namespace telenano::server {

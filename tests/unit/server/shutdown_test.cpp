@@ -3,7 +3,7 @@
 
 #include <deque>
 
-#include "nve_server/server/server_shutdown.h"
+#include "telenano/nve_server/server/server_shutdown.h"
 #include "virtual_session.h"
 
 namespace telenano::server {

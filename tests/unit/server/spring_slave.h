@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "nve_server/server/server.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::server {
 

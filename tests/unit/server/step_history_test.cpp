@@ -4,8 +4,8 @@
 #include <array>
 #include <set>
 
-#include "common/link/codec.h"
-#include "common/net/sim_link.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/net/sim_link.h"
 #include "virtual_session.h"
 
 namespace telenano::server {

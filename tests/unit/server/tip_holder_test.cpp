@@ -1,10 +1,10 @@
 // Who may move a shared tip, rule by rule; and whose energy is whose.
-#include "nve_server/server/tip_holder.h"
+#include "telenano/nve_server/server/tip_holder.h"
 
 #include <gtest/gtest.h>
 
-#include "common/link/messages.h"
-#include "nve_server/server/port_book.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/nve_server/server/port_book.h"
 
 namespace telenano::server {
 namespace {

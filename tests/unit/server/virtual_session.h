@@ -3,10 +3,10 @@
 #include <array>
 #include <functional>
 
-#include "common/link/client_session.h"
-#include "common/net/sim_link.h"
-#include "nve_server/server/server.h"
 #include "spring_slave.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/net/sim_link.h"
+#include "telenano/nve_server/server/server.h"
 
 namespace telenano::server {
 

@@ -7,9 +7,9 @@
 #include <memory>
 #include <vector>
 
-#include "common/link/codec.h"
-#include "common/link/step_log.h"
-#include "nve_server/server/drain_order.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/step_log.h"
+#include "telenano/nve_server/server/drain_order.h"
 #include "virtual_session.h"
 
 namespace telenano::server {

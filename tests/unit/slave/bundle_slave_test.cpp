@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/scene/scene_bundle.h"
-#include "nve_server/slave/canonical_motion.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
+#include "telenano/nve_server/slave/canonical_motion.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
 namespace telenano::slave {

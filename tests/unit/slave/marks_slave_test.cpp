@@ -8,9 +8,9 @@
 #include <random>
 #include <vector>
 
-#include "common/base/constants.h"
-#include "nve_server/physics/mark_journal.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/nve_server/physics/mark_journal.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 

@@ -1,4 +1,4 @@
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 
 #include <gtest/gtest.h>
 

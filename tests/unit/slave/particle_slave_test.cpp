@@ -5,7 +5,7 @@
 #include <random>
 #include <vector>
 
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 

@@ -1,5 +1,5 @@
 // What the slave says of its port against what the port then does.
-#include "nve_server/slave/port_model.h"
+#include "telenano/nve_server/slave/port_model.h"
 
 #include <gtest/gtest.h>
 
@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/scan_fields.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
 namespace telenano::slave {

@@ -11,11 +11,11 @@
 #include <string>
 #include <vector>
 
-#include "common/base/constants.h"
-#include "common/base/error.h"
-#include "nve_server/physics/mark_journal.h"
-#include "nve_server/physics/marked_potential.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/mark_journal.h"
+#include "telenano/nve_server/physics/marked_potential.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 

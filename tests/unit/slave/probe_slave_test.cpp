@@ -7,8 +7,8 @@
 #include <functional>
 #include <random>
 
-#include "nve_server/physics/flat_surface.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 

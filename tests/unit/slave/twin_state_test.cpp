@@ -17,11 +17,11 @@
 #include <utility>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "nve_server/physics/potential_equilibrium.h"
-#include "nve_server/physics/scan_fields.h"
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 

@@ -7,8 +7,8 @@
 #include <memory>
 #include <string>
 
-#include "nve_server/scene/scene.h"
-#include "nve_server/slave/nve_slave.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
 namespace telenano::slave {

@@ -1,8 +1,8 @@
-#include "master/app/calibration.h"
+#include "telenano/master/app/calibration.h"
 
 #include <gmock/gmock.h>
 
-#include "master/app/station_file.h"
+#include "telenano/master/app/station_file.h"
 
 namespace telenano::app {
 namespace {

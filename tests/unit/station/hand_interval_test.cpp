@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "common/rt/clock.h"
-#include "master/loop/station_loop.h"
+#include "telenano/common/rt/clock.h"
+#include "telenano/master/loop/station_loop.h"
 #include "tests/unit/station/station_rig.h"
 
 namespace telenano::loop {

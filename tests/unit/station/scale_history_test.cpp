@@ -1,4 +1,4 @@
-#include "master/station/scale_history.h"
+#include "telenano/master/station/scale_history.h"
 
 #include <gtest/gtest.h>
 

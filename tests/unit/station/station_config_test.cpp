@@ -1,10 +1,10 @@
-#include "master/station/station_config.h"
+#include "telenano/master/station/station_config.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/unit/station/station_rig.h"
 
 namespace telenano::station {

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "master/device/sim_device.h"
-#include "master/loop/station_loop.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/master/loop/station_loop.h"
 #include "tests/unit/station/station_rig.h"
 
 namespace telenano::loop {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
-#include "common/base/error.h"
-#include "master/app/station_file.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/app/station_file.h"
 #include "tests/source_dir.h"
 
 namespace telenano::app {

@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-#include "master/device/sim_device.h"
+#include "telenano/master/device/sim_device.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/station/station_rig.h"
 

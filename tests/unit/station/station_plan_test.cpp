@@ -1,12 +1,12 @@
-#include "master/app/station_plan.h"
+#include "telenano/master/app/station_plan.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <string>
 
-#include "common/base/error.h"
-#include "master/device/sim_device.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/sim_device.h"
 
 namespace telenano::app {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "master/station/station.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::station {
 

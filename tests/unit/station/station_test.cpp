@@ -1,4 +1,4 @@
-#include "master/station/station.h"
+#include "telenano/master/station/station.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // The user's folder of scenes: kept, found, bounded, and nothing in it believed.
-#include "master/scene/scene_cache.h"
+#include "telenano/master/scene/scene_cache.h"
 
 #include <fcntl.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
 // A scene on its way to a station: from a server that a test plays, honest or not, through the process that
 // looks at it, into the cache.
-#include "master/scene/scene_keeper.h"
+#include "telenano/master/scene/scene_keeper.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "common/base/error.h"
-#include "nve_server/scene/scene_bundle.h"
-#include "nve_server/slave/canonical_motion.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/scene/scene_bundle.h"
+#include "telenano/nve_server/slave/canonical_motion.h"
 #include "tests/source_dir.h"
 
 namespace telenano::scene_store {

@@ -1,4 +1,4 @@
-#include "common/surface/gsf.h"
+#include "telenano/common/surface/gsf.h"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -11,7 +11,7 @@
 #include <sstream>
 #include <vector>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/source_dir.h"
 
 namespace telenano::surface {

@@ -1,4 +1,4 @@
-#include "master/view_model/camera.h"
+#include "telenano/master/view_model/camera.h"
 
 #include <gtest/gtest.h>
 

@@ -7,11 +7,11 @@
 #include <map>
 #include <utility>
 
-#include "common/base/random.h"
-#include "master/view_model/nice_step.h"
-#include "master/view_model/round_trips.h"
-#include "master/view_model/strip.h"
-#include "master/view_model/trail.h"
+#include "telenano/common/base/random.h"
+#include "telenano/master/view_model/nice_step.h"
+#include "telenano/master/view_model/round_trips.h"
+#include "telenano/master/view_model/strip.h"
+#include "telenano/master/view_model/trail.h"
 
 namespace telenano::view_model {
 namespace {

@@ -1,8 +1,8 @@
-#include "master/view_model/live_session.h"
+#include "telenano/master/view_model/live_session.h"
 
 #include <gtest/gtest.h>
 
-#include "common/link/messages.h"
+#include "telenano/common/link/messages.h"
 
 namespace telenano::view_model {
 namespace {

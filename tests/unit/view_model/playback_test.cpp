@@ -1,4 +1,4 @@
-#include "master/view_model/playback.h"
+#include "telenano/master/view_model/playback.h"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
-#include "master/view_model/pointer_hand.h"
+#include "telenano/master/view_model/pointer_hand.h"
 
 #include <gtest/gtest.h>
 
-#include "master/device/haptic_device.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::view_model {
 namespace {

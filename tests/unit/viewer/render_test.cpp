@@ -12,12 +12,12 @@
 #include <numbers>
 #include <optional>
 
-#include "common/base/error.h"
-#include "master/device/haptic_device.h"
-#include "master/station/station.h"
-#include "master/viewer/offscreen.h"
-#include "master/viewer/photographer.h"
-#include "master/viewer/viewer.h"
+#include "telenano/common/base/error.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/viewer/offscreen.h"
+#include "telenano/master/viewer/photographer.h"
+#include "telenano/master/viewer/viewer.h"
 #include "tests/source_dir.h"
 #include "tests/support/view_scene.h"
 #include "tests/unit/viewer/glyphs.h"

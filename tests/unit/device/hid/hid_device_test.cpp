@@ -1,12 +1,12 @@
 // The hand that a puck moves: speed, deadman, silence, stop, unplugging.
-#include "master/device/hid/hid_device.h"
+#include "telenano/master/device/hid/hid_device.h"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 
-#include "common/base/error.h"
-#include "common/base/random.h"
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/puck_bytes.h"
 

@@ -1,5 +1,5 @@
 // The reader's thread with a scripted port: order, floods, unplugging.
-#include "master/device/hid/hid_reader.h"
+#include "telenano/master/device/hid/hid_reader.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <mutex>
 #include <thread>
 
-#include "common/base/random.h"
+#include "telenano/common/base/random.h"
 #include "tests/support/puck_bytes.h"
 
 namespace telenano::device {

@@ -1,9 +1,9 @@
 #include <gtest/gtest.h>
 
-#include "common/base/random.h"
-#include "master/device/hid/pedal_reports.h"
-#include "master/device/hid/pedalled_device.h"
-#include "master/device/replay_device.h"
+#include "telenano/common/base/random.h"
+#include "telenano/master/device/hid/pedal_reports.h"
+#include "telenano/master/device/hid/pedalled_device.h"
+#include "telenano/master/device/replay_device.h"
 
 namespace telenano::device {
 namespace {

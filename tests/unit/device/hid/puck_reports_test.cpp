@@ -1,12 +1,12 @@
-#include "master/device/hid/puck_reports.h"
+#include "telenano/master/device/hid/puck_reports.h"
 
 #include <gtest/gtest.h>
 
 #include <set>
 #include <vector>
 
-#include "common/base/random.h"
-#include "master/device/hid/hid_products.h"
+#include "telenano/common/base/random.h"
+#include "telenano/master/device/hid/hid_products.h"
 #include "tests/support/puck_bytes.h"
 
 namespace telenano::device {

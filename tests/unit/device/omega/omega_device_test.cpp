@@ -1,5 +1,5 @@
 // A tick with the device: frames, forces, buttons, states, faults of the SDK; through the vendor's symbols.
-#include "master/device/omega/omega_device.h"
+#include "telenano/master/device/omega/omega_device.h"
 
 #include <gtest/gtest.h>
 

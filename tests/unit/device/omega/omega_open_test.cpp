@@ -1,7 +1,7 @@
 // What can be wrong before a first tick, and what a person is told.
 #include <gmock/gmock.h>
 
-#include "common/base/error.h"
+#include "telenano/common/base/error.h"
 #include "tests/unit/device/omega/omega_rig.h"
 
 namespace telenano::device {

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <string>
 
-#include "master/device/omega/omega_device.h"
+#include "telenano/master/device/omega/omega_device.h"
 #include "tests/support/standin_drd/standin_sdk.h"
 
 namespace telenano::device {

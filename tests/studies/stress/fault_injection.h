@@ -1,7 +1,7 @@
 #pragma once
 
-#include "common/base/random.h"
-#include "common/recording/sample.h"
+#include "telenano/common/base/random.h"
+#include "telenano/common/recording/sample.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/stress_hand.h"
@@ -11,9 +11,9 @@
 namespace telenano::studies::stress {
 
 /// What goes wrong in a run besides the delay: from the first established session on, by the run's seed.
-class Trouble {
+class FaultInjection {
  public:
-  Trouble(const RunSpec& spec, support::VirtualSession& session);
+  FaultInjection(const RunSpec& spec, support::VirtualSession& session);
 
   /// Of the next tick.
   int periods() noexcept;

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "common/control/model_renderer.h"
-#include "common/control/one_port.h"
-#include "common/control/station_method.h"
+#include "telenano/common/control/model_renderer.h"
+#include "telenano/common/control/one_port.h"
+#include "telenano/common/control/station_method.h"
 
 namespace telenano::control {
 
@@ -27,14 +27,14 @@ namespace telenano::control {
 ///
 /// It does not protect the tip, which goes on by the delay times the hand's speed: the slave limits its own
 /// force.
-class LocalModel final : public StationMethod {
+class ModelMethod final : public StationMethod {
  public:
-  explicit LocalModel(const MethodConfig& config) noexcept;
+  explicit ModelMethod(const MethodConfig& config) noexcept;
 
   void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
   void begin_session(bool new_epoch) noexcept override;
   void book(const PortInterval& interval) noexcept override { controller_.book(interval); }
-  void hear(const SlaveNews& news) noexcept override;
+  void on_reply(const SlaveNews& news) noexcept override;
   Vec3 force_h_n(const RenderPoint& at) noexcept override;
   Vec3 damper_force_h_n() const noexcept override { return controller_.damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }

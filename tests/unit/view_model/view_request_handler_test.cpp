@@ -1,9 +1,9 @@
-#include "master/view_model/request_desk.h"
+#include "telenano/master/view_model/view_request_handler.h"
 
 #include <gtest/gtest.h>
 
-#include "common/control/scaling.h"
-#include "master/view_model/scaling_region.h"
+#include "telenano/common/control/scaling.h"
+#include "telenano/master/view_model/scaling_region.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::view_model {
@@ -13,7 +13,7 @@ using Kind = ViewRequest::Kind;
 
 /// A station with a session, deadman held, ticked by hand.
 struct Fixture {
-  Fixture() : station(config(), device_info(), slave()), desk(port, bounds()) {
+  Fixture() : station(config(), device_info(), slave()), requests(port, bounds()) {
     link::Welcome welcome;
     welcome.workspace_min_w_nm = Vec3::Constant(-100);
     welcome.workspace_max_w_nm = Vec3::Constant(100);
@@ -44,8 +44,8 @@ struct Fixture {
   void ask(Kind kind, control::Method method = control::Method::kNone, control::Scaling scaling = {}) {
     EXPECT_TRUE(port.requests.push({kind, method, scaling}));
   }
-  RequestDesk::Asked tick() {
-    const RequestDesk::Asked asked = desk.answer(station);
+  ViewRequestHandler::Asked tick() {
+    const ViewRequestHandler::Asked asked = requests.answer(station);
     station::StationInput input;
     input.time_ns = time_ns += 1'000'000;
     input.buttons = device::kButtonDeadman | asked.buttons;
@@ -56,13 +56,13 @@ struct Fixture {
   }
   ViewPort port;
   station::Station station;
-  RequestDesk desk;
+  ViewRequestHandler requests;
   station::StationOutput output;
   std::int64_t time_ns = 0;
   std::uint64_t sequence = 0;
 };
 
-TEST(RequestDesk, StopIsLatchedUntilAPersonClearsIt) {
+TEST(ViewRequestHandler, StopIsLatchedUntilAPersonClearsIt) {
   Fixture f;
   f.tick();
   f.ask(Kind::kStop);
@@ -75,7 +75,7 @@ TEST(RequestDesk, StopIsLatchedUntilAPersonClearsIt) {
   EXPECT_NE(f.station.mode(), station::Mode::kStopped);
 }
 
-TEST(RequestDesk, ButtonsHeldOnTheScreenAreHeldInEveryTick) {
+TEST(ViewRequestHandler, ButtonsHeldOnTheScreenAreHeldInEveryTick) {
   Fixture f;
   f.port.buttons.store(device::kButtonClutch);
   EXPECT_EQ(f.tick().buttons, static_cast<std::uint32_t>(device::kButtonClutch));
@@ -84,7 +84,7 @@ TEST(RequestDesk, ButtonsHeldOnTheScreenAreHeldInEveryTick) {
   EXPECT_EQ(f.tick().buttons, 0u);
 }
 
-TEST(RequestDesk, ChangesMethodAndScalingWithinTheRegionOnly) {
+TEST(ViewRequestHandler, ChangesMethodAndScalingWithinTheRegionOnly) {
   Fixture f;
   f.ask(Kind::kMethod, control::Method::kTank);
   f.tick();
@@ -92,7 +92,7 @@ TEST(RequestDesk, ChangesMethodAndScalingWithinTheRegionOnly) {
   f.ask(Kind::kMethod, control::Method::kNone);  // alpha_v alpha_F = 20, beyond 5
   f.tick();
   EXPECT_EQ(f.station.method(), control::Method::kTank);
-  EXPECT_EQ(f.desk.refused(), 1u);
+  EXPECT_EQ(f.requests.refused(), 1u);
   // The screen's own order: first a scaling that is safe under the new method, then the method.
   f.ask(Kind::kScaling, {}, {1e-6, 4e6});
   f.ask(Kind::kMethod, control::Method::kNone);
@@ -104,10 +104,10 @@ TEST(RequestDesk, ChangesMethodAndScalingWithinTheRegionOnly) {
   f.ask(Kind::kScaling, {}, {0, 1});
   f.tick();
   EXPECT_EQ(f.station.config().scaling.force, 4e6);
-  EXPECT_EQ(f.desk.refused(), 4u);
+  EXPECT_EQ(f.requests.refused(), 4u);
 }
 
-TEST(RequestDesk, CountsMarksAndQuits) {
+TEST(ViewRequestHandler, CountsMarksAndQuits) {
   Fixture f;
   f.ask(Kind::kMarker);
   f.ask(Kind::kMarker);
@@ -118,7 +118,7 @@ TEST(RequestDesk, CountsMarksAndQuits) {
 }
 
 // The one that the station heard of last; a reply that does not know it yet takes nothing away.
-TEST(RequestDesk, ShowsTheParticleThatTheStationHearsOf) {
+TEST(ViewRequestHandler, ShowsTheParticleThatTheStationHearsOf) {
   Fixture f;
   const auto hear = [&](const link::Particle& particle) {
     link::Reply reply;
@@ -129,14 +129,14 @@ TEST(RequestDesk, ShowsTheParticleThatTheStationHearsOf) {
     input.session_up = true;
     input.reply = &reply;
     f.station.step(input, 1e-3, f.output);
-    f.desk.show(f.output.trace.particle);
+    f.requests.show(f.output.trace.particle);
   };
   const auto shown = [&] {
     const ShownParticle p = f.port.particle.load();
     return link::Particle{{p.pos_w_nm[0], p.pos_w_nm[1], p.pos_w_nm[2]}, p.radius_nm, p.status};
   };
   f.tick();
-  f.desk.show(f.output.trace.particle);
+  f.requests.show(f.output.trace.particle);
   EXPECT_EQ(f.port.particle.load().radius_nm, 0);
   const link::Particle there{{60, -1.5, 30}, 30, link::ParticleStatus::kPushed};
   hear(there);
@@ -145,17 +145,18 @@ TEST(RequestDesk, ShowsTheParticleThatTheStationHearsOf) {
   EXPECT_EQ(shown(), there);
 }
 
-TEST(RequestDesk, AScreenThatFloodsOrStandsStillCostsTheLoopNothing) {
+TEST(ViewRequestHandler, AScreenThatFloodsOrStandsStillCostsTheLoopNothing) {
   Fixture f;
   while (f.port.requests.push({Kind::kMarker, {}, {}})) {
   }
   recording::Sample sample;
   support::AllocGuard guard;
-  const RequestDesk::Asked asked = f.desk.answer(f.station);
-  for (int i = 0; i < 20'000; ++i) f.desk.show(sample, device::ForceOffCause::kNone);  // nobody takes them
+  const ViewRequestHandler::Asked asked = f.requests.answer(f.station);
+  for (int i = 0; i < 20'000; ++i)
+    f.requests.show(sample, device::ForceOffCause::kNone);  // nobody takes them
   f.ask(Kind::kScaling, {}, {1e-6, 3e6});
   f.ask(Kind::kMethod, control::Method::kWave);
-  f.desk.answer(f.station);
+  f.requests.answer(f.station);
   EXPECT_EQ(guard.allocations(), 0u);
   EXPECT_LE(asked.marks, 64);
   EXPECT_GT(f.port.samples.dropped(), 0u);

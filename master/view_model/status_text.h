@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "common/base/vec3.h"
-#include "common/link/messages.h"
-#include "common/recording/sample.h"
-#include "master/device/haptic_device.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/recording/sample.h"
+#include "telenano/master/device/haptic_device.h"
 
 namespace telenano::view_model {
 

@@ -1,4 +1,4 @@
-#include "common/recording/legs.h"
+#include "telenano/common/recording/curve_segments.h"
 
 #include <gtest/gtest.h>
 
@@ -15,22 +15,22 @@ TEST(Legs, AreCutAtTheTurningPointsAndIgnoreTremor) {
     height.push_back(10 * std::cos(2 * M_PI * i / 200.0) + tremor);  // down 100, up 100, down 100, up 100
     still.push_back(0);
   }
-  const std::vector<Leg> legs = find_legs(height, still, 2.0);
-  ASSERT_EQ(legs.size(), 4u);
-  for (std::size_t i = 0; i < legs.size(); ++i) {
-    EXPECT_EQ(legs[i].approach, i % 2 == 0);
+  const std::vector<CurveSegment> segments = find_curve_segments(height, still, 2.0);
+  ASSERT_EQ(segments.size(), 4u);
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    EXPECT_EQ(segments[i].approach, i % 2 == 0);
     // The tremor may move an extreme by some samples, about sqrt(2 * 0.3 / curvature) = 25.
-    EXPECT_NEAR(static_cast<double>(legs[i].begin), 100.0 * static_cast<double>(i), 25);
+    EXPECT_NEAR(static_cast<double>(segments[i].begin), 100.0 * static_cast<double>(i), 25);
   }
   std::vector<double> sideways;
   for (std::size_t i = 0; i < height.size(); ++i) sideways.push_back(static_cast<double>(i));
-  EXPECT_TRUE(find_legs(height, sideways, 2.0).empty()) << "a scan has no approach";
+  EXPECT_TRUE(find_curve_segments(height, sideways, 2.0).empty()) << "a scan has no approach";
 }
 
 TEST(Legs, ThresholdIsATenthOfTheWayButNeverNothing) {
-  EXPECT_EQ(leg_threshold_nm({}), 0.2);
-  EXPECT_EQ(leg_threshold_nm({5, 5.5}), 0.2);
-  EXPECT_EQ(leg_threshold_nm({-10, 20, 5}), 3.0);
+  EXPECT_EQ(segment_threshold_nm({}), 0.2);
+  EXPECT_EQ(segment_threshold_nm({5, 5.5}), 0.2);
+  EXPECT_EQ(segment_threshold_nm({-10, 20, 5}), 3.0);
 }
 
 }  // namespace

@@ -3,19 +3,20 @@
 #include <array>
 #include <cstdint>
 
-#include "master/station/station.h"
-#include "master/view_model/view_port.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/view_model/view_port.h"
 
 namespace telenano::view_model {
 
 /// The loop's side of a ViewPort: does what the screen asks for, once a tick, before it. Nothing waits,
 /// allocates or throws.
-class RequestDesk {
+class ViewRequestHandler {
  public:
   /// `impedance_bound`: of α_v α_F by method (ScalingRegion); a method is not taken where the scaling in use
   /// lies beyond its bound, nor a scaling beyond the bound of the method in use, unless the station's
   /// configuration allows it.
-  RequestDesk(ViewPort& port, const std::array<double, control::kAllMethods.size()>& impedance_bound) noexcept
+  ViewRequestHandler(ViewPort& port,
+                     const std::array<double, control::kAllMethods.size()>& impedance_bound) noexcept
       : port_(port), impedance_bound_(impedance_bound) {}
 
   struct Asked {

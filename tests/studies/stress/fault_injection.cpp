@@ -1,4 +1,4 @@
-#include "tests/studies/stress/trouble.h"
+#include "tests/studies/stress/fault_injection.h"
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +16,7 @@ std::int64_t nanoseconds(double seconds) {
 
 }  // namespace
 
-Trouble::Trouble(const RunSpec& spec, support::VirtualSession& session)
+FaultInjection::FaultInjection(const RunSpec& spec, support::VirtualSession& session)
     : spec_(spec), session_(session), random_(spec.seed ^ 0x7e57a27u) {
   // The session was established over a link that only delays: a run is about what happens within it. The
   // handshakes after restarts and outages meet everything.
@@ -34,13 +34,13 @@ Trouble::Trouble(const RunSpec& spec, support::VirtualSession& session)
   }
 }
 
-int Trouble::periods() noexcept {
+int FaultInjection::periods() noexcept {
   if (!(spec_.late > 0) || !random_.chance(spec_.late)) return 1;
   return 1 +
          static_cast<int>(random_.below(static_cast<std::uint64_t>(std::max(1.0, spec_.late_periods))) + 1);
 }
 
-bool Trouble::dies_now(const SlaveWatch& slave, double t_s) noexcept {
+bool FaultInjection::dies_now(const SlaveWatch& slave, double t_s) noexcept {
   const bool contact_began = slave.touched != touched_;
   touched_ = slave.touched;
   if (contact_began) contact_s_ = t_s;
@@ -61,8 +61,8 @@ bool Trouble::dies_now(const SlaveWatch& slave, double t_s) noexcept {
   return false;
 }
 
-void Trouble::step(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave, double t_s,
-                   InvariantWatch& invariants) noexcept {
+void FaultInjection::step(const recording::Sample& row, const StressHand& hand, const SlaveWatch& slave,
+                          double t_s, InvariantWatch& invariants) noexcept {
   const bool was_down = down();
   if (spec_.outage_ms > 0) {
     outage_ = t_s >= outage_at_s_ && t_s < outage_at_s_ + 1e-3 * spec_.outage_ms;

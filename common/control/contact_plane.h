@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "common/base/vec3.h"
-#include "common/control/scaling.h"
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/control/scaling.h"
 
 namespace telenano::control {
 
@@ -16,7 +16,7 @@ namespace telenano::control {
 ///
 /// Potential in touch U = ½ k δ² − F_ad²/(2k), apart U = 0: letting go at δ = −F_ad/k costs nothing, touching
 /// at any δ between ±F_ad/k gives energy away, as a tip that snaps into contact does.
-struct ContactModel {
+struct ContactPlane {
   std::uint32_t version = 0;  ///< 0 = none
   Vec3 point_w_nm = Vec3::Zero();
   Vec3 normal_w = Vec3::UnitZ();  ///< unit, out of the sample
@@ -37,7 +37,7 @@ struct ContactModel {
   static constexpr double kTrustNm = 2;
 };
 
-inline double ContactModel::depth_nm(const Vec3& commanded_w_nm, Vec3& slope_w) const noexcept {
+inline double ContactPlane::depth_nm(const Vec3& commanded_w_nm, Vec3& slope_w) const noexcept {
   slope_w = normal_w;
   Vec3 beside = commanded_w_nm - point_w_nm;
   const double up = beside.z();

@@ -8,7 +8,7 @@ namespace telenano::physics {
 
 /// The contact laws on offer. Maugis–Dugdale is exact for a Dugdale stress; the others are its limits (Hertz,
 /// DMT, JKR) or closed-form fits between them (closed_form_laws.h, with their error against it).
-enum class ContactModel : std::uint8_t {
+enum class ContactLaw : std::uint8_t {
   kHertz,
   kDmt,
   kJkr,
@@ -22,8 +22,8 @@ enum class ContactModel : std::uint8_t {
 enum class MaugisMethod : std::uint8_t { kDirect, kTable };
 
 /// "hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz".
-std::string_view contact_model_name(ContactModel model) noexcept;
-std::optional<ContactModel> contact_model_from_name(std::string_view name) noexcept;
+std::string_view contact_law_name(ContactLaw model) noexcept;
+std::optional<ContactLaw> contact_law_from_name(std::string_view name) noexcept;
 
 /// "direct", "table".
 std::string_view maugis_method_name(MaugisMethod method) noexcept;

@@ -2,10 +2,10 @@
 
 #include <string>
 
-#include "common/recording/recorder.h"
-#include "common/recording/summary.h"
-#include "common/rt/periodic_timer.h"
-#include "master/app/real_time_session.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/recording/summary.h"
+#include "telenano/common/rt/periodic_timer.h"
+#include "telenano/master/app/real_time_session.h"
 
 namespace telenano::app {
 

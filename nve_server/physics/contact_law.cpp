@@ -1,4 +1,4 @@
-#include "nve_server/physics/contact_model.h"
+#include "telenano/nve_server/physics/contact_law.h"
 
 #include <array>
 #include <cstddef>
@@ -21,11 +21,11 @@ std::optional<Value> find(const std::array<std::string_view, N>& names, std::str
 
 }  // namespace
 
-std::string_view contact_model_name(ContactModel model) noexcept {
+std::string_view contact_law_name(ContactLaw model) noexcept {
   return kModels[static_cast<std::size_t>(model)];
 }
-std::optional<ContactModel> contact_model_from_name(std::string_view name) noexcept {
-  return find<ContactModel>(kModels, name);
+std::optional<ContactLaw> contact_law_from_name(std::string_view name) noexcept {
+  return find<ContactLaw>(kModels, name);
 }
 std::string_view maugis_method_name(MaugisMethod method) noexcept {
   return kMethods[static_cast<std::size_t>(method)];

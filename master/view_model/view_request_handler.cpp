@@ -1,14 +1,14 @@
-#include "master/view_model/request_desk.h"
+#include "telenano/master/view_model/view_request_handler.h"
 
 namespace telenano::view_model {
 
-bool RequestDesk::safe(control::Method method, const control::Scaling& scaling,
-                       const station::Station& station) const noexcept {
+bool ViewRequestHandler::safe(control::Method method, const control::Scaling& scaling,
+                              const station::Station& station) const noexcept {
   return station.config().allow_unsafe_scaling ||
          scaling.impedance() <= impedance_bound_[static_cast<std::size_t>(method)];
 }
 
-RequestDesk::Asked RequestDesk::answer(station::Station& station) noexcept {
+ViewRequestHandler::Asked ViewRequestHandler::answer(station::Station& station) noexcept {
   Asked asked;
   port_.buttons.try_load(asked.buttons);
   ViewRequest request;
@@ -46,7 +46,7 @@ RequestDesk::Asked RequestDesk::answer(station::Station& station) noexcept {
   return asked;
 }
 
-void RequestDesk::show(const recording::Sample& sample, device::ForceOffCause force_off) noexcept {
+void ViewRequestHandler::show(const recording::Sample& sample, device::ForceOffCause force_off) noexcept {
   port_.samples.push(sample);
   port_.force_off.store(force_off);
 }

@@ -1,4 +1,4 @@
-#include "master/app/run_words.h"
+#include "telenano/master/app/run_text.h"
 
 #include <fmt/format.h>
 
@@ -6,8 +6,8 @@
 #include <cstdio>
 #include <cstring>
 
-#include "common/link/fault_names.h"
-#include "master/station/station.h"
+#include "telenano/common/link/fault_names.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::app {
 

@@ -1,4 +1,4 @@
-#include "master/view_model/words.h"
+#include "telenano/master/view_model/status_text.h"
 
 #include <fmt/format.h>
 
@@ -6,9 +6,9 @@
 #include <array>
 #include <cmath>
 
-#include "common/link/messages.h"
-#include "master/device/haptic_device.h"
-#include "master/station/station.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/master/device/haptic_device.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::view_model {
 namespace {

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include "nve_server/physics/contact_medium.h"
-#include "nve_server/physics/long_range.h"
-#include "nve_server/physics/sign_change.h"
-#include "nve_server/physics/warm_start.h"
+#include "telenano/nve_server/physics/contact_medium.h"
+#include "telenano/nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/sign_change.h"
+#include "telenano/nve_server/physics/warm_start.h"
 
 namespace telenano::physics {
 
@@ -60,11 +60,11 @@ struct TipPoint {
 /// delta)^2/2c has lost is dissipated. `Cache` is TipSampleCache: curve (contact, noncontact, fold, solve,
 /// range, onset_radius), scales, outside.
 template <class Cache>
-class ExtendedStep {
+class LongRangeStep {
  public:
   /// The cache is in the medium of the bridge that run() is given.
-  ExtendedStep(double base_nm, double compliance_nm_nn, const ContactMedia& media, double cut_off_nm,
-               const LongRange& long_range, Cache& cache) noexcept
+  LongRangeStep(double base_nm, double compliance_nm_nn, const ContactMedia& media, double cut_off_nm,
+                const LongRange& long_range, Cache& cache) noexcept
       : base_(base_nm),
         compliance_(compliance_nm_nn),
         media_(media),

@@ -1,12 +1,12 @@
-#include "master/view_model/words.h"
+#include "telenano/master/view_model/status_text.h"
 
 #include <gtest/gtest.h>
 
 #include <limits>
 #include <set>
 
-#include "common/link/messages.h"
-#include "master/station/station.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/master/station/station.h"
 
 namespace telenano::view_model {
 namespace {

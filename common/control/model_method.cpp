@@ -1,21 +1,21 @@
-#include "common/control/local_model.h"
+#include "telenano/common/control/model_method.h"
 
 #include <algorithm>
 
 namespace telenano::control {
 
-ModelRenderer LocalModel::renderer_for(const MethodConfig& config) noexcept {
+ModelRenderer ModelMethod::renderer_for(const MethodConfig& config) noexcept {
   const PassivityConfig& p = config.passivity;
   return ModelRenderer(kStiffnessPart * 2 * p.damping_certain_n_s_m / p.period_s /
                        config.scaling.impedance());
 }
 
-LocalModel::LocalModel(const MethodConfig& config) noexcept
+ModelMethod::ModelMethod(const MethodConfig& config) noexcept
     : config_(config),
       controller_(OnePort::with(Method::kModel, config.passivity)),
       renderer_(renderer_for(config)) {}
 
-void LocalModel::take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept {
+void ModelMethod::take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept {
   config_ = config;
   controller_ = PassivityController(OnePort::with(Method::kModel, config.passivity));
   controller_.take_over(ledger_j, hand_pos_h_m);
@@ -25,12 +25,12 @@ void LocalModel::take_over(double ledger_j, const MethodConfig& config, const Ve
   slave_touches_ = other_slave_ = false;
 }
 
-void LocalModel::begin_session(bool new_epoch) noexcept {
+void ModelMethod::begin_session(bool new_epoch) noexcept {
   renderer_.renumber();
   other_slave_ = other_slave_ || new_epoch;
 }
 
-void LocalModel::hear(const SlaveNews& news) noexcept {
+void ModelMethod::on_reply(const SlaveNews& news) noexcept {
   slave_force_h_n_ = news.force_h_n;
   slave_touches_ = news.touching;
   if (other_slave_) renderer_.forget();
@@ -40,10 +40,10 @@ void LocalModel::hear(const SlaveNews& news) noexcept {
     controller_.transfer(more_j);
     credited_j_ += more_j;
   }
-  renderer_.hear(news.model, news.touching, news.answers);
+  renderer_.on_reply(news.model, news.touching, news.answers);
 }
 
-Vec3 LocalModel::force_h_n(const RenderPoint& at) noexcept {
+Vec3 ModelMethod::force_h_n(const RenderPoint& at) noexcept {
   if (!renderer_.has_model()) return slave_force_h_n_;
   const double stored_j = config_.scaling.hand_energy_j(renderer_.potential_aj(at.target_w_nm));
   const double there_is_j = controller_.ledger_j() + config_.passivity.allowance_j - stored_j;
