@@ -47,7 +47,8 @@ foreach(component common server station lab dev)
   install(FILES LICENSE DESTINATION share/doc/telenano-${component} RENAME copyright COMPONENT ${component})
 endforeach()
 
-install(FILES deploy/systemd/telenano-nve.service DESTINATION lib/systemd/system COMPONENT server)
+install(FILES deploy/systemd/telenano-nve.service deploy/systemd/telenano-nve-afm-guard.socket
+              deploy/systemd/telenano-nve-afm-guard@.service DESTINATION lib/systemd/system COMPONENT server)
 install(FILES deploy/systemd/telenano-server.sysusers DESTINATION lib/sysusers.d RENAME telenano-server.conf COMPONENT server)
 install(FILES deploy/systemd/telenano-server.tmpfiles DESTINATION lib/tmpfiles.d RENAME telenano-server.conf COMPONENT server)
 install(FILES deploy/systemd/nve.env DESTINATION /etc/telenano COMPONENT server)

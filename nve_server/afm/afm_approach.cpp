@@ -7,11 +7,6 @@
 
 namespace telenano::afm {
 
-using nanonis::Answer;
-using nanonis::Call;
-using nanonis::CommandId;
-using enum nanonis::CommandId;
-
 namespace {
 
 constexpr int kLiftReadings = 4;
@@ -30,7 +25,7 @@ void AfmLogic::engage(std::int64_t now_ns) {
   contact_stiffness_n_m_ = 0;
   approved_ = false;     // used up
   floor_nm_ = kNoFloor;  // the guard may have raised it
-  safe_tip_air_known_ = safe_tip_touch_known_ = false;
+  safe_tip_air_known_ = safe_tip_touch_known_ = !port_->capabilities().watches_force;
   free_ = false;
   lift_readings_ = 0;
   lift_sum_nm_ = 0;
@@ -49,31 +44,32 @@ double AfmLogic::contact_height_nm(std::int64_t now_ns) const noexcept {
   return surface_height_nm_ + drift_nm_s_ * 1e-9 * static_cast<double>(now_ns - surface_ns_);
 }
 
-bool AfmLogic::send_z(double z_w_nm, std::int64_t now_ns, Call& call) {
+bool AfmLogic::send_z(double z_w_nm, std::int64_t now_ns, AfmCommand& call) {
   height_nm_ = z_w_nm + contact_height_nm(now_ns);
   sent_w_nm_.z() = z_w_nm;
   history_.add(now_ns, sent_w_nm_);
   state_.base_w_nm = sent_w_nm_;
-  return send(Role::kMotion, kZPosSet, {1e-9 * config_.z_sign * height_nm_}, now_ns, call);
+  return send(Role::kMotion, {AfmOp::kMoveZ, {height_nm_}}, now_ns, call);
 }
 
-bool AfmLogic::next_motion(std::int64_t now_ns, Call& call) {
+bool AfmLogic::next_motion(std::int64_t now_ns, AfmCommand& call) {
   Connection& c = at(Role::kMotion);
   switch (state_.phase) {
     case Phase::kEngaging:
-      if (!setpoint_ok_ || floor_nm_ == kNoFloor) return false;  // the data connection asks and sets
-      if (engage_step_ == 0) return send(Role::kMotion, kOnOffSet, {1}, now_ns, call);
+      if (!setpoint_ok_ || (floor_nm_ == kNoFloor && port_->capabilities().z_limits))
+        return false;  // the data connection asks and sets
+      if (engage_step_ == 0) return send(Role::kMotion, {AfmOp::kFeedback, {1}}, now_ns, call);
       if (engage_step_ == 1) {
         c.next_ns = now_ns + kLookPeriodNs;
-        return send(Role::kMotion, kZPosGet, {}, now_ns, call);
+        return send(Role::kMotion, {AfmOp::kAskHeight}, now_ns, call);
       }
-      return send(Role::kMotion, kOnOffSet, {0}, now_ns, call);
+      return send(Role::kMotion, {AfmOp::kFeedback, {0}}, now_ns, call);
     case Phase::kLifting:
       if (engage_step_ == 0) {
         c.next_ns = now_ns + 5 * kMs;
-        return send(Role::kMotion, kOnOffGet, {}, now_ns, call);
+        return send(Role::kMotion, {AfmOp::kAskFeedback}, now_ns, call);
       }
-      return send(Role::kMotion, kZPosGet, {}, now_ns, call);
+      return send(Role::kMotion, {AfmOp::kAskHeight}, now_ns, call);
     case Phase::kTaring:
       return next_lift(now_ns, call);
     case Phase::kTouching:
@@ -83,20 +79,20 @@ bool AfmLogic::next_motion(std::int64_t now_ns, Call& call) {
     case Phase::kWithdrawing:
       if (motion_withdraw_sent_) return false;
       motion_withdraw_sent_ = true;
-      return send(Role::kMotion, kWithdraw, {0, -1}, now_ns, call);
+      return send(Role::kMotion, {AfmOp::kWithdraw}, now_ns, call);
     default:
       return false;
   }
 }
 
-void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
-  const CommandId id = at(Role::kMotion).call.id;
+void AfmLogic::on_motion(const AfmReading& reading, std::int64_t now_ns) {
+  const AfmOp op = at(Role::kMotion).call.op;
   if (state_.phase == Phase::kEngaging) {
-    if (id == kOnOffSet && engage_step_ == 0) {
+    if (op == AfmOp::kFeedback && engage_step_ == 0) {
       engage_step_ = 1;
       last_height_nm_ = 1e300;
-    } else if (id == kZPosGet && engage_step_ == 1) {
-      const double height = height_of(answer.numbers[0]);
+    } else if (op == AfmOp::kAskHeight && engage_step_ == 1) {
+      const double height = reading.numbers[0];
       const bool still = std::fabs(height - last_height_nm_) < kCalmNm && state_.force_known;
       calm_ = still ? calm_ + 1 : 0;
       if (calm_ <= 1) calm_ns_ = now_ns;
@@ -116,18 +112,18 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
         return withdraw(Cause::kController, now_ns);
       }
       engage_step_ = 2;
-    } else if (id == kOnOffSet && engage_step_ == 2) {
+    } else if (op == AfmOp::kFeedback && engage_step_ == 2) {
       enter(Phase::kLifting, now_ns);
       engage_step_ = 0;
     }
   } else if (state_.phase == Phase::kLifting) {
-    if (id == kOnOffGet) {
-      if (answer.numbers[0] != 0) return;
+    if (op == AfmOp::kAskFeedback) {
+      if (reading.numbers[0] != 0) return;
       engage_step_ = 1;
       off_ns_ = now_ns;
       at(Role::kMotion).next_ns = now_ns + kSettleNs;
-    } else if (id == kZPosGet) {
-      height_nm_ = height_of(answer.numbers[0]);
+    } else if (op == AfmOp::kAskHeight) {
+      height_nm_ = reading.numbers[0];
       const double lifted = height_nm_ - settled_height_nm_;
       if (lifted < 0.5 * config_.lift_nm) {
         refusal_ =
@@ -150,7 +146,7 @@ void AfmLogic::on_motion(const Answer& answer, std::int64_t now_ns) {
       free_volts_.clear();
       enter(Phase::kTaring, now_ns);
     }
-  } else if (state_.phase == Phase::kTouching && id == kZPosSet) {
+  } else if (state_.phase == Phase::kTouching && op == AfmOp::kMoveZ) {
     touch_moved_ns_ = now_ns;
   }
 }
@@ -191,7 +187,7 @@ void AfmLogic::lift_reading(double deflection_nm, std::int64_t now_ns) {
   withdraw(Cause::kNoSurface, now_ns);
 }
 
-bool AfmLogic::next_lift(std::int64_t now_ns, Call& call) {
+bool AfmLogic::next_lift(std::int64_t now_ns, AfmCommand& call) {
   if (sent_w_nm_.z() >= lift_to_nm_) return false;
   if (now_ns < last_move_ns_ + ns(config_.step_nm / config_.speed_nm_s)) return false;
   last_move_ns_ = now_ns;
@@ -231,7 +227,7 @@ void AfmLogic::tare(double deflection_nm, double lateral_nn, std::int64_t sent_n
   enter(Phase::kTouching, now_ns);
 }
 
-bool AfmLogic::next_touch(std::int64_t now_ns, Call& call) {
+bool AfmLogic::next_touch(std::int64_t now_ns, AfmCommand& call) {
   if (touch_ == Touch::kPause) {
     if (now_ns < touch_ns_ + ns(config_.touch_pause_s)) return false;
     touch_ = Touch::kDown;
@@ -264,7 +260,7 @@ void AfmLogic::touch_reading(std::int64_t sent_ns, std::int64_t now_ns) {
   const double force = state_.measured_force_w_nn.z();
   model_.add(sent_w_nm_, force, now_ns);
   if (force >= config_.touch_force_nn) {
-    touch_ = touches_ == 0 ? Touch::kCompare : Touch::kUp;
+    touch_ = touches_ == 0 && port_->capabilities().watches_force ? Touch::kCompare : Touch::kUp;
     touch_height_nm_ = height_nm_ + force / model_.stiffness_n_m();
     touch_ns_ = now_ns;
   } else if (sent_w_nm_.z() < -2 * config_.lift_nm - config_.step_nm) {

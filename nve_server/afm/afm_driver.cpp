@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
 #include "telenano/nve_server/afm/guard.h"
 
 namespace telenano::afm {
@@ -30,7 +31,7 @@ void nap(std::int64_t ns) {
 AfmDriver::AfmDriver(const AfmConfig& config, const DriverOptions& options,
                      std::shared_ptr<AfmExchange> exchange, const rt::Clock& clock,
                      std::function<void(const std::string&)> news)
-    : logic_(config),
+    : logic_(config, make_adapter(options.adapter, config)),
       options_(options),
       exchange_(std::move(exchange)),
       clock_(clock),
@@ -90,7 +91,7 @@ void AfmDriver::close(Role role, std::int64_t now_ns) {
   Stream& s = streams_[static_cast<std::size_t>(role)];
   s.tcp.close();
   s.connecting = false;
-  s.reader.clear();
+  logic_.port().reset(role);
   s.reconnect_ns = now_ns + kReconnectNs;
 }
 
@@ -130,7 +131,7 @@ bool AfmDriver::receive(Role role, std::int64_t now_ns) {
     if (role == Role::kEmergency) {
       const ssize_t n = ::recv(options_.emergency_handle, buffer.data(), buffer.size(), MSG_DONTWAIT);
       if (n > 0) {
-        s.reader.feed(std::span(buffer).first(static_cast<std::size_t>(n)));
+        logic_.port().feed(role, std::span(buffer).first(static_cast<std::size_t>(n)));
         continue;
       }
       closed = n == 0 || (errno != EAGAIN && errno != EWOULDBLOCK && errno != EINTR);
@@ -139,7 +140,7 @@ bool AfmDriver::receive(Role role, std::int64_t now_ns) {
     std::size_t n = 0;
     const auto status = s.tcp.read(buffer, n);
     if (status == net::TcpStream::Status::kOk) {
-      s.reader.feed(std::span(buffer).first(n));
+      logic_.port().feed(role, std::span(buffer).first(n));
       continue;
     }
     closed = status == net::TcpStream::Status::kClosed;
@@ -147,24 +148,15 @@ bool AfmDriver::receive(Role role, std::int64_t now_ns) {
   }
   bool any = false;
   for (;;) {
-    nanonis::Header header;
-    std::span<const std::uint8_t> body;
-    const auto status = s.reader.next(header, body);
-    if (status == nanonis::FrameReader::Status::kNeedMore) break;
-    const nanonis::Call* asked = logic_.waits_for(role);
-    nanonis::Answer answer;
-    bool good = status == nanonis::FrameReader::Status::kFrame;
-    if (good && role == Role::kEmergency &&
-        (asked == nullptr || header.name != nanonis::command(asked->id).name))
-      continue;  // late, from before it was asked anew
-    good = good && asked != nullptr && header.name == nanonis::command(asked->id).name &&
-           nanonis::decode_answer(nanonis::command(asked->id), body, answer);
-    if (!good) {
+    AfmReading reading;
+    const AfmPort::Next next = logic_.port().next(role, reading);
+    if (next == AfmPort::Next::kNeedMore) break;
+    if (next == AfmPort::Next::kBroken) {
       close(role, now_ns);
       logic_.lost(role, Loss::kGarbage, now_ns);
       return true;
     }
-    logic_.answered(role, answer, now_ns);
+    logic_.answered(role, reading, now_ns);
     any = true;
   }
   if (closed) {
@@ -175,7 +167,7 @@ bool AfmDriver::receive(Role role, std::int64_t now_ns) {
   return any;
 }
 
-void AfmDriver::send(Role role, const nanonis::Bytes& bytes, std::int64_t now_ns) {
+void AfmDriver::send(Role role, std::span<const std::uint8_t> bytes, std::int64_t now_ns) {
   std::size_t n = 0;
   bool sent = false;
   if (role == Role::kEmergency) {
@@ -218,8 +210,8 @@ void AfmDriver::turn(std::int64_t now_ns) {
     const Role role = static_cast<Role>(i);
     if (logic_.take_close(role)) close(role, now_ns);
     if (handle(role) < 0 || streams_[i].connecting) continue;
-    nanonis::Call call;
-    if (logic_.next(role, now_ns, call)) send(role, nanonis::encode_call(call), now_ns);
+    AfmCommand command;
+    if (logic_.next(role, now_ns, command)) send(role, logic_.port().encode(role, command), now_ns);
   }
   exchange_->store_state(logic_.state());
   if (logic_.news_count() != told_) {

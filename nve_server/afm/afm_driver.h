@@ -5,17 +5,18 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <thread>
 
 #include "telenano/common/net/tcp.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/nve_server/afm/afm_logic.h"
-#include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm {
 
 struct DriverOptions {
+  std::string adapter = "nanonis";    ///< the kind of controller, as afm_adapters.h names it
   std::array<net::Address, 3> ports;  ///< motion, reads, data
   int emergency_handle = -1;          ///< a stream to the guard, which has the fourth connection; taken over
   /// Where false, the tip stays up after the checks until an operator wants to engage, or take_approval()
@@ -51,14 +52,13 @@ class AfmDriver {
     net::TcpStream tcp;
     bool connecting = false;
     std::int64_t reconnect_ns = 0;
-    nanonis::FrameReader reader;
   };
   void run();
   void turn(std::int64_t now_ns);
   void close(Role role, std::int64_t now_ns);
   void connect(Role role, std::int64_t now_ns);
   bool receive(Role role, std::int64_t now_ns);
-  void send(Role role, const nanonis::Bytes& bytes, std::int64_t now_ns);
+  void send(Role role, std::span<const std::uint8_t> bytes, std::int64_t now_ns);
   void sleep(std::int64_t ns);
   int handle(Role role) const noexcept;
 

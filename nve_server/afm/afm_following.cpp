@@ -8,10 +8,6 @@
 
 namespace telenano::afm {
 
-using nanonis::Answer;
-using nanonis::Call;
-using enum nanonis::CommandId;
-
 /// How high the ground may be, by what is known of it: that of the last touch, two steps, and not so high
 /// that a signal that may rest for ever would never be let down to it.
 double AfmLogic::top_of_ground_nm() const noexcept {
@@ -119,7 +115,7 @@ void AfmLogic::slew_surface(std::int64_t now_ns) noexcept {
   shift_nm_ -= shift_nm;
 }
 
-bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
+bool AfmLogic::next_move(std::int64_t now_ns, AfmCommand& call) {
   if (!state_.force_known) return false;
   slew_surface(now_ns);
   const bool told = wish_.session != 0 && wish_.follow;
@@ -152,8 +148,8 @@ bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
       last_xy_ns_ = now_ns;
       history_.add(now_ns, sent_w_nm_);
       state_.base_w_nm = sent_w_nm_;
-      return send(Role::kMotion, kXyPosSet,
-                  {1e-9 * (start_x_nm_ + sent_w_nm_.x()), 1e-9 * (start_y_nm_ + sent_w_nm_.y()), 0}, now_ns,
+      return send(Role::kMotion,
+                  {AfmOp::kMoveXy, {start_x_nm_ + sent_w_nm_.x(), start_y_nm_ + sent_w_nm_.y()}}, now_ns,
                   call);
     }
   }
@@ -166,11 +162,10 @@ bool AfmLogic::next_move(std::int64_t now_ns, Call& call) {
   return send_z(sent_w_nm_.z() + std::clamp(up, -reach, reach), now_ns, call);
 }
 
-void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64_t now_ns) {
-  if (answer.numbers.size() != 2) return withdraw(Cause::kController, now_ns);
-  const double deflection_nm = config_.sensitivity_nm_v * (answer.numbers[0] - offset_) / calibration_m_v_;
-  const double lateral_nn =
-      config_.lateral_nn_v * (answer.numbers[1] - lateral_offset_) / lateral_calibration_;
+void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::int64_t now_ns) {
+  if (reading.kind != ReadingKind::kSignals) return withdraw(Cause::kController, now_ns);
+  const double lateral_volts = reading.numbers[1];
+  const double deflection_nm = reading.numbers[2], lateral_nn = reading.numbers[3];
   const std::int64_t period_ns = ns(config_.period_s());
   const bool free = state_.phase == Phase::kEngaging || state_.phase == Phase::kLifting;
   const double zero_nm = free ? free_deflection_nm_ : tare_nm_;
@@ -182,8 +177,7 @@ void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64
   state_.measured_ns = now_ns - period_ns / 2 - round_trip_ns / 2;
   state_.force_known = true;
   if (!withdrawing() &&
-      !plausible(deflection_nm / config_.sensitivity_nm_v,
-                 (answer.numbers[1] - lateral_offset_) / lateral_calibration_, sent_ns - period_ns, now_ns))
+      !plausible(deflection_nm / config_.sensitivity_nm_v, lateral_volts, sent_ns - period_ns, now_ns))
     state_.force_known = false;
   reading_from_ns_ = sent_ns - period_ns;
   reading_ns_ = now_ns;
@@ -210,14 +204,14 @@ void AfmLogic::on_reading(const Answer& answer, std::int64_t sent_ns, std::int64
   state_.model = model_.model();
   state_.touching = model_.touching();
   retouch(averaged.mean_w_nm, force.z(), history_.between(now_ns - 2 * period_ns, now_ns).path_nm, now_ns);
-  WorkBook::Reading reading;
-  reading.base_w_nm = averaged.mean_w_nm;
-  reading.force_w_nn = force;
-  reading.way_nm = history_.between(last_book_ns_, now_ns).path_nm;
-  reading.window_way_nm = history_.between(reading_from_ns_, now_ns).path_nm;
+  WorkBook::Reading entry;
+  entry.base_w_nm = averaged.mean_w_nm;
+  entry.force_w_nn = force;
+  entry.way_nm = history_.between(last_book_ns_, now_ns).path_nm;
+  entry.window_way_nm = history_.between(reading_from_ns_, now_ns).path_nm;
   const bool touches =
       state_.touching || was_touching_ || std::fabs(force.z()) > model_.contact_threshold_nn();
-  book_.add(reading, 3 * state_.noise_nn, touches, model_.model().adhesion_nn);
+  book_.add(entry, 3 * state_.noise_nn, touches, model_.model().adhesion_nn);
   was_touching_ = state_.touching;
   last_book_ns_ = now_ns - period_ns;
   state_.energy_in_aj = book_.energy_in_aj();

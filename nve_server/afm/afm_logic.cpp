@@ -8,12 +8,6 @@
 
 namespace telenano::afm {
 
-using nanonis::Answer;
-using nanonis::Call;
-using nanonis::CommandId;
-using nanonis::ZStatus;
-using enum nanonis::CommandId;
-
 namespace {
 
 constexpr std::int64_t kEmergencyPeriodNs = 40 * kMs;  // the heart beat; the guard knows it too
@@ -53,16 +47,15 @@ std::string_view name(Cause cause) noexcept {
   return kNames[static_cast<std::size_t>(cause)];
 }
 
-AfmLogic::AfmLogic(const AfmConfig& config)
+AfmLogic::AfmLogic(const AfmConfig& config, std::unique_ptr<AfmPort> port)
     : config_(config),
+      port_(std::move(port)),
       lift_nm_(config.lift_nm),
       watch_({config.spring_constant_n_m, config.step_nm,
               std::fabs(config.spring_constant_n_m * config.sensitivity_nm_v), config.range_v,
               ns(config.period_s())}),
       model_(config.spring_constant_n_m, 0, kContactPart * config.touch_force_nn, config.slope_max),
-      book_(config.spring_constant_n_m) {
-  make_checks();
-}
+      book_(config.spring_constant_n_m) {}
 
 double AfmLogic::force_trip_nn() const noexcept {
   return config_.force_max_nn + config_.spring_constant_n_m * 2 * config_.step_nm + 6 * state_.noise_nn;
@@ -99,6 +92,7 @@ void AfmLogic::enter(Phase phase, std::int64_t now_ns) {
 void AfmLogic::connected(Role role, std::int64_t now_ns) {
   Connection& c = at(role);
   c = {};
+  port_->reset(role);
   c.connected = true;
   c.next_ns = now_ns;
   if (role == Role::kEmergency) emergency_ready_ = false;
@@ -111,11 +105,12 @@ void AfmLogic::connected(Role role, std::int64_t now_ns) {
 void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   Connection& c = at(role);
   c = {};
+  port_->reset(role);
   if (role == Role::kEmergency) emergency_ready_ = false;
   if (state_.phase == Phase::kRefused) return;
   if (state_.phase == Phase::kChecking) {
     const std::string who = "port of " + std::string(name(role)) + ": ";
-    refuse(loss == Loss::kGarbage  ? who + "what answers there does not speak the Nanonis protocol"
+    refuse(loss == Loss::kGarbage  ? who + "what answers there does not speak the controller's protocol"
            : loss == Loss::kSilent ? who + "the controller does not answer; is another client using it?"
                                    : who + "closed by the controller; is it in use by another client?");
     return;
@@ -124,7 +119,7 @@ void AfmLogic::lost(Role role, Loss loss, std::int64_t now_ns) {
   withdraw(loss == Loss::kSilent ? Cause::kSilent : Cause::kConnection, now_ns);
   tell("withdrawing: port of " + std::string(name(role)) +
        (loss == Loss::kSilent    ? " does not answer"
-        : loss == Loss::kGarbage ? " answers no Nanonis"
+        : loss == Loss::kGarbage ? " gives no answer to what was asked"
                                  : " was closed"));
 }
 
@@ -135,20 +130,20 @@ bool AfmLogic::take_close(Role role) noexcept {
   return close;
 }
 
-const Call* AfmLogic::waits_for(Role role) const noexcept {
+const AfmCommand* AfmLogic::waits_for(Role role) const noexcept {
   return at(role).busy ? &at(role).call : nullptr;
 }
 
 std::int64_t AfmLogic::timeout_ns(const Connection& c) const noexcept {
   double s = 1e-3 * config_.reply_timeout_ms;
-  if (c.call.id == kSignalValsGet) s += 2 * config_.period_s();
+  if (port_->averages(c.call)) s += 2 * config_.period_s();
   // The tip goes up as soon as the controller hears: let that stand.
-  if (c.call.id == kWithdraw || c.call.id == kStop) s = std::max(s, 1.0);
+  if (c.call.op == AfmOp::kWithdraw || c.call.op == AfmOp::kStop) s = std::max(s, 1.0);
   return ns(s);
 }
 
-bool AfmLogic::send(Role role, CommandId id, std::vector<double> numbers, std::int64_t now_ns, Call& call) {
-  call = {id, std::move(numbers)};
+bool AfmLogic::send(Role role, const AfmCommand& command, std::int64_t now_ns, AfmCommand& call) {
+  call = command;
   Connection& c = at(role);
   c.busy = true;
   c.call = call;
@@ -156,23 +151,20 @@ bool AfmLogic::send(Role role, CommandId id, std::vector<double> numbers, std::i
   return true;
 }
 
-bool AfmLogic::next(Role role, std::int64_t now_ns, Call& call) {
+bool AfmLogic::next(Role role, std::int64_t now_ns, AfmCommand& call) {
   Connection& c = at(role);
   if (!c.connected || c.busy || now_ns < c.next_ns) return false;
-  if (gives_back()) {
-    if (give_back_[given_back_].role == role) return next_given_back(role, now_ns, call);
-    if (state_.phase == Phase::kRefused) return false;
-  }
+  if (gives_back() && port_->give_back_role(given_back_) == role)
+    return send(role, {AfmOp::kGiveBack, {static_cast<double>(given_back_)}}, now_ns, call);
   if (state_.phase == Phase::kRefused) return false;
   if (state_.phase == Phase::kChecking) {
-    if (!all_connected() || next_check_ >= checks_.size() || checks_[next_check_].role != role) return false;
-    const Call& check = checks_[next_check_].call;
-    return send(role, check.id, check.numbers, now_ns, call);
+    if (!all_connected() || next_check_ >= port_->setup_steps() || port_->setup_role(next_check_) != role)
+      return false;
+    return send(role, {AfmOp::kSetup, {static_cast<double>(next_check_)}}, now_ns, call);
   }
   switch (role) {
     case Role::kReads:
-      return send(role, kSignalValsGet, {1.0 * config_.deflection_signal, 1.0 * config_.lateral_signal, 0.0},
-                  now_ns, call);
+      return send(role, {AfmOp::kRead}, now_ns, call);
     case Role::kMotion:
       return next_motion(now_ns, call);
     case Role::kData:
@@ -183,16 +175,16 @@ bool AfmLogic::next(Role role, std::int64_t now_ns, Call& call) {
   return false;
 }
 
-void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
+void AfmLogic::answered(Role role, const AfmReading& reading, std::int64_t now_ns) {
   Connection& c = at(role);
   if (!c.busy) return;
   c.busy = false;
-  const CommandId id = c.call.id;
+  const AfmOp op = c.call.op;
   const std::int64_t sent_ns = c.sent_ns;
   if (state_.phase == Phase::kChecking) {
-    const Check check = checks_[next_check_++];
-    checked(check, answer);
-    if (state_.phase != Phase::kChecking || next_check_ != checks_.size()) return;
+    ++next_check_;
+    checked(role, reading);
+    if (state_.phase != Phase::kChecking || next_check_ != port_->setup_steps()) return;
     if (!unapproved_) return engage(now_ns);
     enter(Phase::kWithdrawn, now_ns);
     state_.cause = Cause::kNotApproved;
@@ -203,73 +195,65 @@ void AfmLogic::answered(Role role, const Answer& answer, std::int64_t now_ns) {
         "telenano-nve afm approve");
     return;
   }
-  if (gives_back() && role == give_back_[given_back_].role && id == give_back_[given_back_].call.id &&
-      c.call.numbers == give_back_[given_back_].call.numbers) {
-    ++given_back_;  // also what it does not take
+  if (op == AfmOp::kGiveBack) {
+    if (gives_back() && c.call.step() == given_back_) ++given_back_;  // also what it does not take
     return;
   }
-  if (answer.error != 0) {
+  if (!reading.refused.empty()) {
     if (!withdrawing()) {
-      tell(std::string(nanonis::command(id).name) + ": " + answer.error_text);
+      tell(reading.refused + ": " + reading.why);
       withdraw(Cause::kController, now_ns);
-    } else if (id == kWithdraw || id == kStop) {
+    } else if (op == AfmOp::kWithdraw || op == AfmOp::kStop) {
       stop_sent_ = withdraw_sent_ = false;
       c.next_ns = now_ns + kLookPeriodNs;
     }
-    if (id == kStatusGet && role == Role::kEmergency) {
+    if (op == AfmOp::kAskStatus && role == Role::kEmergency) {
       c.next_ns = now_ns + kEmergencyPeriodNs;
       emergency_ready_ = false;
-      if (!std::exchange(emergency_objects_, true)) tell("no approach: " + answer.error_text);
+      if (!std::exchange(emergency_objects_, true)) tell("no approach: " + reading.why);
     }
     return;
   }
-  switch (id) {
-    case kSignalValsGet:
-      return on_reading(answer, sent_ns, now_ns);
-    case kLimitsSet:
+  switch (op) {
+    case AfmOp::kRead:
+      return on_reading(reading, sent_ns, now_ns);
+    case AfmOp::kFloor:
       floor_nm_ = asked_floor_nm_;
       return;
-    case kSafeTipSignalGet:
-      return on_safe_tip_signal(answer.numbers[0]);
-    case kStatusGet:
+    case AfmOp::kAskWatched:
+      return on_watched(reading.numbers[0]);
+    case AfmOp::kAskStatus:
       if (role == Role::kData) round_trip_ns_ = now_ns - sent_ns;
       if (role == Role::kEmergency) {
         emergency_ready_ = true;
         emergency_objects_ = false;
       }
       c.next_ns = now_ns + (withdrawing() ? kLookPeriodNs : kEmergencyPeriodNs);
-      return on_status(answer.numbers[0], sent_ns, now_ns);
-    case kSetpointGet:
-      return on_setpoint(answer.numbers[0], now_ns);
-    case kZPosGet:
-      if (role == Role::kMotion) return on_motion(answer, now_ns);
+      return on_status(reading, sent_ns, now_ns);
+    case AfmOp::kAskSetpoint:
+      return on_setpoint(reading, now_ns);
+    case AfmOp::kAskHeight:
+      if (role == Role::kMotion) return on_motion(reading, now_ns);
       c.next_ns = now_ns + (role == Role::kData ? kDataPeriodNs : kLookPeriodNs);
-      return on_height(answer.numbers[0], now_ns);
+      return on_height(reading.numbers[0], now_ns);
     default:
-      if (role == Role::kMotion) on_motion(answer, now_ns);
+      if (role == Role::kMotion) on_motion(reading, now_ns);
   }
 }
 
 // ---- watching
 
-bool AfmLogic::next_data(std::int64_t now_ns, Call& call) {
+bool AfmLogic::next_data(std::int64_t now_ns, AfmCommand& call) {
   if (state_.phase != Phase::kWithdrawing && next_floor(now_ns, call)) return true;
   if (state_.phase == Phase::kWithdrawing || state_.phase == Phase::kWithdrawn)
-    return send(Role::kData, kZPosGet, {}, now_ns, call);
+    return send(Role::kData, {AfmOp::kAskHeight}, now_ns, call);
   if ((state_.phase == Phase::kTaring && !safe_tip_air_known_) ||
       (state_.phase == Phase::kTouching && touch_ == Touch::kCompare && !safe_tip_touch_known_))
-    return send(Role::kData, kSafeTipSignalGet, {}, now_ns, call);
+    return send(Role::kData, {AfmOp::kAskWatched}, now_ns, call);
   if (state_.phase == Phase::kEngaging && !setpoint_ok_)
-    return send(Role::kData, kSetpointGet, {}, now_ns, call);
+    return send(Role::kData, {AfmOp::kAskSetpoint}, now_ns, call);
   at(Role::kData).next_ns = now_ns + kDataPeriodNs;
-  return send(Role::kData, kStatusGet, {}, now_ns, call);
-}
-
-Call AfmLogic::limits_call(double floor_nm) const {
-  const double floor_m = 1e-9 * config_.z_sign * floor_nm;
-  // Where larger Z is towards the sample, the floor is the high limit.
-  if (config_.z_sign > 0) return {kLimitsSet, {outer_high_m_, std::max(floor_m, outer_low_m_)}};
-  return {kLimitsSet, {std::min(floor_m, outer_high_m_), outer_low_m_}};
+  return send(Role::kData, {AfmOp::kAskStatus}, now_ns, call);
 }
 
 /// As deep as the controller shall let any command go: the workspace's depth, once the surface is known;
@@ -288,17 +272,16 @@ double AfmLogic::wanted_floor_nm(std::int64_t now_ns) const noexcept {
   }
 }
 
-bool AfmLogic::next_floor(std::int64_t now_ns, Call& call) {
-  if (ending_ || !refusal_.empty()) return false;  // they are given back
+bool AfmLogic::next_floor(std::int64_t now_ns, AfmCommand& call) {
+  if (!port_->capabilities().z_limits || ending_ || !refusal_.empty()) return false;  // they are given back
   const double wanted = wanted_floor_nm(now_ns);
   if (std::fabs(wanted - floor_nm_) <= 0.25 * kFloorSlack_nm) return false;
   asked_floor_nm_ = wanted;
-  const Call limits = limits_call(wanted);
-  return send(Role::kData, limits.id, limits.numbers, now_ns, call);
+  return send(Role::kData, {AfmOp::kFloor, {wanted}}, now_ns, call);
 }
 
-void AfmLogic::on_status(double status, std::int64_t sent_ns, std::int64_t now_ns) {
-  if (status == static_cast<double>(ZStatus::kSafeTip)) {
+void AfmLogic::on_status(const AfmReading& reading, std::int64_t sent_ns, std::int64_t now_ns) {
+  if (reading.status == AfmStatus::kProtected) {
     if (!withdrawing()) {
       tell("the controller's SafeTip has withdrawn the tip");
       withdraw(Cause::kSafeTip, now_ns);
@@ -306,27 +289,26 @@ void AfmLogic::on_status(double status, std::int64_t sent_ns, std::int64_t now_n
     return;
   }
   // The connections overtake each other: what was asked before the controller was off may still say "on".
-  const bool off = status == static_cast<double>(ZStatus::kOff) || sent_ns < off_ns_;
+  const bool off = reading.status == AfmStatus::kOff || sent_ns < off_ns_;
   if ((state_.phase == Phase::kTouching || state_.phase == Phase::kFollowing ||
        state_.phase == Phase::kTaring) &&
       !off) {
-    tell(text("the Z controller was switched by someone else (status %g)", status));
+    tell(text("the Z controller was switched by someone else (status %g)", reading.numbers[0]));
     withdraw(Cause::kController, now_ns);
   }
 }
 
-void AfmLogic::on_setpoint(double setpoint, std::int64_t now_ns) {
+void AfmLogic::on_setpoint(const AfmReading& reading, std::int64_t now_ns) {
   if (state_.phase != Phase::kEngaging) return;
-  const std::string excess = setpoint_excess(setpoint);
+  const std::string excess = setpoint_excess(reading);
   setpoint_ok_ = excess.empty();
   if (setpoint_ok_) return;
   withdraw(Cause::kForceLimit, now_ns);
   tell("withdrawing: " + excess);
 }
 
-void AfmLogic::on_height(double z_m, std::int64_t now_ns) {
+void AfmLogic::on_height(double height, std::int64_t now_ns) {
   if (!withdrawing()) return;
-  const double height = height_of(z_m);
   height_nm_ = height;
   // Up means: as far as it stood when this began, or at the upper end.
   const double up = std::min(top_height_nm_, 0.45 * range_z_nm_);
@@ -385,23 +367,23 @@ void AfmLogic::withdraw(Cause cause, std::int64_t now_ns) {
   tell("withdrawing: " + std::string(name(cause)));
 }
 
-bool AfmLogic::next_emergency(std::int64_t now_ns, Call& call) {
+bool AfmLogic::next_emergency(std::int64_t now_ns, AfmCommand& call) {
   if (state_.phase == Phase::kWithdrawing) {
     // Stop first would cost its reply's time: up comes before across.
     if (!withdraw_sent_) {
       withdraw_sent_ = true;
-      return send(Role::kEmergency, kWithdraw, {0, -1}, now_ns, call);
+      return send(Role::kEmergency, {AfmOp::kWithdraw}, now_ns, call);
     }
     if (!stop_sent_) {
       stop_sent_ = true;
-      return send(Role::kEmergency, kStop, {}, now_ns, call);
+      return send(Role::kEmergency, {AfmOp::kStop}, now_ns, call);
     }
-    return send(Role::kEmergency, kZPosGet, {}, now_ns, call);
+    return send(Role::kEmergency, {AfmOp::kAskHeight}, now_ns, call);
   }
   // Up: is it still, and does a deadman that has the port let it come back?
   if (state_.phase == Phase::kWithdrawn && std::exchange(asks_status_, !asks_status_))
-    return send(Role::kEmergency, kZPosGet, {}, now_ns, call);
-  return send(Role::kEmergency, kStatusGet, {}, now_ns, call);
+    return send(Role::kEmergency, {AfmOp::kAskHeight}, now_ns, call);
+  return send(Role::kEmergency, {AfmOp::kAskStatus}, now_ns, call);
 }
 
 void AfmLogic::tick(std::int64_t now_ns, const PortTarget& wish) {

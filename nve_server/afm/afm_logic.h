@@ -7,17 +7,13 @@
 
 #include "telenano/nve_server/afm/afm_config.h"
 #include "telenano/nve_server/afm/afm_exchange.h"
+#include "telenano/nve_server/afm/afm_port.h"
 #include "telenano/nve_server/afm/motion_history.h"
 #include "telenano/nve_server/afm/signal_watch.h"
 #include "telenano/nve_server/afm/touch_model.h"
 #include "telenano/nve_server/afm/work_book.h"
-#include "telenano/nve_server/nanonis/codec.h"
 
 namespace telenano::afm {
-
-enum class Role : std::uint8_t { kMotion, kReads, kData, kEmergency };
-inline constexpr std::size_t kRoles = 4;
-std::string_view name(Role role) noexcept;
 
 enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 
@@ -43,18 +39,18 @@ enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 /// withdraw; by then the controller has gone on for a reading's age at its speed.
 class AfmLogic {
  public:
-  explicit AfmLogic(const AfmConfig& config);
+  AfmLogic(const AfmConfig& config, std::unique_ptr<AfmPort> port);
 
   // Connections.
   void connected(Role role, std::int64_t now_ns);
   void lost(Role role, Loss loss, std::int64_t now_ns);
   /// The next call of a connection that is idle; its reply is then expected.
-  bool next(Role role, std::int64_t now_ns, nanonis::Call& call);
-  void answered(Role role, const nanonis::Answer& answer, std::int64_t now_ns);
+  bool next(Role role, std::int64_t now_ns, AfmCommand& call);
+  void answered(Role role, const AfmReading& reading, std::int64_t now_ns);
   /// True once when a connection must be closed, because its reply did not come: lost() need not be called.
   bool take_close(Role role) noexcept;
   /// Which command the connection waits for; null if none.
-  const nanonis::Call* waits_for(Role role) const noexcept;
+  const AfmCommand* waits_for(Role role) const noexcept;
 
   /// Time goes on: time-outs, latches. Call it before next(), at least every few milliseconds.
   void tick(std::int64_t now_ns, const PortTarget& wish);
@@ -78,6 +74,8 @@ class AfmLogic {
   const std::string& news() const noexcept { return news_; }
   std::uint64_t news_count() const noexcept { return news_count_; }
 
+  /// Between this logic and the controller: for whoever passes the bytes on.
+  AfmPort& port() noexcept { return *port_; }
   const AfmConfig& config() const noexcept { return config_; }
   double drift_nm_s() const noexcept { return drift_nm_s_; }
   double tare_nn() const noexcept { return tare_nn_; }
@@ -88,39 +86,25 @@ class AfmLogic {
     bool connected = false;
     bool busy = false;
     bool close = false;
-    nanonis::Call call;
+    AfmCommand call;
     std::int64_t sent_ns = 0;
     std::int64_t next_ns = 0;  // not before
     bool checked = false;
   };
-  struct Check {
-    Role role;
-    nanonis::Call call;
-    bool keep = false;  ///< what it says is given back at the end
-  };
-
   Connection& at(Role role) noexcept { return connections_[static_cast<std::size_t>(role)]; }
   const Connection& at(Role role) const noexcept { return connections_[static_cast<std::size_t>(role)]; }
   bool all_connected() const noexcept;
-  bool send(Role role, nanonis::CommandId id, std::vector<double> numbers, std::int64_t now_ns,
-            nanonis::Call& call);
+  bool send(Role role, const AfmCommand& command, std::int64_t now_ns, AfmCommand& call);
   std::int64_t timeout_ns(const Connection& c) const noexcept;
 
-  void make_checks();
-  void checked(const Check& check, const nanonis::Answer& answer);
-  void keep(const Check& check, const nanonis::Answer& answer);
+  void checked(Role role, const AfmReading& reading);
   bool gives_back() const noexcept;
-  bool next_given_back(Role role, std::int64_t now_ns, nanonis::Call& call);
-  nanonis::Call limits_call(double floor_nm) const;
   double wanted_floor_nm(std::int64_t now_ns) const noexcept;
-  bool next_floor(std::int64_t now_ns, nanonis::Call& call);
-  void on_safe_tip_signal(double value);
+  bool next_floor(std::int64_t now_ns, AfmCommand& call);
+  void on_watched(double value);
   void compare_safe_tip(std::int64_t now_ns);
-  double signal_of(double deflection_nm) const noexcept {
-    return offset_ + calibration_m_v_ * deflection_nm / config_.sensitivity_nm_v;
-  }
   /// Why the approach must not be made with this set point; empty if it may.
-  std::string setpoint_excess(double setpoint) const;
+  std::string setpoint_excess(const AfmReading& reading) const;
   void refuse(const std::string& text);
   void tell(const std::string& text);
   bool withdrawing() const noexcept {
@@ -129,23 +113,23 @@ class AfmLogic {
   void enter(Phase phase, std::int64_t now_ns);
   void engage(std::int64_t now_ns);
 
-  bool next_motion(std::int64_t now_ns, nanonis::Call& call);
-  bool next_move(std::int64_t now_ns, nanonis::Call& call);
-  bool next_touch(std::int64_t now_ns, nanonis::Call& call);
-  bool next_lift(std::int64_t now_ns, nanonis::Call& call);
+  bool next_motion(std::int64_t now_ns, AfmCommand& call);
+  bool next_move(std::int64_t now_ns, AfmCommand& call);
+  bool next_touch(std::int64_t now_ns, AfmCommand& call);
+  bool next_lift(std::int64_t now_ns, AfmCommand& call);
   void lift_reading(double deflection_nm, std::int64_t now_ns);
-  bool next_emergency(std::int64_t now_ns, nanonis::Call& call);
-  bool next_data(std::int64_t now_ns, nanonis::Call& call);
-  bool send_z(double z_w_nm, std::int64_t now_ns, nanonis::Call& call);
+  bool next_emergency(std::int64_t now_ns, AfmCommand& call);
+  bool next_data(std::int64_t now_ns, AfmCommand& call);
+  bool send_z(double z_w_nm, std::int64_t now_ns, AfmCommand& call);
   double lowest_allowed_nm(std::int64_t now_ns) noexcept;
   double top_of_ground_nm() const noexcept;
 
-  void on_motion(const nanonis::Answer& answer, std::int64_t now_ns);
-  void on_reading(const nanonis::Answer& answer, std::int64_t sent_ns, std::int64_t now_ns);
+  void on_motion(const AfmReading& reading, std::int64_t now_ns);
+  void on_reading(const AfmReading& reading, std::int64_t sent_ns, std::int64_t now_ns);
   bool plausible(double volts, double lateral_volts, std::int64_t from_ns, std::int64_t now_ns);
-  void on_status(double status, std::int64_t sent_ns, std::int64_t now_ns);
-  void on_setpoint(double setpoint, std::int64_t now_ns);
-  void on_height(double z_m, std::int64_t now_ns);
+  void on_status(const AfmReading& reading, std::int64_t sent_ns, std::int64_t now_ns);
+  void on_setpoint(const AfmReading& reading, std::int64_t now_ns);
+  void on_height(double height, std::int64_t now_ns);
   void tare(double deflection_nm, double lateral_nn, std::int64_t sent_ns, std::int64_t now_ns);
   void touch_reading(std::int64_t sent_ns, std::int64_t now_ns);
   void touched(std::int64_t now_ns);
@@ -154,11 +138,10 @@ class AfmLogic {
   void remember(const Vec3& place_w_nm, std::int64_t now_ns) noexcept;
 
   double contact_height_nm(std::int64_t now_ns) const noexcept;
-  double height_of(double z_m) const noexcept { return 1e9 * config_.z_sign * z_m; }
 
   AfmConfig config_;
   std::array<Connection, kRoles> connections_;
-  std::vector<Check> checks_;
+  PortHandle port_;
   std::size_t next_check_ = 0;
   std::string refusal_;
   std::string news_;
@@ -168,24 +151,17 @@ class AfmLogic {
   std::uint64_t cleared_ = 0;
 
   // What the rig said.
-  double calibration_m_v_ = 0;  // units of the signal a volt
-  double offset_ = 0;
-  double lateral_calibration_ = 1;
-  double lateral_offset_ = 0;
   double free_deflection_nm_ = 0;
   double range_z_nm_ = 0;
   double start_x_nm_ = 0, start_y_nm_ = 0;
   double top_height_nm_ = 0;  // where it stood withdrawn
 
   // What it had before, and how deep it lets the tip go.
-  std::vector<Check> give_back_;
   std::size_t given_back_ = 0;
   bool ending_ = false;
   bool unapproved_ = false;
   bool approved_ = false;
-  bool had_limits_ = false;
-  double outer_high_m_ = 0, outer_low_m_ = 0;  // limits within which all happens
-  double floor_nm_ = kNoFloor;                 // as the controller was told last
+  double floor_nm_ = kNoFloor;  // as the controller was told last
   double asked_floor_nm_ = kNoFloor;
   static constexpr double kNoFloor = 1e300;  // not known
 

@@ -12,10 +12,12 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
+#include <sstream>
 #include <string_view>
 #include <utility>
 
@@ -43,6 +45,8 @@ constexpr double kSameHeightM = 1e-9;
 constexpr std::int64_t kBeatNs = 100 * kMs;        // between two heartbeats to the deadman
 constexpr std::int64_t kUnansweredNs = 500 * kMs;  // then the connection is made anew
 constexpr std::int64_t kMeetNs = 2000 * kMs;
+constexpr std::string_view kOrder = "telenano-afm-guard 1";
+constexpr std::size_t kMostOrder = 4096;
 constexpr std::string_view kGoodbye = "Telenano.Goodbye";
 
 /// A name that only one process has at a time, and that goes with it.
@@ -427,6 +431,56 @@ nanonis::Bytes goodbye() {
   nanonis::Bytes frame(nanonis::kHeaderBytes, 0);
   std::copy(kGoodbye.begin(), kGoodbye.end(), frame.begin());
   return frame;
+}
+
+int call_guard(const std::string& socket, const GuardOrder& order) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  if (socket.empty() || socket.size() >= sizeof address.sun_path)
+    throw RunError("the guard's socket '" + socket + "': expected a path of at most 107 characters");
+  socket.copy(address.sun_path, socket.size());
+  const int handle = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  // One line each, then an empty one.
+  const std::string text = std::string(kOrder) + "\n" + order.emergency + "\n" +
+                           std::to_string(order.silence_ms) + "\n" + "key " + order.key_file + "\n\n";
+  if (handle >= 0 && ::connect(handle, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0 &&
+      ::send(handle, text.data(), text.size(), MSG_NOSIGNAL) == static_cast<ssize_t>(text.size()))
+    return handle;
+  const std::string why = std::strerror(errno);
+  if (handle >= 0) ::close(handle);
+  throw RunError("no guard at " + socket + ": " + why +
+                 "; is telenano-nve-afm-guard.socket started? (TELENANO_AFM_GUARD names it)");
+}
+
+std::optional<GuardOrder> read_guard_order(int handle) {
+  const rt::SteadyClock clock;
+  const std::int64_t end_ns = clock.now_ns() + kMeetNs;
+  std::string text;
+  // Byte by byte: what follows is the server's first request.
+  while (!text.ends_with("\n\n")) {
+    if (text.size() > kMostOrder) return std::nullopt;
+    const std::int64_t left_ms = (end_ns - clock.now_ns()) / kMs;
+    pollfd entry{handle, POLLIN, 0};
+    if (left_ms <= 0 || ::poll(&entry, 1, static_cast<int>(left_ms)) == 0) return std::nullopt;
+    char c = 0;
+    const ssize_t n = ::recv(handle, &c, 1, MSG_DONTWAIT);
+    if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR)) return std::nullopt;
+    if (n > 0) text += c;
+  }
+  std::istringstream lines(text);
+  std::string title, silence, key;
+  GuardOrder order;
+  std::getline(lines, title);
+  std::getline(lines, order.emergency);
+  std::getline(lines, silence);
+  std::getline(lines, key);
+  const auto [last, error] =
+      std::from_chars(silence.data(), silence.data() + silence.size(), order.silence_ms);
+  if (title != kOrder || order.emergency.empty() || error != std::errc{} ||
+      last != silence.data() + silence.size() || order.silence_ms <= 0 || !key.starts_with("key "))
+    return std::nullopt;
+  order.key_file = key.substr(4);
+  return order;
 }
 
 int start_guard(const std::string& emergency, int silence_ms, const std::string& key_file) {

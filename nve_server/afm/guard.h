@@ -40,6 +40,23 @@ nanonis::Bytes goodbye();
 void await_last_guard(const std::string& emergency, const std::atomic<bool>& stop,
                       const std::function<void(const std::string&)>& news);
 
+/// What a guard must know, from the server that wants one.
+struct GuardOrder {
+  std::string emergency;  ///< HOST:PORT
+  int silence_ms = 400;
+  std::string key_file;  ///< of the deadman; empty: none
+  bool operator==(const GuardOrder&) const = default;
+};
+
+/// A guard of a unit of its own (deploy/systemd/telenano-nve-afm-guard.socket): whoever listens on that
+/// socket of the file system starts `afm-guard --from-server` for each connection, outside of the server's
+/// control group, so that not even what kills that whole group ends the guard. Returns the server's end of
+/// the stream, on which the order has been sent. Throws RunError where nobody listens: then nothing has
+/// moved.
+int call_guard(const std::string& socket, const GuardOrder& order);
+/// The order, from the guard's end; empty where none came within 2 s, or something else.
+std::optional<GuardOrder> read_guard_order(int handle);
+
 /// Starts this very program as `PROGRAM afm-guard --emergency HOST:PORT --silence-ms MS`, and `--deadman-key
 /// FILE` where one is named, its end of a stream as standard input; returns the other end. It ignores what
 /// ends a server or a whole service (SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGABRT): it ends after the server.

@@ -36,6 +36,8 @@ class SimTip {
   /// ∫ −F·dx of the base since the start, trapezia of these steps.
   double work_aj() const noexcept { return work_aj_; }
   double peak_force_nn() const noexcept { return peak_force_nn_; }
+  /// From now on; the rig's drift is a constant otherwise.
+  void set_drift_z_nm_s(double drift_nm_s) noexcept { config_.drift_z_nm_s = drift_nm_s; }
   void forget_peak() noexcept { peak_force_nn_ = 0; }
 
  private:

@@ -4,12 +4,15 @@
 #include <unistd.h>
 
 #include <cstdio>
+#include <cstdlib>
 #include <optional>
+#include <vector>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/hash/sha256.h"
 #include "telenano/common/net/udp.h"
 #include "telenano/common/security/private_file.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
 #include "telenano/nve_server/afm/afm_driver.h"
 #include "telenano/nve_server/afm/afm_slave.h"
 #include "telenano/nve_server/afm/guard.h"
@@ -49,9 +52,11 @@ ServeAfm::ServeAfm() = default;
 ServeAfm::~ServeAfm() = default;
 
 void ServeAfm::add_flags(CLI::App& command) {
+  std::vector<std::string> slaves = afm::adapter_names();
+  slaves.insert(slaves.begin(), "nve");
   command.add_option("--slave", slave_, "nve: a virtual environment; nanonis: an AFM by its controller")
       ->capture_default_str()
-      ->check(CLI::IsMember({"nve", "nanonis"}))
+      ->check(CLI::IsMember(slaves))
       ->type_name("NAME");
   command.add_option("--controller", controller_, "Host of the AFM's controller")->type_name("HOST");
   command.add_option("--ports", ports_, "Its TCP ports: motion, reads, data, emergency; a range or a list")
@@ -67,7 +72,7 @@ void ServeAfm::add_flags(CLI::App& command) {
   command.add_option("--afm", afm_, "The rig and its limits (TOML; see deploy/afm.toml)")->type_name("FILE");
 }
 
-void ServeAfm::check(const std::string& scene) const {
+void ServeAfm::check(const std::string& scene, const std::string& share, std::size_t workers) const {
   if (!wanted()) {
     if (scene.empty())
       throw UserError("serve: --scene is missing: expected a scene file, or --slave nanonis");
@@ -80,6 +85,10 @@ void ServeAfm::check(const std::string& scene) const {
   if (controller_.empty())
     throw UserError("serve: --controller is missing: expected the host of the AFM's controller");
   if (afm_.empty()) throw UserError("serve: --afm is missing: expected a file like deploy/afm.toml");
+  if (share == "private")
+    throw UserError("serve: --share private: an AFM has one tip; leave it out, or --share one-tip");
+  if (workers > 1)
+    throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
 }
 
 server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bool>& stop,
@@ -96,6 +105,7 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
     throw UserError("--without-deadman: " + afm_ +
                     " names one ([deadman] key): leave out the one or the other");
   afm::DriverOptions options;
+  options.adapter = slave_;
   std::string emergency;
   for (std::size_t i = 0; i < ports.size(); ++i) {
     if (ports[i] == 0) throw UserError("--ports '" + ports_ + "': 0 is no port of a controller");
@@ -127,7 +137,12 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
   afm::await_last_guard(emergency, stop, news);
   if (!config.deadman_key.empty() && !stop.load(std::memory_order_relaxed))
     afm::meet_deadman(net::parse_address(emergency, "--controller"), read_deadman_key(config.deadman_key));
-  options.emergency_handle = afm::start_guard(emergency, config.guard_silence_ms(), config.deadman_key);
+  // A guard of a unit of its own, where the server's unit names one.
+  const char* const guard = std::getenv("TELENANO_AFM_GUARD");
+  options.emergency_handle =
+      guard != nullptr && *guard != 0
+          ? afm::call_guard(guard, {emergency, config.guard_silence_ms(), config.deadman_key})
+          : afm::start_guard(emergency, config.guard_silence_ms(), config.deadman_key);
   running->driver =
       std::make_unique<afm::AfmDriver>(config, options, running->exchange, clock, std::move(news));
   running_ = std::move(running);
@@ -181,14 +196,24 @@ void add_afm_guard_command(CLI::App& app, int& exit_code) {
   command->group("");
   auto emergency = std::make_shared<std::string>();
   auto silence_ms = std::make_shared<int>(400);
-  command->add_option("--emergency", *emergency, "HOST:PORT")->required();
+  auto from_server = std::make_shared<bool>(false);
+  command->add_option("--emergency", *emergency, "HOST:PORT");
+  command->add_flag("--from-server", *from_server, "The server says all this itself (systemd's unit)");
   command->add_option("--silence-ms", *silence_ms, "Of the server, before the guard withdraws the tip");
   auto key_file = std::make_shared<std::string>();
   command->add_option("--deadman-key", *key_file, "Between it and the controller there is one that has this");
-  command->callback([emergency, silence_ms, key_file, &exit_code] {
+  command->callback([emergency, silence_ms, key_file, from_server, &exit_code] {
+    afm::GuardOrder order{*emergency, *silence_ms, *key_file};
+    if (*from_server) {
+      const auto said = afm::read_guard_order(STDIN_FILENO);
+      if (!said) throw UserError("afm-guard: standard input is no server that wants a guard");
+      order = *said;
+    }
+    if (order.emergency.empty()) throw UserError("afm-guard: --emergency is missing: expected HOST:PORT");
     std::optional<afm::DeadmanKey> key;
-    if (!key_file->empty()) key = read_deadman_key(*key_file);
-    exit_code = afm::run_guard(STDIN_FILENO, net::parse_address(*emergency, "--emergency"), *silence_ms, key);
+    if (!order.key_file.empty()) key = read_deadman_key(order.key_file);
+    exit_code = afm::run_guard(STDIN_FILENO, net::parse_address(order.emergency, "--emergency"),
+                               order.silence_ms, key);
   });
 }
 

@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 #include <atomic>
+#include <cstddef>
 #include <functional>
 #include <memory>
 #include <string>
@@ -11,15 +12,17 @@
 
 namespace telenano::app {
 
-/// `--slave nanonis`: an AFM behind its controller instead of a scene.
+/// `--slave NAME` of a controller (nve_server/afm/afm_adapters.h): an AFM behind it instead of a scene.
 class ServeAfm {
  public:
   ServeAfm();
   ~ServeAfm();
   void add_flags(CLI::App& command);
-  bool wanted() const noexcept { return slave_ == "nanonis"; }
+  bool wanted() const noexcept { return slave_ != "nve"; }
   /// Throws UserError for flags that do not go together.
-  void check(const std::string& scene) const;
+  void check(const std::string& scene, const std::string& share, std::size_t workers) const;
+  /// What is served, for the log.
+  std::string served(const std::string& scene) const { return wanted() ? "an AFM" : scene; }
   /// Starts the guard and the controller's thread, checks and approaches. Throws UserError, one line.
   server::ServedScene start(const rt::Clock& clock, const std::atomic<bool>& stop,
                             std::function<void(const std::string&)> news);

@@ -122,11 +122,7 @@ struct ServeOptions {
 };
 
 void serve(ServeOptions& options, const SceneLoader& load_scene) {
-  options.afm.check(options.scene);
-  if (options.afm.wanted() && options.share == "private")
-    throw UserError("serve: --share private: an AFM has one tip; leave it out, or --share one-tip");
-  if (options.afm.wanted() && options.workers > 1)
-    throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
+  options.afm.check(options.scene, options.share, options.workers);
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
   if (!options.local_rights.empty() && options.security.is_secure())
@@ -187,8 +183,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
                      [&](metrics::Page& page) { write_metrics(workers.loops(), workers.channels(), page); });
   }
 
-  log->info("serving {} on {}{}{}{}", options.afm.wanted() ? "an AFM" : options.scene,
-            net::to_string(workers.local()), secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
+  log->info("serving {} on {}{}{}{}", options.afm.served(options.scene), net::to_string(workers.local()),
+            secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
             options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
   if (scene.to_fetch)
     log->info("stations may fetch the scene: {} bytes, {:016x}", scene.to_fetch->offer.bytes,

@@ -1,16 +1,35 @@
 #include "tests/support/virtual_afm.h"
 
+#include <stdexcept>
 #include <utility>
 
+#include "telenano/nve_server/afm/afm_adapters.h"
 #include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::support {
 
 using afm::Role;
 
+namespace {
+
+nanonis::Call decoded(std::span<const std::uint8_t> bytes) {
+  nanonis::FrameReader reader;
+  reader.feed(bytes);
+  nanonis::Header header;
+  std::span<const std::uint8_t> body;
+  nanonis::Call call;
+  reader.next(header, body);
+  const nanonis::Command* const command = nanonis::find_command(header.name);
+  if (command == nullptr || !nanonis::decode_call(*command, body, call))
+    throw std::runtime_error("a request that is none: " + header.name);
+  return call;
+}
+
+}  // namespace
+
 VirtualAfm::VirtualAfm(const afm::AfmConfig& config, const afm_sim::SimConfig& rig,
                        std::shared_ptr<const scene::Scene> scene, std::uint64_t seed)
-    : logic_(config), sim_(rig, std::move(scene)), random_(seed) {}
+    : logic_(config, afm::make_adapter("nanonis", config)), sim_(rig, std::move(scene)), random_(seed) {}
 
 void VirtualAfm::close(std::size_t i) {
   Channel& c = channels_[i];
@@ -55,12 +74,19 @@ void VirtualAfm::apply(const afm_sim::Fault& fault) {
   }
 }
 
+void VirtualAfm::record(std::size_t i, std::span<const std::uint8_t> bytes) noexcept {
+  const auto mix = [this](std::uint8_t byte) { conversation_ = (conversation_ ^ byte) * 0x100000001b3; };
+  ++requests_;
+  for (int shift = 0; shift < 64; shift += 8) mix(static_cast<std::uint8_t>(now_ns_ >> shift));
+  mix(static_cast<std::uint8_t>(i));
+  for (const std::uint8_t byte : bytes) mix(byte);
+}
+
 void VirtualAfm::serve(std::size_t i) {
   Channel& c = channels_[i];
   if (c.answer) {
     if (now_ns_ < c.answer_ns) return;
-    const nanonis::Answer answer = *std::exchange(c.answer, std::nullopt);
-    if (killed_ns_ < 0) logic_.answered(static_cast<Role>(i), answer, now_ns_);
+    hand_over(i);
   }
   if (!c.pending) {
     if (c.inbox.empty()) return;
@@ -78,23 +104,26 @@ void VirtualAfm::serve(std::size_t i) {
     for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random_.bits());
     c.garbage = false;
   }
-  nanonis::FrameReader reader;
-  reader.feed(bytes);
-  nanonis::Header header;
-  std::span<const std::uint8_t> body;
-  nanonis::Answer answer;
-  if (reader.next(header, body) != nanonis::FrameReader::Status::kFrame || header.name != command.name ||
-      !nanonis::decode_answer(command, body, answer)) {
-    close(i);
-    if (killed_ns_ < 0) logic_.lost(static_cast<Role>(i), afm::Loss::kGarbage, now_ns_);
-    return;
+  c.answer = std::move(bytes);
+  c.answer_ns = now_ns_ + c.delay_ns;
+  if (c.delay_ns == 0) hand_over(i);
+}
+
+void VirtualAfm::hand_over(std::size_t i) {
+  const nanonis::Bytes bytes = *std::exchange(channels_[i].answer, std::nullopt);
+  if (killed_ns_ >= 0) return;
+  const Role role = static_cast<Role>(i);
+  logic_.port().feed(role, bytes);
+  afm::AfmReading reading;
+  switch (logic_.port().next(role, reading)) {
+    case afm::AfmPort::Next::kReading:
+      return logic_.answered(role, reading, now_ns_);
+    case afm::AfmPort::Next::kNeedMore:
+      return;
+    case afm::AfmPort::Next::kBroken:
+      close(i);
+      logic_.lost(role, afm::Loss::kGarbage, now_ns_);
   }
-  if (c.delay_ns > 0) {
-    c.answer = answer;
-    c.answer_ns = now_ns_ + c.delay_ns;
-    return;
-  }
-  if (killed_ns_ < 0) logic_.answered(static_cast<Role>(i), answer, now_ns_);
 }
 
 void VirtualAfm::step(const afm::PortTarget& wish) {
@@ -111,8 +140,12 @@ void VirtualAfm::step(const afm::PortTarget& wish) {
         c.open = true;
         logic_.connected(role, now_ns_);
       }
-      nanonis::Call call;
-      if (c.open && logic_.next(role, now_ns_, call)) c.inbox.push_back(call);
+      afm::AfmCommand command;
+      if (c.open && logic_.next(role, now_ns_, command)) {
+        const auto bytes = logic_.port().encode(role, command);
+        record(i, bytes);
+        c.inbox.push_back(decoded(bytes));
+      }
     }
   } else if (!guard_done_ && now_ns_ > killed_ns_ + kGuardNs && reachable()) {
     // As guard.cpp does: the floor first.

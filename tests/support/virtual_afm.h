@@ -5,6 +5,7 @@
 #include <deque>
 #include <memory>
 #include <optional>
+#include <span>
 
 #include "telenano/common/base/random.h"
 #include "telenano/common/rt/clock.h"
@@ -41,6 +42,10 @@ class VirtualAfm {
   afm_sim::SimController& controller() noexcept { return sim_; }
   const afm_sim::SimController& controller() const noexcept { return sim_; }
   std::uint64_t calls(nanonis::CommandId id) const { return calls_[static_cast<std::size_t>(id)]; }
+  /// FNV-1a of all that the logic has sent: time, connection and every byte, in order. The same conversation,
+  /// the same number.
+  std::uint64_t conversation() const noexcept { return conversation_; }
+  std::uint64_t requests() const noexcept { return requests_; }
   /// Can what is sent now be heard?
   bool reachable() const noexcept { return now_ns_ >= silent_until_ns_ && now_ns_ >= cut_until_ns_; }
 
@@ -56,12 +61,14 @@ class VirtualAfm {
     std::optional<afm_sim::SimController::Pending> pending;
     bool garbage = false;
     std::int64_t delay_ns = 0;
-    std::optional<nanonis::Answer> answer;  // on its way
+    std::optional<nanonis::Bytes> answer;  // on its way
     std::int64_t answer_ns = 0;
   };
   void step(const afm::PortTarget& wish);
   void close(std::size_t i);
   void serve(std::size_t i);
+  void hand_over(std::size_t i);
+  void record(std::size_t i, std::span<const std::uint8_t> bytes) noexcept;
 
   afm::AfmLogic logic_;
   afm_sim::SimController sim_;
@@ -75,6 +82,8 @@ class VirtualAfm {
   std::int64_t cut_until_ns_ = 0;
   std::int64_t killed_ns_ = -1;
   bool guard_done_ = false;
+  std::uint64_t conversation_ = 0xcbf29ce484222325;
+  std::uint64_t requests_ = 0;
   std::array<std::uint64_t, nanonis::kCommandCount> calls_{};
 };
 

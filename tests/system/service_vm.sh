@@ -55,6 +55,7 @@ checks() {
     check "AFM: starts" systemctl start telenano-nve
     check "AFM: and approaches" until_approaches 1
     check "AFM: with a guard" equals "$(guards)" 1
+    check "AFM: in a unit of its own" equals "$(systemctl list-units --no-legend 'telenano-nve-afm-guard@*' | wc -l)" 1
     check "AFM: stops" systemctl stop telenano-nve
     check "AFM: the guard ends too" until_no_guard 20
     check "AFM: stopped, the tip is withdrawn" tip_of sim1 withdrawn
@@ -94,6 +95,11 @@ checks() {
     check "AFM: and serves again" until_is ActiveState active 60
     sleep 2
     check "AFM: none of them approached by itself" equals "$(approaches)" $((seen + 1))
+    check "AFM: is approved once more" approve
+    check "AFM: and approaches" until_approaches $((seen + 2))
+    systemctl --no-block kill -s KILL telenano-nve
+    check "AFM: one killed with its whole group is started again" until_is NRestarts 3 60
+    check "AFM: and serves, as its guard has withdrawn the tip" until_is ActiveState active 60
     check "AFM: stops at last" systemctl stop telenano-nve
     check "AFM: no guard is left" until_no_guard 20
     check "AFM: at last the tip is withdrawn" tip_of sim3 withdrawn

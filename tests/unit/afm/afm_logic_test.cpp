@@ -191,10 +191,13 @@ TEST(AfmLogic, WhileTheEmergencyPortObjectsNothingApproaches) {
   ++b.wish.clears;
   b.wish.wanted = true;
   const std::uint64_t moves = b.afm->controller().moves();
+  AfmReading objection;
+  objection.refused = "Z.StatusGet";
+  objection.why = "look at it";
   for (int i = 0; i < 2000; ++i) {
-    const nanonis::Call* asked = b.afm->logic().waits_for(Role::kEmergency);
-    if (asked != nullptr && asked->id == nanonis::CommandId::kStatusGet)
-      b.afm->logic().answered(Role::kEmergency, {{}, {}, 1, "look at it"}, b.afm->now_ns());
+    const AfmCommand* asked = b.afm->logic().waits_for(Role::kEmergency);
+    if (asked != nullptr && asked->op == AfmOp::kAskStatus)
+      b.afm->logic().answered(Role::kEmergency, objection, b.afm->now_ns());
     b.afm->advance_to(b.afm->now_ns() + VirtualAfm::kStepNs, b.wish);
     b.wish.time_ns = b.afm->now_ns();
   }
