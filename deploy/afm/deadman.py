@@ -180,7 +180,7 @@ class Controller:
     """The connection to the emergency port. One request is under way at a time, except that a withdrawal does not wait long."""
 
     def __init__(self, where, selector, say):
-        self.where, self.selector, self.say = where, selector, say
+        self.where, self.selector, self.report = where, selector, say
         self.socket, self.up, self.told = None, False, False
         self.again, self.since, self.quiet_until = 0.0, 0.0, float("-inf")
         self.frames, self.asked = None, collections.deque()
@@ -324,7 +324,7 @@ class Deadman:
         self.config, self.clock = config, clock
         self.selector = selectors.DefaultSelector()
         self.log = open(config.log, "a", encoding="utf-8") if config.log else None
-        self.controller = Controller(config.controller, self.selector, self.say)
+        self.controller = Controller(config.controller, self.selector, self.report)
         self.strangers, self.holder = [], None
         self.armed, self.heard = False, clock()
         self.top_m, self.range_m = None, None

@@ -99,7 +99,10 @@ void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) 
   now.jitter_s = 1e-6 * before.jitter_us;
   now.at_rest = before.contact_state != static_cast<std::uint32_t>(link::ContactState::kContact) &&
                 loop_.trace().commanded_force_h_n.norm() < kUnfeltN;
-  now.twin = station_.twin() != nullptr && station_.twin()->on();
+  // Until the first reply there is nothing that it could be apart from.
+  const station::TwinRun* const twin = station_.twin();
+  const bool not_yet = before.reply_sequence <= 0 && twin != nullptr && !twin->given_up();
+  now.twin = twin != nullptr && (twin->on() || not_yet);
   const control::Method wanted = choice_.update(now, dt_s);
   if (wanted == station_.config().method) return;
   station_.change_method(wanted);

@@ -56,6 +56,7 @@ class TwinRun {
 
   TwinState state() const noexcept { return state_; }
   bool on() const noexcept { return state_ != TwinState::kNone && state_ != TwinState::kGivenUp; }
+  bool given_up() const noexcept { return state_ == TwinState::kGivenUp; }
   /// Why it was given up, or is apart: link::StepBreak; kBreakNone: unexplained.
   std::uint32_t reason() const noexcept { return reason_; }
   const control::LocalAnswer& answer() const noexcept { return answer_; }

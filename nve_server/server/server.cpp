@@ -33,7 +33,7 @@ constexpr std::int64_t kRestNs = 50'000'000;
 /// Steps that one datagram, and one look of poll(), may execute of a log: catching up must not keep the
 /// others waiting.
 constexpr double kNoWorkBound = UINT32_MAX;
-constexpr std::size_t kStepsPerDatagram = 64, kStepsPerPoll = 64;
+constexpr std::size_t kStepsPerPoll = 64;
 constexpr double kStepRingMost = 32768;  // 1.5 MB
 constexpr std::int64_t kFreezeEveryNs = 100'000'000;
 /// A party that has not commanded for so long has no share.
@@ -351,7 +351,7 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   record.steps.take(incoming_.steps, now_ns);
   const bool stops = operates && (command.flags & link::kFlagStop) != 0;
   last_flags_ = 0;
-  run_log(slot, kStepsPerDatagram, now_ns);
+  run_log(slot, config_.steps_at_once, now_ns);
   if (!stops) return;
   if (record.steps.executed() < record.steps.newest()) {
     record.steps.skip_to_newest(link::kBreakStop);

@@ -65,7 +65,8 @@ struct ServerConfig {
   double challenges_per_s = 20000;
   double openings_per_s = 64;
   double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
-  double step_gap_s = 2;   ///< a step may be missing in a log; then it is left out, and the log says so
+  double step_gap_s = 2;  ///< a step may be missing in a log; then it is left out, and the log says so
+  std::size_t steps_at_once = 64;  ///< of a log, by one datagram; what more has come is for poll()
   double step_ring_s = 4;  ///< of logged steps that may wait for their turn, in each session that logs
   /// Pieces of the scene that are sent, to one session and to all: beside commands, which they must not
   /// delay. One takes about a microsecond.

@@ -67,12 +67,15 @@ TEST_F(ReplayTest, ATwinComesOutAsRecorded) {
       const auto lines = lines_of(replay.out);
       ASSERT_EQ(lines.size(), 2u);
       EXPECT_NE(lines[1].find(",0,yes"), std::string::npos) << lines[1];
-      // To its end, whatever was lost.
+      // To its end; over losses up to the first gap of the log that cannot be filled as it was, and a line
+      // says so.
       std::vector<double> ticks;
       for (std::size_t at = lines[1].find(".h5,") + 4; ticks.size() < 3; at = lines[1].find(',', at) + 1)
         ticks.push_back(std::atof(lines[1].c_str() + at));
       EXPECT_GT(ticks[0], 1000) << lines[1];  // of 3200, where a busy machine lets none be missed
-      EXPECT_EQ(ticks[1], ticks[0]) << lines[1] << replay.err;
+      EXPECT_GT(ticks[1], link.empty() ? ticks[0] - 1 : 100) << lines[1] << replay.err;
+      EXPECT_EQ(ticks[1] < ticks[0], replay.err.find("are not all recorded") != std::string::npos)
+          << replay.err;
       const recording::RecordingReader reader(file);
       std::vector<recording::Sample> rows(reader.rows());
       reader.read_samples(0, rows);

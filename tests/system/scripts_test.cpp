@@ -69,7 +69,7 @@ TEST(LintScript, RefusesInOneLine) {
 
 TEST(PackageScript, RefusesInOneLine) {
   expect_refused("deploy/package.sh", {"--no-install", "--onyl", "server"}, "there is no option --onyl");
-  expect_refused("deploy/package.sh", {"--no-install", "--only"}, "expected server, station or lab");
+  expect_refused("deploy/package.sh", {"--no-install", "--only"}, "expected server, station, lab or dev");
   expect_refused("deploy/package.sh", {"--no-install", "--only", "nve"}, "--only is 'nve'");
   expect_refused("deploy/package.sh", {"--no-install", "--out"}, "--out needs a folder");
 }

@@ -111,6 +111,11 @@ struct Rig {
   bool task_began = false, pushed = false;
 };
 
+// The zero of W is found by touches, from readings with noise: it scatters by some tenths of a nanometre, and
+// with it a session's peak by 4 % (standard deviation over eight seeds, `wave`: 41.4 ± 1.8 nN in first and
+// 41.4 ± 2.0 nN in later sessions). Two sessions' difference is within three of its own.
+constexpr double kPeakScatter = 1 + 3 * 0.04 * 1.41;
+
 TEST(AfmReturn, ALaterSessionFindsTheTipWhereTheFirstDid) {
   for (const double rtt_ms : {0.0, 60.0}) {
     for (const Method method : {Method::kModel, Method::kTank, Method::kKsClamp, Method::kWave}) {
@@ -129,7 +134,7 @@ TEST(AfmReturn, ALaterSessionFindsTheTipWhereTheFirstDid) {
         EXPECT_GT(again.waited, 1000) << "the approach takes some seconds";
         EXPECT_EQ(again.waiting_n, 0);
         EXPECT_LE(again.in_air_n, first.in_air_n + kFeltN);
-        EXPECT_LE(again.peak_nn, 1.05 * first.peak_nn);
+        EXPECT_LE(again.peak_nn, kPeakScatter * first.peak_nn);
         EXPECT_GE(again.peak_nn, 20) << "and it presses";
         // The touches find the surface to a fraction of the step of 1 nm; the hand's way is the same.
         EXPECT_LE(again.tip_fall_nm, first.tip_fall_nm + 1);

@@ -48,14 +48,14 @@ std::size_t ScriptedWire::with_steps_until(std::uint64_t executed, std::uint64_t
   return n;
 }
 
-/// The same for a command whose reply never came: the server executes what it can on the way to `then`.
-std::size_t ScriptedWire::with_steps_towards(std::uint64_t then, std::span<std::uint8_t> out) noexcept {
+/// The same for a command whose reply never came: the server executes what it can on the way to `until`,
+/// where it is by the next reply that did.
+std::size_t ScriptedWire::with_steps_towards(std::uint64_t until, std::span<std::uint8_t> out) noexcept {
   std::uint64_t reached = 0;
   const std::uint64_t next = last_executed_ + 1;
   const bool waits = waiting_until_ > next;
-  const std::size_t n = with_steps(next, waits ? next : then, reached, out);
-  if (reached >= next)
-    note_executed(waits ? std::min(waiting_until_, last_executed_ + link::kMaxBatch) : reached);
+  const std::size_t n = with_steps(next, waits ? next : until, reached, out);
+  if (reached >= next) note_executed(waits ? waiting_until_ : reached);
   return n;
 }
 
@@ -95,8 +95,10 @@ void ScriptedWire::deliver(std::span<const std::uint8_t> bytes, std::int64_t now
       const auto later = std::find_if(next, executed_.end(),
                                       [&](const auto& reply) { return reply.second > last_executed_; });
       const std::uint64_t then = later != executed_.end() ? later->second : last_executed_;
-      const std::size_t n = known ? with_steps_until(std::max(next->second, last_executed_), then, rewritten)
-                                  : with_steps_towards(then, rewritten);
+      const std::uint64_t until =
+          next != executed_.end() ? std::max(next->second, last_executed_) : last_executed_;
+      const std::size_t n = known || until == last_executed_ ? with_steps_until(until, then, rewritten)
+                                                             : with_steps_towards(until, rewritten);
       if (n == 0) {
         if (other_steps_at_ == 0) other_steps_at_ = number;
         return;

@@ -65,7 +65,7 @@ class ScriptedWire final : public net::Datagram {
                          std::span<std::uint8_t> out) noexcept;
   std::size_t with_steps_until(std::uint64_t executed, std::uint64_t then,
                                std::span<std::uint8_t> out) noexcept;
-  std::size_t with_steps_towards(std::uint64_t then, std::span<std::uint8_t> out) noexcept;
+  std::size_t with_steps_towards(std::uint64_t until, std::span<std::uint8_t> out) noexcept;
   void note_executed(std::uint64_t number) noexcept;
 
   server::Server& server_;

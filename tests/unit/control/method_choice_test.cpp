@@ -83,9 +83,9 @@ TEST(MethodChoice, AfterATwinThatIsGivenUpTheRoundTripDecides) {
 
 TEST(MethodChoice, ATwinThatIsBackIsTakenUpAgainWhenNothingIsFelt) {
   MethodChoice choice(Method::kTank);
-  EXPECT_EQ(after(choice, with_twin(1, false), 10), Method::kTank);
   EXPECT_EQ(after(choice, with_twin(1), 0.9), Method::kTank);
-  EXPECT_EQ(after(choice, with_twin(1), 0.2), Method::kTwin);
+  EXPECT_EQ(after(choice, with_twin(1, false), 10), Method::kTank) << "not while something is felt";
+  EXPECT_EQ(after(choice, with_twin(1), 0.002), Method::kTwin) << "but as soon as nothing is";
 }
 
 TEST(MethodChoice, ARoundTripThatGrowsBeyondTheTwinsLimitEndsItAndComesBackBelowAnother) {
