@@ -100,5 +100,5 @@ expect 'the server ends well' 'status == 0' status=$status
 # What netem sent twice the channel took once: its replay window counts the copies.
 copies=$(grep -o 'forged [0-9]*' server.log | tail -1 | cut -d' ' -f2)
 expect 'copies were dropped' 'copies > 0' copies="${copies:-0}"
-grep stopped server.log | sed 's/^/netem_vm: /'
+grep -E 'stopped|channels' server.log | tail -n 2 | sed 's/^/netem_vm: /'
 exit $failed
