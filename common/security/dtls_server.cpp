@@ -18,6 +18,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/link/siphash.h"
 #include "telenano/common/link/token_bucket.h"
+#include "telenano/common/rt/thread_time.h"
 #include "telenano/common/security/dtls_channel.h"
 #include "telenano/common/security/dtls_context.h"
 #include "telenano/common/security/dtls_record.h"
@@ -55,13 +56,15 @@ struct DtlsServer::Impl {
     link::TokenBucket rate{1, 1};
   };
 
-  Impl(const DtlsServerConfig& c, KeyList k, net::Datagram& w, const rt::Clock& time)
+  Impl(const DtlsServerConfig& c, KeyList k, net::Datagram& w, const rt::Clock& time,
+       const rt::Clock* work_time)
       : config(c),
         keys(std::make_unique<const KeyList>(std::move(k))),
         list_name(name_of(*keys)),
         context(make_context(true, true, c.certificates)),
         wire(w),
         clock(time),
+        work(work_time != nullptr ? *work_time : thread_time),
         tags(c.capacity),
         buckets(std::bit_ceil(2 * c.capacity), kNone),
         next_of_bucket(c.capacity, kNone),
@@ -376,13 +379,13 @@ struct DtlsServer::Impl {
     peer.rate = {config.datagrams_per_peer_s, config.datagrams_per_peer_burst};
   }
 
-  /// A step of a handshake, if the budget has room for it.
-  template <class Work>
-  void within_budget(Work&& work) noexcept {
-    if (!budget.allows(now_ns)) return counters.add(Event::kRateLimited);
-    const std::int64_t begin_ns = clock.now_ns();
-    work();
-    budget.charge(clock.now_ns() - begin_ns);
+  /// A step of a handshake, which the budget allows or not.
+  template <class Step>
+  void within_budget(bool allowed, Step&& step) noexcept {
+    if (!allowed) return counters.add(Event::kRateLimited);
+    const std::int64_t begin_ns = work.now_ns();
+    step();
+    budget.charge(work.now_ns() - begin_ns);
   }
 
   void tick() noexcept {
@@ -440,7 +443,7 @@ struct DtlsServer::Impl {
       return false;
     }
     if (kind == RecordKind::kClientHello) {
-      within_budget([&] { on_client_hello(bytes, received.from); });
+      within_budget(budget.allows(now_ns), [&] { on_client_hello(bytes, received.from); });
       return false;
     }
     // Data and alerts concern what is established, a handshake's parts the one under way; each the other if
@@ -454,7 +457,10 @@ struct DtlsServer::Impl {
       return false;
     }
     if (peers[slot].state == State::kEstablished) return open(slot, bytes, buffer, received);
-    within_budget([&] { advance(slot, bytes); });
+    // Data cannot end a handshake; its last flight, which the data has overtaken, can. So data takes no
+    // overdraft.
+    within_budget(data ? budget.allows(now_ns) : budget.allows_to_go_on(now_ns),
+                  [&] { advance(slot, bytes); });
     return false;
   }
 
@@ -481,6 +487,8 @@ struct DtlsServer::Impl {
   DtlsContext context;
   net::Datagram& wire;
   const rt::Clock& clock;
+  const rt::ThreadTime thread_time;
+  const rt::Clock& work;  // what handshakes are charged by
   std::array<std::uint8_t, 32> secret{};
   link::SipKey tag_key;
   // Found by the tag of its address: those with the same low bits are a chain through next_of_bucket.
@@ -505,8 +513,8 @@ struct DtlsServer::Impl {
 };
 
 DtlsServer::DtlsServer(const DtlsServerConfig& config, KeyList keys, net::Datagram& wire,
-                       const rt::Clock& clock)
-    : impl_(std::make_unique<Impl>(config, std::move(keys), wire, clock)) {}
+                       const rt::Clock& clock, const rt::Clock* work)
+    : impl_(std::make_unique<Impl>(config, std::move(keys), wire, clock, work)) {}
 
 DtlsServer::~DtlsServer() = default;
 

@@ -48,8 +48,10 @@ struct DtlsServerConfig {
 /// One thread, except offer_keys() and counters(). Nothing throws after construction.
 class DtlsServer final : public net::Datagram {
  public:
-  /// `wire` and `clock` must outlive it. Throws UserError for certificates that do not serve.
-  DtlsServer(const DtlsServerConfig& config, KeyList keys, net::Datagram& wire, const rt::Clock& clock);
+  /// `wire` and the clocks must outlive it. `work` measures what handshakes take of this thread; left out:
+  /// its processor time. Throws UserError for certificates that do not serve.
+  DtlsServer(const DtlsServerConfig& config, KeyList keys, net::Datagram& wire, const rt::Clock& clock,
+             const rt::Clock* work = nullptr);
   ~DtlsServer() override;  ///< tells every peer
   DtlsServer(const DtlsServer&) = delete;
   DtlsServer& operator=(const DtlsServer&) = delete;
