@@ -27,6 +27,10 @@ void PortControl::begin_session() noexcept {
   has_target_ = false;
 }
 
+bool PortControl::pays_for_moves() const noexcept {
+  return method_ == link::kMethodTdpa || method_ == link::kMethodTank;
+}
+
 void PortControl::receive(const link::PortControl& control) noexcept {
   if (control.method != method_) {
     level_aj_ = std::min(0.0, level_aj_);  // another method: what is owed stays owed, nothing is granted
@@ -113,10 +117,11 @@ slave::SlaveInput PortControl::before(const link::Command& command, const slave:
   has_target_ = true;
   slave::SlaveInput told = input;
   wave_used_aj_ = 0;
+  // Kept though the tip does not follow yet: the station sends the allowance once.
+  if (pays_for_moves()) level_aj_ += came_aj_;
   if (!input.follow) return told;
   const double stiffness_n_m = limits.coupling_stiffness_n_m;
-  if (method_ == link::kMethodTdpa || method_ == link::kMethodTank) {
-    level_aj_ += came_aj_;
+  if (pays_for_moves()) {
     Vec3 move_w_nm = target_w_nm_ - last.commanded_pos_w_nm;
     if (!first) {
       const Vec3 lag_w_nm = old_target_w_nm - last.commanded_pos_w_nm;
@@ -133,7 +138,7 @@ slave::SlaveInput PortControl::before(const link::Command& command, const slave:
 
 void PortControl::observe(const link::PortControl& control) noexcept {
   receive(control);
-  if (method_ == link::kMethodTdpa || method_ == link::kMethodTank) level_aj_ += came_aj_;
+  if (pays_for_moves()) level_aj_ += came_aj_;
   has_target_ = false;
   wave_used_aj_ = wave_surplus_aj_ = 0;  // a wave is of its moment
 }

@@ -68,6 +68,7 @@ class PortControl {
   static constexpr double kSurplusReturn_s = 1.0;
 
  private:
+  bool pays_for_moves() const noexcept;
   void receive(const link::PortControl& control) noexcept;
   bool rescale(double energy_scale_aj_j) noexcept;
   double worth_aj(double charge_aj) noexcept;

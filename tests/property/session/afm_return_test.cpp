@@ -34,11 +34,11 @@ struct Felt {
 };
 
 struct Rig {
-  explicit Rig(Method wanted, double rtt_ms)
+  explicit Rig(Method wanted, double rtt_ms, std::uint64_t seed = 1)
       : method(wanted), delay_ns(static_cast<std::int64_t>(0.5e6 * rtt_ms)) {
     afm::AfmConfig afm_config;
     afm_config.link_loss_ms = 300;
-    auto ready = approached(afm_config, afm_sim::SimConfig{}, afm_sim::default_scene());
+    auto ready = approached(afm_config, afm_sim::SimConfig{}, afm_sim::default_scene(), seed);
     auto made = std::make_shared<std::unique_ptr<VirtualAfmSlave>>(std::make_unique<VirtualAfmSlave>(ready));
     afm = made->get();
     config.make_slave = [made] { return std::move(*made); };
@@ -111,17 +111,24 @@ struct Rig {
   bool task_began = false, pushed = false;
 };
 
-// The zero of W is found by touches, from readings with noise: it scatters by some tenths of a nanometre, and
-// with it a session's peak by 4 % (standard deviation over eight seeds, `wave`: 41.4 ± 1.8 nN in first and
-// 41.4 ± 2.0 nN in later sessions). Two sessions' difference is within three of its own.
-constexpr double kPeakScatter = 1 + 3 * 0.04 * 1.41;
+// The zero of W is found by touches, from readings with noise: it scatters by some tenths of a nanometre.
+// Where a method holds the hand's place, a later session's peak is within 0.5 % of the first one's, over
+// these seeds and both round trips, or below it. Waves know no place: their peaks scatter by 4 % (standard
+// deviation over eight seeds: 41.4 ± 1.8 nN in first and 41.4 ± 2.0 nN in later sessions), and two sessions'
+// difference is within three of its own.
+constexpr double scatter(Method method) {
+  return method == Method::kWave ? 1 + 3 * 0.04 * 1.41 : 1.05;
+}
 
-TEST(AfmReturn, ALaterSessionFindsTheTipWhereTheFirstDid) {
+class AfmReturnOfSeed : public ::testing::TestWithParam<std::uint64_t> {};
+INSTANTIATE_TEST_SUITE_P(Seeds, AfmReturnOfSeed, ::testing::Values(1, 2, 3, 4));
+
+TEST_P(AfmReturnOfSeed, ALaterSessionFindsTheTipWhereTheFirstDid) {
   for (const double rtt_ms : {0.0, 60.0}) {
     for (const Method method : {Method::kModel, Method::kTank, Method::kKsClamp, Method::kWave}) {
       if (rtt_ms > 0 && method == Method::kKsClamp) continue;  // not made for a delay
       SCOPED_TRACE(std::string(control::method_name(method)) + ", " + std::to_string(rtt_ms) + " ms");
-      Rig rig(method, rtt_ms);
+      Rig rig(method, rtt_ms, GetParam());
       rig.open();
       const Felt first = rig.finish();
       ASSERT_TRUE(first.done);
@@ -133,9 +140,9 @@ TEST(AfmReturn, ALaterSessionFindsTheTipWhereTheFirstDid) {
         EXPECT_TRUE(again.done);
         EXPECT_GT(again.waited, 1000) << "the approach takes some seconds";
         EXPECT_EQ(again.waiting_n, 0);
-        EXPECT_LE(again.in_air_n, first.in_air_n + kFeltN);
-        EXPECT_LE(again.peak_nn, kPeakScatter * first.peak_nn);
-        EXPECT_GE(again.peak_nn, 20) << "and it presses";
+        EXPECT_LE(again.in_air_n, scatter(method) * first.in_air_n + kFeltN);
+        EXPECT_LE(again.peak_nn, scatter(method) * first.peak_nn);
+        EXPECT_GE(again.peak_nn, first.peak_nn / scatter(method)) << "and it presses";
         // The touches find the surface to a fraction of the step of 1 nm; the hand's way is the same.
         EXPECT_LE(again.tip_fall_nm, first.tip_fall_nm + 1);
       }

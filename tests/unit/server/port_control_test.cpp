@@ -41,9 +41,10 @@ struct Rig {
     command.control.energy_scale_aj_j = 1e5;
     command.control.wave_impedance_n_s_m = 0.1;
   }
-  void tick(const Vec3& target_w_nm) {
+  void tick(const Vec3& target_w_nm, bool follow = true) {
     command.tip_pos_w_nm = target_w_nm;
     slave::SlaveInput input;
+    input.follow = follow;
     input.tip_target_pos_w_nm = target_w_nm;
     const slave::SlaveOutput last = wall.output;
     wall.step(control.before(command, input, last, wall.limits, kT));
@@ -178,6 +179,23 @@ TEST(PortControl, ALostCommandLosesNothing) {
   }
   EXPECT_NEAR(whole.z(), -10, 1e-6);
   EXPECT_NEAR(lossy.z(), -10, 1e-6);
+}
+
+// A station sends the slave its allowance with the first replies, once. An operator who takes the hand later, or a tip
+// that is not there yet, must find it.
+TEST(PortControl, WhatComesBeforeTheTipFollowsIsKept) {
+  for (const std::uint32_t method : {link::kMethodTdpa, link::kMethodTank}) {
+    SCOPED_TRACE(method);
+    Rig early(method), late(method);
+    for (Rig* rig : {&early, &late}) {
+      rig->command.control.energy_sent_j = 0.008;
+      rig->wall.output.commanded_pos_w_nm = Vec3(0, 0, 1);
+      for (int k = 0; k < 1000 && rig == &late; ++k) rig->tick(Vec3(0, 0, 1), false);
+      for (int k = 0; k < 3000; ++k) rig->tick(Vec3(0, 0, -8));
+    }
+    EXPECT_NEAR(early.z(), -8, 1e-6);
+    EXPECT_NEAR(late.z(), early.z(), 1e-6);
+  }
 }
 
 // A joule of the hand is another number at the tip, and nobody has moved: level and debt stay worth what they
