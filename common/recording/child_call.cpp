@@ -154,7 +154,7 @@ std::string ChildCall::ask(std::string_view request) {
   Outcome outcome{};
   std::string answer;
   errno = 0;
-  if (pid_ < 0 || !send_text(fd_, request) || !receive_all(fd_, &outcome, sizeof outcome) ||
+  if (!send_text(fd_, request) || !receive_all(fd_, &outcome, sizeof outcome) ||
       !receive_text(fd_, answer, limits_.answer_bytes)) {
     ended();
   }
@@ -163,9 +163,15 @@ std::string ChildCall::ask(std::string_view request) {
   return answer;
 }
 
+void ChildCall::stop() noexcept {
+  const std::lock_guard lock(reaping_);
+  if (pid_ > 0) ::kill(pid_, SIGKILL);
+}
+
 void ChildCall::ended() {
   const bool too_slow = errno == EAGAIN || errno == EWOULDBLOCK;  // else it has hung up
   int status = 0;
+  const std::lock_guard lock(reaping_);
   if (pid_ > 0) {
     if (too_slow) ::kill(pid_, SIGKILL);
     while (::waitpid(pid_, &status, 0) < 0 && errno == EINTR) {

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <mutex>
 #include <string>
 #include <string_view>
 
@@ -42,11 +43,16 @@ class ChildCall {
   /// exception, and when the process comes to its end.
   std::string ask(std::string_view request);
 
+  /// From any thread: the process ends at once. An ask() under way ends by a RunError, as every later one.
+  void stop() noexcept;
+
  private:
   [[noreturn]] void ended();
 
   std::string subject_;
   ChildLimits limits_;
+  std::mutex reaping_;  // a process is killed before it is waited for, or not at all: its number may be
+                        // another's then
   pid_t pid_ = -1;
   int fd_ = -1;
 };

@@ -30,7 +30,8 @@ std::string alert_text(int alert, const std::string& who) {
   switch (alert) {
     case SSL_AD_UNKNOWN_PSK_IDENTITY:
       return "the server does not know " + who +
-             ": on the server's machine, telenano-nve keys list shows whom it knows, keys new makes a key";
+             ": on the server's machine, telenano-nve keys list shows whom it knows and what has expired, "
+             "keys new makes a key";
     case SSL_AD_BAD_CERTIFICATE:
       return "the server refuses " + who +
              ": it is not in the server's list of keys; add it there under [[certificate]]";

@@ -4,12 +4,14 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
+#include <utility>
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/utc_time.h"
 #include "telenano/common/config/edit_distance.h"
-#include "telenano/common/security/key_list.h"
 #include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
@@ -29,10 +31,33 @@ bool exists(const std::string& path) {
   return ::stat(path.c_str(), &info) == 0;
 }
 
+// The station's file first: a key in the list that nobody holds is worse than a file that opens nothing.
+void add_key(KeyList list, const KeyEntry& entry, const std::string& list_path,
+             const std::string& station_path) {
+  list.keys.push_back(entry);
+  create_private_file(station_path, station_key_text({entry.identity, entry.psk}), "--out");
+  try {
+    replace_private_file(list_path, key_list_text(list), "--keys");
+  } catch (...) {
+    ::unlink(station_path.c_str());
+    throw;
+  }
+}
+
+[[noreturn]] void refuse_unknown(const KeyList& list, const std::string& list_path,
+                                 const std::string& identity, const char* what) {
+  std::vector<std::string> known;
+  for (const auto& entry : list.keys) known.push_back(entry.identity);
+  for (const auto& entry : list.certificates) known.push_back(entry.name);
+  const std::string near = config::nearest_name(identity, known);
+  throw UserError("--keys " + list_path + ": has no " + what + " '" + identity + "'" +
+                  (near.empty() ? "; see telenano-nve keys list" : "; did you mean '" + near + "'?"));
+}
+
 }  // namespace
 
 void new_key(const std::string& list_path, const std::string& identity, net::Rights rights,
-             const std::string& station_path) {
+             const std::string& station_path, std::optional<std::int64_t> expires_s) {
   if (!is_identity(identity)) {
     throw UserError("key '" + identity +
                     "': expected a name of 1 to 64 letters, digits, dots, dashes and underscores");
@@ -44,16 +69,46 @@ void new_key(const std::string& list_path, const std::string& identity, net::Rig
     throw UserError("--keys " + list_path + ": has a key '" + identity +
                     "' already; choose another name, or revoke it first");
   }
-  const Psk psk = fresh_psk();
-  list.keys.push_back({identity, psk, rights});
-  // The station's file first: a key in the list that nobody holds is worse than a file that opens nothing.
-  create_private_file(station_path, station_key_text({identity, psk}), "--out");
-  try {
-    replace_private_file(list_path, key_list_text(list), "--keys");
-  } catch (...) {
-    ::unlink(station_path.c_str());
-    throw;
+  add_key(std::move(list), {identity, fresh_psk(), rights, expires_s}, list_path, station_path);
+}
+
+std::string next_identity(const KeyList& list, const std::string& identity) {
+  std::string base = identity;
+  unsigned number = 2;
+  const std::size_t dot = identity.rfind('.');
+  const bool numbered = dot != std::string::npos && dot > 0 && identity.size() - dot - 1 >= 1 &&
+                        identity.size() - dot - 1 <= 4 &&
+                        identity.find_first_not_of("0123456789", dot + 1) == std::string::npos;
+  if (numbered) {
+    base = identity.substr(0, dot);
+    number = static_cast<unsigned>(std::stoul(identity.substr(dot + 1))) + 1;
   }
+  std::string name;
+  do {
+    name = base + "." + std::to_string(number++);
+  } while (list.find_key(name) != nullptr);
+  return name;
+}
+
+std::string rotate_key(const std::string& list_path, const std::string& identity,
+                       const std::string& station_path, std::int64_t old_expires_s,
+                       std::optional<std::int64_t> expires_s) {
+  if (!exists(list_path)) load_key_list(list_path);  // says so, and leaves no lock beside what is not there
+  const PrivateFileLock lock(list_path, "--keys");
+  KeyList list = load_key_list(list_path);
+  const auto old = std::find_if(list.keys.begin(), list.keys.end(),
+                                [&](const KeyEntry& entry) { return entry.identity == identity; });
+  if (old == list.keys.end()) refuse_unknown(list, list_path, identity, "key");
+  const std::string name = next_identity(list, identity);
+  if (!is_identity(name)) {
+    throw UserError("key '" + identity + "': its name is too long to be followed by '" + name +
+                    "'; make a new one with telenano-nve keys new, and revoke this one");
+  }
+  const net::Rights rights = old->rights;
+  old->expires_s = std::min(old->expires_s.value_or(old_expires_s), old_expires_s);
+  add_key(std::move(list), {name, fresh_psk(), rights, expires_s}, list_path,
+          station_path.empty() ? name + ".key" : station_path);
+  return name;
 }
 
 void revoke_key(const std::string& list_path, const std::string& identity) {
@@ -65,26 +120,20 @@ void revoke_key(const std::string& list_path, const std::string& identity) {
       std::erase_if(list.certificates, [&](const CertificateEntry& entry) {
         return entry.name == identity || entry.fingerprint == identity;
       });
-  if (removed == 0) {
-    std::vector<std::string> known;
-    for (const auto& entry : list.keys) known.push_back(entry.identity);
-    for (const auto& entry : list.certificates) known.push_back(entry.name);
-    const std::string near = config::nearest_name(identity, known);
-    throw UserError("--keys " + list_path + ": has no key or certificate '" + identity + "'" +
-                    (near.empty() ? "; see telenano-nve keys list" : "; did you mean '" + near + "'?"));
-  }
+  if (removed == 0) refuse_unknown(list, list_path, identity, "key or certificate");
   replace_private_file(list_path, key_list_text(list), "--keys");
 }
 
 std::string list_keys(const std::string& list_path) {
   const KeyList list = load_key_list(list_path);
-  std::string csv = "kind,identity,rights\n";
-  for (const auto& entry : list.keys)
-    csv += "psk," + entry.identity + "," + std::string(net::name(entry.rights)) + "\n";
-  for (const auto& entry : list.certificates) {
-    csv += "certificate," + (entry.name.empty() ? "sha256:" + entry.fingerprint : entry.name) + "," +
-           std::string(net::name(entry.rights)) + "\n";
-  }
+  std::string csv = "kind,identity,rights,expires\n";
+  const auto line = [&csv](const std::string& kind, const std::string& name, const auto& entry) {
+    csv += kind + "," + name + "," + std::string(net::name(entry.rights)) + "," +
+           (entry.expires_s ? utc_text(*entry.expires_s) : "") + "\n";
+  };
+  for (const auto& entry : list.keys) line("psk", entry.identity, entry);
+  for (const auto& entry : list.certificates)
+    line("certificate", entry.name.empty() ? "sha256:" + entry.fingerprint : entry.name, entry);
   return csv;
 }
 

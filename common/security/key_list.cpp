@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/utc_time.h"
 #include "telenano/common/config/toml_document.h"
 #include "telenano/common/link/siphash.h"
 #include "telenano/common/security/private_file.h"
@@ -61,6 +62,18 @@ net::Rights read_rights(const TomlTable& table) {
   return *net::parse_rights(table.choice("rights", names));
 }
 
+std::optional<std::int64_t> read_expiry(const TomlTable& table) {
+  const std::string text = table.text_or("expires", "");
+  if (text.empty()) return std::nullopt;
+  const std::optional<std::int64_t> expires_s = parse_utc(text);
+  if (!expires_s) table.fail("expires", "expected a moment in UTC as \"2027-01-31T12:00:00Z\"");
+  return expires_s;
+}
+
+std::string expiry_line(std::optional<std::int64_t> expires_s) {
+  return expires_s ? "expires = \"" + utc_text(*expires_s) + "\"\n" : "";
+}
+
 bool is_fingerprint(std::string_view text) {
   return text.size() == 64 && text.find_first_not_of(kHexDigits) == std::string_view::npos;
 }
@@ -78,6 +91,7 @@ CertificateEntry read_certificate(const TomlTable& table) {
                "expected the SHA-256 of the certificate as 64 lower-case hexadecimal digits without colons");
   }
   entry.rights = read_rights(table);
+  entry.expires_s = read_expiry(table);
   return entry;
 }
 
@@ -136,6 +150,27 @@ const CertificateEntry* KeyList::find_certificate(std::string_view name,
   return by_name;
 }
 
+KeyList KeyList::in_force(std::int64_t now_s) const {
+  KeyList list = *this;
+  const auto expired = [now_s](const auto& entry) { return entry.expires_s && *entry.expires_s <= now_s; };
+  std::erase_if(list.keys, expired);
+  std::erase_if(list.certificates, expired);
+  return list;
+}
+
+std::optional<std::int64_t> KeyList::next_expiry_s(std::int64_t now_s) const noexcept {
+  std::optional<std::int64_t> next_s;
+  const auto look = [&](const auto& entries) {
+    for (const auto& entry : entries) {
+      if (entry.expires_s && *entry.expires_s > now_s && (!next_s || *entry.expires_s < *next_s))
+        next_s = entry.expires_s;
+    }
+  };
+  look(keys);
+  look(certificates);
+  return next_s;
+}
+
 KeyList load_key_list(const std::string& path) {
   return parse_key_list(read_private_file(path, "--keys"), path);
 }
@@ -144,7 +179,7 @@ KeyList parse_key_list(std::string content, const std::string& name) {
   const TomlDocument document = TomlDocument::parse(std::move(content), name);
   KeyList list;
   for (const TomlTable& table : document.root().tables("key")) {
-    KeyEntry entry{read_identity(table), read_psk(table), read_rights(table)};
+    KeyEntry entry{read_identity(table), read_psk(table), read_rights(table), read_expiry(table)};
     if (list.find_key(entry.identity) != nullptr)
       table.fail("identity", "'" + entry.identity + "' comes twice");
     list.keys.push_back(std::move(entry));
@@ -170,12 +205,12 @@ std::string key_list_text(const KeyList& list) {
       "seconds.\n";
   for (const KeyEntry& entry : list.keys) {
     text += "\n[[key]]\nidentity = \"" + entry.identity + "\"\npsk = \"" + hex(entry.psk) +
-            "\"\nrights = \"" + std::string(net::name(entry.rights)) + "\"\n";
+            "\"\nrights = \"" + std::string(net::name(entry.rights)) + "\"\n" + expiry_line(entry.expires_s);
   }
   for (const CertificateEntry& entry : list.certificates) {
     text += "\n[[certificate]]\n" +
             (entry.name.empty() ? "fingerprint = \"" + entry.fingerprint : "name = \"" + entry.name) +
-            "\"\nrights = \"" + std::string(net::name(entry.rights)) + "\"\n";
+            "\"\nrights = \"" + std::string(net::name(entry.rights)) + "\"\n" + expiry_line(entry.expires_s);
   }
   return text;
 }

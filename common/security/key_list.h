@@ -3,6 +3,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -40,6 +41,7 @@ struct KeyEntry {
   std::string identity;
   Psk psk;
   net::Rights rights = net::Rights::kOperate;
+  std::optional<std::int64_t> expires_s{};  ///< Unix time from which on it opens nothing; left out: never
 };
 
 /// A certificate that an authority of the server's has signed, known by its common name or its SHA-256.
@@ -47,6 +49,7 @@ struct CertificateEntry {
   std::string name;         ///< common name; empty if by fingerprint
   std::string fingerprint;  ///< 64 lower-case hexadecimal digits; empty if by name
   net::Rights rights = net::Rights::kOperate;
+  std::optional<std::int64_t> expires_s{};  ///< as for a key; the certificate's own end counts besides
 };
 
 /// Who may come in, and what each may do: the server's allow-list. What is not in it is refused.
@@ -58,10 +61,16 @@ struct KeyList {
   /// A fingerprint wins over a name.
   const CertificateEntry* find_certificate(std::string_view name,
                                            std::string_view fingerprint) const noexcept;
+
+  /// What is in force at `now_s` (Unix time): without what has expired.
+  KeyList in_force(std::int64_t now_s) const;
+  /// The first moment after `now_s` at which something expires; none if nothing will.
+  std::optional<std::int64_t> next_expiry_s(std::int64_t now_s) const noexcept;
 };
 
 /// Reads the list: TOML with tables [[key]] (identity, psk, rights) and [[certificate]] (name or fingerprint,
-/// rights). Throws UserError as load_station_key.
+/// rights), and in each `expires` where it ends ("2027-01-31T12:00:00Z"). Also gives what has expired. Throws
+/// UserError as load_station_key.
 KeyList load_key_list(const std::string& path);
 KeyList parse_key_list(std::string content, const std::string& name);
 std::string key_list_text(const KeyList& list);

@@ -18,8 +18,7 @@ const DtlsClient::Counters kNoCounters;
 }  // namespace
 
 struct DtlsServer::Impl {};
-DtlsServer::DtlsServer(const DtlsServerConfig&, KeyList, net::Datagram&, const rt::Clock&,
-                       const rt::Clock*) {
+DtlsServer::DtlsServer(const DtlsServerConfig&, KeyList, net::Datagram&, const rt::Clock&, const rt::Clock*) {
   cannot();
 }
 DtlsServer::~DtlsServer() = default;

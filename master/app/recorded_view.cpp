@@ -113,7 +113,8 @@ view_model::Ground recorded_ground(const recording::RecordingReader& reader,
     try {
       const auto bundle = from_base64(held);
       if (!bundle) throw RunError("is not written as a bundle is");
-      scene_store::CheckedScene scene = scene_store::SceneChecker().check(*bundle);
+      scene_store::CheckedScene scene =
+          scene_store::read_finding(scene_store::SceneChecker().look_at(*bundle));
       if (fmt::format("{:016x}", scene.scene_hash) != reader.configuration("scene_hash"))
         throw RunError("is another one than the session's");
       if (!scene.ground.z_nm.empty()) return view_model::Ground(std::move(scene.ground));

@@ -59,6 +59,10 @@ constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
 constexpr double kTwinRingS = 4;
 // For a twin nothing can begin without the scene: 4 MB at the server's 464 kB/s, and reading it.
 constexpr double kTwinSceneWaitS = 20;
+// So long for a twin that nobody asked for: what a scan of 256² takes to look at the first time on a slow
+// machine, once (SceneCache keeps it). A lesser method for the whole session is worse than these seconds
+// before it.
+constexpr double kFirstSceneWaitS = 8;
 // A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
 constexpr double kSceneWaitS = 2;
 constexpr std::chrono::milliseconds kLineAgain(200);
@@ -304,11 +308,11 @@ std::string too_slow(control::LocalSlave& twin, double rate_hz) {
 using Twins = std::vector<std::unique_ptr<control::LocalSlave>>;
 
 /// Twins of the server's scene; none, and `why`: there can be none in this session. `wanted`: somebody has
-/// asked for the twin; else it is the rule's first choice, nobody waits for it for long, and what takes its
-/// place is the rule's next. The session stays awake meanwhile.
+/// asked for the twin; else it is the rule's first choice, nobody waits for it but some seconds, the first
+/// time, and what takes its place is the rule's next. The session stays awake meanwhile.
 Twins find_twins(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
-                 const LinkDelay& link, double rate_hz, bool wanted, scene_store::SceneKeeper& keeper,
-                 const std::atomic<bool>& stop, std::string& why) {
+                 const LinkDelay& link, double rate_hz, bool wanted, bool quiet,
+                 scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop, std::string& why) {
   Twins twins;
   if (!session.logs_steps()) {
     why = "this server keeps no log of steps (a shared tip, a real AFM or an older program)";
@@ -324,7 +328,12 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
     return twins;
   }
   keeper.start();
-  wait_for_scene(session, way, server, keeper, true, wanted ? kTwinSceneWaitS : kSceneWaitS, stop);
+  wait_for_scene(session, way, server, keeper, true, kSceneWaitS, stop);
+  if (!keeper.settled() && !stop) {
+    if (!quiet)
+      fmt::print(stderr, "note: making the server's scene ready here, which takes longer the first time\n");
+    wait_for_scene(session, way, server, keeper, true, wanted ? kTwinSceneWaitS : kFirstSceneWaitS, stop);
+  }
   const auto scene = keeper.scene();
   if (scene && scene->same_physics) {
     const KeepAwake awake(session, way, server, keeper.pipe());
@@ -334,7 +343,7 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
   } else if (scene) {
     why = "this program's physics give the server's scene other bits (another version?)";
   } else if (!keeper.settled()) {
-    why = "the server's scene is still on its way; the next session has it";
+    why = "the server's scene is still being made ready; a later session has it";
   } else {
     why = "the server's scene cannot be fetched; name it by --scene";
   }
@@ -432,7 +441,8 @@ int run_session(const RunOptions& options) {
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
                    options.connect_timeout_s, stop);
   if (looks_for_twin) {
-    twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, scene, stop, no_twin);
+    twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, options.quiet, scene,
+                       stop, no_twin);
     if (!twins.empty()) {
       opened_session->make_room_for_snapshot(twins[0]->snapshot_bytes_max());
     } else if (opened_session->logs_steps()) {

@@ -34,8 +34,9 @@ class File {
   int fd_;
 };
 
-std::string name_of(const Sha256& hash) {
-  return hex(hash) + kExtension;
+// With `program`: of what that one found in it.
+std::string name_of(const Sha256& hash, const std::string& program = "") {
+  return hex(hash) + (program.empty() ? "" : "-" + program) + kExtension;
 }
 
 std::string complaint(const fs::path& folder, const std::string& why) {
@@ -77,6 +78,31 @@ bool write_all(int fd, const std::string& bytes) {
   return true;
 }
 
+/// The bytes of a file in the folder, of which `good` says whether they are what they should be; removed if
+/// not.
+template <class Good>
+std::optional<std::string> read_checked(const fs::path& path, const std::string& name, const Good& good) {
+  std::string why;
+  const File folder = open_folder(path, why);
+  if (!folder.is_open()) return std::nullopt;
+  const File file(::openat(folder.fd(), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+  struct stat about {};
+  if (!file.is_open() || ::fstat(file.fd(), &about) != 0) return std::nullopt;
+  if (!S_ISREG(about.st_mode) || about.st_uid != ::geteuid()) return std::nullopt;
+  std::string bytes;
+  bool read = about.st_size >= 0 && static_cast<std::uint64_t>(about.st_size) <= SceneCache::kBytesMax;
+  if (read) {
+    bytes.resize(static_cast<std::size_t>(about.st_size));
+    read = read_all(file.fd(), bytes) && good(bytes);
+  }
+  if (!read) {
+    ::unlinkat(folder.fd(), name.c_str(), 0);
+    return std::nullopt;
+  }
+  ::futimens(file.fd(), nullptr);  // used now
+  return bytes;
+}
+
 }  // namespace
 
 fs::path SceneCache::users_folder() {
@@ -89,46 +115,50 @@ fs::path SceneCache::users_folder() {
 }
 
 std::optional<std::string> SceneCache::read(const Sha256& hash, std::uint64_t bytes) const {
-  std::string why;
-  const File folder = open_folder(folder_, why);
-  if (!folder.is_open()) return std::nullopt;
-  const std::string name = name_of(hash);
-  const File file(::openat(folder.fd(), name.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
-  struct stat about {};
-  if (!file.is_open() || ::fstat(file.fd(), &about) != 0) return std::nullopt;
-  if (!S_ISREG(about.st_mode) || about.st_uid != ::geteuid()) return std::nullopt;
-  std::string bundle;
-  bool good = about.st_size >= 0 && static_cast<std::uint64_t>(about.st_size) == bytes;
-  if (good) {
-    bundle.resize(bytes);
-    good = read_all(file.fd(), bundle) && sha256(bundle) == hash;
-  }
-  if (!good) {
-    ::unlinkat(folder.fd(), name.c_str(), 0);
-    return std::nullopt;
-  }
-  ::futimens(file.fd(), nullptr);  // used now
-  return bundle;
+  return read_checked(folder_, name_of(hash), [&](const std::string& bundle) {
+    return bundle.size() == bytes && sha256(bundle) == hash;
+  });
+}
+
+std::optional<std::string> SceneCache::read_finding(const Sha256& hash, const std::string& program) const {
+  const auto sealed = [](const std::string& file) {
+    Sha256 seal{};
+    if (file.size() < seal.size()) return false;
+    std::memcpy(seal.data(), file.data(), seal.size());
+    return sha256(std::string_view(file).substr(seal.size())) == seal;
+  };
+  auto file = read_checked(folder_, name_of(hash, program), sealed);
+  if (file) file->erase(0, Sha256{}.size());
+  return file;
+}
+
+std::string SceneCache::keep_finding(const Sha256& hash, const std::string& program,
+                                     const std::string& finding) const {
+  const Sha256 seal = sha256(finding);
+  return write(name_of(hash, program), std::string(seal.begin(), seal.end()) + finding);
 }
 
 std::string SceneCache::keep(const Sha256& hash, const std::string& bundle) const {
+  return write(name_of(hash), bundle);
+}
+
+std::string SceneCache::write(const std::string& name, const std::string& bytes) const {
   if (folder_.empty()) return "neither XDG_CACHE_HOME nor HOME is set: the scene is not kept";
-  if (bundle.size() > bytes_max_) return complaint(folder_, "it is too large");
+  if (bytes.size() > bytes_max_) return complaint(folder_, "it is too large");
   std::error_code failed;
   fs::create_directories(folder_.parent_path(), failed);
   if (::mkdir(folder_.c_str(), 0700) != 0 && errno != EEXIST) return complaint(folder_, std::strerror(errno));
   std::string why;
   const File folder = open_folder(folder_, why);
   if (!folder.is_open()) return complaint(folder_, why);
-  make_room(bundle.size());
-  const std::string name = name_of(hash);
+  make_room(bytes.size());
   const std::string beside = "." + name + "." + std::to_string(::getpid());
   ::unlinkat(folder.fd(), beside.c_str(), 0);
   {
     const File file(
         ::openat(folder.fd(), beside.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600));
     if (!file.is_open()) return complaint(folder_, std::strerror(errno));
-    if (!write_all(file.fd(), bundle) || ::fsync(file.fd()) != 0) {
+    if (!write_all(file.fd(), bytes) || ::fsync(file.fd()) != 0) {
       const int error = errno;
       ::unlinkat(folder.fd(), beside.c_str(), 0);
       return complaint(folder_, std::strerror(error));

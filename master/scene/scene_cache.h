@@ -31,7 +31,14 @@ class SceneCache {
   /// Keeps it. Empty, or one line that says why it is not kept.
   std::string keep(const Sha256& hash, const std::string& bundle) const;
 
+  /// What a program found when it looked at the bundle of this hash (SceneChecker), so that it need not look
+  /// again. `program` is 1 to 64 hexadecimal digits: another program finds its own. The file begins with the
+  /// SHA-256 of what follows, and is not believed without.
+  std::optional<std::string> read_finding(const Sha256& hash, const std::string& program) const;
+  std::string keep_finding(const Sha256& hash, const std::string& program, const std::string& finding) const;
+
  private:
+  std::string write(const std::string& name, const std::string& bytes) const;
   void make_room(std::uint64_t for_bytes) const;
 
   std::filesystem::path folder_;

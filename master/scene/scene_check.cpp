@@ -71,9 +71,8 @@ recording::ChildLimits limits_of(std::size_t memory_bytes, int seconds) {
 SceneChecker::SceneChecker(std::size_t memory_bytes, int seconds)
     : child_(kSubject, answer, limits_of(memory_bytes, seconds)) {}
 
-CheckedScene SceneChecker::check(const std::string& bundle) {
-  const std::string said = child_.ask(bundle);
-  recording::Unpacker from(said);
+CheckedScene read_finding(const std::string& finding) {
+  recording::Unpacker from(finding);
   CheckedScene scene;
   scene.name = from.text();
   scene.text = from.text();
@@ -86,7 +85,7 @@ CheckedScene SceneChecker::check(const std::string& bundle) {
   grid.dy_nm = from.get<double>();
   grid.x_first_nm = from.get<double>();
   grid.y_first_nm = from.get<double>();
-  const auto side = [](int n) { return n >= 2 && n <= kGroundMax; };
+  const auto side = [](int n) { return n >= 2 && n <= SceneChecker::kGroundMax; };
   const bool flat = grid.columns == 0 && grid.rows == 0;
   bool good = flat || (side(grid.columns) && side(grid.rows) && grid.dx_nm > 0 && grid.dy_nm > 0 &&
                        std::isfinite(grid.dx_nm + grid.dy_nm + grid.x_first_nm + grid.y_first_nm));
@@ -100,7 +99,7 @@ CheckedScene SceneChecker::check(const std::string& bundle) {
   }
   if (!good)
     throw RunError(std::string(kSubject) + ": its surface cannot be drawn: more than " +
-                   std::to_string(kGroundMax) + " heights a side, or numbers that are none");
+                   std::to_string(SceneChecker::kGroundMax) + " heights a side, or numbers that are none");
   return scene;
 }
 

@@ -29,12 +29,17 @@ class SceneChecker {
   static constexpr int kGroundMax = 2048;
 
   explicit SceneChecker(std::size_t memory_bytes = kMemoryBytes, int seconds = 60);
-  /// Throws UserError or RunError, one line; after a RunError this checker may have lost its process, and
-  /// says so for each further bundle.
-  CheckedScene check(const std::string& bundle);
+  /// What it finds, as bytes for read_finding(). Throws UserError or RunError, one line; after a RunError
+  /// this checker may have lost its process, and says so for each further bundle.
+  std::string look_at(const std::string& bundle) { return child_.ask(bundle); }
+  /// From another thread: a look that is under way ends at once, by a RunError, as every later one.
+  void stop() noexcept { child_.stop(); }
 
  private:
   recording::ChildCall child_;
 };
+
+/// Throws RunError, one line, for what no look ends with.
+CheckedScene read_finding(const std::string& finding);
 
 }  // namespace telenano::scene_store

@@ -1,10 +1,13 @@
 #include "telenano/master/scene/scene_keeper.h"
 
+#include <sys/stat.h>
+
 #include <chrono>
 #include <exception>
 #include <span>
 #include <utility>
 
+#include "telenano/common/base/version.h"
 #include "telenano/common/rt/signals_blocked.h"
 #include "telenano/common/rt/steady_clock.h"
 
@@ -13,6 +16,20 @@ namespace {
 
 constexpr std::chrono::milliseconds kWhileFetching(1);
 constexpr std::chrono::milliseconds kElse(20);
+
+/// Tells one build of this program from another: what one finds in a scene (the bits of a motion) another
+/// need not.
+const std::string& this_program() {
+  static const std::string name = [] {
+    std::string text = std::string(kVersion) + " " + kGitCommit;
+    struct stat about {};
+    if (::stat("/proc/self/exe", &about) == 0)
+      text += " " + std::to_string(about.st_size) + " " + std::to_string(about.st_mtim.tv_sec) + "." +
+              std::to_string(about.st_mtim.tv_nsec);
+    return hex(sha256(text)).substr(0, 16);
+  }();
+  return name;
+}
 
 }  // namespace
 
@@ -31,6 +48,7 @@ SceneKeeper::SceneKeeper(SceneKeeperOptions options)
 
 SceneKeeper::~SceneKeeper() {
   stop_.store(true, std::memory_order_release);
+  checker_.stop();  // a look may take a minute, and nobody waits for it any more
   if (thread_.joinable()) thread_.join();
 }
 
@@ -51,6 +69,7 @@ std::shared_ptr<const std::string> SceneKeeper::bundle() const {
 }
 
 void SceneKeeper::give_up(const std::string& why) {
+  if (stop_.load(std::memory_order_acquire)) return;
   settled_.store(true, std::memory_order_release);
   if (options_.say)
     options_.say("the server's scene cannot be used: " + why + "; the session goes on without");
@@ -96,16 +115,20 @@ void SceneKeeper::use(std::string bundle, bool cached) {
   auto scene = std::make_shared<StationScene>();
   scene->offer = offered_;
   scene->bundle = *bytes;
+  const Sha256 hash = hash_of(offered_);
+  std::string why;
+  // Looking takes as long as making the scene. What this very program has found it need not look for again.
+  const auto found = cached ? cache_.read_finding(hash, this_program()) : std::nullopt;
   try {
-    scene->checked = checker_.check(*bytes);
+    const std::string finding = found ? *found : checker_.look_at(*bytes);
+    scene->checked = read_finding(finding);
+    if (!cached) why = cache_.keep(hash, *bytes);
+    if (!found && why.empty()) why = cache_.keep_finding(hash, this_program(), finding);
   } catch (const std::exception& error) {
     return give_up(error.what());
   }
+  if (!why.empty() && options_.say) options_.say(why);
   scene->same_physics = scene->checked.canonical_motion == offered_.canonical_motion;
-  if (!cached) {
-    const std::string why = cache_.keep(hash_of(offered_), *bytes);
-    if (!why.empty() && options_.say) options_.say(why);
-  }
   {
     const std::lock_guard lock(mutex_);
     scene_ = std::move(scene);

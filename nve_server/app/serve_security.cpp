@@ -1,5 +1,6 @@
 #include "telenano/nve_server/app/serve_security.h"
 
+#include <chrono>
 #include <filesystem>
 #include <utility>
 
@@ -57,10 +58,17 @@ std::unique_ptr<security::DtlsServer> ServeSecurity::make(
   if (!certificate.empty()) config.certificates = {certificate, certificate_key, authority};
   config.capacity = capacity(max_sessions);
   config.resumption = std::move(resumption);
-  security::KeyList list = security::load_key_list(key_list_path());
-  if (list.keys.empty() && list.certificates.empty())
+  using std::chrono::floor;
+  const auto now = floor<std::chrono::seconds>(std::chrono::system_clock::now());
+  const security::KeyList all = security::load_key_list(key_list_path());
+  security::KeyList list = all.in_force(now.time_since_epoch().count());
+  if (list.keys.empty() && list.certificates.empty()) {
+    const bool expired = !all.keys.empty() || !all.certificates.empty();
     throw UserError("--keys " + key_list_path() +
-                    ": is empty, so nobody could come in; telenano-nve keys new NAME adds a key");
+                    (expired ? ": all that is in it has expired, so nobody could come in; telenano-nve keys "
+                               "list shows when, keys new NAME adds a key"
+                             : ": is empty, so nobody could come in; telenano-nve keys new NAME adds a key"));
+  }
   return std::make_unique<security::DtlsServer>(config, std::move(list), wire, clock);
 }
 

@@ -229,6 +229,29 @@ TEST_F(SecureTest, RevokingAKeyEndsItsSession) {
   EXPECT_NE(said.find("revoked 1"), std::string::npos) << said;
 }
 
+// Ten seconds are enough to begin, in which its session goes on, and no longer.
+TEST_F(SecureTest, AKeyThatExpiresEndsItsSessionAndTheOneThatFollowsOpensTheNext) {
+  const auto begin = std::chrono::system_clock::now();
+  EXPECT_EQ(run_program({kNve, "keys", "rotate", "omega-1", "--keys", keys(), "--out", path("next.key"),
+                         "--overlap-days", std::to_string(10.0 / 86400)})
+                .exit_code,
+            0);
+  Server server(scene_path("flat_pdms"), 0, {"--keys", keys()});
+  const std::string file = path("expires.h5");
+  ChildProcess run(station(server, {"--duration-s", "60", "--task", "contact", "--key", path("omega-1.key"),
+                                    "--give-up-s", "1", "--record", file}));
+  ASSERT_TRUE(wait_for(run, file, [](const RecordingReader& reader) { return reader.rows() > 100; }));
+  ASSERT_TRUE(run.wait(kLong)) << run.err();
+  EXPECT_GE(std::chrono::system_clock::now() - begin, std::chrono::seconds(9));
+  EXPECT_EQ(run.exit_code(), 1);
+  EXPECT_NE(run.err().find("does not know the key 'omega-1'"), std::string::npos) << run.err();
+  EXPECT_NE(run.err().find("what has expired"), std::string::npos) << run.err();
+  EXPECT_EQ(session(server, {"--key", path("next.key")}).exit_code, 0);
+  const std::string said = server.stop();
+  EXPECT_NE(said.find("'omega-1' expires at"), std::string::npos) << said;
+  EXPECT_NE(said.find("'omega-1' has expired"), std::string::npos) << said;
+}
+
 TEST_F(SecureTest, WhatAPersonGetsWrongIsToldInOneLine) {
   Server server(scene_path("flat_pdms"), 0, {"--keys", keys()});
   Server plain(scene_path("flat_pdms"));
@@ -348,7 +371,7 @@ TEST_F(SecureTest, FlagsThatDoNotGoTogether) {
        {"--key", "--cert"}},
       {run, {"--cert", "a"}, {"--cert-key", "--ca"}},
       {run, {"--cert", "a", "--cert-key", "b", "--ca", "c"}, {"--cert a"}},
-      {{kNve, "keys"}, {}, {"new, list or revoke"}},
+      {{kNve, "keys"}, {}, {"new, rotate, list or revoke"}},
       {{kNve, "keys"}, {"nwe"}, {"'nwe'", "did you mean new?"}},
       {{kNve, "keys", "new"}, {}, {"name"}},
       {{kNve, "keys", "new"},
@@ -358,6 +381,8 @@ TEST_F(SecureTest, FlagsThatDoNotGoTogether) {
       {{kNve, "keys", "new"}, {"omega-1", "--keys", keys()}, {"omega-1", "already"}},
       {{kNve, "keys", "new"}, {"x y", "--keys", keys()}, {"'x y'"}},
       {{kNve, "keys", "revoke"}, {"omega-2", "--keys", keys()}, {"omega-2"}},
+      {{kNve, "keys", "rotate"}, {"omega-2", "--keys", keys()}, {"omega-2", "omega-1"}},
+      {{kNve, "keys", "new"}, {"x", "--keys", keys(), "--days", "0"}, {"--days"}},
       {{kNve, "keys", "list"}, {"--keys", "none.toml"}, {"none.toml"}},
   };
   for (const auto& bad : all) {
@@ -372,7 +397,7 @@ TEST_F(SecureTest, FlagsThatDoNotGoTogether) {
   }
   const Finished list = run_program({kNve, "keys", "list", "--keys", keys()});
   EXPECT_EQ(list.exit_code, 0);
-  EXPECT_EQ(list.out, "kind,identity,rights\npsk,omega-1,operate\n");
+  EXPECT_EQ(list.out, "kind,identity,rights,expires\npsk,omega-1,operate,\n");
   const Finished insecure =
       run_program({kNve, "serve", "--scene", "none.toml", "--listen", "127.0.0.1:0", "--insecure"});
   EXPECT_NE(insecure.err.find("none.toml"), std::string::npos) << "accepted on loopback";

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/utc_time.h"
 #include "telenano/common/security/key_admin.h"
 #include "telenano/common/security/key_list.h"
 #include "telenano/common/security/private_file.h"
@@ -80,12 +81,92 @@ TEST_F(KeysTest, ANewKeyIsInTheListAndInTheStationsFile) {
   EXPECT_EQ(list.find_key("omega-2")->rights, net::Rights::kAdminister);
   EXPECT_EQ(list.find_key("omega"), nullptr);
   EXPECT_EQ(list_keys(path("keys.toml")),
-            "kind,identity,rights\npsk,omega-1,observe\npsk,omega-2,administer\n");
+            "kind,identity,rights,expires\npsk,omega-1,observe,\npsk,omega-2,administer,\n");
 
   revoke_key(path("keys.toml"), "omega-1");
   EXPECT_EQ(load_key_list(path("keys.toml")).find_key("omega-1"), nullptr);
   EXPECT_NE(load_key_list(path("keys.toml")).find_key("omega-2"), nullptr);
   EXPECT_EQ(mode_of(path("keys.toml")), 0600u);
+}
+
+// Against the calendar as Python's datetime has it.
+TEST(UtcTime, IsTheCalendars) {
+  const std::pair<const char*, std::int64_t> known[] = {
+      {"1970-01-01T00:00:00Z", 0},           {"1972-02-29T23:59:59Z", 68255999},
+      {"2000-02-29T12:34:56Z", 951827696},   {"2026-11-23T03:30:00Z", 1795404600},
+      {"2038-01-19T03:14:08Z", 2147483648},  {"2100-03-01T00:00:00Z", 4107542400},
+      {"9999-12-31T23:59:59Z", 253402300799}};
+  for (const auto& [text, unix_s] : known) {
+    EXPECT_EQ(utc_text(unix_s), text);
+    EXPECT_EQ(parse_utc(text), unix_s) << text;
+  }
+  for (const char* wrong :
+       {"", "2027", "2027-01-31", "2027-01-31T12:00:00", "2027-01-31 12:00:00Z", "2027-01-31T12:00:00+01:00",
+        "2027-02-29T00:00:00Z", "2100-02-29T00:00:00Z", "2027-13-01T00:00:00Z", "2027-00-01T00:00:00Z",
+        "2027-01-31T24:00:00Z", "2027-01-31T12:60:00Z", "2027-01-31T12:00:60Z", "2O27-01-31T12:00:00Z",
+        "1969-12-31T23:59:59Z", "2027-01-31T12:00:00Z "})
+    EXPECT_FALSE(parse_utc(wrong)) << wrong;
+}
+
+TEST_F(KeysTest, WhatHasExpiredIsInTheListAndNotInForce) {
+  const std::string text =
+      "[[key]]\nidentity = \"a\"\npsk = \"" + kHex +
+      "\"\nrights = \"operate\"\nexpires = \"2027-01-31T12:00:00Z\"\n\n[[certificate]]\n"
+      "name = \"c\"\nrights = \"observe\"\nexpires = \"2027-01-31T12:00:01Z\"\n\n[[key]]\n"
+      "identity = \"b\"\npsk = \"" +
+      kHex + "\"\nrights = \"operate\"\n";
+  const KeyList list = parse_key_list(text, "keys.toml");
+  const std::int64_t end_s = *parse_utc("2027-01-31T12:00:00Z");
+  EXPECT_NE(list.find_key("a"), nullptr);
+  EXPECT_NE(list.in_force(end_s - 1).find_key("a"), nullptr);
+  EXPECT_EQ(list.in_force(end_s).find_key("a"), nullptr);
+  EXPECT_NE(list.in_force(end_s).find_certificate("c", ""), nullptr);
+  EXPECT_EQ(list.in_force(end_s + 1).find_certificate("c", ""), nullptr);
+  EXPECT_NE(list.in_force(end_s + 1'000'000'000).find_key("b"), nullptr) << "has no end";
+  EXPECT_EQ(list.next_expiry_s(0), end_s);
+  EXPECT_EQ(list.next_expiry_s(end_s), end_s + 1);
+  EXPECT_EQ(list.next_expiry_s(end_s + 1), std::nullopt);
+  const KeyList again = parse_key_list(key_list_text(list), "again");
+  EXPECT_EQ(again.find_key("a")->expires_s, end_s);
+  EXPECT_EQ(again.find_key("b")->expires_s, std::nullopt);
+  EXPECT_EQ(again.find_certificate("c", "")->expires_s, end_s + 1);
+  std::string wrong = text;
+  wrong.replace(wrong.find("2027"), 20, "tomorrow");
+  EXPECT_NE(complaint([&] { parse_key_list(wrong, "keys.toml"); }).find("2027-01-31T12:00:00Z"),
+            std::string::npos);
+}
+
+TEST_F(KeysTest, AKeyThatFollowsHasItsRightsAndTheOldOneEnds) {
+  constexpr std::int64_t kEnd = 2'000'000'000, kLater = 2'100'000'000;
+  new_key(path("keys.toml"), "omega-1", net::Rights::kObserve, path("1.key"));
+  EXPECT_EQ(rotate_key(path("keys.toml"), "omega-1", path("2.key"), kEnd, kLater), "omega-1.2");
+  KeyList list = load_key_list(path("keys.toml"));
+  EXPECT_EQ(list.find_key("omega-1")->expires_s, kEnd);
+  EXPECT_TRUE(equal(list.find_key("omega-1")->psk, load_station_key(path("1.key")).psk)) << "still opens";
+  EXPECT_EQ(list.find_key("omega-1.2")->rights, net::Rights::kObserve);
+  EXPECT_EQ(list.find_key("omega-1.2")->expires_s, kLater);
+  const StationKey next = load_station_key(path("2.key"));
+  EXPECT_EQ(next.identity, "omega-1.2");
+  EXPECT_TRUE(equal(next.psk, list.find_key("omega-1.2")->psk));
+  EXPECT_FALSE(equal(next.psk, list.find_key("omega-1")->psk));
+  EXPECT_EQ(mode_of(path("2.key")), 0600u);
+
+  // Once more the same: another name, and the end that was sooner stays.
+  EXPECT_EQ(rotate_key(path("keys.toml"), "omega-1", path("3.key"), kLater), "omega-1.3");
+  EXPECT_EQ(rotate_key(path("keys.toml"), "omega-1.3", path("4.key"), kEnd), "omega-1.4");
+  list = load_key_list(path("keys.toml"));
+  EXPECT_EQ(list.find_key("omega-1")->expires_s, kEnd);
+  EXPECT_EQ(list.find_key("omega-1.4")->expires_s, std::nullopt);
+
+  const std::string before = text_of(path("keys.toml"));
+  EXPECT_NE(complaint([&] {
+              rotate_key(path("keys.toml"), "omega-2", path("5.key"), kEnd);
+            }).find("did you mean 'omega-1'?"),
+            std::string::npos);
+  EXPECT_NE(complaint([&] { rotate_key(path("keys.toml"), "omega-1.4", path("4.key"), kEnd); }).find("4.key"),
+            std::string::npos)
+      << "the station's file is there";
+  EXPECT_EQ(text_of(path("keys.toml")), before) << "nothing half done";
 }
 
 TEST_F(KeysTest, HexIsReadDigitByDigit) {

@@ -181,8 +181,8 @@ TEST(PortControl, ALostCommandLosesNothing) {
   EXPECT_NEAR(lossy.z(), -10, 1e-6);
 }
 
-// A station sends the slave its allowance with the first replies, once. An operator who takes the hand later, or a tip
-// that is not there yet, must find it.
+// A station sends the slave its allowance with the first replies, once. An operator who takes the hand later,
+// or a tip that is not there yet, must find it.
 TEST(PortControl, WhatComesBeforeTheTipFollowsIsKept) {
   for (const std::uint32_t method : {link::kMethodTdpa, link::kMethodTank}) {
     SCOPED_TRACE(method);

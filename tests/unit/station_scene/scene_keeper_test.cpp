@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cmath>
 #include <cstdlib>
+#include <fstream>
 #include <mutex>
 #include <string>
 #include <vector>
@@ -253,6 +254,74 @@ TEST_F(Keeper, RefusesASceneThatTakesMoreTimeThanItMayAndSaysSoOfTheNext) {
     std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   EXPECT_FALSE(keeper_->scene());
+}
+
+// Looking at a scan takes seconds. What was found is kept: a second look, which would not end in its second
+// here, is not needed. What is wrong in the file of the finding is looked at anew.
+TEST_F(Keeper, LooksOnceAtASceneThatItKeeps) {
+  const auto both = scene::load_scene_with_bundle(kScenes + "flakes_potential.toml");
+  const link::SceneOffer is = offer_of(both.bundle, slave::canonical_motion_hash(both.scene));
+  begin(options());
+  offer(is);
+  serve(both.bundle);
+  ASSERT_TRUE(keeper_->scene());
+  const CheckedScene first = keeper_->scene()->checked;
+  keeper_.reset();
+
+  SceneKeeperOptions no_time = options();
+  no_time.check_seconds = 1;
+  asked_ = 0;
+  begin(no_time);
+  offer(is);
+  serve("");
+  ASSERT_TRUE(keeper_->scene());
+  EXPECT_EQ(asked_, 0);
+  EXPECT_TRUE(said().empty());
+  EXPECT_TRUE(keeper_->scene()->same_physics);
+  EXPECT_EQ(keeper_->scene()->checked.ground.z_nm, first.ground.z_nm);
+  EXPECT_EQ(keeper_->scene()->checked.scene_hash, first.scene_hash);
+  keeper_.reset();
+
+  for (const auto& entry : fs::directory_iterator(base_ / "telenano")) {
+    if (entry.path().filename().string().find('-') == std::string::npos) continue;
+    std::fstream file(entry.path(), std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(100);
+    file.put('\x7f');
+  }
+  begin(no_time);
+  offer(is);
+  serve("");
+  expect_refused("found no end");
+}
+
+// A session may end while its scene is still looked at, which may take a minute.
+TEST_F(Keeper, EndsAtOnceThoughItStillLooks) {
+  begin(options());
+  // Fields of 1000² heights: half a minute.
+  const std::string slow = bundle_of(flat_with(
+      "kind = \"grating\"\nheight_nm = 5\nperiod_nm = 400\nspacing_nm = 1", "half_width_nm = 500\n"));
+  offer(offer_of(slow, 1));
+  loop::SceneAsk ask;
+  for (std::size_t asked = 0; asked < offer_of(slow, 1).chunks();) {
+    while (keeper_->pipe().requests.pop(ask)) {
+      loop::ScenePiece piece;
+      piece.bundle = ask.bundle;
+      piece.chunk = ask.chunk;
+      const std::size_t at = std::size_t{ask.chunk} * link::kSceneChunkBytes;
+      piece.size = static_cast<std::uint32_t>(std::min(slow.size() - at, link::kSceneChunkBytes));
+      std::copy_n(slow.begin() + static_cast<std::ptrdiff_t>(at), piece.size, piece.data.begin());
+      keeper_->pipe().pieces.push(piece);
+      ++asked;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  while (!keeper_->bundle()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  ASSERT_FALSE(keeper_->settled());
+  const auto begin = std::chrono::steady_clock::now();
+  keeper_.reset();
+  const std::chrono::duration<double> spent = std::chrono::steady_clock::now() - begin;
+  EXPECT_LT(spent.count(), 5);
+  EXPECT_TRUE(said().empty()) << "nobody's fault";
 }
 
 TEST_F(Keeper, RefusesATextThatSaysOtherThanTheNumbers) {
