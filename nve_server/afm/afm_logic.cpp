@@ -137,6 +137,9 @@ const AfmCommand* AfmLogic::waits_for(Role role) const noexcept {
 std::int64_t AfmLogic::timeout_ns(const Connection& c) const noexcept {
   double s = 1e-3 * config_.reply_timeout_ms;
   if (port_->averages(c.call)) s += 2 * config_.period_s();
+  // No reading comes by the emergency port, so no force waits for it: as long as the guard waits for this
+  // thread.
+  if (&c == &at(Role::kEmergency)) s = std::max(s, 1e-3 * config_.guard_silence_ms());
   // The tip goes up as soon as the controller hears: let that stand.
   if (c.call.op == AfmOp::kWithdraw || c.call.op == AfmOp::kStop) s = std::max(s, 1.0);
   return ns(s);

@@ -141,6 +141,20 @@ TEST(AfmLogic, ReadingsThatComeLateMakeNoSignLookWrong) {
   }
 }
 
+// Through the emergency port no reading comes: a busy machine between may take 300 ms over an answer. No
+// answer at all is a withdrawal, as before.
+TEST(AfmLogic, TheEmergencyPortMayTakeAsLongAsTheGuardWaits) {
+  for (const std::int64_t delay_ms : {300, 500}) {
+    Bench b;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing));
+    b.afm->delay_answers(Role::kEmergency, delay_ms * kMs);
+    b.run(3000);
+    EXPECT_EQ(b.phase() == Phase::kFollowing, delay_ms < b.config.guard_silence_ms())
+        << delay_ms << b.afm->logic().news();
+  }
+}
+
 TEST(AfmLogic, AZControllerThatSomeoneElseSwitchesOnWithdraws) {
   for (const Role late : {Role::kMotion, Role::kEmergency, Role::kData}) {
     Bench b;
