@@ -197,7 +197,6 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   server_config.secret = link::SipKey{1, 2};
   server_config.table.capacity = 1;
   server_config.feature_bits = recorded.features;
-  server_config.steps_at_once = SIZE_MAX;  // nothing here calls poll(), which made the rest of them
   const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
   if (logs_steps) server_config.table.timeout_ns = recorded.slave_timeout_ns;
   server::ServedScene served;
