@@ -86,6 +86,17 @@ TEST(StepOrder, ADuplicateOrLateReplyChangesNothing) {
   EXPECT_EQ(step_order(rows).commands, step_order(link.rows).commands);
 }
 
+// Of the idle commands by which the link was measured, 29 is answered by a reply that was lost: had it come,
+// that to 28 would have been stale.
+TEST(RecordedSession, AReplyNewerThanTheFirstOneRecordedWasLost) {
+  recording::DatagramRow welcome;
+  welcome.type = static_cast<std::uint32_t>(link::MessageType::kWelcome);
+  recording::DatagramRow stale = reply(19, 25, 0);
+  stale.drop = static_cast<std::uint32_t>(link::DropCause::kStale);
+  EXPECT_EQ(newest_answered_before({welcome, stale, reply(21, 28, 0), reply(23, 30, 0)}), 27u);
+  EXPECT_EQ(newest_answered_before({welcome, stale}), UINT64_MAX);
+}
+
 /// A session that logs its steps, over a wire that knows what the replies had said. Step n is that of command
 /// n: down onto the surface and along it, each with a target of its own, so that no two states are the same.
 class LoggedWire {
