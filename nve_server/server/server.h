@@ -139,6 +139,10 @@ class Server {
                           std::span<std::uint8_t> out, const rt::Clock* clock = nullptr,
                           const net::Standing& standing = {}, bool superseded = false) noexcept;
 
+  /// ServerConfig::steps_at_once from the next datagram on; 0: logged steps wait. For who replays a session,
+  /// and knows what each datagram had executed.
+  void set_steps_at_once(std::size_t most) noexcept { config_.steps_at_once = most; }
+
   /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
   void poll(std::int64_t now_ns) noexcept;
 

@@ -156,4 +156,12 @@ StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams) {
   return order;
 }
 
+std::uint64_t newest_answered_before(const std::vector<recording::DatagramRow>& datagrams) {
+  for (const auto& row : datagrams) {
+    if (row.type == static_cast<std::uint32_t>(link::MessageType::kReply) && row.drop == 0)
+      return row.answers - 1;
+  }
+  return UINT64_MAX;
+}
+
 }  // namespace telenano::studies

@@ -137,6 +137,7 @@ void prime(const RecordedSession& recorded, link::ClientSession& client, Scripte
   wire.open_to_all(false);
   std::set<std::uint64_t> come_later;
   for (const auto& row : recorded.datagrams) come_later.insert(row.answers);
+  const std::uint64_t answered = newest_answered_before(recorded.datagrams);
   // By the round trip a sender of logged steps knows for how long to wait before it sends them again.
   const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
   const std::int64_t round_trip_ns = std::llround(1e3 * first.rtt_smoothed_us);
@@ -150,7 +151,7 @@ void prime(const RecordedSession& recorded, link::ClientSession& client, Scripte
     if (logs_steps) wire.end_tick(0, {});
     const auto number = static_cast<std::uint64_t>(k);
     const auto* reply = wire.reply_to(number);
-    if (reply == nullptr || come_later.contains(number)) continue;
+    if (reply == nullptr || come_later.contains(number) || number > answered) continue;
     if (logs_steps) {
       measured.emplace_back(clock.now_ns() + round_trip_ns, reply);
     } else {
@@ -197,7 +198,6 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   server_config.secret = link::SipKey{1, 2};
   server_config.table.capacity = 1;
   server_config.feature_bits = recorded.features;
-  server_config.steps_at_once = SIZE_MAX;  // nothing here calls poll(), which made the rest of them
   const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
   if (logs_steps) server_config.table.timeout_ns = recorded.slave_timeout_ns;
   server::ServedScene served;

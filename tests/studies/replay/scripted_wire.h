@@ -48,12 +48,13 @@ class ScriptedWire final : public net::Datagram {
   bool receive(std::span<std::uint8_t> buffer, net::Received& received) noexcept override;
 
   std::int64_t steps() const noexcept { return steps_; }
-  /// What a reply that came had said of the log, where steps are logged: the last one that the slave had
-  /// made. With that command the server then gets the steps up to there: which datagram brought a step, and
-  /// how often it was sent again, depends on microseconds that no recording holds, and the slave's state does
-  /// not.
   /// The tick is over, and this was its step: what was sent in it gets to the server.
   void end_tick(std::uint64_t number, const link::LoggedStep& step);
+  /// What a reply that came had said of the log, where steps are logged: the last one that the slave had
+  /// made. By that command it makes them up to there, and no more. Which datagram brought a step, how often
+  /// it was sent again, and whether a datagram or the server's own look at its log made it, depends on
+  /// microseconds that no recording holds, and the slave's state does not. So every command brings what is
+  /// made, as much as fits, and the server's ring keeps it until its turn.
   void expect_executed(std::uint64_t command, std::uint64_t executed) { executed_[command] = executed; }
   /// The first command at which the server had made other steps by then; 0: none.
   std::uint64_t other_steps_at() const noexcept { return other_steps_at_; }
@@ -61,12 +62,8 @@ class ScriptedWire final : public net::Datagram {
 
  private:
   void deliver(std::span<const std::uint8_t> bytes, std::int64_t now_ns);
-  std::size_t with_steps(std::uint64_t first, std::uint64_t last, std::uint64_t& reached,
-                         std::span<std::uint8_t> out) noexcept;
-  std::size_t with_steps_until(std::uint64_t executed, std::uint64_t then,
-                               std::span<std::uint8_t> out) noexcept;
-  std::size_t with_steps_towards(std::uint64_t until, std::span<std::uint8_t> out) noexcept;
-  void note_executed(std::uint64_t number) noexcept;
+  std::uint64_t executed_by(std::uint64_t command) const noexcept;
+  std::size_t with_steps(std::uint64_t last, std::span<std::uint8_t> out) noexcept;
 
   server::Server& server_;
   RecordedClock& clock_;
@@ -77,9 +74,9 @@ class ScriptedWire final : public net::Datagram {
   bool open_ = true;
   std::map<std::uint64_t, std::uint64_t> executed_;  ///< by the command answered
   std::uint64_t other_steps_at_ = 0;
-  std::map<std::uint64_t, link::LoggedStep> made_;  ///< by the station, and not yet by the server
+  std::map<std::uint64_t, link::LoggedStep> made_;  ///< by the station, and not yet at the server
+  std::uint64_t brought_ = 0;                       ///< the server has the steps up to here
   std::uint64_t last_executed_ = 0;
-  std::uint64_t waiting_until_ = 0;  ///< the server has all after the next step to execute up to here
   std::vector<std::pair<std::int64_t, std::vector<std::uint8_t>>> waits_for_steps_;  ///< sent in this tick
   std::int64_t steps_ = 0;
   std::span<const recording::DatagramRow> rows_;
