@@ -36,9 +36,27 @@ void offer_bundle(telenano::scene::SceneWithBundle both, telenano::server::Serve
   served.to_fetch = std::move(to_fetch);
 }
 
-telenano::server::ServedScene serve_scene(const std::string& path, const std::string& surface_folder) {
+/// The unmarked surface over the workspace; what is finer than a 127th of it is not shown.
+telenano::surface::HeightGrid heights_of(const telenano::scene::Scene& scene,
+                                         const telenano::slave::SlaveLimits& limits) {
+  telenano::surface::HeightGrid grid;
+  grid.columns = grid.rows = 128;
+  grid.x_first_nm = limits.workspace_min_w_nm[0];
+  grid.y_first_nm = limits.workspace_min_w_nm[1];
+  grid.dx_nm = (limits.workspace_max_w_nm[0] - grid.x_first_nm) / (grid.columns - 1);
+  grid.dy_nm = (limits.workspace_max_w_nm[1] - grid.y_first_nm) / (grid.rows - 1);
+  for (int j = 0; j < grid.rows; ++j)
+    for (int i = 0; i < grid.columns; ++i)
+      grid.z_nm.push_back(
+          scene.surface->height_nm(grid.x_first_nm + i * grid.dx_nm, grid.y_first_nm + j * grid.dy_nm));
+  return grid;
+}
+
+telenano::server::ServedScene serve_scene(const std::string& path, const std::string& surface_folder,
+                                          std::shared_ptr<const telenano::scene::Scene>& loaded) {
   auto both = telenano::app::load_scene_with_bundle(path);
   const auto scene = both.scene;
+  loaded = scene;
   telenano::server::ServedScene served;
   served.name = telenano::server::scene_name(scene->name);
   served.hash = scene->hash;
@@ -61,7 +79,11 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("telenano-nve ") + telenano::kVersion);
   app.require_subcommand(1);
   int exit_code = 0;
-  telenano::app::add_serve_command(app, serve_scene, exit_code);
+  std::shared_ptr<const telenano::scene::Scene> loaded;
+  telenano::app::add_serve_command(
+      app,
+      [&](const std::string& path, const std::string& folder) { return serve_scene(path, folder, loaded); },
+      exit_code, [&] { return heights_of(*loaded, telenano::slave::nve_slaves(loaded)()->limits()); });
   telenano::app::add_afm_guard_command(app, exit_code);
   telenano::app::add_afm_command(app);
   telenano::app::add_curve_command(app);

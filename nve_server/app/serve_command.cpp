@@ -27,9 +27,11 @@
 #include "telenano/nve_server/app/serve_afm.h"
 #include "telenano/nve_server/app/serve_metrics.h"
 #include "telenano/nve_server/app/serve_security.h"
+#include "telenano/nve_server/app/serve_web.h"
 #include "telenano/nve_server/app/serve_workers.h"
 #include "telenano/nve_server/app/server_signals.h"
 #include "telenano/nve_server/app/service_notify.h"
+#include "telenano/nve_server/web/web_view.h"
 
 namespace telenano::app {
 namespace {
@@ -116,12 +118,15 @@ struct ServeOptions {
   std::string audit;
   std::string metrics;
   bool metrics_public = false;
+  std::string web;
+  bool web_public = false;
+  std::size_t web_clients = 8;
   std::string dscp = "ef";
   ServeSecurity security;
   ServeAfm afm;
 };
 
-void serve(ServeOptions& options, const SceneLoader& load_scene) {
+void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeights& heights) {
   options.afm.check(options.scene, options.share, options.workers);
   const net::Address address = net::parse_address(options.listen, "--listen");
   options.security.check(options.listen, net::is_loopback(address));
@@ -167,6 +172,11 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
   config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
   const bool one_tip = options.share == "one-tip" || (options.share.empty() && scene.one_tip_only);
   config.share = one_tip ? server::Share::kOneTip : server::Share::kPrivate;
+  std::shared_ptr<web::TipSlots> tip_slots;
+  if (!options.web.empty()) {
+    tip_slots = std::make_shared<web::TipSlots>();
+    scene.make_slave = watched(scene.make_slave, tip_slots);
+  }
   workers.prepare(options.security, config, scene);
   const bool secure = options.security.is_secure();
 
@@ -181,6 +191,20 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
   if (!options.metrics.empty()) {
     exporter.emplace(options.metrics, options.metrics_public,
                      [&](metrics::Page& page) { write_metrics(workers.loops(), workers.channels(), page); });
+  }
+
+  std::optional<web::WebView> web_view;
+  if (tip_slots) {
+    web::WebViewConfig web_config;
+    web_config.address = options.web;
+    web_config.anybody = options.web_public;
+    web_config.clients_max = options.web_clients;
+    if (heights && !options.afm.wanted()) web_config.heights = heights();
+    web_config.state = [state = std::make_shared<WebState>(workers, tip_slots, options.afm.wanted())] {
+      return state->next();
+    };
+    web_config.tell = [log](const std::string& text) { log->info("{}", text); };
+    web_view.emplace(std::move(web_config));
   }
 
   log->info("serving {} on {}{}{}{}", options.afm.served(options.scene), net::to_string(workers.local()),
@@ -256,7 +280,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene) {
 
 }  // namespace
 
-CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code) {
+CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code, SceneHeights heights) {
   auto options = std::make_shared<ServeOptions>();
   CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
   command
@@ -333,13 +357,23 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_flag("--metrics-public", options->metrics_public,
                     "Let --metrics listen off loopback, where anybody can read it");
   command
+      ->add_option("--web", options->web,
+                   "Show the running sessions to browsers, read only, at HOST:PORT, e.g. 127.0.0.1:8080; "
+                   "prints an address with a token that works once")
+      ->type_name("HOST:PORT");
+  command->add_flag("--web-public", options->web_public,
+                    "Let --web listen off loopback, where pictures and token travel unencrypted");
+  command->add_option("--web-clients", options->web_clients, "Browsers that may look at once")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+  command
       ->add_option(
           "--dscp", options->dscp,
           "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
       ->capture_default_str();
   options->security.add_flags(*command);
-  command->callback([options, load = std::move(load_scene), &exit_code] {
-    serve(*options, load);
+  command->callback([options, load = std::move(load_scene), heights = std::move(heights), &exit_code] {
+    serve(*options, load, heights);
     exit_code = 0;
   });
   return command;

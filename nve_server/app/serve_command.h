@@ -4,6 +4,7 @@
 #include <functional>
 #include <string>
 
+#include "telenano/common/surface/height_grid.h"
 #include "telenano/nve_server/server/server.h"
 
 namespace telenano::app {
@@ -13,9 +14,13 @@ namespace telenano::app {
 using SceneLoader =
     std::function<server::ServedScene(const std::string& scene_path, const std::string& surface_folder)>;
 
+/// The heights of the scene that was loaded last, for `--web`.
+using SceneHeights = std::function<surface::HeightGrid()>;
+
 /// Adds `serve --scene FILE --listen HOST:PORT …`. When the command is given, it runs inside app.parse()
 /// until SIGINT or SIGTERM, says Bye to its sessions and leaves 0 in `exit_code`; UserError and RunError go
 /// through to the caller.
-CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code);
+/// `heights` empty: browsers are told that the surface is not known.
+CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code, SceneHeights heights = {});
 
 }  // namespace telenano::app

@@ -100,11 +100,12 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"nve_server/afm",
      {"common/base", "common/config", "common/hash", "common/link", "common/net", "common/rt",
       "nve_server/nanonis", "nve_server/slave"}},
+    {"nve_server/web", {"common/base", "common/net", "common/rt", "common/surface"}},
     {"nve_server/app",
-     {"common/base", "common/config", "common/hash", "common/metrics", "common/rt", "common/link",
-      "common/net", "common/security", "common/surface", "nve_server/physics", "nve_server/scene",
-      "nve_server/slave", "nve_server/server", "nve_server/afm", "nve_server/afm_sim", "nve_server/nanonis",
-      "nve_server/import", "nve_server/fit", "common/plot"}},
+     {"common/base",        "common/config",     "common/hash",       "common/metrics", "common/rt",
+      "common/link",        "common/net",        "common/security",   "common/surface", "nve_server/physics",
+      "nve_server/scene",   "nve_server/slave",  "nve_server/server", "nve_server/afm", "nve_server/afm_sim",
+      "nve_server/nanonis", "nve_server/import", "nve_server/fit",    "nve_server/web", "common/plot"}},
 };
 
 // Header prefix -> the files (path prefixes) that may see it.
@@ -112,7 +113,8 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"google/protobuf", {"common/link/codec"}},
     {"telenano.pb.h", {"common/link/codec"}},
     {"proto/telenano.pb.h", {"common/link/codec"}},
-    {"boost/asio", {"common/net/udp", "common/net/tcp"}},
+    {"boost/asio", {"common/net/udp", "common/net/tcp", "nve_server/web/web_view"}},
+    {"boost/beast", {"nve_server/web/web_view"}},
     {"openssl/", {"common/security/dtls_", "common/hash/sha256"}},
     {"prometheus/", {"common/metrics/exporter"}},
     {"nlohmann/", {"nve_server/app/audit_log"}},

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "telenano/common/rt/latest_value.h"
+
+namespace telenano::web {
+
+/// What a browser sees of one tip. Frame W, z up.
+struct TipView {
+  std::array<double, 3> tip_pos_w_nm{};
+  std::array<double, 3> force_w_nn{};  ///< on the tip
+  std::uint32_t contact_state = 0;     ///< link::ContactState
+  std::uint32_t fault_bits = 0;
+};
+
+/// One wait-free slot for each tip, written by the thread that moves it and read by the web thread. Tips
+/// beyond kSlots are not seen. No name, key or address is in it.
+class TipSlots {
+ public:
+  static constexpr std::size_t kSlots = 64;
+  struct Slot {
+    std::atomic<bool> taken{false};
+    rt::LatestValue<TipView> value;
+  };
+
+  /// Any thread; null when all are taken.
+  Slot* take() noexcept {
+    for (Slot& slot : slots_) {
+      bool expected = false;
+      if (slot.taken.compare_exchange_strong(expected, true, std::memory_order_acq_rel)) return &slot;
+    }
+    return nullptr;
+  }
+  const std::array<Slot, kSlots>& slots() const noexcept { return slots_; }
+
+ private:
+  std::array<Slot, kSlots> slots_;
+};
+
+}  // namespace telenano::web

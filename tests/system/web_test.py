@@ -1,0 +1,254 @@
+"""The browsers' view of a running server, asked with raw sockets: who is let in, and what is served.
+
+The oracle of the protocol is RFC 6455 and RFC 9112 as written here by hand; of the numbers, where the tip may be.
+"""
+
+import base64
+import hashlib
+import json
+import os
+import re
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import unittest
+
+NVE, MASTER, SCENE = sys.argv[1:4]
+PATIENCE_S = 30  # for an event on a loaded machine; nothing is shown by how long it takes
+
+
+class Server:
+    def __init__(self, *flags):
+        self.process = subprocess.Popen(
+            [NVE, "serve", "--scene", SCENE, "--listen", "127.0.0.1:0", "--web", "127.0.0.1:0", *flags],
+            stderr=subprocess.PIPE)
+        self.log = ""
+        self.port = int(self.until(r"web view.*http://127\.0\.0\.1:(\d+)/").group(1))
+        self.udp = self.until(r"serving .* on (127\.0\.0\.1:\d+)").group(1)
+
+    def until(self, pattern, after=0):
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:
+            found = re.search(pattern, self.log[after:])
+            if found:
+                return found
+            if select.select([self.process.stderr], [], [], 0.2)[0]:
+                piece = os.read(self.process.stderr.fileno(), 65536).decode()
+                if not piece:
+                    break
+                self.log += piece
+        raise AssertionError(f"no {pattern!r} in:\n{self.log}")
+
+    def token(self):
+        """The newest that was printed."""
+        self.until(r"token=[0-9a-f]{32}")
+        while select.select([self.process.stderr], [], [], 0)[0]:
+            self.log += os.read(self.process.stderr.fileno(), 65536).decode()
+        return re.findall(r"token=([0-9a-f]{32})", self.log)[-1]
+
+    def close(self):
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(PATIENCE_S)
+        self.process.stderr.close()
+
+    def raw(self, data):
+        """What comes until the server closes."""
+        with socket.create_connection(("127.0.0.1", self.port), PATIENCE_S) as s:
+            try:
+                s.sendall(data)
+                answer = b""
+                while piece := s.recv(65536):
+                    answer += piece
+            except ConnectionError:
+                pass
+            return answer
+
+    def get(self, path, host=None, **headers):
+        lines = [f"GET {path} HTTP/1.1", f"Host: {host or f'127.0.0.1:{self.port}'}"]
+        lines += [f"{k}: {v}" for k, v in headers.items()]
+        head, _, body = self.raw("\r\n".join(lines + ["", ""]).encode()).partition(b"\r\n\r\n")
+        return int(head.split()[1]), head.decode(), body
+
+    def cookie(self):
+        mark = len(self.log)
+        status, head, _ = self.get("/?token=" + self.token())
+        assert status == 303, head
+        self.until(r"token=[0-9a-f]{32}", mark)  # the next one
+        assert "HttpOnly" in head and "SameSite=Strict" in head, head
+        return re.search(r"Set-Cookie: ([^;]+)", head).group(1)
+
+    def live(self, cookie, origin=None, host=None):
+        s = socket.create_connection(("127.0.0.1", self.port), PATIENCE_S)
+        key = base64.b64encode(os.urandom(16)).decode()
+        lines = ["GET /live HTTP/1.1", f"Host: {host or f'127.0.0.1:{self.port}'}", "Upgrade: websocket",
+                 "Connection: Upgrade", f"Sec-WebSocket-Key: {key}", "Sec-WebSocket-Version: 13",
+                 f"Cookie: {cookie}"]
+        if origin is None:
+            origin = f"http://127.0.0.1:{self.port}"
+        if origin:
+            lines.append(f"Origin: {origin}")
+        s.sendall("\r\n".join(lines + ["", ""]).encode())
+        head = b""
+        while b"\r\n\r\n" not in head:
+            piece = s.recv(1)
+            if not piece:
+                break
+            head += piece
+        status = int(head.split()[1])
+        if status == 101:
+            magic = key + "258EAFA5-E914-47DA-95CA-C5AB0DC85B11"  # RFC 6455, 1.3
+            want = base64.b64encode(hashlib.sha1(magic.encode()).digest())
+            assert want in head, head
+        return status, s
+
+
+def exactly(s, n):
+    data = b""
+    while len(data) < n:
+        piece = s.recv(n - len(data))
+        if not piece:
+            raise EOFError
+        data += piece
+    return data
+
+
+def frame(s):
+    first, length = exactly(s, 2)
+    if length == 126:
+        length, = struct.unpack(">H", exactly(s, 2))
+    return first & 15, exactly(s, length)
+
+
+def ended(s):
+    try:
+        while frame(s)[0] != 8:
+            pass
+    except (EOFError, ConnectionError):
+        pass
+    s.close()
+    return True
+
+
+class Web(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.server = Server("--web-clients", "2")
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.server.close()
+
+    def test_nothing_without_a_token_and_each_works_once(self):
+        s = self.server
+        for path in ("/", "/surface", "/view.js", "/three.js", "/?token=", "/?token=" + "0" * 32):
+            self.assertEqual(s.get(path)[0], 403, path)
+        first = s.token()
+        cookie = s.cookie()
+        self.assertEqual(s.get("/?token=" + first)[0], 403)
+        status, head, body = s.get("/", Cookie=cookie)
+        self.assertEqual(status, 200)
+        self.assertIn("default-src 'none'", head)
+        self.assertNotIn(b"http", body.replace(b"</html", b"").replace(b"<!doctype", b""))  # no other host
+        self.assertEqual(s.get("/", Cookie=cookie[:-1] + ("0" if cookie[-1] != "0" else "1"))[0], 403)
+
+    def test_a_foreign_host_or_origin_gets_nothing(self):
+        s = self.server
+        cookie = s.cookie()
+        self.assertEqual(s.get("/", host=f"evil.example:{s.port}", Cookie=cookie)[0], 403)
+        self.assertEqual(s.get("/", host="127.0.0.1", Cookie=cookie)[0], 403)
+        self.assertEqual(s.get("/surface", Cookie=cookie, Origin="http://evil.example")[0], 403)
+        for origin in ("http://evil.example", "null", "", f"https://127.0.0.1:{s.port}"):
+            status, connection = s.live(cookie, origin=origin)
+            connection.close()
+            self.assertEqual(status, 403, origin)
+        status, connection = s.live("telenano=0")
+        connection.close()
+        self.assertEqual(status, 403)
+
+    def test_what_is_no_bounded_request_ends(self):
+        s = self.server
+        host = f"Host: 127.0.0.1:{s.port}\r\n".encode()
+        self.assertEqual(s.raw(b"GET / HTTP/1.1\r\n" + host + b"X: " + b"a" * 20000 + b"\r\n\r\n"), b"")
+        self.assertEqual(s.raw(b"GET /" + b"a" * 20000), b"")
+        self.assertEqual(s.raw(os.urandom(3000) + b"\r\n\r\n"), b"")
+        self.assertNotIn(b"200", s.raw(b"POST / HTTP/1.1\r\n" + host + b"Content-Length: 5\r\n\r\nhello")[:20])
+        self.assertEqual(s.raw(b"GET / HT"), b"")  # half a request: closed after its time
+        self.assertEqual(s.get("/", Cookie=s.cookie())[0], 200)
+
+    def test_any_word_of_a_browser_ends_its_connection(self):
+        s = self.server
+        cookie = s.cookie()
+        masked = b"\0\0\0\0"
+        for words in (b"\x81\x82" + masked + b"hi", b"\x82\x82" + masked + b"hi", b"\x89\x80" + masked,
+                      b"\x81\x02hi", os.urandom(64), b"\x81\xff" + b"\x7f" * 8 + masked):
+            status, connection = s.live(cookie)
+            self.assertEqual(status, 101, words)
+            frame(connection)
+            connection.sendall(words)
+            self.assertTrue(ended(connection), words)
+
+    def test_places_are_bounded_and_become_free(self):
+        s = self.server
+        cookie = s.cookie()
+        two = [s.live(cookie) for _ in range(2)]
+        self.assertEqual([status for status, _ in two], [101, 101])
+        status, third = s.live(cookie)
+        third.close()
+        self.assertEqual(status, 503)
+        for _, connection in two:
+            connection.close()
+        end = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end:  # until the server has seen it
+            status, again = s.live(cookie)
+            again.close()
+            if status == 101:
+                break
+        self.assertEqual(status, 101)
+
+    def test_a_session_is_seen(self):
+        s = self.server
+        cookie = s.cookie()
+        _, _, body = s.get("/surface", Cookie=cookie)
+        columns, rows = struct.unpack_from("<II", body, 4)
+        self.assertEqual((body[:4], len(body)), (b"TNHG", 28 + 4 * columns * rows))
+        status, connection = s.live(cookie)
+        self.assertEqual(status, 101)
+        before = json.loads(frame(connection)[1])
+        self.assertEqual(before, {"mode": "SIM", "sessions": 0, "tips": []})
+        station = subprocess.Popen([MASTER, "run", "--server", s.udp, "--duration-s", "20"],
+                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        try:
+            end = time.monotonic() + PATIENCE_S
+            seen = before
+            while time.monotonic() < end and not seen["tips"]:
+                kind, text = frame(connection)
+                if kind == 1:
+                    seen = json.loads(text)
+            self.assertEqual((seen["sessions"], len(seen["tips"])), (1, 1), seen)
+            self.assertEqual(set(seen["tips"][0]), {"p", "f", "c", "e"})  # no name, key or address
+        finally:
+            connection.close()
+            station.kill()
+            station.communicate()
+
+
+class BadInput(unittest.TestCase):
+    def refused(self, *flags):
+        run = subprocess.run([NVE, "serve", "--scene", SCENE, "--listen", "127.0.0.1:0", *flags],
+                             capture_output=True, text=True, timeout=60)
+        self.assertEqual(run.returncode, 2, run.stderr)
+        self.assertIn("--web", run.stderr.strip().splitlines()[-1])
+
+    def test_a_bad_public_or_taken_address_is_one_line(self):
+        self.refused("--web", "nonsense")
+        self.refused("--web", "0.0.0.0:0")
+        with socket.create_server(("127.0.0.1", 0)) as taken:
+            self.refused("--web", f"127.0.0.1:{taken.getsockname()[1]}")
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1])
