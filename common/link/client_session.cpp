@@ -330,7 +330,7 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
     return codec_.encode(command, std::span<const std::uint8_t>(step_bytes_).first(bytes), out);
   }
   if ((features() & kFeatureRedundancy) == 0) return codec_.encode(command, out);
-  sent_.before(command, config_.redundancy, recent_);
+  sent_.before(command, std::min(config_.redundancy, repeats_), recent_);
   sent_.add(command);
   return codec_.encode(command, recent_, out);
 }

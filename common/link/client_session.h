@@ -87,6 +87,8 @@ class ClientSession {
   /// On return `command` is what was sent: totals and the wave's sum count from this session's Welcome, and
   /// `control` is empty where the feature was not agreed.
   std::size_t make_command(Command& command, std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
+  /// From now on a datagram repeats at most so many commands, and never more than the config's redundancy.
+  void repeat_at_most(std::size_t commands) noexcept { repeats_ = commands; }
   /// Is there a log of steps in this session? Then nothing but steps moves the slave.
   bool logs_steps() const noexcept { return (features() & kFeatureStepLog) != 0; }
   /// Number that the next step gets.
@@ -205,6 +207,7 @@ class ClientSession {
   bool overtaken_ = false;
   SentCommands sent_;
   RecentCommands recent_;
+  std::size_t repeats_ = kMaxRecent;
   StepSender steps_;
   SnapshotFetch snapshot_;
   std::array<std::uint8_t, kStepsBytesMost> step_bytes_{};

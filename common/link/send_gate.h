@@ -25,13 +25,15 @@ class SendGate {
   explicit SendGate(const SendGateConfig& config) noexcept : config_(config) {}
 
   bool enabled() const noexcept { return config_.enabled(); }
+  /// Deadbands are `factor` times what was configured, 1 or more, from now on.
+  void widen(double factor) noexcept { factor_ = factor; }
   /// True: send it, and it counts as sent.
   bool wants(const Command& command, const Vec3& hand_force_h_n, std::int64_t now_ns) noexcept {
     ++asked_;
     const bool changed =
         !sent_any_ || command.flags != flags_ || command.control.method != method_ ||
-        (command.tip_pos_w_nm - pos_w_nm_).norm() > config_.deadband_nm ||
-        (config_.deadband_n > 0 && (hand_force_h_n - force_h_n_).norm() > config_.deadband_n);
+        (command.tip_pos_w_nm - pos_w_nm_).norm() > factor_ * config_.deadband_nm ||
+        (config_.deadband_n > 0 && (hand_force_h_n - force_h_n_).norm() > factor_ * config_.deadband_n);
     if (config_.enabled() && !changed && now_ns - sent_ns_ < config_.heartbeat_ns) {
       ++held_;
       return false;
@@ -52,6 +54,7 @@ class SendGate {
 
  private:
   SendGateConfig config_;
+  double factor_ = 1;
   bool sent_any_ = false;
   std::uint32_t flags_ = 0;
   std::uint32_t method_ = 0;

@@ -132,7 +132,47 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
   }
 }
 
+/// A tenth of change is worth a row, twice a second at most: what is between is in the commands that were
+/// sent.
+void RealTimeSession::record_rate(const recording::Sample& sample) noexcept {
+  constexpr double kAgainS = 0.5;
+  const double rate_hz = loop_.rate().rate_hz();
+  const bool first = last_rate_hz_ == 0;
+  const bool other = std::abs(rate_hz - last_rate_hz_) > 0.1 * last_rate_hz_ ||
+                     (rate_hz == loop_.rate().full_hz() && rate_hz != last_rate_hz_);
+  if (!first && (!other || sample.time_s - last_rate_s_ < kAgainS)) return;
+  last_rate_hz_ = rate_hz;
+  last_rate_s_ = sample.time_s;
+  const char* text = "";
+  switch (loop_.rate().reason()) {
+    case link::RateReason::kFull:
+      text = "sends every tick";
+      break;
+    case link::RateReason::kStart:
+      text = "sends less: the link is not known yet";
+      break;
+    case link::RateReason::kQueue:
+      text = "sends less: a queue on the way";
+      break;
+    case link::RateReason::kLoss:
+      text = "sends less: losses";
+      break;
+    case link::RateReason::kSilence:
+      text = "sends less: nothing comes back";
+      break;
+    case link::RateReason::kRising:
+      text = "sends more: the link has room";
+      break;
+    case link::RateReason::kFixed:
+      text = "sends as told";
+      break;
+  }
+  recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSendRate, text,
+                                        static_cast<std::uint32_t>(rate_hz)));
+}
+
 void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
+  record_rate(sample);
   if (station_.mode() != last_mode_) {
     last_mode_ = station_.mode();
     recorder_->push(recording::make_event(sample.tick, sample.time_s, static_cast<std::uint32_t>(last_mode_),
@@ -179,6 +219,11 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.playout_delay_ms = sample.playout_delay_ms;
   p.playout_late = loop_.playout().counts().late;
   p.commands_held = loop_.gate().held();
+  p.send_hz = loop_.rate().rate_hz();
+  p.send_full_hz = loop_.rate().full_hz();
+  p.send_least_hz = loop_.rate().lowest_hz();
+  p.send_reason = loop_.rate().reason();
+  p.send_lowered = loop_.rate().lowered();
   p.ticks = sample.tick + 1;
   p.overruns = timer.overruns;
   p.missed_ticks = timer.missed;

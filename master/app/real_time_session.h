@@ -39,6 +39,9 @@ inline constexpr std::uint32_t kEventMethod = 105;   ///< changed by the rule; v
 inline constexpr std::uint32_t kEventTwin =
     106;  ///< is apart from the server, or again the same; value: partings
 
+inline constexpr std::uint32_t kEventSendRate =
+    107;  ///< value: datagrams a second from here on; the text says why
+
 /// What the loop tells the progress line.
 struct Progress {
   double time_s = 0;
@@ -49,6 +52,11 @@ struct Progress {
   double playout_delay_ms = 0;  ///< 0: none
   std::uint64_t playout_late = 0;
   std::uint64_t commands_held = 0;  ///< by the deadband
+  double send_hz = 0;               ///< datagrams a second that the link is given,
+  double send_full_hz = 0;          ///< at most,
+  double send_least_hz = 0;         ///< at least so far
+  link::RateReason send_reason = link::RateReason::kFixed;
+  std::uint64_t send_lowered = 0;  ///< times, by a queue, losses or silence
   double energy_j = 0;
   std::uint32_t mode = 0;
   control::Method method = control::Method::kNone;
@@ -126,6 +134,7 @@ class RealTimeSession {
   void see_tip(const recording::Sample& before) noexcept;
   void follow_link(const recording::Sample& before, double dt_s) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
+  void record_rate(const recording::Sample& sample) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
   void publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept;
   double hand_time_s(const recording::Sample& sample) const noexcept;
@@ -167,6 +176,8 @@ class RealTimeSession {
   std::uint64_t last_sessions_;
   std::uint32_t last_epoch_;
   bool last_observes_ = false;
+  double last_rate_hz_ = 0;
+  double last_rate_s_ = 0;
   station::TwinState last_twin_ = station::TwinState::kNone;
 };
 

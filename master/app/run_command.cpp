@@ -41,6 +41,12 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       ->check(CLI::Range(0, 4));
   command
       .add_option(
+          "--send-hz", options.send_hz,
+          "Datagrams a second: auto (default), as many as the link carries without a queue, at most one "
+          "a tick; or a number, which is kept whatever the link does")
+      ->type_name("{auto,20-8000}");
+  command
+      .add_option(
           "--dscp", options.dscp,
           "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
       ->capture_default_str();

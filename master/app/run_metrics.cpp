@@ -61,6 +61,15 @@ void write_metrics(const Progress& p, metrics::Page& page) {
   page.counter("telenano_playout_late_total", "Replies too late to be played out", number(p.playout_late));
   page.counter("telenano_commands_held_total", "Commands not sent, within the deadband",
                number(p.commands_held));
+  page.gauge("telenano_send_rate_hz", "Datagrams a second that the link is given", p.send_hz);
+  for (const auto reason :
+       {link::RateReason::kFull, link::RateReason::kStart, link::RateReason::kQueue, link::RateReason::kLoss,
+        link::RateReason::kSilence, link::RateReason::kRising, link::RateReason::kFixed}) {
+    page.gauge("telenano_send_rate_reason", "1 for why the rate is what it is",
+               p.send_reason == reason ? 1 : 0, {{"reason", link::name(reason)}});
+  }
+  page.counter("telenano_send_rate_lowered_total", "Times that a queue, losses or silence lowered the rate",
+               number(p.send_lowered));
   write_link(p.link, page);
 }
 

@@ -25,6 +25,7 @@ struct RunOptions : connection::ServerAccess {
   std::optional<double> force_scale;
   bool allow_unsafe_scaling = false;
   std::optional<int> redundancy;
+  std::string send_hz;  ///< "auto" or a number; empty: the station file's
   std::string dscp = "ef";
   std::string metrics;
   bool metrics_public = false;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -81,6 +82,16 @@ void require_numbers(const RunOptions& options) {
   require("--give-up-s", options.give_up_s);
 }
 
+double parse_send_hz(const std::string& text) {
+  if (text == "auto") return 0;
+  double hz = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), hz);
+  if (error != std::errc() || end != text.data() + text.size() || !(hz >= 20 && hz <= 8000))
+    throw UserError(
+        fmt::format("--send-hz '{}': expected auto, or datagrams a second from 20 to 8000", text));
+  return hz;
+}
+
 // The file, then the flags, which win.
 StationFile station_file(const RunOptions& options) {
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
@@ -96,6 +107,7 @@ StationFile station_file(const RunOptions& options) {
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
   if (options.duration_s) file.task.duration_s = *options.duration_s;
   if (options.redundancy) file.redundancy = *options.redundancy;
+  if (!options.send_hz.empty()) file.send_hz = parse_send_hz(options.send_hz);
   if (options.depth_nm) file.task.depth_nm = *options.depth_nm;
   finish_station_file(file, options.config_file.empty() ? "command line" : options.config_file);
   return file;
@@ -540,6 +552,7 @@ int run_session(const RunOptions& options) {
     if (recorder) recorder->close();
     session_file.remove();  // ended by a Bye, one way or the other
     print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
+    print_sending(live.progress());
   };
   // A window does not vanish under a person's eyes because the server did. A run that was told how long it
   // takes is nobody's to close.

@@ -19,6 +19,9 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
       station::mode_name(static_cast<station::Mode>(p.mode)), p.tip_height_nm, p.force_nn, p.hand_force_n,
       p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us, p.link.jitter_us, p.link.commands_lost,
       p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
+  if (p.send_hz < p.send_full_hz)
+    line += fmt::format("  sending {:.0f} of {:.0f} Hz: {}", p.send_hz, p.send_full_hz,
+                        link::name(p.send_reason));
   if (p.playout_delay_ms > 0)
     line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
   if (p.twin == station::TwinState::kApart)
@@ -80,6 +83,12 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
     fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
                end_of_line);
   }
+}
+
+void print_sending(const Progress& last) {
+  fmt::print(stderr, "  {:<36} {:.0f} Hz at the end ({}), {:.0f} at least, {} times lowered\n",
+             "datagrams sent", last.send_hz, link::name(last.send_reason), last.send_least_hz,
+             last.send_lowered);
 }
 
 std::string slave_fault_names() {

@@ -21,6 +21,8 @@ void print_changes(const Progress& before, const Progress& now, bool terminal);
 std::string slave_fault_names();
 std::string station_fault_names();
 
+/// One line at the end: how many datagrams a second at last, at least, and why.
+void print_sending(const Progress& last);
 /// At the end. `recorder` may be null. Overruns and missed ticks are the timer's: it knows them for certain.
 void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,
                    const recording::Recorder* recorder, const std::string& path);

@@ -87,6 +87,7 @@ void read_link(const TomlTable& table, StationFile& file) {
   const auto ns = [](double ms) { return std::llround(ms * 1e6); };
   playout.delay_ns = ns(
       table.number_or("playout_delay_ms", between(0.1, 500), static_cast<double>(playout.delay_ns) * 1e-6));
+  file.send_hz = table.number_or("send_hz", between(0, 8000), file.send_hz);
   file.redundancy = static_cast<int>(table.integer_or("redundancy", 0, link::kMaxRecent, file.redundancy));
   link::SendGateConfig& gate = file.link.gate;
   gate.deadband_nm = table.number_or("deadband_nm", between(0, 1e6), gate.deadband_nm);
@@ -225,6 +226,7 @@ std::vector<std::pair<std::string, std::string>> describe_link(const StationFile
   std::vector<std::pair<std::string, std::string>> list = {{"link.playout", mode}};
   if (playout.mode != Mode::kNewest)
     list.emplace_back("link.playout_delay_ms", text(static_cast<double>(playout.delay_ns) * 1e-6));
+  list.emplace_back("link.send_hz", text(file.send_hz));
   list.emplace_back("link.redundancy", text(file.redundancy));
   list.emplace_back("link.deadband_nm", text(gate.deadband_nm));
   list.emplace_back("link.deadband_n", text(gate.deadband_n));
@@ -245,6 +247,14 @@ void finish_station_file(StationFile& file, const std::string& source) {
                     ": [link] heartbeat_ms must be at most half of [limits] stale_hold_s, or the force "
                     "goes stale while nothing moves");
   }
+  if (file.send_hz != 0 && !(file.send_hz >= 20 && file.send_hz <= file.station.rate_hz)) {
+    throw UserError(
+        source + ": send_hz must be 0 (as many datagrams as the link carries), or 20 up to the loop's rate");
+  }
+  link::RateControlConfig& rate = file.link.rate;
+  rate.adapts = file.send_hz == 0;
+  rate.full_hz = rate.adapts ? file.station.rate_hz : file.send_hz;
+  rate.redundancy = static_cast<std::size_t>(file.redundancy);
   file.link.playout.rate_hz = file.station.rate_hz;
   file.plant.period_s = 1 / file.station.rate_hz;
   file.plant.validate();

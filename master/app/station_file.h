@@ -38,6 +38,7 @@ struct StationFile {
   DeviceSettings device{};
   PedalSettings pedal{};
   loop::LinkOptions link{};
+  double send_hz = 0;          ///< datagrams a second; 0: as many as the link carries
   int redundancy = 0;          ///< commands that each datagram repeats, 0 to 4
   device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
   std::string text;            ///< of the file, for the recording

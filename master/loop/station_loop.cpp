@@ -15,6 +15,8 @@ StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, co
       clock_(clock),
       playout_(options.playout),
       gate_(options.gate),
+      rate_(options.rate),
+      limits_rate_(options.rate.full_hz < kEveryTick),
       step_pace_ns_(options.step_pace_ns) {}
 
 void StationLoop::send(std::size_t size) noexcept {
@@ -55,10 +57,15 @@ bool StationLoop::wants_to_send(std::int64_t now_ns) noexcept {
                    command.control.method != paced_method_ || session_.steps_are_urgent(now_ns);
   if (sends_ != Sends::kAsDue) return sends_ == Sends::kNow;
   if (paced && !due) return false;
+  // What a person does to the clutch, and another method, wait for no rate.
+  const bool changed = command.flags != paced_flags_ || command.control.method != paced_method_;
+  if (limits_rate_ && !rate_.may_send(changed)) return false;
+  gate_.widen(rate_.deadband_factor());
+  if (!paced && !gate_.wants(command, output_.hand_force_h_n, now_ns)) return false;
   paced_ns_ = now_ns;
   paced_flags_ = command.flags;
   paced_method_ = command.control.method;
-  return paced || gate_.wants(command, output_.hand_force_h_n, now_ns);
+  return true;
 }
 
 void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& sample) noexcept {
@@ -73,6 +80,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     const std::int64_t came_ns = (clock_ != nullptr ? clock_->now_ns() : now_ns) - received.age_ns;
     const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), came_ns);
     replied |= event == link::ClientEvent::kReply;
+    hear(event, came_ns);
     if (event == link::ClientEvent::kSceneChunk) {
       if (scene_pipe_ != nullptr) scene_pipe_->take(session_.incoming().scene_chunk);
       continue;  // nothing that the station hears of, nor a recording
@@ -112,12 +120,15 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
 
   send(session_.poll(now_ns, buffer_));
   sample.sent_ns = 0;
+  rate_.update(now_ns);
   if (output_.has_step) session_.add_step(output_.step);
   fetch_snapshot(now_ns);
   if (wants_to_send(now_ns)) {
     const std::int64_t sent_ns = clock_ != nullptr ? clock_->now_ns() : now_ns;
+    session_.repeat_at_most(rate_.redundancy());
     const std::size_t size = session_.make_command(output_.command, sent_ns, buffer_);
     if (size > 0) sample.sent_ns = sent_ns;
+    if (size > 0) rate_.sent(now_ns);
     send(size);
   }
 
@@ -138,6 +149,19 @@ double StationLoop::hand_interval_s(double dt_s) noexcept {
   const bool first = last_read_ns_ == 0;
   last_read_ns_ = now_ns;
   return first || !(since_s > dt_s) ? dt_s : since_s;
+}
+
+/// What the rate learns from a datagram that has just been taken.
+void StationLoop::hear(link::ClientEvent event, std::int64_t came_ns) noexcept {
+  // Another slave: perhaps another server, at the end of another way.
+  if (event == link::ClientEvent::kWelcome && session_.epoch_changed()) rate_.reset();
+  if (event == link::ClientEvent::kReply) {
+    const link::LinkStats& stats = session_.stats();
+    rate_.on_reply(came_ns, stats.samples() != rtt_samples_ ? stats.rtt_last_ns() : -1,
+                   session_.reply().command_sequence);
+    rtt_samples_ = stats.samples();
+  }
+  if (session_.overtaken_reply() != nullptr) rate_.on_late_reply();
 }
 
 void StationLoop::note_datagram(std::int64_t came_ns) noexcept {

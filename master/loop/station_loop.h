@@ -56,6 +56,7 @@ class StationLoop {
   std::uint64_t send_failures() const noexcept { return send_failures_; }
   const link::Playout& playout() const noexcept { return playout_; }
   const link::SendGate& gate() const noexcept { return gate_; }
+  const link::RateControl& rate() const noexcept { return rate_; }
   /// Of the tick that was last.
   const link::LinkQuality& quality() const noexcept { return quality_; }
   /// What came in the tick that was last, for the recording.
@@ -71,6 +72,7 @@ class StationLoop {
   bool wants_to_send(std::int64_t now_ns) noexcept;
   double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;
+  void hear(link::ClientEvent event, std::int64_t came_ns) noexcept;
   void note_datagram(std::int64_t came_ns) noexcept;
   const link::Reply* next_reply(std::int64_t now_ns, bool replied) noexcept;
   void fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept;
@@ -85,11 +87,14 @@ class StationLoop {
   device::DeviceReading reading_;
   link::Playout playout_;
   link::SendGate gate_;
+  link::RateControl rate_;
+  bool limits_rate_;
   enum class Sends : std::uint8_t { kAsDue, kNow, kNot };
   Sends sends_ = Sends::kAsDue;
   std::int64_t step_pace_ns_;
   std::int64_t paced_ns_ = 0;
   std::uint32_t paced_flags_ = 0;
+  std::uint64_t rtt_samples_ = 0;
   std::uint32_t paced_method_ = 0;
   link::LinkQuality quality_;
   station::StationInput input_;

@@ -85,6 +85,13 @@ loop::LinkOptions link_of(const RecordingReader& reader) {
   link.gate.deadband_n = number_of(reader, "link.deadband_n");
   link.gate.heartbeat_ns = ns_of_ms(reader, "link.heartbeat_ms", link.gate.heartbeat_ns);
   link.step_pace_ns = ns_of_ms(reader, "link.step_pace_ms", link.step_pace_ns);
+  // Of programs that sent one a tick: none.
+  if (const std::string send_hz = reader.configuration("link.send_hz"); !send_hz.empty()) {
+    const double hz = number_of(reader, "link.send_hz");
+    link.rate.adapts = hz == 0;
+    link.rate.full_hz = hz == 0 ? number_of(reader, "rate_hz") : hz;
+    link.rate.redundancy = static_cast<std::size_t>(number_of(reader, "link.redundancy"));
+  }
   return link;
 }
 

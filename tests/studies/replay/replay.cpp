@@ -270,7 +270,7 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
         row.station_mode != static_cast<std::uint32_t>(station::Mode::kStopped))
       station.clear_stop();
 
-    if (logs_steps) loop.send_as_recorded(row.sent_ns != 0);
+    loop.send_as_recorded(row.sent_ns != 0);
     device.set(row);
     wire.begin_tick(row.now_ns, rows);
     loop.tick(row.now_ns, row.dt_s, sample);

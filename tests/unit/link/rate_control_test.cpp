@@ -1,0 +1,369 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <functional>
+#include <queue>
+#include <string>
+#include <tuple>
+#include <vector>
+
+#include "telenano/common/base/random.h"
+#include "telenano/common/link/rate_control.h"
+
+namespace telenano::link {
+namespace {
+
+constexpr std::int64_t kMs = 1'000'000;
+// On the wire: the longest Command 207 bytes and a Reply of 226 without what most servers do not send, 28 of
+// IP and UDP, 37 of DTLS; a repeated command 64.
+constexpr double kCommandBytes = 207 + 28 + 37;
+constexpr double kReplyBytes = 226 + 28 + 37;
+constexpr double kRepeatBytes = 64;
+
+struct Way {
+  double kbit_s = 0;  ///< 0: no limit
+  double queue_kib = 64;
+  double rtt_ms = 2;     ///< without a queue
+  double loss = 0;       ///< each way, at chance
+  double jitter_ms = 0;  ///< exponential, each way, never reordering
+};
+
+/// One direction: first in, first out. The oracle: what a queue is, in six lines.
+struct Pipe {
+  double ns_per_byte = 0;
+  double queue_bytes = 0;
+  double free_ns = 0;
+  double out_ns = 0;
+  std::uint64_t dropped = 0;
+
+  /// When the last bit is through; below 0: no room.
+  double send(double now_ns, double bytes) {
+    if (ns_per_byte <= 0) return now_ns;
+    const double begin_ns = std::max(now_ns, free_ns);
+    if ((begin_ns - now_ns) / ns_per_byte + bytes > queue_bytes) {
+      ++dropped;
+      return -1;
+    }
+    return free_ns = begin_ns + bytes * ns_per_byte;
+  }
+};
+
+/// Stations with a controller each, on one bottleneck, in virtual time.
+class World {
+ public:
+  struct Flow {
+    RateControl control;
+    double begin_ns = 0;
+    double end_ns = 1e18;
+    double stall_every_ns = 0;  ///< the machine stands still for stall_ns
+    double stall_ns = 0;
+    std::uint64_t command = 0;
+    std::uint64_t sent = 0;
+    std::uint64_t got = 0;
+  };
+
+  World(const Way& way, const std::vector<Flow>& stations, std::uint64_t seed = 1)
+      : flows(stations), way_(way), random_(seed) {
+    set(way);
+    for (std::size_t i = 0; i < flows.size(); ++i)
+      at(flows[i].begin_ns + 0.13e6 * static_cast<double>(i), [this, i](double now) { tick(i, now); });
+  }
+  void set(const Way& way) {
+    way_ = way;
+    for (Pipe* const p : {&up, &down}) {
+      p->ns_per_byte = way.kbit_s > 0 ? 8e6 / way.kbit_s : 0;
+      p->queue_bytes = 1024 * way.queue_kib;
+    }
+  }
+  void run(double until_ns, const std::function<void(std::size_t, double, double)>& on_rtt = {}) {
+    on_rtt_ = on_rtt;
+    while (!events_.empty() && events_.top().ns <= until_ns) {
+      const Event e = events_.top();
+      events_.pop();
+      e.what(e.ns);
+    }
+  }
+
+  std::vector<Flow> flows;
+  Pipe up, down;
+
+ private:
+  struct Event {
+    double ns;
+    std::uint64_t n;
+    std::function<void(double)> what;
+    bool operator<(const Event& o) const { return std::tie(ns, n) > std::tie(o.ns, o.n); }
+  };
+  void at(double ns, std::function<void(double)> what) { events_.push({ns, n_++, std::move(what)}); }
+  double jitter_ns() {
+    return way_.jitter_ms > 0 ? -1e6 * way_.jitter_ms * std::log(1 - random_.uniform()) : 0;
+  }
+
+  void tick(std::size_t i, double now) {
+    Flow& f = flows[i];
+    if (now > f.end_ns) return;
+    double next = now + 1e6;
+    if (f.stall_every_ns > 0 && std::fmod(now, f.stall_every_ns) < 1e6) next += f.stall_ns;
+    at(next, [this, i](double t) { tick(i, t); });
+    const auto t = static_cast<std::int64_t>(now);
+    f.control.update(t);
+    if (!f.control.may_send()) return;
+    f.control.sent(t);
+    const std::uint64_t command = ++f.command;
+    ++f.sent;
+    const double bytes = kCommandBytes + kRepeatBytes * static_cast<double>(f.control.redundancy());
+    const double through = up.send(now, bytes);
+    if (through < 0 || random_.uniform() < way_.loss) return;
+    const double there = up.out_ns = std::max(up.out_ns, through + 0.5e6 * way_.rtt_ms + jitter_ns());
+    at(there, [this, i, command, now](double arrival) {
+      const double out = down.send(arrival, kReplyBytes);
+      if (out < 0 || random_.uniform() < way_.loss) return;
+      const double back = down.out_ns = std::max(down.out_ns, out + 0.5e6 * way_.rtt_ms + jitter_ns());
+      at(back, [this, i, command, now](double t4) {
+        Flow& g = flows[i];
+        ++g.got;
+        g.control.on_reply(static_cast<std::int64_t>(t4), static_cast<std::int64_t>(t4 - now), command);
+        if (on_rtt_) on_rtt_(i, t4, t4 - now);
+      });
+    });
+  }
+
+  Way way_;
+  Random random_;
+  std::priority_queue<Event> events_;
+  std::uint64_t n_ = 0;
+  std::function<void(std::size_t, double, double)> on_rtt_;
+};
+
+World::Flow flow(double full_hz = 1000, bool adapts = true, std::size_t redundancy = 0, double start_hz = 0) {
+  World::Flow f;
+  RateControlConfig config;
+  config.full_hz = full_hz;
+  config.start_hz = start_hz > 0 ? start_hz : config.start_hz;
+  config.adapts = adapts;
+  config.redundancy = redundancy;
+  f.control = RateControl(config);
+  return f;
+}
+
+struct Seen {
+  double worst_ms = 0;
+  double mean_ms = 0;
+  double got_hz = 0;
+};
+
+Seen watch(World& world, double from_s, double to_s, std::size_t which = 0) {
+  world.run(from_s * 1e9);
+  Seen seen;
+  double sum = 0;
+  const std::uint64_t before = world.flows[which].got;
+  world.run(to_s * 1e9, [&](std::size_t i, double, double rtt_ns) {
+    if (i != which) return;
+    seen.worst_ms = std::max(seen.worst_ms, 1e-6 * rtt_ns);
+    sum += 1e-6 * rtt_ns;
+  });
+  const auto n = static_cast<double>(world.flows[which].got - before);
+  seen.mean_ms = n > 0 ? sum / n : 0;
+  seen.got_hz = n / (to_s - from_s);
+  return seen;
+}
+
+// What the wire can carry of one station: the reply is the longer one.
+double capacity_hz(double kbit_s) {
+  return kbit_s * 1e3 / 8 / kReplyBytes;
+}
+
+// Asked: 1 Mbit/s behind 64 KiB, RTT at most 30 ms within 2 s at any starting rate.
+TEST(RateControl, EmptiesThe64KiBQueueOfAMegabitWithinTwoSeconds) {
+  World fixed({1000, 64, 4}, {flow(1000, false)});
+  EXPECT_GT(watch(fixed, 2, 10).worst_ms,
+            400);  // what is mended: 524 ms of queue, the RTT of who does not ask
+  for (const double start_hz : {1000.0, 700.0, 431.0, 200.0}) {
+    World world({1000, 64, 4}, {flow(1000, true, 0, start_hz)});
+    const Seen seen = watch(world, 2, 20);
+    EXPECT_LE(seen.worst_ms, 30) << start_hz;
+    EXPECT_GT(seen.got_hz, 0.75 * capacity_hz(1000)) << start_hz;
+    std::printf("from %4.0f Hz: worst %.1f ms, mean %.1f ms, %.0f of %.0f Hz\n", start_hz, seen.worst_ms,
+                seen.mean_ms, seen.got_hz, capacity_hz(1000));
+  }
+}
+
+TEST(RateControl, ComesBackUpWhenTheLinkIsFree) {
+  World world({1000, 64, 4}, {flow()});
+  EXPECT_LT(watch(world, 2, 10).got_hz, 450);
+  world.set({0, 64, 4});
+  world.run(15e9);
+  EXPECT_EQ(world.flows[0].control.rate_hz(), 1000);
+  EXPECT_EQ(world.flows[0].control.reason(), RateReason::kFull);
+  world.set({1000, 64, 4});
+  EXPECT_LE(watch(world, 17, 25).worst_ms, 30);
+}
+
+TEST(RateControl, TwoStationsShareFairly) {
+  for (const double late_s : {0.0, 0.4, 5.0}) {
+    for (const std::uint64_t seed : {1, 2, 3}) {
+      std::vector<World::Flow> flows{flow(), flow()};
+      flows[1].begin_ns = late_s * 1e9;
+      World world({1000, 64, 4, 0, 0.1}, flows, seed);
+      world.run(late_s * 1e9);
+      const double before = static_cast<double>(world.flows[0].got);
+      double worst_ms = 0;
+      world.run((late_s + 60) * 1e9, [&](std::size_t, double now, double rtt_ns) {
+        if (now > (late_s + 3) * 1e9) worst_ms = std::max(worst_ms, 1e-6 * rtt_ns);
+      });
+      const double a = static_cast<double>(world.flows[0].got) - before;
+      const double b = static_cast<double>(world.flows[1].got);
+      const double jain = (a + b) * (a + b) / (2 * (a * a + b * b));
+      EXPECT_GE(jain, 0.95) << late_s << " s, seed " << seed;
+      EXPECT_GE((a + b) / 60, 0.7 * capacity_hz(1000));
+      EXPECT_LE(worst_ms, 50);
+      std::printf("late %.1f s: %.0f and %.0f Hz, Jain %.4f, worst %.1f ms\n", late_s, a / 60, b / 60, jain,
+                  worst_ms);
+    }
+  }
+}
+
+// Loopback, wireless jitter, a machine that stands still for 20 ms: no queue is there, and none is to be
+// seen.
+TEST(RateControl, KeepsTheFullRateWhereNothingLimitsIt) {
+  for (const double jitter_ms : {0.02, 0.5, 2.0}) {
+    for (const double stall_every_s : {0.0, 0.3, 1.0}) {
+      World::Flow f = flow();
+      f.stall_every_ns = stall_every_s * 1e9;
+      f.stall_ns = 20e6;
+      World world({0, 64, 0.1, 0, jitter_ms}, {f});
+      double sum = 0;
+      int n = 0;
+      for (double t = 1; t < 30; t += 0.01, ++n) {
+        world.run(t * 1e9);
+        sum += world.flows[0].control.rate_hz();
+      }
+      EXPECT_GE(sum / n, 0.98 * 1000) << jitter_ms << " ms, " << stall_every_s << " s";
+    }
+  }
+}
+
+TEST(RateControl, SweepOfLinksKeepsDelayAndRate) {
+  int cases = 0;
+  double worst_over_ms = 0;
+  double least_share = 1e9;
+  for (const double kbit_s : {300.0, 1000.0, 2000.0, 10'000.0, 100'000.0}) {
+    for (const double queue_kib : {8.0, 64.0, 1024.0}) {
+      for (const double rtt_ms : {1.0, 30.0, 300.0}) {
+        for (const double loss : {0.0, 0.01, 0.05}) {
+          World world({kbit_s, queue_kib, rtt_ms, loss}, {flow()}, 7);
+          const Seen seen = watch(world, 10, 30);
+          const double could_hz = std::min(1000.0, capacity_hz(kbit_s)) * (1 - loss) * (1 - loss);
+          const double over_ms = seen.mean_ms - rtt_ms - 8e-3 * (kCommandBytes + kReplyBytes) / kbit_s * 1e3;
+          const std::string text = std::to_string(kbit_s) + " kbit/s, " + std::to_string(queue_kib) +
+                                   " KiB, " + std::to_string(rtt_ms) + " ms, loss " + std::to_string(loss);
+          // Half of what the wire carries is not starving; over 300 ms each wrong step is felt for 0.4 s.
+          EXPECT_GE(seen.got_hz, (rtt_ms > 100 ? 0.5 : 0.7) * could_hz) << text;
+          EXPECT_LE(over_ms, rtt_ms > 100 ? 100 : 20) << text;
+          worst_over_ms = std::max(worst_over_ms, over_ms);
+          least_share = std::min(least_share, seen.got_hz / could_hz);
+          if (seen.got_hz < 0.6 * could_hz || over_ms > 30)
+            std::printf("%s: %.0f of %.0f Hz, queue %.1f ms, worst %.1f\n", text.c_str(), seen.got_hz,
+                        could_hz, over_ms, seen.worst_ms);
+          ++cases;
+        }
+      }
+    }
+  }
+  std::printf("%d links: mean queue at most %.1f ms, at least %.2f of what the wire carries\n", cases,
+              worst_over_ms, least_share);
+}
+
+// 64 bytes each: four of them are more than half as much again. They would fill the queue that they answer.
+TEST(RateControl, RepeatsNothingWhileAQueueStands) {
+  World world({1000, 64, 4}, {flow(1000, true, 4, 1000)});
+  EXPECT_EQ(world.flows[0].control.redundancy(), 4u);
+  const Seen seen = watch(world, 2, 20);
+  EXPECT_LE(seen.worst_ms, 30);
+  EXPECT_EQ(world.flows[0].control.redundancy(), 0u);
+  EXPECT_GT(world.flows[0].control.deadband_factor(), 2);
+  // Losses at chance on a link with room are what repeating is for.
+  World radio({0, 64, 4, 0.05}, {flow(1000, true, 4)});
+  radio.run(10e9);
+  EXPECT_EQ(radio.flows[0].control.redundancy(), 4u);
+  EXPECT_EQ(radio.flows[0].control.rate_hz(), 1000);
+}
+
+TEST(RateControl, KeepsARateThatAPersonChose) {
+  World world({300, 64, 4}, {flow(400, false)});
+  EXPECT_NEAR(watch(world, 0, 10).got_hz, capacity_hz(300), 3);
+  EXPECT_EQ(world.flows[0].control.rate_hz(), 400);
+  EXPECT_EQ(world.flows[0].control.reason(), RateReason::kFixed);
+  EXPECT_NEAR(static_cast<double>(world.flows[0].sent), 4000, 2);
+}
+
+// Room for two datagrams: no queue can be seen, what is too much is dropped. Half of the capacity at least,
+// and of what is sent no more lost than the 19 % of chance and a step beyond it.
+TEST(RateControl, GivesWayToALinkThatDropsWithoutAQueue) {
+  World world({500, 0.7, 20}, {flow()}, 3);
+  world.run(10e9);
+  const auto sent = world.flows[0].sent;
+  const auto got = world.flows[0].got;
+  world.run(40e9);
+  const double share =
+      static_cast<double>(world.flows[0].got - got) / static_cast<double>(world.flows[0].sent - sent);
+  EXPECT_GE(share, 0.7);
+  EXPECT_GE(static_cast<double>(world.flows[0].got - got) / 30, 0.5 * capacity_hz(500));
+}
+
+// A longer way (a route, a handover) looks like a queue. It is found out by what a queue does: it drains.
+TEST(RateControl, TakesALongerWayForWhatItIs) {
+  World world({0, 64, 10}, {flow()});
+  world.run(5e9);
+  world.set({0, 64, 60});
+  world.run(20e9);
+  EXPECT_EQ(world.flows[0].control.rate_hz(), 1000);
+  EXPECT_NEAR(world.flows[0].control.base_ns(), 60e6, 1e6);
+}
+
+TEST(RateControl, SilenceHalvesAndSpeechBringsBack) {
+  RateControl control;
+  std::int64_t t = 0;
+  std::uint64_t command = 0;
+  const auto run = [&](double seconds, bool answers) {
+    for (const std::int64_t end = t + std::llround(seconds * 1e9); t < end; t += kMs) {
+      if (answers && command > 0) control.on_reply(t, kMs, command);
+      control.update(t);
+      if (!control.may_send()) continue;
+      control.sent(t);
+      ++command;
+    }
+  };
+  run(1, true);
+  ASSERT_EQ(control.rate_hz(), 1000);
+  run(0.25, false);
+  EXPECT_EQ(control.rate_hz(), 500);
+  EXPECT_EQ(control.reason(), RateReason::kSilence);
+  run(5, false);
+  EXPECT_EQ(control.rate_hz(), 50);  // the bound
+  run(8, true);
+  EXPECT_EQ(control.rate_hz(), 1000);
+  EXPECT_EQ(control.reason(), RateReason::kFull);
+}
+
+// What must go at once goes, and is paid back: the mean stays.
+TEST(RateControl, UrgentOnesArePaidBack) {
+  RateControlConfig config;
+  config.adapts = false;
+  config.full_hz = 100;
+  RateControl control(config);
+  int sent = 0;
+  for (int i = 0; i < 2000; ++i) {
+    control.update(i * kMs);
+    const bool urgent = i % 100 == 3;
+    if (!control.may_send(urgent)) continue;
+    ++sent;
+    control.sent(i * kMs);
+  }
+  EXPECT_NEAR(sent, 200, 3);  // 2 s at 100 Hz; one in credit at first, one in debt at last
+}
+
+}  // namespace
+}  // namespace telenano::link
