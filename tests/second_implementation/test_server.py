@@ -178,7 +178,8 @@ class StationAtThePythonServer(unittest.TestCase):
                 self.assertEqual(done.returncode, 0, done.stderr)
                 self.assertEqual(child.stop(), 0)
                 self.assertEqual("pieces of the scene were fetched" in child.said(), not bundles, "only the first time")
-                (kept,) = pathlib.Path(folder, "telenano", "scenes").iterdir()
+                scenes = pathlib.Path(folder, "telenano", "scenes").iterdir()
+                (kept,) = (file for file in scenes if "-" not in file.name)  # beside it: what the station found in it
                 bundles.append(kept.read_bytes())
                 self.assertEqual(hashlib.sha256(bundles[-1]).hexdigest() + ".scene", kept.name)
                 self.assertEqual((kept.stat().st_mode & 0o777, kept.parent.stat().st_mode & 0o777), (0o600, 0o700))
