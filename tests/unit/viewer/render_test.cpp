@@ -624,11 +624,20 @@ TEST_F(Render, TheTipStaysInTheOverviewAfterAStop) {
 // Every letter of the frame as the driver gets it, in the states that put the most words on the screen.
 TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
   facts_.mouse_is_hand = true;
+  facts_.give_up_s = 10;
   for (const bool scan : {true, false}) {
     make(scan);
     play(0, 5000);
-    for (const int state : {0, 1, 2, 3, 4}) {
+    for (const int state : {0, 1, 2, 3, 4, 5, 6, 7}) {
       recording::Sample s = support::view_sample(5000 + state);
+      if (state >= 5) s.reply_age_ms = 3200;
+      if (state == 6) s.station_mode = static_cast<std::uint32_t>(station::Mode::kHeld);
+      if (state == 7) {
+        s.station_mode = static_cast<std::uint32_t>(station::Mode::kStopped);
+        s.station_faults = station::kFaultStopPressed;
+        s.limit_flags = recording::kLimitObserves;
+        s.measurement_age_ms = 1;
+      }
       if (state == 1) s.force_w_nn = {-126.3, 88.8, -101.7};
       if (state == 2) {
         s.tip_pos_w_nm = s.tip_target_w_nm = {300, 300, 115};
@@ -686,7 +695,7 @@ TEST_F(Render, TellsWhatAPersonHasToKnow) {
   EXPECT_TRUE(has(text, "x+12.6y-0.1z+1.7nN")) << text;
   EXPECT_TRUE(has(text, "notthescanof'flakes'")) << text;
   EXPECT_TRUE(has(text, "SIM"));
-  EXPECT_FALSE(has(text, "NOANSWER"));
+  EXPECT_FALSE(has(text, "STALE"));
   EXPECT_FALSE(has(text, "Observing"));
   s.limit_flags = recording::kLimitObserves;
   text = shown();
@@ -695,7 +704,7 @@ TEST_F(Render, TellsWhatAPersonHasToKnow) {
   s.reply_age_ms = 3200;
   s.time_s = 60;
   text = shown();
-  EXPECT_TRUE(has(text, "NOANSWER3.2s")) << text;
+  EXPECT_TRUE(has(text, "STALE3.2s,7sleft")) << text;
   EXPECT_TRUE(has(text, "3.2sold")) << text;
   EXPECT_TRUE(has(text, "thesessionendsin7s")) << text;
   s.reply_age_ms = 1;
