@@ -62,6 +62,11 @@ SessionBanner session_banner(const SessionInputs& inputs) {
   if (mode == station::Mode::kStopped && !alarm)
     banner.lines.insert(banner.lines.begin(),
                         {"Stopped: zero force. Look at it, then clear (R)", Mood::kAlarm});
+  if (silence_s > 0 && mode == station::Mode::kHeld && !inputs.played)
+    banner.lines.insert(
+        banner.lines.begin(),
+        {"It goes on by itself once the server answers: look at the network and at the server",
+         Mood::kWarning});
   if (silence_s > 0)
     banner.lines.insert(banner.lines.begin(),
                         {silence_words(silence_s, inputs.played ? 0 : inputs.give_up_s), Mood::kAlarm});

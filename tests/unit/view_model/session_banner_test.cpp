@@ -84,6 +84,7 @@ std::string broken_rule(const Case& c, const SessionBanner& banner) {
     if (!line("No answer from the server for")) return "silence without a line";
     if (count("Engaged") + count("Engaging") + count("Ready") + count("Clutch") != 0)
       return "at work, though silent";
+    if (line("goes on by itself") != (c.mode == Mode::kHeld && !c.played)) return "lost, and what to do?";
     const auto left = std::any_of(banner.badges.begin(), banner.badges.end(),
                                   [](const Badge& b) { return b.word.find(" s left") != std::string::npos; });
     if (left != (c.give_up_s > 0 && !c.played)) return "countdown";
