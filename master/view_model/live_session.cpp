@@ -60,6 +60,7 @@ void LiveSession::take(const recording::Sample& sample, const Ground& ground) {
   tip_force_.add(t, force.z());
   force_size_.add(t, force.norm());
   deflection_size_.add(t, std::abs(sample.deflection_nm));
+  force_curve_.take(sample, gap_nm_);
   if (sample.reply_sequence == reply_seen_) return;  // nothing new was heard
   reply_seen_ = sample.reply_sequence;
   if (sample.measurement_age_ms > 0) origin_ = Origin::kMeasured;

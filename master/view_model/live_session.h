@@ -3,6 +3,7 @@
 #include <cstdint>
 
 #include "telenano/common/recording/sample.h"
+#include "telenano/master/view_model/force_curve.h"
 #include "telenano/master/view_model/ground.h"
 #include "telenano/master/view_model/round_trips.h"
 #include "telenano/master/view_model/strip.h"
@@ -43,6 +44,7 @@ class LiveSession {
   const RoundTrips& round_trips() const noexcept { return round_trips_; }
   const Trail& trail() const noexcept { return trail_; }
   const TouchedGround& touched() const noexcept { return touched_; }
+  const ForceCurve& force_curve() const noexcept { return force_curve_; }
 
   /// Tip force at which the cone has its full length: 2 or 5 or 10 … nN, not less than what was felt in the
   /// window.
@@ -68,6 +70,7 @@ class LiveSession {
   RoundTrips round_trips_;
   Trail trail_;
   TouchedGround touched_;
+  ForceCurve force_curve_;
 };
 
 }  // namespace telenano::view_model

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "telenano/master/view_model/nice_step.h"
 #include "telenano/master/view_model/status_text.h"
@@ -157,7 +158,160 @@ void draw_limit(const Gui& gui, const ChartBox& plot, const Axis& axis, double l
   }
 }
 
+using view_model::ForceCurve;
+
+// Along the bottom border.
+struct Span {
+  double low = 0;
+  double high = 1;
+  double step = 1;
+  float x(const ChartBox& plot, double value) const {
+    return plot.from.x + static_cast<float>((value - low) / (high - low)) * (plot.to.x - plot.from.x);
+  }
+};
+
+double spread(double& low, double& high, double least) {
+  const double lack = std::max(least - (high - low), 0.0);
+  low -= 0.5 * lack;
+  high += 0.5 * lack;
+  const double step = view_model::nice_step((high - low) / 2);
+  const double margin = 0.06 * (high - low);
+  low -= margin;
+  high += margin;
+  return step;
+}
+
+constexpr double kFarther = 1.5;      // times the reach of the touch, of distances without force
+constexpr double kLeastReach_nm = 1;  // of both axes
+constexpr double kLeastForce_nn = 0.5;
+
+// Both axes of what is drawn. Far out there is nothing to see: an approach from 500 nm would leave a needle
+// of the touch. From the contact on up it is shown as far as the sample is felt, and half as far again.
+void axes_of(const ForceCurve& curve, Span& span, Axis& axis) {
+  double deepest = 0;
+  double most = 0;
+  double least_nn = 0;
+  double most_nn = 0;
+  const double seen_nn = std::max(ForceCurve::kSigmas * curve.noise_nn(), ForceCurve::kLeast_nn);
+  for (const ForceCurve::Leg* leg : {&curve.approach(), &curve.retract()}) {
+    for (const ForceCurve::Point& p : leg->points) {
+      deepest = std::min(deepest, p.distance_nm);
+      if (std::abs(p.force_nn) > seen_nn) most = std::max(most, p.distance_nm);
+      least_nn = std::min(least_nn, p.force_nn);
+      most_nn = std::max(most_nn, p.force_nn);
+    }
+    for (const auto& pull : {curve.snap_in(), curve.pull_off()}) {
+      if (pull && pull->leapt) most = std::max({most, pull->leap_from_nm, pull->leap_to_nm});
+    }
+  }
+  span.low = deepest;
+  span.high = kFarther * std::max(most, kLeastReach_nm);
+  span.step = spread(span.low, span.high, kLeastReach_nm);
+  axis.low = least_nn;
+  axis.high = most_nn;
+  axis.step = spread(axis.low, axis.high, kLeastForce_nn);
+}
+
+void draw_distances(const Gui& gui, const ChartBox& plot, const ChartBox& box, const Span& span) {
+  const float s = gui.scale();
+  const double first = std::ceil(span.low / span.step);
+  for (int i = 0; i < kLinesMax && (first + i) * span.step <= span.high; ++i) {
+    const double v = (first + i) * span.step;
+    const float x = span.x(plot, v);
+    const bool zero = std::abs(v) < 1e-6 * span.step;
+    ImGui::GetWindowDrawList()->AddLine({x, plot.from.y}, {x, plot.to.y},
+                                        ink(palette::kEdge, zero ? 1.0f : 0.55f), s);
+    const std::string text = number(v, span.step);
+    write(gui, box, {x - 0.5f * size_of(gui, text).x, plot.to.y + s}, palette::kQuiet, text);
+  }
+}
+
+void draw_leg(const Gui& gui, const ChartBox& plot, const Span& span, const Axis& axis,
+              const ForceCurve::Leg& leg, const palette::Rgb& colour) {
+  ImDrawList* const list = ImGui::GetWindowDrawList();
+  const float least_px = 0.7f * gui.scale();
+  bool any = false;
+  ImVec2 before{};
+  for (const ForceCurve::Point& p : leg.points) {
+    if (p.distance_nm > span.high + kFarther * (span.high - span.low)) continue;
+    const ImVec2 at{span.x(plot, p.distance_nm), axis.y(plot, p.force_nn)};
+    // Points within a pixel are one.
+    if (any && std::abs(at.x - before.x) < least_px && std::abs(at.y - before.y) < least_px) continue;
+    if (any) list->AddLine(before, at, ink(colour), 1.4f * gui.scale());
+    before = at;
+    any = true;
+  }
+}
+
+void draw_pull(const Gui& gui, const ChartBox& plot, const Span& span, const Axis& axis,
+               const std::optional<ForceCurve::Pull>& pull, const palette::Rgb& colour) {
+  if (!pull) return;
+  const ImVec2 at{span.x(plot, pull->distance_nm), axis.y(plot, pull->force_nn)};
+  ImGui::GetWindowDrawList()->AddCircle(at, 4 * gui.scale(), ink(colour), 0, 1.6f * gui.scale());
+}
+
+std::string pull_text(const std::optional<ForceCurve::Pull>& pull, bool snap_in) {
+  if (!pull) return "–";
+  // Where it caught the tip, and where it let go.
+  const double at_nm = snap_in && pull->leapt ? pull->leap_from_nm : pull->distance_nm;
+  return fmt::format("{:.2f} nN at {:.2f} nm", pull->force_nn, at_nm);
+}
+
 }  // namespace
+
+void draw_force_curve(const Gui& gui, const ChartBox& box, const ForceCurve& curve) {
+  const float s = gui.scale();
+  const bool numbers = box.to.x - box.from.x >= 330 * s;
+  const float column = numbers ? 172 : 10;
+  const bool narrow = is_narrow(gui, box);
+  ChartBox plot = begin_chart(gui, box, narrow ? "Force, distance" : "Force [nN] over distance [nm]", column);
+  plot.from.y = box.from.y + 24 * s;
+  plot.to.y -= 8 * s;
+  Span span;
+  Axis axis;
+  axes_of(curve, span, axis);
+  draw_distances(gui, plot, box, span);
+  draw_grid(gui, plot, axis, true, palette::kQuiet);
+  ImGui::PushClipRect(plot.from, plot.to, true);
+  draw_leg(gui, plot, span, axis, curve.approach(), palette::kFree);
+  draw_leg(gui, plot, span, axis, curve.retract(), palette::kWarning);
+  draw_pull(gui, plot, span, axis, curve.snap_in(), palette::kFree);
+  draw_pull(gui, plot, span, axis, curve.pull_off(), palette::kWarning);
+  ImGui::PopClipRect();
+  if (!numbers) {  // the number that is asked for most, by its mark
+    if (const auto out = curve.pull_off()) {
+      const ImVec2 at{span.x(plot, out->distance_nm), axis.y(plot, out->force_nn)};
+      write(gui, box, {at.x + 8 * s, at.y - 0.5f * gui.small()->FontSize}, palette::kWarning,
+            fmt::format("{:.1f} nN", out->force_nn));
+    }
+    return;
+  }
+  const float x = plot.to.x + 12 * s;
+  float y = plot.from.y - 2 * s;
+  const float line = gui.small()->FontSize + s;
+  const auto row = [&](const palette::Rgb& colour, const std::string& text) {
+    if (y + line > box.to.y) return;
+    write(gui, box, {x, y}, colour, text);
+    y += line;
+  };
+  if (curve.approach().state == ForceCurve::State::kNone) {
+    row(palette::kQuiet, "no touch yet");
+    return;
+  }
+  const auto in = curve.snap_in();
+  row(palette::kFree, in && in->leapt ? "approach: snap-in" : "approach: most pull");
+  row(palette::kFree, pull_text(in, true));
+  const ForceCurve::State state = curve.retract().state;
+  row(palette::kWarning, state == ForceCurve::State::kCutOff     ? "retract: cut off"
+                         : state == ForceCurve::State::kUnderWay ? "retract: under way"
+                         : state == ForceCurve::State::kNone     ? "retract: to come"
+                                                                 : "retract: pull-off");
+  row(palette::kWarning, pull_text(curve.pull_off(), false));
+  const std::optional<double> lost = curve.hysteresis_aj();
+  row(palette::kText, lost ? "lost " + number(*lost, 0.1) + " aJ" : "lost –");
+  row(palette::kText, fmt::format("lateral ≤ {:.2f} nN", std::max(curve.approach().lateral_most_nn(),
+                                                                  curve.retract().lateral_most_nn())));
+}
 
 void draw_strip_chart(const Gui& gui, const ChartBox& box, const char* title, std::span<const Curve> curves,
                       const ChartScale& scale) {

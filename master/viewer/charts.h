@@ -4,6 +4,7 @@
 
 #include <span>
 
+#include "telenano/master/view_model/force_curve.h"
 #include "telenano/master/view_model/round_trips.h"
 #include "telenano/master/view_model/strip.h"
 #include "telenano/master/viewer/gui.h"
@@ -37,6 +38,10 @@ void draw_strip_chart(const Gui& gui, const ChartBox& box, const char* title, st
 /// Two quantities with scales of their own: `left` at the left border, `right` at the right one.
 void draw_two_scales(const Gui& gui, const ChartBox& box, const char* title, const Curve& left,
                      const ChartScale& left_scale, const Curve& right, const ChartScale& right_scale);
+
+/// Force over distance of the last touch, with the places of most pull marked, and beside it in numbers what
+/// was found. In a narrow box the curve alone.
+void draw_force_curve(const Gui& gui, const ChartBox& box, const view_model::ForceCurve& curve);
 
 void draw_round_trips(const Gui& gui, const ChartBox& box, const view_model::RoundTrips& round_trips);
 

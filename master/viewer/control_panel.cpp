@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "telenano/master/station/station.h"
+#include "telenano/master/view_model/session_banner.h"
 #include "telenano/master/view_model/status_text.h"
 #include "telenano/master/viewer/limited_slider.h"
 #include "telenano/master/viewer/playback_bar.h"
@@ -131,11 +132,17 @@ void ControlPanel::draw_stop(const Gui& gui, const recording::Sample& now, float
 }
 
 void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
-  auto messages = view_model::force_words(now, port_.force_off.load(), playback_ == nullptr && mouse_leads());
+  view_model::SessionInputs inputs{now};
+  inputs.give_up_s = facts_.give_up_s;
+  inputs.played = playback_ != nullptr;
+  inputs.device_cause = port_.force_off.load();
+  inputs.mouse_leads = playback_ == nullptr && mouse_leads();
+  auto messages = view_model::session_banner(inputs).lines;
   for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
-  if (reach_nm_ > 0) messages.insert(messages.begin(), {view_model::reach_words(reach_nm_), Mood::kWarning});
-  if (const double silent_s = view_model::silent_s(now); silent_s > 0)
-    messages.insert(messages.begin(), {view_model::silence_words(silent_s, facts_.give_up_s), Mood::kAlarm});
+  // After the line of a silence, which is the gravest.
+  if (reach_nm_ > 0)
+    messages.insert(messages.begin() + (view_model::silent_s(now) > 0 ? 1 : 0),
+                    {view_model::reach_words(reach_nm_), Mood::kWarning});
   if (ended_) messages = {{"The session has ended: this is its last moment", Mood::kAlarm}};
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "telenano/master/view_model/nice_step.h"
+#include "telenano/master/view_model/session_banner.h"
 #include "telenano/master/view_model/status_text.h"
 
 namespace telenano::viewer {
@@ -334,6 +335,19 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   pen.block(lines, {{a.x - 0.5f * widest, a.y + above * (cone_px + 6 * s) - (above < 0 ? high : 0)}});
 }
 
+namespace {
+
+using view_model::Badge;
+
+// A model is blue, a real sample red, none grey; all else has the colour of how grave it is.
+palette::Rgb colour_of(const Badge& badge) {
+  const bool source = badge.kind == Badge::Kind::kSource;
+  if (!source || badge.mood != Mood::kCalm) return colour_of(badge.mood);
+  return badge.word == "SIM" ? palette::kAttraction : palette::kQuiet;
+}
+
+}  // namespace
+
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
                  const Area& area, bool ended) {
   ImDrawList* const list = ImGui::GetBackgroundDrawList();
@@ -357,27 +371,10 @@ void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveS
                   filled ? ink(palette::kBackground) : ink(colour), text);
     x = to.x + 8 * s;
   };
-  const double silent_s = view_model::silent_s(live.now());
-  const bool current = silent_s == 0 && !ended;
-  if (!facts.played.empty()) pill("RECORDING", palette::kWarning, true);
-  switch (live.origin()) {
-    case view_model::Origin::kUnknown:
-      pill("NO SAMPLE YET", palette::kQuiet, false);
-      break;
-    case view_model::Origin::kComputed:
-      pill("SIM", palette::kAttraction, current);
-      break;
-    case view_model::Origin::kMeasured:
-      pill("LIVE", palette::kAlarm, current);
-      break;
-  }
-  if (ended) {
-    pill("Ended", palette::kAlarm, true);
-  } else if (silent_s > 0) {
-    pill(fmt::format("NO ANSWER {:.1f} s", silent_s).c_str(), palette::kAlarm, true);
-  }
-  const view_model::Message mode = view_model::mode_words(live.now());
-  if (!ended) pill(mode.text.c_str(), colour_of(mode.mood), mode.mood != Mood::kCalm && current);
+  view_model::SessionInputs inputs{live.now(), live.origin(), facts.give_up_s, ended};
+  inputs.played = !facts.played.empty();
+  for (const Badge& badge : view_model::session_banner(inputs).badges)
+    pill(badge.word.c_str(), colour_of(badge), badge.filled);
   // What does not fit into the row goes under it, and is cut there.
   std::string about = facts.scene_name;
   const auto wide = [&] { return text_size(gui.text(), about.c_str()).x; };

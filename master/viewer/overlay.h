@@ -15,8 +15,8 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
 void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
                          const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
 
-/// SIM or LIVE, the sample's name and what the station is doing, across the top. Before the words of the
-/// pictures, which give way to it.
+/// The badges of the session banner (SIM, AFM, STALE …), the sample's name and what the station is doing,
+/// across the top. Before the words of the pictures, which give way to it.
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
                  const Area& area, bool ended);
 

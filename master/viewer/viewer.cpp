@@ -165,6 +165,8 @@ void Viewer::handle_keys(double time_s) {
   if (io.WantTextInput) return;
   if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
   if (pressed(GLFW_KEY_F1)) help_ = !help_;
+  if (pressed(GLFW_KEY_F)) force_curve_shown_ = !force_curve_shown_;
+  if (pressed(GLFW_KEY_D)) data_wanted_ = true;
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) {
     panel_.ask(ViewRequest::Kind::kQuit);
     quit_ = true;
@@ -282,16 +284,20 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
   ImGui::Begin("charts", nullptr,
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
                    ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoInputs);
-  const Curve gap{live_.gap(), "", palette::kFree};
-  const Curve force{live_.tip_force(), "", palette::kRepulsion};
-  ChartScale gap_scale{"nm", 2, true, 0};
-  ChartScale force_scale{"nN", 2, true, 0};
-  draw_two_scales(gui_, box_of(layout.charts[0]), "Gap, tip force", gap, gap_scale, force, force_scale);
-  const std::array<Curve, 3> hand = {{{live_.raw_force(), "raw", palette::kQuiet},
-                                      {live_.limited_force(), "sent", palette::kAttraction},
-                                      {live_.applied_force(), "felt", palette::kRepulsion}}};
-  ChartScale hand_scale{"N", 0.2, true, facts_.hand_force_limit_n};
-  draw_strip_chart(gui_, box_of(layout.charts[1]), "Hand force, z", hand, hand_scale);
+  if (force_curve_shown_) {
+    draw_force_curve(gui_, {box_of(layout.charts[0]).from, box_of(layout.charts[1]).to}, live_.force_curve());
+  } else {
+    const Curve gap{live_.gap(), "", palette::kFree};
+    const Curve force{live_.tip_force(), "", palette::kRepulsion};
+    ChartScale gap_scale{"nm", 2, true, 0};
+    ChartScale force_scale{"nN", 2, true, 0};
+    draw_two_scales(gui_, box_of(layout.charts[0]), "Gap, tip force", gap, gap_scale, force, force_scale);
+    const std::array<Curve, 3> hand = {{{live_.raw_force(), "raw", palette::kQuiet},
+                                        {live_.limited_force(), "sent", palette::kAttraction},
+                                        {live_.applied_force(), "felt", palette::kRepulsion}}};
+    ChartScale hand_scale{"N", 0.2, true, facts_.hand_force_limit_n};
+    draw_strip_chart(gui_, box_of(layout.charts[1]), "Hand force, z", hand, hand_scale);
+  }
   const Curve energy{live_.energy(), "", palette::kGood};
   const Curve damper{live_.damper(), "", palette::kTarget};
   ChartScale energy_scale{"mJ", 0.5, true, 1e3 * facts_.energy_bound_j};
@@ -339,6 +345,8 @@ void Viewer::draw_help() {
     row("V", "both pictures, overview, section");
     row("Home", "the first view again");
     row("P or F12", "picture of this window (PNG)");
+    row("F", "force over distance of the last touch, or the charts over time");
+    row("D", "that curve as a table (CSV)");
     if (playback_ != nullptr) {
       row("Space", "play, pause");
       row("Left, Right", "a second back, on; with Shift a hundredth");

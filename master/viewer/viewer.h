@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "telenano/master/view_model/camera.h"
@@ -50,6 +51,12 @@ class Viewer {
   const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
   /// Asked for since the last call.
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
+  /// The data of what is seen, asked for by key since the last call: the force-distance curve.
+  bool take_data_wanted() noexcept { return std::exchange(data_wanted_, false); }
+  std::string data() const { return live_.force_curve().csv(); }
+  /// The force-distance curve in place of the charts of gap and hand force.
+  void show_force_curve(bool on) noexcept { force_curve_shown_ = on; }
+  bool force_curve_shown() const noexcept { return force_curve_shown_; }
   /// Lets what follows the tip come to rest, as so many frames would.
   void settle(int frames);
   /// Shown for two seconds.
@@ -93,6 +100,8 @@ class Viewer {
   Drag drag_ = Drag::kNone;
   bool pressed_ = false;
   bool help_ = false;
+  bool force_curve_shown_ = false;
+  bool data_wanted_ = false;
   bool quit_ = false;
   view_model::Playback* playback_ = nullptr;
   double drawn_s_ = 0;

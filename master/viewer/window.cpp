@@ -11,6 +11,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <thread>
 #include <utility>
@@ -175,11 +176,18 @@ class WindowInput {
   WindowInput& operator=(const WindowInput&) = delete;
 };
 
-std::string free_name(const std::string& prefix) {
+std::string free_name(const std::string& prefix, const char* ending) {
   for (int i = 1;; ++i) {
-    std::string name = fmt::format("{}-{}.png", prefix, i);
+    std::string name = fmt::format("{}-{}.{}", prefix, i, ending);
     if (!std::filesystem::exists(name)) return name;
   }
+}
+
+void write_text(const std::string& name, const std::string& text) {
+  std::ofstream file(name, std::ios::binary);
+  file << text;
+  file.close();
+  if (!file) throw RunError(fmt::format("{}: cannot be written; is there room and the right to?", name));
 }
 
 Picture picture_of_window(int width_px, int height_px) {
@@ -265,13 +273,22 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
       viewer.draw(width_px, height_px, time_s, hooks.recording());
       taps.release();
       if (viewer.take_picture_wanted()) {
-        const std::string name = free_name(hooks.picture_prefix);
+        const std::string name = free_name(hooks.picture_prefix, "png");
         try {
           write_png(name, picture_of_window(width_px, height_px));
           viewer.say("Picture: " + name, time_s);
         } catch (const std::exception& error) {  // a full disk ends no session
           viewer.say(error.what(), time_s);
         }
+      }
+    }
+    if (viewer.take_data_wanted()) {
+      const std::string name = free_name(hooks.picture_prefix, "csv");
+      try {
+        write_text(name, viewer.data());
+        viewer.say("Data: " + name, time_s);
+      } catch (const std::exception& error) {
+        viewer.say(error.what(), time_s);
       }
     }
     if (hooks.pointer != nullptr) hooks.pointer->store(pointer_of(viewer, time_s));

@@ -233,7 +233,7 @@ TEST_F(ViewerPrograms, AnObserverSeesThatASimulationIsOne) {
   ASSERT_EQ(run.exit_code, 0) << run.err;
   const viewer::Picture picture = viewer::read_png(path("o.png"));
   const std::uint8_t* const pill = &picture.rgb[static_cast<std::size_t>(3 * (20 * 900 + 14))];
-  EXPECT_GT(pill[2], 200) << "SIM is blue, LIVE red";
+  EXPECT_GT(pill[2], 200) << "SIM is blue, AFM red";
   EXPECT_LT(pill[0], 140);
   // Every tick from the first answer on says so, for the window and for who reads the file.
   const recording::RecordingReader recording(path("o.h5"));

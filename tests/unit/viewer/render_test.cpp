@@ -624,11 +624,20 @@ TEST_F(Render, TheTipStaysInTheOverviewAfterAStop) {
 // Every letter of the frame as the driver gets it, in the states that put the most words on the screen.
 TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
   facts_.mouse_is_hand = true;
+  facts_.give_up_s = 10;
   for (const bool scan : {true, false}) {
     make(scan);
     play(0, 5000);
-    for (const int state : {0, 1, 2, 3, 4}) {
+    for (const int state : {0, 1, 2, 3, 4, 5, 6, 7}) {
       recording::Sample s = support::view_sample(5000 + state);
+      if (state >= 5) s.reply_age_ms = 3200;
+      if (state == 6) s.station_mode = static_cast<std::uint32_t>(station::Mode::kHeld);
+      if (state == 7) {
+        s.station_mode = static_cast<std::uint32_t>(station::Mode::kStopped);
+        s.station_faults = station::kFaultStopPressed;
+        s.limit_flags = recording::kLimitObserves;
+        s.measurement_age_ms = 1;
+      }
       if (state == 1) s.force_w_nn = {-126.3, 88.8, -101.7};
       if (state == 2) {
         s.tip_pos_w_nm = s.tip_target_w_nm = {300, 300, 115};
@@ -686,7 +695,7 @@ TEST_F(Render, TellsWhatAPersonHasToKnow) {
   EXPECT_TRUE(has(text, "x+12.6y-0.1z+1.7nN")) << text;
   EXPECT_TRUE(has(text, "notthescanof'flakes'")) << text;
   EXPECT_TRUE(has(text, "SIM"));
-  EXPECT_FALSE(has(text, "NOANSWER"));
+  EXPECT_FALSE(has(text, "STALE"));
   EXPECT_FALSE(has(text, "Observing"));
   s.limit_flags = recording::kLimitObserves;
   text = shown();
@@ -695,7 +704,7 @@ TEST_F(Render, TellsWhatAPersonHasToKnow) {
   s.reply_age_ms = 3200;
   s.time_s = 60;
   text = shown();
-  EXPECT_TRUE(has(text, "NOANSWER3.2s")) << text;
+  EXPECT_TRUE(has(text, "STALE3.2s,7sleft")) << text;
   EXPECT_TRUE(has(text, "3.2sold")) << text;
   EXPECT_TRUE(has(text, "thesessionendsin7s")) << text;
   s.reply_age_ms = 1;
@@ -728,6 +737,72 @@ TEST_F(Render, TellsWhatAPersonHasToKnow) {
   press(GLFW_KEY_Q);
   io.KeyCtrl = false;
   EXPECT_TRUE(viewer_->quit_wanted());
+}
+
+// Down in 2 s and the same way up: the pull is 3 nN at the surface, 0.06 nN less a step of the tip farther
+// (at most 25 pm a row, exp(-0.025/2)), and nothing is lost but what the grid's heights differ from the
+// formula.
+TEST_F(Render, FShowsForceOverDistanceWithNumbers) {
+  make();
+  const auto text = [&] {
+    draw_picture(*viewer_, 1280, 800, {});
+    return drawn_text(drawn_glyphs(ink(palette::kBackground, 0.75f)));
+  };
+  const auto has = [](const std::string& shown, const std::string& words) {
+    return shown.find(words) != std::string::npos;
+  };
+  EXPECT_FALSE(has(text(), "overdistance"));
+  press(GLFW_KEY_F);
+  EXPECT_TRUE(has(text(), "Force[nN]overdistance[nm]"));
+  EXPECT_TRUE(has(text(), "notouchyet"));
+  play(0, 2000);
+  EXPECT_TRUE(has(text(), "retract:tocome")) << text();
+  for (std::int64_t i = 0; i < 2000; ++i) {
+    recording::Sample s = support::view_sample(2000 - i);
+    s.tick = 2000 + i;
+    s.time_s = 1e-3 * static_cast<double>(s.tick);
+    s.reply_sequence = s.tick + 1;
+    port_.samples.push(s);
+  }
+  viewer_->take_samples();
+  const std::string shown = text();
+  EXPECT_TRUE(has(shown, "approach:mostpull")) << shown << ": a lever this stiff does not leap";
+  EXPECT_TRUE(has(shown, "retract:pull-off")) << shown;
+  const auto at = shown.find("retract:pull-off");
+  ASSERT_NE(at, std::string::npos);
+  EXPECT_NEAR(std::strtod(shown.c_str() + at + std::string("retract:pull-off").size(), nullptr), -3, 0.06)
+      << shown;
+  EXPECT_TRUE(has(shown, "lost0.0aJ")) << shown;
+  EXPECT_FALSE(viewer_->take_data_wanted());
+  press(GLFW_KEY_D);
+  EXPECT_TRUE(viewer_->take_data_wanted());
+  EXPECT_FALSE(viewer_->take_data_wanted()) << "once";
+  EXPECT_NE(viewer_->data().find("# pull-off: -"), std::string::npos);
+  if (const char* folder = std::getenv("TELENANO_LOOK")) {
+    for (const auto& [wide, high] : {std::pair{640, 480}, {1280, 800}})
+      write_png(std::string(folder) + "/force_" + std::to_string(wide) + ".png",
+                draw_picture(*viewer_, wide, high, {}));
+  }
+  press(GLFW_KEY_F);
+  EXPECT_FALSE(has(text(), "overdistance"));
+}
+
+// From the least window to 4K, at the scales of a screen.
+TEST_F(Render, WordsOfTheForceCurveLieOnNoOthersAtAnySizeAndScale) {
+  for (const float scale : {1.0f, 1.5f, 2.0f}) {
+    viewer_.reset();
+    viewer_.emplace(facts_, view_model::Ground(support::view_scan(256)), port_, scale);
+    viewer_->show_force_curve(true);
+    play(0, 2000);
+    for (const auto& [wide, high] : {std::pair{640, 480}, {1280, 800}, {3840, 2160}}) {
+      const Canvas canvas(wide, high, 0);
+      canvas.bind();
+      ImGui::GetIO().DeltaTime = 1.0f / 60;
+      for (int i = 0; i < 2; ++i) viewer_->draw(wide, high, i / 60.0, {});
+      EXPECT_EQ(overlaps(drawn_glyphs(ink(palette::kBackground, 0.75f))), "")
+          << wide << " x " << high << ", scale " << scale;
+    }
+  }
 }
 
 TEST_F(Render, DraggingTheOverviewTurnsItWhenTheMouseIsNoHand) {

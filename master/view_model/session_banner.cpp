@@ -1,0 +1,76 @@
+#include "telenano/master/view_model/session_banner.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "telenano/master/station/station.h"
+
+namespace telenano::view_model {
+namespace {
+
+Badge source_badge(Origin origin, bool current) {
+  switch (origin) {
+    case Origin::kComputed:
+      return {Badge::Kind::kSource, "SIM", Mood::kCalm, current};
+    case Origin::kMeasured:
+      return {Badge::Kind::kSource, "AFM", Mood::kAlarm, current};
+    case Origin::kUnknown:
+      break;
+  }
+  return {Badge::Kind::kSource, "NO SAMPLE YET", Mood::kCalm, false};
+}
+
+Badge silence_badge(const SessionInputs& inputs, double silence_s) {
+  const bool held = static_cast<station::Mode>(inputs.now.station_mode) == station::Mode::kHeld;
+  const char* const word = inputs.origin == Origin::kUnknown ? "NO ANSWER" : held ? "LOST" : "STALE";
+  std::string text = fmt::format("{} {:.1f} s", word, silence_s);
+  if (inputs.give_up_s > 0 && !inputs.played)
+    text += fmt::format(", {:.0f} s left", std::ceil(std::max(inputs.give_up_s - silence_s, 0.0)));
+  return {Badge::Kind::kLink, std::move(text), Mood::kAlarm, true};
+}
+
+}  // namespace
+
+SessionBanner session_banner(const SessionInputs& inputs) {
+  SessionBanner banner;
+  const recording::Sample& now = inputs.now;
+  const auto mode = static_cast<station::Mode>(now.station_mode);
+  const double silence_s = silent_s(now);
+  const bool current = silence_s == 0 && !inputs.ended && !inputs.played;
+  auto& badges = banner.badges;
+  if (inputs.played) badges.push_back({Badge::Kind::kPlayed, "RECORDING", Mood::kWarning, true});
+  badges.push_back(source_badge(inputs.origin, current));
+  if (inputs.ended) {
+    badges.push_back({Badge::Kind::kEnd, "Ended", Mood::kAlarm, true});
+    return banner;
+  }
+  if (silence_s > 0) badges.push_back(silence_badge(inputs, silence_s));
+  const Message word = mode_words(now);
+  const bool of_the_hand =
+      word.mood == Mood::kAlarm || mode == station::Mode::kIdle || mode == station::Mode::kHoming;
+  if (silence_s == 0 || of_the_hand)
+    badges.push_back({Badge::Kind::kMode, word.text, word.mood, word.mood != Mood::kCalm});
+  const bool told = badges.back().word == "Observing";
+  if (observes(now) && !told) badges.push_back({Badge::Kind::kMode, "Observing", Mood::kWarning, true});
+
+  banner.lines = force_words(now, inputs.device_cause, inputs.mouse_leads);
+  const bool alarm = std::any_of(banner.lines.begin(), banner.lines.end(),
+                                 [](const Message& line) { return line.mood == Mood::kAlarm; });
+  if (mode == station::Mode::kStopped && !alarm)
+    banner.lines.insert(banner.lines.begin(),
+                        {"Stopped: zero force. Look at it, then clear (R)", Mood::kAlarm});
+  if (silence_s > 0 && mode == station::Mode::kHeld && !inputs.played)
+    banner.lines.insert(
+        banner.lines.begin(),
+        {"It goes on by itself once the server answers: look at the network and at the server",
+         Mood::kWarning});
+  if (silence_s > 0)
+    banner.lines.insert(banner.lines.begin(),
+                        {silence_words(silence_s, inputs.played ? 0 : inputs.give_up_s), Mood::kAlarm});
+  return banner;
+}
+
+}  // namespace telenano::view_model
