@@ -16,7 +16,9 @@ class WatchedSlave final : public slave::Slave {
  public:
   WatchedSlave(std::unique_ptr<slave::Slave> inner, std::shared_ptr<web::TipSlots> slots,
                web::TipSlots::Slot& slot)
-      : inner_(std::move(inner)), slots_(std::move(slots)), slot_(slot) {}
+      : inner_(std::move(inner)), slots_(std::move(slots)), slot_(slot) {
+    slot_.value.store({});
+  }
   ~WatchedSlave() override { slot_.taken.store(false, std::memory_order_release); }
 
   void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {
@@ -31,6 +33,7 @@ class WatchedSlave final : public slave::Slave {
     }
     view.contact_state = static_cast<std::uint32_t>(output.contact_state);
     view.fault_bits = output.fault_bits;
+    view.moved = true;
     slot_.value.store(view);
   }
   const slave::SlaveLimits& limits() const noexcept override { return inner_->limits(); }
@@ -74,9 +77,8 @@ std::string WebState::next() {
     seen.quiet = count != seen.count ? 0 : std::min(seen.quiet + 1, 1000);
     seen.count = count;
     web::TipView v;
-    // Each value starts with one store, of its making.
-    if (count < 2 || seen.quiet > kQuietPictures || !slot.taken.load(std::memory_order_acquire) ||
-        !slot.value.try_load(v))
+    if (seen.quiet > kQuietPictures || !slot.taken.load(std::memory_order_acquire) ||
+        !slot.value.try_load(v) || !v.moved)
       continue;
     tips += fmt::format(R"({}{{"p":[{},{},{}],"f":[{},{},{}],"c":{},"e":{}}})", tips.empty() ? "" : ",",
                         finite(v.tip_pos_w_nm[0]), finite(v.tip_pos_w_nm[1]), finite(v.tip_pos_w_nm[2]),

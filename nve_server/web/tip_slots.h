@@ -15,6 +15,7 @@ struct TipView {
   std::array<double, 3> force_w_nn{};  ///< on the tip
   std::uint32_t contact_state = 0;     ///< link::ContactState
   std::uint32_t fault_bits = 0;
+  bool moved = false;  ///< by whom the slot has now: false hides what the last one left
 };
 
 /// One wait-free slot for each tip, written by the thread that moves it and read by the web thread. Tips

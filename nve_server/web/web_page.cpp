@@ -30,8 +30,8 @@ function colour(t) {
 }
 const CONTACT = ['free', 'van der Waals', 'non-contact', 'contact'];
 const number = v => v.toFixed(2);
-let three = null;
-const history = [];
+let three = null, latest = null, stale = false;
+const past = [];
 function note(text) { el('note').textContent = text; }
 
 function makeScene(grid) {
@@ -69,6 +69,7 @@ function makeScene(grid) {
   const look = () => {
     camera.position.set(cx + far * Math.cos(tilt) * Math.cos(turn), cy + far * Math.cos(tilt) * Math.sin(turn), high + far * Math.sin(tilt));
     camera.lookAt(new THREE.Vector3(cx, cy, high));
+    stale = true;
   };
   look();
   const d = renderer.domElement;
@@ -80,9 +81,14 @@ function makeScene(grid) {
   scene.add(tip);
   const arrow = new THREE.ArrowHelper(new THREE.Vector3(0, 0, 1), new THREE.Vector3(), size / 10, 0xff5a36);
   scene.add(arrow);
-  const trail = new THREE.BufferGeometry();
-  scene.add(new THREE.Line(trail, new THREE.LineBasicMaterial({color: 0xffffff})));
-  const way = [];
+  // One buffer for good: a new one for each picture would stay in the graphics memory.
+  const LENGTH = 300, trail = new THREE.BufferGeometry(), place = new THREE.BufferAttribute(new Float32Array(3 * LENGTH), 3);
+  trail.setAttribute('position', place);
+  trail.setDrawRange(0, 0);
+  const line = new THREE.Line(trail, new THREE.LineBasicMaterial({color: 0xffffff}));
+  line.frustumCulled = false;  // its bounds would be those of its first picture
+  scene.add(line);
+  let way = 0;
   return tipNow => {
     tip.visible = arrow.visible = !!tipNow;
     if (tipNow) {
@@ -91,10 +97,10 @@ function makeScene(grid) {
       arrow.visible = n > 1e-3;
       arrow.position.copy(at);
       if (n > 1e-3) { arrow.setDirection(f.divideScalar(n)); arrow.setLength(size / 30 + size / 5 * n / (n + 10), size / 60, size / 90); }
-      way.push(at);
-      if (way.length > 300) way.shift();
-      trail.setFromPoints(way);
-      trail.setDrawRange(0, way.length);
+      if (way === LENGTH) place.array.copyWithin(0, 3); else ++way;
+      place.array.set(tipNow.p, 3 * (way - 1));
+      place.needsUpdate = true;
+      trail.setDrawRange(0, way);
     }
     renderer.render(scene, camera);
   };
@@ -104,14 +110,24 @@ function chart(id, of) {
   const canvas = el(id), g = canvas.getContext('2d'), w = canvas.width, h = canvas.height;
   g.clearRect(0, 0, w, h);
   let low = 0, high = 0;
-  for (const s of history) { low = Math.min(low, of(s)); high = Math.max(high, of(s)); }
+  for (const s of past) { low = Math.min(low, of(s)); high = Math.max(high, of(s)); }
   if (high - low < 1) high = low + 1;
   const y = v => h - 6 - (h - 12) * (v - low) / (high - low), now = performance.now();
   g.strokeStyle = '#555'; g.beginPath(); g.moveTo(0, y(0)); g.lineTo(w, y(0)); g.stroke();
   g.strokeStyle = '#ffd25a'; g.beginPath();
-  for (const s of history) g.lineTo(w - (now - s.at) / 20000 * w, y(of(s)));
+  for (const s of past) g.lineTo(w - (now - s.at) / 20000 * w, y(of(s)));
   g.stroke();
   g.fillStyle = '#ccc'; g.font = '13px sans-serif'; g.fillText(number(high), 4, 14); g.fillText(number(low), 4, h - 4);
+}
+
+// Drawing goes by the screen, not by what comes: a slow machine draws fewer pictures, and stays at the newest.
+function draw() {
+  requestAnimationFrame(draw);
+  if (!stale || !latest) return;
+  stale = false;
+  chart('normal', s => s.n);
+  chart('lateral', s => s.l);
+  if (three) three(latest.tips[0]);
 }
 
 function show(state) {
@@ -122,11 +138,10 @@ function show(state) {
   el('words').textContent = many + (tip ? ' · ' + (CONTACT[tip.c] || '') + ' · normal ' + number(tip.f[2]) + ' nN, lateral ' +
     number(Math.hypot(tip.f[0], tip.f[1])) + ' nN · tip at ' + tip.p.map(v => v.toFixed(1)).join(', ') + ' nm' +
     (tip.e ? ' · FAULT' : '') : ' · no tip moves');
-  if (tip) history.push({at: performance.now(), n: tip.f[2], l: Math.hypot(tip.f[0], tip.f[1])});
-  while (history.length && performance.now() - history[0].at > 20000) history.shift();
-  chart('normal', s => s.n);
-  chart('lateral', s => s.l);
-  if (three) three(tip);
+  if (tip) past.push({at: performance.now(), n: tip.f[2], l: Math.hypot(tip.f[0], tip.f[1])});
+  while (past.length && performance.now() - past[0].at > 20000) past.shift();
+  latest = state;
+  stale = true;
 }
 
 function lost() {
@@ -144,6 +159,7 @@ fetch('/surface').then(r => r.arrayBuffer()).then(b => {
 const socket = new WebSocket('ws://' + location.host + '/live');
 socket.onmessage = m => show(JSON.parse(m.data));
 socket.onclose = lost;
+requestAnimationFrame(draw);
 )js";
 
 }  // namespace telenano::web

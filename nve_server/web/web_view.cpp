@@ -21,6 +21,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/net/udp.h"
+#include "telenano/common/rt/background.h"
 #include "telenano/common/rt/signals_blocked.h"
 #include "telenano/nve_server/web/web_page.h"
 
@@ -40,7 +41,9 @@ constexpr std::uint32_t kHeaderBytesMax = 8192;  // a browser's is about 1 kB
 constexpr std::chrono::seconds kPatience{5};     // for a request, for an answer and for one picture
 constexpr std::chrono::milliseconds kPeriod{33};
 constexpr std::size_t kCookiesMax = 64;  // the oldest is forgotten
-constexpr int kSendBufferBytes = 65536;  // what the kernel keeps of a slow client
+// What the kernel keeps of a slow client, twice this by its own reckoning: some seconds of pictures, which is
+// how old the newest can be that it sees before the connection ends.
+constexpr int kSendBufferBytes = 16384;
 
 std::string fresh_token() {
   std::random_device device;  // the kernel's generator
@@ -210,7 +213,10 @@ struct WebView::Impl {
     accept();
     tick();
     const rt::SignalsBlocked blocked;
-    thread = std::thread([this] { context.run(); });
+    thread = std::thread([this] {
+      rt::enter_background();  // those that serve stations come first
+      context.run();
+    });
   }
 
   ~Impl() {
@@ -238,6 +244,7 @@ struct WebView::Impl {
       if (!error && asking < 4 * config.clients_max + 16) {
         Error ignored;
         socket.set_option(asio::socket_base::send_buffer_size(kSendBufferBytes), ignored);
+        socket.set_option(Tcp::no_delay(true), ignored);  // a picture leaves when it is made
         std::make_shared<Asking>(*this, std::move(socket))->run();
       }
       if (!error) return accept();

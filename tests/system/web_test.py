@@ -3,10 +3,15 @@
 The oracle of the protocol is RFC 6455 and RFC 9112 as written here by hand; of the numbers, where the tip may be.
 """
 
+import array
 import base64
+import csv
 import hashlib
+import io
 import json
 import os
+import pathlib
+import random
 import re
 import select
 import signal
@@ -14,10 +19,12 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 import unittest
 
 NVE, MASTER, SCENE = sys.argv[1:4]
+SCANS = pathlib.Path(__file__).resolve().parents[2] / "deploy" / "data"
 PATIENCE_S = 30  # for an event on a loaded machine; nothing is shown by how long it takes
 
 
@@ -121,6 +128,11 @@ def frame(s):
     if length == 126:
         length, = struct.unpack(">H", exactly(s, 2))
     return first & 15, exactly(s, length)
+
+
+def has_end(s):
+    """The other end has closed; what has come is left alone (TCP_INFO's first byte is the state, 1 = established)."""
+    return s.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0] != 1
 
 
 def ended(s):
@@ -234,6 +246,110 @@ class Web(unittest.TestCase):
             connection.close()
             station.kill()
             station.communicate()
+
+
+    def test_what_is_shown_is_what_the_station_got(self):
+        """Every shown pair of tip and force, to the last bit, is a row of the recording of the same session."""
+        s = self.server
+        with tempfile.TemporaryDirectory(prefix="telenano_web_") as folder:
+            recording = pathlib.Path(folder) / "session.h5"
+            status, connection = s.live(s.cookie())
+            self.assertEqual(status, 101)
+            station = subprocess.Popen([MASTER, "run", "--server", s.udp, "--task", "indent", "--duration-s", "6", "--quiet",
+                                        "--rt-priority", "0", "--method", "model", "--record", str(recording)],
+                                       stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+            shown, began = set(), False
+            while True:
+                kind, text = frame(connection)
+                state = json.loads(text) if kind == 1 else {"sessions": 1, "tips": []}
+                began = began or state["sessions"] > 0
+                shown.update((*tip["p"], *tip["f"]) for tip in state["tips"])
+                if began and station.poll() is not None:
+                    break
+            connection.close()
+            self.assertEqual(station.returncode, 0, station.communicate()[1])
+            station.stderr.close()
+            text = subprocess.run([MASTER, "export", str(recording), "--columns", "tip_pos_w_nm,force_w_nn"],
+                                  capture_output=True, text=True, check=True, timeout=60).stdout
+        rows = {tuple(map(float, (row[c + a] for c in ("tip_pos_w_nm_", "force_w_nn_") for a in "xyz")))
+                for row in csv.DictReader(io.StringIO(text))}
+        self.assertGreater(len(shown), 60)  # 6 s at 30 a second, half of them at rest or lost by a busy machine
+        self.assertGreater(max(v[5] for v in shown), 1)  # it has touched
+        # The recording has one row a tick, so that a reply that came together with the next is not in it; on a
+        # busy machine that may be one in three. A wrong sign, order or unit leaves none.
+        self.assertGreater(len(shown & rows), 0.6 * len(shown), sorted(shown - rows)[:3])
+
+    def test_the_surface_is_the_scan(self):
+        """Against the .gsf as read here: heights between those of the pixels around, the right way up."""
+        header, _, rest = (SCANS / "wsxm_600nm.gsf").read_bytes().partition(b"\0")
+        fields = dict(line.split(" = ", 1) for line in header.decode().splitlines()[1:] if " = " in line)
+        columns, rows = int(fields["XRes"]), int(fields["YRes"])
+        start = len(header) + 4 - len(header) % 4  # 1 to 4 zeros after the header
+        z = array.array("f", (header + b"\0" + rest)[start:start + 4 * columns * rows])
+        lowest = min(z)
+        dx, dy = 1e9 * float(fields["XReal"]) / columns, 1e9 * float(fields["YReal"]) / rows
+        _, _, body = self.server.get("/surface", Cookie=self.server.cookie())
+        nx, ny, step_x, step_y, x0, y0 = struct.unpack_from("<IIffff", body, 4)
+        shown = array.array("f", body[28:])
+        inside = turned = 0
+        for j in range(ny):
+            for i in range(nx):
+                # Pixels are centred at half-numbers; the file's first row is the image's top.
+                c, r = int((x0 + i * step_x) / dx - 0.5), int((y0 + j * step_y) / dy - 0.5)
+
+                def lies(height, row_of):
+                    near = [1e9 * (z[row_of(y) * columns + x] - lowest)
+                            for y in range(max(r - 1, 0), min(r + 3, rows)) for x in range(max(c - 1, 0), min(c + 3, columns))]
+                    # A cubic spline overshoots an edge by less than a quarter of it; 0.05 nm: pixels farther off.
+                    margin = 0.25 * (max(near) - min(near)) + 0.05
+                    return min(near) - margin <= height <= max(near) + margin
+
+                inside += lies(shown[j * nx + i], lambda y: rows - 1 - y)
+                turned += lies(shown[j * nx + i], lambda y: y)
+        self.assertGreater(inside, 0.99 * nx * ny)
+        self.assertLess(turned, 0.8 * nx * ny)  # that this test can tell
+
+    def test_who_does_not_read_loses_its_place(self):
+        """One says nothing more at all; one answers pings (a pong is allowed) but never reads a picture."""
+        s = self.server
+        cookie = s.cookie()
+        silent = s.live(cookie)
+        slow = socket.socket()
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+        slow.connect(("127.0.0.1", s.port))
+        slow.sendall(("GET /live HTTP/1.1\r\nHost: 127.0.0.1:%d\r\nOrigin: http://127.0.0.1:%d\r\nUpgrade: websocket\r\n"
+                      "Connection: Upgrade\r\nSec-WebSocket-Key: %s\r\nSec-WebSocket-Version: 13\r\nCookie: %s\r\n\r\n"
+                      % (s.port, s.port, base64.b64encode(bytes(16)).decode(), cookie)).encode())
+        self.addCleanup(slow.close)
+        self.addCleanup(silent[1].close)
+        end = time.monotonic() + 120
+        ended_slow = ended_silent = False
+        while time.monotonic() < end and not (ended_slow and ended_silent):
+            time.sleep(0.5)
+            try:
+                slow.sendall(b"\x8a\x80\0\0\0\0")
+            except ConnectionError:
+                ended_slow = True
+            # A reset or end of the silent one shows without reading its pictures.
+            ended_silent = ended_silent or has_end(silent[1])
+        self.assertTrue(ended_slow, "the slow reader was kept")
+        self.assertTrue(ended_silent, "the silent one was kept")
+        status, reader = s.live(cookie)
+        reader.close()
+        self.assertEqual(status, 101)
+
+    def test_bytes_that_are_nearly_a_request(self):
+        """One byte of a good request changed, left out or put in, 300 times: it is answered or closed, and the next is served."""
+        s = self.server
+        cookie = s.cookie()
+        good = f"GET /surface HTTP/1.1\r\nHost: 127.0.0.1:{s.port}\r\nCookie: {cookie}\r\n\r\n".encode()
+        dice = random.Random(1)
+        for _ in range(300):
+            at = dice.randrange(len(good) - 4)  # what ends the header stays, or each would wait for its time-out
+            bad = good[:at] + dice.choice((bytes([dice.randrange(256)]), b"", bytes([dice.randrange(256)] * 2))) + good[at + 1:]
+            answer = s.raw(bad)
+            self.assertTrue(answer == b"" or re.match(rb"HTTP/1\.[01] (200|403|404|405) ", answer), (bad, answer[:60]))
+        self.assertEqual(s.get("/", Cookie=cookie)[0], 200)
 
 
 class BadInput(unittest.TestCase):
