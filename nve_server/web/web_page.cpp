@@ -80,12 +80,13 @@ function makeScene(grid) {
   tip.geometry.translate(0, 0, size / 28);
   scene.add(tip);
   const arrow = new THREE.ArrowHelper(new THREE.Vector3(0, 0, 1), new THREE.Vector3(), size / 10, 0xff5a36);
+  for (const part of [arrow.line, arrow.cone]) { part.material.depthTest = false; part.renderOrder = 1; }  // not hidden in the tip
   scene.add(arrow);
   // One buffer for good: a new one for each picture would stay in the graphics memory.
   const LENGTH = 300, trail = new THREE.BufferGeometry(), place = new THREE.BufferAttribute(new Float32Array(3 * LENGTH), 3);
   trail.setAttribute('position', place);
   trail.setDrawRange(0, 0);
-  const line = new THREE.Line(trail, new THREE.LineBasicMaterial({color: 0xffffff}));
+  const line = new THREE.Line(trail, new THREE.LineBasicMaterial({color: 0x5ad7ff, depthTest: false}));
   line.frustumCulled = false;  // its bounds would be those of its first picture
   scene.add(line);
   let way = 0;

@@ -142,19 +142,20 @@ CURVE = """(id => { const c = document.getElementById(id), d = c.getContext('2d'
 SCENE = """new Promise(done => { const draw = three; three = tip => { draw(tip); three = draw;
   const from = document.querySelector('#scene canvas'), c = document.createElement('canvas');
   c.width = from.width; c.height = from.height; const g = c.getContext('2d'); g.drawImage(from, 0, 0);
-  const d = g.getImageData(0, 0, c.width, c.height).data; let drawn = 0, arrow = 0, white = 0; const colours = new Set();
+  const d = g.getImageData(0, 0, c.width, c.height).data; let drawn = 0, arrow = 0, white = 0, trail = 0; const colours = new Set();
   for (let i = 0; i < d.length; i += 4) if (d[i + 3] > 0 && d[i] + d[i + 1] + d[i + 2] > 60) {
     ++drawn; colours.add((d[i] >> 4) * 256 + (d[i + 1] >> 4) * 16 + (d[i + 2] >> 4));
     if (d[i] > 240 && d[i + 1] > 70 && d[i + 1] < 110 && d[i + 2] < 80) ++arrow;
-    if (d[i] > 180 && Math.abs(d[i] - d[i + 1]) < 6 && Math.abs(d[i] - d[i + 2]) < 6) ++white; }
-  done({drawn, arrow, white, colours: colours.size, all: c.width * c.height}); }; })"""
+    if (d[i] > 180 && Math.abs(d[i] - d[i + 1]) < 6 && Math.abs(d[i] - d[i + 2]) < 6) ++white;
+    if (d[i] < 140 && d[i + 1] > 180 && d[i + 2] > 220) ++trail; }
+  done({drawn, arrow, white, trail, colours: colours.size, all: c.width * c.height}); }; })"""
 
 
 class InABrowser(unittest.TestCase):
     def test_surface_tip_trail_arrow_and_charts_are_drawn(self):
         server = web_test.Server()
         self.addCleanup(lambda: server.process.poll() is None and server.close())
-        station = subprocess.Popen([web_test.MASTER, "run", "--server", server.udp, "--task", "indent", "--duration-s", "120", "--quiet"],
+        station = subprocess.Popen([web_test.MASTER, "run", "--server", server.udp, "--task", "scan", "--duration-s", "120", "--quiet"],
                                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.addCleanup(lambda: (station.kill(), station.wait()))
         browser = Browser()
@@ -180,7 +181,8 @@ class InABrowser(unittest.TestCase):
         browser.picture(PICTURE)
         self.assertGreater(seen["drawn"], 0.1 * seen["all"], "the surface fills a good part")
         self.assertGreater(seen["colours"], 20, "heights have colours")
-        self.assertGreater(seen["white"], 30, "tip and trail")
+        self.assertGreater(seen["white"], 30, "the tip")
+        self.assertGreater(seen["trail"], 5, "where it was")
         self.assertEqual(browser.errors, [])  # no script error, nothing that the policy blocks
         server.close()
         browser.until(lambda: browser.value("document.getElementById('mode').textContent") == "CONNECTION LOST")

@@ -106,6 +106,14 @@ TEST(UtcTime, IsTheCalendars) {
         "2027-01-31T24:00:00Z", "2027-01-31T12:60:00Z", "2027-01-31T12:00:60Z", "2O27-01-31T12:00:00Z",
         "1969-12-31T23:59:59Z", "2027-01-31T12:00:00Z "})
     EXPECT_FALSE(parse_utc(wrong)) << wrong;
+  // There and back, over 8000 years in odd steps; each text is later than the one before.
+  std::string last;
+  for (std::int64_t unix_s = 0; unix_s < 253402300800; unix_s += 7'654'321) {
+    const std::string text = utc_text(unix_s);
+    ASSERT_EQ(parse_utc(text), unix_s) << text;
+    ASSERT_LT(last, text);
+    last = text;
+  }
 }
 
 TEST_F(KeysTest, WhatHasExpiredIsInTheListAndNotInForce) {
