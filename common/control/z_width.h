@@ -1,5 +1,7 @@
 #pragma once
 
+#include "telenano/common/base/constants.h"
+
 namespace telenano::control {
 
 /// The experiment of Colgate & Brown (ICRA 1994, CB): a mass m with its own viscous damping b, position
@@ -41,8 +43,9 @@ double passive_stiffness_closed(const HapticDisplay& display, const VirtualDampe
 ///
 ///   K sin((d+½)θ) = b θ²/(2sT) + 2 s B Re{e^{−j(d+1)θ} / (T + τ − τ e^{−jθ})}.
 ///
-/// NaN where such a hand is driven up at K → 0 already.
+/// NaN where such a hand is driven up at K → 0 already. Up to π: beyond, at 2π − θ, sine and response are
+/// what they are at θ, and the damping's part, which goes with θ², is larger.
 double heavy_hand_stiffness(const HapticDisplay& display, const VirtualDamper& damper,
-                            double theta_max = 2.5) noexcept;
+                            double theta_max = kPi) noexcept;
 
 }  // namespace telenano::control

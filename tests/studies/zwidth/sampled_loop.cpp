@@ -77,6 +77,9 @@ double stability_limit(const control::HapticDisplay& display, const control::Vir
   const auto stable = [&](double k) { return spectral_radius(display, damper, k, hand) < edge; };
   double low = 1e-4 * scale;
   if (!stable(low)) return std::numeric_limits<double>::quiet_NaN();
+  // What is passive is stable with every hand: the search may begin there, which a long delay makes dear.
+  const double passive = 0.99 * control::passive_stiffness(display, damper);
+  if (passive > low) low = passive;
   double high = low;
   while (true) {
     high = 1.02 * low;

@@ -1,14 +1,12 @@
 #include "tests/studies/zwidth/wall_simulation.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 
 namespace telenano::studies {
 namespace {
 
-constexpr int kDelayMax = 64;
 constexpr double kDiverged_m = 10.0;
 constexpr double kStart_m = 1e-4;
 
@@ -23,7 +21,8 @@ std::vector<PushingHand> trying_hands(const control::HapticDisplay& display) {
   // The mass of the hand decides how fast a swing grows, hardly from which stiffness on: a light one is
   // quick.
   const double mass = 0.4 * display.mass_kg;
-  for (const double theta : {0.1, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1, 2.3, 2.5}) {
+  for (const double theta :
+       {0.1, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3, 1.5, 1.7, 1.9, 2.1, 2.3, 2.5, 2.7, 2.9, 3.1}) {
     const double omega = theta / display.period_s;
     hands.push_back({{mass, (display.mass_kg + mass) * omega * omega, 0.0}, 10.0});
   }
@@ -36,9 +35,8 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHan
   const double mass = plant.display.mass_kg + hand.arm.mass_kg;
   const HeldMotion h =
       held_motion(mass, plant.display.damping_n_s_m + hand.arm.damping_n_s_m, hand.arm.stiffness_n_m, period);
-  const int d = std::min(plant.damper.delay_samples, kDelayMax);
-  std::array<double, kDelayMax + 1> line{};
-  line.fill(hand.push_n);  // at rest, the wall pushes back what the hand pushes
+  const auto d = static_cast<std::size_t>(plant.damper.delay_samples);
+  std::vector<double> line(d, hand.push_n);  // at rest, the wall pushes back what the hand pushes
   const double pole = plant.damper.filter_s / (plant.damper.filter_s + period);
   const double gain = 1.0 / (plant.damper.filter_s + period);
   const double friction = plant.coulomb_friction_n;
@@ -52,7 +50,7 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHan
   double v = 0;
   double seen_before = quantised(rest, plant.encoder_quantum_m);
   double velocity = 0;
-  int at = 0;
+  std::size_t at = 0;
   double low = 1e300, high = -1e300;
   WallRun run;
   for (std::int64_t k = 0; k < steps; ++k) {

@@ -41,7 +41,8 @@ void ZWidthOptions::validate() const {
   require(positive(display.period_s) && display.period_s <= 1, "--period-s", display.period_s, "(0, 1] s");
   require(positive(display.mass_kg), "--mass", display.mass_kg, "> 0 kg");
   require(not_negative(filter_hz), "--filter-hz", filter_hz, ">= 0 Hz (0: no filter)");
-  require(delay_samples >= 0 && delay_samples <= 64, "--delay-samples", delay_samples, "0 to 64");
+  require(delay_samples >= 0 && delay_samples <= 256, "--delay-samples", delay_samples,
+          "0 to 256 (the eigenvalues of the loop take some minutes at the most)");
   require(not_negative(encoder_counts_per_m), "--encoder-counts-per-m", encoder_counts_per_m,
           ">= 0 counts/m (0: not quantised)");
   require(not_negative(coulomb_friction_n), "--coulomb-n", coulomb_friction_n, ">= 0 N");

@@ -81,6 +81,44 @@ TEST(SampledLoop, HeavyHandsAgreeWithEigenvalues) {
   }
 }
 
+// A damper of twice the device's own: the worst hand resonates at 2.67, near Nyquist. By a third method, the
+// eigenvalues of loops with masses, springs and dampers, all of them passive: none is driven up below what
+// the formula says, to the mass that is not infinite, and a heavy one is there.
+TEST(SampledLoop, NoPassiveHandIsDrivenUpBelowTheHeavyHand) {
+  const control::VirtualDamper w{4, 0, 0};
+  const double expected = control::heavy_hand_stiffness(kDisplay, w);
+  EXPECT_NEAR(expected, 411.8, 0.1);
+  double least = stability_limit(kDisplay, w, Hand{});
+  for (const double mass : {0.25, 4.0, 100.0, 5000.0}) {
+    for (double theta = 0.2; theta<6; theta += theta> 2.5 && theta < 2.85 ? 0.02 : 0.2) {
+      const double omega = theta / kDisplay.period_s;
+      for (const double damping : {0.0, 0.2}) {
+        if (damping > 0 && mass > 10) continue;
+        const double limit = stability_limit(kDisplay, w, {mass, (mass + 0.25) * omega * omega, damping});
+        // NaN: not stable at K → 0 either.
+        ASSERT_FALSE(std::isnan(limit)) << mass << ' ' << theta;
+        least = std::min(least, limit);
+      }
+    }
+  }
+  EXPECT_NEAR(least, expected, 0.005 * expected);
+}
+
+TEST(ZWidthStudy, ALongDelayIsNoReasonToRefuse) {
+  ZWidthOptions options;
+  options.delay_samples = 100;
+  options.validate();
+  // CB's theorem in closed form, and no hand below it: 2b/((1 + 2d) T) = 4000/201.
+  const control::VirtualDamper late{0, 0, 100};
+  EXPECT_NEAR(control::passive_stiffness(kDisplay, late), 4000.0 / 201, 1e-6);
+  // At a small K T²/m the delayed wall is b/((d + ½) T) − K of damping to first order: the same number.
+  const double free = stability_limit(kDisplay, late, Hand{});
+  EXPECT_GT(free, 4000.0 / 201 * 0.999);
+  EXPECT_LT(free, 4000.0 / 201 * 1.5);
+  options.delay_samples = 257;
+  EXPECT_THROW(options.validate(), UserError);
+}
+
 // One-sided and with hands, no quantisation: never below passivity, never much above what the worst hand
 // allows.
 TEST(WallSimulation, LiesBetweenPassivityAndTheWorstHand) {

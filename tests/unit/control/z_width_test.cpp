@@ -74,10 +74,10 @@ TEST(ZWidth, ClosedFormsWhereTheyExist) {
 // No filter, no delay: K(θ) = bθ²/(2 s² T) + 2B cos θ/T, typed in by hand.
 TEST(ZWidth, HeavyHandsWithoutFilterOrDelay) {
   const HapticDisplay d{2, 0.25, 1e-3};
-  for (const double virtual_b : {-1.0, 0.0, 1.0, 2.5}) {
+  for (const double virtual_b : {-1.0, 0.0, 1.0, 2.5, 4.0}) {
     double least = 2 * (d.damping_n_s_m + virtual_b) / d.period_s;
     for (int i = 1; i <= 100000; ++i) {
-      const double theta = 2.5 * i / 100000;
+      const double theta = M_PI * i / 100000;
       const double s = std::sin(theta / 2);
       least =
           std::min(least, (d.damping_n_s_m * theta * theta / (2 * s * s) + 2 * virtual_b * std::cos(theta)) /
@@ -86,6 +86,7 @@ TEST(ZWidth, HeavyHandsWithoutFilterOrDelay) {
     EXPECT_NEAR(heavy_hand_stiffness(d, {virtual_b, 0, 0}), least, 1e-6 * least) << virtual_b;
   }
   EXPECT_NEAR(heavy_hand_stiffness(d, {1, 0, 0}), 4809, 0.5);
+  EXPECT_NEAR(heavy_hand_stiffness(d, {4, 0, 0}), 411.8, 0.1);
 }
 
 }  // namespace
