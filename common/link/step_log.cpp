@@ -196,7 +196,7 @@ bool StepReceiver::pop(std::int64_t now_ns, LoggedStep& step) noexcept {
   filled_ = true;
   filled_ns_ = now_ns;
   if (!waits()) return false;
-  step = ring_[(executed_ + 1) % ring_.size()];
+  step = next();
   if (bucket_ns_ < step.dt_ns) return false;
   bucket_ns_ -= step.dt_ns;
   ++executed_;

@@ -150,6 +150,9 @@ class StepReceiver {
   /// The next one, if it is here and Σdt allows; then it counts as executed. Σdt is a bucket: it fills with
   /// 1.001 of the time on the wall and holds kBucketNs; what is too early waits, nothing is left out.
   bool pop(std::int64_t now_ns, LoggedStep& step) noexcept;
+  /// The next one is here, and Σdt did not allow it when pop() last looked: its sender's clock runs ahead of
+  /// this one.
+  bool ahead() const noexcept { return waits() && bucket_ns_ < next().dt_ns; }
   /// Executed or not, there is no further one that pop() could ever give: a step is missing.
   std::uint64_t newest() const noexcept { return newest_; }
   bool gap() const noexcept { return executed_ < newest_ && !has(executed_ + 1); }
@@ -168,11 +171,15 @@ class StepReceiver {
   /// All but the hash.
   StepReport report() const noexcept { return {executed_, 0, newest_, breaks_, break_reason_, break_step_}; }
 
-  static constexpr std::int64_t kBucketNs = 2'000'000'000;
+  /// More than the 4 s of steps that a station keeps for an outage (server::ServerConfig::step_ring_s): all
+  /// of them may be executed as soon as they come. What the bucket did not hold would be worked off at 0.1 %
+  /// of the wall's time only, and the session were behind for ever.
+  static constexpr std::int64_t kBucketNs = 5'000'000'000;
   static constexpr double kFill = 1.001;
 
  private:
   bool has(std::uint64_t number) const noexcept { return here_[number % here_.size()] == number; }
+  const LoggedStep& next() const noexcept { return ring_[(executed_ + 1) % ring_.size()]; }
 
   std::vector<LoggedStep> ring_;
   std::vector<std::uint64_t> here_;  // the number that stands there; 0: none

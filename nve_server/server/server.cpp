@@ -296,7 +296,7 @@ void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) no
     last_flags_ = step.flags;
   }
   take_work(slot, taken);
-  const bool defers = taken >= left && record.steps.waits();
+  const bool defers = record.steps.waits() && (taken >= left || record.steps.ahead());
   if (defers && !record.defers) record.defers_since_ns = now_ns;
   record.defers = defers;
 }

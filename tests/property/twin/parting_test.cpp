@@ -79,6 +79,28 @@ TEST(Parting, AnOutageEndsInTheServersStateAgain) {
   }
 }
 
+// What was stepped during an outage comes at its end, up to 4 s of it: all of it is executed soon, and
+// nothing is left to be worked off at the little by which the server may be faster than the wall. Two outages
+// one after the other, since the bucket of Σdt is filled only slowly after the first.
+TEST(Parting, AfterAnOutageOfAnyLengthTheServerCatchesUp) {
+  for (const int outage_ms : {1000, 2500, 3500, 4500, 8000}) {
+    VirtualSessionConfig config = pressing(deployed("flat_silicon_oxide"), 40);
+    VirtualSession session(config);
+    steps(session, 1500);
+    for (int time = 1; time <= 2; ++time) {
+      session.link().path_a_to_b().down = true;
+      steps(session, outage_ms);
+      session.link().path_a_to_b().down = false;
+      steps(session, 3500);
+      const station::TwinRun& twin = *session.station().twin();
+      EXPECT_LT(twin.behind(), 100u) << outage_ms << " ms, time " << time;
+      EXPECT_TRUE(agrees(session)) << outage_ms << " ms, time " << time << ": "
+                                   << station::twin_state_name(twin.state());
+      EXPECT_EQ(session.station().mode(), station::Mode::kEngaged) << outage_ms << " ms, time " << time;
+    }
+  }
+}
+
 TEST(Parting, ARestartedServerHasATwinFromTheBeginning) {
   VirtualSession session(pressing(deployed("flat_pdms"), 20));
   steps(session, 1500);

@@ -305,6 +305,37 @@ TEST(Work, LoggedStepsWaitForTheirShareAndAreThenLeftOutAsADeclaredBreak) {
   EXPECT_GE(s.slave->work, 0.9 * 2 * rig.bounds.all_per_s / 2);
 }
 
+// A station whose clock runs four times as fast as the server's: its steps wait, and after two seconds of
+// that they are left out, and said to be. Else its tip would be further behind its hand with every second.
+TEST(Work, StepsThatAreAheadOfTheWallAreLeftOutInTheEnd) {
+  Rig rig;
+  auto s = rig.open(1, 1000, link::kKnownFeatures);
+  std::array<std::uint8_t, link::kStepsBytesMost> bytes{};
+  std::int64_t late_ns = 0, broken_ns = 0;
+  for (std::uint64_t k = 1; k <= 8000 && broken_ns == 0; ++k) {
+    rig.now_ns += kMs;
+    if (k % 5 == 0) rig.server->poll(rig.now_ns);
+    link::StepWriter writer(bytes, k);
+    ASSERT_TRUE(writer.add(link::logged_step(Vec3(1, 0, 0), s.command.flags, 4e-3)));
+    ++s.command.sequence;
+    s.command.send_time_ns += kMs;
+    const std::size_t n = rig.codec.encode(s.command, std::span(bytes.data(), writer.size()), rig.in);
+    const std::size_t m =
+        rig.server->on_datagram({rig.in.data(), n}, s.from, rig.now_ns, rig.out, nullptr, s.standing);
+    ASSERT_EQ(rig.codec.decode({rig.out.data(), m}, rig.incoming), link::DropCause::kNone);
+    ASSERT_EQ(rig.incoming.type, link::MessageType::kReply);
+    s.reply = rig.incoming.reply;
+    if (late_ns == 0 && s.reply.steps.executed < s.reply.steps.newest) late_ns = rig.now_ns;
+    if (s.reply.steps.breaks > 0) broken_ns = rig.now_ns;
+  }
+  ASSERT_NE(broken_ns, 0);
+  EXPECT_EQ(s.reply.steps.break_reason, link::kBreakShare);
+  // 3 s a second of the bucket's 5 s; then 2 s of patience, and the next exchange.
+  EXPECT_NEAR(1e-9 * static_cast<double>(late_ns - 1'000'000'000), 5.0 / 3, 0.1);
+  EXPECT_NEAR(1e-9 * static_cast<double>(broken_ns - late_ns), 2.0, 0.1);
+  EXPECT_GE(s.reply.steps.executed + 1, s.reply.steps.newest) << "it goes on with the newest";
+}
+
 TEST(DrainOrder, SendersTakeTurns) {
   std::array<net::Address, 3> sender;
   for (std::size_t k = 0; k < sender.size(); ++k) sender[k].port = static_cast<std::uint16_t>(1 + k);

@@ -73,7 +73,7 @@ TEST(HandInterval, ALateTickDoesNotMakeAHandTooFast) {
 
 // A tick that is late takes the hand's time from its last position, and the one after it a whole period: the
 // intervals add up to more than the time on the wall, here to 5.75 s in 5 s. A server executes logged steps
-// no faster than the wall goes (link::StepReceiver: 1.001 of it, and 2 s in advance), so the steps must not
+// no faster than the wall goes (link::StepReceiver: 1.001 of it, and 5 s in advance), so the steps must not
 // add up so. The bound is what the station lets them run ahead, 0.1 s, and one tick.
 TEST(HandInterval, StepsTakeNoLongerThanTheTimeThatHasPassed) {
   for (const std::int64_t late_ns : {0, 300'000}) {
