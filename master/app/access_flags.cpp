@@ -1,5 +1,7 @@
 #include "telenano/master/app/access_flags.h"
 
+#include <CLI/CLI.hpp>
+
 namespace telenano::app {
 
 void add_access_flags(CLI::App& command, connection::ServerAccess& access) {

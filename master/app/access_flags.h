@@ -1,8 +1,10 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
-
 #include "telenano/master/connection/server_access.h"
+
+namespace CLI {
+class App;
+}
 
 namespace telenano::app {
 

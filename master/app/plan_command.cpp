@@ -1,6 +1,7 @@
 #include "telenano/master/app/plan_command.h"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,6 @@
 #include "telenano/master/app/run_command.h"
 
+#include <CLI/CLI.hpp>
 #include <memory>
 #include <string>
 

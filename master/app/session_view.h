@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <array>
 #include <functional>
 #include <memory>
@@ -18,6 +17,10 @@
 #include "telenano/master/station/station_config.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/view_model/view_request_handler.h"
+
+namespace CLI {
+class App;
+}
 
 namespace telenano::viewer {
 struct ViewHooks;

@@ -1,4 +1,6 @@
 #include "telenano/common/config/completion.h"
+
+#include <CLI/CLI.hpp>
 #include "telenano/master/app/session_view.h"
 
 namespace telenano::app {

@@ -1,5 +1,6 @@
 #include "telenano/nve_server/app/check_command.h"
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <chrono>
 #include <cinttypes>

@@ -1,5 +1,6 @@
 #include "telenano/nve_server/app/curve_command.h"
 
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
 #include <optional>

@@ -1,5 +1,6 @@
 #include "telenano/nve_server/app/keys_command.h"
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <cmath>
 #include <cstdint>

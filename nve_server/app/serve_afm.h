@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <atomic>
 #include <cstddef>
 #include <functional>
@@ -9,6 +8,10 @@
 
 #include "telenano/common/rt/clock.h"
 #include "telenano/nve_server/server/server.h"
+
+namespace CLI {
+class App;
+}
 
 namespace telenano::app {
 

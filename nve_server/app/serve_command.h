@@ -1,11 +1,14 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
 
 #include "telenano/common/surface/height_grid.h"
 #include "telenano/nve_server/server/server.h"
+
+namespace CLI {
+class App;
+}
 
 namespace telenano::app {
 

@@ -1,5 +1,6 @@
 #include "telenano/nve_server/app/serve_security.h"
 
+#include <CLI/CLI.hpp>
 #include <chrono>
 #include <filesystem>
 #include <utility>

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstddef>
 #include <memory>
 #include <string>
@@ -8,6 +7,10 @@
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/common/security/dtls_server.h"
+
+namespace CLI {
+class App;
+}
 
 namespace telenano::app {
 

@@ -1,6 +1,7 @@
 #include "telenano/nve_server/app/trace_command.h"
 
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <cerrno>

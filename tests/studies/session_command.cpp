@@ -1,5 +1,6 @@
 #include "tests/studies/session_command.h"
 
+#include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>
 #include <memory>

@@ -1,6 +1,7 @@
 #include "tests/studies/afm/afm_command.h"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <cmath>
 #include <cstdio>

@@ -1,9 +1,12 @@
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <filesystem>
 #include <string>
+
+namespace CLI {
+class App;
+}
 
 namespace telenano::studies {
 

@@ -1,4 +1,5 @@
 // `serve` with a slave that can be computed by hand, for testing the command from outside.
+#include <CLI/CLI.hpp>
 #include <cstdio>
 
 #include "spring_slave.h"
