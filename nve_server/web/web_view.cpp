@@ -1,5 +1,9 @@
 #include "telenano/nve_server/web/web_view.h"
 
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <netinet/in.h>
+
 #include <array>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
@@ -40,6 +44,10 @@ using Error = beast::error_code;
 constexpr std::uint32_t kHeaderBytesMax = 8192;  // a browser's is about 1 kB
 constexpr std::chrono::seconds kPatience{5};     // for a request, for an answer and for one picture
 constexpr std::chrono::milliseconds kPeriod{33};
+constexpr unsigned short kHttpPort = 80;
+constexpr const char* kOnward =
+    "<!doctype html><html lang=en><meta charset=utf-8><meta http-equiv=refresh content=\"0;url=/\">"
+    "<title>Telenano</title><p><a href=\"/\">Open the view</a></html>\n";
 constexpr std::size_t kCookiesMax = 64;  // the oldest is forgotten
 // What the kernel keeps of a slow client, twice this by its own reckoning: some seconds of pictures, which is
 // how old the newest can be that it sees before the connection ends.
@@ -67,6 +75,33 @@ bool equal(std::string_view a, std::string_view b) {
 
 std::string_view view(beast::string_view text) {
   return {text.data(), text.size()};
+}
+
+/// Where a listener on `address` is reached: there, or at every address of this machine. Link-local ones have
+/// no place in a URL.
+std::vector<asio::ip::address> reached_at(const asio::ip::address& address) {
+  std::vector<asio::ip::address> found;
+  ifaddrs* all = nullptr;
+  if (address.is_unspecified() && getifaddrs(&all) == 0) {
+    for (const ifaddrs* one = all; one != nullptr; one = one->ifa_next) {
+      if (one->ifa_addr == nullptr || (one->ifa_flags & IFF_UP) == 0) continue;
+      if (one->ifa_addr->sa_family == AF_INET) {
+        sockaddr_in v4{};
+        std::memcpy(&v4, one->ifa_addr, sizeof v4);
+        found.emplace_back(asio::ip::address_v4(ntohl(v4.sin_addr.s_addr)));
+      } else if (one->ifa_addr->sa_family == AF_INET6 && address.is_v6()) {
+        sockaddr_in6 v6{};
+        std::memcpy(&v6, one->ifa_addr, sizeof v6);
+        asio::ip::address_v6::bytes_type bytes{};
+        std::memcpy(bytes.data(), &v6.sin6_addr, bytes.size());
+        const asio::ip::address_v6 at(bytes);
+        if (!at.is_link_local()) found.emplace_back(at);
+      }
+    }
+    freeifaddrs(all);
+  }
+  if (found.empty()) found.push_back(address);
+  return found;
 }
 
 /// "TNHG", columns, rows (u32), dx, dy, x_first, y_first (f32), then heights (f32) row by row: little-endian.
@@ -229,12 +264,36 @@ struct WebView::Impl {
     token = fresh_token();
     Error error;
     const Tcp::endpoint at = acceptor.local_endpoint(error);
-    config.tell("web view, for one browser: http://" + name_of(at) + "/?token=" + token);
+    std::string urls;
+    for (const asio::ip::address& address : reached_at(at.address()))
+      urls += (urls.empty() ? "http://" : " or http://") + name_of({address, at.port()}) + "/?token=" + token;
+    config.tell("web view, for one browser: " + urls);
   }
 
+  /// As a browser writes it: an IPv4 client of an IPv6 socket by its own kind, and no port where that is
+  /// HTTP's.
   static std::string name_of(const Tcp::endpoint& at) {
-    const std::string host = at.address().to_string();
-    return (at.address().is_v6() ? "[" + host + "]" : host) + ":" + std::to_string(at.port());
+    const asio::ip::address address = plain(at.address());
+    const std::string host = address.to_string();
+    return (address.is_v6() ? "[" + host + "]" : host) +
+           (at.port() == kHttpPort ? "" : ":" + std::to_string(at.port()));
+  }
+
+  static asio::ip::address plain(const asio::ip::address& address) {
+    if (address.is_v6() && address.to_v6().is_v4_mapped())
+      return asio::ip::make_address_v4(asio::ip::v4_mapped, address.to_v6());
+    return address;
+  }
+
+  /// Does a request with this Host mean the address that it came to?
+  static bool names(std::string_view host, const Tcp::endpoint& at) {
+    std::string port = ":" + std::to_string(at.port());
+    if (at.port() == kHttpPort) {
+      if (host.size() > port.size() && host.substr(host.size() - port.size()) == port)
+        host.remove_suffix(port.size());
+      port.clear();
+    }
+    return host == name_of(at) || (plain(at.address()).is_loopback() && host == "localhost" + port);
   }
 
   void accept() {
@@ -309,10 +368,7 @@ struct WebView::Impl {
     Error error;
     const Tcp::endpoint at = socket.local_endpoint(error);
     const std::string host(view(request[http::field::host]));
-    const std::string own = name_of(at);
-    const bool right_host =
-        host == own || (at.address().is_loopback() && host == "localhost:" + std::to_string(at.port()));
-    if (error || !right_host || request.count(http::field::host) != 1)
+    if (error || !names(host, at) || request.count(http::field::host) != 1)
       return plain(request, http::status::forbidden, "wrong Host: open the address that serve printed\n");
     const bool has_origin = request.count(http::field::origin) > 0;
     if ((has_origin || for_live) && view(request[http::field::origin]) != "http://" + host)
@@ -342,8 +398,8 @@ struct WebView::Impl {
       cookies.push_back(fresh_token());
       if (cookies.size() > kCookiesMax) cookies.pop_front();
       tell_address();
-      Response r = plain(request, http::status::see_other, "");
-      r.set(http::field::location, "/");
+      // No redirect: a browser that came by a link of another page would not send the cookie along with it.
+      Response r = plain(request, http::status::ok, kOnward, "text/html; charset=utf-8");
       r.set(http::field::set_cookie,
             cookie_name() + "=" + cookies.back() + "; Path=/; HttpOnly; SameSite=Strict");
       return r;

@@ -29,12 +29,12 @@ PATIENCE_S = 30  # for an event on a loaded machine; nothing is shown by how lon
 
 
 class Server:
-    def __init__(self, *flags):
+    def __init__(self, *flags, web="127.0.0.1:0"):
         self.process = subprocess.Popen(
-            [NVE, "serve", "--scene", SCENE, "--listen", "127.0.0.1:0", "--web", "127.0.0.1:0", *flags],
+            [NVE, "serve", "--scene", SCENE, "--listen", "127.0.0.1:0", "--web", web, *flags],
             stderr=subprocess.PIPE)
         self.log = ""
-        self.port = int(self.until(r"web view.*http://127\.0\.0\.1:(\d+)/").group(1))
+        self.port = int(self.until(r"web view.*http://(?:127\.0\.0\.1|\[::1\])(?::(\d+))?/").group(1) or 80)
         self.udp = self.until(r"serving .* on (127\.0\.0\.1:\d+)").group(1)
 
     def until(self, pattern, after=0):
@@ -82,8 +82,9 @@ class Server:
 
     def cookie(self):
         mark = len(self.log)
-        status, head, _ = self.get("/?token=" + self.token())
-        assert status == 303, head
+        status, head, body = self.get("/?token=" + self.token())
+        # A page that goes on by itself, no redirect: after a link of another site a browser would keep a Strict cookie back.
+        assert status == 200 and b'http-equiv=refresh content="0;url=/"' in body, head
         self.until(r"token=[0-9a-f]{32}", mark)  # the next one
         assert "HttpOnly" in head and "SameSite=Strict" in head, head
         return re.search(r"Set-Cookie: ([^;]+)", head).group(1)
@@ -358,6 +359,42 @@ class BadInput(unittest.TestCase):
                              capture_output=True, text=True, timeout=60)
         self.assertEqual(run.returncode, 2, run.stderr)
         self.assertIn("--web", run.stderr.strip().splitlines()[-1])
+
+    def test_every_address_is_opened_as_it_is_printed(self):
+        # Port 80 is not written by a browser; a wildcard is no address to open; a socket for both kinds says v4 as v6.
+        tried = 0
+        for web in ("127.0.0.1:80", "127.0.0.1:0", "[::1]:0", "0.0.0.0:0", "[::]:0"):
+            family = socket.AF_INET6 if web[0] == "[" else socket.AF_INET
+            try:
+                host, _, port = web.rpartition(":")
+                with socket.socket(family) as s:
+                    s.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                    s.bind((host.strip("[]"), int(port)))
+            except OSError:
+                continue  # this machine has no such address, or somebody is there
+            server = Server(*(["--web-public"] if host in ("0.0.0.0", "[::]") else []), web=web)
+            try:
+                server.token()
+                line = re.search(r"web view.*", server.log).group(0)
+                urls = re.findall(r"http://([^/ ]+)/\?token=[0-9a-f]{32}", line)
+                self.assertIn("127.0.0.1", line.replace("[::1]", "127.0.0.1"))
+                self.assertNotRegex(line, r"//0\.0\.0\.0|//\[::\]|::ffff|:80/")
+                for url in urls:
+                    name = re.fullmatch(r"\[?([^\]]*?)\]?(?::(\d+))?", url)
+                    for host in [url] + (["localhost" + url[len(name.group(1)):]] if name.group(1) == "127.0.0.1" else []):
+                        answer = b""
+                        token = server.token()
+                        mark = len(server.log)
+                        with socket.create_connection((name.group(1), int(name.group(2) or 80)), PATIENCE_S) as s:
+                            s.sendall(f"GET /?token={token} HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
+                            while piece := s.recv(65536):
+                                answer += piece
+                        self.assertIn(b" 200 ", answer.split(b"\r\n")[0], (web, host, answer))
+                        server.until(r"token=[0-9a-f]{32}", mark)  # the next one
+                        tried += 1
+            finally:
+                server.close()
+        self.assertGreaterEqual(tried, 2)
 
     def test_a_bad_public_or_taken_address_is_one_line(self):
         self.refused("--web", "nonsense")
