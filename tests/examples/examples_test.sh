@@ -32,7 +32,14 @@ port=$(python3 -c 'import socket; s = socket.socket(socket.AF_INET, socket.SOCK_
 "$slave" "$port" 2>slave.log &
 server=$!
 for _ in $(seq 100); do grep -q "127.0.0.1:$port" slave.log && break; sleep 0.05; done
-"$station" "127.0.0.1:$port" >felt || fail "it ended with $?"
+# On a machine that is busy with other work the station holds through a whole press and feels nothing, as it should: it presses
+# again then. What it feels when it presses is what is tested.
+for try in $(seq 8); do
+  "$station" "127.0.0.1:$port" >felt && break
+  status=$?
+  [ "$status" = 1 ] || fail "it ended with $status"
+  [ "$try" -lt 8 ] || fail "pressed $try times and felt nothing: $(cat felt)"
+done
 cat felt
 between "$(sed -n 's/^tip \([0-9.]*\) nN.*/\1/p' felt)" 1 200 'force on the tip'
 
