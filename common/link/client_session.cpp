@@ -327,7 +327,11 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
   }
   if (logs_steps()) {
     const std::size_t bytes = steps_.write(step_bytes_, now_ns, step_wait_ns());
-    return codec_.encode(command, std::span<const std::uint8_t>(step_bytes_).first(bytes), out);
+    // The steps say where the tip goes. What is zero takes no bytes: 54 in each datagram, at 8 kHz a fifth of
+    // all that is sent.
+    Command beside = command;
+    beside.tip_pos_w_nm = beside.tip_vel_w_nm_s = Vec3::Zero();
+    return codec_.encode(beside, std::span<const std::uint8_t>(step_bytes_).first(bytes), out);
   }
   if ((features() & kFeatureRedundancy) == 0) return codec_.encode(command, out);
   sent_.before(command, std::min(config_.redundancy, repeats_), recent_);

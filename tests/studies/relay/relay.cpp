@@ -77,6 +77,7 @@ void Relay::put(Direction& direction, const net::Received& received, std::size_t
     ++direction.too_long;
     return;
   }
+  if (config_.tap) config_.tap({buffer_.data(), received.size}, &direction == &to_server_);
   // Sent when the kernel had it, not when this loop came to look.
   direction.last_sent_ns = std::max(direction.last_sent_ns, now - received.age_ns);
   const net::Fate fate =

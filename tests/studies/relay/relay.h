@@ -5,7 +5,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "telenano/common/net/delay_line.h"
@@ -25,6 +27,8 @@ struct RelayConfig {
   std::size_t max_clients = 64;           ///< more are refused
   std::int64_t idle_ns = 60'000'000'000;  ///< a client unheard of for so long gives its place up
   std::size_t capacity = 16384;           ///< datagrams on their way, each direction
+  /// Sees every datagram that comes, before its fate is known; `up`: from a client. None: nobody looks.
+  std::function<void(std::span<const std::uint8_t> bytes, bool up)> tap;
 };
 
 /// Stands between clients and one server: what a client sends arrives at the server from a socket of its
