@@ -183,9 +183,11 @@ void StepReceiver::take(const StepBatch& batch, std::int64_t now_ns) noexcept {
     if (number <= executed_ || number > executed_ + ring_.size() || has(number)) continue;
     ring_[number % ring_.size()] = batch.step[i];
     here_[number % here_.size()] = number;
+    came_ns_[number % came_ns_.size()] = now_ns;
     newest_ = std::max(newest_, number);
   }
   if (gap() && !had_gap) gap_since_ns_ = now_ns;
+  if (had_gap && !gap()) gap_closed_ns_ = now_ns;
 }
 
 bool StepReceiver::pop(std::int64_t now_ns, LoggedStep& step) noexcept {

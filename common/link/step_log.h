@@ -142,7 +142,7 @@ class StepReceiver {
  public:
   StepReceiver() = default;
   /// `executed`: steps before this object; the ring holds `ring` steps.
-  explicit StepReceiver(std::size_t ring) : ring_(ring), here_(ring) {}
+  explicit StepReceiver(std::size_t ring) : ring_(ring), here_(ring), came_ns_(ring) {}
 
   bool enabled() const noexcept { return !ring_.empty(); }
   void take(const StepBatch& batch, std::int64_t now_ns) noexcept;
@@ -158,6 +158,10 @@ class StepReceiver {
   bool gap() const noexcept { return executed_ < newest_ && !has(executed_ + 1); }
   bool waits() const noexcept { return executed_ < newest_ && has(executed_ + 1); }
   std::int64_t gap_since_ns() const noexcept { return gap_since_ns_; }
+  /// Of the next one, where waits(): since when it and all before it have been here.
+  std::int64_t waits_since_ns() const noexcept {
+    return std::max(came_ns_[(executed_ + 1) % came_ns_.size()], gap_closed_ns_);
+  }
   /// Leaves out what is missing, and all before the newest, which is the next to come; a declared break.
   void skip_to_newest(std::uint32_t reason) noexcept;
   /// Steps that were not the log's: the state is another one than the log says.
@@ -183,9 +187,11 @@ class StepReceiver {
 
   std::vector<LoggedStep> ring_;
   std::vector<std::uint64_t> here_;  // the number that stands there; 0: none
+  std::vector<std::int64_t> came_ns_;
   std::uint64_t executed_ = 0;
   std::uint64_t newest_ = 0;
   std::int64_t gap_since_ns_ = 0;
+  std::int64_t gap_closed_ns_ = INT64_MIN;
   double bucket_ns_ = kBucketNs;
   std::int64_t filled_ns_ = 0;
   bool filled_ = false;

@@ -30,10 +30,10 @@ constexpr double kStepMinS = 1e-6;
 /// A slave that has not moved for so long on its way up has arrived: it may have a rate of its own.
 constexpr std::int64_t kRestNs = 50'000'000;
 
-/// Steps that one datagram, and one look of poll(), may execute of a log: catching up must not keep the
+/// Steps that one datagram, and one look of catch_up(), may execute of a log: catching up must not keep the
 /// others waiting.
 constexpr double kNoWorkBound = UINT32_MAX;
-constexpr std::size_t kStepsPerPoll = 64;
+constexpr std::size_t kStepsPerLook = 64;
 constexpr double kStepRingMost = 32768;  // 1.5 MB
 constexpr std::int64_t kFreezeEveryNs = 100'000'000;
 /// A party that has not commanded for so long has no share.
@@ -151,9 +151,11 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       tips_(config.share == Share::kOneTip ? 1 : table_.capacity()),
       records_(table_.capacity()),
       parties_(config.work.enforced ? table_.capacity() + 1 : 0),
+      is_behind_(table_.capacity(), 0),
       holder_(table_.capacity()),
       search_(config.mail, config.worker),
       scene_chunks_(config.scene_chunks_all_per_s, kSceneBurst) {
+  behind_.reserve(table_.capacity());
   if (shared()) {
     if (search_.has_others()) throw UserError("one tip for all is one worker's: leave --workers at 1");
     make_tip(0, 0);
@@ -268,7 +270,7 @@ link::StepReport Server::step_report(std::size_t slot) noexcept {
   return report;
 }
 
-/// Executes what has come to its turn, `most` steps at once: the rest when poll() comes by.
+/// Executes what has come to its turn, `most` steps at once: the rest when catch_up() comes by.
 void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) noexcept {
   SessionRecord& record = records_[slot];
   Tip& tip = tip_of(slot);
@@ -278,9 +280,10 @@ void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) no
   // Each step is made whole, whatever it takes: both ends make the same. So what it takes is owed afterwards.
   double left = work_left(slot, now_ns);
   double taken = 0;
-  if (record.defers && 1e-9 * static_cast<double>(now_ns - record.defers_since_ns) > config_.step_gap_s) {
+  // For their share, or since their sender's clock runs ahead.
+  if (record.steps.waits() &&
+      1e-9 * static_cast<double>(now_ns - record.steps.waits_since_ns()) > config_.step_gap_s) {
     record.steps.skip_to_newest(link::kBreakShare);
-    record.defers = false;
     left = std::max(left, 1.0);
   }
   link::LoggedStep step;
@@ -296,9 +299,34 @@ void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) no
     last_flags_ = step.flags;
   }
   take_work(slot, taken);
-  const bool defers = record.steps.waits() && (taken >= left || record.steps.ahead());
-  if (defers && !record.defers) record.defers_since_ns = now_ns;
-  record.defers = defers;
+  if (record.steps.waits() && !is_behind_[slot]) {
+    is_behind_[slot] = true;
+    behind_.push_back(slot);  // there is room for every slot
+  }
+}
+
+/// One session after the other, so that what comes meanwhile waits for one session's part at most
+/// (WorkBounds::a_datagram).
+bool Server::catch_up(std::int64_t now_ns) noexcept {
+  now_ns_ = now_ns;
+  for (std::size_t tries = behind_.size(); tries > 0; --tries) {
+    if (next_behind_ >= behind_.size()) next_behind_ = 0;
+    const std::size_t slot = behind_[next_behind_];
+    link::StepReceiver& steps = records_[slot].steps;
+    const std::uint64_t before = steps.executed();
+    if (table_[slot].state == link::SlotState::kActive && steps.waits() && tip_of(slot).slave)
+      run_log(slot, kStepsPerLook, now_ns);
+    const bool moved = steps.executed() != before;
+    if (table_[slot].state == link::SlotState::kActive && steps.waits()) {
+      ++next_behind_;
+    } else {
+      is_behind_[slot] = false;
+      behind_[next_behind_] = behind_.back();
+      behind_.pop_back();
+    }
+    if (moved) return true;
+  }
+  return false;
 }
 
 /// Found by its number, or in place of the one that nobody has used for longest.
@@ -738,11 +766,11 @@ void Server::poll(std::int64_t now_ns) noexcept {
       static_cast<std::size_t>(std::count_if(parties_.begin(), parties_.end(), [&](const PartyWork& p) {
         return p.used_ns >= now_ns - kPartyActiveNs;
       }));
+  for (std::size_t n = behind_.size(); n > 0 && catch_up(now_ns); --n) {
+  }
   if (shared()) return withdraw_shared_tip(now_ns);
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
-    if (session.state == link::SlotState::kActive && records_[slot].steps.waits() && tips_[slot].slave)
-      run_log(slot, kStepsPerPoll, now_ns);
     const bool leaving =
         session.state == link::SlotState::kSilent || session.state == link::SlotState::kEnding;
     if (leaving && tips_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {

@@ -66,7 +66,7 @@ struct ServerConfig {
   double openings_per_s = 64;
   double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
   double step_gap_s = 2;  ///< a step may be missing in a log; then it is left out, and the log says so
-  std::size_t steps_at_once = 64;  ///< of a log, by one datagram; what more has come is for poll()
+  std::size_t steps_at_once = 64;  ///< of a log, by one datagram; what more has come is for catch_up()
   double step_ring_s = 4;  ///< of logged steps that may wait for their turn, in each session that logs
   /// Pieces of the scene that are sent, to one session and to all: beside commands, which they must not
   /// delay. One takes about a microsecond.
@@ -143,6 +143,9 @@ class Server {
   /// and knows what each datagram had executed.
   void set_steps_at_once(std::size_t most) noexcept { config_.steps_at_once = most; }
 
+  /// Executes logged steps that waited, of one session, as far as it may now. True: look at the sockets and
+  /// call it again; false: none may be made at present.
+  bool catch_up(std::int64_t now_ns) noexcept;
   /// Time-outs: retracts the slaves of silent sessions, forgets old ones. Call it every few milliseconds.
   void poll(std::int64_t now_ns) noexcept;
 
@@ -232,8 +235,11 @@ class Server {
   link::Incoming incoming_;
   std::vector<Tip> tips_;  ///< one a slot, or the one that all share
   std::vector<SessionRecord> records_;
-  std::vector<PartyWork> parties_;  ///< more than there can be sessions: who is in use is never forgotten
-  std::size_t active_parties_ = 0;  ///< that have commanded within a second
+  std::vector<PartyWork> parties_;   ///< more than there can be sessions: who is in use is never forgotten
+  std::vector<std::size_t> behind_;  ///< slots whose log has steps that wait for their turn, each once
+  std::vector<char> is_behind_;      ///< by slot: it is there
+  std::size_t next_behind_ = 0;      ///< whose turn it is there
+  std::size_t active_parties_ = 0;   ///< that have commanded within a second
   TipHolder holder_;
   bool withdrawing_ = false;  ///< the shared tip
   TokenSearch search_;

@@ -71,6 +71,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
       socket.send({out.data(), n}, to);
     socket.flush();
     const std::int64_t now_ns = clock.now_ns();
+    const bool more_steps = server.catch_up(now_ns);
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
       publish(server, status);
@@ -84,7 +85,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
                                : busy            ? options.timeouts_period_ns
                                                  : options.idle_period_ns);
     }
-    if (!drained || options.busy_poll) continue;
+    if (!drained || more_steps || options.busy_poll) continue;
     const std::int64_t sleep_ns = next_poll_ns - now_ns;
     // Also where the next look at the time-outs is farther away, as just after the first Hello: what is short
     // can be waited for by receiving.

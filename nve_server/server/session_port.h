@@ -50,8 +50,6 @@ struct SessionRecord {
   std::size_t party = 0;                 ///< place of its party's budget, if that is still there
   double behind_s = 0;                   ///< time of commands whose motion is left to later ones
   std::uint32_t command_flags = 0;       ///< of the newest command that was not superseded
-  bool defers = false;                   ///< steps of its log wait for their share,
-  std::int64_t defers_since_ns = 0;      ///< since then
   link::TokenBucket scene_chunks{0, 0};  ///< how fast this session may fetch the scene
 };
 

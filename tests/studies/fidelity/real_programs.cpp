@@ -153,7 +153,9 @@ class LogTruth {
   std::int64_t shift_ = 0;
 };
 
-TouchOutcome beside_truth(const std::filesystem::path& file, slave::Slave& slave, const StepTap& tap) {
+/// `method`: the last one that the station felt by.
+TouchOutcome beside_truth(const std::filesystem::path& file, slave::Slave& slave, const StepTap& tap,
+                          control::Method& method) {
   const recording::RecordingReader reader(file);
   std::vector<recording::Sample> rows(reader.rows());
   reader.read_samples(0, rows);
@@ -175,6 +177,7 @@ TouchOutcome beside_truth(const std::filesystem::path& file, slave::Slave& slave
         {vec3(row.hand_force_applied_h_n), n_per_nn * output.force_w_nn, vec3(row.hand_pos_h_m), touches});
     touching += touches;
     clamped += touches && (row.limit_flags & recording::kLimitClamp) != 0;
+    method = static_cast<control::Method>(row.method);
     if (outcome.stopped_s < 0 && (row.limit_flags & recording::kLimitStop) != 0)
       outcome.stopped_s = row.time_s;
   }
@@ -195,8 +198,6 @@ CellResult run_real(const SceneMotion& motion, const std::string& method, const 
   result.cell.rtt_ms = link.rtt_ms;
   result.cell.loss = link.loss;
   result.cell.keep_trace = true;
-  if (method != "auto") result.cell.method = control::parse_method(method);
-
   const auto& pair = scenes.of(motion.scene);
   const std::unique_ptr<slave::Slave> truth = pair.make_truth();
   const control::Scaling scaling = planned_scaling(truth->limits(), {}, 1000, motion.velocity_scale);
@@ -232,7 +233,7 @@ CellResult run_real(const SceneMotion& motion, const std::string& method, const 
   server.wait(kStarts);
   if (run.exit_code != 0) throw RunError("fidelity: --real: telenano-master: " + run.err);
   try {
-    result.run = beside_truth(file, *truth, tap);
+    result.run = beside_truth(file, *truth, tap, result.cell.method);
   } catch (const RunError& error) {
     throw RunError(fmt::format("fidelity: --real: {}: {}", stem, error.what()));
   }

@@ -30,8 +30,8 @@ void StepTap::see(std::span<const std::uint8_t> bytes, bool up) {
 std::vector<link::LoggedStep> StepTap::executed() const {
   if (other_epoch_) throw RunError("the server began anew: its slave is not that of one log");
   if (last_.breaks > 0)
-    throw RunError(fmt::format("the server declared {} breaks of the log, the last at step {}", last_.breaks,
-                               last_.break_step));
+    throw RunError(fmt::format("the server declared {} breaks of the log, the last at step {} for reason {}",
+                               last_.breaks, last_.break_step, last_.break_reason));
   std::vector<link::LoggedStep> log;
   for (std::size_t i = 0; i < std::min<std::size_t>(steps_.size(), last_.executed); ++i) {
     if (!steps_[i]) throw RunError(fmt::format("step {} did not pass the relay", i + 1));
