@@ -25,6 +25,7 @@
 #include "telenano/nve_server/app/key_watcher.h"
 #include "telenano/nve_server/app/reload_watcher.h"
 #include "telenano/nve_server/app/serve_afm.h"
+#include "telenano/nve_server/app/serve_health.h"
 #include "telenano/nve_server/app/serve_metrics.h"
 #include "telenano/nve_server/app/serve_security.h"
 #include "telenano/nve_server/app/serve_web.h"
@@ -151,6 +152,20 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
   ServerSignals& signals = catch_server_signals();
+  // Before the scene too: who asks for /readyz is told that it starts. The channels come with the scene.
+  std::atomic<bool> prepared{false};
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(
+        options.metrics, options.metrics_public,
+        [&](metrics::Page& page) {
+          const bool known = prepared.load(std::memory_order_acquire);
+          write_metrics(workers.loops(), known ? workers.channels() : std::vector<security::DtlsServer*>(),
+                        page);
+        },
+        health_pages(workers.loops(), options.max_sessions, signals, clock));
+    log->info("metrics at {}", exporter->url());
+  }
   server::ServedScene scene;
   try {
     scene = options.afm.wanted()
@@ -178,6 +193,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     scene.make_slave = watched(scene.make_slave, tip_slots);
   }
   workers.prepare(options.security, config, scene);
+  prepared.store(true, std::memory_order_release);
   const bool secure = options.security.is_secure();
 
   std::optional<AuditLog> audit;
@@ -187,12 +203,6 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     audit->start(
         {options.afm.wanted() ? "an AFM" : options.scene, net::to_string(workers.local()), secure, one_tip});
   }
-  std::optional<metrics::Exporter> exporter;
-  if (!options.metrics.empty()) {
-    exporter.emplace(options.metrics, options.metrics_public,
-                     [&](metrics::Page& page) { write_metrics(workers.loops(), workers.channels(), page); });
-  }
-
   std::optional<web::WebView> web_view;
   if (tip_slots) {
     web::WebViewConfig web_config;
@@ -230,7 +240,6 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   }
   if (options.busy_poll && !workers.nic_busy_poll())
     log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
-  if (exporter) log->info("metrics at {}", exporter->url());
   if (!marked)
     log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
   {
@@ -352,7 +361,8 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->type_name("FILE");
   command
       ->add_option("--metrics", options->metrics,
-                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
+                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one. Also "
+                   "/healthz and /readyz, for who watches the server")
       ->type_name("HOST:PORT");
   command->add_flag("--metrics-public", options->metrics_public,
                     "Let --metrics listen off loopback, where anybody can read it");

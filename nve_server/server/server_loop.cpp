@@ -20,9 +20,10 @@ struct Waiting {
 /// most before the time-outs are looked at again.
 constexpr int kTurns = 2;
 
-void publish(const Server& server, LoopStatus& status) noexcept {
+void publish(const Server& server, std::int64_t now_ns, LoopStatus& status) noexcept {
   constexpr auto kRelaxed = std::memory_order_relaxed;
   status.turns.fetch_add(1, kRelaxed);
+  status.turned_ns.store(now_ns, kRelaxed);
   status.sessions.store(server.sessions().active(), kRelaxed);
   status.exchanges.store(server.counters().exchanges, kRelaxed);
   status.drops.store(server.drops().total(), kRelaxed);
@@ -73,7 +74,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     const std::int64_t now_ns = clock.now_ns();
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
-      publish(server, status);
+      publish(server, now_ns, status);
       if (now_ns >= next_snapshot_ns) {
         take_snapshot(server, now_ns, snapshot);
         status.snapshot.store(snapshot);
@@ -92,7 +93,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     wait(soon ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
   }
   shut_down(server, socket, clock, wait, options.shutdown);
-  publish(server, status);
+  publish(server, clock.now_ns(), status);
   take_snapshot(server, clock.now_ns(), snapshot);
   status.snapshot.store(snapshot);
 }

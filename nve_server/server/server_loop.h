@@ -16,7 +16,10 @@ namespace telenano::server {
 /// What the loop tells the rest of the program, read without locks: single words, and a snapshot a few times
 /// a second.
 struct LoopStatus {
-  std::atomic<std::uint64_t> turns{0};  ///< of the time-outs: grows as long as the loop is alive
+  static constexpr std::int64_t kNever = INT64_MIN;
+
+  std::atomic<std::uint64_t> turns{0};          ///< of the time-outs: grows as long as the loop is alive
+  std::atomic<std::int64_t> turned_ns{kNever};  ///< when it did so last
   std::atomic<std::uint64_t> sessions{0};
   std::atomic<std::uint64_t> exchanges{0};
   std::atomic<std::uint64_t> drops{0};
