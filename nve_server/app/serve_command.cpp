@@ -22,6 +22,7 @@
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/nve_server/app/audit_log.h"
+#include "telenano/nve_server/app/drain_watcher.h"
 #include "telenano/nve_server/app/key_watcher.h"
 #include "telenano/nve_server/app/reload_watcher.h"
 #include "telenano/nve_server/app/serve_afm.h"
@@ -110,6 +111,7 @@ struct ServeOptions {
   std::string local_rights;                      // left out: operate
   std::optional<int> timeout_ms;                 // left out: as the scene says
   int resume_s = 30;
+  std::optional<int> drain_s;  // left out: SIGTERM does not drain, and a drain has no end of its own
   bool no_scene_sharing = false;
   std::string share;  // left out: as the scene's slave must be, else private
   std::size_t workers = 1;
@@ -151,7 +153,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
-  ServerSignals& signals = catch_server_signals();
+  ServerSignals& signals = catch_server_signals(options.drain_s.has_value());
   // Before the scene too: who asks for /readyz is told that it starts. The channels come with the scene.
   std::atomic<bool> prepared{false};
   std::optional<metrics::Exporter> exporter;
@@ -256,6 +258,10 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
       if (watcher) watcher->reload();
       if (audit) audit->reopen();
     });
+    const DrainWatcher drainer({&signals.drain, &signals.stop, options.drain_s, workers.loops(),
+                                [&](const std::string& text) { log->info(text); }},
+                               clock);
+    signals.serves = true;
     const StatusPrinter printer(workers, log);
     const ServiceNotify service(workers.loops());
     workers.run(signals, [&log](const rt::RealtimeReport& report) {
@@ -327,6 +333,11 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
+  command
+      ->add_option("--drain-seconds", options->drain_s,
+                   "At SIGTERM take no new sessions and end with the last one, after so long in any case; a "
+                   "second SIGTERM ends at once. SIGUSR1 drains without this too, for as long as it takes")
+      ->check(CLI::Range(1, 86400));
   command
       ->add_option(
           "--share", options->share,
