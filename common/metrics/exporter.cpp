@@ -2,9 +2,12 @@
 
 #include <pthread.h>
 
+#include <CivetServer.h>
+
 #include <exception>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <prometheus/collectable.h>
@@ -114,14 +117,37 @@ class ServingThreads {
 constexpr const char* kThreads = "16";
 constexpr const char* kPatience = "1000";  // ms
 
+// The library's exposer keeps its server to itself. What it starts tells of itself in the thread that makes
+// it.
+thread_local mg_context* g_started = nullptr;
+
+CivetCallbacks tell_of_start() {
+  CivetCallbacks callbacks;
+  callbacks.init_context = [](const mg_context* context) { g_started = const_cast<mg_context*>(context); };
+  return callbacks;
+}
+
+int answer_text(mg_connection* connection, void* page) {
+  TextAnswer answer = static_cast<const TextPage*>(page)->answer();
+  answer.text += '\n';
+  mg_printf(connection,
+            "HTTP/1.1 %d %s\r\nContent-Type: text/plain; charset=utf-8\r\nCache-Control: no-store\r\n"
+            "Content-Length: %zu\r\nConnection: close\r\n\r\n",
+            answer.status, answer.status == 200 ? "OK" : "Service Unavailable", answer.text.size());
+  mg_write(connection, answer.text.data(), answer.text.size());
+  return answer.status;
+}
+
 }  // namespace
 
 struct Exporter::Impl {
+  std::vector<TextPage> pages;  // outlive the threads of the exposer
   std::shared_ptr<Collected> collected;
   std::unique_ptr<prometheus::Exposer> exposer;
 };
 
-Exporter::Exporter(const std::string& address, bool anybody, std::function<void(Page&)> fill)
+Exporter::Exporter(const std::string& address, bool anybody, std::function<void(Page&)> fill,
+                   std::vector<TextPage> pages)
     : impl_(std::make_unique<Impl>()) {
   net::Address at = net::parse_address(address, "--metrics");
   if (!net::is_loopback(at) && !anybody) {
@@ -131,10 +157,14 @@ Exporter::Exporter(const std::string& address, bool anybody, std::function<void(
         "too if that is meant, or 127.0.0.1:PORT");
   }
   impl_->collected = std::make_shared<Collected>(std::move(fill));
+  impl_->pages = std::move(pages);
+  const CivetCallbacks callbacks = tell_of_start();
   const ServingThreads threads;
   try {
-    impl_->exposer = std::make_unique<prometheus::Exposer>(std::vector<std::string>{
-        "listening_ports", net::to_string(at), "num_threads", kThreads, "request_timeout_ms", kPatience});
+    impl_->exposer = std::make_unique<prometheus::Exposer>(
+        std::vector<std::string>{"listening_ports", net::to_string(at), "num_threads", kThreads,
+                                 "request_timeout_ms", kPatience},
+        &callbacks);
   } catch (const std::exception&) {
     throw UserError(
         "--metrics " + address +
@@ -142,6 +172,8 @@ Exporter::Exporter(const std::string& address, bool anybody, std::function<void(
         "this machine's; choose another port");
   }
   impl_->exposer->RegisterCollectable(impl_->collected);
+  for (TextPage& page : impl_->pages)
+    mg_set_request_handler(g_started, page.path.c_str(), answer_text, &page);
   const auto ports = impl_->exposer->GetListeningPorts();
   if (!ports.empty()) at.port = static_cast<std::uint16_t>(ports.front());
   url_ = "http://" + net::to_string(at) + "/metrics";

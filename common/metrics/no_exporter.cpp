@@ -6,7 +6,7 @@ namespace telenano::metrics {
 
 struct Exporter::Impl {};
 
-Exporter::Exporter(const std::string&, bool, std::function<void(Page&)>) {
+Exporter::Exporter(const std::string&, bool, std::function<void(Page&)>, std::vector<TextPage>) {
   throw UserError(
       "--metrics: this build has no metrics; build with -DTELENANO_METRICS=ON and the package "
       "prometheus-cpp-dev");

@@ -23,9 +23,11 @@
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/nve_server/app/audit_log.h"
+#include "telenano/nve_server/app/drain_watcher.h"
 #include "telenano/nve_server/app/key_watcher.h"
 #include "telenano/nve_server/app/reload_watcher.h"
 #include "telenano/nve_server/app/serve_afm.h"
+#include "telenano/nve_server/app/serve_health.h"
 #include "telenano/nve_server/app/serve_metrics.h"
 #include "telenano/nve_server/app/serve_security.h"
 #include "telenano/nve_server/app/serve_web.h"
@@ -110,6 +112,7 @@ struct ServeOptions {
   std::string local_rights;                      // left out: operate
   std::optional<int> timeout_ms;                 // left out: as the scene says
   int resume_s = 30;
+  std::optional<int> drain_s;  // left out: SIGTERM does not drain, and a drain has no end of its own
   bool no_scene_sharing = false;
   std::string share;  // left out: as the scene's slave must be, else private
   std::size_t workers = 1;
@@ -151,7 +154,21 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   auto log =
       std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
   log->set_pattern("%H:%M:%S %n: %v");
-  ServerSignals& signals = catch_server_signals();
+  ServerSignals& signals = catch_server_signals(options.drain_s.has_value());
+  // Before the scene too: who asks for /readyz is told that it starts. The channels come with the scene.
+  std::atomic<bool> prepared{false};
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(
+        options.metrics, options.metrics_public,
+        [&](metrics::Page& page) {
+          const bool known = prepared.load(std::memory_order_acquire);
+          write_metrics(workers.loops(), known ? workers.channels() : std::vector<security::DtlsServer*>(),
+                        page);
+        },
+        health_pages(workers.loops(), options.max_sessions, signals, clock));
+    log->info("metrics at {}", exporter->url());
+  }
   server::ServedScene scene;
   try {
     scene = options.afm.wanted()
@@ -179,6 +196,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     scene.make_slave = watched(scene.make_slave, tip_slots);
   }
   workers.prepare(options.security, config, scene);
+  prepared.store(true, std::memory_order_release);
   const bool secure = options.security.is_secure();
 
   std::optional<AuditLog> audit;
@@ -188,12 +206,6 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     audit->start(
         {options.afm.wanted() ? "an AFM" : options.scene, net::to_string(workers.local()), secure, one_tip});
   }
-  std::optional<metrics::Exporter> exporter;
-  if (!options.metrics.empty()) {
-    exporter.emplace(options.metrics, options.metrics_public,
-                     [&](metrics::Page& page) { write_metrics(workers.loops(), workers.channels(), page); });
-  }
-
   std::optional<web::WebView> web_view;
   if (tip_slots) {
     web::WebViewConfig web_config;
@@ -231,7 +243,6 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   }
   if (options.busy_poll && !workers.nic_busy_poll())
     log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
-  if (exporter) log->info("metrics at {}", exporter->url());
   if (!marked)
     log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
   {
@@ -248,6 +259,10 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
       if (watcher) watcher->reload();
       if (audit) audit->reopen();
     });
+    const DrainWatcher drainer({&signals.drain, &signals.stop, options.drain_s, workers.loops(),
+                                [&](const std::string& text) { log->info(text); }},
+                               clock);
+    signals.serves = true;
     const StatusPrinter printer(workers, log);
     const ServiceNotify service(workers.loops());
     workers.run(signals, [&log](const rt::RealtimeReport& report) {
@@ -320,6 +335,11 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->capture_default_str()
       ->check(CLI::Range(0, 3600));
   command
+      ->add_option("--drain-seconds", options->drain_s,
+                   "At SIGTERM take no new sessions and end with the last one, after so long in any case; a "
+                   "second SIGTERM ends at once. SIGUSR1 drains without this too, for as long as it takes")
+      ->check(CLI::Range(1, 86400));
+  command
       ->add_option(
           "--share", options->share,
           "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
@@ -353,7 +373,8 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
       ->type_name("FILE");
   command
       ->add_option("--metrics", options->metrics,
-                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
+                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one. Also "
+                   "/healthz and /readyz, for who watches the server")
       ->type_name("HOST:PORT");
   command->add_flag("--metrics-public", options->metrics_public,
                     "Let --metrics listen off loopback, where anybody can read it");

@@ -67,6 +67,7 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
 void Workers::serve(Worker& worker, const ServerSignals& signals) {
   server::LoopOptions options;
   options.busy_poll = config_.busy_poll;
+  options.drain = &signals.drain;
   options.shutdown.at_once = &signals.at_once;
   options.local_rights = config_.local_rights;
   if (workers_.size() > 1) options.idle_period_ns = kIdleWithOthersNs;

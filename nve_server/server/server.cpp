@@ -404,6 +404,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   using Kind = link::HelloVerdict::Kind;
   link::HelloContext context;
   context.shutting_down = shutting_down_;
+  context.draining = draining_;
   context.address_proven = standing.address_proven;
   context.owner = standing.identity;
   context.rank = static_cast<std::uint8_t>(standing.rights);

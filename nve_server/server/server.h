@@ -159,6 +159,9 @@ class Server {
   /// A slave may move without commands: poll() is to be called each tick.
   bool retracts() const noexcept { return table_.occupied() > table_.active() || withdrawing_; }
 
+  /// From now on no session is opened; those that there are go on, and are resumed.
+  void drain() noexcept { draining_ = true; }
+
   /// Shutting down: from now on Hellos are refused, and commands answered by a Bye; call until it returns 0,
   /// sending each Bye to `to`. poll() goes on retracting.
   std::size_t next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
@@ -244,6 +247,7 @@ class Server {
   bool withdrawing_ = false;  ///< the shared tip
   TokenSearch search_;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
+  bool draining_ = false;
   bool shutting_down_ = false;
   net::Standing standing_;        ///< of the datagram at hand
   std::int64_t now_ns_ = 0;       ///< its time, or that of poll()

@@ -20,10 +20,12 @@ struct Waiting {
 /// most before the time-outs are looked at again.
 constexpr int kTurns = 2;
 
-void publish(const Server& server, LoopStatus& status) noexcept {
+void publish(const Server& server, std::int64_t now_ns, LoopStatus& status) noexcept {
   constexpr auto kRelaxed = std::memory_order_relaxed;
   status.turns.fetch_add(1, kRelaxed);
+  status.turned_ns.store(now_ns, kRelaxed);
   status.sessions.store(server.sessions().active(), kRelaxed);
+  status.occupied.store(server.sessions().occupied(), kRelaxed);
   status.exchanges.store(server.counters().exchanges, kRelaxed);
   status.drops.store(server.drops().total(), kRelaxed);
   status.opened.store(server.counters().opened, kRelaxed);
@@ -45,7 +47,12 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
   ServerSnapshot snapshot;
   std::int64_t next_snapshot_ns = clock.now_ns();
   std::int64_t next_poll_ns = clock.now_ns();
+  bool drains = false;
   while (!stop.load(std::memory_order_relaxed)) {
+    if (!drains && options.drain != nullptr && options.drain->load(std::memory_order_relaxed)) {
+      drains = true;
+      server.drain();
+    }
     // At most two drains before the time-outs are looked at again, so that a flood cannot keep them waiting.
     bool drained = false;
     for (int i = 0; i < kTurns && !drained; ++i) {
@@ -74,7 +81,9 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     const bool more_steps = server.catch_up(now_ns);
     if (now_ns >= next_poll_ns) {
       server.poll(now_ns);
-      publish(server, status);
+      publish(server, now_ns, status);
+      // After the counts: what it allowed until now is among them.
+      status.draining.store(drains, std::memory_order_release);
       if (now_ns >= next_snapshot_ns) {
         take_snapshot(server, now_ns, snapshot);
         status.snapshot.store(snapshot);
@@ -93,7 +102,7 @@ void run_loop(Server& server, net::Datagram& socket, const rt::Clock& clock,
     wait(soon ? std::min(sleep_ns, options.poll_period_ns) : sleep_ns);
   }
   shut_down(server, socket, clock, wait, options.shutdown);
-  publish(server, status);
+  publish(server, clock.now_ns(), status);
   take_snapshot(server, clock.now_ns(), snapshot);
   status.snapshot.store(snapshot);
 }

@@ -16,8 +16,13 @@ namespace telenano::server {
 /// What the loop tells the rest of the program, read without locks: single words, and a snapshot a few times
 /// a second.
 struct LoopStatus {
-  std::atomic<std::uint64_t> turns{0};  ///< of the time-outs: grows as long as the loop is alive
+  static constexpr std::int64_t kNever = INT64_MIN;
+
+  std::atomic<std::uint64_t> turns{0};          ///< of the time-outs: grows as long as the loop is alive
+  std::atomic<std::int64_t> turned_ns{kNever};  ///< when it did so last
   std::atomic<std::uint64_t> sessions{0};
+  std::atomic<std::uint64_t> occupied{0};  ///< active, silent and ending ones
+  std::atomic<bool> draining{false};       ///< takes no new sessions any more
   std::atomic<std::uint64_t> exchanges{0};
   std::atomic<std::uint64_t> drops{0};
   std::atomic<std::uint64_t> opened{0};
@@ -38,6 +43,7 @@ struct LoopOptions {
       50'000'000;  ///< the same while there are no sessions; also the time to see `stop`
   /// Of datagrams whose channel shows no key: every local user's.
   net::Rights local_rights = net::Rights::kOperate;
+  const std::atomic<bool>* drain = nullptr;  ///< when it becomes true, no session is opened any more
   ShutdownOptions shutdown;
 };
 

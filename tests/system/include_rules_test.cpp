@@ -117,6 +117,7 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"boost/beast", {"nve_server/web/web_view"}},
     {"openssl/", {"common/security/dtls_", "common/hash/sha256"}},
     {"prometheus/", {"common/metrics/exporter"}},
+    {"CivetServer.h", {"common/metrics/exporter"}},
     {"nlohmann/", {"nve_server/app/audit_log"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},

@@ -86,6 +86,15 @@ TEST_P(Loop, ServesAndSaysByeWhenStopped) {
   EXPECT_EQ(loop.server.drops().total(), loop.server.drops()[link::DropCause::kUnexpected]);
 }
 
+TEST_P(Loop, SaysWhenItTurnedLast) {
+  LoopFixture loop(GetParam());
+  const std::int64_t asked_ns = loop.clock.now_ns();
+  const std::int64_t give_up_ns = asked_ns + 20'000'000'000;
+  while (loop.status.turned_ns <= asked_ns && loop.clock.now_ns() < give_up_ns) std::this_thread::yield();
+  EXPECT_GT(loop.status.turned_ns, asked_ns);
+  EXPECT_LE(loop.status.turned_ns, loop.clock.now_ns());
+}
+
 INSTANTIATE_TEST_SUITE_P(Waiting, Loop, testing::Values(false, true),
                          [](const auto& instance) { return instance.param ? "BusyPoll" : "Blocking"; });
 
