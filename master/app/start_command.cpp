@@ -111,6 +111,7 @@ int start(const StartFlags& flags) {
   const std::atomic<bool>& stop = catch_stop_signals();
   RecentServers recent(RecentServers::users_folder());
   view_model::StartChoice choice;
+  choice.guide = recent.list().empty();  // nobody has been here before
   if (!recent.list().empty()) {
     choice.server = recent.list().front().server;
     choice.key = recent.list().front().key;

@@ -26,6 +26,7 @@ std::vector<std::string> run_arguments(const StartChoice& choice) {
   std::vector<std::string> arguments{"run", "--server", choice.server, "--device", choice.device, "--view"};
   if (!choice.key.empty()) arguments.insert(arguments.end(), {"--key", choice.key});
   if (choice.method != "auto") arguments.insert(arguments.end(), {"--method", choice.method});
+  if (choice.guide) arguments.emplace_back("--guide");
   if (choice.record) arguments.insert(arguments.end(), {"--record", choice.recording});
   return arguments;
 }

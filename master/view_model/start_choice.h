@@ -11,6 +11,7 @@ struct StartChoice {
   std::string key;                        ///< file; empty: not encrypted
   std::string device = "sim";             ///< as --device takes it
   std::string method = "auto";
+  bool guide = false;  ///< to a first touch
   bool record = false;
   std::string recording = "session.h5";  ///< file, where `record`
 };

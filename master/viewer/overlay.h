@@ -1,5 +1,6 @@
 #pragma once
 
+#include "telenano/master/station/twin_run.h"
 #include "telenano/master/view_model/live_session.h"
 #include "telenano/master/viewer/gui.h"
 #include "telenano/master/viewer/scene_renderer.h"
@@ -18,6 +19,6 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
 /// The badges of the session banner (SIM, AFM, STALE …), the sample's name and what the station is doing,
 /// across the top. Before the words of the pictures, which give way to it.
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
-                 const Area& area, bool ended);
+                 const Area& area, bool ended, station::TwinState twin);
 
 }  // namespace telenano::viewer

@@ -106,6 +106,8 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
   }
   ImGui::SameLine();
   quiet(choice.method == "auto" ? "chosen by the way to the server" : "as you say");
+  label("First touch");
+  ImGui::Checkbox("lead me to it in five steps", &choice.guide);
   label("Recording");
   ImGui::Checkbox("##record", &choice.record);
   ImGui::SameLine();

@@ -12,6 +12,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/viewer/charts.h"
+#include "telenano/master/viewer/guide_box.h"
 #include "telenano/master/viewer/overlay.h"
 #include "telenano/master/viewer/playback_bar.h"
 
@@ -44,7 +45,8 @@ Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::Vi
       renderer_(ground_),
       live_(kTrailStep_nm),
       panel_(facts_, port),
-      hand_(facts.hand_half_m, facts.hand_back_s) {
+      hand_(facts.hand_half_m, facts.hand_back_s),
+      guide_(facts.guide) {
   reset_cameras();
 }
 
@@ -164,7 +166,10 @@ void Viewer::handle_keys(double time_s) {
   if (pressed(GLFW_KEY_ESCAPE)) panel_.ask(ViewRequest::Kind::kStop);
   if (io.WantTextInput) return;
   if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
-  if (pressed(GLFW_KEY_F1)) help_ = !help_;
+  // By the letter: where it lies is the keyboard's affair.
+  const auto& letters = io.InputQueueCharacters;
+  if (pressed(GLFW_KEY_F1) || std::find(letters.begin(), letters.end(), ImWchar{'?'}) != letters.end())
+    help_ = !help_;
   if (pressed(GLFW_KEY_F)) force_curve_shown_ = !force_curve_shown_;
   if (pressed(GLFW_KEY_D)) data_wanted_ = true;
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) {
@@ -186,6 +191,11 @@ void Viewer::handle_keys(double time_s) {
 void Viewer::handle_session_keys(double time_s) {
   const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
   if (pressed(GLFW_KEY_R)) panel_.ask(ViewRequest::Kind::kClearStop);
+  if (pressed(GLFW_KEY_G)) {
+    guide_ = !guide_;
+    first_touch_ = {};
+  }
+  handle_scaling_keys();
   if (pressed(GLFW_KEY_M)) {
     panel_.ask(ViewRequest::Kind::kMarker);
     say(facts_.recording.empty() ? "No recording to put a mark into" : "Mark put into the recording", time_s);
@@ -204,6 +214,42 @@ void Viewer::handle_session_keys(double time_s) {
   const bool clutch = panel_.clutch_on_screen() || ImGui::IsKeyDown(GLFW_KEY_C);
   hand_.clutch(clutch);
   port_.buttons.store(clutch ? static_cast<std::uint32_t>(device::kButtonClutch) : 0u);
+}
+
+// A tenth of a tenfold at a time; what is not safe is not asked for.
+void Viewer::handle_scaling_keys() {
+  if (!ImGui::GetIO().KeyShift || !live_.any()) return;
+  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false) ? 1 : 0; };
+  const int velocity = pressed(GLFW_KEY_RIGHT) - pressed(GLFW_KEY_LEFT);
+  const int force = pressed(GLFW_KEY_UP) - pressed(GLFW_KEY_DOWN);
+  if (velocity != 0 || force != 0)
+    panel_.ask_scaling(std::pow(10.0, 0.1 * velocity), std::pow(10.0, 0.1 * force), live_.now());
+}
+
+// As a drag in the section would: so much of it a second.
+void Viewer::move_hand_by_keys(double nm_per_pixel) {
+  constexpr double kPixelsPerS = 90;
+  const ImGuiIO& io = ImGui::GetIO();
+  if (io.KeyShift || io.WantTextInput || !ImGui::IsKeyDown(GLFW_KEY_SPACE)) return;
+  const auto down = [](int key) { return ImGui::IsKeyDown(key) ? 1 : 0; };
+  const double px = kPixelsPerS * std::min(static_cast<double>(io.DeltaTime), 0.1);
+  const double right = px * (down(GLFW_KEY_RIGHT) - down(GLFW_KEY_LEFT));
+  const double away = px * (down(GLFW_KEY_PAGE_UP) - down(GLFW_KEY_PAGE_DOWN));
+  const double below = px * (down(GLFW_KEY_DOWN) - down(GLFW_KEY_UP));
+  if (right != 0 || below != 0) hand_.drag(right, below, {Vec3::UnitX(), Vec3::UnitZ(), nm_per_pixel});
+  if (away != 0) hand_.drag(0, -away, {Vec3::UnitX(), Vec3::UnitY(), nm_per_pixel});
+}
+
+void Viewer::draw_guide(const Layout& layout) {
+  if (!guide_ || playback_ != nullptr || !ending_.empty()) return;
+  using Hand = view_model::FirstTouch::Hand;
+  first_touch_.update(live_);
+  const Hand hand = panel_.mouse_leads()   ? Hand::kMouse
+                    : facts_.tasks.empty() ? Hand::kDevice
+                                           : Hand::kSimulated;
+  draw_guide_box(gui_, first_touch_.title(), first_touch_.words(live_, hand, facts_.shows_force),
+                 static_cast<double>(first_touch_.step()) / view_model::FirstTouch::kSteps,
+                 views_ == Views::kOverview ? layout.overview : layout.close_up);
 }
 
 void Viewer::handle_mouse(const Layout& layout, double time_s) {
@@ -237,6 +283,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   pressed_ = false;
   const double dx = anchors ? 0 : io.MouseDelta.x;
   const double dy = anchors ? 0 : io.MouseDelta.y;
+  if (panel_.mouse_leads()) move_hand_by_keys(close_up_nm_px);
   switch (drag_) {
     case Drag::kHandInOverview: {
       view_model::PointerHand::Axes axes;
@@ -313,11 +360,17 @@ void Viewer::draw_help() {
   if (!help_) return;
   ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x * 0.5f, ImGui::GetIO().DisplaySize.y * 0.5f},
                           ImGuiCond_Always, {0.5f, 0.5f});
+  // In a small window all of it is small; what does not fit all the same scrolls.
+  const ImVec2 whole = ImGui::GetIO().DisplaySize;
+  const bool small = whole.y < 640 * gui_.scale() || whole.x < 900 * gui_.scale();
+  ImGui::SetNextWindowSizeConstraints({0, 0}, whole);
   ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kRaised, 0.97f));
+  ImGui::PushFont(small ? gui_.small() : gui_.text());
+  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {4 * gui_.scale(), (small ? 0.5f : 2.0f) * gui_.scale()});
   ImGui::Begin("help", nullptr,
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings);
-  ImGui::PushFont(gui_.large());
+  ImGui::PushFont(small ? gui_.text() : gui_.large());
   ImGui::TextUnformatted("Keys and mouse");
   ImGui::PopFont();
   ImGui::Separator();
@@ -335,6 +388,7 @@ void Viewer::draw_help() {
       row("left drag, overview", "take hold and move the tip over the sample; with Shift: up and down");
       row("wheel", "tip up or down by 0.5 nm a notch; with Shift 0.1 nm");
       row("Space held", "keep hold (deadman); letting go stops the tip where it is");
+      row("with arrows", "the tip along x and z; page up, page down: along y");
       row("Ctrl + wheel", "nearer, farther");
       row("right drag, overview", "turn the picture");
     } else {
@@ -357,12 +411,14 @@ void Viewer::draw_help() {
       row("Esc", "STOP: zero force, the tip retracts");
       row("R", "clear the stop, when you have looked");
       row("C held", "clutch: move the hand, the tip stands");
-      row("1 … 7", "control method");
+      row("1 … 8", "control method");
+      row("Shift + arrows", "right, left: distances more, less; up, down: forces");
       if (!facts_.tasks.empty()) row("T", "the next task of the hand: it lets go, goes back, begins");
       row("M", "a mark in the recording");
+      row("G", "guide to a first touch");
       row("Ctrl + Q", "end the session");
     }
-    row("F1", "this help");
+    row("F1 or ?", "this help");
     ImGui::EndTable();
   }
   ImGui::Separator();
@@ -372,6 +428,8 @@ void Viewer::draw_help() {
   ImGui::SameLine();
   ImGui::TextColored(vec4(palette::kTarget), "  diamond: where the hand wants the tip");
   ImGui::End();
+  ImGui::PopStyleVar();
+  ImGui::PopFont();
   ImGui::PopStyleColor();
 }
 
@@ -433,7 +491,8 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneState now = state();
   const SceneFrame frame = SceneRenderer::overview_frame(ground_);
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
-  draw_banner(gui_, facts_, live_, layout.overview, !ending_.empty());
+  draw_banner(gui_, facts_, live_, layout.overview, !ending_.empty(), port_.twin.load());
+  draw_guide(layout);
   if (views_ != Views::kCloseUp) {
     const view_model::Camera camera = shown_overview_camera_ = fitted_overview(layout.overview);
     renderer_.draw_overview(now, camera, frame, layout.overview, height_px);

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "telenano/master/view_model/camera.h"
+#include "telenano/master/view_model/first_touch.h"
 #include "telenano/master/view_model/ground.h"
 #include "telenano/master/view_model/live_session.h"
 #include "telenano/master/view_model/pointer_hand.h"
@@ -72,11 +73,14 @@ class Viewer {
   void follow_tip();
   void handle_keys(double time_s);
   void handle_session_keys(double time_s);
+  void handle_scaling_keys();
+  void move_hand_by_keys(double nm_per_pixel);
   void take_played(double time_s);
   void handle_mouse(const Layout& layout, double time_s);
   void draw_charts(const Layout& layout, int height_px);
   void draw_help();
   void draw_end();
+  void draw_guide(const Layout& layout);
   void draw_words(double time_s, const Area& area);
   SceneState state() const;
   view_model::Camera fitted_overview(const Area& area) const noexcept;
@@ -100,6 +104,8 @@ class Viewer {
   Drag drag_ = Drag::kNone;
   bool pressed_ = false;
   bool help_ = false;
+  view_model::FirstTouch first_touch_;
+  bool guide_ = false;
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;
   bool quit_ = false;

@@ -16,10 +16,11 @@ TEST(StartChoice, ArgumentsAreThoseThatAPersonWouldType) {
   choice.device = "mouse";
   choice.key = "lab one.key";
   choice.method = "tank";
-  choice.record = true;
+  choice.record = choice.guide = true;
   choice.recording = "a.h5";
-  EXPECT_EQ(run_arguments(choice), (Words{"run", "--server", "[::1]:5100", "--device", "mouse", "--view",
-                                          "--key", "lab one.key", "--method", "tank", "--record", "a.h5"}));
+  EXPECT_EQ(run_arguments(choice),
+            (Words{"run", "--server", "[::1]:5100", "--device", "mouse", "--view", "--key", "lab one.key",
+                   "--method", "tank", "--guide", "--record", "a.h5"}));
   EXPECT_EQ(plan_arguments(choice),
             (Words{"plan", "--server", "[::1]:5100", "--felt", "--method", "tank", "--key", "lab one.key"}));
 }
