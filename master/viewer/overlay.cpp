@@ -292,6 +292,25 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
   draw_axes(pen, state, camera);
 }
 
+void draw_measurement(const Gui& gui, const view_model::Profile& profile, const Camera& camera,
+                      const SceneFrame& frame, const Area& area) {
+  const Pen pen(gui, camera, frame, area);
+  const float s = pen.s();
+  ImVec2 before = pen.at(profile.from_w_nm());
+  for (const auto& point : profile.points) {
+    const ImVec2 here = pen.at(point.pos_w_nm);
+    pen.line(before, here, palette::kTarget, 2);
+    before = here;
+  }
+  for (const auto& [pos_w_nm, name] :
+       {std::pair{profile.from_w_nm(), "A"}, std::pair{profile.to_w_nm(), "B"}}) {
+    const ImVec2 p = pen.at(pos_w_nm);
+    pen.list()->AddCircleFilled(p, 4 * s, ink(palette::kTarget));
+    pen.block({{name, palette::kTarget, gui.text()}},
+              {{p.x - 12 * s, p.y - 20 * s}, {p.x + 6 * s, p.y + 4 * s}});
+  }
+}
+
 void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
                          const Camera& camera, const SceneFrame& frame, const Area& area) {
   const Pen pen(gui, camera, frame, area);

@@ -15,6 +15,7 @@
 #include "telenano/master/viewer/guide_box.h"
 #include "telenano/master/viewer/overlay.h"
 #include "telenano/master/viewer/playback_bar.h"
+#include "telenano/master/viewer/profile_chart.h"
 
 namespace telenano::viewer {
 namespace {
@@ -172,6 +173,7 @@ void Viewer::handle_keys(double time_s) {
     help_ = !help_;
   if (pressed(GLFW_KEY_F)) force_curve_shown_ = !force_curve_shown_;
   if (pressed(GLFW_KEY_D)) data_wanted_ = true;
+  if (pressed(GLFW_KEY_L) && live_.any()) measurement_.choose(tip_w_nm());
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) {
     panel_.ask(ViewRequest::Kind::kQuit);
     quit_ = true;
@@ -240,6 +242,30 @@ void Viewer::move_hand_by_keys(double nm_per_pixel) {
   if (away != 0) hand_.drag(0, -away, {Vec3::UnitX(), Vec3::UnitY(), nm_per_pixel});
 }
 
+Vec3 Viewer::tip_w_nm() const noexcept {
+  const recording::Xyz& tip = live_.now().tip_pos_w_nm;
+  return {tip[0], tip[1], tip[2]};
+}
+
+std::string Viewer::data() const {
+  const auto profile = measurement_.profile(ground_, tip_w_nm());
+  return profile ? view_model::profile_csv(*profile) : live_.force_curve().csv();
+}
+
+// Ctrl and a click in the overview: a place to measure from or to, no drag.
+bool Viewer::measure_at_pointer(const Layout& layout) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (!io.KeyCtrl || !io.MouseClicked[0]) return false;
+  const Area& area = layout.overview;
+  const SceneFrame frame = SceneRenderer::overview_frame(ground_);
+  const auto place =
+      view_model::seen_at(ground_, fitted_overview(area), frame.origin_w_nm, frame.exaggeration,
+                          io.MousePos.x - static_cast<float>(area.x_px),
+                          io.MousePos.y - static_cast<float>(area.y_px), area.width_px, area.height_px);
+  if (place) measurement_.choose(*place);
+  return true;
+}
+
 void Viewer::draw_guide(const Layout& layout) {
   if (!guide_ || playback_ != nullptr || !ending_.empty()) return;
   using Hand = view_model::FirstTouch::Hand;
@@ -258,7 +284,8 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(io.MousePos.x, io.MousePos.y);
   const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
   const bool free = !io.WantCaptureMouse;
-  if (drag_ == Drag::kNone && free && (over_overview || over_close_up)) {
+  const bool measures = drag_ == Drag::kNone && free && over_overview && measure_at_pointer(l);
+  if (drag_ == Drag::kNone && free && !measures && (over_overview || over_close_up)) {
     const bool hand = panel_.mouse_leads();
     if (io.MouseClicked[0])
       drag_ = over_close_up ? (hand ? Drag::kHandInCloseUp : Drag::kNone)
@@ -345,6 +372,12 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
     ChartScale hand_scale{"N", 0.2, true, facts_.hand_force_limit_n};
     draw_strip_chart(gui_, box_of(layout.charts[1]), "Hand force, z", hand, hand_scale);
   }
+  if (const auto profile = measurement_.profile(ground_, tip_w_nm())) {
+    draw_profile(gui_, {box_of(layout.charts[2]).from, box_of(layout.charts[3]).to}, *profile);
+    ImGui::End();
+    ImGui::PopStyleColor();
+    return;
+  }
   const Curve energy{live_.energy(), "", palette::kGood};
   const Curve damper{live_.damper(), "", palette::kTarget};
   ChartScale energy_scale{"mJ", 0.5, true, 1e3 * facts_.energy_bound_j};
@@ -400,7 +433,9 @@ void Viewer::draw_help() {
     row("Home", "the first view again");
     row("P or F12", "picture of this window (PNG)");
     row("F", "force over distance of the last touch, or the charts over time");
-    row("D", "that curve as a table (CSV)");
+    row("D", "that curve, or the profile that is measured, as a table (CSV)");
+    row("L", "measure from the tip; again: to the tip; again: no more");
+    row("Ctrl + click, overview", "the same where you point");
     if (playback_ != nullptr) {
       row("Space", "play, pause");
       row("Left, Right", "a second back, on; with Shift a hundredth");
@@ -496,6 +531,8 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   if (views_ != Views::kCloseUp) {
     const view_model::Camera camera = shown_overview_camera_ = fitted_overview(layout.overview);
     renderer_.draw_overview(now, camera, frame, layout.overview, height_px);
+    if (const auto profile = measurement_.profile(ground_, tip_w_nm()))
+      draw_measurement(gui_, *profile, camera, frame, layout.overview);
     draw_overview_words(gui_, facts_, now, live_, camera, frame, layout.overview);
   }
   if (views_ != Views::kOverview) {

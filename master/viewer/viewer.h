@@ -10,6 +10,7 @@
 #include "telenano/master/view_model/ground.h"
 #include "telenano/master/view_model/live_session.h"
 #include "telenano/master/view_model/pointer_hand.h"
+#include "telenano/master/view_model/profile.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/viewer/control_panel.h"
 #include "telenano/master/viewer/gui.h"
@@ -52,9 +53,10 @@ class Viewer {
   const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
   /// Asked for since the last call.
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
-  /// The data of what is seen, asked for by key since the last call: the force-distance curve.
+  /// The data of what is seen, asked for by key since the last call: the profile that is measured, else the
+  /// force-distance curve.
   bool take_data_wanted() noexcept { return std::exchange(data_wanted_, false); }
-  std::string data() const { return live_.force_curve().csv(); }
+  std::string data() const;
   /// The force-distance curve in place of the charts of gap and hand force.
   void show_force_curve(bool on) noexcept { force_curve_shown_ = on; }
   bool force_curve_shown() const noexcept { return force_curve_shown_; }
@@ -81,6 +83,8 @@ class Viewer {
   void draw_help();
   void draw_end();
   void draw_guide(const Layout& layout);
+  Vec3 tip_w_nm() const noexcept;
+  bool measure_at_pointer(const Layout& layout);
   void draw_words(double time_s, const Area& area);
   SceneState state() const;
   view_model::Camera fitted_overview(const Area& area) const noexcept;
@@ -105,6 +109,7 @@ class Viewer {
   bool pressed_ = false;
   bool help_ = false;
   view_model::FirstTouch first_touch_;
+  view_model::Measurement measurement_;
   bool guide_ = false;
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;

@@ -3,6 +3,7 @@
 #include <GLFW/glfw3.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <optional>
 #include <string>
@@ -195,6 +196,65 @@ TEST_F(Guidance, TheMousesHandIsLedByKeysToo) {
   hold(GLFW_KEY_PAGE_UP, 10);
   EXPECT_GT(viewer_->hand().hand_pos_h_m().y(), 0);
   io.KeysDown[GLFW_KEY_SPACE] = false;
+}
+
+// At the tip by key; the numbers are the formula's, which the scan holds but for its pixels.
+TEST_F(Guidance, AMeasurementIsShownAndWritten) {
+  for (const float scale : {1.0f, 2.0f}) {
+    make(scale);
+    play(0, 100);
+    frame();
+    press(GLFW_KEY_L);
+    play(3000, 6000);
+    press(GLFW_KEY_L);
+    play(6000, 6100);
+    for (const auto& [wide, high] : {std::pair{640, 480}, {1280, 800}, {3840, 2160}}) {
+      frames(wide, high, 2);
+      EXPECT_EQ(overlaps(glyphs()), "") << wide << " x " << high << ", scale " << scale;
+      if (scale == 1) look("measure", wide, high);
+    }
+  }
+  frames(1280, 800, 1);
+  const auto from = support::view_sample(99).tip_pos_w_nm;
+  const auto to = support::view_sample(5999).tip_pos_w_nm;
+  const double apart = std::hypot(to[0] - from[0], to[1] - from[1]);
+  const std::string csv = viewer_->data();
+  const auto number = [&](const std::string& after) {
+    const auto at = csv.find(after);
+    return at == std::string::npos ? std::nan("") : std::strtod(csv.c_str() + at + after.size(), nullptr);
+  };
+  EXPECT_NEAR(number("# distance: "), apart, 1e-3 * apart) << csv.substr(0, 300);
+  EXPECT_NEAR(number("# height difference: "),
+              support::view_height_nm(to[0], to[1]) - support::view_height_nm(from[0], from[1]), 0.1);
+  EXPECT_TRUE(says("ProfileAtoB") && says("apart,height")) << drawn_text(glyphs());
+  press(GLFW_KEY_L);
+  EXPECT_FALSE(says("ProfileAtoB"));
+  EXPECT_EQ(viewer_->data().find("# profile"), std::string::npos);
+}
+
+TEST_F(Guidance, CtrlAndAClickMeasuresWhereOnePointsAndDragsNothing) {
+  facts_.mouse_is_hand = true;
+  make(1);
+  play(0, 100);
+  frame();
+  const auto click = [&](float x, float y) {
+    ImGuiIO& io = ImGui::GetIO();
+    io.MousePos = {x, y};
+    io.KeyCtrl = true;
+    frame();
+    io.MouseDown[0] = true;
+    frame();
+    io.MousePos = {x + 20, y + 20};
+    frame();
+    io.MouseDown[0] = false;
+    frame();
+    io.KeyCtrl = false;
+  };
+  click(200, 330);
+  click(330, 380);
+  EXPECT_TRUE(says("ProfileAtoB")) << drawn_text(glyphs());
+  EXPECT_EQ(viewer_->hand().hand_pos_h_m().norm(), 0);
+  EXPECT_EQ(viewer_->hand().buttons(time_s_), 0u);
 }
 
 class StartScreenTest : public Guidance {
