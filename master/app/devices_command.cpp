@@ -7,9 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "telenano/master/device/device_map.h"
-#include "telenano/master/device/hid/hid_port.h"
-#include "telenano/master/device/omega/omega_device.h"
+#include "telenano/master/app/found_devices.h"
 
 namespace telenano::app {
 namespace {
@@ -23,9 +21,7 @@ std::string csv(const std::string& text) {
 }
 
 void list() {
-  std::vector<device::FoundDevice> all{{"sim", "simulated omega.3 with a simulated hand", "", "", true, ""}};
-  for (auto& one : device::find_omegas()) all.push_back(std::move(one));
-  for (auto& one : device::find_pucks()) all.push_back(std::move(one));
+  const std::vector<device::FoundDevice> all = find_devices();
   fmt::print("backend,name,serial,node,usable,why\n");
   for (const auto& one : all) {
     fmt::print("{},{},{},{},{},{}\n", one.backend, csv(one.name), csv(one.serial), csv(one.node),

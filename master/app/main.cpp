@@ -9,6 +9,7 @@
 #include "telenano/master/app/plan_command.h"
 #include "telenano/master/app/recover_command.h"
 #include "telenano/master/app/run_command.h"
+#include "telenano/master/app/start_command.h"
 #include "telenano/master/app/view_command.h"
 
 // What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
@@ -19,6 +20,7 @@ int main(int argc, char** argv) {
   std::string command_line = "telenano-master";
   for (int i = 1; i < argc; ++i) command_line += std::string(" ") + argv[i];
   int exit_code = 0;
+  telenano::app::add_start_command(app, exit_code);
   telenano::app::add_run_command(app, command_line, exit_code);
   telenano::app::add_replay_command(app, command_line, exit_code);
   telenano::app::add_view_command(app);

@@ -11,16 +11,21 @@
 #include <string>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/control/method_choice.h"
 #include "telenano/common/link/client_session.h"
 #include "telenano/common/net/udp.h"
 #include "telenano/common/plot/gnuplot.h"
 #include "telenano/master/app/access_flags.h"
 #include "telenano/master/app/link_probe.h"
 #include "telenano/master/app/plan_plot.h"
+#include "telenano/master/app/scene_wait.h"
 #include "telenano/master/app/station_plan.h"
 #include "telenano/master/app/stop_signals.h"
+#include "telenano/master/app/touch_forecast.h"
 #include "telenano/master/connection/connect.h"
 #include "telenano/master/device/sim_device.h"
+#include "telenano/master/scene/scene_keeper.h"
+#include "telenano/master/twin/load_twin.h"
 
 namespace telenano::app {
 namespace {
@@ -29,6 +34,8 @@ namespace {
 constexpr double kProbeS = 0.5;
 constexpr int kProbeMin = 20;
 constexpr int kProbeMax = 500;
+// As long as `run` waits for a twin that nobody asked for, twice: a forecast was asked for.
+constexpr double kSceneWaitS = 16;
 
 struct PlanOptions : connection::ServerAccess {
   PlanOptions() { server.clear(); }  // a server or a file of limits: neither is taken for granted
@@ -40,6 +47,7 @@ struct PlanOptions : connection::ServerAccess {
   std::optional<std::string> method;
   std::optional<double> rtt_ms;
   Workspaces workspaces;
+  bool felt = false;
   std::string plot;
 };
 
@@ -47,6 +55,10 @@ struct PlanOptions : connection::ServerAccess {
 struct Far {
   config::SlaveLimits slave;
   LinkDelay link;  ///< sent = 0: given, not measured
+  // With --felt:
+  std::optional<TouchForecast> touch;
+  std::string no_touch;   ///< why there is no forecast
+  bool has_twin = false;  ///< `run` would feel the sample by a twin of the server's slave
 };
 
 void require_positive(const char* flag, const std::optional<double>& value) {
@@ -58,7 +70,11 @@ void require_positive(const char* flag, const std::optional<double>& value) {
 StationFile station_file(const PlanOptions& options) {
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   if (options.rate_hz) file.station.rate_hz = *options.rate_hz;
-  if (options.method) file.station.method = control::parse_method(*options.method);
+  if (options.method && *options.method == "auto") {
+    file.chooses_method = true;
+  } else if (options.method) {
+    file.station.method = control::parse_method(*options.method);
+  }
   if (options.workspaces.haptic_m) file.workspaces.haptic_m = options.workspaces.haptic_m;
   if (options.workspaces.visual_m) file.workspaces.visual_m = options.workspaces.visual_m;
   if (options.workspaces.nano_nm) file.workspaces.nano_nm = options.workspaces.nano_nm;
@@ -74,6 +90,8 @@ void validate(const PlanOptions& options) {
         "plan: give either --server HOST:PORT (a telenano-nve serve that runs) or --limits FILE (written by "
         "telenano-nve check --limits)");
   }
+  if (options.felt && options.server.empty())
+    throw UserError("--felt needs --server: the sample is the server's; --limits holds none");
   if (options.rtt_ms && !(*options.rtt_ms >= 0 && *options.rtt_ms <= 60'000))
     throw UserError(fmt::format("--rtt-ms: {:g}, expected 0 to 60000", *options.rtt_ms));
   if (!std::isfinite(options.connect_timeout_s))
@@ -83,13 +101,42 @@ void validate(const PlanOptions& options) {
   require_positive("--nano-nm", options.workspaces.nano_nm);
 }
 
-Far ask_server(const PlanOptions& options, double rate_hz) {
+/// The sample of the session, pressed here, not at the server.
+void forecast(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
+              const StationFile& file, scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop,
+              Far& far) {
+  const link::Welcome& welcome = session.welcome();
+  if (welcome.scene.empty()) {
+    far.no_touch = "this server does not share its scene";
+    return;
+  }
+  keeper.start();
+  wait_for_scene(session, way, server, keeper, true, kSceneWaitS, stop);
+  const auto scene = keeper.scene();
+  if (!scene) {
+    far.no_touch = keeper.settled() ? "the server's scene cannot be fetched"
+                                    : "the server's scene is still on its way; ask again";
+    return;
+  }
+  const auto twins = twin::decode_twins(scene->bundle, 1);
+  far.has_twin = scene->same_physics && session.logs_steps();
+  far.touch = forecast_touch(*twins[0], file.task, welcome.start_pos_w_nm, welcome.surface_z_w_nm,
+                             file.station.rate_hz);
+}
+
+Far ask_server(const PlanOptions& options, const StationFile& file) {
+  const double rate_hz = file.station.rate_hz;
+  // Forks, so before whatever has threads, keys or sockets.
+  std::optional<scene_store::SceneKeeper> keeper;
+  if (options.felt) keeper.emplace(scene_store::SceneKeeperOptions{});
   const net::Address server = net::parse_address(options.server, "--server");
   const std::atomic<bool>& stop = catch_stop_signals();
   connection::ServerLink way(options, server);
   link::ClientConfig config;
   config.rate_hz = static_cast<std::uint32_t>(rate_hz);
   config.nonce_seed = connection::random_nonce_seed();
+  // Whether steps are logged, which a twin needs, is agreed on with the session.
+  if (options.felt) config.step_ring = static_cast<std::size_t>(rate_hz);
   link::ClientSession session(config);
   connection::connect(session, way, server, rate_hz, options, stop);
   const connection::Farewell farewell(session, way.datagram(), server);
@@ -100,13 +147,15 @@ Far ask_server(const PlanOptions& options, double rate_hz) {
                             std::clamp(static_cast<int>(kProbeS * rate_hz), kProbeMin, kProbeMax),
                             options.connect_timeout_s, stop);
   }
+  if (keeper) forecast(session, way, server, file, *keeper, stop, far);
   return far;
 }
 
-Far ask(const PlanOptions& options, double rate_hz) {
+Far ask(const PlanOptions& options, const StationFile& file) {
+  const double rate_hz = file.station.rate_hz;
   Far far;
   if (options.limits.empty()) {
-    far = ask_server(options, rate_hz);
+    far = ask_server(options, file);
   } else {
     far.slave = config::load_slave_limits(options.limits);
     if (rate_hz > far.slave.rate_max_hz) {
@@ -178,6 +227,31 @@ void print_table(const StationFile& file, const Far& far, const control::Scaling
   row("felt_force_max", plan.felt_force_max_n, "N");
 }
 
+double felt_n(double tip_nn, const control::ScalingPlan& plan) {
+  return std::min(tip_nn * 1e-9 * plan.scaling.force, plan.felt_force_max_n);
+}
+
+void print_felt(const StationFile& file, const Far& far, const control::ScalingPlan& plan) {
+  fmt::print("scene,{},\n", far.slave.scene_name);
+  fmt::print("felt_per_nanonewton,{:.15g},N/nN\n", 1e-9 * plan.scaling.force);
+  if (!far.touch) {
+    fmt::print("felt,unknown,\n");
+    fmt::print(stderr, "felt: not known, {}\n", far.no_touch);
+    return;
+  }
+  fmt::print("felt,{},\n", far.touch->touched ? "touch" : "no_touch");
+  fmt::print("press_depth,{:.15g},nm\n", file.task.depth_nm);
+  fmt::print("press_force,{:.15g},nN\n", far.touch->push_nn);
+  fmt::print("felt_press,{:.15g},N\n", felt_n(far.touch->push_nn, plan));
+  fmt::print("pull_off_force,{:.15g},nN\n", far.touch->pull_off_nn);
+  fmt::print("felt_pull_off,{:.15g},N\n", felt_n(far.touch->pull_off_nn, plan));
+  fmt::print(stderr,
+             "felt: {:.3g} N for a nanonewton at the tip; pressed {:g} nm by a stiff hand {:.2g} N "
+             "({:.3g} nN), pull-off {:.2g} N ({:.3g} nN)\n",
+             1e-9 * plan.scaling.force, file.task.depth_nm, felt_n(far.touch->push_nn, plan),
+             far.touch->push_nn, felt_n(far.touch->pull_off_nn, plan), far.touch->pull_off_nn);
+}
+
 std::string samples(int count) {
   return fmt::format("{} sample{} of delay", count, count == 1 ? "" : "s");
 }
@@ -244,9 +318,11 @@ void print_words(const StationFile& file, const device::DeviceInfo& device, cons
 
 void plan(const PlanOptions& options) {
   validate(options);
-  const StationFile file = station_file(options);
+  StationFile file = station_file(options);
   if (!options.plot.empty()) plot::require_drawable(options.plot, "--plot");
-  const Far far = ask(options, file.station.rate_hz);
+  const Far far = ask(options, file);
+  if (options.method && *options.method == "auto")
+    file.station.method = control::MethodChoice::at_start({far.link.median_s, 0, true, far.has_twin});
   const device::DeviceInfo device = device::sim_device_info(file.plant);
   const double period_s = 1 / file.station.rate_hz;
   const control::ScalingPlanInput input =
@@ -256,6 +332,7 @@ void plan(const PlanOptions& options) {
   const control::ScalingPlan result = control::plan_scaling(input);
   const control::ScalingPlan at_p99 = control::plan_scaling(input_p99);
   print_table(file, far, input, result, at_p99, input_p99);
+  if (options.felt) print_felt(file, far, result);
   print_words(file, device, far, input, result, at_p99, input_p99);
   if (options.plot.empty()) return;
   draw_plan(input, result,
@@ -284,7 +361,10 @@ void add_plan_command(CLI::App& app) {
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")
       ->check(CLI::Range(100.0, 8000.0));
   command->add_option("--method", options->method, "How the port is kept passive, see run --help")
-      ->type_name("{none,ks,ks-clamp,tdpa,wave,tank,model}");
+      ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
+  command->add_flag(
+      "--felt", options->felt,
+      "Also what the hand will feel, by pressing a copy of the server's scene here: rows felt_*");
   command->add_option("--haptic-m", options->workspaces.haptic_m,
                       "Edge of the hand's workspace (default: the device's)");
   command->add_option("--visual-m", options->workspaces.visual_m, "Edge of the picture (default 0.3)");

@@ -63,6 +63,8 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
     : options_(options), mouse_(mouse), parts_(std::make_unique<Parts>()) {
   photo_ = !options.screenshot.empty();
   window_ = !photo_ && !options.no_view && (options.view || (mouse && viewer::has_display()));
+  if (options.guide && !wanted())
+    throw UserError("--guide leads in a window: add --view, or leave --no-view out");
   if (mouse && !window_) {
     throw UserError(
         photo_ || options.no_view
@@ -103,6 +105,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   facts.server = session.server;
   facts.device_name = session.device.name;
   facts.mouse_is_hand = mouse_;
+  facts.guide = options_.guide;
   facts.shows_force = session.device.has_force;
   const device::HandMotionLimits hand{};
   facts.hand_half_m = session.device.workspace_radius_m;

@@ -32,6 +32,7 @@ namespace telenano::app {
 struct ViewOptions {
   bool view = false;
   bool no_view = false;
+  bool guide = false;
   std::string surface;
   double tip_radius_nm = 20;
   std::string screenshot;

@@ -34,6 +34,8 @@ void add_view_flags(CLI::App& command, ViewOptions& options) {
                    "Open a window: sample, tip, forces, sliders, STOP; F1 in it tells its keys. "
                    "Default with --device mouse");
   command.add_flag("--no-view", options.no_view, "No window, whatever the device")->excludes("--view");
+  command.add_flag("--guide", options.guide,
+                   "In the window: five steps to a first touch, to a pull-off; G switches it");
   add_picture_flags(command, options, "Seconds of the hand's motion after which --screenshot is taken");
   command.get_option("--screenshot")->excludes("--view");
 }

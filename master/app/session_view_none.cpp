@@ -22,7 +22,7 @@ std::string view_recording(const std::string&, const ViewOptions&) {
 }
 
 SessionView::SessionView(const ViewOptions& options, bool mouse) : options_(options) {
-  if (options.view || mouse || !options.screenshot.empty()) refuse();
+  if (options.view || options.guide || mouse || !options.screenshot.empty()) refuse();
 }
 
 SessionView::~SessionView() = default;

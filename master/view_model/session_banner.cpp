@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "telenano/master/station/station.h"
@@ -32,6 +33,29 @@ Badge silence_badge(const SessionInputs& inputs, double silence_s) {
   return {Badge::Kind::kLink, std::move(text), Mood::kAlarm, true};
 }
 
+/// None: there is nothing to tell.
+std::optional<Badge> twin_badge(const SessionInputs& inputs, bool current) {
+  using station::TwinState;
+  const bool felt = static_cast<control::Method>(inputs.now.method) == control::Method::kTwin;
+  if (inputs.played || observes(inputs.now)) return std::nullopt;
+  if (inputs.twin == TwinState::kGivenUp)
+    return Badge{Badge::Kind::kTwin, "Twin given up", Mood::kWarning, false};
+  if (inputs.twin == TwinState::kNone || !felt) return std::nullopt;
+  if (inputs.twin == TwinState::kApart) return Badge{Badge::Kind::kTwin, "Twin apart", Mood::kWarning, true};
+  if (!current) return Badge{Badge::Kind::kTwin, "Twin unconfirmed", Mood::kWarning, false};
+  return Badge{Badge::Kind::kTwin, "Twin confirmed", Mood::kGood, true};
+}
+
+void tell_twin(const Badge& badge, const SessionInputs& inputs, std::vector<Message>& lines) {
+  if (inputs.twin == station::TwinState::kApart)
+    lines.push_back(
+        {"The sample here and the server's differ: the server's state is taken up, gently", Mood::kWarning});
+  if (inputs.twin == station::TwinState::kGivenUp)
+    lines.push_back(
+        {"The server's sample is not what its scene does here: another method until the session ends",
+         badge.mood});
+}
+
 }  // namespace
 
 SessionBanner session_banner(const SessionInputs& inputs) {
@@ -56,7 +80,11 @@ SessionBanner session_banner(const SessionInputs& inputs) {
   const bool told = badges.back().word == "Observing";
   if (observes(now) && !told) badges.push_back({Badge::Kind::kMode, "Observing", Mood::kWarning, true});
 
+  const std::optional<Badge> twin = twin_badge(inputs, current);
+  if (twin) badges.push_back(*twin);
+
   banner.lines = force_words(now, inputs.device_cause, inputs.mouse_leads);
+  if (twin) tell_twin(*twin, inputs, banner.lines);
   const bool alarm = std::any_of(banner.lines.begin(), banner.lines.end(),
                                  [](const Message& line) { return line.mood == Mood::kAlarm; });
   if (mode == station::Mode::kStopped && !alarm)

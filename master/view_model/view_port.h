@@ -11,6 +11,7 @@
 #include "telenano/common/rt/spsc_queue.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/device/played_motion.h"
+#include "telenano/master/station/twin_run.h"
 
 namespace telenano::view_model {
 
@@ -45,6 +46,7 @@ struct ViewPort {
   rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
   rt::LatestValue<device::TaskState> task;           ///< of a hand that plays motions
   rt::LatestValue<ShownParticle> particle;           ///< of the newest reply; radius 0: there is none
+  rt::LatestValue<station::TwinState> twin;          ///< of the server's slave at the station
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};
   rt::LatestValue<std::uint32_t> buttons;  ///< device::ButtonBits held on the screen, or-ed to the device's

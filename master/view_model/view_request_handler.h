@@ -35,6 +35,7 @@ class ViewRequestHandler {
     if (particle.radius_nm > 0)
       port_.particle.store({recording::xyz(particle.pos_w_nm), particle.radius_nm, particle.status});
   }
+  void show(station::TwinState twin) noexcept { port_.twin.store(twin); }
   /// Of a hand that plays motions.
   void show(const device::TaskState& task) noexcept { port_.task.store(task); }
 

@@ -87,6 +87,18 @@ void ControlPanel::ask_method(Method method, const recording::Sample& now) {
   port_.requests.push(request);
 }
 
+void ControlPanel::ask_scaling(double velocity_times, double force_times, const recording::Sample& now) {
+  if (playback_ != nullptr || ended_) return;
+  const view_model::ScalingRegion& region = facts_.region;
+  ViewRequest request;
+  request.kind = ViewRequest::Kind::kScaling;
+  request.scaling = region.clamped(
+      static_cast<Method>(now.method),
+      {std::clamp(velocity_times * now.velocity_scale, region.velocity_min, region.velocity_max),
+       std::clamp(force_times * now.force_scale, region.force_min, region.force_top())});
+  port_.requests.push(request);
+}
+
 bool ControlPanel::task_fits(int task, const recording::Sample& now) const noexcept {
   if (!(now.velocity_scale > 0)) return false;
   const Vec3 reach_m = facts_.tasks[static_cast<std::size_t>(task)].reach_nm * (1e-9 / now.velocity_scale);
@@ -135,6 +147,7 @@ void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
   view_model::SessionInputs inputs{now};
   inputs.give_up_s = facts_.give_up_s;
   inputs.played = playback_ != nullptr;
+  inputs.twin = port_.twin.load();
   inputs.device_cause = port_.force_off.load();
   inputs.mouse_leads = playback_ == nullptr && mouse_leads();
   auto messages = view_model::session_banner(inputs).lines;

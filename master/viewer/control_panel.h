@@ -34,6 +34,8 @@ class ControlPanel {
   void ask(view_model::ViewRequest::Kind kind);
   /// With a scaling that is safe under it, if the present one is not.
   void ask_method(control::Method method, const recording::Sample& now);
+  /// The present scales times these, as far as is safe.
+  void ask_scaling(double velocity_times, double force_times, const recording::Sample& now);
   bool method_offered(control::Method method) const noexcept {
     return facts_.method_offered[static_cast<std::size_t>(method)];
   }

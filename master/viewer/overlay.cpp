@@ -37,6 +37,17 @@ ImVec2 text_size(const ImFont* font, const char* text) {
   return font->CalcTextSizeA(font->FontSize, 1e9f, 0, text);
 }
 
+/// As much of it as fits, and an ellipsis where that is not all.
+std::string cut_to(const ImFont* font, std::string text, float wide) {
+  if (text_size(font, text.c_str()).x <= wide) return text;
+  const float room = wide - text_size(font, "…").x;
+  while (text.size() > 1 && text_size(font, text.c_str()).x > room) {
+    while (text.size() > 1 && (static_cast<unsigned char>(text.back()) & 0xC0) == 0x80) text.pop_back();
+    text.pop_back();
+  }
+  return text + "…";
+}
+
 constexpr double kConeHalves = SceneRenderer::kConeInCloseUp;  // of half the picture's height
 
 // Draws in one picture: nothing leaves it.
@@ -281,6 +292,25 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
   draw_axes(pen, state, camera);
 }
 
+void draw_measurement(const Gui& gui, const view_model::Profile& profile, const Camera& camera,
+                      const SceneFrame& frame, const Area& area) {
+  const Pen pen(gui, camera, frame, area);
+  const float s = pen.s();
+  ImVec2 before = pen.at(profile.from_w_nm());
+  for (const auto& point : profile.points) {
+    const ImVec2 here = pen.at(point.pos_w_nm);
+    pen.line(before, here, palette::kTarget, 2);
+    before = here;
+  }
+  for (const auto& [pos_w_nm, name] :
+       {std::pair{profile.from_w_nm(), "A"}, std::pair{profile.to_w_nm(), "B"}}) {
+    const ImVec2 p = pen.at(pos_w_nm);
+    pen.list()->AddCircleFilled(p, 4 * s, ink(palette::kTarget));
+    pen.block({{name, palette::kTarget, gui.text()}},
+              {{p.x - 12 * s, p.y - 20 * s}, {p.x + 6 * s, p.y + 4 * s}});
+  }
+}
+
 void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
                          const Camera& camera, const SceneFrame& frame, const Area& area) {
   const Pen pen(gui, camera, frame, area);
@@ -349,14 +379,16 @@ palette::Rgb colour_of(const Badge& badge) {
 }  // namespace
 
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
-                 const Area& area, bool ended) {
+                 const Area& area, bool ended, station::TwinState twin) {
   ImDrawList* const list = ImGui::GetBackgroundDrawList();
   const float s = gui.scale();
   const float left = static_cast<float>(area.x_px) + 10 * s;
   const float right = static_cast<float>(area.x_px + area.width_px) - 6 * s;
   float x = left;
   float y = static_cast<float>(area.y_px) + 8 * s;
-  const auto pill = [&](const char* text, const palette::Rgb& colour, bool filled) {
+  const auto pill = [&](const std::string& words, const palette::Rgb& colour, bool filled) {
+    const std::string cut = cut_to(gui.text(), words, right - left - 18 * s);
+    const char* const text = cut.c_str();
     const ImVec2 size = text_size(gui.text(), text);
     if (x > left && x + size.x + 18 * s > right) {
       x = left;
@@ -373,24 +405,17 @@ void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveS
   };
   view_model::SessionInputs inputs{live.now(), live.origin(), facts.give_up_s, ended};
   inputs.played = !facts.played.empty();
+  inputs.twin = twin;
   for (const Badge& badge : view_model::session_banner(inputs).badges)
-    pill(badge.word.c_str(), colour_of(badge), badge.filled);
+    pill(badge.word, colour_of(badge), badge.filled);
   // What does not fit into the row goes under it, and is cut there.
-  std::string about = facts.scene_name;
-  const auto wide = [&] { return text_size(gui.text(), about.c_str()).x; };
-  if (x + wide() > right && x > left) {
+  if (x + text_size(gui.text(), facts.scene_name.c_str()).x > right && x > left) {
     x = left;
     y += 28 * s;
   }
-  if (x + wide() > right) {
-    while (about.size() > 1 && x + wide() + 12 * s > right) {
-      while (about.size() > 1 && (static_cast<unsigned char>(about.back()) & 0xC0) == 0x80) about.pop_back();
-      about.pop_back();
-    }
-    about += "…";
-  }
+  const std::string about = cut_to(gui.text(), facts.scene_name, right - x);
   const ImVec2 from{x + 2 * s, y + 4 * s};
-  gui.words().take(from, {from.x + wide(), from.y + gui.text()->FontSize});
+  gui.words().take(from, {from.x + text_size(gui.text(), about.c_str()).x, from.y + gui.text()->FontSize});
   list->AddText(gui.text(), gui.text()->FontSize, from, ink(palette::kText), about.c_str());
 }
 

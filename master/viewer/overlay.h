@@ -1,6 +1,8 @@
 #pragma once
 
+#include "telenano/master/station/twin_run.h"
 #include "telenano/master/view_model/live_session.h"
+#include "telenano/master/view_model/profile.h"
 #include "telenano/master/viewer/gui.h"
 #include "telenano/master/viewer/scene_renderer.h"
 #include "telenano/master/viewer/scene_state.h"
@@ -15,9 +17,13 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
 void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
                          const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
 
+/// The line of a measurement, on the ground, with its ends' names.
+void draw_measurement(const Gui& gui, const view_model::Profile& profile, const view_model::Camera& camera,
+                      const SceneFrame& frame, const Area& area);
+
 /// The badges of the session banner (SIM, AFM, STALE …), the sample's name and what the station is doing,
 /// across the top. Before the words of the pictures, which give way to it.
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
-                 const Area& area, bool ended);
+                 const Area& area, bool ended, station::TwinState twin);
 
 }  // namespace telenano::viewer

@@ -25,6 +25,7 @@ struct ViewFacts {
   std::string device_name;
   bool mouse_is_hand = false;
   bool shows_force = true;              ///< the device has motors
+  bool guide = false;                   ///< a person is led to a first touch
   double hand_half_m = 0.055;           ///< half the edge of the box of the mouse's hand
   Vec3 hand_box_half_m = Vec3::Zero();  ///< of the simulated device, by axis
   double hand_back_s = 0.35;            ///< in which that hand comes back to its middle

@@ -12,8 +12,10 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/viewer/charts.h"
+#include "telenano/master/viewer/guide_box.h"
 #include "telenano/master/viewer/overlay.h"
 #include "telenano/master/viewer/playback_bar.h"
+#include "telenano/master/viewer/profile_chart.h"
 
 namespace telenano::viewer {
 namespace {
@@ -44,7 +46,8 @@ Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::Vi
       renderer_(ground_),
       live_(kTrailStep_nm),
       panel_(facts_, port),
-      hand_(facts.hand_half_m, facts.hand_back_s) {
+      hand_(facts.hand_half_m, facts.hand_back_s),
+      guide_(facts.guide) {
   reset_cameras();
 }
 
@@ -164,9 +167,13 @@ void Viewer::handle_keys(double time_s) {
   if (pressed(GLFW_KEY_ESCAPE)) panel_.ask(ViewRequest::Kind::kStop);
   if (io.WantTextInput) return;
   if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
-  if (pressed(GLFW_KEY_F1)) help_ = !help_;
+  // By the letter: where it lies is the keyboard's affair.
+  const auto& letters = io.InputQueueCharacters;
+  if (pressed(GLFW_KEY_F1) || std::find(letters.begin(), letters.end(), ImWchar{'?'}) != letters.end())
+    help_ = !help_;
   if (pressed(GLFW_KEY_F)) force_curve_shown_ = !force_curve_shown_;
   if (pressed(GLFW_KEY_D)) data_wanted_ = true;
+  if (pressed(GLFW_KEY_L) && live_.any()) measurement_.choose(tip_w_nm());
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) {
     panel_.ask(ViewRequest::Kind::kQuit);
     quit_ = true;
@@ -186,6 +193,11 @@ void Viewer::handle_keys(double time_s) {
 void Viewer::handle_session_keys(double time_s) {
   const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
   if (pressed(GLFW_KEY_R)) panel_.ask(ViewRequest::Kind::kClearStop);
+  if (pressed(GLFW_KEY_G)) {
+    guide_ = !guide_;
+    first_touch_ = {};
+  }
+  handle_scaling_keys();
   if (pressed(GLFW_KEY_M)) {
     panel_.ask(ViewRequest::Kind::kMarker);
     say(facts_.recording.empty() ? "No recording to put a mark into" : "Mark put into the recording", time_s);
@@ -206,13 +218,74 @@ void Viewer::handle_session_keys(double time_s) {
   port_.buttons.store(clutch ? static_cast<std::uint32_t>(device::kButtonClutch) : 0u);
 }
 
+// A tenth of a tenfold at a time; what is not safe is not asked for.
+void Viewer::handle_scaling_keys() {
+  if (!ImGui::GetIO().KeyShift || !live_.any()) return;
+  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false) ? 1 : 0; };
+  const int velocity = pressed(GLFW_KEY_RIGHT) - pressed(GLFW_KEY_LEFT);
+  const int force = pressed(GLFW_KEY_UP) - pressed(GLFW_KEY_DOWN);
+  if (velocity != 0 || force != 0)
+    panel_.ask_scaling(std::pow(10.0, 0.1 * velocity), std::pow(10.0, 0.1 * force), live_.now());
+}
+
+// As a drag in the section would: so much of it a second.
+void Viewer::move_hand_by_keys(double nm_per_pixel) {
+  constexpr double kPixelsPerS = 90;
+  const ImGuiIO& io = ImGui::GetIO();
+  if (io.KeyShift || io.WantTextInput || !ImGui::IsKeyDown(GLFW_KEY_SPACE)) return;
+  const auto down = [](int key) { return ImGui::IsKeyDown(key) ? 1 : 0; };
+  const double px = kPixelsPerS * std::min(static_cast<double>(io.DeltaTime), 0.1);
+  const double right = px * (down(GLFW_KEY_RIGHT) - down(GLFW_KEY_LEFT));
+  const double away = px * (down(GLFW_KEY_PAGE_UP) - down(GLFW_KEY_PAGE_DOWN));
+  const double below = px * (down(GLFW_KEY_DOWN) - down(GLFW_KEY_UP));
+  if (right != 0 || below != 0) hand_.drag(right, below, {Vec3::UnitX(), Vec3::UnitZ(), nm_per_pixel});
+  if (away != 0) hand_.drag(0, -away, {Vec3::UnitX(), Vec3::UnitY(), nm_per_pixel});
+}
+
+Vec3 Viewer::tip_w_nm() const noexcept {
+  const recording::Xyz& tip = live_.now().tip_pos_w_nm;
+  return {tip[0], tip[1], tip[2]};
+}
+
+std::string Viewer::data() const {
+  const auto profile = measurement_.profile(ground_, tip_w_nm());
+  return profile ? view_model::profile_csv(*profile) : live_.force_curve().csv();
+}
+
+// Ctrl and a click in the overview: a place to measure from or to, no drag.
+bool Viewer::measure_at_pointer(const Layout& layout) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (!io.KeyCtrl || !io.MouseClicked[0]) return false;
+  const Area& area = layout.overview;
+  const SceneFrame frame = SceneRenderer::overview_frame(ground_);
+  const auto place =
+      view_model::seen_at(ground_, fitted_overview(area), frame.origin_w_nm, frame.exaggeration,
+                          io.MousePos.x - static_cast<float>(area.x_px),
+                          io.MousePos.y - static_cast<float>(area.y_px), area.width_px, area.height_px);
+  if (place) measurement_.choose(*place);
+  return true;
+}
+
+void Viewer::draw_guide(const Layout& layout) {
+  if (!guide_ || playback_ != nullptr || !ending_.empty()) return;
+  using Hand = view_model::FirstTouch::Hand;
+  first_touch_.update(live_);
+  const Hand hand = panel_.mouse_leads()   ? Hand::kMouse
+                    : facts_.tasks.empty() ? Hand::kDevice
+                                           : Hand::kSimulated;
+  draw_guide_box(gui_, first_touch_.title(), first_touch_.words(live_, hand, facts_.shows_force),
+                 static_cast<double>(first_touch_.step()) / view_model::FirstTouch::kSteps,
+                 views_ == Views::kOverview ? layout.overview : layout.close_up);
+}
+
 void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
   const Layout& l = layout;
   const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(io.MousePos.x, io.MousePos.y);
   const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
   const bool free = !io.WantCaptureMouse;
-  if (drag_ == Drag::kNone && free && (over_overview || over_close_up)) {
+  const bool measures = drag_ == Drag::kNone && free && over_overview && measure_at_pointer(l);
+  if (drag_ == Drag::kNone && free && !measures && (over_overview || over_close_up)) {
     const bool hand = panel_.mouse_leads();
     if (io.MouseClicked[0])
       drag_ = over_close_up ? (hand ? Drag::kHandInCloseUp : Drag::kNone)
@@ -237,6 +310,7 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   pressed_ = false;
   const double dx = anchors ? 0 : io.MouseDelta.x;
   const double dy = anchors ? 0 : io.MouseDelta.y;
+  if (panel_.mouse_leads()) move_hand_by_keys(close_up_nm_px);
   switch (drag_) {
     case Drag::kHandInOverview: {
       view_model::PointerHand::Axes axes;
@@ -298,6 +372,12 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
     ChartScale hand_scale{"N", 0.2, true, facts_.hand_force_limit_n};
     draw_strip_chart(gui_, box_of(layout.charts[1]), "Hand force, z", hand, hand_scale);
   }
+  if (const auto profile = measurement_.profile(ground_, tip_w_nm())) {
+    draw_profile(gui_, {box_of(layout.charts[2]).from, box_of(layout.charts[3]).to}, *profile);
+    ImGui::End();
+    ImGui::PopStyleColor();
+    return;
+  }
   const Curve energy{live_.energy(), "", palette::kGood};
   const Curve damper{live_.damper(), "", palette::kTarget};
   ChartScale energy_scale{"mJ", 0.5, true, 1e3 * facts_.energy_bound_j};
@@ -313,11 +393,17 @@ void Viewer::draw_help() {
   if (!help_) return;
   ImGui::SetNextWindowPos({ImGui::GetIO().DisplaySize.x * 0.5f, ImGui::GetIO().DisplaySize.y * 0.5f},
                           ImGuiCond_Always, {0.5f, 0.5f});
+  // In a small window all of it is small; what does not fit all the same scrolls.
+  const ImVec2 whole = ImGui::GetIO().DisplaySize;
+  const bool small = whole.y < 640 * gui_.scale() || whole.x < 900 * gui_.scale();
+  ImGui::SetNextWindowSizeConstraints({0, 0}, whole);
   ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kRaised, 0.97f));
+  ImGui::PushFont(small ? gui_.small() : gui_.text());
+  ImGui::PushStyleVar(ImGuiStyleVar_CellPadding, {4 * gui_.scale(), (small ? 0.5f : 2.0f) * gui_.scale()});
   ImGui::Begin("help", nullptr,
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove |
                    ImGuiWindowFlags_NoSavedSettings);
-  ImGui::PushFont(gui_.large());
+  ImGui::PushFont(small ? gui_.text() : gui_.large());
   ImGui::TextUnformatted("Keys and mouse");
   ImGui::PopFont();
   ImGui::Separator();
@@ -335,6 +421,7 @@ void Viewer::draw_help() {
       row("left drag, overview", "take hold and move the tip over the sample; with Shift: up and down");
       row("wheel", "tip up or down by 0.5 nm a notch; with Shift 0.1 nm");
       row("Space held", "keep hold (deadman); letting go stops the tip where it is");
+      row("with arrows", "the tip along x and z; page up, page down: along y");
       row("Ctrl + wheel", "nearer, farther");
       row("right drag, overview", "turn the picture");
     } else {
@@ -346,7 +433,9 @@ void Viewer::draw_help() {
     row("Home", "the first view again");
     row("P or F12", "picture of this window (PNG)");
     row("F", "force over distance of the last touch, or the charts over time");
-    row("D", "that curve as a table (CSV)");
+    row("D", "that curve, or the profile that is measured, as a table (CSV)");
+    row("L", "measure from the tip; again: to the tip; again: no more");
+    row("Ctrl + click, overview", "the same where you point");
     if (playback_ != nullptr) {
       row("Space", "play, pause");
       row("Left, Right", "a second back, on; with Shift a hundredth");
@@ -357,12 +446,14 @@ void Viewer::draw_help() {
       row("Esc", "STOP: zero force, the tip retracts");
       row("R", "clear the stop, when you have looked");
       row("C held", "clutch: move the hand, the tip stands");
-      row("1 … 7", "control method");
+      row("1 … 8", "control method");
+      row("Shift + arrows", "right, left: distances more, less; up, down: forces");
       if (!facts_.tasks.empty()) row("T", "the next task of the hand: it lets go, goes back, begins");
       row("M", "a mark in the recording");
+      row("G", "guide to a first touch");
       row("Ctrl + Q", "end the session");
     }
-    row("F1", "this help");
+    row("F1 or ?", "this help");
     ImGui::EndTable();
   }
   ImGui::Separator();
@@ -372,6 +463,8 @@ void Viewer::draw_help() {
   ImGui::SameLine();
   ImGui::TextColored(vec4(palette::kTarget), "  diamond: where the hand wants the tip");
   ImGui::End();
+  ImGui::PopStyleVar();
+  ImGui::PopFont();
   ImGui::PopStyleColor();
 }
 
@@ -433,10 +526,13 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneState now = state();
   const SceneFrame frame = SceneRenderer::overview_frame(ground_);
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
-  draw_banner(gui_, facts_, live_, layout.overview, !ending_.empty());
+  draw_banner(gui_, facts_, live_, layout.overview, !ending_.empty(), port_.twin.load());
+  draw_guide(layout);
   if (views_ != Views::kCloseUp) {
     const view_model::Camera camera = shown_overview_camera_ = fitted_overview(layout.overview);
     renderer_.draw_overview(now, camera, frame, layout.overview, height_px);
+    if (const auto profile = measurement_.profile(ground_, tip_w_nm()))
+      draw_measurement(gui_, *profile, camera, frame, layout.overview);
     draw_overview_words(gui_, facts_, now, live_, camera, frame, layout.overview);
   }
   if (views_ != Views::kOverview) {

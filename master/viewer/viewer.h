@@ -6,9 +6,11 @@
 #include <vector>
 
 #include "telenano/master/view_model/camera.h"
+#include "telenano/master/view_model/first_touch.h"
 #include "telenano/master/view_model/ground.h"
 #include "telenano/master/view_model/live_session.h"
 #include "telenano/master/view_model/pointer_hand.h"
+#include "telenano/master/view_model/profile.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/viewer/control_panel.h"
 #include "telenano/master/viewer/gui.h"
@@ -51,9 +53,10 @@ class Viewer {
   const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
   /// Asked for since the last call.
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
-  /// The data of what is seen, asked for by key since the last call: the force-distance curve.
+  /// The data of what is seen, asked for by key since the last call: the profile that is measured, else the
+  /// force-distance curve.
   bool take_data_wanted() noexcept { return std::exchange(data_wanted_, false); }
-  std::string data() const { return live_.force_curve().csv(); }
+  std::string data() const;
   /// The force-distance curve in place of the charts of gap and hand force.
   void show_force_curve(bool on) noexcept { force_curve_shown_ = on; }
   bool force_curve_shown() const noexcept { return force_curve_shown_; }
@@ -72,11 +75,16 @@ class Viewer {
   void follow_tip();
   void handle_keys(double time_s);
   void handle_session_keys(double time_s);
+  void handle_scaling_keys();
+  void move_hand_by_keys(double nm_per_pixel);
   void take_played(double time_s);
   void handle_mouse(const Layout& layout, double time_s);
   void draw_charts(const Layout& layout, int height_px);
   void draw_help();
   void draw_end();
+  void draw_guide(const Layout& layout);
+  Vec3 tip_w_nm() const noexcept;
+  bool measure_at_pointer(const Layout& layout);
   void draw_words(double time_s, const Area& area);
   SceneState state() const;
   view_model::Camera fitted_overview(const Area& area) const noexcept;
@@ -100,6 +108,9 @@ class Viewer {
   Drag drag_ = Drag::kNone;
   bool pressed_ = false;
   bool help_ = false;
+  view_model::FirstTouch first_touch_;
+  view_model::Measurement measurement_;
+  bool guide_ = false;
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;
   bool quit_ = false;

@@ -3,11 +3,9 @@
 #include <epoxy/gl.h>
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
-#include <backends/imgui_impl_glfw.h>
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
@@ -20,130 +18,15 @@
 #include "telenano/common/base/error.h"
 #include "telenano/master/viewer/png.h"
 #include "telenano/master/viewer/viewer.h"
+#include "telenano/master/viewer/window_keys.h"
 
 namespace telenano::viewer {
 namespace {
 
-constexpr int kWidth_px = 1280;
-constexpr int kHeight_px = 800;
-constexpr int kLeastWidth_px = 640;
-constexpr int kLeastHeight_px = 480;
 constexpr auto kFrame = std::chrono::microseconds(16'600);
 constexpr double kReloadS = 1;
 
 using Clock = std::chrono::steady_clock;
-
-// GLFW and its window, which go in the end whatever happens.
-class Window {
- public:
-  explicit Window(bool visible) {
-    glfwSetErrorCallback([](int, const char* text) { last_error() = text; });
-    if (glfwInit() == GLFW_FALSE) refuse();
-    glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
-    glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
-    glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-    glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
-    glfwWindowHint(GLFW_VISIBLE, visible ? GLFW_TRUE : GLFW_FALSE);
-    int width_px = kWidth_px;
-    int height_px = kHeight_px;
-    if (GLFWmonitor* const monitor = glfwGetPrimaryMonitor(); monitor != nullptr) {
-      int x = 0;
-      int y = 0;
-      int wide = 0;
-      int high = 0;
-      glfwGetMonitorWorkarea(monitor, &x, &y, &wide, &high);
-      if (wide >= kLeastWidth_px && high >= kLeastHeight_px) {
-        width_px = std::min(width_px, wide);
-        height_px = std::min(height_px, high);
-      }
-    }
-    window_ = glfwCreateWindow(width_px, height_px, visible ? "Telenano" : "", nullptr, nullptr);
-    if (window_ == nullptr) {
-      glfwTerminate();
-      refuse();
-    }
-    glfwSetWindowSizeLimits(window_, kLeastWidth_px, kLeastHeight_px, GLFW_DONT_CARE, GLFW_DONT_CARE);
-    glfwMakeContextCurrent(window_);
-    glfwSwapInterval(1);
-  }
-  ~Window() {
-    glfwDestroyWindow(window_);
-    glfwTerminate();
-  }
-  Window(const Window&) = delete;
-  Window& operator=(const Window&) = delete;
-
-  GLFWwindow* get() const noexcept { return window_; }
-  float scale() const noexcept {
-    float x = 1;
-    float y = 1;
-    glfwGetWindowContentScale(window_, &x, &y);
-    return std::clamp(std::max(x, y), 1.0f, 4.0f);
-  }
-
- private:
-  static std::string& last_error() {
-    static std::string text;
-    return text;
-  }
-  [[noreturn]] static void refuse() {
-    throw RunError("no window can be opened: " + (last_error().empty() ? "no display" : last_error()) +
-                   "; log in graphically or with ssh -X, or leave --view out");
-  }
-  GLFWwindow* window_ = nullptr;
-};
-
-/// A key that is pressed and released between two frames would not be seen: ImGui looks at keys once a frame.
-/// Where drawing is slow that would lose a STOP. Such a key counts as held for one frame.
-class KeyTaps {
- public:
-  /// Before ImGui's own callback, which calls this one.
-  explicit KeyTaps(GLFWwindow* window) {
-    glfwSetWindowUserPointer(window, this);
-    glfwSetKeyCallback(window, [](GLFWwindow* from, int key, int, int action, int mods) {
-      if (action != GLFW_PRESS || key < 0 || key >= kKeys) return;
-      static_cast<KeyTaps*>(glfwGetWindowUserPointer(from))->note(static_cast<std::size_t>(key), mods);
-    });
-  }
-  KeyTaps(const KeyTaps&) = delete;
-  KeyTaps& operator=(const KeyTaps&) = delete;
-
-  /// Between polling and drawing.
-  void press() {
-    ImGuiIO& io = ImGui::GetIO();
-    ctrl_ = io.KeyCtrl;
-    shift_ = io.KeyShift;
-    for (std::size_t key = 0; key < kKeys; ++key) {
-      held_[key] = tapped_[key] && !io.KeysDown[key];
-      tapped_[key] = false;
-      if (!held_[key]) continue;
-      io.KeysDown[key] = true;
-      io.KeyCtrl |= (mods_ & GLFW_MOD_CONTROL) != 0;
-      io.KeyShift |= (mods_ & GLFW_MOD_SHIFT) != 0;
-    }
-  }
-  /// After drawing.
-  void release() {
-    ImGuiIO& io = ImGui::GetIO();
-    io.KeyCtrl = ctrl_;
-    io.KeyShift = shift_;
-    for (std::size_t key = 0; key < kKeys; ++key) {
-      if (held_[key]) io.KeysDown[key] = false;
-    }
-  }
-
- private:
-  static constexpr int kKeys = GLFW_KEY_LAST + 1;
-  void note(std::size_t key, int mods) {
-    tapped_[key] = true;
-    mods_ = mods;
-  }
-  std::array<bool, kKeys> tapped_{};
-  std::array<bool, kKeys> held_{};
-  int mods_ = 0;
-  bool ctrl_ = false;
-  bool shift_ = false;
-};
 
 /// A button that is let go and pressed again between two frames, elsewhere, looks held to ImGui: the way
 /// there would be a drag.
@@ -165,15 +48,6 @@ class PressWatch {
     static bool value = false;
     return value;
   }
-};
-
-// ImGui's input from the window; made after the context of ImGui, gone before it.
-class WindowInput {
- public:
-  explicit WindowInput(GLFWwindow* window) { ImGui_ImplGlfw_InitForOpenGL(window, true); }
-  ~WindowInput() { ImGui_ImplGlfw_Shutdown(); }
-  WindowInput(const WindowInput&) = delete;
-  WindowInput& operator=(const WindowInput&) = delete;
 };
 
 std::string free_name(const std::string& prefix, const char* ending) {
@@ -213,26 +87,14 @@ device::PointerState pointer_of(const Viewer& viewer, double time_s) {
 
 }  // namespace
 
-bool has_display() noexcept {
-  const auto set = [](const char* name) {
-    const char* const value = std::getenv(name);
-    return value != nullptr && *value != 0;
-  };
-  return set("DISPLAY") || set("WAYLAND_DISPLAY");
-}
-
-void try_window() {
-  const Window window(false);
-}
-
 rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
                             const ViewHooks& hooks) {
-  const Window window(true);
+  const GlfwWindow window(true);
   Viewer viewer(facts, std::move(ground), port, window.scale());
   if (hooks.playback != nullptr) viewer.play(*hooks.playback);
   KeyTaps taps(window.get());
   PressWatch presses(window.get());
-  const WindowInput input(window.get());
+  const GlfwInput input(window.get());
   rt::LogHistogram frames;
   const Clock::time_point start = Clock::now();
   double reload_s = kReloadS;
@@ -267,7 +129,7 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
     glfwGetFramebufferSize(window.get(), &width_px, &height_px);
     viewer.take_samples();
     if (width_px > 0 && height_px > 0) {
-      ImGui_ImplGlfw_NewFrame();
+      input.begin_frame();
       taps.press();
       if (presses.take()) viewer.note_press();
       viewer.draw(width_px, height_px, time_s, hooks.recording());

@@ -3,15 +3,9 @@
 #include "telenano/common/rt/log_histogram.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/viewer/view_hooks.h"
+#include "telenano/master/viewer/window_glfw.h"
 
 namespace telenano::viewer {
-
-/// Is there a display that a window could be opened on?
-bool has_display() noexcept;
-
-/// Opens a window that nobody sees, and closes it: throws RunError, with the reason, where run_window()
-/// would. In the main thread.
-void try_window();
 
 /// A window with the viewer in it, in the main thread (GLFW's rule), until the session is over, or until
 /// a person closes it where ViewHooks::last_words has something to say. Closing the window asks the loop to

@@ -361,5 +361,38 @@ TEST_F(PlanTest, ADeviceWithoutDampingIsRefusedWithTheReason) {
   EXPECT_EQ(insisted.exit_code, 0) << insisted.err;
 }
 
+// What will be felt is said before the session, by pressing a copy of the scene; a session then finds it.
+TEST_F(PlanTest, WhatWillBeFeltIsWhatASessionFeels) {
+  Server server(scene_path("flakes"));
+  const Plan plan = plan_of({"--server", server.address(), "--felt", "--method", "auto"});
+  EXPECT_EQ(plan.at("scene"), "flakes");
+  EXPECT_EQ(plan.at("method"), "twin");
+  EXPECT_EQ(plan.at("felt"), "touch");
+  expect_value(plan, "felt_per_nanonewton", 1e-9 * value(plan, "recommended_force_scale"));
+  expect_value(plan, "felt_pull_off", value(plan, "felt_per_nanonewton") * value(plan, "pull_off_force"));
+  const Finished run =
+      run_program({kMaster, "run", "--server", server.address(), "--task", "indent", "--duration-s", "4",
+                   "--rt-priority", "0", "--quiet", "--record", path("felt.h5")});
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  double pull_nn = 0;
+  double push_nn = 0;
+  for (const double nn : recording::RecordingReader(path("felt.h5")).read("force_w_nn", 2)) {
+    pull_nn = std::max(pull_nn, -nn);
+    push_nn = std::max(push_nn, nn);
+  }
+  // Rows are a tick apart, and a pull-off is over in less; a hand gives way, a plan's does not.
+  EXPECT_NEAR(value(plan, "pull_off_force"), pull_nn, 0.15 * pull_nn);
+  EXPECT_GT(value(plan, "press_force"), push_nn);
+  server.stop();
+
+  Server silent(scene_path("flakes"), 0, {"--no-scene-sharing"});
+  const Plan blind = plan_of({"--server", silent.address(), "--felt"});
+  EXPECT_EQ(blind.at("felt"), "unknown");
+  EXPECT_NE(blind.at("words").find("does not share its scene"), std::string::npos) << blind.at("words");
+  const Finished refused = run_program({kMaster, "plan", "--limits", path("none.toml"), "--felt"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("--felt needs --server"), std::string::npos) << refused.err;
+}
+
 }  // namespace
 }  // namespace telenano::programs

@@ -390,5 +390,97 @@ TEST_F(ViewerPrograms, WhatCannotBeShownIsSaidBeforeAServerIsAsked) {
   EXPECT_FALSE(std::filesystem::exists(path("b.png")));
 }
 
+// From the start screen into a session, out of it, and into the next one, by keyboard alone.
+TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state\n"
+      << "await() { for i in $(seq 300); do eval \"$1\" && return; sleep 0.1; done; echo no: \"$1\"; }\n"
+      << kMaster << " start --server " << server.address()
+      << " 2>err.txt &\n"
+         "start=$!\n"
+         "xdotool search --sync --name Telenano >/dev/null\n"
+         // The server has answered, so that the window is drawn and takes keys.
+         "await '[ -s state/telenano/servers ]'\n"
+         // From Start up to the recording's box.
+         "sleep 1; xdotool key Up; sleep 0.5; xdotool key space; sleep 0.5; xdotool key Return\n"
+         "await 'grep -q ^loop: err.txt'; sleep 2; xdotool key ctrl+q\n"
+         "await 'grep -q stopped.by.the.operator err.txt'\n"
+         "xdotool search --sync --name Telenano >/dev/null; sleep 2; xdotool key Return\n"
+         "await '[ -s session-2.h5 ]'; await '[ $(grep -c ^loop: err.txt) = 2 ]'; sleep 2\n"
+         "kill $start; wait $start; echo ended with $?\n";
+  const Finished user = run_program(
+      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  EXPECT_EQ(user.out, "ended with 0\n") << file_text(path("err.txt"));
+  EXPECT_EQ(file_text(path("state/telenano/servers")), server.address() + "\t\n");
+  for (const char* name : {"session.h5", "session-2.h5"}) {
+    const recording::RecordingReader recording(path(name));
+    EXPECT_TRUE(recording.closed()) << name << " of a session that the end of start ends too";
+    EXPECT_GT(recording.rows(), 100u) << name;
+  }
+}
+
+// Who has never been here: the window opens, four clicks choose and begin (the server answers by itself), and
+// one drag down and up ends with a pull-off. Eight are allowed.
+TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state\n"
+      << "await() { for i in $(seq 300); do eval \"$1\" && return; sleep 0.1; done; echo no: \"$1\"; }\n"
+         "click() { xdotool mousemove $1 $2; sleep 0.3; xdotool click 1; sleep 0.3; echo click; }\n"
+      << kMaster << " start --server " << server.address()
+      << " 2>err.txt &\n"
+         "start=$!\n"
+         "xdotool search --sync --name Telenano >/dev/null\n"
+         "await '[ -s state/telenano/servers ]'; sleep 1\n"
+         // The mouse as hand, a recording to look into, Start.
+         "click 323 137; click 323 303; click 300 764\n"
+         "await 'grep -q ^loop: err.txt'; sleep 2\n"
+         "xdotool mousemove 760 150 mousedown 1; echo click\n"
+         "for i in $(seq 165); do xdotool mousemove_relative 0 4; sleep 0.03; done; sleep 1\n"
+         "xdotool key p; await '[ -s telenano-1.png ]'\n"
+         "for i in $(seq 165); do xdotool mousemove_relative 0 -4; sleep 0.03; done; sleep 1\n"
+         "xdotool key p; await '[ -s telenano-2.png ]'\n"
+         "xdotool mouseup 1; sleep 0.5; xdotool key ctrl+q\n"
+         "await 'grep -q stopped.by.the.operator err.txt'\n"
+         "kill $start; wait $start; echo ended with $?\n";
+  const Finished user = run_program(
+      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  EXPECT_EQ(user.out, "click\nclick\nclick\nclick\nended with 0\n") << file_text(path("err.txt"));
+  // By the summary the tip was in contact and held on; by the rows it then came free.
+  const std::string told = file_text(path("err.txt"));
+  EXPECT_EQ(told.find("pull-off force                       0.00"), std::string::npos) << told;
+  const recording::RecordingReader recording(path("session.h5"));
+  const auto contact = recording.read("contact_state");
+  const auto force = recording.read("force_w_nn", 2);
+  const auto touched = std::find(contact.rbegin(), contact.rend(), 3.0);
+  ASSERT_NE(touched, contact.rend()) << "no contact";
+  const auto left = static_cast<std::size_t>(touched.base() - contact.begin());
+  EXPECT_LT(left, contact.size()) << "never let go";
+  EXPECT_LT(*std::min_element(force.begin(), force.begin() + static_cast<std::ptrdiff_t>(left)), -5);
+  if (const char* look = std::getenv("TELENANO_LOOK")) {
+    for (const char* name : {"telenano-1.png", "telenano-2.png"})
+      std::filesystem::copy_file(path(name), std::string(look) + "/" + name,
+                                 std::filesystem::copy_options::overwrite_existing);
+  }
+}
+
+TEST_F(ViewerPrograms, AStartWithoutADisplayIsRefused) {
+  const Finished refused = run_program(without_display({kMaster, "start"}));
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.err.find("there is no display"), std::string::npos) << refused.err;
+  EXPECT_EQ(lines_of(refused.err).size(), 1u) << refused.err;
+}
+
 }  // namespace
 }  // namespace telenano::programs

@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <initializer_list>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "telenano/master/station/station.h"
 
@@ -27,6 +29,8 @@ struct Case {
   bool clutch = false;
   bool deadman = false;
   std::uint32_t fault = 0;
+  station::TwinState twin = station::TwinState::kNone;
+  control::Method method = control::Method::kTwin;
 
   recording::Sample sample() const {
     recording::Sample s;
@@ -34,6 +38,7 @@ struct Case {
     s.reply_age_ms = 1e3 * silence_s;
     s.station_mode = static_cast<std::uint32_t>(mode);
     s.station_faults = fault;
+    s.method = static_cast<std::uint32_t>(method);
     s.limit_flags = (observes ? recording::kLimitObserves : 0u) | (ramp ? recording::kLimitRamp : 0u);
     s.buttons = (clutch ? device::kButtonClutch : 0u) | (deadman ? device::kButtonDeadman : 0u);
     return s;
@@ -96,6 +101,17 @@ std::string broken_rule(const Case& c, const SessionBanner& banner) {
   if (c.observes && !line("Observing:")) return "observing without a line";
   if (c.observes && count("Engaged") + count("Engaging") + count("Ready") != 0) return "an observer at work";
   if (filled("Stopped") != (c.mode == Mode::kStopped)) return "stopped";
+  using station::TwinState;
+  const bool given_up = c.twin == TwinState::kGivenUp;
+  const bool felt = c.method == control::Method::kTwin && c.twin != TwinState::kNone && !given_up;
+  if (count("Twin") != ((felt || given_up) && !c.played && !c.observes)) return "twin";
+  if (count("Twin") != 0) {
+    const bool apart = c.twin == TwinState::kApart;
+    if (filled("Twin confirmed") != (felt && !apart && !silent)) return "confirmed by what?";
+    if (filled("Twin apart") != apart || filled("Twin given up")) return "apart";
+    if (line("server's state is taken up") != apart) return "apart without a line";
+    if (line("another method until") != given_up) return "given up without a line";
+  }
   if (c.mode == Mode::kStopped && banner.lines.empty()) return "stopped without a cause";
   if (c.mode == Mode::kStopped && !line("lear") && !line("anew") && !line("report"))
     return "stopped, and what to do?";
@@ -117,6 +133,16 @@ std::vector<std::uint32_t> latched_faults() {
           station::kFaultOld};
 }
 
+constexpr std::array<std::pair<station::TwinState, control::Method>, 7> kTwins = {{
+    {station::TwinState::kNone, control::Method::kTwin},
+    {station::TwinState::kBehind, control::Method::kTwin},
+    {station::TwinState::kConfirmed, control::Method::kTwin},
+    {station::TwinState::kApart, control::Method::kTwin},
+    {station::TwinState::kGivenUp, control::Method::kModel},
+    {station::TwinState::kConfirmed, control::Method::kTank},
+    {station::TwinState::kApart, control::Method::kTank},
+}};
+
 TEST(SessionBanner, NeverMisleadsInAnyCombination) {
   int cases = 0;
   int broken = 0;
@@ -126,13 +152,14 @@ TEST(SessionBanner, NeverMisleadsInAnyCombination) {
       for (const double silence_s : {0.0, 0.3, 5.0, 12.0})
         for (const double give_up_s : {0.0, 10.0})
           for (const std::uint32_t fault : latched_faults())
-            for (unsigned bits = 0; bits < 64; ++bits) {
+            for (unsigned bits = 0; bits < 64 * kTwins.size(); ++bits) {
               const auto bit = [&](unsigned i) { return (bits >> i & 1u) != 0; };
-              const Case c{mode,   origin, silence_s, give_up_s, bit(0), bit(1),
-                           bit(2), bit(3), bit(4),    bit(5),    fault};
+              const auto& [twin, method] = kTwins[bits / 64];
+              const Case c{mode,   origin, silence_s, give_up_s, bit(0), bit(1), bit(2),
+                           bit(3), bit(4), bit(5),    fault,     twin,   method};
               const recording::Sample now = c.sample();
               const std::string rule =
-                  broken_rule(c, session_banner({now, origin, give_up_s, c.ended, c.played}));
+                  broken_rule(c, session_banner({now, origin, give_up_s, c.ended, c.played, twin}));
               ++cases;
               if (rule.empty() || ++broken > 5) continue;
               ADD_FAILURE() << rule << ": mode " << static_cast<int>(mode) << ", origin "
@@ -140,7 +167,7 @@ TEST(SessionBanner, NeverMisleadsInAnyCombination) {
                             << give_up_s << ", fault " << fault << ", bits " << bits;
             }
   EXPECT_EQ(broken, 0) << "of " << cases;
-  EXPECT_EQ(cases, 6 * 3 * 4 * 2 * 11 * 64);
+  EXPECT_EQ(cases, 6 * 3 * 4 * 2 * 11 * 64 * 7);
 }
 
 TEST(SessionBanner, CountsDownToTheEndAndNotBelow) {

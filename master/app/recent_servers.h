@@ -1,0 +1,36 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace telenano::app {
+
+/// A server that has answered, and the key file it was asked with.
+struct RecentServer {
+  std::string server;
+  std::string key;
+};
+
+/// Servers that have answered lately, newest first, kept for the start screen in one small file.
+class RecentServers {
+ public:
+  static constexpr std::size_t kMost = 6;
+
+  /// $XDG_STATE_HOME/telenano, else ~/.local/state/telenano; empty where neither is an absolute path.
+  static std::string users_folder();
+
+  /// Empty folder: nothing is kept. A file that cannot be read is an empty list.
+  explicit RecentServers(const std::string& folder);
+
+  const std::vector<RecentServer>& list() const noexcept { return list_; }
+  /// To the front. What cannot be written is forgotten with the program: it is worth no error.
+  void note(const RecentServer& server);
+
+ private:
+  void write() const;
+
+  std::string folder_;
+  std::vector<RecentServer> list_;
+};
+
+}  // namespace telenano::app

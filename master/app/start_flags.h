@@ -1,0 +1,17 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+
+namespace telenano::app {
+
+/// The flags of `start`: what is chosen when its window opens.
+struct StartFlags {
+  std::string server;
+  std::string key;
+  std::string device;
+};
+
+CLI::App* add_start_flags(CLI::App& app, StartFlags& flags);
+
+}  // namespace telenano::app

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace telenano::view_model {
+
+/// What a person chooses before a session.
+struct StartChoice {
+  std::string server = "127.0.0.1:5100";  ///< HOST:PORT
+  std::string key;                        ///< file; empty: not encrypted
+  std::string device = "sim";             ///< as --device takes it
+  std::string method = "auto";
+  bool guide = false;  ///< to a first touch
+  bool record = false;
+  std::string recording = "session.h5";  ///< file, where `record`
+};
+
+/// The arguments of `telenano-master` that run this session; what is at its default is left out.
+std::vector<std::string> run_arguments(const StartChoice& choice);
+
+/// Those of the plan that says what will be felt.
+std::vector<std::string> plan_arguments(const StartChoice& choice);
+
+/// A command line that a shell reads as these words.
+std::string shell_line(const std::string& program, const std::vector<std::string>& arguments);
+
+/// Why it cannot be started, and what to do; empty: it can.
+std::string choice_fault(const StartChoice& choice);
+
+}  // namespace telenano::view_model

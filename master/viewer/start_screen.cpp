@@ -1,0 +1,234 @@
+#include "telenano/master/viewer/start_screen.h"
+
+#include <backends/imgui_impl_opengl3.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+
+#include "telenano/master/viewer/gl.h"
+
+namespace telenano::viewer {
+namespace {
+
+constexpr std::array<const char*, 9> kMethods = {"auto", "twin", "tank",     "model", "tdpa",
+                                                 "wave", "ks",   "ks-clamp", "none"};
+constexpr float kMostWide = 900;
+
+// ImGui edits characters, not strings.
+bool edit(const char* id, const char* hint, std::string& text, bool enter = false) {
+  std::array<char, 512> buffer{};
+  std::strncpy(buffer.data(), text.c_str(), buffer.size() - 1);
+  const int flags = enter ? ImGuiInputTextFlags_EnterReturnsTrue : ImGuiInputTextFlags_None;
+  const bool done = ImGui::InputTextWithHint(id, hint, buffer.data(), buffer.size(), flags);
+  text = buffer.data();
+  return done;
+}
+
+void quiet(const char* text) {
+  ImGui::PushStyleColor(ImGuiCol_Text, vec4(palette::kQuiet));
+  ImGui::TextWrapped("%s", text);
+  ImGui::PopStyleColor();
+}
+
+void coloured(const palette::Rgb& colour, const std::string& text) {
+  ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour));
+  ImGui::TextWrapped("%s", text.c_str());
+  ImGui::PopStyleColor();
+}
+
+}  // namespace
+
+StartScreen::StartScreen(float scale) : gui_(scale) {
+  ImGui::GetIO().ConfigFlags |= ImGuiConfigFlags_NavEnableKeyboard;
+}
+
+float StartScreen::label(const char* text) const {
+  const float wide = 110 * gui_.scale();
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextColored(vec4(palette::kQuiet), "%s", text);
+  ImGui::SameLine(wide);
+  return wide;
+}
+
+void StartScreen::draw_hands(const StartFacts& facts, view_model::StartChoice& choice) {
+  label("Hand");
+  ImGui::BeginGroup();
+  for (const OfferedHand& hand : facts.hands) {
+    ImGui::PushID(&hand);
+    if (hand.why_not.empty()) {
+      if (ImGui::RadioButton(hand.about.c_str(), choice.device == hand.device)) choice.device = hand.device;
+    } else {
+      quiet((hand.about + ": " + hand.why_not).c_str());
+    }
+    ImGui::PopID();
+  }
+  ImGui::EndGroup();
+}
+
+StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model::StartChoice& choice) {
+  Wish wish = Wish::kNone;
+  const float s = gui_.scale();
+  label("Server");
+  ImGui::SetNextItemWidth(-90 * s);
+  if (edit("##server", "HOST:PORT", choice.server, true)) wish = Wish::kLook;
+  ImGui::SameLine();
+  if (ImGui::Button("Ask", {-1, 0})) wish = Wish::kLook;
+  if (!facts.seen.empty()) {
+    label("Seen lately");
+    ImGui::BeginGroup();
+    for (const SeenServer& seen : facts.seen) {
+      ImGui::PushID(&seen);
+      const std::string text = seen.key.empty() ? seen.server : seen.server + "   key " + seen.key;
+      if (ImGui::Selectable(text.c_str(), seen.server == choice.server && seen.key == choice.key)) {
+        choice.server = seen.server;
+        choice.key = seen.key;
+        wish = Wish::kLook;
+      }
+      ImGui::PopID();
+    }
+    ImGui::EndGroup();
+  }
+  label("Key file");
+  ImGui::SetNextItemWidth(-1);
+  if (edit("##key", "none: in the clear, for this machine alone", choice.key, true)) wish = Wish::kLook;
+  draw_hands(facts, choice);
+  label("Method");
+  ImGui::SetNextItemWidth(150 * s);
+  if (ImGui::BeginCombo("##method", choice.method.c_str())) {
+    for (const char* method : kMethods) {
+      if (ImGui::Selectable(method, choice.method == method) && choice.method != method) {
+        choice.method = method;
+        wish = Wish::kLook;
+      }
+    }
+    ImGui::EndCombo();
+  }
+  ImGui::SameLine();
+  quiet(choice.method == "auto" ? "chosen by the way to the server" : "as you say");
+  label("First touch");
+  ImGui::Checkbox("lead me to it in five steps", &choice.guide);
+  label("Recording");
+  ImGui::Checkbox("##record", &choice.record);
+  ImGui::SameLine();
+  if (choice.record) {
+    ImGui::SetNextItemWidth(-1);
+    edit("##file", "file (.h5)", choice.recording);
+  } else {
+    quiet("off");
+  }
+  return wish;
+}
+
+void StartScreen::draw_plan(const StartFacts& facts, const view_model::StartChoice& choice) {
+  ImGui::TextColored(vec4(palette::kQuiet), "What you will feel");
+  ImGui::Indent();
+  if (facts.looking) {
+    coloured(palette::kWarning, "Asking the server …");
+  } else if (!facts.trouble.empty()) {
+    coloured(palette::kAlarm, facts.trouble);
+  } else if (facts.plan) {
+    const auto hand = std::find_if(facts.hands.begin(), facts.hands.end(),
+                                   [&](const OfferedHand& one) { return one.device == choice.device; });
+    for (const std::string& line :
+         view_model::plan_words(*facts.plan, hand == facts.hands.end() || hand->shows_force))
+      ImGui::TextWrapped("%s", line.c_str());
+  } else {
+    quiet("Ask the server, and it is said here");
+  }
+  ImGui::Unindent();
+}
+
+void StartScreen::draw_end(const StartFacts& facts) {
+  if (facts.last_words.empty()) return;
+  coloured(facts.last_failed ? palette::kAlarm : palette::kGood,
+           facts.last_failed ? "The session ended with a fault" : "The session has ended");
+  ImGui::PushFont(gui_.small());
+  for (const std::string& line : facts.last_words) {
+    // A summary's rows: an indented name, spaces, a value.
+    const auto gap = line.starts_with("  ") ? line.find("  ", 2) : std::string::npos;
+    const auto value = gap == std::string::npos ? gap : line.find_first_not_of(' ', gap);
+    if (value == std::string::npos) {
+      ImGui::TextWrapped("%s", line.c_str());
+      continue;
+    }
+    ImGui::TextUnformatted(line.data(), line.data() + gap);
+    ImGui::SameLine(180 * gui_.scale());
+    ImGui::TextUnformatted(line.c_str() + value);
+  }
+  ImGui::PopFont();
+  ImGui::Separator();
+}
+
+StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_model::StartChoice& choice) {
+  Wish wish = Wish::kNone;
+  const float s = gui_.scale();
+  const std::string fault = view_model::choice_fault(choice);
+  ImGui::PushFont(gui_.small());
+  quiet("The same by command line:");
+  ImGui::TextWrapped("%s", facts.command_line.c_str());
+  ImGui::PopFont();
+  if (!fault.empty()) coloured(palette::kWarning, fault);
+  ImGui::PushFont(gui_.large());
+  ImGui::PushStyleColor(ImGuiCol_Button, vec4(fault.empty() ? palette::kGood : palette::kRaised));
+  ImGui::PushStyleColor(ImGuiCol_Text, vec4(fault.empty() ? palette::kBackground : palette::kQuiet));
+  ImGui::PushStyleColor(ImGuiCol_ButtonHovered, vec4(fault.empty() ? palette::kGood : palette::kRaised));
+  if (first_) ImGui::SetKeyboardFocusHere();
+  const bool pressed =
+      ImGui::Button(facts.last_words.empty() ? "Start  (Enter)" : "Again  (Enter)", {200 * s, 40 * s});
+  // Enter begins whatever has the focus, but for a field that is written in, which asks the server.
+  const bool enter = !ImGui::GetIO().WantTextInput &&
+                     !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel) &&
+                     ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Enter), false);
+  if ((pressed || enter) && fault.empty()) wish = Wish::kStart;
+  ImGui::PopStyleColor(3);
+  ImGui::PopFont();
+  ImGui::SameLine();
+  if (ImGui::Button("Copy the command", {0, 40 * s})) wish = Wish::kCopy;
+  ImGui::SameLine();
+  if (ImGui::Button("Close", {0, 40 * s})) wish = Wish::kClose;
+  return wish;
+}
+
+StartScreen::Wish StartScreen::draw(int width_px, int height_px, const StartFacts& facts,
+                                    view_model::StartChoice& choice) {
+  ImGui_ImplOpenGL3_NewFrame();
+  const ImVec2 whole{static_cast<float>(width_px), static_cast<float>(height_px)};
+  ImGui::GetIO().DisplaySize = whole;
+  ImGui::NewFrame();
+  glViewport(0, 0, width_px, height_px);
+  glDisable(GL_SCISSOR_TEST);
+  glClearColor(palette::kBackground.r, palette::kBackground.g, palette::kBackground.b, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  const float wide = std::min(kMostWide * gui_.scale(), whole.x);
+  ImGui::SetNextWindowPos({0.5f * (whole.x - wide), 0});
+  ImGui::SetNextWindowSize({wide, whole.y});
+  ImGui::Begin("start", nullptr,
+               ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoCollapse);
+  ImGui::PushFont(gui_.large());
+  ImGui::TextUnformatted("Telenano");
+  ImGui::PopFont();
+  ImGui::SameLine();
+  quiet("feel a sample from here");
+  ImGui::Separator();
+  // What does not fit scrolls; what begins a session stays in sight.
+  ImGui::BeginChild("choices", {0, -foot_px_}, false, ImGuiWindowFlags_NavFlattened);
+  draw_end(facts);
+  Wish wish = draw_choices(facts, choice);
+  ImGui::Separator();
+  draw_plan(facts, choice);
+  ImGui::EndChild();
+  const float foot_from = ImGui::GetCursorPosY();
+  ImGui::Separator();
+  const Wish foot = draw_foot(facts, choice);
+  if (foot != Wish::kNone) wish = foot;
+  foot_px_ = ImGui::GetCursorPosY() - foot_from + ImGui::GetStyle().ItemSpacing.y;
+  ImGui::End();
+  first_ = false;
+  ImGui::Render();
+  ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());
+  return wish;
+}
+
+}  // namespace telenano::viewer

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "telenano/master/view_model/start_choice.h"
+#include "telenano/master/view_model/start_plan.h"
+#include "telenano/master/viewer/gui.h"
+
+namespace telenano::viewer {
+
+/// A hand that could be chosen.
+struct OfferedHand {
+  std::string device;  ///< as --device takes it
+  std::string about;
+  std::string why_not;  ///< why it cannot be used and what to do; empty: it can
+  bool shows_force = false;
+};
+
+struct SeenServer {
+  std::string server;
+  std::string key;
+};
+
+/// What the start screen tells a person.
+struct StartFacts {
+  std::vector<SeenServer> seen;  ///< newest first
+  std::vector<OfferedHand> hands;
+  bool looking = false;  ///< a server is being asked
+  std::optional<view_model::StartPlan> plan;
+  std::string trouble;                  ///< why there is no plan; empty: not asked, or there is one
+  std::vector<std::string> last_words;  ///< of the session before; empty: there was none
+  bool last_failed = false;
+  std::string command_line;  ///< that does the same
+};
+
+/// The screen before a session. Draws with Dear ImGui, whose context must be current; input comes from its
+/// io, which a window fills and a test may. Tab, arrows, Space and Enter reach all of it.
+class StartScreen {
+ public:
+  enum class Wish { kNone, kLook, kStart, kClose, kCopy };
+
+  explicit StartScreen(float scale);
+
+  /// One frame, in whatever framebuffer is current. Changes `choice`; says what is to be done.
+  Wish draw(int width_px, int height_px, const StartFacts& facts, view_model::StartChoice& choice);
+
+ private:
+  Wish draw_choices(const StartFacts& facts, view_model::StartChoice& choice);
+  void draw_hands(const StartFacts& facts, view_model::StartChoice& choice);
+  void draw_plan(const StartFacts& facts, const view_model::StartChoice& choice);
+  void draw_end(const StartFacts& facts);
+  Wish draw_foot(const StartFacts& facts, const view_model::StartChoice& choice);
+  float label(const char* text) const;
+
+  Gui gui_;
+  float foot_px_ = 110;  // as high as it was in the frame before
+  bool first_ = true;
+};
+
+}  // namespace telenano::viewer

@@ -1,0 +1,55 @@
+#include "telenano/master/viewer/start_window.h"
+
+#include <imgui.h>
+
+#include <chrono>
+#include <thread>
+
+#include "telenano/master/viewer/window_glfw.h"
+#include "telenano/master/viewer/window_keys.h"
+
+namespace telenano::viewer {
+namespace {
+
+// Nothing moves here but a cursor.
+constexpr auto kFrame = std::chrono::milliseconds(33);
+
+}  // namespace
+
+bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const StartHooks& hooks) {
+  const GlfwWindow window(true);
+  StartScreen screen(window.scale());
+  KeyTaps taps(window.get());
+  const GlfwInput input(window.get());
+  while (window.poll() && !hooks.stop_wanted()) {
+    const auto began = std::chrono::steady_clock::now();
+    hooks.each(choice);
+    int width_px = 0;
+    int height_px = 0;
+    if (window.size_px(width_px, height_px)) {
+      input.begin_frame();
+      taps.press();
+      const StartScreen::Wish wish = screen.draw(width_px, height_px, facts, choice);
+      taps.release();
+      switch (wish) {
+        case StartScreen::Wish::kNone:
+          break;
+        case StartScreen::Wish::kLook:
+          hooks.look(choice);
+          break;
+        case StartScreen::Wish::kCopy:
+          ImGui::SetClipboardText(facts.command_line.c_str());
+          break;
+        case StartScreen::Wish::kStart:
+          return true;
+        case StartScreen::Wish::kClose:
+          return false;
+      }
+    }
+    window.show_frame();
+    std::this_thread::sleep_until(began + kFrame);
+  }
+  return false;
+}
+
+}  // namespace telenano::viewer

@@ -1,0 +1,60 @@
+#include "telenano/master/view_model/start_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+
+namespace telenano::view_model {
+namespace {
+
+using Words = std::vector<std::string>;
+
+TEST(StartChoice, ArgumentsAreThoseThatAPersonWouldType) {
+  StartChoice choice;
+  EXPECT_EQ(run_arguments(choice), (Words{"run", "--server", "127.0.0.1:5100", "--device", "sim", "--view"}));
+  choice.server = "[::1]:5100";
+  choice.device = "mouse";
+  choice.key = "lab one.key";
+  choice.method = "tank";
+  choice.record = choice.guide = true;
+  choice.recording = "a.h5";
+  EXPECT_EQ(run_arguments(choice),
+            (Words{"run", "--server", "[::1]:5100", "--device", "mouse", "--view", "--key", "lab one.key",
+                   "--method", "tank", "--guide", "--record", "a.h5"}));
+  EXPECT_EQ(plan_arguments(choice),
+            (Words{"plan", "--server", "[::1]:5100", "--felt", "--method", "tank", "--key", "lab one.key"}));
+}
+
+// What is shown is what a shell makes the same words of: asked of the shell itself.
+TEST(StartChoice, AShellReadsTheLineAsTheseWords) {
+  const Words words{"run", "[::1]:5100", "a b", "it's", "$HOME", "*", "", "a\"b\\c", "m\u00fc;rm"};
+  Words printed{"%s|"};
+  printed.insert(printed.end(), words.begin(), words.end());
+  const std::string line = shell_line("printf", printed);
+  std::FILE* const shell = ::popen(line.c_str(), "r");
+  ASSERT_NE(shell, nullptr);
+  std::string read;
+  for (int c = 0; (c = std::fgetc(shell)) != EOF;) read += static_cast<char>(c);
+  ::pclose(shell);
+  std::string expected;
+  for (const std::string& word : words) expected += word + "|";
+  EXPECT_EQ(read, expected) << line;
+  EXPECT_EQ(shell_line("telenano-master", {"run", "--server", "host:5100"}),
+            "telenano-master run --server host:5100");
+}
+
+TEST(StartChoice, WhatIsMissingIsSaidBeforeASessionIsBegun) {
+  StartChoice choice;
+  EXPECT_EQ(choice_fault(choice), "");
+  choice.server = "lab";
+  EXPECT_NE(choice_fault(choice).find("HOST:PORT"), std::string::npos);
+  choice.server.clear();
+  EXPECT_NE(choice_fault(choice), "");
+  choice = {};
+  choice.record = true;
+  choice.recording.clear();
+  EXPECT_NE(choice_fault(choice).find("recording"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace telenano::view_model
