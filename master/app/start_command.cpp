@@ -1,6 +1,7 @@
 #include "telenano/master/app/start_command.h"
 
 #include <fmt/format.h>
+#include <CLI/CLI.hpp>
 
 #include <atomic>
 #include <chrono>

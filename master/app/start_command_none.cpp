@@ -1,5 +1,7 @@
 // In a build without viewer: the same flags, and what to do about it.
 #include "telenano/common/base/error.h"
+
+#include <CLI/CLI.hpp>
 #include "telenano/master/app/start_command.h"
 #include "telenano/master/app/start_flags.h"
 

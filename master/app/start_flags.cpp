@@ -1,5 +1,7 @@
 #include "telenano/master/app/start_flags.h"
 
+#include <CLI/CLI.hpp>
+
 namespace telenano::app {
 
 CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
