@@ -28,7 +28,14 @@ void FirstTouch::update(const LiveSession& live) {
   if (step_ == Step::kTouch && live.contact()) step_ = Step::kPress;
   if (step_ == Step::kPress && live.now().force_w_nn[2] > kPress_nn) step_ = Step::kPullOff;
   // Who pulls back before having pressed has felt what this is about.
-  if ((step_ == Step::kPress || step_ == Step::kPullOff) && released(live)) step_ = Step::kDone;
+  const bool leaves = step_ == Step::kPress || step_ == Step::kPullOff;
+  if (leaves && released(live)) step_ = Step::kDone;
+  // Up again without that: the replies stopped on the way, and nothing was felt of it.
+  if (step_ == Step::kPress) interrupted_ = false;
+  if (leaves && step_ != Step::kDone && !live.contact() && live.gap_nm() > kAway_nm) {
+    interrupted_ = true;
+    step_ = Step::kApproach;
+  }
 }
 
 std::string FirstTouch::title() const {
@@ -47,6 +54,9 @@ std::string FirstTouch::words(const LiveSession& live, Hand hand, bool shows_for
              : hand == Hand::kDevice ? "Take the handle and keep its deadman button pressed"
                                      : "Watch: the simulated hand takes hold";
     case Step::kApproach:
+      if (interrupted_)
+        return watch ? "The session was held on the way up: pick the task once more"
+                     : fmt::format("The session was held on the way up: once more, {} to the surface", gap);
       return watch                  ? fmt::format("It goes down: {} to the surface", gap)
              : hand == Hand::kMouse ? fmt::format("Drag down, slowly: {} to the surface", gap)
                                     : fmt::format("Go down, slowly: {} to the surface", gap);

@@ -19,6 +19,9 @@ class FirstTouch {
   /// More than noise, less than what marks a soft sample.
   static constexpr double kPress_nn = 2;
 
+  /// Here it is long let go.
+  static constexpr double kAway_nm = 10;
+
   /// Once a frame.
   void update(const LiveSession& live);
 
@@ -30,6 +33,7 @@ class FirstTouch {
 
  private:
   Step step_ = Step::kHold;
+  bool interrupted_ = false;  ///< the last way up was not seen to its end
 };
 
 }  // namespace telenano::view_model

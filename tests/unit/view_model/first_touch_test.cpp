@@ -32,7 +32,7 @@ class Session {
       recording::Sample s;
       s.tick = ++tick_;
       s.time_s = 1e-3 * static_cast<double>(tick_);
-      s.reply_sequence = tick_;
+      s.reply_sequence = reply_ = tick_;
       s.station_mode = static_cast<std::uint32_t>(mode);
       s.force_scale = 2e7;
       s.tip_pos_w_nm = {0, 0, z_nm_};
@@ -45,6 +45,23 @@ class Session {
     }
   }
 
+  /// Goes there while no reply comes.
+  void silent(double to_nm) {
+    z_nm_ = to_nm;
+    for (int i = 0; i < 400; ++i) {
+      recording::Sample s;
+      s.tick = ++tick_;
+      s.time_s = 1e-3 * static_cast<double>(tick_);
+      s.reply_sequence = reply_;
+      s.station_mode = static_cast<std::uint32_t>(station::Mode::kHeld);
+      s.force_scale = 2e7;
+      s.tip_pos_w_nm = {0, 0, -1};
+      s.contact_state = static_cast<std::uint32_t>(link::ContactState::kContact);
+      live.take(s, plane());
+      guide.update(live);
+    }
+  }
+
   LiveSession live{0.25};
   FirstTouch guide;
 
@@ -52,6 +69,7 @@ class Session {
   double pull_nn_;
   double z_nm_ = 30;
   std::int64_t tick_ = 0;
+  std::uint64_t reply_ = 0;
 };
 
 TEST(FirstTouch, FiveStepsEndWithAPullOffInNewtons) {
@@ -101,6 +119,22 @@ TEST(FirstTouch, AStopIsToldAndLosesNoStep) {
   for (const Hand hand : {Hand::kMouse, Hand::kDevice, Hand::kSimulated})
     EXPECT_NE(session.guide.words(session.live, hand, true).find("(R)"), std::string::npos);
   EXPECT_EQ(session.guide.step(), Step::kTouch);
+}
+
+// As a busy machine does it: the session is held on the way up, and the curve of that way ends there.
+TEST(FirstTouch, AWayUpThatWasNotSeenIsAskedForOnceMore) {
+  Session session(3);
+  session.go(-1);
+  EXPECT_EQ(session.guide.step(), Step::kPullOff);
+  session.silent(20);
+  session.go(25);
+  EXPECT_EQ(session.guide.step(), Step::kApproach);
+  for (const Hand hand : {Hand::kMouse, Hand::kDevice, Hand::kSimulated})
+    EXPECT_NE(session.guide.words(session.live, hand, true).find("once more"), std::string::npos);
+  session.go(-1);
+  EXPECT_EQ(session.guide.step(), Step::kPullOff);
+  session.go(15);
+  EXPECT_EQ(session.guide.step(), Step::kDone);
 }
 
 TEST(FirstTouch, EveryStepHasWordsForEveryHand) {
