@@ -450,7 +450,9 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
          "xdotool key p; await '[ -s telenano-1.png ]'\n"
          "for i in $(seq 165); do xdotool mousemove_relative 0 -4; sleep 0.03; done; sleep 1\n"
          "xdotool key p; await '[ -s telenano-2.png ]'\n"
-         "xdotool mouseup 1; sleep 0.5; xdotool key ctrl+q\n"
+         "xdotool mouseup 1; sleep 0.5; xdotool key n; sleep 0.5\n"
+         "xdotool type --delay 60 'it held on; lets go'; sleep 0.5; xdotool key Return; sleep 0.5\n"
+         "xdotool key ctrl+q\n"
          "await 'grep -q stopped.by.the.operator err.txt'\n"
          "kill $start; wait $start; echo ended with $?\n";
   const Finished user = run_program(
@@ -461,6 +463,12 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
   const std::string told = file_text(path("err.txt"));
   EXPECT_EQ(told.find("pull-off force                       0.00"), std::string::npos) << told;
   const recording::RecordingReader recording(path("session.h5"));
+  std::string notes;
+  for (const recording::Event& event : recording.events()) {
+    const std::string text(event.text.data());
+    if (text.starts_with("note: ")) notes += text + "|";
+  }
+  EXPECT_EQ(notes, "note: it held on; lets go|");
   const auto contact = recording.read("contact_state");
   const auto force = recording.read("force_w_nn", 2);
   const auto touched = std::find(contact.rbegin(), contact.rend(), 3.0);
