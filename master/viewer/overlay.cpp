@@ -214,9 +214,14 @@ void draw_height_legend(const Gui& gui, const Pen& pen, const SceneState& state,
   const double low = scan ? state.ground.min_w_nm().z() : state.touched.lowest_nm();
   const double high = scan ? state.ground.max_w_nm().z() : state.touched.highest_nm();
   if (!scan && state.touched.points_w_nm().empty()) return;
-  const ImVec2 from{pen.left() + 14 * s, pen.top() + 78 * s};
+  ImVec2 from{pen.left() + 14 * s, pen.top() + 78 * s};
   const float wide = 11 * s;
   const float high_px = 84 * s;
+  // In a narrow picture the badges take more rows.
+  const auto free = [&] {
+    return gui.words().is_free({from.x, from.y - 20 * s}, {from.x + wide, from.y + high_px});
+  };
+  for (int i = 0; i < 20 && !free(); ++i) from.y += 4 * s;
   constexpr int kBands = 48;
   for (int i = 0; i < kBands; ++i) {
     const auto colour = view_model::height_colour(1 - (i + 0.5) / kBands);
