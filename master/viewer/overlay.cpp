@@ -284,6 +284,8 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
   lines.push_back({view_model::force_parts_text(state.force_w_nn),
                    force_colour(state.force_w_nn, silent_s > 0), gui.small()});
   lines.push_back({"gap " + view_model::length_text(live.gap_nm()), palette::kText, gui.small()});
+  // Before the first reply nothing is known of the tip.
+  if (live.now().reply_sequence == 0) lines = {{"no reply yet", palette::kQuiet, gui.text()}};
   pen.block(lines, {{tip.x + 22 * s, tip.y - 8 * s},
                     {tip.x + 22 * s, tip.y + 24 * s},
                     {tip.x - 150 * s, tip.y - 8 * s},
@@ -341,6 +343,7 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   pen.line({end.x - long_px, end.y}, end, palette::kText, 3);
   pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText,
            {0.5f, 1});
+  if (live.now().reply_sequence == 0) return;
   draw_target(pen, state);
   // The gap as an engineer would draw it: beside what it measures, between two thin lines.
   Vec3 foot = state.tip_pos_w_nm;

@@ -455,8 +455,9 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
          "xdotool key ctrl+q\n"
          "await 'grep -q stopped.by.the.operator err.txt'\n"
          "kill $start; wait $start; echo ended with $?\n";
-  const Finished user = run_program(
-      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 2 * kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
   EXPECT_EQ(user.out, "click\nclick\nclick\nclick\nended with 0\n") << file_text(path("err.txt"));
   // By the summary the tip was in contact and held on; by the rows it then came free.

@@ -297,6 +297,21 @@ TEST_F(Guidance, ANoteBelongsToTheMomentAtWhichItWasBegun) {
   EXPECT_FALSE(says("Noteat"));
 }
 
+// Nothing known is not zero.
+TEST_F(Guidance, BeforeTheFirstReplyNoForceIsTold) {
+  make(1);
+  recording::Sample s;
+  s.time_s = 0.1;
+  port_.samples.push(s);
+  viewer_->take_samples();
+  frames(1280, 800, 2);
+  EXPECT_TRUE(says("NOSAMPLEYET") && says("noreplyyet")) << drawn_text(glyphs());
+  EXPECT_FALSE(says("push0.00") || says("gap0.00")) << drawn_text(glyphs());
+  play(1, 3);
+  frames(1280, 800, 2);
+  EXPECT_FALSE(says("noreplyyet"));
+}
+
 class StartScreenTest : public Guidance {
  protected:
   void SetUp() override {
