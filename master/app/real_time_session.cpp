@@ -1,7 +1,9 @@
 #include "telenano/master/app/real_time_session.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <string_view>
 
 namespace telenano::app {
 namespace {
@@ -14,6 +16,14 @@ constexpr double kUnfeltN = 0.005;       // a force that nobody notices
 // Before the first reply there is no age: since the start, then.
 double silent_s(const recording::Sample& sample) noexcept {
   return std::min(sample.reply_age_ms * 1e-3, sample.time_s);
+}
+
+recording::Event note_event(const view_model::Note& note) noexcept {
+  constexpr std::string_view kBefore = "note: ";
+  std::array<char, kBefore.size() + view_model::Note::kText> text{};
+  std::copy(kBefore.begin(), kBefore.end(), text.begin());
+  std::copy(note.text.begin(), note.text.end() - 1, text.begin() + kBefore.size());
+  return recording::make_event(note.tick, note.time_s, kEventNote, text.data());
 }
 
 }  // namespace
@@ -126,6 +136,9 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventTask, "task chosen",
                                             static_cast<std::uint32_t>(asked.task)));
   }
+  // One a tick is more than a person writes.
+  if (view_model::Note note; requests_->take_note(note) && recorder_ != nullptr)
+    recorder_->push(note_event(note));
   for (int i = 0; i < asked.marks; ++i) {
     ++marks_;
     if (recorder_ != nullptr)

@@ -41,6 +41,8 @@ inline constexpr std::uint32_t kEventTwin =
 
 inline constexpr std::uint32_t kEventSendRate =
     107;  ///< value: datagrams a second from here on; the text says why
+inline constexpr std::uint32_t kEventNote =
+    109;  ///< a person's words, of the moment when writing began: "note: …"
 
 /// What the loop tells the progress line.
 struct Progress {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 
 #include "telenano/common/control/method.h"
@@ -39,6 +40,14 @@ struct ShownParticle {
   link::ParticleStatus status = link::ParticleStatus::kRests;
 };
 
+/// What a person writes into the recording, about the moment when writing began.
+struct Note {
+  static constexpr std::size_t kText = 58;  ///< an event's text less "note: ", with a zero at its end
+  std::int64_t tick = 0;
+  double time_s = 0;
+  std::array<char, kText> text{};
+};
+
 /// Between the loop and the screen. Neither side ever waits: what finds a queue full is dropped and counted.
 struct ViewPort {
   // From the loop.
@@ -49,6 +58,7 @@ struct ViewPort {
   rt::LatestValue<station::TwinState> twin;          ///< of the server's slave at the station
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};
+  rt::SpscQueue<Note> notes{8};
   rt::LatestValue<std::uint32_t> buttons;  ///< device::ButtonBits held on the screen, or-ed to the device's
 };
 

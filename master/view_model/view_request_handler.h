@@ -27,6 +27,9 @@ class ViewRequestHandler {
   };
   Asked answer(station::Station& station) noexcept;
 
+  /// The next note, if there is one.
+  bool take_note(Note& note) noexcept { return port_.notes.pop(note); }
+
   /// After the tick.
   void show(const recording::Sample& sample, device::ForceOffCause force_off) noexcept;
 

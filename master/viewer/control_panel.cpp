@@ -326,11 +326,8 @@ void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, fl
   draw_region(gui, method, shown, {wide, region_high});
 }
 
-void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& live) {
+void ControlPanel::draw_tip_rows(const view_model::LiveSession& live) {
   const recording::Sample& now = live.now();
-  if (!ImGui::BeginTable("numbers", 2, ImGuiTableFlags_SizingFixedFit)) return;
-  ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 84 * gui.scale());
-  ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
   const auto& tip = now.tip_pos_w_nm;
   row("tip x y z", fmt::format("{:.1f} {:.1f} {:.2f} nm", tip[0], tip[1], tip[2]));
   row("gap",
@@ -342,6 +339,18 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
   row("tip force", view_model::force_size_text(force), force_colour);
   row("x y z, nN", view_model::force_parts_text(force, false), force_colour);
   row("lever", fmt::format("bent {}", view_model::length_text(now.deflection_nm)));
+}
+
+void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& live) {
+  const recording::Sample& now = live.now();
+  if (!ImGui::BeginTable("numbers", 2, ImGuiTableFlags_SizingFixedFit)) return;
+  ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 84 * gui.scale());
+  ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
+  if (now.reply_sequence == 0) {  // nothing is known of the tip yet, which is not zero
+    for (const char* const name : {"tip x y z", "gap", "tip force", "x y z, nN", "lever"}) row(name, "–");
+  } else {
+    draw_tip_rows(live);
+  }
   row("hand force",
       facts_.shows_force
           ? fmt::format("{:+.2f} of {:.1f} N", now.hand_force_applied_h_n[2], facts_.hand_force_limit_n)

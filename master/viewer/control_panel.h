@@ -59,6 +59,7 @@ class ControlPanel {
   void draw_method(const recording::Sample& now);
   void draw_scaling(const Gui& gui, const recording::Sample& now, float region_high);
   void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, ImVec2 size);
+  static void draw_tip_rows(const view_model::LiveSession& live);
   void draw_numbers(const Gui& gui, const view_model::LiveSession& live);
   void draw_foot(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording);
 

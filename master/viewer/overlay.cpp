@@ -214,9 +214,14 @@ void draw_height_legend(const Gui& gui, const Pen& pen, const SceneState& state,
   const double low = scan ? state.ground.min_w_nm().z() : state.touched.lowest_nm();
   const double high = scan ? state.ground.max_w_nm().z() : state.touched.highest_nm();
   if (!scan && state.touched.points_w_nm().empty()) return;
-  const ImVec2 from{pen.left() + 14 * s, pen.top() + 78 * s};
+  ImVec2 from{pen.left() + 14 * s, pen.top() + 78 * s};
   const float wide = 11 * s;
   const float high_px = 84 * s;
+  // In a narrow picture the badges take more rows.
+  const auto free = [&] {
+    return gui.words().is_free({from.x, from.y - 20 * s}, {from.x + wide, from.y + high_px});
+  };
+  for (int i = 0; i < 20 && !free(); ++i) from.y += 4 * s;
   constexpr int kBands = 48;
   for (int i = 0; i < kBands; ++i) {
     const auto colour = view_model::height_colour(1 - (i + 0.5) / kBands);
@@ -279,6 +284,8 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
   lines.push_back({view_model::force_parts_text(state.force_w_nn),
                    force_colour(state.force_w_nn, silent_s > 0), gui.small()});
   lines.push_back({"gap " + view_model::length_text(live.gap_nm()), palette::kText, gui.small()});
+  // Before the first reply nothing is known of the tip.
+  if (live.now().reply_sequence == 0) lines = {{"no reply yet", palette::kQuiet, gui.text()}};
   pen.block(lines, {{tip.x + 22 * s, tip.y - 8 * s},
                     {tip.x + 22 * s, tip.y + 24 * s},
                     {tip.x - 150 * s, tip.y - 8 * s},
@@ -336,6 +343,7 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   pen.line({end.x - long_px, end.y}, end, palette::kText, 3);
   pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText,
            {0.5f, 1});
+  if (live.now().reply_sequence == 0) return;
   draw_target(pen, state);
   // The gap as an engineer would draw it: beside what it measures, between two thin lines.
   Vec3 foot = state.tip_pos_w_nm;

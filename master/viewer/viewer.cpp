@@ -164,8 +164,11 @@ void Viewer::handle_keys(double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
   const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
   // Stop always works, whatever has the keyboard.
-  if (pressed(GLFW_KEY_ESCAPE)) panel_.ask(ViewRequest::Kind::kStop);
-  if (io.WantTextInput) return;
+  if (pressed(GLFW_KEY_ESCAPE)) {
+    panel_.ask(ViewRequest::Kind::kStop);
+    note_box_.close();
+  }
+  if (io.WantTextInput || note_box_.is_open()) return;
   if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
   // By the letter: where it lies is the keyboard's affair.
   const auto& letters = io.InputQueueCharacters;
@@ -193,6 +196,13 @@ void Viewer::handle_keys(double time_s) {
 void Viewer::handle_session_keys(double time_s) {
   const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
   if (pressed(GLFW_KEY_R)) panel_.ask(ViewRequest::Kind::kClearStop);
+  if (pressed(GLFW_KEY_N)) {
+    if (facts_.recording.empty()) {
+      say("No recording to put a note into", time_s);
+    } else if (ending_.empty()) {
+      note_box_.open(live_.now());
+    }
+  }
   if (pressed(GLFW_KEY_G)) {
     guide_ = !guide_;
     first_touch_ = {};
@@ -450,6 +460,7 @@ void Viewer::draw_help() {
       row("Shift + arrows", "right, left: distances more, less; up, down: forces");
       if (!facts_.tasks.empty()) row("T", "the next task of the hand: it lets go, goes back, begins");
       row("M", "a mark in the recording");
+      row("N", "a note in the recording, at this moment");
       row("G", "guide to a first touch");
       row("Ctrl + Q", "end the session");
     }
@@ -475,6 +486,7 @@ void Viewer::say(const std::string& text, double time_s) {
 
 void Viewer::end(std::vector<std::string> lines) {
   ending_ = std::move(lines);
+  note_box_.close();
   panel_.end();
 }
 
@@ -496,6 +508,13 @@ void Viewer::draw_end() {
   ImGui::TextColored(vec4(palette::kQuiet), "The window stays until you close it (Ctrl+Q).");
   ImGui::End();
   ImGui::PopStyleColor();
+}
+
+void Viewer::draw_note(double time_s) {
+  const auto note = note_box_.draw(gui_);
+  if (!note) return;
+  say(port_.notes.push(*note) ? "Note put into the recording" : "The note could not be taken: try again",
+      time_s);
 }
 
 void Viewer::draw_words(double time_s, const Area& area) {
@@ -546,6 +565,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   if (panel_.take_close_wanted()) quit_ = true;
   draw_help();
   draw_end();
+  draw_note(time_s);
   draw_words(time_s, layout.overview);
   ImGui::Render();
   glViewport(0, 0, width_px, height_px);

@@ -15,6 +15,7 @@
 #include "telenano/master/viewer/control_panel.h"
 #include "telenano/master/viewer/gui.h"
 #include "telenano/master/viewer/layout.h"
+#include "telenano/master/viewer/note_box.h"
 #include "telenano/master/viewer/scene_renderer.h"
 #include "telenano/master/viewer/view_facts.h"
 
@@ -83,6 +84,7 @@ class Viewer {
   void draw_help();
   void draw_end();
   void draw_guide(const Layout& layout);
+  void draw_note(double time_s);
   Vec3 tip_w_nm() const noexcept;
   bool measure_at_pointer(const Layout& layout);
   void draw_words(double time_s, const Area& area);
@@ -110,6 +112,7 @@ class Viewer {
   bool help_ = false;
   view_model::FirstTouch first_touch_;
   view_model::Measurement measurement_;
+  NoteBox note_box_;
   bool guide_ = false;
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;

@@ -257,6 +257,61 @@ TEST_F(Guidance, CtrlAndAClickMeasuresWhereOnePointsAndDragsNothing) {
   EXPECT_EQ(viewer_->hand().buttons(time_s_), 0u);
 }
 
+// Of the moment when writing began. What is written is no command, but Esc.
+TEST_F(Guidance, ANoteBelongsToTheMomentAtWhichItWasBegun) {
+  facts_.recording = "a.h5";
+  make(1);
+  play(0, 100);
+  frame();
+  ImGuiIO& io = ImGui::GetIO();
+  io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
+  const auto write = [&](const std::string& text) {
+    press(GLFW_KEY_N);
+    frame();
+    EXPECT_TRUE(says("Noteat"));
+    play(100, 500);
+    for (const char c : text) {
+      io.AddInputCharacter(static_cast<unsigned char>(c));
+      frame();
+    }
+  };
+  write("m, r? " + std::string(100, 'x'));
+  press(GLFW_KEY_M);
+  press(GLFW_KEY_ENTER);
+  view_model::Note note;
+  ASSERT_TRUE(port_.notes.pop(note));
+  EXPECT_EQ(note.tick, 99);
+  EXPECT_DOUBLE_EQ(note.time_s, support::view_sample(99).time_s);
+  EXPECT_EQ(std::string(note.text.data()), "m, r? " + std::string(view_model::Note::kText - 7, 'x'));
+  ViewRequest request;
+  EXPECT_FALSE(port_.requests.pop(request)) << "a letter was taken for a key";
+  EXPECT_FALSE(says("Noteat"));
+  write("");
+  press(GLFW_KEY_ENTER);
+  EXPECT_FALSE(port_.notes.pop(note));
+  write("half");
+  press(GLFW_KEY_ESCAPE);
+  ASSERT_TRUE(port_.requests.pop(request));
+  EXPECT_EQ(request.kind, ViewRequest::Kind::kStop);
+  EXPECT_FALSE(port_.notes.pop(note));
+  EXPECT_FALSE(says("Noteat"));
+}
+
+// Nothing known is not zero.
+TEST_F(Guidance, BeforeTheFirstReplyNoForceIsTold) {
+  make(1);
+  recording::Sample s;
+  s.time_s = 0.1;
+  port_.samples.push(s);
+  viewer_->take_samples();
+  frames(1280, 800, 2);
+  EXPECT_TRUE(says("NOSAMPLEYET") && says("noreplyyet")) << drawn_text(glyphs());
+  EXPECT_FALSE(says("push0.00") || says("gap0.00")) << drawn_text(glyphs());
+  play(1, 3);
+  frames(1280, 800, 2);
+  EXPECT_FALSE(says("noreplyyet"));
+}
+
 class StartScreenTest : public Guidance {
  protected:
   void SetUp() override {
