@@ -101,7 +101,8 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   // What cannot be had costs the others none of the shared rate.
   const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
   if (!table.has_room(opener) || !has_place()) return refuse(RefuseReason::kFull, DropCause::kFull);
-  if (!party_openings_[opener.party % kPartyBuckets].take(now_ns) || !openings_.take(now_ns))
+  if (!context.may_open || !party_openings_[opener.party % kPartyBuckets].take(now_ns) ||
+      !openings_.take(now_ns))
     return drop(DropCause::kRateLimited);
   verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, opener);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);

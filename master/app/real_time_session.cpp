@@ -70,6 +70,7 @@ void RealTimeSession::run() noexcept {
     sample.lateness_us = static_cast<double>(tick.lateness_ns) * 1e-3;
     sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
     sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
+    if (servers_ != nullptr) follow_servers(sample, tick.woke_ns);
     note_tip(sample);
     summary_.add(sample);
     if (recorder_ != nullptr) {
@@ -121,6 +122,20 @@ void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) 
     recorder_->push(recording::make_event(before.tick, before.time_s, kEventMethod,
                                           "method changed with the link",
                                           static_cast<std::uint32_t>(wanted)));
+}
+
+/// The next server finds a session as after a restart: a Hello, a new epoch, the tip taken up where it is.
+void RealTimeSession::follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept {
+  const connection::LeaveCause cause = connection::leaves(session_, servers_->nobody_listens(), now_ns);
+  if (cause == connection::LeaveCause::kNone) return;
+  servers_->go_on();
+  session_.start(now_ns);
+  ++servers_left_;
+  left_because_ = cause;
+  if (recorder_ != nullptr)
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventServer,
+                                          "goes on to the next server of the list",
+                                          static_cast<std::uint32_t>(servers_->current() + 1)));
 }
 
 void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
@@ -242,6 +257,8 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.overruns = timer.overruns;
   p.missed_ticks = timer.missed;
   p.sessions = session_.sessions();
+  p.servers_left = servers_left_;
+  p.left_because = left_because_;
   p.station_faults = sample.station_faults;
   p.slave_faults = sample.fault_bits;
   p.energy_j = sample.energy_j;
@@ -292,7 +309,8 @@ bool RealTimeSession::over(const recording::Sample& sample) noexcept {
     return true;
   }
   // Final: nothing more will come, and nobody needs to wait for it.
-  if (session_.state() == link::ClientState::kClosed || session_.state() == link::ClientState::kRefused) {
+  const bool refused = session_.state() == link::ClientState::kRefused && servers_ == nullptr;
+  if (session_.state() == link::ClientState::kClosed || refused) {
     ending_ = session_.state() == link::ClientState::kClosed ? Ending::kServerEnded : Ending::kRefused;
     return true;
   }

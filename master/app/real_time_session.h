@@ -10,6 +10,8 @@
 #include "telenano/common/rt/latest_value.h"
 #include "telenano/common/rt/periodic_timer.h"
 #include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/connection/failover.h"
+#include "telenano/master/connection/server_list.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/device/played_motion.h"
 #include "telenano/master/loop/station_loop.h"
@@ -41,6 +43,7 @@ inline constexpr std::uint32_t kEventTwin =
 
 inline constexpr std::uint32_t kEventSendRate =
     107;  ///< value: datagrams a second from here on; the text says why
+inline constexpr std::uint32_t kEventServer = 108;  ///< value: its place in --server's list, from 1
 inline constexpr std::uint32_t kEventNote =
     109;  ///< a person's words, of the moment when writing began: "note: …"
 
@@ -74,7 +77,9 @@ struct Progress {
   std::int64_t ticks = 0;
   std::uint64_t overruns = 0;
   std::uint64_t missed_ticks = 0;
-  std::uint64_t sessions = 0;  ///< Welcomes
+  std::uint64_t sessions = 0;                                           ///< Welcomes
+  std::uint64_t servers_left = 0;                                       ///< of a list, for the next one,
+  connection::LeaveCause left_because = connection::LeaveCause::kNone;  ///< the last of them
   std::uint32_t station_faults = 0;
   std::uint32_t slave_faults = 0;
 };
@@ -106,6 +111,9 @@ class RealTimeSession {
     chooses_method_ = true;
     choice_ = control::MethodChoice(station_.config().method);
   }
+  /// Goes on to the next server when the current one is lost, before run(). `servers` is the socket that was
+  /// given to the constructor, with several in it.
+  void set_servers(connection::ServerList& servers) noexcept { servers_ = &servers; }
   /// Who fetches the server's scene, before run().
   void set_scene_pipe(loop::ScenePipe& pipe) noexcept { loop_.set_scene_pipe(&pipe); }
 
@@ -135,6 +143,7 @@ class RealTimeSession {
  private:
   void see_tip(const recording::Sample& before) noexcept;
   void follow_link(const recording::Sample& before, double dt_s) noexcept;
+  void follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
   void record_rate(const recording::Sample& sample) noexcept;
   void record_events(const recording::Sample& sample) noexcept;
@@ -154,6 +163,9 @@ class RealTimeSession {
   const std::atomic<bool>& stop_;
   rt::SteadyClock clock_;
   loop::StationLoop loop_;
+  connection::ServerList* servers_ = nullptr;
+  std::uint64_t servers_left_ = 0;
+  connection::LeaveCause left_because_ = connection::LeaveCause::kNone;
   double surface_z_w_nm_;
   Vec3 task_origin_w_nm_;
   recording::SummaryBuilder summary_;

@@ -13,7 +13,12 @@ namespace {
 
 /// What a session needs whatever moves the hand.
 void add_session_flags(CLI::App& command, RunOptions& options) {
-  command.add_option("--server", options.server, "HOST:PORT of telenano-nve serve")->capture_default_str();
+  command
+      .add_option(
+          "--server", options.server,
+          "HOST:PORT of telenano-nve serve, or several, A,B: the first that takes the session; when it is "
+          "lost, the next")
+      ->capture_default_str();
   add_access_flags(command, options);
   command.add_option("--station,--config", options.config_file, "Station file (TOML); flags win over it");
   command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")

@@ -26,6 +26,7 @@
 #include "telenano/common/recording/recorder.h"
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/master/app/device_monitor.h"
+#include "telenano/master/app/failure_text.h"
 #include "telenano/master/app/keep_awake.h"
 #include "telenano/master/app/link_probe.h"
 #include "telenano/master/app/real_time_session.h"
@@ -193,11 +194,6 @@ device::SimDeviceConfig sim_device_config(const StationFile& file, double start_
   std::_Exit(1);
 }
 
-std::string device_trouble(const RealTimeSession& live) {
-  const device::ForceOffCause cause = live.progress().force_off;
-  return cause == device::ForceOffCause::kNone ? "" : fmt::format(": {}", device::force_off_text(cause));
-}
-
 // How long a reply is held back at the station; 0 if the newest is taken at once.
 double playout_delay_s(const StationFile& file) {
   const link::PlayoutConfig& playout = file.link.playout;
@@ -235,12 +231,12 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
 }
 
 // What is told of a shared tip before the session begins, and what is asked for.
-std::uint32_t tip_wish(const RunOptions& options, bool shared) {
+std::uint32_t tip_wish(const RunOptions& options, const std::string& server, bool shared) {
   if (!shared && options.observe) {
     throw RunError(fmt::format(
         "--observe: the server at {} gives each session a tip of its own, so there is none to observe; it "
         "would have to run with --share one-tip",
-        options.server));
+        server));
   }
   if (!shared && options.take_over && !options.quiet)
     fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
@@ -253,41 +249,6 @@ std::uint32_t tip_wish(const RunOptions& options, bool shared) {
   }
   if (options.observe) return link::kFlagHandOver;
   return options.take_over ? std::uint32_t{link::kFlagTakeOver} : 0u;
-}
-
-// What ended the session, in one line; empty: its task, or its operator.
-std::string failure_text(const RealTimeSession& live, const station::Station& station,
-                         const link::ClientSession& session, const RunOptions& options,
-                         const connection::ServerLink& way, double rate_hz) {
-  const auto tip_stayed_up = [&](const std::string& what) {
-    return fmt::format(
-        "{}: the slave at {} kept the tip withdrawn the whole time, and the force was zero; its log says why",
-        what, options.server);
-  };
-  switch (live.ending()) {
-    case Ending::kTaskDone:
-      return live.tip_stayed_up() ? tip_stayed_up("nothing was done") : "";
-    case Ending::kStopped:
-      return live.tip_stayed_up() ? tip_stayed_up("stopped by the operator") : "";
-    case Ending::kTipUp:
-      return tip_stayed_up(fmt::format("given up after {:g} s", options.give_up_s));
-    case Ending::kFault:
-      return fmt::format("the station stopped itself: {}{}; the force is zero",
-                         station::fault_name(station.latched_faults()), device_trouble(live));
-    case Ending::kServerEnded:
-      return fmt::format("the server at {} has ended the session; the force is zero", options.server);
-    case Ending::kRefused:
-      return connection::refusal_text(session.refuse(), rate_hz, options.server);
-    case Ending::kServerGone:
-      if (live.progress().shutting_down) {
-        return fmt::format(
-            "the server at {} has shut down and not come back within {:g} s; the force is zero",
-            options.server, options.give_up_s);
-      }
-      return fmt::format("the server at {} has been silent for {:g} s; the force is zero{}", options.server,
-                         options.give_up_s, way.failure());
-  }
-  return "";
 }
 
 station::TwinRunConfig twin_config(double rate_hz) {
@@ -410,10 +371,9 @@ int run_session(const RunOptions& options) {
     fmt::print(stderr, "device: {}\n", opened.description);
     for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
   }
-  const net::Address server = net::parse_address(options.server, "--server");
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
-  connection::ServerLink way(options, server);
-  if (dscp != 0 && !way.set_dscp(dscp))
+  connection::ServerList servers(options);
+  if (dscp != 0 && !servers.set_dscp(dscp))
     fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
@@ -441,12 +401,14 @@ int run_session(const RunOptions& options) {
   if (!twins.empty()) client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
   std::optional<link::ClientSession> opened_session;
   std::optional<connection::Farewell> farewell;
-  const auto open = [&] {
-    opened_session.emplace(client_config);
-    connection::connect(*opened_session, way, server, config.rate_hz, options, stop);
-    farewell.emplace(*opened_session, way.datagram(), server);
-  };
-  open();
+  connection::connect_to_any(opened_session, client_config, servers, config.rate_hz, stop,
+                             [&](const std::string& why) {
+                               if (!options.quiet) fmt::print(stderr, "note: {}\n", why);
+                             });
+  // Until the loop begins the session is this server's.
+  connection::ServerLink& way = servers.link();
+  const net::Address server = servers.address();
+  farewell.emplace(*opened_session, way.datagram(), server);
   const bool resumed = opened_session->resumed_unknown_book();
   const LinkDelay link =
       measure_link(*opened_session, way, server, config.rate_hz,
@@ -463,7 +425,9 @@ int run_session(const RunOptions& options) {
       client_config.resume_token = opened_session->resume_token();
       client_config.nonce_seed = connection::random_nonce_seed();
       farewell->leave_to_loop();
-      open();
+      opened_session.emplace(client_config);
+      connection::connect(*opened_session, way, server, config.rate_hz, servers.access(), stop);
+      farewell.emplace(*opened_session, way.datagram(), server);
     }
   }
   link::ClientSession& session = *opened_session;
@@ -480,7 +444,8 @@ int run_session(const RunOptions& options) {
                        : "the session of the last run is gone; this is a new one");
   }
   session_file.keep(welcome.resume_token);
-  const std::uint32_t wish = tip_wish(options, (welcome.feature_bits & link::kFeatureSharing) != 0);
+  const std::uint32_t wish =
+      tip_wish(options, servers.name(), (welcome.feature_bits & link::kFeatureSharing) != 0);
   scene.start();
   if (view.wanted() || !options.record.empty()) {
     awake.reset();
@@ -527,8 +492,9 @@ int run_session(const RunOptions& options) {
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned);
   station::Station station(config, device_info, port);
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
-  RealTimeSession live(hand, way.datagram(), server, session, station, recorder.get(), options.give_up_s,
+  RealTimeSession live(hand, servers, servers.as(), session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
+  if (servers.size() > 1) live.set_servers(servers);
   if (file.chooses_method) live.choose_method();
   if (view_model::ViewRequestHandler* const requests = view.begin(
           {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
@@ -557,7 +523,7 @@ int run_session(const RunOptions& options) {
   // A window does not vanish under a person's eyes because the server did. A run that was told how long it
   // takes is nobody's to close.
   const auto last_words = [&]() -> std::vector<std::string> {
-    const std::string failure = failure_text(live, station, session, options, way, config.rate_hz);
+    const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
     if (failure.empty() || options.duration_s || stop.load()) return {};
     conclude();
     fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", failure);
@@ -567,6 +533,7 @@ int run_session(const RunOptions& options) {
     return lines;
   };
   std::string frames;
+  const ServerNames server_list{connection::server_names(options.server), servers.current()};
   rt::RealtimeConfig realtime;
   realtime.priority = options.realtime_priority;
   realtime.cpu = options.realtime_cpu;
@@ -593,6 +560,7 @@ int run_session(const RunOptions& options) {
       const Progress progress = live.progress();
       if (progress.resume_token != 0) session_file.keep(progress.resume_token);
       if (!options.quiet) print_changes(told, progress, terminal);
+      if (!options.quiet) print_server(told, progress, server_list, terminal);
       told = progress;
       const auto now = std::chrono::steady_clock::now();
       if (options.quiet || now - shown < (terminal ? kLineAgain : kLineAgainInLog)) return;
@@ -612,7 +580,7 @@ int run_session(const RunOptions& options) {
   conclude();
   if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
   if (live.ending() == Ending::kStopped) fmt::print(stderr, "stopped by the operator\n");
-  const std::string failure = failure_text(live, station, session, options, way, config.rate_hz);
+  const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
   if (!failure.empty()) throw RunError(failure);
   if (recorder && recorder->failed()) return 1;
   return 0;

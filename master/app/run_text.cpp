@@ -85,6 +85,20 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
   }
 }
 
+void print_server(const Progress& before, const Progress& now, const ServerNames& servers, bool terminal) {
+  const auto name = [&](std::uint64_t left) {
+    return servers.names[(servers.first + left) % servers.names.size()];
+  };
+  const char* const end_of_line = terminal ? "\n" : "";
+  if (now.servers_left != before.servers_left) {
+    fmt::print(stderr, "{}the session with the server at {} is lost: {}; going on to {}, the force is zero\n",
+               end_of_line, name(now.servers_left - 1), connection::text(now.left_because),
+               name(now.servers_left));
+  }
+  if (now.servers_left > 0 && now.sessions != before.sessions)
+    fmt::print(stderr, "{}the server at {} has taken the session\n", end_of_line, name(now.servers_left));
+}
+
 void print_sending(const Progress& last) {
   fmt::print(stderr, "  {:<36} {:.0f} Hz at the end ({}), {:.0f} at least, {} times lowered\n",
              "datagrams sent", last.send_hz, link::name(last.send_reason), last.send_least_hz,

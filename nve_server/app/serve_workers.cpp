@@ -13,6 +13,9 @@ constexpr std::int64_t kNicBusyPollNs = 50'000;
 constexpr std::int64_t kIdleWithOthersNs = 5'000'000;
 // All sessions at once, twice, in the tenth of a second in which it is read.
 constexpr std::size_t kAuditQueue = 8192;
+// A thousand stations that come back after a restart have their sessions within two seconds. What an opening
+// costs bounds it further (ServerConfig::openings_share).
+constexpr double kOpeningsPerS = 1024;
 
 }  // namespace
 
@@ -50,6 +53,7 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
     own.table.capacity = config_.max_sessions;
     own.table.per_party = std::min(config_.sessions_per_peer, config_.max_sessions);
     own.table.parties = &parties_;
+    own.openings_per_s = kOpeningsPerS;
     own.openings_per_party_s = own.openings_per_s * static_cast<double>(own.table.per_party) /
                                static_cast<double>(config_.max_sessions);
     own.work.enforced = true;

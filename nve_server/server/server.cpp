@@ -36,6 +36,11 @@ constexpr double kNoWorkBound = UINT32_MAX;
 constexpr std::size_t kStepsPerLook = 64;
 constexpr double kStepRingMost = 32768;  // 1.5 MB
 constexpr std::int64_t kFreezeEveryNs = 100'000'000;
+/// Openings at once; the sessions that run wait for so long at most.
+constexpr std::int64_t kOpeningBurstNs = 10'000'000;
+constexpr std::size_t kPartyOpenings = 1024;
+/// What took longer was rather the machine that had put the loop aside: nobody is to pay for seconds of that.
+constexpr std::int64_t kOpeningMostNs = 100'000'000;
 /// A party that has not commanded for so long has no share.
 constexpr std::int64_t kPartyActiveNs = 1'000'000'000;
 
@@ -154,6 +159,10 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       is_behind_(table_.capacity(), 0),
       holder_(table_.capacity()),
       search_(config.mail, config.worker),
+      openings_(config.openings_share, kOpeningBurstNs),
+      party_openings_(kPartyOpenings, {config.openings_share *
+                                           std::min(1.0, config.openings_per_party_s / config.openings_per_s),
+                                       kOpeningBurstNs}),
       scene_chunks_(config.scene_chunks_all_per_s, kSceneBurst) {
   behind_.reserve(table_.capacity());
   if (shared()) {
@@ -179,6 +188,7 @@ std::size_t Server::on_datagram(std::span<const std::uint8_t> bytes, const net::
   if (cause != DropCause::kNone) return drop(cause);
   standing_ = standing;
   now_ns_ = now_ns;
+  clock_ = clock;
   superseded_ = superseded;
   switch (incoming_.type) {
     case link::MessageType::kCommand:
@@ -398,6 +408,10 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   tip.at_rest = false;
 }
 
+OpeningBudget& Server::party_opening(const net::Address& from, const net::Standing& standing) noexcept {
+  return party_openings_[handshake_.party_of(peer_key(from), standing.identity) % kPartyOpenings];
+}
+
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
                              std::span<std::uint8_t> out, const net::Standing& standing,
                              bool others) noexcept {
@@ -405,6 +419,8 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   link::HelloContext context;
   context.shutting_down = shutting_down_;
   context.draining = draining_;
+  OpeningBudget& party = party_opening(from, standing);
+  context.may_open = openings_.allows(now_ns) && party.allows(now_ns);
   context.address_proven = standing.address_proven;
   context.owner = standing.identity;
   context.rank = static_cast<std::uint8_t>(standing.rights);
@@ -424,6 +440,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
     verdict.cause = search_.ask(hello, from, standing, now_ns);
   }
   if (verdict.kind == Kind::kOpen) {
+    const std::int64_t begin_ns = clock_ != nullptr ? clock_->now_ns() : 0;
     forget(verdict.slot, now_ns);  // a silent session may have given up its slot
     if (!shared() && !make_tip(verdict.slot, now_ns)) {
       table_.release(verdict.slot);
@@ -432,6 +449,10 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       verdict.refuse = {hello.nonce, link::RefuseReason::kFull, link::kProtocolVersion,
                         link::kProtocolVersion};
     }
+    const std::int64_t taken_ns =
+        clock_ != nullptr ? std::min(clock_->now_ns() - begin_ns, kOpeningMostNs) : 0;
+    openings_.charge(taken_ns);
+    party.charge(taken_ns);
   }
   settle_cap();
   if (verdict.cause != DropCause::kNone) drops_.add(verdict.cause);

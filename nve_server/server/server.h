@@ -16,6 +16,7 @@
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/nve_server/server/audit.h"
+#include "telenano/nve_server/server/opening_budget.h"
 #include "telenano/nve_server/server/port_book.h"
 #include "telenano/nve_server/server/port_control.h"
 #include "telenano/nve_server/server/service_times.h"
@@ -64,6 +65,8 @@ struct ServerConfig {
   std::uint64_t feature_bits = link::kKnownFeatures;  ///< granted to a station that asks for them
   double challenges_per_s = 20000;
   double openings_per_s = 64;
+  /// Of the loop's time, for making the slaves of new sessions; where there is a clock.
+  double openings_share = 0.25;
   double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
   double step_gap_s = 2;  ///< a step may be missing in a log; then it is left out, and the log says so
   std::size_t steps_at_once = 64;  ///< of a log, by one datagram; what more has come is for catch_up()
@@ -177,6 +180,7 @@ class Server {
 
  private:
   std::size_t drop(link::DropCause cause) noexcept;
+  OpeningBudget& party_opening(const net::Address& from, const net::Standing& standing) noexcept;
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
                        std::span<std::uint8_t> out, const net::Standing& standing,
                        bool others = true) noexcept;
@@ -247,6 +251,9 @@ class Server {
   bool withdrawing_ = false;  ///< the shared tip
   TokenSearch search_;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
+  OpeningBudget openings_;
+  std::vector<OpeningBudget> party_openings_;  ///< of the party whose number falls there
+  const rt::Clock* clock_ = nullptr;           ///< of the datagram at hand; may be null
   bool draining_ = false;
   bool shutting_down_ = false;
   net::Standing standing_;        ///< of the datagram at hand

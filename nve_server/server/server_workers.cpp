@@ -87,6 +87,7 @@ void Server::exchange_mail() noexcept {
 
 std::size_t Server::next_answer(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept {
   TokenSearch::Question question;
+  clock_ = nullptr;  // there is no datagram at hand
   while (search_.take_answered(question)) {
     net::Standing standing = question.standing;
     standing.address_proven = true;  // before it was asked

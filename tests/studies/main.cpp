@@ -12,6 +12,7 @@
 #include "tests/studies/loop_bench/loop_bench_command.h"
 #include "tests/studies/methods/methods_command.h"
 #include "tests/studies/precision/precision_command.h"
+#include "tests/studies/reconnect_command.h"
 #include "tests/studies/relay/relay_command.h"
 #include "tests/studies/replay/replay_command.h"
 #include "tests/studies/report/report_command.h"
@@ -36,6 +37,7 @@ int main(int argc, char** argv) {
   telenano::studies::add_throughput_benches(*bench);
   telenano::studies::add_methods_command(app);
   telenano::studies::add_precision_command(app);
+  telenano::studies::add_reconnect_command(app, exit_code);
   telenano::studies::add_relay_command(app);
   telenano::studies::add_replay_command(app, exit_code);
   telenano::studies::add_report_command(app);

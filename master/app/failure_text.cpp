@@ -1,0 +1,55 @@
+#include "telenano/master/app/failure_text.h"
+
+#include <fmt/format.h>
+
+#include "telenano/master/connection/connect.h"
+
+namespace telenano::app {
+namespace {
+
+std::string device_trouble(const RealTimeSession& live) {
+  const device::ForceOffCause cause = live.progress().force_off;
+  return cause == device::ForceOffCause::kNone ? "" : fmt::format(": {}", device::force_off_text(cause));
+}
+
+}  // namespace
+
+std::string failure_text(const RealTimeSession& live, const station::Station& station,
+                         const link::ClientSession& session, const RunOptions& options,
+                         const connection::ServerList& servers, double rate_hz) {
+  const std::string& server = servers.name();
+  const auto tip_stayed_up = [&](const std::string& what) {
+    return fmt::format(
+        "{}: the slave at {} kept the tip withdrawn the whole time, and the force was zero; its log says why",
+        what, server);
+  };
+  switch (live.ending()) {
+    case Ending::kTaskDone:
+      return live.tip_stayed_up() ? tip_stayed_up("nothing was done") : "";
+    case Ending::kStopped:
+      return live.tip_stayed_up() ? tip_stayed_up("stopped by the operator") : "";
+    case Ending::kTipUp:
+      return tip_stayed_up(fmt::format("given up after {:g} s", options.give_up_s));
+    case Ending::kFault:
+      return fmt::format("the station stopped itself: {}{}; the force is zero",
+                         station::fault_name(station.latched_faults()), device_trouble(live));
+    case Ending::kServerEnded:
+      return fmt::format("the server at {} has ended the session; the force is zero", server);
+    case Ending::kRefused:
+      return connection::refusal_text(session.refuse(), rate_hz, server);
+    case Ending::kServerGone:
+      if (live.progress().shutting_down) {
+        return fmt::format(
+            "the server at {} has shut down and not come back within {:g} s; the force is zero", server,
+            options.give_up_s);
+      }
+      if (servers.size() > 1)
+        return fmt::format("none of the servers {} has taken the session within {:g} s; the force is zero",
+                           options.server, options.give_up_s);
+      return fmt::format("the server at {} has been silent for {:g} s; the force is zero{}", server,
+                         options.give_up_s, servers.link().failure());
+  }
+  return "";
+}
+
+}  // namespace telenano::app
