@@ -32,12 +32,14 @@ void add_quad(Mesh& mesh, const Vec3& a, const Vec3& b, const Vec3& c, const Vec
 
 }  // namespace
 
-Mesh unit_sphere(int rings, int sectors) {
+namespace {
+
+Mesh sphere_part(int rings, int sectors, double turn) {
   Mesh mesh;
   for (int ring = 0; ring <= rings; ++ring) {
     const double polar = std::numbers::pi * ring / rings;
     for (int sector = 0; sector <= sectors; ++sector) {
-      const double around = kTurn * sector / sectors;
+      const double around = turn * sector / sectors;
       const Vec3 p(std::sin(polar) * std::cos(around), std::sin(polar) * std::sin(around), std::cos(polar));
       add(mesh, p, p);
     }
@@ -53,6 +55,16 @@ Mesh unit_sphere(int rings, int sectors) {
     }
   }
   return mesh;
+}
+
+}  // namespace
+
+Mesh unit_sphere(int rings, int sectors) {
+  return sphere_part(rings, sectors, kTurn);
+}
+
+Mesh half_sphere(int rings, int sectors) {
+  return sphere_part(rings, sectors, 0.5 * kTurn);
 }
 
 Mesh unit_cone(int sectors) {

@@ -19,6 +19,8 @@ struct Mesh {
 
 /// Radius 1 about the origin.
 Mesh unit_sphere(int rings, int sectors);
+/// Its part with y ≥ 0, open.
+Mesh half_sphere(int rings, int sectors);
 /// From a disc of radius 1 at z = 0 to a point at z = 1.
 Mesh unit_cone(int sectors);
 /// A cone cut off: radius `bottom` at z = 0, `top` at z = 1, open at both ends.

@@ -106,30 +106,50 @@ void draw_grid(const Gui& gui, const ChartBox& plot, const Axis& axis, bool left
   }
 }
 
-// A bin becomes one upright stroke from its least to its greatest value, joined to the one before.
+// The bins of one column of pixels become one upright stroke from their least to their greatest value, joined
+// to the one before; a stretch that runs level is one line. (Where the processor draws, each line counts.)
 void draw_curve(const Gui& gui, const ChartBox& plot, const Axis& axis, const Curve& curve) {
   ImDrawList* const list = ImGui::GetWindowDrawList();
   const Strip& strip = curve.strip;
   const auto width = static_cast<double>(plot.to.x - plot.from.x);
-  const auto x_of = [&](double bin) {
-    return plot.from.x + static_cast<float>(width * bin / static_cast<double>(strip.size()));
+  const auto x_of = [&](std::size_t bin) {
+    return plot.from.x +
+           static_cast<float>(width * static_cast<double>(bin) / static_cast<double>(strip.size()));
   };
   const ImU32 colour = ink(curve.colour);
   const float wide = 1.4f * gui.scale();
+  constexpr float kLevel_px = 0.2f;
   bool joined = false;
-  ImVec2 before{};
-  for (std::size_t i = 0; i < strip.size(); ++i) {
-    const Strip::Bin& bin = strip.bin(i);
-    if (bin.empty) continue;
-    const float x = x_of(static_cast<double>(i));
-    const float low = axis.y(plot, bin.least);
-    const float high = axis.y(plot, bin.greatest);
+  ImVec2 before{};   // the last line's end,
+  ImVec2 reached{};  // and how far the level stretch goes on from there
+  for (std::size_t i = 0; i < strip.size();) {
+    const float x = x_of(i);
+    Strip::Bin column;
+    for (; i < strip.size() && x_of(i) < x + 1; ++i) {
+      const Strip::Bin& bin = strip.bin(i);
+      if (bin.empty) continue;
+      column.least = column.empty ? bin.least : std::min(column.least, bin.least);
+      column.greatest = column.empty ? bin.greatest : std::max(column.greatest, bin.greatest);
+      column.empty = false;
+    }
+    if (column.empty) continue;
+    const float low = axis.y(plot, column.least);
+    const float high = axis.y(plot, column.greatest);
     const ImVec2 middle{x, 0.5f * (low + high)};
-    if (joined) list->AddLine(before, middle, colour, wide);
-    if (low - high > wide) list->AddLine({x, low}, {x, high}, colour, wide);
-    before = middle;
+    const bool stroke = low - high > wide;
+    if (joined && !stroke && std::abs(middle.y - before.y) < kLevel_px) {
+      reached = middle;
+      continue;
+    }
+    if (joined) {
+      if (reached.x > before.x) list->AddLine(before, reached, colour, wide);
+      list->AddLine(reached, middle, colour, wide);
+    }
+    if (stroke) list->AddLine({x, low}, {x, high}, colour, wide);
+    before = reached = middle;
     joined = true;
   }
+  if (reached.x > before.x) list->AddLine(before, reached, colour, wide);
 }
 
 // Newest values, from the right.

@@ -391,8 +391,8 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
   ImGui::SetNextWindowPos({static_cast<float>(area.x_px), static_cast<float>(area.y_px)});
   ImGui::SetNextWindowSize({static_cast<float>(area.width_px), static_cast<float>(area.height_px)});
   ImGui::Begin("panel", nullptr,
-               ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize | ImGuiWindowFlags_NoCollapse |
-                   ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
+               ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize |
+                   ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
                    ImGuiWindowFlags_NoBringToFrontOnFocus);
   const recording::Sample& now = live.now();
   const float s = gui.scale();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <string>
 
 #include "telenano/master/view_model/meshes.h"
 #include "telenano/master/view_model/nice_step.h"
@@ -23,7 +24,6 @@ constexpr double kLeverBend = 0.15;  // of the ground's extent, at most
 constexpr int kOutline = 120;        // sides of the tip's outline
 constexpr double kAmbient = 0.38;
 constexpr double kConeAmbient = 0.62;  // a cone that points down must keep its colour in its own shade
-constexpr double kNowhere = -1e9;      // a cut that cuts nothing
 
 double extent_nm(const Ground& ground) noexcept {
   return std::max(ground.width_nm(), ground.depth_nm());
@@ -45,6 +45,13 @@ Vec3 light_of(const Camera& camera) noexcept {
   Vec3 towards = camera.direction();
   towards.z() = 0;
   return (-0.65 * camera.right() - 0.25 * towards.normalized() + 0.85 * Vec3::UnitZ()).normalized();
+}
+
+void set_light(const Program& program, const Camera& camera) {
+  const Vec3 light = light_of(camera);
+  program.set("light", light);
+  program.set("eye", camera.direction());
+  program.set("half_way", Vec3((light + camera.direction()).normalized()));
 }
 
 /// A model whose z axis becomes `axis`, scaled by `radius` across and `length` along it, its foot at `foot`.
@@ -116,15 +123,22 @@ GroundMesh block_mesh(const Ground& ground, const SceneFrame& frame, int cells, 
   return mesh;
 }
 
+/// A shader with these definitions.
+std::string with(const char* definitions, const char* source) {
+  return std::string("#version 330 core\n") + definitions + source;
+}
+
 }  // namespace
 
 SceneRenderer::SceneRenderer(const Ground& ground)
-    : ground_program_("ground", shaders::kGroundVertex, shaders::kGroundFragment),
-      solid_program_("solid", shaders::kSolidVertex, shaders::kSolidFragment),
+    : solid_program_("solid", shaders::kSolidVertex, with("", shaders::kSolidFragment).c_str()),
+      cut_program_("cut solid", shaders::kSolidVertex,
+                   with("#define CUT\n", shaders::kSolidFragment).c_str()),
       line_program_("line", shaders::kLineVertex, shaders::kLineFragment),
       overview_({3, 2, 1}),
       patch_({3, 2, 1}),
       sphere_({3, 3}),
+      half_sphere_({3, 3}),
       cone_({3, 3}),
       disc_({3, 3}),
       shank_({3, 3}),
@@ -133,6 +147,7 @@ SceneRenderer::SceneRenderer(const Ground& ground)
   const auto table = view_model::height_colour_table();
   colours_.set_rgb8(view_model::kHeightColours, 1, table);
   upload(sphere_, view_model::unit_sphere(20, 40));
+  upload(half_sphere_, view_model::half_sphere(20, 20));
   upload(cone_, view_model::unit_cone(40));
   upload(disc_, view_model::unit_cone(kOutline));
   upload(shank_, view_model::frustum(0.45, 1.0, 32));
@@ -183,11 +198,14 @@ void SceneRenderer::begin(const Area& area, int canvas_height_px) const {
 void SceneRenderer::use_ground(const SceneState& state, const Camera& camera, const SceneFrame& frame,
                                const Mat4& clip, bool from_texture) {
   const Ground& ground = state.ground;
-  const Program& p = ground_program_;
+  const bool grid = !ground.is_scan();
+  const Program& p = ground_program(from_texture, grid);
   p.use();
-  heights_.bind(0);
+  if (from_texture) {
+    heights_.bind(0);
+    p.set("heights", 0);
+  }
   colours_.bind(1);
-  p.set("heights", 0);
   p.set("colours", 1);
   p.set("clip_of_scene", clip);
   p.set("exaggeration", frame.exaggeration);
@@ -195,31 +213,38 @@ void SceneRenderer::use_ground(const SceneState& state, const Camera& camera, co
   p.set("ground_min", corner.x(), corner.y());
   p.set("ground_size", ground.width_nm(), ground.depth_nm());
   p.set("texture_side", static_cast<double>(texture_side_));
-  p.set("use_heights", from_texture ? 1.0 : 0.0);
   // Heights in the texture are those of frame W, those at the corners of the patch are of the scene.
   p.set("lowest", from_texture ? ground.min_w_nm().z() : 0.0);
   p.set("relief", ground.relief_nm());
-  p.set("light", light_of(camera));
-  p.set("eye", camera.direction());
+  set_light(p, camera);
   p.set("tip", frame.scene_nm(state.tip_pos_w_nm));
   p.set("shadow_radius", state.tip_radius_nm);
-  p.set("grid_step", ground.is_scan() ? 0.0 : view_model::nice_step(0.05 * camera.nm_per_pixel(1)));
+  if (grid) p.set("grid_step", view_model::nice_step(0.05 * camera.nm_per_pixel(1)));
 }
 
-void SceneRenderer::use_solids(const Camera& camera, const Mat4& clip) const {
-  solid_program_.use();
-  solid_program_.set("clip_of_scene", clip);
-  solid_program_.set("light", light_of(camera));
-  solid_program_.set("eye", camera.direction());
-  solid_program_.set("cut_y", kNowhere);
-  solid_program_.set("ambient", kAmbient);
+const Program& SceneRenderer::ground_program(bool mapped, bool grid) {
+  std::unique_ptr<Program>& program = ground_programs_[(mapped ? 1u : 0u) + (grid ? 2u : 0u)];
+  if (!program) {
+    const std::string definitions =
+        std::string(mapped ? "#define MAPPED\n" : "") + (grid ? "#define GRID\n" : "");
+    program = std::make_unique<Program>("ground", shaders::kGroundVertex,
+                                        with(definitions.c_str(), shaders::kGroundFragment).c_str());
+  }
+  return *program;
 }
 
-void SceneRenderer::draw_solid(const Buffer& mesh, const Mat4& scene_of_model, const Rgb& colour,
-                               double alpha) const {
-  solid_program_.set("scene_of_model", scene_of_model);
-  solid_program_.set("base", colour);
-  solid_program_.set("alpha", alpha);
+void SceneRenderer::use_solids(const Program& program, const Camera& camera, const Mat4& clip) {
+  program.use();
+  program.set("clip_of_scene", clip);
+  set_light(program, camera);
+  program.set("ambient", kAmbient);
+}
+
+void SceneRenderer::draw_solid(const Program& program, const Buffer& mesh, const Mat4& scene_of_model,
+                               const Rgb& colour, double alpha) {
+  program.set("scene_of_model", scene_of_model);
+  program.set("base", colour);
+  program.set("alpha", alpha);
   mesh.draw(GL_TRIANGLES);
 }
 
@@ -264,7 +289,7 @@ void SceneRenderer::draw_overview(const SceneState& state, const Camera& camera,
   const Vec3 apex = frame.scene_nm(state.tip_pos_w_nm);
   const Vec3 middle = apex + radius * Vec3::UnitZ();
   const double shank_nm = 0.13 * extent;
-  use_solids(camera, clip);
+  use_solids(solid_program_, camera, clip);
   draw_solid(sphere_, moved_to(middle, radius), palette::kTip, 1);
   draw_solid(shank_, along_axis(middle, Vec3::UnitZ(), 0.6 * radius + 0.006 * extent, shank_nm),
              palette::kTip, 1);
@@ -355,15 +380,18 @@ void SceneRenderer::fill_patch(const SceneState& state, const SceneFrame& frame,
 
 // Cut by the plane through the tip, where that meets it; what is behind the plane whole, what is before it
 // not.
-void SceneRenderer::draw_particle_cut_open(const SceneState& state, const SceneFrame& frame) const {
+void SceneRenderer::draw_particle_cut_open(const SceneState& state, const Camera& camera,
+                                           const SceneFrame& frame, const Mat4& clip) const {
   const double radius = state.particle.radius_nm;
   if (!(radius > 0)) return;
   const Vec3 centre = frame.scene_nm(state.particle.pos_w_nm);
-  draw_solid(sphere_, moved_to(centre, radius), palette::kParticle, 1);
+  use_solids(cut_program_, camera, clip);
+  cut_program_.set("cut_y", frame.scene_nm(state.tip_pos_w_nm).y() + 0.01 * state.tip_radius_nm);
+  draw_solid(cut_program_, sphere_, moved_to(centre, radius), palette::kParticle, 1);
+  solid_program_.use();
   const double plane_y = frame.scene_nm(state.tip_pos_w_nm).y();
   const double off = centre.y() - plane_y;
   if (std::abs(off) >= radius) return;
-  solid_program_.set("cut_y", kNowhere);
   const Vec3 before_cut(centre.x(), plane_y - 0.02 * state.tip_radius_nm, centre.z());
   draw_solid(disc_,
              along_axis(before_cut, Vec3::UnitY(), std::sqrt(radius * radius - off * off), 1e-3 * radius),
@@ -375,21 +403,21 @@ void SceneRenderer::draw_close_up(const SceneState& state, const Camera& camera,
   begin(area, canvas_height_px);
   const Mat4 clip = camera.clip_of_scene(area.aspect());
   const double half_nm = 1.15 * camera.half_height_nm * area.aspect();
-  fill_patch(state, frame, half_nm, camera.target_nm.z() - 3 * camera.half_height_nm);
-  use_ground(state, camera, frame, clip, false);
-  patch_.draw(GL_TRIANGLES);
-
-  // The tip is cut open along the same plane, so that its outline there is the true one.
+  // The tip is cut open along the same plane as the sample, so that its outline there is the true one. What
+  // is in front comes first: what it hides need not be shaded.
   const double radius = state.tip_radius_nm;
   const Vec3 apex = frame.scene_nm(state.tip_pos_w_nm);
   const Vec3 middle = apex + radius * Vec3::UnitZ();
-  use_solids(camera, clip);
-  solid_program_.set("cut_y", apex.y() + 0.01 * radius);  // behind the sample's cut, whatever rounding does
-  draw_solid(sphere_, moved_to(middle, radius), palette::kTip, 1);
-  draw_particle_cut_open(state, frame);
-  solid_program_.set("cut_y", kNowhere);
+  use_solids(solid_program_, camera, clip);
   const Vec3 before_cut = middle - 0.02 * radius * Vec3::UnitY();  // wins against the sample's cut
   draw_solid(disc_, along_axis(before_cut, Vec3::UnitY(), radius, 1e-3 * radius), palette::kLever, 1);
+  // Behind the sample's cut, whatever rounding does.
+  draw_solid(half_sphere_, moved_to(middle + 0.01 * radius * Vec3::UnitY(), radius), palette::kTip, 1);
+  draw_particle_cut_open(state, camera, frame, clip);
+  fill_patch(state, frame, half_nm, camera.target_nm.z() - 3 * camera.half_height_nm);
+  use_ground(state, camera, frame, clip, false);
+  patch_.draw(GL_TRIANGLES);
+  use_solids(solid_program_, camera, clip);
   glEnable(GL_BLEND);
   glDepthMask(GL_FALSE);
   glDisable(GL_DEPTH_TEST);

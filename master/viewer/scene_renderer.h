@@ -1,5 +1,8 @@
 #pragma once
 
+#include <array>
+#include <memory>
+
 #include "telenano/master/view_model/camera.h"
 #include "telenano/master/view_model/ground.h"
 #include "telenano/master/viewer/gl.h"
@@ -57,17 +60,26 @@ class SceneRenderer {
   void begin(const Area& area, int canvas_height_px) const;
   void use_ground(const SceneState& state, const view_model::Camera& camera, const SceneFrame& frame,
                   const view_model::Mat4& clip, bool from_texture);
+  static void draw_solid(const Program& program, const Buffer& mesh, const view_model::Mat4& scene_of_model,
+                         const view_model::Rgb& colour, double alpha);
   void draw_solid(const Buffer& mesh, const view_model::Mat4& scene_of_model, const view_model::Rgb& colour,
-                  double alpha) const;
-  void draw_particle_cut_open(const SceneState& state, const SceneFrame& frame) const;
+                  double alpha) const {
+    draw_solid(solid_program_, mesh, scene_of_model, colour, alpha);
+  }
+  void draw_particle_cut_open(const SceneState& state, const view_model::Camera& camera,
+                              const SceneFrame& frame, const view_model::Mat4& clip) const;
   void draw_cone(const SceneState& state, const Vec3& foot_nm, double radius_nm, double full_nm) const;
-  void use_solids(const view_model::Camera& camera, const view_model::Mat4& clip) const;
+  static void use_solids(const Program& program, const view_model::Camera& camera,
+                         const view_model::Mat4& clip);
   void draw_trail(const SceneState& state, const view_model::Mat4& clip, const SceneFrame& frame,
                   const Area& area, double wide_px);
   void fill_patch(const SceneState& state, const SceneFrame& frame, double half_nm, double floor_nm);
 
-  Program ground_program_;
+  const Program& ground_program(bool mapped, bool grid);
+
+  std::array<std::unique_ptr<Program>, 4> ground_programs_;  ///< each made when it is first needed
   Program solid_program_;
+  Program cut_program_;
   Program line_program_;
   Texture heights_;
   Texture colours_;
@@ -75,6 +87,7 @@ class SceneRenderer {
   Buffer overview_;
   Buffer patch_;
   Buffer sphere_;
+  Buffer half_sphere_;
   Buffer cone_;
   Buffer disc_;
   Buffer shank_;

@@ -26,45 +26,53 @@ void main() {
   gl_Position = clip_of_scene * vec4(scene, 1.0);
 })";
 
-inline constexpr const char* kGroundFragment = R"(#version 330 core
+// With MAPPED height and slopes come from the texture, without from the corners: looking them up is what
+// costs most here, where the processor draws.
+inline constexpr const char* kGroundFragment = R"(
 in vec3 scene;
 in vec2 at;
 in vec2 slopes;
 in float cut;
 uniform sampler2D heights;        // height, dz/dx, dz/dy
 uniform sampler2D colours;
-uniform float use_heights;        // 1: height and slopes from the texture, 0: from the corners
 uniform float exaggeration;
 uniform float lowest;             // nm, not exaggerated
 uniform float relief;             // nm; 0: a plane
 uniform vec3 light;
-uniform vec3 eye;                 // direction to the camera
+uniform vec3 half_way;            // between the light and the eye: where it shines
 uniform vec3 tip;                 // apex, scene
 uniform float shadow_radius;
-uniform float grid_step;          // nm, 0: no grid
+uniform float grid_step;          // nm
 out vec4 colour;
 void main() {
+#ifdef MAPPED
   vec3 from_map = texture(heights, at).xyz;
-  float height = mix(scene.z / exaggeration, from_map.x, use_heights);
-  vec2 s = mix(slopes, from_map.yz, use_heights) * exaggeration;
+  float height = from_map.x;
+  vec2 s = from_map.yz * exaggeration;
+#else
+  float height = scene.z / exaggeration;
+  vec2 s = slopes * exaggeration;
+#endif
   float t = relief > 0.0 ? clamp((height - lowest) / relief, 0.0, 1.0) : 0.35;
   vec3 base = texture(colours, vec2(t, 0.5)).rgb;
   vec3 normal = normalize(vec3(-s, 1.0));
   float diffuse = max(dot(normal, light), 0.0);
-  vec3 half_way = normalize(light + eye);
-  float shine = pow(max(dot(normal, half_way), 0.0), 40.0);
+  float s2 = max(dot(normal, half_way), 0.0);
+  s2 *= s2;
+  float s8 = s2 * s2 * s2 * s2;
+  float shine = s8 * s8 * s8 * s8 * s8;  // the 40th power
   vec3 lit = base * (0.34 + 0.74 * diffuse) + 0.10 * shine;
   vec2 away = scene.xy - tip.xy;
   float above = max(tip.z - scene.z, 0.0);
   float wide = shadow_radius + 0.35 * above;
   float shadow = 0.55 * exp(-dot(away, away) / (wide * wide)) * shadow_radius / wide;
   lit *= 1.0 - shadow;
-  if (grid_step > 0.0) {
-    vec2 cell = scene.xy / grid_step;
-    vec2 from_line = abs(fract(cell - 0.5) - 0.5) / fwidth(cell);
-    float line = 1.0 - clamp(min(from_line.x, from_line.y), 0.0, 1.0);
-    lit = mix(lit, lit * 1.55 + 0.03, 0.35 * line);
-  }
+#ifdef GRID
+  vec2 cell = scene.xy / grid_step;
+  vec2 from_line = abs(fract(cell - 0.5) - 0.5) / fwidth(cell);
+  float line = 1.0 - clamp(min(from_line.x, from_line.y), 0.0, 1.0);
+  lit = mix(lit, lit * 1.55 + 0.03, 0.35 * line);
+#endif
   vec3 side = base * 0.45 + vec3(0.02, 0.025, 0.035);
   colour = vec4(mix(lit, side, cut), 1.0);
 })";
@@ -84,23 +92,31 @@ void main() {
   gl_Position = clip_of_scene * scene;
 })";
 
-inline constexpr const char* kSolidFragment = R"(#version 330 core
+// With CUT what lies before cut_y is cut away. Without, the driver tests the depth before it shades.
+inline constexpr const char* kSolidFragment = R"(
 in vec3 normals;
 in float depth_y;
 uniform vec3 light;
-uniform vec3 eye;
-uniform float cut_y;              // what lies before this is cut away
+uniform vec3 eye;                 // direction to the camera
+uniform vec3 half_way;            // between both: where it shines
+uniform float cut_y;
 uniform vec3 base;
 uniform float alpha;
 uniform float ambient;
 out vec4 colour;
 void main() {
+#ifdef CUT
   if (depth_y < cut_y) discard;
+#endif
   vec3 normal = normalize(normals);
   if (dot(normal, eye) < 0.0) normal = -normal;
   float diffuse = max(dot(normal, light), 0.0);
-  float shine = pow(max(dot(normal, normalize(light + eye)), 0.0), 50.0);
-  float rim = pow(1.0 - max(dot(normal, eye), 0.0), 3.0);
+  float s2 = max(dot(normal, half_way), 0.0);
+  s2 *= s2;
+  float s10 = s2 * s2 * s2 * s2 * s2;
+  float shine = s10 * s10 * s10 * s10 * s10;  // the 50th power
+  float away = 1.0 - max(dot(normal, eye), 0.0);
+  float rim = away * away * away;
   colour = vec4(base * (ambient + 0.66 * diffuse) + 0.22 * shine + 0.10 * rim, alpha);
 })";
 

@@ -364,10 +364,10 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
   ImGui::SetNextWindowPos({0, static_cast<float>(layout.overview.height_px)});
   ImGui::SetNextWindowSize(
       {static_cast<float>(layout.panel.x_px), static_cast<float>(height_px - layout.overview.height_px)});
-  ImGui::PushStyleColor(ImGuiCol_WindowBg, vec4(palette::kPanel));
   ImGui::Begin("charts", nullptr,
-               ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
-                   ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoInputs);
+               ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus |
+                   ImGuiWindowFlags_NoInputs);
   if (force_curve_shown_) {
     draw_force_curve(gui_, {box_of(layout.charts[0]).from, box_of(layout.charts[1]).to}, live_.force_curve());
   } else {
@@ -385,7 +385,6 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
   if (const auto profile = measurement_.profile(ground_, tip_w_nm())) {
     draw_profile(gui_, {box_of(layout.charts[2]).from, box_of(layout.charts[3]).to}, *profile);
     ImGui::End();
-    ImGui::PopStyleColor();
     return;
   }
   const Curve energy{live_.energy(), "", palette::kGood};
@@ -396,7 +395,6 @@ void Viewer::draw_charts(const Layout& layout, int height_px) {
                   damper_scale);
   draw_round_trips(gui_, box_of(layout.charts[3]), live_.round_trips());
   ImGui::End();
-  ImGui::PopStyleColor();
 }
 
 void Viewer::draw_help() {
