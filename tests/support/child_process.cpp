@@ -53,6 +53,7 @@ ChildProcess::ChildProcess(const std::vector<std::string>& command, const ChildO
   if (pid_ == 0) {
     ::prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (::getppid() != parent) ::_exit(126);
+    ::setpgid(0, 0);  // a group of its own, so that all it starts can be ended with it
     if (!folder.empty() && ::chdir(folder.c_str()) != 0) ::_exit(126);
     if (options.file_bytes_max) {
       const rlimit limit{*options.file_bytes_max, *options.file_bytes_max};
@@ -131,7 +132,7 @@ Finished run_program(const std::vector<std::string>& command, const ChildOptions
                      std::chrono::milliseconds timeout) {
   ChildProcess child(command, options);
   if (!child.wait(timeout)) {
-    child.signal(SIGKILL);
+    if (child.pid() > 0) ::kill(-child.pid(), SIGKILL);  // a shell's or xvfb-run's own children too
     child.wait(std::chrono::seconds(10));
   }
   return {child.exit_code(), child.ended_by(), child.out(), child.err()};
