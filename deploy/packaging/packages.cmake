@@ -1,13 +1,14 @@
 # Debian packages: `cpack` in the build folder, or deploy/package.sh. Five packages, so that a station needs no server and a
 # server no station: telenano-common holds what both read (scenes, scans, documents), telenano-dev the libraries (library.cmake).
 set(share share/telenano)
-foreach(program telenano-nve telenano-afm-sim)
+foreach(pair telenano-nve:server telenano-afm-sim:server telenano-master:station telenano-lab:lab)
+  string(REPLACE : ";" pair ${pair})
+  list(GET pair 0 program)
+  list(GET pair 1 component)
   if(TARGET ${program})
-    install(TARGETS ${program} RUNTIME DESTINATION bin COMPONENT server)
+    install(TARGETS ${program} RUNTIME DESTINATION bin COMPONENT ${component})
   endif()
 endforeach()
-install(TARGETS telenano-master RUNTIME DESTINATION bin COMPONENT station)
-install(TARGETS telenano-lab RUNTIME DESTINATION bin COMPONENT lab)
 
 # Each program tells bash how to complete it.
 set(completions ${PROJECT_BINARY_DIR}/completions)
