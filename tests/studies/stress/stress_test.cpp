@@ -297,13 +297,18 @@ TEST(Invariants, PlayedOutRepliesHoldTheForceNoLongerThanTheyWait) {
   EXPECT_EQ(flagged(1, false, 153), kInvariantStale) << "what is shown cannot have come";
 }
 
-TEST(Invariants, ConfidenceIsTheRuleOfThree) {
-  MethodSummary none;
-  none.runs = 1000;
-  // Exactly: (1 − p)^N = 0.05, p = 1 − 0.05^(1/N); 3/N is never below it, and 0.2 % above for N = 1000.
-  const double exact = 1 - std::pow(0.05, 1.0 / 1000);
-  EXPECT_GE(none.rate_at_most(), exact);
-  EXPECT_NEAR(none.rate_at_most(), exact, 0.005 * exact);
+TEST(Invariants, ARateIsBoundedExactly) {
+  MethodSummary s;
+  EXPECT_EQ(s.rate_at_most(), 1);
+  s.runs = 1000;
+  // (1 − p)^N = 0.05; the rule of three is 0.14 % above.
+  const double none = 1 - std::pow(0.05, 1.0 / 1000);
+  EXPECT_NEAR(s.rate_at_most(), none, 1e-9 * none);
+  s.broken = 1;
+  const double p = s.rate_at_most();
+  EXPECT_NEAR(std::pow(1 - p, 1000) + 1000 * p * std::pow(1 - p, 999), 0.05, 1e-9);
+  s.broken = s.runs;
+  EXPECT_EQ(s.rate_at_most(), 1);
 }
 
 // What the text says is what is run.
