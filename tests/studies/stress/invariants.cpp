@@ -63,7 +63,8 @@ bool passes_on_the_well(control::Method method) noexcept {
 }
 
 double promised_extraction_j(control::Method method, double allowance_j) noexcept {
-  const bool one_port = method == control::Method::kKsClamp || method == control::Method::kTwin;
+  const bool one_port = method == control::Method::kKsClamp || method == control::Method::kModel ||
+                        method == control::Method::kTwin;
   return (one_port ? 1 : 2) * allowance_j;
 }
 

@@ -47,7 +47,7 @@ std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 /// are baselines: their violations are shown as they are), `ks` no cap of its damper.
 std::uint32_t promised(control::Method method) noexcept;
 
-/// 2E₀, or E₀ for methods that promise it of one port (`ks-clamp`, `twin`), J.
+/// 2E₀, or E₀ for methods that promise it of one port (`ks-clamp`, `model`, `twin`), J.
 double promised_extraction_j(control::Method method, double allowance_j) noexcept;
 
 /// Where a sample's potential falls (a tip that snaps in), what it gives may reach the hand: U₀ − U_min, none

@@ -179,9 +179,11 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
       "then allowed to them, by the "
       "slave's book (which has tests of its own); <code>model</code> and <code>ks-clamp</code> pay for every "
       "force from the hand's port and "
-      "are allowed none of it. The rate: with no violation in N independent runs "
-      "it is below 3/N with 95 % "
-      "confidence.</p>\n";
+      "are allowed none of it. The rate is the upper bound of Clopper and Pearson: what so many independent "
+      "runs would show at 95 %. The runs of a profile are a grid, chosen and not drawn, so it says how many "
+      "they are, "
+      "and is no bound of a "
+      "probability.</p>\n";
   html += figure_html(survival_figure(rows, folder));
   html += figure_html(round_trip_figure(rows, folder));
   html += figure_html(error_figure(rows, scenes, folder));

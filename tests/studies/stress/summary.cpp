@@ -5,15 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "tests/studies/stress/binomial_bounds.h"
 #include "tests/studies/stress/stress_report.h"
 #include "tests/studies/stress/sweep.h"
 
 namespace telenano::studies::stress {
 
 double MethodSummary::rate_at_most() const noexcept {
-  if (runs == 0) return 1;
-  const auto k = static_cast<double>(broken);
-  return std::min(1.0, (3 + k + 1.64 * std::sqrt(k)) / static_cast<double>(runs));
+  return binomial_upper(broken, runs, 0.95);
 }
 
 std::vector<MethodSummary> summarise(const std::vector<Row>& rows) {

@@ -22,9 +22,9 @@ struct MethodSummary {
   double simulated_s = 0;
   std::int64_t clamp_ticks = 0, limit_ticks = 0, stop_ticks = 0;
 
-  /// The rate of broken promises that is still compatible with what was seen, at 95 %: with none among N
-  /// trials (1 − p)ᴺ = 0.05 gives p < 3/N; with k the normal upper end of k + 1.64 √k + 3, rough but never
-  /// below.
+  /// The highest rate of broken promises that is compatible with what was seen at 95 %, were the runs
+  /// independent trials (binomial_bounds.h); with none among N it is just below 3/N. A profile's runs are a
+  /// grid, no sample: for them it is a measure of how many there are, not a bound of a probability.
   double rate_at_most() const noexcept;
 };
 std::vector<MethodSummary> summarise(const std::vector<Row>& rows);
