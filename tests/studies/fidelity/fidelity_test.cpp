@@ -178,8 +178,11 @@ TEST(FidelitySensitivity, EveryWrongRendererBreaksARule) {
   ASSERT_EQ(rows.size(), kWrongRenderers.size() + 1);
   EXPECT_THAT(rows.front().rules, testing::IsEmpty()) << sensitivity_csv(rows);
   EXPECT_LT(rows.front().nrmse, 1e-6);
-  for (std::size_t i = 1; i < rows.size(); ++i)
+  EXPECT_EQ(rows.front().stress, 0u) << sensitivity_csv(rows);
+  for (std::size_t i = 1; i < rows.size(); ++i) {
     EXPECT_THAT(rows[i].rules, testing::Not(testing::IsEmpty())) << wrong_renderer_name(rows[i].wrong);
+    EXPECT_NE(rows[i].stress, 0u) << wrong_renderer_name(rows[i].wrong) << " goes unseen under stress";
+  }
 }
 
 }  // namespace

@@ -49,7 +49,9 @@ std::vector<stress::RunSpec> stress_runs() {
   using stress::SceneKind;
   add(SceneKind::kOxide, HandKind::kIndent, 0, 0, 20, 0);
   add(SceneKind::kScan, HandKind::kRaster, 0, 0, 20, 0);
-  add(SceneKind::kWall, HandKind::kPress, 0, 0, 100, 0);
+  add(SceneKind::kOxide, HandKind::kPress, 0, 0, 20, 0);
+  add(SceneKind::kScan, HandKind::kPress, 0, 0, 20, 0);
+  add(SceneKind::kWall, HandKind::kPress, 0, 0, 20, 0);
   add(SceneKind::kOxide, HandKind::kGreedy, 0.1, 0.01, 20, 0.3);
   add(SceneKind::kWall, HandKind::kSquare, 0.008, 0.02, 20, 0);
   return runs;

@@ -38,8 +38,14 @@ enum Invariant : std::uint32_t {
   kInvariantDamper = 1u << 10,   ///< injected damping within γ ≤ b − KT/2 − |B|
   kInvariantRecover = 1u << 11,  ///< on an otherwise clean link a session is back in 3 s + 10 RTT
   kInvariantRepeat = 1u << 12,   ///< the same run again gives the same bits
+  /// Calm runs (felt_limits.h), beside the same sample felt without link and delay: how far off, the lateral
+  /// force, when it comes, the pull-off.
+  kInvariantFelt = 1u << 13,
+  kInvariantLateral = 1u << 14,
+  kInvariantInTime = 1u << 15,
+  kInvariantPull = 1u << 16,
 };
-constexpr int kInvariants = 13;
+constexpr int kInvariants = 17;
 const char* invariant_name(std::uint32_t bit) noexcept;
 std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 

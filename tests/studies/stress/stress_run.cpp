@@ -9,6 +9,7 @@
 #include "telenano/common/base/random.h"
 #include "telenano/master/station/station.h"
 #include "tests/studies/stress/fault_injection.h"
+#include "tests/studies/stress/felt_limits.h"
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"
@@ -28,6 +29,10 @@ std::int64_t nanoseconds(double seconds) {
   return std::llround(1e9 * seconds);
 }
 
+Vec3 vec3(const recording::Xyz& v) {
+  return {v[0], v[1], v[2]};
+}
+
 /// Nothing waits for longer than this to be shown.
 double playout_longest_ms(const RunSpec& spec) {
   using Mode = link::PlayoutConfig::Mode;
@@ -40,24 +45,33 @@ double playout_longest_ms(const RunSpec& spec) {
 class LocalTouch {
  public:
   LocalTouch(const RunSpec& spec, const Scenes& scenes, double force_scale)
-      : slave_(is_task(spec.hand) && spec.scene != SceneKind::kScan ? scenes.make(spec.scene, kWallHeightNm)
-                                                                    : nullptr),
-        n_per_nn_(1e-9 * force_scale) {}
-  void add(const recording::Sample& row, double dt_s) noexcept {
+      : judged_(felt_limits(spec).has_value()),
+        level_(is_task(spec.hand) && spec.scene != SceneKind::kScan),
+        slave_(judged_ || level_ ? scenes.make(spec.scene, kWallHeightNm) : nullptr),
+        n_per_nn_(1e-9 * force_scale) {
+    trace_.period_s = 1 / spec.rate_hz;
+  }
+  void add(const recording::Sample& row, double dt_s) {
     if (!slave_) return;
     slave::SlaveInput input;
     constexpr std::uint32_t kEngaged = 2;
     input.follow = row.station_mode == kEngaged;
     input.tip_target_pos_w_nm = Vec3(row.tip_target_w_nm[0], row.tip_target_w_nm[1], row.tip_target_w_nm[2]);
     slave_->step(input, dt_s, output_);
+    const bool touches = output_.contact_state == link::ContactState::kContact;
+    if (judged_)
+      trace_.rows.push_back({vec3(row.hand_force_applied_h_n), n_per_nn_ * output_.force_w_nn,
+                             vec3(row.hand_pos_h_m), touches});
+    if (!level_) return;
     most_nn_ = std::max(most_nn_, output_.force_w_nn.norm());
-    if (!input.follow || output_.contact_state != link::ContactState::kContact) return;
+    if (!input.follow || !touches) return;
     const double ideal_n = n_per_nn_ * output_.force_w_nn.z(), shown_n = row.hand_force_applied_h_n[2];
     error2_ += (shown_n - ideal_n) * (shown_n - ideal_n);
     both_ += shown_n * ideal_n;
     ideal2_ += ideal_n * ideal_n;
     ++count_;
   }
+  fidelity::FeltMetrics felt(double lag_max_s) const { return fidelity::measure(trace_, lag_max_s); }
   double rms_n() const noexcept {
     return count_ > 0 ? std::sqrt(error2_ / static_cast<double>(count_)) : kNan;
   }
@@ -65,8 +79,11 @@ class LocalTouch {
   double over_force(double most_nn) const noexcept { return most_nn_ > 0 ? most_nn / most_nn_ : kNan; }
 
  private:
+  bool judged_;  ///< felt_limits() asks for the whole trace
+  bool level_;   ///< sums of the normal force mean something
   std::unique_ptr<slave::Slave> slave_;
   slave::SlaveOutput output_;
+  fidelity::TouchTrace trace_;
   double n_per_nn_;
   double error2_ = 0, both_ = 0, ideal2_ = 0, most_nn_ = 0;
   std::int64_t count_ = 0;
@@ -180,7 +197,9 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   what.balance = spec.method == control::Method::kTank;
   what.hand_j_per_aj = station.scaling.hand_energy_j(1);
   what.waits_s = 1e-3 * playout_longest_ms(spec);
-  if (faults.clean_besides()) what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
+  // Beyond the age that a method's force may have the station holds: so it should.
+  const bool shows = 1e-3 * spec.rtt_ms < station.age_most_s(what.method);
+  if (faults.clean_besides() && shows) what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
   InvariantWatch invariants(what);
 
   Outcome outcome;
@@ -248,6 +267,10 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     if (spec.hand == HandKind::kPath && t_s >= spec.seconds) break;
   }
   const TrueBook& book = hand->book();
+  if (const auto asked = felt_limits(spec)) {
+    outcome.felt = local.felt(0.2 + 1.5e-3 * spec.rtt_ms);
+    if (const std::uint32_t wrong = felt_violations(outcome.felt, *asked)) invariants.violate(wrong, now_s);
+  }
   outcome.violated = invariants.violated();
   outcome.violated_s = invariants.first_s();
   outcome.margin_mj = 1e3 * invariants.least_margin_j();

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "telenano/common/control/station_method.h"
+#include "tests/studies/fidelity/felt_metrics.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/scenes.h"
 
@@ -39,6 +40,8 @@ struct Outcome {
   std::int64_t sessions = 0;
   std::int64_t ticks = 0;  ///< all that were computed, of climbs those of every try
   std::uint64_t hash = 0;  ///< of force and position at every tick
+  /// Beside the same sample felt locally, where felt_limits() asks for it; not kept in tables.
+  fidelity::FeltMetrics felt{};
 
   /// Went through without a violation of any invariant, promised or not, and without a stop.
   bool survived() const noexcept { return violated == 0 && stopped_s < 0; }

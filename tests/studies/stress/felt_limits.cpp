@@ -1,0 +1,79 @@
+#include "tests/studies/stress/felt_limits.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/studies/stress/invariants.h"
+
+namespace telenano::studies::stress {
+namespace {
+
+/// A lateral force below this is not judged: a hand notices some hundredths of a newton.
+constexpr double kLateralJudgedN = 0.02;
+
+bool is_calm(const RunSpec& spec) noexcept {
+  const bool task = spec.hand == HandKind::kPress || spec.hand == HandKind::kContact ||
+                    spec.hand == HandKind::kIndent || spec.hand == HandKind::kRaster;
+  const bool link = spec.loss == 0 && spec.jitter == 0 && spec.outage_ms == 0 && spec.leap_ms == 0 &&
+                    spec.drops == Drops::kNone && spec.restart == Restart::kNever &&
+                    spec.playout == link::PlayoutConfig::Mode::kNewest && spec.deadband_nm == 0 &&
+                    spec.deadband_n == 0;
+  const bool station = spec.late == 0 && spec.quantum_m == 0 && spec.scale <= 1 && spec.rate_hz >= 1000;
+  return task && link && station;
+}
+
+}  // namespace
+
+// The figures are what the right methods do in the quick and full profiles, times one and a half to three; a
+// renderer that is wrong by what a person would notice is beyond them (ctest -R WrongRenderer).
+std::optional<FeltLimits> felt_limits(const RunSpec& spec) noexcept {
+  // On the hard wall the slave's own force limit cuts what the tip meets; methods differ in showing that.
+  if (!is_calm(spec) || spec.scene == SceneKind::kHard) return std::nullopt;
+  // A wall by hand has no scene to fetch, and so no twin: the station falls back.
+  const bool no_twin = spec.method == control::Method::kTwin && spec.scene == SceneKind::kWall;
+  const double period_ms = 1e3 / spec.rate_hz;
+  FeltLimits limits;
+  switch (no_twin ? control::Method::kModel : spec.method) {
+    case control::Method::kNone:
+      // The slave's own force, the same to the bit, a round trip later. Beyond 50 ms the hand bounces.
+      if (spec.rtt_ms > 50) return std::nullopt;
+      limits = {1e-6, std::max(spec.rtt_ms, period_ms), 1.5 * period_ms};
+      return limits;
+    case control::Method::kTank:
+      if (spec.rtt_ms > 20) return std::nullopt;  // beyond that its clamp acts
+      limits = {0.05, std::max(spec.rtt_ms, period_ms), 3};
+      return limits;
+    case control::Method::kModel: {
+      if (spec.rtt_ms > 20 || spec.scene > SceneKind::kScan) return std::nullopt;
+      const bool still = spec.hand == HandKind::kPress;
+      // Its plane is right where the hand presses in one place, and late by the hand's way on a scan. The
+      // first touch comes when the server's does.
+      const bool rough = spec.scene == SceneKind::kScan;
+      limits = {still ? 0.05 : rough ? 0.55 : 0.35, 0, 30};
+      if (still) limits.pull = 0.05;
+      if (still) limits.lateral = 0.95;
+      return limits;
+    }
+    case control::Method::kTwin:
+      limits = {0.02, 0, 2, 0.02, 0.99};
+      return limits;
+    default:
+      return std::nullopt;
+  }
+}
+
+std::uint32_t felt_violations(const fidelity::FeltMetrics& felt, const FeltLimits& limits) noexcept {
+  // Nothing to be felt, nothing to be wrong.
+  if (!(felt.true_rms_n > fidelity::kJudgedN)) return 0;
+  std::uint32_t violated = 0;
+  const double off = std::isnan(felt.nrmse_at_lag) ? felt.nrmse : felt.nrmse_at_lag;
+  if (!(off <= limits.nrmse)) violated |= kInvariantFelt;
+  if (!(std::fabs(felt.lag_ms - limits.lag_ms) <= limits.lag_by)) violated |= kInvariantInTime;
+  if (std::fabs(felt.pull_off_error) > limits.pull) violated |= kInvariantPull;
+  if (felt.true_lateral_rms_n > kLateralJudgedN && std::isfinite(limits.lateral) &&
+      !(felt.lateral_correlation >= limits.lateral))
+    violated |= kInvariantLateral;
+  return violated;
+}
+
+}  // namespace telenano::studies::stress

@@ -1,0 +1,85 @@
+// Which runs are held to what is true, and that each rule is broken by what it is about. That right methods
+// keep them and wrong renderers do not is the sweep's and FidelitySensitivity's affair.
+#include "tests/studies/stress/felt_limits.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "tests/studies/stress/invariants.h"
+
+namespace telenano::studies::stress {
+namespace {
+
+RunSpec calm(control::Method method = control::Method::kModel) {
+  RunSpec spec;
+  spec.method = method;
+  spec.scene = SceneKind::kOxide;
+  spec.hand = HandKind::kPress;
+  spec.rtt_ms = 20;
+  return spec;
+}
+
+TEST(FeltLimits, AreAskedOfCalmRunsOfMethodsThatShowTheSample) {
+  using control::Method;
+  for (const Method method : {Method::kNone, Method::kTank, Method::kModel, Method::kTwin})
+    EXPECT_TRUE(felt_limits(calm(method))) << control::method_name(method);
+  for (const Method method : {Method::kKs, Method::kKsClamp, Method::kTdpa, Method::kWave})
+    EXPECT_FALSE(felt_limits(calm(method))) << control::method_name(method);
+  std::vector<RunSpec> rough(9, calm());
+  rough[0].loss = 0.01;
+  rough[1].jitter = 0.1;
+  rough[2].outage_ms = 100;
+  rough[3].hand = HandKind::kGreedy;
+  rough[4].scale = 4;
+  rough[5].late = 0.1;
+  rough[6].restart = Restart::kContact;
+  rough[7].drops = Drops::kSpite;
+  rough[8].scene = SceneKind::kHard;
+  for (const RunSpec& spec : rough) EXPECT_FALSE(felt_limits(spec)) << to_text(spec);
+}
+
+TEST(FeltLimits, ATwinIsHeldToThemOverAnyDelay) {
+  RunSpec spec = calm(control::Method::kTwin);
+  spec.rtt_ms = 500;
+  ASSERT_TRUE(felt_limits(spec));
+  EXPECT_LE(felt_limits(spec)->nrmse, 0.02);
+  spec.method = control::Method::kModel;
+  EXPECT_FALSE(felt_limits(spec)) << "a plane over a long way is no such promise";
+}
+
+TEST(FeltLimits, EachRuleIsBrokenByWhatItIsAbout) {
+  const FeltLimits limits = *felt_limits(calm());
+  fidelity::FeltMetrics right;
+  right.true_rms_n = 1;
+  right.true_lateral_rms_n = 0.1;
+  right.nrmse = right.nrmse_at_lag = 0.01;
+  right.lag_ms = 2;
+  right.pull_off_error = 0.01;
+  right.lateral_correlation = 0.999;
+  EXPECT_EQ(felt_violations(right, limits), 0u);
+  auto wrong = right;
+  wrong.nrmse_at_lag = 0.5;
+  EXPECT_EQ(felt_violations(wrong, limits), kInvariantFelt);
+  wrong = right;
+  wrong.lag_ms = 100;
+  EXPECT_EQ(felt_violations(wrong, limits), kInvariantInTime);
+  wrong = right;
+  wrong.pull_off_error = -1;
+  EXPECT_EQ(felt_violations(wrong, limits), kInvariantPull);
+  wrong = right;
+  wrong.lateral_correlation = -1;
+  EXPECT_EQ(felt_violations(wrong, limits), kInvariantLateral);
+  // No lateral force felt where there is one: no correlation is no excuse.
+  wrong.lateral_correlation = fidelity::FeltMetrics::kNone;
+  EXPECT_EQ(felt_violations(wrong, limits), kInvariantLateral);
+  // No force at all: nothing correlates, and no lag fits.
+  wrong = {};
+  wrong.true_rms_n = wrong.nrmse = 1;
+  EXPECT_NE(felt_violations(wrong, limits) & kInvariantFelt, 0u);
+  // Nothing to be felt.
+  EXPECT_EQ(felt_violations({}, limits), 0u);
+}
+
+}  // namespace
+}  // namespace telenano::studies::stress
