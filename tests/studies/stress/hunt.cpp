@@ -6,6 +6,7 @@
 #include <exception>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"
@@ -59,11 +60,32 @@ std::vector<RunSpec> ground() {
   return runs;
 }
 
+/// What an ordinary hand feels over a good link (felt_limits.h): on level ground with adhesion, over a scan,
+/// in a groove that it makes.
+std::vector<RunSpec> calm_ground() {
+  std::vector<RunSpec> runs;
+  using Place = std::pair<SceneKind, HandKind>;
+  for (const auto& [scene, hand] :
+       {Place{SceneKind::kOxide, HandKind::kPress}, Place{SceneKind::kOxide, HandKind::kIndent},
+        Place{SceneKind::kScan, HandKind::kRaster}}) {
+    RunSpec spec;
+    spec.seconds = 5;
+    spec.rtt_ms = 20;
+    spec.scene = scene;
+    spec.hand = hand;
+    runs.push_back(spec);
+  }
+  return runs;
+}
+
 Hunt hunt(Mutant mutant, const Scenes& scenes, std::uint64_t seed) {
   Hunt result;
   result.mutant = mutant;
   const control::Method method = mutant_info(mutant).method;
-  for (RunSpec spec : ground()) {
+  std::vector<RunSpec> runs = calm_ground();
+  for (RunSpec& spec : ground()) runs.push_back(std::move(spec));
+  for (RunSpec& spec : runs) {
+    if (!scenes.has(spec.scene)) continue;
     spec.method = method;
     spec.seed = seed;
     ++result.runs;

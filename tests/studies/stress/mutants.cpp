@@ -205,6 +205,8 @@ MutantInfo mutant_info(Mutant mutant) noexcept {
       mutant == Mutant::kUncappedDamper || mutant == Mutant::kMissingEpoch ||
       mutant == Mutant::kDamperAfterClamp || mutant == Mutant::kWrongIndex)
     return {mutant, Method::kKsClamp};
+  // What the slave says is seen best by what shows it as it is.
+  if (mutant >= Mutant::kSlaveNoForce) return {mutant, Method::kNone};
   return {mutant, Method::kModel};
 }
 

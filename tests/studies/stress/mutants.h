@@ -10,7 +10,7 @@ namespace telenano::studies::stress {
 
 /// Controllers that are wrong in ways in which they have been got wrong before; a suite that does not find
 /// them out proves nothing. They exist here only: as methods that stand in for the station's, as devices, as
-/// slaves (watched_slave.h).
+/// slaves (wrong_slave.h). Ten more, what a renderer shows, are in fidelity/renderer_mutants.h.
 ///
 /// | name | what is wrong |
 /// |---|---|
@@ -28,6 +28,23 @@ namespace telenano::studies::stress {
 /// | double-force | device: twice what was commanded |
 /// | slave-too-strong | slave: beyond its own force limit |
 /// | falling-sums | slave: an energy sum that falls |
+/// | slave-no-force | slave: no force |
+/// | slave-half-force | slave: half of it |
+/// | slave-late | slave: 100 ms late |
+/// | slave-no-adhesion | slave: never pulls down |
+/// | slave-no-friction | slave: nothing along the ground |
+/// | slave-tilted | slave: turned by 10° about y |
+/// | slave-reversed | slave: x the wrong way round |
+/// | slave-swapped | slave: x for y |
+/// | slave-low | slave: the ground 3 nm too low |
+/// | slave-soft | slave: goes in 0.3 times as deep as it is told |
+/// | slave-frozen | slave: says for ever what it said 0.3 s after touch |
+/// | slave-leaky | slave: a force that stands still fades |
+/// | slave-sticky | slave: pulls on for 0.2 s after it has let go |
+/// | slave-coarse | slave: to the next 5 nN |
+/// | slave-noisy | slave: 30 % of noise |
+/// | slave-saturated | slave: at 20 nN it ends |
+/// | slave-upside-down | slave: pushes where it should pull |
 struct MutantInfo {
   Mutant mutant = Mutant::kNone;
   control::Method method = control::Method::kModel;  ///< that it is made from

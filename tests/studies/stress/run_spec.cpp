@@ -20,11 +20,38 @@ constexpr std::array<std::string_view, 15> kHands = {
 constexpr std::array<std::string_view, 4> kDrops = {"none", "spite", "flatter", "starve"};
 constexpr std::array<std::string_view, 3> kPlayouts = {"newest", "constant", "adaptive"};
 constexpr std::array<std::string_view, 5> kRestarts = {"never", "free", "contact", "snap-in", "random"};
-constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {
-    "none",          "wrong-index",      "credited-damping", "missing-epoch",
-    "held-wave",     "uncapped-damper",  "no-clamp",         "damper-after-clamp",
-    "half-velocity", "free-tank",        "sticky-force",     "leap-on-resume",
-    "double-force",  "slave-too-strong", "falling-sums"};
+constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
+                                                                     "wrong-index",
+                                                                     "credited-damping",
+                                                                     "missing-epoch",
+                                                                     "held-wave",
+                                                                     "uncapped-damper",
+                                                                     "no-clamp",
+                                                                     "damper-after-clamp",
+                                                                     "half-velocity",
+                                                                     "free-tank",
+                                                                     "sticky-force",
+                                                                     "leap-on-resume",
+                                                                     "double-force",
+                                                                     "slave-too-strong",
+                                                                     "falling-sums",
+                                                                     "slave-no-force",
+                                                                     "slave-half-force",
+                                                                     "slave-late",
+                                                                     "slave-no-adhesion",
+                                                                     "slave-no-friction",
+                                                                     "slave-tilted",
+                                                                     "slave-reversed",
+                                                                     "slave-swapped",
+                                                                     "slave-low",
+                                                                     "slave-soft",
+                                                                     "slave-frozen",
+                                                                     "slave-leaky",
+                                                                     "slave-sticky",
+                                                                     "slave-coarse",
+                                                                     "slave-noisy",
+                                                                     "slave-saturated",
+                                                                     "slave-upside-down"};
 
 constexpr NumberField kNumbers[] = {
     {"scale", &RunSpec::scale, 1e-3, 1e4},

@@ -66,7 +66,24 @@ enum class Mutant : std::uint8_t {
   kLeapOnResume,
   kDoubleForce,
   kSlaveTooStrong,
-  kFallingSums
+  kFallingSums,
+  kSlaveNoForce,
+  kSlaveHalfForce,
+  kSlaveLate,
+  kSlaveNoAdhesion,
+  kSlaveNoFriction,
+  kSlaveTilted,
+  kSlaveReversed,
+  kSlaveSwapped,
+  kSlaveLow,
+  kSlaveSoft,
+  kSlaveFrozen,
+  kSlaveLeaky,
+  kSlaveSticky,
+  kSlaveCoarse,
+  kSlaveNoisy,
+  kSlaveSaturated,
+  kSlaveUpsideDown
 };
 
 /// One run, all of it: the same text gives the same bits on every machine.
@@ -126,7 +143,7 @@ std::string_view mutant_name(Mutant mutant) noexcept;
 SceneKind parse_scene_kind(std::string_view name);  ///< throws UserError, as the others
 Mutant parse_mutant(std::string_view name);
 std::string scene_kind_names();
-inline constexpr std::size_t kMutants = 14;  ///< besides kNone
+inline constexpr std::size_t kMutants = 31;  ///< besides kNone
 std::array<Mutant, kMutants> all_mutants() noexcept;
 
 /// "method=model scene=wall hand=press …": what differs from the defaults, and always the first three and the

@@ -169,7 +169,7 @@ int shrink_run(const Arguments& a) {
 }
 
 int hunt(const Arguments& a) {
-  const Scenes scenes(a.scene_folder, {SceneKind::kWall});
+  const Scenes scenes(a.scene_folder, {SceneKind::kWall, SceneKind::kOxide, SceneKind::kScan});
   const auto hunts = hunt_mutants(scenes, a.seed, a.threads);
   std::fputs(hunt_csv(hunts).c_str(), stdout);
   const auto survivors =

@@ -8,6 +8,7 @@
 
 #include "telenano/nve_server/slave/slave.h"
 #include "tests/studies/stress/run_spec.h"
+#include "tests/studies/stress/wrong_slave.h"
 
 namespace telenano::studies::stress {
 
@@ -32,13 +33,13 @@ struct SlaveWatch {
 class WatchedSlave final : public slave::Slave {
  public:
   WatchedSlave(std::unique_ptr<slave::Slave> inner, std::shared_ptr<SlaveWatch> watch, Mutant mutant)
-      : inner_(std::move(inner)), watch_(std::move(watch)), mutant_(mutant) {}
+      : inner_(std::move(inner)), watch_(std::move(watch)), wrong_(mutant) {}
 
-  void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {
+  void step(const slave::SlaveInput& told, double dt_s, slave::SlaveOutput& output) noexcept override {
+    slave::SlaveInput input = told;
+    wrong_.before(inner_->limits(), input);
     inner_->step(input, dt_s, output);
-    if (mutant_ == Mutant::kSlaveTooStrong) output.force_w_nn *= 1.5;
-    if (mutant_ == Mutant::kFallingSums && output.energy_in_aj > 0)
-      output.energy_in_aj = std::max(0.0, output.energy_in_aj - output.energy_out_aj);
+    wrong_.after(dt_s, output);
     SlaveWatch& w = *watch_;
     w.commanded_w_nm = output.commanded_pos_w_nm;
     w.force_w_nn = output.force_w_nn;
@@ -68,7 +69,7 @@ class WatchedSlave final : public slave::Slave {
  private:
   std::unique_ptr<slave::Slave> inner_;
   std::shared_ptr<SlaveWatch> watch_;
-  Mutant mutant_;
+  WrongSlave wrong_;
   bool touches_ = false;
   double in_aj_ = 0, out_aj_ = 0;
   double given_aj_ = 0;  // most ever, net
