@@ -37,8 +37,8 @@ struct SceneFrame {
 /// tip's x–z plane.
 class SceneRenderer {
  public:
-  static constexpr int kOverviewCells = 72;
-  static constexpr int kPatchCells = 48;
+  static constexpr int kOverviewCells = 64;
+  static constexpr int kPatchCells = 40;
   static constexpr double kConeInCloseUp = 0.7;  ///< length of the full cone over half the picture's height
 
   explicit SceneRenderer(const view_model::Ground& ground);

@@ -197,8 +197,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   what.balance = spec.method == control::Method::kTank;
   what.hand_j_per_aj = station.scaling.hand_energy_j(1);
   what.waits_s = 1e-3 * playout_longest_ms(spec);
-  // Beyond the age that a method's force may have the station holds: so it should.
-  const bool shows = 1e-3 * spec.rtt_ms < station.age_most_s(what.method);
+  // Beyond the age that a method's force may have the station holds: so it should. Jitter adds to it.
+  const bool shows = 1e-3 * spec.rtt_ms * (1 + 2 * spec.jitter) < station.age_most_s(what.method);
   if (faults.clean_besides() && shows) what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
   InvariantWatch invariants(what);
 
