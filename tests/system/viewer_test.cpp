@@ -205,7 +205,7 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
   double chosen_s = 0;
   for (const recording::Event& event : recording.events())
     if (std::string(event.text.data()) == "task chosen") chosen_s = event.time_s;
-  ASSERT_GT(chosen_s, 4);
+  ASSERT_GT(chosen_s, 0) << "the key was not heard: " << user.err << user.out;
   // Over the change the force on the hand never steps: no more than the slew limit's 4 N in a tick of 1 ms at
   // any moment, and no stop.
   const auto mode = recording.read("station_mode");
