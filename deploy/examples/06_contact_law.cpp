@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
-#include "telenano/nve_server/physics/contact_curve.h"
+#include "telenano/nve_server/physics/contact/contact_curve.h"
 
 using namespace telenano::physics;
 

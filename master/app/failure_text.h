@@ -3,8 +3,8 @@
 #include <string>
 
 #include "telenano/common/link/client_session.h"
-#include "telenano/master/app/real_time_session.h"
-#include "telenano/master/app/run_options.h"
+#include "telenano/master/app/run/real_time_session.h"
+#include "telenano/master/app/run/run_options.h"
 #include "telenano/master/connection/server_list.h"
 #include "telenano/master/station/station.h"
 

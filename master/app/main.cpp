@@ -3,14 +3,14 @@
 
 #include "telenano/common/base/version.h"
 #include "telenano/common/config/program.h"
-#include "telenano/master/app/calibrate_command.h"
-#include "telenano/master/app/devices_command.h"
-#include "telenano/master/app/export_command.h"
-#include "telenano/master/app/plan_command.h"
-#include "telenano/master/app/recover_command.h"
-#include "telenano/master/app/run_command.h"
-#include "telenano/master/app/start_command.h"
-#include "telenano/master/app/view_command.h"
+#include "telenano/master/app/devices/calibrate_command.h"
+#include "telenano/master/app/devices/devices_command.h"
+#include "telenano/master/app/plan/plan_command.h"
+#include "telenano/master/app/recordings/export_command.h"
+#include "telenano/master/app/recordings/recover_command.h"
+#include "telenano/master/app/run/run_command.h"
+#include "telenano/master/app/start/start_command.h"
+#include "telenano/master/app/view/view_command.h"
 
 // What flags are made of throws for want of memory only. NOLINTNEXTLINE(bugprone-exception-escape)
 int main(int argc, char** argv) {

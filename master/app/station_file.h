@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "telenano/master/app/device_settings.h"
+#include "telenano/master/app/devices/device_settings.h"
 #include "telenano/master/device/intended_motion.h"
 #include "telenano/master/device/plant.h"
 #include "telenano/master/loop/link_options.h"

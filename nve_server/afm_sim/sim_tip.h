@@ -4,8 +4,8 @@
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/nve_server/afm_sim/sim_config.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
 #include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::afm_sim {

@@ -16,7 +16,7 @@
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/nve_server/afm_sim/default_scene.h"
 #include "telenano/nve_server/afm_sim/sim_server.h"
-#include "telenano/nve_server/app/port_list.h"
+#include "telenano/nve_server/app/serve/port_list.h"
 
 namespace {
 

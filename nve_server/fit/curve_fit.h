@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "telenano/nve_server/fit/prepared_curve.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 
 namespace telenano::fit {
 

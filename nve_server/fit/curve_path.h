@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 
 namespace telenano::fit {
 

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 
 namespace telenano::scene {
 

@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 
 namespace telenano::scene {
 namespace {

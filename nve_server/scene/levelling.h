@@ -3,7 +3,7 @@
 #include <optional>
 #include <string_view>
 
-#include "telenano/nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/surface/height_grid.h"
 
 namespace telenano::scene {
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/pull_off.h"
+#include "telenano/nve_server/physics/law/pull_off.h"
 #include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {

@@ -9,7 +9,7 @@
 #include "telenano/common/base/fnv1a.h"
 #include "telenano/common/config/shared_files.h"
 #include "telenano/common/config/toml_document.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {

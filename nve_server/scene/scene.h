@@ -9,11 +9,11 @@
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
-#include "telenano/nve_server/physics/particle_parameters.h"
-#include "telenano/nve_server/physics/probe.h"
-#include "telenano/nve_server/physics/surface.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
+#include "telenano/nve_server/physics/particle/particle_parameters.h"
+#include "telenano/nve_server/physics/probe/probe.h"
+#include "telenano/nve_server/physics/surface/surface.h"
 #include "telenano/nve_server/scene/material.h"
 
 namespace telenano::physics {

@@ -6,10 +6,10 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
-#include "telenano/nve_server/physics/long_range.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/pull_off.h"
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/law/pull_off.h"
+#include "telenano/nve_server/physics/long_range/long_range.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 
 namespace telenano::scene {
 namespace {

@@ -3,9 +3,9 @@
 #include <functional>
 #include <utility>
 
-#include "telenano/nve_server/physics/branch_potential.h"
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/potential/branch_potential.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
 
 namespace telenano::scene {
 namespace {

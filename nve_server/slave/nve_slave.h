@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/probe.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/probe/probe.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/slave/port_model.h"
 #include "telenano/nve_server/slave/slave.h"

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "telenano/common/base/det_math.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/relative_curvature.h"
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/surface/relative_curvature.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 
 namespace telenano::slave {
 namespace {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "telenano/common/link/messages.h"
-#include "telenano/nve_server/physics/friction.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/contact/friction.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
 #include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::slave {

@@ -8,9 +8,9 @@
 #include <span>
 
 #include "telenano/common/base/vec3.h"
-#include "telenano/nve_server/physics/particle_equilibrium.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 
 /// What of a slave's state later steps depend on, field by field, in one list for three uses: the hash that
 /// two ends compare, the bytes of a snapshot, and reading them again. Whatever is left out here is left out

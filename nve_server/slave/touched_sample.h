@@ -5,11 +5,11 @@
 #include <memory>
 #include <optional>
 
-#include "telenano/nve_server/physics/marked_potential.h"
-#include "telenano/nve_server/physics/marked_sample.h"
-#include "telenano/nve_server/physics/particle_asleep.h"
-#include "telenano/nve_server/physics/particle_equilibrium.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/marked_potential.h"
+#include "telenano/nve_server/physics/equilibrium/marked_sample.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/particle/particle_asleep.h"
+#include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/slave/state_fields.h"
 

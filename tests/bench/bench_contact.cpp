@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 
 // Time of one TipSampleLaw::advance. Paths are smooth oscillations as a hand makes them: about a hundredth of

@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "telenano/common/surface/gsf.h"
-#include "telenano/nve_server/physics/dilation.h"
-#include "telenano/nve_server/physics/scan_fields.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/dilation.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/source_dir.h"
 
 // Time of the surface's part of a step, on the scan of deploy/data (256×256, 2.34 nm, some 10 nm deep) under

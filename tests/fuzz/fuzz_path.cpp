@@ -3,7 +3,7 @@
 
 #include "fuzz_input.h"
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/app/path_file.h"
+#include "telenano/nve_server/app/scene/path_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace telenano;

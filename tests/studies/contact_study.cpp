@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/contact/maugis_dugdale.h"
 
 namespace telenano::studies {
 namespace {

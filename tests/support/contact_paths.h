@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 
 namespace telenano::testing {
 

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "telenano/common/surface/gsf.h"
-#include "telenano/nve_server/physics/contact_fields.h"
-#include "telenano/nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/surface/contact_fields.h"
+#include "telenano/nve_server/physics/surface/height_grid.h"
 #include "tests/source_dir.h"
 
 /// What tests of fields of the apex have in common.

@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 
 /// Grounds in closed form and closed paths over them, for tests of the balance on one potential.
 namespace telenano::support {

@@ -2,7 +2,7 @@
 
 #include <random>
 
-#include "telenano/nve_server/physics/height_grid.h"
+#include "telenano/nve_server/physics/surface/height_grid.h"
 
 /// Grounds as samples, for tests of what is made of scans.
 namespace telenano::support {

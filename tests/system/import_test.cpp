@@ -9,7 +9,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/surface/gsf.h"
-#include "telenano/nve_server/app/gwyddion_convert.h"
+#include "telenano/nve_server/app/sample/gwyddion_convert.h"
 #include "tests/support/gwy_bytes.h"
 #include "tests/system/programs.h"
 

@@ -87,7 +87,25 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
       "master/device", "master/station", "master/view_model"}},
     // Between the two: the server's slave behind the station's seam.
     {"master/twin", {"common/base", "common/control", "common/link", "nve_server/scene", "nve_server/slave"}},
-    {"nve_server/physics", {"common/base", "common/surface"}},
+    // The rooms of the physics have an order: each may include those before it, and no circle is possible.
+    {"nve_server/physics/numerics", {"common/base"}},
+    {"nve_server/physics/contact", {"common/base", "nve_server/physics/numerics"}},
+    {"nve_server/physics/long_range", {"common/base", "nve_server/physics/numerics"}},
+    {"nve_server/physics/law",
+     {"common/base", "nve_server/physics/numerics", "nve_server/physics/contact",
+      "nve_server/physics/long_range"}},
+    {"nve_server/physics/surface",
+     {"common/base", "common/surface", "nve_server/physics/numerics", "nve_server/physics/contact"}},
+    {"nve_server/physics/potential",
+     {"common/base", "nve_server/physics/numerics", "nve_server/physics/long_range", "nve_server/physics/law",
+      "nve_server/physics/surface"}},
+    {"nve_server/physics/equilibrium",
+     {"common/base", "nve_server/physics/numerics", "nve_server/physics/contact", "nve_server/physics/law",
+      "nve_server/physics/surface", "nve_server/physics/potential"}},
+    {"nve_server/physics/particle",
+     {"common/base", "nve_server/physics/law", "nve_server/physics/surface", "nve_server/physics/potential",
+      "nve_server/physics/equilibrium"}},
+    {"nve_server/physics/probe", {"common/base", "nve_server/physics/equilibrium"}},
     {"nve_server/scene", {"common/base", "common/config", "common/surface", "nve_server/physics"}},
     {"nve_server/import", {"common/base", "common/surface"}},
     {"nve_server/fit", {"common/base", "nve_server/physics"}},
@@ -118,14 +136,14 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
     {"openssl/", {"common/security/dtls_", "common/hash/sha256"}},
     {"prometheus/", {"common/metrics/exporter"}},
     {"CivetServer.h", {"common/metrics/exporter"}},
-    {"nlohmann/", {"nve_server/app/audit_log"}},
+    {"nlohmann/", {"nve_server/app/serve/audit_log"}},
     {"hdf5", {"common/recording/"}},
     {"H5", {"common/recording/"}},
     {"toml++", {"common/config/"}},
     {"zlib.h", {"nve_server/fit/zip_member"}},
     {"dlfcn.h", {"master/device/omega/sdk"}},
     {"hidapi", {"master/device/hid/hidapi_"}},
-    {"systemd/", {"nve_server/app/service_notify"}},
+    {"systemd/", {"nve_server/app/serve/service_notify"}},
     {"CLI/", {"common/config/program", "common/config/completion", "master/app/", "nve_server/app/"}},
     {"GLFW", {"master/viewer/playback_bar", "master/viewer/window", "master/viewer/viewer.cpp"}},
     {"epoxy/", {"master/viewer/gl", "master/viewer/offscreen", "master/viewer/window"}},
@@ -136,9 +154,9 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
 };
 
 // Pure folders: no clock, thread, file, socket or log.
-const std::set<std::string> kPure = {"common/base",        "common/control",    "common/link",
-                                     "master/station",     "master/view_model", "nve_server/physics",
-                                     "nve_server/nanonis", "nve_server/import", "nve_server/fit"};
+const std::set<std::string> kPure = {"common/base",       "common/control",    "common/link",
+                                     "master/station",    "master/view_model", "nve_server/nanonis",
+                                     "nve_server/import", "nve_server/fit"};
 const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
                                        "fstream",       "iostream",     "filesystem", "cstdio",
                                        "stdio.h",       "time.h",       "ctime",      "unistd.h",
@@ -146,14 +164,27 @@ const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",
                                        "sched.h",       "future",       "semaphore",  "fmt/os.h",
                                        "fmt/ostream.h", "netinet/in.h", "random"};
 
+/// The folder's own row, or that of the folder round it: the rooms of a program share one. "": none.
+std::string row_of(std::string folder) {
+  while (!folder.empty() && !kMayInclude.contains(folder)) folder = folder_of(folder);
+  return folder;
+}
+
+/// Who may include a folder may include its rooms.
+bool may_include(const std::string& from, std::string to) {
+  const std::set<std::string>& allowed = kMayInclude.at(from);
+  while (!to.empty() && !allowed.contains(to)) to = folder_of(to);
+  return !to.empty();
+}
+
 TEST(IncludeRules, FoldersIncludeOnlyWhatTheyMay) {
   for (const auto& tree : kTrees) {
     for (const auto& [file, target] : includes_of(tree)) {
-      const std::string from = folder_of(file);
-      ASSERT_TRUE(kMayInclude.contains(from)) << file << ": folder " << from << " has no row in kMayInclude";
-      const std::string to = folder_of(target);
-      if (!kMayInclude.contains(to) || to == from) continue;
-      EXPECT_TRUE(kMayInclude.at(from).contains(to)) << file << " includes " << target;
+      const std::string from = row_of(folder_of(file));
+      ASSERT_NE(from, "") << file << ": its folder has no row in kMayInclude";
+      const std::string to = row_of(folder_of(target));
+      if (to.empty() || to == from) continue;
+      EXPECT_TRUE(may_include(from, to)) << file << " includes " << target;
     }
   }
 }
@@ -200,7 +231,9 @@ TEST(IncludeRules, OneLibraryOneDoor) {
 TEST(IncludeRules, PureFoldersSeeNoClockThreadFileSocketOrLog) {
   for (const auto& tree : kTrees) {
     for (const auto& [file, target] : includes_of(tree)) {
-      if (!kPure.contains(folder_of(file))) continue;
+      const std::string folder = folder_of(file);
+      const bool room_of_physics = folder.starts_with("nve_server/physics/");
+      if (!room_of_physics && !kPure.contains(folder)) continue;
       EXPECT_FALSE(kImpure.contains(target)) << file << " includes <" << target << ">";
     }
   }
@@ -218,7 +251,7 @@ TEST(IncludeRules, SessionCodeUsesNoElementaryFunctionThatDependsOnTheMachine) {
                                             "nve_server/server", "nve_server/scene",    "master/device",
                                             "master/device/hid", "master/device/omega", "master/station"};
   for (const auto& folder : folders) {
-    for (const auto& entry : fs::directory_iterator(kRoot / folder)) {
+    for (const auto& entry : fs::recursive_directory_iterator(kRoot / folder)) {
       const auto extension = entry.path().extension();
       if (extension != ".h" && extension != ".cpp") continue;
       std::ifstream in(entry.path());

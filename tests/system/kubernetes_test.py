@@ -51,7 +51,7 @@ class Kubernetes(unittest.TestCase):
         probes = {name: self.server[name]["httpGet"] for name in ("startupProbe", "livenessProbe", "readinessProbe")}
         self.assertEqual({probe["port"] for probe in probes.values()}, {"metrics"})
         self.assertEqual([probe["path"] for probe in probes.values()], ["/healthz", "/healthz", "/readyz"])
-        source = (SOURCE / "nve_server/app/serve_health.cpp").read_text()
+        source = (SOURCE / "nve_server/app/serve/serve_health.cpp").read_text()
         for probe in probes.values():
             self.assertIn(f'"{probe["path"]}"', source)
 

@@ -5,7 +5,7 @@
 #include <random>
 #include <string>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 
 // What must hold for every contact law, not only for the exact one (contact_property_test.cpp).

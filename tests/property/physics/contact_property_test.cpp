@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 
 namespace telenano::physics {

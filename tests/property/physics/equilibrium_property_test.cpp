@@ -6,8 +6,8 @@
 #include <random>
 
 #include "telenano/common/base/constants.h"
-#include "telenano/nve_server/physics/spline_surface.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 
 namespace telenano::physics {
 namespace {

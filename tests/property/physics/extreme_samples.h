@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "telenano/common/base/random.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 
 /// Tips and samples from the whole range that a scene may ask for.
 namespace telenano::testing {

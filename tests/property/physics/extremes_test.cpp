@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/property/physics/extreme_samples.h"
 #include "tests/source_dir.h"

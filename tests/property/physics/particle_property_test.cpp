@@ -6,8 +6,8 @@
 #include <random>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/particle/particle_equilibrium.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
 
 namespace telenano::physics {
 namespace {

@@ -6,8 +6,8 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/random.h"
-#include "telenano/nve_server/physics/marked_sample.h"
-#include "telenano/nve_server/physics/sampled_shapes.h"
+#include "telenano/nve_server/physics/equilibrium/marked_sample.h"
+#include "telenano/nve_server/physics/surface/sampled_shapes.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::physics {

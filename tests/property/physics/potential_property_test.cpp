@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "telenano/nve_server/physics/potential_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/potential_paths.h"
 

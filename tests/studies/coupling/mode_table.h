@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "telenano/nve_server/physics/probe_mode.h"
+#include "telenano/nve_server/physics/probe/probe_mode.h"
 
 namespace telenano::studies {
 

@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "telenano/common/surface/gsf.h"
-#include "telenano/nve_server/physics/branch_potential.h"
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/potential/branch_potential.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/elastic/places.h"

@@ -4,8 +4,8 @@
 #include <vector>
 
 #include "telenano/common/surface/height_grid.h"
-#include "telenano/nve_server/physics/branch_potential.h"
-#include "telenano/nve_server/physics/contact_fields.h"
+#include "telenano/nve_server/physics/potential/branch_potential.h"
+#include "telenano/nve_server/physics/surface/contact_fields.h"
 #include "tests/studies/elastic/places.h"
 
 /// How far the product's ground and law are from elasticity at the places of a table.

@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/bicubic_spline.h"
+#include "telenano/nve_server/physics/surface/bicubic_spline.h"
 
 namespace telenano::elastic {
 namespace {

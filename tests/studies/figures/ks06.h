@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/studies/report/figure_folder.h"
 
 namespace telenano::studies {

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "telenano/common/base/vec3.h"
-#include "telenano/nve_server/physics/height_grid.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/height_grid.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 
 namespace telenano::studies {
 

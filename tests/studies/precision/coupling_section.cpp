@@ -4,7 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/studies/coupling/coupling_study.h"
 #include "tests/studies/precision/law_methods.h"
 #include "tests/studies/precision/studies.h"

@@ -6,8 +6,8 @@
 
 #include "telenano/common/config/shared_files.h"
 #include "telenano/common/surface/gsf.h"
-#include "telenano/nve_server/physics/scan_fields.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/precision/studies.h"

@@ -1,7 +1,7 @@
 #include <cmath>
 
-#include "telenano/nve_server/physics/maugis_dugdale.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/contact/maugis_dugdale.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/studies/precision/law_methods.h"
 
 namespace telenano::studies {

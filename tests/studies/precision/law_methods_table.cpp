@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/contact/maugis_dugdale.h"
 #include "tests/studies/precision/law_methods.h"
 
 namespace telenano::studies {

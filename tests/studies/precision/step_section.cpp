@@ -6,9 +6,9 @@
 #include <cmath>
 #include <memory>
 
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/marked_sample.h"
-#include "telenano/nve_server/physics/particle_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/marked_sample.h"
+#include "telenano/nve_server/physics/particle/particle_equilibrium.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
 #include "tests/studies/precision/analytic_surface.h"
 #include "tests/studies/precision/studies.h"
 #include "tests/studies/report/page.h"

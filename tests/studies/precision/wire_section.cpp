@@ -4,7 +4,7 @@
 #include <stdexcept>
 
 #include "telenano/common/base/random.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/studies/precision/studies.h"
 
 namespace telenano::studies {

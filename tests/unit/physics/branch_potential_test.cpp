@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/branch_potential.h"
+#include "telenano/nve_server/physics/potential/branch_potential.h"
 
 #include <gtest/gtest.h>
 

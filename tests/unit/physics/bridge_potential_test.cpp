@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/bridge_potential.h"
+#include "telenano/nve_server/physics/potential/bridge_potential.h"
 
 #include <gtest/gtest.h>
 

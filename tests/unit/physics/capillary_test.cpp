@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/capillary.h"
+#include "telenano/nve_server/physics/long_range/capillary.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/contact/maugis_dugdale.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/closed_form_laws.h"
+#include "telenano/nve_server/physics/contact/closed_form_laws.h"
 
 #include <gtest/gtest.h>
 
@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/adhesive_curve.h"
-#include "telenano/nve_server/physics/hertzian_curve.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/contact/adhesive_curve.h"
+#include "telenano/nve_server/physics/contact/hertzian_curve.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 #include "tests/support/md_oracle.h"
 

@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/dilation.h"
+#include "telenano/nve_server/physics/surface/dilation.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "tests/support/sampled_ground.h"
 
 namespace telenano::physics {

@@ -1,5 +1,5 @@
 // The stencils of fields in whatever registers, against the sum that they are, term by term, in long double.
-#include "telenano/nve_server/physics/field_stencil.h"
+#include "telenano/nve_server/physics/surface/field_stencil.h"
 
 #include <gtest/gtest.h>
 

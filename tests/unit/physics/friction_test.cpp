@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/friction.h"
+#include "telenano/nve_server/physics/contact/friction.h"
 
 #include <gtest/gtest.h>
 
@@ -11,8 +11,8 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
 
 namespace telenano::physics {
 namespace {

@@ -1,5 +1,5 @@
 // Friction's tangent in Newton's matrix, against differences of the force that it is the tangent of.
-#include "telenano/nve_server/physics/held_friction.h"
+#include "telenano/nve_server/physics/equilibrium/held_friction.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <cmath>
 #include <memory>
 
-#include "telenano/nve_server/physics/path_trend.h"
+#include "telenano/nve_server/physics/equilibrium/path_trend.h"
 #include "tests/support/potential_paths.h"
 
 namespace telenano::physics {

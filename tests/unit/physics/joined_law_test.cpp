@@ -1,10 +1,10 @@
-#include "telenano/nve_server/physics/joined_law.h"
+#include "telenano/nve_server/physics/contact/joined_law.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
-#include "telenano/nve_server/physics/van_der_waals.h"
+#include "telenano/nve_server/physics/long_range/van_der_waals.h"
 
 namespace telenano::physics {
 namespace {

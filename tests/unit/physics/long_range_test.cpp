@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/long_range.h"
+#include "telenano/nve_server/physics/long_range/long_range.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <limits>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 

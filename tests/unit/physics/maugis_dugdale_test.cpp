@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/contact/maugis_dugdale.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "telenano/nve_server/physics/warm_start.h"
+#include "telenano/nve_server/physics/law/warm_start.h"
 #include "tests/support/md_oracle.h"
 
 namespace telenano::physics {

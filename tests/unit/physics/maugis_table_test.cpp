@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/maugis_table.h"
+#include "telenano/nve_server/physics/contact/maugis_table.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <cstdio>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "tests/support/contact_paths.h"
 #include "tests/support/md_oracle.h"
 

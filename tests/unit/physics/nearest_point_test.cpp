@@ -5,9 +5,9 @@
 #include <random>
 
 #include "telenano/common/surface/gsf.h"
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/relative_curvature.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
+#include "telenano/nve_server/physics/surface/relative_curvature.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/source_dir.h"
 
 namespace telenano::physics {

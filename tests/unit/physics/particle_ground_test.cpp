@@ -9,11 +9,11 @@
 #include <memory>
 #include <random>
 
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/particle_equilibrium.h"
-#include "telenano/nve_server/physics/scan_fields.h"
-#include "telenano/nve_server/physics/shape_fields.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/particle/particle_equilibrium.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
+#include "telenano/nve_server/physics/surface/shape_fields.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 

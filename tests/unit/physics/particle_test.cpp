@@ -7,10 +7,10 @@
 #include <limits>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/particle_bristle.h"
-#include "telenano/nve_server/physics/particle_equilibrium.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/particle/particle_bristle.h"
+#include "telenano/nve_server/physics/particle/particle_equilibrium.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 

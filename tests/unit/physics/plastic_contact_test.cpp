@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/plastic_contact.h"
+#include "telenano/nve_server/physics/law/plastic_contact.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/probe_mode.h"
+#include "telenano/nve_server/physics/probe/probe_mode.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/probe.h"
+#include "telenano/nve_server/physics/probe/probe.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/relative_curvature.h"
+#include "telenano/nve_server/physics/surface/relative_curvature.h"
 
 #include <gtest/gtest.h>
 

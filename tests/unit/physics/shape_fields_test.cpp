@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/shape_fields.h"
+#include "telenano/nve_server/physics/surface/shape_fields.h"
 
 #include <gtest/gtest.h>
 

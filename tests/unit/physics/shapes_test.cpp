@@ -6,10 +6,10 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/plane_surface.h"
-#include "telenano/nve_server/physics/sampled_shapes.h"
-#include "telenano/nve_server/physics/sphere_surface.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/plane_surface.h"
+#include "telenano/nve_server/physics/surface/sampled_shapes.h"
+#include "telenano/nve_server/physics/surface/sphere_surface.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 
 namespace telenano::physics {
 namespace {

@@ -6,8 +6,8 @@
 #include <random>
 #include <thread>
 
-#include "telenano/nve_server/physics/relative_curvature.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/relative_curvature.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/support/alloc_guard.h"
 
 namespace telenano::physics {

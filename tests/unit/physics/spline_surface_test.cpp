@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 
 #include <gtest/gtest.h>
 

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "telenano/nve_server/physics/branch_potential.h"
-#include "telenano/nve_server/physics/bridge_potential.h"
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/potential/branch_potential.h"
+#include "telenano/nve_server/physics/potential/bridge_potential.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "tests/support/field_checks.h"
 
 namespace telenano::physics {

@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
 
 #include <gtest/gtest.h>
 
@@ -6,8 +6,8 @@
 #include <functional>
 #include <random>
 
-#include "telenano/nve_server/physics/flat_surface.h"
-#include "telenano/nve_server/physics/spline_surface.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
+#include "telenano/nve_server/physics/surface/spline_surface.h"
 
 namespace telenano::physics {
 namespace {

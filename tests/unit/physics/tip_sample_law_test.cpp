@@ -1,4 +1,4 @@
-#include "telenano/nve_server/physics/tip_sample_law.h"
+#include "telenano/nve_server/physics/law/tip_sample_law.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <random>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/van_der_waals.h"
+#include "telenano/nve_server/physics/long_range/van_der_waals.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/contact_paths.h"
 

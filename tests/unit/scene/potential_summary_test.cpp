@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/scan_fields.h"
-#include "telenano/nve_server/physics/tip_potential.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/potential/tip_potential.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/scene/scene_summary.h"
 #include "telenano/nve_server/scene/scene_terms.h"

@@ -1,7 +1,7 @@
 // When a drain is over, and what a server that drains still does.
 #include <gtest/gtest.h>
 
-#include "telenano/nve_server/app/drain_watcher.h"
+#include "telenano/nve_server/app/serve/drain_watcher.h"
 
 namespace telenano::app {
 namespace {

@@ -1,7 +1,7 @@
 // What /healthz and /readyz say of a server, from the facts alone.
 #include <gtest/gtest.h>
 
-#include "telenano/nve_server/app/serve_health.h"
+#include "telenano/nve_server/app/serve/serve_health.h"
 
 namespace telenano::app {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "spring_slave.h"
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/app/serve_command.h"
+#include "telenano/nve_server/app/serve/serve_command.h"
 
 int main(int argc, char** argv) {
   CLI::App app("serves an elastic floor");

@@ -1,4 +1,4 @@
-#include "telenano/nve_server/app/service_notify.h"
+#include "telenano/nve_server/app/serve/service_notify.h"
 
 #include <gtest/gtest.h>
 #include <poll.h>

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "telenano/nve_server/app/serve_web.h"
+#include "telenano/nve_server/app/serve/serve_web.h"
 
 namespace telenano::app {
 namespace {

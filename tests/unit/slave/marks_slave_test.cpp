@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "telenano/common/base/constants.h"
-#include "telenano/nve_server/physics/mark_journal.h"
+#include "telenano/nve_server/physics/surface/mark_journal.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"

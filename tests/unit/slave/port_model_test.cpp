@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 

@@ -13,8 +13,8 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/mark_journal.h"
-#include "telenano/nve_server/physics/marked_potential.h"
+#include "telenano/nve_server/physics/equilibrium/marked_potential.h"
+#include "telenano/nve_server/physics/surface/mark_journal.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"

@@ -7,7 +7,7 @@
 #include <functional>
 #include <random>
 
-#include "telenano/nve_server/physics/flat_surface.h"
+#include "telenano/nve_server/physics/surface/flat_surface.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"

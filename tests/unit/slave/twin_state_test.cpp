@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
-#include "telenano/nve_server/physics/potential_equilibrium.h"
-#include "telenano/nve_server/physics/scan_fields.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"

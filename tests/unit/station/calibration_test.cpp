@@ -1,4 +1,4 @@
-#include "telenano/master/app/calibration.h"
+#include "telenano/master/app/devices/calibration.h"
 
 #include <gmock/gmock.h>
 

@@ -1,4 +1,4 @@
-#include "telenano/master/app/device_monitor.h"
+#include "telenano/master/app/devices/device_monitor.h"
 
 #include <gmock/gmock.h>
 

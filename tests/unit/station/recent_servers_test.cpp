@@ -1,5 +1,5 @@
 // What the start screen remembers, and what it tells of a session that has ended.
-#include "telenano/master/app/recent_servers.h"
+#include "telenano/master/app/start/recent_servers.h"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -8,7 +8,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "telenano/master/app/own_program.h"
+#include "telenano/master/app/start/own_program.h"
 
 namespace telenano::app {
 namespace {

@@ -1,4 +1,4 @@
-#include "telenano/master/app/station_plan.h"
+#include "telenano/master/app/plan/station_plan.h"
 
 #include <gtest/gtest.h>
 

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "telenano/common/link/messages.h"
-#include "telenano/nve_server/physics/maugis_dugdale.h"
+#include "telenano/nve_server/physics/contact/maugis_dugdale.h"
 
 namespace telenano::view_model {
 namespace {

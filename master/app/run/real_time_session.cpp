@@ -1,0 +1,334 @@
+#include "telenano/master/app/run/real_time_session.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string_view>
+
+namespace telenano::app {
+namespace {
+
+constexpr std::int64_t kStopTicks = 20;  // for the stop to reach the server
+constexpr double kAfterTaskS = 0.2;      // the hand comes to rest
+constexpr double kSilentS = 0.1;         // from when on a person is told
+constexpr double kUnfeltN = 0.005;       // a force that nobody notices
+
+// Before the first reply there is no age: since the start, then.
+double silent_s(const recording::Sample& sample) noexcept {
+  return std::min(sample.reply_age_ms * 1e-3, sample.time_s);
+}
+
+recording::Event note_event(const view_model::Note& note) noexcept {
+  constexpr std::string_view kBefore = "note: ";
+  std::array<char, kBefore.size() + view_model::Note::kText> text{};
+  std::copy(kBefore.begin(), kBefore.end(), text.begin());
+  std::copy(note.text.begin(), note.text.end() - 1, text.begin() + kBefore.size());
+  return recording::make_event(note.tick, note.time_s, kEventNote, text.data());
+}
+
+}  // namespace
+
+RealTimeSession::RealTimeSession(const SessionHand& hand, net::Datagram& socket, const net::Address& server,
+                                 link::ClientSession& session, station::Station& station,
+                                 recording::Recorder* recorder, double give_up_s, double observe_s,
+                                 const std::atomic<bool>& stop, const loop::LinkOptions& link)
+    : hand_(hand),
+      session_(session),
+      station_(station),
+      recorder_(recorder),
+      give_up_s_(give_up_s),
+      observe_s_(observe_s),
+      stop_(stop),
+      loop_(hand.device, socket, server, session, station, &clock_, link),
+      surface_z_w_nm_(session.welcome().surface_z_w_nm),
+      task_origin_w_nm_(session.welcome().start_pos_w_nm.x(), session.welcome().start_pos_w_nm.y(),
+                        surface_z_w_nm_),
+      summary_({station.config().rate_hz, surface_z_w_nm_}),
+      last_sessions_(session.sessions()),
+      last_epoch_(session.welcome().epoch) {}
+
+void RealTimeSession::run() noexcept {
+  rt::PeriodicTimerConfig timer_config;
+  timer_config.period_ns = std::llround(1e9 / station_.config().rate_hz);
+  rt::PeriodicTimer timer(timer_config);
+  recording::Sample sample;
+  do {
+    const rt::Tick tick = timer.wait();
+    const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
+    see_tip(sample);
+    hand_.device.advance(elapsed_ns);
+    if (requests_ != nullptr) ask_screen(sample);
+    if (chooses_method_) follow_link(sample, static_cast<double>(elapsed_ns) * 1e-9);
+    if (quit_ || stop_.load(std::memory_order_relaxed)) {
+      loop_.set_buttons(device::kButtonStop);
+      ++stop_ticks_;
+    }
+    device::PlayedMotion* const motion = hand_.motion;
+    if (motion != nullptr && !motion->motion_started() && station_.mode() == station::Mode::kEngaged)
+      motion->start_motion();
+    loop_.tick(tick.woke_ns, static_cast<double>(elapsed_ns) * 1e-9, sample);
+    sample.lateness_us = static_cast<double>(tick.lateness_ns) * 1e-3;
+    sample.overruns = static_cast<std::int64_t>(timer.stats().overruns);
+    sample.step_us = static_cast<double>(clock_.now_ns() - tick.woke_ns) * 1e-3;
+    if (servers_ != nullptr) follow_servers(sample, tick.woke_ns);
+    note_tip(sample);
+    summary_.add(sample);
+    if (recorder_ != nullptr) {
+      for (const recording::DatagramRow& row : loop_.datagrams()) recorder_->push(row);
+      recorder_->push(sample);
+      record_events(sample);
+    }
+    publish(sample, timer.stats());
+    if (requests_ != nullptr) {
+      requests_->show(sample, loop_.force_off());
+      requests_->show(loop_.trace().particle);
+      requests_->show(loop_.trace().twin);
+      if (motion != nullptr) requests_->show(motion->task());
+    }
+  } while (!over(sample));
+  hand_.device.write_force(Vec3::Zero());
+  loop_.say_bye(ending_ == Ending::kTaskDone ? link::ByeReason::kDone : link::ByeReason::kStopped);
+  timer_stats_ = timer.stats();
+  finished_.store(true, std::memory_order_release);
+}
+
+void RealTimeSession::see_tip(const recording::Sample& before) noexcept {
+  if (hand_.motion == nullptr || !(before.velocity_scale > 0)) return;
+  const auto& target = before.tip_target_w_nm;
+  hand_.motion->see_tip({Vec3(target[0], target[1], target[2]) - task_origin_w_nm_,
+                         1e-9 / before.velocity_scale, station_.mode() == station::Mode::kEngaged,
+                         station_.mode() == station::Mode::kHeld});
+}
+
+/// Another method where the link has become another one; at a moment at which nobody feels it.
+void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) noexcept {
+  if (station_.config().method != choice_.now()) {  // a person has said which
+    chooses_method_ = false;
+    return;
+  }
+  control::MethodCircumstances now;
+  if (before.rtt_us > 0) now.rtt_s = std::max(1e-6 * before.rtt_smoothed_us, 1e-3 * before.playout_delay_ms);
+  now.jitter_s = 1e-6 * before.jitter_us;
+  now.at_rest = before.contact_state != static_cast<std::uint32_t>(link::ContactState::kContact) &&
+                loop_.trace().commanded_force_h_n.norm() < kUnfeltN;
+  // Until the first reply there is nothing that it could be apart from.
+  const station::TwinRun* const twin = station_.twin();
+  const bool not_yet = before.reply_sequence <= 0 && twin != nullptr && !twin->given_up();
+  now.twin = twin != nullptr && (twin->on() || not_yet);
+  const control::Method wanted = choice_.update(now, dt_s);
+  if (wanted == station_.config().method) return;
+  station_.change_method(wanted);
+  if (recorder_ != nullptr)
+    recorder_->push(recording::make_event(before.tick, before.time_s, kEventMethod,
+                                          "method changed with the link",
+                                          static_cast<std::uint32_t>(wanted)));
+}
+
+/// The next server finds a session as after a restart: a Hello, a new epoch, the tip taken up where it is.
+void RealTimeSession::follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept {
+  const connection::LeaveCause cause = connection::leaves(session_, servers_->nobody_listens(), now_ns);
+  if (cause == connection::LeaveCause::kNone) return;
+  servers_->go_on();
+  session_.start(now_ns);
+  ++servers_left_;
+  left_because_ = cause;
+  if (recorder_ != nullptr)
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventServer,
+                                          "goes on to the next server of the list",
+                                          static_cast<std::uint32_t>(servers_->current() + 1)));
+}
+
+void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
+  const view_model::ViewRequestHandler::Asked asked = requests_->answer(station_);
+  loop_.set_buttons(asked.buttons);
+  quit_ |= asked.quit;
+  // Not while it is stopped, held or not connected: the hand would go its way without the tip.
+  const bool free = station_.mode() == station::Mode::kEngaged || station_.mode() == station::Mode::kReady;
+  if (asked.task >= 0 && free && hand_.motion != nullptr && hand_.motion->begin_task(asked.task)) {
+    stays_ = true;
+    done_ticks_ = 0;
+    if (recorder_ != nullptr)
+      recorder_->push(recording::make_event(before.tick, before.time_s, kEventTask, "task chosen",
+                                            static_cast<std::uint32_t>(asked.task)));
+  }
+  // One a tick is more than a person writes.
+  if (view_model::Note note; requests_->take_note(note) && recorder_ != nullptr)
+    recorder_->push(note_event(note));
+  for (int i = 0; i < asked.marks; ++i) {
+    ++marks_;
+    if (recorder_ != nullptr)
+      recorder_->push(recording::make_event(before.tick, before.time_s, kEventMark, "mark", marks_));
+  }
+}
+
+/// A tenth of change is worth a row, twice a second at most: what is between is in the commands that were
+/// sent.
+void RealTimeSession::record_rate(const recording::Sample& sample) noexcept {
+  constexpr double kAgainS = 0.5;
+  const double rate_hz = loop_.rate().rate_hz();
+  const bool first = last_rate_hz_ == 0;
+  const bool other = std::abs(rate_hz - last_rate_hz_) > 0.1 * last_rate_hz_ ||
+                     (rate_hz == loop_.rate().full_hz() && rate_hz != last_rate_hz_);
+  if (!first && (!other || sample.time_s - last_rate_s_ < kAgainS)) return;
+  last_rate_hz_ = rate_hz;
+  last_rate_s_ = sample.time_s;
+  const char* text = "";
+  switch (loop_.rate().reason()) {
+    case link::RateReason::kFull:
+      text = "sends every tick";
+      break;
+    case link::RateReason::kStart:
+      text = "sends less: the link is not known yet";
+      break;
+    case link::RateReason::kQueue:
+      text = "sends less: a queue on the way";
+      break;
+    case link::RateReason::kLoss:
+      text = "sends less: losses";
+      break;
+    case link::RateReason::kSilence:
+      text = "sends less: nothing comes back";
+      break;
+    case link::RateReason::kRising:
+      text = "sends more: the link has room";
+      break;
+    case link::RateReason::kFixed:
+      text = "sends as told";
+      break;
+  }
+  recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSendRate, text,
+                                        static_cast<std::uint32_t>(rate_hz)));
+}
+
+void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
+  record_rate(sample);
+  if (station_.mode() != last_mode_) {
+    last_mode_ = station_.mode();
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, static_cast<std::uint32_t>(last_mode_),
+                                          station::mode_name(last_mode_), sample.station_faults));
+  }
+  if (session_.sessions() != last_sessions_) {
+    const std::uint32_t epoch = session_.welcome().epoch;
+    const char* text = epoch == last_epoch_ ? "session resumed" : "session resumed in a new epoch";
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSession, text, epoch));
+    last_sessions_ = session_.sessions();
+    last_epoch_ = epoch;
+  }
+  if (const bool observes = loop_.trace().observes; observes != last_observes_) {
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventTip,
+                                          observes ? "observes the shared tip" : "holds the shared tip",
+                                          observes ? 0 : 1));
+    last_observes_ = observes;
+  }
+  // What is confirmed and what is on its way is one state here: they take turns with each reply.
+  station::TwinState twin = loop_.trace().twin;
+  if (twin == station::TwinState::kBehind) twin = station::TwinState::kConfirmed;
+  if (twin != last_twin_ && station_.twin() != nullptr) {
+    const char* const text = twin == station::TwinState::kConfirmed ? "twin: the server's state"
+                             : twin == station::TwinState::kApart   ? "twin: apart from the server"
+                             : twin == station::TwinState::kGivenUp ? "twin: given up"
+                                                                    : "twin: none in this session";
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventTwin, text,
+                                          static_cast<std::uint32_t>(station_.twin()->partings())));
+    last_twin_ = twin;
+  }
+  const bool silent = silent_s(sample) > kSilentS;
+  if (silent && !silent_)
+    recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventSilent, "server silent"));
+  silent_ = silent;
+}
+
+void RealTimeSession::publish(const recording::Sample& sample, const rt::PeriodicTimerStats& timer) noexcept {
+  Progress p;
+  p.time_s = hand_time_s(sample);
+  p.tip_height_nm = sample.tip_pos_w_nm[2] - surface_z_w_nm_;
+  p.force_nn = sample.force_w_nn[2];
+  p.hand_force_n = loop_.trace().commanded_force_h_n.norm();
+  p.link = loop_.quality();
+  p.playout_delay_ms = sample.playout_delay_ms;
+  p.playout_late = loop_.playout().counts().late;
+  p.commands_held = loop_.gate().held();
+  p.send_hz = loop_.rate().rate_hz();
+  p.send_full_hz = loop_.rate().full_hz();
+  p.send_least_hz = loop_.rate().lowest_hz();
+  p.send_reason = loop_.rate().reason();
+  p.send_lowered = loop_.rate().lowered();
+  p.ticks = sample.tick + 1;
+  p.overruns = timer.overruns;
+  p.missed_ticks = timer.missed;
+  p.sessions = session_.sessions();
+  p.servers_left = servers_left_;
+  p.left_because = left_because_;
+  p.station_faults = sample.station_faults;
+  p.slave_faults = sample.fault_bits;
+  p.energy_j = sample.energy_j;
+  p.mode = sample.station_mode;
+  p.method = station_.config().method;
+  p.chooses_method = chooses_method_;
+  p.twin = loop_.trace().twin;
+  p.twin_behind = loop_.trace().twin_behind;
+  p.silent_s = silent_s(sample);
+  p.force_off = loop_.force_off();
+  p.observes = loop_.trace().observes;
+  p.tip_up = station_.tip_up() && station_.holds_tip();
+  p.shutting_down = session_.state() == link::ClientState::kLost && !session_.has_session() &&
+                    session_.bye_reason() == link::ByeReason::kShuttingDown;
+  p.resume_token = session_.resume_token();
+  progress_.store(p);
+}
+
+double RealTimeSession::hand_time_s(const recording::Sample& sample) const noexcept {
+  return hand_.motion != nullptr ? hand_.motion->motion_time_s() : sample.time_s;
+}
+
+bool RealTimeSession::motion_over(const recording::Sample& sample) const noexcept {
+  if (hand_.motion != nullptr) return hand_.motion->motion_done();
+  return hand_.duration_s > 0 && sample.time_s >= hand_.duration_s;
+}
+
+void RealTimeSession::note_tip(const recording::Sample& sample) noexcept {
+  const bool stopped = station_.mode() == station::Mode::kStopped;
+  const bool known = sample.reply_sequence > 0 && station_.holds_tip();
+  if (!known || stopped || !station_.tip_up() || (sample.fault_bits & link::kFaultApproaching) != 0) {
+    tip_left_up_s_ = 0;
+  } else {
+    tip_left_up_s_ += sample.dt_s;
+  }
+  if (!known) return;
+  (station_.tip_up() ? tip_seen_up_ : tip_seen_down_) = true;
+}
+
+bool RealTimeSession::over(const recording::Sample& sample) noexcept {
+  if (stop_ticks_ > kStopTicks) {
+    ending_ = Ending::kStopped;
+    return true;
+  }
+  if (requests_ == nullptr && stop_ticks_ == 0 && station_.mode() == station::Mode::kStopped &&
+      ++fault_ticks_ > kStopTicks) {
+    ending_ = Ending::kFault;
+    return true;
+  }
+  // Final: nothing more will come, and nobody needs to wait for it.
+  const bool refused = session_.state() == link::ClientState::kRefused && servers_ == nullptr;
+  if (session_.state() == link::ClientState::kClosed || refused) {
+    ending_ = session_.state() == link::ClientState::kClosed ? Ending::kServerEnded : Ending::kRefused;
+    return true;
+  }
+  if (silent_s(sample) > give_up_s_) {
+    ending_ = Ending::kServerGone;
+    return true;
+  }
+  // A hand that is played waits for the tip no longer than for a silent server. A person may know better.
+  const bool begun = hand_.motion == nullptr || hand_.motion->motion_started();
+  if (!begun && requests_ == nullptr && tip_left_up_s_ > give_up_s_) {
+    ending_ = Ending::kTipUp;
+    return true;
+  }
+  // Who does not move the tip watches for as long as the task would take.
+  const bool still = hand_.motion == nullptr || !hand_.motion->motion_started();
+  if (observe_s_ > 0 && still && loop_.trace().observes && sample.time_s > observe_s_) return true;
+  if (stays_) return false;
+  return motion_over(sample) && static_cast<double>(++done_ticks_) > kAfterTaskS * station_.config().rate_hz;
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,152 @@
+#include "telenano/master/app/run/run_command.h"
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <string>
+
+#include "telenano/master/app/access_flags.h"
+#include "telenano/master/app/run/run_options.h"
+#include "telenano/master/app/run/run_session.h"
+
+namespace telenano::app {
+namespace {
+
+/// What a session needs whatever moves the hand.
+void add_session_flags(CLI::App& command, RunOptions& options) {
+  command
+      .add_option(
+          "--server", options.server,
+          "HOST:PORT of telenano-nve serve, or several, A,B: the first that takes the session; when it is "
+          "lost, the next")
+      ->capture_default_str();
+  add_access_flags(command, options);
+  command.add_option("--station,--config", options.config_file, "Station file (TOML); flags win over it");
+  command.add_option("--rate,--rate-hz", options.rate_hz, "Hz of the station's loop (default 1000)")
+      ->check(CLI::Range(100.0, 8000.0));
+  command
+      .add_option(
+          "--method", options.method,
+          "How the port is kept passive (default auto: twin where the server shares its scene and logs "
+          "steps, else tank or model, by the round trip)")
+      ->type_name("{auto,none,ks,ks-clamp,tdpa,wave,tank,model,twin}");
+  command.add_option(
+      "--scene", options.scene,
+      "The server's scene, a name or a file: the station runs its slave itself, so that the hand "
+      "feels the sample without delay (method twin)");
+  command.add_option("--velocity-scale", options.velocity_scale,
+                     "alpha_v, tip metres per hand metre (default: planned, see plan)");
+  command.add_option("--force-scale", options.force_scale,
+                     "alpha_F, hand newtons per tip newton (default: planned, see plan)");
+  command.add_flag("--allow-unsafe-scaling", options.allow_unsafe_scaling,
+                   "Run beyond the scaling that the device can show passively; force limits stay");
+  command
+      .add_option(
+          "--redundancy", options.redundancy,
+          "Commands that each datagram repeats, so that the slave gets the whole path over a lossy link "
+          "(default 0)")
+      ->check(CLI::Range(0, 4));
+  command
+      .add_option(
+          "--send-hz", options.send_hz,
+          "Datagrams a second: auto (default), as many as the link carries without a queue, at most one "
+          "a tick; or a number, which is kept whatever the link does")
+      ->type_name("{auto,20-8000}");
+  command
+      .add_option(
+          "--dscp", options.dscp,
+          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->capture_default_str();
+  command
+      .add_option("--metrics", options.metrics,
+                  "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
+      ->type_name("HOST:PORT");
+  command.add_flag("--metrics-public", options.metrics_public,
+                   "Let --metrics listen off loopback, where anybody can read it");
+  command.add_option("--record", options.record, "Write a recording (HDF5) to this file");
+  command.add_flag("--overwrite", options.overwrite, "Replace the recording if it exists");
+  command
+      .add_option("--rt-priority", options.realtime_priority, "SCHED_FIFO priority of the loop; 0 = ordinary")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 99));
+  command
+      .add_option("--rt-cpu", options.realtime_cpu, "Processor of the loop; left out: wherever there is room")
+      ->check(CLI::Range(0, 1023));
+  command.add_flag(
+      "--cpu-awake", options.cpu_awake,
+      "Keep the processors from sleeping deeply: wakes in a few microseconds, at the price of heat");
+  command.add_option("--give-up-s", options.give_up_s, "End the session after so much silence")
+      ->capture_default_str()
+      ->check(CLI::Range(0.5, 86400.0));
+  add_view_flags(command, options.view);
+  CLI::Option* const observe = command.add_flag(
+      "--observe", options.observe,
+      "Of a shared tip (serve --share one-tip): look on, never hold it; until stopped, or for --duration-s");
+  command
+      .add_flag(
+          "--take-over", options.take_over,
+          "Of a shared tip: ask for it, and get it as soon as it is free or its holder lets go; with the "
+          "right to administer at once")
+      ->excludes(observe);
+  command
+      .add_option(
+          "--session-file", options.session_file,
+          "Keep the session's token here: a run that was killed and started again within the server's "
+          "--resume-s goes on with the same tip and book")
+      ->type_name("FILE");
+  command.add_flag("--quiet", options.quiet, "No progress, only the summary");
+  command.footer(
+      "Exit code: 0 the task is done, or stopped by a signal; 1 failed while running: no server, server "
+      "silent for too\n"
+      "long, the station stopped itself, recording incomplete (a full disk does not end the session); 2 "
+      "wrong usage or\n"
+      "configuration, nothing was written.");
+}
+
+}  // namespace
+
+CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& exit_code) {
+  auto options = std::make_shared<RunOptions>();
+  options->command_line = command_line;
+  CLI::App* const command = app.add_subcommand("run", "Run one session with a server: feel its sample");
+  command->add_option("--device", options->device, "Hand (default sim); see devices for what is attached")
+      ->type_name("{sim,omega,hid,mouse,replay:FILE}");
+  command->add_flag(
+      "--home", options->home,
+      "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
+  command
+      ->add_option(
+          "--task", options->task,
+          "What the simulated hand does; in a window others can be chosen later. With neither this nor "
+          "--duration-s a window stays open after the task")
+      ->capture_default_str()
+      ->type_name("{position,contact,indent,scan,script}")
+      ->each([options](const std::string&) { options->task_given = true; });
+  command->add_option("--script", options->script,
+                      "CSV with t_s,x_nm,y_nm,z_nm for --task script; z above the surface");
+  command
+      ->add_option("--duration-s", options->duration_s,
+                   "Length of the task (default 10); of a person's session (default: until stopped)")
+      ->check(CLI::Range(0.5, 3600.0));
+  command->add_option("--depth-nm", options->depth_nm, "Intended depth of --task indent (default 5)")
+      ->check(CLI::Range(0.0, 1000.0));
+  add_session_flags(*command, *options);
+  command->callback([options, &exit_code] { exit_code = run_session(*options); });
+  return command;
+}
+
+CLI::App* add_replay_command(CLI::App& app, const std::string& command_line, int& exit_code) {
+  auto options = std::make_shared<RunOptions>();
+  options->command_line = command_line;
+  CLI::App* const command = app.add_subcommand(
+      "replay", "The hand's motion of a recording once more, at any server: run --device replay:FILE");
+  auto file = std::make_shared<std::string>();
+  command->add_option("FILE", *file, "recording")->required();
+  add_session_flags(*command, *options);
+  command->callback([options, file, &exit_code] {
+    options->device = "replay:" + *file;
+    exit_code = run_session(*options);
+  });
+  return command;
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,589 @@
+#include "telenano/master/app/run/run_session.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <charconv>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/control/method_choice.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/metrics/exporter.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/master/app/devices/device_monitor.h"
+#include "telenano/master/app/devices/session_device.h"
+#include "telenano/master/app/failure_text.h"
+#include "telenano/master/app/link_probe.h"
+#include "telenano/master/app/plan/station_plan.h"
+#include "telenano/master/app/run/keep_awake.h"
+#include "telenano/master/app/run/real_time_session.h"
+#include "telenano/master/app/run/run_metrics.h"
+#include "telenano/master/app/run/run_recorder.h"
+#include "telenano/master/app/run/run_text.h"
+#include "telenano/master/app/run/scene_wait.h"
+#include "telenano/master/app/run/session_file.h"
+#include "telenano/master/app/run/twin_cost.h"
+#include "telenano/master/app/station_file.h"
+#include "telenano/master/app/stop_signals.h"
+#include "telenano/master/app/view/session_view.h"
+#include "telenano/master/connection/connect.h"
+#include "telenano/master/connection/server_link.h"
+#include "telenano/master/device/sim_device.h"
+#include "telenano/master/scene/scene_keeper.h"
+#include "telenano/master/station/station.h"
+#include "telenano/master/twin/load_twin.h"
+
+namespace telenano::app {
+namespace {
+
+// The link is measured for so long before the session begins: enough for a median, too short to be noticed.
+constexpr double kProbeS = 0.02;
+constexpr int kProbeMin = 5;
+constexpr int kProbeMax = 40;
+// A loop that has not come back so long after a stop is left behind.
+constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
+// Steps that are kept until the server has made them; twice what is felt without its word.
+constexpr double kTwinRingS = 4;
+// For a twin nothing can begin without the scene: 4 MB at the server's 464 kB/s, and reading it.
+constexpr double kTwinSceneWaitS = 20;
+// So long for a twin that nobody asked for: what a scan of 256² takes to look at the first time on a slow
+// machine, once (SceneCache keeps it). A lesser method for the whole session is worse than these seconds
+// before it.
+constexpr double kFirstSceneWaitS = 8;
+// A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
+constexpr double kSceneWaitS = 2;
+constexpr std::chrono::milliseconds kLineAgain(200);
+constexpr std::chrono::milliseconds kLineAgainInLog(2000);
+
+// CLI11's ranges let "nan" through: no comparison fails with it.
+void require_numbers(const RunOptions& options) {
+  const auto require = [](const char* flag, double value) {
+    if (!std::isfinite(value))
+      throw UserError(fmt::format("{}: {} is no finite number; see --help for its range", flag, value));
+  };
+  require("--rate", options.rate_hz.value_or(0));
+  require("--duration-s", options.duration_s.value_or(0));
+  require("--depth-nm", options.depth_nm.value_or(0));
+  require("--connect-timeout-s", options.connect_timeout_s);
+  require("--give-up-s", options.give_up_s);
+}
+
+double parse_send_hz(const std::string& text) {
+  if (text == "auto") return 0;
+  double hz = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), hz);
+  if (error != std::errc() || end != text.data() + text.size() || !(hz >= 20 && hz <= 8000))
+    throw UserError(
+        fmt::format("--send-hz '{}': expected auto, or datagrams a second from 20 to 8000", text));
+  return hz;
+}
+
+// The file, then the flags, which win.
+StationFile station_file(const RunOptions& options) {
+  StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
+  station::StationConfig& config = file.station;
+  if (options.rate_hz) config.rate_hz = *options.rate_hz;
+  if (options.method) {
+    file.choose(*options.method);
+  } else if (!options.scene.empty()) {
+    file.choose("twin");
+  }
+  if (options.velocity_scale) file.scaling.velocity = *options.velocity_scale;
+  if (options.force_scale) file.scaling.force = *options.force_scale;
+  if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
+  if (options.duration_s) file.task.duration_s = *options.duration_s;
+  if (options.redundancy) file.redundancy = *options.redundancy;
+  if (!options.send_hz.empty()) file.send_hz = parse_send_hz(options.send_hz);
+  if (options.depth_nm) file.task.depth_nm = *options.depth_nm;
+  finish_station_file(file, options.config_file.empty() ? "command line" : options.config_file);
+  return file;
+}
+
+device::IntendedMotion intended_motion(const RunOptions& options, device::TaskOptions task_options,
+                                       double start_height_nm) {
+  const device::Task task = device::parse_task(options.task);
+  if (task == device::Task::kScript) {
+    if (options.script.empty())
+      throw UserError("--task script needs --script FILE (CSV: t_s,x_nm,y_nm,z_nm)");
+    return device::IntendedMotion::from_csv_file(options.script);
+  }
+  task_options.start_height_nm = start_height_nm;
+  task_options.retract_nm = std::max(task_options.retract_nm, start_height_nm);
+  return device::IntendedMotion::for_task(task, task_options);
+}
+
+/// Who only looks on holds the hand still for as long as the task takes: one that the scale of the session
+/// has no room for must not end an observer.
+device::IntendedMotion hand_motion(const RunOptions& options, const device::TaskOptions& task_options,
+                                   double start_height_nm, bool only_looks_on) {
+  device::IntendedMotion motion = intended_motion(options, task_options, start_height_nm);
+  if (!only_looks_on) return motion;
+  const Vec3 start_nm(0, 0, start_height_nm);
+  return device::IntendedMotion({{0, start_nm}, {motion.duration_s(), start_nm}});
+}
+
+/// What a person can choose in the window besides the task that the session begins with, which is number 0.
+std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& options,
+                               device::TaskOptions task_options, double start_height_nm,
+                               const rt::LatestValue<device::PointerState>* pointer) {
+  task_options.start_height_nm = start_height_nm;
+  task_options.retract_nm = std::max(task_options.retract_nm, start_height_nm);
+  const std::array<std::pair<device::Task, const char*>, 4> known = {
+      {{device::Task::kPosition, "hold above the surface"},
+       {device::Task::kContact, "just in contact"},
+       {device::Task::kIndent, "press, pull off"},
+       {device::Task::kScan, "lines in light contact"}}};
+  std::vector<SimTask> tasks;
+  const auto tell = [&](const std::string& name, const char* about, int number, bool free = false) {
+    tasks.push_back({name, about, hand.reach_nm(number), free});
+  };
+  const auto first = std::find_if(known.begin(), known.end(), [&](const auto& task) {
+    return device::task_name(task.first) == options.task;
+  });
+  tell(options.task, first == known.end() ? "the way of the file" : first->second, 0);
+  for (const auto& [task, about] : known) {
+    if (first != known.end() && task == first->first) continue;
+    tell(std::string(device::task_name(task)), about,
+         hand.add_task(device::IntendedMotion::for_task(task, task_options)));
+  }
+  if (pointer != nullptr) tell("free hand", "your mouse leads it", hand.add_free_task(*pointer), true);
+  return tasks;
+}
+
+/// A window that was opened to look around stays when the first task is done; one that was told which task,
+/// or for how long, goes with it.
+bool stays_open(const RunOptions& options, const SessionView& view, bool simulated) {
+  return simulated && view.has_window() && !options.task_given && !options.duration_s;
+}
+
+device::SimDeviceConfig sim_device_config(const StationFile& file, double start_height_nm) {
+  device::SimDeviceConfig config;
+  config.plant = file.plant;
+  config.metres_per_nm = file.station.scaling.hand_displacement_m(Vec3::UnitX()).x();
+  config.start_height_nm = start_height_nm;
+  return config;
+}
+
+/// A vendor's library that does not come back keeps the loop's thread for ever: what is recorded is saved,
+/// and the program ends without waiting for it.
+[[noreturn]] void end_stuck(const SessionDevice& opened, recording::Recorder* recorder) {
+  if (recorder != nullptr) recorder->close();
+  const device::CallWatch::Look look =
+      opened.calls != nullptr ? opened.calls->look() : device::CallWatch::Look{};
+  fmt::print(
+      stderr,
+      "telenano-master: the loop does not come back{}{}; ended without it, the device's own watchdog has "
+      "taken the force away\n",
+      look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
+  std::fflush(nullptr);
+  std::_Exit(1);
+}
+
+// How long a reply is held back at the station; 0 if the newest is taken at once.
+double playout_delay_s(const StationFile& file) {
+  const link::PlayoutConfig& playout = file.link.playout;
+  return playout.mode == link::PlayoutConfig::Mode::kNewest ? 0
+                                                            : 1e-9 * static_cast<double>(playout.delay_ns);
+}
+
+// How the session will run, and what of the wishes this server or link does not give.
+void tell_terms(const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
+                const std::string& scene_name, const station::ScalingCheck& check,
+                const std::string& planned) {
+  const control::Method method = file.station.method;
+  fmt::print(stderr, "session {:016x} on scene '{}', method {}{}, {}\n", welcome.session_id, scene_name,
+             control::method_name(method),
+             !file.chooses_method               ? ""
+             : method == control::Method::kTwin ? " (the server's scene runs here too)"
+                                                : " (by the round trip)",
+             check.text);
+  const control::Method used = station::usable_method(method, welcome.feature_bits);
+  if (used != method) {
+    fmt::print(stderr, "note: this server does not offer what method {} needs; running {}\n",
+               control::method_name(method), control::method_name(used));
+  }
+  if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
+  if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
+    fmt::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
+  const double playout_s = playout_delay_s(file);
+  if (file.link.playout.mode == link::PlayoutConfig::Mode::kConstant && playout_s < link.p99_s) {
+    fmt::print(stderr,
+               "note: playout_delay_ms {:g} is less than the link's round trip (p99 {:.1f} ms): what "
+               "comes later is not felt\n",
+               playout_s * 1e3, link.p99_s * 1e3);
+  }
+  if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
+}
+
+// What is told of a shared tip before the session begins, and what is asked for.
+std::uint32_t tip_wish(const RunOptions& options, const std::string& server, bool shared) {
+  if (!shared && options.observe) {
+    throw RunError(fmt::format(
+        "--observe: the server at {} gives each session a tip of its own, so there is none to observe; it "
+        "would have to run with --share one-tip",
+        server));
+  }
+  if (!shared && options.take_over && !options.quiet)
+    fmt::print(stderr, "note: --take-over: this server gives each session a tip of its own\n");
+  if (shared && !options.quiet) {
+    fmt::print(stderr, "note: this server's tip is shared: {}\n",
+               options.observe
+                   ? options.duration_s ? "observing it" : "observing it, until you stop this with Ctrl-C"
+               : options.take_over ? "asking for it"
+                                   : "taking it if it is free, else observing (--take-over asks for it)");
+  }
+  if (options.observe) return link::kFlagHandOver;
+  return options.take_over ? std::uint32_t{link::kFlagTakeOver} : 0u;
+}
+
+station::TwinRunConfig twin_config(double rate_hz) {
+  station::TwinRunConfig twin;
+  twin.rate_hz = rate_hz;
+  twin.ring_s = kTwinRingS;
+  return twin;
+}
+
+/// Says what of the wish for a twin this server does not give.
+void use_twin(std::vector<std::unique_ptr<control::LocalSlave>> twins, const link::Welcome& welcome,
+              const station::StationConfig& config, station::Station& station, bool quiet) {
+  const bool same = twins[0]->scene_hash() == welcome.scene_hash;
+  if (!same && !quiet)
+    fmt::print(stderr, "note: --scene is another scene than the server's: no twin, method model instead\n");
+  station.use_twin(std::make_unique<station::TwinRun>(twin_config(config.rate_hz), std::move(twins[0]),
+                                                      std::move(twins[1])));
+}
+
+/// Why a tick has no room for this twin; empty: it has.
+std::string too_slow(control::LocalSlave& twin, double rate_hz) {
+  const double cost_s = twin_step_cost_s(twin, rate_hz);
+  if (cost_s <= kTwinShareOfTick / rate_hz) return "";
+  return fmt::format(
+      "a step of this scene takes {:.0f} us here, more than a third of the tick's {:.0f} us; a lower --rate "
+      "leaves room for it",
+      1e6 * cost_s, 1e6 / rate_hz);
+}
+
+using Twins = std::vector<std::unique_ptr<control::LocalSlave>>;
+
+/// Twins of the server's scene; none, and `why`: there can be none in this session. `wanted`: somebody has
+/// asked for the twin; else it is the rule's first choice, nobody waits for it but some seconds, the first
+/// time, and what takes its place is the rule's next. The session stays awake meanwhile.
+Twins find_twins(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
+                 const LinkDelay& link, double rate_hz, bool wanted, bool quiet,
+                 scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop, std::string& why) {
+  Twins twins;
+  if (!session.logs_steps()) {
+    why = "this server keeps no log of steps (a shared tip, a real AFM or an older program)";
+    return twins;
+  }
+  if (!wanted && link.median_s > control::MethodChoice::kTwinMost_s) {
+    why = fmt::format("the round trip is {:.0f} ms, more than {:.0f} ms", 1e3 * link.median_s,
+                      1e3 * control::MethodChoice::kTwinMost_s);
+    return twins;
+  }
+  if (session.welcome().scene.empty()) {
+    why = "this server does not share its scene; name it by --scene";
+    return twins;
+  }
+  keeper.start();
+  wait_for_scene(session, way, server, keeper, true, kSceneWaitS, stop);
+  if (!keeper.settled() && !stop) {
+    if (!quiet)
+      fmt::print(stderr, "note: making the server's scene ready here, which takes longer the first time\n");
+    wait_for_scene(session, way, server, keeper, true, wanted ? kTwinSceneWaitS : kFirstSceneWaitS, stop);
+  }
+  const auto scene = keeper.scene();
+  if (scene && scene->same_physics) {
+    const KeepAwake awake(session, way, server, keeper.pipe());
+    twins = twin::decode_twins(scene->bundle, 2);
+    why = too_slow(*twins[0], rate_hz);
+    if (!why.empty()) twins.clear();
+  } else if (scene) {
+    why = "this program's physics give the server's scene other bits (another version?)";
+  } else if (!keeper.settled()) {
+    why = "the server's scene is still being made ready; a later session has it";
+  } else {
+    why = "the server's scene cannot be fetched; name it by --scene";
+  }
+  return twins;
+}
+
+/// One line of what takes the twin's place, and why.
+void tell_no_twin(const std::string& why, bool wanted) {
+  fmt::print(stderr, "note: no twin, {}: {}\n",
+             wanted ? "method model instead" : "a method by the round trip instead", why);
+}
+
+scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
+  scene_store::SceneKeeperOptions scene;
+  if (!options.quiet) {
+    scene.say = [new_line = isatty(STDERR_FILENO) != 0](const std::string& text) {
+      fmt::print(stderr, "{}note: {}\n", new_line ? "\n" : "", text);
+    };
+  }
+  return scene;
+}
+
+/// The surface of the scene that is here, each time that it is another one; a flat one is a plane as it is.
+std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_store::SceneKeeper& keeper) {
+  return [&keeper, shown = std::shared_ptr<const scene_store::StationScene>()]() mutable
+         -> std::optional<surface::HeightGrid> {
+    const auto scene = keeper.scene();
+    if (!scene || scene == shown) return std::nullopt;
+    shown = scene;
+    if (scene->checked.ground.z_nm.empty()) return std::nullopt;
+    return scene->checked.ground;
+  };
+}
+
+}  // namespace
+
+int run_session(const RunOptions& options) {
+  const std::atomic<bool>& stop = catch_stop_signals();
+  require_numbers(options);
+  StationFile file = station_file(options);
+  const station::StationConfig& config = file.station;
+  const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
+  const bool simulated = spec.kind == DeviceSpec::Kind::kSim;
+  // What is wrong with a task, a script or a device is found before a server is asked.
+  if (simulated) intended_motion(options, file.task, 0);
+  // Forks, so before whatever has threads, keys or sockets.
+  scene_store::SceneKeeper scene(scene_options(options));
+  SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
+  SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
+  if (!simulated) add_pedals(opened, file.pedal);
+  if (!options.quiet && !simulated) {
+    fmt::print(stderr, "device: {}\n", opened.description);
+    for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
+  }
+  const int dscp = net::parse_dscp(options.dscp, "--dscp");
+  connection::ServerList servers(options);
+  if (dscp != 0 && !servers.set_dscp(dscp))
+    fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
+  link::ClientConfig client_config;
+  client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
+  client_config.nonce_seed = connection::random_nonce_seed();
+  SessionFile session_file(options.session_file);
+  client_config.resume_token = session_file.token();
+  client_config.redundancy = static_cast<std::size_t>(file.redundancy);
+  // Only a replay needs to know in which order the slave stepped.
+  if (options.record.empty()) client_config.feature_bits &= ~std::uint64_t{link::kFeatureStepHistory};
+  // The scene is run here too. Whether it is the server's own, the Welcome says.
+  Twins twins;
+  std::string no_twin;
+  const bool last_run = client_config.resume_token != 0;
+  const bool wants_twin = file.station.method == control::Method::kTwin && !file.chooses_method;
+  if (!options.scene.empty()) {
+    twins = twin::load_twins(options.scene, 2);
+    no_twin = too_slow(*twins[0], config.rate_hz);
+    if (!no_twin.empty()) twins.clear();
+  }
+  // Where nobody has said which, the sample itself is the first choice; who only looks on feels nothing.
+  const bool looks_for_twin =
+      options.scene.empty() && (wants_twin || (file.chooses_method && !options.observe));
+  if (looks_for_twin || !twins.empty())
+    client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
+  if (!twins.empty()) client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
+  std::optional<link::ClientSession> opened_session;
+  std::optional<connection::Farewell> farewell;
+  connection::connect_to_any(opened_session, client_config, servers, config.rate_hz, stop,
+                             [&](const std::string& why) {
+                               if (!options.quiet) fmt::print(stderr, "note: {}\n", why);
+                             });
+  // Until the loop begins the session is this server's.
+  connection::ServerLink& way = servers.link();
+  const net::Address server = servers.address();
+  farewell.emplace(*opened_session, way.datagram(), server);
+  const bool resumed = opened_session->resumed_unknown_book();
+  const LinkDelay link =
+      measure_link(*opened_session, way, server, config.rate_hz,
+                   std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
+                   options.connect_timeout_s, stop);
+  if (looks_for_twin) {
+    twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, options.quiet, scene,
+                       stop, no_twin);
+    if (!twins.empty()) {
+      opened_session->make_room_for_snapshot(twins[0]->snapshot_bytes_max());
+    } else if (opened_session->logs_steps()) {
+      // Whether steps are logged is agreed on with the session: on with the same slave, without the log.
+      client_config.step_ring = 0;
+      client_config.resume_token = opened_session->resume_token();
+      client_config.nonce_seed = connection::random_nonce_seed();
+      farewell->leave_to_loop();
+      opened_session.emplace(client_config);
+      connection::connect(*opened_session, way, server, config.rate_hz, servers.access(), stop);
+      farewell.emplace(*opened_session, way.datagram(), server);
+    }
+  }
+  link::ClientSession& session = *opened_session;
+  // Until the loop begins: a terminal that takes no more text, planning, a recording's file or a window may
+  // keep this thread for longer than the server waits.
+  std::optional<KeepAwake> awake(std::in_place, session, way, server, scene.pipe());
+  if (!no_twin.empty() && !options.quiet) tell_no_twin(no_twin, !file.chooses_method);
+  if (wants_twin && twins.empty()) file.station.method = control::Method::kModel;
+
+  const link::Welcome welcome = session.welcome();
+  if (!options.quiet && last_run) {
+    fmt::print(stderr, "{}\n",
+               resumed ? "resuming the session of the last run"
+                       : "the session of the last run is gone; this is a new one");
+  }
+  session_file.keep(welcome.resume_token);
+  const std::uint32_t wish =
+      tip_wish(options, servers.name(), (welcome.feature_bits & link::kFeatureSharing) != 0);
+  scene.start();
+  if (view.wanted() || !options.record.empty()) {
+    awake.reset();
+    wait_for_scene(session, way, server, scene, view.wanted(), kSceneWaitS, stop);
+    awake.emplace(session, way, server, scene.pipe());
+  }
+  // With play-out the controller sees the buffer's delay, not the link's.
+  const int delay_samples =
+      control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);
+  if (file.chooses_method) {
+    const double answer_s = std::max(link.median_s, playout_delay_s(file));
+    file.station.method = control::MethodChoice::at_start({answer_s, 0, true, !twins.empty()});
+  }
+  const config::SlaveLimits slave = slave_limits(welcome);
+  const device::DeviceInfo device_info =
+      simulated ? device::sim_device_info(file.plant) : opened.device->info();
+  const std::string planned = choose_scaling(file, device_info, slave, delay_samples);
+  const station::SlavePort port = slave_port(slave);
+  const station::ScalingCheck check = station::check_scaling(config, device_info, port, delay_samples);
+  if (!check.safe && !config.allow_unsafe_scaling) {
+    throw UserError(check.text + "; " + check.advice);
+  }
+
+  std::vector<SimTask> tasks;
+  const double start_height_nm = welcome.start_pos_w_nm.z() - welcome.surface_z_w_nm;
+  if (simulated) {
+    auto device = std::make_unique<device::SimDevice>(
+        sim_device_config(file, start_height_nm),
+        hand_motion(options, file.task, start_height_nm, options.observe && !view.has_window()));
+    if (view.has_window()) tasks = add_tasks(*device, options, file.task, start_height_nm, view.pointer());
+    opened.motion = device.get();
+    opened.device = std::move(device);
+    add_pedals(opened, file.pedal);
+  }
+  const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
+  // Who only looks on has no task that could be over: until stopped, or for as long as was said.
+  const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
+  const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
+  const station::TwinRunConfig twin_settings = twin_config(config.rate_hz);
+  const std::unique_ptr<recording::Recorder> recorder =
+      make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
+                    scene.bundle().get(), twins.empty() ? nullptr : &twin_settings,
+                    twins.empty() ? 0 : twins[0]->scene_hash());
+  if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned);
+  station::Station station(config, device_info, port);
+  if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
+  RealTimeSession live(hand, servers, servers.as(), session, station, recorder.get(), options.give_up_s,
+                       session_s, stop, file.link);
+  if (servers.size() > 1) live.set_servers(servers);
+  if (file.chooses_method) live.choose_method();
+  if (view_model::ViewRequestHandler* const requests = view.begin(
+          {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
+           tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene)}))
+    live.show_on(*requests, stays_open(options, view, simulated));
+  live.set_tip_wish(wish);
+  live.set_scene_pipe(scene.pipe());
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(options.metrics, options.metrics_public,
+                     [&live](metrics::Page& page) { write_metrics(live.progress(), page); });
+    if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
+  }
+  farewell->leave_to_loop();
+  const bool terminal = isatty(STDERR_FILENO) != 0;
+  // What follows the loop's end, once: a window may stay open after it.
+  bool concluded = false;
+  const auto conclude = [&] {
+    if (std::exchange(concluded, true)) return;
+    if (terminal && !options.quiet) fmt::print(stderr, "\n");
+    if (recorder) recorder->close();
+    session_file.remove();  // ended by a Bye, one way or the other
+    print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
+    print_sending(live.progress());
+  };
+  // A window does not vanish under a person's eyes because the server did. A run that was told how long it
+  // takes is nobody's to close.
+  const auto last_words = [&]() -> std::vector<std::string> {
+    const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
+    if (failure.empty() || options.duration_s || stop.load()) return {};
+    conclude();
+    fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", failure);
+    std::vector<std::string> lines{failure, fmt::format("after {:.1f} s", live.summary().duration_s)};
+    if (recorder)
+      lines.push_back(fmt::format("recording {}: {} rows", options.record, recorder->rows_written()));
+    return lines;
+  };
+  std::string frames;
+  const ServerNames server_list{connection::server_names(options.server), servers.current()};
+  rt::RealtimeConfig realtime;
+  realtime.priority = options.realtime_priority;
+  realtime.cpu = options.realtime_cpu;
+  realtime.hold_cpu_awake = options.cpu_awake;
+  {
+    rt::RealtimeThread thread(realtime, [&live, &awake](const std::stop_token&) {
+      awake.reset();
+      live.run();
+    });
+    if (!options.quiet) {
+      fmt::print(stderr, "loop: {:g} Hz, {}\n", config.rate_hz, thread.report().text);
+      if (!thread.report().advice.empty()) fmt::print(stderr, "{}\n", thread.report().advice);
+    }
+    const DeviceMonitor monitor({[&live] { return live.finished() ? 0 : live.ticks(); },
+                                 [&live] { return live.progress().force_off; }, opened.calls},
+                                [&options, terminal](const std::string& text) {
+                                  fmt::print(stderr, "{}telenano-master: warning: {}\n",
+                                             terminal && !options.quiet ? "\n" : "", text);
+                                });
+    Progress told;
+    auto shown = std::chrono::steady_clock::now();
+    const auto look = [&] {
+      if (stop.load() && monitor.stuck_ns() > kGiveUpStuckNs) end_stuck(opened, recorder.get());
+      const Progress progress = live.progress();
+      if (progress.resume_token != 0) session_file.keep(progress.resume_token);
+      if (!options.quiet) print_changes(told, progress, terminal);
+      if (!options.quiet) print_server(told, progress, server_list, terminal);
+      told = progress;
+      const auto now = std::chrono::steady_clock::now();
+      if (options.quiet || now - shown < (terminal ? kLineAgain : kLineAgainInLog)) return;
+      shown = now;
+      print_progress(progress, session_s, terminal);
+    };
+    if (view.wanted()) {
+      frames = view.run(live, recorder.get(), !thread.report().fifo,
+                        {look, last_words, [&stop] { return stop.load(); }});
+    }
+    while (!live.finished()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      look();
+    }
+    thread.join();
+  }
+  conclude();
+  if (!frames.empty() && !options.quiet) fmt::print(stderr, "{}\n", frames);
+  if (live.ending() == Ending::kStopped) fmt::print(stderr, "stopped by the operator\n");
+  const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
+  if (!failure.empty()) throw RunError(failure);
+  if (recorder && recorder->failed()) return 1;
+  return 0;
+}
+
+}  // namespace telenano::app

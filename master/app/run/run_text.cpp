@@ -1,0 +1,134 @@
+#include "telenano/master/app/run/run_text.h"
+
+#include <fmt/format.h>
+
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
+
+#include "telenano/common/link/fault_names.h"
+#include "telenano/master/station/station.h"
+
+namespace telenano::app {
+
+void print_progress(const Progress& p, double duration_s, bool terminal) {
+  std::string line = fmt::format(
+      "{:5.1f}{} s  {:<8} tip {:8.2f} nm  force {:8.2f} nN  hand {:6.2f} N  energy {:7.2f} mJ  "
+      "RTT {:5.0f} us, least {:.0f}, jitter {:.0f}  lost {} up {} down  age {:.1f} ms  clock {:+.0f} ppm",
+      p.time_s, duration_s > 0 ? fmt::format("/{:.1f}", duration_s) : "",
+      station::mode_name(static_cast<station::Mode>(p.mode)), p.tip_height_nm, p.force_nn, p.hand_force_n,
+      p.energy_j * 1e3, p.link.rtt_us, p.link.rtt_min_us, p.link.jitter_us, p.link.commands_lost,
+      p.link.replies_lost, p.link.force_age_ms, p.link.drift_ppm);
+  if (p.send_hz < p.send_full_hz)
+    line += fmt::format("  sending {:.0f} of {:.0f} Hz: {}", p.send_hz, p.send_full_hz,
+                        link::name(p.send_reason));
+  if (p.playout_delay_ms > 0)
+    line += fmt::format("  play-out {:.1f} ms, late {}", p.playout_delay_ms, p.playout_late);
+  if (p.twin == station::TwinState::kApart)
+    line += "  twin: apart from the server, taking up its state";
+  else if (p.twin == station::TwinState::kGivenUp)
+    line += "  twin: given up";
+  else if (p.twin != station::TwinState::kNone)
+    line += fmt::format("  twin: {} steps ahead", p.twin_behind);
+  if (p.force_off != device::ForceOffCause::kNone)
+    line += fmt::format("  no force: {}", device::force_off_text(p.force_off));
+  if (p.observes) line += "  observing: another session holds the tip, or none";
+  if (p.tip_up) {
+    line += (p.slave_faults & link::kFaultApproaching) != 0
+                ? "  the tip is on its way to the sample: no force"
+                : "  the tip is withdrawn: no force";
+  }
+  if (p.shutting_down) line += "  server has shut down, trying again";
+  if ((p.station_faults & station::kFaultOld) != 0) line += "  the round trip is too long: force is zero";
+  if ((p.slave_faults & link::kFaultShare) != 0) line += "  beyond the share of the server: the tip lags";
+  if (p.silent_s > 0.1) line += fmt::format("  server silent for {:.1f} s: force is zero", p.silent_s);
+  if (terminal) {
+    fmt::print(stderr, "\r{:<190}", line);
+    std::fflush(stderr);
+  } else {
+    fmt::print(stderr, "{}\n", line);
+  }
+}
+
+void print_changes(const Progress& before, const Progress& now, bool terminal) {
+  const char* const end_of_line = terminal ? "\n" : "";
+  if (before.twin != now.twin && now.twin == station::TwinState::kGivenUp) {
+    fmt::print(stderr,
+               "{}note: what the server's slave does is not what its scene does here: no twin from now on, "
+               "method model\n",
+               end_of_line);
+  }
+  if (before.observes != now.observes) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               now.observes ? "the tip is another session's, or nobody's: observing, the force is zero"
+                            : "the tip is this session's");
+  }
+  if (before.tip_up != now.tip_up) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               now.tip_up ? "the slave has withdrawn the tip: the force is zero until it is back"
+                          : "the tip is back: it follows from where it is");
+  }
+  constexpr std::uint32_t kOld = station::kFaultOld;
+  if (((before.station_faults ^ now.station_faults) & kOld) != 0) {
+    fmt::print(stderr, "{}{}\n", end_of_line,
+               (now.station_faults & kOld) != 0
+                   ? "the round trip is too long for this method: the force fades, the tip holds"
+                   : "the round trip is short enough again: the force comes back");
+  }
+  if (before.ticks > 0 && before.method != now.method && now.chooses_method) {
+    fmt::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,
+               control::method_name(now.method), 1e-3 * now.link.rtt_us);
+  }
+  if (!before.shutting_down && now.shutting_down) {
+    fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
+               end_of_line);
+  }
+}
+
+void print_server(const Progress& before, const Progress& now, const ServerNames& servers, bool terminal) {
+  const auto name = [&](std::uint64_t left) {
+    return servers.names[(servers.first + left) % servers.names.size()];
+  };
+  const char* const end_of_line = terminal ? "\n" : "";
+  if (now.servers_left != before.servers_left) {
+    fmt::print(stderr, "{}the session with the server at {} is lost: {}; going on to {}, the force is zero\n",
+               end_of_line, name(now.servers_left - 1), connection::text(now.left_because),
+               name(now.servers_left));
+  }
+  if (now.servers_left > 0 && now.sessions != before.sessions)
+    fmt::print(stderr, "{}the server at {} has taken the session\n", end_of_line, name(now.servers_left));
+}
+
+void print_sending(const Progress& last) {
+  fmt::print(stderr, "  {:<36} {:.0f} Hz at the end ({}), {:.0f} at least, {} times lowered\n",
+             "datagrams sent", last.send_hz, link::name(last.send_reason), last.send_least_hz,
+             last.send_lowered);
+}
+
+std::string slave_fault_names() {
+  std::string names;
+  for (const char* name : link::kFaultNames) names += (names.empty() ? "" : "; ") + std::string(name);
+  return names;
+}
+
+std::string station_fault_names() {
+  std::string names;
+  for (std::uint32_t bit = 0; std::strcmp(station::fault_name(1u << bit), "none") != 0; ++bit)
+    names += (bit == 0 ? "" : "; ") + std::string(station::fault_name(1u << bit));
+  return names;
+}
+
+void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,
+                   const recording::Recorder* recorder, const std::string& path) {
+  summary.overruns = static_cast<std::int64_t>(timer.overruns);
+  summary.missed_ticks = static_cast<std::int64_t>(timer.missed);
+  summary.slave_fault_names = slave_fault_names();
+  summary.station_fault_names = station_fault_names();
+  if (recorder != nullptr) summary.rows_dropped = recorder->rows_dropped();
+  fmt::print(stderr, "summary of {:.1f} s\n{}", summary.duration_s, recording::summary_text(summary));
+  if (recorder == nullptr) return;
+  fmt::print(stderr, "  {:<36} {}: {} rows{}{}\n", "recording", path, recorder->rows_written(),
+             recorder->failed() ? "; stopped early: " : "", recorder->failed() ? recorder->failure() : "");
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,162 @@
+#include "telenano/master/app/start/start_command.h"
+
+#include <fmt/format.h>
+#include <CLI/CLI.hpp>
+
+#include <atomic>
+#include <chrono>
+#include <cstddef>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "telenano/common/base/error.h"
+#include "telenano/master/app/devices/found_devices.h"
+#include "telenano/master/app/start/own_program.h"
+#include "telenano/master/app/start/recent_servers.h"
+#include "telenano/master/app/start/start_flags.h"
+#include "telenano/master/app/stop_signals.h"
+#include "telenano/master/viewer/start_window.h"
+#include "telenano/master/viewer/window_glfw.h"
+
+namespace telenano::app {
+namespace {
+
+constexpr std::size_t kLastLines = 9;
+
+std::vector<viewer::OfferedHand> offered_hands() {
+  std::vector<viewer::OfferedHand> hands{{"mouse", "mouse, in the pictures of the window", "", false}};
+  for (const device::FoundDevice& one : find_devices()) {
+    // A backend without any device has no name.
+    hands.push_back({one.backend, one.name.empty() ? one.backend : one.name, one.usable ? "" : one.why,
+                     one.backend != "hid"});
+  }
+  return hands;
+}
+
+/// session.h5, session-2.h5 …: the first that does not exist, since a recording is never replaced.
+std::string free_recording(const std::string& wanted) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  if (wanted.empty() || !fs::exists(wanted, error)) return wanted;
+  const fs::path path(wanted);
+  std::string stem = path.stem().string();
+  const auto dash = stem.rfind('-');
+  if (dash != std::string::npos && dash + 1 < stem.size() &&
+      stem.find_first_not_of("0123456789", dash + 1) == std::string::npos)
+    stem.resize(dash);
+  for (int i = 2;; ++i) {
+    const fs::path name = path.parent_path() / fmt::format("{}-{}{}", stem, i, path.extension().string());
+    if (!fs::exists(name, error)) return name.string();
+  }
+}
+
+/// Asks a server in a process of its own: this window never waits for it.
+class Question {
+ public:
+  void ask(const view_model::StartChoice& choice, viewer::StartFacts& facts) {
+    program_.reset();
+    facts.plan.reset();
+    facts.trouble = view_model::choice_fault(choice);
+    facts.looking = facts.trouble.empty();
+    if (!facts.looking) return;
+    asked_ = choice;
+    program_.emplace(view_model::plan_arguments(choice), false);
+  }
+  /// True when a server has answered just now.
+  bool poll(viewer::StartFacts& facts) {
+    if (!program_ || !program_->ended()) return false;
+    facts.looking = false;
+    const bool answered = program_->exit_code() == 0;
+    if (answered) {
+      facts.plan = view_model::parse_plan(program_->out());
+    } else {
+      const auto lines = last_lines(program_->err(), 1);
+      facts.trouble = lines.empty() ? "the server could not be asked" : lines.back();
+    }
+    program_.reset();
+    return answered;
+  }
+  const view_model::StartChoice& asked() const noexcept { return asked_; }
+
+ private:
+  std::optional<OwnProgram> program_;
+  view_model::StartChoice asked_;
+};
+
+/// One session, to its end, in its own process and window.
+void run_session_program(const view_model::StartChoice& choice, const std::atomic<bool>& stop,
+                         viewer::StartFacts& facts) {
+  OwnProgram session(view_model::run_arguments(choice), true);
+  bool told = false;
+  while (!session.ended()) {
+    if (stop && !std::exchange(told, true)) session.ask_to_end();
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  }
+  facts.last_words = last_lines(session.err(), kLastLines);
+  facts.last_failed = session.exit_code() != 0;
+  if (facts.last_words.empty())
+    facts.last_words.push_back(fmt::format("it ended with code {}", session.exit_code()));
+}
+
+int start(const StartFlags& flags) {
+  if (!viewer::has_display()) {
+    throw UserError(
+        "start: there is no display; log in graphically or with ssh -X, or use telenano-master run --server "
+        "HOST:PORT");
+  }
+  const std::atomic<bool>& stop = catch_stop_signals();
+  RecentServers recent(RecentServers::users_folder());
+  view_model::StartChoice choice;
+  choice.guide = recent.list().empty();  // nobody has been here before
+  if (!recent.list().empty()) {
+    choice.server = recent.list().front().server;
+    choice.key = recent.list().front().key;
+  }
+  if (!flags.server.empty()) choice.server = flags.server, choice.key = flags.key;
+  if (!flags.device.empty()) choice.device = flags.device;
+  viewer::StartFacts facts;
+  facts.hands = offered_hands();
+  Question question;
+  const auto list_seen = [&] {
+    facts.seen.clear();
+    for (const RecentServer& one : recent.list()) facts.seen.push_back({one.server, one.key});
+  };
+  list_seen();
+  viewer::StartHooks hooks;
+  hooks.look = [&](const view_model::StartChoice& now) { question.ask(now, facts); };
+  hooks.each = [&](const view_model::StartChoice& now) {
+    if (question.poll(facts)) {
+      recent.note({question.asked().server, question.asked().key});
+      list_seen();
+    }
+    // What was said of another session is not said of this one.
+    if (view_model::plan_arguments(now) != view_model::plan_arguments(question.asked()))
+      facts.plan.reset(), facts.trouble.clear();
+    facts.command_line = view_model::shell_line("telenano-master", view_model::run_arguments(now));
+  };
+  hooks.stop_wanted = [&] { return stop.load(); };
+  // One who has named a server, or used one before, need not ask.
+  if (!flags.server.empty() || !recent.list().empty()) question.ask(choice, facts);
+  while (!stop) {
+    choice.recording = free_recording(choice.recording);
+    if (!viewer::run_start_window(facts, choice, hooks)) break;
+    run_session_program(choice, stop, facts);
+  }
+  return 0;
+}
+
+}  // namespace
+
+CLI::App* add_start_command(CLI::App& app, int& exit_code) {
+  auto flags = std::make_shared<StartFlags>();
+  CLI::App* const command = add_start_flags(app, *flags);
+  command->callback([flags, &exit_code] { exit_code = start(*flags); });
+  return command;
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,26 @@
+#include "telenano/master/app/start/start_flags.h"
+
+#include <CLI/CLI.hpp>
+
+namespace telenano::app {
+
+CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
+  CLI::App* const command = app.add_subcommand(
+      "start", "A window to choose a session in: server, hand, method, recording, and what will be felt");
+  CLI::Option* const server = command->add_option(
+      "--server", flags.server, "HOST:PORT to begin with (default: the one seen last, else 127.0.0.1:5100)");
+  command->add_option("--key", flags.key, "Key file of this station for that server")
+      ->type_name("FILE")
+      ->needs(server);
+  command->add_option("--device", flags.device, "Hand to begin with (default sim)")
+      ->type_name("{sim,omega,hid,mouse}");
+  command->footer(
+      "Each session runs as the command line that the window shows, and can be begun again when it is over. "
+      "Servers\n"
+      "that have answered are kept in $XDG_STATE_HOME/telenano/servers (else ~/.local/state). Tab, arrows, "
+      "Space and\n"
+      "Enter reach everything.");
+  return command;
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,115 @@
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "telenano/common/config/slave_limits_file.h"
+#include "telenano/common/link/messages.h"
+#include "telenano/common/recording/recorder.h"
+#include "telenano/common/rt/latest_value.h"
+#include "telenano/common/surface/height_grid.h"
+#include "telenano/master/app/run/real_time_session.h"
+#include "telenano/master/device/pointer_device.h"
+#include "telenano/master/station/station_config.h"
+#include "telenano/master/view_model/view_port.h"
+#include "telenano/master/view_model/view_request_handler.h"
+
+namespace CLI {
+class App;
+}
+
+namespace telenano::viewer {
+struct ViewHooks;
+}
+
+namespace telenano::app {
+
+/// The flags of `run` that are about its picture.
+struct ViewOptions {
+  bool view = false;
+  bool no_view = false;
+  bool guide = false;
+  std::string surface;
+  double tip_radius_nm = 20;
+  std::string screenshot;
+  double at_s = 5;
+  std::string screenshot_size = "1280x800";
+};
+/// Those of them that a recording's picture has too; `at`: what --at counts.
+void add_picture_flags(CLI::App& command, ViewOptions& options, const std::string& at);
+void add_view_flags(CLI::App& command, ViewOptions& options);
+
+/// A task that a simulated hand can be told to do.
+struct SimTask {
+  std::string name;
+  std::string about;
+  Vec3 reach_nm = Vec3::Zero();
+  bool free = false;  ///< led by the mouse
+};
+
+/// What a session tells its picture before it begins.
+struct ViewedSession {
+  const station::StationConfig& station;
+  const device::DeviceInfo& device;
+  const config::SlaveLimits& slave;
+  std::uint64_t feature_bits = 0;
+  int delay_samples = 0;
+  std::string server;
+  std::string recording;              ///< file; empty: none
+  std::vector<SimTask> tasks;         ///< of a simulated hand, by number
+  Vec3 device_half_m = Vec3::Zero();  ///< of its box
+  double give_up_s = 0;               ///< of silence
+  /// The true surface, once it is here: each time that it is another one. Null function: it never comes.
+  std::function<std::optional<surface::HeightGrid>()> fetched_ground = nullptr;
+};
+
+/// The picture of a session: a window, or one photograph without a display; nothing where neither is asked
+/// for. Made before the session, so that what is missing is said before a server is asked.
+class SessionView {
+ public:
+  /// `mouse`: the mouse is the hand. Throws UserError for flags that do not go together, a surface that
+  /// cannot be read, or a build without viewer; RunError without a display.
+  SessionView(const ViewOptions& options, bool mouse);
+  ~SessionView();
+  SessionView(const SessionView&) = delete;
+  SessionView& operator=(const SessionView&) = delete;
+
+  bool wanted() const noexcept { return window_ || photo_; }
+  bool has_window() const noexcept { return window_; }
+  const rt::LatestValue<device::PointerState>* pointer() const noexcept {
+    return window_ ? &pointer_ : nullptr;
+  }
+
+  /// The loop's side, for RealTimeSession; null when no picture is wanted.
+  view_model::ViewRequestHandler* begin(const ViewedSession& session);
+  struct Callbacks {
+    std::function<void()> each;  ///< every now and then, while the session runs
+    /// Once it is over: why a window stays open, the cause first; none: it goes. Not asked of a photograph.
+    std::function<std::vector<std::string>()> last_words;
+    std::function<bool()> stop_wanted;  ///< a window that has stayed goes
+  };
+  /// The picture, until the session is over, or the window closed that stayed after it. In the main thread.
+  /// `give_way`: the loop has no real-time priority, so drawing has to leave it the processors.
+  /// Returns one line about the frames for a person; empty when there is none.
+  std::string run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
+                  const Callbacks& callbacks);
+
+ private:
+  struct Parts;
+  std::string draw(const viewer::ViewHooks& hooks, const RealTimeSession& live);
+
+  ViewOptions options_;
+  bool mouse_ = false;
+  bool window_ = false;
+  bool photo_ = false;
+  view_model::ViewPort port_;
+  rt::LatestValue<device::PointerState> pointer_;
+  std::unique_ptr<view_model::ViewRequestHandler> requests_;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace telenano::app

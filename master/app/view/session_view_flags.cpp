@@ -1,0 +1,43 @@
+#include "telenano/common/config/completion.h"
+
+#include <CLI/CLI.hpp>
+#include "telenano/master/app/view/session_view.h"
+
+namespace telenano::app {
+
+void add_picture_flags(CLI::App& command, ViewOptions& options, const std::string& at) {
+  command
+      .add_option("--surface", options.surface,
+                  "Scan to draw: a .gsf as the server's scene has it, or the scene's name; read again when "
+                  "it changes; without, "
+                  "the one that the server lets be fetched, else a plane and what has been touched")
+      ->type_name(config::kSceneOrFile);
+  command
+      .add_option("--tip-radius-nm", options.tip_radius_nm,
+                  "Of the tip as drawn; the server does not tell its own")
+      ->capture_default_str()
+      ->check(CLI::Range(0.5, 10000.0));
+  command.add_option(
+      "--screenshot", options.screenshot,
+      "Draw one picture of the session into this PNG; needs neither display nor graphics card");
+  command.add_option("--at", options.at_s, at)
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 86400.0))
+      ->needs("--screenshot");
+  command.add_option("--screenshot-size", options.screenshot_size, "WIDTHxHEIGHT of --screenshot, pixels")
+      ->capture_default_str()
+      ->needs("--screenshot");
+}
+
+void add_view_flags(CLI::App& command, ViewOptions& options) {
+  command.add_flag("--view", options.view,
+                   "Open a window: sample, tip, forces, sliders, STOP; F1 in it tells its keys. "
+                   "Default with --device mouse");
+  command.add_flag("--no-view", options.no_view, "No window, whatever the device")->excludes("--view");
+  command.add_flag("--guide", options.guide,
+                   "In the window: five steps to a first touch, to a pull-off; G switches it");
+  add_picture_flags(command, options, "Seconds of the hand's motion after which --screenshot is taken");
+  command.get_option("--screenshot")->excludes("--view");
+}
+
+}  // namespace telenano::app

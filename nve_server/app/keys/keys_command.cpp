@@ -1,0 +1,123 @@
+#include "telenano/nve_server/app/keys/keys_command.h"
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "telenano/common/base/utc_time.h"
+#include "telenano/common/net/rights.h"
+#include "telenano/common/security/key_admin.h"
+
+namespace telenano::app {
+namespace {
+
+struct KeysOptions {
+  std::string list = "keys.toml";
+  std::string name;
+  std::string rights = "operate";
+  std::string out;
+  std::optional<double> days;
+  double overlap_days = 7;
+};
+
+// The moment so many days from now.
+std::int64_t in_days(double days) {
+  using std::chrono::seconds;
+  const auto now = std::chrono::floor<seconds>(std::chrono::system_clock::now());
+  return now.time_since_epoch().count() + static_cast<std::int64_t>(std::llround(86400 * days));
+}
+
+std::optional<std::int64_t> end_of(const KeysOptions& options) {
+  return options.days ? std::optional(in_days(*options.days)) : std::nullopt;
+}
+
+std::string until(std::optional<std::int64_t> expires_s) {
+  return expires_s ? " until " + utc_text(*expires_s) : "";
+}
+
+void make_key(const KeysOptions& options) {
+  const std::string out = options.out.empty() ? options.name + ".key" : options.out;
+  const std::optional<std::int64_t> expires_s = end_of(options);
+  security::new_key(options.list, options.name, *net::parse_rights(options.rights), out, expires_s);
+  std::fprintf(
+      stderr,
+      "telenano-nve: key '%s' may %s%s; bring %s to its station (telenano-master run --key), then remove it "
+      "here\n",
+      options.name.c_str(), options.rights.c_str(), until(expires_s).c_str(), out.c_str());
+}
+
+void rotate_key(const KeysOptions& options) {
+  const std::int64_t old_expires_s = in_days(options.overlap_days);
+  const std::optional<std::int64_t> expires_s = end_of(options);
+  const std::string name =
+      security::rotate_key(options.list, options.name, options.out, old_expires_s, expires_s);
+  const std::string out = options.out.empty() ? name + ".key" : options.out;
+  std::fprintf(
+      stderr,
+      "telenano-nve: key '%s' follows '%s', with the same rights%s; bring %s to the station before %s, "
+      "when the old one ends at the latest, then remove it here\n",
+      name.c_str(), options.name.c_str(), until(expires_s).c_str(), out.c_str(),
+      utc_text(old_expires_s).c_str());
+}
+
+}  // namespace
+
+CLI::App* add_keys_command(CLI::App& app) {
+  auto options = std::make_shared<KeysOptions>();
+  CLI::App* const command =
+      app.add_subcommand("keys", "Who may open encrypted sessions: new, rotate, list, revoke");
+  command->require_subcommand(1);
+  const auto add = [&](const char* name, const char* description) {
+    CLI::App* const sub = command->add_subcommand(name, description);
+    sub->add_option("--keys", options->list, "The list of keys (TOML)")
+        ->capture_default_str()
+        ->type_name("FILE");
+    return sub;
+  };
+  CLI::App* const fresh = add("new", "Make a key: adds it to the list and writes the station's file");
+  fresh->add_option("name", options->name, "Name of the station")->required();
+  const std::vector<std::string> rights(net::kRightsNames.begin(), net::kRightsNames.end());
+  fresh->add_option("--rights", options->rights, "observe | operate | administer")
+      ->capture_default_str()
+      ->check(CLI::IsMember(rights));
+  fresh->add_option("--out", options->out, "The station's file; left out: NAME.key")->type_name("FILE");
+  const auto add_days = [&](CLI::App* sub) {
+    sub->add_option("--days", options->days, "The key expires so many days from now; left out: never")
+        ->type_name("DAYS")
+        ->check(CLI::Range(1e-5, 36500.0));
+  };
+  add_days(fresh);
+  fresh->callback([options] { make_key(*options); });
+
+  CLI::App* const rotate =
+      add("rotate", "Make the key that follows one, with its rights; the old one ends after the overlap");
+  rotate->add_option("name", options->name, "Name of the key that is followed")->required();
+  rotate->add_option("--overlap-days", options->overlap_days, "So long both are in force")
+      ->capture_default_str()
+      ->type_name("DAYS")
+      ->check(CLI::Range(0.0, 365.0));
+  add_days(rotate);
+  rotate->add_option("--out", options->out, "The station's file; left out: NEWNAME.key")->type_name("FILE");
+  rotate->callback([options] { rotate_key(*options); });
+
+  CLI::App* const list = add("list", "Print the list as CSV, without secrets");
+  list->callback([options] { std::fputs(security::list_keys(options->list).c_str(), stdout); });
+
+  CLI::App* const revoke =
+      add("revoke", "Take a key or certificate off the list; a running server ends its sessions");
+  revoke->add_option("name", options->name, "Name of the key, common name or fingerprint of the certificate")
+      ->required();
+  revoke->callback([options] {
+    security::revoke_key(options->list, options->name);
+    std::fprintf(stderr, "telenano-nve: '%s' is off the list\n", options->name.c_str());
+  });
+  return command;
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,491 @@
+#include "telenano/nve_server/app/sample/fit_command.h"
+
+#include <fcntl.h>
+#include <stdio.h>
+#include <unistd.h>
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/plot/gnuplot.h"
+#include "telenano/nve_server/app/scene/scene_loading.h"
+#include "telenano/nve_server/fit/curve_file.h"
+#include "telenano/nve_server/fit/curve_fit.h"
+#include "telenano/nve_server/fit/fitted_scene.h"
+#include "telenano/nve_server/fit/prepared_curve.h"
+#include "telenano/nve_server/scene/scene.h"
+
+namespace telenano::app {
+namespace {
+
+constexpr std::size_t kFileBytesMax = std::size_t{1} << 28;
+constexpr int kThreadsMax = 256;
+
+struct Options {
+  std::vector<std::string> curves;
+  std::string scene;
+  std::string out;
+  std::string invols;  // nm/V, "stiff", or empty
+  std::optional<double> stiffness_n_m;
+  std::optional<double> radius_nm;
+  fit::ColumnChoice columns;
+  std::vector<std::string> also;
+  bool shift = false;
+  std::string residuals;
+  std::string plot;
+  std::string table;
+  int threads = 0;
+  bool force = false;
+};
+
+/// One file on its way.
+struct Curve {
+  std::string path;
+  std::string what;
+  std::optional<double> stiffness_n_m;  // as the file has it
+  std::vector<std::string> notes;
+  fit::PreparedCurve prepared;
+  fit::CurveFit fit;
+};
+
+std::string words(double value, int digits = 4) {
+  std::ostringstream text;
+  text.precision(digits);
+  text << value;
+  return text.str();
+}
+
+std::string read_bytes(const std::string& path) {
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (status.type() == std::filesystem::file_type::not_found)
+    throw UserError(path + ": there is no such file");
+  if (status.type() != std::filesystem::file_type::regular)
+    throw UserError(path + ": is no regular file, expected a force curve");
+  const auto size = std::filesystem::file_size(path, error);
+  if (!error && size > kFileBytesMax)
+    throw UserError(path + ": has " + std::to_string(size) + " bytes, expected at most 256 MiB");
+  std::ifstream file(path, std::ios::binary);
+  if (error || !file) throw UserError(path + ": cannot be read: " + std::strerror(errno));
+  std::string bytes(static_cast<std::size_t>(size), '\0');
+  file.read(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  bytes.resize(static_cast<std::size_t>(file.gcount()));
+  return bytes;
+}
+
+[[noreturn]] void cannot_write(const std::string& path) {
+  throw RunError(path + ": cannot be written: " + std::strerror(errno));
+}
+
+/// The old file or the new one whole.
+void write_text(const std::string& path, const std::string& text) {
+  const std::string beside = path + ".part";
+  std::FILE* file = std::fopen(beside.c_str(), "we");
+  if (file == nullptr) cannot_write(path);
+  bool good = std::fwrite(text.data(), 1, text.size(), file) == text.size() && std::fflush(file) == 0 &&
+              ::fsync(::fileno(file)) == 0;
+  good = std::fclose(file) == 0 && good;
+  if (good && ::rename(beside.c_str(), path.c_str()) == 0) return;
+  const int why = errno;
+  ::unlink(beside.c_str());
+  errno = why;
+  cannot_write(path);
+}
+
+fit::Preparation preparation_of(const Options& options, double stiffness_n_m) {
+  fit::Preparation how;
+  how.stiffness_n_m = stiffness_n_m;
+  how.invols_from_stiff = options.invols == "stiff";
+  if (options.invols.empty() || how.invols_from_stiff) return how;
+  double value = 0;
+  const char* end = options.invols.data() + options.invols.size();
+  const auto [read, error] = std::from_chars(options.invols.data(), end, value);
+  if (error != std::errc() || read != end || !(value >= 0.01 && value <= 1e5)) {
+    throw UserError("--invols-nm-v is '" + fit::plain_line(options.invols) +
+                    "', expected a sensitivity of 0.01 to 1e5 nm/V, or stiff");
+  }
+  how.invols_nm_v = value;
+  return how;
+}
+
+fit::FitSetup setup_of(const Options& options, const scene::Scene& scene) {
+  if (scene.probe.origin == "rigid")
+    throw UserError(scene.path + ": has a rigid probe: a curve is fitted with its lever, give stiffness_n_m");
+  if (options.stiffness_n_m && scene.probe.origin != "given") {
+    throw UserError(scene.path +
+                    ": --stiffness-n-m goes with a scene that has stiffness_n_m: its lever is a " +
+                    scene.probe.origin);
+  }
+  fit::FitSetup setup;
+  setup.law = scene.law_parameters;
+  setup.radius_nm = options.radius_nm.value_or(scene.probe.tip_radius_nm);
+  setup.compliance_nm_nn = scene.probe_compliance_nm_nn()(2, 2);
+  if (options.stiffness_n_m)
+    setup.compliance_nm_nn *= scene.cantilever.stiffness_n_m() / *options.stiffness_n_m;
+  setup.sample_modulus_gpa = scene.sample.youngs_modulus_gpa;
+  setup.sample_poisson = scene.sample.poisson_ratio;
+  const scene::Material& tip = scene.probe.tip;
+  setup.tip_compliance_per_gpa = (1.0 - tip.poisson_ratio * tip.poisson_ratio) / tip.youngs_modulus_gpa;
+  for (const std::string& name : options.also) (name == "R" ? setup.fit_radius : setup.fit_distance) = true;
+  setup.fit_shift = options.shift;
+  return setup;
+}
+
+void fit_one(const Options& options, const fit::FitSetup& setup, const fit::Preparation& how, Curve& curve) {
+  const std::string bytes = read_bytes(curve.path);
+  const fit::RawCurve raw = fit::read_curve(bytes, options.columns);
+  curve.what = raw.what;
+  curve.stiffness_n_m = raw.stiffness_n_m;
+  curve.prepared = fit::prepare(raw, how);
+  curve.notes = curve.prepared.notes;
+  curve.fit = fit::fit_curve(curve.prepared, setup);
+  const double k = how.stiffness_n_m;
+  if (raw.stiffness_n_m && std::abs(*raw.stiffness_n_m / k - 1.0) > 0.01) {
+    curve.notes.push_back("the file has a lever of " + words(*raw.stiffness_n_m) + " N/m, fitted with " +
+                          words(k) + " N/m: --stiffness-n-m takes another");
+  }
+}
+
+/// Each curve by itself, so that the number of threads changes nothing. The first mistake by order is thrown.
+void fit_all(const Options& options, const fit::FitSetup& setup, const fit::Preparation& how,
+             std::vector<Curve>& curves) {
+  const int wanted =
+      options.threads > 0 ? options.threads : static_cast<int>(std::thread::hardware_concurrency());
+  const int count =
+      std::clamp(wanted, 1, static_cast<int>(std::min<std::size_t>(curves.size(), kThreadsMax)));
+  std::atomic<std::size_t> next{0};
+  std::atomic<std::size_t> done{0};
+  std::vector<std::string> failed(curves.size());
+  const bool tell = curves.size() > 1 && ::isatty(STDERR_FILENO) == 1;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < curves.size(); i = next++) {
+      try {
+        fit_one(options, setup, how, curves[i]);
+      } catch (const std::exception& error) {
+        failed[i] = error.what();
+      }
+      const std::size_t so_far = ++done;
+      if (tell) std::fprintf(stderr, "\rfit %zu of %zu curves", so_far, curves.size());
+    }
+  };
+  std::vector<std::jthread> threads;
+  for (int i = 1; i < count; ++i) threads.emplace_back(work);
+  work();
+  threads.clear();
+  if (tell) std::fputs("\n", stderr);
+  for (const std::string& why : failed)
+    if (!why.empty()) throw UserError(why);
+}
+
+std::string interval_of(const fit::Estimate& e) {
+  return (e.low ? words(*e.low) : std::string("open")) + " to " +
+         (e.high ? words(*e.high) : std::string("open"));
+}
+
+void print_one(const Curve& curve) {
+  const fit::CurveFit& f = curve.fit;
+  std::printf("%-14s %s (%s), %zu points in, %zu out\n", "curve", curve.path.c_str(), curve.what.c_str(),
+              f.approach.model_nm.size(), f.retract.model_nm.size());
+  std::printf("%-14s %-22s %-28s 1 %% of k, InvOLS, R moves it by\n", "estimate", "value", "95 % interval");
+  for (const fit::Estimate& e : f.estimates) {
+    std::printf("%-14s %-22s %-28s %.3g %%, %.3g %%, %.3g %%\n", e.name.c_str(),
+                (words(e.value) + " " + e.unit).c_str(), interval_of(e).c_str(), e.sensitivity_stiffness,
+                e.sensitivity_invols, e.sensitivity_radius);
+  }
+  std::printf("%-14s K = %.4g GPa", "follows", f.contact_modulus_gpa);
+  if (f.lambda > 0) std::printf(", lambda = %.4g", f.lambda);
+  if (f.hamaker_aj > 0) std::printf(", Hamaker constant 12 pi z0^2 w = %.4g aJ", f.hamaker_aj);
+  std::printf("\n");
+  for (std::size_t a = 1; a < f.correlation.size(); ++a) {
+    for (std::size_t b = 0; b < a; ++b) {
+      std::printf("%-14s %s and %s: %.3f\n", "correlation", f.estimates[a].name.c_str(),
+                  f.estimates[b].name.c_str(), f.correlation[a][b]);
+    }
+  }
+  std::printf(
+      "%-14s rms %.4g nm, free part's noise %.4g nm (ratio %.3g), whitened %.3g, left correlation %.2g\n",
+      "residuals", f.rms_nm, f.noise_nm, f.rms_nm / f.noise_nm, f.reduced, f.left_correlation);
+  std::printf("%-14s %d of %d starts end here\n", "search", f.starts_agree, f.starts);
+  for (const std::string& note : curve.notes) std::printf("%-14s %s\n", "note", note.c_str());
+  for (const std::string& note : f.notes) std::printf("%-14s %s\n", "cannot tell", note.c_str());
+}
+
+std::string csv_table(const std::vector<Curve>& curves) {
+  std::string text =
+      "curve,e_gpa,e_low_gpa,e_high_gpa,w_mj_m2,w_low_mj_m2,w_high_mj_m2,r_nm,r_low_nm,r_high_nm,z0_nm,z0_"
+      "low_nm,"
+      "z0_high_nm,lambda,hamaker_aj,rms_nm,noise_nm,error\n";
+  for (const Curve& curve : curves) {
+    std::string name = "\"";
+    for (const char c : curve.path) name += c == '"' ? std::string("\"\"") : std::string(1, c);
+    text += name + "\"";
+    for (const char* wanted : {"E", "w", "R", "z0"}) {
+      const auto found = std::find_if(curve.fit.estimates.begin(), curve.fit.estimates.end(),
+                                      [&](const fit::Estimate& e) { return e.name == wanted; });
+      if (found == curve.fit.estimates.end()) {
+        text += ",,,";
+        continue;
+      }
+      text += "," + words(found->value, 9) + "," + (found->low ? words(*found->low, 9) : "") + "," +
+              (found->high ? words(*found->high, 9) : "");
+    }
+    const fit::CurveFit& f = curve.fit;
+    if (f.error.empty()) {
+      text += "," + words(f.lambda, 9) + "," + words(f.hamaker_aj, 9) + "," + words(f.rms_nm, 9) + "," +
+              words(f.noise_nm, 9) + ",\n";
+    } else {
+      text += ",,,,,\"" + f.error + "\"\n";
+    }
+  }
+  return text;
+}
+
+std::string csv_residuals(const std::vector<Curve>& curves) {
+  std::string text = "curve,direction,z_nm,deflection_nm,model_nm,residual_nm,used\n";
+  char line[256];
+  for (std::size_t c = 0; c < curves.size(); ++c) {
+    for (const bool approach : {true, false}) {
+      const fit::FitLeg& leg = approach ? curves[c].fit.approach : curves[c].fit.retract;
+      const fit::PreparedLeg& data = approach ? curves[c].prepared.approach : curves[c].prepared.retract;
+      for (std::size_t i = 0; i < leg.model_nm.size(); ++i) {
+        std::snprintf(line, sizeof line, "%zu,%s,%.9g,%.9g,%.9g,%.9g,%d\n", c,
+                      approach ? "approach" : "retract", data.z_nm[i], data.deflection_nm[i], leg.model_nm[i],
+                      leg.residual_nm[i], static_cast<int>(leg.used[i]));
+        text += line;
+      }
+    }
+  }
+  return text;
+}
+
+void draw(const Curve& curve, const std::string& file) {
+  std::string script = "$curve << EOD\n";
+  char line[160];
+  for (const bool approach : {true, false}) {
+    const fit::FitLeg& leg = approach ? curve.fit.approach : curve.fit.retract;
+    const fit::PreparedLeg& data = approach ? curve.prepared.approach : curve.prepared.retract;
+    for (std::size_t i = 0; i < leg.model_nm.size(); ++i) {
+      std::snprintf(line, sizeof line, "%.7g,%.7g,%.7g,%.7g\n", data.z_nm[i] - curve.fit.touch_z_nm,
+                    data.deflection_nm[i], leg.model_nm[i], leg.used[i] != 0 ? leg.residual_nm[i] : 0.0);
+      script += line;
+    }
+    script += "\n\n";
+  }
+  script += "EOD\n";
+  script += "set bmargin\nset tmargin\nset multiplot layout 2,1\n";
+  script += "set title " +
+            plot::quoted(fit::plain_line(std::filesystem::path(curve.path).filename().string())) +
+            " noenhanced\n";
+  script += "set ylabel 'deflection (nm)'\n";
+  const std::string blue = plot::kBlue;
+  const std::string red = plot::kRed;
+  script += "plot $curve index 0 using 1:2 with points pt 7 ps 0.2 lc rgb '" + blue +
+            "' title 'in', $curve index 1 using 1:2 with points pt 7 ps 0.2 lc rgb '" + red +
+            "' title 'out', $curve index 0 using 1:3 with lines lw 1.2 lc rgb '" + plot::kInk +
+            "' title 'fit', $curve index 1 using 1:3 with lines lw 1.2 lc rgb '" + plot::kInk + "' notitle\n";
+  script += "unset title\nset ylabel 'measured - fit (nm)'\nset xlabel 'base above touch (nm)'\n";
+  script += "plot $curve index 0 using 1:4 with points pt 7 ps 0.2 lc rgb '" + blue +
+            "' notitle, $curve index 1 using 1:4 with points pt 7 ps 0.2 lc rgb '" + red + "' notitle\n";
+  script += "unset multiplot\n";
+  plot::draw(file, 900, 800, script);
+}
+
+/// Of the curves that were fitted; the middle one's logarithm, or between the two middle ones.
+double median_of(const std::vector<Curve>& curves, double fit::CurveFit::*what) {
+  std::vector<double> values;
+  for (const Curve& curve : curves)
+    if (curve.fit.error.empty()) values.push_back(curve.fit.*what);
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return n % 2 == 1 ? values[n / 2] : std::sqrt(values[n / 2 - 1] * values[n / 2]);
+}
+
+std::string fitted_text(const Options& options, const scene::Scene& scene, const fit::FitSetup& setup,
+                        const std::vector<Curve>& curves) {
+  std::string text = read_bytes(scene.path);
+  const auto set = [&](const char* table, const char* key, double value) {
+    text = fit::with_key(text, table, key, words(value, 9));
+  };
+  physics::TipSampleParameters law = setup.law;
+  set("sample", "youngs_modulus_gpa", median_of(curves, &fit::CurveFit::modulus_gpa));
+  const bool adhesion = law.model != physics::ContactLaw::kHertz;
+  double radius_nm = setup.radius_nm;
+  if (setup.fit_radius) radius_nm = median_of(curves, &fit::CurveFit::radius_nm);
+  if (adhesion) {
+    law.work_of_adhesion_n_m = median_of(curves, &fit::CurveFit::work_n_m);
+    set("contact", "work_of_adhesion_j_m2", law.work_of_adhesion_n_m);
+  }
+  if (setup.fit_distance) {
+    law.equilibrium_distance_nm = median_of(curves, &fit::CurveFit::distance_nm);
+    set("contact", "equilibrium_distance_nm", law.equilibrium_distance_nm);
+  }
+  if (setup.fit_radius || options.radius_nm) set("probe", "tip_radius_nm", radius_nm);
+  if (options.stiffness_n_m) set("probe", "stiffness_n_m", *options.stiffness_n_m);
+  // What was fitted is the dry contact's.
+  if (law.long_range.capillary.humidity_percent > 0)
+    text = fit::with_key(text, "forces.capillary", "adhesion", "\"dry\"");
+  // A scene whose tip may not bear its own adhesion is refused.
+  law.method = physics::MaugisMethod::kDirect;
+  const double attraction_nn = physics::TipSampleLaw(law).attraction_bound_nn(radius_nm);
+  if (!(scene.limits.force_max_nn > attraction_nn))
+    set("limits", "force_max_nn", std::ceil(2.0 * attraction_nn));
+  if (!scene.ground.scan_path.empty()) {
+    std::error_code error;
+    const auto here = std::filesystem::absolute(options.out).parent_path();
+    auto scan = std::filesystem::relative(scene.ground.scan_path, here, error).string();
+    if (error || scan.empty()) scan = std::filesystem::absolute(scene.ground.scan_path).string();
+    if (std::filesystem::absolute(scene.path).parent_path() != here) {
+      std::string quoted = "\"";
+      for (const char c : scan) quoted += c == '"' || c == '\\' ? std::string("\\") + c : std::string(1, c);
+      text = fit::with_key(text, "surface", "file", quoted + "\"");
+    }
+  }
+  std::string head = "# Made by telenano-nve fit from " + std::to_string(curves.size()) + " curve" +
+                     (curves.size() == 1 ? "" : "s") + ", the first " + fit::plain_line(curves[0].path, 200) +
+                     ".\n";
+  text = head + text;
+  const auto again = scene::parse_scene(text, options.out);
+  const double modulus = again->sample.youngs_modulus_gpa;
+  const bool same =
+      std::abs(modulus / median_of(curves, &fit::CurveFit::modulus_gpa) - 1.0) < 1e-6 &&
+      (!adhesion ||
+       std::abs(again->law_parameters.work_of_adhesion_n_m / law.work_of_adhesion_n_m - 1.0) < 1e-6);
+  if (!same) {
+    throw UserError(
+        scene.path +
+        ": its text cannot be edited: write [sample] and [contact] as tables of their own, a key a line");
+  }
+  return text;
+}
+
+void check_target(const std::string& path, const char* flag, const Options& options) {
+  if (path.empty()) return;
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error))
+    throw UserError(path + ": is a folder: choose a file with " + flag);
+  if (std::filesystem::exists(std::filesystem::symlink_status(path, error))) {
+    if (!options.force)
+      throw UserError(path + ": is there already: --force replaces it, or choose another with " + flag);
+    for (const std::string& curve : options.curves)
+      if (std::filesystem::equivalent(path, curve, error))
+        throw UserError(path + ": is a curve to fit: choose another file with " + flag);
+  }
+}
+
+void run(const Options& options) {
+  check_target(options.out, "-o", options);
+  check_target(options.residuals, "--residuals", options);
+  check_target(options.table, "--table", options);
+  check_target(options.plot, "--plot", options);
+  if (!options.plot.empty()) plot::require_drawable(options.plot, "--plot");
+  if (options.stiffness_n_m && !(*options.stiffness_n_m >= 1e-3 && *options.stiffness_n_m <= 1e5))
+    throw UserError("--stiffness-n-m is " + words(*options.stiffness_n_m) + ", expected 1e-3 to 1e5 N/m");
+  if (options.radius_nm && !(*options.radius_nm >= 1.0 && *options.radius_nm <= 1e4))
+    throw UserError("--radius-nm is " + words(*options.radius_nm) + ", expected 1 to 1e4 nm");
+  if (options.threads < 0 || options.threads > kThreadsMax)
+    throw UserError("--threads is " + std::to_string(options.threads) + ", expected 0 (all cores) to 256");
+  const auto scene = load_scene(options.scene);
+  const fit::FitSetup setup = setup_of(options, *scene);
+  const fit::Preparation how = preparation_of(options, 1.0 / setup.compliance_nm_nn);
+  std::vector<Curve> curves(options.curves.size());
+  for (std::size_t i = 0; i < curves.size(); ++i) curves[i].path = options.curves[i];
+  fit_all(options, setup, how, curves);
+  std::size_t good = 0;
+  for (const Curve& curve : curves) {
+    if (curve.fit.error.empty())
+      ++good;
+    else if (curves.size() > 1)
+      std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", curve.path.c_str(), curve.fit.error.c_str());
+  }
+  if (good == 0) throw UserError(curves[0].path + ": " + curves[0].fit.error);
+  const std::string text = fitted_text(options, *scene, setup, curves);
+  write_text(options.out, text);
+  if (!options.residuals.empty()) write_text(options.residuals, csv_residuals(curves));
+  if (!options.table.empty()) write_text(options.table, csv_table(curves));
+  if (curves.size() == 1) {
+    print_one(curves[0]);
+  } else {
+    std::fputs(csv_table(curves).c_str(), stdout);
+    std::printf("# median of %zu curves: E = %.4g GPa, w = %.4g mJ/m2\n", good,
+                median_of(curves, &fit::CurveFit::modulus_gpa),
+                1e3 * median_of(curves, &fit::CurveFit::work_n_m));
+  }
+  if (!options.plot.empty()) {
+    const auto first =
+        std::find_if(curves.begin(), curves.end(), [](const Curve& c) { return c.fit.error.empty(); });
+    draw(*first, options.plot);
+  }
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+void add_fit_command(CLI::App& app) {
+  CLI::App* command =
+      app.add_subcommand("fit", "a sample's modulus and adhesion from force curves of your own");
+  auto options = std::make_shared<Options>();
+  command
+      ->add_option("curves", options->curves,
+                   "force curves: .csv, .ibw (Igor 5), .jpk-force; several: each by itself")
+      ->required()
+      ->type_name("FILE");
+  command
+      ->add_option(
+          "--scene", options->scene,
+          "the start, and what is known: tip radius, lever, law, materials; its ground does not matter")
+      ->required()
+      ->type_name(config::kSceneOrFile);
+  command
+      ->add_option("-o,--out", options->out,
+                   "the same scene with what was found (of several curves the median)")
+      ->required()
+      ->type_name("FILE");
+  command
+      ->add_option("--invols-nm-v", options->invols,
+                   "deflection sensitivity; stiff: from the deepest part, as if the sample were rigid")
+      ->type_name("NUMBER|stiff");
+  command->add_option("--stiffness-n-m", options->stiffness_n_m, "of the lever; left out: the scene's");
+  command->add_option("--radius-nm", options->radius_nm, "of the tip; left out: the scene's");
+  command
+      ->add_option(
+          "--also", options->also,
+          "fit these, too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, and "
+          "with it the Hamaker constant 12 pi z0^2 w")
+      ->check(CLI::IsMember({"R", "z0"}));
+  command->add_flag("--shift", options->shift, "z may be shifted between the two ways: drift of the piezo");
+  command->add_option("--z-column", options->columns.z, "name of the column with the height");
+  command->add_option("--deflection-column", options->columns.deflection,
+                      "name of the column with the deflection");
+  command->add_option("--residuals", options->residuals, "CSV: curve, model and residual, point by point")
+      ->type_name("FILE");
+  command->add_option("--table", options->table, "CSV: a line of estimates a curve")->type_name("FILE");
+  command->add_option("--plot", options->plot, "picture of the first curve with its fit (.svg or .png)")
+      ->type_name("FILE");
+  command->add_option("--threads", options->threads, "0: as many as cores; changes no result")
+      ->capture_default_str();
+  command->add_flag("--force", options->force, "replace files that are there");
+  command->footer(
+      "The model is that of curve: the scene's law on a flat sample with the lever in the loop, both ways. "
+      "The "
+      "lever's\nstiffness is never fitted: no quasi-static curve tells it. Intervals are 95 %, by profile "
+      "likelihood with the noise's own\ncorrelation; what the curve cannot tell is open, and said.");
+  command->callback([options] { run(*options); });
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,221 @@
+#include "telenano/nve_server/app/serve/serve_afm.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+#include <CLI/CLI.hpp>
+
+#include <cstdio>
+#include <cstdlib>
+#include <optional>
+#include <vector>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/hash/sha256.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/security/private_file.h"
+#include "telenano/nve_server/afm/afm_adapters.h"
+#include "telenano/nve_server/afm/afm_driver.h"
+#include "telenano/nve_server/afm/afm_slave.h"
+#include "telenano/nve_server/afm/guard.h"
+#include "telenano/nve_server/app/serve/port_list.h"
+#include "telenano/nve_server/app/serve/tip_latch.h"
+
+namespace telenano::app {
+
+namespace {
+
+afm::DeadmanKey read_deadman_key(const std::string& file) {
+  if (!has_sha256())
+    throw UserError("this program was built without OpenSSL, which a deadman's heartbeats need");
+  const auto key = afm::parse_deadman_key(security::read_private_file(file, "[deadman] key"));
+  if (!key)
+    throw UserError(file +
+                    ": [deadman] key: expected 64 hexadecimal digits, as deadman.py new-key makes them");
+  return *key;
+}
+
+}  // namespace
+
+struct ServeAfm::Running {
+  std::shared_ptr<afm::AfmExchange> exchange = std::make_shared<afm::AfmExchange>();
+  std::unique_ptr<TipLatch> latch;
+  std::unique_ptr<afm::AfmDriver> driver;
+  /// Nothing moves any more. Where the tip is known to be up, nobody needs to approve the next approach.
+  ~Running() {
+    if (!driver) return;
+    const bool up = driver->end();
+    driver.reset();
+    if (up) latch->clear();
+  }
+};
+
+ServeAfm::ServeAfm() = default;
+ServeAfm::~ServeAfm() = default;
+
+void ServeAfm::add_flags(CLI::App& command) {
+  std::vector<std::string> slaves = afm::adapter_names();
+  slaves.insert(slaves.begin(), "nve");
+  command.add_option("--slave", slave_, "nve: a virtual environment; nanonis: an AFM by its controller")
+      ->capture_default_str()
+      ->check(CLI::IsMember(slaves))
+      ->type_name("NAME");
+  command.add_option("--controller", controller_, "Host of the AFM's controller")->type_name("HOST");
+  command.add_option("--ports", ports_, "Its TCP ports: motion, reads, data, emergency; a range or a list")
+      ->capture_default_str();
+  command
+      .add_option(
+          "--afm-state", state_,
+          "Folder that keeps whether the tip may be out [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+      ->type_name("FOLDER");
+  command.add_flag("--without-deadman", without_deadman_,
+                   "Go without one beside the controller: if this machine or the network dies, the tip stays "
+                   "on the sample");
+  command.add_option("--afm", afm_, "The rig and its limits (TOML; see deploy/afm.toml)")->type_name("FILE");
+}
+
+void ServeAfm::check(const std::string& scene, const std::string& share, std::size_t workers) const {
+  if (!wanted()) {
+    if (scene.empty())
+      throw UserError("serve: --scene is missing: expected a scene file, or --slave nanonis");
+    if (!controller_.empty() || !afm_.empty() || !state_.empty() || without_deadman_)
+      throw UserError(
+          "serve: --controller, --afm, --afm-state and --without-deadman belong to --slave nanonis");
+    return;
+  }
+  if (!scene.empty()) throw UserError("serve: --scene belongs to --slave nve: an AFM has its own sample");
+  if (controller_.empty())
+    throw UserError("serve: --controller is missing: expected the host of the AFM's controller");
+  if (afm_.empty()) throw UserError("serve: --afm is missing: expected a file like deploy/afm.toml");
+  if (share == "private")
+    throw UserError("serve: --share private: an AFM has one tip; leave it out, or --share one-tip");
+  if (workers > 1)
+    throw UserError("serve: --workers: an AFM has one tip, which is one worker's; leave it out");
+}
+
+server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bool>& stop,
+                                    std::function<void(const std::string&)> news) {
+  const afm::AfmConfig config = afm::load_afm_config(afm_);
+  const auto ports = parse_port_list(ports_, "--ports");
+  if (config.deadman_key.empty() && !without_deadman_)
+    throw UserError(
+        afm_ +
+        ": [deadman] key is missing: without a deadman beside the controller the tip stays on the sample "
+        "when "
+        "this machine or the network dies (deploy/afm/deadman.py); --without-deadman takes that risk");
+  if (!config.deadman_key.empty() && without_deadman_)
+    throw UserError("--without-deadman: " + afm_ +
+                    " names one ([deadman] key): leave out the one or the other");
+  afm::DriverOptions options;
+  options.adapter = slave_;
+  std::string emergency;
+  for (std::size_t i = 0; i < ports.size(); ++i) {
+    if (ports[i] == 0) throw UserError("--ports '" + ports_ + "': 0 is no port of a controller");
+    const std::string text = controller_ + ":" + std::to_string(ports[i]);
+    const net::Address address = net::parse_address(text, "--controller");
+    if (i < options.ports.size()) {
+      options.ports[i] = address;
+    } else {
+      emergency = net::to_string(address);
+    }
+  }
+  auto running = std::make_unique<Running>();
+  running->latch = std::make_unique<TipLatch>(state_folder(state_), emergency);
+  options.approved = !running->latch->held();
+  std::string risk;
+  if (config.deadman_key.empty()) {
+    // As the checks set SafeTip: two steps above the slave's own trip.
+    const double safe_tip_nn = config.force_max_nn + 4 * config.step_nm * config.spring_constant_n_m;
+    risk = fmt::format(
+        "without a deadman: if this machine dies, or the network to the controller, with the tip on the "
+        "sample, it stays there; the controller's SafeTip acts at some {:.0f} nN only",
+        safe_tip_nn);
+  }
+  options.before_approach = [latch = running->latch.get(), news, risk] {
+    latch->set();
+    if (!risk.empty()) news(risk);
+  };
+  options.take_approval = [latch = running->latch.get()] { return latch->take_approval(); };
+  afm::await_last_guard(emergency, stop, news);
+  if (!config.deadman_key.empty() && !stop.load(std::memory_order_relaxed))
+    afm::meet_deadman(net::parse_address(emergency, "--controller"), read_deadman_key(config.deadman_key));
+  // A guard of a unit of its own, where the server's unit names one.
+  const char* const guard = std::getenv("TELENANO_AFM_GUARD");
+  options.emergency_handle =
+      guard != nullptr && *guard != 0
+          ? afm::call_guard(guard, {emergency, config.guard_silence_ms(), config.deadman_key})
+          : afm::start_guard(emergency, config.guard_silence_ms(), config.deadman_key);
+  running->driver =
+      std::make_unique<afm::AfmDriver>(config, options, running->exchange, clock, std::move(news));
+  running_ = std::move(running);
+  try {
+    running_->driver->start(stop);
+  } catch (const UserError&) {
+    running_.reset();  // removes the latch where the tip is up
+
+    throw;
+  }
+
+  server::ServedScene served;
+  served.name = server::scene_name("afm");
+  served.one_tip_only = true;
+  served.make_slave = [config, exchange = running_->exchange, &clock] {
+    return std::make_unique<afm::AfmSlave>(config, exchange, clock);
+  };
+  return served;
+}
+
+void ServeAfm::stop() {
+  running_.reset();
+}
+
+CLI::App* add_afm_command(CLI::App& app) {
+  struct Options {
+    std::string state, controller;
+  };
+  auto options = std::make_shared<Options>();
+  CLI::App* const command = app.add_subcommand("afm", "An AFM's tip: approve an approach");
+  command->require_subcommand(1);
+  CLI::App* const approve = command->add_subcommand(
+      "approve", "Let the tip approach once, after a server that did not end with it withdrawn");
+  approve
+      ->add_option("--afm-state", options->state,
+                   "The server's state folder [$STATE_DIRECTORY, else ~/.local/state/telenano]")
+      ->type_name("FOLDER");
+  approve->add_option("--controller", options->controller, "Which, if there are several: its emergency port")
+      ->type_name("HOST:PORT");
+  approve->footer(
+      "The unit's folder is /var/lib/telenano. Look first whether the tip is up and the sample as it was.");
+  approve->callback([options] {
+    const std::string latch = approve_tip(state_folder(options->state), options->controller);
+    std::fprintf(stderr, "telenano-nve: approved one approach (%s)\n", latch.c_str());
+  });
+  return command;
+}
+
+void add_afm_guard_command(CLI::App& app, int& exit_code) {
+  CLI::App* const command = app.add_subcommand("afm-guard", "Started by serve --slave nanonis; not by hand");
+  command->group("");
+  auto emergency = std::make_shared<std::string>();
+  auto silence_ms = std::make_shared<int>(400);
+  auto from_server = std::make_shared<bool>(false);
+  command->add_option("--emergency", *emergency, "HOST:PORT");
+  command->add_flag("--from-server", *from_server, "The server says all this itself (systemd's unit)");
+  command->add_option("--silence-ms", *silence_ms, "Of the server, before the guard withdraws the tip");
+  auto key_file = std::make_shared<std::string>();
+  command->add_option("--deadman-key", *key_file, "Between it and the controller there is one that has this");
+  command->callback([emergency, silence_ms, key_file, from_server, &exit_code] {
+    afm::GuardOrder order{*emergency, *silence_ms, *key_file};
+    if (*from_server) {
+      const auto said = afm::read_guard_order(STDIN_FILENO);
+      if (!said) throw UserError("afm-guard: standard input is no server that wants a guard");
+      order = *said;
+    }
+    if (order.emergency.empty()) throw UserError("afm-guard: --emergency is missing: expected HOST:PORT");
+    std::optional<afm::DeadmanKey> key;
+    if (!order.key_file.empty()) key = read_deadman_key(order.key_file);
+    exit_code = afm::run_guard(STDIN_FILENO, net::parse_address(order.emergency, "--emergency"),
+                               order.silence_ms, key);
+  });
+}
+
+}  // namespace telenano::app

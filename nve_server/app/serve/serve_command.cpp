@@ -1,0 +1,404 @@
+#include "telenano/nve_server/app/serve/serve_command.h"
+
+#include <fmt/format.h>
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+#include <CLI/CLI.hpp>
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstring>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <thread>
+#include <utility>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/config/completion.h"
+#include "telenano/common/metrics/exporter.h"
+#include "telenano/common/net/udp.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/nve_server/app/serve/audit_log.h"
+#include "telenano/nve_server/app/serve/drain_watcher.h"
+#include "telenano/nve_server/app/serve/key_watcher.h"
+#include "telenano/nve_server/app/serve/reload_watcher.h"
+#include "telenano/nve_server/app/serve/serve_afm.h"
+#include "telenano/nve_server/app/serve/serve_health.h"
+#include "telenano/nve_server/app/serve/serve_metrics.h"
+#include "telenano/nve_server/app/serve/serve_security.h"
+#include "telenano/nve_server/app/serve/serve_web.h"
+#include "telenano/nve_server/app/serve/serve_workers.h"
+#include "telenano/nve_server/app/serve/server_signals.h"
+#include "telenano/nve_server/app/serve/service_notify.h"
+#include "telenano/nve_server/web/web_view.h"
+
+namespace telenano::app {
+namespace {
+
+link::SipKey fresh_secret() {
+  std::random_device device;  // the kernel's generator
+  const auto word = [&] { return (static_cast<std::uint64_t>(device()) << 32) | device(); };
+  return {word(), word()};
+}
+
+/// How much may wait for the loop before the kernel drops it, whoever sent it.
+std::string buffer_text(std::size_t granted) {
+  std::string text = fmt::format("receive buffer {} KiB", granted / 1024);
+  if (granted >= net::Udp::kBufferBytes) return text;
+  return text +
+         fmt::format(" of {} KiB asked: bursts are lost sooner; raise it with sysctl -w net.core.rmem_max={}",
+                     net::Udp::kBufferBytes / 1024, net::Udp::kBufferBytes);
+}
+
+/// Prints what goes on, from a thread of its own: the loop neither formats nor writes.
+class StatusPrinter {
+ public:
+  StatusPrinter(const Workers& workers, std::shared_ptr<spdlog::logger> log)
+      : workers_(workers), log_(std::move(log)), thread_([this] { run(); }) {}
+  ~StatusPrinter() {
+    {
+      const std::lock_guard lock(mutex_);
+      done_ = true;
+    }
+    wake_.notify_all();
+    thread_.join();
+  }
+
+ private:
+  static constexpr std::chrono::seconds kPeriod{5};
+
+  void run() {
+    std::uint64_t last_exchanges = 0;
+    std::uint64_t last_holdings = 0;
+    std::string last_channels;
+    std::unique_lock lock(mutex_);
+    while (!wake_.wait_for(lock, kPeriod, [this] { return done_; })) {
+      const WorkersStatus status = workers_.status();
+      const std::uint64_t exchanges = status.exchanges;
+      if (status.sessions > 0 || exchanges != last_exchanges) {
+        log_->info("sessions {}  exchanges/s {:.0f}  drops {}  opened {}  timed out {}", status.sessions,
+                   static_cast<double>(exchanges - last_exchanges) / static_cast<double>(kPeriod.count()),
+                   status.drops, status.opened, status.timed_out);
+      }
+      if (status.holdings != last_holdings) log_->info("the tip went to a session {} times", status.holdings);
+      last_holdings = status.holdings;
+      last_exchanges = exchanges;
+      if (workers_.channels().empty()) continue;
+      // Strangers and forgers are told of, whether or not there are sessions.
+      const std::string channels = workers_.channels_text();
+      if (channels != last_channels) log_->info("channels: {}", channels);
+      last_channels = channels;
+    }
+  }
+
+  const Workers& workers_;
+  std::shared_ptr<spdlog::logger> log_;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool done_ = false;
+  std::thread thread_;
+};
+
+struct ServeOptions {
+  std::string scene;
+  std::string surfaces;
+  std::string listen = "127.0.0.1:5100";
+  std::size_t max_sessions = 64;
+  std::optional<std::size_t> sessions_per_peer;  // left out: a quarter of all
+  std::string local_rights;                      // left out: operate
+  std::optional<int> timeout_ms;                 // left out: as the scene says
+  int resume_s = 30;
+  std::optional<int> drain_s;  // left out: SIGTERM does not drain, and a drain has no end of its own
+  bool no_scene_sharing = false;
+  std::string share;  // left out: as the scene's slave must be, else private
+  std::size_t workers = 1;
+  bool busy_poll = false;
+  bool low_latency = false;
+  int realtime_priority = 0;
+  std::string audit;
+  std::string metrics;
+  bool metrics_public = false;
+  std::string web;
+  bool web_public = false;
+  std::size_t web_clients = 8;
+  std::string dscp = "ef";
+  ServeSecurity security;
+  ServeAfm afm;
+};
+
+void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeights& heights) {
+  options.afm.check(options.scene, options.share, options.workers);
+  const net::Address address = net::parse_address(options.listen, "--listen");
+  options.security.check(options.listen, net::is_loopback(address));
+  if (!options.local_rights.empty() && options.security.is_secure())
+    throw UserError(
+        "--local-rights: with --keys every station has the right of its key (telenano-nve keys new "
+        "--rights); "
+        "leave it out");
+  const int dscp = net::parse_dscp(options.dscp, "--dscp");
+  const rt::SteadyClock clock;
+  // Before the scene: a taken port is the quicker answer.
+  WorkersConfig workers_config{address, options.workers, options.max_sessions, options.busy_poll,
+                               options.realtime_priority};
+  workers_config.sessions_per_peer =
+      options.sessions_per_peer.value_or(default_sessions_per_peer(options.max_sessions));
+  if (!options.local_rights.empty()) workers_config.local_rights = *net::parse_rights(options.local_rights);
+  workers_config.audit = !options.audit.empty();
+  Workers workers(workers_config, clock);
+  const bool marked = dscp == 0 || workers.set_dscp(dscp);
+
+  auto log =
+      std::make_shared<spdlog::logger>("telenano-nve", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+  log->set_pattern("%H:%M:%S %n: %v");
+  ServerSignals& signals = catch_server_signals(options.drain_s.has_value());
+  // Before the scene too: who asks for /readyz is told that it starts. The channels come with the scene.
+  std::atomic<bool> prepared{false};
+  std::optional<metrics::Exporter> exporter;
+  if (!options.metrics.empty()) {
+    exporter.emplace(
+        options.metrics, options.metrics_public,
+        [&](metrics::Page& page) {
+          const bool known = prepared.load(std::memory_order_acquire);
+          write_metrics(workers.loops(), known ? workers.channels() : std::vector<security::DtlsServer*>(),
+                        page);
+        },
+        health_pages(workers.loops(), options.max_sessions, signals, clock));
+    log->info("metrics at {}", exporter->url());
+  }
+  server::ServedScene scene;
+  try {
+    scene = options.afm.wanted()
+                ? options.afm.start(clock, signals.stop,
+                                    [log](const std::string& text) { log->info("afm: {}", text); })
+                : load_scene(options.scene, options.surfaces);
+  } catch (const StoppedWhileLoading&) {
+    log->info("stopped while the scene was loaded");
+    return;
+  }
+  if (options.no_scene_sharing) {
+    scene.to_fetch.reset();
+    scene.why_no_fetch = "--no-scene-sharing";
+  }
+  server::ServerConfig config;
+  config.secret = fresh_secret();
+  const std::int64_t timeout_ms = options.timeout_ms ? *options.timeout_ms : std::int64_t{scene.timeout_ms};
+  config.table.timeout_ns = timeout_ms * 1'000'000;
+  config.table.resume_ns = options.resume_s * std::int64_t{1'000'000'000};
+  const bool one_tip = options.share == "one-tip" || (options.share.empty() && scene.one_tip_only);
+  config.share = one_tip ? server::Share::kOneTip : server::Share::kPrivate;
+  std::shared_ptr<web::TipSlots> tip_slots;
+  if (!options.web.empty()) {
+    tip_slots = std::make_shared<web::TipSlots>();
+    scene.make_slave = watched(scene.make_slave, tip_slots);
+  }
+  workers.prepare(options.security, config, scene);
+  prepared.store(true, std::memory_order_release);
+  const bool secure = options.security.is_secure();
+
+  std::optional<AuditLog> audit;
+  if (!options.audit.empty()) {
+    audit.emplace(options.audit, workers.audit_queues(), secure ? options.security.key_list_path() : "",
+                  clock, [log](const std::string& text) { log->warn(text); });
+    audit->start(
+        {options.afm.wanted() ? "an AFM" : options.scene, net::to_string(workers.local()), secure, one_tip});
+  }
+  std::optional<web::WebView> web_view;
+  if (tip_slots) {
+    web::WebViewConfig web_config;
+    web_config.address = options.web;
+    web_config.anybody = options.web_public;
+    web_config.clients_max = options.web_clients;
+    if (heights && !options.afm.wanted()) web_config.heights = heights();
+    web_config.state = [state = std::make_shared<WebState>(workers, tip_slots, options.afm.wanted())] {
+      return state->next();
+    };
+    web_config.tell = [log](const std::string& text) { log->info("{}", text); };
+    web_view.emplace(std::move(web_config));
+  }
+
+  log->info("serving {} on {}{}{}{}", options.afm.served(options.scene), net::to_string(workers.local()),
+            secure ? ", encrypted" : "", one_tip ? ", one tip for all" : "",
+            options.workers > 1 ? ", " + std::to_string(options.workers) + " workers" : "");
+  if (scene.to_fetch)
+    log->info("stations may fetch the scene: {} bytes, {:016x}", scene.to_fetch->offer.bytes,
+              scene.to_fetch->offer.name());
+  else if (!scene.why_no_fetch.empty())
+    log->info("stations cannot fetch the scene: {}", scene.why_no_fetch);
+  log->info("{}", buffer_text(workers.receive_buffer_bytes()));
+  std::optional<rt::CpuAwake> awake;
+  if (options.low_latency) {
+    awake.emplace();
+    if (awake->held()) {
+      log->info("processors are kept awake (/dev/cpu_dma_latency)");
+    } else {
+      log->warn(
+          "--low-latency: /dev/cpu_dma_latency: {}; give this user write access by a udev rule, or run "
+          "with --busy-poll; serving without",
+          std::strerror(awake->error()));
+    }
+  }
+  if (options.busy_poll && !workers.nic_busy_poll())
+    log->info("--busy-poll: spins; the kernel does not grant SO_BUSY_POLL (CAP_NET_ADMIN), which is no harm");
+  if (!marked)
+    log->warn("--dscp {}: this system does not let datagrams be marked; they are sent unmarked", dscp);
+  {
+    std::optional<KeyWatcher> watcher;
+    if (secure) {
+      watcher.emplace(
+          options.security.key_list_path(), workers.channels(),
+          [&](const std::string& text) { log->warn(text); },
+          [&](const std::string& text) { log->info(text); });
+    }
+    const ReloadWatcher reloader(signals.reload, [&] {
+      log->info("SIGHUP: {}; the scene stays as it was loaded: restart to serve another one",
+                watcher ? "reading the list of keys" : "there are no keys to read");
+      if (watcher) watcher->reload();
+      if (audit) audit->reopen();
+    });
+    const DrainWatcher drainer({&signals.drain, &signals.stop, options.drain_s, workers.loops(),
+                                [&](const std::string& text) { log->info(text); }},
+                               clock);
+    signals.serves = true;
+    const StatusPrinter printer(workers, log);
+    const ServiceNotify service(workers.loops());
+    workers.run(signals, [&log](const rt::RealtimeReport& report) {
+      log->info("{}", report.text);
+      if (!report.advice.empty()) log->warn("{}", report.advice);
+    });
+  }
+
+  audit.reset();
+  options.afm.stop();
+  const server::ServerCounters counters = workers.counters();
+  const link::DropCounters dropped = workers.drops();
+  std::string drops;
+  for (std::size_t i = 1; i < link::kDropCauseCount; ++i) {
+    const auto cause = static_cast<link::DropCause>(i);
+    if (dropped[cause] == 0) continue;
+    drops +=
+        std::string(drops.empty() ? "" : ", ") + link::name(cause) + " " + std::to_string(dropped[cause]);
+  }
+  log->info("stopped: {} exchanges in {} sessions ({} resumed{}); dropped: {}", counters.exchanges,
+            counters.opened, counters.resumed,
+            counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
+            drops.empty() ? "none" : drops);
+  if (counters.scene_chunks > 0) log->info("{} pieces of the scene were fetched", counters.scene_chunks);
+  if (counters.deferred > 0 || counters.cut > 0)
+    log->info("beyond their share of the server: {} commands waited for later ones, {} steps were cut",
+              counters.deferred, counters.cut);
+  if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
+  if (secure) log->info("channels: {}", workers.channels_text());
+}
+
+}  // namespace
+
+CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_code, SceneHeights heights) {
+  auto options = std::make_shared<ServeOptions>();
+  CLI::App* const command = app.add_subcommand("serve", "Serve sessions of a scene over UDP");
+  command
+      ->add_option("--scene", options->scene,
+                   "Scene, with --slave nve: a file (TOML), or the name of one that came with the program, "
+                   "e.g. flakes")
+      ->type_name(config::kSceneOrFile);
+  options->afm.add_flags(*command);
+  command->add_option("--listen", options->listen, "HOST:PORT; port 0 takes any free one")
+      ->capture_default_str();
+  command->add_option("--max-sessions", options->max_sessions, "Sessions at once")
+      ->capture_default_str()
+      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
+  command
+      ->add_option(
+          "--sessions-per-peer", options->sessions_per_peer,
+          "Of these, for one key, or in the clear for one IP address; left out: a quarter, at least 4")
+      ->check(CLI::Range(1, static_cast<int>(link::SessionTable::kCapacityMax)));
+  command
+      ->add_option("--local-rights", options->local_rights,
+                   "What a local user may who shows no key (in the clear): observe | operate (default) | "
+                   "administer, which takes a shared tip from anybody")
+      ->check(CLI::IsMember(std::vector<std::string>(net::kRightsNames.begin(), net::kRightsNames.end())));
+  command
+      ->add_option("--workers", options->workers,
+                   "Threads that serve; each station is one thread's, by its address and port")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+  command->add_flag("--no-scene-sharing", options->no_scene_sharing,
+                    "Do not let stations fetch the scene (description and scan) that they touch");
+  command
+      ->add_option("--timeout-ms", options->timeout_ms,
+                   "Silence after which a session's slave retracts; left out: as the scene says")
+      ->check(CLI::Range(10, 60000));
+  command->add_option("--resume-s", options->resume_s, "How long a silent session can be resumed")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 3600));
+  command
+      ->add_option("--drain-seconds", options->drain_s,
+                   "At SIGTERM take no new sessions and end with the last one, after so long in any case; a "
+                   "second SIGTERM ends at once. SIGUSR1 drains without this too, for as long as it takes")
+      ->check(CLI::Range(1, 86400));
+  command
+      ->add_option(
+          "--share", options->share,
+          "private: each session has a tip and a sample of its own (default); one-tip: one session moves "
+          "the tip, the others observe")
+      ->check(CLI::IsMember({"private", "one-tip"}));
+  CLI::Option* const busy_poll =
+      command->add_flag("--busy-poll", options->busy_poll,
+                        "Spin instead of sleeping: quickest answers, a core busy for each worker");
+  // A real-time thread that spins would be throttled: 50 ms without a reply in each second.
+  command
+      ->add_option("--rt-priority", options->realtime_priority,
+                   "SCHED_FIFO priority of the threads that serve: no other program makes stations wait; 0 = "
+                   "ordinary")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 99))
+      ->excludes(busy_poll);
+  command->add_flag(
+      "--low-latency", options->low_latency,
+      "Keep this machine's processors out of deep sleep while serving: quicker waking, more heat");
+  command
+      ->add_option(
+          "--save-surface", options->surfaces,
+          "Folder for each session's marked surface (SCENE-NUMBER.gsf, the next free number), written "
+          "every 2 s and when it ends")
+      ->type_name("DIR");
+  command
+      ->add_option(
+          "--audit", options->audit,
+          "File to append one JSON line to for each session, refusal, change of a shared tip and fault; "
+          "SIGHUP opens it anew")
+      ->type_name("FILE");
+  command
+      ->add_option("--metrics", options->metrics,
+                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one. Also "
+                   "/healthz and /readyz, for who watches the server")
+      ->type_name("HOST:PORT");
+  command->add_flag("--metrics-public", options->metrics_public,
+                    "Let --metrics listen off loopback, where anybody can read it");
+  command
+      ->add_option("--web", options->web,
+                   "Show the running sessions to browsers, read only, at HOST:PORT, e.g. 127.0.0.1:8080; "
+                   "prints an address with a token that works once")
+      ->type_name("HOST:PORT");
+  command->add_flag("--web-public", options->web_public,
+                    "Let --web listen off loopback, where pictures and token travel unencrypted");
+  command->add_option("--web-clients", options->web_clients, "Browsers that may look at once")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 64));
+  command
+      ->add_option(
+          "--dscp", options->dscp,
+          "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
+      ->capture_default_str();
+  options->security.add_flags(*command);
+  command->callback([options, load = std::move(load_scene), heights = std::move(heights), &exit_code] {
+    serve(*options, load, heights);
+    exit_code = 0;
+  });
+  return command;
+}
+
+}  // namespace telenano::app

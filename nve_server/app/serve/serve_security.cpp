@@ -1,0 +1,87 @@
+#include "telenano/nve_server/app/serve/serve_security.h"
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <filesystem>
+#include <utility>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/security/key_list.h"
+
+namespace telenano::app {
+
+void ServeSecurity::add_flags(CLI::App& command) {
+  command
+      .add_option("--keys", keys,
+                  "Who may open sessions, which are then encrypted: the list of keys, or its folder")
+      ->type_name("FILE|DIR");
+  command
+      .add_option("--cert", certificate,
+                  "Certificate of this server (PEM), for stations with certificates; with --cert-key, --ca "
+                  "and --keys")
+      ->type_name("FILE");
+  command.add_option("--cert-key", certificate_key, "Private key of --cert (PEM)")->type_name("FILE");
+  command.add_option("--ca", authority, "Authorities that may have signed the stations' certificates (PEM)")
+      ->type_name("FILE");
+  command.add_flag("--insecure", insecure, "Serve in the clear; on loopback only, where it is the default");
+}
+
+std::string ServeSecurity::key_list_path() const {
+  std::error_code ignored;
+  return std::filesystem::is_directory(keys, ignored) ? keys + "/keys.toml" : keys;
+}
+
+void ServeSecurity::check(const std::string& listen, bool loopback) const {
+  const bool any = !certificate.empty() || !certificate_key.empty() || !authority.empty();
+  const bool all = !certificate.empty() && !certificate_key.empty() && !authority.empty();
+  if (any && (!all || keys.empty())) {
+    throw UserError(
+        "--cert, --cert-key, --ca and --keys go together: the list of keys says which certificates may come "
+        "in; give "
+        "all four");
+  }
+  if (insecure && is_secure()) throw UserError("--insecure and --keys: give one of them");
+  if (insecure && !loopback)
+    throw UserError("--insecure: only on loopback, and --listen " + listen +
+                    " is not; give --keys FILE instead");
+  if (!is_secure() && !loopback) {
+    throw UserError(
+        "--listen " + listen +
+        ": off loopback sessions are encrypted; give --keys FILE (telenano-nve keys new NAME makes one), or "
+        "listen on 127.0.0.1");
+  }
+}
+
+std::unique_ptr<security::DtlsServer> ServeSecurity::make(
+    std::size_t max_sessions, std::shared_ptr<security::ResumptionCache> resumption, net::Datagram& wire,
+    const rt::Clock& clock) const {
+  security::DtlsServerConfig config;
+  if (!certificate.empty()) config.certificates = {certificate, certificate_key, authority};
+  config.capacity = capacity(max_sessions);
+  config.resumption = std::move(resumption);
+  using std::chrono::floor;
+  const auto now = floor<std::chrono::seconds>(std::chrono::system_clock::now());
+  const security::KeyList all = security::load_key_list(key_list_path());
+  security::KeyList list = all.in_force(now.time_since_epoch().count());
+  if (list.keys.empty() && list.certificates.empty()) {
+    const bool expired = !all.keys.empty() || !all.certificates.empty();
+    throw UserError("--keys " + key_list_path() +
+                    (expired ? ": all that is in it has expired, so nobody could come in; telenano-nve keys "
+                               "list shows when, keys new NAME adds a key"
+                             : ": is empty, so nobody could come in; telenano-nve keys new NAME adds a key"));
+  }
+  return std::make_unique<security::DtlsServer>(config, std::move(list), wire, clock);
+}
+
+std::string text_of(const security::SecurityCounters& counters) {
+  std::string text;
+  for (std::size_t i = 0; i < security::kSecurityEvents; ++i) {
+    const auto event = static_cast<security::SecurityEvent>(i);
+    if (event == security::SecurityEvent::kOpened || counters[event] == 0) continue;
+    text +=
+        std::string(text.empty() ? "" : ", ") + security::name(event) + " " + std::to_string(counters[event]);
+  }
+  return text.empty() ? "nothing" : text;
+}
+
+}  // namespace telenano::app

@@ -1,0 +1,96 @@
+#include "telenano/nve_server/physics/contact/friction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/error.h"
+
+namespace telenano::physics {
+namespace {
+
+void require(bool good, const char* what, double value) {
+  if (good && std::isfinite(value)) return;
+  throw UserError(std::string("friction: ") + what + ", not " + std::to_string(value));
+}
+
+// A vector perpendicular to `from` after the least rotation that takes `from` to `to` (Rodrigues' formula).
+Vec3 carry(const Vec3& v, const Vec3& from, const Vec3& to) noexcept {
+  const double along = to.dot(v);
+  if (along == 0.0) return v;
+  const double base = 1.0 + from.dot(to);
+  const Vec3 turned = base > 1e-12 ? Vec3(v - (along / base) * (from + to)) : Vec3(-v);
+  return turned - to * to.dot(turned);  // what rounding left along the normal
+}
+
+}  // namespace
+
+Friction::Friction(const FrictionParameters& parameters) : parameters_(parameters) {
+  const FrictionParameters& p = parameters;
+  require(p.shear_strength_gpa >= 0.0, "shear strength must be >= 0 and finite (GPa)", p.shear_strength_gpa);
+  require(p.coefficient >= 0.0, "coefficient must be >= 0 and finite", p.coefficient);
+  require(p.shear_strength_gpa + p.coefficient > 0.0, "shear strength or coefficient must be positive",
+          p.shear_strength_gpa);
+  require(p.shear_modulus_gpa > 0.0, "shear modulus G* must be positive and finite (GPa)",
+          p.shear_modulus_gpa);
+  require(p.kinetic_ratio > 0.0 && p.kinetic_ratio <= 1.0, "kinetic ratio must be more than 0, at most 1",
+          p.kinetic_ratio);
+}
+
+double Friction::limit_nn(double contact_radius_nm, double normal_force_nn) const noexcept {
+  return parameters_.shear_strength_gpa * kPi * contact_radius_nm * contact_radius_nm +
+         parameters_.coefficient * std::max(0.0, normal_force_nn);
+}
+
+double Friction::stiffness_n_m(double contact_radius_nm) const noexcept {
+  return 8.0 * parameters_.shear_modulus_gpa * contact_radius_nm;
+}
+
+FrictionStep Friction::move(const FrictionState& from, const Vec3& normal, const Vec3& moved,
+                            double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept {
+  FrictionStep step;
+  const double k0 = from.stiffness_n_m;
+  const double k = stiffness_n_m(contact_radius_nm);
+  const double before = 0.5 * k0 * from.extension_w_nm.squaredNorm();
+  step.after.normal_w = normal;
+  if (!(k > 0.0)) {
+    step.dissipated_aj = before;
+    return step;
+  }
+  step.after.stiffness_n_m = k;
+  if (!(k0 > 0.0)) return step;  // made in this step: where on its way nobody knows, so unstressed
+  const bool grown = k > k0;
+  Vec3 carried = carry(from.extension_w_nm, from.normal_w, normal);
+  if (grown) carried *= k0 / k;
+  step.dissipated_aj = std::max(0.0, before - 0.5 * k * carried.squaredNorm());
+
+  const Vec3 advance = moved - normal * normal.dot(moved);
+  const Vec3 trial = carried + advance;
+  const double length = trial.norm();
+  const double ratio = breaking ? parameters_.kinetic_ratio : 1.0;
+  const double limit = ratio * limit_nn(contact_radius_nm, normal_force_nn);
+  const double per_nm = k / contact_radius_nm;
+  const Mat3 tangent = Mat3::Identity() - normal * normal.transpose();
+  if (k * length <= limit) {
+    step.after.extension_w_nm = trial;
+    step.stiffness_n_m = k * tangent;
+    step.force_per_radius_w_n_m = -per_nm * (grown ? advance : trial);
+  } else {
+    const Vec3 direction = trial / length;
+    step.after.extension_w_nm = (limit / k) * direction;
+    step.slip_w_nm = trial - step.after.extension_w_nm;
+    step.dissipated_aj += limit * (length - limit / k);
+    step.sliding = true;
+    step.stiffness_n_m = (limit / length) * (tangent - direction * direction.transpose());
+    step.force_per_radius_w_n_m =
+        -(ratio * 2.0 * kPi * parameters_.shear_strength_gpa * contact_radius_nm) * direction;
+    if (grown) step.force_per_radius_w_n_m += step.stiffness_n_m * (carried / contact_radius_nm);
+    if (normal_force_nn > 0.0) step.force_per_load_w = -(ratio * parameters_.coefficient) * direction;
+  }
+  step.force_w_nn = -k * step.after.extension_w_nm;
+  step.stored_aj = 0.5 * k * step.after.extension_w_nm.squaredNorm();
+  return step;
+}
+
+}  // namespace telenano::physics

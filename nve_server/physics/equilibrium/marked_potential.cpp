@@ -1,0 +1,234 @@
+#include "telenano/nve_server/physics/equilibrium/marked_potential.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/contact/flow_family.h"
+#include "telenano/nve_server/physics/surface/crater.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr double kYieldSlack = 1e-7;  // of πHa*²: what is left over flows in a later step
+constexpr double kFlowDone = 1e-5;    // of πHa*²
+constexpr int kMostFlows = 6;         // balances of a step that flows, the elastic one besides
+constexpr double kPiece = 1.1;        // of a*
+constexpr int kMostPieces = 64;
+constexpr double kMostRadii = 300;  // tip radii: the potential has twice that (branch_potential.h)
+constexpr double kLeastCosine = 0.1;
+
+}  // namespace
+
+/// Where a flow begins.
+struct MarkedPotential::Onset {
+  double radius_nm;
+  double a_nm;
+  double origin_nm;
+  double cosine;
+  double stiffness_n_m;
+  Vec3 normal_w;
+  FlowFamily family;
+};
+
+MarkedPotential::MarkedPotential(const ScanFields& unmarked, const SplineSurface& heights,
+                                 const PotentialEquilibrium& scene,
+                                 const std::optional<FrictionParameters>& friction, double hardness_gpa,
+                                 double pile_up)
+    : fields_(std::make_shared<Yielding>(unmarked)),
+      heights_(heights),
+      plastic_(scene.potential().law(), hardness_gpa),
+      equilibrium_(fields_, scene.shared_potential(), friction),
+      tip_radius_nm_(unmarked.tip_radius_nm()),
+      last_radius_nm_(kMostRadii * unmarked.tip_radius_nm()),
+      pile_up_(pile_up) {
+  if (!(pile_up >= 0.0 && pile_up <= 1.0)) {
+    throw UserError("marks: pile-up must be within 0 and 1, not " + std::to_string(pile_up));
+  }
+}
+
+void MarkedPotential::flow_to(double a, const Onset& onset, const Vec3& free_end, const Compliance& c,
+                              const PotentialState& from, Trial& trial) noexcept {
+  const double depth = onset.family.depth_nm(onset.a_nm, a);
+  trial.a_nm = a;
+  trial.cosine = onset.cosine;
+  trial.lowered_nm = depth / onset.cosine;
+  fields_->lowered_nm = trial.lowered_nm;
+  fields_->log_radius_rise = det_log(onset.family.radius_nm(a) / onset.radius_nm);
+  // The tip goes after the ground.
+  const Vec3 give = c * onset.normal_w;
+  const double k = std::max(0.0, onset.stiffness_n_m);
+  const Vec3 jolt = -give * (k * depth / (1.0 + k * onset.normal_w.dot(give)));
+  trial.state = from;
+  trial.solution = equilibrium_.advance(free_end, c, trial.state, jolt);
+  trial.overload = overload(trial.solution, onset.origin_nm);
+}
+
+// F − Y(a*), over πHa*². F = ∂U/∂δ, which the law of one contact has; on a slope that only marks have made,
+// or on several feet, |∇δ| is not 1.
+double MarkedPotential::overload(const TipSolution& solution, double origin) const noexcept {
+  ContactJet at;
+  fields_->contact_at(solution.apex_w_nm, at);
+  const double force = solution.normal_force_nn / std::max(at.overlap_grad.norm(), kLeastCosine);
+  const double a = plastic_.yield_radius_nm(solution.radius_nm);
+  return (force - plastic_.yield_force_nn(solution.radius_nm, origin)) /
+         (kPi * plastic_.hardness_gpa() * a * a);
+}
+
+TipSolution MarkedPotential::advance(const Vec3& free_end, const Compliance& c,
+                                     PotentialState& state) noexcept {
+  fields_->lowered_nm = fields_->log_radius_rise = 0;
+  pending_lowered_nm_ = 0;
+  elastic_.state = state;
+  elastic_.solution = equilibrium_.advance(free_end, c, elastic_.state);
+  const TipSolution& elastic = elastic_.solution;
+  if (elastic.status != SolveStatus::kOk) return elastic;
+  const auto ends_elastic = [&] {
+    state = elastic_.state;
+    return elastic;
+  };
+  if (!state.started || elastic.under_way || !(elastic.normal_force_nn > 0.0) ||
+      !(elastic.contact_radius_nm > 0.0)) {
+    return ends_elastic();
+  }
+  const double from = plastic_.yield_radius_nm(elastic.radius_nm);
+  const double hard = kPi * plastic_.hardness_gpa();
+  double cosine, unmarked;
+  fields_->ground.ground_at(elastic.apex_w_nm, cosine, unmarked);
+  const double origin = det_exp(unmarked);
+  const double r_from = overload(elastic, origin);
+  if (!(r_from > kYieldSlack)) return ends_elastic();
+
+  const double last =
+      std::max(from, plastic_.strain() * std::min(last_radius_nm_, PlasticContact::kMostRadii * origin));
+  const Onset onset{elastic.radius_nm,
+                    from,
+                    origin,
+                    std::max(cosine, kLeastCosine),
+                    elastic.stiffness_n_m,
+                    elastic.normal_w.normalized(),
+                    FlowFamily(plastic_.strain(), origin, last)};
+  // The overload falls in a*: Hertz's slopes at the onset say how far (plastic_contact.cpp).
+  const double rate =
+      from < onset.family.first_nm ? plastic_.strain() : 2.0 * from / origin - plastic_.strain();
+  const double k = std::max(0.0, elastic.stiffness_n_m);
+  const double soft = 1.0 + k * onset.normal_w.dot(c * onset.normal_w);
+  const double falls = (k * rate - 0.5 * elastic.normal_force_nn / from) / soft + 2.0 * hard * from;
+  const double guess = falls > 0.0 ? r_from * hard * from * from / falls : 0.1 * from;
+  double low = from, r_low = r_from;
+  double high = HUGE_VAL, r_high = 0;
+  double a = from + std::clamp(guess, 1e-9 * from, 0.5 * from);
+  int now = 0;
+  bool flowed = false;
+  for (int i = 0; i < kMostFlows; ++i) {
+    Trial& trial = trials_[now];
+    flow_to(a, onset, free_end, c, state, trial);
+    if (trial.solution.status != SolveStatus::kOk) break;
+    flowed = true;
+    now = 1 - now;  // the other is the one to keep
+    if (trial.solution.under_way || std::abs(trial.overload) <= kFlowDone) break;
+    if (trial.overload > 0.0) {
+      low = a;
+      r_low = trial.overload;
+    } else {
+      high = a;
+      r_high = trial.overload;
+    }
+    double next;
+    if (high < HUGE_VAL) {
+      next = low + (high - low) * (r_low / (r_low - r_high));
+      if (!(next > low && next < high)) next = 0.5 * (low + high);
+    } else {
+      next = a + std::clamp(1.5 * (a - from) * trial.overload / std::max(1e-12, r_from - trial.overload),
+                            0.1 * (a - from), 2.0 * (a - from));
+    }
+    a = next;
+  }
+  fields_->lowered_nm = fields_->log_radius_rise = 0;
+  if (!flowed) return ends_elastic();
+
+  const Trial& kept = trials_[1 - now];
+  TipSolution solution = kept.solution;
+  state = kept.state;
+  pending_lowered_nm_ = kept.lowered_nm;
+  PlasticFlow& flow = solution.yielded.flow;
+  flow.depth_nm = kept.lowered_nm * onset.cosine;
+  flow.contact_radius_nm = kept.a_nm;
+  flow.radius_nm = onset.family.radius_nm(kept.a_nm);
+  solution.yielded.from_radius_nm = onset.radius_nm;
+  solution.yielded.origin_radius_nm = origin;
+  solution.yielded.feet = 1;
+  const Vec3 normal = solution.normal_w.normalized();
+  solution.yielded.foot[0].at_w_nm = solution.apex_w_nm + tip_radius_nm_ * (Vec3::UnitZ() - normal);
+  solution.yielded.foot[0].normal_z = normal.z();
+  if (solution.normal_force_nn > 0.0) {
+    solution.stiffness_n_m = hard * std::min(origin, flow.radius_nm);
+  }
+  const double by_descent = solution.dissipated_aj;
+  double lost = 0;
+  if (last_.known && !last_.under_way && !solution.under_way) {
+    const double work =
+        -0.5 * (last_.force_w_nn + solution.force_w_nn).dot(solution.apex_w_nm - last_.apex_w_nm);
+    lost = work - (solution.potential_aj - last_.potential_aj) -
+           (solution.friction_stored_aj - last_.friction_stored_aj) - solution.friction_dissipated_aj;
+    if (solution.jumps > 0) lost = std::max(lost, by_descent);
+  } else {
+    lost = by_descent;
+  }
+  solution.dissipated_aj = std::max(0.0, lost);
+  flow.dissipated_aj = solution.dissipated_aj;
+  return solution;
+}
+
+void MarkedPotential::accept(const TipSolution& accepted) noexcept {
+  last_ = {true,
+           accepted.under_way,
+           accepted.force_w_nn,
+           accepted.apex_w_nm,
+           accepted.potential_aj,
+           accepted.friction_stored_aj};
+  const TipFlow& yielded = accepted.yielded;
+  const PlasticFlow& flow = yielded.flow;
+  if (!(pending_lowered_nm_ > 0.0) || !(flow.depth_nm > 0.0)) return;
+  ++marks_;
+  const double per_depth = pending_lowered_nm_ / flow.depth_nm;
+  pending_lowered_nm_ = 0;
+  const double ratio = flow.radius_nm / yielded.from_radius_nm;
+  double left = flow.depth_nm;
+  double radius = yielded.from_radius_nm;
+  for (int piece = 0; piece < kMostPieces && left > 0.0; ++piece) {
+    // The last piece takes what is left, so that the depth is exact.
+    const bool last = piece + 1 == kMostPieces || radius * kPiece >= flow.radius_nm || !(ratio > 1.0);
+    const double to = last ? flow.radius_nm : radius * kPiece;
+    const double depth =
+        last ? left : std::min(left, plastic_.depth_nm(radius, to, yielded.origin_radius_nm));
+    const double a = last ? flow.contact_radius_nm : plastic_.yield_radius_nm(to);
+    FieldMark pressed;
+    pressed.x_nm = accepted.apex_w_nm.x();
+    pressed.y_nm = accepted.apex_w_nm.y();
+    pressed.depth_nm = depth * per_depth;
+    pressed.radius_nm = a / std::sqrt(kCraterShare);
+    pressed.log_radius_rise = det_log(to / radius);
+    pressed.strain = plastic_.strain();
+    pressed.last_radius_nm = last_radius_nm_;
+    pressed.pile_up = pile_up_;
+    fields_->ground.press(pressed);
+    Mark mark;
+    mark.x_nm = yielded.foot[0].at_w_nm.x();
+    mark.y_nm = yielded.foot[0].at_w_nm.y();
+    mark.depth_nm = pressed.depth_nm;
+    mark.radius_nm = pressed.radius_nm;
+    mark.conformity = tip_radius_nm_ / to;
+    mark.pile_up = pile_up_;
+    heights_.press(mark);
+    if (journal_ != nullptr) journal_->on_mark(mark);
+    left -= depth;
+    radius = to;
+    if (last) break;
+  }
+}
+
+}  // namespace telenano::physics

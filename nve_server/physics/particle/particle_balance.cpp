@@ -1,0 +1,590 @@
+#include "telenano/nve_server/physics/particle/particle_balance.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "telenano/common/base/constants.h"
+#include "telenano/common/base/det_math.h"
+
+namespace telenano::physics {
+namespace {
+
+constexpr int kMaxPasses = 8;
+constexpr int kMaxIterations = 400;  // of one minimisation; long ways downhill take hundreds
+constexpr int kMaxHalvings = 40;
+constexpr int kMaxHoldBacks = 12;
+constexpr double kBalanced = 1e-9;  // of the forces: ten times the laws' own error
+constexpr double kStalled = 1e-6;   // as good as rounding lets it be
+constexpr double kSettled = 1e-8;   // of the forces, from what friction takes from the state
+constexpr double kLongestStepRadii = 0.3;
+constexpr double kLongestStepOfGap = 0.5;
+constexpr double kLongestTurn_rad = 0.3;
+constexpr double kArmijo = 1e-4;
+constexpr double kNearestCentres = 0.05;  // of the radii's sum: which way is out is lost there
+constexpr double kSteepest = 30.0;        // in units of a contact's own stiffness
+constexpr double kEps = std::numeric_limits<double>::epsilon();
+
+// What bends downwards taken to bend upwards, but no steeper than `most`: the gentlest step that goes down.
+Mat3 bent_upwards(const Mat3& h, double most_n_m) noexcept {
+  const Eigen::SelfAdjointEigenSolver<Mat3> eigen(h);
+  Vec3 k = eigen.eigenvalues();
+  if (k[0] >= 0.0) return h;
+  for (int i = 0; i < 3; ++i) k[i] = k[i] < 0.0 ? std::min(-k[i], most_n_m) : k[i];
+  return eigen.eigenvectors() * k.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+// d = tip·Δp + particle·Δq: motion of the upper body less that of the lower.
+struct Pair {
+  double tip;
+  double particle;
+};
+constexpr std::array<Pair, kParticleContacts> kPairs = {Pair{1, 0}, Pair{-1, 1}, Pair{0, 1}};
+
+Mat3 cross_matrix(const Vec3& v) noexcept {
+  Mat3 m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+Vec3 unit(const Vec3& v) noexcept {
+  const double length = v.norm();
+  return length > 0.0 ? Vec3(v / length) : Vec3::UnitZ();
+}
+
+}  // namespace
+
+ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState& from, const Mat3& spring,
+                                 const Vec3& free_end, double dt_s, bool asleep) noexcept
+    : model_(model),
+      from_(from),
+      spring_(spring),
+      free_end_(free_end),
+      start_u_(from.tip_centre_w_nm - free_end),
+      drag_n_m_(model.parameters.drag_n_s_m / dt_s),
+      tip_feet_(from.tip_feet),
+      particle_feet_(from.particle_feet),
+      asleep_(asleep) {
+  best_.y.head<3>() = start_u_;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    held_[i].place = from.contacts[i].place;
+    held_[i].hint = from.contacts[i].hint;
+  }
+  if (!asleep) return;
+  const ParticleSleep& rest = from.sleep;
+  for (Trial* trial : {&best_, &trial_}) {
+    ContactTrial& contact = trial->contacts[kParticleSample];
+    contact.law = rest.law;
+    contact.normal_w = rest.normal_w;
+    contact.push_w_nn = rest.push_w_nn;
+    contact.radius_nm = rest.radius_nm;
+    contact.slide.force = rest.slide_force_w_nn;
+    contact.roll.force = rest.roll_torque_w_nn_nm;
+    contact.spin.force = rest.spin_torque_w_nn_nm;
+  }
+  held_[kParticleSample].radius_nm = rest.radius_nm;
+}
+
+ParticleBalance::Geometry ParticleBalance::geometry(const Vec9& y) noexcept {
+  const ParticleParameters& p = model_.parameters;
+  const Vec3 tip = free_end_ + y.head<3>();
+  const Vec3 particle = from_.particle_centre_w_nm + y.segment<3>(3);
+  Geometry out;
+  if (!model_.by_potential()) {
+    out.tip = stand(*model_.surface, tip, p.tip_radius_nm, tip_feet_);
+    if (!asleep_) out.particle = stand(*model_.surface, particle, p.particle_radius_nm, particle_feet_);
+  }
+  out.tip_to_particle_w_nm = particle - tip;
+  return out;
+}
+
+// Tip or particle on a ground of one potential, on the branch that is there. False: no number.
+bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noexcept {
+  const ParticleParameters& p = model_.parameters;
+  const TipPotential& ground = *model_.ground[i];
+  Held& held = held_[i];
+  const Vec3 apex = centre - Vec3(0.0, 0.0, i == kTipSample ? p.tip_radius_nm : p.particle_radius_nm);
+  contact.place = held.place;
+  int jumps = 0;
+  PotentialSample at;
+  for (int ends = 0;; ++ends) {
+    const BranchEnd end = ground.sample(apex, contact.place, held.hint, at);
+    if (end == BranchEnd::kNone) break;
+    if (end == BranchEnd::kNoNumber || ends == TipPotential::kMostEnds) return false;
+    jumps += end == BranchEnd::kBridge || !at.reversible ? 1 : 0;
+    const PotentialBranch next = ground.beyond(end, apex, contact.place, at);
+    if (next.bridge.present != contact.place.bridge.present) held.hint = {};  // another medium, another curve
+    contact.place = next;
+  }
+  const double steepness = at.place.overlap_grad.norm();
+  contact.normal_w = steepness > 0.0 ? Vec3(-at.place.overlap_grad / steepness) : Vec3(Vec3::UnitZ());
+  contact.push_w_nn = -at.gradient_nn;
+  contact.hessian_n_m = at.hessian_n_m;
+  contact.radius_nm = det_exp(at.place.log_radius);
+  contact.outside = contact.clamped = false;
+  const bool attracts = ground.potential().law().parameters().van_der_waals;
+  const Branch outer = attracts ? Branch::kVanDerWaals : Branch::kFree;
+  Equilibrium& law = contact.law;
+  law = {};
+  law.branch = !contact.place.inside      ? outer
+               : at.size.square_nm2 > 0.0 ? Branch::kContact
+                                          : Branch::kNonContact;
+  law.overlap_nm = at.place.overlap_nm;
+  law.force_nn = at.law.force_nn * steepness + at.other_load_nn;
+  law.stiffness_n_m = at.law.stiffness_n_m * steepness * steepness + at.other_stiffness_n_m;
+  law.contact_radius_nm = std::sqrt(std::max(0.0, at.size.square_nm2));
+  law.potential_aj = at.energy_aj;
+  law.jumps = jumps;
+  law.bridge = contact.place.bridge.present;
+  return true;
+}
+
+void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
+  const ParticleParameters& p = model_.parameters;
+  const double lever = p.particle_radius_nm;
+  const Vec3 u = y.head<3>(), dq = y.segment<3>(3), turn = y.tail<3>();
+  const Vec3 dp = u - start_u_;
+  const Geometry at = geometry(y);
+  trial.y = y;
+  trial.valid = false;
+
+  const Vec3 pull = spring_ * u;
+  const double drag_aj = 0.5 * drag_n_m_ * (dq.squaredNorm() + lever * lever * turn.squaredNorm());
+  const double spring_aj = 0.5 * u.dot(pull);
+  double potential = spring_aj + drag_aj;
+  double magnitude = spring_aj + drag_aj;
+  trial.gradient.head<3>() = pull;
+  trial.gradient.segment<3>(3) = drag_n_m_ * dq;
+  trial.gradient.tail<3>() = drag_n_m_ * lever * lever * turn;
+  trial.load_nn = floor_nn_;
+  trial.stiffest_n_m = 0;
+
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
+    ContactTrial& contact = trial.contacts[i];
+    Held& held = held_[i];
+    double overlap = 0;
+    if (i == kTipParticle) {
+      const double distance = at.tip_to_particle_w_nm.norm();
+      if (!(distance > kNearestCentres * (p.tip_radius_nm + lever))) return;
+      contact.normal_w = at.tip_to_particle_w_nm / distance;
+      contact.bend_1_per_nm = (contact.normal_w * contact.normal_w.transpose() - Mat3::Identity()) / distance;
+      contact.radius_nm = model_.nominal_radius_nm[i];
+      overlap = p.tip_radius_nm + p.particle_radius_nm - distance;
+    } else if (on_potential(i)) {
+      const Vec3 tip = free_end_ + u;
+      if (!lean(i, i == kTipSample ? tip : Vec3(tip + at.tip_to_particle_w_nm), contact)) return;
+    } else {
+      const Footing& footing = i == kTipSample ? at.tip : at.particle;
+      contact.normal_w = footing.normal_w;
+      contact.bend_1_per_nm = footing.bend_1_per_nm;
+      contact.kink_1_per_nm = footing.kink_1_per_nm;
+      contact.radius_nm = footing.radius_nm;
+      contact.outside = footing.outside;
+      contact.clamped = footing.clamped;
+      overlap = footing.overlap_nm;
+    }
+    if (!on_potential(i)) {
+      held.law.branch = held.branch;  // the cache alone goes on from trial to trial
+      contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, held.law);
+      if (contact.law.status != SolveStatus::kOk) return;
+      contact.push_w_nn = contact.law.force_nn * contact.normal_w;
+    }
+
+    const Pair pair = kPairs[i];
+    const Vec3 d = pair.tip * dp + pair.particle * dq;
+    const Vec3& n = held.normal_w;
+    const bool turns = pair.particle != 0.0;
+    if (held.slide.acts()) {
+      Vec3 slip = d - n * n.dot(d);
+      if (turns) slip += lever * n.cross(turn);
+      contact.slide = respond(held.slide, held.slide_nm + slip);
+    } else {
+      contact.slide = {};
+    }
+    contact.roll = contact.spin = {};
+    if (turns) {
+      const Vec3 spin = n * n.dot(turn);
+      if (held.roll.acts()) contact.roll = respond(held.roll, held.roll_rad + turn - spin);
+      if (held.spin.acts()) contact.spin = respond(held.spin, held.spin_rad + spin);
+    }
+
+    potential +=
+        contact.law.potential_aj + contact.slide.envelope + contact.roll.envelope + contact.spin.envelope;
+    magnitude += std::abs(contact.law.potential_aj) + contact.slide.envelope + contact.roll.envelope +
+                 contact.spin.envelope;
+    const Vec3 force = contact.slide.force - contact.push_w_nn;
+    trial.gradient.head<3>() += pair.tip * force;
+    if (!asleep_) trial.gradient.segment<3>(3) += pair.particle * force;
+    if (turns && !asleep_) {
+      trial.gradient.tail<3>() +=
+          contact.roll.force + contact.spin.force - lever * n.cross(contact.slide.force);
+    }
+    trial.load_nn += (on_potential(i) ? contact.push_w_nn.norm() : std::abs(contact.law.force_nn)) +
+                     contact.slide.force.norm() +
+                     (contact.roll.force.norm() + contact.spin.force.norm()) / lever;
+    trial.stiffest_n_m += std::abs(contact.law.stiffness_n_m) + held.slide.stiffness +
+                          std::abs(contact.law.force_nn) * contact.kink_1_per_nm.trace();
+  }
+  trial.potential_aj = potential;
+  trial.magnitude_aj = magnitude;
+  trial.valid = std::isfinite(potential) && std::isfinite(trial.gradient.squaredNorm());
+}
+
+ParticleBalance::Mat9 ParticleBalance::hessian(const Trial& trial, bool convex) const noexcept {
+  const double lever = model_.parameters.particle_radius_nm;
+  Mat9 h = Mat9::Zero();
+  h.topLeftCorner<3, 3>() = spring_;
+  h.block<3, 3>(3, 3).diagonal().setConstant(drag_n_m_);
+  h.block<3, 3>(6, 6).diagonal().setConstant(drag_n_m_ * lever * lever);
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
+    const ContactTrial& contact = trial.contacts[i];
+    const Held& held = held_[i];
+    const Pair pair = kPairs[i];
+    const double force = contact.law.force_nn;
+    double stiffness = contact.law.stiffness_n_m;
+    if (stiffness < 0.0) {
+      stiffness = std::max(stiffness, -held.stiffest_n_m);
+      if (convex) stiffness = -stiffness;
+    }
+    Mat3 relative;
+    if (on_potential(i)) {
+      relative = convex ? bent_upwards(contact.hessian_n_m, held.stiffest_n_m) : contact.hessian_n_m;
+    } else {
+      relative = stiffness * contact.normal_w * contact.normal_w.transpose();
+      const bool bends_up = i == kTipParticle && force < 0.0;
+      if (!convex || bends_up) relative += force * contact.bend_1_per_nm;
+      if (!convex || force > 0.0) relative += force * contact.kink_1_per_nm;
+    }
+
+    const Vec3& n = held.normal_w;
+    const Mat3 across = Mat3::Identity() - n * n.transpose();
+    if (held.slide.acts()) {
+      const Mat3 slide = across * contact.slide.tangent * across;
+      relative += slide;
+      if (pair.particle != 0.0) {
+        const Mat3 lever_n = lever * cross_matrix(n);
+        const Mat3 coupled = slide * lever_n;
+        h.block<3, 3>(0, 6) += pair.tip * coupled;
+        h.block<3, 3>(3, 6) += pair.particle * coupled;
+        h.block<3, 3>(6, 6) += lever_n.transpose() * coupled;
+      }
+    }
+    if (held.roll.acts()) h.block<3, 3>(6, 6) += across * contact.roll.tangent * across;
+    if (held.spin.acts()) h.block<3, 3>(6, 6) += n * (n.dot(contact.spin.tangent * n)) * n.transpose();
+    if (pair.tip != 0.0) h.block<3, 3>(0, 0) += relative;
+    if (pair.particle != 0.0) h.block<3, 3>(3, 3) += relative;
+    if (pair.tip != 0.0 && pair.particle != 0.0) h.block<3, 3>(0, 3) += pair.tip * pair.particle * relative;
+  }
+  h.block<3, 3>(3, 0) = h.block<3, 3>(0, 3).transpose();
+  h.block<3, 3>(6, 0) = h.block<3, 3>(0, 6).transpose();
+  h.block<3, 3>(6, 3) = h.block<3, 3>(3, 6).transpose();
+  return h;
+}
+
+double ParticleBalance::size(const Vec9& gradient) const noexcept {
+  return std::max({gradient.head<3>().norm(), gradient.segment<3>(3).norm(),
+                   gradient.tail<3>().norm() / model_.parameters.particle_radius_nm});
+}
+
+double ParticleBalance::tolerance_nn(const Trial& trial) const noexcept {
+  // One ulp of the places turns into this much force.
+  const double places = free_end_.cwiseAbs().maxCoeff() + from_.particle_centre_w_nm.cwiseAbs().maxCoeff();
+  return kBalanced * trial.load_nn + 4.0 * kEps * places * trial.stiffest_n_m;
+}
+
+double ParticleBalance::excess(const Vec9& step) const noexcept {
+  // A third of the smaller sphere, so that nothing is passed through; half the gap where that is more.
+  const ParticleParameters& p = model_.parameters;
+  const double lever = p.particle_radius_nm;
+  const double longest = std::max(kLongestStepRadii * std::min(p.tip_radius_nm, lever),
+                                  -kLongestStepOfGap * best_.contacts[kTipParticle].law.overlap_nm);
+  const double turn = std::max(kLongestTurn_rad, longest / lever);
+  return std::max(step.segment<3>(3).norm() / longest, step.tail<3>().norm() / turn);
+}
+
+bool ParticleBalance::find_tip_step(bool convex, Vec9& step) const noexcept {
+  const Eigen::LLT<Mat3> factor(Mat3(hessian(best_, convex).topLeftCorner<3, 3>()));
+  if (factor.info() != Eigen::Success) return false;
+  step.setZero();
+  step.head<3>() = -factor.solve(Vec3(best_.gradient.head<3>()));
+  return step.allFinite();
+}
+
+bool ParticleBalance::find_step(bool convex, Vec9& step) noexcept {
+  if (asleep_) return find_tip_step(convex, step);
+  Mat9 h = hessian(best_, convex);
+  Eigen::LLT<Mat9> factor(h);
+  if (factor.info() != Eigen::Success) return false;
+  step = -factor.solve(best_.gradient);
+  // A particle that little holds would go far: held back by springs of its own, so that the tip, which may be
+  // held by stiff ones, still goes all its way.
+  const double lever = model_.parameters.particle_radius_nm;
+  double springs = 0.0;
+  for (int i = 0; i < kMaxHoldBacks; ++i) {
+    const double over = excess(step);
+    if (!(over > 1.0)) return std::isfinite(over);
+    const double moved = step.segment<3>(3).squaredNorm() + lever * lever * step.tail<3>().squaredNorm();
+    const double more = std::max(3.0 * springs, 2.0 * over * std::abs(best_.gradient.dot(step)) / moved);
+    h.block<3, 3>(3, 3).diagonal().array() += more;
+    h.block<3, 3>(6, 6).diagonal().array() += more * lever * lever;
+    springs += more;
+    factor.compute(h);
+    if (factor.info() != Eigen::Success) return false;
+    step = -factor.solve(best_.gradient);
+  }
+  step /= std::max(1.0, excess(step));
+  return step.allFinite();
+}
+
+bool ParticleBalance::descend(const Vec9& step, double tolerance) noexcept {
+  const double slope = best_.gradient.dot(step);
+  if (!(slope < 0.0)) return false;
+  const double before = size(best_.gradient);
+  double part = 1.0;
+  for (int halving = 0; halving < kMaxHalvings; ++halving, part *= 0.5) {
+    evaluate(best_.y + part * step, trial_);
+    if (!trial_.valid) continue;
+    const double rounding = 16.0 * kEps * (best_.magnitude_aj + trial_.magnitude_aj);
+    const double fall = best_.potential_aj - trial_.potential_aj;
+    const bool falls = fall >= -kArmijo * part * slope && fall > rounding;
+    // Where the fall drowns in rounding, the gradient decides.
+    const bool drowned = std::abs(part * slope) < 4.0 * rounding || std::abs(fall) <= rounding;
+    if (falls || (drowned && fall >= -rounding && size(trial_.gradient) < before) ||
+        size(trial_.gradient) < 0.5 * tolerance) {
+      std::swap(best_, trial_);
+      return true;
+    }
+  }
+  return false;
+}
+
+bool ParticleBalance::go_over() noexcept {
+  const auto inside = [](Branch branch) {
+    return branch == Branch::kContact || branch == Branch::kNonContact;
+  };
+  bool over = false;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    const Equilibrium& law = best_.contacts[i].law;
+    const PotentialBranch& place = best_.contacts[i].place;
+    const bool same_bridge = !on_potential(i) || place.bridge.present == held_[i].place.bridge.present;
+    if (inside(law.branch) == inside(held_[i].branch) && same_bridge) continue;
+    held_[i].branch = law.branch;
+    held_[i].place = place;
+    jumps_ += law.jumps;
+    over = true;
+  }
+  if (over) evaluate(Vec9(best_.y), best_);
+  return over;
+}
+
+SolveStatus ParticleBalance::minimise() noexcept {
+  evaluate(Vec9(best_.y), best_);
+  if (!best_.valid) return SolveStatus::kNonFinite;
+  for (int i = 0; i < kMaxIterations; ++i) {
+    const double tolerance = tolerance_nn(best_);
+    if (size(best_.gradient) <= tolerance) return SolveStatus::kOk;
+    ++iterations_;
+    Vec9 step;
+    bool done = false;
+    if (find_step(false, step)) {
+      done = descend(step, tolerance);
+    } else {
+      unstable_ = true;
+    }
+    if (!done) done = find_step(true, step) && descend(step, tolerance);
+    // Held up by the step of a potential whose branch was left on the way and which has no way back?
+    if (!done && !go_over()) {
+      return size(best_.gradient) <= kStalled * best_.load_nn ? SolveStatus::kOk : SolveStatus::kNotConverged;
+    }
+  }
+  return SolveStatus::kNotConverged;
+}
+
+void ParticleBalance::hold(bool first) noexcept {
+  if (first) floor_nn_ = 0;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
+    const ParticleContactMemory& memory = from_.contacts[i];
+    Held& held = held_[i];
+    const ContactTrial& now = best_.contacts[i];
+    if (first) {
+      held.law = memory.law;
+      held.branch = memory.law.branch;
+    }
+    held.radius_nm = now.radius_nm;
+    held.normal_w = unit(now.normal_w);
+    held.contact_radius_nm = first ? memory.contact_radius_nm : now.law.contact_radius_nm;
+    const ContactScales scales = model_.laws[i].scales(held.radius_nm);
+    held.stiffest_n_m = kSteepest * scales.force_nn / scales.overlap_nm;
+    if (first && i != kTipSample) floor_nn_ += scales.force_nn;
+    held.lost = held.lost || memory.contact_radius_nm == 0.0 || held.contact_radius_nm == 0.0;
+    held.slide = held.roll = held.spin = {};
+    if (held.lost) continue;
+
+    const ContactFriction& friction = model_.friction[i];
+    const double a = held.contact_radius_nm;
+    held.slide = {8.0 * friction.shear_modulus_gpa * a, friction.shear_strength_gpa * kPi * a * a};
+    held.slide_nm = transported(carried_over(memory.slide_nm, memory.slide_stiffness, held.slide.stiffness),
+                                memory.normal_w, held.normal_w);
+    if (i == kTipSample) continue;
+    held.spin = {16.0 / 3.0 * friction.shear_modulus_gpa * a * a * a,
+                 2.0 / 3.0 * friction.shear_strength_gpa * kPi * a * a * a};
+    const double relative = held.radius_nm / model_.nominal_radius_nm[i];
+    const double cbrt = relative == 1.0 ? 1.0 : det_cbrt(relative);
+    const double spread = a / (model_.zero_load_radius_nm[i] * cbrt * cbrt);
+    const double rolling_nn = 4.0 * model_.pull_off_nn[i] * relative * spread * std::sqrt(spread);
+    held.roll = {rolling_nn * held.radius_nm, rolling_nn * friction.rolling_length_nm};
+    held.roll_rad = transported(carried_over(memory.roll_rad, memory.roll_stiffness, held.roll.stiffness),
+                                memory.normal_w, held.normal_w);
+    held.spin_rad = transported(carried_over(memory.spin_rad, memory.spin_stiffness, held.spin.stiffness),
+                                memory.normal_w, held.normal_w);
+  }
+}
+
+bool ParticleBalance::settled() const noexcept {
+  const double lever = model_.parameters.particle_radius_nm;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
+    const ContactTrial& now = best_.contacts[i];
+    const Held& held = held_[i];
+    const double tolerance = kSettled * best_.load_nn;
+    const double friction = now.slide.force.norm() + (now.roll.force.norm() + now.spin.force.norm()) / lever;
+    // On one potential it is no more than rolling friction that takes the radius as it was held.
+    const double by_radius = on_potential(i) ? now.roll.force.norm() / lever : std::abs(now.law.force_nn);
+    if (std::abs(now.radius_nm - held.radius_nm) * by_radius > tolerance * held.radius_nm) return false;
+    if (held.lost) continue;
+    if (friction == 0.0) continue;
+    const double a = now.law.contact_radius_nm;
+    if (a == 0.0) return false;
+    if ((unit(now.normal_w) - held.normal_w).norm() * friction > tolerance) return false;
+    if (std::abs(a - held.contact_radius_nm) * friction > tolerance * a) return false;
+  }
+  return true;
+}
+
+SolveStatus ParticleBalance::solve() noexcept {
+  {
+    const Geometry at = geometry(best_.y);
+    if (model_.by_potential()) {
+      const Vec3 tip = from_.tip_centre_w_nm;
+      if (!lean(kTipSample, tip, best_.contacts[kTipSample])) return SolveStatus::kNonFinite;
+      if (!asleep_ && !lean(kParticleSample, from_.particle_centre_w_nm, best_.contacts[kParticleSample]))
+        return SolveStatus::kNonFinite;
+    } else {
+      best_.contacts[kTipSample].normal_w = at.tip.normal_w;
+      best_.contacts[kTipSample].radius_nm = at.tip.radius_nm;
+    }
+    if (!asleep_ && !model_.by_potential()) {
+      best_.contacts[kParticleSample].normal_w = at.particle.normal_w;
+      best_.contacts[kParticleSample].radius_nm = at.particle.radius_nm;
+    }
+    best_.contacts[kTipParticle].normal_w = unit(at.tip_to_particle_w_nm);
+    best_.contacts[kTipParticle].radius_nm = model_.nominal_radius_nm[kTipParticle];
+  }
+  for (int pass = 0; pass < kMaxPasses; ++pass) {
+    hold(pass == 0);
+    const SolveStatus status = minimise();
+    if (status != SolveStatus::kOk) return status;
+    if (model_.by_potential()) {
+      if (settled()) return SolveStatus::kOk;
+      continue;
+    }
+    const bool tip_deeper = look_around(*model_.surface, free_end_ + best_.y.head<3>(), tip_feet_);
+    const bool particle_deeper =
+        !asleep_ &&
+        look_around(*model_.surface, from_.particle_centre_w_nm + best_.y.segment<3>(3), particle_feet_);
+    if (!tip_deeper && !particle_deeper && settled()) return SolveStatus::kOk;
+  }
+  // Swinging on a rough surface: balanced with what was held, unless a contact that holds friction has ended.
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (!held_[i].lost && best_.contacts[i].law.contact_radius_nm == 0.0) return SolveStatus::kNotConverged;
+  }
+  return SolveStatus::kOk;
+}
+
+double ParticleBalance::drag_loss_aj() const noexcept {
+  const double lever = model_.parameters.particle_radius_nm;
+  return drag_n_m_ * (best_.y.segment<3>(3).squaredNorm() + lever * lever * best_.y.tail<3>().squaredNorm());
+}
+
+double ParticleBalance::friction_loss_aj() const noexcept {
+  const auto carried = [](double k_before, const Vec3& before, double k, const Vec3& after) {
+    return 0.5 * (k_before * before.squaredNorm() - k * after.squaredNorm());
+  };
+  double loss = 0.0;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) continue;
+    const ParticleContactMemory& memory = from_.contacts[i];
+    const ContactTrial& now = best_.contacts[i];
+    const Held& held = held_[i];
+    loss += now.slide.dissipated + now.roll.dissipated + now.spin.dissipated;
+    loss += carried(memory.slide_stiffness, memory.slide_nm, held.slide.stiffness, held.slide_nm);
+    loss += carried(memory.roll_stiffness, memory.roll_rad, held.roll.stiffness, held.roll_rad);
+    loss += carried(memory.spin_stiffness, memory.spin_rad, held.spin.stiffness, held.spin_rad);
+  }
+  return loss;
+}
+
+int ParticleBalance::jumps() const noexcept {
+  int jumps = jumps_;
+  for (int i = 0; i < kParticleContacts; ++i)
+    if (!(asleep_ && i == kParticleSample)) jumps += best_.contacts[i].law.jumps;
+  return jumps;
+}
+
+void ParticleBalance::store(ParticleState& state) const noexcept {
+  const Vec3 u = best_.y.head<3>(), dq = best_.y.segment<3>(3), turn = best_.y.tail<3>();
+  double potential = 0.0;
+  for (int i = 0; i < kParticleContacts; ++i) {
+    if (asleep_ && i == kParticleSample) {
+      potential += from_.sleep.potential_aj;
+      continue;
+    }
+    ParticleContactMemory& memory = state.contacts[i];
+    const ContactTrial& now = best_.contacts[i];
+    const Held& held = held_[i];
+    memory.law = held.law;
+    memory.law.branch = now.law.branch;
+    memory.law.overlap_nm = now.law.overlap_nm;
+    if (on_potential(i)) {
+      memory.place = now.place;
+      memory.hint = held.hint;
+    }
+    memory.contact_radius_nm = now.law.contact_radius_nm;
+    memory.normal_w = held.normal_w;
+    memory.slide_nm = now.slide.deflection;
+    memory.roll_rad = now.roll.deflection;
+    memory.spin_rad = now.spin.deflection;
+    memory.slide_stiffness = held.slide.stiffness;
+    memory.roll_stiffness = held.roll.stiffness;
+    memory.spin_stiffness = held.spin.stiffness;
+    potential += now.law.potential_aj + now.slide.stored + now.roll.stored + now.spin.stored;
+  }
+  state.tip_feet = tip_feet_;
+  state.started = true;
+  state.tip_centre_w_nm = free_end_ + u;
+  state.tip_force_w_nn = spring_ * u;
+  state.potential_aj = potential;
+  if (asleep_) return;
+  const ContactTrial& rest = best_.contacts[kParticleSample];
+  state.sleep = {false,
+                 rest.law,
+                 rest.normal_w,
+                 held_[kParticleSample].radius_nm,
+                 rest.push_w_nn,
+                 rest.slide.force,
+                 rest.roll.force,
+                 rest.spin.force,
+                 rest.law.potential_aj + rest.slide.stored + rest.roll.stored + rest.spin.stored};
+  state.particle_feet = particle_feet_;
+  state.particle_centre_w_nm += dq;
+  state.turned_w_rad += turn;
+  const Eigen::Quaterniond half(1.0, 0.5 * turn.x(), 0.5 * turn.y(), 0.5 * turn.z());
+  state.orientation_w = (half * state.orientation_w).normalized();
+}
+
+}  // namespace telenano::physics

@@ -1,0 +1,136 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "telenano/nve_server/physics/particle/particle_bristle.h"
+#include "telenano/nve_server/physics/particle/particle_model.h"
+#include "telenano/nve_server/physics/particle/particle_state.h"
+
+namespace telenano::physics {
+
+/// One small step of tip and particle to their balance.
+///
+/// Unknowns y = (u, Δq, φ): u the tip's centre p less the free end x, Δq the motion of the particle's centre,
+/// φ its turn in this step. The balance is a minimum of
+///   Π(y) = ½uᵀC⁻¹u + Σ_i U_i(δ_i) + Σ_j E_j(s_j + Δs_j) + ½η(|Δq|² + R_p²|φ|²)/Δt,
+/// with the contact laws' potentials U_i at the overlap δ_i, from their memory at the start of the step, and
+/// the envelopes E_j of the bristles (particle_bristle.h). With d the motion of the upper body less that of
+/// the lower, n the normal towards the upper and P = 1 − nnᵀ, the bristles are carried by
+///   slide  P(d + R_p n×φ)  (the tip does not turn: without φ at the tip–sample contact),
+///   roll   Pφ,   spin  n nᵀφ.
+/// Rolling without sliding on a flat is Δq = R_p φ×n. The lever is R_p, not R_p less a part of the overlap.
+///
+/// Newton's method, the Hessian in full where it is positive definite, else with what bends downwards taken
+/// as positive, each step shortened until Π falls; so a state that ceases to be stable runs downhill to the
+/// next one, as an overdamped one does. What the friction takes from the state (n, a, effective radius) is
+/// held during one such minimisation and renewed after it, until it is what it was taken to be: at the end
+/// the bristles' limits are those of the contact radii reported, and forces and torques balance. A contact
+/// that begins in this step carries friction from the next one on; one that ends carries none in this.
+///
+/// On a ground of one potential (tip_potential.h) the two U_i of the ground are functions of the place alone,
+/// U(δ, ρ) with ρ = ln R_eff a field too: force −∇U and stiffness ∇∇U are exact, and no foot is looked for.
+/// Trials start from the branch that the step began on and go over its borders as they are met.
+///
+/// Asleep, Δq = φ = 0 and the contact of particle and sample is what it was: u alone is balanced, with the
+/// force of the particle where it lies. Source
+/// M. Ortiz, L. Stainier, Comput. Methods Appl. Mech. Eng. 171 (1999) 419 (incremental potentials).
+class ParticleBalance {
+ public:
+  using Vec9 = Eigen::Matrix<double, 9, 1>;
+  using Mat9 = Eigen::Matrix<double, 9, 9>;
+
+  /// `spring` is C⁻¹; `free_end` belongs to the tip's centre.
+  ParticleBalance(const ParticleModel& model, const ParticleState& from, const Mat3& spring_n_m,
+                  const Vec3& free_end_w_nm, double dt_s, bool asleep = false) noexcept;
+
+  SolveStatus solve() noexcept;
+
+  struct ContactTrial {
+    Equilibrium law;
+    Vec3 normal_w = Vec3::UnitZ();      ///< −∇δ
+    Mat3 bend_1_per_nm = Mat3::Zero();  ///< ∇²δ less its kink
+    Mat3 kink_1_per_nm = Mat3::Zero();
+    Vec3 push_w_nn = Vec3::Zero();    ///< on the upper body, without friction: −∇U
+    Mat3 hessian_n_m = Mat3::Zero();  ///< on a ground of one potential: ∇∇U
+    PotentialBranch place;            ///< the same: the branch that U is of
+    double radius_nm = 0;             ///< effective, at this place
+    bool outside = false;
+    bool clamped = false;
+    BristleResponse slide, roll, spin;
+  };
+  struct Trial {
+    Vec9 y = Vec9::Zero();
+    bool valid = false;
+    double potential_aj = 0;  ///< Π
+    double magnitude_aj = 0;  ///< sum of the terms' sizes, for rounding
+    Vec9 gradient = Vec9::Zero();
+    double load_nn = 0;       ///< sum of the forces' sizes
+    double stiffest_n_m = 0;  ///< sum of the contacts' stiffnesses
+    std::array<ContactTrial, kParticleContacts> contacts;
+  };
+  const Trial& result() const noexcept { return best_; }
+  const ContactTrial& contact(int i) const noexcept { return best_.contacts[i]; }
+  double radius_nm(int i) const noexcept { return held_[i].radius_nm; }  ///< that the law was given
+  int iterations() const noexcept { return iterations_; }
+  int jumps() const noexcept;
+  bool unstable() const noexcept { return unstable_; }
+  double drag_loss_aj() const noexcept;
+  /// Slip, and what bristles lose that get stiffer, softer or lose their contact.
+  double friction_loss_aj() const noexcept;
+  /// Writes what is to be remembered.
+  void store(ParticleState& state) const noexcept;
+
+ private:
+  // What is held during one minimisation.
+  struct Held {
+    double radius_nm = 0;
+    double contact_radius_nm = 0;
+    Vec3 normal_w = Vec3::UnitZ();
+    double stiffest_n_m = 0;  // bounds a fold's infinite slope
+    TipSampleState law;
+    Branch branch = Branch::kFree;  // that trials start from
+    PotentialBranch place;          // the same
+    CurveHint hint;
+    Bristle slide, roll, spin;
+    Vec3 slide_nm = Vec3::Zero(), roll_rad = Vec3::Zero(), spin_rad = Vec3::Zero();
+    bool lost = false;
+  };
+  struct Geometry {
+    Footing tip, particle;
+    Vec3 tip_to_particle_w_nm = Vec3::Zero();
+  };
+
+  bool on_potential(int i) const noexcept { return model_.ground[i] != nullptr; }
+  Geometry geometry(const Vec9& y) noexcept;
+  bool lean(int i, const Vec3& centre_w_nm, ContactTrial& contact) noexcept;
+  void evaluate(const Vec9& y, Trial& trial) noexcept;
+  void hold(bool first) noexcept;
+  bool settled() const noexcept;
+  SolveStatus minimise() noexcept;
+  double excess(const Vec9& step) const noexcept;
+  bool find_step(bool convex, Vec9& step) noexcept;
+  bool descend(const Vec9& step, double tolerance) noexcept;
+  bool go_over() noexcept;
+  Mat9 hessian(const Trial& trial, bool convex) const noexcept;
+  bool find_tip_step(bool convex, Vec9& step) const noexcept;
+  double size(const Vec9& gradient) const noexcept;
+  double tolerance_nn(const Trial& trial) const noexcept;
+
+  const ParticleModel& model_;
+  const ParticleState& from_;
+  Mat3 spring_;
+  Vec3 free_end_;
+  Vec3 start_u_;
+  double drag_n_m_;
+  double floor_nn_ = 0;
+  ParticleFeet tip_feet_, particle_feet_;
+  std::array<Held, kParticleContacts> held_;
+  Trial best_, trial_;
+  int iterations_ = 0;
+  int jumps_ = 0;
+  bool unstable_ = false;
+  bool asleep_;
+};
+
+}  // namespace telenano::physics

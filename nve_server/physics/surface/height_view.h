@@ -1,0 +1,57 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "telenano/nve_server/physics/surface/height_grid.h"
+
+namespace telenano::physics {
+
+/// The sample's heights for those who only look (a viewer, a recorder), while one other thread presses marks
+/// into them: nobody waits for anybody.
+///
+/// What a reader may see: version() first, with acquire order, then heights: they are at least as new as that
+/// version. Heights of a later mark may be among them, also half of one: every height is one that its node
+/// had, but neighbours may be of different marks. A reader whose version() is the same afterwards and before
+/// has seen no later mark in full; one that wants the latest looks again when version() has moved.
+class HeightView {
+ public:
+  explicit HeightView(const HeightGrid& grid)
+      : columns_(grid.columns),
+        rows_(grid.rows),
+        z_(std::make_unique<std::atomic<float>[]>(grid.z_nm.size())) {
+    for (std::size_t i = 0; i < grid.z_nm.size(); ++i) {
+      z_[i].store(static_cast<float>(grid.z_nm[i]), std::memory_order_relaxed);
+    }
+  }
+
+  int columns() const noexcept { return columns_; }
+  int rows() const noexcept { return rows_; }
+  float height_nm(int column, int row) const noexcept {
+    return z_[index(column, row)].load(std::memory_order_relaxed);
+  }
+  /// Counts marks, from 0.
+  std::uint64_t version() const noexcept { return version_.load(std::memory_order_acquire); }
+
+  /// The writer's thread only: heights, then publish().
+  void store(int column, int row, double height_nm) noexcept {
+    z_[index(column, row)].store(static_cast<float>(height_nm), std::memory_order_relaxed);
+  }
+  void publish() noexcept {
+    version_.store(version_.load(std::memory_order_relaxed) + 1, std::memory_order_release);
+  }
+
+ private:
+  std::size_t index(int column, int row) const noexcept {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+           static_cast<std::size_t>(column);
+  }
+
+  int columns_, rows_;
+  std::unique_ptr<std::atomic<float>[]> z_;
+  std::atomic<std::uint64_t> version_{0};
+};
+
+}  // namespace telenano::physics

@@ -1,0 +1,307 @@
+// How the fields of a scan are made; scan_fields.cpp reads them.
+#include <algorithm>
+#include <cmath>
+
+#include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/surface/scan_fields.h"
+
+namespace telenano::physics {
+namespace {
+
+const HeightGrid& checked(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule) {
+  if (grid.columns < 2 || grid.rows < 2 ||
+      grid.z_nm.size() != static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows)) {
+    throw UserError("surface: expected at least 2×2 samples, as many heights as columns × rows");
+  }
+  if (!(grid.dx_nm > 0.0 && grid.dy_nm > 0.0 && std::isfinite(grid.dx_nm) && std::isfinite(grid.dy_nm) &&
+        std::isfinite(grid.x_first_nm) && std::isfinite(grid.y_first_nm)) ||
+      !std::all_of(grid.z_nm.begin(), grid.z_nm.end(), [](double z) { return std::isfinite(z); })) {
+    throw UserError("surface: expected finite heights and borders and positive spacing");
+  }
+  if (!(tip_radius_nm > 0.0 && std::isfinite(tip_radius_nm))) {
+    throw UserError("surface: expected a positive tip radius");
+  }
+  if (!(rule.finest_nm > 0.0 && rule.coarsest_nm > rule.finest_nm && std::isfinite(rule.coarsest_nm) &&
+        rule.pressed_growth >= 0.0 && rule.gap_growth >= 0.0 && rule.dead_zone_nm >= 0.0 &&
+        rule.pressed_onset_nm >= 0.0)) {
+    throw UserError("surface: expected a softening that is positive and grows");
+  }
+  return grid;
+}
+
+const std::vector<double>& checked(const std::vector<double>& softenings_nm) {
+  for (const double t : softenings_nm) {
+    if (!(t > 0.0 && std::isfinite(t))) throw UserError("surface: expected softenings that are positive");
+  }
+  return softenings_nm;
+}
+
+// Growing t must not turn the overlap back. Pressed, with level e and ξ = −v0,
+//   −∂δ/∂z = c (1 + (H_e + v c_e/c) e'(ξ)),  e' = (α s'/(t ln 2)) √(1 − (t0/t)²) <= 1.125 α/(t ln 2).
+// dH/dt = 1 − var φ/t², which is below −1 where much lies just under the top. H_e is between the differences
+// H_{k+1} − H_k to either side, linear over e, t = t0 2^e; a chord between two points of −2^e is below it by
+// 6 % at most. So differences of at least −0.53 t_k leave 1 − 0.45; and since v e' <= 1.5 or so, cosines that
+// fall by at most e^−0.13 a level take 0.2 more.
+constexpr double kMostFall = 0.53;
+constexpr double kLeastCosineRatio = 0.878;  // e^−0.13
+
+/// How far a field is below what it must be at least, and the rise that mends it.
+double missing_height(double coarse, double fine, double fine_t) {
+  return fine - kMostFall * fine_t - coarse;
+}
+double missing_cosine(double coarse, double fine) {
+  return fine * kLeastCosineRatio - coarse;
+}
+
+}  // namespace
+
+ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
+                       const std::vector<double>& fixed_softenings_nm,
+                       const std::function<void(double)>& made)
+    : rule_(rule), radius_(tip_radius_nm) {
+  checked(grid, tip_radius_nm, rule);
+  const BicubicSpline height = BicubicSpline::interpolating(grid);
+  const auto [lowest, highest] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
+  // The spline may overshoot its samples by a seventh of a step.
+  const double relief = 1.3 * (*highest - *lowest);
+  const DilationLattice top = lay_out(grid, height, checked(fixed_softenings_nm));
+  const auto quasi = [](double before, double here, double after) {
+    return (8.0 * here - before - after) / 6.0;
+  };
+  // A node costs about the same at every level.
+  double all = 0, done = 0;
+  for (const Grid& fields : grids_) all += 2.0 * fields.columns * fields.rows;
+  for (const Layer& layer : layers_) all += static_cast<double>(layer.grid.columns) * layer.grid.rows;
+  // H, ρ, c at softening t into three lanes from `lane` on.
+  const auto fill = [&](Grid& fields, int lane, double t) {
+    fields.made->resize(fields.size());
+    DilationLattice lattice = top;
+    lattice.columns = fields.columns;
+    lattice.rows = fields.rows;
+    lattice.node_dx_nm = width_ / (fields.columns - 1);
+    lattice.node_dy_nm = length_ / (fields.rows - 1);
+    lattice.m = sub_samples(lattice, 0.65 * std::sqrt(tip_radius_nm * t));
+    const double here = static_cast<double>(fields.columns) * fields.rows;
+    const std::vector<DilatedNode> nodes =
+        Dilation(height, lattice, tip_radius_nm, t, relief).make_all([&](double part) {
+          if (made) made((done + part * here) / all);
+        });
+    const auto fold = [](int i, int count) { return i < 0 ? -i : (i < count ? i : 2 * count - 2 - i); };
+    const auto node = [&](int i, int j) -> const DilatedNode& {
+      return nodes[static_cast<std::size_t>(fold(j, fields.rows)) * static_cast<std::size_t>(fields.columns) +
+                   static_cast<std::size_t>(fold(i, fields.columns))];
+    };
+    for (int j = -1; j <= fields.rows; ++j) {
+      for (int i = -1; i <= fields.columns; ++i) {
+        const int ci = fold(i, fields.columns), cj = fold(j, fields.rows);
+        double line[3][3];
+        double least = INFINITY, most = 0;
+        for (int r = -1; r <= 1; ++r) {
+          const DilatedNode& a = node(ci - 1, cj + r);
+          const DilatedNode& b = node(ci, cj + r);
+          const DilatedNode& c = node(ci + 1, cj + r);
+          line[r + 1][0] = quasi(a.height_nm, b.height_nm, c.height_nm);
+          line[r + 1][1] = quasi(a.log_radius, b.log_radius, c.log_radius);
+          line[r + 1][2] = quasi(a.cosine, b.cosine, c.cosine);
+          least = std::min({least, a.cosine, b.cosine, c.cosine});
+          most = std::max({most, a.cosine, b.cosine, c.cosine});
+        }
+        double* at = fields.made->data() + static_cast<std::ptrdiff_t>(j + 1) * fields.stride() +
+                     (i + 1) * fields.lanes + lane;
+        for (int k = 0; k < 3; ++k) at[k] = quasi(line[0][k], line[1][k], line[2][k]);
+        at[2] = std::clamp(at[2], least, most);
+      }
+    }
+    done += here;
+  };
+  for (std::size_t g = 0; g < grids_.size(); ++g) {
+    Grid& fields = grids_[g];
+    for (int half = 0; half < 2; ++half) {
+      const double t = rule.finest_nm * (1 << std::min(2 * static_cast<int>(g) + half, levels_ - 1));
+      fill(fields, 3 * half, t);
+      if (half == 0 && g > 0) hold_growth(grids_[g - 1], fields, 0.5 * t);
+    }
+    hold_growth(fields, rule.finest_nm * (1 << (2 * g)));
+  }
+  for (Layer& layer : layers_) fill(layer.grid, 0, layer.softening_nm);
+}
+
+DilationLattice ScanFields::lay_out(const HeightGrid& grid, const BicubicSpline& height,
+                                    const std::vector<double>& fixed_softenings_nm) {
+  x_first_ = grid.x_first_nm;
+  y_first_ = grid.y_first_nm;
+  width_ = (grid.columns - 1) * grid.dx_nm;
+  length_ = (grid.rows - 1) * grid.dy_nm;
+  levels_ = level_count(rule_);
+  const int grids = (levels_ + 1) / 2;
+  // The finest grid has half a pixel, but need not be finer than a foot of radius R at t0, unless the area is
+  // small: over a groove, where two feet meet, the fields have creases t0 over the difference of their slopes
+  // wide, which a finer grid rounds off less. The others are twice as wide each from the third on, so that
+  // their nodes are nodes of the finer ones.
+  constexpr double kSmallNodes = 131072;
+  const double half_pixel = 0.5 * std::min(grid.dx_nm, grid.dy_nm);
+  const double foot = std::sqrt(radius_ * rule_.finest_nm) / 1.2;
+  const double finest = std::clamp(std::sqrt(width_ * length_ / kSmallNodes),
+                                   std::max(half_pixel, 0.25 * foot), std::max(half_pixel, foot));
+  const int doublings = std::max(0, grids - 2);
+  const DilationLattice top = dilation_lattice(height, finest * (1 << doublings), INFINITY);
+  const auto grid_at = [&](int g, int lanes) {
+    Grid fields;
+    const int split = 1 << (doublings - std::max(0, g - 1));
+    fields.lanes = lanes;
+    fields.columns = (top.columns - 1) * split + 1;
+    fields.rows = (top.rows - 1) * split + 1;
+    fields.inv_dx = (fields.columns - 1) / width_;
+    fields.inv_dy = (fields.rows - 1) / length_;
+    return fields;
+  };
+  for (int g = 0; g < grids; ++g) grids_.push_back(grid_at(g, kLanes));
+  for (const double t : fixed_softenings_nm) {
+    const int g = std::min(grids - 1, static_cast<int>(level_of_softening(rule_, t)) / 2);
+    layers_.push_back({t, grid_at(g, kLayerLanes)});
+  }
+  return top;
+}
+
+std::vector<std::span<const double>> ScanFields::coefficients() const {
+  std::vector<std::span<const double>> all;
+  for (const Grid& grid : grids_) all.emplace_back(*grid.made);
+  for (const Layer& layer : layers_) all.emplace_back(*layer.grid.made);
+  return all;
+}
+
+std::optional<ScanFields> ScanFields::restored(const HeightGrid& grid, double tip_radius_nm,
+                                               const SofteningRule& rule,
+                                               const std::vector<double>& fixed_softenings_nm,
+                                               std::vector<std::vector<double>> coefficients) {
+  checked(grid, tip_radius_nm, rule);
+  ScanFields fields;
+  fields.rule_ = rule;
+  fields.radius_ = tip_radius_nm;
+  fields.lay_out(grid, BicubicSpline::interpolating(grid), checked(fixed_softenings_nm));
+  if (coefficients.size() != fields.grids_.size() + fields.layers_.size()) return {};
+  const auto [lowest, highest] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
+  // A spline's coefficients are within some times its values; the dilated ground is higher than the scan by
+  // less than R(1/kConeCosine − 1), at most.
+  const double room = 3.0 * (*highest - *lowest) + 10.0 * tip_radius_nm;
+  constexpr double kMostLogRatio = 30.0;
+  const double log_radius = det_log(tip_radius_nm);
+  for (std::size_t g = 0; g < coefficients.size(); ++g) {
+    const std::size_t grids = fields.grids_.size();
+    Grid& one = g < grids ? fields.grids_[g] : fields.layers_[g - grids].grid;
+    const std::vector<double>& c = coefficients[g];
+    if (c.size() != one.size()) return {};
+    bool good = true;
+    const std::size_t step = one.lanes == kLanes ? 3 : kLayerLanes;
+    for (std::size_t k = 0; k < c.size(); k += step) {
+      good = good && c[k] > *lowest - room && c[k] < *highest + room &&
+             std::abs(c[k + 1] - log_radius) < kMostLogRatio && c[k + 2] > 0.01 && c[k + 2] < 1.01;
+    }
+    if (!good) return {};
+    *one.made = std::move(coefficients[g]);
+  }
+  return fields;
+}
+
+// Of two levels on one grid: where each coefficient is high enough the fields are everywhere.
+void ScanFields::hold_growth(Grid& grid, double fine_t) {
+  for (std::size_t k = 0; k < grid.made->size(); k += kLanes) {
+    double* c = &(*grid.made)[k];
+    c[3] += std::max(0.0, missing_height(c[3], c[0], fine_t));
+    c[5] += std::max(0.0, missing_cosine(c[5], c[2]));
+  }
+}
+
+// Of the even level of a grid over the odd one of the finer grid before: looked at on the finer one's nodes,
+// and where it is too low the coefficients that weigh most there are raised. At a node common to both the 3 ×
+// 3 around it have the whole weight, half way between nodes the nearest two of a line 23/24 of it.
+void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
+  const std::ptrdiff_t fine_stride = (finer.columns + 2) * kLanes;
+  const int columns = coarse.columns + 2, rows = coarse.rows + 2;
+  const std::ptrdiff_t stride = columns * kLanes;
+  std::vector<double> rise(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows) * 2);
+  struct Line {
+    double weight[3];
+    int count;
+    double share;  // of the whole weight; the outermost two of a half-way place are left out
+  };
+  constexpr Line kNode{{1.0 / 6, 4.0 / 6, 1.0 / 6}, 3, 1.0};
+  constexpr Line kHalfWay{{23.0 / 48, 23.0 / 48, 0.0}, 2, 23.0 / 24};
+  if (finer.columns == coarse.columns) {
+    for (std::size_t k = 0; k < coarse.made->size(); k += kLanes) {
+      double* c = &(*coarse.made)[k];
+      c[0] += std::max(0.0, missing_height(c[0], (*finer.made)[k + 3], fine_t));
+      c[2] += std::max(0.0, missing_cosine(c[2], (*finer.made)[k + 5]));
+    }
+    return;
+  }
+  for (int j = 0; j < finer.rows; ++j) {
+    for (int i = 0; i < finer.columns; ++i) {
+      const double* fine = &(*finer.made)[static_cast<std::size_t>((j + 1) * fine_stride + (i + 1) * kLanes)];
+      const auto fine_value = [&](int lane) {
+        const auto line = [&](const double* c) {
+          return c[lane - kLanes] + 4.0 * c[lane] + c[lane + kLanes];
+        };
+        return (line(fine - fine_stride) + 4.0 * line(fine) + line(fine + fine_stride)) / 36.0;
+      };
+      // The coarse spline there, all four coefficients a line.
+      const auto weights_of = [](int k, int& first, double(&w)[4]) {
+        first = k / 2;  // of the padded coefficients: node k/2 is at first + 1
+        if (k % 2 == 0) {
+          w[0] = w[2] = 1.0 / 6, w[1] = 4.0 / 6, w[3] = 0.0;
+        } else {
+          w[0] = w[3] = 1.0 / 48, w[1] = w[2] = 23.0 / 48;
+        }
+      };
+      int ci, cj;
+      double wi[4], wj[4];
+      weights_of(i, ci, wi);
+      weights_of(j, cj, wj);
+      double height = 0, cosine = 0;
+      for (int r = 0; r < 4; ++r) {
+        for (int k = 0; k < 4; ++k) {
+          if (wj[r] * wi[k] == 0.0) continue;
+          const double* c = &(*coarse.made)[static_cast<std::size_t>((cj + r) * stride + (ci + k) * kLanes)];
+          height += wj[r] * wi[k] * c[0];
+          cosine += wj[r] * wi[k] * c[2];
+        }
+      }
+      const double by_height = missing_height(height, fine_value(3), fine_t);
+      const double by_cosine = missing_cosine(cosine, fine_value(5));
+      if (!(by_height > 0.0 || by_cosine > 0.0)) continue;
+      const Line& across = i % 2 == 0 ? kNode : kHalfWay;
+      const Line& along = j % 2 == 0 ? kNode : kHalfWay;
+      const double share = across.share * along.share;
+      const int from_i = ci + (i % 2), from_j = cj + (j % 2);
+      for (int r = 0; r < along.count; ++r) {
+        for (int k = 0; k < across.count; ++k) {
+          double* up = &rise[static_cast<std::size_t>((from_j + r) * columns + from_i + k) * 2];
+          up[0] = std::max(up[0], by_height / share);
+          up[1] = std::max(up[1], by_cosine / share);
+        }
+      }
+    }
+  }
+  // Mirrored ends stay mirrored: a coefficient rises with its image.
+  const auto image = [](int i, int count) { return i == 0 ? 2 : (i == count - 1 ? count - 3 : i); };
+  const auto from = [&](int i, int j) { return &rise[static_cast<std::size_t>(j * columns + i) * 2]; };
+  for (int j = 0; j < rows; ++j) {
+    for (int i = 0; i < columns; ++i) {
+      // image() of the inner one beside the rim: the two share the greater rise.
+      const int mi = i == 2 ? 0 : (i == columns - 3 ? columns - 1 : image(i, columns));
+      const int mj = j == 2 ? 0 : (j == rows - 3 ? rows - 1 : image(j, rows));
+      double* c = &(*coarse.made)[static_cast<std::size_t>(j * stride + i * kLanes)];
+      const double* all[4] = {from(i, j), from(mi, j), from(i, mj), from(mi, mj)};
+      double height = 0, cosine = 0;
+      for (const double* one : all) {
+        height = std::max(height, one[0]);
+        cosine = std::max(cosine, one[1]);
+      }
+      c[0] += height;
+      c[2] = std::min(1.0, c[2] + cosine);
+    }
+  }
+}
+
+}  // namespace telenano::physics
