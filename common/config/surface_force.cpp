@@ -2,14 +2,12 @@
 
 namespace telenano::config {
 
-std::string default_surface_force(const TomlTable& scene) {
+std::string surface_force(const TomlTable& scene) {
   const auto surface = scene.optional_table("surface");
-  if (!surface) return "foot";
   const auto sample = scene.optional_table("sample");
-  // Any shape is a grid then; beside a particle no marks are made.
-  const bool yields = sample && sample->has("hardness_gpa") && !scene.has("particle");
-  const std::string kind = surface->text_or("kind", "");
-  return yields || kind == "scan" || kind == "step" || kind == "grating" ? "potential" : "foot";
+  const bool flat = !surface || surface->text_or("kind", "") == "flat";
+  const bool yields = sample && sample->has("hardness_gpa");
+  return flat && !yields && !scene.has("particle") ? "law" : "potential";
 }
 
 }  // namespace telenano::config

@@ -6,9 +6,9 @@
 
 namespace telenano::config {
 
-/// What the ground is to the tip where a scene leaves [surface] force out: "potential" on the grids that the
-/// balance on one potential takes (scan, step, grating, and any shape of a sample that keeps marks), "foot"
-/// elsewhere. In one place, for a station records it and a server computes by it.
-std::string default_surface_force(const TomlTable& scene);
+/// What the ground is to the tip: "law" on a level sample without particle and marks, where the law of the
+/// contact alone says the force; elsewhere "potential", one potential of tip and ground. In one place, for a
+/// station records it and a server computes by it.
+std::string surface_force(const TomlTable& scene);
 
 }  // namespace telenano::config

@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 // Of a description only what tells where its scan is: the rest is the server's to judge.
 LocalScene read_scene(const std::string& path) {
   const config::TomlDocument document = config::TomlDocument::load(path);
-  LocalScene scene{path, document.content(), "", config::default_surface_force(document.root())};
+  LocalScene scene{path, document.content(), "", config::surface_force(document.root())};
   const auto surface = document.root().optional_table("surface");
   if (surface && surface->text_or("kind", "") == "scan")
     scene.scan_path = document.resolve(surface->text("file"));

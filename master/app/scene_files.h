@@ -14,9 +14,10 @@ namespace telenano::app {
 /// A scene's description on this machine.
 struct LocalScene {
   std::string path;
-  std::string text;            ///< the whole file
-  std::string scan_path;       ///< of the surface; empty: it is none that was scanned
-  std::string force = "foot";  ///< surface.force: what the ground is to the tip, "foot" or "potential"
+  std::string text;       ///< the whole file
+  std::string scan_path;  ///< of the surface; empty: it is none that was scanned
+  std::string force =
+      "law";  ///< what the ground is to the tip: "law" or "potential" (config/surface_force.h)
 };
 
 /// The scene of this name and hash (16 hexadecimal digits), if it is here: `also` (a file, may be empty), one

@@ -51,7 +51,7 @@ void SimTip::step(const Vec3& target_nm, double dt_s) noexcept {
     const Vec3 force_last = solution_.force_w_nn;
     const Vec3 end = before + move * (static_cast<double>(i) / pieces);
     const auto next = scene_->potential ? scene_->potential->advance(end, springs_, potential_state_)
-                                        : scene_->equilibrium->advance(end, springs_, state_);
+                                        : scene_->level->advance(end, springs_, state_);
     if (next.status == physics::SolveStatus::kOk) solution_ = next;
     work_aj_ -= 0.5 * (force_last + solution_.force_w_nn).dot(move / pieces);
     peak_force_nn_ = std::max(peak_force_nn_, solution_.normal_force_nn);

@@ -4,8 +4,8 @@
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/nve_server/afm_sim/sim_config.h"
+#include "telenano/nve_server/physics/equilibrium/level_equilibrium.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
 #include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::afm_sim {
@@ -50,7 +50,7 @@ class SimTip {
   Vec3 drift_nm_ = Vec3::Zero();
   Vec3 base_w_nm_;
   bool started_ = false;
-  physics::TipState state_;
+  physics::LevelState state_;
   physics::PotentialState potential_state_;  // instead, on a scene of one potential
   physics::TipSolution solution_;
   double work_aj_ = 0;

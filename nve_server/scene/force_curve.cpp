@@ -66,24 +66,26 @@ class CurveWalk {
  private:
   bool solve(double base_z_nm) {
     const physics::TipSolution before = solution_;
-    const physics::TipState state_before = state_;
+    const physics::LevelState state_before = state_;
+    const physics::PotentialState potential_before = potential_state_;
     const Vec3 end(x_, y_, surface_z_ + base_z_nm);
     solution_ = advance(end);
     // A slide that takes more than a step: the curve shows where it ends.
-    for (int i = 0; solution_.under_way && !solution_.stuck && i < kMostSlide; ++i) {
-      const double lost = solution_.dissipated_aj;
+    for (int i = 0; solution_.under_way && i < kMostSlide; ++i) {
+      const double lost = solution_.dissipated_aj, rubbed = solution_.friction_dissipated_aj;
       solution_ = advance(end);
-      if (scene_.potential) solution_.dissipated_aj += lost;  // the foot's slides are in no book
+      solution_.dissipated_aj += lost;
+      solution_.friction_dissipated_aj += rubbed;
     }
     if (solution_.status != physics::SolveStatus::kOk) {
       solution_ = before;
       state_ = state_before;  // a slide may have failed half way
+      potential_state_ = potential_before;
       return false;
     }
     if (started_) {
-      const bool by_energy = scene_.potential || scene_.surface->is_flat() || solution_.jumps > 0;
-      work_ += by_energy ? stored(solution_) - stored(before) + solution_.dissipated_aj
-                         : -0.5 * (solution_.force_w_nn.z() + before.force_w_nn.z()) * (base_z_nm - base_z_);
+      work_ +=
+          stored(solution_) - stored(before) + solution_.dissipated_aj + solution_.friction_dissipated_aj;
     }
     base_z_ = base_z_nm;
     started_ = true;
@@ -92,18 +94,17 @@ class CurveWalk {
 
   physics::TipSolution advance(const Vec3& end) {
     if (scene_.potential) return scene_.potential->advance(end, compliance_, potential_state_);
-    return scene_.equilibrium->advance(end, compliance_, state_);
+    return scene_.level->advance(end, compliance_, state_);
   }
 
   double stored(const physics::TipSolution& s) const {
-    if (scene_.potential) return s.potential_aj + 0.5 * s.force_w_nn.dot(compliance_ * s.force_w_nn);
-    return s.potential_aj + 0.5 * s.force_w_nn.z() * s.force_w_nn.z() * compliance_(2, 2);
+    return s.potential_aj + s.friction_stored_aj + 0.5 * s.force_w_nn.dot(compliance_ * s.force_w_nn);
   }
 
   const Scene& scene_;
   physics::Compliance compliance_;
   double x_, y_, surface_z_;
-  physics::TipState state_;
+  physics::LevelState state_;
   physics::PotentialState potential_state_;
   physics::TipSolution solution_;
   double base_z_ = 0;

@@ -44,14 +44,11 @@ void check_plan(const Scene& scene, const CurvePlan& plan);
 /// A force–distance curve: approach from `from` to `to`, then retract, the row at `to` in both. Cantilever
 /// and contact alone; the coupling takes no part. Jumps between rows are resolved. Quasi-static.
 ///
-/// work_aj. Flat sample: Δ(U_tip–sample + U_cantilever) + dissipated, exact at any step size. Curved: the
-/// force does not include the part that comes from R_eff changing as the foot wanders (tip_equilibrium.h), so
-/// the work is the integral of the force itself, trapezium by trapezium of at most 0.05 nm; a jump's step is
-/// by energy.
+/// work_aj: Δ(U_tip–sample + U_cantilever + bristle) + what jumps and friction have lost, at any step size.
+/// Where the ground is not level the base moves in pieces of at most 0.05 nm.
 ///
 /// Gaps. Where there is no balance the tip stays as it was and the next place is tried; such a place has no
-/// row, `gap` is called instead. Over it the work goes on from the last balance to the next, by one trapezium
-/// where the surface is curved.
+/// row, `gap` is called instead. Over it the work goes on from the last balance to the next.
 ///
 /// Throws RunError if there is no balance anywhere.
 CurveOutcome run_curve(const Scene& scene, const CurvePlan& plan,

@@ -6,7 +6,6 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
-#include "telenano/common/config/surface_force.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "telenano/nve_server/physics/surface/flat_surface.h"
@@ -94,22 +93,19 @@ auto within(const TomlTable& table, const Make& make) {
   }
 }
 
-Built read_plane(const TomlTable& table, double half_width, double tip_radius, SurfaceDescription& ground) {
+Built read_plane(const TomlTable& table, double half_width, SurfaceDescription& ground) {
   physics::PlaneSurface::Shape shape;
   const auto slope = between(-physics::PlaneSurface::kMaxSlope, physics::PlaneSurface::kMaxSlope);
   shape.slope_x = table.number_or("slope_x", slope, 0.0);
   shape.slope_y = table.number_or("slope_y", slope, 0.0);
   shape.extent_nm = half_width;
   ground.text = words("plane of slopes ", shape.slope_x, " and ", shape.slope_y);
-  return {std::make_shared<physics::PlaneSurface>(shape, tip_radius),
-          {},
-          half_width,
-          [shape](const Sphere& on_it) {
+  return {std::make_shared<physics::PlaneSurface>(shape), {}, half_width, [shape](const Sphere& on_it) {
             return std::make_shared<physics::PlaneFields>(shape, on_it.radius_nm);
           }};
 }
 
-Built read_sphere(const TomlTable& table, double half_width, double tip_radius, SurfaceDescription& ground) {
+Built read_sphere(const TomlTable& table, double half_width, SurfaceDescription& ground) {
   physics::SphereSurface::Shape shape;
   shape.radius_nm = table.number("radius_nm", between(1.0, 1e5));
   shape.x_nm = table.number_or("x_nm", between(-half_width, half_width), 0.0);
@@ -117,7 +113,7 @@ Built read_sphere(const TomlTable& table, double half_width, double tip_radius, 
   shape.height_nm = table.number_or("height_nm", config::positive(shape.radius_nm), shape.radius_nm);
   ground.text =
       words("sphere of radius ", shape.radius_nm, " nm that rises ", shape.height_nm, " nm from a plate");
-  return {within(table, [&] { return std::make_shared<physics::SphereSurface>(shape, tip_radius); }),
+  return {within(table, [&] { return std::make_shared<physics::SphereSurface>(shape); }),
           {},
           half_width,
           [shape, table](const Sphere& on_it) {
@@ -246,6 +242,12 @@ class FieldsOfGrid {
 
 }  // namespace
 
+void make_level_ground(Scene& scene) {
+  make_potential(scene, [](const Sphere& sphere, const auto&) {
+    return std::make_shared<physics::PlaneFields>(physics::PlaneSurface::Shape{}, sphere.radius_nm);
+  });
+}
+
 // A wider tip touches beyond the rim, where nothing is known, and its fields are many times as wide as the
 // grid: a tip of 500 nm on a scan of 0.2 nm took all memory.
 void check_fits(const TomlTable& table, const char* key, const HeightGrid& grid, double radius_nm) {
@@ -270,30 +272,16 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   const auto marks = root.optional_table("marks");
   const bool yields = scene.sample.hardness_gpa > 0;
   if (marks && !yields) marks->fail("spacing_nm", "marks need [sample] hardness_gpa");
-  // A shape's radius changes little over a contact; a scan is as rough as its pixels (tip_equilibrium.h), and
-  // a mark is no wider than the contact that made it.
-  const std::string by_default =
-      loading.force_left_out.empty() ? config::default_surface_force(root) : loading.force_left_out;
-  ground.potential = table.choice_or("force", {"foot", "potential"}, by_default) == "potential";
-  if (ground.potential && ground.kind == "flat" && !yields) {
-    table.fail("force", "a level sample's law is one potential as it is: leave it out");
+  // Scenes from before say how the ground acts on the tip; there is one way now.
+  if (table.text_or("force", "potential") != "potential") {
+    table.fail("force", "the nearest point (\"foot\") is gone, the ground is one potential: leave it out");
   }
-  ground.radius_force = table.boolean_or("radius_force", !scan && !yields && !ground.potential);
-  if (yields && ground.radius_force) {
-    table.fail("radius_force", "cannot be kept where marks stay: they change the radius within a contact");
-  }
-  if (ground.potential && ground.radius_force) {
-    table.fail("radius_force",
-               "goes with force = \"foot\": give that, or leave this out; the potential has that force");
+  if (table.has("radius_force")) {
+    table.fail("radius_force", "is part of the potential and no key any more: leave it out");
   }
   if (yields) {
-    scene.marks = Marks{scene.sample.hardness_gpa, ground.potential ? kPileUp : 0.0};
-    if (marks) {
-      if (!ground.potential && marks->has("pile_up")) {
-        marks->fail("pile_up", "goes with [surface] force = \"potential\": the foot piles nothing up");
-      }
-      scene.marks->pile_up = marks->number_or("pile_up", between(0.0, 1.0), scene.marks->pile_up);
-    }
+    scene.marks = Marks{scene.sample.hardness_gpa, kPileUp};
+    if (marks) scene.marks->pile_up = marks->number_or("pile_up", between(0.0, 1.0), kPileUp);
   }
 
   // The patch of an unbounded shape, and how finely it is kept where it has to be a grid.
@@ -313,11 +301,14 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   Built built;
   if (ground.kind == "flat") {
     ground.text = "the plane z = 0";
-    built = {std::make_shared<physics::FlatSurface>(tip_radius), {}, half_width, nullptr};
+    built = {std::make_shared<physics::FlatSurface>(), {}, half_width, [](const Sphere& sphere) {
+               return std::make_shared<physics::PlaneFields>(physics::PlaneSurface::Shape{},
+                                                             sphere.radius_nm);
+             }};
   } else if (ground.kind == "plane") {
-    built = read_plane(table, half_width, tip_radius, ground);
+    built = read_plane(table, half_width, ground);
   } else if (ground.kind == "sphere") {
-    built = read_sphere(table, half_width, tip_radius, ground);
+    built = read_sphere(table, half_width, ground);
   } else if (ground.kind == "step") {
     built = read_step(table, area, ground);
   } else if (ground.kind == "grating") {
@@ -330,22 +321,20 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
     scene.surface = built.exact;
     ground.x_min_nm = ground.y_min_nm = -half_width;
     ground.x_max_nm = ground.y_max_nm = half_width;
-    if (ground.potential) {
+    if (!built.exact->is_flat() || scene.particle) {
       make_potential(scene, [&](const Sphere& sphere, const auto&) { return built.fields(sphere); });
     }
   } else {
     if (built.exact) built.grid = within(table, [&] { return sampled(*built.exact, area); });
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
-    if (ground.potential) {
-      check_fits(root.table("probe"), "tip_radius_nm", built.grid, tip_radius);
-      if (scene.particle) {
-        check_fits(root.table("particle"), "radius_nm", built.grid,
-                   scene.particle->parameters.particle_radius_nm);
-      }
-      FieldsOfGrid fields(built.grid, loading, scene);
-      make_potential(scene, [&](const Sphere& sphere, const auto& law) { return fields(sphere, law); });
+    check_fits(root.table("probe"), "tip_radius_nm", built.grid, tip_radius);
+    if (scene.particle) {
+      check_fits(root.table("particle"), "radius_nm", built.grid,
+                 scene.particle->parameters.particle_radius_nm);
     }
-    const auto surface = std::make_shared<physics::SplineSurface>(built.grid, tip_radius);
+    const auto surface = std::make_shared<physics::SplineSurface>(built.grid);
+    FieldsOfGrid fields(built.grid, loading, scene);
+    make_potential(scene, [&](const Sphere& sphere, const auto& law) { return fields(sphere, law); });
     keep_inside(*surface, limits, ground);
     scene.surface = surface;
   }

@@ -30,8 +30,11 @@ void read_forces(const config::TomlTable& root, Scene& scene);
 std::string read_surface(const config::TomlDocument& document, const SceneLoading& loading, Scene& scene,
                          const std::string* given);
 
-/// [surface] force = "potential", after all that the tip feels is known: refuses what it does not have.
-void check_potential(const config::TomlTable& root);
+/// Of the law, friction and tip that are in the scene: scene.level.
+void make_level(Scene& scene);
+
+/// The level ground as fields, for a particle to lie on: scene.potential and scene.particle_ground.
+void make_level_ground(Scene& scene);
 
 /// [particle]: fills scene.particle.
 void read_particle(const config::TomlTable& table, Scene& scene);

@@ -33,6 +33,12 @@ Material read_sample(const TomlTable& table) {
   return sample;
 }
 
+void make_level(Scene& scene) {
+  const double radius = scene.probe.tip_radius_nm;
+  scene.level = std::make_shared<physics::LevelEquilibrium>(
+      std::make_shared<physics::TipSampleLaw>(scene.law_parameters, radius), radius, scene.friction);
+}
+
 namespace {
 
 // What a Welcome can carry, with a closing zero.
@@ -42,7 +48,7 @@ void read_limits(const TomlTable& table, Scene& scene) {
   Limits& limits = scene.limits;
   limits.force_max_nn = table.number("force_max_nn", positive(1e6));
   // A tip that may not bear its own adhesion could never let go.
-  const double adhesion = scene.equilibrium->law().attraction_bound_nn(scene.probe.tip_radius_nm);
+  const double adhesion = scene.law().attraction_bound_nn(scene.probe.tip_radius_nm);
   if (!(limits.force_max_nn > adhesion)) {
     std::ostringstream text;
     text << "is " << limits.force_max_nn << ", expected more than the attraction of this tip, " << adhesion
@@ -92,9 +98,7 @@ std::shared_ptr<const Scene> make_scene(const config::TomlDocument& document, co
 
   if (const auto particle = root.optional_table("particle")) read_particle(*particle, *scene);
   std::string scan_bytes = read_surface(document, loading, *scene, scan);
-  scene->equilibrium = std::make_shared<physics::TipEquilibrium>(
-      scene->surface, physics::TipSampleLaw(scene->law_parameters, scene->probe.tip_radius_nm),
-      scene->probe.tip_radius_nm, physics::EquilibriumOptions{scene->friction, scene->ground.radius_force});
+  make_level(*scene);
   read_limits(root.table("limits"), *scene);
   read_start(root.table("start"), *scene);
   if (const auto session = root.optional_table("session")) {
@@ -119,7 +123,7 @@ physics::Compliance Scene::probe_compliance_nm_nn() const {
 }
 
 double Scene::touch_height_nm(double x_nm, double y_nm) const {
-  if (!potential) return equilibrium->touch_height_nm(x_nm, y_nm);
+  if (!potential) return 0.0;
   return potential->touch_height_nm(x_nm, y_nm, surface->highest_nm() + 2.0 * probe.tip_radius_nm);
 }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/level_equilibrium.h"
 #include "telenano/nve_server/physics/law/tip_sample_law.h"
 #include "telenano/nve_server/physics/particle/particle_parameters.h"
 #include "telenano/nve_server/physics/probe/probe.h"
@@ -37,8 +37,6 @@ struct SurfaceDescription {
   std::string scan_title;
   double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
   double spacing_nm = 0;                                          ///< of the grid; 0: none
-  bool radius_force = false;       ///< the force of a changing radius is part of the balance
-  bool potential = false;          ///< force = "potential": Scene::potential is the balance
   std::size_t fields_bytes = 0;    ///< of the potential's fields, shared by all sessions
   bool fields_from_cache = false;  ///< they were not made anew
 };
@@ -46,7 +44,7 @@ struct SurfaceDescription {
 /// Marks stay where the mean pressure passes the sample's hardness.
 struct Marks {
   double hardness_gpa = 0;
-  double pile_up = 0;  ///< what stands round a mark, of the volume displaced; on a potential only
+  double pile_up = 0;  ///< what stands round a mark, of the volume displaced
 };
 
 struct Particle {
@@ -90,34 +88,32 @@ struct Scene {
   std::optional<Particle> particle;
   physics::Probe cantilever;
   std::shared_ptr<const physics::Surface> surface;
-  std::shared_ptr<const physics::TipEquilibrium> equilibrium;
-  std::shared_ptr<const physics::PotentialEquilibrium> potential;  ///< instead, where the ground asks for it
-  /// The ground to the particle, where it is one potential to the tip.
-  std::shared_ptr<const physics::TipPotential> particle_ground;
+  /// The law of the contact, and the balance on a level sample with nothing on it.
+  std::shared_ptr<const physics::LevelEquilibrium> level;
+  /// The balance on any other ground; null on that one.
+  std::shared_ptr<const physics::PotentialEquilibrium> potential;
+  std::shared_ptr<const physics::TipPotential> particle_ground;  ///< the ground to the particle; or null
   double start_touch_w_nm = 0;  ///< height of the apex at contact under the start position
 
   /// Springs between the commanded end and the apex: coupling in series with the cantilever.
   physics::Compliance port_compliance_nm_nn() const;
   /// The cantilever alone, its base held: what a force–distance curve needs.
   physics::Compliance probe_compliance_nm_nn() const;
-  /// Height of the apex at which tip and sample touch (overlap 0) over (x, y), as the balance has it: the
-  /// potential's where that is the force.
+  /// Height of the apex at which tip and sample touch (overlap 0) over (x, y), as the balance has it.
   double touch_height_nm(double x_nm, double y_nm) const;
+  const physics::TipSampleLaw& law() const noexcept { return level->law(); }
 };
 
 /// FieldsCache::folder_of_user().
 std::string users_fields_cache();
 
-/// How to build a scene. What takes seconds in it: the fields of a scan, for surface.force = "potential".
+/// How to build a scene. What takes seconds in it: the fields of a scan.
 struct SceneLoading {
   /// Folder (fields_cache.h), as the environment has it; empty: fields are made anew, and not kept.
   std::string fields_cache = users_fields_cache();
   /// Hears which part of the fields is made, from 0 to 1; not called where they come from the cache.
   /// What it throws ends the loading.
   std::function<void(double part)> progress{};
-  /// What a scene means that leaves surface.force out: "potential" or "foot"; empty: as it is today
-  /// (config::default_surface_force). For recordings from before there was a choice.
-  std::string force_left_out{};
 };
 
 /// Reads and checks a description (TOML) and its scan, and builds the pipeline. Throws UserError: one line

@@ -61,13 +61,7 @@ void list_terms(const Scene& scene, SceneSummary& summary) {
   const physics::Compliance probe = scene.probe_compliance_nm_nn();
   term(probe(0, 0) > 0 || probe(1, 1) > 0, "lateral bending");
   term(scene.cantilever.mode().has_value(), "first mode");
-  if (scene.potential) {
-    summary.terms_in.push_back("one potential of tip and ground, the scan dilated by the tip");
-  } else {
-    term(!flat, "spline, nearest-point search, local curvature");
-    // Nothing to leave out where the radius does not change.
-    if (!flat) term(scene.ground.radius_force, "force of a changing radius");
-  }
+  term(!flat, "one potential of tip and ground, the scan dilated by the tip");
   term(scene.marks.has_value(), "yield and marks");
   term(scene.particle.has_value(), "particle");
   term(scene.coupling.damping_n_s_m > 0, "coupling damper");
@@ -75,7 +69,7 @@ void list_terms(const Scene& scene, SceneSummary& summary) {
 
 // By pressing a soft spring (nearly load control) to the force limit and letting go again.
 void press(const Scene& scene, SceneSummary& summary) {
-  const physics::TipSampleLaw& law = scene.equilibrium->law();
+  const physics::TipSampleLaw& law = scene.law();
   const double radius = scene.probe.tip_radius_nm;
   const double limit = scene.limits.force_max_nn;
   const double compliance = 1e4 * radius / limit;
@@ -107,18 +101,9 @@ void pull_offs(const Scene& scene, SceneSummary& summary) {
     for (int j = 0; j < kPlacesAlong; ++j) {
       const double x = ground.x_min_nm + (ground.x_max_nm - ground.x_min_nm) * (i + 0.5) / kPlacesAlong;
       const double y = ground.y_min_nm + (ground.y_max_nm - ground.y_min_nm) * (j + 0.5) / kPlacesAlong;
-      if (scene.potential) {
-        const double z = scene.potential->touch_height_nm(
-            x, y, scene.surface->highest_nm() + 2.0 * scene.probe.tip_radius_nm);
-        physics::ContactJet at;
-        scene.potential->fields().contact_at(Vec3(x, y, z), at);
-        radii.push_back(det_exp(at.log_radius));
-        continue;
-      }
-      const double z = scene.equilibrium->touch_height_nm(x, y) + scene.probe.tip_radius_nm;
-      physics::FootMemory foot;
-      radii.push_back(
-          scene.surface->nearest(Vec3(x, y, z), physics::Search::kGlobal, foot).effective_radius_nm);
+      physics::ContactJet at;
+      scene.potential->fields().contact_at(Vec3(x, y, scene.touch_height_nm(x, y)), at);
+      radii.push_back(det_exp(at.log_radius));
     }
   }
   // It grows with the radius: the radii tell the order.
@@ -126,9 +111,7 @@ void pull_offs(const Scene& scene, SceneSummary& summary) {
   const auto radius_at = [&](double part) {
     return radii[static_cast<std::size_t>(part * static_cast<double>(radii.size() - 1))];
   };
-  const auto at = [&](double part) {
-    return physics::total_pull_off_nn(scene.equilibrium->law(), radius_at(part));
-  };
+  const auto at = [&](double part) { return physics::total_pull_off_nn(scene.law(), radius_at(part)); };
   summary.radius_low_nm = radius_at(0.05);
   summary.radius_median_nm = radius_at(0.5);
   summary.radius_high_nm = radius_at(0.95);
@@ -144,13 +127,6 @@ void pull_offs(const Scene& scene, SceneSummary& summary) {
 // a tip of 20 nm on silicon oxide, λ = 0.74; van der Waals against the proximity sum (unit_physics_fields).
 void list_model_errors(const Scene& scene, SceneSummary& summary) {
   if (!(scene.ground.spacing_nm > 0)) return;
-  if (!scene.potential) {
-    // Of the foot, against the same oracle (tests/results, before the potential came).
-    summary.model_errors.push_back(
-        "by the nearest point (force = \"foot\"): pressed 7 to 19 % of the rms force, pull-off 8 to 32 % in "
-        "the median, van der Waals 17 to 44 % at a distance; closed paths may give energy");
-    return;
-  }
   constexpr double kCalibratedLambda[2] = {0.35, 1.5};
   constexpr double kCalibratedRadius_nm[2] = {10, 40};
   std::vector<std::string>& all = summary.model_errors;
@@ -194,7 +170,7 @@ void list_model_errors(const Scene& scene, SceneSummary& summary) {
 // Maugis' lambda. The law has it act on rigid bodies (lambda = 0), 2 pi R times its work; bodies that it
 // deforms part at less.
 void warn_of_bridge(const Scene& scene, SceneSummary& summary) {
-  const physics::TipSampleLaw& law = scene.equilibrium->law();
+  const physics::TipSampleLaw& law = scene.law();
   const physics::CapillaryParameters& water = scene.law_parameters.long_range.capillary;
   const double liquid = physics::Capillary::adhesion_n_m(water);
   if (!(liquid > 0)) return;
@@ -260,7 +236,7 @@ void warn(const Scene& scene, SceneSummary& summary) {
              pressure));
   }
   if (scene.marks) {
-    const physics::PlasticContact plastic(scene.equilibrium->law(), scene.marks->hardness_gpa);
+    const physics::PlasticContact plastic(scene.law(), scene.marks->hardness_gpa);
     const double depth = plastic.zero_load_depth_nm(radius);
     if (depth > kVisibleMark_nm) {
       warnings.push_back(

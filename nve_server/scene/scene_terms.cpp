@@ -6,6 +6,7 @@
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "telenano/nve_server/physics/potential/branch_potential.h"
 #include "telenano/nve_server/physics/surface/flat_surface.h"
+#include "telenano/nve_server/scene/readers.h"
 
 namespace telenano::scene {
 namespace {
@@ -15,11 +16,13 @@ using Change = std::function<void(Scene&)>;
 std::shared_ptr<const Scene> changed(const Scene& scene, const Change& change) {
   auto copy = std::make_shared<Scene>(scene);
   change(*copy);
-  copy->equilibrium = std::make_shared<physics::TipEquilibrium>(
-      copy->surface, physics::TipSampleLaw(copy->law_parameters, copy->probe.tip_radius_nm),
-      copy->probe.tip_radius_nm, physics::EquilibriumOptions{copy->friction, copy->ground.radius_force});
-  // The ground is the same; law and friction are what has changed.
-  if (copy->potential) {
+  make_level(*copy);
+  if (copy->surface->is_flat()) {
+    copy->potential.reset();
+    copy->particle_ground.reset();
+    if (copy->particle) make_level_ground(*copy);
+  } else {
+    // The ground is the same; law and friction are what has changed.
     const double radius = copy->probe.tip_radius_nm;
     copy->potential = std::make_shared<physics::PotentialEquilibrium>(
         scene.potential->shared_fields(),
@@ -57,10 +60,8 @@ void without_mode(Scene& scene) {
 }
 
 void without_surface(Scene& scene) {
-  scene.surface = std::make_shared<physics::FlatSurface>(scene.probe.tip_radius_nm);
-  scene.potential.reset();
+  scene.surface = std::make_shared<physics::FlatSurface>();
   scene.marks.reset();
-  scene.ground.radius_force = false;
 }
 
 }  // namespace
@@ -89,14 +90,9 @@ std::vector<WithoutTerm> without_each_term(const Scene& scene) {
   leave_out(scene.friction.has_value(), "friction", [](Scene& s) { s.friction.reset(); });
   leave_out(lever(0, 0) > 0 || lever(1, 1) > 0, "lateral bending", without_lateral_bending);
   leave_out(scene.cantilever.mode().has_value(), "first mode", without_mode);
-  leave_out(scene.ground.radius_force && !scene.surface->is_flat(), "force of a changing radius",
-            [](Scene& s) { s.ground.radius_force = false; });
   leave_out(scene.marks.has_value(), "yield and marks", [](Scene& s) { s.marks.reset(); });
   leave_out(scene.particle.has_value(), "particle", [](Scene& s) { s.particle.reset(); });
-  leave_out(
-      !scene.surface->is_flat(),
-      scene.potential ? "one potential of tip and ground" : "spline, nearest-point search, local curvature",
-      without_surface);
+  leave_out(!scene.surface->is_flat(), "one potential of tip and ground", without_surface);
   return all;
 }
 

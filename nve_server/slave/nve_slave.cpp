@@ -24,9 +24,9 @@ constexpr double kMarkRadii =
 // What a unit of work is worth: about a microsecond on one core at 2.3 GHz. Measured on the project's scenes,
 // 0.5 to 100 nm a step: an iteration of a tip alone 0.7 to 1.3 µs, one with a particle 3 to 5; a mark in the
 // fields of one potential 0.8 ms where a* is 20 nm on a grid of 1 nm, in proportion to the nodes that it
-// changes; one in the heights alone a tenth of that.
+// changes.
 constexpr std::uint32_t kWorkOfParticleIteration = 4;
-constexpr double kWorkOfFieldNode = 1.5, kWorkOfHeightNode = 0.05;
+constexpr double kWorkOfFieldNode = 1.5;
 constexpr double kMarkPiece = 1.1;  // of a*, in which a wide flow is pressed (marked_potential.h)
 // Of a particle's way, in which its own steps are an eighth of the smaller radius (particle_equilibrium.cpp):
 // some ten iterations each where it is pushed.
@@ -206,8 +206,7 @@ void NveSlave::accept_trial() noexcept {
   const double across = 2.0 * yielded.flow.contact_radius_nm / scene_->ground.spacing_nm;
   const double pieces =
       1.0 + det_log(std::max(1.0, yielded.flow.radius_nm / yielded.from_radius_nm)) / det_log(kMarkPiece);
-  const double work =
-      (scene_->potential ? kWorkOfFieldNode : kWorkOfHeightNode) * std::floor(pieces) * across * across;
+  const double work = kWorkOfFieldNode * std::floor(pieces) * across * across;
   if (work > 0.0) work_ += static_cast<std::uint32_t>(std::min(work, 1e6));
 }
 
@@ -262,14 +261,16 @@ const physics::Compliance* NveSlave::solve(const Vec3& commanded, const Piece& p
   }
   if (scalar_) {
     // Whole states are never copied here, which would take longer than the balance.
-    to.tip.law.go_on_from(from.tip.law);
-    scene_->equilibrium->advance_flat(free_end, *springs, to.tip.law, to.solution);
+    to.level.law.go_on_from(from.level.law);
+    scene_->level->advance_without_friction(free_end, *springs, to.level.law, to.solution);
   } else if (scene_->potential) {
     to.potential = from.potential;
     to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.potential);
   } else {
-    to.tip = from.tip;
-    to.solution = sample_.advance(free_end, *springs, piece.dt_s, to.tip);
+    to.level.law.go_on_from(from.level.law);
+    to.level.apex_w_nm = from.level.apex_w_nm;
+    to.level.friction = from.level.friction;
+    to.solution = scene_->level->advance(free_end, *springs, to.level);
   }
   const auto settle = [&] {
     count_work(to.solution);
@@ -380,8 +381,7 @@ void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcep
     trace_.mode_numerical_aj += lost;
   }
   const double work = 0.5 * (first + last);
-  double least = after.solution.slid ? work : charge;
-  if (after.solution.slid) ++trace_.slides;
+  double least = charge;
   if (after.solution.under_way) ++trace_.under_way_steps;
   if (!flat_) {
     least = std::max(least, work - paid_ahead_aj_);
@@ -463,8 +463,6 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
       break;
     }
   }
-  if (port().solution.outside) ++trace_.outside_steps;
-  if (port().solution.radius_clamped) ++trace_.clamped_radius_steps;
   publish(faults, output);
   if (input.wants_model) {
     output.model = model_.of(port().solution, port().commanded_w_nm);
@@ -500,21 +498,19 @@ void NveSlave::visit_port(Visit& visit, Of& port) const noexcept {
     fields(visit, port.potential);
   } else {
     // A level sample's two ports find the one table's handover each for itself, with the same result.
-    const bool one_table = scalar_ && port.tip.law.cache.tabulated;
+    const bool one_table = scalar_ && port.level.law.cache.tabulated;
     bool of_one_radius = one_table;
     visit(of_one_radius);
-    law_fields(visit, port.tip.law, of_one_radius);
-    if (!scalar_) fields(visit, port.tip);
+    law_fields(visit, port.level.law, of_one_radius);
+    if (!scalar_) fields(visit, port.level);
   }
   fields(visit, port.solution);
   fields(visit, port.mode);
   visit(port.stored_aj);
 }
 
-/// The sample first: a foot's memory is of a surface as it is then.
 template <class Visit>
 void NveSlave::write_state(Visit& visit) const noexcept {
-  visit.surface_stamp = sample_.surface_stamp();
   sample_.write(visit);
   visit_port(visit, port());
   visit(energy_in_aj_);
@@ -545,7 +541,6 @@ void NveSlave::reset() noexcept {
 
 bool NveSlave::load(std::span<const std::uint8_t> bytes) noexcept {
   StateReader reader(bytes);
-  reader.surface_stamp = sample_.surface_stamp();
   bool good = sample_.read(reader);
   Port& to = ports_[now_];
   to = {};
@@ -559,8 +554,7 @@ bool NveSlave::load(std::span<const std::uint8_t> bytes) noexcept {
   good = good && faults <= UINT32_MAX && reader.ok() && reader.at_end() && energy_in_aj_ >= 0 &&
          energy_out_aj_ >= 0;
   if (good) {
-    const physics::TipSampleLaw& law = scene_->equilibrium->law();
-    law.derive(to.tip.law.cache);
+    scene_->law().derive(to.level.law.cache);
     ports_[1 - now_] = to;
     return true;
   }

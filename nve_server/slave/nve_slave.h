@@ -7,8 +7,8 @@
 #include <span>
 #include <vector>
 
+#include "telenano/nve_server/physics/equilibrium/level_equilibrium.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
 #include "telenano/nve_server/physics/probe/probe.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/slave/port_model.h"
@@ -39,35 +39,33 @@ namespace telenano::slave {
 /// deflection_nm is F_z-equivalent: C_zz F_z, the height by which the vertical force alone lifts the apex
 /// (with a mode: u_z q + C_rest,zz F_z). What an optical lever would read is Probe::optical_deflection_nm.
 ///
-/// One potential: where the scene has it (surface.force = "potential", the default but for
-/// exact shapes) the balance is physics::PotentialEquilibrium, whose charges need nothing for geometry,
-/// beside a particle that does not sleep physics::ParticleEquilibrium on the same ground; a descent that goes
-/// on in the next step is booked as far as it came.
+/// Balance: on a level sample with nothing on it physics::LevelEquilibrium, the law itself; elsewhere
+/// physics::PotentialEquilibrium, whose charges need nothing for geometry, and beside a particle that does
+/// not sleep physics::ParticleEquilibrium on the same ground. A descent that goes on in the next step is
+/// booked as far as it came.
 ///
 /// Work: where a step has made SlaveInput::work_most, what is left of its way is left for the next
 /// (kFaultShare). A particle's step is not cut but shortened before, to what so much work goes as a rule.
 ///
-/// Marks: with a hardness the session has a surface of its own (physics::MarkedSample), lowered by what each
-/// accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii contact
-/// radii: a groove's depth goes by the length of the piece to first order, 8 % at half a contact radius.
+/// Marks: with a hardness the session has a surface of its own (physics::MarkedPotential), lowered by what
+/// each accepted balance yielded. While the tip is in contact the end then moves in pieces of kMarkRadii
+/// contact radii: a groove's depth goes by the length of the piece to first order, 8 % at half a contact
+/// radius.
 ///
 /// Energy book: each step charges the port with Δ(U_tip–sample + U_probe + U_coupling) + dissipated, U_probe
 /// = ½ FᵀC F (with a mode ½ FᵀC_rest F + ½ m q'² + ½ k q²), dissipated = jumps of the branch + b_c|Δe|²/dt +
 /// the mode's damping + friction + flow; the positive steps sum to energy_in, the negative ones to
-/// energy_out. U is a function of the state, so that no path, however sampled, draws more than was put in. A
-/// tip that slides off a summit loses energy that is in none of these: such a step is charged no less than
-/// the trapezium of force and commanded displacement. On a curved sample U follows R_eff and the force does
-/// not (tip_equilibrium.h), so that round a closed path the port may work more than is stored or dissipated:
-/// there the charges, summed since the slave began, are never less than the trapezia; what they lack is
-/// charged, and dissipated. So the book is passive both ways: it never gives back more than it holds, and
-/// never asks for less than the port has brought. So does a mode that moves between samples, by its
-/// numerical loss. On a flat sample the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge
+/// energy_out. U is a function of the state, so that no path, however sampled, draws more than was put in.
+/// The trapezia of a sampled port are not: round a closed path over relief they may come to more than is
+/// stored or dissipated. There the charges, summed since the slave began, are never less than the trapezia;
+/// what they lack is charged, and dissipated. So the book is passive both ways: it never gives back more than
+/// it holds, and never asks for less than the port has brought. So does a mode that moves between samples, by
+/// its numerical loss. On a flat sample the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge
 /// below is raised to it, the difference being dissipated; a charge above (the end of the step has more than
-/// was brought, as a strongly curved attraction may do) is lowered by slowing down the mode. On a curved
-/// sample, where the potential follows R_eff and the force does not (tip_equilibrium.h), the mode's own
-/// numerical loss counts instead (ModeLoss). On one potential without marks the force held over a step of the
-/// mode is the one whose work is what all else has set free (a discrete gradient): the mode's own loss then
-/// is rounding, wherever the step is smooth and resolves the contact.
+/// was brought, as a strongly curved attraction may do) is lowered by slowing down the mode. Over
+/// relief the mode's own numerical loss counts instead (ModeLoss); without marks and particle the force held
+/// over a step of the mode is the one whose work is what all else has set free (a discrete gradient), and the
+/// mode's own loss is rounding, wherever the step is smooth and resolves the contact.
 class NveSlave final : public Slave {
  public:
   explicit NveSlave(std::shared_ptr<const scene::Scene> scene);
@@ -84,14 +82,11 @@ class NveSlave final : public Slave {
     physics::TipSolution tip;
     physics::ModeState mode;
     double stored_aj = 0;
-    double dissipated_aj = 0;      ///< cumulative
-    double mode_damped_aj = 0;     ///< cumulative, of these: by the quality factor
-    double mode_numerical_aj = 0;  ///< cumulative, of these: by the sampling of a mode
-    double mode_slowed_aj = 0;     ///< cumulative: taken out of the mode's kinetic energy
-    double mode_unpaid_aj = 0;     ///< cumulative: charged though the port did not bring it
-    std::uint64_t clamped_radius_steps = 0;
-    std::uint64_t outside_steps = 0;
-    std::uint64_t slides = 0;
+    double dissipated_aj = 0;           ///< cumulative
+    double mode_damped_aj = 0;          ///< cumulative, of these: by the quality factor
+    double mode_numerical_aj = 0;       ///< cumulative, of these: by the sampling of a mode
+    double mode_slowed_aj = 0;          ///< cumulative: taken out of the mode's kinetic energy
+    double mode_unpaid_aj = 0;          ///< cumulative: charged though the port did not bring it
     std::uint64_t under_way_steps = 0;  ///< that ended without a balance, the tip on its way down
     double unbooked_aj = 0;  ///< cumulative, of these: work that potential and losses do not account for
   };
@@ -100,7 +95,7 @@ class NveSlave final : public Slave {
   /// state give the same. Memory layout and history are not in it. Takes some hundred nanoseconds.
   std::uint64_t state_hash() const noexcept override;
   /// The state as bytes (state_fields.h); 0: they do not fit. At most kSnapshotBytes and, where marks stay,
-  /// 28 a changed node and, on one potential, 40 a changed coefficient of its fields. Does not allocate;
+  /// 20 a changed node and 40 a changed coefficient of the fields. Does not allocate;
   /// looks at every node of a surface with marks.
   std::size_t save(std::span<std::uint8_t> out) const noexcept override;
   static constexpr std::size_t kSnapshotBytes = 8192;
@@ -125,7 +120,7 @@ class NveSlave final : public Slave {
   struct Port {
     Vec3 commanded_w_nm = Vec3::Zero();
     Vec3 extension_w_nm = Vec3::Zero();
-    physics::TipState tip;
+    physics::LevelState level;
     physics::PotentialState potential;
     physics::TipSolution solution;
     physics::ModeState mode;

@@ -5,7 +5,6 @@
 
 #include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
-#include "telenano/nve_server/physics/surface/relative_curvature.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 
 namespace telenano::slave {
@@ -69,15 +68,15 @@ double largest_radius_nm(const scene::Scene& scene) {
   if (scene.surface->is_flat()) return radius_nm;
   const auto* const fields =
       scene.potential ? dynamic_cast<const physics::ScanFields*>(&scene.potential->fields()) : nullptr;
-  return fields != nullptr ? det_exp(fields->largest_log_radius())
-                           : radius_nm / physics::kMinRelativeCurvature;
+  // A closed shape rises: nowhere is the tip on two feet of more than its own radius each.
+  return fields != nullptr ? det_exp(fields->largest_log_radius()) : 2.0 * radius_nm;
 }
 
 }  // namespace
 
 PortGround::PortGround(const scene::Scene& scene)
     : tip_radius_nm_(scene.probe.tip_radius_nm), first_radius_nm_(tip_radius_nm_) {
-  const physics::TipSampleLaw& law = scene.equilibrium->law();
+  const physics::TipSampleLaw& law = scene.law();
   const double spring_nm_nn = scene.port_compliance_nm_nn()(2, 2);
   int octaves = 0;
   if (scene.potential) {

@@ -6,7 +6,7 @@
 
 #include "telenano/common/link/messages.h"
 #include "telenano/nve_server/physics/contact/friction.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_solution.h"
 #include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::slave {
@@ -31,10 +31,10 @@ class PortGround {
   /// springs included, plus losses; springs store no less than nothing, so that no path gives out more than
   /// −min U beyond what was put in, U the law's potential, 0 far away. On a flat sample that is found by the
   /// walk at the tip's own radius, to some parts in 10⁴ and never too low; U grows with the effective
-  /// radius, so that elsewhere the largest that the law is ever given bounds it: on one potential the largest
-  /// coefficient of its fields (splines stay within theirs), by the foot ten tip radii
-  /// (relative_curvature.h). With a particle, the tip's well on it besides. Marks may flatten the ground
-  /// further than that: what is more is not in it.
+  /// radius, so that elsewhere the largest that the law is ever given bounds it: on a grid the largest
+  /// coefficient of its fields (splines stay within theirs), on a ball twice the tip's radius, where it
+  /// touches the ball and the plate. With a particle, the tip's well on it besides. Marks may flatten the
+  /// ground further than that: what is more is not in it.
   double well_aj() const noexcept { return well_aj_; }
   double well_radius_nm() const noexcept { return well_radius_nm_; }  ///< at which that is
 

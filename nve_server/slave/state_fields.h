@@ -8,8 +8,8 @@
 #include <span>
 
 #include "telenano/common/base/vec3.h"
+#include "telenano/nve_server/physics/equilibrium/level_equilibrium.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
 #include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 
 /// What of a slave's state later steps depend on, field by field, in one list for three uses: the hash that
@@ -27,14 +27,8 @@ inline std::uint64_t mix_words(std::uint64_t a, std::uint64_t b) noexcept {
   return static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64);
 }
 
-/// Surfaces that change say so by a stamp; a foot remembered under another is out of date. The stamp itself
-/// counts changes, which is history, so that only its being the present one is state.
-struct StateUse {
-  std::uint32_t surface_stamp = 0;
-};
-
 /// 64 bits over the fields, in order. Not cryptographic: it finds what differs by mistake.
-class StateHash : public StateUse {
+class StateHash {
  public:
   static constexpr bool kReads = false;
   void word(std::uint64_t bits) noexcept { hash_ = mix_words(hash_ + 1, bits); }
@@ -50,7 +44,7 @@ class StateHash : public StateUse {
 };
 
 /// Little-endian bytes, 8 for a double, 1 for a bool, 4 for an int. `ok` is false when they did not fit.
-class StateWriter : public StateUse {
+class StateWriter {
  public:
   static constexpr bool kReads = false;
   explicit StateWriter(std::span<std::uint8_t> out) noexcept : out_(out) {}
@@ -79,7 +73,7 @@ class StateWriter : public StateUse {
 };
 
 /// Of bytes that may be anybody's: what is cut, not finite or no value of its kind makes `ok` false.
-class StateReader : public StateUse {
+class StateReader {
  public:
   static constexpr bool kReads = true;
   explicit StateReader(std::span<const std::uint8_t> in) noexcept : in_(in) {}
@@ -214,7 +208,6 @@ void cache_fields(V& v, Cache& s, bool of_one_radius) noexcept {
   v(s.far_parameter);
   v(s.fold_radius_nm);
   fields(v, s.rigid_fold);
-  v(s.far_force_per_radius_n_m);
 }
 
 /// The caller rebuilds what the law derives (TipSampleLaw::derive) after reading.
@@ -229,63 +222,16 @@ void law_fields(V& v, State& s, bool of_one_radius) noexcept {
   cache_fields(v, s.cache, of_one_radius);
 }
 
-TELENANO_FIELDS_OF(physics::FootMemory) {
-  v(s.x_nm);
-  v(s.y_nm);
-  v(s.warm);
-  bool fresh = s.stamp != 0 && s.stamp == v.surface_stamp;
-  v(fresh);
-  if constexpr (V::kReads) s.stamp = fresh ? v.surface_stamp : 0;
-  if (!fresh) return;
-  v(s.jet.z);
-  v(s.jet.zx);
-  v(s.jet.zy);
-  v(s.jet.zxx);
-  v(s.jet.zxy);
-  v(s.jet.zyy);
-}
-
 TELENANO_FIELDS_OF(physics::FrictionState) {
   fields(v, s.extension_w_nm);
   fields(v, s.normal_w);
   v(s.stiffness_n_m);
 }
 
-TELENANO_FIELDS_OF(physics::ContactRadiusRates) {
-  v(s.per_force_nm_nn);
-  v(s.per_radius);
-}
-
 /// Without its law's part.
-TELENANO_FIELDS_OF(physics::TipState) {
-  if (!count(v, s.foot_count, physics::kMaxFeet)) return;
-  for (int i = 0; i < s.foot_count; ++i) {
-    auto& foot = s.feet[static_cast<std::size_t>(i)];
-    fields(v, foot.memory);
-    v(foot.share);
-  }
-  v(s.started);
-  fields(v, s.free_end_w_nm);
+TELENANO_FIELDS_OF(physics::LevelState) {
   fields(v, s.apex_w_nm);
-  fields(v, s.normal_w);
-  v(s.force_nn);
-  v(s.overlap_nm);
-  v(s.stiffness_n_m);
-  v(s.radius_nm);
-  v(s.radius_force_nn);
-  v(s.contact_radius_nm);
-  fields(v, s.contact_radius_rates);
-  v(s.radius_as_overlap);
   fields(v, s.friction);
-  fields(v, s.follow);
-  fields(v, s.trend.move_w_nm);
-  fields(v, s.trend.bend_w_nm);
-  v(s.trend.force_nn);
-  fields(v, s.trend.contact_radius_rates);
-  v(s.stored_aj);
-  v(s.under_way);
-  v(s.stuck);
-  v(s.slide_part);
 }
 
 TELENANO_FIELDS_OF(physics::PotentialBranch) {
@@ -338,20 +284,12 @@ TELENANO_FIELDS_OF(physics::TipSolution) {
   v(s.friction_stored_aj);
   v(s.sliding);
   v(s.under_way);
-  v(s.stuck);
-  v(s.outside);
-  v(s.radius_clamped);
 }
 
 TELENANO_FIELDS_OF(physics::ModeState) {
   v(s.deflection_nm);
   v(s.velocity_nm_s);
   v(s.force_nn);
-}
-
-TELENANO_FIELDS_OF(physics::ParticleFeet) {
-  if (!count(v, s.count, physics::kMaxParticleFeet)) return;
-  for (int i = 0; i < s.count; ++i) fields(v, s.feet[static_cast<std::size_t>(i)]);
 }
 
 TELENANO_FIELDS_OF(physics::Equilibrium) {
@@ -379,8 +317,6 @@ TELENANO_FIELDS_OF(physics::ParticleState) {
     v(contact.roll_stiffness);
     v(contact.spin_stiffness);
   }
-  fields(v, s.tip_feet);
-  fields(v, s.particle_feet);
   v(s.started);
   fields(v, s.tip_centre_w_nm);
   fields(v, s.tip_force_w_nn);

@@ -10,47 +10,28 @@ TouchedSample::TouchedSample(std::shared_ptr<const scene::Scene> scene) : scene_
   if (scene_->marks) {
     const auto* heights = dynamic_cast<const physics::SplineSurface*>(scene_->surface.get());
     if (heights == nullptr) throw UserError(scene_->path + ": marks need a surface of heights");
-    if (scene_->potential) {
-      const auto* fields = dynamic_cast<const physics::ScanFields*>(&scene_->potential->fields());
-      if (fields == nullptr) throw UserError(scene_->path + ": marks need fields on a grid");
-      marked_potential_ =
-          std::make_unique<physics::MarkedPotential>(*fields, *heights, *scene_->potential, scene_->friction,
-                                                     scene_->marks->hardness_gpa, scene_->marks->pile_up);
-    } else {
-      physics::EquilibriumOptions options = scene_->equilibrium->options();
-      options.hardness_gpa = scene_->marks->hardness_gpa;
-      marked_ = std::make_unique<physics::MarkedSample>(*heights, scene_->equilibrium->law(),
-                                                        scene_->probe.tip_radius_nm, options);
-    }
+    const auto* fields =
+        scene_->potential ? dynamic_cast<const physics::ScanFields*>(&scene_->potential->fields()) : nullptr;
+    if (fields == nullptr) throw UserError(scene_->path + ": marks need fields on a grid");
+    marked_ =
+        std::make_unique<physics::MarkedPotential>(*fields, *heights, *scene_->potential, scene_->friction,
+                                                   scene_->marks->hardness_gpa, scene_->marks->pile_up);
   }
   if (!scene_->particle) return;
   const scene::Particle& particle = *scene_->particle;
-  physics::ParticleGround ground;
-  if (scene_->potential) {
-    ground.tip = std::make_shared<physics::TipPotential>(scene_->potential->tip_potential());
-    ground.particle = scene_->particle_ground;
-  }
-  physics::ParticleEquilibrium equilibrium(scene_->surface, particle.parameters, ground);
+  physics::ParticleEquilibrium equilibrium(
+      scene_->surface, particle.parameters,
+      {std::make_shared<physics::TipPotential>(scene_->potential->tip_potential()), scene_->particle_ground});
   const physics::ParticleState resting = equilibrium.place(particle.x_nm, particle.y_nm);
-  physics::TipBesideSleeper beside(scene_->surface, equilibrium.model(), equilibrium.little_pull_nn());
+  physics::TipBesideSleeper beside(equilibrium.model(), equilibrium.little_pull_nn());
   particle_ = std::make_unique<ParticleTrial>(
       ParticleTrial{std::move(equilibrium), resting, resting, {}, {}, resting, std::move(beside), {}, {}});
   particle_->solution.particle_centre_w_nm = resting.particle_centre_w_nm;
   particle_->solution.on_surface = true;
 }
 
-physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics::Compliance& springs,
-                                            double dt_s, physics::TipState& state) noexcept {
-  if (!particle_) {
-    const physics::TipEquilibrium& equilibrium = marked_ ? marked_->equilibrium() : *scene_->equilibrium;
-    return equilibrium.advance(free_end, springs, state);
-  }
-  return advance_both(free_end, springs, dt_s, state);
-}
-
-template <class State>
 physics::TipSolution TouchedSample::advance_both(const Vec3& free_end, const physics::Compliance& springs,
-                                                 double dt_s, State& state) noexcept {
+                                                 double dt_s, physics::PotentialState& state) noexcept {
   ParticleTrial& p = *particle_;
   p.trial_alone = p.alone && advance_alone(free_end, springs, state);
   if (p.trial_alone) return p.trial_solution.tip;
@@ -62,9 +43,8 @@ physics::TipSolution TouchedSample::advance_both(const Vec3& free_end, const phy
 }
 
 // The particle sleeps: the tip beside it. False: it wakes, `state` is what it was.
-template <class State>
 bool TouchedSample::advance_alone(const Vec3& free_end, const physics::Compliance& springs,
-                                  State& state) noexcept {
+                                  physics::PotentialState& state) noexcept {
   ParticleTrial& p = *particle_;
   if (!p.begun) p.beside.begin(p.state, p.solution, p.springs, state);
   return p.beside.advance(free_end, springs, p.state, p.trial_pull, state, p.trial_solution.tip);
@@ -73,13 +53,12 @@ bool TouchedSample::advance_alone(const Vec3& free_end, const physics::Complianc
 physics::TipSolution TouchedSample::advance(const Vec3& free_end, const physics::Compliance& springs,
                                             double dt_s, physics::PotentialState& state) noexcept {
   if (particle_) return advance_both(free_end, springs, dt_s, state);
-  if (marked_potential_) return marked_potential_->advance(free_end, springs, state);
+  if (marked_) return marked_->advance(free_end, springs, state);
   return scene_->potential->advance(free_end, springs, state);
 }
 
 void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
-  if (marked_potential_) marked_potential_->accept(accepted);
-  if (marked_) marked_->press(accepted.yielded);
+  if (marked_) marked_->accept(accepted);
   if (!particle_) return;
   ParticleTrial& p = *particle_;
   if (p.trial_alone) {
@@ -97,12 +76,6 @@ void TouchedSample::accept(const physics::TipSolution& accepted) noexcept {
   p.pull.memory = p.trial_pull.memory = p.state.contacts[physics::kTipParticle].law;
 }
 
-std::uint32_t TouchedSample::surface_stamp() const noexcept {
-  if (const auto* const marked = marked_surface()) return marked->stamp();
-  const auto* const heights = dynamic_cast<const physics::SplineSurface*>(scene_->surface.get());
-  return heights != nullptr ? heights->stamp() : 0;
-}
-
 namespace {
 
 template <class Visit, class Solution>
@@ -112,7 +85,7 @@ void visit_particle(Visit& visit, Solution& solution) noexcept {
   visit(solution.on_surface);
 }
 
-/// What its contacts and the ground remember of each other on one potential.
+/// What its contacts and the ground remember of each other.
 template <class Visit, class Trial>
 void visit_particle_ground(Visit& visit, Trial& p) noexcept {
   for (auto& contact : p.state.contacts) {
@@ -140,7 +113,7 @@ void visit_sleeper(Visit& visit, Trial& p) noexcept {
   visit(report.radius_nm);
 }
 
-/// What marks have changed is a list of nodes in rising order: number, then the three values. The hash takes
+/// What marks have changed is a list of nodes in rising order: number, then both values. The hash takes
 /// the surface's own digest instead.
 void write_marks(StateHash& visit, const physics::SplineSurface& surface,
                  const physics::SplineSurface& /*scan*/) noexcept {
@@ -165,12 +138,11 @@ void write_marks(StateWriter& visit, const physics::SplineSurface& surface,
   each([&](int number, const auto& node) {
     visit(number);
     visit(node.height_coefficient_nm);
-    visit(node.relative_curvature);
     visit(node.height_nm);
   });
 }
 
-/// The same of the fields of one potential: the coefficients that marks have changed.
+/// The same of the fields: the coefficients that marks have changed.
 void write_marks(StateHash& visit, const physics::ScanFields& fields) noexcept {
   visit(fields.marks_digest());
 }
@@ -223,37 +195,33 @@ void visit_last_step(Visit& visit, Last& last) noexcept {
 std::size_t TouchedSample::mark_bytes_max() const noexcept {
   const physics::SplineSurface* const surface = marked_surface();
   if (surface == nullptr) return 0;
-  constexpr std::size_t kNodeBytes = 28;
+  constexpr std::size_t kNodeBytes = 20;
   const std::size_t nodes =
       static_cast<std::size_t>(surface->rows()) * static_cast<std::size_t>(surface->columns());
-  return kNodeBytes * nodes +
-         (marked_potential_ ? kPressedBytes * marked_potential_->fields().pressable() : 0);
+  return kNodeBytes * nodes + kPressedBytes * marked_->fields().pressable();
 }
 
 template <class Visit>
 void TouchedSample::write(Visit& visit) const noexcept {
-  if (const auto* const marked = marked_surface())
-    write_marks(visit, *marked, static_cast<const physics::SplineSurface&>(*scene_->surface));
-  if (marked_potential_) {
-    write_marks(visit, marked_potential_->fields());
-    visit_last_step(visit, marked_potential_->last_step());
+  if (marked_) {
+    write_marks(visit, marked_->surface(), static_cast<const physics::SplineSurface&>(*scene_->surface));
+    write_marks(visit, marked_->fields());
+    visit_last_step(visit, marked_->last_step());
   }
   if (!particle_) return;
   fields(visit, particle_->state);
   visit_particle(visit, particle_->solution);
   visit_sleeper(visit, std::as_const(*particle_));
-  if (scene_->potential) visit_particle_ground(visit, std::as_const(*particle_));
+  visit_particle_ground(visit, std::as_const(*particle_));
 }
 
 template void TouchedSample::write(StateHash&) const noexcept;
 template void TouchedSample::write(StateWriter&) const noexcept;
 
 void TouchedSample::unmark() noexcept {
-  if (marked_potential_) {
-    marked_potential_->fields_to_restore().unmark();
-    marked_potential_->set_last_step({});
-  }
-  physics::SplineSurface& surface = *surface_to_restore();
+  marked_->fields_to_restore().unmark();
+  marked_->set_last_step({});
+  physics::SplineSurface& surface = marked_->surface_to_restore();
   if (!surface.marked()) return;
   const auto& scan = static_cast<const physics::SplineSurface&>(*scene_->surface);
   for (int row = 0; row < surface.rows(); ++row) {
@@ -266,7 +234,7 @@ void TouchedSample::unmark() noexcept {
 }
 
 void TouchedSample::reset() noexcept {
-  if (marked_ || marked_potential_) unmark();
+  if (marked_) unmark();
   if (!particle_) return;
   particle_->state = particle_->at_first;
   particle_->alone = particle_->begun = false;
@@ -278,8 +246,8 @@ void TouchedSample::reset() noexcept {
 
 bool TouchedSample::read(StateReader& visit) noexcept {
   reset();
-  if (marked_ || marked_potential_) {
-    physics::SplineSurface& surface = *surface_to_restore();
+  if (marked_) {
+    physics::SplineSurface& surface = marked_->surface_to_restore();
     bool marked = false;
     visit(marked);
     int changed = 0;
@@ -291,27 +259,25 @@ bool TouchedSample::read(StateReader& visit) noexcept {
       physics::SplineSurface::Node node;
       visit(number);
       visit(node.height_coefficient_nm);
-      visit(node.relative_curvature);
       visit(node.height_nm);
-      if (number <= last || number >= nodes || !(node.relative_curvature > 0)) visit.fail();
+      if (number <= last || number >= nodes) visit.fail();
       if (!visit.ok()) break;
       last = number;
       surface.set_node(number % surface.columns(), number / surface.columns(), node);
     }
     surface.settle(marked);
-    visit.surface_stamp = surface.stamp();
   }
-  if (marked_potential_ && visit.ok() && read_marks(visit, marked_potential_->fields_to_restore())) {
+  if (marked_ && visit.ok() && read_marks(visit, marked_->fields_to_restore())) {
     physics::MarkedPotential::LastStep last;
     visit_last_step(visit, last);
-    if (visit.ok()) marked_potential_->set_last_step(last);
+    if (visit.ok()) marked_->set_last_step(last);
   }
   if (particle_ && visit.ok()) {
     physics::ParticleState& state = particle_->state;
     fields(visit, state);
     visit_particle(visit, particle_->solution);
     visit_sleeper(visit, *particle_);
-    if (scene_->potential) visit_particle_ground(visit, *particle_);
+    visit_particle_ground(visit, *particle_);
     const auto& laws = particle_->equilibrium.model().laws;
     for (std::size_t i = 0; i < laws.size(); ++i) laws[i].derive(state.contacts[i].law.cache);
     laws[physics::kTipParticle].derive(particle_->pull.memory.cache);

@@ -6,8 +6,7 @@
 #include <optional>
 
 #include "telenano/nve_server/physics/equilibrium/marked_potential.h"
-#include "telenano/nve_server/physics/equilibrium/marked_sample.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "telenano/nve_server/physics/particle/particle_asleep.h"
 #include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 #include "telenano/nve_server/scene/scene.h"
@@ -15,19 +14,17 @@
 
 namespace telenano::slave {
 
-/// What the tip of one session touches: the scene's sample, shared by all sessions, and what is this
-/// session's own: the surface where marks stay, a particle. Trials change nothing until one is accepted.
+/// What the tip of one session touches where the ground is fields of the apex: the scene's sample, shared by
+/// all sessions, and what is this session's own: the surface where marks stay, a particle. Trials change
+/// nothing until one is accepted. (On a level sample without either the law alone is asked, by NveSlave.)
 class TouchedSample {
  public:
   /// Throws UserError if the sample yields but has no surface of heights.
   explicit TouchedSample(std::shared_ptr<const scene::Scene> scene);
 
-  /// Moves the free end of the springs as TipEquilibrium::advance does, within `dt_s`. Energies of the
+  /// Moves the free end of the springs as PotentialEquilibrium::advance does, within `dt_s`. Energies of the
   /// solution are those of everything that is touched: `potential_aj` and `friction_stored_aj` stored,
   /// `dissipated_aj` and `friction_dissipated_aj` lost in this step.
-  physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs, double dt_s,
-                               physics::TipState& state) noexcept;
-  /// The same on a scene of one potential.
   physics::TipSolution advance(const Vec3& free_end_w_nm, const physics::Compliance& springs, double dt_s,
                                physics::PotentialState& state) noexcept;
   /// `accepted`, the last trial, is what happened.
@@ -35,19 +32,14 @@ class TouchedSample {
 
   /// This session's own surface; null where no marks stay.
   const physics::SplineSurface* marked_surface() const noexcept {
-    if (marked_potential_) return &marked_potential_->surface();
     return marked_ ? &marked_->surface() : nullptr;
   }
 
   /// Steps that left a mark.
-  std::uint64_t marks() const noexcept {
-    if (marked_potential_) return marked_potential_->marks();
-    return marked_ ? marked_->marks() : 0;
-  }
+  std::uint64_t marks() const noexcept { return marked_ ? marked_->marks() : 0; }
 
   /// Hears of every mark from now on; nothing where none stay.
   void set_mark_journal(physics::MarkJournal* journal) noexcept {
-    if (marked_potential_) marked_potential_->set_journal(journal);
     if (marked_) marked_->set_journal(journal);
   }
 
@@ -59,10 +51,8 @@ class TouchedSample {
   /// Whether the last trial balanced the particle together with the tip, which takes longer.
   bool balances_particle() const noexcept { return particle_ && !particle_->trial_alone; }
 
-  /// Of what marks have changed of the fields of one potential; 0: nothing.
-  std::uint64_t marks_digest() const noexcept {
-    return marked_potential_ ? marked_potential_->fields().marks_digest() : 0;
-  }
+  /// Of what marks have changed of the fields; 0: nothing.
+  std::uint64_t marks_digest() const noexcept { return marked_ ? marked_->fields().marks_digest() : 0; }
   /// Bytes that write() may need for what marks have changed.
   std::size_t mark_bytes_max() const noexcept;
   /// What of it later steps depend on: `visit` is a StateHash, StateWriter or StateReader (state_fields.h).
@@ -71,8 +61,6 @@ class TouchedSample {
   /// False: not such a sample's; then it is as at the beginning.
   bool read(StateReader& visit) noexcept;
   void reset() noexcept;
-  /// Of the surface, which a foot remembers (physics/surface.h).
-  std::uint32_t surface_stamp() const noexcept;
 
  private:
   struct ParticleTrial {
@@ -91,22 +79,15 @@ class TouchedSample {
     bool trial_alone = false;
     physics::Compliance springs = physics::Compliance::Zero();  // of the last trial
   };
-  /// With a particle; `State` is that of the tip's own balance.
-  template <class State>
   physics::TipSolution advance_both(const Vec3& free_end_w_nm, const physics::Compliance& springs,
-                                    double dt_s, State& state) noexcept;
-  template <class State>
-  bool advance_alone(const Vec3& free_end_w_nm, const physics::Compliance& springs, State& state) noexcept;
+                                    double dt_s, physics::PotentialState& state) noexcept;
+  bool advance_alone(const Vec3& free_end_w_nm, const physics::Compliance& springs,
+                     physics::PotentialState& state) noexcept;
 
   void unmark() noexcept;
-  physics::SplineSurface* surface_to_restore() noexcept {
-    if (marked_potential_) return &marked_potential_->surface_to_restore();
-    return marked_ ? &marked_->surface_to_restore() : nullptr;
-  }
 
   std::shared_ptr<const scene::Scene> scene_;
-  std::unique_ptr<physics::MarkedSample> marked_;
-  std::unique_ptr<physics::MarkedPotential> marked_potential_;
+  std::unique_ptr<physics::MarkedPotential> marked_;
   std::unique_ptr<ParticleTrial> particle_;
 };
 

@@ -11,16 +11,12 @@
 #include "tests/source_dir.h"
 
 // Time of the surface's part of a step, on the scan of deploy/data (256×256, 2.34 nm, some 10 nm deep) under
-// a tip of 20 nm: the centre goes on a wide Lissajous figure, hovering or pressed in, `range(0)` hundredths
-// of a nanometre a step.
+// a tip of 20 nm: the apex goes on a wide Lissajous figure.
 
 namespace {
 
 using telenano::Vec3;
-using telenano::physics::FootMemory;
-using telenano::physics::Search;
 using telenano::physics::SplineSurface;
-using telenano::physics::SurfaceContact;
 
 constexpr double kRadius = 20;
 constexpr int kPath = 20000;
@@ -32,42 +28,8 @@ const telenano::physics::HeightGrid& scan() {
 }
 
 const SplineSurface& surface() {
-  static const SplineSurface surface(scan(), kRadius);
+  static const SplineSurface surface(scan());
   return surface;
-}
-
-/// Centres whose nearest foot is `distance_nm` away (to 1e-3 nm), `step_nm` apart sideways.
-std::vector<Vec3> path(double distance_nm, double step_nm) {
-  std::vector<Vec3> centres;
-  FootMemory memory;
-  double z = surface().highest_nm() + kRadius;
-  double t = 0;
-  while (static_cast<int>(centres.size()) < kPath) {
-    const Vec3 flat(300 + 230 * std::sin(t), 300 + 230 * std::sin(1.37 * t + 0.4), 0);
-    const double speed = 230 * std::hypot(std::cos(t), 1.37 * std::cos(1.37 * t + 0.4));
-    t += step_nm / std::max(speed, 20.0);
-    for (int i = 0; i < 60; ++i) {
-      const SurfaceContact c = surface().nearest(Vec3(flat.x(), flat.y(), z), Search::kGlobal, memory);
-      const double off = distance_nm - c.distance_nm;
-      z += off;
-      if (std::abs(off) < 1e-3) break;
-    }
-    centres.emplace_back(flat.x(), flat.y(), z);
-  }
-  return centres;
-}
-
-void walk(benchmark::State& bench, double distance_nm, Search search) {
-  const std::vector<Vec3> centres = path(distance_nm, 0.01 * static_cast<double>(bench.range(0)));
-  FootMemory memory;
-  std::size_t i = 0;
-  for (auto _ : bench) {
-    benchmark::DoNotOptimize(surface().nearest(centres[i], search, memory));
-    if (++i == centres.size()) {
-      i = 0;
-      memory.warm = false;
-    }
-  }
 }
 
 void height_jet(benchmark::State& bench) {
@@ -78,51 +40,12 @@ void height_jet(benchmark::State& bench) {
   }
 }
 
-void local_hovering(benchmark::State& bench) {
-  walk(bench, kRadius + 15, Search::kLocal);
-}
-void local_pressed(benchmark::State& bench) {
-  walk(bench, kRadius - 0.5, Search::kLocal);
-}
-void global_hovering(benchmark::State& bench) {
-  walk(bench, kRadius + 15, Search::kGlobal);
-}
-void global_pressed(benchmark::State& bench) {
-  walk(bench, kRadius - 0.5, Search::kGlobal);
-}
-
-/// What an iterated step asks for: four local answers a few hundredths of a nanometre apart, one global.
-void step_pressed(benchmark::State& bench) {
-  const std::vector<Vec3> centres = path(kRadius - 0.5, 0.01 * static_cast<double>(bench.range(0)));
-  FootMemory memory;
-  std::size_t i = 0;
-  for (auto _ : bench) {
-    for (int k = 3; k >= 0; --k) {
-      benchmark::DoNotOptimize(
-          surface().nearest(centres[i] + Vec3(0.01 * k, 0, 0.02 * k), Search::kLocal, memory));
-    }
-    benchmark::DoNotOptimize(surface().nearest(centres[i], Search::kGlobal, memory));
-    if (++i == centres.size()) i = 0;
-  }
-}
-
-/// Anywhere, from nothing.
-void global_cold(benchmark::State& bench) {
-  const std::vector<Vec3> centres = path(kRadius - 0.5, 1.0);
-  std::size_t i = 0;
-  for (auto _ : bench) {
-    FootMemory memory;
-    benchmark::DoNotOptimize(surface().nearest(centres[i], Search::kGlobal, memory));
-    i = (i + 7919) % centres.size();
-  }
-}
-
 /// A mark with its rim at range(0) tenths of a nanometre: nodes and spline.
 void press(benchmark::State& bench) {
   SplineSurface pressed(surface());
   double x = 100;
   for (auto _ : bench) {
-    pressed.press({x, 300 - 0.5 * x, 1e-6, 0.1 * static_cast<double>(bench.range(0)), 0.3});
+    pressed.press({x, 300 - 0.5 * x, 1e-6, 0.1 * static_cast<double>(bench.range(0))});
     x = x > 500 ? 100 : x + 0.37;
   }
 }
@@ -200,11 +123,5 @@ BENCHMARK(fields_made)->Unit(benchmark::kMillisecond)->Iterations(2);
 BENCHMARK(fields_tile)->Unit(benchmark::kMillisecond);
 BENCHMARK(press)->Arg(30)->Arg(100)->Arg(300);
 BENCHMARK(height_jet);
-BENCHMARK(local_hovering)->Arg(10)->Arg(100);
-BENCHMARK(local_pressed)->Arg(10)->Arg(100);
-BENCHMARK(global_hovering)->Arg(10)->Arg(100);
-BENCHMARK(global_pressed)->Arg(1)->Arg(10)->Arg(100);
-BENCHMARK(step_pressed)->Arg(10)->Arg(100);
-BENCHMARK(global_cold);
 
 }  // namespace

@@ -45,7 +45,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     FUZZ_CHECK(parts.text.size() + parts.scan.size() <= size);
     if (has_many_points(parts) && std::hash<std::string>()(bytes) % 256 != 0) return 0;
     const auto built = scene::decode_bundle(bytes);
-    FUZZ_CHECK(built->surface && built->equilibrium);
+    FUZZ_CHECK(built->surface && built->level);
     FUZZ_CHECK(is_finite(built->start_apex_w_nm) && std::isfinite(built->start_touch_w_nm));
     FUZZ_CHECK((built->limits.workspace_min_w_nm.array() <= built->limits.workspace_max_w_nm.array()).all());
     FUZZ_CHECK(built->port_compliance_nm_nn().allFinite());

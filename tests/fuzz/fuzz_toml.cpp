@@ -55,7 +55,7 @@ void read_as_what_it_looks_like(const std::string& text) {
     // Now and then all the same.
     if (builds_many_points(root) && std::hash<std::string>()(text) % 256 != 0) return;
     const auto scene = scene::parse_scene(text, "scene.toml");
-    FUZZ_CHECK(scene->surface && scene->equilibrium);
+    FUZZ_CHECK(scene->surface && scene->level);
     FUZZ_CHECK(is_finite(scene->start_apex_w_nm) && std::isfinite(scene->start_touch_w_nm));
     FUZZ_CHECK((scene->limits.workspace_min_w_nm.array() <= scene->limits.workspace_max_w_nm.array()).all());
     FUZZ_CHECK(scene->port_compliance_nm_nn().allFinite());

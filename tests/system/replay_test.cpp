@@ -137,7 +137,7 @@ TEST_F(ReplayTest, AUsersOwnSceneIsFoundOrAskedFor) {
   const std::string has_nothing = run_in("/", "has_nothing.h5", secretive);
   EXPECT_EQ(recording::RecordingReader(knows).configuration("scene_text"), scene);
   EXPECT_EQ(recording::RecordingReader(does_not).configuration("scene_text"), "");
-  EXPECT_EQ(recording::RecordingReader(knows).configuration("surface.force"), "foot");
+  EXPECT_EQ(recording::RecordingReader(knows).configuration("surface.force"), "law");
   EXPECT_EQ(recording::RecordingReader(does_not).configuration("surface.force"), "unknown");
   // Where the station had it; by name in this folder; by file.
   ChildOptions here;

@@ -159,7 +159,7 @@ TEST_F(TraceTest, RefusesABadSceneAndASurfaceThatKeepsNothing) {
   EXPECT_FALSE(std::filesystem::exists(path("s.gsf")));
   std::string text = file_text(scene_);
   text.replace(text.find("kind = \"flat\""), 13, "kind = \"flat\"\nradius_force = true");
-  expect_refused(trace(write("rf.toml", text), good), {"rf.toml", "radius_force", "marks"});
+  expect_refused(trace(write("rf.toml", text), good), {"rf.toml", "radius_force", "leave it out"});
 }
 
 TEST_F(TraceTest, SaysWhereItCannotWriteAndWhatWasHeldBack) {

@@ -18,8 +18,6 @@ namespace {
 
 constexpr std::uint64_t kGoldenHash = 0x97bc9dd7242d31au;
 constexpr std::uint64_t kGoldenHashUncredited = 9783254336666231963u;
-// By the ground's nearest point, which was the force on scans before.
-constexpr std::uint64_t kGoldenHashByFoot = 0x5807a2b1e5fe5bd1u;
 
 std::shared_ptr<const scene::Scene> scene_of(const std::string& name) {
   return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
@@ -114,13 +112,6 @@ TEST(VirtualSession, SameSeedSameBits) {
   VirtualSession uncredited(config);
   EXPECT_EQ(hash_rows(uncredited, 4000), kGoldenHashUncredited);
   config.station.well_max_j = station::StationConfig{}.well_max_j;
-  VirtualSessionConfig old_force = config;
-  scene::SceneLoading by_foot;
-  by_foot.force_left_out = "foot";
-  old_force.scene =
-      scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flakes.toml", by_foot);
-  VirtualSession by_nearest_point(old_force);
-  EXPECT_EQ(hash_rows(by_nearest_point, 4000), kGoldenHashByFoot);
   config.seed += 1;
   VirtualSession other(config);
   EXPECT_NE(hash, hash_rows(other, 4000));

@@ -35,7 +35,7 @@ std::unique_ptr<recording::Recorder> make_recorder(
     about.extra.emplace_back("scene_path", local->path);
     about.extra.emplace_back("surface.force", local->force);
   } else {
-    about.extra.emplace_back("surface.force", "unknown");  // a recording without a word is one by the foot
+    about.extra.emplace_back("surface.force", "unknown");  // who said nothing had another ground
   }
   if (bundle != nullptr) about.extra.emplace_back("scene_bundle", to_base64(*bundle));
   about.station_text = file.text.empty() ? "defaults" : file.text;

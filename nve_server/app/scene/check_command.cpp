@@ -178,7 +178,7 @@ void run(const std::string& path, const std::string& limits_path) {
   std::printf("%-14s %.6g (w = %g J/m2, K = %.6g GPa)\n", "lambda", summary.lambda,
               scene->law_parameters.work_of_adhesion_n_m, scene->law_parameters.contact_modulus_gpa);
   std::printf("%-14s %.6g nN on a flat, load control, all terms", "pull-off", summary.pull_off_nn);
-  if (scene->equilibrium->law().long_range().active()) {
+  if (scene->law().long_range().active()) {
     std::printf(" (the dry contact alone: %.6g nN)", summary.dry_contact_pull_off_nn);
   }
   std::printf("\n");

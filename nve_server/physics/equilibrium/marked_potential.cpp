@@ -160,10 +160,8 @@ TipSolution MarkedPotential::advance(const Vec3& free_end, const Compliance& c,
   flow.radius_nm = onset.family.radius_nm(kept.a_nm);
   solution.yielded.from_radius_nm = onset.radius_nm;
   solution.yielded.origin_radius_nm = origin;
-  solution.yielded.feet = 1;
   const Vec3 normal = solution.normal_w.normalized();
-  solution.yielded.foot[0].at_w_nm = solution.apex_w_nm + tip_radius_nm_ * (Vec3::UnitZ() - normal);
-  solution.yielded.foot[0].normal_z = normal.z();
+  solution.yielded.at_w_nm = solution.apex_w_nm + tip_radius_nm_ * (Vec3::UnitZ() - normal);
   if (solution.normal_force_nn > 0.0) {
     solution.stiffness_n_m = hard * std::min(origin, flow.radius_nm);
   }
@@ -217,11 +215,10 @@ void MarkedPotential::accept(const TipSolution& accepted) noexcept {
     pressed.pile_up = pile_up_;
     fields_->ground.press(pressed);
     Mark mark;
-    mark.x_nm = yielded.foot[0].at_w_nm.x();
-    mark.y_nm = yielded.foot[0].at_w_nm.y();
+    mark.x_nm = yielded.at_w_nm.x();
+    mark.y_nm = yielded.at_w_nm.y();
     mark.depth_nm = pressed.depth_nm;
     mark.radius_nm = pressed.radius_nm;
-    mark.conformity = tip_radius_nm_ / to;
     mark.pile_up = pile_up_;
     heights_.press(mark);
     if (journal_ != nullptr) journal_->on_mark(mark);

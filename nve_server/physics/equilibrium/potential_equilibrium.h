@@ -7,7 +7,7 @@
 #include "telenano/nve_server/physics/contact/friction.h"
 #include "telenano/nve_server/physics/equilibrium/path_trend.h"
 #include "telenano/nve_server/physics/equilibrium/spring_frame.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_solution.h"
 #include "telenano/nve_server/physics/potential/tip_potential.h"
 
 namespace telenano::physics {

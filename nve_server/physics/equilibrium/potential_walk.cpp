@@ -403,7 +403,6 @@ void PotentialWalk::write(TipSolution& out) const noexcept {
   out.sliding = sliding_;
   out.jumps = jumps_;
   out.iterations = evaluations_;
-  out.feet = 1;
   const TipSampleParameters& law = potential_.potential().law().parameters();
   const Branch outer = law.van_der_waals ? Branch::kVanDerWaals : Branch::kFree;
   const Branch inner = at_.size.square_nm2 > 0.0 ? Branch::kContact : Branch::kNonContact;

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "telenano/common/base/vec3.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_solution.h"
 #include "telenano/nve_server/physics/numerics/small_matrix.h"
 
 namespace telenano::physics {

@@ -94,11 +94,6 @@ class LongRangeStep {
   const TipPoint& point() const noexcept { return point_; }
   /// Inside less `joining_energy_aj` of the law.
   double potential_before_joining_aj() noexcept { return potential(point_, 0.0); }
-  /// dG/dR at constant overlap; not pressed as if G went with the radius, as all of it does but for the cone.
-  double far_force_per_radius_n_m() const noexcept {
-    return place_.pressed ? touch().force_per_radius_n_m
-                          : (point_.force_nn - point_.curve.load * scales_.force_nn) / radius_;
-  }
   double dissipated_aj() const noexcept { return dissipated_; }
   int jumps() const noexcept { return jumps_; }
 

@@ -40,33 +40,6 @@ void require_positive(double value, const char* what, const char* unit) {
                   "), not " + std::to_string(value));
 }
 
-constexpr double kSteepestRadius = 10.0;       // da/dF, in that of a Hertzian contact of the same radius
-constexpr double kMostRadiusRate = 4.0 / 3.0;  // da/dR, in a/R
-
-/// F = u_F P(Delta, lambda) + G(R) and a = u_a A, where u_F ~ R, u_a ~ R^(2/3), u_delta ~ R^(1/3), lambda ~
-/// R^(1/3). With x' = lambda dx/dlambda at one parameter of the curve, which drops out,
-///   R dF/dR = u_F (P + (P' - dP/dDelta (Delta + Delta'))/3) + R dG/dR,
-///   (R/u_a) da/dR = 2/3 A + A'/3 - dA/dP (P + P'/3 + (R dG/dR)/u_F).
-RadiusRates rates_on(const CurvePoint& p, const ContactScales& s, double far_force_per_radius_n_m,
-                     double radius_nm) noexcept {
-  RadiusRates out;
-  if (!(p.overlap_rate > 0) || p.load_by_lambda == 0) return out;
-  out.known = true;
-  const double slope = p.load_rate / p.overlap_rate;
-  const double by_lambda = p.load_by_lambda - slope * (p.overlap + p.overlap_by_lambda);
-  out.force_per_radius_n_m = s.force_nn * (p.load + by_lambda / 3.0) / radius_nm + far_force_per_radius_n_m;
-  const double a = p.contact_radius;
-  if (!(p.contact && a > 0)) return out;
-  const double steepest = kSteepestRadius / (3.0 * a * a);
-  const double per_load =
-      p.contact_radius_rate < steepest * p.load_rate ? p.contact_radius_rate / p.load_rate : steepest;
-  out.contact_radius_per_force_nm_nn = per_load * s.length_nm / s.force_nn;
-  const double grows = (2.0 * a + p.contact_radius_by_lambda - per_load * p.load_by_lambda) / 3.0 -
-                       per_load * (p.load + far_force_per_radius_n_m * radius_nm / s.force_nn);
-  out.contact_radius_per_radius = std::clamp(grows, 0.0, kMostRadiusRate * a) * s.length_nm / radius_nm;
-  return out;
-}
-
 struct Losses {
   double dissipated = 0;
   int jumps = 0;
@@ -186,34 +159,6 @@ void TipSampleLaw::derive(TipSampleCache& cache) const noexcept {
   cache.outside = made.outside;
 }
 
-double TipSampleLaw::radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept {
-  const TipSampleCache& cache = state.cache;
-  if (eq.branch == Branch::kFree || !(cache.radius_nm > 0)) return 0;
-  if (parameters_.model != ContactLaw::kMaugisDugdale || cache.tabulated || long_range_.active()) {
-    return radius_force_by_difference(eq, state);
-  }
-  if (eq.branch == Branch::kVanDerWaals) return -eq.potential_aj / cache.radius_nm;
-  const ContactScales& s = cache.scales;
-  double moment =
-      cache.curve.radius_moment(eq.branch == Branch::kContact, cache.u, eq.contact_radius_nm / s.length_nm,
-                                eq.overlap_nm / s.overlap_nm, eq.force_nn / s.force_nn);
-  if (parameters_.van_der_waals) {
-    moment += offset_moment(cache.curve, cache.parting, cache.outside);  // known: the potential needed it
-  }
-  return -moment * s.energy_aj / cache.radius_nm;
-}
-
-double TipSampleLaw::radius_force_by_difference(const Equilibrium& eq,
-                                                const TipSampleState& state) const noexcept {
-  // Truncation and rounding are both some 1e-8 of the potential over R.
-  const double step = 1e-4 * state.cache.radius_nm;
-  const auto potential = [&](double radius) {
-    TipSampleState there = state;
-    return advance(eq.overlap_nm, 0.0, radius, there).potential_aj;
-  };
-  return (potential(state.cache.radius_nm - step) - potential(state.cache.radius_nm + step)) / (2.0 * step);
-}
-
 Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,
                                   TipSampleState& state) const noexcept {
   return advance(base_overlap_nm, compliance_nm_nn, radius_nm, state, true);
@@ -235,14 +180,6 @@ Equilibrium TipSampleLaw::try_advance(double base_overlap_nm, double compliance_
     again = from;
   }
   return advance(base_overlap_nm, compliance_nm_nn, radius_nm, again, false);
-}
-
-RadiusRates TipSampleLaw::radius_rates(const Equilibrium& eq, const TipSampleState& state) const noexcept {
-  const TipSampleCache& cache = state.cache;
-  const bool inside = eq.branch == Branch::kContact || eq.branch == Branch::kNonContact;
-  if (!inside || parameters_.model != ContactLaw::kMaugisDugdale || cache.tabulated) return {};
-  return rates_on(cache.last, cache.scales, long_range_.active() ? cache.far_force_per_radius_n_m : 0.0,
-                  cache.radius_nm);
 }
 
 void TipSampleLaw::add_joining_energy(Equilibrium& eq, TipSampleState& again) const noexcept {
@@ -331,7 +268,6 @@ Equilibrium TipSampleLaw::advance_extended(double base_overlap_nm, double compli
   out.stiffness_n_m =
       point.overlap_rate > 0 ? std::max(point.force_rate / point.overlap_rate, -steepest) : -steepest;
   out.contact_radius_nm = place.contact ? point.curve.contact_radius * cache.scales.length_nm : 0.0;
-  if (place.inside) cache.far_force_per_radius_n_m = step.far_force_per_radius_n_m();
   out.dissipated_aj = step.dissipated_aj();
   out.jumps = step.jumps();
   out.bridge = place.bridge.present;

@@ -56,7 +56,6 @@ struct TipSampleCache {
   double far_parameter = 0;  // x inside
   double fold_radius_nm = -1;
   CurvePoint rigid_fold;
-  double far_force_per_radius_n_m = 0;  // inside: dG/dR
 };
 
 /// What must be remembered between steps: which of the stable states the tip is in, and a warm start. A state
@@ -86,14 +85,6 @@ struct TipSampleState {
 };
 
 enum class SolveStatus : std::uint8_t { kOk, kNotConverged, kNonFinite };
-
-/// How force and contact radius of an equilibrium change, for Newton's method.
-struct RadiusRates {
-  bool known = false;                         ///< by the exact law by the direct method; else all 0
-  double force_per_radius_n_m = 0;            ///< dF/dR at constant overlap
-  double contact_radius_per_force_nm_nn = 0;  ///< da/dF at constant R; bounded where F is stationary
-  double contact_radius_per_radius = 0;       ///< da/dR at constant F, likewise
-};
 
 /// An equilibrium of the tip between the sample and a spring to the base.
 struct Equilibrium {
@@ -158,14 +149,6 @@ class TipSampleLaw {
                           const TipSampleState& from, TipSampleState& again) const noexcept;
   void add_joining_energy(Equilibrium& eq, TipSampleState& again) const noexcept;
 
-  /// Of what the last advance of `state` returned.
-  RadiusRates radius_rates(const Equilibrium& eq, const TipSampleState& state) const noexcept;
-
-  /// -dU/dR of a state at constant overlap, nN: with ∇R it is the part of the force that a changing radius of
-  /// the sample has (F is -dU/d(gap)). From what the last advance of `state` returned. Outside U ~ R; inside
-  /// see MaugisDugdale::radius_moment, and offset_moment for the energy where the two laws join.
-  double radius_force_nn(const Equilibrium& eq, const TipSampleState& state) const noexcept;
-
   /// Makes again what of a cache follows from its radius, and from its being wet: for one of which only the
   /// rest was kept.
   void derive(TipSampleCache& cache) const noexcept;
@@ -188,7 +171,6 @@ class TipSampleLaw {
  private:
   void prepare(double radius_nm, bool wet, TipSampleCache& cache) const noexcept;
 
-  double radius_force_by_difference(const Equilibrium& eq, const TipSampleState& state) const noexcept;
   Equilibrium advance_extended(double base_overlap_nm, double compliance_nm_nn, TipSampleState& state,
                                bool join_energy) const noexcept;
   Equilibrium advance(double base_overlap_nm, double compliance_nm_nn, double radius_nm,

@@ -113,18 +113,14 @@ LongRange::Touch LongRange::at_touch(double radius_nm, const BridgeState& bridge
   if (van_der_waals_.active()) {
     const TipVanDerWaals::Correction far =
         van_der_waals(bridge).correction(bridge.present ? wet_touch_ : touch_, radius_nm);
-    sum = {far.force_nn, far.energy_aj, far.force_per_radius_n_m};
+    sum = {far.force_nn, far.energy_aj};
   }
   if (electrostatic_.active()) {
-    const double force = electrostatic_.at(cut_off_nm_, radius_nm).force_nn;
-    sum.force_nn += force;
-    sum.force_per_radius_n_m += force / radius_nm;
+    sum.force_nn += electrostatic_.at(cut_off_nm_, radius_nm).force_nn;
     sum.energy_aj += electrostatic_.energy_aj(cut_off_nm_, radius_nm);
   }
   if (bridge.present) {
-    const double force = capillary_.at(0, radius_nm, bridge).force_nn;
-    sum.force_nn += force;
-    sum.force_per_radius_n_m += force / radius_nm;
+    sum.force_nn += capillary_.at(0, radius_nm, bridge).force_nn;
     sum.energy_aj += capillary_.energy_aj(0, radius_nm, bridge);
   }
   return sum;

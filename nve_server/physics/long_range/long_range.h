@@ -56,7 +56,6 @@ class LongRange {
   struct Touch {
     double force_nn = 0;
     double energy_aj = 0;
-    double force_per_radius_n_m = 0;  ///< dG/dR; of the bias as if that went with the radius
   };
   Touch at_touch(double radius_nm, const BridgeState& bridge) const noexcept;
 

@@ -95,7 +95,7 @@ TipVanDerWaals::Gap TipVanDerWaals::gap(double gap_nm) const noexcept {
 }
 
 TipVanDerWaals::Correction TipVanDerWaals::correction(const Gap& g, double radius_nm) const noexcept {
-  Correction out{g.retarded_force * radius_nm, g.retarded_energy * radius_nm, g.retarded_force};
+  Correction out{g.retarded_force * radius_nm, g.retarded_energy * radius_nm};
   if (b_ == 0) {
     out.force_nn = correction(g.gap_nm, radius_nm).force_nn;
     out.energy_aj = correction_energy_aj(g.gap_nm, radius_nm);
@@ -103,10 +103,6 @@ TipVanDerWaals::Correction TipVanDerWaals::correction(const Gap& g, double radiu
   if (shape_.height_nm > 0) {
     const double cap = shape_.cap_nm(radius_nm);
     const double z = g.gap_nm + cap;
-    // The sphere's end moves with the radius, and V' = -W.
-    const double moves = cap < shape_.height_nm ? 1.0 - shape_.half_angle_sin : 0.0;
-    out.force_per_radius_n_m +=
-        kTwoPi * (area_energy(z) * moves * (1.0 + tan2_) + (1.0 - moves * (1.0 + tan2_)) * g.end_density);
     if (b_ == 0) return out;
     const LogOnePlus l(1.0 / (b_ * z));
     const double integral = h12_ / z * (l.s - l.rest * l.e);

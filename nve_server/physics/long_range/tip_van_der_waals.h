@@ -49,7 +49,6 @@ class TipVanDerWaals {
   struct Correction {
     double force_nn = 0;
     double energy_aj = 0;
-    double force_per_radius_n_m = 0;  ///< dF/dR at this gap
   };
   Gap gap(double gap_nm) const noexcept;
   Correction correction(const Gap& gap, double radius_nm) const noexcept;

@@ -8,55 +8,21 @@ namespace {
 constexpr double kPartOfGap = 0.5;
 
 // The tip's friction in ParticleBalance is that of its area alone.
-EquilibriumOptions options_of(const ContactFriction& friction) {
-  EquilibriumOptions options;
-  if (friction.shear_strength_gpa > 0.0) {
-    options.friction = FrictionParameters{friction.shear_strength_gpa, friction.shear_modulus_gpa, 0.0, 1.0};
-  }
-  return options;
-}
-
-std::optional<PotentialEquilibrium> potential_of(const ParticleModel& model) {
-  if (!model.by_potential()) return {};
-  const TipPotential& tip = *model.ground[kTipSample];
-  return PotentialEquilibrium(tip.shared_fields(), tip.shared_potential(),
-                              options_of(model.friction[kTipSample]).friction);
+std::optional<FrictionParameters> friction_of(const ContactFriction& friction) {
+  if (!(friction.shear_strength_gpa > 0.0)) return {};
+  return FrictionParameters{friction.shear_strength_gpa, friction.shear_modulus_gpa, 0.0, 1.0};
 }
 
 }  // namespace
 
-TipBesideSleeper::TipBesideSleeper(std::shared_ptr<const Surface> surface, const ParticleModel& model,
-                                   double little_pull_nn)
-    : equilibrium_(surface, model.laws[kTipSample], model.parameters.tip_radius_nm,
-                   options_of(model.friction[kTipSample])),
-      potential_(potential_of(model)),
+TipBesideSleeper::TipBesideSleeper(const ParticleModel& model, double little_pull_nn)
+    : equilibrium_(model.ground[kTipSample]->shared_fields(), model.ground[kTipSample]->shared_potential(),
+                   friction_of(model.friction[kTipSample])),
       law_(model.laws[kTipParticle]),
       tip_radius_nm_(model.parameters.tip_radius_nm),
       reach_nm_(model.parameters.tip_radius_nm + model.parameters.particle_radius_nm),
       radius_nm_(model.nominal_radius_nm[kTipParticle]),
-      little_pull_nn_(little_pull_nn),
-      flat_(surface->is_flat()) {}
-
-bool TipBesideSleeper::may_begin(const ParticleState& state) const noexcept {
-  return (flat_ || potential_) && state.started && state.sleep.asleep;
-}
-
-void TipBesideSleeper::begin(const ParticleState& from, const ParticleSolution& solution,
-                             const Compliance& springs, TipState& tip) const noexcept {
-  tip = TipState{};
-  const ParticleContactMemory& memory = from.contacts[kTipSample];
-  const ParticleContactReport& report = solution.contacts[kTipSample];
-  tip.started = true;
-  tip.law = memory.law;
-  tip.apex_w_nm = from.tip_centre_w_nm - Vec3(0.0, 0.0, tip_radius_nm_);
-  tip.free_end_w_nm = tip.apex_w_nm - springs * from.tip_force_w_nn;
-  tip.force_nn = report.normal_force_nn;
-  tip.overlap_nm = report.overlap_nm;
-  tip.stiffness_n_m = report.stiffness_n_m;
-  tip.radius_nm = report.radius_nm;
-  tip.contact_radius_nm = memory.contact_radius_nm;
-  tip.friction = {memory.slide_nm, Vec3::UnitZ(), memory.slide_stiffness};
-}
+      little_pull_nn_(little_pull_nn) {}
 
 void TipBesideSleeper::begin(const ParticleState& from, const ParticleSolution& solution,
                              const Compliance& springs, PotentialState& tip) const noexcept {
@@ -93,26 +59,11 @@ bool TipBesideSleeper::draw(const Vec3& from_apex, const Vec3& foreseen, const V
 }
 
 bool TipBesideSleeper::advance(const Vec3& free_end, const Compliance& springs, const ParticleState& lies,
-                               Pull& pull, TipState& tip, TipSolution& solution) const noexcept {
-  const Vec3 move = free_end - tip.free_end_w_nm;
-  const Vec3 foreseen = tip.apex_w_nm + tip.follow * move;
-  if (!draw(tip.apex_w_nm, foreseen, move, lies, pull)) return false;
-  // The free end as the other force alone has it.
-  solution = equilibrium_.advance(free_end + springs * pull.force_w_nn, springs, tip);
-  if (solution.status != SolveStatus::kOk) return false;
-  tip.free_end_w_nm = free_end;
-  solution.force_w_nn += pull.force_w_nn;
-  solution.potential_aj +=
-      pull.law.potential_aj - pull.force_w_nn.dot(solution.apex_w_nm - foreseen) + lies.sleep.potential_aj;
-  return true;
-}
-
-bool TipBesideSleeper::advance(const Vec3& free_end, const Compliance& springs, const ParticleState& lies,
                                Pull& pull, PotentialState& tip, TipSolution& solution) const noexcept {
   const Vec3 move = free_end - tip.free_end_w_nm;
   const Vec3 foreseen = tip.apex_w_nm + tip.follow * move;
   if (!draw(tip.apex_w_nm, foreseen, move, lies, pull)) return false;
-  solution = potential_->advance(free_end + springs * pull.force_w_nn, springs, tip);
+  solution = equilibrium_.advance(free_end + springs * pull.force_w_nn, springs, tip);
   if (solution.status != SolveStatus::kOk) return false;
   solution.force_w_nn += pull.force_w_nn;
   solution.potential_aj +=
@@ -148,16 +99,6 @@ void TipBesideSleeper::describe(const TipSolution& solution, const Pull& pull,
   out.turned_w_rad.setZero();
 }
 
-void TipBesideSleeper::end(const TipState& tip, const TipSolution& solution, const Pull& pull,
-                           ParticleState& state) const noexcept {
-  ParticleContactMemory& memory = state.contacts[kTipSample];
-  memory.law = tip.law;
-  memory.normal_w = Vec3::UnitZ();
-  memory.slide_nm = tip.friction.extension_w_nm;
-  memory.slide_stiffness = tip.friction.stiffness_n_m;
-  end(tip.apex_w_nm, solution, pull, state);
-}
-
 void TipBesideSleeper::end(const PotentialState& tip, const TipSolution& solution, const Pull& pull,
                            ParticleState& state) const noexcept {
   ParticleContactMemory& memory = state.contacts[kTipSample];
@@ -168,16 +109,11 @@ void TipBesideSleeper::end(const PotentialState& tip, const TipSolution& solutio
   memory.normal_w = tip.bristle.stiffness_n_m > 0.0 ? tip.bristle.normal_w : Vec3(Vec3::UnitZ());
   memory.slide_nm = tip.bristle.extension_w_nm;
   memory.slide_stiffness = tip.bristle.stiffness_n_m;
-  end(tip.apex_w_nm, solution, pull, state);
-}
-
-void TipBesideSleeper::end(const Vec3& apex, const TipSolution& solution, const Pull& pull,
-                           ParticleState& state) const noexcept {
-  state.contacts[kTipSample].contact_radius_nm = solution.contact_radius_nm;
+  memory.contact_radius_nm = solution.contact_radius_nm;
   state.contacts[kTipParticle].law = pull.memory;
   state.contacts[kTipParticle].law.branch = pull.law.branch;
   state.contacts[kTipParticle].law.overlap_nm = pull.law.overlap_nm;
-  state.tip_centre_w_nm = apex + Vec3(0.0, 0.0, tip_radius_nm_);
+  state.tip_centre_w_nm = tip.apex_w_nm + Vec3(0.0, 0.0, tip_radius_nm_);
   state.tip_force_w_nn = solution.force_w_nn;
   state.potential_aj = solution.potential_aj + solution.friction_stored_aj;
 }

@@ -1,18 +1,13 @@
 #pragma once
 
-#include <memory>
-#include <optional>
-
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
 #include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 
 namespace telenano::physics {
 
-/// The tip beside a particle that sleeps (particle_equilibrium.h): the tip's own balance (TipEquilibrium on a
-/// flat sample, PotentialEquilibrium on a ground of one potential), drawn by the particle where it lies. So
-/// such a step costs what it costs without the particle, and one evaluation of the law between tip and
-/// particle.
+/// The tip beside a particle that sleeps (particle_equilibrium.h): the tip's own balance on the ground, drawn
+/// by the particle where it lies. So such a step costs what it costs without the particle, and one evaluation
+/// of the law between tip and particle.
 ///
 /// Model     As ParticleBalance asleep: contact and friction of tip and sample, and the attraction of the
 ///           particle. That is taken where the tip is foreseen to be and held during the balance; between
@@ -21,20 +16,13 @@ namespace telenano::physics {
 ///           potential is led on to where the tip is, to first order.
 /// Ends      where the tip would draw more than wakes the particle, touch it, or go further in a step than
 ///           half the gap between them: then ParticleEquilibrium makes the step.
-/// Limits    Not on curved samples by the nearest point: there ParticleBalance takes the curvature at the
-/// foot,
-///           TipEquilibrium its average over the foot, and the force would step where the particle falls
-///           asleep.
 class TipBesideSleeper {
  public:
-  TipBesideSleeper(std::shared_ptr<const Surface> surface, const ParticleModel& model, double little_pull_nn);
+  TipBesideSleeper(const ParticleModel& model, double little_pull_nn);
 
-  /// Whether the step may be begun from here: the particle sleeps, the ground is one of these two.
-  bool may_begin(const ParticleState& state) const noexcept;
-  bool by_potential() const noexcept { return potential_.has_value(); }
+  /// Whether the step may be begun from here: the particle sleeps.
+  bool may_begin(const ParticleState& state) const noexcept { return state.started && state.sleep.asleep; }
   /// The tip as ParticleEquilibrium left it; `springs` of that step.
-  void begin(const ParticleState& from, const ParticleSolution& solution, const Compliance& springs,
-             TipState& tip) const noexcept;
   void begin(const ParticleState& from, const ParticleSolution& solution, const Compliance& springs,
              PotentialState& tip) const noexcept;
   /// Between tip and particle.
@@ -43,33 +31,24 @@ class TipBesideSleeper {
     Equilibrium law;
     Vec3 force_w_nn = Vec3::Zero();  ///< on the tip
   };
-  /// False, with `tip` left as it was: the particle wakes.
-  bool advance(const Vec3& free_end_w_nm, const Compliance& springs, const ParticleState& lies, Pull& pull,
-               TipState& tip, TipSolution& solution) const noexcept;
-  /// The same on one potential. The free end that `tip` keeps is the one that the ground alone would need for
-  /// the same place: what springs and pull make of the true one.
+  /// False, with `tip` left as it was: the particle wakes. The free end that `tip` keeps is the one that the
+  /// ground alone would need for the same place: what springs and pull make of the true one.
   bool advance(const Vec3& free_end_w_nm, const Compliance& springs, const ParticleState& lies, Pull& pull,
                PotentialState& tip, TipSolution& solution) const noexcept;
   /// The two contacts of the tip, as they are after such a step; nothing else of `out` has changed.
   void describe(const TipSolution& solution, const Pull& pull, ParticleSolution& out) const noexcept;
   /// Back: the state that ParticleEquilibrium goes on from.
-  void end(const TipState& tip, const TipSolution& solution, const Pull& pull,
-           ParticleState& state) const noexcept;
   void end(const PotentialState& tip, const TipSolution& solution, const Pull& pull,
            ParticleState& state) const noexcept;
 
  private:
   bool draw(const Vec3& from_apex, const Vec3& foreseen_apex, const Vec3& move, const ParticleState& lies,
             Pull& pull) const noexcept;
-  void end(const Vec3& apex_w_nm, const TipSolution& solution, const Pull& pull,
-           ParticleState& state) const noexcept;
 
-  TipEquilibrium equilibrium_;
-  std::optional<PotentialEquilibrium> potential_;
+  PotentialEquilibrium equilibrium_;
   const TipSampleLaw law_;  // between tip and particle
   double tip_radius_nm_, reach_nm_, radius_nm_;
   double little_pull_nn_;
-  bool flat_;
 };
 
 }  // namespace telenano::physics

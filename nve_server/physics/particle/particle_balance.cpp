@@ -64,8 +64,6 @@ ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState
       free_end_(free_end),
       start_u_(from.tip_centre_w_nm - free_end),
       drag_n_m_(model.parameters.drag_n_s_m / dt_s),
-      tip_feet_(from.tip_feet),
-      particle_feet_(from.particle_feet),
       asleep_(asleep) {
   best_.y.head<3>() = start_u_;
   for (int i = 0; i < kParticleContacts; ++i) {
@@ -87,20 +85,7 @@ ParticleBalance::ParticleBalance(const ParticleModel& model, const ParticleState
   held_[kParticleSample].radius_nm = rest.radius_nm;
 }
 
-ParticleBalance::Geometry ParticleBalance::geometry(const Vec9& y) noexcept {
-  const ParticleParameters& p = model_.parameters;
-  const Vec3 tip = free_end_ + y.head<3>();
-  const Vec3 particle = from_.particle_centre_w_nm + y.segment<3>(3);
-  Geometry out;
-  if (!model_.by_potential()) {
-    out.tip = stand(*model_.surface, tip, p.tip_radius_nm, tip_feet_);
-    if (!asleep_) out.particle = stand(*model_.surface, particle, p.particle_radius_nm, particle_feet_);
-  }
-  out.tip_to_particle_w_nm = particle - tip;
-  return out;
-}
-
-// Tip or particle on a ground of one potential, on the branch that is there. False: no number.
+// Tip or particle on the ground, on the branch that is there. False: no number.
 bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noexcept {
   const ParticleParameters& p = model_.parameters;
   const TipPotential& ground = *model_.ground[i];
@@ -123,7 +108,6 @@ bool ParticleBalance::lean(int i, const Vec3& centre, ContactTrial& contact) noe
   contact.push_w_nn = -at.gradient_nn;
   contact.hessian_n_m = at.hessian_n_m;
   contact.radius_nm = det_exp(at.place.log_radius);
-  contact.outside = contact.clamped = false;
   const bool attracts = ground.potential().law().parameters().van_der_waals;
   const Branch outer = attracts ? Branch::kVanDerWaals : Branch::kFree;
   Equilibrium& law = contact.law;
@@ -146,7 +130,7 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
   const double lever = p.particle_radius_nm;
   const Vec3 u = y.head<3>(), dq = y.segment<3>(3), turn = y.tail<3>();
   const Vec3 dp = u - start_u_;
-  const Geometry at = geometry(y);
+  const Vec3 tip = free_end_ + u, particle = from_.particle_centre_w_nm + dq;
   trial.y = y;
   trial.valid = false;
 
@@ -165,32 +149,19 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
     if (asleep_ && i == kParticleSample) continue;
     ContactTrial& contact = trial.contacts[i];
     Held& held = held_[i];
-    double overlap = 0;
     if (i == kTipParticle) {
-      const double distance = at.tip_to_particle_w_nm.norm();
+      const double distance = (particle - tip).norm();
       if (!(distance > kNearestCentres * (p.tip_radius_nm + lever))) return;
-      contact.normal_w = at.tip_to_particle_w_nm / distance;
+      contact.normal_w = (particle - tip) / distance;
       contact.bend_1_per_nm = (contact.normal_w * contact.normal_w.transpose() - Mat3::Identity()) / distance;
       contact.radius_nm = model_.nominal_radius_nm[i];
-      overlap = p.tip_radius_nm + p.particle_radius_nm - distance;
-    } else if (on_potential(i)) {
-      const Vec3 tip = free_end_ + u;
-      if (!lean(i, i == kTipSample ? tip : Vec3(tip + at.tip_to_particle_w_nm), contact)) return;
-    } else {
-      const Footing& footing = i == kTipSample ? at.tip : at.particle;
-      contact.normal_w = footing.normal_w;
-      contact.bend_1_per_nm = footing.bend_1_per_nm;
-      contact.kink_1_per_nm = footing.kink_1_per_nm;
-      contact.radius_nm = footing.radius_nm;
-      contact.outside = footing.outside;
-      contact.clamped = footing.clamped;
-      overlap = footing.overlap_nm;
-    }
-    if (!on_potential(i)) {
       held.law.branch = held.branch;  // the cache alone goes on from trial to trial
+      const double overlap = p.tip_radius_nm + p.particle_radius_nm - distance;
       contact.law = model_.laws[i].advance(overlap, 0.0, held.radius_nm, held.law);
       if (contact.law.status != SolveStatus::kOk) return;
       contact.push_w_nn = contact.law.force_nn * contact.normal_w;
+    } else if (!lean(i, i == kTipSample ? tip : particle, contact)) {
+      return;
     }
 
     const Pair pair = kPairs[i];
@@ -222,11 +193,10 @@ void ParticleBalance::evaluate(const Vec9& y, Trial& trial) noexcept {
       trial.gradient.tail<3>() +=
           contact.roll.force + contact.spin.force - lever * n.cross(contact.slide.force);
     }
-    trial.load_nn += (on_potential(i) ? contact.push_w_nn.norm() : std::abs(contact.law.force_nn)) +
+    trial.load_nn += (on_ground(i) ? contact.push_w_nn.norm() : std::abs(contact.law.force_nn)) +
                      contact.slide.force.norm() +
                      (contact.roll.force.norm() + contact.spin.force.norm()) / lever;
-    trial.stiffest_n_m += std::abs(contact.law.stiffness_n_m) + held.slide.stiffness +
-                          std::abs(contact.law.force_nn) * contact.kink_1_per_nm.trace();
+    trial.stiffest_n_m += std::abs(contact.law.stiffness_n_m) + held.slide.stiffness;
   }
   trial.potential_aj = potential;
   trial.magnitude_aj = magnitude;
@@ -251,13 +221,11 @@ ParticleBalance::Mat9 ParticleBalance::hessian(const Trial& trial, bool convex) 
       if (convex) stiffness = -stiffness;
     }
     Mat3 relative;
-    if (on_potential(i)) {
+    if (on_ground(i)) {
       relative = convex ? bent_upwards(contact.hessian_n_m, held.stiffest_n_m) : contact.hessian_n_m;
     } else {
       relative = stiffness * contact.normal_w * contact.normal_w.transpose();
-      const bool bends_up = i == kTipParticle && force < 0.0;
-      if (!convex || bends_up) relative += force * contact.bend_1_per_nm;
-      if (!convex || force > 0.0) relative += force * contact.kink_1_per_nm;
+      if (!convex || force < 0.0) relative += force * contact.bend_1_per_nm;  // ∇²δ bends downwards
     }
 
     const Vec3& n = held.normal_w;
@@ -370,7 +338,7 @@ bool ParticleBalance::go_over() noexcept {
   for (int i = 0; i < kParticleContacts; ++i) {
     const Equilibrium& law = best_.contacts[i].law;
     const PotentialBranch& place = best_.contacts[i].place;
-    const bool same_bridge = !on_potential(i) || place.bridge.present == held_[i].place.bridge.present;
+    const bool same_bridge = !on_ground(i) || place.bridge.present == held_[i].place.bridge.present;
     if (inside(law.branch) == inside(held_[i].branch) && same_bridge) continue;
     held_[i].branch = law.branch;
     held_[i].place = place;
@@ -453,8 +421,8 @@ bool ParticleBalance::settled() const noexcept {
     const Held& held = held_[i];
     const double tolerance = kSettled * best_.load_nn;
     const double friction = now.slide.force.norm() + (now.roll.force.norm() + now.spin.force.norm()) / lever;
-    // On one potential it is no more than rolling friction that takes the radius as it was held.
-    const double by_radius = on_potential(i) ? now.roll.force.norm() / lever : std::abs(now.law.force_nn);
+    // On the ground it is no more than rolling friction that takes the radius as it was held.
+    const double by_radius = on_ground(i) ? now.roll.force.norm() / lever : std::abs(now.law.force_nn);
     if (std::abs(now.radius_nm - held.radius_nm) * by_radius > tolerance * held.radius_nm) return false;
     if (held.lost) continue;
     if (friction == 0.0) continue;
@@ -467,37 +435,16 @@ bool ParticleBalance::settled() const noexcept {
 }
 
 SolveStatus ParticleBalance::solve() noexcept {
-  {
-    const Geometry at = geometry(best_.y);
-    if (model_.by_potential()) {
-      const Vec3 tip = from_.tip_centre_w_nm;
-      if (!lean(kTipSample, tip, best_.contacts[kTipSample])) return SolveStatus::kNonFinite;
-      if (!asleep_ && !lean(kParticleSample, from_.particle_centre_w_nm, best_.contacts[kParticleSample]))
-        return SolveStatus::kNonFinite;
-    } else {
-      best_.contacts[kTipSample].normal_w = at.tip.normal_w;
-      best_.contacts[kTipSample].radius_nm = at.tip.radius_nm;
-    }
-    if (!asleep_ && !model_.by_potential()) {
-      best_.contacts[kParticleSample].normal_w = at.particle.normal_w;
-      best_.contacts[kParticleSample].radius_nm = at.particle.radius_nm;
-    }
-    best_.contacts[kTipParticle].normal_w = unit(at.tip_to_particle_w_nm);
-    best_.contacts[kTipParticle].radius_nm = model_.nominal_radius_nm[kTipParticle];
-  }
+  if (!lean(kTipSample, from_.tip_centre_w_nm, best_.contacts[kTipSample])) return SolveStatus::kNonFinite;
+  if (!asleep_ && !lean(kParticleSample, from_.particle_centre_w_nm, best_.contacts[kParticleSample]))
+    return SolveStatus::kNonFinite;
+  best_.contacts[kTipParticle].normal_w = unit(from_.particle_centre_w_nm - from_.tip_centre_w_nm);
+  best_.contacts[kTipParticle].radius_nm = model_.nominal_radius_nm[kTipParticle];
   for (int pass = 0; pass < kMaxPasses; ++pass) {
     hold(pass == 0);
     const SolveStatus status = minimise();
     if (status != SolveStatus::kOk) return status;
-    if (model_.by_potential()) {
-      if (settled()) return SolveStatus::kOk;
-      continue;
-    }
-    const bool tip_deeper = look_around(*model_.surface, free_end_ + best_.y.head<3>(), tip_feet_);
-    const bool particle_deeper =
-        !asleep_ &&
-        look_around(*model_.surface, from_.particle_centre_w_nm + best_.y.segment<3>(3), particle_feet_);
-    if (!tip_deeper && !particle_deeper && settled()) return SolveStatus::kOk;
+    if (settled()) return SolveStatus::kOk;
   }
   // Swinging on a rough surface: balanced with what was held, unless a contact that holds friction has ended.
   for (int i = 0; i < kParticleContacts; ++i) {
@@ -550,7 +497,7 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
     memory.law = held.law;
     memory.law.branch = now.law.branch;
     memory.law.overlap_nm = now.law.overlap_nm;
-    if (on_potential(i)) {
+    if (on_ground(i)) {
       memory.place = now.place;
       memory.hint = held.hint;
     }
@@ -564,7 +511,6 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
     memory.spin_stiffness = held.spin.stiffness;
     potential += now.law.potential_aj + now.slide.stored + now.roll.stored + now.spin.stored;
   }
-  state.tip_feet = tip_feet_;
   state.started = true;
   state.tip_centre_w_nm = free_end_ + u;
   state.tip_force_w_nn = spring_ * u;
@@ -580,7 +526,6 @@ void ParticleBalance::store(ParticleState& state) const noexcept {
                  rest.roll.force,
                  rest.spin.force,
                  rest.law.potential_aj + rest.slide.stored + rest.roll.stored + rest.spin.stored};
-  state.particle_feet = particle_feet_;
   state.particle_centre_w_nm += dq;
   state.turned_w_rad += turn;
   const Eigen::Quaterniond half(1.0, 0.5 * turn.x(), 0.5 * turn.y(), 0.5 * turn.z());

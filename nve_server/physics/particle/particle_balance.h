@@ -28,9 +28,9 @@ namespace telenano::physics {
 /// the bristles' limits are those of the contact radii reported, and forces and torques balance. A contact
 /// that begins in this step carries friction from the next one on; one that ends carries none in this.
 ///
-/// On a ground of one potential (tip_potential.h) the two U_i of the ground are functions of the place alone,
-/// U(δ, ρ) with ρ = ln R_eff a field too: force −∇U and stiffness ∇∇U are exact, and no foot is looked for.
-/// Trials start from the branch that the step began on and go over its borders as they are met.
+/// The two U_i of the ground are functions of the place alone (tip_potential.h), U(δ, ρ) with ρ = ln R_eff a
+/// field too: force −∇U and stiffness ∇∇U are exact. Trials start from the branch that the step began on and
+/// go over its borders as they are met.
 ///
 /// Asleep, Δq = φ = 0 and the contact of particle and sample is what it was: u alone is balanced, with the
 /// force of the particle where it lies. Source
@@ -49,14 +49,11 @@ class ParticleBalance {
   struct ContactTrial {
     Equilibrium law;
     Vec3 normal_w = Vec3::UnitZ();      ///< −∇δ
-    Mat3 bend_1_per_nm = Mat3::Zero();  ///< ∇²δ less its kink
-    Mat3 kink_1_per_nm = Mat3::Zero();
-    Vec3 push_w_nn = Vec3::Zero();    ///< on the upper body, without friction: −∇U
-    Mat3 hessian_n_m = Mat3::Zero();  ///< on a ground of one potential: ∇∇U
-    PotentialBranch place;            ///< the same: the branch that U is of
-    double radius_nm = 0;             ///< effective, at this place
-    bool outside = false;
-    bool clamped = false;
+    Mat3 bend_1_per_nm = Mat3::Zero();  ///< ∇²δ, between tip and particle
+    Vec3 push_w_nn = Vec3::Zero();      ///< on the upper body, without friction: −∇U
+    Mat3 hessian_n_m = Mat3::Zero();    ///< on the ground: ∇∇U
+    PotentialBranch place;              ///< on the ground: the branch that U is of
+    double radius_nm = 0;               ///< effective, at this place
     BristleResponse slide, roll, spin;
   };
   struct Trial {
@@ -96,13 +93,8 @@ class ParticleBalance {
     Vec3 slide_nm = Vec3::Zero(), roll_rad = Vec3::Zero(), spin_rad = Vec3::Zero();
     bool lost = false;
   };
-  struct Geometry {
-    Footing tip, particle;
-    Vec3 tip_to_particle_w_nm = Vec3::Zero();
-  };
 
-  bool on_potential(int i) const noexcept { return model_.ground[i] != nullptr; }
-  Geometry geometry(const Vec9& y) noexcept;
+  static constexpr bool on_ground(int i) noexcept { return i != kTipParticle; }
   bool lean(int i, const Vec3& centre_w_nm, ContactTrial& contact) noexcept;
   void evaluate(const Vec9& y, Trial& trial) noexcept;
   void hold(bool first) noexcept;
@@ -124,7 +116,6 @@ class ParticleBalance {
   Vec3 start_u_;
   double drag_n_m_;
   double floor_nn_ = 0;
-  ParticleFeet tip_feet_, particle_feet_;
   std::array<Held, kParticleContacts> held_;
   Trial best_, trial_;
   int iterations_ = 0;

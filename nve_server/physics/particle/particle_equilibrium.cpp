@@ -92,9 +92,6 @@ void describe(const ParticleModel& model, const ParticleBalance& balance, const 
   tip.stiffness_n_m = main.stiffness_n_m;
   tip.potential_aj = state.potential_aj;
   tip.jumps += balance.jumps();
-  tip.feet = felt || model.by_potential() ? 1 : state.tip_feet.count;
-  tip.outside = balance.contact(kTipSample).outside || balance.contact(kParticleSample).outside;
-  tip.radius_clamped = balance.contact(kTipSample).clamped || balance.contact(kParticleSample).clamped;
 }
 
 }  // namespace
@@ -125,31 +122,6 @@ bool ParticleEquilibrium::left_alone(const ParticleBalance& balance, double shar
 }
 
 ParticleState ParticleEquilibrium::place(double x_nm, double y_nm) const noexcept {
-  if (model_.by_potential()) return place_on_potential(x_nm, y_nm);
-  const double radius = model_.parameters.particle_radius_nm;
-  const Surface& surface = *model_.surface;
-  // Down by the distance that is certainly free, until it touches.
-  FootMemory foot;
-  Vec3 centre(x_nm, y_nm, surface.highest_nm() + 2.0 * radius);
-  for (int i = 0; i < 1000; ++i) {
-    const double gap = surface.nearest(centre, Search::kGlobal, foot).distance_nm - radius;
-    centre.z() -= gap;
-    if (std::abs(gap) < 1e-10) break;
-  }
-  ParticleState state;
-  const Footing footing = stand(surface, centre, radius, state.particle_feet);
-  const ZeroLoad rest = zero_load(model_.laws[kParticleSample], footing.radius_nm);
-  const Vec3 normal = footing.normal_w.normalized();
-  state.particle_centre_w_nm = centre + normal * (footing.overlap_nm - rest.overlap_nm);
-  ParticleContactMemory& contact = state.contacts[kParticleSample];
-  contact.law = rest.law;
-  contact.normal_w = normal;
-  contact.contact_radius_nm = rest.contact_radius_nm;
-  state.potential_aj = rest.potential_aj;
-  return state;
-}
-
-ParticleState ParticleEquilibrium::place_on_potential(double x_nm, double y_nm) const noexcept {
   const double radius = model_.parameters.particle_radius_nm;
   const TipPotential& ground = *model_.ground[kParticleSample];
   // Down to touch as PotentialEquilibrium::touch_height_nm, then in contact to where ∂U/∂z = 0.

@@ -3,7 +3,7 @@
 #include <array>
 #include <memory>
 
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_solution.h"
 #include "telenano/nve_server/physics/particle/particle_model.h"
 #include "telenano/nve_server/physics/particle/particle_state.h"
 
@@ -80,20 +80,19 @@ inline constexpr double kSleepError = 1e-6;  ///< of the pull-off of particle an
 ///           balance within a step (some 2 in 1000 of random steps to 1 µm): the state stays, kNotConverged.
 /// Limits    The three contacts do not see each other (no shared elastic field, no many-body van der Waals).
 ///           One contact law, friction and rolling for each pair, on a rough surface that of the fields
-///           (contact_fields.h) or, by the nearest point, divided among the feet (particle_footing.h):
-///           leaving a floor for an edge breaks no second contact. The particle's weight is nothing at this
-///           scale (0.1 fN at 100 nm). The friction's stiffness has no share in the normal force. A tip whose
-///           springs can hold several states takes the one downhill. Rolling is measured against the frame W:
-///           on a surface curved as strongly as the particle, the turning of the normal along the way is not
-///           counted.
+///           (contact_fields.h): leaving a floor for an edge breaks no second contact. The particle's weight
+///           is nothing at this scale (0.1 fN at 100 nm). The friction's stiffness has no share in the normal
+///           force. A tip whose springs can hold several states takes the one downhill. Rolling is measured
+///           against the frame W: on a surface curved as strongly as the particle, the turning of the normal
+///           along the way is not counted.
 class ParticleEquilibrium {
  public:
   /// Throws UserError unless radii, laws and frictions make sense.
   ParticleEquilibrium(std::shared_ptr<const Surface> surface, const ParticleParameters& parameters,
-                      const ParticleGround& ground = {});
+                      const ParticleGround& ground);
 
-  /// The particle resting at (x, y) without load (on one potential: where its force has no part along z); the
-  /// tip not there yet. For set-up, not for loops.
+  /// The particle resting at (x, y), where its force has no part along z; the tip not there yet. For set-up,
+  /// not for loops.
   ParticleState place(double x_nm, double y_nm) const noexcept;
 
   /// Moves the tip's free end (which belongs to its apex) to `free_end_w_nm` in `dt_s`. Unless the status is
@@ -108,7 +107,6 @@ class ParticleEquilibrium {
   double little_pull_nn() const noexcept { return little_pull_nn_; }
 
  private:
-  ParticleState place_on_potential(double x_nm, double y_nm) const noexcept;
   bool rests(const ParticleBalance& balance) const noexcept;
   bool left_alone(const ParticleBalance& balance, double share) const noexcept;
 

@@ -40,6 +40,8 @@ ParticleModel::ParticleModel(std::shared_ptr<const Surface> the_surface, const P
   require(std::isfinite(p.drag_n_s_m) && p.drag_n_s_m > 0.0, "drag", "positive and finite (N·s/m)",
           p.drag_n_s_m);
   for (const ContactFriction& f : friction) check(f);
+  if (!ground[kTipSample] || !ground[kParticleSample])
+    throw UserError("particle: expected a ground for both spheres");
   nominal_radius_nm[kTipSample] = p.tip_radius_nm;
   nominal_radius_nm[kTipParticle] =
       p.tip_radius_nm * p.particle_radius_nm / (p.tip_radius_nm + p.particle_radius_nm);

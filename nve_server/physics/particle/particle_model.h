@@ -21,7 +21,7 @@ struct ZeroLoad {
 ZeroLoad zero_load(const TipSampleLaw& law, double radius_nm) noexcept;
 
 /// The ground as one potential for each of the two spheres, of fields made for its radius and of the law of
-/// its contact. Both or neither: then it is taken by the nearest point of the surface.
+/// its contact.
 struct ParticleGround {
   std::shared_ptr<const TipPotential> tip;
   std::shared_ptr<const TipPotential> particle;
@@ -29,15 +29,15 @@ struct ParticleGround {
 
 /// What does not change: the bodies, their laws and the surface.
 struct ParticleModel {
-  /// Throws UserError unless radii and drag are positive, the frictions make sense, and adhesion alone does
-  /// not draw the particle into sample or tip by a radius (where no contact theory holds).
+  /// Throws UserError unless radii and drag are positive, the frictions make sense, both grounds are there,
+  /// and adhesion alone does not draw the particle into sample or tip by a radius (where no contact theory
+  /// holds).
   ParticleModel(std::shared_ptr<const Surface> surface, const ParticleParameters& parameters,
-                const ParticleGround& ground = {});
+                const ParticleGround& ground);
 
   std::shared_ptr<const Surface> surface;
-  /// Of tip and sample, of particle and sample; null by the nearest point.
+  /// Of tip and sample, of particle and sample.
   std::array<std::shared_ptr<const TipPotential>, kParticleContacts> ground;
-  bool by_potential() const noexcept { return ground[kParticleSample] != nullptr; }
   ParticleParameters parameters;
   std::array<TipSampleLaw, kParticleContacts> laws;
   std::array<ContactFriction, kParticleContacts> friction;

@@ -4,7 +4,6 @@
 #include <array>
 
 #include "telenano/nve_server/physics/law/tip_sample_law.h"
-#include "telenano/nve_server/physics/particle/particle_footing.h"
 #include "telenano/nve_server/physics/potential/tip_potential.h"
 
 namespace telenano::physics {
@@ -44,8 +43,6 @@ struct ParticleSleep {
 /// What is remembered from one accepted step to the next. Begin with ParticleEquilibrium::place().
 struct ParticleState {
   std::array<ParticleContactMemory, kParticleContacts> contacts;
-  ParticleFeet tip_feet;
-  ParticleFeet particle_feet;
   bool started = false;  ///< false: the tip has not been brought in yet
   Vec3 tip_centre_w_nm = Vec3::Zero();
   Vec3 tip_force_w_nn = Vec3::Zero();

@@ -2,7 +2,7 @@
 
 #include <optional>
 
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/tip_solution.h"
 #include "telenano/nve_server/physics/probe/probe_mode.h"
 
 namespace telenano::physics {

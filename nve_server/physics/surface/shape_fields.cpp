@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "telenano/common/base/det_math.h"
+#include "telenano/common/base/error.h"
 
 namespace telenano::physics {
 namespace {
@@ -58,10 +59,16 @@ void put(const Field& overlap, const Field& log_radius, ContactJet& jet) noexcep
   jet.log_radius_hess_per_nm2 = log_radius.hess;
 }
 
+void check_tip(double radius_nm) {
+  if (!(radius_nm > 0.0 && std::isfinite(radius_nm)))
+    throw UserError("surface: expected a positive tip radius");
+}
+
 }  // namespace
 
 PlaneFields::PlaneFields(const PlaneSurface::Shape& shape, double tip_radius_nm) {
-  const PlaneSurface checked(shape, tip_radius_nm);
+  const PlaneSurface checked(shape);
+  check_tip(tip_radius_nm);
   const double secant = std::sqrt(1.0 + shape.slope_x * shape.slope_x + shape.slope_y * shape.slope_y);
   slope_ = Vec3(shape.slope_x, shape.slope_y, -1.0) / secant;
   // 1 − 1/secant without cancellation.
@@ -92,7 +99,8 @@ struct SphereFields::Feet {
 
 SphereFields::SphereFields(const SphereSurface::Shape& shape, double tip_radius_nm, const SofteningRule& rule)
     : rule_(rule), tip_radius_(tip_radius_nm), reach_(tip_radius_nm + shape.radius_nm) {
-  const SphereSurface checked(shape, tip_radius_nm);
+  const SphereSurface checked(shape);
+  check_tip(tip_radius_nm);
   middle_ = Vec3(shape.x_nm, shape.y_nm, shape.height_nm - shape.radius_nm);
   log_plate_ = det_log(tip_radius_nm);
   log_ball_ = det_log(tip_radius_nm * shape.radius_nm / reach_);

@@ -188,16 +188,15 @@ TEST(ExtremeLaws, SlaveWithFrictionBeamAndModeStaysSound) {
     scene->limits.workspace_max_w_nm.z() = top;
     scene->limits.speed_max_nm_s = std::max(1e5, top);
     scene->limits.force_max_nn = 2.5 * sample.force_nn * log_uniform(random, 1, 1e4);
-    EquilibriumOptions options;
+    scene->friction.reset();
     if (trial % 2 == 1) {
-      options.friction =
+      scene->friction =
           FrictionParameters{log_uniform(random, 1e-3, 1),
                              3.0 / 16 * sample.parameters.contact_modulus_gpa * random.uniform(0.5, 1.5),
                              random.chance(0.3) ? random.uniform(0, 1) : 0.0, random.uniform(0.3, 1)};
-      scene->friction = options.friction;
     }
-    scene->equilibrium = std::make_shared<TipEquilibrium>(scene->surface, TipSampleLaw(sample.parameters),
-                                                          sample.radius_nm, options);
+    scene->level = std::make_shared<LevelEquilibrium>(std::make_shared<TipSampleLaw>(sample.parameters),
+                                                      sample.radius_nm, scene->friction);
     slave::NveSlave slave(scene);
     const double dt = log_uniform(random, 1e-4, 1e-2);
     const double start_aj = slave.trace().stored_aj;

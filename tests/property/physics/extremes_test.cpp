@@ -235,8 +235,8 @@ TEST(Extremes, SlaveStaysSound) {
     scene->limits.workspace_max_w_nm.z() = top;
     scene->limits.speed_max_nm_s = std::max(1e5, top);
     scene->limits.force_max_nn = 2.5 * sample.force_nn * log_uniform(random, 1, 1e4);
-    scene->equilibrium =
-        std::make_shared<TipEquilibrium>(scene->surface, TipSampleLaw(sample.parameters), sample.radius_nm);
+    scene->level = std::make_shared<LevelEquilibrium>(std::make_shared<TipSampleLaw>(sample.parameters),
+                                                      sample.radius_nm);
     slave::NveSlave slave(scene);
     const double dt = log_uniform(random, 1e-4, 1e-2);
     slave::SlaveInput input;

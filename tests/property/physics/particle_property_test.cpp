@@ -8,6 +8,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 #include "telenano/nve_server/physics/surface/flat_surface.h"
+#include "tests/support/particle_grounds.h"
 
 namespace telenano::physics {
 namespace {
@@ -58,7 +59,7 @@ TEST(ParticleProperty, TheStrongerContactKeepsIt) {
   for (int i = 0; i < 60; ++i) {
     ParticleParameters p = usual(draw);
     p.tip_particle.van_der_waals = p.particle_sample.van_der_waals = p.tip_sample.van_der_waals = false;
-    const ParticleEquilibrium scene(std::make_shared<FlatSurface>(20.0), p);
+    const ParticleEquilibrium scene(std::make_shared<FlatSurface>(), p, support::level_ground(p));
     const double ratio = scene.model().pull_off_nn[kTipParticle] / scene.model().pull_off_nn[kParticleSample];
     if (std::abs(ratio - 1) < 0.02) continue;
     const double k = draw.log_uniform(0.1, 1000);
@@ -88,7 +89,7 @@ TEST(ParticleProperty, WorkIsStoredOrLost) {
   Draw draw(77);
   for (int i = 0; i < 12; ++i) {
     const ParticleParameters p = usual(draw);
-    const ParticleEquilibrium scene(std::make_shared<FlatSurface>(20.0), p);
+    const ParticleEquilibrium scene(std::make_shared<FlatSurface>(), p, support::level_ground(p));
     const double k = draw.log_uniform(0.5, 500);
     const Compliance c = Mat3::Identity() / k;
     ParticleState state = scene.place(0, 0);
@@ -134,7 +135,7 @@ TEST(ParticleProperty, NoLoopYieldsEnergy) {
   Draw draw(5);
   for (int i = 0; i < 16; ++i) {
     const ParticleParameters p = usual(draw);
-    const ParticleEquilibrium scene(std::make_shared<FlatSurface>(20.0), p);
+    const ParticleEquilibrium scene(std::make_shared<FlatSurface>(), p, support::level_ground(p));
     const double k = draw.log_uniform(0.5, 500);
     const Compliance c = Mat3::Identity() / k;
     ParticleState state = scene.place(0, 0);
@@ -196,7 +197,8 @@ TEST(ParticleProperty, AnyMaterialAnySpringAnyStep) {
     if (i % 16 == 1) c.setZero();
     std::unique_ptr<ParticleEquilibrium> scene;
     try {
-      scene = std::make_unique<ParticleEquilibrium>(std::make_shared<FlatSurface>(20.0), p);
+      scene =
+          std::make_unique<ParticleEquilibrium>(std::make_shared<FlatSurface>(), p, support::level_ground(p));
     } catch (const UserError&) {
       continue;  // too soft for its adhesion
     }

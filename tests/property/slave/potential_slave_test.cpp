@@ -64,8 +64,7 @@ TEST(PotentialScene, IsChosenByAKeyAndRefusesWhatItLacks) {
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
   };
   refused(with(text_of("flakes"), "\n[surface]\n", "force = \"both\"\n"), "force");
-  refused(with(potential("flakes"), "\n[surface]\n", "radius_force = true\n"), "radius_force");
-  refused(potential("flat_silicon_oxide"), "force");
+  refused(with(text_of("flakes"), "\n[surface]\n", "radius_force = true\n"), "radius_force");
 }
 
 // Steps and gratings, in moist air with a bias, under each law that takes them: a tip that comes down, goes

@@ -51,8 +51,4 @@ struct AnalyticSurface {
   }
 };
 
-/// Distance from a point above to the surface: dense search of `reach` around it, then each of the lowest
-/// local minima of the dense grid by zooming in on it, ever closer. Uses heights only.
-double dense_distance(const AnalyticSurface& surface, const Vec3& centre, double reach_nm, double step_nm);
-
 }  // namespace telenano::studies

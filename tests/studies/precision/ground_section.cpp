@@ -3,11 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
+#include <sstream>
 
+#include "telenano/common/base/error.h"
 #include "telenano/common/config/shared_files.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
-#include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
 #include "tests/studies/precision/studies.h"
@@ -22,7 +24,6 @@ using elastic::PlaceError;
 using physics::BranchPotential;
 using physics::ContactJet;
 using physics::ScanFields;
-using physics::SplineSurface;
 
 constexpr double kRadiusNm = 20;
 constexpr double kRangeNm = 0.165;
@@ -62,16 +63,14 @@ std::filesystem::path table_file(const std::string& name) {
   return std::filesystem::path(TELENANO_SOURCE_DIR) / "tests" / "data" / "elastic" / (name + ".csv");
 }
 
-/// The ground under one place, by all methods.
+/// The ground under one place.
 struct Under {
   double x, y, touch_nm;
-  SplineSurface surface;
   ScanFields fields;
   Under(const surface::HeightGrid& scan, const Place& place, double modulus_gpa)
       : x(scan.x_first_nm + place.column * scan.dx_nm),
         y(scan.y_first_nm + place.row * scan.dy_nm),
         touch_nm(place.touch_nm),
-        surface(elastic::piece_round(scan, place.column, place.row), kRadiusNm),
         fields(elastic::piece_round(scan, place.column, place.row), kRadiusNm,
                physics::softening_rule(kRadiusNm, kWorkNPerM, modulus_gpa, kRangeNm)) {}
 };
@@ -81,31 +80,48 @@ struct Method {
   std::string family;
   std::string setting;
   bool is_default;
-  std::function<void(const Under&, double above_touch_nm, physics::FootMemory&, ContactJet&)> place;
+  std::function<void(const Under&, double above_touch_nm, ContactJet&)> place;
 };
 
 std::vector<Method> methods(bool quick) {
-  std::vector<Method> all{{"nearest point", "one foot", false,
-                           [](const Under& u, double z, physics::FootMemory& memory, ContactJet& jet) {
-                             const physics::SurfaceContact foot =
-                                 u.surface.nearest(Vec3(u.x, u.y, u.touch_nm + z + kRadiusNm),
-                                                   physics::Search::kGlobal, memory);
-                             jet.overlap_nm = kRadiusNm - foot.distance_nm;
-                             jet.overlap_grad = -foot.normal_w;
-                             jet.log_radius = std::log(foot.effective_radius_nm);
-                           }},
-                          {"potential, growing softening", "as served", true,
-                           [](const Under& u, double z, physics::FootMemory&, ContactJet& jet) {
-                             u.fields.contact_at({u.x, u.y, u.touch_nm + z}, jet);
-                           }}};
+  std::vector<Method> all{
+      {"potential, growing softening", "as served", true, [](const Under& u, double z, ContactJet& jet) {
+         u.fields.contact_at({u.x, u.y, u.touch_nm + z}, jet);
+       }}};
   for (const double t : {1.0, 0.5, 0.25, 0.165, 0.09}) {
     if (quick && t != 0.25) continue;
     all.push_back({"potential, one softening", fmt::format("t = {} nm", t), false,
-                   [t](const Under& u, double z, physics::FootMemory&, ContactJet& jet) {
+                   [t](const Under& u, double z, ContactJet& jet) {
                      u.fields.at_softening({u.x, u.y, u.touch_nm + z}, t, jet);
                    }});
   }
   return all;
+}
+
+/// What the nearest point of the surface gave before the potential came:
+/// tests/data/elastic/nearest_point.csv.
+struct Recorded {
+  int places = 0;
+  double pull_off_median = 0, median_low = 0, median_high = 0;
+  double pull_off_ninth = 0, ninth_low = 0, ninth_high = 0;
+  double pressed_rms = 0, pull_off_largest = 0, pressed_median = 0, pressed_largest = 0;
+  Cost cost;
+};
+
+Recorded nearest_point(const std::string& table) {
+  const std::filesystem::path file = table_file("nearest_point");
+  std::ifstream in(file);
+  for (std::string line; std::getline(in, line);) {
+    if (line.rfind(table + ',', 0) != 0) continue;
+    std::replace(line.begin(), line.end(), ',', ' ');
+    std::istringstream fields(line.substr(table.size()));
+    Recorded r;
+    fields >> r.places >> r.pull_off_median >> r.median_low >> r.median_high >> r.pull_off_ninth >>
+        r.ninth_low >> r.ninth_high >> r.pressed_rms >> r.pull_off_largest >> r.pressed_median >>
+        r.pressed_largest >> r.cost.p50_ns >> r.cost.p99_ns;
+    if (fields) return r;
+  }
+  throw UserError(file.string() + ": expected a line for " + table);
 }
 
 std::string interval(const std::vector<double>& errors, double q) {
@@ -130,8 +146,10 @@ Section ground_section(const Effort& effort, const FigureFolder& folder) {
       "displacements is itself formal.";
   section.choice =
       "Default: the potential with growing softening. A single softening suits either the pull-off (0.09 nm) "
-      "or pressed contact (0.25 to 0.5 nm); the nearest point sees one foot and one pixel's curvature, and "
-      "misses neighbouring feet that carry a part of the force.";
+      "or pressed contact (0.25 to 0.5 nm). The nearest point of the surface (recorded: the product had it "
+      "before) sees one foot and one pixel's curvature, and misses neighbouring feet that carry a part of "
+      "the "
+      "force.";
   std::string table =
       "<div class=\"scroll\"><table>\n<thead><tr><th>ground</th><th>method</th><th>places</th><th>pull-off: "
       "median error, % (95 %)</th><th>ninth decile, % (95 %)</th><th>pressed 0.2 nm and more: rms error, %"
@@ -154,10 +172,9 @@ Section ground_section(const Effort& effort, const FigureFolder& folder) {
       for (std::size_t k = 1; k < last; ++k) {
         const Under under(scan, places[k], ground.modulus_gpa);
         for (std::size_t m = 0; m < all.size(); ++m) {
-          physics::FootMemory memory;
           const auto force = [&](double z) {
             ContactJet jet;
-            all[m].place(under, z, memory, jet);
+            all[m].place(under, z, jet);
             return elastic::retraction_force_nn(law, jet);
           };
           errors[m].push_back(elastic::place_error(places[0], on_flat, places[k], force));
@@ -171,6 +188,26 @@ Section ground_section(const Effort& effort, const FigureFolder& folder) {
           if (!std::isfinite(sum)) costs[m] = {};
         }
       }
+    }
+    {
+      const Recorded r = nearest_point(ground.tables.front());
+      const auto row = [&](const char* what, double median, double largest) {
+        return Row{std::string(ground.condition) + ", " + what,
+                   "nearest point (recorded)",
+                   "one foot",
+                   false,
+                   {largest / 100, largest / 100, median / 100, 0, r.places},
+                   r.cost,
+                   0,
+                   false};
+      };
+      pull_off_rows.push_back(row("pull-off", r.pull_off_median, r.pull_off_largest));
+      pressed_rows.push_back(row("pressed", r.pressed_median, r.pressed_largest));
+      table += fmt::format(
+          "<tr><td>{}</td><td>nearest point (recorded)</td><td>{}</td><td>{:.1f} ({:.1f} to {:.1f})</td>"
+          "<td>{:.1f} ({:.1f} to {:.1f})</td><td>{:.1f}</td></tr>\n",
+          html_escaped(ground.condition), r.places, r.pull_off_median, r.median_low, r.median_high,
+          r.pull_off_ninth, r.ninth_low, r.ninth_high, r.pressed_rms);
     }
     for (std::size_t m = 0; m < all.size(); ++m) {
       std::vector<double> pull_off, pressed;

@@ -26,7 +26,7 @@ class Scheme {
 
 class BSpline final : public Scheme {
  public:
-  explicit BSpline(const HeightGrid& grid) : surface_(grid, 20) {}  // the tip does not matter for heights
+  explicit BSpline(const HeightGrid& grid) : surface_(grid) {}
   HeightJet jet(double x, double y) const override { return surface_.jet(x, y); }
 
  private:
@@ -137,9 +137,9 @@ Section interpolation_section(const Effort& effort, const FigureFolder& folder) 
       "of 100 nm, 5 nm high), at seeded random points away from the rim. Errors are divided by the greatest "
       "height, slope and curvature of the waves.";
   section.choice =
-      "Default: the bicubic B-spline. It is the only one of the three with continuous curvature, which the "
-      "contact's effective radius and Newton's method for the nearest point both use; bilinear has no "
-      "curvature at all (the radius would be the tip's own), Catmull–Rom's jumps from cell to cell. Its "
+      "Default: the bicubic B-spline. It is the only one of the three with continuous curvature, so that the "
+      "ground that is dilated by the tip has no creases of the scan's cells; bilinear has no curvature at "
+      "all, Catmull–Rom's jumps from cell to cell. Its "
       "height is of fourth order where Catmull–Rom's is of third, for the same sixteen samples and the same "
       "time.";
   const AnalyticSurface surface{5, 100};

@@ -24,10 +24,10 @@ struct Part {
 };
 
 /// Adding a part to the page is adding an entry.
-constexpr Part kParts[] = {{"law", law_section},           {"ground", ground_section},
-                           {"nearest", nearest_section},   {"interpolation", interpolation_section},
-                           {"coupling", coupling_section}, {"probe", probe_section},
-                           {"step", step_section},         {"wire", wire_section}};
+constexpr Part kParts[] = {
+    {"law", law_section},           {"ground", ground_section}, {"interpolation", interpolation_section},
+    {"coupling", coupling_section}, {"probe", probe_section},   {"step", step_section},
+    {"wire", wire_section}};
 
 std::string part_names() {
   std::string names;

@@ -115,20 +115,6 @@ TEST(InContact, ForceAndStiffness) {
   }
 }
 
-// The dense search on shapes where the distance is known: a plane; over a top of the waves, that top.
-TEST(DenseDistance, KnownShapes) {
-  EXPECT_NEAR(dense_distance({0, 100}, Vec3(3, 4, 20), 24, 0.25), 20, 1e-9);
-  // z_x = z_y = 0 somewhere on each wave: the centre on the normal of any point, nearer than the focal
-  // length.
-  const AnalyticSurface surface{5, 200};
-  for (const double x : {-30.0, 0.0, 12.0, 55.0}) {
-    const auto j = surface.jet(x, 0.4 * x);
-    const Vec3 normal = Vec3(-j.zx, -j.zy, 1).normalized();
-    const Vec3 centre = Vec3(x, 0.4 * x, j.z) + 20 * normal;
-    EXPECT_NEAR(dense_distance(surface, centre, 24, 0.25), 20, 1e-9) << x;
-  }
-}
-
 // The jet against differences of the height: 1e-4 nm steps leave 1e-9 (slope) and 1e-7 (curvature).
 TEST(AnalyticSurface, JetIsTheDerivative) {
   const AnalyticSurface s{3, 25};
@@ -176,7 +162,7 @@ TEST(Precision, SaysWhatIsWrongBeforeMeasuring) {
     FAIL();
   } catch (const UserError& error) {
     EXPECT_NE(
-        std::string(error.what()).find("--only: 'laws' is unknown; expected some of law, ground, nearest"),
+        std::string(error.what()).find("--only: 'laws' is unknown; expected some of law, ground, inter"),
         std::string::npos);
   }
   // A file where the folder should be: nobody, not even root, can write into it.

@@ -6,20 +6,22 @@
 #include <cmath>
 #include <memory>
 
-#include "telenano/nve_server/physics/equilibrium/marked_sample.h"
+#include "telenano/nve_server/physics/equilibrium/level_equilibrium.h"
+#include "telenano/nve_server/physics/equilibrium/marked_potential.h"
 #include "telenano/nve_server/physics/particle/particle_equilibrium.h"
 #include "telenano/nve_server/physics/surface/flat_surface.h"
 #include "tests/studies/precision/analytic_surface.h"
 #include "tests/studies/precision/studies.h"
 #include "tests/studies/report/page.h"
+#include "tests/support/particle_grounds.h"
 
 namespace telenano::studies {
 namespace {
 
-using physics::EquilibriumOptions;
+using physics::FrictionParameters;
+using physics::LevelEquilibrium;
 using physics::MaugisMethod;
 using physics::SplineSurface;
-using physics::TipEquilibrium;
 using physics::TipSampleLaw;
 using physics::TipSampleParameters;
 using physics::TipSolution;
@@ -55,48 +57,77 @@ class Walker {
   virtual double ground_nm(double, double) const { return 0; }
 };
 
-class OnSample final : public Walker {
+class OnLevel final : public Walker {
  public:
-  OnSample(std::shared_ptr<const physics::Surface> surface, const TipSampleParameters& parameters,
-           const EquilibriumOptions& options)
-      : equilibrium_(std::move(surface), TipSampleLaw(parameters, kTipRadius_nm), kTipRadius_nm, options) {}
+  OnLevel(const TipSampleParameters& parameters, const std::optional<FrictionParameters>& friction)
+      : equilibrium_(std::make_shared<TipSampleLaw>(parameters, kTipRadius_nm), kTipRadius_nm, friction) {}
   TipSolution step(const Vec3& free_end) override { return equilibrium_.advance(free_end, c_, state_); }
-  double ground_nm(double x, double y) const override { return equilibrium_.surface().height_nm(x, y); }
 
  private:
-  TipEquilibrium equilibrium_;
+  LevelEquilibrium equilibrium_;
   physics::Compliance c_ = springs();
-  physics::TipState state_;
+  physics::LevelState state_;
+};
+
+/// The waves as fields of the apex, and as heights.
+struct Waves {
+  physics::HeightGrid grid = kWaves.grid(160, 1);
+  std::shared_ptr<const physics::ScanFields> fields = std::make_shared<physics::ScanFields>(
+      grid, kTipRadius_nm,
+      physics::softening_rule(kTipRadius_nm, polystyrene().work_of_adhesion_n_m,
+                              0.75 * polystyrene().contact_modulus_gpa,
+                              polystyrene().equilibrium_distance_nm));
+  std::shared_ptr<const physics::BranchPotential> law =
+      std::make_shared<physics::BranchPotential>(TipSampleLaw(polystyrene()), kTipRadius_nm);
+  SplineSurface heights{grid};
+
+  physics::PotentialEquilibrium equilibrium(const std::optional<FrictionParameters>& friction) const {
+    return {fields, law, friction};
+  }
+};
+
+class OnWaves final : public Walker {
+ public:
+  OnWaves(std::shared_ptr<const Waves> waves, const std::optional<FrictionParameters>& friction)
+      : waves_(std::move(waves)), equilibrium_(waves_->equilibrium(friction)) {}
+  TipSolution step(const Vec3& free_end) override { return equilibrium_.advance(free_end, c_, state_); }
+  double ground_nm(double x, double y) const override { return kWaves.height_nm(x, y); }
+
+ private:
+  std::shared_ptr<const Waves> waves_;
+  physics::PotentialEquilibrium equilibrium_;
+  physics::Compliance c_ = springs();
+  physics::PotentialState state_;
 };
 
 class Ploughing final : public Walker {
  public:
-  Ploughing(const SplineSurface& surface, const EquilibriumOptions& options)
-      : sample_(surface, TipSampleLaw(polystyrene()), kTipRadius_nm, options) {}
+  explicit Ploughing(const Waves& waves)
+      : sample_(*waves.fields, waves.heights, waves.equilibrium({}), {}, kHardness_gpa, 1.0) {}
   TipSolution step(const Vec3& free_end) override {
-    const TipSolution s = sample_.equilibrium().advance(free_end, c_, state_);
-    if (s.status == physics::SolveStatus::kOk) sample_.press(s.yielded);
+    const TipSolution s = sample_.advance(free_end, c_, state_);
+    if (s.status == physics::SolveStatus::kOk) sample_.accept(s);
     return s;
   }
   double ground_nm(double x, double y) const override { return kWaves.height_nm(x, y); }
 
  private:
-  physics::MarkedSample sample_;
+  physics::MarkedPotential sample_;
   physics::Compliance c_ = springs();
-  physics::TipState state_;
+  physics::PotentialState state_;
 };
 
 class Pushing final : public Walker {
  public:
-  explicit Pushing(bool frictionless) : equilibrium_(flat(), parameters(frictionless)), state_(rest()) {}
+  explicit Pushing(bool frictionless)
+      : equilibrium_(std::make_shared<physics::FlatSurface>(), parameters(frictionless),
+                     support::level_ground(parameters(frictionless))),
+        state_(rest()) {}
   TipSolution step(const Vec3& free_end) override {
     return equilibrium_.advance(free_end, c_, kDt_s, state_).tip;
   }
 
  private:
-  static std::shared_ptr<const physics::Surface> flat() {
-    return std::make_shared<physics::FlatSurface>(kTipRadius_nm);
-  }
   static physics::ParticleParameters parameters(bool frictionless) {
     physics::ParticleParameters p;
     p.tip_radius_nm = kTipRadius_nm;
@@ -135,11 +166,13 @@ struct Case {
 };
 
 std::vector<Case> cases() {
-  const auto flat = std::make_shared<const physics::FlatSurface>(kTipRadius_nm);
-  const auto waves = std::make_shared<const SplineSurface>(kWaves.grid(160, 1), kTipRadius_nm);
-  const auto on = [](std::shared_ptr<const physics::Surface> ground, const TipSampleParameters& p,
-                     const EquilibriumOptions& options = {}) {
-    return [=] { return std::make_unique<OnSample>(ground, p, options); };
+  const auto waves = std::make_shared<const Waves>();
+  const auto on_level = [](const TipSampleParameters& p,
+                           const std::optional<FrictionParameters>& friction = {}) {
+    return [=] { return std::make_unique<OnLevel>(p, friction); };
+  };
+  const auto on_waves = [&](const std::optional<FrictionParameters>& friction = {}) {
+    return [=] { return std::make_unique<OnWaves>(waves, friction); };
   };
   TipSampleParameters table = polystyrene();
   table.method = MaugisMethod::kTable;
@@ -162,27 +195,20 @@ std::vector<Case> cases() {
     l.tip_bias_v = 1;
     l.capillary.humidity_percent = 50;
   });
-  EquilibriumOptions friction;
-  friction.friction = physics::FrictionParameters{0.03, 0.4, 0, 1};
-  EquilibriumOptions radius;
-  radius.radius_force = true;
-  EquilibriumOptions hard;
-  hard.hardness_gpa = kHardness_gpa;
+  const FrictionParameters friction{0.03, 0.4, 0, 1};
 
   std::vector<Case> all;
   for (const Path& path : {kFar, kPressed, kJumps}) {
-    all.push_back({path, "van der Waals, MD direct", true, on(flat, polystyrene())});
-    all.push_back({path, "van der Waals, MD table", false, on(flat, table)});
-    for (const auto& [name, p] : long_range) all.push_back({path, name, false, on(flat, p)});
+    all.push_back({path, "van der Waals, MD direct", true, on_level(polystyrene())});
+    all.push_back({path, "van der Waals, MD table", false, on_level(table)});
+    for (const auto& [name, p] : long_range) all.push_back({path, name, false, on_level(p)});
   }
-  all.push_back({kSlide, "without friction", false, on(flat, polystyrene())});
-  all.push_back({kSlide, "with friction", true, on(flat, polystyrene(), friction)});
-  all.push_back({kWavesPath, "without friction", true, on(waves, polystyrene())});
-  all.push_back({kWavesPath, "with friction", false, on(waves, polystyrene(), friction)});
-  all.push_back({kWavesPath, "with the radius' force", false, on(waves, polystyrene(), radius)});
-  all.push_back({kPlough, "without friction", true, on(waves, polystyrene())});
-  all.push_back(
-      {kPlough, "leaving a mark", false, [=] { return std::make_unique<Ploughing>(*waves, hard); }});
+  all.push_back({kSlide, "without friction", false, on_level(polystyrene())});
+  all.push_back({kSlide, "with friction", true, on_level(polystyrene(), friction)});
+  all.push_back({kWavesPath, "without friction", true, on_waves()});
+  all.push_back({kWavesPath, "with friction", false, on_waves(friction)});
+  all.push_back({kPlough, "without friction", true, on_waves()});
+  all.push_back({kPlough, "leaving a mark", false, [=] { return std::make_unique<Ploughing>(*waves); }});
   all.push_back({kPush, "with friction", true, [] { return std::make_unique<Pushing>(false); }});
   all.push_back({kPush, "without friction", false, [] { return std::make_unique<Pushing>(true); }});
   return all;
@@ -290,12 +316,9 @@ Section step_section(const Effort& effort, const FigureFolder& folder) {
       "it. "
       "A balance is a small part of the 250 µs of a 4 kHz tick in every row but one, so that what a scene "
       "contains is a question of what is known about the sample, not of time. The exception is a mark that "
-      "is being made: each step lowers the grid under the contact and what the search keeps about it, and "
-      "drags a tip on through a groove with walls. Long-range terms cost the more general walk along the "
-      "curve. On waves the time goes into finding the feet and into Newton's iterations, not into the law: "
-      "a table saves little there, and the direct method needs none for each radius. The force of a changing "
-      "radius is off unless asked for: without it the book misses what the radius is worth (the line that "
-      "does not fall), with it the book closes; but on rough scans the pointwise radius means little.";
+      "is being made: each step lowers the fields under the contact, and drags a tip on through a groove "
+      "with walls. Long-range terms cost the more general walk along the curve. On waves the time goes into "
+      "the fields of the apex and Newton's matrices, the law is a fifth.";
   std::string table =
       "<div class=\"scroll\"><table>\n<thead><tr><th>path</th><th>scene</th><th>step</th><th>Newton "
       "iterations, mean</th><th>most</th><th>without balance</th></tr></thead>\n<tbody>\n";

@@ -7,7 +7,6 @@ namespace telenano::studies {
 
 Section law_section(const Effort& effort, const FigureFolder& folder);
 Section ground_section(const Effort& effort, const FigureFolder& folder);
-Section nearest_section(const Effort& effort, const FigureFolder& folder);
 Section interpolation_section(const Effort& effort, const FigureFolder& folder);
 Section coupling_section(const Effort& effort, const FigureFolder& folder);
 Section probe_section(const Effort& effort, const FigureFolder& folder);

@@ -22,8 +22,8 @@ struct RecordedSession {
   std::string scene_hash;  ///< 16 hexadecimal digits
   std::string scene_path;  ///< where the station had it; empty: it did not
   std::string scene_text;  ///< the whole file, likewise
-  std::string
-      surface_force;  ///< what the ground was to the tip: "foot", "potential" or "unknown"; absent: foot
+  /// What the ground was to the tip: "law", "potential" or "unknown"; before, "foot" or absent.
+  std::string surface_force;
   std::string scene_bundle;  ///< all of it (nve_server/scene/scene_bundle.h); empty: it was not fetched
   station::StationConfig station;
   device::DeviceInfo device;

@@ -29,18 +29,6 @@ std::string hash_of(const scene::Scene& scene) {
 
 constexpr const char* kUnknownForce = "unknown";  // to a station without the scene
 
-/// What the ground was to the tip. Who recorded before there was a choice had the foot, and says nothing.
-std::string force_of(const RecordedSession& recorded) {
-  return recorded.surface_force.empty() ? "foot" : recorded.surface_force;
-}
-
-/// A scene that leaves surface.force out means what it meant then.
-scene::SceneLoading as_recorded(const RecordedSession& recorded) {
-  scene::SceneLoading loading;
-  if (force_of(recorded) != kUnknownForce) loading.force_left_out = force_of(recorded);
-  return loading;
-}
-
 /// Null where it cannot be read, or is another.
 template <class Load>
 ScenePtr if_recorded(const RecordedSession& recorded, const Load& load) {
@@ -56,7 +44,7 @@ ScenePtr if_recorded(const RecordedSession& recorded, const Load& load) {
 /// name among those that came with the program or in this folder, or as the recording holds it.
 ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
   if (!given.empty()) {
-    ScenePtr scene = scene::load_scene(given, as_recorded(recorded));
+    ScenePtr scene = scene::load_scene(given);
     if (hash_of(*scene) == recorded.scene_hash) return scene;
     throw UserError(
         fmt::format("{}: was recorded on another scene than {} (hash {}, not {}); name its file by "
@@ -74,13 +62,11 @@ ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
   if (!recorded.scene_path.empty()) places.push_back(recorded.scene_path);
   if (plain) places.insert(places.end(), {name, "./" + name + ".toml"});
   for (const std::string& place : places) {
-    if (auto scene = if_recorded(recorded, [&] { return scene::load_scene(place, as_recorded(recorded)); }))
-      return scene;
+    if (auto scene = if_recorded(recorded, [&] { return scene::load_scene(place); })) return scene;
   }
   if (!recorded.scene_text.empty()) {
     const std::string as = recorded.scene_path.empty() ? name : recorded.scene_path;
-    if (auto scene = if_recorded(
-            recorded, [&] { return scene::parse_scene(recorded.scene_text, as, as_recorded(recorded)); }))
+    if (auto scene = if_recorded(recorded, [&] { return scene::parse_scene(recorded.scene_text, as); }))
       return scene;
   }
   throw UserError(fmt::format(
@@ -89,15 +75,15 @@ ScenePtr scene_of(const RecordedSession& recorded, const std::string& given) {
       recorded.path.string(), name, recorded.scene_hash, name));
 }
 
-/// The same description may once be read as the other: then no force would come out as recorded.
+/// Forces over relief were others before the ground was one potential: by the nearest point ("foot", or no
+/// word), of which there is no program any more. On a level sample it is the same law.
 ScenePtr with_recorded_force(const RecordedSession& recorded, ScenePtr scene) {
-  const std::string now = scene->ground.potential ? "potential" : "foot";
-  const std::string then = force_of(recorded);
-  if (then == now || then == kUnknownForce) return scene;
+  const std::string& then = recorded.surface_force;
+  if (!scene->potential || then == "potential" || then == kUnknownForce) return scene;
   throw UserError(
-      fmt::format("{}: was recorded with surface.force = \"{}\", and this program reads its scene as \"{}\": "
-                  "replay it with the program that recorded it",
-                  recorded.path.string(), then, now));
+      fmt::format("{}: was recorded with the ground by the nearest point (surface.force = \"{}\"), which is "
+                  "gone: replay it with the program that recorded it, version {}",
+                  recorded.path.string(), then.empty() ? "foot" : then, "0.1 or before"));
 }
 
 bool run_one(const std::string& file, const std::string& scene) {

@@ -11,8 +11,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
-#include "telenano/nve_server/physics/equilibrium/tip_equilibrium.h"
-#include "telenano/nve_server/physics/surface/flat_surface.h"
+#include "telenano/nve_server/physics/equilibrium/level_equilibrium.h"
 
 namespace telenano::physics {
 namespace {
@@ -180,23 +179,25 @@ TEST(Friction, RefusesWhatIsNoFriction) {
 // --- with the tip on its springs, on a flat
 // -----------------------------------------------------------------
 
-TipSampleLaw silicon_oxide() {
-  return TipSampleLaw({70.0329, 0.4, 0.165, true});
+std::shared_ptr<const TipSampleLaw> silicon_oxide() {
+  return std::make_shared<TipSampleLaw>(TipSampleParameters{70.0329, 0.4, 0.165, true});
 }
 
-TipEquilibrium flat_with(const FrictionParameters& friction) {
-  return TipEquilibrium(std::make_shared<FlatSurface>(kRadius), silicon_oxide(), kRadius, {friction});
+LevelEquilibrium flat_with(const FrictionParameters& friction) {
+  return LevelEquilibrium(silicon_oxide(), kRadius, friction);
 }
 
 struct Drag {
-  const TipEquilibrium& equilibrium;
+  const LevelEquilibrium& equilibrium;
   Compliance c;
-  TipState state;
-  TipSolution s;
+  LevelState state{};
+  TipSolution s{};
+  Vec3 end_w_nm = Vec3::Zero();
   double lost = 0;
   int worst_iterations = 0;
   void to(const Vec3& end) {
     s = equilibrium.advance(end, c, state);
+    end_w_nm = end;
     ASSERT_EQ(s.status, SolveStatus::kOk);
     // A balance by its definition.
     EXPECT_LT((s.apex_w_nm - end - c * s.force_w_nn).norm(), 1e-12 * (1 + end.norm()));
@@ -209,8 +210,8 @@ struct Drag {
 // breaks away at τπa², stays there, and comes down the same slope when turned back; springs do not couple, so
 // that the normal force is that without friction.
 TEST(FrictionOnSprings, BreakawaySteadyDragAndReturn) {
-  const TipEquilibrium equilibrium = flat_with(kParameters);
-  Drag drag{equilibrium, Vec3(0.05, 0.04, 0.075).asDiagonal(), {}, {}};
+  const LevelEquilibrium equilibrium = flat_with(kParameters);
+  Drag drag{equilibrium, Vec3(0.05, 0.04, 0.075).asDiagonal()};
   for (double z = 3; z > -3.0001; z -= 0.1) drag.to(Vec3(0, 0, z));
   const double a = drag.s.contact_radius_nm, load = drag.s.normal_force_nn;
   EXPECT_GT(load, 20);
@@ -221,12 +222,12 @@ TEST(FrictionOnSprings, BreakawaySteadyDragAndReturn) {
   // The law's own 1e-9, in the radius and so in limit and stiffness.
   const double tolerance = 1e-8 * limit;
   for (; x < 0.99 * breakaway; x += 0.02 * breakaway) {
-    drag.to(Vec3(x, 0, drag.state.free_end_w_nm.z()));
+    drag.to(Vec3(x, 0, drag.end_w_nm.z()));
     EXPECT_NEAR(drag.s.friction_w_nn.x(), -series * x, tolerance);
     EXPECT_FALSE(drag.s.sliding);
   }
   for (; x < 4 * breakaway; x += 0.1 * breakaway) {
-    drag.to(Vec3(x, 0, drag.state.free_end_w_nm.z()));
+    drag.to(Vec3(x, 0, drag.end_w_nm.z()));
     if (x > 1.0001 * breakaway) {
       EXPECT_NEAR(drag.s.friction_w_nn.x(), -limit, tolerance);
       EXPECT_TRUE(drag.s.sliding);
@@ -236,7 +237,7 @@ TEST(FrictionOnSprings, BreakawaySteadyDragAndReturn) {
   EXPECT_NEAR(drag.s.force_w_nn.z(), load, 1e-8 * load);
   const double turned = x -= 0.1 * breakaway;
   for (; x > turned - 1.9 * breakaway; x -= 0.1 * breakaway) {
-    drag.to(Vec3(x, 0, drag.state.free_end_w_nm.z()));
+    drag.to(Vec3(x, 0, drag.end_w_nm.z()));
     EXPECT_NEAR(drag.s.friction_w_nn.x(), -limit + series * (turned - x), tolerance);
   }
   EXPECT_LE(drag.worst_iterations, 8);
@@ -244,10 +245,10 @@ TEST(FrictionOnSprings, BreakawaySteadyDragAndReturn) {
 
 // Cyclic: 4 F_f (x0 − F_f/k_series) a cycle, and what the free end gives is what is dissipated.
 TEST(FrictionOnSprings, EnergyOfACycle) {
-  const TipEquilibrium equilibrium = flat_with(kParameters);
-  Drag drag{equilibrium, Vec3(0.05, 0.04, 0.075).asDiagonal(), {}, {}};
+  const LevelEquilibrium equilibrium = flat_with(kParameters);
+  Drag drag{equilibrium, Vec3(0.05, 0.04, 0.075).asDiagonal()};
   for (double z = 3; z > -3.0001; z -= 0.1) drag.to(Vec3(0, 0, z));
-  const double z = drag.state.free_end_w_nm.z();
+  const double z = drag.end_w_nm.z();
   const double limit = kTau * kPi * drag.s.contact_radius_nm * drag.s.contact_radius_nm;
   const double series = 1 / (0.05 + 1 / (8 * kShear * drag.s.contact_radius_nm));
   const double x0 = 5 * limit / series;
@@ -257,7 +258,7 @@ TEST(FrictionOnSprings, EnergyOfACycle) {
       0;  // backward Euler overestimates the work over the elastic stretch only: midpoints are exact
   for (int i = 1; i <= 4000; ++i) {
     const double x = x0 * (1 - (i <= 2000 ? i : 4000 - i) / 1000.0);
-    const double before = drag.state.free_end_w_nm.x(), force = drag.s.force_w_nn.x();
+    const double before = drag.end_w_nm.x(), force = drag.s.force_w_nn.x();
     drag.to(Vec3(x, 0, z));
     work -= 0.5 * (force + drag.s.force_w_nn.x()) * (x - before);
   }
@@ -269,10 +270,10 @@ TEST(FrictionOnSprings, EnergyOfACycle) {
 
 // Below the limit nothing creeps.
 TEST(FrictionOnSprings, NoDriftBelowTheLimit) {
-  const TipEquilibrium equilibrium = flat_with(kParameters);
-  Drag drag{equilibrium, Vec3(0.05, 0.04, 0.075).asDiagonal(), {}, {}};
+  const LevelEquilibrium equilibrium = flat_with(kParameters);
+  Drag drag{equilibrium, Vec3(0.05, 0.04, 0.075).asDiagonal()};
   for (double z = 3; z > -3.0001; z -= 0.1) drag.to(Vec3(0, 0, z));
-  const double z = drag.state.free_end_w_nm.z();
+  const double z = drag.end_w_nm.z();
   const Vec3 start = drag.s.apex_w_nm;
   const double a = drag.s.contact_radius_nm;
   const double breakaway = kTau * kPi * a * a * (0.05 + 1 / (8 * kShear * a));
@@ -290,15 +291,15 @@ TEST(FrictionOnSprings, NoDriftBelowTheLimit) {
 // Loaded and unloaded while it is pulled, y and z of the cantilever coupled: work = stored + dissipated to
 // the path's own discretisation, whose error falls with the step.
 TEST(FrictionOnSprings, WorkIsStoredOrDissipatedWithCoupledSprings) {
-  const TipEquilibrium equilibrium = flat_with({kTau, kShear, 0.1});
+  const LevelEquilibrium equilibrium = flat_with({kTau, kShear, 0.1});
   Compliance c = Vec3(0.05, 0.06, 0.075).asDiagonal();
   c(1, 2) = c(2, 1) = 0.03;
   double error[2] = {0, 0};
   for (int fine = 0; fine < 2; ++fine) {
     const int steps = fine == 0 ? 1000 : 16000;
-    Drag drag{equilibrium, c, {}, {}};
+    Drag drag{equilibrium, c};
     for (double z = 3; z > -5.0001; z -= 0.1) drag.to(Vec3(0, 0, z));
-    const double z = drag.state.free_end_w_nm.z();
+    const double z = drag.end_w_nm.z();
     const auto stored = [&] {
       return drag.s.potential_aj + drag.s.friction_stored_aj +
              0.5 * drag.s.force_w_nn.dot(c * drag.s.force_w_nn);
@@ -309,7 +310,7 @@ TEST(FrictionOnSprings, WorkIsStoredOrDissipatedWithCoupledSprings) {
     for (int i = 1; i <= steps; ++i) {
       const double t = 6 * kPi * i / steps;
       const Vec3 end(6 * std::sin(t), 5 * std::sin(1.3 * t), z + 1.5 * std::sin(0.7 * t));
-      const Vec3 from = drag.state.free_end_w_nm, force = drag.s.force_w_nn;
+      const Vec3 from = drag.end_w_nm, force = drag.s.force_w_nn;
       drag.to(end);
       work -= 0.5 * (force + drag.s.force_w_nn).dot(end - from);
     }
@@ -326,10 +327,10 @@ TEST(FrictionOnSprings, WorkIsStoredOrDissipatedWithCoupledSprings) {
 TEST(FrictionOnSprings, StickSlipIsASawTooth) {
   FrictionParameters parameters = kParameters;
   parameters.kinetic_ratio = 0.6;
-  const TipEquilibrium equilibrium = flat_with(parameters);
-  Drag drag{equilibrium, Vec3(0.05, 0.05, 0.075).asDiagonal(), {}, {}};
+  const LevelEquilibrium equilibrium = flat_with(parameters);
+  Drag drag{equilibrium, Vec3(0.05, 0.05, 0.075).asDiagonal()};
   for (double z = 3; z > -3.0001; z -= 0.1) drag.to(Vec3(0, 0, z));
-  const double z = drag.state.free_end_w_nm.z(), a = drag.s.contact_radius_nm;
+  const double z = drag.end_w_nm.z(), a = drag.s.contact_radius_nm;
   const double limit = kTau * kPi * a * a, series = 1 / (0.05 + 1 / (8 * kShear * a));
   const double step = limit / series / 1000;
   drag.lost = 0;

@@ -125,13 +125,6 @@ TEST(Cone, VanDerWaalsIsThePressureOverTheProfile) {
               << wavelength << ' ' << angle << ' ' << height << ' ' << d;
           EXPECT_NEAR(plain.energy_aj(kRadius, d) + of_gap.energy_aj, energy,
                       3e-14 * (1 + d / height) * (scale * d + std::fabs(energy)));
-          // Over the radius: central difference, 1e-10 of truncation and of rounding.
-          const double r = 1e-5 * kRadius;
-          EXPECT_NEAR(
-              of_gap.force_per_radius_n_m,
-              (law.correction(d, kRadius + r).force_nn - law.correction(d, kRadius - r).force_nn) / (2 * r),
-              1e-9 * scale / kRadius)
-              << wavelength << ' ' << angle << ' ' << height << ' ' << d;
           // Stiffness: central difference of the force, h^2.
           const double h = 1e-4 * d;
           EXPECT_NEAR(

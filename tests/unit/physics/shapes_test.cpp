@@ -1,8 +1,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <functional>
-#include <random>
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
@@ -14,105 +12,27 @@
 namespace telenano::physics {
 namespace {
 
-constexpr double kRadius = 20;
-
-// Least distance to a height field by exhaustion, finer and finer around the best point so far.
-double brute_force(const std::function<double(double, double)>& height, const Vec3& c, double reach) {
-  double best = 1e300, bx = c.x(), by = c.y(), half = reach;
-  for (int level = 0; level < 9; ++level) {
-    const double x0 = bx, y0 = by;
-    const int count = level == 0 ? 150 : 20;
-    for (int i = -count; i <= count; ++i) {
-      for (int j = -count; j <= count; ++j) {
-        const double x = x0 + half * i / count, y = y0 + half * j / count;
-        const double d = (Vec3(x, y, height(x, y)) - c).norm();
-        if (d < best) {
-          best = d;
-          bx = x;
-          by = y;
-        }
-      }
-    }
-    half *= level == 0 ? 0.03 : 0.15;
-  }
-  return best;
-}
-
-TEST(PlaneSurface, IsClosedForm) {
-  const PlaneSurface plane({2.0, 0.75, 0.0, 100.0}, kRadius);  // n = (−0.6, 0, 0.8)
-  FootMemory memory;
-  const SurfaceContact contact = plane.nearest(Vec3(1, 7, 12.75), Search::kGlobal, memory);
-  EXPECT_NEAR(contact.distance_nm, 8.0, 1e-14);
-  EXPECT_LT((contact.normal_w - Vec3(-0.6, 0, 0.8)).norm(), 1e-15);
-  EXPECT_LT((contact.foot_w_nm - Vec3(5.8, 7, 6.35)).norm(), 1e-14);
-  EXPECT_EQ(contact.effective_radius_nm, kRadius);
-  EXPECT_EQ(contact.normal_turn_per_nm, Mat3::Zero());
-  EXPECT_FALSE(contact.outside);
-  EXPECT_TRUE(plane.nearest(Vec3(0, 101, 12), Search::kGlobal, memory).outside);
+TEST(PlaneSurface, HasItsHeights) {
+  const PlaneSurface plane({2.0, 0.75, 0.0, 100.0});
+  EXPECT_EQ(plane.height_nm(4, 7), 5.0);
   EXPECT_FALSE(plane.is_flat());
   EXPECT_EQ(plane.lowest_nm(), -73.0);
   EXPECT_EQ(plane.highest_nm(), 77.0);
 }
 
-TEST(SphereSurface, AgreesWithBruteForce) {
-  for (const double height : {30.0, 12.0}) {
-    const SphereSurface sphere({5, -3, 30, height}, kRadius);
-    std::mt19937 random(1);
-    std::uniform_real_distribution<double> place(-70, 70), up(10, 60);
-    for (int i = 0; i < 40; ++i) {
-      const Vec3 c(place(random), place(random), up(random));
-      if (c.z() < sphere.height_nm(c.x(), c.y())) continue;
-      FootMemory memory;
-      const SurfaceContact contact = sphere.nearest(c, Search::kGlobal, memory);
-      // Brute force resolves 60·0.03·0.15^7/20 = 2e-7 nm along a cliff at the particle's equator.
-      EXPECT_NEAR(contact.distance_nm,
-                  brute_force([&](double x, double y) { return sphere.height_nm(x, y); }, c, 60), 1e-6);
-      EXPECT_NEAR((c - contact.foot_w_nm - contact.distance_nm * contact.normal_w).norm(), 0, 1e-13);
-    }
-  }
-}
-
-TEST(SphereSurface, GradientsAndRadius) {
-  const SphereSurface sphere({0, 0, 30, 30}, kRadius);
-  FootMemory memory;
-  const Vec3 c(12, -9, 48);
-  const SurfaceContact contact = sphere.nearest(c, Search::kGlobal, memory);
-  EXPECT_DOUBLE_EQ(contact.effective_radius_nm, 12.0);  // 20·30/50
-  const double h = 1e-4;
-  for (int axis = 0; axis < 3; ++axis) {
-    const Vec3 d = h * Vec3::Unit(axis);
-    const SurfaceContact a = sphere.nearest(c + d, Search::kGlobal, memory);
-    const SurfaceContact b = sphere.nearest(c - d, Search::kGlobal, memory);
-    // Central differences: h²/6 of a third derivative of 1/50², rounding 1e-14/1e-4.
-    EXPECT_NEAR((a.distance_nm - b.distance_nm) / (2 * h), contact.normal_w(axis), 1e-9);
-    EXPECT_LT(((a.normal_w - b.normal_w) / (2 * h) - contact.normal_turn_per_nm.col(axis)).norm(), 1e-9);
-  }
-}
-
-// In the corner between particle and plate, each search keeps to its side.
-TEST(SphereSurface, LocalSearchKeepsItsSideOfTheCrease) {
-  const SphereSurface sphere({0, 0, 30, 20}, kRadius);
-  // A centre as far from the one as from the other: c_z = |c − m| − ρ, m_z = −10, at c_z = 19.5.
-  const double x = std::sqrt(49.5 * 49.5 - 29.5 * 29.5);
-  FootMemory on_ball, on_plane;
-  sphere.nearest(Vec3(x - 1, 0, 19.5), Search::kGlobal, on_ball);
-  sphere.nearest(Vec3(x + 1, 0, 19.5), Search::kGlobal, on_plane);
-  for (const double shift : {-0.4, 0.4}) {
-    const Vec3 c(x + shift, 0, 19.5);
-    FootMemory a = on_ball, b = on_plane, global = on_ball;
-    EXPECT_GT(sphere.nearest(c, Search::kLocal, a).foot_w_nm.z(), 1.0);
-    EXPECT_EQ(sphere.nearest(c, Search::kLocal, b).foot_w_nm.z(), 0.0);
-    EXPECT_EQ(sphere.nearest(c, Search::kGlobal, global).foot_w_nm.z() > 1.0, shift < 0);
-  }
-  // Far outside, the ball has no foot above the plate that could be followed.
-  FootMemory followed = on_ball;
-  EXPECT_EQ(sphere.nearest(Vec3(500, 0, -8), Search::kLocal, followed).foot_w_nm.z(), 0.0);
+TEST(SphereSurface, IsACapOnAPlate) {
+  const SphereSurface cap({5, -3, 30, 12});
+  EXPECT_NEAR(cap.height_nm(5, -3), 12, 1e-14);
+  const double crease = std::sqrt(12.0 * (60 - 12));
+  EXPECT_NEAR(cap.height_nm(5 + 0.5 * crease, -3), std::sqrt(900 - 0.25 * crease * crease) - 18, 1e-13);
+  EXPECT_EQ(cap.height_nm(5, -3 + 1.0001 * crease), 0.0);
+  EXPECT_EQ(cap.highest_nm(), 12);
 }
 
 TEST(SampledShapes, SinusoidHasItsHeightsAndCurvature) {
   const GratingShape shape{GratingProfile::kSinusoid, 3, -2, kPi / 6, 8, 64, 0};
   const SampledArea area{-100, -90, 200, 180, 2.0};
-  const SplineSurface surface(sample_grating(area, shape), kRadius);
+  const SplineSurface surface(sample_grating(area, shape));
   const double k = 2 * kPi / 64;
   for (double x = -60; x < 60; x += 3.3) {
     for (double y = -60; y < 60; y += 4.1) {
@@ -121,16 +41,14 @@ TEST(SampledShapes, SinusoidHasItsHeightsAndCurvature) {
       EXPECT_NEAR(surface.height_nm(x, y), 4 * (1 - std::cos(k * s)), 4 * 8e-6);
     }
   }
-  // In a groove's middle: κ = (4k², 0) downwards, (kh)²/12 = 0.3 % and the mean over a cell's as much.
-  FootMemory memory;
-  const SurfaceContact contact = surface.nearest(Vec3(3, -2, 19), Search::kGlobal, memory);
-  EXPECT_NEAR(contact.distance_nm, 19, 1e-3);
-  EXPECT_NEAR(contact.effective_radius_nm, kRadius / std::sqrt(1 - kRadius * 4 * k * k), 0.03 * kRadius);
+  // In a groove's middle the curvature is 4k², wrong by (kh)²/12 = 0.3 %.
+  const HeightJet middle = surface.jet(3, -2);
+  EXPECT_NEAR(middle.zxx + middle.zyy, 4 * k * k, 0.004 * 4 * k * k);
 }
 
 TEST(SampledShapes, StepHasItsEdge) {
   const StepShape shape{10, 0, 0, 6, 8};
-  const SplineSurface surface(sample_step({-50, -20, 120, 40, 0.5}, shape), kRadius);
+  const SplineSurface surface(sample_step({-50, -20, 120, 40, 0.5}, shape));
   EXPECT_NEAR(surface.height_nm(0, 0), 0, 1e-5);
   EXPECT_NEAR(surface.height_nm(20, 0), 6, 1e-5);
   EXPECT_NEAR(surface.height_nm(10, 0), 3, 1e-12);              // by symmetry
@@ -169,13 +87,12 @@ TEST(SampledShapes, GridCoversTheArea) {
 
 TEST(Shapes, MistakesAreNamed) {
   const double kNan = std::nan("");
-  EXPECT_THROW(PlaneSurface({0, 20, 0, 100}, kRadius), UserError);
-  EXPECT_THROW(PlaneSurface({0, kNan, 0, 100}, kRadius), UserError);
-  EXPECT_THROW(PlaneSurface({0, 0, 0, 0}, kRadius), UserError);
-  EXPECT_THROW(PlaneSurface({0, 0, 0, 1}, 0), UserError);
-  EXPECT_THROW(SphereSurface({0, 0, 10, 11}, kRadius), UserError);
-  EXPECT_THROW(SphereSurface({0, 0, -1, 1}, kRadius), UserError);
-  EXPECT_THROW(SphereSurface({0, kNan, 10, 1}, kRadius), UserError);
+  EXPECT_THROW(PlaneSurface({0, 20, 0, 100}), UserError);
+  EXPECT_THROW(PlaneSurface({0, kNan, 0, 100}), UserError);
+  EXPECT_THROW(PlaneSurface({0, 0, 0, 0}), UserError);
+  EXPECT_THROW(SphereSurface({0, 0, 10, 11}), UserError);
+  EXPECT_THROW(SphereSurface({0, 0, -1, 1}), UserError);
+  EXPECT_THROW(SphereSurface({0, kNan, 10, 1}), UserError);
   const SampledArea area{0, 0, 100, 100, 1};
   EXPECT_THROW(sample_level({0, 0, 1e5, 1e5, 1}, 0), UserError);
   EXPECT_THROW(sample_level({0, 0, 100, 100, 0}, 0), UserError);
@@ -183,11 +100,10 @@ TEST(Shapes, MistakesAreNamed) {
   EXPECT_NO_THROW(sample_step(area, {0, 0, 0, 5, 8}));
   EXPECT_THROW(sample_grating(area, {GratingProfile::kSinusoid, 0, 0, 0, 5, 15, 0}), UserError);
   EXPECT_THROW(sample_grating(area, {GratingProfile::kTrapezoid, 0, 0, 0, 5, 30, 16}), UserError);
-  EXPECT_THROW(SplineSurface(HeightGrid{2, 2, 1, 1, 0, 0, {0, 0, 0, kNan}}, kRadius), UserError);
-  EXPECT_THROW(SplineSurface(HeightGrid{1, 2, 1, 1, 0, 0, {0, 0}}, kRadius), UserError);
-  EXPECT_THROW(SplineSurface(HeightGrid{2, 2, 1, 1, 0, 0, {0, 0, 0}}, kRadius), UserError);
-  EXPECT_THROW(SplineSurface(HeightGrid{2, 2, 0, 1, 0, 0, {0, 0, 0, 0}}, kRadius), UserError);
-  EXPECT_THROW(SplineSurface(HeightGrid{2, 2, 1, 1, 0, 0, {0, 0, 0, 0}}, -1), UserError);
+  EXPECT_THROW(SplineSurface(HeightGrid{2, 2, 1, 1, 0, 0, {0, 0, 0, kNan}}), UserError);
+  EXPECT_THROW(SplineSurface(HeightGrid{1, 2, 1, 1, 0, 0, {0, 0}}), UserError);
+  EXPECT_THROW(SplineSurface(HeightGrid{2, 2, 1, 1, 0, 0, {0, 0, 0}}), UserError);
+  EXPECT_THROW(SplineSurface(HeightGrid{2, 2, 0, 1, 0, 0, {0, 0, 0, 0}}), UserError);
 }
 
 }  // namespace

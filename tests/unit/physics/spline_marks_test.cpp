@@ -6,7 +6,6 @@
 #include <random>
 #include <thread>
 
-#include "telenano/nve_server/physics/surface/relative_curvature.h"
 #include "telenano/nve_server/physics/surface/spline_surface.h"
 #include "tests/support/alloc_guard.h"
 
@@ -29,12 +28,11 @@ TEST(SplineMarks, AreExactAtTheirFootAndLocal) {
   for (const auto& [columns, rows, dx, dy] :
        {std::tuple{24, 17, 2.34, 2.34}, {9, 30, 1.0, 1.7}, {5, 4, 1.0, 1.0}, {2, 2, 3.0, 1.0}}) {
     for (int i = 0; i < 150; ++i) {
-      SplineSurface surface(random_grid(columns, rows, dx, dy, 10 + static_cast<unsigned>(i)), kRadius);
+      SplineSurface surface(random_grid(columns, rows, dx, dy, 10 + static_cast<unsigned>(i)));
       const SplineSurface before(surface);
       const double cell = std::max(dx, dy);
       Mark mark{surface.x_first_nm() + unit(random) * (columns - 1) * dx,
-                surface.y_first_nm() + unit(random) * (rows - 1) * dy, 3 * unit(random), 12 * unit(random),
-                0.1 + 2 * unit(random)};
+                surface.y_first_nm() + unit(random) * (rows - 1) * dy, 3 * unit(random), 12 * unit(random)};
       if (i % 5 == 0) mark.x_nm = i % 2 == 0 ? surface.x_first_nm() : surface.x_last_nm();
       if (i % 3 == 0) mark.y_nm = i % 2 == 0 ? surface.y_last_nm() : surface.y_first_nm();
       if (i % 7 == 0) mark.x_nm = surface.x_first_nm() + dx;  // just on a node
@@ -44,13 +42,11 @@ TEST(SplineMarks, AreExactAtTheirFootAndLocal) {
       EXPECT_NEAR(was.z - is.z, mark.depth_nm, 1e-13);
       EXPECT_NEAR(is.zx, was.zx, 1e-13);
       EXPECT_NEAR(is.zy, was.zy, 1e-13);
-      EXPECT_NEAR(surface.relative_curvature(mark.x_nm, mark.y_nm).value, mark.conformity, 1e-14);
       const double reach = std::max(mark.radius_nm, 2 * cell) + 2 * cell;
       for (double x = surface.x_first_nm() - 1; x < surface.x_last_nm() + 1; x += 0.61 * dx) {
         for (double y = surface.y_first_nm() - 1; y < surface.y_last_nm() + 1; y += 0.57 * dy) {
           if (std::abs(x - mark.x_nm) <= reach && std::abs(y - mark.y_nm) <= reach) continue;
           ASSERT_EQ(surface.height_nm(x, y), before.height_nm(x, y));
-          ASSERT_EQ(surface.relative_curvature(x, y).value, before.relative_curvature(x, y).value);
         }
       }
     }
@@ -58,15 +54,15 @@ TEST(SplineMarks, AreExactAtTheirFootAndLocal) {
 }
 
 // Everything that is kept besides the coefficients follows: an interpolating spline made afresh of the nodes'
-// heights is the same field, since there is only one; its blocks' tops are the same; so are the feet.
+// heights is the same field, since there is only one.
 TEST(SplineMarks, SurfaceMadeAfreshOfTheHeightsIsTheSame) {
   std::mt19937 random(2);
   std::uniform_real_distribution<double> across(1, 60), along(-3, 50), unit(0, 1);
-  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 3), kRadius);
+  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 3));
   for (int i = 0; i < 300; ++i) {
-    surface.press({across(random), along(random), 0.3 * unit(random), 8 * unit(random), 0.5});
+    surface.press({across(random), along(random), 0.3 * unit(random), 8 * unit(random)});
   }
-  const SplineSurface fresh(surface.heights(), kRadius);
+  const SplineSurface fresh(surface.heights());
   // 0.3 nm × 300 marks pile up to some 10 nm; rounding of each is 1e-16 of it, and the solve's.
   for (double x = 1; x < 59; x += 0.73) {
     for (double y = -3; y < 49; y += 0.71) {
@@ -74,45 +70,17 @@ TEST(SplineMarks, SurfaceMadeAfreshOfTheHeightsIsTheSame) {
     }
   }
   EXPECT_EQ(surface.lowest_nm(), fresh.lowest_nm());
-  FootMemory warm;
-  for (int i = 0; i < 2000; ++i) {
-    const Vec3 c(across(random), along(random), surface.highest_nm() + kRadius * (0.6 + unit(random)));
-    FootMemory cold = warm;
-    cold.stamp = 0;
-    // The same way from the same start, so the same foot; to what Newton's last step leaves, 1e-9 nm.
-    const SurfaceContact a = surface.nearest(c, Search::kGlobal, warm);
-    const SurfaceContact b = fresh.nearest(c, Search::kGlobal, cold);
-    EXPECT_NEAR(a.distance_nm, b.distance_nm, 1e-10);
-  }
-}
-
-// The next search sees the mark, though the foot before it was remembered with its jet.
-TEST(SplineMarks, SearchesSeeTheMarkAtOnce) {
-  SplineSurface surface(HeightGrid{40, 40, 1, 1, 0, 0, std::vector<double>(1600, 1.0)}, kRadius);
-  FootMemory memory;
-  const Vec3 centre(20.3, 19.6, 20.5);
-  EXPECT_NEAR(surface.nearest(centre, Search::kGlobal, memory).distance_nm, 19.5, 1e-12);
-  surface.press({20.3, 19.6, 0.25, 6, 0.4});
-  const SurfaceContact contact = surface.nearest(centre, Search::kLocal, memory);
-  EXPECT_NEAR(contact.distance_nm, 19.75, 1e-12);
-  EXPECT_NEAR(contact.effective_radius_nm, kRadius / 0.4, 1e-9);
-  // R_eff is level there only by symmetry, which the grid breaks: what its gradient says, holds.
-  const double h = 1e-4;
-  FootMemory from = memory;
-  const double up = surface.nearest(centre + Vec3(h, 0, 0), Search::kLocal, from).effective_radius_nm;
-  const double down = surface.nearest(centre - Vec3(h, 0, 0), Search::kLocal, from).effective_radius_nm;
-  EXPECT_NEAR((up - down) / (2 * h), contact.radius_gradient.x(), 1e-4);
 }
 
 // Increments under a sphere going in leave its impression: the levels, each of the contact's radius a =
 // √(2Rδ) at its depth, add up to δ − r²/2R.
 TEST(SplineMarks, IncrementsAddUpToTheIndenter) {
   const double h = 0.5, depth = 2.0;
-  SplineSurface surface(HeightGrid{81, 81, h, h, 0, 0, std::vector<double>(6561, 0.0)}, kRadius);
+  SplineSurface surface(HeightGrid{81, 81, h, h, 0, 0, std::vector<double>(6561, 0.0)});
   const int steps = 400;
   for (int i = 1; i <= steps; ++i) {
     const double now = depth * (i - 0.5) / steps;
-    surface.press({20.13, 19.91, depth / steps, std::sqrt(2 * kRadius * now) / 0.76, 0.2});
+    surface.press({20.13, 19.91, depth / steps, std::sqrt(2 * kRadius * now) / 0.76});
   }
   EXPECT_NEAR(surface.height_nm(20.13, 19.91), -depth, 1e-11);
   // φ falls from 1 to 0 over the outer half of the radius (its half at 0.736 of it): a few per cent of depth.
@@ -122,44 +90,33 @@ TEST(SplineMarks, IncrementsAddUpToTheIndenter) {
   }
 }
 
-TEST(SplineMarks, CurvatureStaysWithinItsBounds) {
-  std::mt19937 random(5);
-  std::uniform_real_distribution<double> across(1, 60), along(-3, 50), unit(0, 1);
-  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 6), kRadius);
-  for (int i = 0; i < 500; ++i) surface.press({across(random), along(random), 0.01, 9 * unit(random), -4});
-  for (double x = 1; x < 59; x += 0.3) {
-    for (double y = -3; y < 49; y += 0.3) {
-      EXPECT_GE(surface.relative_curvature(x, y).value, kMinMarkCurvature * (1 - 1e-14));
-    }
-  }
-}
-
 TEST(SplineMarks, UnusableMarksChangeNothing) {
-  SplineSurface surface(random_grid(12, 12, 1, 1, 7), kRadius);
+  SplineSurface surface(random_grid(12, 12, 1, 1, 7));
   const SplineSurface before(surface);
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
   constexpr double kInf = std::numeric_limits<double>::infinity();
-  for (const Mark& mark : {Mark{kNan, 2, 1, 3, 1},
-                           {5, kInf, 1, 3, 1},
-                           {5, 2, kNan, 3, 1},
-                           {5, 2, -1, 3, 1},
-                           {5, 2, 1, -3, 1},
-                           {5, 2, 1, kInf, 1},
-                           {5, 2, 1, 3, kNan}}) {
+  for (const Mark& mark : {Mark{kNan, 2, 1, 3},
+                           {5, kInf, 1, 3},
+                           {5, 2, kNan, 3},
+                           {5, 2, -1, 3},
+                           {5, 2, 1, -3},
+                           {5, 2, 1, kInf},
+                           {5, 2, 1, 3, kNan},
+                           {5, 2, 1, 3, -1}}) {
     surface.press(mark);
   }
   EXPECT_EQ(surface.heights().z_nm, before.heights().z_nm);
   EXPECT_EQ(surface.view()->version(), 0u);
   // Beyond the rim: at the rim, where the continuation gets its height from.
-  surface.press({-50, 2, 1, 3, 1});
+  surface.press({-50, 2, 1, 3});
   EXPECT_NEAR(before.height_nm(-50, 2) - surface.height_nm(-50, 2), 1, 1e-13);
 }
 
 TEST(SplineMarks, CopiesGoTheirOwnWay) {
-  SplineSurface surface(random_grid(12, 12, 1, 1, 8), kRadius);
+  SplineSurface surface(random_grid(12, 12, 1, 1, 8));
   SplineSurface copy(surface);
   const std::vector<double> before = surface.heights().z_nm;
-  copy.press({5, 2, 1, 3, 1});
+  copy.press({5, 2, 1, 3});
   EXPECT_EQ(surface.heights().z_nm, before);
   EXPECT_NE(copy.heights().z_nm, before);
   EXPECT_EQ(surface.view()->version(), 0u);
@@ -174,7 +131,7 @@ TEST(SplineMarks, CopiesGoTheirOwnWay) {
 
 // A viewer on another thread: after a version it sees heights at least as new.
 TEST(SplineMarks, ViewerSeesAtLeastTheVersionItRead) {
-  SplineSurface surface(HeightGrid{16, 16, 1, 1, 0, 0, std::vector<double>(256, 0.0)}, kRadius);
+  SplineSurface surface(HeightGrid{16, 16, 1, 1, 0, 0, std::vector<double>(256, 0.0)});
   const std::shared_ptr<const HeightView> view = surface.view();
   constexpr int kMarks = 2000;
   std::atomic<bool> failed{false};
@@ -186,19 +143,17 @@ TEST(SplineMarks, ViewerSeesAtLeastTheVersionItRead) {
       if (view->height_nm(8, 8) > -0.0625f * static_cast<float>(version) + 1e-3f) failed = true;
     }
   });
-  for (int i = 0; i < kMarks; ++i) surface.press({8, 8, 0.0625, 3, 1});
+  for (int i = 0; i < kMarks; ++i) surface.press({8, 8, 0.0625, 3});
   reader.join();
   EXPECT_FALSE(failed);
 }
 
 TEST(SplineMarks, TakeNothingFromTheHeap) {
-  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 9), kRadius);
-  FootMemory memory;
+  SplineSurface surface(random_grid(40, 36, 1.5, 1.5, 9));
   if (!support::AllocGuard::active()) GTEST_SKIP() << "allocations are not counted in this build";
   const support::AllocGuard guard;
   for (int i = 0; i < 100; ++i) {
     surface.press({20.0 + 0.1 * i, 20, 0.01, 6, 0.5});
-    surface.nearest(Vec3(20.0 + 0.1 * i, 20, 20), Search::kGlobal, memory);
   }
   EXPECT_EQ(guard.allocations(), 0u);
 }

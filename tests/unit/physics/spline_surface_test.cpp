@@ -9,8 +9,6 @@
 namespace telenano::physics {
 namespace {
 
-constexpr double kRadius = 20;
-
 HeightGrid random_grid(int columns, int rows, unsigned seed) {
   HeightGrid grid{columns, rows, 2.0, 1.5, 1.0, -3.0, {}};
   std::mt19937 random(seed);
@@ -20,7 +18,7 @@ HeightGrid random_grid(int columns, int rows, unsigned seed) {
 
 TEST(SplineSurface, PassesThroughItsSamples) {
   const HeightGrid grid = random_grid(7, 5, 1);
-  const SplineSurface surface(grid, kRadius);
+  const SplineSurface surface(grid);
   for (int row = 0; row < grid.rows; ++row) {
     for (int column = 0; column < grid.columns; ++column) {
       // Rounding of some 30 operations on heights of 10 nm.
@@ -57,7 +55,7 @@ TEST(SplineSurface, AgreesWithADenseSolve) {
       }
     }
     const Eigen::VectorXd c = a.fullPivLu().solve(Eigen::Map<const Eigen::VectorXd>(grid.z_nm.data(), n));
-    const SplineSurface surface(grid, kRadius);
+    const SplineSurface surface(grid);
     for (double u = 0; u <= columns - 1; u += 0.173) {
       for (double v = 0; v <= rows - 1; v += 0.219) {
         double z = 0;
@@ -73,7 +71,7 @@ TEST(SplineSurface, AgreesWithADenseSolve) {
 }
 
 TEST(SplineSurface, DerivativesAgreeWithFiniteDifferences) {
-  const SplineSurface surface(random_grid(9, 8, 3), kRadius);
+  const SplineSurface surface(random_grid(9, 8, 3));
   const double h = 1e-4;
   std::mt19937 random(4);
   std::uniform_real_distribution<double> across(1.5, 16.5), along(-2.5, 7.0);
@@ -98,7 +96,7 @@ TEST(SplineSurface, DerivativesAgreeWithFiniteDifferences) {
 
 // C² across cell borders, and C¹ across the rim.
 TEST(SplineSurface, IsSmoothAcrossBorders) {
-  const SplineSurface surface(random_grid(9, 8, 5), kRadius);
+  const SplineSurface surface(random_grid(9, 8, 5));
   const double e = 1e-9;
   for (int i = 1; i < 8; ++i) {
     const double x = 1.0 + 2.0 * i, y = 0.77;
@@ -128,7 +126,7 @@ TEST(SplineSurface, ConvergesWithTheFourthPower) {
         grid.z_nm.push_back(std::sin(0.3 * column * grid.dx_nm) * std::cos(0.2 * row * grid.dy_nm));
       }
     }
-    const SplineSurface surface(grid, kRadius);
+    const SplineSurface surface(grid);
     double worst = 0;
     for (double x = 20; x < 44; x += 0.37) {
       for (double y = 20; y < 44; y += 0.41) {

@@ -373,59 +373,5 @@ TEST(TipSampleLaw, RejectsImpossibleMaterials) {
   }
 }
 
-// Force and contact radius by central differences of the law on a rigid base, whose step of 1e-5 leaves 1e-9
-// of truncation and 1e-10 of rounding; the rates are those of where the last evaluation was, up to 5e-6 of
-// the curve's parameter away.
-TEST(TipSampleLaw, RatesAreThoseOfForceAndContactRadius) {
-  for (const bool far : {false, true}) {
-    for (const auto& [modulus, energy, poisson] :
-         {std::array{70.0, 0.2, 0.27}, {2.0, 0.066, 0.4}, {0.001, 0.022, 0.5}}) {
-      TipSampleParameters p = silicon_on(modulus, energy, poisson, true);
-      if (far) {
-        p.long_range.retardation_nm = 100;
-        p.long_range.cone_half_angle_deg = 18;
-        p.long_range.cone_height_nm = 10000;
-        p.long_range.capillary.humidity_percent = 50;
-      }
-      const TipSampleLaw law(p);
-      for (const double overlap : {0.3, 2.0, 20.0}) {
-        const ContactScales s = law.scales(kRadius);
-        TipSampleState state;
-        const Equilibrium e = law.advance(overlap * s.overlap_nm, 0, kRadius, state);
-        ASSERT_EQ(e.status, SolveStatus::kOk);
-        ASSERT_EQ(e.branch, Branch::kContact);
-        const RadiusRates rates = law.radius_rates(e, state);
-        ASSERT_TRUE(rates.known);
-        const auto at = [&](double change, double radius_change) {
-          TipSampleState there = state;
-          return law.advance((overlap + change) * s.overlap_nm, 0, kRadius * (1 + radius_change), there);
-        };
-        const double h = 1e-5;
-        const Equilibrium up = at(h, 0), down = at(-h, 0), larger = at(0, h), smaller = at(0, -h);
-        const double model = 2e-5;
-        const double force = std::fabs(e.force_nn) + s.force_nn;
-        const double by_radius = (larger.force_nn - smaller.force_nn) / (2 * h * kRadius);
-        EXPECT_NEAR(rates.force_per_radius_n_m, by_radius, model * force / kRadius) << modulus << overlap;
-        const double per_force =
-            (up.contact_radius_nm - down.contact_radius_nm) / (up.force_nn - down.force_nn);
-        const double hertz =
-            kRadius / (3 * p.contact_modulus_gpa * e.contact_radius_nm * e.contact_radius_nm);
-        if (!(per_force > 0 && per_force < 9.9 * hertz)) {
-          EXPECT_NEAR(rates.contact_radius_per_force_nm_nn, 10 * hertz, 1e-9 * hertz);
-          continue;
-        }
-        EXPECT_NEAR(rates.contact_radius_per_force_nm_nn, per_force, 1e-6 * per_force) << modulus << overlap;
-        const double a_by_radius =
-            (larger.contact_radius_nm - smaller.contact_radius_nm) / (2 * h * kRadius) -
-            per_force * by_radius;
-        const double unit = e.contact_radius_nm / kRadius;
-        EXPECT_NEAR(rates.contact_radius_per_radius, std::clamp(a_by_radius, 0.0, 4.0 / 3.0 * unit),
-                    model * (unit + per_force * force / kRadius))
-            << modulus << overlap;
-      }
-    }
-  }
-}
-
 }  // namespace
 }  // namespace telenano::physics

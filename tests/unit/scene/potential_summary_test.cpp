@@ -78,7 +78,6 @@ TEST(PotentialSummary, TellsTheModelsErrorsAndWhereTheyAreFrom) {
     EXPECT_TRUE(has(summary, word)) << word;
   }
   EXPECT_FALSE(has(summary, "unlike"));
-  EXPECT_TRUE(has(summarise(*parse_scene(text_of("foot"), "waves.toml")), "by the nearest point"));
   std::string soft = text_of("potential");
   soft.replace(soft.find("70.0"), 4, "0.5");
   EXPECT_TRUE(has(summarise(*parse_scene(soft, "waves.toml")), "unlike"));
@@ -103,13 +102,12 @@ surface_energy_j_m2 = 0.2
 // own radius; a level sample needs none.
 TEST(PotentialDefault, IsThatOfGrids) {
   const auto grating = parse_scene(without_force(), "waves.toml");
-  EXPECT_TRUE(grating->ground.potential);
   EXPECT_NE(grating->potential, nullptr);
   EXPECT_EQ(grating->particle_ground, nullptr);
   EXPECT_EQ(grating->hash, parse_scene(without_force(), "waves.toml")->hash);
 
   const auto particle = parse_scene(without_force() + kParticle, "waves.toml");
-  EXPECT_TRUE(particle->ground.potential);
+  EXPECT_NE(particle->potential, nullptr);
   ASSERT_NE(particle->particle_ground, nullptr);
   EXPECT_GT(particle->ground.fields_bytes, grating->ground.fields_bytes);
   // Each touches by its own radius: on the crest at half a period, whose ground bends down with radius
@@ -140,24 +138,38 @@ TEST(PotentialDefault, IsThatOfGrids) {
 
   std::string flat = without_force();
   flat.replace(flat.find("kind"), flat.find("[forces]") - flat.find("kind"), "kind = \"flat\"\n");
-  EXPECT_FALSE(parse_scene(flat, "flat.toml")->ground.potential);
+  EXPECT_EQ(parse_scene(flat, "flat.toml")->potential, nullptr);
+  // A particle lies on fields, on a level sample in closed form.
+  EXPECT_NE(parse_scene(flat + kParticle, "flat.toml")->particle_ground, nullptr);
   // A sample that yields is a grid whatever its shape.
   flat.replace(flat.find("surface_energy_j_m2"), 0, "hardness_gpa = 9.0\n");
   const auto yields = parse_scene(flat, "flat.toml");
-  EXPECT_TRUE(yields->ground.potential);
+  EXPECT_NE(yields->potential, nullptr);
   EXPECT_EQ(yields->marks->pile_up, 1.0);
 }
 
-// For a recording from before there was a choice: the scene as it was then. What a scene says itself stays.
-TEST(PotentialDefault, IsTheFootWhereARecordingSaysNothing) {
-  SceneLoading then;
-  then.force_left_out = "foot";
-  EXPECT_FALSE(parse_scene(without_force(), "waves.toml", then)->ground.potential);
-  EXPECT_TRUE(parse_scene(text_of("potential"), "waves.toml", then)->ground.potential);
+// Scenes from before: one way is left, the other is told to be gone in one line that says what to do.
+TEST(PotentialDefault, AForceFromBeforeIsTakenOrRefusedInWords) {
+  EXPECT_NE(parse_scene(text_of("potential"), "waves.toml")->potential, nullptr);
+  const auto refused = [](const std::string& text, const char* word) {
+    try {
+      parse_scene(text, "waves.toml");
+      ADD_FAILURE() << "taken: " << word;
+    } catch (const UserError& error) {
+      const std::string said = error.what();
+      EXPECT_NE(said.find(word), std::string::npos) << said;
+      EXPECT_NE(said.find("leave it out"), std::string::npos) << said;
+      EXPECT_EQ(said.find('\n'), std::string::npos) << said;
+    }
+  };
+  refused(text_of("foot"), "force");
+  std::string radius = text_of("potential");
+  radius.replace(radius.find("force = \"potential\""), 19, "radius_force = true");
+  refused(radius, "radius_force");
 }
 
-// Where the tip starts from and what the station takes for the ground is where the potential's overlap is 0,
-// at a place where the foot's is elsewhere: 45 nm along, on the slope of a groove.
+// Where the tip starts from and what the station takes for the ground is where the potential's overlap is 0:
+// on the slope of a groove, above the surface itself.
 TEST(PotentialDefault, TheStartIsAboveWhereThePotentialTouches) {
   std::string text = without_force();
   text.replace(text.find("x_nm = 0.0"), 10, "x_nm = 13.0");
@@ -166,7 +178,7 @@ TEST(PotentialDefault, TheStartIsAboveWhereThePotentialTouches) {
   scene->potential->fields().contact_at(Vec3(13, 0, scene->start_touch_w_nm), at);
   EXPECT_NEAR(at.overlap_nm, 0, 1e-9);
   EXPECT_NEAR(scene->start_apex_w_nm.z(), scene->start_touch_w_nm + 10, 1e-12);
-  EXPECT_GT(std::abs(scene->start_touch_w_nm - scene->equilibrium->touch_height_nm(13, 0)), 1e-6);
+  EXPECT_GT(scene->start_touch_w_nm - scene->surface->height_nm(13, 0), 1e-3);
 }
 
 // Each term can be left out of a potential, on the same fields.

@@ -366,17 +366,6 @@ TEST(SceneTerms, EachIsLeftOutAlone) {
   EXPECT_EQ(names,
             (std::vector<std::string>{"van der Waals", "retardation", "cone", "capillary bridge", "friction",
                                       "lateral bending", "one potential of tip and ground"}));
-  const auto out_of = [&](const char* name, const char* force_left_out) {
-    SceneLoading loading;
-    loading.force_left_out = force_left_out;
-    return summarise(*load_scene(folder + name, loading)).terms_out;
-  };
-  // The potential has that force; by the foot it is one that could be had.
-  const auto flakes = out_of("flakes.toml", ""), flat = out_of("flat_silicon_oxide.toml", "");
-  EXPECT_EQ(std::count(flakes.begin(), flakes.end(), "force of a changing radius"), 0);
-  const auto by_foot = out_of("flakes.toml", "foot");
-  EXPECT_EQ(std::count(by_foot.begin(), by_foot.end(), "force of a changing radius"), 1);
-  EXPECT_EQ(std::count(flat.begin(), flat.end(), "force of a changing radius"), 0);
 }
 
 TEST_F(SceneFile, SummarySaysHowThePullOffVariesOverAScan) {
@@ -421,7 +410,7 @@ TEST(DeployedScenes, FlatSamplesHaveTheReferenceFigures) {
   for (const auto& sample : samples) {
     const auto scene =
         load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + sample.name + ".toml");
-    const auto& law = scene->equilibrium->law();
+    const auto& law = scene->law();
     EXPECT_NEAR(law.lambda(20.0), sample.lambda, 1e-5 * sample.lambda);
     EXPECT_NEAR(law.pull_off_nn(20.0), sample.pull_off_nn, 1e-5 * sample.pull_off_nn);
   }

@@ -5,6 +5,7 @@
 #include <random>
 #include <vector>
 
+#include "telenano/nve_server/scene/readers.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
@@ -231,6 +232,7 @@ TEST(ParticleSlave, IsLostOnTheSampleOrPickedUpFromWhatHoldsItLess) {
   for (const bool weak : {false, true}) {
     Session session(changed([&](scene::Scene& s) {
       if (weak) s.particle->parameters.particle_sample.work_of_adhesion_n_m *= 0.1;
+      scene::make_level_ground(s);
     }));
     const SlaveOutput before = session.go_to(Vec3(60, 0, 80), 1.0);
     EXPECT_EQ(before.particle.status, link::ParticleStatus::kRests);
@@ -342,7 +344,7 @@ TEST(ParticleSlave, EachSessionHasAParticleOfItsOwnAndTheSameBits) {
 TEST(ParticleSlave, RejectedTrialLeavesNoTrace) {
   const auto scene = deployed();
   TouchedSample tried(scene), plain(scene);
-  physics::TipState unused;
+  physics::PotentialState unused;
   const physics::Compliance springs = scene->port_compliance_nm_nn();
   for (const double x : {0.0, 5.0, 12.0, 20.0}) {
     tried.advance(Vec3(x + 15, 3, 2), springs, kDt_s, unused);  // into the particle, or farther along with it

@@ -33,7 +33,6 @@ std::string replaced(std::string text, const std::string& what, const std::strin
 std::string lithography_text(double half_width_nm = 60) {
   std::ifstream file(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/lithography.toml");
   std::string text(std::istreambuf_iterator<char>(file), {});
-  text = replaced(text, "kind = \"flat\"", "kind = \"flat\"\nforce = \"potential\"");
   return replaced(text, "half_width_nm = 150.0", "half_width_nm = " + std::to_string(half_width_nm));
 }
 
@@ -353,7 +352,7 @@ TEST(PotentialMarks, ARoughGroundTakesNoLessThanTheWork) {
   EXPECT_LT(led.booked_aj() - led.booked_at_start_aj, 1.02 * led.work_aj);
 }
 
-TEST(PotentialMarks, PileUpIsAKeyOfThePotential) {
+TEST(PotentialMarks, PileUpIsAShare) {
   const auto refused = [](const std::string& text) {
     try {
       scene::parse_scene(text, "x.toml");
@@ -363,10 +362,7 @@ TEST(PotentialMarks, PileUpIsAKeyOfThePotential) {
     return std::string("accepted");
   };
   EXPECT_NE(refused(piled_up(lithography_text(), "1.5")).find("pile_up"), std::string::npos);
-  EXPECT_NE(
-      refused(replaced(piled_up(lithography_text(), "0.5"), "force = \"potential\"", "force = \"foot\""))
-          .find("pile_up"),
-      std::string::npos);
+  EXPECT_EQ(refused(piled_up(lithography_text(), "0.5")), "accepted");
 }
 
 }  // namespace

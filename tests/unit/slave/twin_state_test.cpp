@@ -51,17 +51,9 @@ std::shared_ptr<const telenano::scene::Scene> particle_on_waves() {
   return telenano::scene::parse_scene(text, path);
 }
 
-/// A scene of the project, or, "_by_potential" or "_by_foot" behind its name, with that as its surface.force.
+/// A scene of the project, or its particle on waves.
 std::shared_ptr<const telenano::scene::Scene> scene_of(const std::string& name) {
-  if (name == "particle_on_waves") return particle_on_waves();
-  const auto by = name.find("_by_");
-  if (by == std::string::npos) return telenano::scene::load_scene(scene_path(name));
-  const std::string path = scene_path(name.substr(0, by));
-  std::ifstream file(path);
-  std::string text(std::istreambuf_iterator<char>(file), {});
-  const std::string section = "\n[surface]\n";
-  text.insert(text.find(section) + section.size(), "force = \"" + name.substr(by + 4) + "\"\n");
-  return telenano::scene::parse_scene(text, path);
+  return name == "particle_on_waves" ? particle_on_waves() : telenano::scene::load_scene(scene_path(name));
 }
 
 /// Down into the sample, along it, up again, with a stop's retreat in between: every branch that the scene
@@ -151,15 +143,14 @@ TEST_P(SyncTest, AStateOfEightStepsAgoLeadsToTheSameState) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, SyncTest,
-                         ::testing::Values("flakes", "flakes_by_foot", "flat_pdms", "flat_polystyrene",
-                                           "flat_silicon_oxide", "flat_table", "humid_flakes",
-                                           "humid_flakes_by_foot", "lithography_by_foot",
-                                           "lithography_by_potential", "particle", "particle_on_waves"),
+                         ::testing::Values("flakes", "flat_pdms", "flat_polystyrene", "flat_silicon_oxide",
+                                           "flat_table", "humid_flakes",
+
+                                           "lithography", "particle", "particle_on_waves"),
                          [](const auto& scene) { return scene.param; });
 
 TEST(TwinState, ResetIsTheStateOfTheBeginning) {
-  for (const char* const name :
-       {"flat_pdms", "lithography_by_foot", "lithography_by_potential", "particle", "particle_on_waves"}) {
+  for (const char* const name : {"flat_pdms", "lithography", "particle", "particle_on_waves"}) {
     const auto scene = scene_of(name);
     NveSlave slave(scene);
     const std::uint64_t first = slave.state_hash();
@@ -208,7 +199,7 @@ TEST_P(StateBytes, WhatIsNoStateIsRefusedAndLeavesTheBeginning) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Scenes, StateBytes,
-                         ::testing::Values("particle", "particle_on_waves", "lithography_by_potential"),
+                         ::testing::Values("particle", "particle_on_waves", "lithography"),
                          [](const auto& scene) { return scene.param; });
 
 TEST_P(StateBytes, HashSaveAndLoadDoNotAllocate) {
@@ -233,7 +224,7 @@ TEST_P(StateBytes, HashSaveAndLoadDoNotAllocate) {
 // Two grooves, pressed in one order and the other, and one of them moved by a step of the grid: what the hash
 // has of marks is where they are. Where the tip is besides is the same for all: far above.
 TEST(TwinState, TheHashSeesWhereMarksAre) {
-  const auto scene = scene_of("lithography_by_potential");
+  const auto scene = scene_of("lithography");
   const auto after = [&](const std::vector<Vec3>& dents) {
     NveSlave slave(scene);
     SlaveOutput output;
@@ -259,7 +250,7 @@ TEST(TwinState, TheHashSeesWhereMarksAre) {
 // Level ground, where all coefficients are alike: two of them pressed, then the same two values the other way
 // round. Taken back, nothing is left of either.
 TEST(TwinState, TheDigestOfMarksGoesByPlace) {
-  const auto scene = scene_of("lithography_by_potential");
+  const auto scene = scene_of("lithography");
   const auto& made = dynamic_cast<const telenano::physics::ScanFields&>(scene->potential->fields());
   using Pressed = telenano::physics::ScanFields::Pressed;
   const double radius = std::log(scene->probe.tip_radius_nm);
