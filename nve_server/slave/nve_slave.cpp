@@ -337,8 +337,7 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, const Piece& piec
   if (springs == nullptr) return false;
   // The end goes back along the normal to where the force is the limit, and is free to follow the target
   // sideways. Springs and contact in series say how far; the law is close to a line there, so a few trials
-  // do. On several feet the normal is shorter than 1 and the normal force the larger; with a lateral part the
-  // whole force is.
+  // do. With a lateral part the whole force is the larger.
   Vec3 end = commanded;
   for (int trial = 0;; ++trial) {
     const double force = std::max(to.solution.normal_force_nn, to.solution.force_w_nn.norm());

@@ -21,7 +21,7 @@ namespace telenano::slave {
 ///
 /// A step moves the commanded end towards the target — never faster than the speed limit, never out of the
 /// workspace, never deeper than where the force is force_max — and solves coupling, probe and contact
-/// together (physics::TipEquilibrium). The damper of the coupling is taken by backward Euler:
+/// together (see Balance). The damper of the coupling is taken by backward Euler:
 ///   k_c e + b_c (e − e_prev)/dt + F = 0, e = commanded end − probe's base,
 /// so that e's spring has the compliance 1/(k_c + b_c/dt) and the free end is shifted by
 /// −e_prev·(b_c/dt)/(k_c + b_c/dt). A probe with a mode (physics/probe_mode.h) enters alike: its motion

@@ -131,19 +131,8 @@ Description scan_particle_far() {
   return scan_without_particle().line("[coupling]", kParticleOnScan + "[coupling]\n");
 }
 
-// What both ways of the force have: the same scene by the foot and by one potential.
 Description dry_smooth() {
   return humid_flakes().table("friction").table("forces.capillary");
-}
-Description dry_smooth_potential() {
-  return dry_smooth().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
-}
-
-Description full_potential() {
-  return humid_flakes().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
-}
-Description dry_potential() {
-  return without_capillary().line("kind = \"scan\"", "kind = \"scan\"\nforce = \"potential\"\n");
 }
 
 double percentile(std::vector<double>& values, int percent) {
@@ -200,16 +189,13 @@ const bool kRegistered = [] {
     Description (*description)();
     bool sleeps = true;
   } rows[] = {{"full", humid_flakes},
-              {"full/potential", full_potential},
               {"without_friction", without_friction},
               {"without_capillary", without_capillary},
               {"without_retardation_and_cone", without_retardation_and_cone},
               {"without_lateral_bending", without_lateral_bending},
               {"without_van_der_waals", without_van_der_waals},
               {"without_surface", without_surface},
-              {"without_capillary/potential", dry_potential},
-              {"dry_smooth/foot", dry_smooth},
-              {"dry_smooth/potential", dry_smooth_potential},
+              {"dry_smooth", dry_smooth},
               {"flat_dry", flat_dry},
               {"flat_dry_rigid", flat_dry_rigid},
               {"particle_far", particle_far},

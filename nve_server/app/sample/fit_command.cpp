@@ -28,6 +28,7 @@
 #include "telenano/nve_server/fit/curve_file.h"
 #include "telenano/nve_server/fit/curve_fit.h"
 #include "telenano/nve_server/fit/fitted_scene.h"
+#include "telenano/nve_server/fit/parameter_map.h"
 #include "telenano/nve_server/fit/prepared_curve.h"
 #include "telenano/nve_server/scene/scene.h"
 
@@ -50,6 +51,9 @@ struct Options {
   std::string residuals;
   std::string plot;
   std::string table;
+  std::string map;       // folder for pictures of what was found
+  std::string map_grid;  // COLUMNSxROWS
+  std::string map_size;  // WIDTHxLENGTH, nm
   int threads = 0;
   bool force = false;
 };
@@ -162,7 +166,8 @@ void fit_one(const Options& options, const fit::FitSetup& setup, const fit::Prep
   }
 }
 
-/// Each curve by itself, so that the number of threads changes nothing. The first mistake by order is thrown.
+/// Each curve by itself, so that the number of threads changes nothing. Of several a file that cannot be used
+/// costs its own line and no other's.
 void fit_all(const Options& options, const fit::FitSetup& setup, const fit::Preparation& how,
              std::vector<Curve>& curves) {
   const int wanted =
@@ -189,8 +194,12 @@ void fit_all(const Options& options, const fit::FitSetup& setup, const fit::Prep
   work();
   threads.clear();
   if (tell) std::fputs("\n", stderr);
-  for (const std::string& why : failed)
-    if (!why.empty()) throw UserError(why);
+  for (std::size_t i = 0; i < curves.size(); ++i) {
+    if (failed[i].empty()) continue;
+    if (curves.size() == 1) throw UserError(failed[i]);
+    const std::string named = curves[i].path + ": ";
+    curves[i].fit.error = failed[i].starts_with(named) ? failed[i].substr(named.size()) : failed[i];
+  }
 }
 
 std::string interval_of(const fit::Estimate& e) {
@@ -250,7 +259,9 @@ std::string csv_table(const std::vector<Curve>& curves) {
       text += "," + words(f.lambda, 9) + "," + words(f.hamaker_aj, 9) + "," + words(f.rms_nm, 9) + "," +
               words(f.noise_nm, 9) + ",\n";
     } else {
-      text += ",,,,,\"" + f.error + "\"\n";
+      std::string why = f.error;
+      std::replace(why.begin(), why.end(), '"', '\'');
+      text += ",,,,,\"" + why + "\"\n";
     }
   }
   return text;
@@ -388,12 +399,100 @@ void check_target(const std::string& path, const char* flag, const Options& opti
   }
 }
 
+/// "32x32", "500x250.5": two numbers.
+bool two_numbers(const std::string& text, double& first, double& second) {
+  const auto cross = text.find('x');
+  if (cross == std::string::npos) return false;
+  const char* const begin = text.data();
+  const char* const end = begin + text.size();
+  const auto a = std::from_chars(begin, begin + cross, first);
+  const auto b = std::from_chars(begin + cross + 1, end, second);
+  return a.ec == std::errc() && a.ptr == begin + cross && b.ec == std::errc() && b.ptr == end;
+}
+
+/// The pictures that are asked for, without values; as many curves as places.
+fit::ParameterMap map_of(const Options& options) {
+  fit::ParameterMap map;
+  if (options.map.empty()) {
+    if (!options.map_grid.empty() || !options.map_size.empty())
+      throw UserError("--map-grid and --map-size-nm go with --map FOLDER");
+    return map;
+  }
+  double columns = 0, rows = 0;
+  const bool whole = two_numbers(options.map_grid, columns, rows) && columns >= 1 && rows >= 1 &&
+                     columns <= 4096 && rows <= 4096 && columns == std::floor(columns) &&
+                     rows == std::floor(rows);
+  if (!whole) {
+    throw UserError("--map-grid is '" + fit::plain_line(options.map_grid) +
+                    "', expected COLUMNSxROWS, such as 32x32");
+  }
+  const bool sized = two_numbers(options.map_size, map.width_nm, map.length_nm) && map.width_nm > 0 &&
+                     map.length_nm > 0 && map.width_nm < 1e9 && map.length_nm < 1e9;
+  if (!sized) {
+    throw UserError("--map-size-nm is '" + fit::plain_line(options.map_size) +
+                    "', expected WIDTHxLENGTH in nm, such as 500x500");
+  }
+  map.columns = static_cast<int>(columns);
+  map.rows = static_cast<int>(rows);
+  const auto places = static_cast<std::size_t>(map.columns) * static_cast<std::size_t>(map.rows);
+  if (places != options.curves.size()) {
+    throw UserError("--map-grid " + options.map_grid + " has " + std::to_string(places) + " places, and " +
+                    std::to_string(options.curves.size()) +
+                    " curves are given: expected one a place, line by line from the lower left");
+  }
+  return map;
+}
+
+struct MapOf {
+  const char* name;  // of the estimate, and the file's
+  const char* title;
+  const char* unit;
+  double in_unit;  // of the estimate's own
+};
+constexpr MapOf kMaps[] = {{"E", "Young's modulus", "Pa", 1e9},
+                           {"w", "work of adhesion", "J/m2", 1e-3},
+                           {"R", "tip radius", "m", 1e-9},
+                           {"z0", "equilibrium distance", "m", 1e-9}};
+
+std::string map_file(const Options& options, const MapOf& what) {
+  return (std::filesystem::path(options.map) / (std::string(what.name) + ".gsf")).string();
+}
+
+void write_maps(const Options& options, fit::ParameterMap map, const std::vector<Curve>& curves) {
+  std::error_code error;
+  std::filesystem::create_directories(options.map, error);
+  if (error) throw RunError(options.map + ": cannot be made: " + error.message());
+  for (const MapOf& what : kMaps) {
+    map.values.clear();
+    bool any = false;
+    for (const Curve& curve : curves) {
+      const auto& all = curve.fit.estimates;
+      const auto found =
+          std::find_if(all.begin(), all.end(), [&](const auto& e) { return e.name == what.name; });
+      const bool there = curve.fit.error.empty() && found != all.end();
+      any = any || there;
+      map.values.push_back(there ? what.in_unit * found->value : std::nan(""));
+    }
+    if (!any) continue;
+    map.title = what.title;
+    map.unit = what.unit;
+    std::size_t filled = 0;
+    write_text(map_file(options, what), fit::format_map(map, filled));
+    std::printf("# map of %s: %s", what.title, map_file(options, what).c_str());
+    if (filled > 0) std::printf(" (%zu places without a fit have the median)", filled);
+    std::printf("\n");
+  }
+}
+
 void run(const Options& options) {
   check_target(options.out, "-o", options);
   check_target(options.residuals, "--residuals", options);
   check_target(options.table, "--table", options);
   check_target(options.plot, "--plot", options);
   if (!options.plot.empty()) plot::require_drawable(options.plot, "--plot");
+  const fit::ParameterMap map = map_of(options);
+  if (map.columns > 0)
+    for (const MapOf& what : kMaps) check_target(map_file(options, what), "--map", options);
   if (options.stiffness_n_m && !(*options.stiffness_n_m >= 1e-3 && *options.stiffness_n_m <= 1e5))
     throw UserError("--stiffness-n-m is " + words(*options.stiffness_n_m) + ", expected 1e-3 to 1e5 N/m");
   if (options.radius_nm && !(*options.radius_nm >= 1.0 && *options.radius_nm <= 1e4))
@@ -431,6 +530,7 @@ void run(const Options& options) {
         std::find_if(curves.begin(), curves.end(), [](const Curve& c) { return c.fit.error.empty(); });
     draw(*first, options.plot);
   }
+  if (map.columns > 0) write_maps(options, map, curves);
   std::fflush(stdout);
 }
 
@@ -477,6 +577,15 @@ void add_fit_command(CLI::App& app) {
   command->add_option("--table", options->table, "CSV: a line of estimates a curve")->type_name("FILE");
   command->add_option("--plot", options->plot, "picture of the first curve with its fit (.svg or .png)")
       ->type_name("FILE");
+  command
+      ->add_option("--map", options->map,
+                   "folder for pictures of E, w and what else is fitted (.gsf), of curves on a grid")
+      ->type_name("FOLDER");
+  command
+      ->add_option("--map-grid", options->map_grid,
+                   "places of the grid: the curves are given line by line from the lower left")
+      ->type_name("COLUMNSxROWS");
+  command->add_option("--map-size-nm", options->map_size, "size of the grid")->type_name("WIDTHxLENGTH");
   command->add_option("--threads", options->threads, "0: as many as cores; changes no result")
       ->capture_default_str();
   command->add_flag("--force", options->force, "replace files that are there");

@@ -4,7 +4,7 @@
 
 namespace telenano::physics {
 
-/// Friction of the tip on the sample, in the tangent plane of the foot: rate-independent, with memory.
+/// Friction of the tip on the sample, in the tangent plane of the contact: rate-independent, with memory.
 ///
 /// Formula   limit T = tau pi a^2 + mu max(F, 0); bristle f = -k e, k = 8 G* a, |f| <= T;
 ///           1/G* = (2 - nu1)/G1 + (2 - nu2)/G2.

@@ -5,7 +5,7 @@
 
 namespace telenano::physics {
 
-/// What flowed in one step: the surface at the foot is lower by `depth` afterwards and its effective radius
+/// What flowed in one step: the surface at the contact is lower by `depth` afterwards and its effective radius
 /// is `radius`. Nothing else remembers the flow.
 struct PlasticFlow {
   double depth_nm = 0;           ///< 0: the step was elastic
@@ -46,7 +46,7 @@ struct PlasticStep {
 ///   δ_p = (a₀ − a_v)² /R + ε(a₀ − a_v) = 2w/H − ε a₀ < 2w/H,
 /// some 1 nm on polymers under silicon, nothing on oxides; zero_load_depth_nm() tells.
 ///
-/// Memory. R_p says a*, so that height and effective radius of the surface at the foot are the whole state.
+/// Memory. R_p says a*, so that height and effective radius of the surface there are the whole state.
 /// Besides only the radius R before any mark (`origin`) is needed, to know how a* grows: two steps through
 /// the same a* add up to one, whatever their size, δ_p being a function of a*.
 ///

@@ -2,7 +2,7 @@
 
 #include "telenano/nve_server/physics/surface/height_grid.h"
 
-/// Shapes that have no nearest point in closed form, as heights on a grid for a SplineSurface; a level sample
+/// Shapes that have no fields in closed form, as heights on a grid for a SplineSurface; a level sample
 /// too, where marks are to stay in it.
 ///
 /// The spline's error in height is (kh)⁴/384 or so of the amplitude of a wave of k = 2π/period, its

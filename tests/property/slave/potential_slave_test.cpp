@@ -108,7 +108,7 @@ TEST(PotentialScene, StepsAndGratingsTakeEveryTermAndLaw) {
   }
 }
 
-// Where the foot finds no balance.
+// At a place where a ground of other make found no balance.
 TEST(PotentialScene, ForceCurvesPass) {
   scene::CurvePlan plan;
   plan.x_nm = 328.46;
@@ -214,8 +214,7 @@ TEST(PotentialScene, ClosedLoopsGiveNoEnergyToThePort) {
     const Loops l = loops(flakes(), x, y, 8.0, 4000, 2);
     EXPECT_GE(l.charged, -1e-9 * l.turnover) << x << ", " << y;
     EXPECT_GE(l.lost, 0.0);
-    // 4000 steps a lap of 33 nm: the trapezium's own error, 5e-8 of a smooth lap's turnover; the foot's is up
-    // to 3e-3, below 0.
+    // 4000 steps a lap of 33 nm: the trapezium's own error, 5e-8 of a smooth lap's turnover.
     EXPECT_NEAR(l.trapezia, l.lost, 1e-6 * l.turnover) << x << ", " << y;
     EXPECT_NEAR(l.charged, l.lost, 1e-9 * l.turnover) << x << ", " << y;
     worst = std::max(worst, std::fabs(l.trapezia - l.lost) / l.turnover);

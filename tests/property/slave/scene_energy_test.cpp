@@ -123,9 +123,8 @@ struct Case {
   double wide_nm;
   double high_nm;
   /// How far the book may be from the port's work, of the turnover. A jump's step has no trapezium: its size
-  /// over the loop's many steps is most of it. On the scan the radius of curvature is taken pointwise and has
-  /// no force of its own (tip_equilibrium.h): there the book is never behind, and this is what it may be
-  /// ahead.
+  /// over the loop's many steps is most of it. Over relief the
+  /// book is never behind the trapezia, and this is what it may be ahead.
   double tolerance;
 };
 

@@ -146,8 +146,8 @@ TEST(NveSlave, HoldsTheTipBackAtTheForceLimitAndLetsItFollowSideways) {
     }
     SlaveOutput out = go(slave, Vec3(start.x(), start.y(), deep));
     EXPECT_TRUE(out.fault_bits & link::kFaultForceLimit) << name;
-    // On several feet the normal is shorter than 1, and so is the force on the tip; a radius that changes
-    // along the ground has a force across the normal, and the whole is more than its normal part.
+    // A radius that changes along the ground has a force across the normal, and the whole is more than its
+    // normal part.
     const physics::TipSolution held = slave.trace().tip;
     EXPECT_GT(std::max(held.normal_force_nn, held.force_w_nn.norm()), 99.0) << name;
     for (int i = 1; i <= 20; ++i) {

@@ -205,8 +205,8 @@ TEST(PortModel, OnAScanTheGroundAndItsAdhesionAreThePotentials) {
 }
 
 // No apex anywhere over a scan has an energy below the well that a station is told: looked for on the
-// branch in contact, over 2.3 nm of height at each of 2500 places. And the well is not
-// told from the foot: the largest radius of the fields is another one than ten tip radii.
+// branch in contact, over 2.3 nm of height at each of 2500 places. And the well is that of
+// the largest radius of the fields.
 TEST(PortModel, TheWellIsNoShallowerThanThePotential) {
   const auto scene = Rig("flakes").scene;
   const PortGround ground(*scene);

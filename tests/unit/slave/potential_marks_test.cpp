@@ -196,9 +196,8 @@ TEST(PotentialMarks, AGrooveTakesTheHardnessTimesItsVolume) {
   EXPECT_NEAR(g.side_force, g.work_a_length_nn, 0.02 * g.side_force);
 }
 
-// With adhesion, and friction off: what the port was charged, against its work by trapezia of its forces. The
-// foot charges 7.5 % too much here, because it has no force of a changing radius. What is left, 0.3 %, is the
-// snap into contact at 0.1 nm a step.
+// With adhesion, and friction off: what the port was charged, against its work by trapezia of its forces.
+// What is left, 0.3 %, is the snap into contact at 0.1 nm a step.
 TEST(PotentialMarks, TheBookOfAGrooveIsTheWorkOfTheEnd) {
   for (const double step : {0.1, 1.0}) {
     const Groove g = groove(scene_of(without_friction(lithography_text())), step);
