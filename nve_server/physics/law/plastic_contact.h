@@ -5,8 +5,8 @@
 
 namespace telenano::physics {
 
-/// What flowed in one step: the surface at the contact is lower by `depth` afterwards and its effective radius
-/// is `radius`. Nothing else remembers the flow.
+/// What flowed in one step: the surface at the contact is lower by `depth` afterwards and its effective
+/// radius is `radius`. Nothing else remembers the flow.
 struct PlasticFlow {
   double depth_nm = 0;           ///< 0: the step was elastic
   double radius_nm = 0;          ///< R_eff there now
