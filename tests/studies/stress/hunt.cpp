@@ -55,6 +55,11 @@ std::vector<RunSpec> ground() {
       restarts.damping_n_s_m = 0.2;
       restarts.seconds = 20;
       add(restarts, HandKind::kGreedy, 0.1, 0.01);
+      RunSpec rescaled = s;
+      rescaled.act = Act::kScale;
+      rescaled.damping_n_s_m = 0.2;
+      rescaled.seconds = 20;
+      add(rescaled, HandKind::kGreedy, 0.1, 0.01);
     }
   }
   return runs;

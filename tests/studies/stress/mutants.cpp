@@ -171,6 +171,23 @@ class FreeTank final : public Around {
   double sent_j_ = 0;
 };
 
+/// A change of scale or method, with another balance than is owed.
+class WrongChange final : public Around {
+ public:
+  WrongChange(Method method, double granted_j, bool forgives)
+      : Around(method), granted_j_(granted_j), forgives_(forgives) {}
+  void take_over(double ledger_j, const MethodConfig& config, const Vec3& pos) noexcept override {
+    if (begun_) ledger_j = granted_j_ + (forgives_ ? std::max(0.0, ledger_j) : ledger_j);
+    begun_ = true;
+    Around::take_over(ledger_j, config, pos);
+  }
+
+ private:
+  double granted_j_;
+  bool forgives_;
+  bool begun_ = false;
+};
+
 /// A device that does not do what it is told; it reports what it really applies, as every device must.
 class MutantDevice final : public support::VirtualHand {
  public:
@@ -205,6 +222,8 @@ MutantInfo mutant_info(Mutant mutant) noexcept {
       mutant == Mutant::kUncappedDamper || mutant == Mutant::kMissingEpoch ||
       mutant == Mutant::kDamperAfterClamp || mutant == Mutant::kWrongIndex)
     return {mutant, Method::kKsClamp};
+  if (mutant == Mutant::kForgivingChange || mutant == Mutant::kGenerousChange)
+    return {mutant, Method::kKsClamp};
   // What the slave says is seen best by what shows it as it is.
   if (mutant >= Mutant::kSlaveNoForce) return {mutant, Method::kNone};
   return {mutant, Method::kModel};
@@ -230,6 +249,10 @@ std::unique_ptr<StationMethod> make_mutant_method(const RunSpec& spec) {
       return std::make_unique<HalfVelocity>(spec.method);
     case Mutant::kFreeTank:
       return std::make_unique<FreeTank>(spec.method);
+    case Mutant::kForgivingChange:
+      return std::make_unique<WrongChange>(spec.method, 0.0, true);
+    case Mutant::kGenerousChange:
+      return std::make_unique<WrongChange>(spec.method, 0.010, false);
     default:
       return nullptr;
   }

@@ -45,6 +45,8 @@ namespace telenano::studies::stress {
 /// | slave-noisy | slave: 30 % of noise |
 /// | slave-saturated | slave: at 20 nN it ends |
 /// | slave-upside-down | slave: pushes where it should pull |
+/// | forgiving-change | a change of scale forgets the deficit |
+/// | generous-change | a change of scale grants an allowance of its own |
 struct MutantInfo {
   Mutant mutant = Mutant::kNone;
   control::Method method = control::Method::kModel;  ///< that it is made from

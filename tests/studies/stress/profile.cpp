@@ -13,6 +13,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/random.h"
 #include "telenano/common/link/recent_commands.h"
+#include "tests/studies/stress/named_links.h"
 #include "tests/studies/stress/summary.h"
 
 namespace telenano::studies::stress {
@@ -281,6 +282,35 @@ void options_in_trouble(Grid& grid, RunSpec spec) {
   }
 }
 
+// What the operator does while the tip touches; only methods that promise energy change into each other.
+void acts(Grid& grid, RunSpec spec) {
+  for (const Act act : {Act::kScale, Act::kImpedance, Act::kMethod, Act::kClutch, Act::kStop}) {
+    if (act == Act::kMethod && !control::claims_energy_bound(spec.method)) continue;
+    spec.act = act;
+    for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}) {
+      spec.scene = scene;
+      for (const double rtt : {0.0, 20.0, 200.0}) {
+        spec.rtt_ms = rtt;
+        for (const double loss : {0.0, 0.1}) {
+          spec.loss = loss;
+          for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16]})
+            grid.add(spec, hand);
+        }
+      }
+    }
+  }
+}
+
+void named_links(Grid& grid, RunSpec spec) {
+  for (const NamedLink& link : kNamedLinks) {
+    put_link(link, spec);
+    for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kScan}) {
+      spec.scene = scene;
+      for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[16]}) grid.add(spec, hand);
+    }
+  }
+}
+
 void everything(Grid& grid, RunSpec spec) {
   for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPolystyrene,
                                 SceneKind::kPdms, SceneKind::kScan, SceneKind::kHard}) {
@@ -355,6 +385,10 @@ RunSpec random_run(const ProfileOptions& options, Random& random) {
     s.late = log_uniform(random, 0.001, 0.1);
     s.late_periods = std::floor(log_uniform(random, 1, 50));
   }
+  if (random.chance(0.25)) {
+    s.act = static_cast<Act>(1 + random.below(5));
+    if (s.act == Act::kMethod && !control::claims_energy_bound(s.method)) s.act = Act::kClutch;
+  }
   if (random.chance(0.15)) s.drops = static_cast<Drops>(1 + random.below(3));
   if (random.chance(0.25)) {
     s.playout = random.chance(0.5) ? Playout::kConstant : Playout::kAdaptive;
@@ -382,10 +416,27 @@ void climbs(Grid& grid, RunSpec spec, int tries) {
   }
 }
 
+std::vector<RunSpec> make_sample(const ProfileOptions& options) {
+  std::vector<RunSpec> runs;
+  Random random(options.seed * 0x9e3779b97f4a7c15ull + 2);
+  std::uint64_t state = options.seed;
+  for (std::size_t turn = 0; runs.size() < options.sample; ++turn) {
+    RunSpec spec = random_run(options, random);
+    if (!suits(options, turn, spec)) throw UserError("stress: these scenes leave no run");
+    spec.seed = Random::splitmix64(state) >> 1;
+    runs.push_back(spec);
+  }
+  return runs;
+}
+
 }  // namespace
 
 std::string ProfileOptions::text() const {
-  std::string text = fmt::format("profile={} seed={} methods=", full ? "full" : "quick", seed);
+  std::string text = fmt::format("profile={} seed={} methods=",
+                                 sample > 0 ? fmt::format("sample-{}", sample)
+                                 : full     ? "full"
+                                            : "quick",
+                                 seed);
   for (std::size_t i = 0; i < methods.size(); ++i)
     text += fmt::format("{}{}", i == 0 ? "" : ",", control::method_name(methods[i]));
   text += " scenes=";
@@ -395,6 +446,7 @@ std::string ProfileOptions::text() const {
 }
 
 std::vector<RunSpec> make_profile(const ProfileOptions& options) {
+  if (options.sample > 0) return make_sample(options);
   Grid grid(options);
   for (const Method method : options.methods) {
     RunSpec base;
@@ -402,7 +454,7 @@ std::vector<RunSpec> make_profile(const ProfileOptions& options) {
     const std::size_t first = grid.specs.size();
     for (const auto section :
          {survival, bursts, rates, deaths, outages, late_ticks, clocks, disorder, spiteful_links, play_outs,
-          repeated_commands, deadbands, options_in_trouble, everything})
+          repeated_commands, deadbands, options_in_trouble, acts, named_links, everything})
       section(grid, base);
     if (options.full) continue;
     // What the figures are made of, and of the rest every so manieth, so that each section keeps some; the

@@ -18,6 +18,7 @@ struct Range {
 /// the same list.
 struct ProfileOptions {
   bool full = false;
+  std::size_t sample = 0;  ///< > 0: so many independent draws of everything, and no grid
   std::uint64_t seed = 1;
   std::vector<control::Method> methods;  ///< in the order of control::kAllMethods
   std::vector<SceneKind> scenes;

@@ -2,12 +2,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <sstream>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/link/recent_commands.h"
+#include "tests/studies/stress/named_links.h"
 
 namespace telenano::studies::stress {
 namespace {
@@ -20,6 +22,7 @@ constexpr std::array<std::string_view, 15> kHands = {
 constexpr std::array<std::string_view, 4> kDrops = {"none", "spite", "flatter", "starve"};
 constexpr std::array<std::string_view, 3> kPlayouts = {"newest", "constant", "adaptive"};
 constexpr std::array<std::string_view, 5> kRestarts = {"never", "free", "contact", "snap-in", "random"};
+constexpr std::array<std::string_view, 6> kActs = {"none", "scale", "impedance", "method", "clutch", "stop"};
 constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "wrong-index",
                                                                      "credited-damping",
@@ -51,7 +54,9 @@ constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "slave-coarse",
                                                                      "slave-noisy",
                                                                      "slave-saturated",
-                                                                     "slave-upside-down"};
+                                                                     "slave-upside-down",
+                                                                     "forgiving-change",
+                                                                     "generous-change"};
 
 constexpr NumberField kNumbers[] = {
     {"scale", &RunSpec::scale, 1e-3, 1e4},
@@ -126,6 +131,9 @@ std::string_view drops_name(Drops drops) noexcept {
 std::string_view restart_name(Restart restart) noexcept {
   return name_of(restart, kRestarts);
 }
+std::string_view act_name(Act act) noexcept {
+  return name_of(act, kActs);
+}
 std::string_view playout_name(link::PlayoutConfig::Mode playout) noexcept {
   return name_of(playout, kPlayouts);
 }
@@ -154,6 +162,7 @@ std::string to_text(const RunSpec& spec) {
   if (spec.mutant != Mutant::kNone) text += fmt::format(" mutant={}", mutant_name(spec.mutant));
   if (spec.drops != Drops::kNone) text += fmt::format(" drops={}", drops_name(spec.drops));
   if (spec.restart != Restart::kNever) text += fmt::format(" restart={}", restart_name(spec.restart));
+  if (spec.act != Act::kNone) text += fmt::format(" act={}", act_name(spec.act));
   if (spec.playout != plain.playout) text += fmt::format(" playout={}", playout_name(spec.playout));
   for (const NumberField& field : kNumbers) {
     if (spec.*field.value != plain.*field.value) text += fmt::format(" {}={}", field.key, spec.*field.value);
@@ -188,6 +197,18 @@ RunSpec parse_run_spec(const std::string& text) {
       spec.drops = parse_enum<Drops>(value, kDrops, "drops");
     } else if (key == "restart") {
       spec.restart = parse_enum<Restart>(value, kRestarts, "restart");
+    } else if (key == "link") {
+      const auto* const named = std::find_if(kNamedLinks.begin(), kNamedLinks.end(),
+                                             [&](const NamedLink& link) { return link.name == value; });
+      if (named == kNamedLinks.end()) {
+        std::string names;
+        for (const NamedLink& link : kNamedLinks)
+          names += (names.empty() ? "" : ", ") + std::string(link.name);
+        throw UserError(fmt::format("run: link '{}' is unknown; expected one of {}", value, names));
+      }
+      put_link(*named, spec);
+    } else if (key == "act") {
+      spec.act = parse_enum<Act>(value, kActs, "act");
     } else if (key == "playout") {
       spec.playout = parse_enum<link::PlayoutConfig::Mode>(value, kPlayouts, "playout");
     } else if (key == "seed") {

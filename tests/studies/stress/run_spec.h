@@ -49,6 +49,8 @@ enum class Drops : std::uint8_t {
   kStarve    ///< commands while the hand goes in: the slave does not know of what the hand pays for
 };
 enum class Restart : std::uint8_t { kNever, kFree, kContact, kSnapIn, kRandom };
+/// What the operator does meanwhile (operator_acts.h).
+enum class Act : std::uint8_t { kNone, kScale, kImpedance, kMethod, kClutch, kStop };
 
 /// Controllers, slaves and devices that are wrong on purpose (mutants.h).
 enum class Mutant : std::uint8_t {
@@ -83,7 +85,9 @@ enum class Mutant : std::uint8_t {
   kSlaveCoarse,
   kSlaveNoisy,
   kSlaveSaturated,
-  kSlaveUpsideDown
+  kSlaveUpsideDown,
+  kForgivingChange,
+  kGenerousChange
 };
 
 /// One run, all of it: the same text gives the same bits on every machine.
@@ -94,6 +98,7 @@ struct RunSpec {
   HandKind hand = HandKind::kPress;
   Drops drops = Drops::kNone;
   Restart restart = Restart::kNever;
+  Act act = Act::kNone;
   link::PlayoutConfig::Mode playout = link::PlayoutConfig::Mode::kNewest;
 
   double scale = 1;              ///< α_F over the one planned for this station, device and slave
@@ -138,12 +143,13 @@ std::string_view scene_kind_name(SceneKind kind) noexcept;
 std::string_view hand_name(HandKind kind) noexcept;
 std::string_view drops_name(Drops drops) noexcept;
 std::string_view restart_name(Restart restart) noexcept;
+std::string_view act_name(Act act) noexcept;
 std::string_view playout_name(link::PlayoutConfig::Mode playout) noexcept;
 std::string_view mutant_name(Mutant mutant) noexcept;
 SceneKind parse_scene_kind(std::string_view name);  ///< throws UserError, as the others
 Mutant parse_mutant(std::string_view name);
 std::string scene_kind_names();
-inline constexpr std::size_t kMutants = 31;  ///< besides kNone
+inline constexpr std::size_t kMutants = 33;  ///< besides kNone
 std::array<Mutant, kMutants> all_mutants() noexcept;
 
 /// "method=model scene=wall hand=press …": what differs from the defaults, and always the first three and the

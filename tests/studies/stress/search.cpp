@@ -100,6 +100,7 @@ RunSpec shrink(const RunSpec& given, const Scenes& scenes, const StillBad& bad) 
   }
   for (const auto simplify :
        {+[](RunSpec& s) { s.drops = Drops::kNone; }, +[](RunSpec& s) { s.restart = Restart::kNever; },
+        +[](RunSpec& s) { s.act = Act::kNone; },
         +[](RunSpec& s) {
           s.playout = RunSpec{}.playout;
           s.playout_ms = RunSpec{}.playout_ms;

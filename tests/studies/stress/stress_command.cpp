@@ -16,6 +16,7 @@
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/realtime_check.h"
 #include "tests/studies/stress/results.h"
+#include "tests/studies/stress/sampled_bounds.h"
 #include "tests/studies/stress/search.h"
 #include "tests/studies/stress/stress_bench.h"
 #include "tests/studies/stress/stress_report.h"
@@ -33,6 +34,7 @@ struct Arguments {
   std::string out = "stress", rtt_ms, loss, shard, merge_folder, replay, shrink_spec, trace, results;
   std::string scene_folder = (config::shared_folder() / "scenes").string();
   std::uint64_t seed = 1;
+  std::size_t sample = 0;
   unsigned threads = 0;
 };
 
@@ -77,6 +79,7 @@ Shard parse_shard(const std::string& text) {
 SweepOptions sweep_options(const Arguments& a) {
   SweepOptions options;
   options.profile.full = a.full;
+  options.profile.sample = a.sample;
   options.profile.seed = a.seed;
   std::vector<control::Method> wanted;
   for (const std::string& name : a.methods) wanted.push_back(control::parse_method(name));
@@ -107,6 +110,12 @@ SweepOptions sweep_options(const Arguments& a) {
 /// On standard output what was found, for people who want one line; the table has the rest.
 int conclude(const std::filesystem::path& folder, const std::vector<Row>& rows, const Arguments& a) {
   std::fputs(summary_csv(rows).c_str(), stdout);
+  if (a.sample > 0) {
+    std::ofstream out(folder / "bounds.csv");
+    out << sampled_bounds_csv(rows);
+    if (!out.flush()) throw RunError((folder / "bounds.csv").string() + ": cannot be written");
+    std::fprintf(stderr, "stress: %s\n", (folder / "bounds.csv").c_str());
+  }
   if (!a.no_report) {
     const Manifest manifest = read_manifest(folder);
     ReportOptions options;
@@ -179,12 +188,13 @@ int hunt(const Arguments& a) {
 }
 
 int run_stress(const Arguments& a) {
-  const int modes = (a.quick || a.full) + !a.merge_folder.empty() + !a.replay.empty() +
+  const int modes = (a.quick || a.full) + (a.sample > 0) + !a.merge_folder.empty() + !a.replay.empty() +
                     !a.shrink_spec.empty() + a.mutants + a.realtime + a.bench;
   if (a.quick && a.full) throw UserError("stress: --quick and --full contradict each other");
   if (modes != 1)
     throw UserError(
-        "stress: expected one of --quick, --full, --merge, --replay, --shrink, --mutants, --realtime, "
+        "stress: expected one of --quick, --full, --sample, --merge, --replay, --shrink, --mutants, "
+        "--realtime, "
         "--bench");
   if (!a.results.empty() && a.no_report)
     throw UserError("stress: --results keeps the report, which --no-report leaves out");
@@ -221,6 +231,11 @@ void add_stress_command(CLI::App& app, int& exit_code) {
       "held against an independent book at every sample");
   command->add_flag("--quick", a->quick, "some hundred short runs: a minute");
   command->add_flag("--full", a->full, "more than 20 000 runs of 10 s and more");
+  command
+      ->add_option("--sample", a->sample,
+                   "N independent draws of everything: bounds.csv has each feature's rate of broken promises")
+      ->check(CLI::Range(std::size_t{1}, std::size_t{10'000'000}))
+      ->type_name("N");
   command
       ->add_option("--merge", a->merge_folder,
                    "folder of a sweep that was made in shards: joins them into runs.csv and makes the report")

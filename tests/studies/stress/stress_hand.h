@@ -48,8 +48,10 @@ class StressHand final : public support::VirtualHand {
     if (q_m > 0) {
       for (double& x : reading.hand_pos_h_m) x = std::floor(x / q_m + 0.5) * q_m;
     }
-    reading.buttons = device::kButtonDeadman;
+    reading.buttons = device::kButtonDeadman | held_;
   }
+  /// device::ButtonBits besides the dead-man's.
+  void hold_buttons(std::uint32_t buttons) noexcept { held_ = buttons; }
   Vec3 write_force(const Vec3& hand_force_h_n) noexcept override {
     applied_h_n_ = is_finite(hand_force_h_n) ? hand_force_h_n : Vec3(Vec3::Zero());
     const double norm_n = applied_h_n_.norm();
@@ -84,6 +86,7 @@ class StressHand final : public support::VirtualHand {
   TrueBook book_;
   Vec3 pos_h_m_ = Vec3::Zero();
   Vec3 applied_h_n_ = Vec3::Zero();
+  std::uint32_t held_ = 0;
   bool started_ = false;
   bool too_fast_ = false;
   bool keeps_path_ = false;

@@ -13,6 +13,7 @@
 #include "tests/studies/stress/hands.h"
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"
+#include "tests/studies/stress/operator_acts.h"
 #include "tests/studies/stress/search.h"
 #include "tests/studies/stress/watched_slave.h"
 #include "tests/support/virtual_session.h"
@@ -169,6 +170,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   if (extras.make_method) config.make_method = extras.make_method;
   support::VirtualSession session(config);
   FaultInjection faults(spec, session);
+  OperatorActs acts(spec, session.station(), *hand);
   const station::StationConfig& station = session.station().config();
 
   InvariantWatch::Limits what;
@@ -186,20 +188,25 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     const double hold_s =
         std::min(station::TwinRunConfig{}.silence_s, 0.5e-3 * config.scene->session_timeout_ms);
     what.stale_zero_s += std::max(0.0, hold_s - station.stale_hold_s);
-    what.well_most_j = std::min(station.scaling.hand_energy_j(limits.well_aj), station.well_max_j);
+    const double well_j =
+        station.scaling.hand_energy_j(limits.well_aj) * OperatorActs::most_energy_scale(spec.act);
+    what.well_most_j = std::min(well_j, station.well_max_j);
   }
   what.ramp_s = station.engage_ramp_s;
   what.tip_limit_nn = limits.force_max_nn;
-  const double impedance = force_scale * spec.velocity_scale;
+  const double impedance = force_scale * spec.velocity_scale * OperatorActs::least_impedance(spec.act);
   what.damper_cap_n_s_m =
       std::max(0.0, spec.damping_n_s_m - 0.5 * impedance * limits.coupling_stiffness_n_m * what.period_s -
                         impedance * std::fabs(limits.coupling_damping_n_s_m));
-  what.balance = spec.method == control::Method::kTank;
-  what.hand_j_per_aj = station.scaling.hand_energy_j(1);
+  // What the slave's joules are worth changes with the scale; the two sides then have no common account.
+  what.balance = spec.method == control::Method::kTank && spec.act == Act::kNone;
+  what.hand_j_per_aj = station.scaling.hand_energy_j(1) * OperatorActs::most_energy_scale(spec.act);
+  if (spec.act == Act::kMethod) what.method = control::Method::kTank;  // the most that one of them promises
   what.waits_s = 1e-3 * playout_longest_ms(spec);
   // Beyond the age that a method's force may have the station holds: so it should. Jitter adds to it.
   const bool shows = 1e-3 * spec.rtt_ms * (1 + 2 * spec.jitter) < station.age_most_s(what.method);
-  if (faults.clean_besides() && shows) what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
+  if (faults.clean_besides() && shows && spec.act == Act::kNone)
+    what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
   InvariantWatch invariants(what);
 
   Outcome outcome;
@@ -213,6 +220,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   double now_s = 0;
   for (std::int64_t k = 0; k < first_ticks && moved < ticks && now_s < stop_after_s; ++k, ++done) {
     const int periods = faults.periods();
+    if (hand->started()) acts.step(session.period_s() * static_cast<double>(moved));
     InvariantWatch::Around around;
     around.given_before_j = hand->book().given_j();
     around.q_before_j = hand->book().quantum_bound_j();
@@ -239,7 +247,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     outcome.limit_ticks += (row.limit_flags & kLimitForce) != 0;
     if (row.limit_flags & kLimitStop) {
       ++outcome.stop_ticks;
-      if (outcome.stopped_s < 0) {
+      if (outcome.stopped_s < 0 &&
+          !(spec.act == Act::kStop && row.station_faults == station::kFaultStopPressed)) {
         outcome.stopped_s = t_s;
         outcome.faults = row.station_faults;
         stop_after_s = now_s + 0.5;

@@ -494,6 +494,25 @@ TEST(StressRun, FaultsDoWhatTheySay) {
   EXPECT_NEAR(plain.swing_mm, 0, 1e-2);
 }
 
+// Each act changes what is felt, ends without a stop that a person did not ask for, and breaks nothing.
+TEST(StressRun, ActsDoWhatTheySay) {
+  std::set<std::uint64_t> hashes;
+  for (const char* act : {"none", "scale", "impedance", "method", "clutch", "stop"}) {
+    const std::string text =
+        "method=model scene=oxide hand=press rtt-ms=20 seconds=6 act=" + std::string(act);
+    const Outcome outcome = run(parse_run_spec(text), Scenes::of_this_tree());
+    EXPECT_TRUE(outcome.survived()) << text << ": " << invariant_names(outcome.violated);
+    EXPECT_TRUE(hashes.insert(outcome.hash).second) << text;
+    EXPECT_EQ(outcome.stop_ticks > 0, std::string(act) == "stop") << text;
+  }
+  // With the damping of a real device in doubt a change that forgives is found.
+  const std::string wrong =
+      "method=ks-clamp scene=wall hand=greedy mutant=forgiving-change act=scale scale=4 seconds=20 "
+      "hand-a=0.1 "
+      "hand-b=0.01 damping=0.2";
+  EXPECT_NE(run(parse_run_spec(wrong), Scenes::of_this_tree()).violated & kInvariantEnergy, 0u);
+}
+
 TEST(StressRun, LinkOptionsDoWhatTheySay) {
   // Nothing but the reply itself is felt with `none`, one tick after its command where the link takes no
   // time.

@@ -55,8 +55,8 @@ bool is_plain(const RunSpec& spec) noexcept {
       continue;
     if (spec.*field.value != plain.*field.value) return false;
   }
-  return spec.drops == Drops::kNone && spec.restart == Restart::kNever && spec.playout == plain.playout &&
-         spec.mutant == Mutant::kNone;
+  return spec.drops == Drops::kNone && spec.restart == Restart::kNever && spec.act == Act::kNone &&
+         spec.playout == plain.playout && spec.mutant == Mutant::kNone;
 }
 
 std::string replay_command(const RunSpec& spec) {

@@ -138,7 +138,7 @@ std::size_t runs_of(const std::string& text) {
 }  // namespace
 
 std::string table_columns() {
-  std::string names = "index,method,mutant,scene,hand,drops,restart,playout";
+  std::string names = "index,method,mutant,scene,hand,drops,restart,act,playout";
   for (const NumberField& field : number_fields()) names += fmt::format(",{}", column_name(field.key));
   names += ",seed,violated";
   for (const RealColumn& column : kReals) names += fmt::format(",{}", column.name);
@@ -149,9 +149,10 @@ std::string table_columns() {
 
 std::string to_csv(const Row& row) {
   const RunSpec& s = row.spec;
-  std::string line = fmt::format("{},{},{},{},{},{},{},{}", row.index, control::method_name(s.method),
-                                 mutant_name(s.mutant), scene_kind_name(s.scene), hand_name(s.hand),
-                                 drops_name(s.drops), restart_name(s.restart), playout_name(s.playout));
+  std::string line =
+      fmt::format("{},{},{},{},{},{},{},{},{}", row.index, control::method_name(s.method),
+                  mutant_name(s.mutant), scene_kind_name(s.scene), hand_name(s.hand), drops_name(s.drops),
+                  restart_name(s.restart), act_name(s.act), playout_name(s.playout));
   for (const NumberField& field : number_fields()) line += fmt::format(",{}", s.*field.value);
   line += fmt::format(",{},{}", s.seed, row.outcome.violated);
   for (const RealColumn& column : kReals) {
@@ -172,7 +173,7 @@ Row parse_row(const std::string& line) {
   std::size_t at = 0;
   row.index = number<std::size_t>(cells[at++]);
   std::string text;
-  for (const char* key : {"method", "mutant", "scene", "hand", "drops", "restart", "playout"})
+  for (const char* key : {"method", "mutant", "scene", "hand", "drops", "restart", "act", "playout"})
     text += fmt::format("{}={} ", key, cells[at++]);
   // A path is not in a table: its points would be.
   row.spec = parse_run_spec(text);
