@@ -2,17 +2,17 @@
 
 #include <algorithm>
 #include <bit>
+#include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
 
 namespace telenano::fit {
 namespace {
 
 std::string number(double value) {
+  constexpr int kDigits = 12;
   char text[32];
-  std::snprintf(text, sizeof text, "%.12g", value);
-  return text;
+  return {text, std::to_chars(text, text + sizeof text, value, std::chars_format::general, kDigits).ptr};
 }
 
 }  // namespace

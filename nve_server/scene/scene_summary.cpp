@@ -126,7 +126,7 @@ void pull_offs(const Scene& scene, SceneSummary& summary) {
 // (tests/data/elastic; `telenano-lab precision --only ground` makes the figures anew),
 // a tip of 20 nm on silicon oxide, λ = 0.74; van der Waals against the proximity sum (unit_physics_fields).
 void list_model_errors(const Scene& scene, SceneSummary& summary) {
-  if (!(scene.ground.spacing_nm > 0)) return;
+  if (!(scene.ground.spacing_nm > 0)) return;  // closed forms
   constexpr double kCalibratedLambda[2] = {0.35, 1.5};
   constexpr double kCalibratedRadius_nm[2] = {10, 40};
   std::vector<std::string>& all = summary.model_errors;

@@ -59,8 +59,10 @@ void without_mode(Scene& scene) {
   scene.cantilever = physics::Probe(p);
 }
 
+// Flat, and as wide as before.
 void without_surface(Scene& scene) {
   scene.surface = std::make_shared<physics::FlatSurface>();
+  scene.ground.spacing_nm = 0;
   scene.marks.reset();
 }
 
