@@ -26,6 +26,7 @@ Plan plan_of(const std::vector<std::string>& more) {
   const Finished run = run_program(command);
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_NE(run.err.find("recommended: "), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("\ndevice damping: "), std::string::npos) << run.err;
   Plan plan;
   const auto lines = lines_of(run.out);
   EXPECT_FALSE(lines.empty());

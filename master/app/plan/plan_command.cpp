@@ -266,6 +266,7 @@ void print_words(const StationFile& file, const device::DeviceInfo& device, cons
                                              far.link.sent, 1e3 * far.link.p99_s)
                                : "given",
              samples(in.plant.delay_samples));
+  fmt::print(stderr, "{}\n", damping_text(file, device));
   fmt::print(
       stderr,
       "velocity scale: {:.4g} mm at the hand, {:.4g} mm in the picture, {:.4g} nm at the tip: 1/(k k') = "

@@ -50,6 +50,20 @@ control::ScalingPlanInput plan_input(const StationFile& file, const device::Devi
   return input;
 }
 
+std::string damping_text(const StationFile& file, const device::DeviceInfo& device) {
+  const double stated_n_s_m = file.station.device_damping_n_s_m;
+  if (stated_n_s_m >= 0) {
+    return fmt::format(
+        "device damping: {:g} N s/m, as [device] damping_n_s_m states; the limit on energy holds for a "
+        "device with at least that",
+        stated_n_s_m);
+  }
+  return fmt::format(
+      "device damping: {:g} N s/m is assumed, not measured; a device with less can give out more energy than "
+      "the limit; state a certain lower bound as [device] damping_n_s_m",
+      device.damping_n_s_m);
+}
+
 std::string choose_scaling(StationFile& file, const device::DeviceInfo& device,
                            const config::SlaveLimits& slave, int loop_delay_samples) {
   const GivenScaling& given = file.scaling;

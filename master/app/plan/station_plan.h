@@ -21,6 +21,10 @@ station::SlavePort slave_port(const config::SlaveLimits& slave);
 control::ScalingPlanInput plan_input(const StationFile& file, const device::DeviceInfo& device,
                                      const config::SlaveLimits& slave, int loop_delay_samples);
 
+/// Which damping of the device a plan and its limit on energy rest on, and whether anybody stated it: one
+/// line. The maker publishes none for any omega, and with less than was taken more energy can come out.
+std::string damping_text(const StationFile& file, const device::DeviceInfo& device);
+
 /// The scales that nobody gave, as planned: a given α_v is kept, and the plan is made for it; a given α_F is
 /// kept. Changes file.station.scaling. Returns one line that says what was chosen and why, empty when both
 /// were given. Throws UserError, with the reason, when no force scale is safe and none was given.

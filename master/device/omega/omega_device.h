@@ -23,7 +23,9 @@ struct OmegaConfig {
   ButtonMap buttons{0, 1, 0};      ///< the handle's button is the deadman
   int watchdog_ms = 10;            ///< the device cuts its force after so much silence: 1 to 31; 0 = without
   bool home = false;               ///< may be moved by its motors to calibrate itself
-  // Not published by the maker: see PlantConfig. Workspace Ø160 × 110 mm, resolution below 0.01 mm.
+  // Not published by the maker: see PlantConfig. Damping and mass are assumptions, nobody measured them; the
+  // limit on energy holds for a device with at least this damping, so a plan says which it took. Workspace
+  // Ø160 × 110 mm, resolution below 0.01 mm.
   double damping_n_s_m = 2.0;
   double mass_kg = 0.25;
   double workspace_half_m = 0.055;

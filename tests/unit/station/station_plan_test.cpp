@@ -73,6 +73,18 @@ TEST(StationPlan, JoinsStationDeviceAndSlave) {
   EXPECT_EQ(in.nano_workspace_nm, 25);
 }
 
+TEST(StationPlan, SaysWhetherTheDampingThatItRestsOnWasStated) {
+  StationFile file = parse_station_file("[simulated_device]\ndamping_n_s_m = 3.0\n", "s.toml");
+  const device::DeviceInfo device = device::sim_device_info(file.plant);
+  const std::string assumed = damping_text(file, device);
+  EXPECT_NE(assumed.find("3 N s/m is assumed, not measured"), std::string::npos) << assumed;
+  EXPECT_NE(assumed.find("[device] damping_n_s_m"), std::string::npos) << assumed;
+  file = parse_station_file("[device]\ndamping_n_s_m = 0.1\n", "s.toml");
+  const std::string stated = damping_text(file, device);
+  EXPECT_NE(stated.find("0.1 N s/m, as [device] damping_n_s_m states"), std::string::npos) << stated;
+  EXPECT_EQ(stated.find("assumed"), std::string::npos) << stated;
+}
+
 TEST(StationPlan, PlansOnlyWhatNobodyGave) {
   const auto chosen = [](const std::string& text, std::string& said) {
     StationFile file = parse_station_file(text, "s.toml");
