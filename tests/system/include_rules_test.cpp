@@ -65,6 +65,7 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
     {"master/device", {"common/base", "common/control", "common/rt"}},
     {"master/device/omega", {"common/base", "master/device"}},
     {"master/device/hid", {"common/base", "common/rt", "master/device"}},
+    {"master/calibration", {"common/base", "master/device"}},
     {"master/station", {"common/base", "common/control", "common/link", "master/device"}},
     {"master/loop",
      {"common/base", "common/rt", "common/link", "common/net", "common/recording", "master/device",
@@ -74,11 +75,11 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
      {"common/base", "common/config", "common/hash", "common/link", "common/net", "common/recording",
       "common/rt", "common/surface", "master/loop", "nve_server/scene", "nve_server/slave"}},
     {"master/app",
-     {"common/base",    "common/config",     "common/rt",         "common/control",      "common/link",
-      "common/net",     "common/recording",  "common/metrics",    "common/plot",         "common/security",
-      "common/surface", "master/device",     "master/device/hid", "master/device/omega", "master/station",
-      "master/loop",    "master/connection", "master/scene",      "master/view_model",   "master/viewer",
-      "master/twin"}},
+     {"common/base",    "common/config",      "common/rt",         "common/control",    "common/link",
+      "common/net",     "common/recording",   "common/metrics",    "common/plot",       "common/security",
+      "common/surface", "master/calibration", "master/device",     "master/device/hid", "master/device/omega",
+      "master/station", "master/loop",        "master/connection", "master/scene",      "master/view_model",
+      "master/viewer",  "master/twin"}},
     {"master/view_model",
      {"common/base", "common/control", "common/link", "common/recording", "common/rt", "common/surface",
       "master/device", "master/station"}},
@@ -154,9 +155,9 @@ const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
 };
 
 // Pure folders: no clock, thread, file, socket or log.
-const std::set<std::string> kPure = {"common/base",       "common/control",    "common/link",
-                                     "master/station",    "master/view_model", "nve_server/nanonis",
-                                     "nve_server/import", "nve_server/fit"};
+const std::set<std::string> kPure = {"common/base",        "common/control",    "common/link",
+                                     "master/station",     "master/view_model", "master/calibration",
+                                     "nve_server/nanonis", "nve_server/import", "nve_server/fit"};
 const std::set<std::string> kImpure = {"chrono",        "thread",       "mutex",      "condition_variable",
                                        "fstream",       "iostream",     "filesystem", "cstdio",
                                        "stdio.h",       "time.h",       "ctime",      "unistd.h",

@@ -382,8 +382,80 @@ TEST_F(OmegaTest, CalibrationFindsAxesSignsAndWorkspace) {
   // And a session takes it.
   const Finished run =
       run_program({kMaster, "run", "--config", out, "--server", server_.address(), "--duration-s", "0.5",
-                   "--quiet", "--velocity-scale", "1e-6", "--force-scale", "1e7"});
+                   "--quiet", "--velocity-scale", "1e-6", "--force-scale", "3e6"});
   EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
+/// `calibrate --dynamics` on the stand-in, whose handle moves; Enter is there from the start. Where this
+/// machine stood still for longer than the watchdog waits, the device has cut its force, and it begins again.
+Finished measure(const std::string& out) {
+  for (int attempt = 0;; ++attempt) {
+    const Finished run = run_program(
+        {"/bin/sh", "-c", "echo | { " + kMaster + " calibrate --dynamics --seconds 10 --out " + out + "; }"});
+    const bool paused = run.err.find("watchdog") != std::string::npos ||
+                        run.err.find("paused too often") != std::string::npos;
+    if (!paused || attempt == 5) return run;
+  }
+}
+
+double value_of(const std::string& toml, const std::string& key) {
+  const std::size_t at = toml.find("\n" + key + " = ");
+  return at == std::string::npos ? -1 : std::stod(toml.substr(at + key.size() + 4));
+}
+
+TEST_F(OmegaTest, CalibrationMeasuresDampingAndMass) {
+  sdk_->mass_kg = 0.3;
+  sdk_->damping_n_s_m = 0.8;
+  sdk_->friction_n = 0.02;
+  const std::string out = path("dynamics.toml");
+  const Finished run = measure(out);
+  ASSERT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, HasSubstr("The handle will move by itself"));
+  const std::string toml = file_text(out);
+  // A lower bound, and within 5 %.
+  EXPECT_LT(value_of(toml, "damping_n_s_m"), 0.8 * 1.005) << run.err;
+  EXPECT_GT(value_of(toml, "damping_n_s_m"), 0.8 * 0.95) << run.err;
+  EXPECT_NEAR(value_of(toml, "mass_kg"), 0.3, 0.05 * 0.3) << run.err;
+  EXPECT_EQ(sdk_.force_n(), 0);
+  EXPECT_EQ(sdk_->open, 0);
+  // The plan rests on it, and says so.
+  const Finished plan = run_program({kMaster, "plan", "--config", out, "--server", server_.address()});
+  EXPECT_EQ(plan.exit_code, 0) << plan.err;
+  EXPECT_THAT(plan.err, HasSubstr("as [device] damping_n_s_m states"));
+}
+
+TEST_F(OmegaTest, CalibrationRefusesAHandThatHoldsOn) {
+  sdk_->mass_kg = 0.3;
+  sdk_->damping_n_s_m = 0.8;
+  sdk_->held_n_m = 300;
+  const std::string out = path("dynamics.toml");
+  const Finished run = measure(out);
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("let go of it"));
+  EXPECT_FALSE(std::filesystem::exists(out));
+  EXPECT_EQ(sdk_.force_n(), 0);
+}
+
+TEST_F(OmegaTest, CalibrationThatLosesTheDeviceSaysSo) {
+  sdk_->mass_kg = 0.3;
+  sdk_->damping_n_s_m = 0.8;
+  const std::string out = path("dynamics.toml");
+  ChildProcess wizard(
+      {"/bin/sh", "-c", "echo | { " + kMaster + " calibrate --dynamics --out " + out + "; }"});
+  ASSERT_TRUE(wizard.wait_for_err("measuring", kLong)) << wizard.err();
+  sdk_->unplugged = 1;
+  ASSERT_TRUE(wizard.wait(kLong)) << wizard.err();
+  EXPECT_EQ(wizard.exit_code(), 1);
+  EXPECT_THAT(wizard.err(), HasSubstr("unplugged"));
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
+/// Nobody has measured it: the plan names what it took.
+TEST_F(OmegaTest, APlanForADeviceNeverMeasuredIsPessimisticAndSaysSo) {
+  const Finished plan = run_program({kMaster, "plan", "--device", "omega", "--server", server_.address()});
+  EXPECT_EQ(plan.exit_code, 0) << plan.err;
+  EXPECT_THAT(plan.err, HasSubstr("device damping: not measured, 0.1 N s/m taken"));
+  EXPECT_THAT(plan.out, HasSubstr("device_damping,0.1,"));
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 #include <array>
+#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -15,9 +16,13 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/master/app/devices/calibration.h"
+#include "telenano/master/app/devices/dynamics_text.h"
+#include "telenano/master/app/devices/measure_dynamics.h"
 #include "telenano/master/app/devices/session_device.h"
 #include "telenano/master/app/station_file.h"
 #include "telenano/master/app/stop_signals.h"
+#include "telenano/master/device/intended_motion.h"
+#include "telenano/master/device/sim_device.h"
 
 namespace telenano::app {
 namespace {
@@ -27,9 +32,13 @@ struct CalibrateOptions {
   std::string config_file;
   std::string out;
   bool home = false;
+  bool dynamics = false;
+  bool hand_on = false;
+  double seconds = 20;
 };
 
 constexpr int kTries = 5;
+constexpr int kWatchdogMs = 31;  // the longest there is: a pause costs the measurement
 
 /// The device, kept alive with zero force while a person reads and moves.
 class Handle {
@@ -107,13 +116,60 @@ void write_result(const std::string& text, const std::string& path) {
   fmt::print(stderr, "written to {}; use it with run --config {}\n", path, path);
 }
 
-void calibrate(const CalibrateOptions& options) {
+SessionDevice simulated_device(const CalibrateOptions& options, const StationFile& file) {
+  device::SimDeviceConfig config;
+  config.plant = file.plant;
+  config.plant.period_s = 1 / calibration::MeasurementConfig{}.rate_hz;
+  if (!options.hand_on) config.plant.grip_stiffness_n_m = config.plant.grip_damping_n_s_m = 0;
+  SessionDevice opened;
+  opened.device = std::make_unique<device::SimDevice>(
+      config, device::IntendedMotion({{0, Vec3(0, 0, config.start_height_nm)}}));
+  opened.description =
+      options.hand_on ? "simulated, a simulated hand holds it" : "simulated, nobody holds it";
+  return opened;
+}
+
+void calibrate_dynamics(const CalibrateOptions& options) {
+  const DeviceSpec spec = parse_device_spec(options.device);
+  const bool sim = spec.kind == DeviceSpec::Kind::kSim;
+  if (!sim && spec.kind != DeviceSpec::Kind::kOmega)
+    throw UserError("calibrate --dynamics --device " + options.device +
+                    ": only a device that shows forces can be measured: omega, sim");
+  StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
+  if (!file.device.watchdog_ms) file.device.watchdog_ms = kWatchdogMs;
+  calibration::MeasurementConfig config;
+  config.seconds_per_axis = options.seconds;
+  SessionDevice opened =
+      sim ? simulated_device(options, file) : open_session_device(spec, file.device, options.home, nullptr);
+  fmt::print(stderr, "device: {}\n", opened.description);
+  for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
+  if (!sim) {
+    fmt::print(
+        stderr,
+        "The handle will move by itself for {:.0f} s, up to 3 cm each way, with at most {:g} N an axis.\n"
+        "Put it near the middle of its range, let go of it, keep hands off until the end, press Enter.\n",
+        3 * (config.seconds_per_axis + 1), config.force_max_n);
+    Handle(opened).until_enter();
+  }
+  const DeviceDynamics axes = measure_dynamics(*opened.device, config);
+  fmt::print(stderr, "{}", dynamics_table(axes));
+  const double certain_n_s_m = certain_damping_n_s_m(axes);
+  if (certain_n_s_m > 0) {
+    fmt::print(stderr, "certain damping: {:.3g} N s/m\n", certain_n_s_m);
+  } else {
+    fmt::print(stderr, "no damping is certain: measure again with more --seconds\n");
+  }
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  write_result(dynamics_toml(options.device, axes, config.seconds_per_axis,
+                             std::chrono::duration_cast<std::chrono::seconds>(now).count()),
+               options.out);
+}
+
+void calibrate_axes(const CalibrateOptions& options) {
   const DeviceSpec spec = parse_device_spec(options.device);
   const bool omega = spec.kind == DeviceSpec::Kind::kOmega;
   if (!omega && spec.kind != DeviceSpec::Kind::kHid)
     throw UserError("calibrate --device " + options.device + ": only omega and hid have axes of their own");
-  if (!options.out.empty() && std::filesystem::exists(options.out))
-    throw UserError(options.out + ": exists already; give --out another name");
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   // The device's own frame is what is looked at.
   file.device.axes = device::AxisMap{};
@@ -141,26 +197,51 @@ void calibrate(const CalibrateOptions& options) {
   write_result(calibration_toml(options.device, axes, omega ? &box : nullptr), options.out);
 }
 
+void calibrate(const CalibrateOptions& options) {
+  if (!options.out.empty() && std::filesystem::exists(options.out))
+    throw UserError(options.out + ": exists already; give --out another name");
+  if (options.dynamics) {
+    calibrate_dynamics(options);
+  } else {
+    calibrate_axes(options);
+  }
+}
+
 }  // namespace
 
 CLI::App* add_calibrate_command(CLI::App& app) {
   auto options = std::make_shared<CalibrateOptions>();
   CLI::App* const command =
-      app.add_subcommand("calibrate", "Find a device's axes, signs and workspace by pushing it about");
+      app.add_subcommand("calibrate", "Find a device's axes, signs and workspace, or its damping and mass");
   command->add_option("--device", options->device, "What is calibrated")
       ->capture_default_str()
-      ->type_name("{omega,hid}");
+      ->type_name("{omega,hid,sim}");
   command->add_option("--station,--config", options->config_file,
-                      "Station file (TOML), for serial and watchdog_ms");
+                      "Station file (TOML), for serial, watchdog_ms and [simulated_device]");
   command->add_option("--out", options->out,
                       "Write the [device] table to this new file instead of standard output");
   command->add_flag(
       "--home", options->home,
       "Let the omega calibrate itself by its motors: IT MOVES, keep hands and things out of its way");
+  CLI::Option* const dynamics = command->add_flag(
+      "--dynamics", options->dynamics,
+      "Measure damping, mass, friction, latency and encoder step by small forces: THE HANDLE MOVES");
+  command->add_option("--seconds", options->seconds, "For each axis of --dynamics, 10 to 300")
+      ->capture_default_str()
+      ->check(CLI::Range(10.0, 300.0))
+      ->needs(dynamics);
+  command
+      ->add_flag("--hand-on", options->hand_on,
+                 "With --dynamics --device sim: the simulated hand keeps holding, and is found out")
+      ->needs(dynamics);
   command->footer(
       "Asks for three pushes, right, away and up, each between two presses of Enter, and on an omega for a "
       "way\n"
-      "through its whole range. No force is shown. Prints the [device] table of a station file.");
+      "through its whole range. No force is shown. Prints the [device] table of a station file.\n"
+      "With --dynamics: let go of the handle; it is moved by at most 1.5 N about the place where it rests, "
+      "an\n"
+      "axis after the other. Prints the damping that is certain, which the limit on energy rests on, as\n"
+      "[device] damping_n_s_m, and all that was measured with its 95 % intervals.");
   command->callback([options] { calibrate(*options); });
   return command;
 }

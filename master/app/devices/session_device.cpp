@@ -9,6 +9,7 @@
 #include "telenano/master/device/hid/pedalled_device.h"
 #include "telenano/master/device/omega/omega_device.h"
 #include "telenano/master/device/replay_device.h"
+#include "telenano/master/device/sim_device.h"
 
 namespace telenano::app {
 namespace {
@@ -113,6 +114,17 @@ DeviceSpec parse_device_spec(const std::string& text) {
   if (text.starts_with(replay) && text.size() > replay.size())
     return {Kind::kReplay, text.substr(replay.size())};
   throw UserError("--device " + text + ": unknown device, expected sim, omega, hid, mouse or replay:FILE");
+}
+
+device::DeviceInfo planned_device(const DeviceSpec& spec, const StationFile& file) {
+  switch (spec.kind) {
+    case DeviceSpec::Kind::kSim:
+      return device::sim_device_info(file.plant);
+    case DeviceSpec::Kind::kOmega:
+      return device::omega_device_info(omega_config(file.device, false));
+    default:
+      throw UserError("a plan is for a device that shows forces: sim, omega");
+  }
 }
 
 SessionDevice open_session_device(const DeviceSpec& spec, const DeviceSettings& settings, bool may_home,

@@ -6,6 +6,7 @@
 
 #include "telenano/common/rt/latest_value.h"
 #include "telenano/master/app/devices/device_settings.h"
+#include "telenano/master/app/station_file.h"
 #include "telenano/master/device/call_watch.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/device/hid/hid_reader.h"
@@ -34,6 +35,10 @@ struct SessionDevice {
   std::string description;                   ///< for a person, one line
   std::vector<std::string> notes;            ///< what a person should know, a line each
 };
+
+/// What a plan must know of a device that is not open: of "sim" what the file says of the simulated one, of
+/// "omega" the maker's figures and the file's. Throws UserError for the others, which show no force.
+device::DeviceInfo planned_device(const DeviceSpec& spec, const StationFile& file);
 
 /// Opens every kind but the simulated one, which needs to know the session first. `may_home`: the device may
 /// be moved by its motors. `pointer`: what a viewer stores for the mouse; null where there is no viewer.

@@ -16,6 +16,7 @@
 #include "telenano/common/net/udp.h"
 #include "telenano/common/plot/gnuplot.h"
 #include "telenano/master/app/access_flags.h"
+#include "telenano/master/app/devices/session_device.h"
 #include "telenano/master/app/link_probe.h"
 #include "telenano/master/app/plan/plan_plot.h"
 #include "telenano/master/app/plan/station_plan.h"
@@ -23,7 +24,6 @@
 #include "telenano/master/app/run/scene_wait.h"
 #include "telenano/master/app/stop_signals.h"
 #include "telenano/master/connection/connect.h"
-#include "telenano/master/device/sim_device.h"
 #include "telenano/master/scene/scene_keeper.h"
 #include "telenano/master/twin/load_twin.h"
 
@@ -42,7 +42,7 @@ struct PlanOptions : connection::ServerAccess {
 
   std::string config_file;
   std::string limits;
-  std::string device = "sim";
+  std::optional<std::string> device;
   std::optional<double> rate_hz;
   std::optional<std::string> method;
   std::optional<double> rtt_ms;
@@ -83,8 +83,6 @@ StationFile station_file(const PlanOptions& options) {
 }
 
 void validate(const PlanOptions& options) {
-  if (options.device != "sim")
-    throw UserError(fmt::format("--device {}: unknown device; this build has: sim", options.device));
   if (options.server.empty() == options.limits.empty()) {
     throw UserError(
         "plan: give either --server HOST:PORT (a telenano-nve serve that runs) or --limits FILE (written by "
@@ -99,6 +97,17 @@ void validate(const PlanOptions& options) {
   require_positive("--haptic-m", options.workspaces.haptic_m);
   require_positive("--visual-m", options.workspaces.visual_m);
   require_positive("--nano-nm", options.workspaces.nano_nm);
+}
+
+/// Of --device, else of the station file's [device] where it is one that shows forces, else the simulated
+/// one.
+device::DeviceInfo device_info(const PlanOptions& options, const StationFile& file) {
+  const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
+  const bool shows_force = spec.kind == DeviceSpec::Kind::kSim || spec.kind == DeviceSpec::Kind::kOmega;
+  if (options.device && !shows_force)
+    throw UserError(fmt::format(
+        "--device {}: shows no force, so there is nothing to plan; expected sim or omega", *options.device));
+  return planned_device(shows_force ? spec : DeviceSpec{}, file);
 }
 
 /// The sample of the session, pressed here, not at the server.
@@ -324,7 +333,7 @@ void plan(const PlanOptions& options) {
   const Far far = ask(options, file);
   if (options.method && *options.method == "auto")
     file.station.method = control::MethodChoice::at_start({far.link.median_s, 0, true, far.has_twin});
-  const device::DeviceInfo device = device::sim_device_info(file.plant);
+  const device::DeviceInfo device = device_info(options, file);
   const double period_s = 1 / file.station.rate_hz;
   const control::ScalingPlanInput input =
       plan_input(file, device, far.slave, control::loop_delay_samples(far.link.median_s, period_s));
@@ -354,9 +363,10 @@ void add_plan_command(CLI::App& app) {
                       "HOST:PORT of telenano-nve serve: asks it for its limits and measures the way");
   command->add_option("--limits", options->limits,
                       "Limits of a slave instead, written by telenano-nve check --limits");
-  command->add_option("--device", options->device, "Haptic device")
-      ->capture_default_str()
-      ->type_name("{sim}");
+  command
+      ->add_option("--device", options->device,
+                   "Haptic device that it is for (default: the station file's [device], else sim)")
+      ->type_name("{sim,omega}");
   command->add_option("--rtt-ms", options->rtt_ms,
                       "Round trip to plan for (default: measured with --server, 0 with --limits)");
   command->add_option("--rate", options->rate_hz, "Hz of the station's loop (default 1000)")

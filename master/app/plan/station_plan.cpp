@@ -8,6 +8,12 @@
 
 namespace telenano::app {
 
+namespace {
+
+constexpr const char* kSimulated = "sim";  // DeviceInfo::name
+
+}  // namespace
+
 config::SlaveLimits slave_limits(const link::Welcome& welcome) {
   const auto& name = welcome.scene_name.text;
   config::SlaveLimits limits;
@@ -58,9 +64,11 @@ std::string damping_text(const StationFile& file, const device::DeviceInfo& devi
         "device with at least that",
         stated_n_s_m);
   }
+  if (device.name == kSimulated)
+    return fmt::format("device damping: {:g} N s/m, the simulated device's own", device.damping_n_s_m);
   return fmt::format(
-      "device damping: {:g} N s/m is assumed, not measured; a device with less can give out more energy than "
-      "the limit; state a certain lower bound as [device] damping_n_s_m",
+      "device damping: not measured, {:g} N s/m taken as the least that is plausible; telenano-master "
+      "calibrate --dynamics measures it for [device] damping_n_s_m, which mostly makes the touch stronger",
       device.damping_n_s_m);
 }
 

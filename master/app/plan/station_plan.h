@@ -21,8 +21,8 @@ station::SlavePort slave_port(const config::SlaveLimits& slave);
 control::ScalingPlanInput plan_input(const StationFile& file, const device::DeviceInfo& device,
                                      const config::SlaveLimits& slave, int loop_delay_samples);
 
-/// Which damping of the device a plan and its limit on energy rest on, and whether anybody stated it: one
-/// line. The maker publishes none for any omega, and with less than was taken more energy can come out.
+/// Which damping of the device a plan and its limit on energy rest on, and who says so: the station file, the
+/// simulated device itself, or nobody. One line.
 std::string damping_text(const StationFile& file, const device::DeviceInfo& device);
 
 /// The scales that nobody gave, as planned: a given α_v is kept, and the plan is made for it; a given α_F is

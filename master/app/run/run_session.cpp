@@ -203,8 +203,8 @@ double playout_delay_s(const StationFile& file) {
 
 // How the session will run, and what of the wishes this server or link does not give.
 void tell_terms(const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
-                const std::string& scene_name, const station::ScalingCheck& check,
-                const std::string& planned) {
+                const std::string& scene_name, const station::ScalingCheck& check, const std::string& planned,
+                const device::DeviceInfo& device) {
   const control::Method method = file.station.method;
   fmt::print(stderr, "session {:016x} on scene '{}', method {}{}, {}\n", welcome.session_id, scene_name,
              control::method_name(method),
@@ -218,6 +218,7 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
                control::method_name(method), control::method_name(used));
   }
   if (!planned.empty()) fmt::print(stderr, "scaling {}\n", planned);
+  if (device.has_force) fmt::print(stderr, "{}\n", damping_text(file, device));
   if (file.redundancy > 0 && (welcome.feature_bits & link::kFeatureRedundancy) == 0)
     fmt::print(stderr, "note: this server does not take repeated commands; running without redundancy\n");
   const double playout_s = playout_delay_s(file);
@@ -489,7 +490,7 @@ int run_session(const RunOptions& options) {
       make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
                     scene.bundle().get(), twins.empty() ? nullptr : &twin_settings,
                     twins.empty() ? 0 : twins[0]->scene_hash());
-  if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned);
+  if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned, device_info);
   station::Station station(config, device_info, port);
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
   RealTimeSession live(hand, servers, servers.as(), session, station, recorder.get(), options.give_up_s,

@@ -89,6 +89,18 @@ std::string sdk_error(const Sdk& sdk) {
 
 }  // namespace
 
+DeviceInfo omega_device_info(const OmegaConfig& config) {
+  DeviceInfo info;
+  info.name = "omega";
+  info.force_max_n = config.force_max_n.value_or(kPublishedForceN);
+  info.position_quantum_m = config.position_quantum_m;
+  info.damping_n_s_m = config.damping_n_s_m;
+  info.mass_kg = config.mass_kg;
+  info.workspace_radius_m = config.workspace_half_m;
+  info.moves_by_itself = true;
+  return info;
+}
+
 OmegaDevice::OmegaDevice(const OmegaConfig& config, const SdkSearch& search, const UsbRoots& usb)
     : config_(config) {
   if (config.watchdog_ms < 0 || config.watchdog_ms > kWatchdogMsMax) {
@@ -203,13 +215,11 @@ void OmegaDevice::set_up() {
   if (sdk_.dhdEnableForce(1, id_) < 0)
     notes_.push_back("force cannot be switched on (" + last_error() + "): press the device's force button");
 
+  const std::string name = info_.name;
+  info_ = omega_device_info(config_);
+  info_.name = name;
   const double sdk_max_n = sdk_.dhdGetMaxForce(id_);
-  info_.force_max_n = config_.force_max_n.value_or(sdk_max_n > 0 ? sdk_max_n : kPublishedForceN);
-  info_.position_quantum_m = config_.position_quantum_m;
-  info_.damping_n_s_m = config_.damping_n_s_m;
-  info_.mass_kg = config_.mass_kg;
-  info_.workspace_radius_m = config_.workspace_half_m;
-  info_.moves_by_itself = true;
+  if (!config_.force_max_n && sdk_max_n > 0) info_.force_max_n = sdk_max_n;
 }
 
 void OmegaDevice::fail(ForceOffCause cause) noexcept {

@@ -23,15 +23,19 @@ struct OmegaConfig {
   ButtonMap buttons{0, 1, 0};      ///< the handle's button is the deadman
   int watchdog_ms = 10;            ///< the device cuts its force after so much silence: 1 to 31; 0 = without
   bool home = false;               ///< may be moved by its motors to calibrate itself
-  // Not published by the maker: see PlantConfig. Damping and mass are assumptions, nobody measured them; the
-  // limit on energy holds for a device with at least this damping, so a plan says which it took. Workspace
-  // Ø160 × 110 mm, resolution below 0.01 mm.
-  double damping_n_s_m = 2.0;
+  // The maker publishes a workspace of Ø160 × 110 mm and a resolution below 0.01 mm, but neither damping nor
+  // mass. The limit on energy holds for a device with at least this damping: 0.1 N·s/m is pessimistic, so
+  // that a device that nobody measured gives a weak touch and not a false promise; `telenano-master calibrate
+  // --dynamics` measures one.
+  double damping_n_s_m = 0.1;
   double mass_kg = 0.25;
   double workspace_half_m = 0.055;
   double position_quantum_m = 1e-5;
   std::optional<double> force_max_n;  ///< else what the SDK says, else 12 N
 };
+
+/// What such a device reports, as far as it is known before one is open.
+DeviceInfo omega_device_info(const OmegaConfig& config);
 
 /// A Force Dimension device through its SDK. The first command of force is zero and goes out before anything
 /// else can ask for one; the watchdog of the SDK runs from the first tick on, so whatever stops the loop, a

@@ -58,6 +58,45 @@ void watch(const std::stop_token& stop) {
 
 std::jthread g_watchdog;
 
+/// The handle of a device that moves: m v̇ = F − b v − f_c sgn v − k (x − x₀) in steps of 5 µs of the wall's
+/// time, to now, under the force that was shown since the last call. Positions as an encoder of 10 µm.
+class Handle {
+ public:
+  void follow() {
+    StandinState& s = state();
+    const double mass_kg = s.mass_kg;
+    if (mass_kg == 0) return;
+    const std::int64_t now = now_ns();
+    if (at_ns_ == 0) {
+      at_ns_ = now;
+      for (int axis = 0; axis < 3; ++axis) pos_m_[axis] = start_m_[axis] = s.pos_d_m[axis];
+    }
+    constexpr std::int64_t kStep_ns = 5'000;
+    constexpr double kStep_s = 1e-9 * kStep_ns;
+    for (; at_ns_ + kStep_ns <= now; at_ns_ += kStep_ns) {
+      for (int axis = 0; axis < 3; ++axis) {
+        double& v = vel_m_s_[axis];
+        const double drive = s.force_n[axis] - s.held_n_m * (pos_m_[axis] - start_m_[axis]);
+        // The friction first brakes, then holds.
+        v += kStep_s * (drive - s.damping_n_s_m * v) / mass_kg;
+        const double brake = kStep_s * s.friction_n / mass_kg;
+        v = std::fabs(v) <= brake ? 0 : v - std::copysign(brake, v);
+        pos_m_[axis] += kStep_s * v;
+      }
+    }
+    constexpr double kEncoder_m = 1e-5;
+    for (int axis = 0; axis < 3; ++axis) s.pos_d_m[axis] = kEncoder_m * std::round(pos_m_[axis] / kEncoder_m);
+  }
+
+ private:
+  std::int64_t at_ns_ = 0;
+  double pos_m_[3]{};
+  double start_m_[3]{};
+  double vel_m_s_[3]{};
+};
+
+Handle g_handle;
+
 /// Counts, stalls; true when the script says what to return.
 bool scripted(DrdCall call, int& result) {
   StandinState& s = state();
@@ -134,6 +173,7 @@ void dhdGetSDKVersion(int* major, int* minor, int* release, int* revision) {
 int dhdGetPosition(double* x, double* y, double* z, char) {
   int result = 0;
   if (scripted(DrdCall::kGetPosition, result)) return result;
+  g_handle.follow();
   *x = state().pos_d_m[0];
   *y = state().pos_d_m[1];
   *z = state().pos_d_m[2];
@@ -142,6 +182,7 @@ int dhdGetPosition(double* x, double* y, double* z, char) {
 int dhdSetForce(double x, double y, double z, char) {
   int result = 0;
   if (scripted(DrdCall::kSetForce, result)) return result;
+  g_handle.follow();
   StandinState& s = state();
   double norm_n = std::sqrt(x * x + y * y + z * z);
   if (s.first_force_n < 0) s.first_force_n = norm_n;

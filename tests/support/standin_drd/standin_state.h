@@ -31,6 +31,12 @@ struct StandinState {
   std::array<Shared<int>, kCalls> result{};  ///< when not 0: what the call returns instead of doing anything
   std::array<Shared<int>, kCalls> stall_us{};  ///< the next call of it takes so long
   Shared<double> pos_d_m[3]{};
+  /// Not 0: the handle is a free mass that moves under the force, from `pos_d_m` on; else it is where
+  /// `pos_d_m` says.
+  Shared<double> mass_kg{0};
+  Shared<double> damping_n_s_m{0};
+  Shared<double> friction_n{0};
+  Shared<double> held_n_m{0};            ///< stiffness of whoever holds it where it began
   Shared<double> reported_force_n[3]{};  ///< what dhdGetForce says when `lie_about_force`
   Shared<int> lie_about_force{0};
   Shared<int> time_guard{0};       ///< positions come back with code 1

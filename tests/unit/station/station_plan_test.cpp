@@ -76,9 +76,13 @@ TEST(StationPlan, JoinsStationDeviceAndSlave) {
 TEST(StationPlan, SaysWhetherTheDampingThatItRestsOnWasStated) {
   StationFile file = parse_station_file("[simulated_device]\ndamping_n_s_m = 3.0\n", "s.toml");
   const device::DeviceInfo device = device::sim_device_info(file.plant);
-  const std::string assumed = damping_text(file, device);
-  EXPECT_NE(assumed.find("3 N s/m is assumed, not measured"), std::string::npos) << assumed;
-  EXPECT_NE(assumed.find("[device] damping_n_s_m"), std::string::npos) << assumed;
+  const std::string simulated = damping_text(file, device);
+  EXPECT_NE(simulated.find("3 N s/m, the simulated device's own"), std::string::npos) << simulated;
+  device::DeviceInfo omega = device;
+  omega.name = "omega.3";
+  const std::string assumed = damping_text(file, omega);
+  EXPECT_NE(assumed.find("not measured, 3 N s/m taken"), std::string::npos) << assumed;
+  EXPECT_NE(assumed.find("calibrate --dynamics"), std::string::npos) << assumed;
   file = parse_station_file("[device]\ndamping_n_s_m = 0.1\n", "s.toml");
   const std::string stated = damping_text(file, device);
   EXPECT_NE(stated.find("0.1 N s/m, as [device] damping_n_s_m states"), std::string::npos) << stated;

@@ -1,0 +1,123 @@
+#include "telenano/master/app/devices/measure_dynamics.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <stop_token>
+#include <string>
+#include <thread>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/rt/periodic_timer.h"
+#include "telenano/common/rt/realtime_thread.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/app/stop_signals.h"
+
+namespace telenano::app {
+namespace {
+
+using calibration::AxisDynamics;
+using calibration::DynamicsMeasurement;
+using calibration::MeasurementEnd;
+
+/// Tells a percentage on one line of a terminal, or a line each quarter elsewhere.
+class Progress {
+ public:
+  void show(int percent) {
+    const int now = terminal_ ? percent : percent / 25 * 25;
+    if (now == shown_) return;
+    shown_ = now;
+    if (terminal_) {
+      fmt::print(stderr, "\rmeasuring: {} %{}", now, now == 100 ? "\n" : " ");
+    } else {
+      fmt::print(stderr, "measuring: {} %\n", now);
+    }
+  }
+
+ private:
+  bool terminal_ = ::isatty(STDERR_FILENO) != 0;
+  int shown_ = -1;
+};
+
+/// One device, one measurement, one thread that runs it.
+class Loop {
+ public:
+  Loop(device::HapticDevice& device, const calibration::MeasurementConfig& config)
+      : device_(device), measurement_(config), period_ns_(std::llround(1e9 / config.rate_hz)) {}
+
+  void run(const std::atomic<bool>& stop) noexcept {
+    const bool real_time = device_.info().moves_by_itself;
+    rt::PeriodicTimer timer({.period_ns = period_ns_});
+    const rt::SteadyClock clock;
+    std::int64_t last_ns = clock.now_ns();
+    std::int64_t simulated_ns = 0;
+    while (measurement_.end() == MeasurementEnd::kRunning) {
+      std::int64_t now_ns = simulated_ns += period_ns_;
+      if (real_time) {
+        timer.wait();
+        now_ns = clock.now_ns();
+      }
+      device_.advance(real_time ? now_ns - last_ns : period_ns_);
+      last_ns = now_ns;
+      device_.read(reading_);
+      if (stop.load(std::memory_order_relaxed)) measurement_.stop();
+      measurement_.applied(
+          device_.write_force(measurement_.force(1e-9 * static_cast<double>(now_ns), reading_)));
+      percent_.store(static_cast<int>(100 * measurement_.done()), std::memory_order_relaxed);
+    }
+    device_.write_force(Vec3::Zero());
+    over_.store(true, std::memory_order_release);
+  }
+
+  bool over() const noexcept { return over_.load(std::memory_order_acquire); }
+  int percent() const noexcept { return percent_.load(std::memory_order_relaxed); }
+  const DynamicsMeasurement& measurement() const noexcept { return measurement_; }
+  const device::DeviceReading& reading() const noexcept { return reading_; }
+
+ private:
+  device::HapticDevice& device_;
+  DynamicsMeasurement measurement_;
+  std::int64_t period_ns_;
+  device::DeviceReading reading_;
+  std::atomic<int> percent_{0};
+  std::atomic<bool> over_{false};
+};
+
+std::string why_it_ended(const Loop& loop) {
+  const MeasurementEnd end = loop.measurement().end();
+  if (end != MeasurementEnd::kDevice || loop.reading().cause == device::ForceOffCause::kNone)
+    return calibration::end_text(end);
+  return fmt::format("{}: {}", calibration::end_text(end), device::force_off_text(loop.reading().cause));
+}
+
+}  // namespace
+
+DeviceDynamics measure_dynamics(device::HapticDevice& device, const calibration::MeasurementConfig& config) {
+  const std::atomic<bool>& stop = catch_stop_signals();
+  Loop loop(device, config);
+  Progress progress;
+  {
+    rt::RealtimeThread thread({}, [&](const std::stop_token&) { loop.run(stop); });
+    while (!loop.over()) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      progress.show(loop.percent());
+    }
+    thread.join();
+  }
+  if (loop.measurement().end() != MeasurementEnd::kDone)
+    throw RunError(fmt::format("calibrate: {}; nothing was written", why_it_ended(loop)));
+  DeviceDynamics axes;
+  for (int axis = 0; axis < 3; ++axis) {
+    AxisDynamics& found = axes[static_cast<std::size_t>(axis)];
+    found = calibration::identify_axis(loop.measurement().track(axis));
+    if (found.verdict == calibration::DynamicsVerdict::kGood) continue;
+    throw RunError(fmt::format("calibrate: axis {}: {}; nothing was written", "xyz"[axis],
+                               calibration::verdict_text(found.verdict)));
+  }
+  return axes;
+}
+
+}  // namespace telenano::app
