@@ -48,4 +48,10 @@ struct RecordingStatus {
   bool failed = false;
 };
 
+/// What a window says once its session is over. No lines: it goes with the session.
+struct SessionEnd {
+  bool failed = false;             ///< the first line is the cause
+  std::vector<std::string> lines;  ///< else a summary
+};
+
 }  // namespace telenano::viewer

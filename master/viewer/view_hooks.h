@@ -16,9 +16,8 @@ namespace telenano::viewer {
 /// What a screen needs from the program that runs the session. All are called in the screen's thread.
 struct ViewHooks {
   std::function<bool()> session_over;
-  /// Once the session is over: what the window stays open for, the cause first; none: it goes with the
-  /// session. Without the hook it always goes.
-  std::function<std::vector<std::string>()> last_words;
+  /// Asked once the session is over. Without the hook the window always goes.
+  std::function<SessionEnd()> session_end;
   /// The program is to end, so a window that has stayed open goes too.
   std::function<bool()> stop_wanted;
   std::function<RecordingStatus()> recording;

@@ -181,6 +181,7 @@ void Viewer::handle_keys(double time_s) {
     panel_.ask(ViewRequest::Kind::kQuit);
     quit_ = true;
   }
+  if (!ending_.lines.empty() && (pressed(GLFW_KEY_ENTER) || pressed(GLFW_KEY_KP_ENTER))) again_ = true;
   if (pressed(GLFW_KEY_HOME)) reset_cameras();
   if (pressed(GLFW_KEY_V))
     views_ = views_ == Views::kBoth       ? Views::kOverview
@@ -199,7 +200,7 @@ void Viewer::handle_session_keys(double time_s) {
   if (pressed(GLFW_KEY_N)) {
     if (facts_.recording.empty()) {
       say("No recording to put a note into", time_s);
-    } else if (ending_.empty()) {
+    } else if (ending_.lines.empty()) {
       note_box_.open(live_.now());
     }
   }
@@ -277,7 +278,7 @@ bool Viewer::measure_at_pointer(const Layout& layout) {
 }
 
 void Viewer::draw_guide(const Layout& layout) {
-  if (!guide_ || playback_ != nullptr || !ending_.empty()) return;
+  if (!guide_ || playback_ != nullptr || !ending_.lines.empty()) return;
   using Hand = view_model::FirstTouch::Hand;
   first_touch_.update(live_);
   const Hand hand = panel_.mouse_leads()   ? Hand::kMouse
@@ -482,14 +483,14 @@ void Viewer::say(const std::string& text, double time_s) {
   said_until_s_ = time_s + 2;
 }
 
-void Viewer::end(std::vector<std::string> lines) {
-  ending_ = std::move(lines);
+void Viewer::end(SessionEnd end) {
+  ending_ = std::move(end);
   note_box_.close();
   panel_.end();
 }
 
 void Viewer::draw_end() {
-  if (ending_.empty()) return;
+  if (ending_.lines.empty()) return;
   const ImVec2 whole = ImGui::GetIO().DisplaySize;
   const float wide = std::min(560 * gui_.scale(), whole.x - 40 * gui_.scale());
   ImGui::SetNextWindowPos({0.5f * whole.x, 0.5f * whole.y}, ImGuiCond_Always, {0.5f, 0.5f});
@@ -498,12 +499,17 @@ void Viewer::draw_end() {
   ImGui::Begin("end", nullptr,
                ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings);
   ImGui::PushFont(gui_.large());
-  ImGui::TextColored(vec4(palette::kAlarm), "The session has ended");
+  ImGui::TextColored(vec4(ending_.failed ? palette::kAlarm : palette::kText), "The session has ended");
   ImGui::PopFont();
   ImGui::Separator();
-  for (const std::string& line : ending_) ImGui::TextWrapped("%s", line.c_str());
+  for (const std::string& line : ending_.lines) ImGui::TextWrapped("%s", line.c_str());
   ImGui::Separator();
-  ImGui::TextColored(vec4(palette::kQuiet), "The window stays until you close it (Ctrl+Q).");
+  const ImVec2 button{170 * gui_.scale(), 36 * gui_.scale()};
+  ImGui::PushStyleColor(ImGuiCol_Button, vec4(palette::kEdge));
+  if (ImGui::Button("Again  (Enter)", button)) again_ = true;
+  ImGui::SameLine();
+  if (ImGui::Button("Close  (Ctrl+Q)", button)) quit_ = true;
+  ImGui::PopStyleColor();
   ImGui::End();
   ImGui::PopStyleColor();
 }
@@ -543,7 +549,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneState now = state();
   const SceneFrame frame = SceneRenderer::overview_frame(ground_);
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
-  draw_banner(gui_, facts_, live_, layout.overview, !ending_.empty(), port_.twin.load());
+  draw_banner(gui_, facts_, live_, layout.overview, !ending_.lines.empty(), port_.twin.load());
   draw_guide(layout);
   if (views_ != Views::kCloseUp) {
     const view_model::Camera camera = shown_overview_camera_ = fitted_overview(layout.overview);

@@ -66,8 +66,10 @@ class Viewer {
   /// Shown for two seconds.
   void say(const std::string& text, double time_s);
   void show(Views views) noexcept { views_ = views; }
-  /// The session is over: its last moment stays, with these lines over it; the first is the cause.
-  void end(std::vector<std::string> lines);
+  /// The session is over: its last moment stays, with these lines over it.
+  void end(SessionEnd end);
+  /// By key or button once the session has ended: the same once more.
+  bool again_wanted() const noexcept { return again_; }
 
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift };
@@ -117,11 +119,12 @@ class Viewer {
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;
   bool quit_ = false;
+  bool again_ = false;
   view_model::Playback* playback_ = nullptr;
   double drawn_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
-  std::vector<std::string> ending_;  // empty: the session goes on
+  SessionEnd ending_;  // no lines: the session goes on
 };
 
 }  // namespace telenano::viewer

@@ -87,8 +87,8 @@ device::PointerState pointer_of(const Viewer& viewer, double time_s) {
 
 }  // namespace
 
-rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
-                            const ViewHooks& hooks) {
+WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
+                     const ViewHooks& hooks) {
   const GlfwWindow window(true);
   Viewer viewer(facts, std::move(ground), port, window.scale());
   if (hooks.playback != nullptr) viewer.play(*hooks.playback);
@@ -102,18 +102,19 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
   bool ended = false;
   while (true) {
     if (!ended && hooks.session_over()) {
-      std::vector<std::string> words;
-      if (hooks.last_words && !asked_to_quit) words = hooks.last_words();
-      if (words.empty()) break;
+      SessionEnd end;
+      if (hooks.session_end && !asked_to_quit) end = hooks.session_end();
+      if (end.lines.empty()) break;
       ended = true;
       viewer.take_samples();
-      viewer.end(std::move(words));
+      viewer.end(std::move(end));
     }
     const Clock::time_point began = Clock::now();
     const double time_s = std::chrono::duration<double>(began - start).count();
     glfwPollEvents();
     const bool waits_for_a_person = hooks.playback != nullptr || ended;
     if (waits_for_a_person && (glfwWindowShouldClose(window.get()) != 0 || viewer.quit_wanted())) break;
+    if (viewer.again_wanted()) break;
     if (ended && hooks.stop_wanted && hooks.stop_wanted()) break;
     if (glfwWindowShouldClose(window.get()) != 0 && !asked_to_quit) {
       view_model::ViewRequest quit;
@@ -159,7 +160,7 @@ rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, v
     glfwSwapBuffers(window.get());
     std::this_thread::sleep_until(began + kFrame);
   }
-  return frames;
+  return {frames, viewer.again_wanted()};
 }
 
 }  // namespace telenano::viewer

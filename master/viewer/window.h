@@ -7,11 +7,16 @@
 
 namespace telenano::viewer {
 
+struct WindowEnd {
+  rt::LogHistogram frames;  ///< how long they took, without their waiting
+  bool again = false;       ///< a person wants the same session once more
+};
+
 /// A window with the viewer in it, in the main thread (GLFW's rule), until the session is over, or until
-/// a person closes it where ViewHooks::last_words has something to say. Closing the window asks the loop to
+/// a person closes it where ViewHooks::session_end has something to say. Closing the window asks the loop to
 /// end the session. At most 60 frames a second; a frame that is late makes the loop wait for nothing. Throws
-/// RunError when no window can be opened. Returns how long frames took, without their waiting.
-rt::LogHistogram run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
-                            const ViewHooks& hooks);
+/// RunError when no window can be opened.
+WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
+                     const ViewHooks& hooks);
 
 }  // namespace telenano::viewer

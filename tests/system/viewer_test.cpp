@@ -351,6 +351,37 @@ TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {
 }
 
 // A display that is named but does not answer, with a server that does not either: the display comes first.
+// At a terminal the window stays with a summary when the task is done; Enter begins the same session again,
+// with a recording of its own. `script` gives a terminal; without one nobody is there to close it.
+TEST_F(ViewerPrograms, ADoneTaskLeavesItsSummaryAndBeginsAgain) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool", "/usr/bin/script"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool bsdutils";
+  }
+  Server server(scene_path("flakes"));
+  const std::string until = "for i in $(seq 900); do ";
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\n"
+      << "script -qefc '" << kMaster << " run --server " << server.address()
+      << " --task contact --view --record c.h5' typed.txt >/dev/null </dev/null &\n"
+      << "xdotool search --sync --name Telenano >/dev/null\n"
+      << until << "grep -q 'summary of' typed.txt && break; sleep 0.1; done; sleep 1; xdotool key p\n"
+      << until << "[ -s telenano-1.png ] && break; sleep 0.1; done\n"
+      << "pgrep -f 'record c.h5' >/dev/null && echo stays\n"
+      << "xdotool key Return\n"
+      << until << "[ $(grep -c 'summary of' typed.txt) = 2 ] && break; sleep 0.1; done; sleep 1\n"
+      << "[ -s c-2.h5 ] && echo again\n"
+      << "xdotool key ctrl+q; wait $!; echo ended with $?\n";
+  const Finished user = run_program(
+      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  EXPECT_NE(user.out.find("stays\nagain\nended with 0"), std::string::npos)
+      << user.out << user.err << file_text(path("typed.txt"));
+  EXPECT_TRUE(recording::RecordingReader(path("c.h5")).closed());
+  if (const char* folder = std::getenv("TELENANO_LOOK"))
+    std::filesystem::copy_file(path("telenano-1.png"), std::string(folder) + "/done.png",
+                               std::filesystem::copy_options::overwrite_existing);
+}
+
 TEST_F(ViewerPrograms, ABadDisplayIsSaidBeforeAServerIsAsked) {
   const std::vector<std::vector<std::string>> ways = {{"--view"}, {"--device", "mouse"}};
   for (const auto& flags : ways) {

@@ -1,10 +1,16 @@
 #include "telenano/master/app/run/run_command.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
+#include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 
+#include "telenano/common/base/error.h"
 #include "telenano/master/app/access_flags.h"
+#include "telenano/master/app/run/next_run.h"
 #include "telenano/master/app/run/run_options.h"
 #include "telenano/master/app/run/run_session.h"
 
@@ -93,6 +99,10 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
           "Keep the session's token here: a run that was killed and started again within the server's "
           "--resume-s goes on with the same tip and book")
       ->type_name("FILE");
+  command.add_flag(
+      "--close-at-end", options.close_at_end,
+      "Close the window with the session, whatever its end (default: at a terminal it stays with a "
+      "summary)");
   command.add_flag("--quiet", options.quiet, "No progress, only the summary");
   command.footer(
       "Exit code: 0 the task is done, or stopped by a signal; 1 failed while running: no server, server "
@@ -100,6 +110,20 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       "long, the station stopped itself, recording incomplete (a full disk does not end the session); 2 "
       "wrong usage or\n"
       "configuration, nothing was written.");
+}
+
+/// One session after the other, for as long as a person wants.
+int run_sessions(const RunOptions& options) {
+  std::optional<NextRun> next;
+  int exit_code = 1;
+  try {
+    exit_code = run_session(options, next);
+  } catch (const RunError& error) {
+    if (!next || !next->asked()) throw;
+    fmt::print(stderr, "telenano-master: {}\n", error.what());
+  }
+  if (next && next->asked()) throw RunError(next->begin());
+  return exit_code;
 }
 
 }  // namespace
@@ -117,7 +141,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
       ->add_option(
           "--task", options->task,
           "What the simulated hand does; in a window others can be chosen later. With neither this nor "
-          "--duration-s a window stays open after the task")
+          "--duration-s the session goes on after the task")
       ->capture_default_str()
       ->type_name("{position,contact,indent,scan,script}")
       ->each([options](const std::string&) { options->task_given = true; });
@@ -130,7 +154,7 @@ CLI::App* add_run_command(CLI::App& app, const std::string& command_line, int& e
   command->add_option("--depth-nm", options->depth_nm, "Intended depth of --task indent (default 5)")
       ->check(CLI::Range(0.0, 1000.0));
   add_session_flags(*command, *options);
-  command->callback([options, &exit_code] { exit_code = run_session(*options); });
+  command->callback([options, &exit_code] { exit_code = run_sessions(*options); });
   return command;
 }
 
@@ -144,7 +168,7 @@ CLI::App* add_replay_command(CLI::App& app, const std::string& command_line, int
   add_session_flags(*command, *options);
   command->callback([options, file, &exit_code] {
     options->device = "replay:" + *file;
-    exit_code = run_session(*options);
+    exit_code = run_sessions(*options);
   });
   return command;
 }

@@ -38,6 +38,7 @@ struct RunOptions : connection::ServerAccess {
   bool observe = false;
   bool take_over = false;
   std::string session_file;
+  bool close_at_end = false;
   bool quiet = false;
   ViewOptions view;
   std::string command_line;

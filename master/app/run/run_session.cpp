@@ -354,7 +354,7 @@ std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_st
 
 }  // namespace
 
-int run_session(const RunOptions& options) {
+int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const std::atomic<bool>& stop = catch_stop_signals();
   require_numbers(options);
   StationFile file = station_file(options);
@@ -366,6 +366,7 @@ int run_session(const RunOptions& options) {
   // Forks, so before whatever has threads, keys or sockets.
   scene_store::SceneKeeper scene(scene_options(options));
   SessionView view(options.view, spec.kind == DeviceSpec::Kind::kMouse);
+  if (view.has_window()) next.emplace();
   SessionDevice opened = open_session_device(spec, file.device, options.home, view.pointer());
   if (!simulated) add_pedals(opened, file.pedal);
   if (!options.quiet && !simulated) {
@@ -521,17 +522,19 @@ int run_session(const RunOptions& options) {
     print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
     print_sending(live.progress());
   };
-  // A window does not vanish under a person's eyes because the server did. A run that was told how long it
-  // takes is nobody's to close.
-  const auto last_words = [&]() -> std::vector<std::string> {
+  // A window does not vanish under a person's eyes because the server did, or because the task is done. A run
+  // that was told how long it takes, or whose window nobody opened at a terminal, is nobody's to close.
+  const auto session_end = [&]() -> std::pair<bool, std::vector<std::string>> {
     const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
-    if (failure.empty() || options.duration_s || stop.load()) return {};
+    const bool person = isatty(STDIN_FILENO) != 0 && live.ending() != Ending::kStopped;
+    if (options.close_at_end || options.duration_s || stop.load() || (failure.empty() && !person)) return {};
     conclude();
-    fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", failure);
-    std::vector<std::string> lines{failure, fmt::format("after {:.1f} s", live.summary().duration_s)};
+    if (!failure.empty())
+      fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", failure);
+    std::vector<std::string> lines = end_lines(failure, live.summary());
     if (recorder)
       lines.push_back(fmt::format("recording {}: {} rows", options.record, recorder->rows_written()));
-    return lines;
+    return {!failure.empty(), lines};
   };
   std::string frames;
   const ServerNames server_list{connection::server_names(options.server), servers.current()};
@@ -570,7 +573,8 @@ int run_session(const RunOptions& options) {
     };
     if (view.wanted()) {
       frames = view.run(live, recorder.get(), !thread.report().fifo,
-                        {look, last_words, [&stop] { return stop.load(); }});
+                        {look, session_end, [&stop] { return stop.load(); }});
+      if (view.again_wanted()) next->ask();
     }
     while (!live.finished()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));

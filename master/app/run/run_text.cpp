@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <cstring>
+#include <set>
 
 #include "telenano/common/link/fault_names.h"
 #include "telenano/master/station/station.h"
@@ -116,6 +117,19 @@ std::string station_fault_names() {
   for (std::uint32_t bit = 0; std::strcmp(station::fault_name(1u << bit), "none") != 0; ++bit)
     names += (bit == 0 ? "" : "; ") + std::string(station::fault_name(1u << bit));
   return names;
+}
+
+std::vector<std::string> end_lines(const std::string& failure, recording::Summary summary) {
+  summary.slave_fault_names = slave_fault_names();
+  summary.station_fault_names = station_fault_names();
+  // Of some thirty lines those that a person at a window asks about; the others are on standard error.
+  const std::set<std::string> told = {"duration",     "pull-off force",   "largest attraction",
+                                      "largest push", "greatest depth",   "in contact",
+                                      "faults",       "hand force, peak", "round trip p50 / p99 / max"};
+  std::vector<std::string> lines{failure.empty() ? "the task is done" : failure};
+  for (const auto& [name, value] : recording::summary_lines(summary))
+    if (told.contains(name)) lines.push_back(name + ": " + value);
+  return lines;
 }
 
 void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,

@@ -33,6 +33,9 @@ std::string station_fault_names();
 
 /// One line at the end: how many datagrams a second at last, at least, and why.
 void print_sending(const Progress& last);
+/// What a window that stays says: the failure, or that all went well, and what was felt; a line each.
+std::vector<std::string> end_lines(const std::string& failure, recording::Summary summary);
+
 /// At the end. `recorder` may be null. Overruns and missed ticks are the timer's: it knows them for certain.
 void print_summary(recording::Summary summary, const rt::PeriodicTimerStats& timer,
                    const recording::Recorder* recorder, const std::string& path);

@@ -6,7 +6,6 @@
 #include <atomic>
 #include <chrono>
 #include <cstddef>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,6 +15,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/master/app/devices/found_devices.h"
+#include "telenano/master/app/recordings/free_recording.h"
 #include "telenano/master/app/start/own_program.h"
 #include "telenano/master/app/start/recent_servers.h"
 #include "telenano/master/app/start/start_flags.h"
@@ -36,23 +36,6 @@ std::vector<viewer::OfferedHand> offered_hands() {
                      one.backend != "hid"});
   }
   return hands;
-}
-
-/// session.h5, session-2.h5 …: the first that does not exist, since a recording is never replaced.
-std::string free_recording(const std::string& wanted) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  if (wanted.empty() || !fs::exists(wanted, error)) return wanted;
-  const fs::path path(wanted);
-  std::string stem = path.stem().string();
-  const auto dash = stem.rfind('-');
-  if (dash != std::string::npos && dash + 1 < stem.size() &&
-      stem.find_first_not_of("0123456789", dash + 1) == std::string::npos)
-    stem.resize(dash);
-  for (int i = 2;; ++i) {
-    const fs::path name = path.parent_path() / fmt::format("{}-{}{}", stem, i, path.extension().string());
-    if (!fs::exists(name, error)) return name.string();
-  }
 }
 
 /// Asks a server in a process of its own: this window never waits for it.

@@ -182,7 +182,7 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
   hooks.session_over = [] { return false; };
   hooks.recording = [] { return viewer::RecordingStatus{}; };
   hooks.playback = &playback;
-  const rt::LogHistogram frames = viewer::run_window(facts, std::move(ground), port, hooks);
+  const rt::LogHistogram frames = viewer::run_window(facts, std::move(ground), port, hooks).frames;
   return fmt::format("viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99)", frames.count(),
                      1e-6 * static_cast<double>(frames.percentile_ns(0.5)),
                      1e-6 * static_cast<double>(frames.percentile_ns(0.99)));

@@ -182,7 +182,10 @@ std::string SessionView::run(const RealTimeSession& live, const recording::Recor
     };
   }
   hooks.pointer = &pointer_;
-  hooks.last_words = callbacks.last_words;
+  hooks.session_end = [&callbacks] {
+    auto [failed, lines] = callbacks.session_end();
+    return viewer::SessionEnd{failed, std::move(lines)};
+  };
   hooks.stop_wanted = callbacks.stop_wanted;
   try {
     return draw(hooks, live);
@@ -203,7 +206,8 @@ std::string SessionView::draw(const viewer::ViewHooks& hooks, const RealTimeSess
                        [&live] { return live.progress().time_s; });
     return "picture: " + options_.screenshot;
   }
-  const rt::LogHistogram frames = viewer::run_window(parts_->facts, std::move(*parts_->ground), port_, hooks);
+  const auto [frames, again] = viewer::run_window(parts_->facts, std::move(*parts_->ground), port_, hooks);
+  again_ = again;
   return fmt::format("viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99)", frames.count(),
                      1e-6 * static_cast<double>(frames.percentile_ns(0.5)),
                      1e-6 * static_cast<double>(frames.percentile_ns(0.99)));

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "telenano/common/config/slave_limits_file.h"
@@ -86,10 +87,13 @@ class SessionView {
 
   /// The loop's side, for RealTimeSession; null when no picture is wanted.
   view_model::ViewRequestHandler* begin(const ViewedSession& session);
+  /// After run(): a person wants the same session once more.
+  bool again_wanted() const noexcept { return again_; }
   struct Callbacks {
     std::function<void()> each;  ///< every now and then, while the session runs
-    /// Once it is over: why a window stays open, the cause first; none: it goes. Not asked of a photograph.
-    std::function<std::vector<std::string>()> last_words;
+    /// Once it is over: whether it failed, and what a window says that stays; no lines: it goes. Not asked of
+    /// a photograph.
+    std::function<std::pair<bool, std::vector<std::string>>()> session_end;
     std::function<bool()> stop_wanted;  ///< a window that has stayed goes
   };
   /// The picture, until the session is over, or the window closed that stayed after it. In the main thread.
@@ -106,6 +110,7 @@ class SessionView {
   bool mouse_ = false;
   bool window_ = false;
   bool photo_ = false;
+  bool again_ = false;
   view_model::ViewPort port_;
   rt::LatestValue<device::PointerState> pointer_;
   std::unique_ptr<view_model::ViewRequestHandler> requests_;

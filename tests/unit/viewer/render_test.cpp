@@ -724,7 +724,7 @@ TEST_F(Render, TellsWhatAPersonHasToKnow) {
   EXPECT_TRUE(has(text, "byatmost55.0nm")) << text;
   io.MouseDown[0] = false;
   frame();
-  viewer_->end({"the server at 127.0.0.1:5100 has been silent for 10 s", "after 63.0 s"});
+  viewer_->end({true, {"the server at 127.0.0.1:5100 has been silent for 10 s", "after 63.0 s"}});
   text = shown();
   EXPECT_TRUE(has(text, "Thesessionhasended")) << text;
   EXPECT_TRUE(has(text, "hasbeensilentfor10s")) << text;

@@ -99,7 +99,16 @@ std::vector<State> states() {
        1650,
        {},
        {},
-       [](Viewer& v, view_model::ViewPort&) { v.end({"the server has been silent"}); }},
+       [](Viewer& v, view_model::ViewPort&) {
+         v.end({true, {"the server has been silent"}});
+       }},
+      {"ended well",
+       1650,
+       {},
+       {},
+       [](Viewer& v, view_model::ViewPort&) {
+         v.end({false, {"the task is done", "duration: 10.00 s", "pull-off force: 38.9 nN"}});
+       }},
       {"plane", 2600, {}, {}, {}, {}, false},
       {"overview", 1650, {}, {}, {}, {GLFW_KEY_V}},
   };
@@ -174,8 +183,8 @@ void put_small(const Picture& from, Picture& sheet, int number) {
 // TELENANO_NEW_PICTURES=1 writes the sheet anew; look at it before committing.
 TEST_F(States, LookAsTheyDid) {
   const std::vector<State> all = states();
-  ASSERT_EQ(all.size(), 30u);
-  Picture now{kAcross * kTileWide, static_cast<int>(all.size()) / kAcross * kTileHigh, {}};
+  ASSERT_EQ(all.size(), 31u);
+  Picture now{kAcross * kTileWide, (static_cast<int>(all.size()) + kAcross - 1) / kAcross * kTileHigh, {}};
   now.rgb.resize(static_cast<std::size_t>(3 * now.width_px * now.height_px));
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Picture picture = draw(all[i]);
