@@ -89,6 +89,8 @@ void PassivityController::book(const PortInterval& interval) noexcept {
       if (axis_j > 0) axis_j *= kept;
     }
   }
+  ledger_j_ = std::min(ledger_j_, config_.store_max_j);
+  axis_ledger_j_ = axis_ledger_j_.cwiseMin(config_.store_max_j);
   damp((-axis_ledger_j_).cwiseMax(0.0), std::max(0.0, -ledger_j_), interval);
 }
 

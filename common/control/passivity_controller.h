@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
+#include <limits>
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/control/certain_loss.h"
@@ -29,6 +31,10 @@ struct PassivityConfig {
   /// long session in a lossy sample stores joules, behind which a later activity of the loop stays unseen for
   /// seconds. A leak gives that memory up. It only ever lowers the ledger, so every guarantee holds with it.
   double leak_time_s = 0;
+  /// Most passivity that is kept, J: what was put in beyond it is forgotten, and nobody gets it back. A
+  /// sample gives back what it has stored, and no more; a session's dissipated joules (rubbing, ploughing)
+  /// must not be at the disposal of a slave or a link that turns hostile. It too only ever lowers the ledger.
+  double store_max_j = std::numeric_limits<double>::infinity();
 };
 
 /// Time-domain passivity controller of the station's port. Forces act on the hand (frame H, N).
@@ -64,6 +70,9 @@ struct PassivityConfig {
 ///    than E₀ beyond what is certainly dissipated. (E₀ = 0 would never let the first contact begin.) An
 ///    interval that comes out k periods long may overdraw that by (k − 1)·|F|·v_max·T; once, since no force
 ///    is given until it is repaid.
+/// 4. Store: E ≤ store_max_j. So from any moment on no hand extracts more than store_max_j + E₀ beyond what
+/// is
+///    put in and dissipated after it, whatever was put in before.
 class PassivityController {
  public:
   explicit PassivityController(const PassivityConfig& config) noexcept;
@@ -76,7 +85,7 @@ class PassivityController {
   void book(const PortInterval& interval) noexcept;
 
   /// Energy received from the other side less what was sent there.
-  void transfer(double net_j) noexcept { ledger_j_ += net_j; }
+  void transfer(double net_j) noexcept { ledger_j_ = std::min(ledger_j_ + net_j, config_.store_max_j); }
 
   Vec3 damper_force_h_n() const noexcept { return damper_force_h_n_; }
   double damper_n_s_m() const noexcept { return damper_n_s_m_; }  ///< γ of this tick, the largest of the axes

@@ -25,7 +25,8 @@ namespace telenano::control {
 ///
 /// *What is believed.* An honest slave sends back no more than it was sent, and what its sample gives of its
 /// own: at most the well that it said it has (SlaveNews::well_j). More is not believed, whatever comes; so a
-/// server that lies in every sum gets two allowances and that well out of the hand's port, once.
+/// server that lies in every sum gets two allowances and that well out of the hand's port, once; and of what
+/// was put in before, the store (PassivityConfig::store_max_j) at this side and at the other.
 class TwoLayerTank final : public StationMethod {
  public:
   explicit TwoLayerTank(const MethodConfig& config) noexcept
@@ -43,7 +44,8 @@ class TwoLayerTank final : public StationMethod {
     const double send_j = std::min(std::max(0.0, interval.put_in_j), std::max(0.0, controller_.ledger_j()));
     controller_.transfer(-send_j);
     sent_j_ += send_j;
-    credited_j_ -= send_j;
+    // What is in the slave's tank beyond the store is not believed when it comes back.
+    credited_j_ = std::max(credited_j_ - send_j, -controller_.config().store_max_j);
   }
   void on_reply(const SlaveNews& news) noexcept override {
     force_h_n_ = news.force_h_n;

@@ -40,6 +40,7 @@ void read_control(const TomlTable& table, StationFile& file) {
     table.fail("damper", "expected \"along-motion\" or \"per-axis\"");
   station.damper =
       damper == "per-axis" ? control::DamperDirection::kPerAxis : control::DamperDirection::kAlongMotion;
+  station.store_max_j = table.number_or("store_max_j", between(1e-3, 1e6), station.store_max_j);
   station.leak_time_s = table.number_or("leak_time_s", between(0, 1e6), station.leak_time_s);
   station.allowance_j = table.number_or("allowance_j", between(1e-6, 1), station.allowance_j);
   station.well_max_j = table.number_or("well_max_j", between(0, 10), station.well_max_j);
@@ -168,6 +169,7 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
   list.emplace_back("control.damper",
                     station.damper == control::DamperDirection::kPerAxis ? "per-axis" : "along-motion");
   add("control.leak_time_s", station.leak_time_s);
+  add("control.store_max_j", station.store_max_j);
   add("control.allowance_j", station.allowance_j);
   add("control.well_max_j", station.well_max_j);
   add("control.guaranteed_velocity_m_s", station.guaranteed_velocity_m_s);

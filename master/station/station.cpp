@@ -141,6 +141,7 @@ control::MethodConfig Station::method_config() const noexcept {
   passivity.position_quantum_m = position_quantum_m_;
   passivity.damper = config_.damper;
   passivity.leak_time_s = config_.leak_time_s;
+  passivity.store_max_j = config_.store_max_j;
   method.scaling = config_.scaling;
   return method;
 }

@@ -20,6 +20,9 @@ struct StationConfig {
   control::Method method = control::Method::kModel;
   control::DamperDirection damper = control::DamperDirection::kAlongMotion;
   double leak_time_s = 0;  ///< stored passivity leaks away with this time constant; 0 = never
+  /// Most stored passivity that is kept: what a hand may get back of what was put in. Twice what any scene's
+  /// sample gave back at the device's force limit.
+  double store_max_j = 0.25;
 
   double allowance_j = 0.010;  ///< E₀, energy that may ever be extracted beyond what is put in
   double well_max_j = 0.1;     ///< most that is credited for a sample's own energy, whatever the slave says

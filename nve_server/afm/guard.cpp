@@ -45,6 +45,7 @@ constexpr double kSameHeightM = 1e-9;
 constexpr std::int64_t kBeatNs = 100 * kMs;        // between two heartbeats to the deadman
 constexpr std::int64_t kUnansweredNs = 500 * kMs;  // then the connection is made anew
 constexpr std::int64_t kMeetNs = 2000 * kMs;
+constexpr std::int64_t kNoticesNs = 2000 * kMs;  // a guard that its server is gone, on a busy machine
 constexpr std::string_view kOrder = "telenano-afm-guard 1";
 constexpr std::size_t kMostOrder = 4096;
 constexpr std::string_view kGoodbye = "Telenano.Goodbye";
@@ -52,8 +53,7 @@ constexpr std::string_view kGoodbye = "Telenano.Goodbye";
 /// A name that only one process has at a time, and that goes with it.
 class OneName {
  public:
-  explicit OneName(const std::string& emergency) {
-    const std::string text = "telenano-afm-guard " + emergency;
+  explicit OneName(const std::string& text) {
     address_.sun_family = AF_UNIX;
     // Abstract: a zero, then the name; no file that could be left behind.
     const std::size_t n = std::min(text.size(), sizeof(address_.sun_path) - 1);
@@ -83,13 +83,22 @@ class OneName {
   int handle_ = -1;
 };
 
+std::string name_of_living(const std::string& emergency) {
+  return "telenano-afm-guard lives " + emergency;
+}
+std::string name_of_withdrawing(const std::string& emergency) {
+  return "telenano-afm-guard " + emergency;
+}
+
 class Guard {
  public:
   Guard(int handle, const net::Address& emergency, int silence_ms, const std::optional<DeadmanKey>& key)
       : handle_(handle),
         emergency_(emergency),
         silence_ns_(silence_ms * kMs),
-        withdraws_alone_(net::to_string(emergency)) {
+        lives_(name_of_living(net::to_string(emergency))),
+        withdraws_alone_(name_of_withdrawing(net::to_string(emergency))) {
+    lives_.take();
     if (key) deadman_.emplace(*key, fresh_nonce());
   }
 
@@ -375,6 +384,7 @@ class Guard {
   int handle_;
   net::Address emergency_;
   std::int64_t silence_ns_;
+  OneName lives_;  // from its start to its end, if no other guard of this controller has it
   OneName withdraws_alone_;
   std::optional<DeadmanLink> deadman_;
   bool met_ = false;
@@ -417,11 +427,20 @@ int run_guard(int handle, const net::Address& emergency, int silence_ms,
 
 void await_last_guard(const std::string& emergency, const std::atomic<bool>& stop,
                       const std::function<void(const std::string&)>& news) {
-  OneName withdraws_alone(emergency);
+  OneName lives(name_of_living(emergency));
+  OneName withdraws_alone(name_of_withdrawing(emergency));
+  const rt::SteadyClock clock;
+  std::int64_t notices_until_ns = clock.now_ns() + kNoticesNs;
   bool told = false;
-  while (!stop.load(std::memory_order_relaxed) && !withdraws_alone.take()) {
-    if (!std::exchange(told, true))
+  while (!stop.load(std::memory_order_relaxed)) {
+    const bool withdraws = !withdraws_alone.take();
+    if (withdraws && !std::exchange(told, true))
       news("waiting for the guard of the last run, which is still withdrawing the tip");
+    // One that lives and does not withdraw may just not have noticed yet that its server is gone; or its
+    // server is another one that still runs, which the controller will tell.
+    if (withdraws) notices_until_ns = clock.now_ns() + kNoticesNs;
+    if (!withdraws && (lives.take() || clock.now_ns() > notices_until_ns)) return;
+    if (!withdraws) withdraws_alone.release();
     const timespec nap{0, static_cast<long>(20 * kMs)};
     ::nanosleep(&nap, nullptr);
   }

@@ -42,6 +42,10 @@ station::StationConfig station_of(const RecordingReader& reader) {
   c.damper = text_of(reader, "control.damper") == "per-axis" ? control::DamperDirection::kPerAxis
                                                              : control::DamperDirection::kAlongMotion;
   c.leak_time_s = number_of(reader, "control.leak_time_s");
+  // Before there was a bound.
+  constexpr double kUnbounded_j = 1e6;
+  const std::string store = reader.configuration("control.store_max_j");
+  c.store_max_j = store.empty() ? kUnbounded_j : std::strtod(store.c_str(), nullptr);
   c.allowance_j = number_of(reader, "control.allowance_j");
   if (const std::string well = reader.configuration("control.well_max_j"); !well.empty())
     c.well_max_j = std::strtod(well.c_str(), nullptr);
@@ -163,7 +167,8 @@ StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams) {
   return order;
 }
 
-std::uint64_t newest_answered_before(const std::vector<recording::DatagramRow>& datagrams) {
+std::uint64_t newest_answered_before(const std::vector<recording::DatagramRow>& datagrams, bool any) {
+  if (!any) return 0;
   for (const auto& row : datagrams) {
     if (row.type == static_cast<std::uint32_t>(link::MessageType::kReply) && row.drop == 0)
       return row.answers - 1;

@@ -53,7 +53,7 @@ StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams);
 
 /// The newest command whose reply can have come before the recording began; UINT64_MAX: any. Replies are
 /// accepted in their order: one that was newer than the first one recorded would have had that one dropped,
-/// so it was lost.
-std::uint64_t newest_answered_before(const std::vector<recording::DatagramRow>& datagrams);
+/// so it was lost. `any`: one had come, so that a round trip is known; else 0.
+std::uint64_t newest_answered_before(const std::vector<recording::DatagramRow>& datagrams, bool any);
 
 }  // namespace telenano::studies

@@ -137,7 +137,9 @@ void prime(const RecordedSession& recorded, link::ClientSession& client, Scripte
   wire.open_to_all(false);
   std::set<std::uint64_t> come_later;
   for (const auto& row : recorded.datagrams) come_later.insert(row.answers);
-  const std::uint64_t answered = newest_answered_before(recorded.datagrams);
+  // A machine with too much to do may have answered none of them by then.
+  const bool any = first.rtt_smoothed_us > 0;
+  const std::uint64_t answered = newest_answered_before(recorded.datagrams, any);
   // By the round trip a sender of logged steps knows for how long to wait before it sends them again.
   const bool logs_steps = (recorded.features & link::kFeatureStepLog) != 0;
   const std::int64_t round_trip_ns = std::llround(1e3 * first.rtt_smoothed_us);

@@ -93,8 +93,9 @@ TEST(RecordedSession, AReplyNewerThanTheFirstOneRecordedWasLost) {
   welcome.type = static_cast<std::uint32_t>(link::MessageType::kWelcome);
   recording::DatagramRow stale = reply(19, 25, 0);
   stale.drop = static_cast<std::uint32_t>(link::DropCause::kStale);
-  EXPECT_EQ(newest_answered_before({welcome, stale, reply(21, 28, 0), reply(23, 30, 0)}), 27u);
-  EXPECT_EQ(newest_answered_before({welcome, stale}), UINT64_MAX);
+  EXPECT_EQ(newest_answered_before({welcome, stale, reply(21, 28, 0), reply(23, 30, 0)}, true), 27u);
+  EXPECT_EQ(newest_answered_before({welcome, stale}, true), UINT64_MAX);
+  EXPECT_EQ(newest_answered_before({welcome, stale, reply(21, 28, 0)}, false), 0u);
 }
 
 /// A session that logs its steps, over a wire that knows what the replies had said. Step n is that of command

@@ -63,6 +63,9 @@ TEST(StationConfig, RefusesEveryBadValue) {
   config.device_damping_n_s_m = NAN;
   EXPECT_NE(refusal(config), "");
   config = {};
+  config.store_max_j = 0;
+  EXPECT_NE(refusal(config), "");
+  config = {};
   config.leak_time_s = -1;
   EXPECT_NE(refusal(config), "");
 }

@@ -31,6 +31,7 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   EXPECT_TRUE(file.chooses_method && defaults.chooses_method) << "by the round trip";
   EXPECT_EQ(a.allowance_j, b.allowance_j);
   EXPECT_EQ(a.well_max_j, b.well_max_j);
+  EXPECT_EQ(a.store_max_j, b.store_max_j);
   EXPECT_EQ(a.guaranteed_velocity_m_s, b.guaranteed_velocity_m_s);
   EXPECT_EQ(a.trip_velocity_m_s, b.trip_velocity_m_s);
   EXPECT_EQ(a.force_safety, b.force_safety);

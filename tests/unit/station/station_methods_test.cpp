@@ -17,6 +17,7 @@ const Vec3 kPush(0, 0, 50);  // nN at the tip: 1 N at the hand with the default 
 StationConfig config_of(Method method) {
   StationConfig config;
   config.method = method;
+  config.store_max_j = 100;
   config.well_max_j = 10;  // replies made by hand give energy that nobody has sent
   return config;
 }
