@@ -56,7 +56,15 @@ ServerLink::ServerLink(const ServerAccess& options, const net::Address& server)
   dtls_ = std::make_unique<security::DtlsClient>(config, socket_, server, clock_);
 }
 
+void ServerLink::practise(const net::PracticeLink& link) {
+  if (practice_) return practice_->set(link);
+  net::Datagram& inner = datagram();
+  practice_ = std::make_unique<net::PracticeDatagram>(
+      inner, []() noexcept { return rt::SteadyClock().now_ns(); }, link);
+}
+
 net::Datagram& ServerLink::datagram() noexcept {
+  if (practice_) return *practice_;
   if (dtls_) return *dtls_;
   return socket_;
 }

@@ -34,6 +34,10 @@ bool ServerList::set_dscp(int dscp) noexcept {
   return all;
 }
 
+void ServerList::practise(const net::PracticeLink& link) {
+  for (const auto& server : servers_) server->link.practise(link);
+}
+
 net::SendStatus ServerList::send(std::span<const std::uint8_t> bytes, const net::Address&) noexcept {
   return link().datagram().send(bytes, address());
 }

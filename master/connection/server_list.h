@@ -35,6 +35,8 @@ class ServerList final : public net::Datagram {
   /// The network has answered that nobody listens there; it may be older than the newest attempt.
   bool nobody_listens() const noexcept { return now().link.nobody_listens(); }
   bool set_dscp(int dscp) noexcept;
+  /// ServerLink::practise, of all.
+  void practise(const net::PracticeLink& link);
 
   /// The address under which all are known to who uses this as a Datagram.
   const net::Address& as() const noexcept { return servers_.front()->address; }

@@ -16,6 +16,12 @@
 
 namespace telenano::view_model {
 
+/// A worse link than there is: what is added to the round trip, and the share lost of each way.
+struct PracticeWish {
+  double rtt_ms = 0;
+  double loss = 0;
+};
+
 /// What a person at the screen asks of the loop.
 struct ViewRequest {
   enum class Kind : std::uint8_t {
@@ -25,12 +31,14 @@ struct ViewRequest {
     kScaling,    ///< bumpless; not taken where it would not be safe
     kMarker,     ///< a mark in the recording
     kTask,       ///< of a simulated hand: lets go, goes back, begins
+    kPractice,   ///< another link to practise on
     kQuit,       ///< end the session
   };
   Kind kind = Kind::kStop;
   control::Method method = control::Method::kNone;
   control::Scaling scaling{};
   int task = 0;
+  PracticeWish practice{};
 };
 
 /// link::Particle as plain data.

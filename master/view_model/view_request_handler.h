@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "telenano/master/station/station.h"
 #include "telenano/master/view_model/view_port.h"
@@ -24,6 +25,7 @@ class ViewRequestHandler {
     bool quit = false;
     int marks = 0;
     int task = -1;  ///< to begin; negative: none
+    std::optional<PracticeWish> practice;
   };
   Asked answer(station::Station& station) noexcept;
 

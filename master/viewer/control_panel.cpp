@@ -362,6 +362,32 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
   ImGui::EndTable();
 }
 
+std::string ControlPanel::practice_text() const {
+  if (!practice_ || (practice_->rtt_ms <= 0 && practice_->loss <= 0)) return "";
+  return fmt::format("practice link: +{:.0f} ms, {:.0f} % lost", practice_->rtt_ms, 100 * practice_->loss);
+}
+
+// Sliders that are let go of rather than dragged: a delay that follows every pixel would reorder what is
+// sent.
+void ControlPanel::draw_practice() {
+  if (!practice_) return;
+  auto rtt_ms = static_cast<float>(practice_->rtt_ms);
+  auto percent = static_cast<float>(100 * practice_->loss);
+  bool done = false;
+  ImGui::SetNextItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
+  ImGui::SliderFloat("round trip", &rtt_ms, 0, 500, "+%.0f ms");
+  done |= ImGui::IsItemDeactivatedAfterEdit();
+  ImGui::SetNextItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
+  ImGui::SliderFloat("lost", &percent, 0, 20, "%.0f %%");
+  done |= ImGui::IsItemDeactivatedAfterEdit();
+  practice_ = {rtt_ms, 0.01 * percent};
+  if (!done || ended_) return;
+  ViewRequest request;
+  request.kind = ViewRequest::Kind::kPractice;
+  request.practice = *practice_;
+  port_.requests.push(request);
+}
+
 void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live,
                              const RecordingStatus& recording) {
   const float s = gui.scale();
@@ -414,6 +440,7 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
   }
   ImGui::Separator();
   draw_numbers(gui, live);
+  draw_practice();
   ImGui::Separator();
   draw_foot(gui, live, recording);
   ImGui::End();

@@ -17,7 +17,8 @@ namespace telenano::viewer {
 /// of requests; what is shown is what the loop says, never what was asked.
 class ControlPanel {
  public:
-  ControlPanel(const ViewFacts& facts, view_model::ViewPort& port) : facts_(facts), port_(port) {}
+  ControlPanel(const ViewFacts& facts, view_model::ViewPort& port)
+      : facts_(facts), port_(port), practice_(facts.practice) {}
 
   void draw(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording,
             const Area& area);
@@ -46,6 +47,8 @@ class ControlPanel {
   /// Does the mouse lead the hand now?
   bool mouse_leads() const noexcept;
 
+  /// What is added to the link now, for a person; empty: nothing.
+  std::string practice_text() const;
   bool clutch_on_screen() const noexcept { return clutch_; }
   void want_picture() noexcept { picture_wanted_ = true; }
   bool take_picture_wanted() noexcept { return std::exchange(picture_wanted_, false); }
@@ -61,6 +64,7 @@ class ControlPanel {
   void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, ImVec2 size);
   static void draw_tip_rows(const view_model::LiveSession& live);
   void draw_numbers(const Gui& gui, const view_model::LiveSession& live);
+  void draw_practice();
   void draw_foot(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording);
 
   const ViewFacts& facts_;
@@ -68,6 +72,7 @@ class ControlPanel {
   view_model::Playback* playback_ = nullptr;
   std::optional<control::Scaling> dragged_;  // while a slider is held
   double reach_nm_ = 0;
+  std::optional<view_model::PracticeWish> practice_;
   bool ended_ = false;
   bool close_wanted_ = false;
   bool clutch_ = false;

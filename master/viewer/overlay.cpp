@@ -387,7 +387,7 @@ palette::Rgb colour_of(const Badge& badge) {
 }  // namespace
 
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
-                 const Area& area, bool ended, station::TwinState twin) {
+                 const Area& area, bool ended, station::TwinState twin, const std::string& practice) {
   ImDrawList* const list = ImGui::GetBackgroundDrawList();
   const float s = gui.scale();
   const float left = static_cast<float>(area.x_px) + 10 * s;
@@ -416,6 +416,7 @@ void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveS
   inputs.twin = twin;
   for (const Badge& badge : view_model::session_banner(inputs).badges)
     pill(badge.word, colour_of(badge), badge.filled);
+  if (!practice.empty()) pill(practice, palette::kWarning, true);
   // What does not fit into the row goes under it, and is cut there.
   if (x + text_size(gui.text(), facts.scene_name.c_str()).x > right && x > left) {
     x = left;

@@ -24,6 +24,6 @@ void draw_measurement(const Gui& gui, const view_model::Profile& profile, const 
 /// The badges of the session banner (SIM, AFM, STALE …), the sample's name and what the station is doing,
 /// across the top. Before the words of the pictures, which give way to it.
 void draw_banner(const Gui& gui, const ViewFacts& facts, const view_model::LiveSession& live,
-                 const Area& area, bool ended, station::TwinState twin);
+                 const Area& area, bool ended, station::TwinState twin, const std::string& practice);
 
 }  // namespace telenano::viewer

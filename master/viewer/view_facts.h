@@ -2,11 +2,13 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/master/view_model/scaling_region.h"
+#include "telenano/master/view_model/view_port.h"
 
 namespace telenano::viewer {
 
@@ -33,11 +35,12 @@ struct ViewFacts {
   std::string played;                   ///< recording that is shown instead of a session; empty: none
   std::vector<TaskOffer> tasks;  ///< that the hand can be told to do; empty: a person's, or one recording's
   double surface_z_w_nm = 0;
-  std::string surface_doubt;      ///< why the scan that is drawn may be another's; empty: it is the session's
-  double give_up_s = 0;           ///< of silence, after which the session ends; 0: not known
-  double hand_force_limit_n = 0;  ///< what the station never exceeds
-  double energy_bound_j = 0;      ///< that may ever be extracted
-  double tip_radius_nm = 20;      ///< drawn; the server does not tell it
+  std::string surface_doubt;  ///< why the scan that is drawn may be another's; empty: it is the session's
+  double give_up_s = 0;       ///< of silence, after which the session ends; 0: not known
+  std::optional<view_model::PracticeWish> practice;  ///< where the link can be made worse: how it begins
+  double hand_force_limit_n = 0;                     ///< what the station never exceeds
+  double energy_bound_j = 0;                         ///< that may ever be extracted
+  double tip_radius_nm = 20;                         ///< drawn; the server does not tell it
   view_model::ScalingRegion region{};
   std::array<bool, control::kAllMethods.size()> method_offered{};  ///< by this server
 };

@@ -549,7 +549,8 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   const SceneState now = state();
   const SceneFrame frame = SceneRenderer::overview_frame(ground_);
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
-  draw_banner(gui_, facts_, live_, layout.overview, !ending_.lines.empty(), port_.twin.load());
+  draw_banner(gui_, facts_, live_, layout.overview, !ending_.lines.empty(), port_.twin.load(),
+              panel_.practice_text());
   draw_guide(layout);
   if (views_ != Views::kCloseUp) {
     const view_model::Camera camera = shown_overview_camera_ = fitted_overview(layout.overview);

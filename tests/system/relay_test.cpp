@@ -30,6 +30,23 @@ double summary(const std::string& out, const std::string& row, const std::string
   return std::nan("");
 }
 
+// The relay's model inside the station: the same session, on a link that is worse by what was asked for.
+TEST_F(ProgramsTest, APracticeLinkIsAsBadAsAskedFor) {
+  Server server(scene_path("flat_silicon_oxide"));
+  const Finished run =
+      run_program({kMaster, "run", "--server", server.address(), "--task", "contact", "--duration-s", "4",
+                   "--practice-link", "rtt=100,loss=5", "--record", path("practice.h5")},
+                  {}, kLong);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.err.find("practice link: +100 ms, 5.0 % lost"), std::string::npos) << run.err;
+  const recording::RecordingReader reader(path("practice.h5"));
+  std::vector<double> rtt_us = reader.read("rtt_us");
+  std::sort(rtt_us.begin(), rtt_us.end());
+  EXPECT_GT(rtt_us[rtt_us.size() / 2], 100e3);
+  EXPECT_LT(rtt_us[rtt_us.size() / 2], 130e3);
+  EXPECT_GT(reader.read("lost").back(), 0);
+}
+
 TEST_F(ProgramsTest, ASessionOverDelayLossAndDuplicatesEndsWell) {
   // Commands and replies alone are counted here: a recording would fetch a scene that no session before has.
   Server server(scene_path("flakes"), 0, {"--no-scene-sharing"});

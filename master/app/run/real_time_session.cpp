@@ -151,6 +151,12 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventTask, "task chosen",
                                             static_cast<std::uint32_t>(asked.task)));
   }
+  if (asked.practice && practised_ != nullptr) {
+    practised_->practise({asked.practice->rtt_ms, 0, asked.practice->loss});
+    if (recorder_ != nullptr)
+      recorder_->push(recording::make_event(before.tick, before.time_s, kEventPractice, "practice link",
+                                            static_cast<std::uint32_t>(asked.practice->rtt_ms)));
+  }
   // One a tick is more than a person writes.
   if (view_model::Note note; requests_->take_note(note) && recorder_ != nullptr)
     recorder_->push(note_event(note));

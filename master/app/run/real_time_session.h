@@ -44,6 +44,8 @@ inline constexpr std::uint32_t kEventTwin =
 inline constexpr std::uint32_t kEventSendRate =
     107;  ///< value: datagrams a second from here on; the text says why
 inline constexpr std::uint32_t kEventServer = 108;  ///< value: its place in --server's list, from 1
+inline constexpr std::uint32_t kEventPractice =
+    110;  ///< another practice link; value: ms added to the round trip
 inline constexpr std::uint32_t kEventNote =
     109;  ///< a person's words, of the moment when writing began: "note: …"
 
@@ -114,6 +116,8 @@ class RealTimeSession {
   /// Goes on to the next server when the current one is lost, before run(). `servers` is the socket that was
   /// given to the constructor, with several in it.
   void set_servers(connection::ServerList& servers) noexcept { servers_ = &servers; }
+  /// The servers' links can be made worse on a person's word, before run().
+  void set_practice(connection::ServerList& servers) noexcept { practised_ = &servers; }
   /// Who fetches the server's scene, before run().
   void set_scene_pipe(loop::ScenePipe& pipe) noexcept { loop_.set_scene_pipe(&pipe); }
 
@@ -164,6 +168,7 @@ class RealTimeSession {
   rt::SteadyClock clock_;
   loop::StationLoop loop_;
   connection::ServerList* servers_ = nullptr;
+  connection::ServerList* practised_ = nullptr;  // null: no link to practise on
   std::uint64_t servers_left_ = 0;
   connection::LeaveCause left_because_ = connection::LeaveCause::kNone;
   double surface_z_w_nm_;

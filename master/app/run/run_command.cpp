@@ -63,6 +63,16 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
           "Marking of what is sent, for routers that look at it: ef (46, expedited forwarding), none, 0-63")
       ->capture_default_str();
   command
+      .add_option_function<std::string>(
+          "--practice-link",
+          [&options](const std::string& text) {
+            options.practice = net::parse_practice_link(text, "--practice-link");
+          },
+          "To practise on a worse link than there is: added to the round trip (ms), lost of each way "
+          "(percent); "
+          "off: only the sliders for it in the window")
+      ->type_name("{off,rtt=100,jitter=5,loss=2}");
+  command
       .add_option("--metrics", options.metrics,
                   "Answer Prometheus at HOST:PORT, e.g. 127.0.0.1:9464; port 0 takes any free one")
       ->type_name("HOST:PORT");

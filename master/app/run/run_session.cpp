@@ -377,6 +377,11 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   connection::ServerList servers(options);
   if (dscp != 0 && !servers.set_dscp(dscp))
     fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
+  if (options.practice) {
+    servers.practise(*options.practice);
+    const std::string text = net::practice_text(*options.practice);
+    if (!options.quiet && !text.empty()) fmt::print(stderr, "practice link: {}\n", text);
+  }
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(config.rate_hz);
   client_config.nonce_seed = connection::random_nonce_seed();
@@ -497,10 +502,11 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   RealTimeSession live(hand, servers, servers.as(), session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
   if (servers.size() > 1) live.set_servers(servers);
+  if (options.practice) live.set_practice(servers);
   if (file.chooses_method) live.choose_method();
   if (view_model::ViewRequestHandler* const requests = view.begin(
           {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
-           tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene)}))
+           tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene), options.practice}))
     live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   live.set_scene_pipe(scene.pipe());

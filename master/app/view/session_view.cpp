@@ -119,6 +119,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   facts.hand_force_limit_n = session.station.force_safety * session.device.force_max_n;
   facts.energy_bound_j = session.station.allowance_j;
   facts.give_up_s = session.give_up_s;
+  if (session.practice) facts.practice = {session.practice->rtt_ms, session.practice->loss};
   facts.tip_radius_nm = options_.tip_radius_nm;
   const control::Scaling& planned = session.station.scaling;
   view_model::ScalingRegion& region = facts.region;

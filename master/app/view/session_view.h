@@ -10,6 +10,7 @@
 
 #include "telenano/common/config/slave_limits_file.h"
 #include "telenano/common/link/messages.h"
+#include "telenano/common/net/practice_link.h"
 #include "telenano/common/recording/recorder.h"
 #include "telenano/common/rt/latest_value.h"
 #include "telenano/common/surface/height_grid.h"
@@ -66,6 +67,7 @@ struct ViewedSession {
   double give_up_s = 0;               ///< of silence
   /// The true surface, once it is here: each time that it is another one. Null function: it never comes.
   std::function<std::optional<surface::HeightGrid>()> fetched_ground = nullptr;
+  std::optional<net::PracticeLink> practice{};  ///< where the link can be made worse
 };
 
 /// The picture of a session: a window, or one photograph without a display; nothing where neither is asked

@@ -118,6 +118,22 @@ TEST(ViewRequestHandler, CountsMarksAndQuits) {
 }
 
 // The one that the station heard of last; a reply that does not know it yet takes nothing away.
+TEST(ViewRequestHandler, PassesOnTheNewestPracticeLink) {
+  Fixture rig;
+  EXPECT_FALSE(rig.requests.answer(rig.station).practice);
+  for (const double rtt_ms : {50.0, 120.0}) {
+    ViewRequest request;
+    request.kind = ViewRequest::Kind::kPractice;
+    request.practice = {rtt_ms, 0.02};
+    rig.port.requests.push(request);
+  }
+  const auto asked = rig.requests.answer(rig.station);
+  ASSERT_TRUE(asked.practice);
+  EXPECT_EQ(asked.practice->rtt_ms, 120);
+  EXPECT_EQ(asked.practice->loss, 0.02);
+  EXPECT_FALSE(rig.requests.answer(rig.station).practice);
+}
+
 TEST(ViewRequestHandler, ShowsTheParticleThatTheStationHearsOf) {
   Fixture f;
   const auto hear = [&](const link::Particle& particle) {

@@ -109,6 +109,12 @@ std::vector<State> states() {
        [](Viewer& v, view_model::ViewPort&) {
          v.end({false, {"the task is done", "duration: 10.00 s", "pull-off force: 38.9 nN"}});
        }},
+      {"practice link",
+       1650,
+       {},
+       [](ViewFacts& facts) {
+         facts.practice = {150, 0.05};
+       }},
       {"plane", 2600, {}, {}, {}, {}, false},
       {"overview", 1650, {}, {}, {}, {GLFW_KEY_V}},
   };
@@ -183,7 +189,7 @@ void put_small(const Picture& from, Picture& sheet, int number) {
 // TELENANO_NEW_PICTURES=1 writes the sheet anew; look at it before committing.
 TEST_F(States, LookAsTheyDid) {
   const std::vector<State> all = states();
-  ASSERT_EQ(all.size(), 31u);
+  ASSERT_EQ(all.size(), 32u);
   Picture now{kAcross * kTileWide, (static_cast<int>(all.size()) + kAcross - 1) / kAcross * kTileHigh, {}};
   now.rgb.resize(static_cast<std::size_t>(3 * now.width_px * now.height_px));
   for (std::size_t i = 0; i < all.size(); ++i) {
