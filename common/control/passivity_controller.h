@@ -53,26 +53,23 @@ struct PassivityConfig {
 ///
 /// **`ks-clamp`**, three parts.
 /// 1. Ledger: E(k) = E(k−1) − F(k−1)·Δx(k) with the total force applied. If E < 0, E ← min(0, E + c), with c
-/// the energy
-///    certainly lost in the device's own damping: ∫b v² dt ≥ b|Δx|²/T (Cauchy–Schwarz). Credit only repays a
-///    deficit, so E never exceeds the energy put in plus the energy certainly dissipated. Without it the
-///    small leak of a sampled wall (which a device with b > KT/2 pays for, so that it is passive at the hand)
-///    would fade the wall to nothing. With a quantised encoder Δx is known to ±q an axis only, and b q²/T of
-///    a flickering last digit would be a credit for nothing: the credit is taken over windows long enough for
-///    |Δx| ≥ 8 q, as b (|Δx| − q)²/t_window; windows do not overlap, so the bound stays certain.
+///    the energy certainly lost in the device's own damping: ∫b v² dt ≥ b|Δx|²/T (Cauchy–Schwarz). Credit
+///    only repays a deficit, so E never exceeds the energy put in plus the energy certainly dissipated.
+///    Without it the small leak of a sampled wall (which a device with b > KT/2 pays for, so that it is
+///    passive at the hand) would fade the wall to nothing. With a quantised encoder Δx is known to ±q an axis
+///    only, and b q²/T of a flickering last digit would be a credit for nothing: the credit is taken over
+///    windows long enough for |Δx| ≥ 8 q, as b (|Δx| − q)²/t_window; windows do not overlap, so the bound
+///    stays certain.
 /// 2. Damper γ = −E·T/|Δx|² along the motion, capped at γ ≤ b − KT/2 − |B|: it is itself sampled, and beyond
-/// the cap
-///    it makes the port active (Colgate's bound). What the cap leaves stays in the ledger. Where K > 2b/T the
-///    cap is zero: the damper can then do nothing at all.
+///    the cap it makes the port active (Colgate's bound). What the cap leaves stays in the ledger. Where K >
+///    2b/T the cap is zero: the damper can then do nothing at all.
 /// 3. Pre-commit clamp: |F(k)| ≤ (E(k) + E₀)/(v_max T). The next interval cannot take out more than
-/// |F|·v_max·T, so
-///    E(k+1) ≥ E(k) − |F(k)| v_max T ≥ −E₀ for every motion below v_max: by induction no hand extracts more
-///    than E₀ beyond what is certainly dissipated. (E₀ = 0 would never let the first contact begin.) An
-///    interval that comes out k periods long may overdraw that by (k − 1)·|F|·v_max·T; once, since no force
-///    is given until it is repaid.
+///    |F|·v_max·T, so E(k+1) ≥ E(k) − |F(k)| v_max T ≥ −E₀ for every motion below v_max: by induction no hand
+///    extracts more than E₀ beyond what is certainly dissipated. (E₀ = 0 would never let the first contact
+///    begin.) An interval that comes out k periods long may overdraw that by (k − 1)·|F|·v_max·T; once, since
+///    no force is given until it is repaid.
 /// 4. Store: E ≤ store_max_j. So from any moment on no hand extracts more than store_max_j + E₀ beyond what
-/// is
-///    put in and dissipated after it, whatever was put in before.
+///    is put in and dissipated after it, whatever was put in before.
 class PassivityController {
  public:
   explicit PassivityController(const PassivityConfig& config) noexcept;

@@ -11,14 +11,13 @@ namespace telenano::control {
 /// Samples of delay with which a scaling is planned and beyond which it is refused, of the loop's own
 /// `loop_delay_samples`:
 ///
-///   none, ks                          the loop's. What they show is passive only as far as the whole loop
-///   is:
-///                                     KS's damper acts after the energy is out, and not at rest.
-///   ks-clamp, tdpa, wave, tank, model at most one. They pay for the way's delay themselves, by a bound on
-///   the
-///                                     energy given or by what they put on the line, whatever its length.
-///                                     What no method can pay for is the sampling at the hand: a force held
-///                                     for a period, and an answer used one tick later at the earliest.
+///   none, ks
+///     the loop's. What they show is passive only as far as the whole loop is: KS's damper acts after the
+///     energy is out, and not at rest.
+///   ks-clamp, tdpa, wave, tank, model
+///     at most one. They pay for the way's delay themselves, by a bound on the energy given or by what they
+///     put on the line, whatever its length. What no method can pay for is the sampling at the hand: a force
+///     held for a period, and an answer used one tick later at the earliest.
 int binding_delay_samples(Method method, int loop_delay_samples) noexcept;
 
 /// What decides the scaling of a station, its device, its link and a slave.

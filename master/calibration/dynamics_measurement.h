@@ -35,12 +35,11 @@ const char* end_text(MeasurementEnd end) noexcept;
 /// and keeps what it did. A tick: read the device, force(), write it, applied().
 ///
 /// Force     k (x₀ − x) − d ẋ + Σ a_i sin(2π f_i t + φ_i) on the axis under measurement, the first two alone
-/// on
-///           the others; k = 60 N/m, d = 4 N·s/m, a_i 0.2 N at seven frequencies of 0.7 to 8 Hz that have no
-///           common one (phases by Schroeder's rule, IEEE Trans. Inf. Theory 16, 1970: a low peak), clipped
-///           to force_max_n. The spring and the damper are part of the known force: they take nothing from
-///           the truth, keep a handle without friction from running away, and hold it against what gravity
-///           compensation leaves.
+///           on the others; k = 60 N/m, d = 4 N·s/m, a_i 0.2 N at seven frequencies of 0.7 to 8 Hz that have
+///           no common one (phases by Schroeder's rule, IEEE Trans. Inf. Theory 16, 1970: a low peak),
+///           clipped to force_max_n. The spring and the damper are part of the known force: they take nothing
+///           from the truth, keep a handle without friction from running away, and hold it against what
+///           gravity compensation leaves.
 /// Safety    zero force for half a second first, ramps of half a second; beyond its reach or its speed, with
 ///           a device that is not well, and after the end: zero, for good.
 /// Nothing is allocated after the construction.

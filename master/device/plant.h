@@ -9,11 +9,11 @@ namespace telenano::device {
 
 /// Simulated haptic device and the passive arm of its operator, per axis:
 ///
-///   m_d ẍ_d = F − b_d ẋ_d − f_c sgn ẋ_d + k_g (x_a − x_d) + c_g (ẋ_a − ẋ_d)       device, F held between
-///   samples m_a ẍ_a =                            − k_g (x_a − x_d) − c_g (ẋ_a − ẋ_d) + k_a (u − x_a) + c_a
-///   (u̇ − ẋ_a)
+///   m_d ẍ_d = F − b_d ẋ_d − f_c sgn ẋ_d + k_g (x_a − x_d) + c_g (ẋ_a − ẋ_d)
+///   m_a ẍ_a = − k_g (x_a − x_d) − c_g (ẋ_a − ẋ_d) + k_a (u − x_a) + c_a (u̇ − ẋ_a)
 ///
-/// u is the motion that the operator intends, linear between samples. Everything but u is passive.
+/// The first is the device, F held between samples; the second the arm behind its grip. u is the motion that
+/// the operator intends, linear between samples. Everything but u is passive.
 struct PlantConfig {
   double period_s = 1e-3;
 

@@ -41,13 +41,12 @@ struct SessionBanner {
 
 /// - The source (SIM: computed, AFM: measured) is filled only in a session that goes on and is answered.
 /// - A silence is NO ANSWER before the first reply, STALE while the station still shows a force of what it
-/// heard last,
-///   LOST from when it holds the tip; each with its age and, where known, the time until the session ends.
+///   heard last, LOST from when it holds the tip; each with its age and, where known, the time until the
+///   session ends.
 ///   The station's mode is then not told unless it is one that the hand must know: a mode is what the last
 ///   reply made it.
 /// - A twin is told where it is felt (method twin), or was given up: confirmed is filled only while replies
-/// come that
-///   can confirm it. Apart has a line that says what happens.
+///   come that can confirm it. Apart has a line that says what happens.
 /// - Stopped and Observing are told in every state but the end, also together.
 SessionBanner session_banner(const SessionInputs& inputs);
 

@@ -79,9 +79,8 @@ struct CurveFit {
 ///           but by its whole height. Such points are left out; instead the place of a leap is compared:
 ///           (z of the curve − z of the model) over what it is known to.
 /// Noise     Residuals are whitened by the noise of the free part (noise_model.h); where the deflection
-/// changes with
-///           z, noise of z is added. Huber's loss (P. J. Huber, Ann. Math. Statist. 35 (1964) 73) beyond
-///           three standard deviations.
+///           changes with z, noise of z is added. Huber's loss (P. J. Huber, Ann. Math. Statist. 35 (1964)
+///           73) beyond three standard deviations.
 /// Search    Levenberg–Marquardt (D. W. Marquardt, J. SIAM 11 (1963) 431) from several starts: the modulus of
 ///           Hertz's stiffness at the deepest part and its multiples, w from the pull-off.
 /// Intervals Profile likelihood at 95 % (D. J. Venzon, S. H. Moolgavkar, Appl. Statist. 37 (1988) 87): cost

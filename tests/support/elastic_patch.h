@@ -7,18 +7,17 @@
 /// half-space under a rigid tip, by boundary elements with the Fourier transform.
 ///
 /// Model     N × N elements on a periodic square of side L. u is the surface's displacement towards the tip,
-/// p the
-///           traction that pulls it there:  û(k) = 2 p̂(k)/(E* |k|)  (Johnson, Contact Mechanics, 1985, ch.
-///           13; vertical displacements only). The mean: an isolated contact on a square patch that repeats
-///           would otherwise be too stiff or too soft as a whole, ū = p̄ L/(0.8055 E*) (validated by Hertz's
-///           contact). Adhesion between facing elements after Lennard and Jones, w its work, z0 its range:
+///           p the traction that pulls it there:  û(k) = 2 p̂(k)/(E* |k|)  (Johnson, Contact Mechanics, 1985,
+///           ch. 13; vertical displacements only). The mean: an isolated contact on a square patch that
+///           repeats would otherwise be too stiff or too soft as a whole, ū = p̄ L/(0.8055 E*) (validated by
+///           Hertz's contact). Adhesion between facing elements after Lennard and Jones, w its work, z0 its
+///           range:
 ///             p(g) = (8w/3z0) [(z0/g)³ − (z0/g)⁹],  g = z + tip − ground − u.
 ///           Without adhesion g >= 0, p <= 0, p g = 0 (Polonsky and Keer's conjugate gradients, Wear 231
 ///           (1999) 206).
 /// Units     nm, GPa, N/m, nN.
 /// Validity  Slopes small enough for the half-space; contact radius below 0.15 L; elements below z0 or so,
-/// else the
-///           attraction is felt at single elements.
+///           else the attraction is felt at single elements.
 namespace telenano::testing {
 
 class ElasticPatch {

@@ -7,8 +7,7 @@ namespace telenano::physics {
 /// Hertz and DMT as a curve: P = Delta^1.5 - L, A = sqrt(Delta), Delta >= 0; L = 0 (Hertz) or 2 (DMT).
 ///
 /// Parameter s = Delta. P is convex and rises from the first touch on, so that every state is stable under
-/// any
-///           spring, the fold is the touch itself and Newton's method from the right is monotone.
+///           any spring, the fold is the touch itself and Newton's method from the right is monotone.
 /// Energy    (2/5) Delta^2.5 - L Delta, 0 at the touch.
 /// Validity, source: closed_form_laws.h.
 class HertzianCurve {

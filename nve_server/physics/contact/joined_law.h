@@ -12,37 +12,31 @@ namespace telenano::physics {
 ///           (9 sqrt(3) pi/32) lambda since the Dugdale range is h0 = (9 sqrt(3)/16) a0. The joined law so
 ///           depends on lambda alone. Inside the stable curve of maugis_dugdale.h.
 /// Handover  Both laws carry the whole adhesion w, so they must not be added. Coming in, the tip follows van
-/// der Waals until
-///           it meets the stable Maugis–Dugdale curve: the force is continuous.
+///           der Waals until it meets the stable Maugis–Dugdale curve: the force is continuous.
 ///           - lambda > 0.717: at its fold, Maugis–Dugdale attracts more than van der Waals. They cross once,
-///           at Delta_in
-///             (d = 0.19-0.20 nm for the usual samples); going out the tip stays on Maugis–Dugdale to the
-///             fold and jumps.
+///             at Delta_in (d = 0.19-0.20 nm for the usual samples); going out the tip stays on
+///             Maugis–Dugdale to the fold and jumps.
 ///           - lambda < 0.717: van der Waals attracts more at the fold. The outer one of the two crossings is
-///           then used both
-///             ways and no energy is lost there. (Staying on to the fold would create energy.)
+///             then used both ways and no energy is lost there. (Staying on to the fold would create energy.)
 /// Energy    Inside U = U_MD + energy_offset, which no loop sees but in how the loss is shared between going
-/// in and out. U is
-///           continuous where the tip goes out when the overlap is held (Parting: the fold, or the crossing
-///           where it is used both ways), and what a handover that is not used both ways takes off U is
-///           dissipated there, going in, though the force is continuous: the area between the two laws from
-///           fold to handover, 0.66 just above 0.717, 1.275 at infinity. Why there: below 0.717 U has no
-///           choice, and the crossing becomes the fold at 0.717, so that only this choice leaves U, and
-///           -dU/dR (a C1 join, the forces being equal there), continuous in lambda; it is also near the
+///           in and out. U is continuous where the tip goes out when the overlap is held (Parting: the fold,
+///           or the crossing where it is used both ways), and what a handover that is not used both ways
+///           takes off U is dissipated there, going in, though the force is continuous: the area between the
+///           two laws from fold to handover, 0.66 just above 0.717, 1.275 at infinity. Why there: below 0.717
+///           U has no choice, and the crossing becomes the fold at 0.717, so that only this choice leaves U,
+///           and -dU/dR (a C1 join, the forces being equal there), continuous in lambda; it is also near the
 ///           truth for soft contacts, where of that 1.275 of JKR 1.154 is lost at the snap-in. Under a spring
 ///           the fold is met earlier, where still more than this is lost: with the base held, U + (Z -
 ///           Delta)^2/2c falls all the way from there down the unstable stretch to the fold of overlap and on
 ///           along van der Waals to the balance outside.
 /// Others    DMT begins at y = 1 with the force of van der Waals there: they meet at the touch, both ways.
-/// The
-///           laws with an adhesive neck follow the same rule as Maugis–Dugdale: one crossing where they
+///           The laws with an adhesive neck follow the same rule as Maugis–Dugdale: one crossing where they
 ///           attract more at the fold of overlap, else the outer one of two, both ways; where van der Waals
 ///           attracts more even at their pull-off point, both ways at the load of the pull-off, which then
 ///           stays (adhesive_curve.h). (Seen at lambda < 0.231 for JKR.
 ///           There another path is taken, and U inside steps by 0.03, 0.5 % of it.)
 /// Errors    Model, not numerics: between handover and fold neither law is exact; the joined one keeps w, the
-/// pull-off of
-///           Maugis–Dugdale and the far field of van der Waals.
+///           pull-off of Maugis–Dugdale and the far field of van der Waals.
 struct OutsidePoint {
   double gap = 0;  ///< y = d/a0
   double overlap = 0;

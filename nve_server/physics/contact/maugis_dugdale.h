@@ -6,32 +6,32 @@ namespace telenano::physics {
 
 /// The adhesive contact of two elastic spheres after Maugis (1992), exact, without dimensions.
 ///
-/// Formula   A Dugdale stress sigma0 acts in the annulus a < r < c around the contact a. With theta =
-/// acos(a/c),
-///             F1 = sin(2 theta)/2 - theta cos(2 theta),  F2 = theta sin theta - 1 + cos theta,  b = (4/3)
-///             lambda^2 F2, C = 2/(b + sqrt(b^2 + 2 lambda F1)),  A = C cos theta, P = A^3 - lambda C^2
-///             (theta + sin(2 theta)/2),  Delta = A^2 - (4/3) lambda C sin theta.
+/// Formula   A Dugdale stress sigma0 acts in the annulus a < r < c around the contact a. In contact, with
+///           theta = acos(a/c),
+///             F1 = sin(2 theta)/2 - theta cos(2 theta)
+///             F2 = theta sin theta - 1 + cos theta
+///             b = (4/3) lambda^2 F2
+///             C = 2/(b + sqrt(b^2 + 2 lambda F1)),  A = C cos theta
+///             P = A^3 - lambda C^2 (theta + sin(2 theta)/2)
+///             Delta = A^2 - (4/3) lambda C sin theta
 ///           Before contact (A = 0, 0 < C < C0):
-///             P = -(pi/2) lambda C^2,  Delta = C^2/2 - q C - H0,  q = 8 lambda/(3 pi),  H0 = 2/(pi lambda).
-/// Symbols   A = a/u_a, C = c/u_a, Delta = overlap/u_delta, P = force/u_F (repulsion positive), energy/(u_F
-/// u_delta);
-///           lambda = 2 sigma0 (R/(pi w K^2))^(1/3).
+///             P = -(pi/2) lambda C^2
+///             Delta = C^2/2 - q C - H0,  q = 8 lambda/(3 pi),  H0 = 2/(pi lambda)
+/// Symbols   A = a/u_a, C = c/u_a, Delta = overlap/u_delta, P = force/u_F (repulsion positive),
+///           energy/(u_F u_delta); lambda = 2 sigma0 (R/(pi w K^2))^(1/3).
 /// Parameter The curve is run through from first interaction to deep contact by one number s. In contact
 ///             s = u = cot^2(theta) = a^2/(c^2 - a^2) >= 0,
 ///           because Delta and P are then smooth up to the onset (in theta both have a double root there) and
 ///           grow like powers u^1.5 ... u^3 far from it, so Newton's method has an easy, convex function
 ///           everywhere; cos, sin and the radii follow from square roots. Without contact s = C - C0 < 0.
 /// Stability A state is stable when dDelta/ds > 0 and dZ/ds > 0, Z = Delta + c P being what a spring of
-/// compliance c
-///           holds. dP/dDelta grows monotonically along the stable curve, so the stable states form one
-///           segment, from the fold of Z to deep contact, and Z is convex and monotone on it.
+///           compliance c holds. dP/dDelta grows monotonically along the stable curve, so the stable states
+///           form one segment, from the fold of Z to deep contact, and Z is convex and monotone on it.
 /// Validity  lambda 1e-3 ... 1.2e4, Delta to 1e4 and beyond (a/R < 0.5 for the half-space theory to hold,
-/// which is for the
-///           caller to check).
+///           which is for the caller to check).
 /// Errors    Against 50 digits: force within 1e-10 (|P| + |pull-off|) down to 1e-11 above a fold and some
-/// 1e-14 away from it,
-///           energy within 1e-13 max(|U|, |U(onset)|, 1). dP/dDelta is exact to some 1e-8 (taken one small
-///           Newton step away).
+///           1e-14 away from it, energy within 1e-13 max(|U|, |U(onset)|, 1). dP/dDelta is exact to some
+///           1e-8 (taken one small Newton step away).
 /// Source    D. Maugis, J. Colloid Interface Sci. 150 (1992) 243-269.
 
 /// The curve of one lambda.

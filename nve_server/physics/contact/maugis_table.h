@@ -25,8 +25,7 @@ namespace telenano::physics {
 ///           found from the exponent's bits. Beyond: the direct method.
 /// Errors    Against 50 digits |P - P_MD| <= 1e-8 (|P| + |pull-off|) (seen: 6.4e-9), contact radius 5e-11.
 /// Cost      Some 0.7 ms and 80 KB to make; 38 ns for a state with its rates, radius and energy, some 6 ns
-/// for
-///           the force alone (load_at). A table belongs to its lambda and may be shared by threads.
+///           for the force alone (load_at). A table belongs to its lambda and may be shared by threads.
 class MaugisTable {
  public:
   /// Not for loops: allocates.

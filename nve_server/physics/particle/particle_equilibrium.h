@@ -63,8 +63,7 @@ inline constexpr double kSleepError = 1e-6;  ///< of the pull-off of particle an
 ///           ΔU + dissipated is what the step costs the operator: U is a function of the state and the losses
 ///           are not negative, so no path draws more than was put in. What is left is the step's error.
 /// Compliance kLeastCompliance is added in all directions, so that rigid directions need no code of their
-/// own.
-///           Where it changes between two steps, the step begins at the free end that would hold the tip
+///           own. Where it changes between two steps, the step begins at the free end that would hold the tip
 ///           where it was.
 /// Sleep     A particle that rests on the sample while the tip is far is not balanced anew: the tip is
 ///           balanced alone, with the force of the particle where it lies. It falls asleep after a step in

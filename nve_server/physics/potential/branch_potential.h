@@ -35,11 +35,10 @@ struct CurveHint {
 /// from it.
 ///
 /// Branches  Outside (van der Waals, or nothing) and inside (the stable segment of the contact law's curve).
-/// Outside ends at
-///           the overlap `enter`(ρ), inside at `leave`(ρ); between the two both exist. At `leave` the
-///           energies of the two are equal. At `enter` the tip goes in with a continuous force; where the
-///           crossing is used both ways (λ < 0.717, `reversible`) both borders are one, energy and force are
-///           continuous there, and it is no event. joined_law.h has the reasons.
+///           Outside ends at the overlap `enter`(ρ), inside at `leave`(ρ); between the two both exist. At
+///           `leave` the energies of the two are equal. At `enter` the tip goes in with a continuous force;
+///           where the crossing is used both ways (λ < 0.717, `reversible`) both borders are one, energy and
+///           force are continuous there, and it is no event. joined_law.h has the reasons.
 /// Formula   W = E Û(Δ, λ) + O(ρ), Δ = δ/u_δ, E = u_F u_δ ~ R^(4/3), u_δ ~ λ ~ R^(1/3), O the offset where
 ///           the two laws join. With M = R ∂U/∂R/E (MaugisDugdale::radius_moment), x' = λ ∂x/∂λ at a constant
 ///           parameter of the curve, and P_Δ = dP/dΔ on the curve,
@@ -49,10 +48,9 @@ struct CurveHint {
 ///           P/3 and no x'. Of laws whose own form goes with λ (Schwarz, COS, Piétrement–Troyon) W_ρ, W_δρ
 ///           and W_ρρ are differences over 2e-4 of ρ of the exact W and W_δ.
 /// Method    Inside, the curve's own exact state at δ, found by Newton's method from the last one
-/// (CurveHint):
-///           one or two evaluations, no table, no error of one, any radius. The borders and O are piecewise
-///           cubics in ρ, with knots where λ passes 0.717 and 0.938 (where the fold comes to lie in contact);
-///           O, which has a force, is C¹ with exact slopes.
+///           (CurveHint): one or two evaluations, no table, no error of one, any radius. The borders and O
+///           are piecewise cubics in ρ, with knots where λ passes 0.717 and 0.938 (where the fold comes to
+///           lie in contact); O, which has a force, is C¹ with exact slopes.
 /// Far       Retardation and cone are one term of δ and ρ (far_term.h), added on both sides. Bias and bridge
 ///           are terms apart, which the caller adds with overlaps and radii of their own: another range needs
 ///           another softening.

@@ -23,11 +23,10 @@ struct ValueAndSlope {
 /// continuing the rim's value outwards, as is done beyond the grid, keeps it C¹.
 ///
 /// - interpolating: (c_{i−1} + 4c_i + c_{i+1})/6 = f_i along rows, then columns (Unser, IEEE Signal
-/// Processing
-///   Magazine 16(6):22, 1999): passes through the samples, error O(h⁴), overshoots a step by up to 14 %.
+///   Processing Magazine 16(6):22, 1999): passes through the samples, error O(h⁴), overshoots a step by up
+///   to 14 %.
 /// - averaging: c_ij = f_ij (Schoenberg's variation-diminishing spline): between the least and the greatest
-/// of
-///   the 16 samples around, never beyond; error h²/6 · second derivative.
+///   of the 16 samples around, never beyond; error h²/6 · second derivative.
 class BicubicSpline {
  public:
   /// Both need at least 2×2 samples and positive spacing.

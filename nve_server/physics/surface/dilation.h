@@ -12,8 +12,7 @@ namespace telenano::physics {
 /// its apex, as three numbers at each node of a grid.
 ///
 /// Model     Each element of the tip attracts the ground below it like e^{−gap/t}. With h the ground and ψ(r)
-/// =
-///           √(R² − r²) − R the tip's underside, φ = h + ψ is the apex height at which an element would be
+///           = √(R² − r²) − R the tip's underside, φ = h + ψ is the apex height at which an element would be
 ///           touched, and
 ///             S = Σ e^{φ/t} dA,  dA = (R/q) d²s,  q = √(R² − r²)  (the tip's own area)
 ///           so that −w e^{−z/t} S is the energy at apex height z. ⟨·⟩ being the mean with that weight,
@@ -23,22 +22,18 @@ namespace telenano::physics {
 ///           height, cosine (⟨n_z⟩ = c − (t/R)c² is led to t = 0 by its own derivative) and R_eff = R are
 ///           exact, but for what lies beyond the tip's rim, e^{−R(1 − sin θ)/(tc)} or so.
 /// Feet      One foot of relative curvatures λ₁, λ₂: R_eff = 1/√(λ₁λ₂) (1 + O(t/R_eff)), H to O(t²/R_eff).
-/// Feet
-///           add: two equal ones have their height and cosine, and twice the radius.
+///           Feet add: two equal ones have their height and cosine, and twice the radius.
 /// Rim       R/q has no end at r = R: from the angle of cosine kConeCosine on the underside goes on as its
 ///           tangent cone. Beyond the rim of the scan its mirror image is taken.
 /// Coarse    For t > R/20 the sphere ends within a few t, so the paraboloid ψ = −r²/2R with plain area is
-/// taken.
-///           On a plane of slope s its H is R s²/2: s² = (⟨r²⟩ + cov(r², φ)/t)/R² (again led to t = 0) puts
-///           it right, H − R s²/2 + R(1/c − 1), c = 1/√(1 + s²): planes stay exact, on curved slopes the foot
-///           is that of the paraboloid.
+///           taken. On a plane of slope s its H is R s²/2: s² = (⟨r²⟩ + cov(r², φ)/t)/R² (again led to t = 0)
+///           puts it right, H − R s²/2 + R(1/c − 1), c = 1/√(1 + s²): planes stay exact, on curved slopes the
+///           foot is that of the paraboloid.
 /// Sums      over sub-samples of the height spline, midpoint rule in two dimensions: its error is 2 exp(−2π²
-/// R_f
-///           t/s²) or so, R_f the foot's radius along the line (R c³ up a slope). What adds less than e^{−25}
-///           of the largest term is left out.
+///           R_f t/s²) or so, R_f the foot's radius along the line (R c³ up a slope). What adds less than
+///           e^{−25} of the largest term is left out.
 /// Bits      det_math, fixed order: the same on every x86-64, in whatever registers, and a node's values do
-/// not depend on which other
-///           nodes are made.
+///           not depend on which other nodes are made.
 inline constexpr double kConeCosine = 0.2;
 
 /// Nodes from the first sample to the last, `m` sub-samples to a node along either side.

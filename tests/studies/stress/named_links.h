@@ -8,16 +8,14 @@
 
 namespace telenano::studies::stress {
 
-/// Links that people have. Their figures are of the kind that is reported for such links, rounded; each is a
+/// Links that people have; assumed figures of the size that such links have, not measured ones. Each is a
 /// shorthand in a run's text (link=wifi) for the numbers beside it, which stand in tables and replays.
 ///
-/// | name | round trip, jitter, loss | what goes wrong |
-/// |---|---|---|
-/// | space | 800 ms, 2 %, 1 % in single datagrams | silent for 3 s now and then, as relayed teleoperation
-/// from orbit is | | satellite | 600 ms (a geostationary hop), 5 %, 0.5 % for 50 ms | | | wifi | 8 ms, 100 %
-/// (of 2 ms at least), 5 % for 60 ms | bursts while another station sends | | handover | 60 ms, 30 %, 1 % for
-/// 20 ms | 200 ms without anything, from cell to cell | | vpn-rekey | 40 ms, 5 %, 0.1 % | 1 s without
-/// anything while keys are agreed anew |
+///   space      800 ms round trip, 2 % jitter, 1 % lost one by one; silent for 3 s now and then
+///   satellite  600 ms (a geostationary hop), 5 %, 0.5 % lost for 50 ms each
+///   wifi       8 ms, 100 % (of 2 ms at least), 5 % lost for 60 ms: bursts while another station sends
+///   handover   60 ms, 30 %, 1 % lost for 20 ms; 200 ms without anything, from cell to cell
+///   vpn-rekey  40 ms, 5 %, 0.1 % lost; 1 s without anything while keys are agreed anew
 struct NamedLink {
   std::string_view name;
   double rtt_ms, jitter, loss, burst_ms, outage_ms;

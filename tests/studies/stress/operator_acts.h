@@ -10,8 +10,7 @@ namespace telenano::studies::stress {
 /// kActEveryS, whatever the hand does meanwhile.
 ///
 ///   scale      nanometres five times as large in the hand and forces five times as strong, and back: the
-///   same
-///              impedance, which the window's sliders allow at any time
+///              same impedance, which the window's sliders allow at any time
 ///   impedance  forces at three tenths, and back
 ///   method     through the methods that promise energy, the run's own first
 ///   clutch     let go for kClutchS and taken up again
