@@ -70,9 +70,10 @@ std::shared_ptr<const std::string> SceneKeeper::bundle() const {
 
 void SceneKeeper::give_up(const std::string& why) {
   if (stop_.load(std::memory_order_acquire)) return;
-  settled_.store(true, std::memory_order_release);
   if (options_.say)
     options_.say("the server's scene cannot be used: " + why + "; the session goes on without");
+  // Last: who sees it may ask at once what was said.
+  settled_.store(true, std::memory_order_release);
 }
 
 void SceneKeeper::take_offer(const loop::OfferedScene& offer, std::int64_t now_ns) {
