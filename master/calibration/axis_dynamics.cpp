@@ -34,8 +34,9 @@ constexpr double kLeastMotion_m = 5e-4;
 constexpr double kLeastMotionInQuanta = 30;
 constexpr double kHandStiffness_n_m = 15;  // an arm that rests on the handle has some hundred
 constexpr double kMostUnexplained = 0.1;
-constexpr double kHalvesDiffer = 4;  // standard errors, and
+constexpr double kHalvesDiffer = 5;  // standard errors (by chance once in 5000: 14 degrees of freedom), and
 constexpr double kHalvesDifferPart = 0.1;
+constexpr double kHalvesDifferDamping_n_s_m = 0.05;
 
 // sin^4(pi u) = 3/8 - (e^{2 pi i u} + c.c.)/4 + (e^{4 pi i u} + c.c.)/16.
 constexpr std::array<double, 2 * kEdges + 1> kEnvelope = {1.0 / 16, -1.0 / 4, 3.0 / 8, -1.0 / 4, 1.0 / 16};
@@ -148,7 +149,6 @@ class Window {
   }
 
   const Rows& rows() const { return rows_; }
-  double middle_s() const { return start_s_ + 0.5 * kWindow_s; }
 
  private:
   std::span<const DynamicsSample> track_;
@@ -337,43 +337,51 @@ class Fit {
   Unknowns whole_ = Unknowns::Zero();
 };
 
-Unknowns standard_errors(const Fit& fit) {
-  const Sums all = fit.total();
+struct Estimate {
+  Unknowns value = Unknowns::Zero();
+  Unknowns error = Unknowns::Zero();  // standard, by the jackknife over the stretches
+};
+
+Estimate estimate(std::span<const Sums> stretches) {
+  const double count = static_cast<double>(stretches.size());
+  Sums all;
+  for (const Sums& stretch : stretches) all += stretch;
   std::array<Unknowns, kStretches> without;
   Unknowns mean = Unknowns::Zero();
-  for (std::size_t i = 0; i < kStretches; ++i) {
-    without[i] = all.without(fit.stretches()[i]).solve<kUnknowns>();
-    mean += without[i] / kStretches;
+  for (std::size_t i = 0; i < stretches.size(); ++i) {
+    without[i] = all.without(stretches[i]).solve<kUnknowns>();
+    mean += without[i] / count;
   }
   Unknowns squares = Unknowns::Zero();
-  for (const Unknowns& each : without) squares += (each - mean).cwiseAbs2();
-  return (squares * (kStretches - 1) / kStretches).cwiseSqrt();
+  for (std::size_t i = 0; i < stretches.size(); ++i) squares += (without[i] - mean).cwiseAbs2();
+  return {all.solve<kUnknowns>(), (squares * (count - 1) / count).cwiseSqrt()};
 }
 
-bool halves_differ(const Fit& fit, const Unknowns& errors) {
-  Sums first;
-  Sums second;
-  for (std::size_t i = 0; i < kStretches; ++i) (i < kStretches / 2 ? first : second) += fit.stretches()[i];
-  const Unknowns one = first.solve<kUnknowns>();
-  const Unknowns other = second.solve<kUnknowns>();
+// Each half with its own errors: those of the whole would hold the change that is looked for.
+bool halves_differ(const Fit& fit) {
+  const std::span<const Sums> stretches(fit.stretches());
+  const Estimate one = estimate(stretches.first(kStretches / 2));
+  const Estimate other = estimate(stretches.last(kStretches / 2));
   const auto differ = [&](int unknown, double part_of) {
-    // Each half has twice the variance of the whole, their difference four times.
-    const double difference = std::fabs(one(unknown) - other(unknown));
-    return difference > kHalvesDiffer * 2 * errors(unknown) && difference > part_of;
+    const double difference = std::fabs(one.value(unknown) - other.value(unknown));
+    return difference > kHalvesDiffer * std::hypot(one.error(unknown), other.error(unknown)) &&
+           difference > part_of;
   };
   const double mass = fit.whole()(0);
-  return differ(0, kHalvesDifferPart * mass) || differ(3, kHandStiffness_n_m);
+  const double damping = fit.whole()(1);
+  return differ(0, kHalvesDifferPart * mass) ||
+         differ(1, kHalvesDifferPart * damping + kHalvesDifferDamping_n_s_m) || differ(3, kHandStiffness_n_m);
 }
 
 Interval interval(double value, double error) {
   return {value, value - kStudent * error, value + kStudent * error};
 }
 
-DynamicsVerdict judge(const AxisDynamics& found, const Fit& fit, const Unknowns& errors) {
+DynamicsVerdict judge(const AxisDynamics& found, const Fit& fit) {
   if (found.stiffness_n_m.value > kHandStiffness_n_m || found.stiffness_n_m.value < -kHandStiffness_n_m)
     return DynamicsVerdict::kHeld;
+  if (halves_differ(fit)) return DynamicsVerdict::kChanges;
   if (found.unexplained > kMostUnexplained) return DynamicsVerdict::kNotOfThisKind;
-  if (halves_differ(fit, errors)) return DynamicsVerdict::kChanges;
   return DynamicsVerdict::kGood;
 }
 
@@ -391,7 +399,7 @@ const char* verdict_text(DynamicsVerdict verdict) noexcept {
     case DynamicsVerdict::kHeld:
       return "something as stiff as a hand holds the handle: let go of it";
     case DynamicsVerdict::kChanges:
-      return "it was another device in the first half than in the second: keep hands off until the end";
+      return "the device's dynamics changed during the measurement: keep hands off until the end";
     case DynamicsVerdict::kNotOfThisKind:
       return "its motion is not that of a mass with a damper and friction: is something in its way?";
   }
@@ -414,7 +422,7 @@ AxisDynamics identify_axis(std::span<const DynamicsSample> track) {
   }
   Fit fit(track, std::move(windows), found.quantum_m);
   fit.run();
-  const Unknowns errors = standard_errors(fit);
+  const Unknowns errors = estimate(fit.stretches()).error;
   const Unknowns& whole = fit.whole();
   found.mass_kg = interval(whole(0), errors(0));
   found.damping_n_s_m = interval(whole(1), errors(1));
@@ -423,7 +431,7 @@ AxisDynamics identify_axis(std::span<const DynamicsSample> track) {
   found.latency_s = interval(fit.latency_s() + whole(5), errors(5));
   const Sums all = fit.total();
   found.unexplained = std::sqrt(all.residual(whole) / std::max(all.force, 1e-300));
-  found.verdict = judge(found, fit, errors);
+  found.verdict = judge(found, fit);
   return found;
 }
 

@@ -21,10 +21,10 @@ struct Interval {
 
 enum class DynamicsVerdict : std::uint8_t {
   kGood,
-  kTooShort,      ///< fewer than 8 s, or too many pauses in it
+  kTooShort,      ///< fewer than about 9 s, or too many pauses in it
   kDoesNotMove,   ///< less than 0.5 mm or 30 encoder steps rms: held, blocked or without power
   kHeld,          ///< something as stiff as a hand holds it
-  kChanges,       ///< its first half and its second are two devices: somebody touched it
+  kChanges,       ///< its first half has another mass, damping or stiffness than its second
   kNotOfThisKind  ///< more than 10 % of the force is not explained: another kind of dynamics
 };
 /// What is the matter and what to do: one phrase; empty when it is good.
@@ -56,7 +56,7 @@ struct AxisDynamics {
 ///
 /// Intervals   jackknife over sixteen stretches of the track, Student's t with 15 degrees of freedom: they
 ///             hold errors of the model that change with time, not those that are the same throughout.
-/// Needs       a track of at least 8 s, times increasing; a pause of more than 5 ms is left out.
+/// Needs       a track of about 9 s, times increasing; a pause of more than 5 ms is left out.
 AxisDynamics identify_axis(std::span<const DynamicsSample> track);
 
 }  // namespace telenano::calibration

@@ -56,10 +56,10 @@ ServerLink::ServerLink(const ServerAccess& options, const net::Address& server)
   dtls_ = std::make_unique<security::DtlsClient>(config, socket_, server, clock_);
 }
 
-void ServerLink::practise(const net::PracticeLink& link) {
+void ServerLink::practise(const link::PracticeLink& link) {
   if (practice_) return practice_->set(link);
   net::Datagram& inner = datagram();
-  practice_ = std::make_unique<net::PracticeDatagram>(
+  practice_ = std::make_unique<PracticeDatagram>(
       inner, []() noexcept { return rt::SteadyClock().now_ns(); }, link);
 }
 

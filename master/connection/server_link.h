@@ -4,10 +4,10 @@
 #include <memory>
 #include <string>
 
-#include "telenano/common/net/practice_link.h"
 #include "telenano/common/net/udp.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "telenano/common/security/dtls_client.h"
+#include "telenano/master/connection/practice_datagram.h"
 #include "telenano/master/connection/server_access.h"
 
 namespace telenano::connection {
@@ -24,9 +24,9 @@ class ServerLink {
   void secure(const ServerAccess& options, const std::atomic<bool>& stop);
 
   net::Datagram& datagram() noexcept;
-  /// From now on over a link that is worse by this, in the session's own datagrams (a secure handshake is not
-  /// slowed). The first call allocates.
-  void practise(const net::PracticeLink& link);
+  /// From now on over a link that is worse by this, a stop and a Bye included; a secure handshake is not
+  /// slowed. The first call allocates.
+  void practise(const link::PracticeLink& link);
   bool is_secure() const noexcept { return dtls_ != nullptr; }
   /// Why there is no secure session any more, for the end of a message: "; the server does not know …", or
   /// "".
@@ -42,7 +42,7 @@ class ServerLink {
   net::Udp socket_;
   rt::SteadyClock clock_;
   std::unique_ptr<security::DtlsClient> dtls_;
-  std::unique_ptr<net::PracticeDatagram> practice_;  // over the other two
+  std::unique_ptr<PracticeDatagram> practice_;  // over the other two
 };
 
 /// How this station shows who it is, for the recording: "none", "key omega-1", "certificate FILE".

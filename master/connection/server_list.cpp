@@ -34,7 +34,7 @@ bool ServerList::set_dscp(int dscp) noexcept {
   return all;
 }
 
-void ServerList::practise(const net::PracticeLink& link) {
+void ServerList::practise(const link::PracticeLink& link) {
   for (const auto& server : servers_) server->link.practise(link);
 }
 

@@ -36,7 +36,7 @@ class ServerList final : public net::Datagram {
   bool nobody_listens() const noexcept { return now().link.nobody_listens(); }
   bool set_dscp(int dscp) noexcept;
   /// ServerLink::practise, of all.
-  void practise(const net::PracticeLink& link);
+  void practise(const link::PracticeLink& link);
 
   /// The address under which all are known to who uses this as a Datagram.
   const net::Address& as() const noexcept { return servers_.front()->address; }

@@ -7,6 +7,7 @@
 #include "telenano/common/control/method.h"
 #include "telenano/common/control/scaling.h"
 #include "telenano/common/link/messages.h"
+#include "telenano/common/link/practice_link.h"
 #include "telenano/common/recording/sample.h"
 #include "telenano/common/rt/latest_value.h"
 #include "telenano/common/rt/spsc_queue.h"
@@ -15,12 +16,6 @@
 #include "telenano/master/station/twin_run.h"
 
 namespace telenano::view_model {
-
-/// A worse link than there is: what is added to the round trip, and the share lost of each way.
-struct PracticeWish {
-  double rtt_ms = 0;
-  double loss = 0;
-};
 
 /// What a person at the screen asks of the loop.
 struct ViewRequest {
@@ -38,7 +33,7 @@ struct ViewRequest {
   control::Method method = control::Method::kNone;
   control::Scaling scaling{};
   int task = 0;
-  PracticeWish practice{};
+  link::PracticeLink practice{};
 };
 
 /// link::Particle as plain data.

@@ -25,7 +25,7 @@ class ViewRequestHandler {
     bool quit = false;
     int marks = 0;
     int task = -1;  ///< to begin; negative: none
-    std::optional<PracticeWish> practice;
+    std::optional<link::PracticeLink> practice;
   };
   Asked answer(station::Station& station) noexcept;
 

@@ -18,6 +18,9 @@ using control::Method;
 using view_model::Mood;
 using view_model::ViewRequest;
 
+constexpr float kPracticeSliderMost_ms = 500;
+constexpr float kPracticeSliderMostPercent = 20;
+
 palette::Rgb colour_of(Mood mood) {
   return mood == Mood::kAlarm     ? palette::kAlarm
          : mood == Mood::kWarning ? palette::kWarning
@@ -363,29 +366,36 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
 }
 
 std::string ControlPanel::practice_text() const {
-  if (!practice_ || (practice_->rtt_ms <= 0 && practice_->loss <= 0)) return "";
-  return fmt::format("practice link: +{:.0f} ms, {:.0f} % lost", practice_->rtt_ms, 100 * practice_->loss);
+  return practice_ && practice_->any() ? "practice link: " + link::practice_text(*practice_) : "";
 }
 
-// Sliders that are let go of rather than dragged: a delay that follows every pixel would reorder what is
-// sent.
+// The link changes once, when the slider is released: a delay that followed every pixel would reorder what
+// is sent.
 void ControlPanel::draw_practice() {
   if (!practice_) return;
-  auto rtt_ms = static_cast<float>(practice_->rtt_ms);
-  auto percent = static_cast<float>(100 * practice_->loss);
-  bool done = false;
-  ImGui::SetNextItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
-  ImGui::SliderFloat("round trip", &rtt_ms, 0, 500, "+%.0f ms");
-  done |= ImGui::IsItemDeactivatedAfterEdit();
-  ImGui::SetNextItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
-  ImGui::SliderFloat("lost", &percent, 0, 20, "%.0f %%");
-  done |= ImGui::IsItemDeactivatedAfterEdit();
-  practice_ = {rtt_ms, 0.01 * percent};
-  if (!done || ended_) return;
+  const link::PracticeLink shown = practice_dragged_.value_or(*practice_);
+  auto rtt_ms = static_cast<float>(shown.rtt_ms);
+  auto percent = static_cast<float>(100 * shown.loss);
+  bool held = false;
+  bool released = false;
+  const auto slider = [&](const char* label, float* value, float most, const char* form) {
+    ImGui::SetNextItemWidth(0.5f * ImGui::GetContentRegionAvail().x);
+    ImGui::SliderFloat(label, value, 0, most, form, ImGuiSliderFlags_AlwaysClamp);
+    held |= ImGui::IsItemActive();
+    released |= ImGui::IsItemDeactivatedAfterEdit();
+  };
+  slider("round trip", &rtt_ms, kPracticeSliderMost_ms, "+%.0f ms");
+  slider("lost", &percent, kPracticeSliderMostPercent, "%.0f %%");
+  link::PracticeLink wish = shown;  // the jitter is the flag's
+  wish.rtt_ms = rtt_ms;
+  wish.loss = 0.01 * percent;
+  practice_dragged_.reset();
+  if (held) practice_dragged_ = wish;
+  if (!released || ended_) return;
   ViewRequest request;
   request.kind = ViewRequest::Kind::kPractice;
-  request.practice = *practice_;
-  port_.requests.push(request);
+  request.practice = wish;
+  if (port_.requests.push(request)) practice_ = wish;
 }
 
 void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live,

@@ -72,7 +72,8 @@ class ControlPanel {
   view_model::Playback* playback_ = nullptr;
   std::optional<control::Scaling> dragged_;  // while a slider is held
   double reach_nm_ = 0;
-  std::optional<view_model::PracticeWish> practice_;
+  std::optional<link::PracticeLink> practice_;          // what the link is asked to be
+  std::optional<link::PracticeLink> practice_dragged_;  // while a slider of it is held
   bool ended_ = false;
   bool close_wanted_ = false;
   bool clutch_ = false;

@@ -37,10 +37,10 @@ struct ViewFacts {
   double surface_z_w_nm = 0;
   std::string surface_doubt;  ///< why the scan that is drawn may be another's; empty: it is the session's
   double give_up_s = 0;       ///< of silence, after which the session ends; 0: not known
-  std::optional<view_model::PracticeWish> practice;  ///< where the link can be made worse: how it begins
-  double hand_force_limit_n = 0;                     ///< what the station never exceeds
-  double energy_bound_j = 0;                         ///< that may ever be extracted
-  double tip_radius_nm = 20;                         ///< drawn; the server does not tell it
+  std::optional<link::PracticeLink> practice;  ///< where the link can be made worse: how it begins
+  double hand_force_limit_n = 0;               ///< what the station never exceeds
+  double energy_bound_j = 0;                   ///< that may ever be extracted
+  double tip_radius_nm = 20;                   ///< drawn; the server does not tell it
   view_model::ScalingRegion region{};
   std::array<bool, control::kAllMethods.size()> method_offered{};  ///< by this server
 };
@@ -49,12 +49,6 @@ struct ViewFacts {
 struct RecordingStatus {
   std::uint64_t rows = 0;
   bool failed = false;
-};
-
-/// What a window says once its session is over. No lines: it goes with the session.
-struct SessionEnd {
-  bool failed = false;             ///< the first line is the cause
-  std::vector<std::string> lines;  ///< else a summary
 };
 
 }  // namespace telenano::viewer

@@ -9,6 +9,7 @@
 #include "telenano/master/device/pointer_device.h"
 #include "telenano/master/view_model/ground.h"
 #include "telenano/master/view_model/playback.h"
+#include "telenano/master/view_model/session_end.h"
 #include "telenano/master/viewer/view_facts.h"
 
 namespace telenano::viewer {
@@ -17,7 +18,7 @@ namespace telenano::viewer {
 struct ViewHooks {
   std::function<bool()> session_over;
   /// Asked once the session is over. Without the hook the window always goes.
-  std::function<SessionEnd()> session_end;
+  std::function<view_model::SessionEnd()> session_end;
   /// The program is to end, so a window that has stayed open goes too.
   std::function<bool()> stop_wanted;
   std::function<RecordingStatus()> recording;

@@ -483,7 +483,7 @@ void Viewer::say(const std::string& text, double time_s) {
   said_until_s_ = time_s + 2;
 }
 
-void Viewer::end(SessionEnd end) {
+void Viewer::end(view_model::SessionEnd end) {
   ending_ = std::move(end);
   note_box_.close();
   panel_.end();

@@ -11,6 +11,7 @@
 #include "telenano/master/view_model/live_session.h"
 #include "telenano/master/view_model/pointer_hand.h"
 #include "telenano/master/view_model/profile.h"
+#include "telenano/master/view_model/session_end.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/viewer/control_panel.h"
 #include "telenano/master/viewer/gui.h"
@@ -67,7 +68,7 @@ class Viewer {
   void say(const std::string& text, double time_s);
   void show(Views views) noexcept { views_ = views; }
   /// The session is over: its last moment stays, with these lines over it.
-  void end(SessionEnd end);
+  void end(view_model::SessionEnd end);
   /// By key or button once the session has ended: the same once more.
   bool again_wanted() const noexcept { return again_; }
 
@@ -124,7 +125,7 @@ class Viewer {
   double drawn_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
-  SessionEnd ending_;  // no lines: the session goes on
+  view_model::SessionEnd ending_;  // no lines: the session goes on
 };
 
 }  // namespace telenano::viewer

@@ -102,7 +102,7 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
   bool ended = false;
   while (true) {
     if (!ended && hooks.session_over()) {
-      SessionEnd end;
+      view_model::SessionEnd end;
       if (hooks.session_end && !asked_to_quit) end = hooks.session_end();
       if (end.lines.empty()) break;
       ended = true;

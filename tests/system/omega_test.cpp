@@ -461,6 +461,25 @@ TEST_F(OmegaTest, CalibrationThatLosesTheDeviceSaysSo) {
   FAIL() << "the watchdog has cut the force five times";
 }
 
+/// The vendor's library never comes back: said at once, and Ctrl-C ends the program all the same.
+TEST_F(OmegaTest, CalibrationThatIsStuckInACallIsSaidAndCanBeStopped) {
+  sdk_->mass_kg = 0.3;
+  sdk_->damping_n_s_m = 0.8;
+  const std::string out = path("dynamics.toml");
+  give_force_back();
+  // The shell waits for nothing: the signal is the program's.
+  ChildProcess wizard(
+      {"/bin/sh", "-c", "exec " + kMaster + " calibrate --dynamics --out " + out + " <<E\n\nE\n"});
+  ASSERT_TRUE(wizard.wait_for_err("measuring", kLong)) << wizard.err();
+  sdk_->stall_of(DrdCall::kGetPosition) = 60'000'000;
+  ASSERT_TRUE(wizard.wait_for_err("stuck in the SDK's", kLong)) << wizard.err();
+  wizard.signal(SIGINT);
+  ASSERT_TRUE(wizard.wait(kLong)) << wizard.err();
+  EXPECT_EQ(wizard.exit_code(), 1);
+  EXPECT_THAT(wizard.err(), HasSubstr("ended without it"));
+  EXPECT_FALSE(std::filesystem::exists(out));
+}
+
 /// Nobody has measured it: the plan names what it took.
 TEST_F(OmegaTest, APlanForADeviceNeverMeasuredIsPessimisticAndSaysSo) {
   const Finished plan = run_program({kMaster, "plan", "--device", "omega", "--server", server_.address()});

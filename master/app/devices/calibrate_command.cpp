@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdio>
@@ -103,7 +104,8 @@ std::string ask_push(Handle& handle, const char* direction, double shortest_m) {
   throw RunError("calibrate: five pushes could not be told apart; nothing was written");
 }
 
-void write_result(const std::string& text, const std::string& path) {
+/// `use`: what to do with the file.
+void write_result(const std::string& text, const std::string& path, const std::string& use) {
   if (path.empty()) {
     fmt::print("{}", text);
     return;
@@ -113,7 +115,7 @@ void write_result(const std::string& text, const std::string& path) {
   file << text;
   file.close();
   if (!file) throw RunError(path + ": cannot be written");
-  fmt::print(stderr, "written to {}; use it with run --config {}\n", path, path);
+  fmt::print(stderr, "written to {}; {}\n", path, use);
 }
 
 SessionDevice simulated_device(const CalibrateOptions& options, const StationFile& file) {
@@ -135,6 +137,8 @@ void calibrate_dynamics(const CalibrateOptions& options) {
   if (!sim && spec.kind != DeviceSpec::Kind::kOmega)
     throw UserError("calibrate --dynamics --device " + options.device +
                     ": only a device that shows forces can be measured: omega, sim");
+  if (!sim && options.hand_on)
+    throw UserError("--hand-on: only --device sim has a hand that is told to hold on");
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   if (!file.device.watchdog_ms) file.device.watchdog_ms = kWatchdogMs;
   calibration::MeasurementConfig config;
@@ -143,6 +147,7 @@ void calibrate_dynamics(const CalibrateOptions& options) {
       sim ? simulated_device(options, file) : open_session_device(spec, file.device, options.home, nullptr);
   fmt::print(stderr, "device: {}\n", opened.description);
   for (const std::string& note : opened.notes) fmt::print(stderr, "note: {}\n", note);
+  config.force_max_n = std::min(config.force_max_n, opened.device->info().force_max_n);
   if (!sim) {
     fmt::print(
         stderr,
@@ -151,18 +156,20 @@ void calibrate_dynamics(const CalibrateOptions& options) {
         3 * (config.seconds_per_axis + 1), config.force_max_n);
     Handle(opened).until_enter();
   }
-  const DeviceDynamics axes = measure_dynamics(*opened.device, config);
+  const DeviceDynamics axes = measure_dynamics(*opened.device, opened.calls, config);
   fmt::print(stderr, "{}", dynamics_table(axes));
   const double certain_n_s_m = certain_damping_n_s_m(axes);
   if (certain_n_s_m > 0) {
-    fmt::print(stderr, "certain damping: {:.3g} N s/m\n", certain_n_s_m);
+    fmt::print(stderr, "damping, lower bound: {:.3g} N s/m\n", certain_n_s_m);
   } else {
-    fmt::print(stderr, "no damping is certain: measure again with more --seconds\n");
+    fmt::print(stderr, "the lower bound of the damping is 0: measure again with more --seconds\n");
   }
   const auto now = std::chrono::system_clock::now().time_since_epoch();
   write_result(dynamics_toml(options.device, axes, config.seconds_per_axis,
                              std::chrono::duration_cast<std::chrono::seconds>(now).count()),
-               options.out);
+               options.out,
+               options.config_file.empty() ? "put its lines into the [device] table of your station file"
+                                           : "put its lines into [device] of " + options.config_file);
 }
 
 void calibrate_axes(const CalibrateOptions& options) {
@@ -194,7 +201,8 @@ void calibrate_axes(const CalibrateOptions& options) {
       throw RunError(fmt::format(
           "calibrate: the handle was moved through {:.1f} mm only; nothing was written", 2e3 * box.half_m()));
   }
-  write_result(calibration_toml(options.device, axes, omega ? &box : nullptr), options.out);
+  write_result(calibration_toml(options.device, axes, omega ? &box : nullptr), options.out,
+               "use it with run --config " + options.out);
 }
 
 void calibrate(const CalibrateOptions& options) {
@@ -232,15 +240,15 @@ CLI::App* add_calibrate_command(CLI::App& app) {
       ->needs(dynamics);
   command
       ->add_flag("--hand-on", options->hand_on,
-                 "With --dynamics --device sim: the simulated hand keeps holding, and is found out")
+                 "With --dynamics --device sim: the simulated hand holds the handle, which is refused")
       ->needs(dynamics);
   command->footer(
       "Asks for three pushes, right, away and up, each between two presses of Enter, and on an omega for a "
       "way\n"
       "through its whole range. No force is shown. Prints the [device] table of a station file.\n"
       "With --dynamics: let go of the handle; it is moved by at most 1.5 N about the place where it rests, "
-      "an\n"
-      "axis after the other. Prints the damping that is certain, which the limit on energy rests on, as\n"
+      "one\n"
+      "axis after the other. Prints the lower bound of the damping, on which the limit on energy rests, as\n"
       "[device] damping_n_s_m, and all that was measured with its 95 % intervals.");
   command->callback([options] { calibrate(*options); });
   return command;

@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <cstdio>
+#include <cstdlib>
 #include <utility>
 
 #include "telenano/common/rt/steady_clock.h"
@@ -57,6 +59,17 @@ void DeviceMonitor::look_at_force() {
   cause_ = cause;
   tell_(cause == device::ForceOffCause::kNone ? std::string("the device is ready again")
                                               : fmt::format("device: {}", device::force_off_text(cause)));
+}
+
+void end_without_loop(const device::CallWatch* calls) {
+  const device::CallWatch::Look look = calls != nullptr ? calls->look() : device::CallWatch::Look{};
+  fmt::print(
+      stderr,
+      "telenano-master: the loop does not come back{}{}; ended without it, the device's own watchdog has "
+      "taken the force away\n",
+      look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
+  std::fflush(nullptr);
+  std::_Exit(1);
 }
 
 }  // namespace telenano::app

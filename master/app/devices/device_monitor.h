@@ -47,4 +47,10 @@ class DeviceMonitor {
   std::jthread thread_;
 };
 
+/// A vendor's library that does not come back keeps the loop's thread for ever. Once a person has asked for
+/// the end and the loop has been stuck for this long, nothing more can be waited for.
+inline constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
+/// Ends the program without that thread, exit code 1; what is to be kept is saved before. Null: no library.
+[[noreturn]] void end_without_loop(const device::CallWatch* calls);
+
 }  // namespace telenano::app

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <thread>
@@ -14,6 +15,7 @@
 #include "telenano/common/rt/periodic_timer.h"
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
+#include "telenano/master/app/devices/device_monitor.h"
 #include "telenano/master/app/stop_signals.h"
 
 namespace telenano::app {
@@ -26,6 +28,8 @@ using calibration::MeasurementEnd;
 /// Tells a percentage on one line of a terminal, or a line each quarter elsewhere.
 class Progress {
  public:
+  /// What ends its line before another one is told.
+  const char* line_end() const { return terminal_ ? "\n" : ""; }
   void show(int percent) {
     const int now = terminal_ ? percent : percent / 25 * 25;
     if (now == shown_) return;
@@ -67,12 +71,15 @@ class Loop {
       measurement_.applied(
           device_.write_force(measurement_.force(1e-9 * static_cast<double>(now_ns), reading_)));
       percent_.store(static_cast<int>(100 * measurement_.done()), std::memory_order_relaxed);
+      ticks_.fetch_add(1, std::memory_order_relaxed);
     }
     device_.write_force(Vec3::Zero());
     over_.store(true, std::memory_order_release);
   }
 
   bool over() const noexcept { return over_.load(std::memory_order_acquire); }
+  /// Grows while it runs; 0 once it is over.
+  std::uint64_t ticks() const noexcept { return over() ? 0 : ticks_.load(std::memory_order_relaxed); }
   int percent() const noexcept { return percent_.load(std::memory_order_relaxed); }
   const DynamicsMeasurement& measurement() const noexcept { return measurement_; }
   const device::DeviceReading& reading() const noexcept { return reading_; }
@@ -83,6 +90,7 @@ class Loop {
   std::int64_t period_ns_;
   device::DeviceReading reading_;
   std::atomic<int> percent_{0};
+  std::atomic<std::uint64_t> ticks_{0};
   std::atomic<bool> over_{false};
 };
 
@@ -95,14 +103,25 @@ std::string why_it_ended(const Loop& loop) {
 
 }  // namespace
 
-DeviceDynamics measure_dynamics(device::HapticDevice& device, const calibration::MeasurementConfig& config) {
+DeviceDynamics measure_dynamics(device::HapticDevice& device, const device::CallWatch* calls,
+                                const calibration::MeasurementConfig& config) {
   const std::atomic<bool>& stop = catch_stop_signals();
   Loop loop(device, config);
   Progress progress;
   {
     rt::RealtimeThread thread({}, [&](const std::stop_token&) { loop.run(stop); });
+    // Why there is no force is the measurement's own end to tell.
+    std::optional<DeviceMonitor> monitor;
+    if (device.info().moves_by_itself) {
+      monitor.emplace(
+          MonitoredLoop{[&loop] { return loop.ticks(); }, [] { return device::ForceOffCause::kNone; }, calls},
+          [&progress](const std::string& text) {
+            fmt::print(stderr, "{}telenano-master: warning: {}\n", progress.line_end(), text);
+          });
+    }
     while (!loop.over()) {
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
+      if (stop.load() && monitor && monitor->stuck_ns() > kGiveUpStuckNs) end_without_loop(calls);
       progress.show(loop.percent());
     }
     thread.join();

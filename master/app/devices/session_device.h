@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,8 +38,8 @@ struct SessionDevice {
 };
 
 /// What a plan must know of a device that is not open: of "sim" what the file says of the simulated one, of
-/// "omega" the maker's figures and the file's. Throws UserError for the others, which show no force.
-device::DeviceInfo planned_device(const DeviceSpec& spec, const StationFile& file);
+/// "omega" the maker's figures and the file's. None of the others, which show no force.
+std::optional<device::DeviceInfo> planned_device(const DeviceSpec& spec, const StationFile& file);
 
 /// Opens every kind but the simulated one, which needs to know the session first. `may_home`: the device may
 /// be moved by its motors. `pointer`: what a viewer stores for the mouse; null where there is no viewer.

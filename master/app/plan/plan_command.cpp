@@ -24,6 +24,7 @@
 #include "telenano/master/app/run/scene_wait.h"
 #include "telenano/master/app/stop_signals.h"
 #include "telenano/master/connection/connect.h"
+#include "telenano/master/device/sim_device.h"
 #include "telenano/master/scene/scene_keeper.h"
 #include "telenano/master/twin/load_twin.h"
 
@@ -103,11 +104,11 @@ void validate(const PlanOptions& options) {
 /// one.
 device::DeviceInfo device_info(const PlanOptions& options, const StationFile& file) {
   const DeviceSpec spec = parse_device_spec(options.device.value_or(file.device.kind));
-  const bool shows_force = spec.kind == DeviceSpec::Kind::kSim || spec.kind == DeviceSpec::Kind::kOmega;
-  if (options.device && !shows_force)
+  if (const auto device = planned_device(spec, file)) return *device;
+  if (options.device)
     throw UserError(fmt::format(
         "--device {}: shows no force, so there is nothing to plan; expected sim or omega", *options.device));
-  return planned_device(shows_force ? spec : DeviceSpec{}, file);
+  return device::sim_device_info(file.plant);
 }
 
 /// The sample of the session, pressed here, not at the server.

@@ -152,7 +152,7 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
                                             static_cast<std::uint32_t>(asked.task)));
   }
   if (asked.practice && practised_ != nullptr) {
-    practised_->practise({asked.practice->rtt_ms, 0, asked.practice->loss});
+    practised_->practise(*asked.practice);
     if (recorder_ != nullptr)
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventPractice, "practice link",
                                             static_cast<std::uint32_t>(asked.practice->rtt_ms)));

@@ -44,10 +44,10 @@ inline constexpr std::uint32_t kEventTwin =
 inline constexpr std::uint32_t kEventSendRate =
     107;  ///< value: datagrams a second from here on; the text says why
 inline constexpr std::uint32_t kEventServer = 108;  ///< value: its place in --server's list, from 1
-inline constexpr std::uint32_t kEventPractice =
-    110;  ///< another practice link; value: ms added to the round trip
 inline constexpr std::uint32_t kEventNote =
     109;  ///< a person's words, of the moment when writing began: "note: …"
+inline constexpr std::uint32_t kEventPractice =
+    110;  ///< another practice link; value: ms added to the round trip
 
 /// What the loop tells the progress line.
 struct Progress {

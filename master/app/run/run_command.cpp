@@ -66,11 +66,11 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       .add_option_function<std::string>(
           "--practice-link",
           [&options](const std::string& text) {
-            options.practice = net::parse_practice_link(text, "--practice-link");
+            options.practice = link::parse_practice_link(text, "--practice-link");
           },
           "To practise on a worse link than there is: added to the round trip (ms), lost of each way "
           "(percent); "
-          "off: only the sliders for it in the window")
+          "off: only the sliders for it in the window. Delays a stop as well: not for a real AFM")
       ->type_name("{off,rtt=100,jitter=5,loss=2}");
   command
       .add_option("--metrics", options.metrics,

@@ -3,7 +3,7 @@
 #include <optional>
 #include <string>
 
-#include "telenano/common/net/practice_link.h"
+#include "telenano/common/link/practice_link.h"
 #include "telenano/master/app/view/session_view.h"
 #include "telenano/master/connection/server_access.h"
 
@@ -28,7 +28,7 @@ struct RunOptions : connection::ServerAccess {
   std::optional<int> redundancy;
   std::string send_hz;  ///< "auto" or a number; empty: the station file's
   std::string dscp = "ef";
-  std::optional<net::PracticeLink> practice;
+  std::optional<link::PracticeLink> practice;
   std::string metrics;
   bool metrics_public = false;
   std::string record;

@@ -56,7 +56,6 @@ constexpr double kProbeS = 0.02;
 constexpr int kProbeMin = 5;
 constexpr int kProbeMax = 40;
 // A loop that has not come back so long after a stop is left behind.
-constexpr std::int64_t kGiveUpStuckNs = 2'000'000'000;
 // Steps that are kept until the server has made them; twice what is felt without its word.
 constexpr double kTwinRingS = 4;
 // For a twin nothing can begin without the scene: 4 MB at the server's 464 kB/s, and reading it.
@@ -177,21 +176,6 @@ device::SimDeviceConfig sim_device_config(const StationFile& file, double start_
   config.metres_per_nm = file.station.scaling.hand_displacement_m(Vec3::UnitX()).x();
   config.start_height_nm = start_height_nm;
   return config;
-}
-
-/// A vendor's library that does not come back keeps the loop's thread for ever: what is recorded is saved,
-/// and the program ends without waiting for it.
-[[noreturn]] void end_stuck(const SessionDevice& opened, recording::Recorder* recorder) {
-  if (recorder != nullptr) recorder->close();
-  const device::CallWatch::Look look =
-      opened.calls != nullptr ? opened.calls->look() : device::CallWatch::Look{};
-  fmt::print(
-      stderr,
-      "telenano-master: the loop does not come back{}{}; ended without it, the device's own watchdog has "
-      "taken the force away\n",
-      look.inside() ? " from the SDK's " : "", look.inside() ? look.name : "");
-  std::fflush(nullptr);
-  std::_Exit(1);
 }
 
 // How long a reply is held back at the station; 0 if the newest is taken at once.
@@ -379,7 +363,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     fmt::print(stderr, "note: --dscp {}: this system does not let datagrams be marked\n", options.dscp);
   if (options.practice) {
     servers.practise(*options.practice);
-    const std::string text = net::practice_text(*options.practice);
+    const std::string text = link::practice_text(*options.practice);
     if (!options.quiet && !text.empty()) fmt::print(stderr, "practice link: {}\n", text);
   }
   link::ClientConfig client_config;
@@ -530,7 +514,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   };
   // A window does not vanish under a person's eyes because the server did, or because the task is done. A run
   // that was told how long it takes, or whose window nobody opened at a terminal, is nobody's to close.
-  const auto session_end = [&]() -> std::pair<bool, std::vector<std::string>> {
+  const auto session_end = [&]() -> view_model::SessionEnd {
     const std::string failure = failure_text(live, station, session, options, servers, config.rate_hz);
     const bool person = isatty(STDIN_FILENO) != 0 && live.ending() != Ending::kStopped;
     if (options.close_at_end || options.duration_s || stop.load() || (failure.empty() && !person)) return {};
@@ -566,7 +550,10 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     Progress told;
     auto shown = std::chrono::steady_clock::now();
     const auto look = [&] {
-      if (stop.load() && monitor.stuck_ns() > kGiveUpStuckNs) end_stuck(opened, recorder.get());
+      if (stop.load() && monitor.stuck_ns() > kGiveUpStuckNs) {
+        if (recorder) recorder->close();
+        end_without_loop(opened.calls);
+      }
       const Progress progress = live.progress();
       if (progress.resume_token != 0) session_file.keep(progress.resume_token);
       if (!options.quiet) print_changes(told, progress, terminal);

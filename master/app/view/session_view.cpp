@@ -119,7 +119,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   facts.hand_force_limit_n = session.station.force_safety * session.device.force_max_n;
   facts.energy_bound_j = session.station.allowance_j;
   facts.give_up_s = session.give_up_s;
-  if (session.practice) facts.practice = {session.practice->rtt_ms, session.practice->loss};
+  facts.practice = session.practice;
   facts.tip_radius_nm = options_.tip_radius_nm;
   const control::Scaling& planned = session.station.scaling;
   view_model::ScalingRegion& region = facts.region;
@@ -183,10 +183,7 @@ std::string SessionView::run(const RealTimeSession& live, const recording::Recor
     };
   }
   hooks.pointer = &pointer_;
-  hooks.session_end = [&callbacks] {
-    auto [failed, lines] = callbacks.session_end();
-    return viewer::SessionEnd{failed, std::move(lines)};
-  };
+  hooks.session_end = callbacks.session_end;
   hooks.stop_wanted = callbacks.stop_wanted;
   try {
     return draw(hooks, live);

@@ -5,18 +5,18 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "telenano/common/config/slave_limits_file.h"
 #include "telenano/common/link/messages.h"
-#include "telenano/common/net/practice_link.h"
+#include "telenano/common/link/practice_link.h"
 #include "telenano/common/recording/recorder.h"
 #include "telenano/common/rt/latest_value.h"
 #include "telenano/common/surface/height_grid.h"
 #include "telenano/master/app/run/real_time_session.h"
 #include "telenano/master/device/pointer_device.h"
 #include "telenano/master/station/station_config.h"
+#include "telenano/master/view_model/session_end.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/view_model/view_request_handler.h"
 
@@ -67,7 +67,7 @@ struct ViewedSession {
   double give_up_s = 0;               ///< of silence
   /// The true surface, once it is here: each time that it is another one. Null function: it never comes.
   std::function<std::optional<surface::HeightGrid>()> fetched_ground = nullptr;
-  std::optional<net::PracticeLink> practice{};  ///< where the link can be made worse
+  std::optional<link::PracticeLink> practice{};  ///< where the link can be made worse
 };
 
 /// The picture of a session: a window, or one photograph without a display; nothing where neither is asked
@@ -92,11 +92,9 @@ class SessionView {
   /// After run(): a person wants the same session once more.
   bool again_wanted() const noexcept { return again_; }
   struct Callbacks {
-    std::function<void()> each;  ///< every now and then, while the session runs
-    /// Once it is over: whether it failed, and what a window says that stays; no lines: it goes. Not asked of
-    /// a photograph.
-    std::function<std::pair<bool, std::vector<std::string>>()> session_end;
-    std::function<bool()> stop_wanted;  ///< a window that has stayed goes
+    std::function<void()> each;                           ///< every now and then, while the session runs
+    std::function<view_model::SessionEnd()> session_end;  ///< once it is over; not asked of a photograph
+    std::function<bool()> stop_wanted;                    ///< a window that has stayed goes
   };
   /// The picture, until the session is over, or the window closed that stayed after it. In the main thread.
   /// `give_way`: the loop has no real-time priority, so drawing has to leave it the processors.

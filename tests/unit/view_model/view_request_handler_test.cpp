@@ -124,12 +124,13 @@ TEST(ViewRequestHandler, PassesOnTheNewestPracticeLink) {
   for (const double rtt_ms : {50.0, 120.0}) {
     ViewRequest request;
     request.kind = ViewRequest::Kind::kPractice;
-    request.practice = {rtt_ms, 0.02};
+    request.practice = {rtt_ms, 5, 0.02};
     rig.port.requests.push(request);
   }
   const auto asked = rig.requests.answer(rig.station);
   ASSERT_TRUE(asked.practice);
   EXPECT_EQ(asked.practice->rtt_ms, 120);
+  EXPECT_EQ(asked.practice->jitter_ms, 5);
   EXPECT_EQ(asked.practice->loss, 0.02);
   EXPECT_FALSE(rig.requests.answer(rig.station).practice);
 }

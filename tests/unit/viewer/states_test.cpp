@@ -113,7 +113,7 @@ std::vector<State> states() {
        1650,
        {},
        [](ViewFacts& facts) {
-         facts.practice = {150, 0.05};
+         facts.practice = {150, 0, 0.05};
        }},
       {"plane", 2600, {}, {}, {}, {}, false},
       {"overview", 1650, {}, {}, {}, {GLFW_KEY_V}},
