@@ -10,7 +10,7 @@ die() { printf 'error: %s\n' "$1" >&2; exit "${2:-1}"; }
 build_packages=(g++ cmake ninja-build pkg-config git ca-certificates libboost-dev libprotobuf-dev protobuf-compiler
   libeigen3-dev libhdf5-dev zlib1g-dev libssl-dev libsystemd-dev libtomlplusplus-dev libcli11-dev libspdlog-dev libfmt-dev nlohmann-json3-dev libhidapi-dev libgtest-dev libgmock-dev libbenchmark-dev
   prometheus-cpp-dev gnuplot-nox libglfw3-dev libimgui-dev libstb-dev libepoxy-dev libgl-dev libegl-dev libgl1-mesa-dri fonts-dejavu-core)
-test_packages=(python3 python3-h5py python3-protobuf python3-yaml xvfb xauth xdotool dpkg-dev file strace clang-format-14)
+test_packages=(python3 python3-h5py python3-protobuf python3-yaml xvfb xauth x11-xserver-utils xdotool dpkg-dev file strace clang-format-14)
 
 install_missing() {
   local missing=() p

@@ -28,6 +28,27 @@ std::string& last_error() {
                  "; log in graphically or with ssh -X, or leave --view out");
 }
 
+// What was scaled up may not fit; and what is written large needs more than the least size of small words.
+void fit_to_screen(GLFWwindow* window) {
+  int width = 0;
+  int height = 0;
+  glfwGetWindowSize(window, &width, &height);
+  int x = 0;
+  int y = 0;
+  int wide = 0;
+  int high = 0;
+  if (GLFWmonitor* const monitor = glfwGetPrimaryMonitor(); monitor != nullptr)
+    glfwGetMonitorWorkarea(monitor, &x, &y, &wide, &high);
+  if (wide >= kLeastWidth_px && high >= kLeastHeight_px && (width > wide || height > high)) {
+    width = std::min(width, wide);
+    height = std::min(height, high);
+    glfwSetWindowSize(window, width, height);
+  }
+  const double times = std::max(1.0, static_cast<double>(width) / kWidth_px);
+  glfwSetWindowSizeLimits(window, static_cast<int>(times * kLeastWidth_px),
+                          static_cast<int>(times * kLeastHeight_px), GLFW_DONT_CARE, GLFW_DONT_CARE);
+}
+
 }  // namespace
 
 bool has_display() noexcept {
@@ -50,25 +71,14 @@ GlfwWindow::GlfwWindow(bool visible) {
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
   glfwWindowHint(GLFW_OPENGL_FORWARD_COMPAT, GLFW_TRUE);
   glfwWindowHint(GLFW_VISIBLE, visible ? GLFW_TRUE : GLFW_FALSE);
-  int width_px = kWidth_px;
-  int height_px = kHeight_px;
-  if (GLFWmonitor* const monitor = glfwGetPrimaryMonitor(); monitor != nullptr) {
-    int x = 0;
-    int y = 0;
-    int wide = 0;
-    int high = 0;
-    glfwGetMonitorWorkarea(monitor, &x, &y, &wide, &high);
-    if (wide >= kLeastWidth_px && high >= kLeastHeight_px) {
-      width_px = std::min(width_px, wide);
-      height_px = std::min(height_px, high);
-    }
-  }
-  window_ = glfwCreateWindow(width_px, height_px, visible ? "Telenano" : "", nullptr, nullptr);
+  // As large to the eye on a screen with small pixels; the system knows which of them a size counts.
+  glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
+  window_ = glfwCreateWindow(kWidth_px, kHeight_px, visible ? "Telenano" : "", nullptr, nullptr);
   if (window_ == nullptr) {
     glfwTerminate();
     refuse();
   }
-  glfwSetWindowSizeLimits(window_, kLeastWidth_px, kLeastHeight_px, GLFW_DONT_CARE, GLFW_DONT_CARE);
+  fit_to_screen(window_);
   glfwMakeContextCurrent(window_);
   glfwSwapInterval(1);
 }

@@ -386,6 +386,49 @@ TEST_F(ViewerPrograms, ADoneTaskLeavesItsSummaryAndBeginsAgain) {
                                std::filesystem::copy_options::overwrite_existing);
 }
 
+// 192 dots an inch, as a desktop says it: twice the pixels, and as large to the eye.
+TEST_F(ViewerPrograms, AWindowOnADenseScreenHasTwiceThePixels) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool", "/usr/bin/xrdb"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool x11-xserver-utils";
+  }
+  Server server(scene_path("flakes"));
+  const auto size_at = [&](int dpi, const std::string& screen) {
+    const std::string folder = path(std::to_string(dpi) + screen.substr(0, 4));
+    std::filesystem::create_directory(folder);
+    std::ofstream(folder + "/user.sh")
+        << "cd " << folder << "\n"
+        << "echo 'Xft.dpi: " << dpi << "' | xrdb -merge -nocpp\n"
+        << kMaster << " run --server " << server.address() << " --task contact --view --quiet &\n"
+        << "xdotool search --sync --name Telenano >/dev/null\n"
+        << "for i in $(seq 24); do xdotool key p; for j in $(seq 50); do "
+           "[ -s telenano-1.png ] && break 2; sleep 0.1; done; done; sleep 1\n"
+        << "xdotool key ctrl+q; wait $!\n";
+    const Finished user =
+        run_program({"/usr/bin/xvfb-run", "-a", "-s", "-noreset -screen 0 " + screen + "x24", "/bin/bash",
+                     folder + "/user.sh"},
+                    {}, 4 * kLong);
+    const std::string png = file_text(folder + "/telenano-1.png");
+    EXPECT_GT(png.size(), 24u) << user.out << user.err;
+    if (const char* look = std::getenv("TELENANO_LOOK"))
+      std::filesystem::copy_file(folder + "/telenano-1.png",
+                                 std::string(look) + "/dpi" + std::to_string(dpi) + screen + ".png",
+                                 std::filesystem::copy_options::overwrite_existing);
+    // Width and height stand behind the first chunk's name (ISO/IEC 15948), most significant byte first.
+    const auto number = [&](std::size_t at) {
+      int value = 0;
+      for (std::size_t i = at; i < at + 4 && i < png.size(); ++i)
+        value = 256 * value + static_cast<unsigned char>(png[i]);
+      return value;
+    };
+    return std::pair{number(16), number(20)};
+  };
+  EXPECT_EQ(size_at(96, "3840x2160"), (std::pair{1280, 800}));
+  EXPECT_EQ(size_at(192, "3840x2160"), (std::pair{2560, 1600}));
+  // And no larger than the screen.
+  EXPECT_EQ(size_at(192, "1920x1080"), (std::pair{1920, 1080}));
+}
+
 TEST_F(ViewerPrograms, ABadDisplayIsSaidBeforeAServerIsAsked) {
   const std::vector<std::vector<std::string>> ways = {{"--view"}, {"--device", "mouse"}};
   for (const auto& flags : ways) {
