@@ -8,6 +8,7 @@ namespace telenano::view_model {
 namespace {
 
 constexpr int kTextureMax = 1024;
+constexpr int kPartTextureLeast = 64;
 constexpr double kLeastPlane_nm = 100;
 
 // Cubic through p1 (t = 0) and p2 (t = 1) whose slopes are the central differences there (Catmull & Rom
@@ -35,6 +36,29 @@ Ground::Ground(surface::HeightGrid grid) : grid_(std::move(grid)) {
   min_w_nm_ = {grid_.x_first_nm, grid_.y_first_nm, *lowest};
   max_w_nm_ = {grid_.x_first_nm + (grid_.columns - 1) * grid_.dx_nm,
                grid_.y_first_nm + (grid_.rows - 1) * grid_.dy_nm, *highest};
+}
+
+Ground Ground::part(const MapBox& box) const {
+  Ground part = *this;
+  part.part_ = true;
+  part.min_w_nm_ = {box.x_min_nm, box.y_min_nm, min_w_nm_.z()};
+  part.max_w_nm_ = {box.x_max_nm, box.y_max_nm, max_w_nm_.z()};
+  if (!is_scan()) return part;
+  // Lowest and highest as it is drawn: at the places of its texture.
+  const int side = part.texture_side();
+  double lowest = max_w_nm_.z();
+  double highest = min_w_nm_.z();
+  for (int row = 0; row < side; ++row) {
+    for (int column = 0; column < side; ++column) {
+      const double z = height_w_nm(box.x_min_nm + box.width_nm() * column / (side - 1),
+                                   box.y_min_nm + box.depth_nm() * row / (side - 1));
+      lowest = std::min(lowest, z);
+      highest = std::max(highest, z);
+    }
+  }
+  part.min_w_nm_.z() = lowest;
+  part.max_w_nm_.z() = highest;
+  return part;
 }
 
 double Ground::at(int column, int row) const noexcept {
@@ -84,7 +108,9 @@ double Ground::overview_exaggeration() const noexcept {
 
 int Ground::texture_side() const noexcept {
   if (grid_.z_nm.empty()) return 2;
-  return std::clamp(std::max(grid_.columns, grid_.rows), 2, kTextureMax);
+  if (!part_) return std::clamp(std::max(grid_.columns, grid_.rows), 2, kTextureMax);
+  const double pixels = std::max(width_nm() / grid_.dx_nm, depth_nm() / grid_.dy_nm);
+  return std::clamp(static_cast<int>(std::ceil(2 * pixels)) + 1, kPartTextureLeast, kTextureMax);
 }
 
 std::vector<float> Ground::height_texture(int side) const {

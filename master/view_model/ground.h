@@ -7,6 +7,20 @@
 
 namespace telenano::view_model {
 
+/// A rectangle of a map, frame W.
+struct MapBox {
+  double x_min_nm = 0;
+  double x_max_nm = 0;
+  double y_min_nm = 0;
+  double y_max_nm = 0;
+  double width_nm() const noexcept { return x_max_nm - x_min_nm; }
+  double depth_nm() const noexcept { return y_max_nm - y_min_nm; }
+  bool contains(const Vec3& pos_w_nm) const noexcept {
+    return pos_w_nm.x() >= x_min_nm && pos_w_nm.x() <= x_max_nm && pos_w_nm.y() >= y_min_nm &&
+           pos_w_nm.y() <= y_max_nm;
+  }
+};
+
 /// The sample's surface as the picture knows it: a scan that the person at the station gave, or the plane at
 /// the height that the server's Welcome names. It is drawn, never felt.
 class Ground {
@@ -15,6 +29,10 @@ class Ground {
   Ground(double surface_z_w_nm, const Vec3& workspace_min_w_nm, const Vec3& workspace_max_w_nm);
   /// A scan; at least 2 × 2 heights.
   explicit Ground(surface::HeightGrid grid);
+
+  /// What lies in `box`, which must lie in this one and have an area: the same heights, but lowest, highest,
+  /// texture and exaggeration are its own. A copy of the whole's heights.
+  Ground part(const MapBox& box) const;
 
   bool is_scan() const noexcept { return !grid_.z_nm.empty(); }
   /// Catmull-Rom through the heights: smooth between pixels, exact on them; beyond the rim as at the rim.
@@ -36,13 +54,14 @@ class Ground {
 
   /// Heights and slopes at `side` × `side` places evenly over the ground, for a texture: h, ∂z/∂x, ∂z/∂y.
   std::vector<float> height_texture(int side) const;
-  int texture_side() const noexcept;  ///< that shows every height, at most 1024
+  int texture_side() const noexcept;  ///< that shows every height, of a part twice as fine, at most 1024
 
  private:
   double at(int column, int row) const noexcept;
 
   surface::HeightGrid grid_;
   double plane_z_w_nm_ = 0;
+  bool part_ = false;
   Vec3 min_w_nm_ = Vec3::Zero();
   Vec3 max_w_nm_ = Vec3::Zero();
 };

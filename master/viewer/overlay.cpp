@@ -290,7 +290,7 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
                     {tip.x + 22 * s, tip.y + 24 * s},
                     {tip.x - 150 * s, tip.y - 8 * s},
                     {tip.x - 150 * s, tip.y + 24 * s}});
-  if (state.particle.radius_nm > 0) {
+  if (state.particle.radius_nm > 0 && !state.part) {
     const ImVec2 foot = pen.at(state.particle.pos_w_nm - state.particle.radius_nm * Vec3::UnitZ());
     pen.block({{view_model::particle_words(state.particle.status), palette::kParticle, gui.small()}},
               {{foot.x - 40 * s, foot.y + 6 * s}, {foot.x - 40 * s, foot.y + 24 * s}});

@@ -123,6 +123,14 @@ GroundMesh block_mesh(const Ground& ground, const SceneFrame& frame, int cells, 
   return mesh;
 }
 
+/// Beside the part of the sample that is shown.
+bool beside(const SceneState& state, const Vec3& pos_w_nm) noexcept {
+  const Vec3& low = state.ground.min_w_nm();
+  const Vec3& high = state.ground.max_w_nm();
+  return state.part && (pos_w_nm.x() < low.x() || pos_w_nm.x() > high.x() || pos_w_nm.y() < low.y() ||
+                        pos_w_nm.y() > high.y());
+}
+
 /// A shader with these definitions.
 std::string with(const char* definitions, const char* source) {
   return std::string("#version 330 core\n") + definitions + source;
@@ -266,6 +274,7 @@ void SceneRenderer::draw_trail(const SceneState& state, const Mat4& clip, const 
   for (std::size_t i = 1; i < trail.size(); ++i) {
     const auto& from = trail.point(i - 1);
     const auto& to = trail.point(i);
+    if (beside(state, to.pos_w_nm) || beside(state, from.pos_w_nm)) continue;
     const double age = 1 - static_cast<double>(i) / static_cast<double>(trail.size());
     const Rgb& colour = to.contact ? palette::kRepulsion : palette::kFree;
     batch.add(frame.scene_nm(from.pos_w_nm), frame.scene_nm(to.pos_w_nm), colour,
@@ -298,7 +307,7 @@ void SceneRenderer::draw_overview(const SceneState& state, const Camera& camera,
       std::clamp(state.deflection_nm * state.lever_exaggeration, -0.3 * extent, 0.3 * extent);
   upload(lever_, view_model::bent_lever(0.45 * extent, 0.085 * extent, 0.01 * extent, bend_nm, 24));
   draw_solid(lever_, moved_to(end, 1), palette::kLever, 1);
-  if (state.particle.radius_nm > 0) {
+  if (state.particle.radius_nm > 0 && !beside(state, state.particle.pos_w_nm)) {
     // Taller heights must not make an egg of it: it stands on its lowest point, as the tip does.
     const double r = state.particle.radius_nm;
     const Vec3 foot = frame.scene_nm(state.particle.pos_w_nm - r * Vec3::UnitZ());
@@ -313,8 +322,10 @@ void SceneRenderer::draw_overview(const SceneState& state, const Camera& camera,
     LineBatch points(clip, area.width_px, area.height_px);
     const double low = state.touched.lowest_nm();
     const double range = std::max(state.touched.highest_nm() - low, 1e-3);
-    for (const Vec3& p : state.touched.points_w_nm())
+    for (const Vec3& p : state.touched.points_w_nm()) {
+      if (beside(state, p)) continue;
       points.add_point(frame.scene_nm(p), view_model::height_colour((p.z() - low) / range), 0.9);
+    }
     lines_.set(points.corners(), GL_STREAM_DRAW);
     glEnable(GL_PROGRAM_POINT_SIZE);
     line_program_.use();

@@ -32,7 +32,7 @@ struct SceneFrame {
   }
 };
 
-/// Draws the sample and the probe. The overview is a mesh of at most kOverviewCells² cells whatever the scan,
+/// Draws the sample, or the part of it that set_ground() has, and the probe. The overview is a mesh of at most kOverviewCells² cells whatever the scan,
 /// lit from a texture of all its slopes; the close-up a fine patch that goes with the tip, cut open along the
 /// tip's x–z plane.
 class SceneRenderer {
@@ -42,6 +42,7 @@ class SceneRenderer {
   static constexpr double kConeInCloseUp = 0.7;  ///< length of the full cone over half the picture's height
 
   explicit SceneRenderer(const view_model::Ground& ground);
+  /// That the overview shows; the close-up draws its state's.
   void set_ground(const view_model::Ground& ground);
 
   /// `canvas_height_px`: of the whole picture, since OpenGL counts from below.

@@ -20,6 +20,7 @@ struct SceneState {
   double lever_exaggeration = 1;        ///< of that, in the overview
   bool contact = false;
   double tip_radius_nm = 20;
+  bool part = false;          ///< the ground is a part of the sample: what lies beside it is left out
   link::Particle particle{};  ///< radius 0: none is drawn
 };
 

@@ -44,6 +44,7 @@ Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::Vi
       gui_(scale),
       ground_(std::move(ground)),
       renderer_(ground_),
+      map_(ground_),
       live_(kTrailStep_nm),
       panel_(facts_, port),
       hand_(facts.hand_half_m, facts.hand_back_s),
@@ -53,17 +54,49 @@ Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::Vi
 
 void Viewer::set_ground(view_model::Ground ground) {
   ground_ = std::move(ground);
-  renderer_.set_ground(ground_);
+  map_.set_ground(ground_);
+  // Another sample's places are not this one's.
+  if (const auto& box = region_.box();
+      box && (box->x_min_nm < ground_.min_w_nm().x() || box->x_max_nm > ground_.max_w_nm().x() ||
+              box->y_min_nm < ground_.min_w_nm().y() || box->y_max_nm > ground_.max_w_nm().y())) {
+    region_.whole();
+    fit_overview_to_ground();
+  }
+  set_region();
 }
 
-void Viewer::reset_cameras() {
-  const double extent = std::max(ground_.width_nm(), ground_.depth_nm());
-  overview_camera_ = {};
-  overview_camera_.azimuth_deg = -62;
-  overview_camera_.elevation_deg = 32;
+// After each change of the ground or of the region.
+void Viewer::set_region() {
+  part_.reset();
+  if (region_.box()) part_ = ground_.part(*region_.box());
+  renderer_.set_ground(overview_ground());
+}
+
+void Viewer::narrow_region(double time_s) {
+  const bool was_part = part_.has_value();
+  const bool narrower = region_.narrow(ground_, tip_w_nm(), 4 * facts_.tip_radius_nm);
+  if (!narrower && !was_part) say("The sample is too small for a region of it", time_s);
+  set_region();
+  fit_overview_to_ground();
+}
+
+void Viewer::fit_overview_to_ground() {
+  const double extent = std::max(overview_ground().width_nm(), overview_ground().depth_nm());
   overview_camera_.target_nm = {0, 0, 0.06 * extent};
   overview_camera_.distance_nm = 2.55 * extent;
   overview_camera_.depth_range_nm = 3 * extent;
+  overview_chosen_ = false;
+}
+
+void Viewer::reset_cameras() {
+  if (region_.box()) {
+    region_.whole();
+    set_region();
+  }
+  overview_camera_ = {};
+  overview_camera_.azimuth_deg = -62;
+  overview_camera_.elevation_deg = 32;
+  fit_overview_to_ground();
   close_up_camera_ = {};
   close_up_camera_.azimuth_deg = -90;
   close_up_camera_.elevation_deg = kCloseUpElevation_deg;
@@ -72,7 +105,6 @@ void Viewer::reset_cameras() {
   close_up_camera_.depth_range_nm = 1000;
   close_up_zoom_ = 1;
   seen_tip_ = false;
-  overview_chosen_ = false;
 }
 
 void Viewer::take_played(double time_s) {
@@ -90,16 +122,18 @@ void Viewer::take_samples() {
     live_.take(sample, ground_);
 }
 
-SceneState Viewer::state() const {
+SceneState Viewer::state(bool overview) const {
   const recording::Sample& now = live_.now();
   const auto vec = [](const recording::Xyz& v) { return Vec3(v[0], v[1], v[2]); };
-  SceneState state{ground_, live_.trail(), live_.touched()};
+  const view_model::Ground& ground = overview ? overview_ground() : ground_;
+  SceneState state{ground, live_.trail(), live_.touched()};
+  state.part = overview && part_.has_value();
   state.tip_pos_w_nm = vec(now.tip_pos_w_nm);
   state.target_pos_w_nm = vec(now.tip_target_w_nm);
   state.force_w_nn = vec(now.force_w_nn);
   state.force_full_nn = live_.force_full_nn();
   state.deflection_nm = now.deflection_nm;
-  state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground_, live_.deflection_full_nm());
+  state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground, live_.deflection_full_nm());
   state.contact = live_.contact();
   state.tip_radius_nm = facts_.tip_radius_nm;
   if (playback_ == nullptr) {  // recordings do not hold it
@@ -116,7 +150,7 @@ void Viewer::follow_tip() {
   const double gap = std::abs(live_.gap_nm());
   double wanted = std::clamp(0.8 * gap + kCloseUpLeast_nm, kCloseUpLeast_nm, kCloseUpMost_nm);
   // A particle that is touched is as large as the tip: both are to be seen.
-  const link::Particle particle = state().particle;
+  const link::Particle particle = state(false).particle;
   if (particle.status == link::ParticleStatus::kPushed || particle.status == link::ParticleStatus::kHeld)
     wanted = std::clamp(2 * particle.radius_nm, wanted, kCloseUpMost_nm);
   close_up_half_nm_ = seen_tip_ ? close_up_half_nm_ + kFollow * (wanted - close_up_half_nm_) : wanted;
@@ -144,7 +178,7 @@ view_model::Camera Viewer::fitted_overview(const Area& area) const noexcept {
   constexpr double kMost = 5;  // times as far: what lies farther out is no place of a tip
   const double tangent = std::tan(0.5 * camera.field_of_view_deg * kPi / 180);
   // The apex and what stands on it, with room for the words beside it.
-  const Vec3 apex = SceneRenderer::overview_frame(ground_).scene_nm(tip);
+  const Vec3 apex = SceneRenderer::overview_frame(overview_ground()).scene_nm(tip);
   double distance_nm = camera.distance_nm;
   for (const Vec3& point : {apex, Vec3(apex + 2.5 * facts_.tip_radius_nm * Vec3::UnitZ())}) {
     const Vec3 d = point - camera.target_nm;
@@ -183,6 +217,7 @@ void Viewer::handle_keys(double time_s) {
   }
   if (!ending_.lines.empty() && (pressed(GLFW_KEY_ENTER) || pressed(GLFW_KEY_KP_ENTER))) again_ = true;
   if (pressed(GLFW_KEY_HOME)) reset_cameras();
+  if (pressed(GLFW_KEY_Z) && live_.any()) narrow_region(time_s);
   if (pressed(GLFW_KEY_V))
     views_ = views_ == Views::kBoth       ? Views::kOverview
              : views_ == Views::kOverview ? Views::kCloseUp
@@ -268,9 +303,9 @@ bool Viewer::measure_at_pointer(const Layout& layout) {
   const ImGuiIO& io = ImGui::GetIO();
   if (!io.KeyCtrl || !io.MouseClicked[0]) return false;
   const Area& area = layout.overview;
-  const SceneFrame frame = SceneRenderer::overview_frame(ground_);
+  const SceneFrame frame = SceneRenderer::overview_frame(overview_ground());
   const auto place =
-      view_model::seen_at(ground_, fitted_overview(area), frame.origin_w_nm, frame.exaggeration,
+      view_model::seen_at(overview_ground(), fitted_overview(area), frame.origin_w_nm, frame.exaggeration,
                           io.MousePos.x - static_cast<float>(area.x_px),
                           io.MousePos.y - static_cast<float>(area.y_px), area.width_px, area.height_px);
   if (place) measurement_.choose(*place);
@@ -295,6 +330,9 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(io.MousePos.x, io.MousePos.y);
   const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
   const bool free = !io.WantCaptureMouse;
+  if (drag_ == Drag::kNone && free && over_overview && io.MouseClicked[0] && !io.KeyCtrl &&
+      map_.place_at(ground_, io.MousePos))
+    drag_ = Drag::kRegion;
   const bool measures = drag_ == Drag::kNone && free && over_overview && measure_at_pointer(l);
   if (drag_ == Drag::kNone && free && !measures && (over_overview || over_close_up)) {
     const bool hand = panel_.mouse_leads();
@@ -344,6 +382,13 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
     case Drag::kShift:
       overview_camera_.target_nm += overview_nm_px * (-dx * camera.right() + dy * camera.up());
       overview_chosen_ = true;
+      break;
+    case Drag::kRegion:
+      if (const auto place = map_.place_at(ground_, io.MousePos);
+          place && (io.MouseClicked[0] || io.MouseDelta.x != 0 || io.MouseDelta.y != 0)) {
+        region_.move_to(ground_, *place);
+        set_region();
+      }
       break;
     case Drag::kNone:
       break;
@@ -439,6 +484,7 @@ void Viewer::draw_help() {
     }
     row("middle drag, overview", "move the picture");
     row("V", "both pictures, overview, section");
+    row("Z", "the region round the tip, larger; at last the whole again; a click in the map moves it");
     row("Home", "the first view again");
     row("P or F12", "picture of this window (PNG)");
     row("F", "force over distance of the last touch, or the charts over time");
@@ -540,19 +586,25 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   handle_keys(time_s);
   if (playback_ != nullptr) take_played(time_s);
   follow_tip();
+  if (live_.any() && region_.follow(ground_, tip_w_nm())) set_region();
   handle_mouse(layout, time_s);
 
   glViewport(0, 0, width_px, height_px);
   glDisable(GL_SCISSOR_TEST);
   glClearColor(palette::kPanel.r, palette::kPanel.g, palette::kPanel.b, 1);
   glClear(GL_COLOR_BUFFER_BIT);
-  const SceneState now = state();
-  const SceneFrame frame = SceneRenderer::overview_frame(ground_);
+  const SceneFrame frame = SceneRenderer::overview_frame(overview_ground());
   const SceneFrame close_frame = SceneRenderer::close_up_frame(ground_);
   draw_banner(gui_, facts_, live_, layout.overview, !ending_.lines.empty(), port_.twin.load(),
               panel_.practice_text());
   draw_guide(layout);
   if (views_ != Views::kCloseUp) {
+    const SceneState now = state(true);
+    if (part_) {
+      map_.draw(gui_, ground_, *region_.box(), tip_w_nm(), layout.overview);
+    } else {
+      map_.hide();
+    }
     const view_model::Camera camera = shown_overview_camera_ = fitted_overview(layout.overview);
     renderer_.draw_overview(now, camera, frame, layout.overview, height_px);
     if (const auto profile = measurement_.profile(ground_, tip_w_nm()))
@@ -560,6 +612,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
     draw_overview_words(gui_, facts_, now, live_, camera, frame, layout.overview);
   }
   if (views_ != Views::kOverview) {
+    const SceneState now = state(false);
     renderer_.draw_close_up(now, close_up_camera_, close_frame, layout.close_up, height_px);
     draw_close_up_words(gui_, now, live_, close_up_camera_, close_frame, layout.close_up);
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -11,12 +12,14 @@
 #include "telenano/master/view_model/live_session.h"
 #include "telenano/master/view_model/pointer_hand.h"
 #include "telenano/master/view_model/profile.h"
+#include "telenano/master/view_model/region.h"
 #include "telenano/master/view_model/session_end.h"
 #include "telenano/master/view_model/view_port.h"
 #include "telenano/master/viewer/control_panel.h"
 #include "telenano/master/viewer/gui.h"
 #include "telenano/master/viewer/layout.h"
 #include "telenano/master/viewer/note_box.h"
+#include "telenano/master/viewer/sample_map.h"
 #include "telenano/master/viewer/scene_renderer.h"
 #include "telenano/master/viewer/view_facts.h"
 
@@ -46,6 +49,7 @@ class Viewer {
   const view_model::PointerHand& hand() const noexcept { return hand_; }
   const view_model::LiveSession& live() const noexcept { return live_; }
   const view_model::Ground& ground() const noexcept { return ground_; }
+  const view_model::Region& region() const noexcept { return region_; }
   const view_model::Camera& overview_camera() const noexcept { return overview_camera_; }
   const view_model::Camera& close_up_camera() const noexcept { return close_up_camera_; }
   /// A button has gone down since the last frame, be it that it was let go and pressed again within it: the
@@ -73,7 +77,7 @@ class Viewer {
   bool again_wanted() const noexcept { return again_; }
 
  private:
-  enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift };
+  enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };
 
   void reset_cameras();
   void follow_tip();
@@ -91,14 +95,22 @@ class Viewer {
   Vec3 tip_w_nm() const noexcept;
   bool measure_at_pointer(const Layout& layout);
   void draw_words(double time_s, const Area& area);
-  SceneState state() const;
+  /// Of the section, or of the overview, whose ground is the region's.
+  SceneState state(bool overview) const;
+  const view_model::Ground& overview_ground() const noexcept { return part_ ? *part_ : ground_; }
+  void set_region();
+  void narrow_region(double time_s);
+  void fit_overview_to_ground();
   view_model::Camera fitted_overview(const Area& area) const noexcept;
 
   ViewFacts facts_;
   view_model::ViewPort& port_;
   Gui gui_;
   view_model::Ground ground_;
+  view_model::Region region_;
+  std::optional<view_model::Ground> part_;  // of the ground, that the overview shows; none: the whole
   SceneRenderer renderer_;
+  SampleMap map_;
   view_model::LiveSession live_;
   ControlPanel panel_;
   view_model::PointerHand hand_;

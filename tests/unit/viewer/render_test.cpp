@@ -625,9 +625,10 @@ TEST_F(Render, TheTipStaysInTheOverviewAfterAStop) {
 TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
   facts_.mouse_is_hand = true;
   facts_.give_up_s = 10;
-  for (const bool scan : {true, false}) {
-    make(scan);
+  for (const std::string what : {"scan", "plane", "region"}) {
+    make(what != "plane");
     play(0, 5000);
+    if (what == "region") press(GLFW_KEY_Z);
     for (const int state : {0, 1, 2, 3, 4, 5, 6, 7}) {
       recording::Sample s = support::view_sample(5000 + state);
       if (state >= 5) s.reply_age_ms = 3200;
@@ -658,12 +659,12 @@ TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
       for (const auto& [wide, high] : {std::pair{640, 480}, {800, 600}, {1280, 800}}) {
         draw_picture(*viewer_, wide, high, {});
         EXPECT_EQ(overlaps(drawn_glyphs(ink(palette::kBackground, 0.75f))), "")
-            << (scan ? "scan" : "plane") << ", state " << state << ", " << wide << " x " << high;
+            << what << ", state " << state << ", " << wide << " x " << high;
         if (const char* folder = std::getenv("TELENANO_LOOK")) {
           const Picture look = draw_picture(*viewer_, wide, high, {});
-          write_png(std::string(folder) + "/" + (scan ? "scan" : "plane") + std::to_string(state) + "_" +
-                        std::to_string(wide) + ".png",
-                    look);
+          write_png(
+              std::string(folder) + "/" + what + std::to_string(state) + "_" + std::to_string(wide) + ".png",
+              look);
         }
       }
     }
