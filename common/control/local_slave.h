@@ -2,9 +2,14 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 
 #include "telenano/common/base/vec3.h"
+
+namespace telenano::surface {
+class HeightView;  // passed on to who draws; nothing here looks into it
+}
 
 namespace telenano::control {
 
@@ -51,6 +56,8 @@ class LocalSlave {
   virtual double well_aj() const noexcept = 0;
   /// Of the scene: only a server that serves the same one has this twin.
   virtual std::uint64_t scene_hash() const noexcept = 0;
+  /// The sample's heights as steps leave them, for threads that only look; null: no marks stay in it.
+  virtual std::shared_ptr<const surface::HeightView> heights() const { return nullptr; }
 };
 
 }  // namespace telenano::control

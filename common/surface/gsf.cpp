@@ -31,6 +31,7 @@ constexpr int kSizeMax = 8192;
 constexpr std::size_t kFileBytesMax = kHeaderMax + 8 + 4 * std::size_t{kSizeMax} * kSizeMax;
 constexpr double kExtentMin_m = 1e-10;
 constexpr double kExtentMax_m = 1e-3;
+constexpr double kOffsetMax_m = 1;
 constexpr double kHeightMax_nm = 1e5;
 
 [[noreturn]] void fail(const std::string& name, const std::string& message) {
@@ -87,6 +88,17 @@ double extent_m(const Header& header, const char* key, const std::string& name) 
     fail(name, std::string(key) + " is " + shown(text) + expected);
   }
   return value;
+}
+
+// Nobody's scan is refused for a place that is not needed.
+double offset_nm(const Header& header, const char* key) {
+  const auto entry = header.find(key);
+  if (entry == header.end()) return 0;
+  double value = 0;
+  const std::string& text = entry->second;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  return whole && std::fabs(value) <= kOffsetMax_m ? value * kNmPerM : 0;
 }
 
 void require_metres(const Header& header, const char* key, const std::string& name) {
@@ -171,6 +183,10 @@ Scan parse_gsf(const std::string& bytes, const std::string& name) {
   grid.x_first_nm = 0.5 * grid.dx_nm;
   grid.y_first_nm = 0.5 * grid.dy_nm;
   if (const auto title = header.find("Title"); title != header.end()) scan.title = one_line(title->second);
+  scan.x_offset_nm = offset_nm(header, "XOffset");
+  scan.y_offset_nm = offset_nm(header, "YOffset");
+  if (const auto frame = header.find(kFrameKey); frame != header.end())
+    scan.in_frame_w = frame->second == "W";
 
   const std::size_t data = (header_end / 4 + 1) * 4;
   const std::size_t count = static_cast<std::size_t>(grid.columns) * static_cast<std::size_t>(grid.rows);
@@ -225,6 +241,15 @@ Scan read_gsf(const std::string& path, std::string* content) {
   return scan;
 }
 
+HeightGrid heights_in_frame_w(Scan scan) {
+  if (scan.in_frame_w) {
+    scan.grid.x_first_nm += scan.x_offset_nm;
+    scan.grid.y_first_nm += scan.y_offset_nm;
+    for (double& z : scan.grid.z_nm) z += scan.lowest_before_shift_nm;
+  }
+  return std::move(scan.grid);
+}
+
 std::string format_gsf(const Scan& scan, const std::string& name) {
   const HeightGrid& grid = scan.grid;
   const auto in_range = [](int n) { return n >= kSizeMin && n <= kSizeMax; };
@@ -248,13 +273,14 @@ std::string format_gsf(const Scan& scan, const std::string& name) {
   line("YRes", std::to_string(grid.rows));
   line("XReal", exact(width_nm / kNmPerM));
   line("YReal", exact(height_nm / kNmPerM));
-  const double x_nm = grid.x_first_nm - 0.5 * grid.dx_nm;
-  const double y_nm = grid.y_first_nm - 0.5 * grid.dy_nm;
+  const double x_nm = grid.x_first_nm - 0.5 * grid.dx_nm + (scan.in_frame_w ? scan.x_offset_nm : 0);
+  const double y_nm = grid.y_first_nm - 0.5 * grid.dy_nm + (scan.in_frame_w ? scan.y_offset_nm : 0);
   if (x_nm != 0.0) line("XOffset", exact(x_nm / kNmPerM));
   if (y_nm != 0.0) line("YOffset", exact(y_nm / kNmPerM));
   line("XYUnits", "m");
   line("ZUnits", "m");
   if (const std::string title = one_line(scan.title); !title.empty()) line("Title", title);
+  if (scan.in_frame_w) line(kFrameKey, "W");
   bytes.append(4 - bytes.size() % 4, '\0');
   bytes.reserve(bytes.size() + 4 * grid.z_nm.size());
   for (int row = grid.rows - 1; row >= 0; --row) {

@@ -28,7 +28,9 @@ TwinRun::TwinRun(const TwinRunConfig& config, std::unique_ptr<control::LocalSlav
       now_(std::move(now)),
       next_(std::move(next)),
       ring_(static_cast<std::size_t>(std::clamp(config.ring_s * config.rate_hz, 64.0, 65536.0))),
-      silence_s_(config.silence_s) {
+      silence_s_(config.silence_s),
+      now_heights_(now_->heights()),
+      next_heights_(next_->heights()) {
   unexplained_ns_.reserve(static_cast<std::size_t>(config_.partings) + 1);
 }
 
@@ -38,7 +40,7 @@ const TwinRun::Made* TwinRun::find(std::uint64_t number) const noexcept {
 }
 
 void TwinRun::leave() noexcept {
-  state_ = TwinState::kNone;
+  be(TwinState::kNone);
 }
 
 void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double timeout_s,
@@ -60,7 +62,7 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   newest_ = confirmed_ = welcome.executed;
   breaks_ = welcome.breaks;
   reason_ = 0;
-  state_ = TwinState::kConfirmed;
+  be(TwinState::kConfirmed);
   last_target_w_nm_.setZero();
   if (new_slave) unexplained_ns_.clear();
   if (welcome.state_hash != now_->state_hash()) part(link::kBreakSilence, now_ns);
@@ -96,17 +98,17 @@ void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int6
   if (!is_finite(answer_.force_w_nn) || !std::isfinite(answer_.energy_in_aj) ||
       !std::isfinite(answer_.energy_out_aj)) {
     answer_.force_w_nn.setZero();
-    state_ = TwinState::kGivenUp;
+    be(TwinState::kGivenUp);
     return;
   }
   book(answer_.energy_out_aj - answer_.energy_in_aj);
   if (catching_up_) catch_up(now_ns);
-  if (state_ == TwinState::kConfirmed) state_ = TwinState::kBehind;
+  if (state_ == TwinState::kConfirmed) be(TwinState::kBehind);
 }
 
 void TwinRun::part(std::uint32_t reason, std::int64_t now_ns) noexcept {
   if (state_ == TwinState::kApart || state_ == TwinState::kGivenUp) return;
-  state_ = TwinState::kApart;
+  be(TwinState::kApart);
   catching_up_ = false;
   reason_ = reason;
   ++partings_;
@@ -114,7 +116,7 @@ void TwinRun::part(std::uint32_t reason, std::int64_t now_ns) noexcept {
   const auto since_ns = now_ns - static_cast<std::int64_t>(config_.partings_s * 1e9);
   std::erase_if(unexplained_ns_, [since_ns](std::int64_t at_ns) { return at_ns < since_ns; });
   unexplained_ns_.push_back(now_ns);
-  if (static_cast<int>(unexplained_ns_.size()) >= config_.partings) state_ = TwinState::kGivenUp;
+  if (static_cast<int>(unexplained_ns_.size()) >= config_.partings) be(TwinState::kGivenUp);
 }
 
 void TwinRun::on_reply(const link::StepReport& report, std::int64_t now_ns) noexcept {
@@ -135,7 +137,7 @@ void TwinRun::on_reply(const link::StepReport& report, std::int64_t now_ns) noex
     return;
   }
   confirmed_ = report.executed;
-  state_ = confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind;
+  be(confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind);
 }
 
 void TwinRun::take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
@@ -144,7 +146,7 @@ void TwinRun::take_up(std::span<const std::uint8_t> state, std::uint64_t number,
   const bool known = number <= newest_ && (number == newest_ || find(number + 1) != nullptr);
   if (!known || !next_->load(state, next_answer_) || next_->state_hash() != hash) {
     // A state that is not what it says, or older than what is kept: another one is asked for.
-    state_ = TwinState::kBehind;
+    be(TwinState::kBehind);
     part(link::kBreakNone, now_ns);
     return;
   }
@@ -163,7 +165,7 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
     Made& step = made(next_newest_ + 1);
     if (step.number != next_newest_ + 1) {  // forgotten meanwhile
       catching_up_ = false;
-      state_ = TwinState::kBehind;
+      be(TwinState::kBehind);
       part(link::kBreakNone, now_ns);
       return;
     }
@@ -175,6 +177,7 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
   }
   if (next_newest_ < newest_) return;
   std::swap(now_, next_);
+  std::swap(now_heights_, next_heights_);
   answer_ = next_answer_;
   catching_up_ = false;
   swapped_ = true;
@@ -182,7 +185,7 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
   const double book_aj = answer_.energy_out_aj - answer_.energy_in_aj;
   given_aj_ += std::min(0.0, book_aj - book_aj_);
   book_aj_ = book_aj;
-  state_ = confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind;
+  be(confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind);
 }
 
 double TwinRun::lag_s(std::int64_t now_ns) const noexcept {

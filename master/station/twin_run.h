@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -77,12 +78,16 @@ class TwinRun {
   /// The answer is another state's from this tick on.
   bool take_swapped() noexcept { return std::exchange(swapped_, false); }
 
+  /// Any thread: the sample's heights as the twin in use has them, valid as long as this object; null: no
+  /// marks stay in it, or there is no twin now.
+  const surface::HeightView* heights() const noexcept { return heights_.load(std::memory_order_acquire); }
+
   /// Is the server's state asked for?
   bool wants_snapshot() const noexcept { return state_ == TwinState::kApart && !catching_up_; }
   /// The server's state after step `number`: taken up by the second twin, which then catches up.
   void take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
                std::uint32_t breaks, std::int64_t now_ns) noexcept;
-  void give_up() noexcept { state_ = TwinState::kGivenUp; }
+  void give_up() noexcept { be(TwinState::kGivenUp); }
 
   /// The steps that the second twin makes in a tick to catch up.
   static constexpr std::uint64_t kReplayedPerTick = 16;
@@ -101,6 +106,10 @@ class TwinRun {
   void part(std::uint32_t reason, std::int64_t now_ns) noexcept;
   void catch_up(std::int64_t now_ns) noexcept;
   void book(double out_less_in_aj) noexcept;
+  void be(TwinState state) noexcept {
+    state_ = state;
+    heights_.store(on() ? now_heights_.get() : nullptr, std::memory_order_release);
+  }
 
   TwinRunConfig config_;
   std::unique_ptr<control::LocalSlave> now_;
@@ -118,6 +127,9 @@ class TwinRun {
   double book_aj_ = 0;   // out less in, of the state in use
   double most_given_aj_ = 0;
   bool swapped_ = false;
+  std::shared_ptr<const surface::HeightView> now_heights_;
+  std::shared_ptr<const surface::HeightView> next_heights_;
+  std::atomic<const surface::HeightView*> heights_{nullptr};
   bool catching_up_ = false;
   std::uint64_t next_newest_ = 0;  // of the second twin
   Vec3 next_target_w_nm_ = Vec3::Zero();

@@ -34,6 +34,8 @@ class Ground {
   /// texture and exaggeration are its own. A copy of the whole's heights.
   Ground part(const MapBox& box) const;
 
+  /// Its heights; none: a plane.
+  const surface::HeightGrid& heights() const noexcept { return grid_; }
   bool is_scan() const noexcept { return !grid_.z_nm.empty(); }
   /// Catmull-Rom through the heights: smooth between pixels, exact on them; beyond the rim as at the rim.
   double height_w_nm(double x_w_nm, double y_w_nm) const noexcept;

@@ -37,8 +37,13 @@ void photograph(const ViewFacts& facts, view_model::Ground ground, view_model::V
   bool taken = false;
   while (true) {
     const bool over = hooks.session_over();
+    const bool now = !taken && (over || time_s() >= options.at_s);
+    if (now && hooks.changed_ground) {
+      // Before the samples: their gap is that to the ground.
+      if (auto changed = hooks.changed_ground()) viewer.set_ground(std::move(*changed));
+    }
     viewer.take_samples();
-    if (!taken && (over || time_s() >= options.at_s)) {
+    if (now) {
       taken = true;
       write_png(options.file, draw_picture(viewer, options.width_px, options.height_px, hooks.recording()));
     }

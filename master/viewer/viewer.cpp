@@ -210,6 +210,10 @@ void Viewer::handle_keys(double time_s) {
     help_ = !help_;
   if (pressed(GLFW_KEY_F)) force_curve_shown_ = !force_curve_shown_;
   if (pressed(GLFW_KEY_D)) data_wanted_ = true;
+  if (pressed(GLFW_KEY_S)) {
+    surface_wanted_ = ground_.is_scan();
+    if (!surface_wanted_) say("No surface to save: the sample is a plane, and has no marks", time_s);
+  }
   if (pressed(GLFW_KEY_L) && live_.any()) measurement_.choose(tip_w_nm());
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) {
     panel_.ask(ViewRequest::Kind::kQuit);
@@ -291,6 +295,14 @@ void Viewer::move_hand_by_keys(double nm_per_pixel) {
 Vec3 Viewer::tip_w_nm() const noexcept {
   const recording::Xyz& tip = live_.now().tip_pos_w_nm;
   return {tip[0], tip[1], tip[2]};
+}
+
+surface::Scan Viewer::drawn_surface() const {
+  surface::Scan scan;
+  scan.grid = ground_.heights();
+  scan.title = facts_.scene_name;
+  scan.in_frame_w = true;
+  return scan;
 }
 
 std::string Viewer::data() const {
@@ -489,6 +501,7 @@ void Viewer::draw_help() {
     row("P or F12", "picture of this window (PNG)");
     row("F", "force over distance of the last touch, or the charts over time");
     row("D", "that curve, or the profile that is measured, as a table (CSV)");
+    row("S", "the surface as it is drawn, with its marks (GSF, for Gwyddion)");
     row("L", "measure from the tip; again: to the tip; again: no more");
     row("Ctrl + click, overview", "the same where you point");
     if (playback_ != nullptr) {

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "telenano/common/surface/gsf.h"
 #include "telenano/master/view_model/camera.h"
 #include "telenano/master/view_model/first_touch.h"
 #include "telenano/master/view_model/ground.h"
@@ -61,6 +62,9 @@ class Viewer {
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
   /// The data of what is seen, asked for by key since the last call: the profile that is measured, else the
   /// force-distance curve.
+  bool take_surface_wanted() noexcept { return std::exchange(surface_wanted_, false); }
+  /// The sample as it is drawn, with the scene's name; only of a ground that has heights.
+  surface::Scan drawn_surface() const;
   bool take_data_wanted() noexcept { return std::exchange(data_wanted_, false); }
   std::string data() const;
   /// The force-distance curve in place of the charts of gap and hand force.
@@ -131,6 +135,7 @@ class Viewer {
   bool guide_ = false;
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;
+  bool surface_wanted_ = false;
   bool quit_ = false;
   bool again_ = false;
   view_model::Playback* playback_ = nullptr;

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/surface/gsf.h"
 #include "telenano/master/viewer/png.h"
 #include "telenano/master/viewer/viewer.h"
 #include "telenano/master/viewer/window_keys.h"
@@ -24,7 +25,7 @@ namespace telenano::viewer {
 namespace {
 
 constexpr auto kFrame = std::chrono::microseconds(16'600);
-constexpr double kReloadS = 1;
+constexpr double kReloadS = 0.25;
 
 using Clock = std::chrono::steady_clock;
 
@@ -150,6 +151,15 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
       try {
         write_text(name, viewer.data());
         viewer.say("Data: " + name, time_s);
+      } catch (const std::exception& error) {
+        viewer.say(error.what(), time_s);
+      }
+    }
+    if (viewer.take_surface_wanted()) {
+      const std::string name = free_name(hooks.picture_prefix, "gsf");
+      try {
+        surface::write_gsf(name, viewer.drawn_surface());
+        viewer.say("Surface: " + name, time_s);
       } catch (const std::exception& error) {
         viewer.say(error.what(), time_s);
       }

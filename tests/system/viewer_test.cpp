@@ -5,6 +5,7 @@
 #include <fstream>
 
 #include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/surface/gsf.h"
 #include "telenano/master/viewer/png.h"
 #include "tests/source_dir.h"
 #include "tests/system/programs.h"
@@ -383,6 +384,50 @@ TEST_F(ViewerPrograms, ADoneTaskLeavesItsSummaryAndBeginsAgain) {
   EXPECT_TRUE(recording::RecordingReader(path("c.h5")).closed());
   if (const char* folder = std::getenv("TELENANO_LOOK"))
     std::filesystem::copy_file(path("telenano-1.png"), std::string(folder) + "/done.png",
+                               std::filesystem::copy_options::overwrite_existing);
+}
+
+// What the station draws and saves is what the server keeps: two programs, two files, one sample. Its own file
+// is drawn where it was.
+TEST_F(ViewerPrograms, MarksAreSeenAndSavedWhileTheSessionGoesOn) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("lithography"), 0, {"--save-surface", folder_.string()});
+  std::ofstream(path("groove.csv"))
+      << "t_s,x_nm,y_nm,z_nm\n0,0,0,10\n1,0,0,-4\n3,40,0,-4\n3.5,40,0,10\n120,40,0,10\n";
+  // At the end the window's own picture; a person who sees nothing happen presses the key again.
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\n"
+      << "press_until() { for i in $(seq 24); do xdotool key $1; for j in $(seq 50); do eval $2 && return; "
+         "sleep 0.1; done; done; }\n"
+      << kMaster << " run --server " << server.address()
+      << " --method twin --task script --script groove.csv --view --quiet &\n"
+      << "xdotool search --sync --name Telenano >/dev/null\n"
+      << "for i in $(seq 300); do [ -s lithography-1.gsf ] && break; sleep 0.1; done; sleep 5\n"
+      << "press_until s '[ -s telenano-1.gsf ]'; press_until p '[ -s telenano-1.png ]'\n"
+      << "xdotool key ctrl+q; wait $!\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  server.stop();
+  const surface::Scan kept = surface::read_gsf(path("lithography-1.gsf"));
+  const surface::Scan seen = surface::read_gsf(path("telenano-1.gsf"));
+  EXPECT_EQ(seen.title, "lithography");
+  const surface::HeightGrid own = surface::heights_in_frame_w(kept);
+  const surface::HeightGrid drawn = surface::heights_in_frame_w(seen);
+  EXPECT_LT(kept.lowest_before_shift_nm, -0.5) << "there is a groove";
+  EXPECT_NEAR(drawn.x_first_nm, own.x_first_nm, 1e-9);
+  EXPECT_LT(own.x_first_nm, -100) << "about the start, as the scene has it";
+  ASSERT_EQ(drawn.z_nm.size(), own.z_nm.size());
+  double most_nm = 0;
+  for (std::size_t i = 0; i < own.z_nm.size(); ++i)
+    most_nm = std::max(most_nm, std::abs(drawn.z_nm[i] - own.z_nm[i]));
+  EXPECT_LT(most_nm, 1e-5) << "single precision, twice";
+  if (const char* folder = std::getenv("TELENANO_LOOK"))
+    std::filesystem::copy_file(path("telenano-1.png"), std::string(folder) + "/groove.png",
                                std::filesystem::copy_options::overwrite_existing);
 }
 

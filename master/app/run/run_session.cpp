@@ -25,6 +25,7 @@
 #include "telenano/common/net/udp.h"
 #include "telenano/common/recording/recorder.h"
 #include "telenano/common/rt/realtime_thread.h"
+#include "telenano/common/surface/height_view.h"
 #include "telenano/master/app/devices/device_monitor.h"
 #include "telenano/master/app/devices/session_device.h"
 #include "telenano/master/app/failure_text.h"
@@ -324,10 +325,21 @@ scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
   return scene;
 }
 
-/// The surface of the scene that is here, each time that it is another one; a flat one is a plane as it is.
-std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_store::SceneKeeper& keeper) {
-  return [&keeper, shown = std::shared_ptr<const scene_store::StationScene>()]() mutable
+/// The surface with its marks as the twin has it, where it keeps some, else that of the scene that is here:
+/// each time that it is another one. A flat one without marks is a plane as it is.
+std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_store::SceneKeeper& keeper,
+                                                                  const station::Station& station) {
+  return [&keeper, &station, shown = std::shared_ptr<const scene_store::StationScene>(),
+          seen = std::pair<const surface::HeightView*, std::uint64_t>()]() mutable
          -> std::optional<surface::HeightGrid> {
+    const station::TwinRun* const twin = station.twin();
+    const surface::HeightView* const marked = twin != nullptr ? twin->heights() : nullptr;
+    const std::pair now(marked, marked != nullptr ? marked->version() : 0);
+    if (marked != nullptr && (now.second > 0 || seen.second > 0)) {
+      if (now == seen) return std::nullopt;
+      seen = now;
+      return marked->heights();
+    }
     const auto scene = keeper.scene();
     if (!scene || scene == shown) return std::nullopt;
     shown = scene;
@@ -488,9 +500,10 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   if (servers.size() > 1) live.set_servers(servers);
   if (options.practice) live.set_practice(servers);
   if (file.chooses_method) live.choose_method();
-  if (view_model::ViewRequestHandler* const requests = view.begin(
-          {config, device_info, slave, welcome.feature_bits, delay_samples, options.server, options.record,
-           tasks, file.plant.workspace_half_m, options.give_up_s, newest_ground(scene), options.practice}))
+  if (view_model::ViewRequestHandler* const requests =
+          view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
+                      options.record, tasks, file.plant.workspace_half_m, options.give_up_s,
+                      newest_ground(scene, station), options.practice}))
     live.show_on(*requests, stays_open(options, view, simulated));
   live.set_tip_wish(wish);
   live.set_scene_pipe(scene.pipe());

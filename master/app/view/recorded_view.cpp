@@ -136,7 +136,7 @@ view_model::Ground scan_ground(const recording::RecordingReader& reader, const s
   session.scene_hash = reader.configuration("scene_hash");
   doubt = doubt_of_surface({path, bytes, scan}, session);
   if (!doubt.empty()) fmt::print(stderr, "note: --surface {}: {}\n", path, doubt);
-  return view_model::Ground(std::move(scan.grid));
+  return view_model::Ground(surface::heights_in_frame_w(std::move(scan)));
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ class WatchedScan {
     if (error || now == seen_) return std::nullopt;
     seen_ = now;
     try {
-      return view_model::Ground(surface::read_gsf(path_).grid);
+      return view_model::Ground(surface::heights_in_frame_w(surface::read_gsf(path_)));
     } catch (const std::exception&) {
       return std::nullopt;
     }
@@ -145,7 +145,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
     if (!facts.surface_doubt.empty())
       fmt::print(stderr, "note: --surface {}: {}\n", options_.surface, facts.surface_doubt);
     parts_->scan_bytes = {};
-    parts_->ground.emplace(std::move(parts_->scan->grid));
+    parts_->ground.emplace(surface::heights_in_frame_w(std::move(*parts_->scan)));
   } else {
     parts_->fetched_ground = session.fetched_ground;
     parts_->ground.emplace(session.slave.surface_z_w_nm, session.slave.workspace_min_w_nm,

@@ -80,6 +80,10 @@ class SurfaceKeeper::KeptSlave final : public slave::Slave {
     slave_->step(input, dt_s, output);
   }
   const slave::SlaveLimits& limits() const noexcept override { return slave_->limits(); }
+  // So that a station may have its twin. load() and reset() stay refused: the journal hears only of marks.
+  std::uint64_t state_hash() const noexcept override { return slave_->state_hash(); }
+  std::size_t save(std::span<std::uint8_t> out) const noexcept override { return slave_->save(out); }
+  std::size_t snapshot_bytes_max() const noexcept override { return slave_->snapshot_bytes_max(); }
 
  private:
   std::shared_ptr<SurfaceKeeper> keeper_;
@@ -208,6 +212,7 @@ void SurfaceKeeper::save(Kept& kept, const physics::SplineSurface& surface) {
     surface::Scan scan;
     scan.grid = surface.heights();
     scan.title = scene_->name;
+    scan.in_frame_w = true;
     if (!kept.file.empty()) return surface::write_gsf(kept.file, scan);
     while (!surface::create_gsf(file_of(kept.number), scan)) kept.number = ++numbers_;
     kept.file = file_of(kept.number);

@@ -31,7 +31,7 @@ SplineSurface::SplineSurface(const HeightGrid& grid)
       heights_(grid.z_nm),
       lowest_(*std::min_element(grid.z_nm.begin(), grid.z_nm.end())),
       highest_(*std::max_element(grid.z_nm.begin(), grid.z_nm.end())),
-      view_(std::make_shared<HeightView>(grid)) {}
+      view_(std::make_shared<surface::HeightView>(grid)) {}
 
 SplineSurface::SplineSurface(const SplineSurface& other)
     : Surface(other),
@@ -41,7 +41,7 @@ SplineSurface::SplineSurface(const SplineSurface& other)
       lowest_(other.lowest_),
       highest_(other.highest_),
       marked_(other.marked_),
-      view_(std::make_shared<HeightView>(other.heights())) {}
+      view_(std::make_shared<surface::HeightView>(other.heights())) {}
 
 void SplineSurface::store(int column, int row, double z_nm) noexcept {
   heights_[index(column, row)] = z_nm;

@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
+#include "telenano/common/surface/height_view.h"
 #include "telenano/nve_server/physics/surface/bicubic_spline.h"
 #include "telenano/nve_server/physics/surface/height_grid.h"
-#include "telenano/nve_server/physics/surface/height_view.h"
 #include "telenano/nve_server/physics/surface/mark.h"
 #include "telenano/nve_server/physics/surface/surface.h"
 
@@ -64,7 +64,7 @@ class SplineSurface final : public Surface {
   void set_node(int column, int row, const Node& node) noexcept;
   void settle(bool marked) noexcept;
   /// For other threads; stays valid when the surface has gone.
-  std::shared_ptr<const HeightView> view() const noexcept { return view_; }
+  std::shared_ptr<const surface::HeightView> view() const noexcept { return view_; }
 
   double x_first_nm() const noexcept { return height_.x_first_nm(); }
   double y_first_nm() const noexcept { return height_.y_first_nm(); }
@@ -84,7 +84,7 @@ class SplineSurface final : public Surface {
   std::vector<double> heights_;  // at the nodes
   double lowest_, highest_;
   bool marked_ = false;
-  std::shared_ptr<HeightView> view_;
+  std::shared_ptr<surface::HeightView> view_;
 };
 
 }  // namespace telenano::physics

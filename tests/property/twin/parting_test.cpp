@@ -112,6 +112,56 @@ TEST(Parting, ARestartedServerHasATwinFromTheBeginning) {
   EXPECT_LT(session.station().twin()->behind(), 60u);
 }
 
+// What a window draws: ploughed through an outage, so that the second twin is the one in use, then with a new
+// server. The oracle is the surface of the server's own slave, which the view rounds to single precision.
+TEST(Parting, TheHeightsToLookAtAreThoseOfTheServersSample) {
+  const auto scene = deployed("lithography");
+  const slave::NveSlave* servers = nullptr;
+  VirtualSessionConfig config = pressing(scene, 40);
+  config.script.resize(1);
+  for (const device::IntendedMotion::Waypoint& to :
+       {device::IntendedMotion::Waypoint{0.8, {0, 0, -8}}, {5, {30, 0, -8}}, {5.5, {30, 0, 10}}})
+    config.script.push_back(to);
+  config.make_slave = [&] {
+    auto slave = std::make_unique<slave::NveSlave>(scene);
+    servers = slave.get();
+    return slave;
+  };
+  VirtualSession session(config);
+  const station::TwinRun& twin = *session.station().twin();
+  const auto furthest_nm = [&](double& lowest_nm) {
+    lowest_nm = 0;
+    double most = 0;
+    const surface::HeightGrid own = servers->marked_surface()->heights();
+    const surface::HeightGrid seen = twin.heights()->heights();
+    EXPECT_EQ(seen.columns, own.columns);
+    EXPECT_EQ(seen.dx_nm, own.dx_nm);
+    EXPECT_EQ(seen.x_first_nm, own.x_first_nm);
+    for (std::size_t i = 0; i < own.z_nm.size(); ++i) {
+      most = std::max(most, std::abs(own.z_nm[i] - seen.z_nm.at(i)));
+      lowest_nm = std::min(lowest_nm, own.z_nm[i]);
+    }
+    return most;
+  };
+  steps(session, 3000);
+  session.link().path_a_to_b().down = true;
+  steps(session, 1500);
+  session.link().path_a_to_b().down = false;
+  steps(session, 4000);
+  ASSERT_TRUE(agrees(session));
+  ASSERT_EQ(twin.snapshots(), 1u);
+  double lowest_nm = 0;
+  EXPECT_LT(furthest_nm(lowest_nm), 1e-6);
+  EXPECT_LT(lowest_nm, -0.5) << "there is a groove";
+  const std::uint64_t before = twin.heights()->version();
+  session.restart_server();
+  steps(session, 2000);
+  ASSERT_TRUE(agrees(session));
+  EXPECT_LT(furthest_nm(lowest_nm), 1e-6);
+  EXPECT_EQ(lowest_nm, 0) << "a new sample";
+  EXPECT_NE(twin.heights()->version(), before) << "who looks hears of it";
+}
+
 /// The server's slave with a step of its own beside the log now and then: a bug, or a lie.
 class StraySlave final : public slave::Slave {
  public:
@@ -166,6 +216,7 @@ TEST(Parting, ThreeWithoutAReasonEndTheTwin) {
   EXPECT_EQ(session.station().twin()->state(), TwinState::kGivenUp);
   EXPECT_EQ(session.station().method(), Method::kModel);
   EXPECT_EQ(session.station().mode(), station::Mode::kEngaged) << "the session goes on";
+  EXPECT_EQ(session.station().twin()->heights(), nullptr) << "nobody knows the sample any more";
 }
 
 TEST(Parting, AServerThatLiesAboutItsStateGetsNoTwinAndNoEnergy) {

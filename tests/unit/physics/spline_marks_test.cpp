@@ -132,7 +132,7 @@ TEST(SplineMarks, CopiesGoTheirOwnWay) {
 // A viewer on another thread: after a version it sees heights at least as new.
 TEST(SplineMarks, ViewerSeesAtLeastTheVersionItRead) {
   SplineSurface surface(HeightGrid{16, 16, 1, 1, 0, 0, std::vector<double>(256, 0.0)});
-  const std::shared_ptr<const HeightView> view = surface.view();
+  const std::shared_ptr<const surface::HeightView> view = surface.view();
   constexpr int kMarks = 2000;
   std::atomic<bool> failed{false};
   std::thread reader([&] {

@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -52,6 +53,31 @@ TEST(Gsf, PutsRowsUpwardsAndTheLowestSampleAtZero) {
   const double expected[] = {3, 4, 5, 0, 1, 2};  // the file's second row is the lower one
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(scan.grid.z_nm[i], expected[i], 1e-6) << i;
   EXPECT_NEAR(scan.lowest_before_shift_nm, 1.0, 1e-6);
+}
+
+TEST(Gsf, WhatASessionLeftComesBackToItsPlace) {
+  Scan left;
+  left.grid = {3, 2, 10, 5, -40, 7, {-2, 0, 1, -0.5, 0, 0}};
+  left.title = "lithography";
+  left.in_frame_w = true;
+  // Also when it was written again as it was read.
+  const Scan read = parse_gsf(format_gsf(left, "s.gsf"), "s.gsf");
+  for (const Scan& scan : {read, parse_gsf(format_gsf(read, "s.gsf"), "s.gsf")}) {
+    EXPECT_TRUE(scan.in_frame_w);
+    EXPECT_NEAR(scan.grid.x_first_nm, 5, 1e-9) << "as every scan, until it is asked for";
+    EXPECT_NEAR(*std::min_element(scan.grid.z_nm.begin(), scan.grid.z_nm.end()), 0, 1e-12);
+    const HeightGrid grid = heights_in_frame_w(scan);
+    EXPECT_NEAR(grid.x_first_nm, -40, 1e-9);
+    EXPECT_NEAR(grid.y_first_nm, 7, 1e-9);
+    // Single precision: 6e-8 of 2 nm.
+    for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(grid.z_nm[i], left.grid.z_nm[i], 2e-7) << i;
+  }
+  // A microscope's place is not the session's.
+  for (const char* const offset : {"XOffset = 1e-6\n", "XOffset = far\n", "TelenanoFrame = V\n"}) {
+    const Scan scan = parse_gsf(gsf(std::string(kGood) + offset), "s.gsf");
+    EXPECT_EQ(heights_in_frame_w(scan).x_first_nm, scan.grid.x_first_nm) << offset;
+    EXPECT_EQ(heights_in_frame_w(scan).z_nm, scan.grid.z_nm) << offset;
+  }
 }
 
 TEST(Gsf, PadsWithOneToFourNulBytes) {

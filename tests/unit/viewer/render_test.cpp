@@ -788,6 +788,26 @@ TEST_F(Render, FShowsForceOverDistanceWithNumbers) {
   EXPECT_FALSE(has(text(), "overdistance"));
 }
 
+TEST_F(Render, TheSurfaceThatIsDrawnIsWhatSSaves) {
+  make();
+  play(0, 1);
+  press(GLFW_KEY_S);
+  EXPECT_TRUE(viewer_->take_surface_wanted());
+  EXPECT_FALSE(viewer_->take_surface_wanted()) << "once";
+  const surface::HeightGrid scan = support::view_scan(256);
+  const surface::Scan saved =
+      surface::parse_gsf(surface::format_gsf(viewer_->drawn_surface(), "s.gsf"), "s.gsf");
+  EXPECT_EQ(saved.title, facts_.scene_name);
+  const surface::HeightGrid grid = surface::heights_in_frame_w(saved);
+  EXPECT_NEAR(grid.x_first_nm, scan.x_first_nm, 1e-9);
+  ASSERT_EQ(grid.z_nm.size(), scan.z_nm.size());
+  for (std::size_t i = 0; i < scan.z_nm.size(); ++i) ASSERT_NEAR(grid.z_nm[i], scan.z_nm[i], 1e-5) << i;
+  // A plane has nothing to save, and says so.
+  make(false);
+  press(GLFW_KEY_S);
+  EXPECT_FALSE(viewer_->take_surface_wanted());
+}
+
 // From the least window to 4K, at the scales of a screen.
 TEST_F(Render, WordsOfTheForceCurveLieOnNoOthersAtAnySizeAndScale) {
   for (const float scale : {1.0f, 1.5f, 2.0f}) {

@@ -5,9 +5,9 @@
 #include <cstdint>
 #include <memory>
 
-#include "telenano/nve_server/physics/surface/height_grid.h"
+#include "telenano/common/surface/height_grid.h"
 
-namespace telenano::physics {
+namespace telenano::surface {
 
 /// The sample's heights for those who only look (a viewer, a recorder), while one other thread presses marks
 /// into them: nobody waits for anybody.
@@ -19,18 +19,26 @@ namespace telenano::physics {
 class HeightView {
  public:
   explicit HeightView(const HeightGrid& grid)
-      : columns_(grid.columns),
-        rows_(grid.rows),
+      : place_{grid.columns, grid.rows, grid.dx_nm, grid.dy_nm, grid.x_first_nm, grid.y_first_nm, {}},
         z_(std::make_unique<std::atomic<float>[]>(grid.z_nm.size())) {
     for (std::size_t i = 0; i < grid.z_nm.size(); ++i) {
       z_[i].store(static_cast<float>(grid.z_nm[i]), std::memory_order_relaxed);
     }
   }
 
-  int columns() const noexcept { return columns_; }
-  int rows() const noexcept { return rows_; }
+  int columns() const noexcept { return place_.columns; }
+  int rows() const noexcept { return place_.rows; }
   float height_nm(int column, int row) const noexcept {
     return z_[index(column, row)].load(std::memory_order_relaxed);
+  }
+  /// All heights, as they are now. Allocates.
+  HeightGrid heights() const {
+    HeightGrid grid = place_;
+    const std::size_t count = static_cast<std::size_t>(columns()) * static_cast<std::size_t>(rows());
+    grid.z_nm.reserve(count);
+    for (std::size_t i = 0; i < count; ++i)
+      grid.z_nm.push_back(static_cast<double>(z_[i].load(std::memory_order_relaxed)));
+    return grid;
   }
   /// Counts marks, from 0.
   std::uint64_t version() const noexcept { return version_.load(std::memory_order_acquire); }
@@ -45,13 +53,13 @@ class HeightView {
 
  private:
   std::size_t index(int column, int row) const noexcept {
-    return static_cast<std::size_t>(row) * static_cast<std::size_t>(columns_) +
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(place_.columns) +
            static_cast<std::size_t>(column);
   }
 
-  int columns_, rows_;
+  HeightGrid place_;  // without heights
   std::unique_ptr<std::atomic<float>[]> z_;
   std::atomic<std::uint64_t> version_{0};
 };
 
-}  // namespace telenano::physics
+}  // namespace telenano::surface
