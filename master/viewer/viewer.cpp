@@ -197,11 +197,12 @@ void Viewer::settle(int frames) {
 void Viewer::handle_keys(double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
   const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
-  // Stop always works, whatever has the keyboard.
+  // Stop and the way out always work, whatever has the keyboard.
   if (pressed(GLFW_KEY_ESCAPE)) {
     panel_.ask(ViewRequest::Kind::kStop);
     note_box_.close();
   }
+  if (pressed(GLFW_KEY_Q) && io.KeyCtrl) leaves_ = quit_ = true;
   if (io.WantTextInput || note_box_.is_open()) return;
   if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
   // By the letter: where it lies is the keyboard's affair.
@@ -215,10 +216,6 @@ void Viewer::handle_keys(double time_s) {
     if (!surface_wanted_) say("No surface to save: the sample is a plane, and has no marks", time_s);
   }
   if (pressed(GLFW_KEY_L) && live_.any()) measurement_.choose(tip_w_nm());
-  if (pressed(GLFW_KEY_Q) && io.KeyCtrl) {
-    panel_.ask(ViewRequest::Kind::kQuit);
-    quit_ = true;
-  }
   if (!ending_.lines.empty() && (pressed(GLFW_KEY_ENTER) || pressed(GLFW_KEY_KP_ENTER))) again_ = true;
   if (pressed(GLFW_KEY_HOME)) reset_cameras();
   if (pressed(GLFW_KEY_Z) && live_.any()) narrow_region(time_s);
@@ -637,6 +634,8 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   draw_help();
   draw_end();
   draw_note(time_s);
+  // After a note that was ended in this very frame.
+  if (std::exchange(leaves_, false)) panel_.ask(ViewRequest::Kind::kQuit);
   draw_words(time_s, layout.overview);
   ImGui::Render();
   glViewport(0, 0, width_px, height_px);

@@ -136,6 +136,7 @@ class Viewer {
   bool force_curve_shown_ = false;
   bool data_wanted_ = false;
   bool surface_wanted_ = false;
+  bool leaves_ = false;  ///< the loop is to be told in this frame
   bool quit_ = false;
   bool again_ = false;
   view_model::Playback* playback_ = nullptr;

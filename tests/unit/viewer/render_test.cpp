@@ -788,6 +788,38 @@ TEST_F(Render, FShowsForceOverDistanceWithNumbers) {
   EXPECT_FALSE(has(text(), "overdistance"));
 }
 
+// A slow picture sees both keys at once.
+TEST_F(Render, ANoteAndTheWayOutInOneFrameAreBothHeard) {
+  facts_.recording = "r.h5";
+  make();
+  play(0, 1);
+  ImGuiIO& io = ImGui::GetIO();
+  io.KeyMap[ImGuiKey_Enter] = GLFW_KEY_ENTER;
+  press(GLFW_KEY_N);
+  frame();
+  io.AddInputCharactersUTF8("it held on");
+  frame();
+  view_model::Note note;
+  ASSERT_FALSE(port_.notes.pop(note));
+  io.KeysDown[GLFW_KEY_ENTER] = true;
+  io.KeyCtrl = true;
+  press(GLFW_KEY_Q);
+  io.KeyCtrl = false;
+  io.KeysDown[GLFW_KEY_ENTER] = false;
+  frame();
+  ASSERT_TRUE(port_.notes.pop(note));
+  EXPECT_STREQ(note.text.data(), "it held on");
+  const auto request = asked();
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->kind, ViewRequest::Kind::kQuit);
+  // And while one is written.
+  press(GLFW_KEY_N);
+  io.KeyCtrl = true;
+  press(GLFW_KEY_Q);
+  io.KeyCtrl = false;
+  EXPECT_TRUE(asked());
+}
+
 TEST_F(Render, TheSurfaceThatIsDrawnIsWhatSSaves) {
   make();
   play(0, 1);
