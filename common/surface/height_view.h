@@ -31,6 +31,7 @@ class HeightView {
   float height_nm(int column, int row) const noexcept {
     return z_[index(column, row)].load(std::memory_order_relaxed);
   }
+  const HeightGrid& place() const noexcept { return place_; }  ///< without heights
   /// All heights, as they are now. Allocates.
   HeightGrid heights() const {
     HeightGrid grid = place_;

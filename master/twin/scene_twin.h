@@ -22,10 +22,7 @@ class SceneTwin final : public control::LocalSlave {
   std::size_t snapshot_bytes_max() const noexcept override { return slave_.snapshot_bytes_max(); }
   double well_aj() const noexcept override { return slave_.limits().well_aj; }
   std::uint64_t scene_hash() const noexcept override { return scene_->hash; }
-  std::shared_ptr<const surface::HeightView> heights() const override {
-    const physics::SplineSurface* const marked = slave_.marked_surface();
-    return marked != nullptr ? marked->view() : nullptr;
-  }
+  std::shared_ptr<const surface::HeightView> heights() const override { return slave_.heights(); }
 
  private:
   std::shared_ptr<const scene::Scene> scene_;

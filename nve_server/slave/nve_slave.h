@@ -112,6 +112,9 @@ class NveSlave final : public Slave {
   const TouchedSample& sample() const noexcept { return sample_; }
   /// This session's own surface; null where no marks stay.
   const physics::SplineSurface* marked_surface() const noexcept { return sample_.marked_surface(); }
+  std::shared_ptr<const surface::HeightView> heights() const override {
+    return marked_surface() != nullptr ? marked_surface()->view() : nullptr;
+  }
   /// Hears of every mark from now on, within the step that leaves it. Must outlive this slave.
   void set_mark_journal(physics::MarkJournal* journal) noexcept { sample_.set_mark_journal(journal); }
 

@@ -2,10 +2,15 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <span>
 
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/link/messages.h"
+
+namespace telenano::surface {
+class HeightView;  // passed on to who draws; no slave looks into it
+}
 
 namespace telenano::slave {
 
@@ -90,6 +95,8 @@ class Slave {
   virtual bool load(std::span<const std::uint8_t> /*bytes*/) noexcept { return false; }
   virtual void reset() noexcept {}
   virtual std::size_t snapshot_bytes_max() const noexcept { return 0; }
+  /// The sample's heights as steps leave them, for threads that only look; null: no marks stay in it.
+  virtual std::shared_ptr<const surface::HeightView> heights() const { return nullptr; }
 };
 
 }  // namespace telenano::slave

@@ -4,8 +4,12 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <mutex>
+#include <utility>
 
 #include "telenano/common/rt/latest_value.h"
+#include "telenano/common/surface/height_view.h"
 
 namespace telenano::web {
 
@@ -26,6 +30,20 @@ class TipSlots {
   struct Slot {
     std::atomic<bool> taken{false};
     rt::LatestValue<TipView> value;
+
+    /// What this tip's sample looks like; null: no marks stay in it. Held for a moment, when a slot is taken.
+    void set_heights(std::shared_ptr<const surface::HeightView> heights) {
+      const std::lock_guard lock(mutex_);
+      heights_ = std::move(heights);
+    }
+    std::shared_ptr<const surface::HeightView> heights() const {
+      const std::lock_guard lock(mutex_);
+      return heights_;
+    }
+
+   private:
+    mutable std::mutex mutex_;
+    std::shared_ptr<const surface::HeightView> heights_;
   };
 
   /// Any thread; null when all are taken.

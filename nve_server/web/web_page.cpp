@@ -30,7 +30,7 @@ function colour(t) {
 }
 const CONTACT = ['free', 'van der Waals', 'non-contact', 'contact'];
 const number = v => v.toFixed(2);
-let three = null, latest = null, stale = false;
+let three = null, latest = null, stale = false, marks, fetching = false;
 const past = [];
 function note(text) { el('note').textContent = text; }
 
@@ -43,21 +43,31 @@ function makeScene(grid) {
   const sx = (grid.nx - 1) * grid.dx, sy = (grid.ny - 1) * grid.dy, size = Math.max(sx, sy);
   const cx = grid.x0 + sx / 2, cy = grid.y0 + sy / 2;
   let low = Infinity, high = -Infinity;
-  for (const z of grid.z) { low = Math.min(low, z); high = Math.max(high, z); }
-  const g = new THREE.BufferGeometry(), p = [], c = [], index = [];
+  const g = new THREE.BufferGeometry(), index = [];
   for (let j = 0; j < grid.ny; ++j) for (let i = 0; i < grid.nx; ++i) {
-    const z = grid.z[j * grid.nx + i];
-    p.push(grid.x0 + i * grid.dx, grid.y0 + j * grid.dy, z);
-    c.push(...colour(high > low ? (z - low) / (high - low) : 0.4));
     if (i + 1 < grid.nx && j + 1 < grid.ny) {
       const a = j * grid.nx + i, b = a + grid.nx;
       index.push(a, a + 1, b, b, a + 1, b + 1);
     }
   }
-  g.setAttribute('position', new THREE.Float32BufferAttribute(p, 3));
-  g.setAttribute('color', new THREE.Float32BufferAttribute(c, 3));
+  const nodes = () => new THREE.BufferAttribute(new Float32Array(3 * grid.nx * grid.ny), 3);
+  g.setAttribute('position', nodes());
+  g.setAttribute('color', nodes());
   g.setIndex(index);
-  g.computeVertexNormals();
+  const shape = z => {
+    low = Infinity, high = -Infinity;
+    for (const one of z) { low = Math.min(low, one); high = Math.max(high, one); }
+    const {position, color} = g.attributes;
+    for (let j = 0, k = 0; j < grid.ny; ++j) for (let i = 0; i < grid.nx; ++i, ++k) {
+      position.setXYZ(k, grid.x0 + i * grid.dx, grid.y0 + j * grid.dy, z[k]);
+      color.setXYZ(k, ...colour(high > low ? (z[k] - low) / (high - low) : 0.4));
+    }
+    position.needsUpdate = color.needsUpdate = true;
+    g.computeVertexNormals();
+    g.computeBoundingSphere();
+    stale = true;
+  };
+  shape(grid.z);
   scene.add(new THREE.Mesh(g, new THREE.MeshLambertMaterial({vertexColors: THREE.VertexColors, side: THREE.DoubleSide})));
   scene.add(new THREE.AmbientLight(0xffffff, 0.75));
   const sun = new THREE.DirectionalLight(0xffffff, 0.45);
@@ -90,7 +100,7 @@ function makeScene(grid) {
   line.frustumCulled = false;  // its bounds would be those of its first picture
   scene.add(line);
   let way = 0;
-  return tipNow => {
+  return {shape, draw: tipNow => {
     tip.visible = arrow.visible = !!tipNow;
     if (tipNow) {
       const at = new THREE.Vector3(...tipNow.p), f = new THREE.Vector3(...tipNow.f), n = f.length();
@@ -104,7 +114,7 @@ function makeScene(grid) {
       trail.setDrawRange(0, way);
     }
     renderer.render(scene, camera);
-  };
+  }};
 }
 
 function chart(id, of) {
@@ -128,7 +138,7 @@ function draw() {
   stale = false;
   chart('normal', s => s.n);
   chart('lateral', s => s.l);
-  if (three) three(latest.tips[0]);
+  if (three) three.draw(latest.tips[0]);
 }
 
 function show(state) {
@@ -143,6 +153,19 @@ function show(state) {
   while (past.length && performance.now() - past[0].at > 20000) past.shift();
   latest = state;
   stale = true;
+  if (three && state.marks !== marks && !fetching) remark(state.marks);
+}
+
+// Marks come faster than they need be drawn: the surface again, at most twice a second.
+function remark(now) {
+  fetching = true;
+  fetch('/surface').then(r => r.arrayBuffer()).then(b => { three.shape(gridOf(b).z); marks = now; }).catch(() => {})
+    .finally(() => setTimeout(() => fetching = false, 500));
+}
+
+function gridOf(b) {
+  const v = new DataView(b), f = k => v.getFloat32(k, true);
+  return {nx: v.getUint32(4, true), ny: v.getUint32(8, true), dx: f(12), dy: f(16), x0: f(20), y0: f(24), z: new Float32Array(b, 28)};
 }
 
 function lost() {
@@ -152,10 +175,10 @@ function lost() {
 }
 
 fetch('/surface').then(r => r.arrayBuffer()).then(b => {
-  const v = new DataView(b), f = k => v.getFloat32(k, true), nx = v.getUint32(4, true), ny = v.getUint32(8, true);
-  if (!nx) return note('The surface of this session is not known here.');
+  const grid = gridOf(b);
+  if (!grid.nx) return note('The surface of this session is not known here.');
   if (!window.THREE) return note('No picture: the server lacks the package libjs-three (apt install libjs-three).');
-  three = makeScene({nx, ny, dx: f(12), dy: f(16), x0: f(20), y0: f(24), z: new Float32Array(b, 28)});
+  three = makeScene(grid);
 }).catch(e => note('No picture: ' + e.message));
 const socket = new WebSocket('ws://' + location.host + '/live');
 socket.onmessage = m => show(JSON.parse(m.data));

@@ -218,7 +218,7 @@ struct WebView::Impl {
     Response response;
   };
 
-  explicit Impl(WebViewConfig c) : config(std::move(c)), surface(bytes_of(config.heights)) {
+  explicit Impl(WebViewConfig c) : config(std::move(c)) {
     const net::Address at = net::parse_address(config.address, "--web");
     if (!net::is_loopback(at) && !config.anybody) {
       throw UserError("--web " + config.address +
@@ -408,14 +408,14 @@ struct WebView::Impl {
     if (target == "/") return plain(request, http::status::ok, kPageHtml, "text/html; charset=utf-8");
     if (target == "/view.css") return plain(request, http::status::ok, kPageCss, "text/css");
     if (target == "/view.js") return plain(request, http::status::ok, kPageJs, "text/javascript");
-    if (target == "/surface") return plain(request, http::status::ok, surface, "application/octet-stream");
+    if (target == "/surface")
+      return plain(request, http::status::ok, bytes_of(config.heights()), "application/octet-stream");
     if (target == "/three.js" && !three.empty())
       return plain(request, http::status::ok, three, "text/javascript");
     return plain(request, http::status::not_found, "not here\n");
   }
 
   WebViewConfig config;
-  const std::string surface;
   std::string three;
   std::string token;
   std::deque<std::string> cookies;

@@ -14,7 +14,8 @@ struct WebViewConfig {
   bool anybody = false;  ///< may listen off loopback
   std::size_t clients_max = 8;
   std::string three_js = "/usr/share/javascript/three/three.min.js";
-  surface::HeightGrid heights;         ///< empty: the surface is not known
+  /// Now; empty: the surface is not known. By the web thread, when a browser asks for it.
+  std::function<surface::HeightGrid()> heights;
   std::function<std::string()> state;  ///< one JSON object; called 30 times a second by the web thread
   std::function<void(const std::string&)> tell;  ///< one line for the log; by the web thread
 };

@@ -29,9 +29,9 @@ PATIENCE_S = 30  # for an event on a loaded machine; nothing is shown by how lon
 
 
 class Server:
-    def __init__(self, *flags, web="127.0.0.1:0"):
+    def __init__(self, *flags, web="127.0.0.1:0", scene=SCENE):
         self.process = subprocess.Popen(
-            [NVE, "serve", "--scene", SCENE, "--listen", "127.0.0.1:0", "--web", web, *flags],
+            [NVE, "serve", "--scene", scene, "--listen", "127.0.0.1:0", "--web", web, *flags],
             stderr=subprocess.PIPE)
         self.log = ""
         self.port = int(self.until(r"web view.*http://(?:127\.0\.0\.1|\[::1\])(?::(\d+))?/").group(1) or 80)
@@ -309,6 +309,60 @@ class Web(unittest.TestCase):
                 turned += lies(shown[j * nx + i], lambda y: y)
         self.assertGreater(inside, 0.99 * nx * ny)
         self.assertLess(turned, 0.8 * nx * ny)  # that this test can tell
+
+    def test_marks_are_shown_while_they_are_made(self):
+        """At the end the surface is what the server keeps in a file of its own, read and interpolated here."""
+        with tempfile.TemporaryDirectory(prefix="telenano_web_") as folder:
+            s = Server("--save-surface", folder, scene="lithography")
+            self.addCleanup(s.close)
+            cookie = s.cookie()
+            status, connection = s.live(cookie)
+            self.assertEqual(status, 101)
+            unmarked = array.array("f", s.get("/surface", Cookie=cookie)[2][28:])
+            self.assertEqual(set(unmarked), {0.0})
+            groove = pathlib.Path(folder) / "groove.csv"  # along x, so that x for y is seen
+            groove.write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,10\n1,0,0,-4\n3,40,0,-4\n3.5,40,0,10\n")
+            station = subprocess.Popen([MASTER, "run", "--server", s.udp, "--task", "script", "--script", str(groove), "--quiet",
+                                        "--rt-priority", "0"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+            numbers = []
+            while station.poll() is None or len(numbers) < 2:
+                kind, text = frame(connection)
+                state = json.loads(text) if kind == 1 else {}
+                if "marks" in state and state["marks"] not in numbers:
+                    numbers.append(state["marks"])
+            self.assertEqual(station.returncode, 0, station.communicate()[1])
+            station.stderr.close()
+            connection.close()
+            self.assertGreater(len(numbers), 3)
+            self.assertEqual(numbers, sorted(numbers))
+            _, _, body = s.get("/surface", Cookie=cookie)
+            kept = pathlib.Path(folder) / "lithography-1.gsf"
+            end = time.monotonic() + PATIENCE_S
+            s.process.send_signal(signal.SIGINT)
+            while s.process.poll() is None and time.monotonic() < end:
+                time.sleep(0.1)
+            header, _, _ = kept.read_bytes().partition(b"\0")
+            fields = dict(line.split(" = ", 1) for line in header.decode().splitlines()[1:] if " = " in line)
+            self.assertEqual(fields["TelenanoFrame"], "W")
+            columns, rows = int(fields["XRes"]), int(fields["YRes"])
+            start = len(header) + 4 - len(header) % 4
+            z = array.array("f", kept.read_bytes()[start:start + 4 * columns * rows])
+        dx, dy = 1e9 * float(fields["XReal"]) / columns, 1e9 * float(fields["YReal"]) / rows
+        left, below = 1e9 * float(fields["XOffset"]) + dx / 2, 1e9 * float(fields["YOffset"]) + dy / 2
+        nx, ny, step_x, step_y, x0, y0 = struct.unpack_from("<IIffff", body, 4)
+        shown = array.array("f", body[28:])
+        self.assertLess(min(shown), -0.3)
+        for j in range(ny):
+            for i in range(nx):
+                c = min(max((x0 + i * step_x - left) / dx, 0), columns - 1)
+                r = min(max((y0 + j * step_y - below) / dy, 0), rows - 1)
+                c0, r0 = min(int(c), columns - 2), min(int(r), rows - 2)
+                u, v = c - c0, r - r0
+                at = lambda row, column: 1e9 * z[(rows - 1 - row) * columns + column]  # noqa: E731  top row first
+                height = ((1 - u) * (1 - v) * at(r0, c0) + u * (1 - v) * at(r0, c0 + 1) + (1 - u) * v * at(r0 + 1, c0) +
+                          u * v * at(r0 + 1, c0 + 1))
+                # Single precision of places (300 nm) times slopes below 1.
+                self.assertAlmostEqual(shown[j * nx + i], height, delta=1e-4)
 
     def test_who_does_not_read_loses_its_place(self):
         """One says nothing more at all; one answers pings (a pong is allowed) but never reads a picture."""

@@ -144,6 +144,7 @@ void run(const Options& options) {
     surface::Scan scan;
     scan.grid = slave.marked_surface()->heights();
     scan.title = scene->name;
+    scan.in_frame_w = true;
     surface::write_gsf(options.surface, scan);
   }
 }

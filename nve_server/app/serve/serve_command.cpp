@@ -212,10 +212,11 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     web_config.address = options.web;
     web_config.anybody = options.web_public;
     web_config.clients_max = options.web_clients;
-    if (heights && !options.afm.wanted()) web_config.heights = heights();
-    web_config.state = [state = std::make_shared<WebState>(workers, tip_slots, options.afm.wanted())] {
-      return state->next();
-    };
+    const auto state =
+        std::make_shared<WebState>(workers, tip_slots, options.afm.wanted(),
+                                   heights && !options.afm.wanted() ? heights() : surface::HeightGrid{});
+    web_config.heights = [state] { return state->heights(); };
+    web_config.state = [state] { return state->next(); };
     web_config.tell = [log](const std::string& text) { log->info("{}", text); };
     web_view.emplace(std::move(web_config));
   }

@@ -18,6 +18,7 @@ class WatchedSlave final : public slave::Slave {
                web::TipSlots::Slot& slot)
       : inner_(std::move(inner)), slots_(std::move(slots)), slot_(slot) {
     slot_.value.store({});
+    slot_.set_heights(inner_->heights());
   }
   ~WatchedSlave() override { slot_.taken.store(false, std::memory_order_release); }
 
@@ -42,6 +43,7 @@ class WatchedSlave final : public slave::Slave {
   bool load(std::span<const std::uint8_t> bytes) noexcept override { return inner_->load(bytes); }
   void reset() noexcept override { inner_->reset(); }
   std::size_t snapshot_bytes_max() const noexcept override { return inner_->snapshot_bytes_max(); }
+  std::shared_ptr<const surface::HeightView> heights() const override { return inner_->heights(); }
 
  private:
   std::unique_ptr<slave::Slave> inner_;
@@ -53,6 +55,20 @@ class WatchedSlave final : public slave::Slave {
 /// JSON knows no NaN: a number that is none is zero here, and the fault bits say why.
 double finite(double value) {
   return std::isfinite(value) ? value : 0.0;
+}
+
+/// Between the four nodes round a place; beyond the rim as at the rim.
+double height_nm(const surface::HeightView& view, double x_w_nm, double y_w_nm) {
+  const surface::HeightGrid& place = view.place();
+  const double c = std::clamp((x_w_nm - place.x_first_nm) / place.dx_nm, 0.0, place.columns - 1.0);
+  const double r = std::clamp((y_w_nm - place.y_first_nm) / place.dy_nm, 0.0, place.rows - 1.0);
+  const int c0 = std::min(static_cast<int>(c), place.columns - 2);
+  const int r0 = std::min(static_cast<int>(r), place.rows - 2);
+  const auto along = [&](int row) {
+    return std::lerp(static_cast<double>(view.height_nm(c0, row)),
+                     static_cast<double>(view.height_nm(c0 + 1, row)), c - c0);
+  };
+  return std::lerp(along(r0), along(r0 + 1), r - r0);
 }
 
 }  // namespace
@@ -70,6 +86,7 @@ std::function<std::unique_ptr<slave::Slave>()> watched(std::function<std::unique
 
 std::string WebState::next() {
   std::string tips;
+  bool first = true;
   for (std::size_t i = 0; i < seen_.size(); ++i) {
     const web::TipSlots::Slot& slot = slots_->slots()[i];
     Seen& seen = seen_[i];
@@ -80,13 +97,37 @@ std::string WebState::next() {
     if (seen.quiet > kQuietPictures || !slot.taken.load(std::memory_order_acquire) ||
         !slot.value.try_load(v) || !v.moved)
       continue;
+    if (std::exchange(first, false)) look_at(slot.heights());
     tips += fmt::format(R"({}{{"p":[{},{},{}],"f":[{},{},{}],"c":{},"e":{}}})", tips.empty() ? "" : ",",
                         finite(v.tip_pos_w_nm[0]), finite(v.tip_pos_w_nm[1]), finite(v.tip_pos_w_nm[2]),
                         finite(v.force_w_nn[0]), finite(v.force_w_nn[1]), finite(v.force_w_nn[2]),
                         v.contact_state, v.fault_bits);
   }
-  return fmt::format(R"({{"mode":"{}","sessions":{},"tips":[{}]}})", afm_ ? "AFM" : "SIM",
-                     workers_.status().sessions, tips);
+  const std::string marks = changes_ > 0 ? fmt::format(R"(,"marks":{})", changes_) : "";
+  return fmt::format(R"({{"mode":"{}","sessions":{},"tips":[{}]{}}})", afm_ ? "AFM" : "SIM",
+                     workers_.status().sessions, tips, marks);
+}
+
+void WebState::look_at(std::shared_ptr<const surface::HeightView> view) {
+  const std::uint64_t version = view ? view->version() : 0;
+  // A sample without marks looks as the scene's own does.
+  if (version == 0) view.reset();
+  if (view == shown_ && version == shown_version_) return;
+  shown_ = std::move(view);
+  shown_version_ = version;
+  ++changes_;
+}
+
+surface::HeightGrid WebState::heights() const {
+  surface::HeightGrid grid = unmarked_;
+  if (!shown_) return grid;
+  std::size_t i = 0;
+  for (int row = 0; row < grid.rows; ++row) {
+    for (int column = 0; column < grid.columns; ++column)
+      grid.z_nm[i++] =
+          height_nm(*shown_, grid.x_first_nm + column * grid.dx_nm, grid.y_first_nm + row * grid.dy_nm);
+  }
+  return grid;
 }
 
 }  // namespace telenano::app

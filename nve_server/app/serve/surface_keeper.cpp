@@ -84,6 +84,7 @@ class SurfaceKeeper::KeptSlave final : public slave::Slave {
   std::uint64_t state_hash() const noexcept override { return slave_->state_hash(); }
   std::size_t save(std::span<std::uint8_t> out) const noexcept override { return slave_->save(out); }
   std::size_t snapshot_bytes_max() const noexcept override { return slave_->snapshot_bytes_max(); }
+  std::shared_ptr<const surface::HeightView> heights() const override { return slave_->heights(); }
 
  private:
   std::shared_ptr<SurfaceKeeper> keeper_;

@@ -22,8 +22,11 @@ class Counted final : public slave::Slave {
   const slave::SlaveLimits& limits() const noexcept override { return limits_; }
   std::uint64_t state_hash() const noexcept override { return 77; }
   std::size_t snapshot_bytes_max() const noexcept override { return 99; }
+  std::shared_ptr<const surface::HeightView> heights() const override { return heights_; }
 
  private:
+  std::shared_ptr<const surface::HeightView> heights_ =
+      std::make_shared<surface::HeightView>(surface::HeightGrid{2, 2, 1, 1, 0, 0, {1, 2, 3, 4}});
   slave::SlaveLimits limits_;
 };
 
@@ -53,6 +56,8 @@ TEST_F(WatchedSlaveTest, AFirstStepIsSeenAsItIs) {
   EXPECT_EQ(seen.fault_bits, 8u);
   EXPECT_EQ(slave->state_hash(), 77u);  // a step log goes through it
   EXPECT_EQ(slave->snapshot_bytes_max(), 99u);
+  ASSERT_TRUE(slave->heights());
+  EXPECT_EQ(slots_->slots()[0].heights(), slave->heights()) << "and what it has marked";
 }
 
 TEST_F(WatchedSlaveTest, ASlotThatIsTakenAgainHidesWhatWasThere) {
