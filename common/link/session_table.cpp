@@ -70,7 +70,7 @@ std::size_t SessionTable::find_token(std::uint64_t resume_token, std::uint64_t o
 std::size_t SessionTable::find_nonce(const PeerKey& peer, std::uint64_t nonce, bool& newest) const noexcept {
   for (std::size_t slot = 0; slot < sessions_.size(); ++slot) {
     const Session& s = sessions_[slot];
-    if (s.state == SlotState::kFree || !(s.peer == peer)) continue;
+    if (s.state == SlotState::kFree || !is_same_peer(s.peer, peer)) continue;
     const auto it = std::find(s.nonces.begin(), s.nonces.end(), nonce);
     if (it == s.nonces.end()) continue;
     newest = it == s.nonces.begin();
@@ -189,7 +189,7 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   slot = find(command.session_id);
   if (slot == kNone) return DropCause::kUnknownSession;
   Session& s = sessions_[slot];
-  if (!(s.peer == peer) || s.owner != owner) return DropCause::kUnauthenticated;
+  if (!is_same_peer(s.peer, peer) || s.owner != owner) return DropCause::kUnauthenticated;
   if (s.state != SlotState::kActive) return DropCause::kUnexpected;
   if (command.epoch != s.epoch) return DropCause::kWrongEpoch;
   if (command.newest_reply > s.reply_sequence) return DropCause::kOutOfRange;
@@ -200,6 +200,8 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   const DropCause cause =
       s.commands.accept(command.sequence, SequenceWindow::max_leap(s.rate_hz, now_ns - s.last_heard_ns));
   if (cause != DropCause::kNone) return cause;
+
+  s.peer = peer;  // of the newest command: where the station is
 
   // Spacing by the station's clock: the network's jitter is not in it. Where that clock makes no sense, count
   // ticks.

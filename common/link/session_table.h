@@ -15,11 +15,18 @@
 
 namespace telenano::link {
 
-/// Where a peer is, as opaque bytes (16 of address, 2 of port): this layer only compares and hashes it.
+/// Where a peer is, as opaque bytes (16 of address, 2 of port): this layer only compares and hashes it. And the
+/// channel that it came through, where that is known wherever the peer is (net::Address::channel); 0: none.
 struct PeerKey {
   std::array<std::uint8_t, 18> bytes{};
-  friend bool operator==(const PeerKey&, const PeerKey&) = default;
+  std::uint64_t channel = 0;
 };
+
+/// Is `now` who `before` was? By the channel, which may have come to another address; or by the address, where
+/// there may be another channel by now.
+constexpr bool is_same_peer(const PeerKey& before, const PeerKey& now) noexcept {
+  return (now.channel != 0 && now.channel == before.channel) || now.bytes == before.bytes;
+}
 
 /// free → active (Welcome) → silent (time-out; resumable) → free, and active → ending (Bye; not resumable) →
 /// free.

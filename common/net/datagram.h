@@ -17,6 +17,9 @@ struct Address {
   /// there are several; all zero: not known. An answer to this Address leaves from there: the peer takes it
   /// from nobody else.
   std::array<std::uint8_t, 16> here{};
+  /// The encrypted channel that the peer came through, where that knows it wherever it is; 0: none. An answer
+  /// to this Address goes to where the channel's peer is by then.
+  std::uint64_t channel = 0;
   friend bool operator==(const Address& a, const Address& b) noexcept {
     return a.port == b.port && a.ip == b.ip;
   }

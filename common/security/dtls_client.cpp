@@ -69,6 +69,7 @@ struct DtlsClient::Impl {
       throw UserError("a secure session needs either --key or --cert");
     SSL_CTX_set_app_data(context.get(), this);
     SSL_CTX_set_psk_client_callback(context.get(), &Impl::on_psk);
+    if (config.connection_id) offer_connection_ids(context.get(), false);
     now_ns = clock.now_ns();
     begin();
   }
@@ -129,6 +130,7 @@ struct DtlsClient::Impl {
     session.reset(SSL_get1_session(fresh->ssl()));
     if (current) current->retire();
     current = std::move(fresh);
+    current->show_connection_id();
     unanswered = false;
     alert = kNoAlert;
     verify = X509_V_OK;
@@ -155,12 +157,26 @@ struct DtlsClient::Impl {
     if ((!current || silent) && now_ns - attempt_ns > config.retry_ns) begin();
   }
 
+  /// Is this the server's question whether we are where we seem to be? Then it is answered at once.
+  bool answer_question(std::span<const std::uint8_t> plain) noexcept {
+    AddressProof proof;
+    if (plain.size() != proof.size() ||
+        !std::equal(kAddressQuestion.begin(), kAddressQuestion.end(), plain.begin()))
+      return false;
+    std::copy(plain.begin(), plain.end(), proof.begin());
+    std::copy(kAddressAnswer.begin(), kAddressAnswer.end(), proof.begin());
+    current->send(proof);
+    ++counters.proofs;
+    return true;
+  }
+
   bool open(std::span<const std::uint8_t> bytes, std::span<std::uint8_t> buffer,
             net::Received& received) noexcept {
     switch (current->open(bytes, buffer, received.size)) {
       case DtlsChannel::Open::kData:
         ++counters.opened;
         unanswered = false;
+        if (answer_question(buffer.first(std::min(received.size, buffer.size())))) return false;
         received.standing = {true, net::Rights::kAdminister};
         return true;
       case DtlsChannel::Open::kNothing:

@@ -18,8 +18,9 @@ enum class RecordKind : std::uint8_t {
 };
 
 inline constexpr std::size_t kRecordHeaderBytes = 13;  // type, version 2, epoch 2, sequence 6, length 2
-/// What sealing adds to a datagram: header, explicit nonce, AES-GCM tag.
-inline constexpr std::size_t kSealBytes = kRecordHeaderBytes + 8 + 16;
+/// What sealing adds to a record beside its header: with AES-GCM nonce and tag, with ChaCha20-Poly1305 a tag.
+inline constexpr std::size_t kAesGcmSealBytes = 8 + 16;
+inline constexpr std::size_t kChaChaSealBytes = 16;
 /// Larger than any datagram of a handshake, which stay below kHandshakeMtu.
 inline constexpr std::size_t kMaxWireBytes = 2048;
 /// Bytes of a handshake's datagrams: IPv6's smallest path of 1280, without IP and UDP headers.
@@ -28,23 +29,23 @@ inline constexpr std::size_t kHandshakeMtu = 1200;
 /// Are these whole records, one after the other, that may be shown to OpenSSL? A sealed one that is too short
 /// for its seal must not: OpenSSL 3.0.19 answers it with a fatal alert before it looks at the seal, and
 /// anybody who knows two addresses could end a session with 14 bytes (3.0.22 does not, but machines differ).
-constexpr bool well_formed(std::span<const std::uint8_t> bytes) noexcept {
+constexpr bool well_formed(std::span<const std::uint8_t> bytes, std::size_t seal_bytes) noexcept {
   while (!bytes.empty()) {
     if (bytes.size() < kRecordHeaderBytes) return false;
     // ff is 1.0, which every first ClientHello names; fd is 1.2.
     if (bytes[1] != 0xfe || (bytes[2] != 0xff && bytes[2] != 0xfd)) return false;
     const std::size_t length = (std::size_t{bytes[11]} << 8) | bytes[12];
     const bool sealed = bytes[3] != 0 || bytes[4] != 0;
-    if (length < (sealed ? kSealBytes - kRecordHeaderBytes : 1)) return false;
+    if (length < (sealed ? seal_bytes : 1)) return false;
     if (bytes.size() < kRecordHeaderBytes + length) return false;
     bytes = bytes.subspan(kRecordHeaderBytes + length);
   }
   return true;
 }
 
-/// By the first record.
+/// By the first record. How short a sealed one may be, its association knows (DtlsChannel); here the least.
 constexpr RecordKind kind_of(std::span<const std::uint8_t> bytes) noexcept {
-  if (bytes.empty() || !well_formed(bytes)) return RecordKind::kNotDtls;
+  if (bytes.empty() || !well_formed(bytes, kChaChaSealBytes)) return RecordKind::kNotDtls;
   const bool in_clear = bytes[3] == 0 && bytes[4] == 0;
   switch (bytes[0]) {
     case 20:  // ChangeCipherSpec
@@ -58,6 +59,14 @@ constexpr RecordKind kind_of(std::span<const std::uint8_t> bytes) noexcept {
     default:
       return RecordKind::kNotDtls;
   }
+}
+
+/// Epoch and number of the first record, which its seal covers: greater is newer. `bytes`: of any kind but
+/// kNotDtls.
+constexpr std::uint64_t record_number(std::span<const std::uint8_t> bytes) noexcept {
+  std::uint64_t number = 0;
+  for (std::size_t i = 3; i < 11; ++i) number = (number << 8) | bytes[i];
+  return number;
 }
 
 /// A ClientHello's random number, which stays the same when it is repeated, with or without a cookie; and

@@ -36,6 +36,10 @@ constexpr std::int64_t kTickNs = 5'000'000;
 // What is not for the loop behind must not keep it from its time-outs for long.
 constexpr int kDatagramsPerReceive = 64;
 constexpr std::size_t kAddressBuckets = 256;
+// What may be sent to an address that has not answered yet, of what came from there (RFC 9000, 8).
+constexpr std::uint64_t kUnprovenShare = 3;
+// A question that is not answered is asked again.
+constexpr std::int64_t kQuestionEveryNs = 20'000'000;
 
 using Cookie = std::array<std::uint8_t, 32>;
 
@@ -53,6 +57,14 @@ struct DtlsServer::Impl {
     net::Rights rights = net::Rights::kObserve;
     std::uint64_t number = 0;   // of its identity: net::Standing::identity
     std::int64_t since_ns = 0;  // begin of the handshake, or last datagram opened
+    std::uint64_t newest = 0;   // record_number() of those opened
+    // Since it came to an address that it has not answered from: bytes each way, and what it is asked.
+    bool proven = true;
+    std::uint64_t heard_bytes = 0;
+    std::uint64_t told_bytes = 0;
+    std::int64_t asked_ns = 0;
+    bool can_ask = false;
+    std::array<std::uint8_t, 8> question{};
     link::TokenBucket rate{1, 1};
   };
 
@@ -84,6 +96,7 @@ struct DtlsServer::Impl {
     SSL_CTX_set_verify(ssl, SSL_CTX_get_verify_mode(ssl), &Impl::on_certificate);
     // A station that roams resumes what it had agreed on, which saves a round trip.
     if (!config.resumption) config.resumption = std::make_shared<ResumptionCache>(4 * c.capacity);
+    if (config.connection_ids) offer_connection_ids(ssl, true);
     resume_by(ssl, *config.resumption);
     resume_under(ssl, nullptr, list_name);
     listener = DtlsChannel::make(ssl, wire, {});
@@ -257,6 +270,18 @@ struct DtlsServer::Impl {
     return kNone;
   }
 
+  /// The association of this name.
+  std::size_t find(const ConnectionId& id) const noexcept {
+    if (id.worker != config.worker || id.slot >= peers.size()) return kNone;
+    const Peer& peer = peers[id.slot];
+    return peer.state == State::kEstablished && peer.channel->connection_id() == id ? id.slot : kNone;
+  }
+
+  /// The association to which an answer to this address belongs.
+  std::size_t find(const net::Address& to) const noexcept {
+    return to.channel != 0 ? find(ConnectionId::of(to.channel)) : find(to, State::kEstablished);
+  }
+
   std::size_t count(State state) const noexcept {
     return static_cast<std::size_t>(
         std::count_if(peers.begin(), peers.end(), [&](const Peer& peer) { return peer.state == state; }));
@@ -264,6 +289,10 @@ struct DtlsServer::Impl {
 
   void release(std::size_t slot) noexcept {
     peers[slot] = {};
+    leave(slot);
+  }
+
+  void leave(std::size_t slot) noexcept {
     if (tags[slot] == 0) return;
     std::size_t* link = &first_of(tags[slot]);
     while (*link != slot) link = &next_of_bucket[*link];
@@ -271,7 +300,7 @@ struct DtlsServer::Impl {
     tags[slot] = 0;
   }
 
-  void enter(std::size_t slot, const net::Address& address) noexcept {  // a slot that was released
+  void enter(std::size_t slot, const net::Address& address) noexcept {  // a slot that has left
     tags[slot] = tag_of(address);
     std::size_t& first = first_of(tags[slot]);
     next_of_bucket[slot] = first;
@@ -343,9 +372,17 @@ struct DtlsServer::Impl {
     peer.address = from;
     peer.random = hello.random;
     peer.since_ns = now_ns;
+    name(slot);
     enter(slot, from);
     listener = std::move(next);
     advance(slot, {});
+  }
+
+  /// What the station will show, if it asks.
+  void name(std::size_t slot) noexcept {
+    ConnectionId id{config.worker, static_cast<std::uint16_t>(slot), 0};
+    if (RAND_bytes(reinterpret_cast<unsigned char*>(&id.random), sizeof id.random) == 1)
+      peers[slot].channel->give_connection_id(id);
   }
 
   void fail(std::size_t slot) noexcept {
@@ -370,7 +407,8 @@ struct DtlsServer::Impl {
       return fail(slot);
     }
     counters.add(Event::kHandshakesDone);
-    if (const std::size_t old = find(peer.address, State::kEstablished); old != kNone) {
+    // More than one, where others have come to this address and gone on without a word.
+    for (std::size_t old; (old = find(peer.address, State::kEstablished)) != kNone;) {
       peers[old].channel->retire();
       release(old);
     }
@@ -408,6 +446,59 @@ struct DtlsServer::Impl {
 
   // --- the exchange --------------------------------------------------------------------------------------
 
+  /// Where its station is, after a datagram of this number that came from there. Only a newer one than all
+  /// before says so: those that were overtaken come from where it was, and one that somebody holds back to
+  /// send it from elsewhere has been overtaken by then.
+  void follow(std::size_t slot, std::uint64_t number, std::size_t size, const net::Address& from) noexcept {
+    Peer& peer = peers[slot];
+    if (number > peer.newest) {
+      peer.newest = number;
+      if (!(peer.address == from)) {
+        counters.add(Event::kMoved);
+        leave(slot);
+        enter(slot, from);
+        peer.proven = false;
+        peer.heard_bytes = peer.told_bytes = 0;
+        peer.asked_ns = now_ns - kQuestionEveryNs;
+        // Without a random number nobody is asked, and the station is sent less.
+        peer.can_ask = RAND_bytes(peer.question.data(), static_cast<int>(peer.question.size())) == 1;
+      }
+      peer.address = from;           // which of this machine's addresses it writes to
+      peer.channel->set_peer(from);  // may have changed too
+    }
+    if (peer.proven || !(peer.address == from)) return;
+    peer.heard_bytes += size;
+    if (!peer.can_ask || now_ns - peer.asked_ns < kQuestionEveryNs) return;
+    peer.asked_ns = now_ns;
+    AddressProof proof;
+    std::copy(kAddressQuestion.begin(), kAddressQuestion.end(), proof.begin());
+    std::copy(peer.question.begin(), peer.question.end(), proof.begin() + kAddressQuestion.size());
+    tell(peer, proof);
+  }
+
+  /// Is this an answer to follow()'s question, and not for the loop behind? If it shows, from where the
+  /// station is now, that it hears what is sent there, it is sent all.
+  static bool take_answer(Peer& peer, const net::Address& from,
+                          std::span<const std::uint8_t> plain) noexcept {
+    if (plain.size() != std::tuple_size_v<AddressProof> ||
+        !std::equal(kAddressAnswer.begin(), kAddressAnswer.end(), plain.begin()))
+      return false;
+    const auto shown = plain.subspan(kAddressAnswer.size());
+    if (!peer.proven && peer.can_ask && peer.address == from &&
+        CRYPTO_memcmp(shown.data(), peer.question.data(), shown.size()) == 0)
+      peer.proven = true;
+    return true;
+  }
+
+  net::SendStatus tell(Peer& peer, std::span<const std::uint8_t> plain) noexcept {
+    if (!peer.proven) {
+      const std::uint64_t bytes = plain.size() + kRecordHeaderBytes + kAesGcmSealBytes;
+      if (peer.told_bytes + bytes > kUnprovenShare * peer.heard_bytes) return net::SendStatus::kWouldBlock;
+      peer.told_bytes += bytes;
+    }
+    return peer.channel->send(plain);
+  }
+
   /// Opens a datagram that is not part of a handshake in the clear. True if there is something to read.
   bool open(std::size_t slot, std::span<const std::uint8_t> bytes, std::span<std::uint8_t> buffer,
             net::Received& received) noexcept {
@@ -421,8 +512,15 @@ struct DtlsServer::Impl {
       case DtlsChannel::Open::kData:
         counters.add(Event::kOpened);
         peer.since_ns = now_ns;
-        received.standing = {true, peer.rights, peer.number};
-        peer.channel->set_peer(received.from);  // where it writes to may have changed, and that is proven
+        follow(slot, record_number(bytes), bytes.size(), received.from);
+        received.from.channel = 0;
+        if (peer.channel->connection_id()) {
+          if (take_answer(peer, received.from, buffer.first(std::min(received.size, buffer.size()))))
+            return false;
+          received.from = peer.address;
+          received.from.channel = peer.channel->connection_id()->number();
+        }
+        received.standing = {peer.proven, peer.rights, peer.number};
         return true;
       case DtlsChannel::Open::kNothing:
         counters.add(Event::kForged);
@@ -435,8 +533,25 @@ struct DtlsServer::Impl {
     return false;
   }
 
+  /// A datagram that shows whose it is, wherever it comes from.
+  bool on_named(std::span<const std::uint8_t> bytes, std::span<std::uint8_t> buffer,
+                net::Received& received) noexcept {
+    const auto record = bytes.subspan(std::tuple_size_v<ConnectionPrefix>);
+    const RecordKind kind = kind_of(record);
+    if (kind != RecordKind::kData && kind != RecordKind::kAlert) {
+      counters.add(Event::kNotDtls);
+      return false;
+    }
+    const std::size_t slot = find(ConnectionId::read(bytes.subspan(1)));
+    if (slot != kNone) return open(slot, record, buffer, received);
+    counters.add(Event::kNoHandshake);
+    return false;
+  }
+
   bool on_wire(std::span<const std::uint8_t> bytes, std::span<std::uint8_t> buffer,
                net::Received& received) noexcept {
+    if (bytes.size() > std::tuple_size_v<ConnectionPrefix> && bytes[0] == kConnectionMark)
+      return on_named(bytes, buffer, received);
     const RecordKind kind = kind_of(bytes);
     if (kind == RecordKind::kNotDtls) {
       counters.add(Event::kNotDtls);
@@ -523,8 +638,8 @@ bool DtlsServer::receive(std::span<std::uint8_t> buffer, net::Received& received
 }
 
 net::SendStatus DtlsServer::send(std::span<const std::uint8_t> bytes, const net::Address& to) noexcept {
-  const std::size_t slot = impl_->find(to, Impl::State::kEstablished);
-  return slot == kNone ? net::SendStatus::kFailed : impl_->peers[slot].channel->send(bytes);
+  const std::size_t slot = impl_->find(to);
+  return slot == kNone ? net::SendStatus::kFailed : impl_->tell(impl_->peers[slot], bytes);
 }
 
 void DtlsServer::flush() noexcept {
@@ -549,7 +664,7 @@ std::size_t DtlsServer::under_way() const noexcept {
 }
 
 const char* DtlsServer::identity(const net::Address& address) const noexcept {
-  const std::size_t slot = impl_->find(address, Impl::State::kEstablished);
+  const std::size_t slot = impl_->find(address);
   return slot == kNone ? "" : impl_->peers[slot].identity.data();
 }
 

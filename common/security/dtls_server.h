@@ -18,6 +18,10 @@ namespace telenano::security {
 struct DtlsServerConfig {
   std::optional<CertificateFiles> certificates;  ///< left out: pre-shared keys only
   std::size_t capacity = 128;  ///< associations at once, those under way included; 1 … 16384
+  /// Of several that serve one port: which, by the order in which their sockets were bound. Where the kernel
+  /// cannot be told by it whom a datagram is for (net::Udp::steer), `connection_ids` must be false.
+  std::uint8_t worker = 0;
+  bool connection_ids = true;  ///< know a station that comes to another address by the id that it was given
   std::int64_t handshake_timeout_ns = 5'000'000'000;
   /// An association that nobody uses is forgotten. Longer than a session can be resumed, so that a station
   /// that comes back need not make a new one.
@@ -44,6 +48,9 @@ struct DtlsServerConfig {
 ///   and repeated ones are counted.
 /// - A peer that comes again from the same address makes a second association, which takes the first one's
 ///   place only when it is complete: nobody can end a session by a false ClientHello.
+/// - An association goes with its station to another address, with its next datagram that is newer than all
+///   before and shows a connection id. Until the station has answered from there, it is sent no more than
+///   three times what came from there: a station that writes under a false address is no amplifier.
 ///
 /// One thread, except offer_keys() and counters(). Nothing throws after construction.
 class DtlsServer final : public net::Datagram {

@@ -18,6 +18,7 @@ enum class SecurityEvent : std::uint8_t {
   kRevoked,             ///< associations ended because their key is no longer in the list
   kIdle,                ///< associations ended by silence
   kClosed,              ///< ended by the peer
+  kMoved,               ///< associations whose station has come to another address
   // Causes of dropping:
   kNotDtls,      ///< plain or random bytes
   kOversize,     ///< longer than any datagram may be
@@ -31,10 +32,14 @@ enum class SecurityEvent : std::uint8_t {
 inline constexpr std::size_t kSecurityEvents = static_cast<std::size_t>(SecurityEvent::kCount);
 
 constexpr const char* name(SecurityEvent event) noexcept {
-  constexpr std::array<const char*, kSecurityEvents> kNames = {
-      "opened",  "cookies",      "handshakes", "failed handshakes", "unknown keys", "refused certificates",
-      "revoked", "idle",         "closed",     "not DTLS",          "oversize",     "no handshake",
-      "forged",  "rate limited", "full"};
+  constexpr std::array<const char*, kSecurityEvents> kNames = {"opened",       "cookies",
+                                                               "handshakes",   "failed handshakes",
+                                                               "unknown keys", "refused certificates",
+                                                               "revoked",      "idle",
+                                                               "closed",       "moved",
+                                                               "not DTLS",     "oversize",
+                                                               "no handshake", "forged",
+                                                               "rate limited", "full"};
   return kNames[static_cast<std::size_t>(event)];
 }
 

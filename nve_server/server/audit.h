@@ -14,6 +14,7 @@ struct AuditEvent {
   enum class Kind : std::uint8_t {
     kOpened,     ///< a session begins
     kResumed,    ///< a silent one goes on
+    kMoved,      ///< its station has come to another address, which is said
     kRefused,    ///< somebody is told no; `reason` is a link::RefuseReason
     kEnded,      ///< by its station (`reason`: its link::ByeReason), or by the server, which stops
     kTimedOut,   ///< no commands any more: the tip is withdrawn, the session may still be resumed

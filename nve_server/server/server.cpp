@@ -20,6 +20,7 @@ link::PeerKey peer_key(const net::Address& address) noexcept {
   std::memcpy(key.bytes.data(), address.ip.data(), address.ip.size());
   key.bytes[16] = static_cast<std::uint8_t>(address.port & 0xff);
   key.bytes[17] = static_cast<std::uint8_t>(address.port >> 8);
+  key.channel = address.channel;
   return key;
 }
 
@@ -619,6 +620,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
 
   link::Session& session = table_[slot];
   SessionRecord& record = records_[slot];
+  note_address(slot, from, now_ns);
   const Tip& tip = tip_of(slot);
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   if (shared()) share_tip(slot, command, now_ns);
@@ -660,6 +662,13 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   return codec_.encode(reply, out);
 }
 
+/// Where the station of this session is now.
+void Server::note_address(std::size_t slot, const net::Address& from, std::int64_t now_ns) noexcept {
+  const bool elsewhere = !(records_[slot].address == from);
+  records_[slot].address = from;
+  if (elsewhere) audit(AuditEvent::Kind::kMoved, slot, now_ns);
+}
+
 /// A piece of the slave's state. Another number than the last freezes it anew, not more often than
 /// kFreezeEveryNs: where marks stay that looks at every node of the surface.
 std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,
@@ -667,7 +676,7 @@ std::size_t Server::on_snapshot_request(const link::SnapshotRequest& request, co
   const std::size_t slot = table_.find(request.session_id);
   if (slot == link::SessionTable::kNone) return drop(DropCause::kUnknownSession);
   const link::Session& session = table_[slot];
-  if (!(session.peer == peer_key(from)) || session.owner != standing_.identity)
+  if (!link::is_same_peer(session.peer, peer_key(from)) || session.owner != standing_.identity)
     return drop(DropCause::kUnauthenticated);
   if (session.state != link::SlotState::kActive || !logs_steps(session)) return drop(DropCause::kUnexpected);
   link::FrozenState& frozen = records_[slot].frozen;
@@ -693,7 +702,7 @@ std::size_t Server::on_scene_request(const link::SceneRequest& request, const ne
   const std::size_t slot = table_.find(request.session_id);
   if (slot == link::SessionTable::kNone) return drop(DropCause::kUnknownSession);
   const link::Session& session = table_[slot];
-  if (!(session.peer == peer_key(from)) || session.owner != standing_.identity)
+  if (!link::is_same_peer(session.peer, peer_key(from)) || session.owner != standing_.identity)
     return drop(DropCause::kUnauthenticated);
   if (session.state != link::SlotState::kActive || (session.feature_bits & link::kFeatureScene) == 0)
     return drop(DropCause::kUnexpected);
@@ -717,7 +726,8 @@ void Server::on_bye(const link::Bye& bye, const net::Address& from, std::int64_t
   const std::size_t slot = table_.find(bye.session_id);
   if (slot == link::SessionTable::kNone) {
     drops_.add(DropCause::kUnknownSession);
-  } else if (!(table_[slot].peer == peer_key(from)) || table_[slot].owner != standing_.identity) {
+  } else if (!link::is_same_peer(table_[slot].peer, peer_key(from)) ||
+             table_[slot].owner != standing_.identity) {
     drops_.add(DropCause::kUnauthenticated);
   } else if (table_[slot].state == link::SlotState::kEnding) {
     drops_.add(DropCause::kDuplicate);  // Byes are sent more than once

@@ -202,6 +202,7 @@ class Server {
   bool shared() const noexcept { return config_.share == Share::kOneTip; }
   Tip& tip_of(std::size_t slot) noexcept { return tips_[shared() ? 0 : slot]; }
   bool make_tip(std::size_t slot, std::int64_t now_ns) noexcept;
+  void note_address(std::size_t slot, const net::Address& from, std::int64_t now_ns) noexcept;
   std::size_t on_unusable_command(const link::Command& command, link::DropCause cause, std::size_t slot,
                                   std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void share_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;

@@ -195,7 +195,8 @@ class Rig(unittest.TestCase):
 
     def server(self, **options):
         program = self.start(*self.serve_words(**options))
-        self.assertTrue(program.says("serving an AFM on"), program.text)
+        if not program.says("serving an AFM on"):
+            self.fail("\n".join(p.text for p in self.programs))
         return program
 
     def station(self, server, duration_s=10):
@@ -321,8 +322,12 @@ class Together(Rig):
                 watcher.kill(number)
                 self.assertTrue(server.says("withdrawn: controller silent"), server.text)
                 self.assert_up(simulator.stop())
+                # Its guard too: it would look for a controller that has withdrawn the tip, and find the next one's.
+                guards = children(server.process.pid)
                 for program in (server, watcher):
                     program.stop(signal.SIGKILL)
+                for guard in guards:
+                    os.kill(guard, signal.SIGKILL)
                 for latch in self.path.glob("*.out"):
                     latch.unlink()
 

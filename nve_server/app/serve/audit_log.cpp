@@ -36,6 +36,8 @@ const char* name_of_kind(Kind kind) noexcept {
       return "session opened";
     case Kind::kResumed:
       return "session resumed";
+    case Kind::kMoved:
+      return "session moved";
     case Kind::kRefused:
       return "session refused";
     case Kind::kEnded:

@@ -52,13 +52,14 @@ void ServeSecurity::check(const std::string& listen, bool loopback) const {
   }
 }
 
-std::unique_ptr<security::DtlsServer> ServeSecurity::make(
-    std::size_t max_sessions, std::shared_ptr<security::ResumptionCache> resumption, net::Datagram& wire,
-    const rt::Clock& clock) const {
+std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessions, const Place& place,
+                                                          net::Datagram& wire, const rt::Clock& clock) const {
   security::DtlsServerConfig config;
   if (!certificate.empty()) config.certificates = {certificate, certificate_key, authority};
   config.capacity = capacity(max_sessions);
-  config.resumption = std::move(resumption);
+  config.resumption = place.resumption;
+  config.worker = static_cast<std::uint8_t>(place.worker);
+  config.connection_ids = place.connection_ids;
   using std::chrono::floor;
   const auto now = floor<std::chrono::seconds>(std::chrono::system_clock::now());
   const security::KeyList all = security::load_key_list(key_list_path());

@@ -4,6 +4,8 @@
 #include <thread>
 #include <utility>
 
+#include "telenano/common/security/connection_id.h"
+
 namespace telenano::app {
 namespace {
 
@@ -37,18 +39,22 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
     workers_.push_back(std::make_unique<Worker>(net::Udp::listen(address, options)));
     address = workers_.front()->socket.local();
   }
+  if (options.share_port) steered_ = workers_.front()->socket.steer(security::kConnectionMark);
 }
 
 void Workers::prepare(const ServeSecurity& security, const server::ServerConfig& base,
                       const server::ServedScene& scene) {
-  std::shared_ptr<security::ResumptionCache> resumption;
+  ServeSecurity::Place place;
+  place.connection_ids = steered_;
   if (security.is_secure()) {
-    resumption =
+    place.resumption =
         std::make_shared<security::ResumptionCache>(4 * ServeSecurity::capacity(config_.max_sessions));
   }
   for (std::size_t i = 0; i < workers_.size(); ++i) {
     Worker& worker = *workers_[i];
-    if (resumption) worker.secure = security.make(config_.max_sessions, resumption, worker.batch, clock_);
+    place.worker = i;
+    if (security.is_secure())
+      worker.secure = security.make(config_.max_sessions, place, worker.batch, clock_);
     server::ServerConfig own = base;
     own.table.capacity = config_.max_sessions;
     own.table.per_party = std::min(config_.sessions_per_peer, config_.max_sessions);

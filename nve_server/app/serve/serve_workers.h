@@ -96,6 +96,7 @@ class Workers {
   link::PartyCounts parties_;
   server::WorkerMail mail_;
   std::vector<std::unique_ptr<Worker>> workers_;
+  bool steered_ = true;  // does the kernel give a datagram to the worker that it names?
 };
 
 }  // namespace telenano::app

@@ -388,6 +388,43 @@ TEST(SharedPort, EachPeerStaysWithOneSocketAndAllAreServed) {
   EXPECT_LT(of_first, 64);
 }
 
+// A datagram that begins with the mark goes where its second byte says, whoever sends it; all others, and those
+// of a socket that there is not, as before.
+TEST(SharedPort, AMarkedDatagramGoesToTheSocketThatItNames) {
+  for (const char* host : {"127.0.0.1:0", "[::1]:0"}) {
+    UdpOptions shared;
+    shared.share_port = true;
+    std::vector<Udp> sockets;
+    sockets.push_back(Udp::listen(parse_address(host, "test"), shared));
+    for (int i = 1; i < 3; ++i) sockets.push_back(Udp::listen(sockets[0].local(), shared));
+    ASSERT_TRUE(sockets[0].steer(0x54));
+    std::array<std::uint8_t, 16> buffer{};
+    Received received;
+    std::array<bool, 3> without_mark{};
+    for (std::uint8_t i = 0; i < 40; ++i) {
+      Udp peer = Udp::open_for(sockets[0].local());
+      for (std::uint8_t k = 0; k < 3; ++k) peer.send(Bytes{0x54, k, i}, sockets[0].local());
+      peer.send(Bytes{0x54, 9, i}, sockets[0].local());
+      peer.send(Bytes{0x16, 1, i}, sockets[0].local());
+      int unnamed = 0;
+      for (std::uint8_t k = 0; k < 3; ++k) {
+        int named = 0, others = 0;
+        while (sockets[k].receive(buffer, received)) {
+          const bool is_named = buffer[0] == 0x54 && buffer[1] < 3;
+          EXPECT_TRUE(!is_named || buffer[1] == k);
+          (is_named ? named : others) += 1;
+        }
+        EXPECT_EQ(named, 1);
+        EXPECT_TRUE(others == 0 || others == 2) << "one peer's, as without steering";
+        without_mark[k] = without_mark[k] || others > 0;
+        unnamed += others;
+      }
+      EXPECT_EQ(unnamed, 2);
+    }
+    EXPECT_TRUE(without_mark[0] && without_mark[1] && without_mark[2]) << "by chance not: 3 * (2/3)^40";
+  }
+}
+
 TEST(SharedPort, IsNotSharedWithOneThatDidNotAsk) {
   const Udp alone = Udp::listen(parse_address("127.0.0.1:0", "test"));
   UdpOptions shared;

@@ -51,11 +51,12 @@ TEST(DtlsRecord, KindsByTypeAndEpoch) {
 
 TEST(DtlsRecord, OnlyWholeRecordsAndSealsInFull) {
   for (std::size_t length = 0; length < 40; ++length) {
-    EXPECT_EQ(kind_of(record(23, 1, length)) == RecordKind::kData, length >= 24) << length;
-    EXPECT_EQ(kind_of(record(22, 1, length)) == RecordKind::kHandshake, length >= 24) << length;
+    EXPECT_EQ(kind_of(record(23, 1, length)) == RecordKind::kData, length >= 16) << length;
+    EXPECT_EQ(kind_of(record(22, 1, length)) == RecordKind::kHandshake, length >= 16) << length;
+    EXPECT_EQ(well_formed(record(23, 1, length), kAesGcmSealBytes), length >= 24) << length;
     EXPECT_EQ(kind_of(record(20, 0, length)) == RecordKind::kHandshake, length >= 1) << length;
   }
-  auto high_epoch = record(23, 0, 20);
+  auto high_epoch = record(23, 0, 12);
   high_epoch[3] = 1;
   EXPECT_EQ(kind_of(high_epoch), RecordKind::kNotDtls);
   const auto good = record(22, 0, 60, 1);
@@ -64,12 +65,19 @@ TEST(DtlsRecord, OnlyWholeRecordsAndSealsInFull) {
   EXPECT_EQ(kind_of(good + std::vector<std::uint8_t>{0}), RecordKind::kNotDtls);
   // A flight: several records. One bad spoils all.
   EXPECT_EQ(kind_of(record(22, 0, 60, 16) + record(20, 0, 1) + record(22, 1, 40)), RecordKind::kHandshake);
-  EXPECT_EQ(kind_of(record(22, 0, 60, 16) + record(20, 0, 1) + record(22, 1, 23)), RecordKind::kNotDtls);
+  EXPECT_EQ(kind_of(record(22, 0, 60, 16) + record(20, 0, 1) + record(22, 1, 15)), RecordKind::kNotDtls);
   for (const std::uint8_t version : std::initializer_list<std::uint8_t>{0x00, 0xfc, 0xfe}) {
     auto other = good;
     other[2] = version;
     EXPECT_EQ(kind_of(other), RecordKind::kNotDtls) << int{version};
   }
+}
+
+TEST(DtlsRecord, TheNumberIsEpochAndSequence) {
+  auto bytes = record(23, 1, 30);
+  EXPECT_EQ(record_number(bytes), (std::uint64_t{1} << 48) + 1);
+  bytes[5] = 0xab;
+  EXPECT_EQ(record_number(bytes), (std::uint64_t{1} << 48) + (std::uint64_t{0xab} << 40) + 1);
 }
 
 TEST(DtlsRecord, AClientHellosRandomAndCookie) {

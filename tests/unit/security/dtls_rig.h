@@ -57,6 +57,13 @@ struct DtlsRig {
     config.key = StationKey{identity, psk_of(fill)};
     connect(config);
   }
+  /// A station that an address is known by: another one makes it begin anew.
+  void connect_without_id(const std::string& identity = "omega-1", std::uint8_t fill = 1) {
+    DtlsClientConfig config;
+    config.key = StationKey{identity, psk_of(fill)};
+    config.connection_id = false;
+    connect(config);
+  }
   void connect(const DtlsClientConfig& config) {
     station = std::make_unique<DtlsClient>(config, station_end, server_end.address(), clock);
   }

@@ -2,6 +2,7 @@
 // server do. Every datagram is a real one, made or changed by the test.
 #include <gtest/gtest.h>
 
+#include "telenano/common/security/connection_id.h"
 #include "telenano/common/security/dtls_record.h"
 #include "tests/unit/security/dtls_rig.h"
 
@@ -45,7 +46,8 @@ TEST(Dtls, NothingTravelsInTheClear) {
   const std::string secret = "force 1.25 nN at the tip, quite recognisable";
   ASSERT_TRUE(rig.hears(secret));
   const auto& last = rig.network.sent().back().bytes;
-  EXPECT_EQ(last.size(), secret.size() + kSealBytes);
+  EXPECT_EQ(last.size(),
+            std::tuple_size_v<ConnectionPrefix> + kRecordHeaderBytes + secret.size() + kChaChaSealBytes);
   for (const auto& packet : rig.network.sent()) {
     EXPECT_EQ(std::search(packet.bytes.begin(), packet.bytes.end(), secret.begin() + 5, secret.begin() + 13),
               packet.bytes.end());
@@ -161,10 +163,11 @@ TEST(Dtls, ARepeatedOrForgedRecordIsCountedAndNotGiven) {
   EXPECT_EQ(rig.events(Event::kForged), 1u);
   // Every single bit of it, under a sequence number that was not used yet (else the window would hide the
   // seal).
+  constexpr std::size_t kLowestOfNumber = std::tuple_size_v<ConnectionPrefix> + 10;
   std::uint64_t dropped = rig.server->counters().dropped();
   for (std::size_t bit = 0; bit < 8 * packet.bytes.size(); ++bit) {
     auto forged = packet;
-    forged.bytes[10] = static_cast<std::uint8_t>(forged.bytes[10] + 40);
+    forged.bytes[kLowestOfNumber] = static_cast<std::uint8_t>(forged.bytes[kLowestOfNumber] + 40);
     forged.bytes[bit / 8] ^= static_cast<std::uint8_t>(1u << (bit % 8));
     rig.network.deliver(forged);
     EXPECT_FALSE(rig.server->receive(rig.buffer, rig.received)) << bit;
@@ -238,7 +241,8 @@ TEST(Dtls, ASecondRecordInADatagramDoesNotLag) {
   auto packet = rig.network.sent().back();
   rig.station->send(bytes_of("second"), rig.server_end.address());
   const auto second = rig.network.sent().back().bytes;
-  packet.bytes.insert(packet.bytes.end(), second.begin(), second.end());
+  constexpr auto kPrefix = static_cast<std::ptrdiff_t>(std::tuple_size_v<ConnectionPrefix>);
+  packet.bytes.insert(packet.bytes.end(), second.begin() + kPrefix, second.end());
   rig.network.drop_waiting(rig.server_end.address());
   rig.network.deliver(packet);
   EXPECT_TRUE(rig.server->receive(rig.buffer, rig.received));

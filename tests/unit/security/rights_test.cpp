@@ -15,6 +15,7 @@ struct SessionRig : DtlsRig {
   server::Server nve;
   link::ClientSession session{link::ClientConfig{}};
   link::Command command;
+  std::int64_t heard_ns = 0;
   std::array<std::uint8_t, link::kMaxDatagramBytes> out{};
 
   SessionRig() : nve(config(), server::spring_scene(&slave)) {
@@ -40,8 +41,10 @@ struct SessionRig : DtlsRig {
     station_turn();
   }
   void station_turn() {
-    while (station->receive(station_buffer, station_received))
+    while (station->receive(station_buffer, station_received)) {
       session.on_datagram({station_buffer.data(), station_received.size}, clock.now_ns());
+      heard_ns = clock.now_ns();
+    }
     if (const std::size_t n = session.poll(clock.now_ns(), out))
       station->send({out.data(), n}, server_end.address());
     link::Command c = command;
@@ -51,8 +54,9 @@ struct SessionRig : DtlsRig {
   void ticks(int n) {
     for (int i = 0; i < n; ++i) tick();
   }
-  void begin(const std::string& identity, std::uint8_t fill) {
-    connect(identity, fill);
+  void begin(const std::string& identity, std::uint8_t fill, bool connection_id = true) {
+    if (connection_id) connect(identity, fill);
+    if (!connection_id) connect_without_id(identity, fill);
     turns(4);
     ASSERT_TRUE(station->established());
     session.start(clock.now_ns());
@@ -111,11 +115,68 @@ TEST(Rights, TheFirstHelloIsAnsweredByAWelcome) {
   EXPECT_EQ(rig.session.state(), link::ClientState::kEstablished);
 }
 
-// Cookie, resumed handshake, Hello → Welcome: three round trips from noticing to the same session in the same
-// epoch. Here each way takes 10 ms.
-TEST(Rights, AStationThatRoamsIsBackInThreeRoundTrips) {
+/// From now on every datagram takes 10 ms, also what is under way.
+class SlowPath {
+ public:
+  explicit SlowPath(SessionRig& rig) : rig_(rig) {}
+  void turn() {
+    delay(rig_.server_end.address());
+    rig_.pass_ms(1);
+    arrive(rig_.server_end.address());
+    rig_.serve();
+    delay(rig_.station_end.address());
+    arrive(rig_.station_end.address());
+    rig_.station_turn();
+  }
+
+ private:
+  void delay(const net::Address& to) {
+    for (auto& packet : rig_.network.waiting(to))
+      under_way_.emplace_back(rig_.clock.now_ns() + 10'000'000, packet);
+    rig_.network.drop_waiting(to);
+  }
+  void arrive(const net::Address& to) {
+    std::erase_if(under_way_, [&](const auto& entry) {
+      if (entry.first > rig_.clock.now_ns() || !(entry.second.to == to)) return false;
+      rig_.network.deliver(entry.second);
+      return true;
+    });
+  }
+  SessionRig& rig_;
+  std::deque<std::pair<std::int64_t, DatagramNet::Packet>> under_way_;
+};
+
+// The first command from the new address is answered there: one round trip of 20 ms without an answer, and a
+// tick at each of its turns. What was on the way to the old address is lost.
+TEST(Rights, AStationThatRoamsIsAnsweredAfterOneRoundTrip) {
   SessionRig rig;
   rig.begin("omega-1", 1);
+  SlowPath path(rig);
+  for (int ms = 0; ms < 100; ++ms) path.turn();
+  for (std::uint16_t move = 1; move <= 5; ++move) {
+    const auto before = rig.session.replies().newest();
+    rig.station_end.set_address(DatagramNet::address(3, static_cast<std::uint16_t>(41000 + move)));
+    const std::int64_t moved_ns = rig.clock.now_ns();
+    std::int64_t longest_ns = 0, last_ns = rig.heard_ns;
+    for (int ms = 0; ms < 100; ++ms) {
+      path.turn();
+      longest_ns = std::max(longest_ns, rig.clock.now_ns() - last_ns);
+      last_ns = rig.heard_ns;
+    }
+    EXPECT_LE(longest_ns, 23'000'000) << move;
+    EXPECT_GT(longest_ns, 10'000'000) << "else nothing moved";
+    EXPECT_GE(rig.session.replies().newest(), before + 98);
+    EXPECT_GT(rig.heard_ns, moved_ns);
+  }
+  EXPECT_EQ(rig.session.sessions(), 1u);
+  EXPECT_EQ(rig.station->counters().handshakes, 1u);
+}
+
+// Without a connection id: cookie, resumed handshake, Hello → Welcome: three round trips from noticing to the
+// same session in the same epoch. Here each way takes 10 ms.
+TEST(Rights, AStationThatRoamsWithoutAnIdIsBackInThreeRoundTrips) {
+  SessionRig rig;
+  rig.begin("omega-1", 1, false);
   const auto epoch = rig.session.welcome().epoch;
   const auto sessions = rig.session.sessions();
   rig.station_end.set_address(DatagramNet::address(3, 41000));
@@ -129,29 +190,8 @@ TEST(Rights, AStationThatRoamsIsBackInThreeRoundTrips) {
   }
   ASSERT_TRUE(noticed);
   const std::int64_t noticed_ns = rig.clock.now_ns();
-  // From here on every datagram takes 10 ms, also what the station has just sent.
-  std::deque<std::pair<std::int64_t, DatagramNet::Packet>> under_way;
-  const auto delay = [&](const net::Address& to) {
-    for (auto& packet : rig.network.waiting(to))
-      under_way.emplace_back(rig.clock.now_ns() + 10'000'000, packet);
-    rig.network.drop_waiting(to);
-  };
-  const auto arrive = [&](const net::Address& to) {
-    std::erase_if(under_way, [&](const auto& entry) {
-      if (entry.first > rig.clock.now_ns() || !(entry.second.to == to)) return false;
-      rig.network.deliver(entry.second);
-      return true;
-    });
-  };
-  for (int ms = 0; ms < 400 && rig.session.sessions() == sessions; ++ms) {
-    delay(rig.server_end.address());
-    rig.pass_ms(1);
-    arrive(rig.server_end.address());
-    rig.serve();
-    delay(rig.station_end.address());
-    arrive(rig.station_end.address());
-    rig.station_turn();
-  }
+  SlowPath path(rig);
+  for (int ms = 0; ms < 400 && rig.session.sessions() == sessions; ++ms) path.turn();
   ASSERT_EQ(rig.session.sessions(), sessions + 1);
   EXPECT_EQ(rig.session.welcome().epoch, epoch);
   // Three round trips of 20 ms, and up to a tick of 1 ms at each of the six turns.

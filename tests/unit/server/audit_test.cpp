@@ -89,6 +89,56 @@ TEST_F(Audit, ASessionsLifeWithWhoAndWhere) {
   EXPECT_TRUE(events().empty()) << "what has ended is not forgotten besides";
 }
 
+// By its channel a session goes with its station to another address; who is there now without the channel, or
+// with another's key, does not get it.
+TEST_F(Audit, ASessionMovesWithItsChannelAndThatIsSaid) {
+  make();
+  VirtualSession& s = station(4711, 42, net::Rights::kOperate);
+  net::Address address = s.link.address_a();
+  address.channel = 77;
+  s.link.set_address_a(address);
+  s.ticks(20);
+  ASSERT_EQ(s.client.state(), link::ClientState::kEstablished);
+  events();
+  const std::uint64_t before = s.client.replies().newest();
+  address.port = 4712;
+  s.link.set_address_a(address);
+  s.ticks(20);
+  EXPECT_EQ(s.client.replies().newest(), before + 20) << "not one answer is missing";
+  const auto moved = events();
+  ASSERT_EQ(moved.size(), 1u);
+  EXPECT_EQ(moved[0].kind, Kind::kMoved);
+  EXPECT_EQ(moved[0].address.port, 4712);
+  EXPECT_EQ(moved[0].session, 1u);
+
+  const std::uint64_t dropped = server->drops().total();
+  address.port = 4713;
+  address.channel = 78;  // another's
+  s.link.set_address_a(address);
+  s.ticks(5);
+  address.channel = 0;
+  s.link.set_address_a(address);
+  s.ticks(5);
+  address.channel = 77;
+  s.link.set_address_a(address);
+  s.standing.identity = 43;
+  s.ticks(5);
+  EXPECT_EQ(server->drops().total(), dropped + 15);
+  EXPECT_TRUE(events().empty());
+
+  // A new channel at the same address is the same station's, as after an outage.
+  s.standing.identity = 42;
+  address.port = 4712;
+  address.channel = 79;
+  s.link.set_address_a(address);
+  s.ticks(5);
+  address.port = 4714;
+  s.link.set_address_a(address);
+  s.ticks(5);
+  EXPECT_EQ(server->drops().total(), dropped + 15);
+  EXPECT_EQ(kinds(), std::vector<Kind>{Kind::kMoved});
+}
+
 TEST_F(Audit, WhoNeverComesBackIsForgottenOnce) {
   make();
   VirtualSession& s = station(4711, 42, net::Rights::kObserve);
