@@ -111,6 +111,12 @@ ListName name_of(const KeyList& list) noexcept {
     add(entry.name);
     add(entry.fingerprint);
   }
+  for (const Issuer& issuer : list.issuers) {
+    add("issuer");
+    add(net::name(issuer.rights));
+    add(issuer.name);
+    add({reinterpret_cast<const char*>(issuer.secret.bytes.data()), issuer.secret.bytes.size()});
+  }
   EVP_DigestFinal_ex(digest, name.data(), nullptr);
   EVP_MD_CTX_free(digest);
   return name;

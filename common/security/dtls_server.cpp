@@ -10,6 +10,7 @@
 #include <array>
 #include <atomic>
 #include <bit>
+#include <chrono>
 #include <cstring>
 #include <new>
 #include <string_view>
@@ -95,6 +96,12 @@ struct DtlsServer::Impl {
     SSL_CTX_set_cookie_verify_cb(ssl, &Impl::on_cookie);
     SSL_CTX_set_verify(ssl, SSL_CTX_get_verify_mode(ssl), &Impl::on_certificate);
     // A station that roams resumes what it had agreed on, which saves a round trip.
+    if (!config.unix_time_s) {
+      config.unix_time_s = [] {
+        const auto now = std::chrono::system_clock::now().time_since_epoch();
+        return std::chrono::floor<std::chrono::seconds>(now).count();
+      };
+    }
     if (!config.resumption) config.resumption = std::make_shared<ResumptionCache>(4 * c.capacity);
     if (config.connection_ids) offer_connection_ids(ssl, true);
     resume_by(ssl, *config.resumption);
@@ -160,13 +167,24 @@ struct DtlsServer::Impl {
 
   static unsigned on_psk(SSL* ssl, const char* identity, unsigned char* out, unsigned capacity) {
     Impl& self = of(ssl);
-    const KeyEntry* const entry = identity != nullptr ? self.keys->find_key(identity) : nullptr;
-    if (entry == nullptr || capacity < Psk::kBytes) {
+    const std::optional<Grant> grant =
+        identity != nullptr ? self.grant_of(*self.keys, identity) : std::nullopt;
+    // A token that has expired begins nothing; what it has begun may go on, and be resumed.
+    const bool over = grant && grant->expires_s && *grant->expires_s <= self.config.unix_time_s();
+    if (!grant || over || capacity < Psk::kBytes) {
       self.counters.add(Event::kUnknownKey);
       return 0;  // alert unknown_psk_identity: names are no secret, and a person is told what to mend
     }
-    std::copy(entry->psk.bytes.begin(), entry->psk.bytes.end(), out);
+    std::copy(grant->psk.bytes.begin(), grant->psk.bytes.end(), out);
     return static_cast<unsigned>(Psk::kBytes);
+  }
+
+  static std::optional<Grant> grant_of(const KeyList& list, std::string_view identity) noexcept {
+    try {
+      return list.find_grant(identity);
+    } catch (...) {  // no memory, or no hash
+      return std::nullopt;
+    }
   }
 
   // After OpenSSL's own judgement of each certificate, from the authority's down to the peer's.
@@ -203,13 +221,21 @@ struct DtlsServer::Impl {
       return true;
     }
     const char* const name = SSL_get_psk_identity(ssl);
-    const KeyEntry* const entry = name != nullptr ? keys->find_key(name) : nullptr;
-    if (entry == nullptr) return false;
-    std::copy_n(entry->identity.begin(), std::min(entry->identity.size(), peer.identity.size() - 1),
-                peer.identity.begin());
-    peer.rights = entry->rights;
-    peer.number = identity_number('k', peer.identity.data());
+    const std::string_view shown = name != nullptr ? name : "";
+    const std::optional<Grant> grant = grant_of(*keys, shown);
+    if (!grant) return false;
+    std::copy_n(shown.begin(), std::min(shown.size(), peer.identity.size() - 1), peer.identity.begin());
+    peer.rights = grant->rights;
+    peer.number = grant->number;
+    if (grant->expires_s && config.grant_names) note_name(*grant);
     return true;
+  }
+
+  void note_name(const Grant& grant) const noexcept {
+    try {
+      config.grant_names->note(grant.number, grant.name);
+    } catch (...) {  // no memory: the number is said instead
+    }
   }
 
   /// Ends what the new list no longer allows. An identity with another key or right ends too: it may come
@@ -237,9 +263,9 @@ struct DtlsServer::Impl {
         continue;
       }
       const net::Rights rights = peer.rights;
-      const KeyEntry* const before = old->find_key(peer.identity.data());
-      const KeyEntry* const after = keys->find_key(peer.identity.data());
-      const bool same_key = before == nullptr || (after != nullptr && equal(before->psk, after->psk));
+      const std::optional<Grant> before = grant_of(*old, peer.identity.data());
+      const std::optional<Grant> after = grant_of(*keys, peer.identity.data());
+      const bool same_key = !before || (after && equal(before->psk, after->psk));
       if (find_identity(peer) && same_key && peer.rights == rights) continue;
       counters.add(Event::kRevoked);
       peer.channel->close();

@@ -29,8 +29,15 @@ std::string rotate_key(const std::string& list_path, const std::string& identity
                        const std::string& station_path, std::int64_t old_expires_s,
                        std::optional<std::int64_t> expires_s = {});
 
-/// Takes a key (by its identity) or a certificate (by name or fingerprint) off the list. Throws UserError,
-/// with the nearest name, if there is no such one.
+/// An issuer of connect tokens with a fresh secret: added to the list (which is made if there is none) and
+/// written to `issuer_path`, for whoever makes tokens. Throws UserError as new_key.
+void new_issuer(const std::string& list_path, const std::string& name, net::Rights rights,
+                const std::string& issuer_path);
+/// The same issuer for another server: from a file that new_issuer has written. Returns its name.
+std::string adopt_issuer(const std::string& list_path, const std::string& issuer_path);
+
+/// Takes a key (by its identity), a certificate (by name or fingerprint) or an issuer (by name) off the list.
+/// Throws UserError, with the nearest name, if there is no such one.
 void revoke_key(const std::string& list_path, const std::string& identity);
 
 /// CSV with header: kind,identity,rights,expires (UTC; empty: never). No secrets; with what has expired.

@@ -7,6 +7,7 @@ namespace telenano::connection {
 /// Where a server is, and how this station shows it who it is.
 struct ServerAccess {
   std::string server = "127.0.0.1:5100";  ///< "HOST:PORT"; an IPv6 address in brackets. ServerList: several
+  std::string token;                      ///< a connect token's file, whose servers `server` then names; or
   std::string key;                        ///< the station's key file; or the next three
   std::string certificate;
   std::string certificate_key;

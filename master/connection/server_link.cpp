@@ -6,12 +6,22 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/link/messages.h"
+#include "telenano/common/security/connect_token.h"
 
 namespace telenano::connection {
 namespace {
 
 bool wants_security(const ServerAccess& options) {
-  return !options.key.empty() || !options.certificate.empty();
+  return !options.token.empty() || !options.key.empty() || !options.certificate.empty();
+}
+
+bool wants_key(const ServerAccess& options) {
+  return !options.token.empty() || !options.key.empty();
+}
+
+security::StationKey key_of(const ServerAccess& options) {
+  return options.token.empty() ? security::load_station_key(options.key)
+                               : security::load_token(options.token).key;
 }
 
 void check_flags(const ServerAccess& options, const net::Address& server) {
@@ -21,10 +31,12 @@ void check_flags(const ServerAccess& options, const net::Address& server) {
       !options.certificate.empty() && !options.certificate_key.empty() && !options.authority.empty();
   if (any && !all) throw UserError("--cert, --cert-key and --ca go together; give all three, or --key FILE");
   if (any && !options.key.empty()) throw UserError("--key and --cert: give one of them");
+  if (!options.token.empty() && (any || !options.key.empty()))
+    throw UserError("--token holds a key: leave out --key and --cert");
   if (!net::is_loopback(server) && !wants_security(options)) {
     throw UserError(fmt::format(
         "--server {}: off loopback sessions are encrypted; give --key FILE (telenano-nve keys new makes "
-        "one on the server's machine) or --cert, --cert-key and --ca",
+        "one on the server's machine), --token FILE, or --cert, --cert-key and --ca",
         options.server));
   }
 }
@@ -49,8 +61,8 @@ ServerLink::ServerLink(const ServerAccess& options, const net::Address& server)
   if (!wants_security(options)) return;
   security::DtlsClientConfig config;
   config.server_name = host_of(options.server);
-  if (!options.key.empty())
-    config.key = security::load_station_key(options.key);
+  if (wants_key(options))
+    config.key = key_of(options);
   else
     config.certificates = {options.certificate, options.certificate_key, options.authority};
   dtls_ = std::make_unique<security::DtlsClient>(config, socket_, server, clock_);
@@ -114,7 +126,7 @@ void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& st
 }
 
 std::string describe_security(const ServerAccess& options) {
-  if (!options.key.empty()) return "DTLS 1.2, key " + security::load_station_key(options.key).identity;
+  if (wants_key(options)) return "DTLS 1.2, key " + key_of(options).identity;
   if (!options.certificate.empty()) return "DTLS 1.2, certificate " + options.certificate;
   return "none";
 }

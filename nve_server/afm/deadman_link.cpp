@@ -47,18 +47,6 @@ nanonis::Bytes frame(std::string_view name, const std::string& body) {
 
 }  // namespace
 
-std::array<std::uint8_t, 32> hmac_sha256(const DeadmanKey& key, std::string_view text) {
-  constexpr std::size_t kBlockBytes = 64;
-  std::string inner(kBlockBytes, '\x36'), outer(kBlockBytes, '\x5c');
-  for (std::size_t i = 0; i < key.size(); ++i) {
-    inner[i] = static_cast<char>(key[i] ^ 0x36);
-    outer[i] = static_cast<char>(key[i] ^ 0x5c);
-  }
-  inner += text;
-  put(outer, sha256(inner));
-  return sha256(outer);
-}
-
 std::optional<DeadmanKey> parse_deadman_key(std::string_view text) noexcept {
   while (!text.empty() && (text.back() == '\n' || text.back() == '\r' || text.back() == ' '))
     text.remove_suffix(1);

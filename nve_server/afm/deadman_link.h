@@ -23,9 +23,6 @@ enum class DeadmanBeat : std::uint16_t {
 /// What the deadman answers.
 enum class DeadmanState : std::uint16_t { kReady, kLatched, kInUse, kNoController };
 
-/// HMAC-SHA-256 (RFC 2104) with a key of 32 bytes. Throws RunError in a build without OpenSSL.
-std::array<std::uint8_t, 32> hmac_sha256(const DeadmanKey& key, std::string_view text);
-
 /// 64 hexadecimal digits and white space after them; nothing else is a key.
 std::optional<DeadmanKey> parse_deadman_key(std::string_view text) noexcept;
 

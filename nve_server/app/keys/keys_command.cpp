@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "telenano/common/base/error.h"
 #include "telenano/common/base/utc_time.h"
 #include "telenano/common/net/rights.h"
 #include "telenano/common/security/key_admin.h"
@@ -22,6 +23,7 @@ struct KeysOptions {
   std::string name;
   std::string rights = "operate";
   std::string out;
+  std::string from;
   std::optional<double> days;
   double overlap_days = 7;
 };
@@ -66,12 +68,27 @@ void rotate_key(const KeysOptions& options) {
       utc_text(old_expires_s).c_str());
 }
 
+void make_issuer(const KeysOptions& options) {
+  if (!options.from.empty()) {
+    const std::string name = security::adopt_issuer(options.list, options.from);
+    std::fprintf(stderr, "telenano-nve: the connect tokens of '%s' are taken here too\n", name.c_str());
+    return;
+  }
+  if (options.name.empty()) throw UserError("keys issuer: give a name for a new one, or --from FILE");
+  const std::string out = options.out.empty() ? options.name + ".issuer" : options.out;
+  security::new_issuer(options.list, options.name, *net::parse_rights(options.rights), out);
+  std::fprintf(stderr,
+               "telenano-nve: '%s' may make connect tokens that %s at most; bring %s to whoever makes them "
+               "(telenano-nve token) and to the other servers (keys issuer --from)\n",
+               options.name.c_str(), options.rights.c_str(), out.c_str());
+}
+
 }  // namespace
 
 CLI::App* add_keys_command(CLI::App& app) {
   auto options = std::make_shared<KeysOptions>();
   CLI::App* const command =
-      app.add_subcommand("keys", "Who may open encrypted sessions: new, rotate, list, revoke");
+      app.add_subcommand("keys", "Who may open encrypted sessions: new, rotate, issuer, list, revoke");
   command->require_subcommand(1);
   const auto add = [&](const char* name, const char* description) {
     CLI::App* const sub = command->add_subcommand(name, description);
@@ -106,12 +123,27 @@ CLI::App* add_keys_command(CLI::App& app) {
   rotate->add_option("--out", options->out, "The station's file; left out: NEWNAME.key")->type_name("FILE");
   rotate->callback([options] { rotate_key(*options); });
 
+  CLI::App* const issuer =
+      add("issuer", "Let a scheduler or web page make connect tokens (see telenano-nve token)");
+  issuer->add_option("name", options->name, "Name of the issuer");
+  issuer
+      ->add_option("--rights", options->rights, "The most that a token gives: observe | operate | administer")
+      ->capture_default_str()
+      ->check(CLI::IsMember(rights));
+  issuer->add_option("--out", options->out, "The issuer's file; left out: NAME.issuer")->type_name("FILE");
+  issuer->add_option("--from", options->from, "Take the tokens of an issuer that another server has made")
+      ->type_name("FILE")
+      ->check(CLI::ExistingFile);
+  issuer->callback([options] { make_issuer(*options); });
+
   CLI::App* const list = add("list", "Print the list as CSV, without secrets");
   list->callback([options] { std::fputs(security::list_keys(options->list).c_str(), stdout); });
 
   CLI::App* const revoke =
-      add("revoke", "Take a key or certificate off the list; a running server ends its sessions");
-  revoke->add_option("name", options->name, "Name of the key, common name or fingerprint of the certificate")
+      add("revoke", "Take a key, certificate or issuer off the list; a running server ends its sessions");
+  revoke
+      ->add_option("name", options->name,
+                   "Name of the key or issuer, common name or fingerprint of the certificate")
       ->required();
   revoke->callback([options] {
     security::revoke_key(options->list, options->name);

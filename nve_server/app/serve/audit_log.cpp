@@ -105,10 +105,12 @@ std::string line_now(Json rest, const char* event) {
 }  // namespace
 
 AuditLog::AuditLog(std::string path, std::vector<server::AuditQueue*> queues, std::string key_list,
-                   const rt::Clock& clock, std::function<void(const std::string&)> warn)
+                   std::shared_ptr<const security::GrantNames> grant_names, const rt::Clock& clock,
+                   std::function<void(const std::string&)> warn)
     : path_(std::move(path)),
       queues_(std::move(queues)),
       key_list_(std::move(key_list)),
+      grant_names_(std::move(grant_names)),
       clock_(clock),
       warn_(std::move(warn)) {
   open();
@@ -233,7 +235,11 @@ std::string AuditLog::name_of(std::uint64_t identity) {
     read_names();
     found = names_.find(identity);
   }
-  return found == names_.end() ? fmt::format("unknown {:016x}", identity) : found->second;
+  if (found != names_.end()) return found->second;
+  const std::string granted = grant_names_ ? grant_names_->name_of(identity) : "";
+  if (granted.empty()) return fmt::format("unknown {:016x}", identity);
+  names_[identity] = granted;
+  return granted;
 }
 
 void AuditLog::read_names() {

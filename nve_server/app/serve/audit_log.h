@@ -4,12 +4,14 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <mutex>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "telenano/common/rt/clock.h"
+#include "telenano/common/security/grant_names.h"
 #include "telenano/nve_server/server/audit.h"
 
 namespace telenano::app {
@@ -29,10 +31,11 @@ struct AuditStart {
 /// again. The file is only appended to, and opened anew by reopen(), so that logrotate may move it away.
 class AuditLog {
  public:
-  /// `key_list`: to call keys by their names; empty: there are none. The queues must outlive this. Throws
-  /// UserError, one line, where the file cannot be opened.
+  /// `key_list` and `grant_names`: to call keys and tokens by their names; empty: there are none. The queues must
+  /// outlive this. Throws UserError, one line, where the file cannot be opened.
   AuditLog(std::string path, std::vector<server::AuditQueue*> queues, std::string key_list,
-           const rt::Clock& clock, std::function<void(const std::string&)> warn);
+           std::shared_ptr<const security::GrantNames> grant_names, const rt::Clock& clock,
+           std::function<void(const std::string&)> warn);
   /// Writes what is left, and that the server stopped.
   ~AuditLog();
   AuditLog(const AuditLog&) = delete;
@@ -54,6 +57,7 @@ class AuditLog {
   std::string path_;
   std::vector<server::AuditQueue*> queues_;
   std::string key_list_;
+  std::shared_ptr<const security::GrantNames> grant_names_;
   const rt::Clock& clock_;
   std::function<void(const std::string&)> warn_;
   std::map<std::uint64_t, std::string> names_;  // of identities

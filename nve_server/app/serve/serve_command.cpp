@@ -202,7 +202,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   std::optional<AuditLog> audit;
   if (!options.audit.empty()) {
     audit.emplace(options.audit, workers.audit_queues(), secure ? options.security.key_list_path() : "",
-                  clock, [log](const std::string& text) { log->warn(text); });
+                  workers.grant_names(), clock, [log](const std::string& text) { log->warn(text); });
     audit->start(
         {options.afm.wanted() ? "an AFM" : options.scene, net::to_string(workers.local()), secure, one_tip});
   }

@@ -58,14 +58,15 @@ std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessio
   if (!certificate.empty()) config.certificates = {certificate, certificate_key, authority};
   config.capacity = capacity(max_sessions);
   config.resumption = place.resumption;
+  config.grant_names = place.grant_names;
   config.worker = static_cast<std::uint8_t>(place.worker);
   config.connection_ids = place.connection_ids;
   using std::chrono::floor;
   const auto now = floor<std::chrono::seconds>(std::chrono::system_clock::now());
   const security::KeyList all = security::load_key_list(key_list_path());
   security::KeyList list = all.in_force(now.time_since_epoch().count());
-  if (list.keys.empty() && list.certificates.empty()) {
-    const bool expired = !all.keys.empty() || !all.certificates.empty();
+  if (list.empty()) {
+    const bool expired = !all.empty();
     throw UserError("--keys " + key_list_path() +
                     (expired ? ": all that is in it has expired, so nobody could come in; telenano-nve keys "
                                "list shows when, keys new NAME adds a key"

@@ -70,6 +70,7 @@ class Workers {
   }
   std::vector<security::DtlsServer*> channels() const;
   std::vector<const server::LoopStatus*> loops() const;
+  const std::shared_ptr<security::GrantNames>& grant_names() const noexcept { return grant_names_; }
   std::vector<server::AuditQueue*> audit_queues() const;  ///< none unless WorkersConfig::audit
   WorkersStatus status() const noexcept;                  ///< any thread, while they run
   std::string channels_text() const;                      ///< likewise
@@ -96,6 +97,7 @@ class Workers {
   link::PartyCounts parties_;
   server::WorkerMail mail_;
   std::vector<std::unique_ptr<Worker>> workers_;
+  std::shared_ptr<security::GrantNames> grant_names_ = std::make_shared<security::GrantNames>();
   bool steered_ = true;  // does the kernel give a datagram to the worker that it names?
 };
 

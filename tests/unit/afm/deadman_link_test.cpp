@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "telenano/common/hash/sha256.h"
 #include "telenano/nve_server/nanonis/frame_reader.h"
 
 namespace telenano::afm {
