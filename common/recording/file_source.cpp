@@ -43,7 +43,7 @@ bool is_packed(hid_t dataset) {
 
 /// The best compression of HDF5's filters (deflate) makes 1032 bytes of one.
 constexpr std::uintmax_t kBytesPerByteMax = 1032;
-constexpr std::uintmax_t kDatagramChunkRows = 1024;  // as the writer makes them
+constexpr std::uintmax_t kUnconfirmedChunkRows = 1024;  // as the writer makes them
 
 /// A reader beside a writer may see a block half written and reads it again, after 1, 2, 4 … ns. HDF5's own
 /// limit of 100 such waits is never reached: over a damaged block it slept for ever. These are 8 ms in all; a
@@ -171,27 +171,27 @@ class FileSource final : public RecordingSource {
   /// Nothing confirms them: a writer that was killed may have left rows that lie beyond the samples, or were
   /// never filled (tick 0 again).
   std::vector<DatagramRow> datagrams() const override {
-    if (H5Lexists(file_.get(), kDatagramsDataset, H5P_DEFAULT) <= 0 || rows() == 0) return {};
-    const Handle dataset(H5Dopen2(file_.get(), kDatagramsDataset, H5P_DEFAULT), H5Dclose);
-    if (!dataset) broken("has no readable /datagrams");
-    const Handle space(H5Dget_space(dataset.get()), H5Sclose);
-    if (H5Sget_simple_extent_ndims(space.get()) != 1 || !is_inside(dataset.get()))
-      broken("has no readable /datagrams");
-    const hsize_t count = dataset_rows(dataset.get());
-    const std::uintmax_t bytes_max =
-        std::filesystem::file_size(path_) * (is_packed(dataset.get()) ? kBytesPerByteMax : 1);
-    // A chunk may be larger than what a killed writer had to put into it.
-    if (count > bytes_max / sizeof(DatagramRow) + kDatagramChunkRows)
-      broken("says that it has " + std::to_string(count) + " datagrams, more than fit into it");
-    std::vector<DatagramRow> rows_read(count);
-    if (count == 0) return rows_read;
-    if (H5Dread(dataset.get(), datagram_type().get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, rows_read.data()) < 0)
-      broken("/datagrams cannot be read: " + hdf5_reason());
+    std::vector<DatagramRow> rows_read = read_unconfirmed<DatagramRow>(kDatagramsDataset, datagram_type());
+    if (rows_read.empty()) return rows_read;
     Sample last;
     read_samples(rows() - 1, std::span(&last, 1));
     std::size_t good = 0;
     while (good < rows_read.size() && rows_read[good].tick <= last.tick && rows_read[good].came_ns != 0 &&
            (good == 0 || rows_read[good].tick >= rows_read[good - 1].tick))
+      ++good;
+    rows_read.resize(good);
+    return rows_read;
+  }
+
+  std::vector<MarkRow> marks() const override {
+    std::vector<MarkRow> rows_read = read_unconfirmed<MarkRow>(kMarksDataset, mark_type());
+    if (rows_read.empty()) return rows_read;
+    Sample last;
+    read_samples(rows() - 1, std::span(&last, 1));
+    std::size_t good = 0;
+    while (good < rows_read.size() && rows_read[good].time_s <= last.time_s &&
+           (good == 0 ? rows_read[good].column == MarkRow::kPlace
+                      : rows_read[good].time_s >= rows_read[good - 1].time_s))
       ++good;
     rows_read.resize(good);
     return rows_read;
@@ -212,6 +212,27 @@ class FileSource final : public RecordingSource {
   }
 
  private:
+  /// All rows of a dataset that /progress does not count; none where there is no such dataset.
+  template <class Row>
+  std::vector<Row> read_unconfirmed(const char* name, const Handle& type) const {
+    if (H5Lexists(file_.get(), name, H5P_DEFAULT) <= 0 || rows() == 0) return {};
+    const Handle dataset(H5Dopen2(file_.get(), name, H5P_DEFAULT), H5Dclose);
+    if (!dataset) broken(std::string("has no readable ") + name);
+    const Handle space(H5Dget_space(dataset.get()), H5Sclose);
+    if (H5Sget_simple_extent_ndims(space.get()) != 1 || !is_inside(dataset.get()))
+      broken(std::string("has no readable ") + name);
+    const hsize_t count = dataset_rows(dataset.get());
+    const std::uintmax_t bytes_max =
+        std::filesystem::file_size(path_) * (is_packed(dataset.get()) ? kBytesPerByteMax : 1);
+    // A chunk may be larger than what a killed writer had to put into it.
+    if (count > bytes_max / sizeof(Row) + kUnconfirmedChunkRows)
+      broken("says that it has " + std::to_string(count) + " rows of " + name + ", more than fit into it");
+    std::vector<Row> rows_read(count);
+    if (count > 0 && H5Dread(dataset.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, rows_read.data()) < 0)
+      broken(std::string(name) + " cannot be read: " + hdf5_reason());
+    return rows_read;
+  }
+
   bool has(const std::string& column) const {
     return std::find(facts_.columns.begin(), facts_.columns.end(), column) != facts_.columns.end();
   }

@@ -83,6 +83,15 @@ Handle datagram_type() {
   return type;
 }
 
+Handle mark_type() {
+  Handle type(H5Tcreate(H5T_COMPOUND, sizeof(MarkRow)), H5Tclose);
+  H5Tinsert(type.get(), "time_s", offsetof(MarkRow, time_s), H5T_IEEE_F64LE);
+  H5Tinsert(type.get(), "column", offsetof(MarkRow, column), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "row", offsetof(MarkRow, row), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "value", offsetof(MarkRow, value), H5T_IEEE_F64LE);
+  return type;
+}
+
 Handle event_type(bool packed) {
   Handle text(H5Tcopy(H5T_C_S1), H5Tclose);
   H5Tset_size(text.get(), sizeof(Event::text));

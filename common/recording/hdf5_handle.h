@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
 
 /// The little of HDF5 that writer, reader and recovery share. Included by this folder's .cpp files only.
@@ -46,6 +47,7 @@ inline constexpr const char* kSamplesGroup = "/samples";
 inline constexpr const char* kConfigurationGroup = "/configuration";
 inline constexpr const char* kEventsDataset = "/events";
 inline constexpr const char* kDatagramsDataset = "/datagrams";
+inline constexpr const char* kMarksDataset = "/marks";
 inline constexpr const char* kProgressDataset = "/progress";
 
 /// /progress: what the writer has confirmed after everything before it had been written.
@@ -69,8 +71,9 @@ hid_t memory_type(ColumnType type);
 hid_t file_type(ColumnType type);
 /// A compound of Event; `packed` as it lies in the file, otherwise as it lies in memory.
 Handle event_type(bool packed);
-/// A compound of DatagramRow, which has no padding.
+/// Compounds of DatagramRow and MarkRow, which have no padding.
 Handle datagram_type();
+Handle mark_type();
 
 /// Has the attribute one value? H5Aread writes as many as the file says, whatever the room.
 bool is_single(hid_t attribute);

@@ -8,7 +8,16 @@
 namespace telenano::recording {
 namespace {
 
-enum class Ask : std::uint8_t { kFacts, kAttribute, kColumn, kSamples, kEvents, kDatagrams, kConfiguration };
+enum class Ask : std::uint8_t {
+  kFacts,
+  kAttribute,
+  kColumn,
+  kSamples,
+  kEvents,
+  kDatagrams,
+  kMarks,
+  kConfiguration
+};
 
 template <class T>
 std::string rows_of(const std::vector<T>& rows) {
@@ -57,6 +66,8 @@ class Answerer {
         return rows_of(source_->events());
       case Ask::kDatagrams:
         return rows_of(source_->datagrams());
+      case Ask::kMarks:
+        return rows_of(source_->marks());
       case Ask::kConfiguration: {
         Packer answer;
         for (const auto& [name, text] : source_->configuration()) answer.text(name).text(text);
@@ -104,6 +115,9 @@ class IsolatedSource final : public RecordingSource {
   }
   std::vector<DatagramRow> datagrams() const override {
     return rows_from<DatagramRow>(child_.ask(Packer().put(Ask::kDatagrams).take()));
+  }
+  std::vector<MarkRow> marks() const override {
+    return rows_from<MarkRow>(child_.ask(Packer().put(Ask::kMarks).take()));
   }
   std::vector<std::pair<std::string, std::string>> configuration() const override {
     const std::string answer = child_.ask(Packer().put(Ask::kConfiguration).take());

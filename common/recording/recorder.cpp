@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstring>
 #include <mutex>
+#include <span>
 #include <thread>
 
 #include "telenano/common/recording/recording_file.h"
@@ -91,11 +92,13 @@ class Recorder::Impl {
       if (!stopping) std::this_thread::sleep_for(kPollPeriod);
       good = take_all();
       if (good && !stopping && SteadyTime::now() >= next_flush) {
+        take_marks();
         good = write_all() && file_.confirm(rows_dropped());
         if (good) rows_written_.store(file_.rows(), std::memory_order_relaxed);
         next_flush = SteadyTime::now() + flush_period;
       }
     }
+    if (good) take_marks();
     if (good) good = write_all() && file_.close(rows_dropped());
     if (good) {
       rows_written_.store(file_.rows(), std::memory_order_relaxed);
@@ -108,6 +111,7 @@ class Recorder::Impl {
   bool take_all() {
     Sample sample;
     while (samples_.pop(sample)) {
+      newest_s_ = sample.time_s;
       rows_.push_back(sample);
       if (rows_.size() == RecordingFile::kChunkRows && !write_rows()) return false;
     }
@@ -142,7 +146,24 @@ class Recorder::Impl {
     return true;
   }
 
-  bool write_all() { return write_rows() && write_events() && write_datagrams(); }
+  void take_marks() {
+    if (!options_.newest_marks) return;
+    const std::size_t had = mark_rows_.size();
+    options_.newest_marks(mark_rows_);
+    for (std::size_t i = had; i < mark_rows_.size(); ++i) mark_rows_[i].time_s = newest_s_;
+  }
+
+  bool write_marks() {
+    for (std::span<const MarkRow> left(mark_rows_); !left.empty();) {
+      const std::size_t count = std::min(left.size(), RecordingFile::kChunkRows);
+      if (!file_.append(left.first(count))) return false;
+      left = left.subspan(count);
+    }
+    mark_rows_.clear();
+    return true;
+  }
+
+  bool write_all() { return write_rows() && write_events() && write_datagrams() && write_marks(); }
 
   void stop_recording() {
     {
@@ -165,6 +186,8 @@ class Recorder::Impl {
   std::vector<Sample> rows_;  // of the writer's thread, like event_rows_ and file_
   std::vector<Event> event_rows_;
   std::vector<DatagramRow> datagram_rows_;
+  std::vector<MarkRow> mark_rows_;
+  double newest_s_ = 0;  // time of the newest sample taken
 
   std::atomic<bool> stop_{false};
   std::atomic<bool> failed_{false};

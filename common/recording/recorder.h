@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
 
 namespace telenano::recording {
@@ -38,6 +39,9 @@ struct RecorderOptions {
   std::size_t queue_events = 1024;
   std::size_t queue_datagrams = 16384;
   double flush_period_s = 0.25;  ///< at most this much, twice, is lost when the process is killed
+  /// Asked by the recorder's thread before each flush: how the sample has changed since. Left out: it does not.
+  /// Their times are the recorder's.
+  std::function<void(std::vector<MarkRow>& rows)> newest_marks{};
   /// Told once, from the recorder's thread, when writing fails (a full disk): one line. The loop is not
   /// disturbed.
   std::function<void(const std::string&)> on_failure{};

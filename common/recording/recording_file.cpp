@@ -154,6 +154,12 @@ void RecordingFile::create_datasets() {
           datagrams.get(), "description",
           "every datagram that came: tick and time (ns, station clock), a reply's number "
           "and the command it answers, the last logged step by then, type, cause if dropped (PROTOCOL.md)");
+  const Handle marks = create_extendable(file_.get(), kMarksDataset, mark_type().get(), 1, kChunkRows);
+  good = good && marks &&
+         write_text_attribute(marks.get(), "description",
+                              "how the sample changed: where its nodes are (column 4294967295; row 0 to 6: "
+                              "columns, rows, dx, dy, x and y of the first, height of a plane; nm, frame W), "
+                              "then nodes with their new height (nm, frame W)");
 
   const hsize_t fields = kProgressFields;
   const Handle space(H5Screate_simple(1, &fields, nullptr), H5Sclose);
@@ -183,8 +189,10 @@ void RecordingFile::open_datasets() {
   event_type_ = event_type(false);
   datagrams_ = Handle(H5Dopen2(file_.get(), kDatagramsDataset, H5P_DEFAULT), H5Dclose);
   datagram_type_ = datagram_type();
+  marks_ = Handle(H5Dopen2(file_.get(), kMarksDataset, H5P_DEFAULT), H5Dclose);
+  mark_type_ = mark_type();
   progress_ = Handle(H5Dopen2(file_.get(), kProgressDataset, H5P_DEFAULT), H5Dclose);
-  if (!good || !events_ || !datagrams_ || !progress_)
+  if (!good || !events_ || !datagrams_ || !marks_ || !progress_)
     throw UserError(name_ + ": cannot be written: " + hdf5_reason());
 }
 
@@ -218,6 +226,12 @@ bool RecordingFile::append(std::span<const DatagramRow> datagrams) {
                  datagrams.data()))
     return false;
   datagram_rows_ += datagrams.size();
+  return true;
+}
+
+bool RecordingFile::append(std::span<const MarkRow> marks) {
+  if (!append_to(marks_.get(), mark_type_.get(), mark_rows_, marks.size(), 1, marks.data())) return false;
+  mark_rows_ += marks.size();
   return true;
 }
 
@@ -262,6 +276,7 @@ bool RecordingFile::close(std::uint64_t rows_dropped) {
   for (Handle& column : columns_) good = column.reset() && good;
   good = events_.reset() && good;
   good = datagrams_.reset() && good;
+  good = marks_.reset() && good;
   good = file_.reset() && good;
   if (!good) return fail("close");
   abandon();
@@ -273,6 +288,7 @@ void RecordingFile::abandon() noexcept {
   columns_.clear();
   events_.abandon();
   datagrams_.abandon();
+  marks_.abandon();
   progress_.abandon();
   file_.abandon();
   if (lock_fd_ >= 0) ::close(lock_fd_);

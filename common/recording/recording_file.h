@@ -27,6 +27,7 @@ class RecordingFile {
   bool append(std::span<const Sample> samples);
   bool append(std::span<const Event> events);
   bool append(std::span<const DatagramRow> datagrams);
+  bool append(std::span<const MarkRow> marks);
   /// Hands everything appended to the operating system, then confirms it in /progress. In this order, so a
   /// process that is killed in between has confirmed only what is really in the file.
   bool confirm(std::uint64_t rows_dropped);
@@ -56,11 +57,14 @@ class RecordingFile {
   Handle event_type_;
   Handle datagrams_;
   Handle datagram_type_;
+  Handle marks_;
+  Handle mark_type_;
   Handle progress_;
   std::vector<std::byte> gathered_;
   std::uint64_t rows_ = 0;
   std::uint64_t event_rows_ = 0;
   std::uint64_t datagram_rows_ = 0;
+  std::uint64_t mark_rows_ = 0;
 };
 
 }  // namespace telenano::recording

@@ -62,6 +62,9 @@ std::vector<Event> RecordingReader::events() const {
 std::vector<DatagramRow> RecordingReader::datagrams() const {
   return impl_->source->datagrams();
 }
+std::vector<MarkRow> RecordingReader::marks() const {
+  return impl_->source->marks();
+}
 std::vector<std::pair<std::string, std::string>> RecordingReader::configuration() const {
   return impl_->source->configuration();
 }

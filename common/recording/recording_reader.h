@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
 
 namespace telenano::recording {
@@ -47,6 +48,9 @@ class RecordingReader {
   std::vector<Event> events() const;
   /// Of the ticks that are shown; empty for recordings made before there were any.
   std::vector<DatagramRow> datagrams() const;
+  /// How the sample changed within the rows that are shown; empty where it did not, and for recordings made
+  /// before this was written. By rising time; what they say of nodes is not checked.
+  std::vector<MarkRow> marks() const;
 
   /// Text of a key of /configuration; empty when there is none.
   std::string configuration(const std::string& key) const;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "telenano/common/recording/datagram_row.h"
+#include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
 
 namespace telenano::recording {
@@ -34,6 +35,7 @@ class RecordingSource {
   virtual void read_samples(std::size_t first, std::span<Sample> samples) const = 0;
   virtual std::vector<Event> events() const = 0;
   virtual std::vector<DatagramRow> datagrams() const = 0;
+  virtual std::vector<MarkRow> marks() const = 0;
   virtual std::vector<std::pair<std::string, std::string>> configuration() const = 0;
 };
 

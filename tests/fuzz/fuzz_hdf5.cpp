@@ -139,6 +139,7 @@ void read_everything(const RecordingReader& reader) {
   }
   for (const Event& event : reader.events()) FUZZ_CHECK(event.text.back() == '\0');
   reader.datagrams();
+  reader.marks();
   std::vector<Sample> samples(reader.rows());
   reader.read_samples(0, samples);
   reader.configuration();

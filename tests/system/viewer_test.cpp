@@ -6,6 +6,7 @@
 
 #include "telenano/common/recording/recording_reader.h"
 #include "telenano/common/surface/gsf.h"
+#include "telenano/master/view_model/marked_ground.h"
 #include "telenano/master/viewer/png.h"
 #include "tests/source_dir.h"
 #include "tests/system/programs.h"
@@ -403,7 +404,7 @@ TEST_F(ViewerPrograms, MarksAreSeenAndSavedWhileTheSessionGoesOn) {
       << "press_until() { for i in $(seq 24); do xdotool key $1; for j in $(seq 50); do eval $2 && return; "
          "sleep 0.1; done; done; }\n"
       << kMaster << " run --server " << server.address()
-      << " --method twin --task script --script groove.csv --view --quiet &\n"
+      << " --method twin --task script --script groove.csv --view --record groove.h5 --quiet &\n"
       << "xdotool search --sync --name Telenano >/dev/null\n"
       << "for i in $(seq 300); do [ -s lithography-1.gsf ] && break; sleep 0.1; done; sleep 5\n"
       << "press_until s '[ -s telenano-1.gsf ]'; press_until p '[ -s telenano-1.png ]'\n"
@@ -426,6 +427,26 @@ TEST_F(ViewerPrograms, MarksAreSeenAndSavedWhileTheSessionGoesOn) {
   for (std::size_t i = 0; i < own.z_nm.size(); ++i)
     most_nm = std::max(most_nm, std::abs(drawn.z_nm[i] - own.z_nm[i]));
   EXPECT_LT(most_nm, 1e-5) << "single precision, twice";
+  // The recording has them too, and needs nothing else to show them.
+  const recording::RecordingReader reader(path("groove.h5"));
+  view_model::MarkedGround marked({}, reader.marks());
+  marked.move_to(0.5);
+  EXPECT_EQ(marked.heights(), nullptr) << "nothing has been touched yet";
+  marked.move_to(1e9);
+  ASSERT_NE(marked.heights(), nullptr);
+  ASSERT_EQ(marked.heights()->z_nm.size(), own.z_nm.size());
+  EXPECT_NEAR(marked.heights()->x_first_nm, own.x_first_nm, 1e-9);
+  EXPECT_NEAR(marked.heights()->dy_nm, own.dy_nm, 1e-9);
+  most_nm = 0;
+  for (std::size_t i = 0; i < own.z_nm.size(); ++i)
+    most_nm = std::max(most_nm, std::abs(marked.heights()->z_nm[i] - own.z_nm[i]));
+  EXPECT_LT(most_nm, 1e-5);
+  const Finished shown = run_program(
+      {kMaster, "view", path("groove.h5"), "--screenshot", path("recorded.png"), "--at", "3.4"}, {}, kLong);
+  EXPECT_EQ(shown.exit_code, 0) << shown.err;
+  if (const char* folder = std::getenv("TELENANO_LOOK"))
+    std::filesystem::copy_file(path("recorded.png"), std::string(folder) + "/recorded.png",
+                               std::filesystem::copy_options::overwrite_existing);
   if (const char* folder = std::getenv("TELENANO_LOOK"))
     std::filesystem::copy_file(path("telenano-1.png"), std::string(folder) + "/groove.png",
                                std::filesystem::copy_options::overwrite_existing);

@@ -19,7 +19,7 @@ std::unique_ptr<recording::Recorder> make_recorder(
     const RunOptions& options, const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
     const SessionDevice& opened, const device::DeviceInfo& device, const std::string& planned,
     std::uint64_t nonce_seed, const std::string* bundle, const station::TwinRunConfig* twin,
-    std::uint64_t twin_scene_hash) {
+    std::uint64_t twin_scene_hash, std::function<void(std::vector<recording::MarkRow>& rows)> marks) {
   if (options.record.empty()) return nullptr;
   const std::string scene_name = slave_limits(welcome).scene_name;
   recording::Configuration about;
@@ -70,6 +70,7 @@ std::unique_ptr<recording::Recorder> make_recorder(
   recording::RecorderOptions recorder_options;
   recorder_options.path = options.record;
   recorder_options.overwrite = options.overwrite;
+  recorder_options.newest_marks = std::move(marks);
   recorder_options.on_failure = [new_line =
                                      isatty(STDERR_FILENO) != 0 && !options.quiet](const std::string& text) {
     fmt::print(stderr, "{}telenano-master: warning: {}; the session goes on\n", new_line ? "\n" : "", text);

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "telenano/common/link/messages.h"
 #include "telenano/common/recording/recorder.h"
@@ -16,12 +18,12 @@
 namespace telenano::app {
 
 /// The recording of a session, with what makes the file explain itself; null without --record. `bundle`: of
-/// the scene, where it is here; may be null. `twin`: how it runs, of which scene; null: there is none. Throws
-/// UserError if the file cannot be made.
+/// the scene, where it is here; may be null. `twin`: how it runs, of which scene; null: there is none. `marks`:
+/// see RecorderOptions::newest_marks. Throws UserError if the file cannot be made.
 std::unique_ptr<recording::Recorder> make_recorder(
     const RunOptions& options, const StationFile& file, const link::Welcome& welcome, const LinkDelay& link,
     const SessionDevice& opened, const device::DeviceInfo& device, const std::string& planned,
     std::uint64_t nonce_seed, const std::string* bundle, const station::TwinRunConfig* twin = nullptr,
-    std::uint64_t twin_scene_hash = 0);
+    std::uint64_t twin_scene_hash = 0, std::function<void(std::vector<recording::MarkRow>& rows)> marks = {});
 
 }  // namespace telenano::app

@@ -32,6 +32,7 @@
 #include "telenano/master/app/link_probe.h"
 #include "telenano/master/app/plan/station_plan.h"
 #include "telenano/master/app/run/keep_awake.h"
+#include "telenano/master/app/run/mark_rows.h"
 #include "telenano/master/app/run/real_time_session.h"
 #include "telenano/master/app/run/run_metrics.h"
 #include "telenano/master/app/run/run_recorder.h"
@@ -348,6 +349,18 @@ std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_st
   };
 }
 
+/// What the recording is told of marks, of the same samples as newest_ground().
+MarkRows::Sample marked_sample(const scene_store::SceneKeeper& keeper, const station::Station& station) {
+  return {[&station]() -> const surface::HeightView* {
+            const station::TwinRun* const twin = station.twin();
+            return twin != nullptr ? twin->heights() : nullptr;
+          },
+          [&keeper] {
+            const auto scene = keeper.scene();
+            return scene ? scene->checked.ground : surface::HeightGrid{};
+          }};
+}
+
 }  // namespace
 
 int run_session(const RunOptions& options, std::optional<NextRun>& next) {
@@ -488,13 +501,16 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
   const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
   const station::TwinRunConfig twin_settings = twin_config(config.rate_hz);
+  MarkRows mark_rows;
   const std::unique_ptr<recording::Recorder> recorder =
       make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
                     scene.bundle().get(), twins.empty() ? nullptr : &twin_settings,
-                    twins.empty() ? 0 : twins[0]->scene_hash());
+                    twins.empty() ? 0 : twins[0]->scene_hash(),
+                    [&mark_rows](std::vector<recording::MarkRow>& rows) { mark_rows.newest(rows); });
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned, device_info);
   station::Station station(config, device_info, port);
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
+  const MarkRows::Session marks(mark_rows, marked_sample(scene, station));
   RealTimeSession live(hand, servers, servers.as(), session, station, recorder.get(), options.give_up_s,
                        session_s, stop, file.link);
   if (servers.size() > 1) live.set_servers(servers);

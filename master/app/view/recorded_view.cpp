@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -19,6 +20,7 @@
 #include "telenano/master/app/scene_files.h"
 #include "telenano/master/app/view/picture_size.h"
 #include "telenano/master/scene/scene_check.h"
+#include "telenano/master/view_model/marked_ground.h"
 #include "telenano/master/view_model/playback.h"
 #include "telenano/master/viewer/photographer.h"
 #include "telenano/master/viewer/window.h"
@@ -171,8 +173,13 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
   view_model::Ground ground = options.surface.empty()
                                   ? recorded_ground(reader, read.rows, facts.surface_z_w_nm)
                                   : scan_ground(reader, options.surface, facts.surface_doubt);
+  // A surface that somebody gives is drawn as it is.
+  view_model::MarkedGround marked(
+      ground.heights(), options.surface.empty() ? reader.marks() : std::vector<recording::MarkRow>());
   view_model::Playback playback(std::move(read.rows), read_marks(reader));
   if (photo) {
+    marked.move_to(options.at_s);
+    if (marked.heights() != nullptr) ground = view_model::Ground(*marked.heights());
     viewer::photograph_recording(facts, std::move(ground), playback,
                                  {options.screenshot, options.at_s, size.width_px, size.height_px});
     return fmt::format("picture: {}, {:.3f} s of the recording", options.screenshot, playback.time_s());
@@ -182,6 +189,12 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
   hooks.session_over = [] { return false; };
   hooks.recording = [] { return viewer::RecordingStatus{}; };
   hooks.playback = &playback;
+  if (marked.has_marks()) {
+    hooks.changed_ground = [&marked, &playback, unmarked = ground]() -> std::optional<view_model::Ground> {
+      if (!marked.move_to(playback.time_s())) return std::nullopt;
+      return marked.heights() != nullptr ? view_model::Ground(*marked.heights()) : unmarked;
+    };
+  }
   const rt::LogHistogram frames = viewer::run_window(facts, std::move(ground), port, hooks).frames;
   return fmt::format("viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99)", frames.count(),
                      1e-6 * static_cast<double>(frames.percentile_ns(0.5)),

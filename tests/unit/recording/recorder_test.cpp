@@ -42,6 +42,41 @@ class RecorderTest : public ::testing::Test {
   std::filesystem::path folder_;
 };
 
+// The recorder asks before each flush and at the end, and gives the rows the time of its newest sample.
+TEST_F(RecorderTest, MarksComeBackInOrderWithTheTimeOfTheNewestSample) {
+  std::uint32_t asked = 0;
+  {
+    RecorderOptions options{.path = file(), .flush_period_s = 0.02};
+    options.newest_marks = [&asked](std::vector<MarkRow>& rows) {
+      if (asked == 0) rows.push_back({99, MarkRow::kPlace, 0, 3});
+      for (std::uint32_t i = 0; i < 700; ++i) rows.push_back({99, i, asked, 0.5 * i});
+      ++asked;
+    };
+    Recorder recorder(options, {});
+    for (std::int64_t i = 0; i < 30; ++i) {
+      recorder.push(numbered_row(i, 1e-3 * static_cast<double>(i)));
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    recorder.close();
+    EXPECT_FALSE(recorder.failed()) << recorder.failure();
+  }
+  ASSERT_GE(asked, 2u);
+  for (const bool isolated : {false, true}) {
+    const RecordingReader reader = isolated ? RecordingReader::isolated(file()) : RecordingReader(file());
+    const std::vector<MarkRow> rows = reader.marks();
+    ASSERT_EQ(rows.size(), 1 + 700u * asked);
+    EXPECT_EQ(rows[0].column, MarkRow::kPlace);
+    EXPECT_EQ(rows[0].value, 3);
+    for (std::size_t i = 1; i < rows.size(); ++i) {
+      ASSERT_EQ(rows[i].column, (i - 1) % 700);
+      ASSERT_EQ(rows[i].row, (i - 1) / 700);
+      ASSERT_EQ(rows[i].value, 0.5 * rows[i].column);
+      ASSERT_GE(rows[i].time_s, rows[i - 1].time_s);
+    }
+    EXPECT_EQ(rows.back().time_s, numbered_row(29, 0.029).time_s);
+  }
+}
+
 TEST_F(RecorderTest, EveryFieldComesBackUnderItsNameWithItsUnit) {
   constexpr std::int64_t kRows = 3000;  // more than two chunks
   {
