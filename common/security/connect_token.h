@@ -7,11 +7,11 @@
 
 #include "telenano/common/security/key_list.h"
 
-/// Connect tokens: a lab's scheduler or web page lets a station in at some servers for a while, without asking
-/// them. It shares a secret with the servers, once (an issuer in their lists of keys). A token is a key whose
-/// name says for whom it is, with which right and until when; the key itself is an HMAC of that name under the
-/// secret, so each server finds it from the name alone, and nobody without the secret can make one or change
-/// what it says.
+/// Connect tokens: a lab's scheduler or web page lets a station in at some servers for a while, without
+/// asking them. It shares a secret with the servers, once (an issuer in their lists of keys). A token is a key
+/// whose name says for whom it is, with which right and until when; the key itself is an HMAC of that name
+/// under the secret, so each server finds it from the name alone, and nobody without the secret can make one
+/// or change what it says.
 namespace telenano::security {
 
 /// What a token's name says.

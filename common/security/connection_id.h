@@ -11,8 +11,9 @@
 /// keys does.
 namespace telenano::security {
 
-/// Begins a datagram that shows a connection id. No DTLS record does: those begin with 20 to 25.
-inline constexpr std::uint8_t kConnectionMark = 0x54;
+/// Begins a datagram that shows a connection id. No DTLS record does (those begin with 20 to 25), and no
+/// datagram of the protocol itself ('T').
+inline constexpr std::uint8_t kConnectionMark = 0x43;
 /// TLS extension, of those for private use (RFC 8446, 11): empty in the ClientHello, the id in the
 /// ServerHello.
 inline constexpr unsigned kConnectionExtension = 0xff54;

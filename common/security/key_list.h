@@ -81,8 +81,8 @@ struct KeyList {
   std::vector<CertificateEntry> certificates;
   std::vector<Issuer> issuers;
 
-  /// By a key of the list, or by a token that one of its issuers has made, expired or not. Throws what the hash
-  /// throws where there is no memory.
+  /// By a key of the list, or by a token that one of its issuers has made, expired or not. Throws what the
+  /// hash throws where there is no memory.
   std::optional<Grant> find_grant(std::string_view identity) const;
   const Issuer* find_issuer(std::string_view name) const noexcept;
   bool empty() const noexcept { return keys.empty() && certificates.empty() && issuers.empty(); }
@@ -109,8 +109,8 @@ std::string key_list_text(const KeyList& list);
 /// The names are those of the list, so that nobody can choose one that collides.
 std::uint64_t identity_number(char kind, std::string_view identity) noexcept;
 
-/// An issuer's file as `telenano-nve keys issuer` writes it: for whoever makes tokens, and for the other servers
-/// that shall take them. Throws UserError as load_station_key.
+/// An issuer's file as `telenano-nve keys issuer` writes it: for whoever makes tokens, and for the other
+/// servers that shall take them. Throws UserError as load_station_key.
 Issuer load_issuer(const std::string& path);
 std::string issuer_text(const Issuer& issuer);
 
