@@ -32,6 +32,8 @@ struct CurvePoint {
   double load_by_lambda = 0;     ///< lambda dP/dlambda
   double contact_radius_by_lambda = 0;
   double energy = 0;  ///< integral of P dDelta along the curve from where interaction begins
+  double angle = 0;   ///< Maugis' theta, and its rates; 0 where the law has none
+  double angle_rate = 0, angle_bend = 0;
 
   double held(const Held& h) const noexcept { return h.overlap * overlap + h.load * load; }
   /// Moves by a small `ds` along the curve, as far as the law says: to second order (the radius and the rates
@@ -45,6 +47,7 @@ struct CurvePoint {
     overlap_rate += overlap_bend * ds;
     load_rate += load_bend * ds;
     contact_radius += contact_radius_rate * ds;
+    angle += (angle_rate + 0.5 * angle_bend * ds) * ds;
     parameter += ds;
   }
   double held_rate(const Held& h) const noexcept { return h.overlap * overlap_rate + h.load * load_rate; }

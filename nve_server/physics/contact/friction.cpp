@@ -47,8 +47,20 @@ double Friction::stiffness_n_m(double contact_radius_nm) const noexcept {
   return 8.0 * parameters_.shear_modulus_gpa * contact_radius_nm;
 }
 
-FrictionStep Friction::move(const FrictionState& from, const Vec3& normal, const Vec3& moved,
+FrictionStep Friction::move(const FrictionState& from, const Vec3& normal, const Vec3& moved_nm,
                             double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept {
+  return moved<true>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking);
+}
+
+FrictionStep Friction::move_once(const FrictionState& from, const Vec3& normal, const Vec3& moved_nm,
+                                 double contact_radius_nm, double normal_force_nn,
+                                 bool breaking) const noexcept {
+  return moved<false>(from, normal, moved_nm, contact_radius_nm, normal_force_nn, breaking);
+}
+
+template <bool kTangents>
+FrictionStep Friction::moved(const FrictionState& from, const Vec3& normal, const Vec3& moved,
+                             double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept {
   FrictionStep step;
   const double k0 = from.stiffness_n_m;
   const double k = stiffness_n_m(contact_radius_nm);
@@ -70,23 +82,37 @@ FrictionStep Friction::move(const FrictionState& from, const Vec3& normal, const
   const double length = trial.norm();
   const double ratio = breaking ? parameters_.kinetic_ratio : 1.0;
   const double limit = ratio * limit_nn(contact_radius_nm, normal_force_nn);
-  const double per_nm = k / contact_radius_nm;
-  const Mat3 tangent = Mat3::Identity() - normal * normal.transpose();
+  // s (1 − n nᵀ [− d dᵀ]), symmetric.
+  const auto across = [&](double s, const Vec3* direction) {
+    for (int i = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j) {
+        double part = (i == j ? 1.0 : 0.0) - normal[i] * normal[j];
+        if (direction) part -= (*direction)[i] * (*direction)[j];
+        step.stiffness_n_m(i, j) = step.stiffness_n_m(j, i) = s * part;
+      }
+    }
+  };
   if (k * length <= limit) {
     step.after.extension_w_nm = trial;
-    step.stiffness_n_m = k * tangent;
-    step.force_per_radius_w_n_m = -per_nm * (grown ? advance : trial);
+    if constexpr (kTangents) {
+      across(k, nullptr);
+      step.force_per_radius_w_n_m = -(k / contact_radius_nm) * (grown ? advance : trial);
+    }
   } else {
-    const Vec3 direction = trial / length;
-    step.after.extension_w_nm = (limit / k) * direction;
+    const double per_length = 1.0 / length;
+    const double longest = limit / k;
+    const Vec3 direction = per_length * trial;
+    step.after.extension_w_nm = longest * direction;
     step.slip_w_nm = trial - step.after.extension_w_nm;
-    step.dissipated_aj += limit * (length - limit / k);
+    step.dissipated_aj += limit * (length - longest);
     step.sliding = true;
-    step.stiffness_n_m = (limit / length) * (tangent - direction * direction.transpose());
-    step.force_per_radius_w_n_m =
-        -(ratio * 2.0 * kPi * parameters_.shear_strength_gpa * contact_radius_nm) * direction;
-    if (grown) step.force_per_radius_w_n_m += step.stiffness_n_m * (carried / contact_radius_nm);
-    if (normal_force_nn > 0.0) step.force_per_load_w = -(ratio * parameters_.coefficient) * direction;
+    if constexpr (kTangents) {
+      across(limit * per_length, &direction);
+      step.force_per_radius_w_n_m =
+          -(ratio * 2.0 * kPi * parameters_.shear_strength_gpa * contact_radius_nm) * direction;
+      if (grown) step.force_per_radius_w_n_m += step.stiffness_n_m * (carried / contact_radius_nm);
+      if (normal_force_nn > 0.0) step.force_per_load_w = -(ratio * parameters_.coefficient) * direction;
+    }
   }
   step.force_w_nn = -k * step.after.extension_w_nm;
   step.stored_aj = 0.5 * k * step.after.extension_w_nm.squaredNorm();

@@ -70,8 +70,15 @@ class Friction {
   /// contact has let go in this step, and carries kinetic_ratio of the limit.
   FrictionStep move(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm,
                     double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept;
+  /// The same, with nothing in what is for Newton's method.
+  FrictionStep move_once(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm,
+                         double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept;
 
  private:
+  template <bool kTangents>
+  FrictionStep moved(const FrictionState& from, const Vec3& normal_w, const Vec3& moved_w_nm,
+                     double contact_radius_nm, double normal_force_nn, bool breaking) const noexcept;
+
   FrictionParameters parameters_;
 };
 

@@ -209,8 +209,7 @@ Parting find_parting(const AdhesiveCurve& curve, const OutsideLaw& outside) noex
 
 double offset_moment(const MaugisDugdale& curve, const Parting& parting, const OutsideLaw& outside) noexcept {
   const CurvePoint& p = parting.end;
-  const double moment = outside.at_gap(parting.gap).energy -
-                        curve.radius_moment(p.contact, p.parameter, p.contact_radius, p.overlap, p.load);
+  const double moment = outside.at_gap(parting.gap).energy - curve.radius_moment(p);
   if (parting.reversible) return moment;
   return moment + (outside.at_gap(parting.gap).load - p.load) * curve.fold_radius_rate(p);
 }

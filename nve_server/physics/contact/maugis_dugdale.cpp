@@ -25,15 +25,15 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 /// atan on [0, 1]: nearest eighth by the addition theorem, then Taylor, |t| <= 1/16; the first term left out
 /// is 2e-18.
 double atan_to_one(double x) noexcept {
-  constexpr std::array<double, 9> kAtanEighths = {0.0,
-                                                  0.12435499454676144,
-                                                  0.24497866312686414,
-                                                  0.35877067027057222,
-                                                  0.46364760900080609,
-                                                  0.55859931534356244,
-                                                  0.64350110879328437,
-                                                  0.71882999962162453,
-                                                  0.78539816339744828};
+  static constexpr std::array<double, 9> kAtanEighths = {0.0,
+                                                         0.12435499454676144,
+                                                         0.24497866312686414,
+                                                         0.35877067027057222,
+                                                         0.46364760900080609,
+                                                         0.55859931534356244,
+                                                         0.64350110879328437,
+                                                         0.71882999962162453,
+                                                         0.78539816339744828};
   if (!(x >= 0 && x <= 1)) return std::numeric_limits<double>::quiet_NaN();
   const int i = static_cast<int>(8.0 * x + 0.5);
   const double centre = 0.125 * i;
@@ -93,7 +93,7 @@ Angle angle_of(double u) noexcept {
 ///   G + A1)),
 /// and d/du = -(sin^3/2)/cos d/dtheta once more: the bends go like 1/cos to the onset.
 template <bool kBends>
-CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
+void state_at(double lambda, double u, const Angle& g, CurvePoint& p) noexcept {
   const double third = (4.0 / 3.0) * lambda;
   const double b = third * lambda * g.f2;
   const double r = std::sqrt(b * b + 2.0 * lambda * g.f1);
@@ -103,9 +103,9 @@ CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
   const double cs = c * g.sin;
   const double arc = g.theta + g.sin * g.cos;
   const double lc = lambda * c;
-  CurvePoint p;
   p.contact = true;
   p.parameter = u;
+  p.angle = g.theta;
   p.outer_radius = c;
   p.contact_radius = a;
   p.load = a * a * a - lc * c * arc;
@@ -125,7 +125,8 @@ CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
   const double s = 3.0 * a * ca - 2.0 * lc * slope_arc;
   p.overlap_rate = factor * q;
   p.load_rate = factor * s;
-  const double per_cos = factor / g.cos;
+  const double secant = 1.0 / g.cos;
+  const double per_cos = factor * secant;  // dtheta/du
   p.contact_radius_rate = per_cos * slope_a;
   if constexpr (kBends) {
     const double h = -lambda * g.theta * per_r *
@@ -141,13 +142,14 @@ CurvePoint state_at(double lambda, double u, const Angle& g) noexcept {
     const double other = per_cos * factor;
     p.overlap_bend = own * q + other * q_rate;
     p.load_bend = own * s + other * s_rate;
+    p.angle_rate = per_cos;
+    p.angle_bend = -per_cos * sin_sq * (1.0 + 0.5 * secant * secant);
     // At constant theta, from (lambda/2) F1 C^2 + b C = 1.
     const double c_by_lambda = -(1.0 + b * c) * per_r;
     p.overlap_by_lambda = 2.0 * a * g.cos * c_by_lambda - third * g.sin * (c + c_by_lambda);
     p.contact_radius_by_lambda = g.cos * c_by_lambda;
     p.load_by_lambda = 3.0 * a * a * g.cos * c_by_lambda - lc * arc * (c + 2.0 * c_by_lambda);
   }
-  return p;
 }
 
 /// Elastic energy E* int_0^c g^2 dt of g(t) = delta - t^2/R inside a and -(2 sigma0/E*) sqrt(c^2 - t^2) in
@@ -212,14 +214,17 @@ MaugisDugdale::MaugisDugdale(double lambda) noexcept
     : lambda_(lambda), h0_(2.0 / (kPi * lambda)), q_((8.0 / (3.0 * kPi)) * lambda) {
   const double b = (4.0 / 3.0) * (kHalfPi - 1.0) * lambda * lambda;
   onset_radius_ = 2.0 / (b + std::sqrt(b * b + kPi * lambda));
-  onset_overlap_ = onset_radius_ * (0.5 * onset_radius_ - q_) - h0_;
-  onset_load_ = -kHalfPi * lambda * onset_radius_ * onset_radius_;
+}
+
+double MaugisDugdale::onset_load() const noexcept {
+  return -kHalfPi * lambda_ * onset_radius_ * onset_radius_;
 }
 
 CurvePoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
   const double c = outer_radius;
   CurvePoint p;
   p.parameter = c - onset_radius_;
+  p.angle = kHalfPi;
   p.outer_radius = c;
   p.overlap = c * (0.5 * c - q_) - h0_;
   p.load = -kHalfPi * lambda_ * c * c;
@@ -233,23 +238,24 @@ CurvePoint MaugisDugdale::noncontact(double outer_radius) const noexcept {
 
 CurvePoint MaugisDugdale::contact(double u) const noexcept {
   const Angle g = angle_of(u);
-  CurvePoint p = state_at<true>(lambda_, u, g);
+  CurvePoint p;
+  state_at<true>(lambda_, u, g, p);
   p.energy = contact_energy(lambda_, p, g);
   return p;
 }
 
-double MaugisDugdale::radius_moment(bool contact, double u, double a, double overlap,
-                                    double load) const noexcept {
+double MaugisDugdale::radius_moment(const CurvePoint& p) const noexcept {
   // Before contact lambda C^2 = -2P/pi, theta = pi/2.
-  if (!contact) return -load * load / (2.0 * kPi * lambda_);
-  const double root = std::sqrt(u);
-  const double theta = u > 1.0 ? atan_to_one(1.0 / root) : kHalfPi - atan_to_one(root);
-  const double sin_cos = root / (1.0 + u);
+  if (!p.contact) return -p.load * p.load / (2.0 * kPi * lambda_);
+  const double u = p.parameter;
+  const double a = p.contact_radius;
+  const double per = 1.0 / (1.0 + u);
+  const double sin_cos = std::sqrt(u) * per;
   const double a3 = a * a * a;
   // lambda C^2 from P towards the onset, from A far from it: where nothing cancels.
-  const double lc2 = u < 1.0 ? (a3 - load) / (theta + sin_cos) : lambda_ * a * a * (1.0 + 1.0 / u);
-  const double annulus = theta - sin_cos * (u - 1.0) / (u + 1.0);
-  return a3 * (0.5 * overlap - 0.3 * a * a) - 0.25 * lc2 * (lc2 / lambda_) * annulus;
+  const double lc2 = u < 1.0 ? (a3 - p.load) / (p.angle + sin_cos) : lambda_ * a * a * (1.0 + 1.0 / u);
+  const double annulus = p.angle - sin_cos * ((u - 1.0) * per);
+  return a3 * (0.5 * p.overlap - 0.3 * a * a) - 0.25 * lc2 * (lc2 / lambda_) * annulus;
 }
 
 double MaugisDugdale::fold_radius_rate(const CurvePoint& p) const noexcept {
@@ -316,7 +322,11 @@ CurvePoint MaugisDugdale::fold(const Held& held) const noexcept {
 }
 
 double MaugisDugdale::search_fold(const Held& held) const noexcept {
-  const auto rate = [&](double u) { return state_at<false>(lambda_, u, angle_of(u)).held_rate(held); };
+  const auto rate = [&](double u) {
+    CurvePoint p;
+    state_at<false>(lambda_, u, angle_of(u), p);
+    return p.held_rate(held);
+  };
   double lo = 0;
   double rate_lo = rate(lo);
   if (rate_lo >= 0) return 0;
@@ -344,7 +354,8 @@ double MaugisDugdale::search_fold(const Held& held) const noexcept {
 
 CurveSolution MaugisDugdale::solve(double z, const Held& held, double guess) const noexcept {
   double fold_radius = 0;
-  if (z <= held.overlap * onset_overlap_ + held.load * onset_load_ &&
+  // Where contact begins overlap and load are negative.
+  if (z < 0 && z <= held.overlap * onset_overlap() + held.load * onset_load() &&
       fold_before_contact(held, &fold_radius)) {
     const double e = held.overlap - kPi * lambda_ * held.load;
     const double p = held.overlap * q_;
@@ -391,8 +402,8 @@ CurveSolution MaugisDugdale::solve_contact(double z, const Held& held, double gu
   bool fold_known = false;
   for (out.evaluations = 1; out.evaluations <= 100; ++out.evaluations) {
     const Angle g = angle_of(u);
-    out.point = state_at<true>(lambda_, u, g);
     CurvePoint& p = out.point;
+    state_at<true>(lambda_, u, g, p);
     const double rate = p.held_rate(held);
     const double bend = p.held_bend(held);
     const double residual = p.held(held) - z;

@@ -43,8 +43,8 @@ class MaugisDugdale {
   double range() const noexcept { return h0_; }                   ///< H0
   double q() const noexcept { return q_; }                        ///< 8 lambda/(3 pi)
   double onset_radius() const noexcept { return onset_radius_; }  ///< C0
-  double onset_overlap() const noexcept { return onset_overlap_; }
-  double onset_load() const noexcept { return onset_load_; }
+  double onset_overlap() const noexcept { return onset_radius_ * (0.5 * onset_radius_ - q_) - h0_; }
+  double onset_load() const noexcept;
 
   CurvePoint noncontact(double outer_radius) const noexcept;
   CurvePoint contact(double u) const noexcept;
@@ -53,9 +53,8 @@ class MaugisDugdale {
   /// a larger radius lowers the gap by r^2/(2 R^2) dR (U is stationary in all else). With the Abel transform
   /// of the pressure (E* (delta - t^2/R) inside a, -2 sigma0 sqrt(c^2 - t^2) in the annulus)
   ///   A^3 (Delta/2 - (3/10) A^2) - (lambda/4) C^4 (theta - sin(4 theta)/4).
-  /// Hertz: A^5/5. From the parameter, A, Delta and P of a state.
-  double radius_moment(bool contact, double parameter, double contact_radius, double overlap,
-                       double load) const noexcept;
+  /// Hertz: A^5/5.
+  double radius_moment(const CurvePoint& p) const noexcept;
 
   /// R d(delta)/dR of the fold of overlap `p`, over u_delta: delta is stationary there, so it is that at
   /// constant parameter, (Delta + lambda dDelta/dlambda)/3. With lambda F1 C^2/2 + b C = 1 (above),
@@ -85,8 +84,6 @@ class MaugisDugdale {
   double h0_;
   double q_;
   double onset_radius_;
-  double onset_overlap_;
-  double onset_load_;
 };
 
 }  // namespace telenano::physics

@@ -10,9 +10,9 @@ RubbedContact rubbed_contact(const PotentialSample& at) noexcept {
   const ContactJet& place = at.place;
   const double steepness = place.overlap_grad.norm();
   if (!(steepness > 0.0)) return c;
-  c.normal = -place.overlap_grad / steepness;
-  // −(1 − n nᵀ) ∇∇δ/|∇δ|
   const double per = 1.0 / steepness;
+  c.normal = -per * place.overlap_grad;
+  // −(1 − n nᵀ) ∇∇δ/|∇δ|
   const Vec3 along = place.overlap_hess_per_nm * c.normal;
   c.turn = per * (c.normal * along.transpose() - place.overlap_hess_per_nm);
   c.load = at.law.force_nn * steepness + at.other_load_nn;

@@ -91,9 +91,11 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
   if (springs_.rank < 3) q += springs_.rigid_part(to_x - x_ - (q - p_));
   PotentialBranch branch = branch_;
   CurveHint hint = hint_;
-  PotentialSample at;
+  PotentialSample& at = at_;  // who comes after a failure looks again
   double last = 0;
   bool crossed = false;
+  RubbedContact touch;
+  FrictionStep rub, rest;
   for (int i = 0; i < kMostFollowed && evaluations_ < most_; ++i) {
     const BranchEnd end = sample(q, branch, hint, at);
     if (end != BranchEnd::kNone) {
@@ -105,21 +107,15 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
       continue;
     }
     Vec3 g = springs_.gradient(q - to_x, at.gradient_nn);
-    Mat3 h = springs_.hessian(at.hessian_n_m);
-    RubbedContact touch;
-    FrictionStep rub;
     Mat3 inverse;
     const bool rubs = friction_ && at.size.square_nm2 > 0.0;
     if (rubs) {
       touch = rubbed_contact(at);
       rub = friction_->move(bristle_, touch.normal, q - p_, touch.radius, touch.load, false);
       g -= springs_.to_frame(rub.force_w_nn);
-      h = springs_.hessian(at.hessian_n_m + rub.stiffness_n_m);
-    }
-    if (rubs) {
-      if (!positive_definite(h)) return false;
-      inverse = springs_.hessian(at.hessian_n_m + rubbing_tangent(touch, rub, q - p_)).inverse();
-    } else if (!invert_positive(h, inverse)) {
+      if (!positive_definite(springs_.hessian(at.hessian_n_m + rub.stiffness_n_m))) return false;
+      inverse = inverse_of(springs_.hessian(at.hessian_n_m + rubbing_tangent(touch, rub, q - p_)));
+    } else if (!invert_positive(springs_.hessian(at.hessian_n_m), inverse)) {
       return false;
     }
     const Vec3 step = -(inverse * g);
@@ -136,11 +132,11 @@ bool PotentialWalk::follow(const Vec3& to_x, const Vec3& bend) noexcept {
                          kRateMargin * convergence_ * length * length < kStepDone;
     const bool done = length < kStepDone || foreseen || by_rate || (last > 0.0 && length < kNoise);
     const Vec3 step_w = springs_.to_world(step);
-    FrictionStep rest;
     if (done && rubs) {
-      rest = friction_->move(bristle_, (touch.normal + touch.turn * step_w).normalized(), q + step_w - p_,
-                             std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
-                             touch.load + touch.load_grad.dot(step_w), false);
+      rest =
+          friction_->move_once(bristle_, (touch.normal + touch.turn * step_w).normalized(), q + step_w - p_,
+                               std::max(0.0, touch.radius + touch.radius_grad.dot(step_w)),
+                               touch.load + touch.load_grad.dot(step_w), false);
     }
     // The kink where a contact begins to slide is nothing that a rate foresees.
     if (done && !(by_rate && rubs && rest.sliding != rub.sliding)) {
@@ -361,7 +357,7 @@ bool PotentialWalk::let_go() noexcept {
 // Newton's last step, of second order in the energy and of first in the force.
 void PotentialWalk::settle(const Vec3& q, const Vec3& step, const PotentialSample& at,
                            const Mat3& inverse) noexcept {
-  at_ = at;
+  if (&at != &at_) at_ = at;
   const Vec3 turned = at.hessian_n_m * step;
   at_.energy_aj += at.gradient_nn.dot(step) + 0.5 * step.dot(turned);
   force_ = -(at.gradient_nn + turned);

@@ -31,6 +31,25 @@ inline bool invert_positive(const Mat3& m, Mat3& inverse) noexcept {
   return true;
 }
 
+/// The inverse of any regular matrix, by the adjugate.
+inline Mat3 inverse_of(const Mat3& m) noexcept {
+  const double a = m(1, 1) * m(2, 2) - m(1, 2) * m(2, 1);
+  const double b = m(1, 2) * m(2, 0) - m(1, 0) * m(2, 2);
+  const double c = m(1, 0) * m(2, 1) - m(1, 1) * m(2, 0);
+  const double scale = 1.0 / (m(0, 0) * a + m(0, 1) * b + m(0, 2) * c);
+  Mat3 inverse;
+  inverse(0, 0) = scale * a;
+  inverse(1, 0) = scale * b;
+  inverse(2, 0) = scale * c;
+  inverse(0, 1) = scale * (m(0, 2) * m(2, 1) - m(0, 1) * m(2, 2));
+  inverse(1, 1) = scale * (m(0, 0) * m(2, 2) - m(0, 2) * m(2, 0));
+  inverse(2, 1) = scale * (m(0, 1) * m(2, 0) - m(0, 0) * m(2, 1));
+  inverse(0, 2) = scale * (m(0, 1) * m(1, 2) - m(0, 2) * m(1, 1));
+  inverse(1, 2) = scale * (m(0, 2) * m(1, 0) - m(0, 0) * m(1, 2));
+  inverse(2, 2) = scale * (m(0, 0) * m(1, 1) - m(0, 1) * m(1, 0));
+  return inverse;
+}
+
 /// a b, without the library's blocking.
 inline Mat3 times(const Mat3& a, const Mat3& b) noexcept {
   return a.lazyProduct(b);

@@ -32,8 +32,7 @@ struct Moment {
 
 Moment moment_of(const MaugisDugdale& curve, const CurvePoint& p) noexcept {
   Moment m;
-  m.value = curve.radius_moment(p.contact, p.parameter + (p.contact ? 0.0 : curve.onset_radius()),
-                                p.contact_radius, p.overlap, p.load);
+  m.value = curve.radius_moment(p);
   if (!p.contact) {
     m.by_lambda = m.value;  // P' = P, and M = −P²/(2πλ)
     return m;
@@ -150,6 +149,7 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
     }
     first_ = low - step_ * std::ceil((low - first_) / step_);
   }
+  per_step_ = 1.0 / step_;
   const auto count = static_cast<std::size_t>(std::ceil((last - first_) / step_));
   pieces_.resize(count);
   constexpr double kWithin = 1e-9;  // of a step: this side of a knot
@@ -164,6 +164,7 @@ BranchPotential::BranchPotential(const TipSampleLaw& law, double nominal_radius_
     through(a.enter_nm, b.enter_nm, c.enter_nm, d.enter_nm, piece.enter);
     through(a.leave_nm, b.leave_nm, c.leave_nm, d.leave_nm, piece.leave);
     piece.reversible = b.reversible;
+    piece.cube_root = det_exp(from * (1.0 / 3.0));
     const AtRadius start = at(0.0);
     hermite(start.offset_aj, step_ * offset_slope(from), at_radius(from + step_).offset_aj,
             step_ * offset_slope(from + step_), piece.offset);
@@ -223,14 +224,23 @@ double BranchPotential::offset_slope(double log_radius) const {
 }
 
 BranchPotential::Place BranchPotential::place(double log_radius) const noexcept {
-  const double at = (log_radius - first_) / step_;
-  const double last = static_cast<double>(pieces_.size()) - 1.0;
-  const double piece = std::clamp(std::floor(at), 0.0, last);
-  return {&pieces_[static_cast<std::size_t>(piece)], std::clamp(at - piece, 0.0, 1.0)};
+  const auto count = static_cast<std::ptrdiff_t>(pieces_.size());
+  const double at = std::clamp((log_radius - first_) * per_step_, 0.0, static_cast<double>(count));
+  const std::ptrdiff_t piece = std::min(static_cast<std::ptrdiff_t>(at), count - 1);
+  return {&pieces_[static_cast<std::size_t>(piece)], at - static_cast<double>(piece)};
 }
 
-BranchPotential::Borders BranchPotential::borders(double log_radius) const noexcept {
-  const Place at = place(log_radius);
+// Within a piece by the exponential's series, of which 1e-17 is left out.
+double BranchPotential::cube_root(const Place& at, double log_radius) const noexcept {
+  const double beyond = log_radius - first_;
+  if (!(beyond >= 0.0 && at.t < 1.0)) return det_exp(log_radius * (1.0 / 3.0));
+  const double x = at.t * step_ * (1.0 / 3.0);
+  const double x2 = x * x;
+  const double high = (1.0 / 24.0 + x * (1.0 / 120.0)) + x2 * (1.0 / 720.0);
+  return at.piece->cube_root * ((1.0 + x) + x2 * ((0.5 + x * (1.0 / 6.0)) + x2 * high));
+}
+
+BranchPotential::Borders BranchPotential::borders(const Place& at) const noexcept {
   return {cubic(at.piece->enter, at.t), cubic(at.piece->leave, at.t), at.piece->reversible};
 }
 
@@ -254,14 +264,11 @@ void BranchPotential::outside(double overlap_nm, double log_radius, PotentialJet
   }
 }
 
-bool BranchPotential::on_law(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
-                             ContactSize& size) const noexcept {
-  const double root = det_exp(log_radius / 3.0);
+bool BranchPotential::on_law(double overlap_nm, double log_radius, double root, CurveHint& hint,
+                             PotentialJet& jet, ContactSize& size) const noexcept {
   const double square = root * root;
   const ContactScales s{unit_.length_nm * square, unit_.overlap_nm * root, unit_.force_nn * (square * root),
                         unit_.energy_aj * (square * square), unit_.lambda * root};
-  jet = {};
-  size = {};
   return with_curve(law_.parameters(), s.lambda, [&](const auto& curve) {
     return on_curve(curve, s, overlap_nm, log_radius, hint, jet, size);
   });
@@ -277,7 +284,8 @@ bool BranchPotential::by_differences(double overlap_nm, double log_radius, const
   const auto at = [&](int steps) {
     Side side;
     CurveHint near = hint;
-    side.there = on_law(overlap_nm, log_radius + steps * kModelStep, near, side.jet, side.size);
+    const double at_side = log_radius + steps * kModelStep;
+    side.there = on_law(overlap_nm, at_side, det_exp(at_side / 3.0), near, side.jet, side.size);
     return side;
   };
   const Side here{jet, size, true}, up = at(1), down = at(-1);
@@ -303,16 +311,16 @@ bool BranchPotential::by_differences(double overlap_nm, double log_radius, const
          differences([](const Side& s) { return s.size.square_nm2; }, size.by_log_radius_nm2, nullptr);
 }
 
-bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
-                             ContactSize& size) const noexcept {
-  if (!on_law(overlap_nm, log_radius, hint, jet, size)) return false;
+bool BranchPotential::inside(const Place& at, double overlap_nm, double log_radius, CurveHint& hint,
+                             PotentialJet& jet, ContactSize& size) const noexcept {
+  const double root = cube_root(at, log_radius);
+  if (!on_law(overlap_nm, log_radius, root, hint, jet, size)) return false;
   if (model_moves_ && !by_differences(overlap_nm, log_radius, hint, jet, size)) return false;
-  const Place at = place(log_radius);
   const double(&c)[4] = at.piece->offset;
   jet.energy_aj += cubic(c, at.t);
-  jet.by_radius_aj += (c[1] + at.t * (2.0 * c[2] + 3.0 * at.t * c[3])) / step_;
-  jet.by_radius_twice_aj += (2.0 * c[2] + 6.0 * at.t * c[3]) / (step_ * step_);
-  if (far_) far_->add(overlap_nm, log_radius, det_exp(log_radius), jet);
+  jet.by_radius_aj += (c[1] + at.t * (2.0 * c[2] + 3.0 * at.t * c[3])) * per_step_;
+  jet.by_radius_twice_aj += (2.0 * c[2] + 6.0 * at.t * c[3]) * (per_step_ * per_step_);
+  if (far_) far_->add(overlap_nm, log_radius, root * root * root, jet);
   return true;
 }
 
@@ -327,7 +335,8 @@ bool BranchPotential::on_curve(const Curve& curve, const ContactScales& s, doubl
                          hint.by_log_radius * (log_radius - hint.log_radius);
     if (std::fabs(moved) < 0.3 * guess) guess += moved;
   }
-  const double overlap = overlap_nm / s.overlap_nm;
+  const double per_overlap = 1.0 / s.overlap_nm;
+  const double overlap = overlap_nm * per_overlap;
   const CurveSolution found = curve.solve(overlap, {1.0, 0.0}, guess);
   const CurvePoint& p = found.point;
   if (found.status != CurveStatus::kOk && !((p.overlap - overlap) * s.overlap_nm < kAtFold_nm)) return false;
@@ -335,31 +344,35 @@ bool BranchPotential::on_curve(const Curve& curve, const ContactScales& s, doubl
   const double per_rate = 1.0 / p.overlap_rate;
   const double slope = p.load_rate * per_rate;
   const double shifted = p.overlap_by_lambda + p.overlap;
-  const double mixed = p.load + (p.load_by_lambda - slope * shifted) / 3.0;
+  constexpr double kThird = 1.0 / 3.0;
+  const double mixed = p.load + (p.load_by_lambda - slope * shifted) * kThird;
   const Moment moment = moment_of(curve, p);
   jet.energy_aj = s.energy_aj * p.energy;
   jet.force_nn = s.force_nn * p.load;
   jet.by_radius_aj = s.energy_aj * moment.value;
-  jet.stiffness_n_m = s.force_nn / s.overlap_nm * slope;
+  jet.stiffness_n_m = s.force_nn * per_overlap * slope;
   jet.mixed_nn = s.force_nn * mixed;
   jet.by_radius_twice_aj =
-      s.energy_aj * ((4.0 / 3.0) * moment.value + (moment.by_lambda - mixed * shifted) / 3.0);
-  hint = {};
-  if (!p.contact) return true;
+      s.energy_aj * ((4.0 / 3.0) * moment.value + (moment.by_lambda - mixed * shifted) * kThird);
+  if (!p.contact) {
+    hint = {};
+    size = {};
+    return true;
+  }
   const double a = p.contact_radius;
   const double both = a > 0 ? a * p.contact_radius_rate * per_rate : 0.0;
   const double length2 = s.length_nm * s.length_nm;
   size.square_nm2 = length2 * a * a;
-  size.by_overlap_nm = 2.0 * both * length2 / s.overlap_nm;
+  size.by_overlap_nm = 2.0 * both * length2 * per_overlap;
   size.by_log_radius_nm2 =
       length2 * ((4.0 / 3.0) * a * a + (2.0 / 3.0) * (a * p.contact_radius_by_lambda - both * shifted));
-  const double per_nm = per_rate / s.overlap_nm;
+  const double per_nm = per_rate * per_overlap;
   hint = {overlap_nm,
           log_radius,
           p.parameter,
           per_nm,
           -p.overlap_bend * per_nm * per_nm * per_rate,
-          -shifted * per_rate / 3.0};
+          -shifted * per_rate * kThird};
   return true;
 }
 

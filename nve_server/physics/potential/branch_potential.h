@@ -73,8 +73,14 @@ class BranchPotential {
   Borders borders(double log_radius) const noexcept;
 
   void outside(double overlap_nm, double log_radius, PotentialJet& jet) const noexcept;
-  /// False, with nothing in `jet`, where the law has no stable state at this overlap.
+  /// False, with nothing that means anything in `jet`, where the law has no stable state at this overlap.
   bool inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
+              ContactSize& size) const noexcept;
+  /// Where a ρ is in the tables over it, for who asks for borders and law there.
+  struct Place;
+  Place place(double log_radius) const noexcept;
+  Borders borders(const Place& at) const noexcept;
+  bool inside(const Place& at, double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
               ContactSize& size) const noexcept;
 
   bool has_bias() const noexcept { return bias_.has_value(); }
@@ -103,6 +109,7 @@ class BranchPotential {
     double leave[4];
     double offset[4];
     double touch[4];
+    double cube_root;  // e^(ρ/3) where it begins
     bool reversible;
   };
   struct AtRadius {
@@ -112,15 +119,12 @@ class BranchPotential {
     bool reversible = false;
   };
 
-  struct Place {
-    const Piece* piece;
-    double t;
-  };
-  Place place(double log_radius) const noexcept;
+  /// e^(ρ/3).
+  double cube_root(const Place& at, double log_radius) const noexcept;
   AtRadius at_radius(double log_radius) const;
   double offset_slope(double log_radius) const;
-  /// inside() without offset and far terms.
-  bool on_law(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
+  /// inside() without offset and far terms; `root` = e^(ρ/3).
+  bool on_law(double overlap_nm, double log_radius, double root, CurveHint& hint, PotentialJet& jet,
               ContactSize& size) const noexcept;
   /// Writes the derivatives in ρ of what on_law() has found.
   bool by_differences(double overlap_nm, double log_radius, const CurveHint& hint, PotentialJet& jet,
@@ -138,6 +142,7 @@ class BranchPotential {
   bool model_moves_ = false;  // the law's form itself goes with λ
   double first_ = 0;
   double step_ = 0;  // of ρ
+  double per_step_ = 0;
   std::vector<Piece> pieces_;
   std::optional<FarTerm> far_;
   std::optional<FarTerm> bias_;
@@ -145,5 +150,19 @@ class BranchPotential {
   BridgePotential bridge_;
   std::shared_ptr<const BranchPotential> wet_;
 };
+
+struct BranchPotential::Place {
+  const Piece* piece;
+  double t;
+};
+
+inline BranchPotential::Borders BranchPotential::borders(double log_radius) const noexcept {
+  return borders(place(log_radius));
+}
+
+inline bool BranchPotential::inside(double overlap_nm, double log_radius, CurveHint& hint, PotentialJet& jet,
+                                    ContactSize& size) const noexcept {
+  return inside(place(log_radius), overlap_nm, log_radius, hint, jet, size);
+}
 
 }  // namespace telenano::physics

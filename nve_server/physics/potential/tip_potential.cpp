@@ -5,12 +5,19 @@
 namespace telenano::physics {
 namespace {
 
-// Gradient and Hessian of W(δ, ρ) by the chain rule.
+// Gradient and Hessian of W(δ, ρ) by the chain rule; the first term puts what there is.
+template <bool kFirst>
 void add(const PotentialJet& w, const ContactJet& f, PotentialSample& out) noexcept {
   const Vec3& d = f.overlap_grad;
   const Vec3& r = f.log_radius_grad_per_nm;
-  out.energy_aj += w.energy_aj;
-  out.gradient_nn += w.force_nn * d + w.by_radius_aj * r;
+  const Vec3 gradient = w.force_nn * d + w.by_radius_aj * r;
+  if constexpr (kFirst) {
+    out.energy_aj = w.energy_aj;
+    out.gradient_nn = gradient;
+  } else {
+    out.energy_aj += w.energy_aj;
+    out.gradient_nn += gradient;
+  }
   // W_δδ d dᵀ + W_δρ (d rᵀ + r dᵀ) + W_ρρ r rᵀ = a dᵀ + b rᵀ, symmetric
   const Vec3 a = w.stiffness_n_m * d + w.mixed_nn * r;
   const Vec3 b = w.mixed_nn * d + w.by_radius_twice_aj * r;
@@ -18,8 +25,9 @@ void add(const PotentialJet& w, const ContactJet& f, PotentialSample& out) noexc
     for (int j = i; j < 3; ++j) {
       const double h = (a[i] * d[j] + b[i] * r[j]) + (w.force_nn * f.overlap_hess_per_nm(i, j) +
                                                       w.by_radius_aj * f.log_radius_hess_per_nm2(i, j));
-      out.hessian_n_m(i, j) += h;
-      if (j > i) out.hessian_n_m(j, i) += h;
+      const double sum = kFirst ? h : out.hessian_n_m(i, j) + h;
+      out.hessian_n_m(i, j) = sum;
+      if (j > i) out.hessian_n_m(j, i) = sum;
     }
   }
 }
@@ -43,28 +51,26 @@ BranchEnd TipPotential::sample(const Vec3& apex, const PotentialBranch& branch, 
   const ContactJet& at = out.place;
   if (!(std::isfinite(at.overlap_nm) && std::isfinite(at.log_radius))) return BranchEnd::kNoNumber;
   const BranchPotential& law = of(branch.bridge);
-  const BranchPotential::Borders borders = law.borders(at.log_radius);
+  const BranchPotential::Place place = law.place(at.log_radius);
+  const BranchPotential::Borders borders = law.borders(place);
   out.reversible = borders.reversible;
   if (branch.inside) {
     if (at.overlap_nm < borders.leave_nm) return BranchEnd::kContact;
-    if (!law.inside(at.overlap_nm, at.log_radius, hint, out.law, out.size)) return BranchEnd::kContact;
+    if (!law.inside(place, at.overlap_nm, at.log_radius, hint, out.law, out.size)) return BranchEnd::kContact;
   } else {
     if (at.overlap_nm > borders.enter_nm) return BranchEnd::kContact;
     law.outside(at.overlap_nm, at.log_radius, out.law);
     out.size = {};
   }
-  out.energy_aj = 0;
-  out.gradient_nn.setZero();
-  out.hessian_n_m.setZero();
   out.other_load_nn = out.other_stiffness_n_m = 0;
   out.other_load_grad_n_m.setZero();
-  add(out.law, at, out);
+  add<true>(out.law, at, out);
   if (potential_->has_bias()) {
     ContactJet there;
     fields_->growing_at(apex, potential_->bias_softening(), there);
     PotentialJet bias;
     potential_->add_bias(there.overlap_nm, there.log_radius, bias);
-    add(bias, there, out);
+    add<false>(bias, there, out);
     add_load(bias, there, out);
   }
   BranchEnd end = BranchEnd::kNone;
@@ -75,7 +81,7 @@ BranchEnd TipPotential::sample(const Vec3& apex, const PotentialBranch& branch, 
       fields_->at_softening(apex, bridge.softening_nm(), there);
       PotentialJet liquid;
       bridge.add(branch.bridge, there.overlap_nm, there.log_radius, liquid);
-      add(liquid, there, out);
+      add<false>(liquid, there, out);
       add_load(liquid, there, out);
       if (BridgePotential::ruptured(branch.bridge, there.overlap_nm)) end = BranchEnd::kBridge;
     } else {

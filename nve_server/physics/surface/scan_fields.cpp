@@ -48,18 +48,16 @@ inline void weights(double u_x, double u_y, double inv_x, double inv_y, CubicWei
 }  // namespace
 
 double ScanFields::mirrored(double offset, double extent, bool& backwards) noexcept {
-  double u = offset / extent;
   backwards = false;
-  if (!(u >= 0.0 && u <= 1.0)) {
-    u -= 2.0 * std::floor(0.5 * u);
-    if (u > 1.0) {
-      u = 2.0 - u;
-      backwards = true;
-    }
-    if (!(u >= 0.0)) u = 0.0;  // no number
-    return u * extent;
+  if (offset >= 0.0 && offset <= extent) return offset;
+  double u = offset / extent;
+  u -= 2.0 * std::floor(0.5 * u);
+  if (u > 1.0) {
+    u = 2.0 - u;
+    backwards = true;
   }
-  return offset;
+  if (!(u >= 0.0)) u = 0.0;  // no number
+  return u * extent;
 }
 
 struct ScanFields::Place {
@@ -89,15 +87,11 @@ struct ScanFields::Cell {
   }
   /// Grids may share their nodes, and so their cells.
   bool is_of(const Grid& grid) const noexcept { return columns == grid.columns && rows == grid.rows; }
+  StencilLevel level(const Grid& grid, int first_lane, const double* corner) const noexcept {
+    return {corner, grid.stride(), grid.lanes, first_lane, &along_x, &along_y};
+  }
   StencilLevel level(const Grid& grid, int first_lane) const noexcept {
-    StencilLevel level;
-    level.corner = grid.corner(column, row);
-    level.stride = grid.stride();
-    level.lanes = grid.lanes;
-    level.first_lane = first_lane;
-    level.along_x = &along_x;
-    level.along_y = &along_y;
-    return level;
+    return level(grid, first_lane, grid.corner(column, row));
   }
   void jet(const StencilKernel& kernel, const Grid& grid, const double* lane_of_corner,
            double (&jet)[6]) const noexcept {
@@ -135,7 +129,7 @@ void ScanFields::ground_at(const Vec3& apex_w_nm, double& cosine,
                            double& unmarked_log_radius) const noexcept {
   const Place at = place(apex_w_nm.x(), apex_w_nm.y());
   const double v0 = apex_w_nm.z() - touch_height_nm(apex_w_nm.x(), apex_w_nm.y());
-  const LevelBlend blend = blend_levels(softening_level(rule_, v0).level, levels_);
+  const LevelBlend blend = blend_levels(softening_.level(v0).level, levels_);
   cosine = unmarked_log_radius = 0;
   for (int k = 0; k < 3; ++k) {
     if (blend.weight[k] == 0.0) continue;
@@ -163,19 +157,23 @@ void contact_of(const FieldRows& rows, double z, bool back_x, bool back_y, Conta
   const double v_g[3] = {rows[kGx][kH], rows[kGy][kH], rows[kGz][kH] - 1.0};
   const double c_g[3] = {rows[kGx][kC], rows[kGy][kC], rows[kGz][kC]};
   const double c = rows[kAt][kC];
-  const auto hessian = [&](int row, int i, int j) {
-    return c * rows[row][kH] + v * rows[row][kC] + (v_g[i] * c_g[j] + v_g[j] * c_g[i]);
-  };
-  const double xx = hessian(kHxx, 0, 0), xy = hessian(kHxy, 0, 1), xz = hessian(kHxz, 0, 2);
-  const double yy = hessian(kHyy, 1, 1), yz = hessian(kHyz, 1, 2), zz = hessian(kHzz, 2, 2);
   jet.overlap_nm = v * c;
-  jet.overlap_grad << c * v_g[0] + v * c_g[0], c * v_g[1] + v * c_g[1], c * v_g[2] + v * c_g[2];
-  jet.overlap_hess_per_nm << xx, xy, xz, xy, yy, yz, xz, yz, zz;
-  const auto rho = [&](int row) { return rows[row][kRho]; };
-  jet.log_radius = rho(kAt);
-  jet.log_radius_grad_per_nm << rho(kGx), rho(kGy), rho(kGz);
-  jet.log_radius_hess_per_nm2 << rho(kHxx), rho(kHxy), rho(kHxz), rho(kHxy), rho(kHyy), rho(kHyz), rho(kHxz),
-      rho(kHyz), rho(kHzz);
+  jet.log_radius = rows[kAt][kRho];
+  for (int i = 0; i < 3; ++i) {
+    jet.overlap_grad[i] = c * v_g[i] + v * c_g[i];
+    jet.log_radius_grad_per_nm[i] = rows[kGx + i][kRho];
+  }
+  const auto put = [&](int row, int i, int j) {
+    const double h = c * rows[row][kH] + v * rows[row][kC] + (v_g[i] * c_g[j] + v_g[j] * c_g[i]);
+    const double r = rows[row][kRho];
+    jet.overlap_hess_per_nm(i, j) = h;
+    jet.log_radius_hess_per_nm2(i, j) = r;
+    if (i == j) return;
+    jet.overlap_hess_per_nm(j, i) = h;
+    jet.log_radius_hess_per_nm2(j, i) = r;
+  };
+  put(kHxx, 0, 0), put(kHxy, 0, 1), put(kHxz, 0, 2);
+  put(kHyy, 1, 1), put(kHyz, 1, 2), put(kHzz, 2, 2);
   if (!(back_x || back_y)) return;
   const Vec3 way(back_x ? -1.0 : 1.0, back_y ? -1.0 : 1.0, 1.0);
   const Mat3 both = way * way.transpose();
@@ -194,7 +192,7 @@ void ScanFields::contact_at(const Vec3& apex_w_nm, ContactJet& jet) const noexce
   const Cell cell(at, grid);
   double finest[6];
   cell.jet(*kernel_, grid, grid.corner(cell.column, cell.row), finest);
-  const SofteningLevel level = softening_level(rule_, z - finest[kValue]);
+  const SofteningLevel level = softening_.level(z - finest[kValue]);
   if (level.level <= 0.0) {
     FieldRows rows;
     kernel_->plain(cell.level(grid, 0), rows);
@@ -270,13 +268,19 @@ void ScanFields::blended(const Place& at, const Cell& finest_cell, const double 
   StencilLevel levels[3];
   std::optional<Cell> coarser[2];
   const Cell* cell = &finest_cell;
+  const Grid* grid = nullptr;
+  const double* corner = nullptr;
   int count = 0, cells = 0;
   for (int k = 0; k < 3; ++k) {
     if (blend.weight[k] == 0.0 && blend.slope[k] == 0.0) continue;
-    const Grid& grid = grids_[static_cast<std::size_t>((blend.first + k) / 2)];
-    if (!cell->is_of(grid)) cell = &coarser[cells++].emplace(at, grid);
+    const Grid& here = grids_[static_cast<std::size_t>((blend.first + k) / 2)];
+    if (&here != grid) {
+      grid = &here;
+      if (!cell->is_of(here)) cell = &coarser[cells++].emplace(at, here);
+      corner = here.corner(cell->column, cell->row);
+    }
     StencilLevel& one = levels[count++];
-    one = cell->level(grid, (blend.first + k) % 2 == 0 ? 0 : 3);
+    one = cell->level(here, (blend.first + k) % 2 == 0 ? 0 : 3, corner);
     one.weight = blend.weight[k];
     one.slope_per_nm = blend.slope[k] * level.slope_per_nm;
     one.bend_per_nm2 =

@@ -16,6 +16,7 @@
 #include "telenano/nve_server/physics/surface/field_stencil.h"
 #include "telenano/nve_server/physics/surface/height_grid.h"
 #include "telenano/nve_server/physics/surface/softening.h"
+#include "telenano/nve_server/physics/surface/softening_table.h"
 
 namespace telenano::physics {
 
@@ -206,6 +207,7 @@ class ScanFields final : public ContactFields {
 
   const StencilKernel* kernel_ = &stencil_kernel();
   SofteningRule rule_;
+  SofteningTable softening_;
   double radius_ = 0;
   int levels_ = 0;
   double x_first_ = 0, y_first_ = 0, width_ = 0, length_ = 0;

@@ -134,6 +134,7 @@ DilationLattice ScanFields::lay_out(const HeightGrid& grid, const BicubicSpline&
   width_ = (grid.columns - 1) * grid.dx_nm;
   length_ = (grid.rows - 1) * grid.dy_nm;
   levels_ = level_count(rule_);
+  softening_ = SofteningTable(rule_);
   const int grids = (levels_ + 1) / 2;
   // The finest grid has half a pixel, but need not be finer than a foot of radius R at t0, unless the area is
   // small: over a groove, where two feet meet, the fields have creases t0 over the difference of their slopes

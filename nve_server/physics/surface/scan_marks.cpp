@@ -157,6 +157,7 @@ double ScanFields::largest_log_radius() const noexcept {
 ScanFields ScanFields::for_marks(const ScanFields& unmarked) {
   ScanFields fields;
   fields.rule_ = unmarked.rule_;
+  fields.softening_ = unmarked.softening_;
   fields.radius_ = unmarked.radius_;
   fields.levels_ = unmarked.levels_;
   fields.x_first_ = unmarked.x_first_;
