@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "proto/wire_fields.h"
 #include "telenano/common/base/random.h"
 
 namespace telenano::link {
@@ -172,13 +173,9 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
     return drop(DropCause::kWrongVersion);
   }
   if ((welcome.feature_bits & ~config_.feature_bits) != 0) return drop(DropCause::kOutOfRange);
-  if ((welcome.feature_bits & kFeatureWell) == 0 && welcome.well_aj != 0) return drop(DropCause::kUnexpected);
-  if ((welcome.feature_bits & kFeatureStepLog) == 0 && !welcome.steps.empty())
-    return drop(DropCause::kUnexpected);
+  if ((features_used(welcome) & ~welcome.feature_bits) != 0) return drop(DropCause::kUnexpected);
   snapshot_.stop();
   steps_.begin(welcome.steps.executed, sessions_ > 0 && welcome.epoch == welcome_.epoch);
-  if ((welcome.feature_bits & kFeatureScene) == 0 && !welcome.scene.empty())
-    return drop(DropCause::kUnexpected);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
     stats_.reset();  // another server, perhaps: another clock
@@ -263,14 +260,7 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   if (reply.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
   if (reply.epoch != welcome_.epoch) return drop(DropCause::kWrongEpoch);
   if (reply.command_sequence > command_sequence_) return drop(DropCause::kOutOfRange);
-  const bool port_unasked = (features() & kFeaturePortControl) == 0 && !reply.port.empty();
-  const bool model_unasked = (features() & kFeatureLocalModel) == 0 && !reply.model.empty();
-  const bool tip_unasked = (features() & kFeatureSharing) == 0 && !reply.tip.empty();
-  const bool history_unasked = (features() & kFeatureStepHistory) == 0 && reply.steps_before != 0;
-  const bool particle_unasked = (features() & kFeatureParticle) == 0 && !reply.particle.empty();
-  const bool steps_unasked = !logs_steps() && !reply.steps.empty();
-  if (port_unasked || model_unasked || tip_unasked || history_unasked || particle_unasked || steps_unasked)
-    return drop(DropCause::kUnexpected);
+  if ((features_used(reply) & ~features()) != 0) return drop(DropCause::kUnexpected);
   // Steps that were never sent cannot have been executed.
   if (logs_steps() && (reply.steps.executed > steps_.newest() || reply.steps.executed > reply.steps.newest))
     return drop(DropCause::kOutOfRange);

@@ -36,13 +36,6 @@ struct ViewRequest {
   link::PracticeLink practice{};
 };
 
-/// link::Particle as plain data.
-struct ShownParticle {
-  std::array<double, 3> pos_w_nm{};
-  double radius_nm = 0;  ///< 0: there is none
-  link::ParticleStatus status = link::ParticleStatus::kRests;
-};
-
 /// What a person writes into the recording, about the moment when writing began.
 struct Note {
   static constexpr std::size_t kText = 58;  ///< an event's text less "note: ", with a zero at its end
@@ -57,7 +50,6 @@ struct ViewPort {
   rt::SpscQueue<recording::Sample> samples{8192};    ///< two seconds at 4 kHz
   rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
   rt::LatestValue<device::TaskState> task;           ///< of a hand that plays motions
-  rt::LatestValue<ShownParticle> particle;           ///< of the newest reply; radius 0: there is none
   rt::LatestValue<station::TwinState> twin;          ///< of the server's slave at the station
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};

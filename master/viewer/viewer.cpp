@@ -136,10 +136,7 @@ SceneState Viewer::state(bool overview) const {
   state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground, live_.deflection_full_nm());
   state.contact = live_.contact();
   state.tip_radius_nm = facts_.tip_radius_nm;
-  if (playback_ == nullptr) {  // recordings do not hold it
-    const view_model::ShownParticle particle = port_.particle.load();
-    state.particle = {vec(particle.pos_w_nm), particle.radius_nm, particle.status};
-  }
+  state.particle = live_.particle();
   return state;
 }
 

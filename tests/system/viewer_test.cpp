@@ -75,21 +75,31 @@ TEST_F(ViewerPrograms, AScreenshotNeedsNoDisplayAndDisturbsNoSession) {
 TEST_F(ViewerPrograms, AParticleIsShownWhereTheSceneHasOne) {
   const auto sandy_px = [&](const std::string& scene) {
     Server server(scene_path(scene));
-    const Finished run =
-        run_program(without_display({kMaster, "run", "--server", server.address(), "--task", "position",
-                                     "--duration-s", "1", "--rt-priority", "0", "--screenshot",
-                                     path(scene + ".png"), "--screenshot-size", "900x600", "--at", "0.8"}));
+    const Finished run = run_program(
+        without_display({kMaster, "run", "--server", server.address(), "--task", "position", "--duration-s",
+                         "1", "--rt-priority", "0", "--screenshot", path(scene + ".png"), "--screenshot-size",
+                         "900x600", "--at", "0.8", "--record", path(scene + ".h5")}));
     if (run.err.find("no picture without a display") != std::string::npos) return -1;
     EXPECT_EQ(run.exit_code, 0) << run.err;
-    const viewer::Picture picture = viewer::read_png(path(scene + ".png"));
-    int count = 0;
-    for (int y = 180; y < 400; ++y) {
-      for (int x = 10; x < 380; ++x) {
-        const std::uint8_t* const c = &picture.rgb[static_cast<std::size_t>(3 * (y * 900 + x))];
-        count += c[0] > 60 && 4 * c[0] > 5 * c[2] && 10 * c[1] > 11 * c[2] && 100 * c[0] < 135 * c[1] ? 1 : 0;
+    // And in its recording.
+    const Finished view =
+        run_program(without_display({kMaster, "view", path(scene + ".h5"), "--screenshot", path("view.png"),
+                                     "--screenshot-size", "900x600", "--at", "0.8"}));
+    EXPECT_EQ(view.exit_code, 0) << view.err;
+    const auto count = [](const viewer::Picture& picture) {
+      int sandy = 0;
+      for (int y = 180; y < 400; ++y) {
+        for (int x = 10; x < 380; ++x) {
+          const std::uint8_t* const c = &picture.rgb[static_cast<std::size_t>(3 * (y * 900 + x))];
+          sandy +=
+              c[0] > 60 && 4 * c[0] > 5 * c[2] && 10 * c[1] > 11 * c[2] && 100 * c[0] < 135 * c[1] ? 1 : 0;
+        }
       }
-    }
-    return count;
+      return sandy;
+    };
+    const int live = count(viewer::read_png(path(scene + ".png")));
+    EXPECT_EQ(count(viewer::read_png(path("view.png"))) > 200, live > 200);
+    return live;
   };
   const int with_one = sandy_px("particle");
   if (with_one < 0) GTEST_SKIP() << "no picture without a display";

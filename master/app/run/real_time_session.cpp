@@ -81,7 +81,6 @@ void RealTimeSession::run() noexcept {
     publish(sample, timer.stats());
     if (requests_ != nullptr) {
       requests_->show(sample, loop_.force_off());
-      requests_->show(loop_.trace().particle);
       requests_->show(loop_.trace().twin);
       if (motion != nullptr) requests_->show(motion->task());
     }

@@ -185,7 +185,17 @@ TEST_F(Render, AParticleLiesWhereItIs) {
   };
   draw();
   EXPECT_FALSE(sandy(at(project(overview_camera(), scene(place), layout().overview))));
-  port_.particle.store({recording::xyz(place), 30, link::ParticleStatus::kRests});
+  const auto lie = [&](const Vec3& at, link::ParticleStatus status) {
+    recording::Sample s = viewer_->live().now();
+    ++s.tick;
+    s.time_s += 1e-3;
+    s.particle_pos_w_nm = recording::xyz(at);
+    s.particle_radius_nm = 30;
+    s.particle_state = static_cast<std::int64_t>(status);
+    port_.samples.push(s);
+    viewer_->take_samples();
+  };
+  lie(place, link::ParticleStatus::kRests);
   draw();
   const view_model::Camera camera = overview_camera();
   EXPECT_TRUE(sandy(at(project(camera, scene(place), layout().overview))));
@@ -193,7 +203,7 @@ TEST_F(Render, AParticleLiesWhereItIs) {
   EXPECT_FALSE(sandy(at(project(camera, scene(place) + 34 * camera.right(), layout().overview))));
   // The section: cut open beside the tip, in true proportions.
   const Vec3 beside(tip[0] + 50, tip[1], tip[2] + 20);
-  port_.particle.store({recording::xyz(beside), 30, link::ParticleStatus::kPushed});
+  lie(beside, link::ParticleStatus::kPushed);
   draw();
   const view_model::Camera& section = viewer_->close_up_camera();
   const auto cut = [&](double dx) {
@@ -647,8 +657,9 @@ TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
       }
       if (state == 3) s.tip_pos_w_nm = s.tip_target_w_nm = {30, 30, 4};
       if (state == 4) s.rtt_us = 126'000;
-      port_.particle.store({recording::xyz(Vec3(s.tip_pos_w_nm[0] + 20, s.tip_pos_w_nm[1], 15)),
-                            state > 2 ? 20.0 : 0.0, link::ParticleStatus::kPushed});
+      s.particle_pos_w_nm = recording::xyz(Vec3(s.tip_pos_w_nm[0] + 20, s.tip_pos_w_nm[1], 15));
+      s.particle_radius_nm = state > 2 ? 20.0 : 0.0;
+      s.particle_state = static_cast<std::int64_t>(link::ParticleStatus::kPushed);
       for (int i = 0; i < 300; ++i) {
         ++s.tick;
         s.time_s += 1e-3;
