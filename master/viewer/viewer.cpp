@@ -26,7 +26,8 @@ constexpr double kTrailStep_nm = 0.25;
 constexpr double kCloseUpElevation_deg = 12;
 constexpr double kCloseUpLeast_nm = 8;
 constexpr double kCloseUpMost_nm = 60;
-constexpr double kFollow = 0.12;  // of the way to the wanted height of the close-up, a frame
+constexpr double kFollow = 0.12;  // of the way to the wanted height of the close-up, in 1/60 s
+constexpr double kFollowHz = 60;
 constexpr double kDegPerPixel = 0.3;
 constexpr double kZoomPerNotch = 1.15;
 constexpr double kTipInside = 0.8;  // of the overview's half height and width that the tip does not leave
@@ -141,7 +142,7 @@ SceneState Viewer::state(bool overview) const {
 }
 
 // The close-up goes with the tip and shows it and the ground under it, nearer when they are near.
-void Viewer::follow_tip() {
+void Viewer::follow_tip(double dt_s) {
   const recording::Sample& now = live_.now();
   const Vec3 tip(now.tip_pos_w_nm[0], now.tip_pos_w_nm[1], now.tip_pos_w_nm[2]);
   const double gap = std::abs(live_.gap_nm());
@@ -150,7 +151,9 @@ void Viewer::follow_tip() {
   const link::Particle particle = state(false).particle;
   if (particle.status == link::ParticleStatus::kPushed || particle.status == link::ParticleStatus::kHeld)
     wanted = std::clamp(2 * particle.radius_nm, wanted, kCloseUpMost_nm);
-  close_up_half_nm_ = seen_tip_ ? close_up_half_nm_ + kFollow * (wanted - close_up_half_nm_) : wanted;
+  // By the time that has passed: where frames are slow a drag would go by another scale.
+  const double left = std::pow(1 - kFollow, std::clamp(kFollowHz * dt_s, 1.0, kFollowHz));
+  close_up_half_nm_ = seen_tip_ ? wanted + left * (close_up_half_nm_ - wanted) : wanted;
   seen_tip_ = now.reply_sequence != 0;
   close_up_camera_.half_height_nm = close_up_half_nm_ / close_up_zoom_;
   Vec3 middle = tip;
@@ -188,7 +191,7 @@ view_model::Camera Viewer::fitted_overview(const Area& area) const noexcept {
 }
 
 void Viewer::settle(int frames) {
-  for (int i = 0; i < frames; ++i) follow_tip();
+  for (int i = 0; i < frames; ++i) follow_tip(1 / kFollowHz);
 }
 
 void Viewer::handle_keys(double time_s) {
@@ -333,8 +336,15 @@ void Viewer::draw_guide(const Layout& layout) {
 void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
   const Layout& l = layout;
-  const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(io.MousePos.x, io.MousePos.y);
-  const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
+  // A press anchors. Touch screens, tablets and remote desktops put the pointer down far from where it was:
+  // taken for a drag, the way there would lead the tip into the sample.
+  const bool anchors = pressed_at_ || io.MouseClicked[0] || io.MouseClicked[1] || io.MouseClicked[2];
+  const ImVec2 from = pressed_at_ && ImGui::IsMousePosValid() ? *pressed_at_ : io.MousePos;
+  pressed_at_.reset();
+  const double dx = anchors ? io.MousePos.x - from.x : io.MouseDelta.x;
+  const double dy = anchors ? io.MousePos.y - from.y : io.MouseDelta.y;
+  const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(from.x, from.y);
+  const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(from.x, from.y);
   const bool free = !io.WantCaptureMouse;
   if (drag_ == Drag::kNone && free && over_overview && io.MouseClicked[0] && !io.KeyCtrl &&
       map_.place_at(ground_, io.MousePos))
@@ -359,12 +369,6 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const view_model::Camera camera = fitted_overview(l.overview);
   const double overview_nm_px = camera.nm_per_pixel(l.overview.height_px);
   const double close_up_nm_px = close_up_camera_.nm_per_pixel(l.close_up.height_px);
-  // A press anchors. Touch screens, tablets and remote desktops put the pointer down far from where it was:
-  // taken for a drag, the way there would lead the tip into the sample.
-  const bool anchors = pressed_ || io.MouseClicked[0] || io.MouseClicked[1] || io.MouseClicked[2];
-  pressed_ = false;
-  const double dx = anchors ? 0 : io.MouseDelta.x;
-  const double dy = anchors ? 0 : io.MouseDelta.y;
   if (panel_.mouse_leads()) move_hand_by_keys(close_up_nm_px);
   switch (drag_) {
     case Drag::kHandInOverview: {
@@ -592,7 +596,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   ImGui::NewFrame();
   handle_keys(time_s);
   if (playback_ != nullptr) take_played(time_s);
-  follow_tip();
+  follow_tip(time_s - std::exchange(followed_s_, time_s));
   if (live_.any() && region_.follow(ground_, tip_w_nm())) set_region();
   handle_mouse(layout, time_s);
 

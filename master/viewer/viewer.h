@@ -53,9 +53,9 @@ class Viewer {
   const view_model::Region& region() const noexcept { return region_; }
   const view_model::Camera& overview_camera() const noexcept { return overview_camera_; }
   const view_model::Camera& close_up_camera() const noexcept { return close_up_camera_; }
-  /// A button has gone down since the last frame, be it that it was let go and pressed again within it: the
-  /// pointer's way until there is no drag.
-  void note_press() noexcept { pressed_ = true; }
+  /// A button has gone down since the last frame, at this place, be it that it was let go and pressed again
+  /// within it: the pointer's way until there is no drag, that from there on is one.
+  void note_press(const ImVec2& place) noexcept { pressed_at_ = place; }
   /// As drawn last: stands back where the tip would leave the picture.
   const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
   /// Asked for since the last call.
@@ -75,6 +75,8 @@ class Viewer {
   /// Shown for two seconds.
   void say(const std::string& text, double time_s);
   void show(Views views) noexcept { views_ = views; }
+  /// A person writes a note: letters are no commands.
+  bool writes_note() const noexcept { return note_box_.is_open(); }
   /// The session is over: its last moment stays, with these lines over it.
   void end(view_model::SessionEnd end);
   /// By key or button once the session has ended: the same once more.
@@ -84,7 +86,7 @@ class Viewer {
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };
 
   void reset_cameras();
-  void follow_tip();
+  void follow_tip(double dt_s);
   void handle_keys(double time_s);
   void handle_session_keys(double time_s);
   void handle_scaling_keys();
@@ -127,7 +129,7 @@ class Viewer {
   bool seen_tip_ = false;
   Views views_ = Views::kBoth;
   Drag drag_ = Drag::kNone;
-  bool pressed_ = false;
+  std::optional<ImVec2> pressed_at_;  // since the last frame
   bool help_ = false;
   view_model::FirstTouch first_touch_;
   view_model::Measurement measurement_;
@@ -141,6 +143,7 @@ class Viewer {
   bool again_ = false;
   view_model::Playback* playback_ = nullptr;
   double drawn_s_ = 0;
+  double followed_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
   view_model::SessionEnd ending_;  // no lines: the session goes on

@@ -597,12 +597,43 @@ TEST_F(Render, APressThatIsOnlySeenByTheWindowAnchorsToo) {
   io.MouseDown[0] = true;
   frame();
   io.MousePos = {static_cast<float>(area.x_px + 160), static_cast<float>(area.y_px + 380)};
-  viewer_->note_press();
+  viewer_->note_press(io.MousePos);
   frame();
   EXPECT_EQ(viewer_->hand().hand_pos_h_m().norm(), 0);
   io.MousePos.y -= 8;
   frame();
   EXPECT_GT(viewer_->hand().hand_pos_h_m().z(), 0);
+}
+
+// Where a frame is late, the pointer has come by a jump, gone down and gone on since the last one: the way
+// after the press is the drag, as if it had been drawn in time.
+TEST_F(Render, WhatFollowsAPressWithinOneFrameIsADrag) {
+  facts_.mouse_is_hand = true;
+  const auto drag_of = [&](bool late) {
+    make();
+    play(0, 1500);
+    viewer_->settle(1000);
+    ImGuiIO& io = ImGui::GetIO();
+    io.MouseDown[0] = false;
+    const Area area = layout().close_up;
+    io.MousePos = {static_cast<float>(area.x_px + 40), static_cast<float>(area.y_px + 60)};
+    frame();
+    io.MousePos = {static_cast<float>(area.x_px + 160), static_cast<float>(area.y_px + 380)};
+    io.MouseDown[0] = true;
+    viewer_->note_press(io.MousePos);
+    if (!late) frame();
+    io.MousePos.x += 12;
+    io.MousePos.y += 30;
+    frame();
+    io.MouseDown[0] = false;
+    return viewer_->hand().hand_pos_h_m();
+  };
+  const Vec3 in_time = drag_of(false);
+  const Vec3 late = drag_of(true);
+  EXPECT_GT(in_time.x(), 0);
+  EXPECT_LT(in_time.z(), 0);
+  EXPECT_LT((late - in_time).norm(), 1e-6 * in_time.norm())
+      << late.transpose() << ", " << in_time.transpose();
 }
 
 // A stop withdraws the tip to the top of the workspace, 100 nm above a scan of 15: five times as high in a
