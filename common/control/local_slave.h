@@ -18,6 +18,7 @@ struct LocalStep {
   Vec3 target_w_nm = Vec3::Zero();
   Vec3 vel_w_nm_s = Vec3::Zero();
   std::uint32_t flags = 0;  ///< of the command
+  bool operates = true;     ///< of a shared tip: it belongs to the present holding; else it moves nothing
   double dt_s = 1e-3;
 };
 

@@ -34,7 +34,7 @@ ClientSession::ClientSession(const ClientConfig& config)
       snapshot_(config.snapshot_bytes) {
   config_.redundancy = std::min(config_.redundancy, kMaxRecent);
   if (config_.redundancy == 0) config_.feature_bits &= ~std::uint64_t{kFeatureRedundancy};
-  if (config_.step_ring == 0) config_.feature_bits &= ~std::uint64_t{kFeatureStepLog};
+  if (config_.step_ring == 0) config_.feature_bits &= ~std::uint64_t{kFeatureStepLog | kFeatureSharedLog};
 }
 
 void ClientSession::set_state(ClientState state, std::int64_t now_ns) noexcept {
@@ -316,7 +316,9 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
     command.flags &= ~(kFlagTakeOver | kFlagHandOver);
   }
   if (logs_steps()) {
-    const std::size_t bytes = steps_.write(step_bytes_, now_ns, step_wait_ns());
+    const bool stops = (command.flags & kFlagStop) != 0;
+    const std::size_t bytes = steps_.write(step_bytes_, now_ns, step_wait_ns(), stops);
+    if (bytes > 0) command.tip_hold = steps_.written_hold();
     // The steps say where the tip goes. What is zero takes no bytes: 54 in each datagram, at 8 kHz a fifth of
     // all that is sent.
     Command beside = command;

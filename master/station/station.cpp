@@ -205,7 +205,8 @@ void Station::begin_session(const link::Welcome& welcome, bool known_book) noexc
   has_scene_ = true;
   if (twin_) {
     if (logs_steps() && twin_->scene_hash() == welcome.scene_hash) {
-      twin_->begin(welcome.steps, new_epoch || !has_scene_, 1e-3 * welcome.timeout_ms, last_tick_ns_);
+      twin_->begin(welcome.steps, new_epoch || !has_scene_, 1e-3 * welcome.timeout_ms, last_tick_ns_,
+                   shares_tip());
     } else {
       twin_->leave();
     }
@@ -317,7 +318,10 @@ void Station::accept_reply(const StationInput& input) noexcept {
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
-      if (twin_ && logs_steps()) twin_->on_reply(reply_.steps, input.time_ns);
+      if (twin_ && logs_steps()) {
+        twin_->hold(tip_hold_);
+        twin_->on_reply(reply_.steps, input.time_ns);
+      }
       const link::ReceivedSums::News added = book_slave();
       if (holds_tip()) {
         tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
@@ -388,7 +392,14 @@ void Station::tell_method(const link::ReceivedSums::News& added, double price_j_
 /// another method or scale), the ramp starts where the new one, so scaled, is no larger than what acts.
 void Station::render(const StationInput& input, double dt_s, StationTrace& trace) noexcept {
   control::StationMethod& method = methods_.now();
+  const Vec3 last_h_n = rendered_force_h_n_;
   rendered_force_h_n_ = method.force_h_n({mapping_.target_w_nm(), input.command_sequence, dt_s});
+  // A method that knows less of the contact than the twin did must not drop the hand.
+  if (std::exchange(leaves_twin_, false)) left_by_twin_h_n_ = last_h_n - rendered_force_h_n_;
+  const double left_n = left_by_twin_h_n_.norm();
+  const double goes_n = control::Twin::kGoOver_n_s * std::min(dt_s, period_s_);
+  left_by_twin_h_n_ *= left_n > goes_n ? 1 - goes_n / left_n : 0;
+  rendered_force_h_n_ += left_by_twin_h_n_;
   if (bump_ahead_) {
     const double norm_n2 = rendered_force_h_n_.squaredNorm();
     const double along = norm_n2 > 0 ? commanded_force_h_n_.dot(rendered_force_h_n_) / norm_n2 : 0;
@@ -431,7 +442,7 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   }
   const bool wanted = (!config_.require_deadman || (input.buttons & device::kButtonDeadman)) &&
                       !(input.buttons & device::kButtonClutch) &&
-                      input.device_status == device::DeviceStatus::kOk && holds_tip();
+                      input.device_status == device::DeviceStatus::kOk && holds_tip() && !twin_waits();
   waits_for_tip_ = wanted && has_reply_ && tip_up_;
   if (!wanted || waits_for_tip_) {
     mode_ = Mode::kReady;
@@ -509,6 +520,7 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   if (!logs_steps() || !input.session_up) return;
   output.has_step = true;
   output.step = link::logged_step(mapping_.target_w_nm(), command_flags(input), step_dt_s);
+  output.step.hold = tip_hold_;
   if (!twin_) return;
   if (input.snapshot != nullptr) {
     const link::SnapshotFetch& state = *input.snapshot;
@@ -517,7 +529,10 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   if (input.snapshot_refused && twin_->wants_snapshot()) twin_->give_up();
   twin_->step(input.next_step, output.step, input.time_ns);
   output.wants_snapshot = twin_->wants_snapshot();
-  if (methods_.method() == control::Method::kTwin && !twin_->on()) change_method(config_.method);
+  if (methods_.method() == control::Method::kTwin && !twin_->on()) {
+    change_method(config_.method);
+    leaves_twin_ = true;
+  }
   if (!shows_twin()) return;
   control::LocalNews news;
   news.other_state = twin_->take_swapped();

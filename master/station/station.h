@@ -169,6 +169,8 @@ class Station {
   bool shows_twin() const noexcept {
     return twin_ && twin_->on() && methods_.method() == control::Method::kTwin;
   }
+  /// Of a shared tip, while its state is not here yet: what the twin would show is not known.
+  bool twin_waits() const noexcept { return shows_twin() && twin_->waits(); }
   double hold_s() const noexcept;
   double zero_s() const noexcept;
   std::uint32_t command_flags(const StationInput& input) const noexcept;
@@ -230,7 +232,9 @@ class Station {
   link::Reply reply_{};
   Vec3 tip_force_h_n_ = Vec3::Zero();  ///< of that reply, scaled
   Vec3 rendered_force_h_n_ = Vec3::Zero();
-  bool bump_ahead_ = false;  // the force may be another one at once: let the ramp bring it in
+  bool leaves_twin_ = false;              // the method is another one from this tick on, in contact perhaps
+  Vec3 left_by_twin_h_n_ = Vec3::Zero();  // that it showed more, which goes at control::Twin::kGoOver_n_s
+  bool bump_ahead_ = false;               // the force may be another one at once: let the ramp bring it in
   std::uint64_t newest_sequence_ = 0;
   std::int64_t last_reply_ns_ = 0;
   double stale_s_ = 0;

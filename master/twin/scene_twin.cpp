@@ -24,8 +24,8 @@ SceneTwin::SceneTwin(std::shared_ptr<const scene::Scene> scene) : scene_(std::mo
 
 void SceneTwin::step(const control::LocalStep& step, control::LocalAnswer& answer) noexcept {
   const bool was_up = (output_.fault_bits & link::kFaultRetracted) != 0;
-  slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, true, was_up), step.dt_s,
-              output_);
+  slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, step.operates, was_up),
+              step.dt_s, output_);
   fill(output_, answer);
 }
 

@@ -206,6 +206,8 @@ class Server {
   std::size_t on_unusable_command(const link::Command& command, link::DropCause cause, std::size_t slot,
                                   std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void share_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
+  bool is_anchored(std::size_t slot, std::uint32_t hold) const noexcept;
+  void begin_holding(std::size_t slot) noexcept;
   /// Steps the tip of `slot` by one command, and by those before it that it repeats.
   void move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
                 std::int64_t now_ns) noexcept;

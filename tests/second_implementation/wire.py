@@ -33,6 +33,7 @@ FEATURE_WELL = 1 << 6
 FEATURE_SCENE = 1 << 7
 #: Known on the wire; station.py and server.py do not ask for it, nor grant it.
 FEATURE_STEP_LOG = 1 << 8
+FEATURE_SHARED_LOG = 1 << 9
 KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
                   FEATURE_PARTICLE | FEATURE_WELL | FEATURE_SCENE)
 
@@ -205,6 +206,34 @@ def steps(data):
         return None
     good = 1 <= first <= (1 << 63) - 1 and 1 <= count <= 64 and len(found) == count
     return found if good else None
+
+
+def pack_steps(first, made):
+    """Command.steps of as many of `made`, [(target, length_ns, flags)] from number `first` on, as fit; and how many."""
+    def varint_of(value):
+        value = value << 1 if value >= 0 else (-value << 1) - 1
+        out = bytearray()
+        while value >= 0x80:
+            out.append(value & 0x7F | 0x80)
+            value >>= 7
+        return bytes(out) + bytes([value])
+
+    records, target, length, count = b"", (0, 0, 0), 0, 0
+    for new_target, new_length, flags in made[:64]:
+        head, body = flags & 7, b""
+        if new_target == target:
+            head |= 8
+        else:
+            body += b"".join(varint_of(b - a) for a, b in zip(target, new_target))
+        if new_length == length:
+            head |= 16
+        else:
+            body += varint_of(new_length - length)
+        if 9 + len(records) + 1 + len(body) > STEPS_BYTES[-1]:
+            break
+        records += bytes([head]) + body
+        target, length, count = new_target, new_length, count + 1
+    return struct.pack("<QB", first, count) + records, count
 
 
 def scan(payload, cls):

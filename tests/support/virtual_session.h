@@ -82,6 +82,8 @@ class VirtualSession {
   void stop_server(int ms);
   /// What a server made from now on says of its scene.
   void set_scene_hash(std::uint64_t hash) noexcept { scene_hash_ = hash; }
+  /// What the station's channel vouches for from now on: its key was given another right.
+  void set_standing(const net::Standing& standing) noexcept { config_.standing = standing; }
   const std::shared_ptr<server::Server>& shared_server() const noexcept { return server_; }
 
   /// The task is over; a hand of the test's own is never done.

@@ -232,6 +232,7 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
     const char* const text = twin == station::TwinState::kConfirmed ? "twin: the server's state"
                              : twin == station::TwinState::kApart   ? "twin: apart from the server"
                              : twin == station::TwinState::kGivenUp ? "twin: given up"
+                             : twin == station::TwinState::kWaits   ? "twin: waits for the shared tip"
                                                                     : "twin: none in this session";
     recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventTwin, text,
                                           static_cast<std::uint32_t>(station_.twin()->partings())));

@@ -275,7 +275,7 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
                  scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop, std::string& why) {
   Twins twins;
   if (!session.logs_steps()) {
-    why = "this server keeps no log of steps (a shared tip, a real AFM or an older program)";
+    why = "this server keeps no log of steps (a real AFM or an older program)";
     return twins;
   }
   if (!wanted && link.median_s > control::MethodChoice::kTwinMost_s) {

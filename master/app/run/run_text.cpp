@@ -29,6 +29,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
     line += "  twin: apart from the server, taking up its state";
   else if (p.twin == station::TwinState::kGivenUp)
     line += "  twin: given up";
+  else if (p.twin == station::TwinState::kWaits)
+    line += p.observes ? "" : "  twin: takes up the tip's state";
   else if (p.twin != station::TwinState::kNone)
     line += fmt::format("  twin: {} steps ahead", p.twin_behind);
   if (p.force_off != device::ForceOffCause::kNone)
