@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "telenano/common/link/messages.h"
+
 namespace telenano::station {
 
 const char* twin_state_name(TwinState state) noexcept {
@@ -56,7 +58,7 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   catching_up_ = false;
   now_->reset();
   answer_ = {};
-  swapped_ = true;
+  swapped_ = other_state_ = true;
   given_aj_ = std::min(given_aj_, 0.0);  // what the last slave has given is not this one's to give again
   book_aj_ = 0;
   newest_ = confirmed_ = welcome.executed;
@@ -78,8 +80,11 @@ void TwinRun::make(control::LocalSlave& slave, const link::LoggedStep& step, con
   slave.step(local, answer);
 }
 
-void TwinRun::book(double out_less_in_aj) noexcept {
-  given_aj_ += out_less_in_aj - book_aj_;
+void TwinRun::book() noexcept {
+  const double out_less_in_aj = answer_.energy_out_aj - answer_.energy_in_aj;
+  const bool in_contact = answer_.contact_state == static_cast<std::uint32_t>(link::ContactState::kContact);
+  given_aj_ -= companding_.step(answer_.stored_aj, book_aj_ - out_less_in_aj, in_contact,
+                                std::exchange(other_state_, false));
   book_aj_ = out_less_in_aj;
   most_given_aj_ = std::max(most_given_aj_, given_aj_);
 }
@@ -101,7 +106,7 @@ void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int6
     be(TwinState::kGivenUp);
     return;
   }
-  book(answer_.energy_out_aj - answer_.energy_in_aj);
+  book();
   if (catching_up_) catch_up(now_ns);
   if (state_ == TwinState::kConfirmed) be(TwinState::kBehind);
 }
@@ -180,7 +185,7 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
   std::swap(now_heights_, next_heights_);
   answer_ = next_answer_;
   catching_up_ = false;
-  swapped_ = true;
+  swapped_ = other_state_ = true;
   // No exchange: what the new state holds less than the last one is not given, and more is withheld.
   const double book_aj = answer_.energy_out_aj - answer_.energy_in_aj;
   given_aj_ += std::min(0.0, book_aj - book_aj_);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
+#include "telenano/common/control/companding.h"
 #include "telenano/common/control/local_slave.h"
 #include "telenano/common/link/step_log.h"
 
@@ -45,6 +46,12 @@ class TwinRun {
   std::uint64_t scene_hash() const noexcept { return now_->scene_hash(); }
   double well_aj() const noexcept { return now_->well_aj(); }
 
+  /// Forces before contact are shown stronger from now on (control/companding.h).
+  void compand(const control::CompandingConfig& config) noexcept { companding_.configure(config); }
+  const control::Companding& companding() const noexcept { return companding_; }
+  /// What is to be felt of answer(): its force, companded.
+  Vec3 felt_force_w_nn() const noexcept { return companding_.gain() * answer_.force_w_nn; }
+
   /// A session whose server has executed the log up to `welcome`; `new_slave`: another epoch, so that its
   /// slave is a new one.
   void begin(const link::StepReport& welcome, bool new_slave, double timeout_s, std::int64_t now_ns) noexcept;
@@ -70,7 +77,7 @@ class TwinRun {
   std::uint64_t partings() const noexcept { return partings_; }
   std::uint64_t snapshots() const noexcept { return snapshots_; }
 
-  /// Of the twin's own book: the most that its sample has given beyond what was put in, aJ. A state that is
+  /// Of the twin's own book, companded: the most that its sample has given beyond what was put in, aJ. A state that is
   /// taken up is no exchange: what it holds less than the last one is not given, and what it has given more
   /// is withheld.
   double most_given_aj() const noexcept { return most_given_aj_; }
@@ -105,7 +112,7 @@ class TwinRun {
             control::LocalAnswer& answer) noexcept;
   void part(std::uint32_t reason, std::int64_t now_ns) noexcept;
   void catch_up(std::int64_t now_ns) noexcept;
-  void book(double out_less_in_aj) noexcept;
+  void book() noexcept;
   void be(TwinState state) noexcept {
     state_ = state;
     heights_.store(on() ? now_heights_.get() : nullptr, std::memory_order_release);
@@ -127,6 +134,8 @@ class TwinRun {
   double book_aj_ = 0;   // out less in, of the state in use
   double most_given_aj_ = 0;
   bool swapped_ = false;
+  bool other_state_ = false;  // since the last step that was booked
+  control::Companding companding_;
   std::shared_ptr<const surface::HeightView> now_heights_;
   std::shared_ptr<const surface::HeightView> next_heights_;
   std::atomic<const surface::HeightView*> heights_{nullptr};
