@@ -257,14 +257,13 @@ Figure draw_ks14(const FigureFolder& folder) {
       ""};
   const auto lines = [&](int column) {
     std::vector<std::string> all{
-        fmt::format("'ks14.csv' index 0 using 1:{} lc rgb '{}' lw 1 title 'ks, as published'", column, kGrey),
+        fmt::format("'ks14.csv' index 0 using 1:{} lc rgb '{}' lw 1 title 'ks'", column, kGrey),
         fmt::format("'ks14.csv' index 1 using 1:{} lc rgb '{}' lw 1 title 'ks-clamp'", column, kGreen),
         fmt::format("'ks14.csv' index 2 using 1:{} lc rgb '{}' lw 1.4 title 'model'", column,
                     column == 2 ? kBlue : kRed)};
     if (own.force_scale > 0)
-      all.push_back(fmt::format(
-          "'ks14.csv' index 5 using 1:{} lc rgb '{}' lw 1.4 title 'ks, as published, {:.2g} times'", column,
-          kPurple, 11 * own.force_scale / kHardContactForceScale));
+      all.push_back(fmt::format("'ks14.csv' index 5 using 1:{} lc rgb '{}' lw 1.4 title 'ks, {:.2g} times'",
+                                column, kPurple, 11 * own.force_scale / kHardContactForceScale));
     return all;
   };
   draw(figure, folder, lines(2), lines(3));

@@ -16,6 +16,7 @@ namespace {
 constexpr double kContactBegins_s = 2.5;
 constexpr double kContactEnds_s = 4.5;
 constexpr double kIndent_s = 4;
+constexpr double kHeld_n = 0.05;                 // by the sample, where the tip has not let go
 constexpr double kIndents_nm[] = {-4, -8, -12};  // as intended: hand and springs yield
 
 std::vector<device::IntendedMotion::Waypoint> script(double start_nm) {
@@ -78,9 +79,11 @@ Figure draw_ks16(const FigureFolder& folder) {
                          run->rows[i].hand_force_n);
     csv += "\n\n";
     found += fmt::format(
-        " {}: {:.2g} N in contact, to {:.3g} nm below the surface at {:.3g} N, lets go at {:.2g} N; the hand "
+        " {}: {:.2g} N in contact, to {:.3g} nm below the surface at {:.3g} N, {} {:.2g} N; the hand "
         "spends {:.3g} mJ.",
-        run->sample, run->contact_n, run->deepest_nm, run->greatest_n, run->pull_off_n, run->hand_work_mj);
+        run->sample, run->contact_n, run->deepest_nm, run->greatest_n,
+        run->rows.back().hand_force_n < -kHeld_n ? "held to the end by up to" : "lets go at", run->pull_off_n,
+        run->hand_work_mj);
   }
   folder.write("ks16.csv", csv);
   write_beside_paper(
