@@ -96,12 +96,12 @@ void write_cb04_beside(const FigureFolder& folder, const std::string& id, bool f
                     "CB section 4", fmt::format("{:.3g} cm/s", example_cm_s),
                     fmt::format("{:+.2g} %", 100 * (example_cm_s / 7.8 - 1))});
   if (filtered)
-    beside.push_back({"30 Hz filter", "helps virtual damping at high rates", "as printed", "CB fig. 4c",
+    beside.push_back({"30 Hz filter", "helps virtual damping at high rates", "as printed", "CB figs. 4a-d",
                       fmt::format("damping ×{:.2g} (median), ×{:.2g} at most", gains[3].damping_median,
                                   gains[3].damping_most),
                       gains[3].damping_median > 1 ? "agrees" : "does not agree"});
   beside.push_back({"curves of K over B", "mass and damping lost from the text", "no axis in the text",
-                    "CB fig. 4", "in the caption, for 2 kg, 2 and 20 N s/m", "not comparable"});
+                    "CB figs. 4a-d", "in the caption, for 2 kg, 2 and 20 N s/m", "not comparable"});
   write_beside_paper(folder, id, beside);
 }
 
