@@ -69,7 +69,7 @@ void write_cb04_beside(const FigureFolder& folder, const std::string& id, bool f
   };
   std::vector<BesidePaper> beside{
       {"damper in", "raises the greatest stiffness and damping in all cases", "as printed",
-       "CB section 5, fig. 4", both(gains[0].stiffness_least, gains[0].damping_least) + " at least",
+       "CB section 5", both(gains[0].stiffness_least, gains[0].damping_least) + " at least",
        gains[0].stiffness_least > 1 && gains[0].damping_least > 1 ? "agrees" : "does not agree"},
       {"1 kHz for 100 Hz", "high stiffness needs a high rate", "as printed", "CB section 5",
        fmt::format("stiffness ×{:.2g} (median)", gains[1].stiffness_median),
@@ -81,7 +81,7 @@ void write_cb04_beside(const FigureFolder& folder, const std::string& id, bool f
     beside.push_back(
         {"damping at 1 kHz, seen (0.5 mm and four counts)",
          "large damping is difficult to achieve at the high rate", "no axis in the text",
-         "CB section 5, figs. 4a, 4b", text_of(seen),
+         "CB section 5", text_of(seen),
          seen.fast < seen.slow ? "agrees" : "does not agree: the swing is too small to be seen"});
   beside.push_back(
       {fmt::format("damping at 1 kHz, felt (force swings by {:g} N of {:g})", kFeltSwing_n, kFirmPush_n),
@@ -96,12 +96,12 @@ void write_cb04_beside(const FigureFolder& folder, const std::string& id, bool f
                     "CB section 4", fmt::format("{:.3g} cm/s", example_cm_s),
                     fmt::format("{:+.2g} %", 100 * (example_cm_s / 7.8 - 1))});
   if (filtered)
-    beside.push_back({"30 Hz filter", "helps virtual damping at high rates", "as printed", "CB figs. 4a-d",
+    beside.push_back({"30 Hz filter", "helps virtual damping at high rates", "as printed", "CB figs. 4a–d",
                       fmt::format("damping ×{:.2g} (median), ×{:.2g} at most", gains[3].damping_median,
                                   gains[3].damping_most),
                       gains[3].damping_median > 1 ? "agrees" : "does not agree"});
   beside.push_back({"curves of K over B", "mass and damping lost from the text", "no axis in the text",
-                    "CB figs. 4a-d", "in the caption, for 2 kg, 2 and 20 N s/m", "not comparable"});
+                    "CB figs. 4a–d", "in the caption, for 2 kg, 2 and 20 N s/m", "not comparable"});
   write_beside_paper(folder, id, beside);
 }
 
