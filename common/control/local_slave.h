@@ -32,6 +32,7 @@ struct LocalAnswer {
   std::uint32_t fault_bits = 0;     ///< link::FaultBits
   double energy_in_aj = 0;          ///< cumulative
   double energy_out_aj = 0;
+  double stored_aj = 0;  ///< in coupling, probe and sample: a function of the state, 0 far away
 };
 
 /// Seam: the server's slave, run at the station; whose state is a function of its steps, to the bit. Nothing

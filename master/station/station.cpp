@@ -109,7 +109,10 @@ double Station::given_aj() const noexcept {
 /// That is known all the same when the twin was given up: a server must not gain by making it part.
 double Station::well_j() const noexcept {
   const bool knows_scene = twin_ && has_scene_ && twin_->scene_hash() == scene_hash_;
-  const double believed_aj = knows_scene ? std::min(well_aj_, twin_->well_aj()) : well_aj_;
+  double believed_aj = knows_scene ? std::min(well_aj_, twin_->well_aj()) : well_aj_;
+  // A companded sample is one whose well is so much deeper. That is the station's own doing, no server's word.
+  if (knows_scene && methods_.method() == control::Method::kTwin)
+    believed_aj += twin_->companding().most_ever_aj();
   return std::min(config_.scaling.hand_energy_j(believed_aj), config_.well_max_j);
 }
 
@@ -177,6 +180,19 @@ bool Station::change_scaling(const control::Scaling& scaling) noexcept {
     tip_force_h_n_ = scaling.hand_force_n(reply_.force_w_nn);
     tell_method({}, 0);
   }
+  bump_ahead_ = true;
+  return true;
+}
+
+bool Station::change_companding(const control::CompandingConfig& companding) noexcept {
+  const bool sane = companding.gain >= 1 && companding.gain <= kCompandingGainMax &&
+                    companding.energy_aj >= 1e-3 && companding.energy_aj <= 1e4;
+  if (!sane) return false;
+  const bool same =
+      companding.gain == config_.companding.gain && companding.energy_aj == config_.companding.energy_aj;
+  config_.companding = companding;
+  if (same) return true;
+  if (twin_) twin_->compand(companding);
   bump_ahead_ = true;
   return true;
 }
@@ -537,7 +553,7 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   control::LocalNews news;
   news.other_state = twin_->take_swapped();
   news.dt_s = std::min(dt_s, period_s_);
-  news.force_h_n = config_.scaling.hand_force_n(twin_->answer().force_w_nn);
+  news.force_h_n = config_.scaling.hand_force_n(twin_->felt_force_w_nn());
   news.well_j = well_j();
   news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);
   methods_.now().feel(news);

@@ -126,7 +126,10 @@ class Station {
           std::unique_ptr<control::StationMethod> stand_in = nullptr);
 
   /// The slave's twin, for sessions that log their steps and serve its scene. Before the first tick.
-  void use_twin(std::unique_ptr<TwinRun> twin) noexcept { twin_ = std::move(twin); }
+  void use_twin(std::unique_ptr<TwinRun> twin) noexcept {
+    twin_ = std::move(twin);
+    if (twin_) twin_->compand(config_.companding);
+  }
   const TwinRun* twin() const noexcept { return twin_.get(); }
 
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
@@ -145,6 +148,9 @@ class Station {
   /// Another scale, likewise; hand and tip stay where they are. False, and nothing changes, where the config
   /// would not be valid or, unless allowed, not safe for this slave.
   bool change_scaling(const control::Scaling& scaling) noexcept;
+  /// Another companding of forces before contact, likewise. False, and nothing changes, where the config would
+  /// not be valid. Felt with a twin only.
+  bool change_companding(const control::CompandingConfig& companding) noexcept;
   control::Method method() const noexcept { return methods_.method(); }
 
   /// Does the tip follow this station, once engaged? Always where each session has its own; of a shared one,

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "telenano/common/link/messages.h"
+
 namespace telenano::station {
 
 const char* twin_state_name(TwinState state) noexcept {
@@ -72,7 +74,7 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   catching_up_ = others_ = false;
   now_->reset();
   answer_ = {};
-  swapped_ = true;
+  swapped_ = other_state_ = true;
   given_aj_ = std::min(given_aj_, 0.0);  // what the last slave has given is not this one's to give again
   book_aj_ = 0;
   newest_ = confirmed_ = welcome.executed;
@@ -108,7 +110,9 @@ void TwinRun::make(control::LocalSlave& slave, const link::LoggedStep& step, con
 
 void TwinRun::book() noexcept {
   const double out_less_in_aj = answer_.energy_out_aj - answer_.energy_in_aj;
-  double given_aj = out_less_in_aj - book_aj_;
+  const bool in_contact = answer_.contact_state == static_cast<std::uint32_t>(link::ContactState::kContact);
+  double given_aj = -companding_.step(answer_.stored_aj, book_aj_ - out_less_in_aj, in_contact,
+                                      std::exchange(other_state_, false));
   book_aj_ = out_less_in_aj;
   if (others_) {
     const double own_aj = own_aj_ - given_aj;
@@ -252,7 +256,7 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
   answer_ = next_answer_;
   last_target_w_nm_ = next_target_w_nm_;
   catching_up_ = false;
-  swapped_ = true;
+  swapped_ = other_state_ = true;
   book_swap();
   if (waits()) {
     others_ = answer_.contact_state != static_cast<std::uint32_t>(link::ContactState::kFree);

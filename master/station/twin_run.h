@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
+#include "telenano/common/control/companding.h"
 #include "telenano/common/control/local_slave.h"
 #include "telenano/common/link/step_log.h"
 
@@ -49,6 +50,12 @@ class TwinRun {
   std::uint64_t scene_hash() const noexcept { return now_->scene_hash(); }
   double well_aj() const noexcept { return now_->well_aj(); }
 
+  /// Forces before contact are shown stronger from now on (control/companding.h).
+  void compand(const control::CompandingConfig& config) noexcept { companding_.configure(config); }
+  const control::Companding& companding() const noexcept { return companding_; }
+  /// What is to be felt of answer(): its force, companded.
+  Vec3 felt_force_w_nn() const noexcept { return companding_.gain() * answer_.force_w_nn; }
+
   /// A session whose server has executed the log up to `welcome`; `new_slave`: another epoch, so that its
   /// slave is a new one. `shared`: of a tip that others move too.
   void begin(const link::StepReport& welcome, bool new_slave, double timeout_s, std::int64_t now_ns,
@@ -79,7 +86,7 @@ class TwinRun {
   std::uint64_t partings() const noexcept { return partings_; }
   std::uint64_t snapshots() const noexcept { return snapshots_; }
 
-  /// Of the twin's own book: the most that its sample has given beyond what was put in, aJ. A state that is
+  /// Of the twin's own book, companded: the most that its sample has given beyond what was put in, aJ. A state that is
   /// taken up is no exchange: what it holds less than the last one is not given, and what it has given more
   /// is withheld. What another holder has put into the sample is not given either: until the tip has been free
   /// once, no more than this one has put in.
@@ -146,6 +153,8 @@ class TwinRun {
   double own_aj_ = 0;       // so much besides is this one's
   bool heard_old_ = false;  // in this holding: a state of before it, which was on its way when it began
   bool swapped_ = false;
+  bool other_state_ = false;  // since the last step that was booked
+  control::Companding companding_;
   std::shared_ptr<const surface::HeightView> now_heights_;
   std::shared_ptr<const surface::HeightView> next_heights_;
   std::atomic<const surface::HeightView*> heights_{nullptr};

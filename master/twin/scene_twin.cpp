@@ -27,6 +27,7 @@ void SceneTwin::step(const control::LocalStep& step, control::LocalAnswer& answe
   slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, step.operates, was_up),
               step.dt_s, output_);
   fill(output_, answer);
+  answer.stored_aj = slave_.stored_aj();
 }
 
 void SceneTwin::reset() noexcept {
@@ -38,6 +39,7 @@ bool SceneTwin::load(std::span<const std::uint8_t> bytes, control::LocalAnswer& 
   const bool loaded = slave_.load(bytes);
   slave_.say_again(output_);
   fill(output_, answer);
+  answer.stored_aj = slave_.stored_aj();
   return loaded;
 }
 

@@ -106,6 +106,8 @@ class NveSlave final : public Slave {
   void reset() noexcept override;
   std::size_t snapshot_bytes_max() const noexcept override;
 
+  /// Energy in coupling, probe and sample: a function of the state, 0 far away and at rest.
+  double stored_aj() const noexcept { return port().stored_aj; }
   /// What the last step said, or the one before a load(); without its local model.
   void say_again(SlaveOutput& output) noexcept { publish(last_faults_, output); }
 

@@ -146,6 +146,8 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
   if (asked.task >= 0 && free && hand_.motion != nullptr && hand_.motion->begin_task(asked.task)) {
     stays_ = true;
     done_ticks_ = 0;
+    const auto task = static_cast<std::size_t>(asked.task);
+    if (task < companding_.size()) station_.change_companding(companding_[task]);
     if (recorder_ != nullptr)
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventTask, "task chosen",
                                             static_cast<std::uint32_t>(asked.task)));

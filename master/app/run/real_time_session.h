@@ -2,6 +2,8 @@
 
 #include <atomic>
 #include <cstdint>
+#include <utility>
+#include <vector>
 
 #include "telenano/common/control/method_choice.h"
 #include "telenano/common/link/client_session.h"
@@ -113,6 +115,10 @@ class RealTimeSession {
     chooses_method_ = true;
     choice_ = control::MethodChoice(station_.config().method);
   }
+  /// What of weak forces is shown in each task that the window offers (Station::change_companding).
+  void set_companding(std::vector<control::CompandingConfig> of_tasks) noexcept {
+    companding_ = std::move(of_tasks);
+  }
   /// Goes on to the next server when the current one is lost, before run(). `servers` is the socket that was
   /// given to the constructor, with several in it.
   void set_servers(connection::ServerList& servers) noexcept { servers_ = &servers; }
@@ -182,6 +188,7 @@ class RealTimeSession {
   std::int64_t stop_ticks_ = 0;
   bool chooses_method_ = false;
   control::MethodChoice choice_;
+  std::vector<control::CompandingConfig> companding_;  // by the task's place in the list
   bool quit_ = false;
   bool stays_ = false;
   std::uint32_t marks_ = 0;

@@ -80,6 +80,7 @@ void require_numbers(const RunOptions& options) {
   require("--rate", options.rate_hz.value_or(0));
   require("--duration-s", options.duration_s.value_or(0));
   require("--depth-nm", options.depth_nm.value_or(0));
+  require("--compand", options.compand.value_or(1));
   require("--connect-timeout-s", options.connect_timeout_s);
   require("--give-up-s", options.give_up_s);
 }
@@ -106,6 +107,7 @@ StationFile station_file(const RunOptions& options) {
   }
   if (options.velocity_scale) file.scaling.velocity = *options.velocity_scale;
   if (options.force_scale) file.scaling.force = *options.force_scale;
+  if (options.compand) config.companding.gain = *options.compand;
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
   if (options.duration_s) file.task.duration_s = *options.duration_s;
   if (options.redundancy) file.redundancy = *options.redundancy;
@@ -166,6 +168,14 @@ std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& option
   return tasks;
 }
 
+/// As many as there are tasks.
+std::vector<control::CompandingConfig> companding_of_tasks(const StationFile& file,
+                                                           const std::vector<SimTask>& tasks) {
+  std::vector<control::CompandingConfig> all;
+  for (const SimTask& task : tasks) all.push_back(companding_of(file, task.free ? "hand" : task.name));
+  return all;
+}
+
 /// A window that was opened to look around stays when the first task is done; one that was told which task,
 /// or for how long, goes with it.
 bool stays_open(const RunOptions& options, const SessionView& view, bool simulated) {
@@ -215,6 +225,17 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
                playout_s * 1e3, link.p99_s * 1e3);
   }
   if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
+  const control::CompandingConfig& companding = file.station.companding;
+  if (companding.on() && method == control::Method::kTwin) {
+    fmt::print(
+        stderr,
+        "companding: attraction before contact up to {:g} times as strong, tasks {}; a hand may get {:.3g} "
+        "mJ more of it\n",
+        companding.gain, file.companding_tasks,
+        1e3 * file.station.scaling.hand_energy_j(companding.most_aj()));
+  } else if (companding.on()) {
+    fmt::print(stderr, "note: companding is felt with method twin only: forces are shown as they are\n");
+  }
 }
 
 // What is told of a shared tip before the session begins, and what is asked for.
@@ -496,6 +517,8 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     opened.device = std::move(device);
     add_pedals(opened, file.pedal);
   }
+  const std::vector<control::CompandingConfig> companding = companding_of_tasks(file, tasks);
+  file.station.companding = companding_of(file, simulated ? std::string_view(options.task) : "hand");
   const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
   // Who only looks on has no task that could be over: until stopped, or for as long as was said.
   const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
@@ -516,6 +539,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   if (servers.size() > 1) live.set_servers(servers);
   if (options.practice) live.set_practice(servers);
   if (file.chooses_method) live.choose_method();
+  live.set_companding(companding);
   if (view_model::ViewRequestHandler* const requests =
           view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
                       options.record, tasks, file.plant.workspace_half_m, options.give_up_s,
