@@ -31,6 +31,9 @@ struct LocalAnswer {
   std::uint32_t fault_bits = 0;     ///< link::FaultBits
   double energy_in_aj = 0;          ///< cumulative
   double energy_out_aj = 0;
+  // What only a person wants to see.
+  double contact_radius_nm = 0;  ///< 0: no contact
+  double adhesion_nn = 0;        ///< pull at which a contact here lets go; 0: not known
 };
 
 /// Seam: the server's slave, run at the station; whose state is a function of its steps, to the bit. Nothing

@@ -27,6 +27,8 @@ void SceneTwin::step(const control::LocalStep& step, control::LocalAnswer& answe
   slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, true, was_up), step.dt_s,
               output_);
   fill(output_, answer);
+  answer.contact_radius_nm = slave_.contact_radius_nm();
+  answer.adhesion_nn = slave_.adhesion_nn();
 }
 
 void SceneTwin::reset() noexcept {

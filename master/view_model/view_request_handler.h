@@ -41,6 +41,8 @@ class ViewRequestHandler {
       port_.particle.store({recording::xyz(particle.pos_w_nm), particle.radius_nm, particle.status});
   }
   void show(station::TwinState twin) noexcept { port_.twin.store(twin); }
+  void show(const ShownContact& contact) noexcept { port_.contact.store(contact); }
+  void show_chooser(bool link) noexcept { port_.method_by_link.store(link); }
   /// Of a hand that plays motions.
   void show(const device::TaskState& task) noexcept { port_.task.store(task); }
 
