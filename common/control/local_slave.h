@@ -33,6 +33,9 @@ struct LocalAnswer {
   double energy_in_aj = 0;          ///< cumulative
   double energy_out_aj = 0;
   double stored_aj = 0;  ///< in coupling, probe and sample: a function of the state, 0 far away
+  // What only a person wants to see.
+  double contact_radius_nm = 0;  ///< 0: no contact
+  double adhesion_nn = 0;        ///< pull at which a contact here lets go; 0: not known
 };
 
 /// Seam: the server's slave, run at the station; whose state is a function of its steps, to the bit. Nothing

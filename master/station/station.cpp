@@ -646,6 +646,9 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
     trace.twin = twin_->state();
     trace.twin_behind = twin_->on() ? twin_->behind() : 0;
   }
+  const bool twin_on = twin_ && twin_->on();
+  trace.contact_radius_nm = twin_on ? twin_->answer().contact_radius_nm : 0;
+  trace.adhesion_nn = twin_on ? twin_->answer().adhesion_nn : reply_.model.adhesion_nn;
   trace.model_version = reply_.model.version;
   trace.slave_energy_in_j = config_.scaling.hand_energy_j(reply_.energy_in_aj);
   trace.slave_energy_out_j = config_.scaling.hand_energy_j(reply_.energy_out_aj);

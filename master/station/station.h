@@ -102,7 +102,9 @@ struct StationTrace {
   link::Particle particle;  ///< from the newest reply; radius 0: none, or not known
   TwinState twin = TwinState::kNone;
   std::uint64_t twin_behind = 0;  ///< steps of the twin that are not confirmed
-  bool observes = false;          ///< another session moves the tip, or none: no force, no commanded motion
+  double contact_radius_nm = 0;   ///< of the twin; 0: no contact, or no twin
+  double adhesion_nn = 0;  ///< pull at which a contact here lets go, of twin or local model; 0: not known
+  bool observes = false;   ///< another session moves the tip, or none: no force, no commanded motion
 };
 
 struct StationOutput {

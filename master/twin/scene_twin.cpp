@@ -28,6 +28,8 @@ void SceneTwin::step(const control::LocalStep& step, control::LocalAnswer& answe
               step.dt_s, output_);
   fill(output_, answer);
   answer.stored_aj = slave_.stored_aj();
+  answer.contact_radius_nm = slave_.contact_radius_nm();
+  answer.adhesion_nn = slave_.adhesion_nn();
 }
 
 void SceneTwin::reset() noexcept {

@@ -36,6 +36,13 @@ struct ViewRequest {
   link::PracticeLink practice{};
 };
 
+/// What the tip has of the sample where it is.
+struct ShownContact {
+  double radius_nm = 0;    ///< of the contact; 0: none, or not known
+  double adhesion_nn = 0;  ///< pull at which it lets go; 0: not known
+  bool area_known = false;
+};
+
 /// What a person writes into the recording, about the moment when writing began.
 struct Note {
   static constexpr std::size_t kText = 58;  ///< an event's text less "note: ", with a zero at its end
@@ -51,6 +58,8 @@ struct ViewPort {
   rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
   rt::LatestValue<device::TaskState> task;           ///< of a hand that plays motions
   rt::LatestValue<station::TwinState> twin;          ///< of the server's slave at the station
+  rt::LatestValue<ShownContact> contact;
+  rt::LatestValue<bool> method_by_link;  ///< the method follows the link: nobody has said which
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};
   rt::SpscQueue<Note> notes{8};

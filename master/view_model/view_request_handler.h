@@ -36,6 +36,8 @@ class ViewRequestHandler {
   void show(const recording::Sample& sample, device::ForceOffCause force_off) noexcept;
 
   void show(station::TwinState twin) noexcept { port_.twin.store(twin); }
+  void show(const ShownContact& contact) noexcept { port_.contact.store(contact); }
+  void show_chooser(bool link) noexcept { port_.method_by_link.store(link); }
   /// Of a hand that plays motions.
   void show(const device::TaskState& task) noexcept { port_.task.store(task); }
 

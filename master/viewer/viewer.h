@@ -47,6 +47,10 @@ class Viewer {
   /// ImGui's io, which a window fills and a test may.
   void draw(int width_px, int height_px, double time_s, const RecordingStatus& recording);
 
+  /// Of words and what belongs to them, times that of the screen; as far as the window has room.
+  void set_text_size(double times) noexcept;
+  double text_size() const noexcept { return text_size_; }
+
   const view_model::PointerHand& hand() const noexcept { return hand_; }
   const view_model::LiveSession& live() const noexcept { return live_; }
   const view_model::Ground& ground() const noexcept { return ground_; }
@@ -58,6 +62,9 @@ class Viewer {
   void note_press(const ImVec2& place) noexcept { pressed_at_ = place; }
   /// As drawn last: stands back where the tip would leave the picture.
   const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
+  /// A recording has begun; asked for since the last call.
+  void set_recording(const std::string& file) { facts_.recording = file; }
+  bool take_record_wanted() noexcept { return panel_.take_record_wanted(); }
   /// Asked for since the last call.
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
   /// The data of what is seen, asked for by key since the last call: the profile that is measured, else the
@@ -85,6 +92,8 @@ class Viewer {
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };
 
+  void fit_text(int width_px, int height_px);
+  void handle_text_keys(double time_s);
   void reset_cameras();
   void follow_tip(double dt_s);
   void handle_keys(double time_s);
@@ -111,6 +120,8 @@ class Viewer {
 
   ViewFacts facts_;
   view_model::ViewPort& port_;
+  float screen_scale_;
+  double text_size_ = 1;
   Gui gui_;
   view_model::Ground ground_;
   view_model::Region region_;

@@ -161,6 +161,15 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
         }
       }
     }
+    if (viewer.take_record_wanted() && hooks.record) {
+      try {
+        const std::string file = hooks.record();
+        viewer.set_recording(file);
+        viewer.say("Recording: " + file, time_s);
+      } catch (const std::exception& error) {
+        viewer.say(error.what(), time_s);
+      }
+    }
     if (viewer.take_data_wanted()) {
       const std::string name = free_name(hooks.picture_prefix, "csv");
       try {

@@ -261,6 +261,42 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
   EXPECT_NE(std::find(buttons.begin(), buttons.end(), 3.0), buttons.end()) << "deadman and clutch";
 }
 
+// A session that began without a recording gets one from the key on, whose marks are in it.
+TEST_F(ViewerPrograms, ARecordingBeginsInTheWindow) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  std::ofstream(path("session.h5")) << "another's";
+  std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << kMaster << " run --server "
+                                 << server.address()
+                                 << " --view 2>err.txt &\n"
+                                    "master=$!\n"
+                                    "see 'Telenano: flakes at'; await 'above \"$(time_told)\" 1'\n"
+                                    "xdotool key ctrl+r; await '[ -s session-2.h5 ]'\n"
+                                    "from=$(time_told); xdotool key m; await 'above \"$(time_told)\" $from'\n"
+                                    "xdotool key ctrl+q; wait $master\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
+  EXPECT_EQ(user.out, "") << file_text(path("err.txt"));
+  EXPECT_EQ(file_text(path("session.h5")), "another's") << "no recording is replaced";
+  const recording::RecordingReader recording(path("session-2.h5"));
+  EXPECT_TRUE(recording.closed());
+  EXPECT_EQ(recording.rows_dropped(), 0u);
+  const auto time_s = recording.read("time_s");
+  ASSERT_GT(time_s.size(), 500u);
+  EXPECT_GT(time_s.front(), 1) << "from the key on";
+  const auto tick = recording.read("tick");
+  EXPECT_EQ(tick.back() - tick.front() + 1, static_cast<double>(tick.size())) << "and no tick is missing";
+  int marks = 0;
+  for (const recording::Event& event : recording.events())
+    marks += std::string(event.text.data()) == "mark" ? 1 : 0;
+  EXPECT_EQ(marks, 1);
+}
+
 // With nobody at the tip, so that the slave has never stepped; --observe so that nobody gets it.
 TEST_F(ViewerPrograms, AnObserverSeesThatASimulationIsOne) {
   Server server(scene_path("flakes"), 0, {"--share", "one-tip"});

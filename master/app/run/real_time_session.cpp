@@ -55,6 +55,7 @@ void RealTimeSession::run() noexcept {
   do {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
+    if (recorder_ == nullptr) recorder_ = later_recorder_.load(std::memory_order_acquire);
     see_tip(sample);
     hand_.device.advance(elapsed_ns);
     if (requests_ != nullptr) ask_screen(sample);
@@ -81,7 +82,11 @@ void RealTimeSession::run() noexcept {
     publish(sample, timer.stats());
     if (requests_ != nullptr) {
       requests_->show(sample, loop_.force_off());
-      requests_->show(loop_.trace().twin);
+      const station::StationTrace& trace = loop_.trace();
+      requests_->show(trace.twin);
+      const bool twin = trace.twin != station::TwinState::kNone && trace.twin != station::TwinState::kGivenUp;
+      requests_->show(view_model::ShownContact{trace.contact_radius_nm, trace.adhesion_nn, twin});
+      requests_->show_chooser(chooses_method_);
       if (motion != nullptr) requests_->show(motion->task());
     }
   } while (!over(sample));

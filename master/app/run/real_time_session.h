@@ -127,6 +127,12 @@ class RealTimeSession {
   /// Who fetches the server's scene, before run().
   void set_scene_pipe(loop::ScenePipe& pipe) noexcept { loop_.set_scene_pipe(&pipe); }
 
+  /// A recording from the next tick on, where there is none yet; while run() runs, from another thread. It must
+  /// outlive run().
+  void record_from_now(recording::Recorder& recorder) noexcept {
+    later_recorder_.store(&recorder, std::memory_order_release);
+  }
+
   /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
   /// then waits for the person there instead of ending the session. `stays`: so does a hand at the end of its
   /// motion; it does anyway once a task has been chosen there.
@@ -167,6 +173,7 @@ class RealTimeSession {
   link::ClientSession& session_;
   station::Station& station_;
   recording::Recorder* recorder_;
+  std::atomic<recording::Recorder*> later_recorder_{nullptr};
   view_model::ViewRequestHandler* requests_ = nullptr;
   double give_up_s_;
   double observe_s_;

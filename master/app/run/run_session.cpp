@@ -1,4 +1,5 @@
 #include "telenano/master/app/run/run_session.h"
+#include "telenano/master/app/recordings/free_recording.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -68,6 +69,7 @@ constexpr double kTwinSceneWaitS = 20;
 constexpr double kFirstSceneWaitS = 8;
 // A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
 constexpr double kSceneWaitS = 2;
+constexpr const char* kRecordingInWindow = "session.h5";  // of one that begins there
 constexpr std::chrono::milliseconds kLineAgain(200);
 constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
@@ -525,11 +527,15 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
   const station::TwinRunConfig twin_settings = twin_config(config.rate_hz);
   MarkRows mark_rows;
-  const std::unique_ptr<recording::Recorder> recorder =
-      make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
-                    scene.bundle().get(), twins.empty() ? nullptr : &twin_settings,
-                    twins.empty() ? 0 : twins[0]->scene_hash(),
-                    [&mark_rows](std::vector<recording::MarkRow>& rows) { mark_rows.newest(rows); });
+  const bool has_twin = !twins.empty();
+  const std::uint64_t twin_scene_hash = has_twin ? twins[0]->scene_hash() : 0;
+  const auto new_recorder = [&](const RunOptions& run) {
+    return make_recorder(run, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
+                         scene.bundle().get(), has_twin ? &twin_settings : nullptr, twin_scene_hash,
+                         [&mark_rows](std::vector<recording::MarkRow>& rows) { mark_rows.newest(rows); });
+  };
+  std::unique_ptr<recording::Recorder> recorder = new_recorder(options);
+  std::string recorded = options.record;
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned, device_info);
   station::Station station(config, device_info, port);
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
@@ -553,6 +559,16 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                      [&live](metrics::Page& page) { write_metrics(live.progress(), page); });
     if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
   }
+  // A person at the window wants one from now on.
+  const auto begin_recording = [&]() -> std::string {
+    if (recorder != nullptr) return recorded;
+    RunOptions from_now = options;
+    from_now.record = free_recording(kRecordingInWindow);
+    recorder = new_recorder(from_now);
+    recorded = from_now.record;
+    live.record_from_now(*recorder);
+    return recorded;
+  };
   farewell->leave_to_loop();
   const bool terminal = isatty(STDERR_FILENO) != 0;
   // What follows the loop's end, once: a window may stay open after it.
@@ -562,7 +578,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     if (terminal && !options.quiet) fmt::print(stderr, "\n");
     if (recorder) recorder->close();
     session_file.remove();  // ended by a Bye, one way or the other
-    print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
+    print_summary(live.summary(), live.timer_stats(), recorder.get(), recorded);
     print_sending(live.progress());
   };
   // A window does not vanish under a person's eyes because the server did, or because the task is done. A run
@@ -575,8 +591,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     if (!failure.empty())
       fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", failure);
     std::vector<std::string> lines = end_lines(failure, live.summary());
-    if (recorder)
-      lines.push_back(fmt::format("recording {}: {} rows", options.record, recorder->rows_written()));
+    if (recorder) lines.push_back(fmt::format("recording {}: {} rows", recorded, recorder->rows_written()));
     return {!failure.empty(), lines};
   };
   std::string frames;
@@ -618,8 +633,10 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
       print_progress(progress, session_s, terminal);
     };
     if (view.wanted()) {
-      frames = view.run(live, recorder.get(), !thread.report().fifo,
-                        {look, session_end, [&stop] { return stop.load(); }});
+      frames =
+          view.run(live, !thread.report().fifo,
+                   {look, session_end, [&stop] { return stop.load(); },
+                    [&recorder]() -> const recording::Recorder* { return recorder.get(); }, begin_recording});
       if (view.again_wanted()) next->ask();
     }
     while (!live.finished()) {

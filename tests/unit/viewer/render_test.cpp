@@ -713,6 +713,64 @@ TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
   }
 }
 
+// Words grow as far as the window has room for all of them: in the least window not at all.
+TEST_F(Render, WordsAreAsLargeAsAskedForAndLieOnNoOthers) {
+  facts_.mouse_is_hand = true;
+  facts_.can_record = true;
+  facts_.recording.clear();
+  make();
+  play(0, 5000);
+  const auto tallest = [&](int wide, int high) {
+    draw_picture(*viewer_, wide, high, {});
+    const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+    EXPECT_EQ(overlaps(glyphs), "") << wide << " x " << high << ", text " << viewer_->text_size();
+    float most = 0;
+    for (const Glyph& g : glyphs) most = std::max(most, g.y1 - g.y0);
+    return most;
+  };
+  const float least = tallest(640, 480);
+  const float first = tallest(1280, 960);
+  EXPECT_NEAR(first, least, 1);
+  viewer_->set_text_size(1.5);
+  EXPECT_NEAR(tallest(1280, 960), 1.5 * first, 2);
+  EXPECT_NEAR(tallest(640, 480), least, 1);
+  viewer_->set_text_size(9);
+  EXPECT_NEAR(tallest(1280, 960), 2 * first, 2) << "twice 640 x 480";
+}
+
+// The mouse goes farther against a push, in the picture as in the hand.
+TEST_F(Render, AForceHoldsThePointerBackWhereThereAreNoMotors) {
+  const auto drag = [&](double force_nn, bool motors) {
+    facts_.mouse_is_hand = true;
+    facts_.shows_force = motors;
+    facts_.hand_force_limit_n = 4;
+    make();
+    recording::Sample s = support::view_sample(1500);
+    s.force_scale = 1e8;  // 4 N are 40 nN: at 10 nN the pointer goes twice as far
+    s.force_w_nn = {0, 0, force_nn};
+    port_.samples.push(s);
+    viewer_->take_samples();
+    viewer_->settle(1000);
+    ImGuiIO& io = ImGui::GetIO();
+    io.MouseDown[0] = false;
+    const Area area = layout().close_up;
+    io.MousePos = {static_cast<float>(area.x_px + 40), static_cast<float>(area.y_px + 60)};
+    frame();
+    io.MouseDown[0] = true;
+    frame();
+    io.MousePos.y += 20;
+    frame();
+    io.MouseDown[0] = false;
+    return viewer_->hand().hand_pos_h_m().z();
+  };
+  const double free_m = drag(0, false);
+  EXPECT_LT(free_m, 0);
+  EXPECT_NEAR(drag(10, false), free_m / 2, 1e-3 * std::abs(free_m));
+  EXPECT_NEAR(drag(30, false), free_m / 4, 1e-3 * std::abs(free_m));
+  EXPECT_NEAR(drag(-30, false), free_m, 1e-3 * std::abs(free_m)) << "a pull helps on the way down";
+  EXPECT_NEAR(drag(30, true), free_m, 1e-3 * std::abs(free_m)) << "motors say it";
+}
+
 // What is told in the picture, read back letter by letter.
 TEST_F(Render, TellsWhatAPersonHasToKnow) {
   facts_.mouse_is_hand = true;
