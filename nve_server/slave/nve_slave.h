@@ -106,8 +106,10 @@ class NveSlave final : public Slave {
   void reset() noexcept override;
   std::size_t snapshot_bytes_max() const noexcept override;
 
-  /// What the last step said, or the one before a load(); without its local model.
-  void say_again(SlaveOutput& output) noexcept { publish(last_faults_, output); }
+  bool say_again(SlaveOutput& output) noexcept override {
+    publish(last_faults_, output);
+    return true;
+  }
 
   const TouchedSample& sample() const noexcept { return sample_; }
   /// This session's own surface; null where no marks stay.
