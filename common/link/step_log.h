@@ -153,6 +153,13 @@ class StepReceiver {
   explicit StepReceiver(std::size_t ring) : ring_(ring), here_(ring), came_ns_(ring) {}
 
   bool enabled() const noexcept { return !ring_.empty(); }
+  /// A log that another receiver has executed as far as `report` says: this one goes on with the next step.
+  void go_on_after(const StepReport& report) noexcept {
+    executed_ = newest_ = report.executed;
+    breaks_ = report.breaks;
+    break_reason_ = report.break_reason;
+    break_step_ = report.break_step;
+  }
   /// `hold`: of the datagram that brings them, at a shared tip.
   void take(const StepBatch& batch, std::int64_t now_ns, std::uint32_t hold = 0) noexcept;
 

@@ -67,6 +67,11 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   if (!new_slave && state_ != TwinState::kNone) {
     // The same slave, and a log that goes on, unless the server has executed what this twin never made.
     if (welcome.executed <= newest_) {
+      if (welcome.breaks < breaks_) {  // a server that took the slave up as it was before the last break
+        breaks_ = welcome.breaks;
+        part(link::kBreakSilence, now_ns);
+        return;
+      }
       on_reply(welcome, now_ns);
       return;
     }

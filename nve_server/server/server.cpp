@@ -270,6 +270,7 @@ void Server::begin_log(std::size_t slot) noexcept {
   const double ring = config_.step_ring_s * table_[slot].rate_hz;
   try {
     record.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
+    record.steps.go_on_after(record.steps_before);  // of another server; else from the first step on
     record.frozen.bytes.resize(tip_of(slot).slave->snapshot_bytes_max());
   } catch (...) {  // out of memory: nothing moves the slave, the session stands still
     record.steps = {};
@@ -414,8 +415,12 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   tip.at_rest = false;
 }
 
+std::uint64_t Server::party_of(const net::Address& from, std::uint64_t owner) const noexcept {
+  return handshake_.party_of(peer_key(from), owner);
+}
+
 OpeningBudget& Server::party_opening(const net::Address& from, const net::Standing& standing) noexcept {
-  return party_openings_[handshake_.party_of(peer_key(from), standing.identity) % kPartyOpenings];
+  return party_openings_[party_of(from, standing.identity) % kPartyOpenings];
 }
 
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
@@ -494,6 +499,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   records_[verdict.slot].identity = standing.identity;
   records_[verdict.slot].rights = standing.rights;
   records_[verdict.slot].open = true;
+  records_[verdict.slot].restored = false;
   if (verdict.kind != Kind::kAgain)
     audit(verdict.kind == Kind::kOpen ? AuditEvent::Kind::kOpened : AuditEvent::Kind::kResumed, verdict.slot,
           now_ns);
@@ -560,6 +566,7 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
+  record.changed = true;
   // Of a shared slave's book the port's control sees this session's part.
   const PortBook before = record.book;
   if (controls && anchored) input = record.control.before(command, input, last, tip.slave->limits(), dt_s);
@@ -765,6 +772,7 @@ void Server::end(std::size_t slot, link::ByeReason reason, std::int64_t now_ns) 
   leave_tip(slot, now_ns);
   audit(AuditEvent::Kind::kEnded, slot, now_ns, static_cast<std::uint32_t>(reason));
   records_[slot].open = false;
+  end_checkpoints(records_[slot]);
   table_.end(slot, now_ns);
   settle_cap();
 }
@@ -779,6 +787,7 @@ void Server::leave_tip(std::size_t slot, std::int64_t now_ns) noexcept {
 void Server::forget(std::size_t slot, std::int64_t now_ns) noexcept {
   leave_tip(slot, now_ns);
   if (records_[slot].open) audit(AuditEvent::Kind::kForgotten, slot, now_ns);
+  end_checkpoints(records_[slot]);
   records_[slot] = {};
   if (!shared()) {
     tips_[slot] = {};
@@ -825,12 +834,14 @@ void Server::poll(std::int64_t now_ns) noexcept {
   for (std::size_t n = behind_.size(); n > 0 && catch_up(now_ns); --n) {
   }
   if (shared()) return withdraw_shared_tip(now_ns);
+  write_checkpoints(now_ns);
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
     const bool leaving =
         session.state == link::SlotState::kSilent || session.state == link::SlotState::kEnding;
     if (leaving && tips_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {
       retract(tips_[slot], &records_[slot].control, now_ns);
+      records_[slot].changed = true;
     }
   }
 }

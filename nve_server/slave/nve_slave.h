@@ -108,8 +108,10 @@ class NveSlave final : public Slave {
 
   /// Energy in coupling, probe and sample: a function of the state, 0 far away and at rest.
   double stored_aj() const noexcept { return port().stored_aj; }
-  /// What the last step said, or the one before a load(); without its local model.
-  void say_again(SlaveOutput& output) noexcept { publish(last_faults_, output); }
+  bool say_again(SlaveOutput& output) noexcept override {
+    publish(last_faults_, output);
+    return true;
+  }
 
   /// Of the last step; 0: no contact, and beside a particle.
   double contact_radius_nm() const noexcept {

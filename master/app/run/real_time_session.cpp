@@ -59,6 +59,7 @@ void RealTimeSession::run() noexcept {
     see_tip(sample);
     hand_.device.advance(elapsed_ns);
     if (requests_ != nullptr) ask_screen(sample);
+    if (scaling_.follows()) keep_plan(sample, static_cast<double>(elapsed_ns) * 1e-9);
     if (chooses_method_) follow_link(sample, static_cast<double>(elapsed_ns) * 1e-9);
     if (quit_ || stop_.load(std::memory_order_relaxed)) {
       loop_.set_buttons(device::kButtonStop);
@@ -126,6 +127,29 @@ void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) 
     recorder_->push(recording::make_event(before.tick, before.time_s, kEventMethod,
                                           "method changed with the link",
                                           static_cast<std::uint32_t>(wanted)));
+}
+
+/// What was planned for one round trip is too stiff at a longer one, for a method that does not pay for it.
+void RealTimeSession::keep_plan(const recording::Sample& before, double dt_s) noexcept {
+  control::Scaling wanted = station_.config().scaling;
+  keeps_plan_ = keeps_plan_ && wanted.force == scaling_.force();  // a person has said which
+  if (!keeps_plan_ || control::binding_delay_samples(station_.config().method, 2) < 2) return;
+  control::ScalingFollower::Circumstances now;
+  if (before.rtt_us > 0) now.rtt_s = std::max(1e-6 * before.rtt_smoothed_us, 1e-3 * before.playout_delay_ms);
+  now.jitter_s = 1e-6 * before.jitter_us;
+  now.at_rest = before.contact_state != static_cast<std::uint32_t>(link::ContactState::kContact) &&
+                loop_.trace().commanded_force_h_n.norm() < kUnfeltN;
+  const double planned_s = scaling_.planned_s();
+  const bool changed = scaling_.update(now, dt_s);
+  const bool lower = scaling_.planned_s() > planned_s;
+  if (scaling_.planned_s() != planned_s && recorder_ != nullptr)
+    recorder_->push(recording::make_event(before.tick, before.time_s, kEventScale,
+                                          lower ? "force scale lowered: the round trip is longer"
+                                                : "force scale raised: the round trip is shorter",
+                                          static_cast<std::uint32_t>(std::min(scaling_.target(), 4e9))));
+  if (!changed) return;
+  wanted.force = scaling_.force();
+  keeps_plan_ = station_.change_scaling(wanted);
 }
 
 /// The next server finds a session as after a restart: a Hello, a new epoch, the tip taken up where it is.
@@ -261,6 +285,8 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.playout_delay_ms = sample.playout_delay_ms;
   p.playout_late = loop_.playout().counts().late;
   p.commands_held = loop_.gate().held();
+  p.force_scale = scaling_.target();
+  if (scaling_.follows() && keeps_plan_) p.planned_delay_s = scaling_.planned_s();
   p.send_hz = loop_.rate().rate_hz();
   p.send_full_hz = loop_.rate().full_hz();
   p.send_least_hz = loop_.rate().lowest_hz();

@@ -546,6 +546,12 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   if (options.practice) live.set_practice(servers);
   if (file.chooses_method) live.choose_method();
   live.set_companding(companding);
+  // A scale that a person gave is kept.
+  if (!planned.empty() && !file.scaling.force && !config.allow_unsafe_scaling) {
+    control::ScalingPlanInput input = plan_input(file, device_info, slave, delay_samples);
+    input.velocity_scale = config.scaling.velocity;
+    live.follow_scaling({input, config.scaling.force});
+  }
   if (view_model::ViewRequestHandler* const requests =
           view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
                       options.record, tasks, file.plant.workspace_half_m, options.give_up_s,

@@ -82,6 +82,13 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
     fmt::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,
                control::method_name(now.method), 1e-3 * now.link.rtt_us);
   }
+  if (before.planned_delay_s > 0 && now.planned_delay_s > 0 &&
+      before.planned_delay_s != now.planned_delay_s) {
+    fmt::print(stderr,
+               "{}force scale {:.4g} from now on, planned for {:.4g} ms from hand to force: the round trip "
+               "is {:.1f} ms\n",
+               end_of_line, now.force_scale, 1e3 * now.planned_delay_s, 1e-3 * now.link.rtt_us);
+  }
   if (!before.shutting_down && now.shutting_down) {
     fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",
                end_of_line);
