@@ -175,6 +175,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
           const bool known = prepared.load(std::memory_order_acquire);
           write_metrics(workers.loops(), known ? workers.channels() : std::vector<security::DtlsServer*>(),
                         page);
+          options.afm.write_metrics(page);
         },
         health_pages(workers.loops(), options.max_sessions, signals, clock));
     log->info("metrics at {}", exporter->url());
