@@ -30,7 +30,7 @@ local values = {
     [0] = "none", [1] = "ks", [2] = "ks-clamp", [3] = "tdpa", [4] = "wave", [5] = "tank", [6] = "model", [7] = "twin",
   },
   StepBreak = {
-    [0] = "none", [1] = "gap", [2] = "stop", [3] = "right", [4] = "silence", [5] = "share",
+    [0] = "none", [1] = "gap", [2] = "stop", [3] = "right", [4] = "silence", [5] = "share", [6] = "holder",
   },
 }
 local messages = {
