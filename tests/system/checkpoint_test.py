@@ -191,7 +191,7 @@ class Checkpoints(unittest.TestCase):
         files = sorted(saved.glob("*.gsf"))
         self.assertEqual(len(files), 2, first.text() + second.text() + station.text())
         before, after = (self.heights(path) for path in files)
-        low, lower = (sum(h < max(surface) - 0.2e-9 for h in surface) for surface in (before, after))
+        low, lower = (sum(h < top for h in surface) for surface, top in ((s, max(s) - 0.2e-9) for s in (before, after)))
         print(f"nodes below the unmarked ground: {low} at the first server, {lower} at the second")
         self.assertGreater(low, 0)
         self.assertGreater(lower, low, "those of the first, and its own")
