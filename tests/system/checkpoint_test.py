@@ -191,10 +191,10 @@ class Checkpoints(unittest.TestCase):
         files = sorted(saved.glob("*.gsf"))
         self.assertEqual(len(files), 2, first.text() + second.text() + station.text())
         before, after = (self.heights(path) for path in files)
-        deeper = sum(b < a for a, b in zip(before, after))
-        print(f"{deeper} of {len(before)} nodes are deeper at the second server, none less deep")
-        self.assertFalse(any(b > a for a, b in zip(before, after)), "a mark of the first server's is lost")
-        self.assertGreater(deeper, 0, "and its own came to it")
+        low, lower = (sum(h < top for h in surface) for surface, top in ((s, max(s) - 0.2e-9) for s in (before, after)))
+        print(f"nodes below the unmarked ground: {low} at the first server, {lower} at the second")
+        self.assertGreater(low, 0)
+        self.assertGreater(lower, low, "those of the first, and its own")
 
     @staticmethod
     def heights(path):
