@@ -34,6 +34,7 @@ void AfmLogic::engage(std::int64_t now_ns) {
   lift_last_nm_ = kNoFloor;
   lift_nm_ = config_.lift_nm;
   watch_.begin();
+  model_.forget_stiffness();
   state_.cause = Cause::kNone;
   state_.force_known = false;
   book_.interrupt();

@@ -126,6 +126,10 @@ constexpr double scatter(Method method) {
   return method == Method::kWave ? 1 + 3 * 0.04 * 1.41 : 1.05;
 }
 
+// The first approach knows nothing of the rig's creep yet, so its zero lies some 0.2 nm deeper than the later
+// ones': at 28 N/m it presses with 6 nN more, and what is shown before the touch begins that much later.
+constexpr double kZeroNn = 6, kZeroN = 0.05;
+
 class AfmReturnOfSeed : public ::testing::TestWithParam<std::uint64_t> {};
 INSTANTIATE_TEST_SUITE_P(Seeds, AfmReturnOfSeed, ::testing::Values(1, 2, 3, 4));
 
@@ -146,9 +150,9 @@ TEST_P(AfmReturnOfSeed, ALaterSessionFindsTheTipWhereTheFirstDid) {
         EXPECT_TRUE(again.done);
         EXPECT_GT(again.waited, 1000) << "the approach takes some seconds";
         EXPECT_EQ(again.waiting_n, 0);
-        EXPECT_LE(again.in_air_n, scatter(method) * first.in_air_n + kFeltN);
+        EXPECT_LE(again.in_air_n, scatter(method) * first.in_air_n + kFeltN + kZeroN);
         EXPECT_LE(again.peak_nn, scatter(method) * first.peak_nn);
-        EXPECT_GE(again.peak_nn, first.peak_nn / scatter(method)) << "and it presses";
+        EXPECT_GE(again.peak_nn, first.peak_nn / scatter(method) - kZeroNn) << "and it presses";
         // The touches find the surface to a fraction of the step of 1 nm; the hand's way is the same.
         EXPECT_LE(again.tip_fall_nm, first.tip_fall_nm + 1);
       }

@@ -40,14 +40,14 @@ void whole_session(Bench& b) {
 TEST(AfmConversation, IsThatOfTheRecordingFromTheChecksToTheEnd) {
   Bench b;
   whole_session(b);
-  expect_conversation(b, {3587, 0x5729d61eadf76e39});
+  expect_conversation(b, {3587, 0x966c6e917774868f});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereLargerZIsTowardsTheSample) {
   Bench b;
   b.config.z_sign = b.rig.z_sign = -1;
   whole_session(b);
-  expect_conversation(b, {3587, 0x821d6467235216f5});
+  expect_conversation(b, {3587, 0xe9fbb277bea19a9f});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereTheSetPointIsRefused) {
