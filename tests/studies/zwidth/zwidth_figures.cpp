@@ -68,8 +68,8 @@ void write_cb04_beside(const FigureFolder& folder, const std::string& id, bool f
     return fmt::format("stiffness ×{:.2g}, damping ×{:.2g}", stiffness, damping);
   };
   std::vector<BesidePaper> beside{
-      {"damper in", "raises the greatest stiffness and damping in all cases", "as printed",
-       "CB section 5", both(gains[0].stiffness_least, gains[0].damping_least) + " at least",
+      {"damper in", "raises the greatest stiffness and damping in all cases", "as printed", "CB section 5",
+       both(gains[0].stiffness_least, gains[0].damping_least) + " at least",
        gains[0].stiffness_least > 1 && gains[0].damping_least > 1 ? "agrees" : "does not agree"},
       {"1 kHz for 100 Hz", "high stiffness needs a high rate", "as printed", "CB section 5",
        fmt::format("stiffness ×{:.2g} (median)", gains[1].stiffness_median),
@@ -80,8 +80,8 @@ void write_cb04_beside(const FigureFolder& folder, const std::string& id, bool f
   if (!filtered)
     beside.push_back(
         {"damping at 1 kHz, seen (0.5 mm and four counts)",
-         "large damping is difficult to achieve at the high rate", "no axis in the text",
-         "CB section 5", text_of(seen),
+         "large damping is difficult to achieve at the high rate", "no axis in the text", "CB section 5",
+         text_of(seen),
          seen.fast < seen.slow ? "agrees" : "does not agree: the swing is too small to be seen"});
   beside.push_back(
       {fmt::format("damping at 1 kHz, felt (force swings by {:g} N of {:g})", kFeltSwing_n, kFirmPush_n),
