@@ -6,77 +6,105 @@
 
 local telenano = Proto("telenano", "Telenano")
 
-local types = { [1] = "Hello", [2] = "Challenge", [3] = "Welcome", [4] = "Refuse", [5] = "Command", [6] = "Reply",
-  [7] = "Bye", [8] = "SceneRequest", [9] = "SceneChunk", [10] = "SnapshotRequest", [11] = "SnapshotPiece" }
-
-local refuse_reasons = { [1] = "version", [2] = "full", [3] = "rate", [4] = "shutting down" }
-local bye_reasons = { [1] = "done", [2] = "idle", [3] = "shutting down", [4] = "stopped", [5] = "unknown session" }
-local contact_states = { [0] = "free", [1] = "van der Waals", [2] = "non-contact", [3] = "contact" }
-local particle_states = { [0] = "rests", [1] = "pushed", [2] = "held", [3] = "lost" }
-local methods = { [0] = "none", [1] = "ks", [2] = "ks-clamp", [3] = "tdpa", [4] = "wave", [5] = "tank", [6] = "model",
-  [7] = "twin" }
-
--- Section 2: {number, name, kind, names of values}. Kinds: i fixed32, q fixed64, x fixed64 shown in hexadecimal,
--- d double, b bytes. xyz() is three doubles with {} in their name.
-local function xyz(list, number, name)
-  for i, axis in ipairs({ "x", "y", "z" }) do list[#list + 1] = { number + i - 1, (name:gsub("{}", axis)), "d" } end
-end
-
-local messages = {
-  [1] = { { 1, "version_min", "i" }, { 2, "version_max", "i" }, { 3, "feature_bits", "x" }, { 4, "nonce", "x" },
-    { 5, "cookie", "x" }, { 6, "resume_token", "x" }, { 7, "rate_hz", "i" }, { 15, "padding", "b" } },
-  [2] = { { 1, "nonce", "x" }, { 2, "cookie", "x" } },
-  [3] = { { 1, "version", "i" }, { 2, "feature_bits", "x" }, { 3, "nonce", "x" }, { 4, "session_id", "x" },
-    { 5, "resume_token", "x" }, { 6, "epoch", "i" }, { 7, "timeout_ms", "i" }, { 8, "slave_rate_max_hz", "i" },
-    { 9, "scene_name", "b" }, { 10, "scene_hash", "x" } },
-  [4] = { { 1, "nonce", "x" }, { 2, "reason", "i", refuse_reasons }, { 3, "version_min", "i" }, { 4, "version_max", "i" } },
-  [5] = { { 1, "session_id", "x" }, { 2, "sequence", "q" }, { 3, "send_time_ns", "q" }, { 4, "newest_reply", "q" },
-    { 5, "epoch", "i" }, { 6, "flags", "i" } },
-  [6] = { { 1, "session_id", "x" }, { 2, "sequence", "q" }, { 3, "command_sequence", "q" },
-    { 4, "command_send_time_ns", "q" }, { 5, "server_time_ns", "q" }, { 6, "hold_time_ns", "q" },
-    { 7, "measurement_age_ns", "q" }, { 8, "epoch", "i" }, { 9, "contact_state", "i", contact_states },
-    { 10, "fault_bits", "i" } },
-  [7] = { { 1, "session_id", "x" }, { 2, "reason", "i", bye_reasons } },
-  [8] = { { 1, "session_id", "x" }, { 2, "bundle", "x" }, { 3, "chunk", "i" } },
-  [9] = { { 1, "session_id", "x" }, { 2, "bundle", "x" }, { 3, "chunk", "i" }, { 4, "data", "b" } },
-  [10] = { { 1, "session_id", "x" }, { 2, "snapshot", "i" }, { 3, "piece", "i" } },
-  [11] = { { 1, "session_id", "x" }, { 2, "snapshot", "i" }, { 3, "piece", "i" }, { 4, "step", "q" },
-    { 5, "state_hash", "x" }, { 6, "breaks", "i" }, { 7, "total", "i" }, { 8, "data", "b" } },
+-- Each field as {number, name, kind, names of values}. Kinds: i fixed32, q fixed64, x either shown in hexadecimal, d double,
+-- b bytes.
+-- Made by telenano-schema of telenano.proto: change it there.
+local types = {
+    [1] = "Hello", [2] = "Challenge", [3] = "Welcome", [4] = "Refuse", [5] = "Command", [6] = "Reply", [7] = "Bye",
+    [8] = "SceneRequest", [9] = "SceneChunk", [10] = "SnapshotRequest", [11] = "SnapshotPiece",
 }
-local function more(type, ...)
-  for _, entry in ipairs({ ... }) do table.insert(messages[type], entry) end
-end
-xyz(messages[3], 11, "workspace_min_w_{}_nm")
-xyz(messages[3], 14, "workspace_max_w_{}_nm")
-xyz(messages[3], 17, "start_pos_w_{}_nm")
-more(3, { 20, "surface_z_w_nm", "d" }, { 21, "force_max_nn", "d" }, { 22, "coupling_stiffness_n_m", "d" },
-  { 23, "coupling_damping_n_s_m", "d" }, { 24, "stiffness_min_n_m", "d" },
-  { 25, "well_aj", "d" }, { 26, "scene_sha256_0", "x" }, { 27, "scene_sha256_1", "x" }, { 28, "scene_sha256_2", "x" },
-  { 29, "scene_sha256_3", "x" }, { 30, "scene_bytes", "i" }, { 31, "canonical_motion", "x" },
-  { 40, "steps_executed", "q" }, { 41, "state_hash", "x" }, { 42, "steps_breaks", "i" })
-xyz(messages[5], 7, "tip_vel_w_{}_nm_s")
-xyz(messages[5], 10, "tip_pos_w_{}_nm")
-more(5, { 13, "energy_in_j", "d" }, { 14, "energy_out_j", "d" }, { 15, "method", "i", methods },
-  { 16, "energy_scale_aj_j", "d" }, { 17, "energy_sent_j", "d" })
-xyz(messages[5], 18, "wave_sum_w_{}_sqrt_aj_s")
-more(5, { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" }, { 31, "tip_hold", "i" },
-  { 40, "recent_commands", "b" }, { 41, "steps", "b" })
-xyz(messages[6], 11, "force_w_{}_nn")
-xyz(messages[6], 14, "tip_pos_w_{}_nm")
-more(6, { 17, "deflection_nm", "d" }, { 18, "energy_in_aj", "d" }, { 19, "energy_out_aj", "d" },
-  { 20, "energy_sent_aj", "d" })
-xyz(messages[6], 21, "wave_sum_w_{}_sqrt_aj_s")
-more(6, { 24, "wave_energy_aj", "d" }, { 25, "model_version", "i" })
-xyz(messages[6], 26, "model_point_w_{}_nm")
-xyz(messages[6], 29, "model_normal_w_{}")
-more(6, { 32, "model_stiffness_n_m", "d" }, { 33, "model_adhesion_nn", "d" }, { 34, "model_shear_stiffness_n_m", "d" },
-  { 35, "model_friction_nn", "d" }, { 36, "tip_hold", "i" })
-xyz(messages[6], 37, "hold_pos_w_{}_nm")
-more(6, { 40, "steps_before", "q" })
-xyz(messages[6], 41, "particle_pos_w_{}_nm")
-more(6, { 44, "particle_radius_nm", "d" }, { 45, "particle_state", "i", particle_states },
-  { 46, "steps_executed", "q" }, { 47, "state_hash", "x" }, { 48, "steps_newest", "q" }, { 49, "steps_breaks", "i" },
-  { 50, "break_reason", "i" }, { 51, "break_step", "q" })
+local values = {
+  RefuseReason = {
+    [1] = "version", [2] = "full", [3] = "rate", [4] = "shutting down",
+  },
+  ByeReason = {
+    [1] = "done", [2] = "idle", [3] = "shutting down", [4] = "stopped", [5] = "unknown session",
+  },
+  ContactState = {
+    [0] = "free", [1] = "van der Waals", [2] = "non-contact", [3] = "contact",
+  },
+  ParticleStatus = {
+    [0] = "rests", [1] = "pushed", [2] = "held", [3] = "lost",
+  },
+  PortMethod = {
+    [0] = "none", [1] = "ks", [2] = "ks-clamp", [3] = "tdpa", [4] = "wave", [5] = "tank", [6] = "model", [7] = "twin",
+  },
+  StepBreak = {
+    [0] = "none", [1] = "gap", [2] = "stop", [3] = "right", [4] = "silence", [5] = "share", [6] = "holder",
+  },
+}
+local messages = {
+  [1] = {  -- Hello
+    { 1, "version_min", "i" }, { 2, "version_max", "i" }, { 3, "feature_bits", "x" }, { 4, "nonce", "x" },
+    { 5, "cookie", "x" }, { 6, "resume_token", "x" }, { 7, "rate_hz", "i" }, { 15, "padding", "b" },
+  },
+  [2] = {  -- Challenge
+    { 1, "nonce", "x" }, { 2, "cookie", "x" },
+  },
+  [3] = {  -- Welcome
+    { 1, "version", "i" }, { 2, "feature_bits", "x" }, { 3, "nonce", "x" }, { 4, "session_id", "x" },
+    { 5, "resume_token", "x" }, { 6, "epoch", "i" }, { 7, "timeout_ms", "i" }, { 8, "slave_rate_max_hz", "i" },
+    { 9, "scene_name", "b" }, { 10, "scene_hash", "x" }, { 11, "workspace_min_w_x_nm", "d" },
+    { 12, "workspace_min_w_y_nm", "d" }, { 13, "workspace_min_w_z_nm", "d" }, { 14, "workspace_max_w_x_nm", "d" },
+    { 15, "workspace_max_w_y_nm", "d" }, { 16, "workspace_max_w_z_nm", "d" }, { 17, "start_pos_w_x_nm", "d" },
+    { 18, "start_pos_w_y_nm", "d" }, { 19, "start_pos_w_z_nm", "d" }, { 20, "surface_z_w_nm", "d" },
+    { 21, "force_max_nn", "d" }, { 22, "coupling_stiffness_n_m", "d" }, { 23, "coupling_damping_n_s_m", "d" },
+    { 24, "stiffness_min_n_m", "d" }, { 25, "well_aj", "d" }, { 26, "scene_sha256_0", "x" },
+    { 27, "scene_sha256_1", "x" }, { 28, "scene_sha256_2", "x" }, { 29, "scene_sha256_3", "x" },
+    { 30, "scene_bytes", "i" }, { 31, "canonical_motion", "x" }, { 40, "steps_executed", "q" },
+    { 41, "state_hash", "x" }, { 42, "steps_breaks", "i" },
+  },
+  [4] = {  -- Refuse
+    { 1, "nonce", "x" }, { 2, "reason", "i", values.RefuseReason }, { 3, "version_min", "i" },
+    { 4, "version_max", "i" },
+  },
+  [5] = {  -- Command
+    { 1, "session_id", "x" }, { 2, "sequence", "q" }, { 3, "send_time_ns", "q" }, { 4, "newest_reply", "q" },
+    { 5, "epoch", "i" }, { 6, "flags", "i" }, { 7, "tip_vel_w_x_nm_s", "d" }, { 8, "tip_vel_w_y_nm_s", "d" },
+    { 9, "tip_vel_w_z_nm_s", "d" }, { 10, "tip_pos_w_x_nm", "d" }, { 11, "tip_pos_w_y_nm", "d" },
+    { 12, "tip_pos_w_z_nm", "d" }, { 13, "energy_in_j", "d" }, { 14, "energy_out_j", "d" },
+    { 15, "method", "i", values.PortMethod }, { 16, "energy_scale_aj_j", "d" }, { 17, "energy_sent_j", "d" },
+    { 18, "wave_sum_w_x_sqrt_aj_s", "d" }, { 19, "wave_sum_w_y_sqrt_aj_s", "d" }, { 20, "wave_sum_w_z_sqrt_aj_s", "d" },
+    { 21, "wave_energy_aj", "d" }, { 22, "wave_impedance_n_s_m", "d" }, { 31, "tip_hold", "i" },
+    { 40, "recent_commands", "b" }, { 41, "steps", "b" },
+  },
+  [6] = {  -- Reply
+    { 1, "session_id", "x" }, { 2, "sequence", "q" }, { 3, "command_sequence", "q" },
+    { 4, "command_send_time_ns", "q" }, { 5, "server_time_ns", "q" }, { 6, "hold_time_ns", "q" },
+    { 7, "measurement_age_ns", "q" }, { 8, "epoch", "i" }, { 9, "contact_state", "i", values.ContactState },
+    { 10, "fault_bits", "i" }, { 11, "force_w_x_nn", "d" }, { 12, "force_w_y_nn", "d" }, { 13, "force_w_z_nn", "d" },
+    { 14, "tip_pos_w_x_nm", "d" }, { 15, "tip_pos_w_y_nm", "d" }, { 16, "tip_pos_w_z_nm", "d" },
+    { 17, "deflection_nm", "d" }, { 18, "energy_in_aj", "d" }, { 19, "energy_out_aj", "d" },
+    { 20, "energy_sent_aj", "d" }, { 21, "wave_sum_w_x_sqrt_aj_s", "d" }, { 22, "wave_sum_w_y_sqrt_aj_s", "d" },
+    { 23, "wave_sum_w_z_sqrt_aj_s", "d" }, { 24, "wave_energy_aj", "d" }, { 25, "model_version", "i" },
+    { 26, "model_point_w_x_nm", "d" }, { 27, "model_point_w_y_nm", "d" }, { 28, "model_point_w_z_nm", "d" },
+    { 29, "model_normal_w_x", "d" }, { 30, "model_normal_w_y", "d" }, { 31, "model_normal_w_z", "d" },
+    { 32, "model_stiffness_n_m", "d" }, { 33, "model_adhesion_nn", "d" }, { 34, "model_shear_stiffness_n_m", "d" },
+    { 35, "model_friction_nn", "d" }, { 36, "tip_hold", "i" }, { 37, "hold_pos_w_x_nm", "d" },
+    { 38, "hold_pos_w_y_nm", "d" }, { 39, "hold_pos_w_z_nm", "d" }, { 40, "steps_before", "q" },
+    { 41, "particle_pos_w_x_nm", "d" }, { 42, "particle_pos_w_y_nm", "d" }, { 43, "particle_pos_w_z_nm", "d" },
+    { 44, "particle_radius_nm", "d" }, { 45, "particle_state", "i", values.ParticleStatus },
+    { 46, "steps_executed", "q" }, { 47, "state_hash", "x" }, { 48, "steps_newest", "q" }, { 49, "steps_breaks", "i" },
+    { 50, "break_reason", "i", values.StepBreak }, { 51, "break_step", "q" },
+  },
+  [7] = {  -- Bye
+    { 1, "session_id", "x" }, { 2, "reason", "i", values.ByeReason },
+  },
+  [8] = {  -- SceneRequest
+    { 1, "session_id", "x" }, { 2, "bundle", "x" }, { 3, "chunk", "i" },
+  },
+  [9] = {  -- SceneChunk
+    { 1, "session_id", "x" }, { 2, "bundle", "x" }, { 3, "chunk", "i" }, { 4, "data", "b" },
+  },
+  [10] = {  -- SnapshotRequest
+    { 1, "session_id", "x" }, { 2, "snapshot", "i" }, { 3, "piece", "i" },
+  },
+  [11] = {  -- SnapshotPiece
+    { 1, "session_id", "x" }, { 2, "snapshot", "i" }, { 3, "piece", "i" }, { 4, "step", "q" }, { 5, "state_hash", "x" },
+    { 6, "breaks", "i" }, { 7, "total", "i" }, { 8, "data", "b" },
+  },
+}
+-- End of what is made.
 
 local header = {
   magic = ProtoField.string("telenano.magic", "Magic"),

@@ -18,6 +18,7 @@ struct LocalStep {
   Vec3 target_w_nm = Vec3::Zero();
   Vec3 vel_w_nm_s = Vec3::Zero();
   std::uint32_t flags = 0;  ///< of the command
+  bool operates = true;     ///< of a shared tip: it belongs to the present holding; else it moves nothing
   double dt_s = 1e-3;
 };
 
@@ -31,6 +32,10 @@ struct LocalAnswer {
   std::uint32_t fault_bits = 0;     ///< link::FaultBits
   double energy_in_aj = 0;          ///< cumulative
   double energy_out_aj = 0;
+  double stored_aj = 0;  ///< in coupling, probe and sample: a function of the state, 0 far away
+  // What only a person wants to see.
+  double contact_radius_nm = 0;  ///< 0: no contact
+  double adhesion_nn = 0;        ///< pull at which a contact here lets go; 0: not known
 };
 
 /// Seam: the server's slave, run at the station; whose state is a function of its steps, to the bit. Nothing

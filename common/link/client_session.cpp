@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "proto/wire_fields.h"
 #include "telenano/common/base/random.h"
 
 namespace telenano::link {
@@ -33,7 +34,7 @@ ClientSession::ClientSession(const ClientConfig& config)
       snapshot_(config.snapshot_bytes) {
   config_.redundancy = std::min(config_.redundancy, kMaxRecent);
   if (config_.redundancy == 0) config_.feature_bits &= ~std::uint64_t{kFeatureRedundancy};
-  if (config_.step_ring == 0) config_.feature_bits &= ~std::uint64_t{kFeatureStepLog};
+  if (config_.step_ring == 0) config_.feature_bits &= ~std::uint64_t{kFeatureStepLog | kFeatureSharedLog};
 }
 
 void ClientSession::set_state(ClientState state, std::int64_t now_ns) noexcept {
@@ -172,13 +173,9 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
     return drop(DropCause::kWrongVersion);
   }
   if ((welcome.feature_bits & ~config_.feature_bits) != 0) return drop(DropCause::kOutOfRange);
-  if ((welcome.feature_bits & kFeatureWell) == 0 && welcome.well_aj != 0) return drop(DropCause::kUnexpected);
-  if ((welcome.feature_bits & kFeatureStepLog) == 0 && !welcome.steps.empty())
-    return drop(DropCause::kUnexpected);
+  if ((features_used(welcome) & ~welcome.feature_bits) != 0) return drop(DropCause::kUnexpected);
   snapshot_.stop();
   steps_.begin(welcome.steps.executed, sessions_ > 0 && welcome.epoch == welcome_.epoch);
-  if ((welcome.feature_bits & kFeatureScene) == 0 && !welcome.scene.empty())
-    return drop(DropCause::kUnexpected);
   if (sessions_ > 0 && welcome.epoch != welcome_.epoch) {
     epoch_changed_ = true;
     stats_.reset();  // another server, perhaps: another clock
@@ -263,14 +260,7 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   if (reply.session_id != welcome_.session_id) return drop(DropCause::kUnknownSession);
   if (reply.epoch != welcome_.epoch) return drop(DropCause::kWrongEpoch);
   if (reply.command_sequence > command_sequence_) return drop(DropCause::kOutOfRange);
-  const bool port_unasked = (features() & kFeaturePortControl) == 0 && !reply.port.empty();
-  const bool model_unasked = (features() & kFeatureLocalModel) == 0 && !reply.model.empty();
-  const bool tip_unasked = (features() & kFeatureSharing) == 0 && !reply.tip.empty();
-  const bool history_unasked = (features() & kFeatureStepHistory) == 0 && reply.steps_before != 0;
-  const bool particle_unasked = (features() & kFeatureParticle) == 0 && !reply.particle.empty();
-  const bool steps_unasked = !logs_steps() && !reply.steps.empty();
-  if (port_unasked || model_unasked || tip_unasked || history_unasked || particle_unasked || steps_unasked)
-    return drop(DropCause::kUnexpected);
+  if ((features_used(reply) & ~features()) != 0) return drop(DropCause::kUnexpected);
   // Steps that were never sent cannot have been executed.
   if (logs_steps() && (reply.steps.executed > steps_.newest() || reply.steps.executed > reply.steps.newest))
     return drop(DropCause::kOutOfRange);
@@ -326,7 +316,9 @@ std::size_t ClientSession::make_command(Command& command, std::int64_t now_ns,
     command.flags &= ~(kFlagTakeOver | kFlagHandOver);
   }
   if (logs_steps()) {
-    const std::size_t bytes = steps_.write(step_bytes_, now_ns, step_wait_ns());
+    const bool stops = (command.flags & kFlagStop) != 0;
+    const std::size_t bytes = steps_.write(step_bytes_, now_ns, step_wait_ns(), stops);
+    if (bytes > 0) command.tip_hold = steps_.written_hold();
     // The steps say where the tip goes. What is zero takes no bytes: 54 in each datagram, at 8 kHz a fifth of
     // all that is sent.
     Command beside = command;

@@ -7,14 +7,11 @@
 #include <cstring>
 
 #include "proto/telenano.pb.h"
+#include "proto/wire_messages.h"
 #include "telenano/common/link/flat_fields.h"
 #include "telenano/common/link/wire_scan.h"
 
 namespace telenano::link {
-
-namespace {
-constexpr std::uint32_t kSnapshotDataField = 8;
-}
 
 struct Codec::Messages {
   wire::Hello hello;
@@ -62,13 +59,7 @@ bool all_finite(const Vec3& v) noexcept {
 
 std::size_t Codec::encode(const Hello& m, std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->hello;
-  w.set_version_min(m.version_min);
-  w.set_version_max(m.version_max);
-  w.set_feature_bits(m.feature_bits);
-  w.set_nonce(m.nonce);
-  w.set_cookie(m.cookie);
-  w.set_resume_token(m.resume_token);
-  w.set_rate_hz(m.rate_hz);
+  to_wire(m, w);
   if (out.size() < kMaxDatagramBytes) return 0;
   const std::size_t fields = w.ByteSizeLong();
   write_header(out.first<kHeaderBytes>(), MessageType::kHello, kMaxPayloadBytes);
@@ -85,58 +76,22 @@ std::size_t Codec::encode(const Hello& m, std::span<std::uint8_t> out) noexcept 
 
 std::size_t Codec::encode(const Challenge& m, std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->challenge;
-  w.set_nonce(m.nonce);
-  w.set_cookie(m.cookie);
+  to_wire(m, w);
   return write(MessageType::kChallenge, w, out);
 }
 
 std::size_t Codec::encode(const Welcome& m, std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->welcome;
-  w.set_version(m.version);
-  w.set_feature_bits(m.feature_bits);
-  w.set_nonce(m.nonce);
-  w.set_session_id(m.session_id);
-  w.set_resume_token(m.resume_token);
-  w.set_epoch(m.epoch);
-  w.set_timeout_ms(m.timeout_ms);
-  w.set_slave_rate_max_hz(m.slave_rate_max_hz);
+  to_wire(m, w);
   const auto& text = m.scene_name.text;
   w.mutable_scene_name()->assign(
       text.data(), static_cast<std::size_t>(std::find(text.begin(), text.end(), '\0') - text.begin()));
-  w.set_scene_hash(m.scene_hash);
-  w.set_workspace_min_w_x_nm(m.workspace_min_w_nm.x());
-  w.set_workspace_min_w_y_nm(m.workspace_min_w_nm.y());
-  w.set_workspace_min_w_z_nm(m.workspace_min_w_nm.z());
-  w.set_workspace_max_w_x_nm(m.workspace_max_w_nm.x());
-  w.set_workspace_max_w_y_nm(m.workspace_max_w_nm.y());
-  w.set_workspace_max_w_z_nm(m.workspace_max_w_nm.z());
-  w.set_start_pos_w_x_nm(m.start_pos_w_nm.x());
-  w.set_start_pos_w_y_nm(m.start_pos_w_nm.y());
-  w.set_start_pos_w_z_nm(m.start_pos_w_nm.z());
-  w.set_surface_z_w_nm(m.surface_z_w_nm);
-  w.set_force_max_nn(m.force_max_nn);
-  w.set_coupling_stiffness_n_m(m.coupling_stiffness_n_m);
-  w.set_coupling_damping_n_s_m(m.coupling_damping_n_s_m);
-  w.set_stiffness_min_n_m(m.stiffness_min_n_m);
-  w.set_well_aj(m.well_aj);
-  w.set_steps_executed(m.steps.executed);
-  w.set_state_hash(m.steps.state_hash);
-  w.set_steps_breaks(m.steps.breaks);
-  w.set_scene_sha256_0(m.scene.hash[0]);
-  w.set_scene_sha256_1(m.scene.hash[1]);
-  w.set_scene_sha256_2(m.scene.hash[2]);
-  w.set_scene_sha256_3(m.scene.hash[3]);
-  w.set_scene_bytes(m.scene.bytes);
-  w.set_canonical_motion(m.scene.canonical_motion);
   return write(MessageType::kWelcome, w, out);
 }
 
 std::size_t Codec::encode(const Refuse& m, std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->refuse;
-  w.set_nonce(m.nonce);
-  w.set_reason(static_cast<std::uint32_t>(m.reason));
-  w.set_version_min(m.version_min);
-  w.set_version_max(m.version_max);
+  to_wire(m, w);
   return write(MessageType::kRefuse, w, out);
 }
 
@@ -166,7 +121,7 @@ std::size_t recent_field_bytes(std::size_t count) noexcept {
 }
 
 void write_recent(const RecentCommands& recent, std::uint8_t* at) noexcept {
-  constexpr std::uint32_t kTag = (kRecentField << 3) | 2u;
+  constexpr std::uint32_t kTag = (kCommandRecentCommands << 3) | 2u;
   const std::size_t length = recent.count * kRecentBytes;
   put(at, (kTag & 0x7fu) | 0x80u, 1);
   put(at, kTag >> 7, 1);
@@ -209,7 +164,7 @@ std::size_t steps_field_bytes(std::size_t length) noexcept {
 }
 
 void write_steps(std::span<const std::uint8_t> steps, std::uint8_t* at) noexcept {
-  constexpr std::uint32_t kTag = (kStepsField << 3) | 2u;
+  constexpr std::uint32_t kTag = (kCommandSteps << 3) | 2u;
   put(at, (kTag & 0x7fu) | 0x80u, 1);
   put(at, kTag >> 7, 1);
   put(at, steps.size() < 0x80 ? steps.size() : (steps.size() & 0x7fu) | 0x80u, 1);
@@ -262,8 +217,7 @@ std::size_t Codec::encode(const Reply& m, std::span<std::uint8_t> out) noexcept 
 
 std::size_t Codec::encode(const Bye& m, std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->bye;
-  w.set_session_id(m.session_id);
-  w.set_reason(static_cast<std::uint32_t>(m.reason));
+  to_wire(m, w);
   return write(MessageType::kBye, w, out);
 }
 
@@ -281,7 +235,7 @@ std::size_t Codec::encode(const SnapshotPiece& m, std::span<std::uint8_t> out) n
   FlatWriter writer{out.data() + kHeaderBytes};
   visit_fields(m, writer);
   if (m.size > 0) {
-    put(writer.at, (kSnapshotDataField << 3) | 2u, 1);
+    put(writer.at, (kSnapshotPieceData << 3) | 2u, 1);
     put(writer.at, m.size < 0x80 ? m.size : (m.size & 0x7fu) | 0x80u, 1);
     if (m.size >= 0x80) put(writer.at, m.size >> 7, 1);
     std::memcpy(writer.at, m.data.data(), m.size);
@@ -293,18 +247,14 @@ std::size_t Codec::encode(const SnapshotPiece& m, std::span<std::uint8_t> out) n
 
 std::size_t Codec::encode(const SceneRequest& m, std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->scene_request;
-  w.set_session_id(m.session_id);
-  w.set_bundle(m.bundle);
-  w.set_chunk(m.chunk);
+  to_wire(m, w);
   return write(MessageType::kSceneRequest, w, out);
 }
 
 /// Its bytes by hand behind the other fields, as with a Hello's padding.
 std::size_t Codec::encode(const SceneChunk& m, std::span<std::uint8_t> out) noexcept {
   auto& w = messages_->scene_chunk;
-  w.set_session_id(m.session_id);
-  w.set_bundle(m.bundle);
-  w.set_chunk(m.chunk);
+  to_wire(m, w);
   const std::size_t size = std::min<std::size_t>(m.size, kSceneChunkBytes);
   const std::size_t fields = w.ByteSizeLong();
   const std::size_t length_bytes = size < 0x80 ? 1 : 2;
@@ -313,7 +263,7 @@ std::size_t Codec::encode(const SceneChunk& m, std::span<std::uint8_t> out) noex
   write_header(out.first<kHeaderBytes>(), MessageType::kSceneChunk, total - kHeaderBytes);
   w.SerializeWithCachedSizesToArray(out.data() + kHeaderBytes);
   std::uint8_t* at = out.data() + kHeaderBytes + fields;
-  put(at, (kSceneDataField << 3) | 2u, 1);
+  put(at, (kSceneChunkData << 3) | 2u, 1);
   put(at, size < 0x80 ? size : (size & 0x7fu) | 0x80u, 1);
   if (length_bytes == 2) put(at, size >> 7, 1);
   std::memcpy(at, m.data.data(), size);
@@ -322,55 +272,26 @@ std::size_t Codec::encode(const SceneChunk& m, std::span<std::uint8_t> out) noex
 
 namespace {
 
-// What a message may say beyond its form. Monotony and sessions are the business of the state machines.
+// What a message may say beyond its form. Monotony and sessions are the business of the state machines. A number
+// that is none goes before a value out of range, wherever the two are (PROTOCOL.md, section 8).
 
-DropCause read(const wire::Hello& w, Hello& m) noexcept {
-  m.version_min = w.version_min();
-  m.version_max = w.version_max();
-  m.feature_bits = w.feature_bits();
-  m.nonce = w.nonce();
-  m.cookie = w.cookie();
-  m.resume_token = w.resume_token();
-  m.rate_hz = w.rate_hz();
-  if (m.version_min == 0 || m.version_min > m.version_max || m.nonce == 0) return DropCause::kOutOfRange;
-  return DropCause::kNone;
+constexpr DropCause in_range(bool good) noexcept {
+  return good ? DropCause::kNone : DropCause::kOutOfRange;
 }
 
-DropCause read(const wire::Challenge& w, Challenge& m) noexcept {
-  m.nonce = w.nonce();
-  m.cookie = w.cookie();
-  return m.nonce == 0 || m.cookie == 0 ? DropCause::kOutOfRange : DropCause::kNone;
+DropCause first_cause(DropCause a, DropCause b) noexcept {
+  return a == DropCause::kNone || b == DropCause::kNonFinite ? b : a;
 }
 
-DropCause read(const wire::Welcome& w, Welcome& m) noexcept {
-  m.version = w.version();
-  m.feature_bits = w.feature_bits();
-  m.nonce = w.nonce();
-  m.session_id = w.session_id();
-  m.resume_token = w.resume_token();
-  m.epoch = w.epoch();
-  m.timeout_ms = w.timeout_ms();
-  m.slave_rate_max_hz = w.slave_rate_max_hz();
-  m.scene_name = {};
-  std::copy_n(w.scene_name().data(), std::min(w.scene_name().size(), kSceneNameBytes),
-              m.scene_name.text.begin());
-  m.scene_hash = w.scene_hash();
-  m.workspace_min_w_nm = {w.workspace_min_w_x_nm(), w.workspace_min_w_y_nm(), w.workspace_min_w_z_nm()};
-  m.workspace_max_w_nm = {w.workspace_max_w_x_nm(), w.workspace_max_w_y_nm(), w.workspace_max_w_z_nm()};
-  m.start_pos_w_nm = {w.start_pos_w_x_nm(), w.start_pos_w_y_nm(), w.start_pos_w_z_nm()};
-  m.surface_z_w_nm = w.surface_z_w_nm();
-  m.force_max_nn = w.force_max_nn();
-  m.coupling_stiffness_n_m = w.coupling_stiffness_n_m();
-  m.coupling_damping_n_s_m = w.coupling_damping_n_s_m();
-  m.stiffness_min_n_m = w.stiffness_min_n_m();
-  m.well_aj = w.well_aj();
-  m.steps = {};
-  m.steps.executed = m.steps.newest = w.steps_executed();
-  m.steps.state_hash = w.state_hash();
-  m.steps.breaks = w.steps_breaks();
-  m.scene.hash = {w.scene_sha256_0(), w.scene_sha256_1(), w.scene_sha256_2(), w.scene_sha256_3()};
-  m.scene.bytes = w.scene_bytes();
-  m.scene.canonical_motion = w.canonical_motion();
+DropCause check(const Hello& m) noexcept {
+  return in_range(m.version_min != 0 && m.version_min <= m.version_max && m.nonce != 0);
+}
+
+DropCause check(const Challenge& m) noexcept {
+  return in_range(m.nonce != 0 && m.cookie != 0);
+}
+
+DropCause check(const Welcome& m) noexcept {
   if (!all_finite(m.workspace_min_w_nm) || !all_finite(m.workspace_max_w_nm) ||
       !all_finite(m.start_pos_w_nm) ||
       !all_finite(m.surface_z_w_nm, m.force_max_nn, m.coupling_stiffness_n_m, m.coupling_damping_n_s_m,
@@ -382,221 +303,101 @@ DropCause read(const wire::Welcome& w, Welcome& m) noexcept {
       m.force_max_nn >= 0 && m.coupling_stiffness_n_m >= 0 && m.coupling_damping_n_s_m >= 0 && m.well_aj >= 0;
   const bool ids = m.version != 0 && m.nonce != 0 && m.session_id != 0 && m.epoch != 0 && m.timeout_ms != 0;
   const bool scene = m.scene.empty() || (m.scene.bytes != 0 && m.scene.name() != 0);
-  return box && limits && ids && scene ? DropCause::kNone : DropCause::kOutOfRange;
+  return in_range(box && limits && ids && scene);
 }
 
-DropCause read(const wire::Refuse& w, Refuse& m) noexcept {
-  m.nonce = w.nonce();
-  m.reason = static_cast<RefuseReason>(w.reason());
-  m.version_min = w.version_min();
-  m.version_max = w.version_max();
-  if (w.reason() < 1 || w.reason() > static_cast<std::uint32_t>(RefuseReason::kShuttingDown))
-    return DropCause::kOutOfRange;
-  if (m.version_min == 0 || m.version_min > m.version_max || m.nonce == 0) return DropCause::kOutOfRange;
-  return DropCause::kNone;
+DropCause check(const Refuse& m) noexcept {
+  const bool reason = m.reason >= RefuseReason::kVersion && m.reason <= RefuseReason::kShuttingDown;
+  return in_range(reason && m.version_min != 0 && m.version_min <= m.version_max && m.nonce != 0);
 }
 
-DropCause check(const PortControl& m) noexcept {
-  if (!all_finite(m.energy_scale_aj_j, m.energy_sent_j, m.wave_sum.x(), m.wave_sum.y(), m.wave_sum.z(),
-                  m.wave_energy_aj, m.wave_impedance_n_s_m)) {
-    return DropCause::kNonFinite;
-  }
-  const bool scale = m.energy_scale_aj_j > 0 || (m.energy_scale_aj_j == 0 && !needs_energy_scale(m.method));
-  const bool impedance =
-      m.wave_impedance_n_s_m > 0 || (m.wave_impedance_n_s_m == 0 && m.method != kMethodWave);
-  const bool sums = m.energy_sent_j >= 0 && m.wave_energy_aj >= 0;
-  return m.method <= kMethodTwin && scale && impedance && sums ? DropCause::kNone : DropCause::kOutOfRange;
+DropCause check(const Bye& m) noexcept {
+  return in_range(m.reason >= ByeReason::kDone && m.reason <= ByeReason::kUnknownSession &&
+                  m.session_id != 0);
 }
 
-DropCause read(const wire::Command& w, PortControl& m) noexcept {
-  m.method = w.method();
-  m.energy_scale_aj_j = w.energy_scale_aj_j();
-  m.energy_sent_j = w.energy_sent_j();
-  m.wave_sum = {w.wave_sum_w_x_sqrt_aj_s(), w.wave_sum_w_y_sqrt_aj_s(), w.wave_sum_w_z_sqrt_aj_s()};
-  m.wave_energy_aj = w.wave_energy_aj();
-  m.wave_impedance_n_s_m = w.wave_impedance_n_s_m();
-  return check(m);
+DropCause check(const SceneRequest& m) noexcept {
+  return in_range(m.session_id != 0 && m.bundle != 0);
 }
 
-DropCause check(const PortAnswer& m) noexcept {
-  if (!all_finite(m.energy_sent_aj, m.wave_sum.x(), m.wave_sum.y(), m.wave_sum.z(), m.wave_energy_aj)) {
-    return DropCause::kNonFinite;
-  }
-  return m.energy_sent_aj >= 0 && m.wave_energy_aj >= 0 ? DropCause::kNone : DropCause::kOutOfRange;
+DropCause check(const SceneChunk& m) noexcept {
+  return in_range(m.session_id != 0 && m.bundle != 0);
 }
 
-DropCause read(const wire::Reply& w, PortAnswer& m) noexcept {
-  m.energy_sent_aj = w.energy_sent_aj();
-  m.wave_sum = {w.wave_sum_w_x_sqrt_aj_s(), w.wave_sum_w_y_sqrt_aj_s(), w.wave_sum_w_z_sqrt_aj_s()};
-  m.wave_energy_aj = w.wave_energy_aj();
-  return check(m);
+template <class Message>
+bool fields_are_finite(const Message& m) noexcept {
+  AllFinite finite;
+  visit_fields(m, finite);
+  return finite.is();
 }
 
-DropCause check(const LocalModel& m) noexcept {
-  if (!all_finite(m.point_w_nm) || !all_finite(m.normal_w) ||
-      !all_finite(m.stiffness_n_m, m.adhesion_nn, m.shear_stiffness_n_m, m.friction_nn)) {
-    return DropCause::kNonFinite;
-  }
-  const bool normal = std::fabs(m.normal_w.norm() - 1) <= 1e-6 || (m.version == 0 && m.normal_w.isZero(0));
-  const bool contact =
-      m.stiffness_n_m >= 0 && m.adhesion_nn >= 0 && m.shear_stiffness_n_m >= 0 && m.friction_nn >= 0;
-  return normal && contact ? DropCause::kNone : DropCause::kOutOfRange;
-}
-
-DropCause read(const wire::Reply& w, LocalModel& m) noexcept {
-  m.version = w.model_version();
-  m.point_w_nm = {w.model_point_w_x_nm(), w.model_point_w_y_nm(), w.model_point_w_z_nm()};
-  m.normal_w = {w.model_normal_w_x(), w.model_normal_w_y(), w.model_normal_w_z()};
-  m.stiffness_n_m = w.model_stiffness_n_m();
-  m.adhesion_nn = w.model_adhesion_nn();
-  m.shear_stiffness_n_m = w.model_shear_stiffness_n_m();
-  m.friction_nn = w.model_friction_nn();
-  return check(m);
+template <class Message>
+bool feature_fields_are_finite(const Message& m) noexcept {
+  AllFinite finite;
+  visit_feature_fields(m, finite);
+  return finite.is();
 }
 
 DropCause check(const Command& m) noexcept {
-  if (!all_finite(m.tip_vel_w_nm_s.x(), m.tip_vel_w_nm_s.y(), m.tip_vel_w_nm_s.z(), m.tip_pos_w_nm.x(),
-                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.energy_in_j, m.energy_out_j)) {
-    return DropCause::kNonFinite;
-  }
-  const bool energies = m.energy_in_j >= 0 && m.energy_out_j >= 0;
-  return m.sequence != 0 && energies ? DropCause::kNone : DropCause::kOutOfRange;
-}
-
-DropCause check(const TipShare& m) noexcept {
-  return all_finite(m.pos_w_nm) ? DropCause::kNone : DropCause::kNonFinite;
-}
-
-DropCause read(const wire::Reply& w, TipShare& m) noexcept {
-  m.hold = w.tip_hold();
-  m.pos_w_nm = {w.hold_pos_w_x_nm(), w.hold_pos_w_y_nm(), w.hold_pos_w_z_nm()};
-  return check(m);
-}
-
-DropCause check(const Particle& m) noexcept {
-  if (!all_finite(m.pos_w_nm) || !all_finite(m.radius_nm)) return DropCause::kNonFinite;
-  const bool known = m.status <= ParticleStatus::kLost;
-  return known && m.radius_nm >= 0 ? DropCause::kNone : DropCause::kOutOfRange;
-}
-
-DropCause read(const wire::Reply& w, Particle& m) noexcept {
-  m.pos_w_nm = {w.particle_pos_w_x_nm(), w.particle_pos_w_y_nm(), w.particle_pos_w_z_nm()};
-  m.radius_nm = w.particle_radius_nm();
-  m.status = static_cast<ParticleStatus>(w.particle_state());
-  return check(m);
-}
-
-DropCause read(const wire::Command& w, Command& m) noexcept {
-  m.session_id = w.session_id();
-  m.sequence = w.sequence();
-  m.send_time_ns = w.send_time_ns();
-  m.newest_reply = w.newest_reply();
-  m.epoch = w.epoch();
-  m.flags = w.flags();
-  m.tip_vel_w_nm_s = {w.tip_vel_w_x_nm_s(), w.tip_vel_w_y_nm_s(), w.tip_vel_w_z_nm_s()};
-  m.tip_pos_w_nm = {w.tip_pos_w_x_nm(), w.tip_pos_w_y_nm(), w.tip_pos_w_z_nm()};
-  m.energy_in_j = w.energy_in_j();
-  m.energy_out_j = w.energy_out_j();
-  return check(m);
+  if (!fields_are_finite(m)) return DropCause::kNonFinite;
+  return in_range(m.sequence != 0 && m.energy_in_j >= 0 && m.energy_out_j >= 0);
 }
 
 DropCause check(const Reply& m) noexcept {
-  if (!all_finite(m.force_w_nn.x(), m.force_w_nn.y(), m.force_w_nn.z(), m.tip_pos_w_nm.x(),
-                  m.tip_pos_w_nm.y(), m.tip_pos_w_nm.z(), m.deflection_nm, m.energy_in_aj, m.energy_out_aj)) {
-    return DropCause::kNonFinite;
-  }
+  if (!fields_are_finite(m)) return DropCause::kNonFinite;
   const bool contact = m.contact_state <= ContactState::kContact;
   const bool energies = m.energy_in_aj >= 0 && m.energy_out_aj >= 0;
-  return m.sequence != 0 && m.command_sequence != 0 && contact && energies ? DropCause::kNone
-                                                                           : DropCause::kOutOfRange;
-}
-
-DropCause read(const wire::Reply& w, Reply& m) noexcept {
-  m.session_id = w.session_id();
-  m.sequence = w.sequence();
-  m.command_sequence = w.command_sequence();
-  m.command_send_time_ns = w.command_send_time_ns();
-  m.server_time_ns = w.server_time_ns();
-  m.hold_time_ns = w.hold_time_ns();
-  m.measurement_age_ns = w.measurement_age_ns();
-  m.epoch = w.epoch();
-  m.contact_state = static_cast<ContactState>(w.contact_state());
-  m.fault_bits = w.fault_bits();
-  m.force_w_nn = {w.force_w_x_nn(), w.force_w_y_nn(), w.force_w_z_nn()};
-  m.tip_pos_w_nm = {w.tip_pos_w_x_nm(), w.tip_pos_w_y_nm(), w.tip_pos_w_z_nm()};
-  m.deflection_nm = w.deflection_nm();
-  m.energy_in_aj = w.energy_in_aj();
-  m.energy_out_aj = w.energy_out_aj();
-  return check(m);
-}
-
-DropCause read(const wire::Bye& w, Bye& m) noexcept {
-  m.session_id = w.session_id();
-  m.reason = static_cast<ByeReason>(w.reason());
-  const bool known = w.reason() >= 1 && w.reason() <= static_cast<std::uint32_t>(ByeReason::kUnknownSession);
-  return known && m.session_id != 0 ? DropCause::kNone : DropCause::kOutOfRange;
-}
-
-DropCause read(const wire::SceneRequest& w, SceneRequest& m) noexcept {
-  m.session_id = w.session_id();
-  m.bundle = w.bundle();
-  m.chunk = w.chunk();
-  return m.session_id != 0 && m.bundle != 0 ? DropCause::kNone : DropCause::kOutOfRange;
-}
-
-DropCause read(const wire::SceneChunk& w, SceneChunk& m) noexcept {
-  m.session_id = w.session_id();
-  m.bundle = w.bundle();
-  m.chunk = w.chunk();
-  return m.session_id != 0 && m.bundle != 0 ? DropCause::kNone : DropCause::kOutOfRange;
-}
-
-/// A number that is none goes before a value out of range, wherever the two are (PROTOCOL.md, section 8).
-DropCause first_cause(DropCause a, DropCause b) noexcept {
-  return a == DropCause::kNone || b == DropCause::kNonFinite ? b : a;
+  return in_range(m.sequence != 0 && m.command_sequence != 0 && contact && energies);
 }
 
 // Fields behind feature bits.
 
-template <class Wire, class Message>
-DropCause read_features(const Wire&, Message&) noexcept {
+bool is_in_range(const PortControl& m) noexcept {
+  const bool scale = m.energy_scale_aj_j > 0 || (m.energy_scale_aj_j == 0 && !needs_energy_scale(m.method));
+  const bool impedance =
+      m.wave_impedance_n_s_m > 0 || (m.wave_impedance_n_s_m == 0 && m.method != kMethodWave);
+  return m.method <= kMethodTwin && scale && impedance && m.energy_sent_j >= 0 && m.wave_energy_aj >= 0;
+}
+
+bool is_in_range(const PortAnswer& m) noexcept {
+  return m.energy_sent_aj >= 0 && m.wave_energy_aj >= 0;
+}
+
+bool is_in_range(const LocalModel& m) noexcept {
+  const bool normal = std::fabs(m.normal_w.norm() - 1) <= 1e-6 || (m.version == 0 && m.normal_w.isZero(0));
+  return normal && m.stiffness_n_m >= 0 && m.adhesion_nn >= 0 && m.shear_stiffness_n_m >= 0 &&
+         m.friction_nn >= 0;
+}
+
+bool is_in_range(const Particle& m) noexcept {
+  return m.status <= ParticleStatus::kLost && m.radius_nm >= 0;
+}
+
+template <class Message>
+DropCause check_features(const Message&) noexcept {
   return DropCause::kNone;
 }
 
-DropCause read_features(const wire::Command& wire, Command& message) noexcept {
-  message.tip_hold = wire.tip_hold();
-  return read(wire, message.control);
-}
-
-DropCause read_features(const wire::Reply& wire, Reply& message) noexcept {
-  message.steps_before = wire.steps_before();
-  message.steps = {wire.steps_executed(), wire.state_hash(),   wire.steps_newest(),
-                   wire.steps_breaks(),   wire.break_reason(), wire.break_step()};
-  const DropCause contact = first_cause(read(wire, message.port), read(wire, message.model));
-  return first_cause(contact, first_cause(read(wire, message.tip), read(wire, message.particle)));
-}
-
-void clear_features(Command& m) noexcept {
-  m.control = {};
-  m.tip_hold = 0;
-}
-
-void clear_features(Reply& m) noexcept {
-  m.port = {};
-  m.model = {};
-  m.steps_before = 0;
-  m.tip = {};
-  m.particle = {};
-  m.steps = {};
-}
-
 DropCause check_features(const Command& m) noexcept {
-  return check(m.control);
+  return feature_fields_are_finite(m) ? in_range(is_in_range(m.control)) : DropCause::kNonFinite;
 }
 
 DropCause check_features(const Reply& m) noexcept {
-  const DropCause contact = first_cause(check(m.port), check(m.model));
-  return first_cause(contact, first_cause(check(m.tip), check(m.particle)));
+  if (!feature_fields_are_finite(m)) return DropCause::kNonFinite;
+  return in_range(is_in_range(m.port) && is_in_range(m.model) && is_in_range(m.particle));
+}
+
+// What lies in a message and not in its fields alone.
+template <class Wire, class Message>
+void complete(const Wire&, Message&) noexcept {}
+
+void complete(const wire::Welcome& w, Welcome& m) noexcept {
+  m.scene_name = {};
+  std::copy_n(w.scene_name().data(), std::min(w.scene_name().size(), kSceneNameBytes),
+              m.scene_name.text.begin());
+  m.steps.newest = m.steps.executed;
+  m.steps.break_reason = 0;
+  m.steps.break_step = 0;
 }
 
 template <class Wire, class Message>
@@ -604,8 +405,9 @@ DropCause parse(const WireFrame& frame, Wire& wire, Message& message) noexcept {
   if (!wire.ParseFromArray(frame.payload.data(), static_cast<int>(frame.payload.size()))) {
     return DropCause::kMalformedField;
   }
-  const DropCause cause = read(wire, message);
-  return first_cause(cause, read_features(wire, message));
+  from_wire(wire, message);
+  complete(wire, message);
+  return first_cause(check(message), check_features(message));
 }
 
 /// The usual form of the stream's messages (flat_fields.h). Where `used` is less than all of the payload,
@@ -616,7 +418,8 @@ DropCause read_flat(std::span<const std::uint8_t> payload, Message& message, std
   visit_fields(message, reader);
   if (reader.at == reader.end) {  // most sessions: all of the others zero, which is in order
     used = payload.size();
-    clear_features(message);
+    Clearing clearing;
+    visit_feature_fields(message, clearing);
     return check(message);
   }
   visit_feature_fields(message, reader);
@@ -638,7 +441,7 @@ DropCause read_snapshot(std::span<const std::uint8_t> payload, SnapshotPiece& m)
   const std::uint8_t* at = reader.at;
   m.size = 0;
   if (at != reader.end) {
-    if (*at++ != ((kSnapshotDataField << 3) | 2u) || at == reader.end) return DropCause::kMalformedField;
+    if (*at++ != ((kSnapshotPieceData << 3) | 2u) || at == reader.end) return DropCause::kMalformedField;
     std::size_t length = *at++;
     if (length >= 0x80) {
       if (at == reader.end || *at == 0 || *at >= 0x80) return DropCause::kMalformedField;

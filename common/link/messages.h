@@ -27,10 +27,11 @@ enum FeatureBits : std::uint64_t {
   kFeatureWell = 1u << 6,         ///< Welcome::well_aj
   kFeatureScene = 1u << 7,        ///< Welcome::scene, SceneRequest, SceneChunk
   kFeatureStepLog = 1u << 8,      ///< StepBatch with Command (step_log.h), StepReport in Reply and Welcome
+  kFeatureSharedLog = 1u << 9,    ///< steps of one datagram belong to its tip_hold: a log at a shared tip
 };
-inline constexpr std::uint64_t kKnownFeatures = kFeaturePortControl | kFeatureLocalModel | kFeatureSharing |
-                                                kFeatureRedundancy | kFeatureStepHistory | kFeatureParticle |
-                                                kFeatureWell | kFeatureScene | kFeatureStepLog;
+inline constexpr std::uint64_t kKnownFeatures =
+    kFeaturePortControl | kFeatureLocalModel | kFeatureSharing | kFeatureRedundancy | kFeatureStepHistory |
+    kFeatureParticle | kFeatureWell | kFeatureScene | kFeatureStepLog | kFeatureSharedLog;
 
 /// Why the slave's state is not what the log of steps says.
 enum StepBreak : std::uint32_t {
@@ -40,6 +41,7 @@ enum StepBreak : std::uint32_t {
   kBreakRight = 3,    ///< steps without the right to operate: they moved nothing
   kBreakSilence = 4,  ///< the slave withdrew by itself: the session was silent
   kBreakShare = 5,    ///< steps waited too long for the session's share of the server: left out
+  kBreakHolder = 6,   ///< of a shared tip: this session's holding begins, and others have moved it before
 };
 
 /// How far the server has executed the log of steps. Behind kFeatureStepLog; all zero without it.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <cstdint>
 
 namespace telenano::link {
 
@@ -34,6 +35,22 @@ class PricedEnergy {
   double take_out(double energy_aj, double price) noexcept { return move(energy_aj, price, true); }
 
   static constexpr std::size_t kLots = 16;
+
+  /// Shows all that it knows to `v`, for writing it down or reading it. False: no such state.
+  template <class V, class Self>
+  static bool fields(V& v, Self& self) noexcept {
+    std::uint64_t count = self.count_;
+    v(count);
+    v(self.owed_);
+    bool good = count <= kLots;
+    for (std::size_t i = 0; good && i < count; ++i) {
+      v(self.lots_[i].energy_aj);
+      v(self.lots_[i].price);
+      good = self.lots_[i].energy_aj >= 0 && self.lots_[i].price >= 0;
+    }
+    if constexpr (V::kReads) self.count_ = good ? count : 0;
+    return good;
+  }
 
  private:
   struct Lot {

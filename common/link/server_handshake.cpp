@@ -33,6 +33,16 @@ std::uint64_t ServerHandshake::party_of(const PeerKey& peer, std::uint64_t owner
   return siphash_words(cookie_key_, words);
 }
 
+/// At a shared tip a log of steps asks for both bits: a station that knows only private ones would mix steps
+/// of two holdings.
+std::uint64_t ServerHandshake::granted(const Hello& hello) const noexcept {
+  std::uint64_t bits = hello.feature_bits & config_.feature_bits;
+  const bool shared = (bits & kFeatureSharing) != 0;
+  if ((bits & kFeatureStepLog) == 0 || !shared) bits &= ~std::uint64_t{kFeatureSharedLog};
+  if (shared && (bits & kFeatureSharedLog) == 0) bits &= ~std::uint64_t{kFeatureStepLog};
+  return bits;
+}
+
 HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, std::int64_t now_ns,
                                        SessionTable& table, const HelloContext& context) noexcept {
   using Kind = HelloVerdict::Kind;
@@ -87,7 +97,7 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     if (table[old].state != SlotState::kActive && !has_place())
       return refuse(RefuseReason::kFull, DropCause::kFull);
     table.resume(old, peer, hello.nonce, hello.rate_hz, now_ns);
-    table[old].feature_bits = hello.feature_bits & config_.feature_bits;
+    table[old].feature_bits = granted(hello);
     table[old].rank = context.rank;
     verdict.kind = Kind::kResume;
     verdict.slot = old;
@@ -106,7 +116,7 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
     return drop(DropCause::kRateLimited);
   verdict.slot = table.open(peer, hello.nonce, hello.rate_hz, now_ns, opener);
   if (verdict.slot == SessionTable::kNone) return refuse(RefuseReason::kFull, DropCause::kFull);
-  table[verdict.slot].feature_bits = hello.feature_bits & config_.feature_bits;
+  table[verdict.slot].feature_bits = granted(hello);
   verdict.kind = Kind::kOpen;
   return verdict;
 }

@@ -65,6 +65,7 @@ class ServerHandshake {
   std::uint64_t party_of(const PeerKey& peer, std::uint64_t owner) const noexcept;
 
  private:
+  std::uint64_t granted(const Hello& hello) const noexcept;
   static constexpr std::size_t kPartyBuckets = 1024;
 
   ServerHandshakeConfig config_;

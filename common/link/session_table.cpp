@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "proto/wire_fields.h"
 namespace telenano::link {
 namespace {
 
@@ -193,8 +194,7 @@ DropCause SessionTable::accept(const Command& command, const PeerKey& peer, std:
   if (s.state != SlotState::kActive) return DropCause::kUnexpected;
   if (command.epoch != s.epoch) return DropCause::kWrongEpoch;
   if (command.newest_reply > s.reply_sequence) return DropCause::kOutOfRange;
-  if ((s.feature_bits & kFeaturePortControl) == 0 && !command.control.empty()) return DropCause::kUnexpected;
-  if ((s.feature_bits & kFeatureSharing) == 0 && command.tip_hold != 0) return DropCause::kUnexpected;
+  if ((features_used(command) & ~s.feature_bits) != 0) return DropCause::kUnexpected;
   if ((s.feature_bits & kFeatureRedundancy) == 0 && repeats_others) return DropCause::kUnexpected;
   const std::uint64_t before = s.commands.newest();
   const DropCause cause =

@@ -8,11 +8,13 @@
 #include <vector>
 
 #include "telenano/common/link/messages.h"
+#include "telenano/common/link/token_bucket.h"
 
 namespace telenano::link {
 
 /// The station's end of fetching the server's state: asks for it in pieces, again where an answer is late, as
-/// many at once as kWindow. Its memory is made once; a state that is larger is not fetched.
+/// many at once as kWindow, and kPerSecond of them. Its memory is made once; a state that is larger is not
+/// fetched.
 class SnapshotFetch {
  public:
   explicit SnapshotFetch(std::size_t bytes_max) {
@@ -22,7 +24,8 @@ class SnapshotFetch {
   /// From now on: a new one, frozen when the server hears of it.
   void start() noexcept {
     id_ = id_ + 1 == 0 ? 1 : id_ + 1;
-    total_ = have_ = 0;
+    guess_ = total_ > 0 ? pieces(total_) : kFirstGuess;
+    total_ = have_ = whole_ = 0;
     known_ = refused_ = false;
     std::fill(asked_ns_.begin(), asked_ns_.end(), kNever);
     active_ = !data_.empty();
@@ -36,14 +39,17 @@ class SnapshotFetch {
   /// The next piece to ask for; false: none now.
   bool next(std::int64_t now_ns, std::int64_t wait_ns, SnapshotRequest& request) noexcept {
     if (!active_ || complete()) return false;
-    const std::size_t last = known_ ? pieces(total_) : 1;
+    // Until it is known how many there are: as many as the last state had.
+    const std::size_t last = known_ ? pieces(total_) : std::min(guess_, asked_ns_.size());
     std::size_t under_way = 0;
-    for (std::size_t i = 0; i < last && under_way < kWindow; ++i) {
+    while (whole_ < last && asked_ns_[whole_] == kHere) ++whole_;
+    for (std::size_t i = whole_; i < last && under_way < kWindow; ++i) {
       if (asked_ns_[i] == kHere) continue;
       if (asked_ns_[i] != kNever && now_ns - asked_ns_[i] <= wait_ns) {
         ++under_way;
         continue;
       }
+      if (!pace_.take(now_ns)) return false;
       asked_ns_[i] = now_ns;
       request.snapshot = id_;
       request.piece = static_cast<std::uint32_t>(i);
@@ -81,9 +87,12 @@ class SnapshotFetch {
   std::uint64_t state_hash() const noexcept { return first_.state_hash; }
   std::uint32_t breaks() const noexcept { return first_.breaks; }
 
-  static constexpr std::size_t kWindow = 64;
+  static constexpr std::size_t kWindow = 1024;
+  static constexpr double kPerSecond = 2000;  ///< 7 Mbit/s: less than what a server gives of its scene
 
  private:
+  static constexpr std::size_t kFirstGuess = 2;  // no scene's state is smaller
+  static constexpr double kBurst = 8;
   static constexpr std::int64_t kNever = INT64_MIN;
   static constexpr std::int64_t kHere = INT64_MAX;
   static constexpr std::size_t pieces(std::size_t bytes) noexcept {
@@ -95,6 +104,9 @@ class SnapshotFetch {
   std::uint32_t id_ = 0;
   std::size_t total_ = 0;
   std::size_t have_ = 0;
+  std::size_t whole_ = 0;  // all before it are here
+  std::size_t guess_ = kFirstGuess;
+  TokenBucket pace_{kPerSecond, kBurst};
   bool known_ = false;
   bool active_ = false;
   bool refused_ = false;

@@ -149,12 +149,13 @@ void StepSender::send_again(std::int64_t now_ns) noexcept {
 
 bool StepSender::urgent(std::int64_t now_ns, std::int64_t wait_ns) noexcept {
   if (again_ != 0) return true;
+  if (sent_ < newest_ && at(sent_ + 1).hold != at(newest_).hold) return true;  // they need two datagrams
   if (newest_ - sent_ > kMaxBatch / 2) return true;
   return sent_ > executed_ && waits_ns_ != 0 && now_ns - waits_ns_ > wait_ns;
 }
 
-std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns,
-                              std::int64_t wait_ns) noexcept {
+std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns, std::int64_t wait_ns,
+                              bool newest_holding) noexcept {
   if (!enabled() || newest_ == executed_ || out.size() <= kStepsHeaderBytes + kRecordMost) return 0;
   if (waits_ns_ == 0 || sent_ <= executed_) waits_ns_ = now_ns;
   // Without an answer for so long, all that is open goes again, in as many datagrams as it takes.
@@ -164,9 +165,14 @@ std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns,
   std::uint64_t from = std::max(oldest(), again_ != 0 ? again_ : repeat);
   // New steps must not starve where much is new.
   if (again_ == 0 && sent_ + 1 > from + kMaxBatch / 2) from = std::max(oldest(), sent_ + 1 - kMaxBatch / 2);
+  // One holding a datagram: what it repeats, and what is new in it.
+  const std::uint64_t begins_with = newest_holding ? newest_ : std::min(sent_ + 1, newest_);
+  if (newest_holding || again_ == 0)
+    while (from < begins_with && at(from).hold != at(begins_with).hold) ++from;
+  written_hold_ = at(from).hold;
   StepWriter writer(out.first(std::min(out.size(), kStepsBytesMost)), from);
   std::uint64_t to = from;
-  while (to <= newest_ && writer.add(at(to))) ++to;
+  while (to <= newest_ && at(to).hold == written_hold_ && writer.add(at(to))) ++to;
   if (again_ != 0) {
     again_ = to > sent_ ? 0 : to;
     waits_ns_ = now_ns;
@@ -176,12 +182,13 @@ std::size_t StepSender::write(std::span<std::uint8_t> out, std::int64_t now_ns,
   return writer.count() > 0 ? writer.size() : 0;
 }
 
-void StepReceiver::take(const StepBatch& batch, std::int64_t now_ns) noexcept {
+void StepReceiver::take(const StepBatch& batch, std::int64_t now_ns, std::uint32_t hold) noexcept {
   const bool had_gap = gap();
   for (std::size_t i = 0; i < batch.count; ++i) {
     const std::uint64_t number = batch.first + i;
     if (number <= executed_ || number > executed_ + ring_.size() || has(number)) continue;
     ring_[number % ring_.size()] = batch.step[i];
+    ring_[number % ring_.size()].hold = hold;
     here_[number % here_.size()] = number;
     came_ns_[number % came_ns_.size()] = now_ns;
     newest_ = std::max(newest_, number);

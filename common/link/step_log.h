@@ -31,6 +31,9 @@ struct LoggedStep {
   std::array<std::int64_t, 3> target{};   ///< commanded position over kStepGridNm
   std::uint32_t dt_ns = kStepShortestNs;  ///< of the tick, kStepShortestNs … kStepLongestNs
   std::uint32_t flags = 0;                ///< of kStepFlags
+  /// Of a shared tip: the holding that the target is anchored to (TipShare::hold). Not of the record on the
+  /// wire, but the tip_hold of its datagram.
+  std::uint32_t hold = 0;
   friend bool operator==(const LoggedStep&, const LoggedStep&) = default;
 };
 
@@ -115,8 +118,12 @@ class StepSender {
   /// datagram could take?
   bool urgent(std::int64_t now_ns, std::int64_t wait_ns) noexcept;
   /// Writes what goes into the next datagram; returns the bytes, 0: nothing. `wait_ns`: how long an answer
-  /// may take; before that nothing is sent again.
-  std::size_t write(std::span<std::uint8_t> out, std::int64_t now_ns, std::int64_t wait_ns) noexcept;
+  /// may take; before that nothing is sent again. All of it belongs to one holding: `newest_holding`, that of
+  /// the newest step (a stop must not wait for what an earlier holding has left).
+  std::size_t write(std::span<std::uint8_t> out, std::int64_t now_ns, std::int64_t wait_ns,
+                    bool newest_holding = false) noexcept;
+  /// LoggedStep::hold of what write() has written last.
+  std::uint32_t written_hold() const noexcept { return written_hold_; }
 
   /// Every datagram repeats unasked what was new in the one before, and at least so many.
   static constexpr std::uint64_t kRepeated = 8;
@@ -134,6 +141,7 @@ class StepSender {
   std::uint64_t again_ = 0;     // sending again from here; 0: not
   std::int64_t again_ns_ = 0;   // since then
   std::int64_t waits_ns_ = 0;   // since then without progress
+  std::uint32_t written_hold_ = 0;
 };
 
 /// The server's end: executes every step once and in order. What comes before its turn waits in a ring that
@@ -145,7 +153,15 @@ class StepReceiver {
   explicit StepReceiver(std::size_t ring) : ring_(ring), here_(ring), came_ns_(ring) {}
 
   bool enabled() const noexcept { return !ring_.empty(); }
-  void take(const StepBatch& batch, std::int64_t now_ns) noexcept;
+  /// A log that another receiver has executed as far as `report` says: this one goes on with the next step.
+  void go_on_after(const StepReport& report) noexcept {
+    executed_ = newest_ = report.executed;
+    breaks_ = report.breaks;
+    break_reason_ = report.break_reason;
+    break_step_ = report.break_step;
+  }
+  /// `hold`: of the datagram that brings them, at a shared tip.
+  void take(const StepBatch& batch, std::int64_t now_ns, std::uint32_t hold = 0) noexcept;
 
   /// The next one, if it is here and Σdt allows; then it counts as executed. Σdt is a bucket: it fills with
   /// 1.001 of the time on the wall and holds kBucketNs; what is too early waits, nothing is left out.

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstring>
 
+#include "proto/wire_fields.h"
 #include "telenano/common/link/recent_commands.h"
 #include "telenano/common/link/step_log.h"
 
@@ -11,49 +12,7 @@ namespace {
 
 constexpr std::array<std::uint8_t, 4> kMagic = {'T', 'L', 'N', 'O'};
 
-// Wire types of Protobuf; 0 stands for "no such field", since no message here has a varint field.
-constexpr std::uint8_t kNoField = 0;
-constexpr std::uint8_t kF64 = 1;
-constexpr std::uint8_t kLen = 2;
-constexpr std::uint8_t kF32 = 5;
-
-constexpr std::size_t kMaxFields = 51;
-static_assert(kStepsField <= kMaxFields);
-
-/// Wire type by field number, as in telenano.proto (the codec's tests hold the two together).
-using FieldList = std::array<std::uint8_t, kMaxFields + 1>;
-
-constexpr FieldList kHelloFields = {kNoField, kF32, kF32, kF64, kF64, kF64, kF64, kF32,
-                                    0,        0,    0,    0,    0,    0,    0,    kLen};
-constexpr FieldList kChallengeFields = {kNoField, kF64, kF64};
-constexpr FieldList kWelcomeFields = {kNoField, kF32, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kLen,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64,  // 25: well; 26: scene
-                                      kF64,     kF64, kF64, kF64, kF64, kF32, kF64, 0,    0,    0,
-                                      0,        0,    0,    0,    0,    kF64, kF64, kF32};  // 40: step log
-constexpr FieldList kRefuseFields = {kNoField, kF64, kF32, kF32, kF32};
-constexpr FieldList kCommandFields = {kNoField, kF64, kF64, kF64, kF64, kF32, kF32, kF64,
-                                      kF64,     kF64, kF64, kF64, kF64, kF64, kF64,        // 15: port control
-                                      kF32,     kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // to 22
-                                      0,        0,    0,    0,    0,    0,    0,    0,     // 31: sharing
-                                      kF32,     0,    0,    0,    0,    0,    0,    0,
-                                      0,        kLen, kLen};  // 41: step log
-constexpr FieldList kReplyFields = {
-    kNoField, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF32, kF32, kF32, kF64, kF64, kF64, kF64, kF64, kF64,
-    kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,                    // 20: port control; 25:
-                                                                       // local model
-    kF32, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64, kF64,  // 36: sharing
-    kF32, kF64, kF64, kF64, kF64,                                      // 40: step history; 41: particle
-    kF64, kF64, kF64, kF64, kF32,                                      // 46: step log
-    kF64, kF64, kF64, kF32, kF32, kF64};
-constexpr FieldList kByeFields = {kNoField, kF64, kF32};
-constexpr FieldList kSnapshotRequestFields = {kNoField, kF64, kF32, kF32};
-constexpr FieldList kSnapshotPieceFields = {kNoField, kF64, kF32, kF32, kF64, kF64, kF32, kF32, kLen};
-constexpr FieldList kSceneRequestFields = {kNoField, kF64, kF64, kF32};
-constexpr FieldList kSceneChunkFields = {kNoField, kF64, kF64, kF32, kLen};
-constexpr FieldList kNoFields = {};
-
-/// The same list by tag (number << 3 | wire type), which is what is met on the wire: how far to go on, and
+/// A list of fields by tag (number << 3 | wire type), which is what is met on the wire: how far to go on, and
 /// which field it is. One byte up to field 15, two from field 16 (seven bits each, the low ones first).
 struct TagEntry {
   std::uint8_t number = 0;
@@ -67,14 +26,14 @@ constexpr std::size_t tag_bytes(std::uint32_t number) {
   return number < 16 ? 1 : 2;
 }
 constexpr std::size_t value_bytes(std::uint8_t wire_type) {
-  return wire_type == kF32 ? 4 : 8;
+  return wire_type == kFixed32 ? 4 : 8;
 }
 
 /// The longest payload of a type: every field there, byte strings not counted.
 constexpr std::size_t longest_payload(const FieldList& fields) {
   std::size_t bytes = 0;
   for (std::uint32_t number = 1; number < fields.size(); ++number) {
-    if (fields[number] != kNoField && fields[number] != kLen)
+    if (fields[number] != kNoField && fields[number] != kByteString)
       bytes += tag_bytes(number) + value_bytes(fields[number]);
   }
   return bytes;
@@ -93,24 +52,18 @@ constexpr TagTable tag_table(const FieldList& fields) {
     if (wire_type == kNoField) continue;
     TagEntry& entry = table[(number << 3) | wire_type];
     entry.number = static_cast<std::uint8_t>(number);
-    entry.step = wire_type == kLen ? kLengthFollows
-                                   : static_cast<std::uint8_t>(tag_bytes(number) + value_bytes(wire_type));
+    entry.step = wire_type == kByteString
+                     ? kLengthFollows
+                     : static_cast<std::uint8_t>(tag_bytes(number) + value_bytes(wire_type));
   }
   return table;
 }
 
-constexpr std::array<TagTable, 12> kTagTables = {tag_table(kNoFields),
-                                                 tag_table(kHelloFields),
-                                                 tag_table(kChallengeFields),
-                                                 tag_table(kWelcomeFields),
-                                                 tag_table(kRefuseFields),
-                                                 tag_table(kCommandFields),
-                                                 tag_table(kReplyFields),
-                                                 tag_table(kByeFields),
-                                                 tag_table(kSceneRequestFields),
-                                                 tag_table(kSceneChunkFields),
-                                                 tag_table(kSnapshotRequestFields),
-                                                 tag_table(kSnapshotPieceFields)};
+constexpr auto kTagTables = [] {
+  std::array<TagTable, kFieldLists.size()> tables{};
+  for (std::size_t type = 0; type < tables.size(); ++type) tables[type] = tag_table(kFieldLists[type]);
+  return tables;
+}();
 
 /// Reads a length of one or two bytes (all that fits a datagram), in its shortest form. False: cut or longer.
 bool read_length(std::span<const std::uint8_t> bytes, std::size_t& at, std::size_t& value) noexcept {
@@ -171,7 +124,7 @@ bool scan_fields(MessageType type, std::span<const std::uint8_t> payload, std::s
     if (!read_length(payload, at, length)) return false;
     if (type == MessageType::kCommand) {
       const bool fits =
-          entry.number == kStepsField ? fits_steps(length, at, size) : fits_recent(length, at, size);
+          entry.number == kCommandSteps ? fits_steps(length, at, size) : fits_recent(length, at, size);
       if (!fits) return false;
       parse_bytes = field_start;
     }
@@ -223,12 +176,12 @@ DropCause scan_header(std::span<const std::uint8_t> datagram, WireFrame& frame) 
 
 bool take_tail(std::span<const std::uint8_t> payload, std::size_t at, WireFrame& frame) noexcept {
   const auto is_at = [&](std::uint32_t field) {
-    const std::uint32_t tag = (field << 3) | kLen;
+    const std::uint32_t tag = (field << 3) | kByteString;
     return payload[at] == ((tag & 0x7fu) | 0x80u) && payload[at + 1] == tag >> 7;
   };
   if (payload.size() - at < kRecentTagBytes) return false;
-  const bool steps = is_at(kStepsField);
-  if (!steps && !is_at(kRecentField)) return false;
+  const bool steps = is_at(kCommandSteps);
+  if (!steps && !is_at(kCommandRecentCommands)) return false;
   at += kRecentTagBytes;
   std::size_t length = 0;
   if (!read_length(payload, at, length)) return false;

@@ -24,13 +24,8 @@ struct WireFrame {
 void write_header(std::span<std::uint8_t, kHeaderBytes> out, MessageType type,
                   std::size_t payload_bytes) noexcept;
 
-/// Before the repeated commands of a Command: the tag of field kRecentField and a length, 3 or 4 bytes.
-inline constexpr std::uint32_t kRecentField = 40;
+/// Before the repeated commands of a Command, and before its steps: a tag and a length, 3 or 4 bytes.
 inline constexpr std::size_t kRecentTagBytes = 2;
-/// Likewise before its steps.
-inline constexpr std::uint32_t kStepsField = 41;
-/// The bytes of a SceneChunk: last on the wire, likewise.
-inline constexpr std::uint32_t kSceneDataField = 4;
 
 /// Checks a datagram down to the last tag before Protobuf sees it: header, total length, and that every field
 /// is one of the message's list, with its wire type, once, and whole. One unknown length-delimited field

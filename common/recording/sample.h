@@ -91,6 +91,10 @@ struct Sample {
   std::int64_t sent_ns = 0;
   std::int64_t device_status = 0;
 
+  Xyz particle_pos_w_nm{};
+  double particle_radius_nm = 0;
+  std::int64_t particle_state = 0;
+
   std::uint32_t contact_state = 0;
   std::uint32_t fault_bits = 0;
   std::uint32_t station_mode = 0;

@@ -1,8 +1,10 @@
 #include "telenano/master/app/station_file.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <string_view>
 #include <utility>
 
 #include "telenano/common/base/error.h"
@@ -15,6 +17,8 @@ namespace {
 using config::between;
 using config::positive;
 using config::TomlTable;
+
+constexpr std::string_view kOwnHand = "hand";
 
 void read_scaling(const TomlTable& table, StationFile& file) {
   file.scaling.velocity = table.optional_number("velocity", between(1e-12, 1));
@@ -58,6 +62,38 @@ void read_limits(const TomlTable& table, station::StationConfig& station) {
   station.force_age_s = table.number_or("force_age_s", between(0, 10), station.force_age_s);
   station.engage_ramp_s = table.number_or("engage_ramp_s", between(0.01, 10), station.engage_ramp_s);
   station.require_deadman = table.boolean_or("require_deadman", station.require_deadman);
+}
+
+/// The names between the commas; blanks beside them do not count.
+std::vector<std::string_view> names_of(std::string_view list) {
+  std::vector<std::string_view> names;
+  for (std::size_t at = 0; at <= list.size();) {
+    const std::size_t end = std::min(list.find(',', at), list.size());
+    std::string_view name = list.substr(at, end - at);
+    while (name.starts_with(' ')) name.remove_prefix(1);
+    while (name.ends_with(' ')) name.remove_suffix(1);
+    names.push_back(name);
+    at = end + 1;
+  }
+  return names;
+}
+
+void read_companding(const TomlTable& table, StationFile& file) {
+  control::CompandingConfig& companding = file.station.companding;
+  companding.gain = table.number_or("gain", between(1, station::kCompandingGainMax), companding.gain);
+  companding.energy_aj = table.number_or("energy_aj", between(1e-3, 1e4), companding.energy_aj);
+  file.companding_tasks = table.text_or("tasks", file.companding_tasks);
+  for (const std::string_view name : names_of(file.companding_tasks)) {
+    if (name == "all" || name == kOwnHand) continue;
+    try {
+      device::parse_task(name);
+    } catch (const std::exception&) {
+      table.fail("tasks",
+                 "'" + std::string(name) +
+                     "' is unknown; expected all, or names with commas of position, contact, indent, "
+                     "scan, script, hand");
+    }
+  }
 }
 
 void read_simulated_device(const TomlTable& table, device::PlantConfig& plant) {
@@ -119,6 +155,7 @@ StationFile read(const config::TomlDocument& document) {
   if (const auto table = root.optional_table("scaling")) read_scaling(*table, file);
   if (const auto table = root.optional_table("workspaces")) read_workspaces(*table, file.workspaces);
   if (const auto table = root.optional_table("control")) read_control(*table, file);
+  if (const auto table = root.optional_table("companding")) read_companding(*table, file);
   if (const auto table = root.optional_table("limits")) read_limits(*table, file.station);
   if (const auto table = root.optional_table("link")) read_link(*table, file);
   if (const auto table = root.optional_table("device")) {
@@ -137,6 +174,21 @@ StationFile read(const config::TomlDocument& document) {
 }
 
 }  // namespace
+
+control::CompandingConfig companding_of(const StationFile& file, std::string_view task) noexcept {
+  control::CompandingConfig companding = file.station.companding;
+  std::string_view rest = file.companding_tasks;
+  while (!rest.empty()) {
+    const std::size_t end = std::min(rest.find(','), rest.size());
+    std::string_view name = rest.substr(0, end);
+    rest.remove_prefix(std::min(end + 1, rest.size()));
+    while (name.starts_with(' ')) name.remove_prefix(1);
+    while (name.ends_with(' ')) name.remove_suffix(1);
+    if (name == "all" || name == task) return companding;
+  }
+  companding.gain = 1;
+  return companding;
+}
 
 void StationFile::choose(const std::string& method) {
   chooses_method = method == "auto";
@@ -173,6 +225,8 @@ std::vector<std::pair<std::string, std::string>> describe(const station::Station
   add("control.allowance_j", station.allowance_j);
   add("control.well_max_j", station.well_max_j);
   add("control.guaranteed_velocity_m_s", station.guaranteed_velocity_m_s);
+  add("companding.gain", station.companding.gain);
+  add("companding.energy_aj", station.companding.energy_aj);
   add("limits.trip_velocity_m_s", station.trip_velocity_m_s);
   add("limits.force_safety", station.force_safety);
   add("limits.slew_n_s", station.slew_n_s);

@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -38,14 +39,18 @@ struct StationFile {
   DeviceSettings device{};
   PedalSettings pedal{};
   loop::LinkOptions link{};
-  double send_hz = 0;          ///< datagrams a second; 0: as many as the link carries
-  int redundancy = 0;          ///< commands that each datagram repeats, 0 to 4
-  device::TaskOptions task{};  ///< start_height_nm comes from the session, not from here
-  std::string text;            ///< of the file, for the recording
+  double send_hz = 0;                    ///< datagrams a second; 0: as many as the link carries
+  int redundancy = 0;                    ///< commands that each datagram repeats, 0 to 4
+  std::string companding_tasks = "all";  ///< in which tasks station.companding acts: names and commas, or all
+  device::TaskOptions task{};            ///< start_height_nm comes from the session, not from here
+  std::string text;                      ///< of the file, for the recording
 
   /// The name of a method, or "auto". Throws UserError.
   void choose(const std::string& method);
 };
+
+/// Of a task's name, "hand" for one's own: station.companding, or none where that is not for this task.
+control::CompandingConfig companding_of(const StationFile& file, std::string_view task) noexcept;
 
 /// Throws UserError: one line with file, line, key and expected range; unknown keys are refused.
 StationFile load_station_file(const std::string& path);

@@ -39,7 +39,11 @@ void PointerDevice::advance(std::int64_t dt_ns) noexcept {
   } else {
     silent_ns_ += dt_ns;
     const bool silent = static_cast<double>(silent_ns_) * 1e-9 > config_.silence_s;
-    if (silent) buttons_ &= ~static_cast<std::uint32_t>(kButtonDeadman);
+    if (silent && (buttons_ & kButtonDeadman) != 0) {
+      buttons_ &= ~static_cast<std::uint32_t>(kButtonDeadman);
+      // The tip stands: a way that the hand went meanwhile would be lost to it.
+      target_h_m_ = hand_.pos_h_m();
+    }
   }
   hand_.follow(target_h_m_, static_cast<double>(dt_ns) * 1e-9);
 }

@@ -217,6 +217,9 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   sample.buttons = input_.buttons;
   sample.method = static_cast<std::uint32_t>(t.method);
   sample.model_version = t.model_version;
+  sample.particle_pos_w_nm = xyz(t.particle.pos_w_nm);
+  sample.particle_radius_nm = t.particle.radius_nm;
+  sample.particle_state = static_cast<std::int64_t>(t.particle.status);
   sample.reply_sequence = static_cast<std::int64_t>(t.reply_sequence);
   sample.reply_age_ms = t.stale_s * 1e3;
 

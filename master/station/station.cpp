@@ -109,7 +109,10 @@ double Station::given_aj() const noexcept {
 /// That is known all the same when the twin was given up: a server must not gain by making it part.
 double Station::well_j() const noexcept {
   const bool knows_scene = twin_ && has_scene_ && twin_->scene_hash() == scene_hash_;
-  const double believed_aj = knows_scene ? std::min(well_aj_, twin_->well_aj()) : well_aj_;
+  double believed_aj = knows_scene ? std::min(well_aj_, twin_->well_aj()) : well_aj_;
+  // A companded sample is one whose well is so much deeper. That is the station's own doing, no server's word.
+  if (knows_scene && methods_.method() == control::Method::kTwin)
+    believed_aj += twin_->companding().most_ever_aj();
   return std::min(config_.scaling.hand_energy_j(believed_aj), config_.well_max_j);
 }
 
@@ -181,6 +184,19 @@ bool Station::change_scaling(const control::Scaling& scaling) noexcept {
   return true;
 }
 
+bool Station::change_companding(const control::CompandingConfig& companding) noexcept {
+  const bool sane = companding.gain >= 1 && companding.gain <= kCompandingGainMax &&
+                    companding.energy_aj >= 1e-3 && companding.energy_aj <= 1e4;
+  if (!sane) return false;
+  const bool same =
+      companding.gain == config_.companding.gain && companding.energy_aj == config_.companding.energy_aj;
+  config_.companding = companding;
+  if (same) return true;
+  if (twin_) twin_->compand(companding);
+  bump_ahead_ = true;
+  return true;
+}
+
 void Station::begin_session(const link::Welcome& welcome, bool known_book) noexcept {
   mapping_.begin(welcome.start_pos_w_nm, welcome.workspace_min_w_nm, welcome.workspace_max_w_nm);
   last_target_w_nm_ = mapping_.target_w_nm();
@@ -205,7 +221,8 @@ void Station::begin_session(const link::Welcome& welcome, bool known_book) noexc
   has_scene_ = true;
   if (twin_) {
     if (logs_steps() && twin_->scene_hash() == welcome.scene_hash) {
-      twin_->begin(welcome.steps, new_epoch || !has_scene_, 1e-3 * welcome.timeout_ms, last_tick_ns_);
+      twin_->begin(welcome.steps, new_epoch || !has_scene_, 1e-3 * welcome.timeout_ms, last_tick_ns_,
+                   shares_tip());
     } else {
       twin_->leave();
     }
@@ -317,7 +334,10 @@ void Station::accept_reply(const StationInput& input) noexcept {
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
-      if (twin_ && logs_steps()) twin_->on_reply(reply_.steps, input.time_ns);
+      if (twin_ && logs_steps()) {
+        twin_->hold(tip_hold_);
+        twin_->on_reply(reply_.steps, input.time_ns);
+      }
       const link::ReceivedSums::News added = book_slave();
       if (holds_tip()) {
         tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
@@ -388,7 +408,14 @@ void Station::tell_method(const link::ReceivedSums::News& added, double price_j_
 /// another method or scale), the ramp starts where the new one, so scaled, is no larger than what acts.
 void Station::render(const StationInput& input, double dt_s, StationTrace& trace) noexcept {
   control::StationMethod& method = methods_.now();
+  const Vec3 last_h_n = rendered_force_h_n_;
   rendered_force_h_n_ = method.force_h_n({mapping_.target_w_nm(), input.command_sequence, dt_s});
+  // A method that knows less of the contact than the twin did must not drop the hand.
+  if (std::exchange(leaves_twin_, false)) left_by_twin_h_n_ = last_h_n - rendered_force_h_n_;
+  const double left_n = left_by_twin_h_n_.norm();
+  const double goes_n = control::Twin::kGoOver_n_s * std::min(dt_s, period_s_);
+  left_by_twin_h_n_ *= left_n > goes_n ? 1 - goes_n / left_n : 0;
+  rendered_force_h_n_ += left_by_twin_h_n_;
   if (bump_ahead_) {
     const double norm_n2 = rendered_force_h_n_.squaredNorm();
     const double along = norm_n2 > 0 ? commanded_force_h_n_.dot(rendered_force_h_n_) / norm_n2 : 0;
@@ -431,7 +458,7 @@ void Station::choose_mode(const StationInput& input, double dt_s) noexcept {
   }
   const bool wanted = (!config_.require_deadman || (input.buttons & device::kButtonDeadman)) &&
                       !(input.buttons & device::kButtonClutch) &&
-                      input.device_status == device::DeviceStatus::kOk && holds_tip();
+                      input.device_status == device::DeviceStatus::kOk && holds_tip() && !twin_waits();
   waits_for_tip_ = wanted && has_reply_ && tip_up_;
   if (!wanted || waits_for_tip_) {
     mode_ = Mode::kReady;
@@ -509,6 +536,7 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   if (!logs_steps() || !input.session_up) return;
   output.has_step = true;
   output.step = link::logged_step(mapping_.target_w_nm(), command_flags(input), step_dt_s);
+  output.step.hold = tip_hold_;
   if (!twin_) return;
   if (input.snapshot != nullptr) {
     const link::SnapshotFetch& state = *input.snapshot;
@@ -517,12 +545,15 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   if (input.snapshot_refused && twin_->wants_snapshot()) twin_->give_up();
   twin_->step(input.next_step, output.step, input.time_ns);
   output.wants_snapshot = twin_->wants_snapshot();
-  if (methods_.method() == control::Method::kTwin && !twin_->on()) change_method(config_.method);
+  if (methods_.method() == control::Method::kTwin && !twin_->on()) {
+    change_method(config_.method);
+    leaves_twin_ = true;
+  }
   if (!shows_twin()) return;
   control::LocalNews news;
   news.other_state = twin_->take_swapped();
   news.dt_s = std::min(dt_s, period_s_);
-  news.force_h_n = config_.scaling.hand_force_n(twin_->answer().force_w_nn);
+  news.force_h_n = config_.scaling.hand_force_n(twin_->felt_force_w_nn());
   news.well_j = well_j();
   news.given_j = std::min(config_.scaling.hand_energy_j(given_aj()), news.well_j);
   methods_.now().feel(news);
@@ -615,6 +646,9 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
     trace.twin = twin_->state();
     trace.twin_behind = twin_->on() ? twin_->behind() : 0;
   }
+  const bool twin_on = twin_ && twin_->on();
+  trace.contact_radius_nm = twin_on ? twin_->answer().contact_radius_nm : 0;
+  trace.adhesion_nn = twin_on ? twin_->answer().adhesion_nn : reply_.model.adhesion_nn;
   trace.model_version = reply_.model.version;
   trace.slave_energy_in_j = config_.scaling.hand_energy_j(reply_.energy_in_aj);
   trace.slave_energy_out_j = config_.scaling.hand_energy_j(reply_.energy_out_aj);

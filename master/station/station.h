@@ -102,7 +102,9 @@ struct StationTrace {
   link::Particle particle;  ///< from the newest reply; radius 0: none, or not known
   TwinState twin = TwinState::kNone;
   std::uint64_t twin_behind = 0;  ///< steps of the twin that are not confirmed
-  bool observes = false;          ///< another session moves the tip, or none: no force, no commanded motion
+  double contact_radius_nm = 0;   ///< of the twin; 0: no contact, or no twin
+  double adhesion_nn = 0;  ///< pull at which a contact here lets go, of twin or local model; 0: not known
+  bool observes = false;   ///< another session moves the tip, or none: no force, no commanded motion
 };
 
 struct StationOutput {
@@ -126,7 +128,10 @@ class Station {
           std::unique_ptr<control::StationMethod> stand_in = nullptr);
 
   /// The slave's twin, for sessions that log their steps and serve its scene. Before the first tick.
-  void use_twin(std::unique_ptr<TwinRun> twin) noexcept { twin_ = std::move(twin); }
+  void use_twin(std::unique_ptr<TwinRun> twin) noexcept {
+    twin_ = std::move(twin);
+    if (twin_) twin_->compand(config_.companding);
+  }
   const TwinRun* twin() const noexcept { return twin_.get(); }
 
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
@@ -145,6 +150,9 @@ class Station {
   /// Another scale, likewise; hand and tip stay where they are. False, and nothing changes, where the config
   /// would not be valid or, unless allowed, not safe for this slave.
   bool change_scaling(const control::Scaling& scaling) noexcept;
+  /// Another companding of forces before contact, likewise. False, and nothing changes, where the config would
+  /// not be valid. Felt with a twin only.
+  bool change_companding(const control::CompandingConfig& companding) noexcept;
   control::Method method() const noexcept { return methods_.method(); }
 
   /// Does the tip follow this station, once engaged? Always where each session has its own; of a shared one,
@@ -169,6 +177,8 @@ class Station {
   bool shows_twin() const noexcept {
     return twin_ && twin_->on() && methods_.method() == control::Method::kTwin;
   }
+  /// Of a shared tip, while its state is not here yet: what the twin would show is not known.
+  bool twin_waits() const noexcept { return shows_twin() && twin_->waits(); }
   double hold_s() const noexcept;
   double zero_s() const noexcept;
   std::uint32_t command_flags(const StationInput& input) const noexcept;
@@ -230,7 +240,9 @@ class Station {
   link::Reply reply_{};
   Vec3 tip_force_h_n_ = Vec3::Zero();  ///< of that reply, scaled
   Vec3 rendered_force_h_n_ = Vec3::Zero();
-  bool bump_ahead_ = false;  // the force may be another one at once: let the ramp bring it in
+  bool leaves_twin_ = false;              // the method is another one from this tick on, in contact perhaps
+  Vec3 left_by_twin_h_n_ = Vec3::Zero();  // that it showed more, which goes at control::Twin::kGoOver_n_s
+  bool bump_ahead_ = false;               // the force may be another one at once: let the ramp bring it in
   std::uint64_t newest_sequence_ = 0;
   std::int64_t last_reply_ns_ = 0;
   double stale_s_ = 0;

@@ -50,6 +50,9 @@ void StationConfig::validate(const std::string& source) const {
   require(between(scaling.force, kForceScaleMin, kForceScaleMax), "scaling.force", scaling.force,
           "1 to 1e12");
   require(between(store_max_j, 1e-3, 1e6), "control.store_max_j", store_max_j, "0.001 to 1e6");
+  require(between(companding.gain, 1, kCompandingGainMax), "companding.gain", companding.gain, "1 to 10");
+  require(between(companding.energy_aj, 1e-3, 1e4), "companding.energy_aj", companding.energy_aj,
+          "0.001 to 1e4");
   require(between(leak_time_s, 0, 1e6), "control.leak_time_s", leak_time_s, "0 (never) to 1e6");
   require(between(allowance_j, 1e-6, 1), "control.allowance_j", allowance_j, "1e-6 to 1");
   require(between(well_max_j, 0, 10), "control.well_max_j", well_max_j, "0 to 10");

@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "telenano/common/control/companding.h"
 #include "telenano/common/control/method.h"
 #include "telenano/common/control/passivity_controller.h"
 #include "telenano/common/control/scaling.h"
@@ -12,6 +13,8 @@ namespace telenano::station {
 /// The scales that a station may run with.
 inline constexpr double kVelocityScaleMin = 1e-12, kVelocityScaleMax = 1;
 inline constexpr double kForceScaleMin = 1, kForceScaleMax = 1e12;
+/// Most that weak forces may be shown stronger than planned.
+inline constexpr double kCompandingGainMax = 10;
 
 /// Everything that a person may set at the station. Plain values with documented defaults; SI units.
 struct StationConfig {
@@ -36,6 +39,9 @@ struct StationConfig {
   double force_age_s = 0;
   double engage_ramp_s = 0.200;      ///< from no force to the full one, on engage, resume and reconnect
   double device_damping_n_s_m = -1;  ///< certain damping of the device; negative: as the device reports
+
+  /// Of attraction before contact, where the slave's twin is felt; other methods show forces as they are.
+  control::CompandingConfig companding{};
 
   bool require_deadman = true;        ///< the deadman button must be held to move and feel
   bool allow_unsafe_scaling = false;  ///< run beyond the exact bound (the force limit stays)

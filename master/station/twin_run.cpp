@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "telenano/common/link/messages.h"
+
 namespace telenano::station {
 
 const char* twin_state_name(TwinState state) noexcept {
@@ -18,6 +20,8 @@ const char* twin_state_name(TwinState state) noexcept {
       return "apart";
     case TwinState::kGivenUp:
       return "given up";
+    case TwinState::kWaits:
+      return "waits";
   }
   return "unknown";
 }
@@ -43,20 +47,39 @@ void TwinRun::leave() noexcept {
   be(TwinState::kNone);
 }
 
-void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double timeout_s,
-                    std::int64_t now_ns) noexcept {
+void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double timeout_s, std::int64_t now_ns,
+                    bool shared) noexcept {
   silence_s_ = std::min(config_.silence_s, 0.5 * timeout_s);
+  shared_ = shared;
+  if (shared) {
+    // Whose the tip is, the first reply says. A log that goes on is still the sender's to tell.
+    if (new_slave || welcome.executed > newest_) newest_ = welcome.executed;
+    breaks_ = welcome.breaks;
+    reason_ = 0;
+    if (new_slave) unexplained_ns_.clear();
+    if (state_ == TwinState::kGivenUp && !new_slave) return;
+    be(TwinState::kWaits);
+    hold_ = 1;  // another than the one that follows
+    hold(0);
+    return;
+  }
+  hold_ = 0;
   if (!new_slave && state_ != TwinState::kNone) {
     // The same slave, and a log that goes on, unless the server has executed what this twin never made.
     if (welcome.executed <= newest_) {
+      if (welcome.breaks < breaks_) {  // a server that took the slave up as it was before the last break
+        breaks_ = welcome.breaks;
+        part(link::kBreakSilence, now_ns);
+        return;
+      }
       on_reply(welcome, now_ns);
       return;
     }
   }
-  catching_up_ = false;
+  catching_up_ = others_ = false;
   now_->reset();
   answer_ = {};
-  swapped_ = true;
+  swapped_ = other_state_ = true;
   given_aj_ = std::min(given_aj_, 0.0);  // what the last slave has given is not this one's to give again
   book_aj_ = 0;
   newest_ = confirmed_ = welcome.executed;
@@ -68,6 +91,17 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   if (welcome.state_hash != now_->state_hash()) part(link::kBreakSilence, now_ns);
 }
 
+void TwinRun::hold(std::uint32_t number) noexcept {
+  if (!shared_ || number == hold_ || !on()) return;
+  hold_ = number;
+  catching_up_ = heard_old_ = false;
+  confirmed_ = newest_;
+  answer_ = {};
+  swapped_ = true;  // the force that was felt goes over to none
+  reason_ = link::kBreakHolder;
+  be(TwinState::kWaits);
+}
+
 void TwinRun::make(control::LocalSlave& slave, const link::LoggedStep& step, const Vec3& from_w_nm,
                    control::LocalAnswer& answer) noexcept {
   control::LocalStep local;
@@ -75,17 +109,47 @@ void TwinRun::make(control::LocalSlave& slave, const link::LoggedStep& step, con
   local.dt_s = link::dt_s(step);
   local.vel_w_nm_s = (local.target_w_nm - from_w_nm) / local.dt_s;
   local.flags = step.flags;
+  local.operates = !shared_ || step.hold == hold_;
   slave.step(local, answer);
 }
 
-void TwinRun::book(double out_less_in_aj) noexcept {
-  given_aj_ += out_less_in_aj - book_aj_;
+void TwinRun::book() noexcept {
+  const double out_less_in_aj = answer_.energy_out_aj - answer_.energy_in_aj;
+  const bool in_contact = answer_.contact_state == static_cast<std::uint32_t>(link::ContactState::kContact);
+  double given_aj = -companding_.step(answer_.stored_aj, book_aj_ - out_less_in_aj, in_contact,
+                                      std::exchange(other_state_, false));
   book_aj_ = out_less_in_aj;
+  if (others_) {
+    const double own_aj = own_aj_ - given_aj;
+    own_aj_ = std::max(0.0, own_aj);
+    given_aj += std::min(0.0, own_aj);
+    others_ = answer_.contact_state != static_cast<std::uint32_t>(link::ContactState::kFree);
+  }
+  given_aj_ += given_aj;
   most_given_aj_ = std::max(most_given_aj_, given_aj_);
+}
+
+/// Another state is no exchange: what it holds less than the last one is not given, and more is withheld.
+void TwinRun::book_swap() noexcept {
+  const double book_aj = answer_.energy_out_aj - answer_.energy_in_aj;
+  given_aj_ += std::min(0.0, book_aj - book_aj_);
+  book_aj_ = book_aj;
 }
 
 void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int64_t now_ns) noexcept {
   if (!on()) return;
+  if (waits() && !catching_up_) {  // not a step of this twin, but it may have to be made when there is one
+    last_target_w_nm_ = link::target_w_nm(step);
+    newest_ = confirmed_ = number;
+    made(number) = {number, 0, now_ns, step};
+    return;
+  }
+  if (waits()) {
+    newest_ = number;
+    made(number) = {number, 0, now_ns, step};
+    catch_up(now_ns);
+    return;
+  }
   if (number != newest_ + 1) {  // another log than this twin's
     newest_ = number - 1;
     confirmed_ = std::min(confirmed_, newest_);
@@ -101,7 +165,7 @@ void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int6
     be(TwinState::kGivenUp);
     return;
   }
-  book(answer_.energy_out_aj - answer_.energy_in_aj);
+  book();
   if (catching_up_) catch_up(now_ns);
   if (state_ == TwinState::kConfirmed) be(TwinState::kBehind);
 }
@@ -112,7 +176,10 @@ void TwinRun::part(std::uint32_t reason, std::int64_t now_ns) noexcept {
   catching_up_ = false;
   reason_ = reason;
   ++partings_;
-  if (reason != link::kBreakNone) return;
+  if (reason == link::kBreakNone) count_unexplained(now_ns);
+}
+
+void TwinRun::count_unexplained(std::int64_t now_ns) noexcept {
   const auto since_ns = now_ns - static_cast<std::int64_t>(config_.partings_s * 1e9);
   std::erase_if(unexplained_ns_, [since_ns](std::int64_t at_ns) { return at_ns < since_ns; });
   unexplained_ns_.push_back(now_ns);
@@ -120,6 +187,10 @@ void TwinRun::part(std::uint32_t reason, std::int64_t now_ns) noexcept {
 }
 
 void TwinRun::on_reply(const link::StepReport& report, std::int64_t now_ns) noexcept {
+  if (waits()) {
+    if (hold_ != 0) breaks_ = std::max(breaks_, report.breaks);
+    return;
+  }
   if (!on() || report.executed > newest_) return;
   if (state_ == TwinState::kApart) return;
   if (report.breaks != breaks_) {
@@ -142,16 +213,24 @@ void TwinRun::on_reply(const link::StepReport& report, std::int64_t now_ns) noex
 
 void TwinRun::take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
                       std::uint32_t breaks, std::int64_t now_ns) noexcept {
-  if (state_ != TwinState::kApart || catching_up_) return;
+  if (!wants_snapshot()) return;
+  const bool waited = waits();
+  // Of before this holding: another is asked for.
+  if (waited && breaks < breaks_) {
+    if (std::exchange(heard_old_, true)) count_unexplained(now_ns);
+    return;
+  }
   const bool known = number <= newest_ && (number == newest_ || find(number + 1) != nullptr);
   if (!known || !next_->load(state, next_answer_) || next_->state_hash() != hash) {
     // A state that is not what it says, or older than what is kept: another one is asked for.
+    if (waited) return count_unexplained(now_ns);
     be(TwinState::kBehind);
     part(link::kBreakNone, now_ns);
     return;
   }
   breaks_ = breaks;
   next_newest_ = number;
+  if (waited) confirmed_ = number;
   const Made* const last = find(number);
   next_target_w_nm_ = last != nullptr ? link::target_w_nm(last->step) : next_answer_.commanded_pos_w_nm;
   catching_up_ = true;
@@ -165,6 +244,7 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
     Made& step = made(next_newest_ + 1);
     if (step.number != next_newest_ + 1) {  // forgotten meanwhile
       catching_up_ = false;
+      if (waits()) return count_unexplained(now_ns);
       be(TwinState::kBehind);
       part(link::kBreakNone, now_ns);
       return;
@@ -179,17 +259,19 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
   std::swap(now_, next_);
   std::swap(now_heights_, next_heights_);
   answer_ = next_answer_;
+  last_target_w_nm_ = next_target_w_nm_;
   catching_up_ = false;
-  swapped_ = true;
-  // No exchange: what the new state holds less than the last one is not given, and more is withheld.
-  const double book_aj = answer_.energy_out_aj - answer_.energy_in_aj;
-  given_aj_ += std::min(0.0, book_aj - book_aj_);
-  book_aj_ = book_aj;
+  swapped_ = other_state_ = true;
+  book_swap();
+  if (waits()) {
+    others_ = answer_.contact_state != static_cast<std::uint32_t>(link::ContactState::kFree);
+    own_aj_ = 0;
+  }
   be(confirmed_ == newest_ ? TwinState::kConfirmed : TwinState::kBehind);
 }
 
 double TwinRun::lag_s(std::int64_t now_ns) const noexcept {
-  if (confirmed_ >= newest_) return 0;
+  if (waits() || confirmed_ >= newest_) return 0;
   const Made* const oldest = find(confirmed_ + 1);
   return oldest != nullptr ? 1e-9 * static_cast<double>(now_ns - oldest->at_ns) : config_.ring_s;
 }

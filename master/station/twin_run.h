@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
+#include "telenano/common/control/companding.h"
 #include "telenano/common/control/local_slave.h"
 #include "telenano/common/link/step_log.h"
 
@@ -16,8 +17,9 @@ namespace telenano::station {
 
 /// none: there is no twin in this session. behind: its newest steps are not confirmed yet, as it should be.
 /// confirmed: all are. apart: the server's state is another one; a snapshot is asked for. given_up: too often
-/// apart without a reason, or too slow; another method takes over. Stored in files: never renumber.
-enum class TwinState : std::uint8_t { kNone, kBehind, kConfirmed, kApart, kGivenUp };
+/// apart without a reason, or too slow; another method takes over. waits: the tip is shared and somebody
+/// else's, or has just come to this station and its state is on the way. Stored in files: never renumber.
+enum class TwinState : std::uint8_t { kNone, kBehind, kConfirmed, kApart, kGivenUp, kWaits };
 const char* twin_state_name(TwinState state) noexcept;
 
 struct TwinRunConfig {
@@ -35,6 +37,9 @@ struct TwinRunConfig {
 /// its number and the hash of the state after it, and compares with what the replies say. Where the two are
 /// apart it takes up the server's state, makes the steps that the server had not, and goes on from there.
 ///
+/// Of a shared tip the holder has a twin: it begins with the server's state at each new holding, and until
+/// that is here, and while others hold the tip, it makes no step and says no force.
+///
 /// Pure, no allocation after construction.
 class TwinRun {
  public:
@@ -45,9 +50,18 @@ class TwinRun {
   std::uint64_t scene_hash() const noexcept { return now_->scene_hash(); }
   double well_aj() const noexcept { return now_->well_aj(); }
 
+  /// Forces before contact are shown stronger from now on (control/companding.h).
+  void compand(const control::CompandingConfig& config) noexcept { companding_.configure(config); }
+  const control::Companding& companding() const noexcept { return companding_; }
+  /// What is to be felt of answer(): its force, companded.
+  Vec3 felt_force_w_nn() const noexcept { return companding_.gain() * answer_.force_w_nn; }
+
   /// A session whose server has executed the log up to `welcome`; `new_slave`: another epoch, so that its
-  /// slave is a new one.
-  void begin(const link::StepReport& welcome, bool new_slave, double timeout_s, std::int64_t now_ns) noexcept;
+  /// slave is a new one. `shared`: of a tip that others move too.
+  void begin(const link::StepReport& welcome, bool new_slave, double timeout_s, std::int64_t now_ns,
+             bool shared = false) noexcept;
+  /// Of a shared tip: which holding is this station's now; 0: none. Before the reply that says so is heard.
+  void hold(std::uint32_t number) noexcept;
   /// There is no log in this session.
   void leave() noexcept;
 
@@ -58,6 +72,8 @@ class TwinRun {
   TwinState state() const noexcept { return state_; }
   bool on() const noexcept { return state_ != TwinState::kNone && state_ != TwinState::kGivenUp; }
   bool given_up() const noexcept { return state_ == TwinState::kGivenUp; }
+  /// There is no state yet that this station could move.
+  bool waits() const noexcept { return state_ == TwinState::kWaits; }
   /// Why it was given up, or is apart: link::StepBreak; kBreakNone: unexplained.
   std::uint32_t reason() const noexcept { return reason_; }
   const control::LocalAnswer& answer() const noexcept { return answer_; }
@@ -70,20 +86,23 @@ class TwinRun {
   std::uint64_t partings() const noexcept { return partings_; }
   std::uint64_t snapshots() const noexcept { return snapshots_; }
 
-  /// Of the twin's own book: the most that its sample has given beyond what was put in, aJ. A state that is
+  /// Of the twin's own book, companded: the most that its sample has given beyond what was put in, aJ. A state that is
   /// taken up is no exchange: what it holds less than the last one is not given, and what it has given more
-  /// is withheld.
+  /// is withheld. What another holder has put into the sample is not given either: until the tip has been free
+  /// once, no more than this one has put in.
   double most_given_aj() const noexcept { return most_given_aj_; }
 
   /// The answer is another state's from this tick on.
   bool take_swapped() noexcept { return std::exchange(swapped_, false); }
 
   /// Any thread: the sample's heights as the twin in use has them, valid as long as this object; null: no
-  /// marks stay in it, or there is no twin now.
+  /// marks stay in it, or there is no twin now, or it waits.
   const surface::HeightView* heights() const noexcept { return heights_.load(std::memory_order_acquire); }
 
   /// Is the server's state asked for?
-  bool wants_snapshot() const noexcept { return state_ == TwinState::kApart && !catching_up_; }
+  bool wants_snapshot() const noexcept {
+    return (state_ == TwinState::kApart || (waits() && hold_ != 0)) && !catching_up_;
+  }
   /// The server's state after step `number`: taken up by the second twin, which then catches up.
   void take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
                std::uint32_t breaks, std::int64_t now_ns) noexcept;
@@ -104,11 +123,13 @@ class TwinRun {
   void make(control::LocalSlave& slave, const link::LoggedStep& step, const Vec3& from_w_nm,
             control::LocalAnswer& answer) noexcept;
   void part(std::uint32_t reason, std::int64_t now_ns) noexcept;
+  void count_unexplained(std::int64_t now_ns) noexcept;
+  void book_swap() noexcept;
   void catch_up(std::int64_t now_ns) noexcept;
-  void book(double out_less_in_aj) noexcept;
+  void book() noexcept;
   void be(TwinState state) noexcept {
     state_ = state;
-    heights_.store(on() ? now_heights_.get() : nullptr, std::memory_order_release);
+    heights_.store(on() && !waits() ? now_heights_.get() : nullptr, std::memory_order_release);
   }
 
   TwinRunConfig config_;
@@ -126,7 +147,14 @@ class TwinRun {
   double given_aj_ = 0;  // of the twin's own book, less what is withheld
   double book_aj_ = 0;   // out less in, of the state in use
   double most_given_aj_ = 0;
+  bool shared_ = false;
+  std::uint32_t hold_ = 0;  // of a shared tip: the steps of this holding move it; 0: none do
+  bool others_ = false;     // there is something in the sample that another holder has put there;
+  double own_aj_ = 0;       // so much besides is this one's
+  bool heard_old_ = false;  // in this holding: a state of before it, which was on its way when it began
   bool swapped_ = false;
+  bool other_state_ = false;  // since the last step that was booked
+  control::Companding companding_;
   std::shared_ptr<const surface::HeightView> now_heights_;
   std::shared_ptr<const surface::HeightView> next_heights_;
   std::atomic<const surface::HeightView*> heights_{nullptr};

@@ -24,9 +24,12 @@ SceneTwin::SceneTwin(std::shared_ptr<const scene::Scene> scene) : scene_(std::mo
 
 void SceneTwin::step(const control::LocalStep& step, control::LocalAnswer& answer) noexcept {
   const bool was_up = (output_.fault_bits & link::kFaultRetracted) != 0;
-  slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, true, was_up), step.dt_s,
-              output_);
+  slave_.step(slave::input_of(step.target_w_nm, step.vel_w_nm_s, step.flags, step.operates, was_up),
+              step.dt_s, output_);
   fill(output_, answer);
+  answer.stored_aj = slave_.stored_aj();
+  answer.contact_radius_nm = slave_.contact_radius_nm();
+  answer.adhesion_nn = slave_.adhesion_nn();
 }
 
 void SceneTwin::reset() noexcept {
@@ -38,6 +41,7 @@ bool SceneTwin::load(std::span<const std::uint8_t> bytes, control::LocalAnswer& 
   const bool loaded = slave_.load(bytes);
   slave_.say_again(output_);
   fill(output_, answer);
+  answer.stored_aj = slave_.stored_aj();
   return loaded;
 }
 

@@ -45,6 +45,14 @@ bool LiveSession::contact() const noexcept {
 
 void LiveSession::take(const recording::Sample& sample, const Ground& ground) {
   now_ = sample;
+  const auto& at = sample.particle_pos_w_nm;
+  const link::Particle particle{{at[0], at[1], at[2]},
+                                sample.particle_radius_nm,
+                                static_cast<link::ParticleStatus>(sample.particle_state)};
+  // A recording may hold anything.
+  const bool known = sample.particle_state >= 0 &&
+                     sample.particle_state <= static_cast<std::int64_t>(link::ParticleStatus::kLost);
+  if (particle.radius_nm > 0 && known && is_finite(particle)) particle_ = particle;
   ++taken_;
   const double t = sample.time_s;
   raw_force_.add(t, sample.hand_force_scaled_h_n[2]);

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 
+#include "telenano/common/link/messages.h"
 #include "telenano/common/recording/sample.h"
 #include "telenano/master/view_model/force_curve.h"
 #include "telenano/master/view_model/ground.h"
@@ -33,6 +34,8 @@ class LiveSession {
   double gap_nm() const noexcept { return gap_nm_; }
   bool contact() const noexcept;
   Origin origin() const noexcept { return origin_; }
+  /// Where the scene's nanoparticle was seen last; radius 0: there is none.
+  const link::Particle& particle() const noexcept { return particle_; }
 
   const Strip& gap() const noexcept { return gap_strip_; }
   const Strip& tip_force() const noexcept { return tip_force_; }          ///< nN, along z
@@ -58,6 +61,7 @@ class LiveSession {
   double gap_nm_ = 0;
   Origin origin_ = Origin::kUnknown;
   std::int64_t reply_seen_ = 0;
+  link::Particle particle_;
   Strip gap_strip_;
   Strip tip_force_;
   Strip force_size_;

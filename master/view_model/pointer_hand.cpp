@@ -1,5 +1,6 @@
 #include "telenano/master/view_model/pointer_hand.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "telenano/common/base/constants.h"
@@ -11,7 +12,24 @@ void PointerHand::set_velocity_scale(double velocity_scale) noexcept {
   if (velocity_scale > 0 && std::isfinite(velocity_scale)) velocity_scale_ = velocity_scale;
 }
 
-void PointerHand::move_tip(const Vec3& tip_nm) noexcept {
+void PointerHand::resist(const Vec3& force_w_nn, double half_nn) noexcept {
+  const double size_nn = force_w_nn.norm();
+  const bool known = std::isfinite(size_nn) && size_nn > 0 && half_nn > 0;
+  resistance_ = known ? 1 + size_nn / half_nn : 1;
+  push_w_ = known ? Vec3(force_w_nn / size_nn) : Vec3(Vec3::Zero());
+}
+
+Vec3 PointerHand::wall_below_nm() const noexcept {
+  return (Vec3::Constant(-half_m_) - pos_h_m_) * (velocity_scale_ * kNmPerM);
+}
+
+Vec3 PointerHand::wall_above_nm() const noexcept {
+  return (Vec3::Constant(half_m_) - pos_h_m_) * (velocity_scale_ * kNmPerM);
+}
+
+void PointerHand::move_tip(const Vec3& way_nm) noexcept {
+  const double against_nm = std::min(way_nm.dot(push_w_), 0.0);
+  const Vec3 tip_nm = way_nm - push_w_ * (against_nm * (1 - 1 / resistance_));
   const Vec3 moved = pos_h_m_ + tip_nm / (velocity_scale_ * kNmPerM);
   if (is_finite(moved)) pos_h_m_ = moved.cwiseMax(-half_m_).cwiseMin(half_m_);
 }

@@ -29,6 +29,12 @@ class PointerHand {
 
   /// α_v, to cross from the tip to the hand.
   void set_velocity_scale(double velocity_scale) noexcept;
+  /// A hand without motors feels by the way that the pointer must go: the part of it that goes against the
+  /// force on the tip leads the tip by 1/(1 + |F|/half) of what it else would; the rest, and the way back,
+  /// whole. At `half_nn` the pointer goes twice as far. What is led is never more, so nothing leaps.
+  void resist(const Vec3& force_w_nn, double half_nn) noexcept;
+  /// How far the pointer must go against the force: 1: as far as the tip.
+  double resistance() const noexcept { return resistance_; }
   void drag(double dx_px, double dy_px, const Axes& axes) noexcept;  ///< dy down, as screens count
   void turn_wheel(double notches, double nm_per_notch, double time_s) noexcept;
 
@@ -41,12 +47,16 @@ class PointerHand {
   const Vec3& hand_pos_h_m() const noexcept { return pos_h_m_; }
   /// Half the edge of the hand's box at the tip, nm: how far from the grip the tip can be led to any side.
   double reach_nm() const noexcept { return half_m_ * velocity_scale_ * kNmPerM; }
+  /// Where the walls of the hand's box are for the tip: so far from where it is now, nm, frame W.
+  Vec3 wall_below_nm() const noexcept;
+  Vec3 wall_above_nm() const noexcept;
+  bool gripped() const noexcept { return gripped_; }
   /// The hand is at the border of its box: the cursor has gone further than the tip follows.
   bool at_border() const noexcept { return gripped_ && (pos_h_m_.array().abs() >= half_m_).any(); }
   std::uint32_t buttons(double time_s) const noexcept;  ///< device::ButtonBits
 
  private:
-  void move_tip(const Vec3& tip_nm) noexcept;
+  void move_tip(const Vec3& way_nm) noexcept;
   bool gripping(double time_s) const noexcept { return held_ || time_s < wheel_until_s_; }
 
   bool coming_back() const noexcept { return now_s_ < ready_s_; }
@@ -54,6 +64,8 @@ class PointerHand {
   double half_m_;
   double back_s_;
   double velocity_scale_ = 1e-6;
+  double resistance_ = 1;
+  Vec3 push_w_ = Vec3::Zero();  // direction of the force on the tip; zero: none
   Vec3 pos_h_m_ = Vec3::Zero();
   bool held_ = false;
   bool clutch_ = false;

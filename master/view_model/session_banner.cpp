@@ -41,12 +41,15 @@ std::optional<Badge> twin_badge(const SessionInputs& inputs, bool current) {
   if (inputs.twin == TwinState::kGivenUp)
     return Badge{Badge::Kind::kTwin, "Twin given up", Mood::kWarning, false};
   if (inputs.twin == TwinState::kNone || !felt) return std::nullopt;
+  if (inputs.twin == TwinState::kWaits) return Badge{Badge::Kind::kTwin, "Twin waits", Mood::kWarning, true};
   if (inputs.twin == TwinState::kApart) return Badge{Badge::Kind::kTwin, "Twin apart", Mood::kWarning, true};
   if (!current) return Badge{Badge::Kind::kTwin, "Twin unconfirmed", Mood::kWarning, false};
   return Badge{Badge::Kind::kTwin, "Twin confirmed", Mood::kGood, true};
 }
 
 void tell_twin(const Badge& badge, const SessionInputs& inputs, std::vector<Message>& lines) {
+  if (inputs.twin == station::TwinState::kWaits)
+    lines.push_back({"The tip is yours: its state is on the way", Mood::kWarning});
   if (inputs.twin == station::TwinState::kApart)
     lines.push_back(
         {"The sample here and the server's differ: the server's state is taken up, gently", Mood::kWarning});

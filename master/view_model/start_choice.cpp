@@ -1,5 +1,7 @@
 #include "telenano/master/view_model/start_choice.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <string_view>
 
@@ -27,6 +29,8 @@ std::vector<std::string> run_arguments(const StartChoice& choice) {
   if (!choice.key.empty()) arguments.insert(arguments.end(), {"--key", choice.key});
   if (choice.method != "auto") arguments.insert(arguments.end(), {"--method", choice.method});
   if (choice.guide) arguments.emplace_back("--guide");
+  if (choice.text_size != 1)
+    arguments.insert(arguments.end(), {"--text-size", fmt::format("{:g}", choice.text_size)});
   if (choice.record) arguments.insert(arguments.end(), {"--record", choice.recording});
   return arguments;
 }

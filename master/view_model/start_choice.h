@@ -11,7 +11,8 @@ struct StartChoice {
   std::string key;                        ///< file; empty: not encrypted
   std::string device = "sim";             ///< as --device takes it
   std::string method = "auto";
-  bool guide = false;  ///< to a first touch
+  bool guide = false;    ///< to a first touch
+  double text_size = 1;  ///< of words, times the screen's own
   bool record = false;
   std::string recording = "session.h5";  ///< file, where `record`
 };

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 
+#include "telenano/common/base/constants.h"
 #include "telenano/common/link/messages.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/station/station.h"
@@ -213,6 +214,21 @@ std::string length_text(double nm) {
 std::string force_text(double nn) {
   return with_unit(nn, {"pN", "nN", "µN", "mN"});
 }
+std::string contact_area_text(const ShownContact& contact) {
+  if (!contact.area_known) return "needs a twin";
+  if (!(contact.radius_nm > 0)) return "none";
+  const double area_nm2 = kPi * contact.radius_nm * contact.radius_nm;
+  return fmt::format("radius {}, {:.3g} nm²", length_text(contact.radius_nm), area_nm2);
+}
+
+std::string adhesion_text(const ShownContact& contact) {
+  return contact.adhesion_nn > 0 ? "lets go at " + force_text(contact.adhesion_nn) : "–";
+}
+
+std::string method_words(control::Method method, bool by_link) {
+  return std::string(control::method_name(method)) + (by_link ? ", by the link" : "");
+}
+
 std::string time_text(double us) {
   return with_unit(us, {"ns", "µs", "ms", "s"});
 }

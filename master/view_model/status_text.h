@@ -5,9 +5,11 @@
 #include <vector>
 
 #include "telenano/common/base/vec3.h"
+#include "telenano/common/control/method.h"
 #include "telenano/common/link/messages.h"
 #include "telenano/common/recording/sample.h"
 #include "telenano/master/device/haptic_device.h"
+#include "telenano/master/view_model/view_port.h"
 
 namespace telenano::view_model {
 
@@ -53,6 +55,13 @@ const char* contact_words(std::uint32_t contact_state);
 std::string force_size_text(const Vec3& force_w_nn);
 /// Its parts in nN, e.g. "x +12.6  y -0.1  z +1.7 nN", or bare, "+12.6 -0.1 +1.7".
 std::string force_parts_text(const Vec3& force_w_nn, bool named = true);
+
+/// "radius 3.2 nm, 32 nm²", "none", or what is missing to know it.
+std::string contact_area_text(const ShownContact& contact);
+/// "lets go at 39 nN"; "–" where it is not known.
+std::string adhesion_text(const ShownContact& contact);
+/// The method's name and who has chosen it.
+std::string method_words(control::Method method, bool by_link);
 
 /// A length with a fitting unit and three digits: "12.3 nm", "450 pm", "1.20 µm".
 std::string length_text(double nm);

@@ -36,11 +36,11 @@ struct ViewRequest {
   link::PracticeLink practice{};
 };
 
-/// link::Particle as plain data.
-struct ShownParticle {
-  std::array<double, 3> pos_w_nm{};
-  double radius_nm = 0;  ///< 0: there is none
-  link::ParticleStatus status = link::ParticleStatus::kRests;
+/// What the tip has of the sample where it is.
+struct ShownContact {
+  double radius_nm = 0;    ///< of the contact; 0: none, or not known
+  double adhesion_nn = 0;  ///< pull at which it lets go; 0: not known
+  bool area_known = false;
 };
 
 /// What a person writes into the recording, about the moment when writing began.
@@ -57,8 +57,9 @@ struct ViewPort {
   rt::SpscQueue<recording::Sample> samples{8192};    ///< two seconds at 4 kHz
   rt::LatestValue<device::ForceOffCause> force_off;  ///< why the device shows no force
   rt::LatestValue<device::TaskState> task;           ///< of a hand that plays motions
-  rt::LatestValue<ShownParticle> particle;           ///< of the newest reply; radius 0: there is none
   rt::LatestValue<station::TwinState> twin;          ///< of the server's slave at the station
+  rt::LatestValue<ShownContact> contact;
+  rt::LatestValue<bool> method_by_link;  ///< the method follows the link: nobody has said which
   // To the loop.
   rt::SpscQueue<ViewRequest> requests{64};
   rt::SpscQueue<Note> notes{8};

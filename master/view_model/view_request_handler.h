@@ -35,12 +35,9 @@ class ViewRequestHandler {
   /// After the tick.
   void show(const recording::Sample& sample, device::ForceOffCause force_off) noexcept;
 
-  /// Only what there is: a scene without a particle costs nothing.
-  void show(const link::Particle& particle) noexcept {
-    if (particle.radius_nm > 0)
-      port_.particle.store({recording::xyz(particle.pos_w_nm), particle.radius_nm, particle.status});
-  }
   void show(station::TwinState twin) noexcept { port_.twin.store(twin); }
+  void show(const ShownContact& contact) noexcept { port_.contact.store(contact); }
+  void show_chooser(bool link) noexcept { port_.method_by_link.store(link); }
   /// Of a hand that plays motions.
   void show(const device::TaskState& task) noexcept { port_.task.store(task); }
 

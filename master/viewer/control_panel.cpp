@@ -212,7 +212,8 @@ void ControlPanel::draw_method(const recording::Sample& now) {
   ImGui::TextColored(vec4(palette::kQuiet), "Method");
   ImGui::SameLine();
   ImGui::SetNextItemWidth(-1);
-  const std::string name(control::method_name(current));
+  const std::string name =
+      view_model::method_words(current, playback_ == nullptr && port_.method_by_link.load());
   if (ImGui::BeginCombo("##method", name.c_str())) {
     int number = 1;
     for (const Method method : control::kAllMethods) {
@@ -329,7 +330,7 @@ void ControlPanel::draw_scaling(const Gui& gui, const recording::Sample& now, fl
   draw_region(gui, method, shown, {wide, region_high});
 }
 
-void ControlPanel::draw_tip_rows(const view_model::LiveSession& live) {
+void ControlPanel::draw_tip_rows(const view_model::LiveSession& live) const {
   const recording::Sample& now = live.now();
   const auto& tip = now.tip_pos_w_nm;
   row("tip x y z", fmt::format("{:.1f} {:.1f} {:.2f} nm", tip[0], tip[1], tip[2]));
@@ -342,6 +343,10 @@ void ControlPanel::draw_tip_rows(const view_model::LiveSession& live) {
   row("tip force", view_model::force_size_text(force), force_colour);
   row("x y z, nN", view_model::force_parts_text(force, false), force_colour);
   row("lever", fmt::format("bent {}", view_model::length_text(now.deflection_nm)));
+  if (playback_ != nullptr) return;  // recordings do not hold it
+  const view_model::ShownContact contact = port_.contact.load();
+  row("contact", view_model::contact_area_text(contact));
+  row("adhesion", view_model::adhesion_text(contact));
 }
 
 void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& live) {
@@ -351,6 +356,8 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
   ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
   if (now.reply_sequence == 0) {  // nothing is known of the tip yet, which is not zero
     for (const char* const name : {"tip x y z", "gap", "tip force", "x y z, nN", "lever"}) row(name, "–");
+    if (playback_ == nullptr)
+      for (const char* const name : {"contact", "adhesion"}) row(name, "–");
   } else {
     draw_tip_rows(live);
   }
@@ -360,8 +367,9 @@ void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& l
           : fmt::format("not shown ({:+.2f} N)", now.hand_force_commanded_h_n[2]));
   row("energy", fmt::format("{:+.2f} mJ put in", 1e3 * now.energy_j));
   row("link", fmt::format("RTT {}, lost {}", view_model::time_text(now.rtt_us), now.lost));
-  row("loop late", view_model::time_text(now.lateness_us));
-  row("overruns", fmt::format("{}", now.overruns));
+  row("jitter", fmt::format("{}, force {} old", view_model::time_text(now.jitter_us),
+                            view_model::time_text(1e3 * now.force_age_ms)));
+  row("loop late", fmt::format("{}, {} overruns", view_model::time_text(now.lateness_us), now.overruns));
   ImGui::EndTable();
 }
 
@@ -413,6 +421,8 @@ void ControlPanel::draw_foot(const Gui& gui, const view_model::LiveSession& live
     ImGui::TextColored(vec4(recording.failed ? palette::kAlarm : palette::kText), "%s",
                        recording.failed ? "recording has failed"
                                         : fmt::format("recording: {} rows", recording.rows).c_str());
+  } else if (facts_.can_record && !ended_) {
+    if (ImGui::Button("Record  (Ctrl+R)", {-1, 0})) want_recording();
   } else {
     ImGui::TextColored(vec4(palette::kQuiet), "not recording (--record FILE)");
   }

@@ -52,6 +52,11 @@ class ControlPanel {
   bool clutch_on_screen() const noexcept { return clutch_; }
   void want_picture() noexcept { picture_wanted_ = true; }
   bool take_picture_wanted() noexcept { return std::exchange(picture_wanted_, false); }
+  /// A recording, where there is none yet and one can begin.
+  void want_recording() noexcept {
+    record_wanted_ = facts_.can_record && facts_.recording.empty() && !ended_;
+  }
+  bool take_record_wanted() noexcept { return std::exchange(record_wanted_, false); }
   bool take_help_wanted() noexcept { return std::exchange(help_wanted_, false); }
 
  private:
@@ -62,7 +67,7 @@ class ControlPanel {
   void draw_method(const recording::Sample& now);
   void draw_scaling(const Gui& gui, const recording::Sample& now, float region_high);
   void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, ImVec2 size);
-  static void draw_tip_rows(const view_model::LiveSession& live);
+  void draw_tip_rows(const view_model::LiveSession& live) const;
   void draw_numbers(const Gui& gui, const view_model::LiveSession& live);
   void draw_practice();
   void draw_foot(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording);
@@ -79,6 +84,7 @@ class ControlPanel {
   bool clutch_ = false;
   bool picture_wanted_ = false;
   bool help_wanted_ = false;
+  bool record_wanted_ = false;
 };
 
 }  // namespace telenano::viewer

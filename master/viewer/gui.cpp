@@ -62,20 +62,35 @@ Gui::Gui(float scale) : scale_(scale) {
   io.IniFilename = nullptr;  // nothing is kept between sessions: the same picture every time
   io.LogFilename = nullptr;
   set_style(scale);
+  load_fonts();
+  if (!ImGui_ImplOpenGL3_Init("#version 330 core"))
+    throw RunError("viewer: Dear ImGui does not start on this driver");
+}
+
+void Gui::set_scale(float scale) {
+  if (scale == scale_) return;
+  scale_ = scale;
+  set_style(scale);
+  ImGui::GetIO().Fonts->Clear();
+  load_fonts();
+  ImGui_ImplOpenGL3_DestroyFontsTexture();
+  ImGui_ImplOpenGL3_CreateFontsTexture();
+}
+
+void Gui::load_fonts() {
+  ImGuiIO& io = ImGui::GetIO();
   const bool found = std::filesystem::exists(kRegular);
   const bool bold = std::filesystem::exists(kBold);
   const auto font = [&](const char* path, float size_px) {
-    if (found) return io.Fonts->AddFontFromFileTTF(path, size_px * scale, nullptr, kGlyphs.data());
+    if (found) return io.Fonts->AddFontFromFileTTF(path, size_px * scale_, nullptr, kGlyphs.data());
     ImFontConfig config;
-    config.SizePixels = size_px * scale;
+    config.SizePixels = size_px * scale_;
     return io.Fonts->AddFontDefault(&config);
   };
   text_ = font(kRegular, 14);
   small_ = font(kRegular, 11.5f);
   large_ = font(bold ? kBold : kRegular, 19);
   has_greek_ = found;
-  if (!ImGui_ImplOpenGL3_Init("#version 330 core"))
-    throw RunError("viewer: Dear ImGui does not start on this driver");
 }
 
 Gui::~Gui() {

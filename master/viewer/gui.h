@@ -22,10 +22,14 @@ class Gui {
   /// False: no font with Greek letters was found; names are spelt out.
   bool has_greek() const noexcept { return has_greek_; }
   float scale() const noexcept { return scale_; }
+  /// Between two frames.
+  void set_scale(float scale);
   /// Of the frame that is being drawn.
   WordBoard& words() const noexcept { return words_; }
 
  private:
+  void load_fonts();
+
   ImFont* text_ = nullptr;
   ImFont* small_ = nullptr;
   ImFont* large_ = nullptr;

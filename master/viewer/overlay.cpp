@@ -191,6 +191,34 @@ void draw_axes(const Pen& pen, const SceneState& state, const Camera& camera) {
 }
 
 // A bar that lies on the ground along its front edge, so that perspective shortens both alike.
+/// Where the tip can be led no further: a line, hatched outside of it.
+void draw_walls(const Pen& pen, const SceneState& state) {
+  const float s = pen.s();
+  const auto wall = [&](double x_w_nm, double z_w_nm, float out_x, float out_y) {
+    if (!std::isfinite(x_w_nm) || !std::isfinite(z_w_nm)) return;
+    const ImVec2 p = pen.at({x_w_nm, state.tip_pos_w_nm.y(), z_w_nm});
+    const bool upright = out_x != 0;
+    const float at = upright ? p.x : p.y;
+    const float low = upright ? pen.left() : pen.top();
+    const float high = upright ? pen.right() : pen.bottom();
+    if (!(at > low && at < high)) return;
+    const float from = upright ? pen.top() : pen.left();
+    const float to = upright ? pen.bottom() : pen.right();
+    const auto place = [&](float along, float across) {
+      return upright ? ImVec2{at + across, along} : ImVec2{along, at + across};
+    };
+    pen.line(place(from, 0), place(to, 0), palette::kWarning, 2, 0.9f);
+    const float out = 9 * s * (upright ? out_x : out_y);
+    for (float along = from; along < to; along += 12 * s)
+      pen.line(place(along, out), place(along + 9 * s, 0), palette::kWarning, 1, 0.6f);
+  };
+  const Vec3& tip = state.tip_pos_w_nm;
+  wall(state.wall_min_w_nm.x(), tip.z(), -1, 0);
+  wall(state.wall_max_w_nm.x(), tip.z(), 1, 0);
+  wall(tip.x(), state.wall_min_w_nm.z(), 0, 1);
+  wall(tip.x(), state.wall_max_w_nm.z(), 0, -1);
+}
+
 void draw_ground_bar(const Pen& pen, const SceneState& state, const Camera& camera) {
   const auto& ground = state.ground;
   const double length = view_model::nice_step(0.25 * ground.width_nm());
@@ -344,6 +372,7 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   pen.text({end.x - 0.5f * long_px, end.y - 5 * s}, view_model::length_text(length), palette::kText,
            {0.5f, 1});
   if (live.now().reply_sequence == 0) return;
+  draw_walls(pen, state);
   draw_target(pen, state);
   // The gap as an engineer would draw it: beside what it measures, between two thin lines.
   Vec3 foot = state.tip_pos_w_nm;

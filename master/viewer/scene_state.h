@@ -1,5 +1,7 @@
 #pragma once
 
+#include <limits>
+
 #include "telenano/common/base/vec3.h"
 #include "telenano/common/link/messages.h"
 #include "telenano/master/view_model/ground.h"
@@ -20,6 +22,9 @@ struct SceneState {
   double lever_exaggeration = 1;        ///< of that, in the overview
   bool contact = false;
   double tip_radius_nm = 20;
+  // Between these the tip can be led now; infinite: not known.
+  Vec3 wall_min_w_nm = Vec3::Constant(-std::numeric_limits<double>::infinity());
+  Vec3 wall_max_w_nm = Vec3::Constant(std::numeric_limits<double>::infinity());
   bool part = false;          ///< the ground is a part of the sample: what lies beside it is left out
   link::Particle particle{};  ///< radius 0: none is drawn
 };

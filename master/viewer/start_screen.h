@@ -54,6 +54,7 @@ class StartScreen {
   Wish draw_foot(const StartFacts& facts, const view_model::StartChoice& choice);
   float label(const char* text) const;
 
+  float screen_scale_;
   Gui gui_;
   float foot_px_ = 110;  // as high as it was in the frame before
   bool first_ = true;

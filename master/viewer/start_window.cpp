@@ -1,5 +1,6 @@
 #include "telenano/master/viewer/start_window.h"
 
+#include <fmt/format.h>
 #include <imgui.h>
 
 #include <chrono>
@@ -17,7 +18,7 @@ constexpr auto kFrame = std::chrono::milliseconds(33);
 }  // namespace
 
 bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const StartHooks& hooks) {
-  const GlfwWindow window(true);
+  GlfwWindow window(true);
   StartScreen screen(window.scale());
   KeyTaps taps(window.get());
   const GlfwInput input(window.get());
@@ -47,6 +48,8 @@ bool run_start_window(StartFacts& facts, view_model::StartChoice& choice, const 
       }
     }
     window.show_frame();
+    window.tell(fmt::format("start, {}{} at {}{}", choice.device, choice.record ? ", recording" : "",
+                            choice.server, facts.plan ? ", answered" : ""));
     std::this_thread::sleep_until(began + kFrame);
   }
   return false;

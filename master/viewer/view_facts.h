@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -35,11 +36,16 @@ struct ViewFacts {
   std::string played;                   ///< recording that is shown instead of a session; empty: none
   std::vector<TaskOffer> tasks;  ///< that the hand can be told to do; empty: a person's, or one recording's
   double surface_z_w_nm = 0;
+  // The tip never leaves it; infinite: not known.
+  Vec3 workspace_min_w_nm = Vec3::Constant(-std::numeric_limits<double>::infinity());
+  Vec3 workspace_max_w_nm = Vec3::Constant(std::numeric_limits<double>::infinity());
   std::string surface_doubt;  ///< why the scan that is drawn may be another's; empty: it is the session's
   double give_up_s = 0;       ///< of silence, after which the session ends; 0: not known
   std::optional<link::PracticeLink> practice;  ///< where the link can be made worse: how it begins
   double hand_force_limit_n = 0;               ///< what the station never exceeds
   double energy_bound_j = 0;                   ///< that may ever be extracted
+  double text_size = 1;                        ///< of words, times the screen's own
+  bool can_record = false;                     ///< a recording can begin while the session runs
   double tip_radius_nm = 20;                   ///< drawn; the server does not tell it
   view_model::ScalingRegion region{};
   std::array<bool, control::kAllMethods.size()> method_offered{};  ///< by this server

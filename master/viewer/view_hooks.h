@@ -22,6 +22,8 @@ struct ViewHooks {
   /// The program is to end, so a window that has stayed open goes too.
   std::function<bool()> stop_wanted;
   std::function<RecordingStatus()> recording;
+  /// Begins a recording of the session that runs, and says its file; throws where none can be made.
+  std::function<std::string()> record;
   /// The surface again when its file has changed; asked about once a second.
   std::function<std::optional<view_model::Ground>()> changed_ground;
   /// Where the mouse's hand goes; null when another device is the hand.

@@ -3,6 +3,7 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_opengl3.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
@@ -11,6 +12,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/master/device/haptic_device.h"
+#include "telenano/master/view_model/status_text.h"
 #include "telenano/master/viewer/charts.h"
 #include "telenano/master/viewer/guide_box.h"
 #include "telenano/master/viewer/overlay.h"
@@ -26,8 +28,16 @@ constexpr double kTrailStep_nm = 0.25;
 constexpr double kCloseUpElevation_deg = 12;
 constexpr double kCloseUpLeast_nm = 8;
 constexpr double kCloseUpMost_nm = 60;
-constexpr double kFollow = 0.12;  // of the way to the wanted height of the close-up, a frame
+constexpr double kFollow = 0.12;  // of the way to the wanted height of the close-up, in 1/60 s
+constexpr double kFollowHz = 60;
+constexpr double kHalfOfForce =
+    0.25;  // of the force that a hand with motors would be shown at most: the pointer goes twice as far
 constexpr double kDegPerPixel = 0.3;
+constexpr double kTextLeast = 0.75;
+constexpr double kTextMost = 2.5;
+constexpr double kTextStep = 1.15;
+constexpr double kLeastWidth = 640;
+constexpr double kLeastHeight = 480;
 constexpr double kZoomPerNotch = 1.15;
 constexpr double kTipInside = 0.8;  // of the overview's half height and width that the tip does not leave
 
@@ -41,6 +51,7 @@ ChartBox box_of(const Area& area) {
 Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port, float scale)
     : facts_(facts),
       port_(port),
+      screen_scale_(scale),
       gui_(scale),
       ground_(std::move(ground)),
       renderer_(ground_),
@@ -49,6 +60,7 @@ Viewer::Viewer(const ViewFacts& facts, view_model::Ground ground, view_model::Vi
       panel_(facts_, port),
       hand_(facts.hand_half_m, facts.hand_back_s),
       guide_(facts.guide) {
+  set_text_size(facts.text_size);
   reset_cameras();
 }
 
@@ -136,15 +148,19 @@ SceneState Viewer::state(bool overview) const {
   state.lever_exaggeration = SceneRenderer::lever_exaggeration(ground, live_.deflection_full_nm());
   state.contact = live_.contact();
   state.tip_radius_nm = facts_.tip_radius_nm;
-  if (playback_ == nullptr) {  // recordings do not hold it
-    const view_model::ShownParticle particle = port_.particle.load();
-    state.particle = {vec(particle.pos_w_nm), particle.radius_nm, particle.status};
+  state.particle = live_.particle();
+  state.wall_min_w_nm = facts_.workspace_min_w_nm;
+  state.wall_max_w_nm = facts_.workspace_max_w_nm;
+  if (panel_.mouse_leads() && hand_.gripped()) {
+    const Vec3 target = state.target_pos_w_nm;
+    state.wall_min_w_nm = state.wall_min_w_nm.cwiseMax(target + hand_.wall_below_nm());
+    state.wall_max_w_nm = state.wall_max_w_nm.cwiseMin(target + hand_.wall_above_nm());
   }
   return state;
 }
 
 // The close-up goes with the tip and shows it and the ground under it, nearer when they are near.
-void Viewer::follow_tip() {
+void Viewer::follow_tip(double dt_s) {
   const recording::Sample& now = live_.now();
   const Vec3 tip(now.tip_pos_w_nm[0], now.tip_pos_w_nm[1], now.tip_pos_w_nm[2]);
   const double gap = std::abs(live_.gap_nm());
@@ -153,7 +169,9 @@ void Viewer::follow_tip() {
   const link::Particle particle = state(false).particle;
   if (particle.status == link::ParticleStatus::kPushed || particle.status == link::ParticleStatus::kHeld)
     wanted = std::clamp(2 * particle.radius_nm, wanted, kCloseUpMost_nm);
-  close_up_half_nm_ = seen_tip_ ? close_up_half_nm_ + kFollow * (wanted - close_up_half_nm_) : wanted;
+  // By the time that has passed: where frames are slow a drag would go by another scale.
+  const double left = std::pow(1 - kFollow, std::clamp(kFollowHz * dt_s, 1.0, kFollowHz));
+  close_up_half_nm_ = seen_tip_ ? wanted + left * (close_up_half_nm_ - wanted) : wanted;
   seen_tip_ = now.reply_sequence != 0;
   close_up_camera_.half_height_nm = close_up_half_nm_ / close_up_zoom_;
   Vec3 middle = tip;
@@ -191,7 +209,7 @@ view_model::Camera Viewer::fitted_overview(const Area& area) const noexcept {
 }
 
 void Viewer::settle(int frames) {
-  for (int i = 0; i < frames; ++i) follow_tip();
+  for (int i = 0; i < frames; ++i) follow_tip(1 / kFollowHz);
 }
 
 void Viewer::handle_keys(double time_s) {
@@ -217,6 +235,7 @@ void Viewer::handle_keys(double time_s) {
   }
   if (pressed(GLFW_KEY_L) && live_.any()) measurement_.choose(tip_w_nm());
   if (!ending_.lines.empty() && (pressed(GLFW_KEY_ENTER) || pressed(GLFW_KEY_KP_ENTER))) again_ = true;
+  handle_text_keys(time_s);
   if (pressed(GLFW_KEY_HOME)) reset_cameras();
   if (pressed(GLFW_KEY_Z) && live_.any()) narrow_region(time_s);
   if (pressed(GLFW_KEY_V))
@@ -230,9 +249,38 @@ void Viewer::handle_keys(double time_s) {
   }
 }
 
+void Viewer::set_text_size(double times) noexcept {
+  text_size_ = std::clamp(times, kTextLeast, kTextMost);
+}
+
+// The layout has room for words of the screen's own size in 640 × 480 of its points.
+void Viewer::fit_text(int width_px, int height_px) {
+  const double room = std::max(
+      1.0, std::min(width_px / (kLeastWidth * screen_scale_), height_px / (kLeastHeight * screen_scale_)));
+  gui_.set_scale(screen_scale_ * static_cast<float>(std::min(text_size_, room)));
+}
+
+void Viewer::handle_text_keys(double time_s) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (!io.KeyCtrl) return;
+  const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false) ? 1 : 0; };
+  const int more = pressed(GLFW_KEY_EQUAL) + pressed(GLFW_KEY_KP_ADD) - pressed(GLFW_KEY_MINUS) -
+                   pressed(GLFW_KEY_KP_SUBTRACT);
+  const bool first = pressed(GLFW_KEY_0) + pressed(GLFW_KEY_KP_0) > 0;
+  if (more == 0 && !first) return;
+  set_text_size(first ? 1 : text_size_ * std::pow(kTextStep, more));
+  say(fmt::format("Text {:.0f} %", 100 * text_size_), time_s);
+}
+
 void Viewer::handle_session_keys(double time_s) {
   const auto pressed = [](int key) { return ImGui::IsKeyPressed(key, false); };
-  if (pressed(GLFW_KEY_R)) panel_.ask(ViewRequest::Kind::kClearStop);
+  if (pressed(GLFW_KEY_R)) {
+    if (ImGui::GetIO().KeyCtrl) {
+      panel_.want_recording();
+    } else {
+      panel_.ask(ViewRequest::Kind::kClearStop);
+    }
+  }
   if (pressed(GLFW_KEY_N)) {
     if (facts_.recording.empty()) {
       say("No recording to put a note into", time_s);
@@ -257,7 +305,7 @@ void Viewer::handle_session_keys(double time_s) {
     panel_.ask_task(task, live_.now());
   }
   for (int i = 0; i < static_cast<int>(control::kAllMethods.size()); ++i) {
-    if (pressed(GLFW_KEY_1 + i))
+    if (pressed(GLFW_KEY_1 + i) && !ImGui::GetIO().KeyCtrl)
       panel_.ask_method(control::kAllMethods[static_cast<std::size_t>(i)], live_.now());
   }
   const bool clutch = panel_.clutch_on_screen() || ImGui::IsKeyDown(GLFW_KEY_C);
@@ -336,8 +384,15 @@ void Viewer::draw_guide(const Layout& layout) {
 void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const ImGuiIO& io = ImGui::GetIO();
   const Layout& l = layout;
-  const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(io.MousePos.x, io.MousePos.y);
-  const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(io.MousePos.x, io.MousePos.y);
+  // A press anchors. Touch screens, tablets and remote desktops put the pointer down far from where it was:
+  // taken for a drag, the way there would lead the tip into the sample.
+  const bool anchors = pressed_at_ || io.MouseClicked[0] || io.MouseClicked[1] || io.MouseClicked[2];
+  const ImVec2 from = pressed_at_ && ImGui::IsMousePosValid() ? *pressed_at_ : io.MousePos;
+  pressed_at_.reset();
+  const double dx = anchors ? io.MousePos.x - from.x : io.MouseDelta.x;
+  const double dy = anchors ? io.MousePos.y - from.y : io.MouseDelta.y;
+  const bool over_overview = views_ != Views::kCloseUp && l.overview.contains(from.x, from.y);
+  const bool over_close_up = views_ != Views::kOverview && l.close_up.contains(from.x, from.y);
   const bool free = !io.WantCaptureMouse;
   if (drag_ == Drag::kNone && free && over_overview && io.MouseClicked[0] && !io.KeyCtrl &&
       map_.place_at(ground_, io.MousePos))
@@ -353,7 +408,13 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   }
   if (!io.MouseDown[0] && !io.MouseDown[1] && !io.MouseDown[2]) drag_ = Drag::kNone;
 
-  hand_.set_velocity_scale(live_.now().velocity_scale);
+  const recording::Sample& now = live_.now();
+  hand_.set_velocity_scale(now.velocity_scale);
+  // Where motors show the force the pointer does not; a force that is old resists nobody.
+  const bool resists = !facts_.shows_force && facts_.hand_force_limit_n > 0 && now.force_scale > 0 &&
+                       view_model::silent_s(now) == 0;
+  hand_.resist(resists ? Vec3(now.force_w_nn[0], now.force_w_nn[1], now.force_w_nn[2]) : Vec3(Vec3::Zero()),
+               kHalfOfForce * facts_.hand_force_limit_n * kNanonewtonPerNewton / now.force_scale);
   const bool dragging_hand = drag_ == Drag::kHandInOverview || drag_ == Drag::kHandInCloseUp;
   hand_.hold(panel_.mouse_leads() &&
              (dragging_hand || (ImGui::IsKeyDown(GLFW_KEY_SPACE) && !io.WantTextInput)));
@@ -362,12 +423,6 @@ void Viewer::handle_mouse(const Layout& layout, double time_s) {
   const view_model::Camera camera = fitted_overview(l.overview);
   const double overview_nm_px = camera.nm_per_pixel(l.overview.height_px);
   const double close_up_nm_px = close_up_camera_.nm_per_pixel(l.close_up.height_px);
-  // A press anchors. Touch screens, tablets and remote desktops put the pointer down far from where it was:
-  // taken for a drag, the way there would lead the tip into the sample.
-  const bool anchors = pressed_ || io.MouseClicked[0] || io.MouseClicked[1] || io.MouseClicked[2];
-  pressed_ = false;
-  const double dx = anchors ? 0 : io.MouseDelta.x;
-  const double dy = anchors ? 0 : io.MouseDelta.y;
   if (panel_.mouse_leads()) move_hand_by_keys(close_up_nm_px);
   switch (drag_) {
     case Drag::kHandInOverview: {
@@ -482,6 +537,7 @@ void Viewer::draw_help() {
       row("left drag, section",
           "take hold and move the tip along x and z, a nanometre to the picture's nanometre");
       row("left drag, overview", "take hold and move the tip over the sample; with Shift: up and down");
+      row("", "the harder the sample pushes or pulls, the farther the mouse must go against it");
       row("wheel", "tip up or down by 0.5 nm a notch; with Shift 0.1 nm");
       row("Space held", "keep hold (deadman); letting go stops the tip where it is");
       row("with arrows", "the tip along x and z; page up, page down: along y");
@@ -496,6 +552,7 @@ void Viewer::draw_help() {
     row("Z", "the region round the tip, larger; at last the whole again; a click in the map moves it");
     row("Home", "the first view again");
     row("P or F12", "picture of this window (PNG)");
+    row("Ctrl + plus, minus, 0", "words larger, smaller, as at first");
     row("F", "force over distance of the last touch, or the charts over time");
     row("D", "that curve, or the profile that is measured, as a table (CSV)");
     row("S", "the surface as it is drawn, with its marks (GSF, for Gwyddion)");
@@ -514,6 +571,7 @@ void Viewer::draw_help() {
       row("1 … 8", "control method");
       row("Shift + arrows", "right, left: distances more, less; up, down: forces");
       if (!facts_.tasks.empty()) row("T", "the next task of the hand: it lets go, goes back, begins");
+      row("Ctrl + R", "a recording from now on");
       row("M", "a mark in the recording");
       row("N", "a note in the recording, at this moment");
       row("G", "guide to a first touch");
@@ -588,6 +646,7 @@ void Viewer::draw_words(double time_s, const Area& area) {
 }
 
 void Viewer::draw(int width_px, int height_px, double time_s, const RecordingStatus& recording) {
+  fit_text(width_px, height_px);
   const Layout layout = layout_of(width_px, height_px, gui_.scale(), views_);
   gui_.words().clear();
   ImGui_ImplOpenGL3_NewFrame();
@@ -595,7 +654,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   ImGui::NewFrame();
   handle_keys(time_s);
   if (playback_ != nullptr) take_played(time_s);
-  follow_tip();
+  follow_tip(time_s - std::exchange(followed_s_, time_s));
   if (live_.any() && region_.follow(ground_, tip_w_nm())) set_region();
   handle_mouse(layout, time_s);
 

@@ -47,17 +47,24 @@ class Viewer {
   /// ImGui's io, which a window fills and a test may.
   void draw(int width_px, int height_px, double time_s, const RecordingStatus& recording);
 
+  /// Of words and what belongs to them, times that of the screen; as far as the window has room.
+  void set_text_size(double times) noexcept;
+  double text_size() const noexcept { return text_size_; }
+
   const view_model::PointerHand& hand() const noexcept { return hand_; }
   const view_model::LiveSession& live() const noexcept { return live_; }
   const view_model::Ground& ground() const noexcept { return ground_; }
   const view_model::Region& region() const noexcept { return region_; }
   const view_model::Camera& overview_camera() const noexcept { return overview_camera_; }
   const view_model::Camera& close_up_camera() const noexcept { return close_up_camera_; }
-  /// A button has gone down since the last frame, be it that it was let go and pressed again within it: the
-  /// pointer's way until there is no drag.
-  void note_press() noexcept { pressed_ = true; }
+  /// A button has gone down since the last frame, at this place, be it that it was let go and pressed again
+  /// within it: the pointer's way until there is no drag, that from there on is one.
+  void note_press(const ImVec2& place) noexcept { pressed_at_ = place; }
   /// As drawn last: stands back where the tip would leave the picture.
   const view_model::Camera& shown_overview_camera() const noexcept { return shown_overview_camera_; }
+  /// A recording has begun; asked for since the last call.
+  void set_recording(const std::string& file) { facts_.recording = file; }
+  bool take_record_wanted() noexcept { return panel_.take_record_wanted(); }
   /// Asked for since the last call.
   bool take_picture_wanted() noexcept { return panel_.take_picture_wanted(); }
   /// The data of what is seen, asked for by key since the last call: the profile that is measured, else the
@@ -75,6 +82,8 @@ class Viewer {
   /// Shown for two seconds.
   void say(const std::string& text, double time_s);
   void show(Views views) noexcept { views_ = views; }
+  /// A person writes a note: letters are no commands.
+  bool writes_note() const noexcept { return note_box_.is_open(); }
   /// The session is over: its last moment stays, with these lines over it.
   void end(view_model::SessionEnd end);
   /// By key or button once the session has ended: the same once more.
@@ -83,8 +92,10 @@ class Viewer {
  private:
   enum class Drag : std::uint8_t { kNone, kHandInOverview, kHandInCloseUp, kTurn, kShift, kRegion };
 
+  void fit_text(int width_px, int height_px);
+  void handle_text_keys(double time_s);
   void reset_cameras();
-  void follow_tip();
+  void follow_tip(double dt_s);
   void handle_keys(double time_s);
   void handle_session_keys(double time_s);
   void handle_scaling_keys();
@@ -109,6 +120,8 @@ class Viewer {
 
   ViewFacts facts_;
   view_model::ViewPort& port_;
+  float screen_scale_;
+  double text_size_ = 1;
   Gui gui_;
   view_model::Ground ground_;
   view_model::Region region_;
@@ -127,7 +140,7 @@ class Viewer {
   bool seen_tip_ = false;
   Views views_ = Views::kBoth;
   Drag drag_ = Drag::kNone;
-  bool pressed_ = false;
+  std::optional<ImVec2> pressed_at_;  // since the last frame
   bool help_ = false;
   view_model::FirstTouch first_touch_;
   view_model::Measurement measurement_;
@@ -141,6 +154,7 @@ class Viewer {
   bool again_ = false;
   view_model::Playback* playback_ = nullptr;
   double drawn_s_ = 0;
+  double followed_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
   view_model::SessionEnd ending_;  // no lines: the session goes on

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -29,24 +30,32 @@ constexpr double kReloadS = 0.25;
 
 using Clock = std::chrono::steady_clock;
 
-/// A button that is let go and pressed again between two frames, elsewhere, looks held to ImGui: the way
-/// there would be a drag.
+/// Where the pointer was when a button went down, which ImGui does not say: it looks once a frame. A button
+/// that is let go and pressed again between two frames, elsewhere, looks held to it: the way there would be
+/// a drag. And where a frame is late, what the pointer went after the press belongs to the drag.
 class PressWatch {
  public:
-  /// Before ImGui's own callback, which calls this one.
+  /// Before ImGui's own callbacks, which call these.
   explicit PressWatch(GLFWwindow* window) {
-    pressed() = false;
+    seen() = {};
+    glfwSetCursorPosCallback(window, [](GLFWwindow*, double x, double y) {
+      seen().pointer = {static_cast<float>(x), static_cast<float>(y)};
+    });
     glfwSetMouseButtonCallback(window, [](GLFWwindow*, int, int action, int) {
-      if (action == GLFW_PRESS) pressed() = true;
+      if (action == GLFW_PRESS) seen().press = seen().pointer;
     });
   }
-  /// Since the last call.
-  bool take() { return std::exchange(pressed(), false); }
+  /// The newest since the last call.
+  std::optional<ImVec2> take() { return std::exchange(seen().press, std::nullopt); }
 
  private:
+  struct Seen {
+    ImVec2 pointer{-1, -1};
+    std::optional<ImVec2> press;
+  };
   // The window's one user pointer is taken, and there is one window.
-  static bool& pressed() {
-    static bool value = false;
+  static Seen& seen() {
+    static Seen value;
     return value;
   }
 };
@@ -78,6 +87,12 @@ Picture picture_of_window(int width_px, int height_px) {
   return picture;
 }
 
+std::string title_of(const ViewFacts& facts, const Viewer& viewer, bool ended) {
+  if (ended) return "the session has ended";
+  if (!facts.played.empty()) return facts.played;
+  return facts.scene_name + " at " + facts.server + (viewer.writes_note() ? ", writing a note" : "");
+}
+
 device::PointerState pointer_of(const Viewer& viewer, double time_s) {
   device::PointerState state;
   const Vec3& pos = viewer.hand().hand_pos_h_m();
@@ -90,7 +105,7 @@ device::PointerState pointer_of(const Viewer& viewer, double time_s) {
 
 WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
                      const ViewHooks& hooks) {
-  const GlfwWindow window(true);
+  GlfwWindow window(true);
   Viewer viewer(facts, std::move(ground), port, window.scale());
   if (hooks.playback != nullptr) viewer.play(*hooks.playback);
   KeyTaps taps(window.get());
@@ -133,7 +148,7 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
     if (width_px > 0 && height_px > 0) {
       input.begin_frame();
       taps.press();
-      if (presses.take()) viewer.note_press();
+      if (const auto place = presses.take()) viewer.note_press(*place);
       viewer.draw(width_px, height_px, time_s, hooks.recording());
       taps.release();
       if (viewer.take_picture_wanted()) {
@@ -144,6 +159,15 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
         } catch (const std::exception& error) {  // a full disk ends no session
           viewer.say(error.what(), time_s);
         }
+      }
+    }
+    if (viewer.take_record_wanted() && hooks.record) {
+      try {
+        const std::string file = hooks.record();
+        viewer.set_recording(file);
+        viewer.say("Recording: " + file, time_s);
+      } catch (const std::exception& error) {
+        viewer.say(error.what(), time_s);
       }
     }
     if (viewer.take_data_wanted()) {
@@ -168,6 +192,7 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
     glFinish();
     frames.add(std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - began).count());
     glfwSwapBuffers(window.get());
+    window.tell(title_of(facts, viewer, ended));
     std::this_thread::sleep_until(began + kFrame);
   }
   return {frames, viewer.again_wanted()};

@@ -109,6 +109,12 @@ void GlfwWindow::show_frame() const noexcept {
   glfwSwapBuffers(window_);
 }
 
+void GlfwWindow::tell(const std::string& about) {
+  if (about == about_) return;
+  about_ = about;
+  glfwSetWindowTitle(window_, ("Telenano: " + about).c_str());
+}
+
 GlfwInput::GlfwInput(GLFWwindow* window) {
   ImGui_ImplGlfw_InitForOpenGL(window, true);
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 struct GLFWwindow;
 
 namespace telenano::viewer {
@@ -28,8 +30,11 @@ class GlfwWindow {
   /// False while there is nothing to draw on.
   bool size_px(int& width_px, int& height_px) const noexcept;
   void show_frame() const noexcept;
+  /// What the desktop lists the window by: "Telenano: ABOUT". Set once what it names has been drawn.
+  void tell(const std::string& about);
 
  private:
+  std::string about_;
   GLFWwindow* window_ = nullptr;
 };
 

@@ -26,12 +26,15 @@ void AfmLogic::engage(std::int64_t now_ns) {
   approved_ = false;     // used up
   floor_nm_ = kNoFloor;  // the guard may have raised it
   safe_tip_air_known_ = safe_tip_touch_known_ = !port_->capabilities().watches_force;
+  safe_tip_differs_ = 0;
+  held_asked_ = 0;
   free_ = false;
   lift_readings_ = 0;
   lift_sum_nm_ = 0;
   lift_last_nm_ = kNoFloor;
   lift_nm_ = config_.lift_nm;
   watch_.begin();
+  model_.forget_stiffness();
   state_.cause = Cause::kNone;
   state_.force_known = false;
   book_.interrupt();
@@ -41,7 +44,8 @@ void AfmLogic::engage(std::int64_t now_ns) {
 }
 
 double AfmLogic::contact_height_nm(std::int64_t now_ns) const noexcept {
-  return surface_height_nm_ + drift_nm_s_ * 1e-9 * static_cast<double>(now_ns - surface_ns_);
+  // What a touch has corrected is not made at once.
+  return touches_ > 0 ? surface_.height_nm(now_ns) - shift_nm_ : settled_height_nm_;
 }
 
 bool AfmLogic::send_z(double z_w_nm, std::int64_t now_ns, AfmCommand& call) {
@@ -133,8 +137,7 @@ void AfmLogic::on_motion(const AfmReading& reading, std::int64_t now_ns) {
                                config_.lift_nm, lifted);
         return withdraw(Cause::kController, now_ns);
       }
-      surface_height_nm_ = settled_height_nm_;
-      surface_ns_ = now_ns;
+      touches_ = 0;  // the surface is where the Z controller stood
       history_.clear();
       sent_w_nm_ = Vec3(sent_w_nm_.x(), sent_w_nm_.y(), height_nm_ - contact_height_nm(now_ns));
       history_.add(now_ns, sent_w_nm_);
@@ -144,6 +147,7 @@ void AfmLogic::on_motion(const AfmReading& reading, std::int64_t now_ns) {
       tared_ = 0;
       tare_sum_ = tare_squares_ = tare_lateral_sum_ = 0;
       free_volts_.clear();
+      free_lateral_v_.clear();
       enter(Phase::kTaring, now_ns);
     }
   } else if (state_.phase == Phase::kTouching && op == AfmOp::kMoveZ) {
@@ -206,6 +210,7 @@ void AfmLogic::tare(double deflection_nm, double lateral_nn, std::int64_t sent_n
   if (!safe_tip_air_known_) return;
   ++tared_;
   free_volts_.push_back(deflection_nm / config_.sensitivity_nm_v);
+  free_lateral_v_.push_back(lateral_nn / config_.lateral_nn_v);
   tare_sum_ += deflection_nm;
   tare_squares_ += (deflection_nm - free_deflection_nm_) * (deflection_nm - free_deflection_nm_);
   tare_lateral_sum_ += lateral_nn;
@@ -219,12 +224,21 @@ void AfmLogic::tare(double deflection_nm, double lateral_nn, std::int64_t sent_n
   tare_lateral_nn_ = tare_lateral_sum_ / n;
   model_.set_noise(state_.noise_nn);
   watch_.learn(free_volts_);
+  watch_.learn_lateral(free_lateral_v_);
   touches_ = 0;
   touch_ = Touch::kDown;
   touch_fresh_ = false;
   touch_moved_ns_ = now_ns;
   touch_from_height_nm_ = height_nm_;
+  touch_last_nn_ = 0;
+  touch_last_nm_ = height_nm_;
   enter(Phase::kTouching, now_ns);
+}
+
+/// Below where the surface was found a signal that tells nothing must not let the tip go on for long: only as
+/// far as the force limit allows where the ground has stayed.
+double AfmLogic::deepest_touch_nm() const noexcept {
+  return std::min(config_.force_max_nn / config_.spring_constant_n_m, 2 * config_.lift_nm) + config_.step_nm;
 }
 
 bool AfmLogic::next_touch(std::int64_t now_ns, AfmCommand& call) {
@@ -258,33 +272,48 @@ void AfmLogic::touch_reading(std::int64_t sent_ns, std::int64_t now_ns) {
   if (sent_ns - ns(config_.period_s()) < touch_moved_ns_) return;
   touch_fresh_ = true;
   const double force = state_.measured_force_w_nn.z();
+  // A lever bends up by no more than its base goes down, whatever the sample is.
+  const double rise_nn = force - touch_last_nn_;
+  const double most_nn = 1.5 * config_.spring_constant_n_m * std::max(touch_last_nm_ - height_nm_, 0.0) +
+                         8 * state_.noise_nn + 0.5 * model_.contact_threshold_nn();
+  touch_last_nn_ = force;
+  touch_last_nm_ = height_nm_;
+  if (rise_nn > most_nn) {
+    refusal_ =
+        config_.path + text(
+                           ": [calibration] sensitivity_nm_v: %g: the lever bent by more than its base "
+                           "moved (%.3g nN more where %.3g nN are possible): wrong value or unit (the "
+                           "tip was withdrawn)",
+                           config_.sensitivity_nm_v, rise_nn, most_nn);
+    return withdraw(Cause::kController, now_ns);
+  }
   model_.add(sent_w_nm_, force, now_ns);
   if (force >= config_.touch_force_nn) {
     touch_ = touches_ == 0 && port_->capabilities().watches_force ? Touch::kCompare : Touch::kUp;
     touch_height_nm_ = height_nm_ + force / model_.stiffness_n_m();
     touch_ns_ = now_ns;
-  } else if (sent_w_nm_.z() < -2 * config_.lift_nm - config_.step_nm) {
-    tell("no surface where the Z controller found one");
+  } else if (sent_w_nm_.z() < -deepest_touch_nm()) {
+    tell("no surface where the Z controller found one: the deflection shows no force");
     withdraw(Cause::kNoSurface, now_ns);
   }
 }
 
 void AfmLogic::touched(std::int64_t now_ns) {
   ++touches_;
-  if (touches_ >= 2) {
+  shift_nm_ = 0;
+  if (touches_ == 1) {
+    surface_.begin(sent_w_nm_.x(), sent_w_nm_.y(), touch_height_nm_, touch_ns_);
+  } else {
     const double dt_s = 1e-9 * static_cast<double>(touch_ns_ - last_touch_ns_);
     const double rate = (touch_height_nm_ - last_touch_height_nm_) / dt_s;
     if (std::fabs(rate) > config_.drift_max_nm_s) {
       tell(text("the surface moves by %g nm/s: more than drift", rate));
       return withdraw(Cause::kNoSurface, now_ns);
     }
-    drift_nm_s_ = rate;
-    drift_known_ = true;
+    surface_.touch(sent_w_nm_.x(), sent_w_nm_.y(), touch_height_nm_, 0, touch_ns_);
   }
   last_touch_height_nm_ = touch_height_nm_;
   last_touch_ns_ = touch_ns_;
-  surface_height_nm_ = touch_height_nm_;
-  surface_ns_ = touch_ns_;
   // W's zero has moved to where the tip touched: the tip stands as much lower in it.
   sent_w_nm_.z() = height_nm_ - contact_height_nm(now_ns);
   history_.clear();
@@ -302,12 +331,8 @@ void AfmLogic::touched(std::int64_t now_ns) {
     return;
   }
   contact_stiffness_n_m_ = model_.stiffness_n_m();
-  places_.fill({});
-  place_count_ = 0;
-  shift_nm_ = 0;
   shifted_ns_ = now_ns;
   last_force_nn_ = 0;
-  remember(Vec3(sent_w_nm_.x(), sent_w_nm_.y(), -config_.touch_force_nn / contact_stiffness_n_m_), touch_ns_);
   ever_touched_ = true;
   was_touching_ = false;
   enter(Phase::kFollowing, now_ns);
@@ -315,8 +340,8 @@ void AfmLogic::touched(std::int64_t now_ns) {
   session_ns_ = now_ns;
   last_book_ns_ = now_ns;
   book_.interrupt();
-  tell(text("surface found; drift %+.3f nm/s, noise %.2f nN, stiffness %.3g N/m", drift_nm_s_,
-            state_.noise_nn, model_.stiffness_n_m()));
+  tell(text("surface found; drift %+.3f (+-%.2f) nm/s, noise %.2f nN, stiffness %.3g N/m", drift_nm_s(),
+            surface_.drift_bound_nm_s(), state_.noise_nn, model_.stiffness_n_m()));
 }
 
 }  // namespace telenano::afm

@@ -76,6 +76,21 @@ void AfmLogic::compare_safe_tip(std::int64_t now_ns) {
   withdraw(Cause::kController, now_ns);
 }
 
+/// The same signal by two ways: while the base rests, what SafeTip sees cannot differ from the reading by half
+/// of the force limit. It may not be averaged: three times in a row.
+void AfmLogic::watch_safe_tip(double value, std::int64_t sent_ns, std::int64_t now_ns) {
+  const std::int64_t from_ns = std::min(sent_ns, reading_from_ns_) - ns(config_.period_s());
+  if (!state_.force_known || history_.between(from_ns, now_ns).path_nm > 0.5 * config_.step_nm) return;
+  const double k = config_.spring_constant_n_m;
+  const double read =
+      port_->signal_of(tare_nm_ + state_.measured_force_w_nn.z() / k) - port_->signal_of(tare_nm_);
+  const double half = 0.5 * std::fabs(port_->signal_of(config_.force_max_nn / k) - port_->signal_of(0));
+  safe_tip_differs_ = std::fabs(value - safe_tip_air_ - read) > half ? safe_tip_differs_ + 1 : 0;
+  if (safe_tip_differs_ < 3) return;
+  withdraw(Cause::kSignal, now_ns);
+  tell("withdrawing: SafeTip does not see the force that is read: another signal is read, or watched");
+}
+
 /// What a step of the start has told. What only concerns one kind of controller its adapter has judged.
 void AfmLogic::checked(Role role, const AfmReading& reading) {
   if (!reading.unfit.empty()) return refuse(reading.unfit);
@@ -119,6 +134,7 @@ void AfmLogic::checked(Role role, const AfmReading& reading) {
     case ReadingKind::kSignals: {
       const double volts = n[0];
       free_volts_.push_back(volts);
+      free_lateral_v_.push_back(n[1]);
       for (const double v : {volts, n[1]}) {
         if (std::fabs(v) > kEnd * config_.range_v)
           return refuse(
@@ -126,7 +142,10 @@ void AfmLogic::checked(Role role, const AfmReading& reading) {
                           "laser",
                           v, config_.range_v));
       }
-      if (free_volts_.size() > 1) return watch_.learn(free_volts_);
+      if (free_volts_.size() > 1) {
+        watch_.learn_lateral(free_lateral_v_);
+        return watch_.learn(free_volts_);
+      }
       free_deflection_nm_ = config_.sensitivity_nm_v * volts;
       const double trip_v =
           volts + force_trip_nn() / (config_.spring_constant_n_m * config_.sensitivity_nm_v);

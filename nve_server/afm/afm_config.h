@@ -37,7 +37,7 @@ struct AfmConfig {
   double lift_nm = 25;  ///< above the surface, where the tip waits
   int tare_readings = 20;
   double touch_force_nn = 40;
-  double touch_pause_s = 1;  ///< between the two touches that measure the drift
+  double touch_pause_s = 2;  ///< between the two touches that measure the drift
   double timeout_s = 60;     ///< of the whole approach
   double withdraw_nm_s = 20000;
   double park_after_s = 60;  ///< without a session: the tip is withdrawn until one comes

@@ -200,7 +200,7 @@ void AfmDriver::turn(std::int64_t now_ns) {
   if (options_.before_approach && approaching(logic_.state().phase)) {
     try {
       std::exchange(options_.before_approach, nullptr)();
-    } catch (const UserError& error) {
+    } catch (const std::exception& error) {  // also a full disk
       logic_.forbid(error.what(), now_ns);
     }
   }

@@ -26,7 +26,8 @@ void AfmExchange::store_state(const PortState& s) noexcept {
   p.normal = plain(s.model.normal_w);
   p.numbers = {s.model.stiffness_n_m, s.model.adhesion_nn, s.model.shear_stiffness_n_m,
                s.model.friction_nn,   s.noise_nn,          s.energy_in_aj,
-               s.energy_out_aj,       s.energy_bound_aj};
+               s.energy_out_aj,       s.energy_bound_aj,   s.surface_bound_nm,
+               s.drift_nm_s,          s.drift_bound_nm_s};
   p.version = s.model.version;
   p.phase = static_cast<std::uint8_t>(s.phase);
   p.cause = static_cast<std::uint8_t>(s.cause);
@@ -55,6 +56,9 @@ bool AfmExchange::load_state(PortState& s) const noexcept {
   s.energy_in_aj = p.numbers[5];
   s.energy_out_aj = p.numbers[6];
   s.energy_bound_aj = p.numbers[7];
+  s.surface_bound_nm = p.numbers[8];
+  s.drift_nm_s = p.numbers[9];
+  s.drift_bound_nm_s = p.numbers[10];
   s.model.version = p.version;
   s.phase = static_cast<Phase>(p.phase);
   s.cause = static_cast<Cause>(p.cause);

@@ -79,6 +79,9 @@ struct PortState {
   bool held_by_force = false;  ///< the force limit holds the tip back
   link::LocalModel model;
   double noise_nn = 0;
+  double surface_bound_nm = 0;  ///< of W's zero: within this in 95 % of all times
+  double drift_nm_s = 0;        ///< of the piezo's height at which the tip touches
+  double drift_bound_nm_s = 0;
   double energy_in_aj = 0;
   double energy_out_aj = 0;
   double energy_bound_aj = 0;
@@ -109,7 +112,7 @@ class AfmExchange {
     std::int64_t time_ns, measured_ns;
     std::uint64_t latches;
     Triple base, measured_base, measured_force, point, normal;
-    std::array<double, 8> numbers;
+    std::array<double, 11> numbers;
     std::uint32_t version;
     std::uint8_t phase, cause, force_known, touching, held_by_force;
   };

@@ -39,6 +39,7 @@ bool AfmLogic::plausible(double volts, double lateral_volts, std::int64_t from_n
   r.lateral_volts = lateral_volts;
   r.force_nn = state_.measured_force_w_nn.z();
   r.contact_nn = model_.contact_threshold_nn();
+  r.still_across = state_.phase != Phase::kFollowing && state_.phase != Phase::kLifting;
   if (state_.phase == Phase::kTouching || state_.phase == Phase::kFollowing) {
     const MotionHistory::Stretch since = history_.between(from_ns, now_ns);
     const MotionHistory::Stretch moved = history_.between(std::min(reading_from_ns_, from_ns), now_ns);
@@ -58,50 +59,27 @@ bool AfmLogic::plausible(double volts, double lateral_volts, std::int64_t from_n
 
 namespace {
 
-constexpr double kSamePlace_nm = 3;
-constexpr double kDriftSpread_nm_s =
-    0.1;  // by which the drift may be wrong: creep after the approach, or it has changed
-constexpr double kTouchSpread_nm = 0.1;  // by which a touch may be wrong: noise, curvature of the contact
-constexpr double kSlopeSpread = 0.25;    // of the ground between two touches that are not quite at one place
-constexpr double kShift_nm_s = 1;        // no hand feels that
+constexpr double kShift_nm_s = 1;     // no hand feels that
+constexpr double kCurvedPart = 0.05;  // of the way to the force of a touch: contacts are no springs
+constexpr std::int64_t kAgainNs = 1'000'000'000;  // sooner a touch tells nothing new
 
 }  // namespace
 
-void AfmLogic::remember(const Vec3& place_w_nm, std::int64_t now_ns) noexcept {
-  places_[place_count_ % places_.size()] = {place_w_nm, now_ns};
-  ++place_count_;
-}
-
-/// The same ground must be met at the same height of W. Where it was not, the drift was wrong by e/t since, e
-/// being the difference and t the time between; creep after the approach looks like drift at first. What the
-/// touch can tell is σ² = 0.1² + (0.25 · distance)², in nm; what the drift may have made is (0.1 nm/s · t)²;
-/// the part of the second in both is believed. W's zero moves by as much, slowly.
+/// The base where the force of a touch is passed, slowly, on the way down: there the ground is measured. W's
+/// zero then moves, slowly, to where it is now believed.
 void AfmLogic::retouch(const Vec3& base_w_nm, double force_nn, double way_nm, std::int64_t now_ns) {
   const double from_nn = std::exchange(last_force_nn_, force_nn);
   const double touch_nn = config_.touch_force_nn;
-  if (from_nn >= touch_nn || force_nn < touch_nn || force_nn > 3 * touch_nn || way_nm > config_.step_nm)
+  if (from_nn >= touch_nn || force_nn < touch_nn || force_nn > 3 * touch_nn || way_nm > config_.step_nm ||
+      now_ns - touch_ns_ < kAgainNs)
     return;
-  Vec3 place = base_w_nm;
-  place.z() += (force_nn - touch_nn) / contact_stiffness_n_m_;
-  for (TouchPlace& known : places_) {
-    if (known.time_ns == 0) continue;
-    const double distance_nm = (place - known.at_w_nm).head<2>().norm();
-    if (distance_nm > kSamePlace_nm) continue;
-    const double time_s = 1e-9 * static_cast<double>(now_ns - known.time_ns);
-    if (time_s < 1) return;
-    const double error_nm = place.z() - known.at_w_nm.z() - shift_nm_;
-    const double made = kDriftSpread_nm_s * time_s, slope = kSlopeSpread * distance_nm;
-    const double believed = made * made / (made * made + kTouchSpread_nm * kTouchSpread_nm + slope * slope);
-    surface_height_nm_ = contact_height_nm(now_ns);
-    surface_ns_ = now_ns;
-    drift_nm_s_ = std::clamp(drift_nm_s_ + believed * error_nm / time_s, -config_.drift_max_nm_s,
-                             config_.drift_max_nm_s);
-    shift_nm_ += believed * error_nm;
-    known.time_ns = now_ns;
-    return;
-  }
-  place.z() -= shift_nm_;  // where it will be
-  remember(place, now_ns);
+  touch_ns_ = now_ns;
+  const double beyond_nm = (force_nn - touch_nn) / contact_stiffness_n_m_;
+  const double touch_height_nm =
+      base_w_nm.z() + contact_height_nm(now_ns) + force_nn / contact_stiffness_n_m_;
+  const double before_nm = surface_.height_nm(now_ns);
+  surface_.touch(base_w_nm.x(), base_w_nm.y(), touch_height_nm, kCurvedPart * beyond_nm, now_ns);
+  shift_nm_ += surface_.height_nm(now_ns) - before_nm;
 }
 
 // Only off the sample: under load the base would do work that no hand has asked for, and the tank of a
@@ -111,7 +89,6 @@ void AfmLogic::slew_surface(std::int64_t now_ns) noexcept {
   if (state_.touching) return;
   const double may_nm = kShift_nm_s * 1e-9 * static_cast<double>(since_ns);
   const double shift_nm = std::clamp(shift_nm_, -may_nm, may_nm);
-  surface_height_nm_ += shift_nm;
   shift_nm_ -= shift_nm;
 }
 
@@ -214,6 +191,9 @@ void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::
   book_.add(entry, 3 * state_.noise_nn, touches, model_.model().adhesion_nn);
   was_touching_ = state_.touching;
   last_book_ns_ = now_ns - period_ns;
+  state_.surface_bound_nm = surface_.bound_nm(now_ns) + std::fabs(shift_nm_);
+  state_.drift_nm_s = surface_.drift_nm_s();
+  state_.drift_bound_nm_s = surface_.drift_bound_nm_s();
   state_.energy_in_aj = book_.energy_in_aj();
   state_.energy_out_aj = book_.energy_out_aj();
   state_.energy_bound_aj = book_.bound_aj();

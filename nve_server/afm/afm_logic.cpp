@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::int64_t kEmergencyPeriodNs = 40 * kMs;  // the heart beat; the guard knows it too
 constexpr std::int64_t kDataPeriodNs = 40 * kMs;
+constexpr int kHeldEvery = 4;           // of so many questions on the data connection one is for what is held
 constexpr double kFloorSlack_nm = 10;   // for what drifts until the floor is set anew
 constexpr double kContactPart = 0.125;  // of the force of a touch: less is no contact
 
@@ -53,7 +54,7 @@ AfmLogic::AfmLogic(const AfmConfig& config, std::unique_ptr<AfmPort> port)
       lift_nm_(config.lift_nm),
       watch_({config.spring_constant_n_m, config.step_nm,
               std::fabs(config.spring_constant_n_m * config.sensitivity_nm_v), config.range_v,
-              ns(config.period_s())}),
+              ns(config.period_s()), config.sensitivity_nm_v > 0 ? 1 : -1, config.force_max_nn}),
       model_(config.spring_constant_n_m, 0, kContactPart * config.touch_force_nn, config.slope_max),
       book_(config.spring_constant_n_m) {}
 
@@ -178,9 +179,17 @@ bool AfmLogic::next(Role role, std::int64_t now_ns, AfmCommand& call) {
   return false;
 }
 
-void AfmLogic::answered(Role role, const AfmReading& reading, std::int64_t now_ns) {
+void AfmLogic::answered(Role role, const AfmReading& said, std::int64_t now_ns) {
   Connection& c = at(role);
   if (!c.busy) return;
+  AfmReading reading = said;
+  // No comparison would hold for it: neither a limit nor an end of a range.
+  if (!std::all_of(reading.numbers.begin(), reading.numbers.end(),
+                   [](double n) { return std::isfinite(n); })) {
+    reading = {};
+    reading.refused = "an answer";
+    reading.why = "it holds what is no number";
+  }
   c.busy = false;
   const AfmOp op = c.call.op;
   const std::int64_t sent_ns = c.sent_ns;
@@ -206,8 +215,8 @@ void AfmLogic::answered(Role role, const AfmReading& reading, std::int64_t now_n
     if (!withdrawing()) {
       tell(reading.refused + ": " + reading.why);
       withdraw(Cause::kController, now_ns);
-    } else if (op == AfmOp::kWithdraw || op == AfmOp::kStop) {
-      stop_sent_ = withdraw_sent_ = false;
+    } else {
+      if (op == AfmOp::kWithdraw || op == AfmOp::kStop) stop_sent_ = withdraw_sent_ = false;
       c.next_ns = now_ns + kLookPeriodNs;
     }
     if (op == AfmOp::kAskStatus && role == Role::kEmergency) {
@@ -224,7 +233,10 @@ void AfmLogic::answered(Role role, const AfmReading& reading, std::int64_t now_n
       floor_nm_ = asked_floor_nm_;
       return;
     case AfmOp::kAskWatched:
+      if (state_.phase == Phase::kFollowing) return watch_safe_tip(reading.numbers[0], sent_ns, now_ns);
       return on_watched(reading.numbers[0]);
+    case AfmOp::kAskHeld:
+      return on_held(reading, now_ns);
     case AfmOp::kAskStatus:
       if (role == Role::kData) round_trip_ns_ = now_ns - sent_ns;
       if (role == Role::kEmergency) {
@@ -253,10 +265,42 @@ bool AfmLogic::next_data(std::int64_t now_ns, AfmCommand& call) {
   if ((state_.phase == Phase::kTaring && !safe_tip_air_known_) ||
       (state_.phase == Phase::kTouching && touch_ == Touch::kCompare && !safe_tip_touch_known_))
     return send(Role::kData, {AfmOp::kAskWatched}, now_ns, call);
-  if (state_.phase == Phase::kEngaging && !setpoint_ok_)
+  if (state_.phase == Phase::kEngaging && !setpoint_ok_) {
+    // The controller may have been started anew since the last approach.
+    if (held_asked_ < port_->held_settings())
+      return send(Role::kData, {AfmOp::kAskHeld, {static_cast<double>(held_asked_)}}, now_ns, call);
     return send(Role::kData, {AfmOp::kAskSetpoint}, now_ns, call);
+  }
   at(Role::kData).next_ns = now_ns + kDataPeriodNs;
+  AfmCommand held;
+  if (next_held(held)) return send(Role::kData, held, now_ns, call);
   return send(Role::kData, {AfmOp::kAskStatus}, now_ns, call);
+}
+
+/// Now and then, instead of the status: what the start has found and set, one after another, and, where the
+/// controller watches the force, what it sees.
+bool AfmLogic::next_held(AfmCommand& command) {
+  const bool watches = port_->capabilities().watches_force;
+  const std::size_t all = port_->held_settings() + (watches ? 1 : 0);
+  if (all == 0 || ++since_held_ < kHeldEvery) return false;
+  since_held_ = 0;
+  next_held_ = (next_held_ + 1) % all;
+  if (next_held_ < port_->held_settings()) {
+    command = {AfmOp::kAskHeld, {static_cast<double>(next_held_)}};
+    return true;
+  }
+  if (state_.phase != Phase::kFollowing || !safe_tip_air_known_) return false;
+  command = {AfmOp::kAskWatched};
+  return true;
+}
+
+void AfmLogic::on_held(const AfmReading& reading, std::int64_t now_ns) {
+  if (withdrawing()) return;
+  ++held_asked_;
+  if (reading.unfit.empty()) return;
+  withdraw(Cause::kController, now_ns);
+  tell("withdrawing: " + reading.unfit + ": look who did, then start the server again");
+  refusal_ = news_;
 }
 
 /// As deep as the controller shall let any command go: the workspace's depth, once the surface is known;
@@ -265,7 +309,7 @@ double AfmLogic::wanted_floor_nm(std::int64_t now_ns) const noexcept {
   switch (state_.phase) {
     case Phase::kTaring:
     case Phase::kTouching:
-      return surface_height_nm_ - 2 * config_.lift_nm - 2 * config_.step_nm - kFloorSlack_nm;
+      return contact_height_nm(now_ns) - 2 * config_.lift_nm - 2 * config_.step_nm - kFloorSlack_nm;
     case Phase::kFollowing:
       return contact_height_nm(now_ns) - config_.depth_nm - kFloorSlack_nm;
     case Phase::kWithdrawn:
@@ -399,6 +443,7 @@ void AfmLogic::tick(std::int64_t now_ns, const PortTarget& wish) {
     connections_[i].close = true;
   }
   if (state_.phase == Phase::kChecking || state_.phase == Phase::kRefused) return;
+  surface_.piezo(height_nm_, now_ns);
 
   if (withdrawing()) {
     if (state_.phase != Phase::kWithdrawn || !all_connected() || !refusal_.empty() || ending_) return;

@@ -10,6 +10,7 @@
 #include "telenano/nve_server/afm/afm_port.h"
 #include "telenano/nve_server/afm/motion_history.h"
 #include "telenano/nve_server/afm/signal_watch.h"
+#include "telenano/nve_server/afm/surface_tracker.h"
 #include "telenano/nve_server/afm/touch_model.h"
 #include "telenano/nve_server/afm/work_book.h"
 
@@ -77,7 +78,7 @@ class AfmLogic {
   /// Between this logic and the controller: for whoever passes the bytes on.
   AfmPort& port() noexcept { return *port_; }
   const AfmConfig& config() const noexcept { return config_; }
-  double drift_nm_s() const noexcept { return drift_nm_s_; }
+  double drift_nm_s() const noexcept { return surface_.drift_nm_s(); }
   double tare_nn() const noexcept { return tare_nn_; }
   double force_trip_nn() const noexcept;
 
@@ -120,9 +121,13 @@ class AfmLogic {
   void lift_reading(double deflection_nm, std::int64_t now_ns);
   bool next_emergency(std::int64_t now_ns, AfmCommand& call);
   bool next_data(std::int64_t now_ns, AfmCommand& call);
+  bool next_held(AfmCommand& command);
+  void on_held(const AfmReading& reading, std::int64_t now_ns);
+  void watch_safe_tip(double value, std::int64_t sent_ns, std::int64_t now_ns);
   bool send_z(double z_w_nm, std::int64_t now_ns, AfmCommand& call);
   double lowest_allowed_nm(std::int64_t now_ns) noexcept;
   double top_of_ground_nm() const noexcept;
+  double deepest_touch_nm() const noexcept;
 
   void on_motion(const AfmReading& reading, std::int64_t now_ns);
   void on_reading(const AfmReading& reading, std::int64_t sent_ns, std::int64_t now_ns);
@@ -135,7 +140,6 @@ class AfmLogic {
   void touched(std::int64_t now_ns);
   void retouch(const Vec3& base_w_nm, double force_nn, double way_nm, std::int64_t now_ns);
   void slew_surface(std::int64_t now_ns) noexcept;
-  void remember(const Vec3& place_w_nm, std::int64_t now_ns) noexcept;
 
   double contact_height_nm(std::int64_t now_ns) const noexcept;
 
@@ -168,6 +172,11 @@ class AfmLogic {
   // SafeTip's signal in the air and at the first touch.
   double safe_tip_air_ = 0, safe_tip_touch_ = 0;
   bool safe_tip_air_known_ = false, safe_tip_touch_known_ = false;
+  int safe_tip_differs_ = 0;  // times in a row, while it follows
+  // What somebody else may change: which is asked next, and how many questions there were since.
+  std::size_t next_held_ = 0;
+  int since_held_ = 0;
+  std::size_t held_asked_ = 0;  // and found as they were, since the approach began
 
   // Approach.
   std::int64_t phase_ns_ = 0;  // since when
@@ -190,6 +199,7 @@ class AfmLogic {
   double tare_sum_ = 0, tare_squares_ = 0, tare_lateral_sum_ = 0;
   double tare_nm_ = 0, tare_nn_ = 0, tare_lateral_nn_ = 0;
   std::vector<double> free_volts_;  // of the deflection, in free space
+  std::vector<double> free_lateral_v_;
   SignalWatch watch_;
   double contact_stiffness_n_m_ = 0;  // of the last touch; 0 until there was one in this approach
   bool ever_touched_ = false;
@@ -198,23 +208,14 @@ class AfmLogic {
   bool touch_fresh_ = false;  // a reading since the last step down
   std::int64_t touch_moved_ns_ = 0;
   double touch_from_height_nm_ = 0;
+  double touch_last_nn_ = 0, touch_last_nm_ = 0;  // the reading before, on the way down
   double touch_height_nm_ = 0;
   std::int64_t touch_ns_ = 0;
   double last_touch_height_nm_ = 0;
   std::int64_t last_touch_ns_ = 0;
 
-  // Surface and drift: the tip touches at height surface + drift·(t − at).
-  double surface_height_nm_ = 0;
-  std::int64_t surface_ns_ = 0;
-  double drift_nm_s_ = 0;
-  bool drift_known_ = false;
-  // Touches that a later one at the same place is compared with: where in W the force of a touch was reached.
-  struct TouchPlace {
-    Vec3 at_w_nm = Vec3::Zero();
-    std::int64_t time_ns = 0;
-  };
-  std::array<TouchPlace, 8> places_{};
-  std::size_t place_count_ = 0;
+  // Where the tip touches.
+  SurfaceTracker surface_;
   double last_force_nn_ = 0;
   double shift_nm_ = 0;  // of W's zero, still to be made
   std::int64_t shifted_ns_ = 0;

@@ -32,6 +32,7 @@ enum class AfmOp : std::uint8_t {
   kAskStatus,    ///< -> kStatus
   kAskSetpoint,  ///< -> kSetpoint
   kAskWatched,   ///< -> kWatched. Only with AfmCapabilities::watches_force
+  kAskHeld,      ///< {i}: what the start found or set is still so: `unfit` where not -> kDone
   kFloor,        ///< {height}: no command goes below it. Only with AfmCapabilities::z_limits -> kDone
   kWithdraw,     ///< as far up as it goes, feedback off -> kDone, at once, or when it is up
   kStop          ///< any motion across -> kDone
@@ -70,7 +71,7 @@ struct AfmReading {
   AfmStatus status = AfmStatus::kOther;
   std::string refused;  ///< the request that the controller did not take, by its own name; empty: it did
   std::string why;      ///< and what it says about it
-  std::string unfit;    ///< of a step of the start: one line on what is wrong with the rig
+  std::string unfit;    ///< of a step of the start, or kAskHeld: one line on what is wrong with the rig
 };
 
 /// What an adapter's controller has. The logic does without what is missing, and says so in SAFETY.md's
@@ -100,6 +101,9 @@ class AfmPort {
   /// Known when the steps of the start have been answered; fewer after a start that was broken off.
   virtual std::size_t give_back_steps() const noexcept = 0;
   virtual Role give_back_role(std::size_t step) const noexcept = 0;
+  /// What somebody else may change while the tip is out, and must not: asked one after another (kAskHeld) on
+  /// the data connection.
+  virtual std::size_t held_settings() const noexcept { return 0; }
 
   /// The request's bytes; its answer is then expected on that connection.
   virtual std::vector<std::uint8_t> encode(Role role, const AfmCommand& command) = 0;

@@ -17,7 +17,8 @@ using enum nanonis::CommandId;
 namespace {
 
 constexpr double kSwitchOff_s = 0.02;
-constexpr int kFreeReadings = 19;  // with the first one 20, as signal_watch.h reckons
+constexpr double kSameLever = 0.693;  // logarithm of two
+constexpr int kFreeReadings = 19;     // with the first one 20, as signal_watch.h reckons
 
 }  // namespace
 
@@ -101,6 +102,15 @@ Call NanonisAdapter::call_of(const AfmCommand& command) const {
       return {kSetpointGet, {}};
     case AfmOp::kAskWatched:
       return {kSafeTipSignalGet, {}};
+    case AfmOp::kAskHeld: {
+      const Call calls[kHeld] = {{kSignalCalibrGet, {1.0 * config_.deflection_signal}},
+                                 {kSafeTipOnOffGet, {}},
+                                 {kSafeTipPropsGet, {}},
+                                 {kLimitsEnabledGet, {}},
+                                 {kAcqPeriodGet, {}},
+                                 {kSignalCalibrGet, {1.0 * config_.lateral_signal}}};
+      return calls[command.step() % kHeld];
+    }
     case AfmOp::kFloor:
       return limits_call(n[0]);
     case AfmOp::kWithdraw:
@@ -144,6 +154,7 @@ AfmPort::Next NanonisAdapter::next(Role role, AfmReading& reading) {
     }
     std::string unfit;
     if (setup) unfit = set_up(steps_[l.command.step()], answer);
+    if (l.command.op == AfmOp::kAskHeld && answer.error == 0) unfit = held(l.call, answer);
     reading = reading_of(l.call, answer);
     reading.unfit = std::move(unfit);
     return Next::kReading;
@@ -204,6 +215,32 @@ AfmReading NanonisAdapter::reading_of(const Call& call, const Answer& answer) co
       break;
   }
   return r;
+}
+
+/// One line where somebody has changed it since the start.
+std::string NanonisAdapter::held(const Call& call, const Answer& answer) const {
+  const auto& n = answer.numbers;
+  const auto differs = [](double is, double was) { return std::fabs(is - was) > 1e-6 * std::fabs(was); };
+  switch (call.id) {
+    case kSignalCalibrGet: {
+      const bool deflection = call.numbers[0] == config_.deflection_signal;
+      const double was = deflection ? calibration_m_v_ : lateral_calibration_;
+      if (!differs(n[0], was) && !differs(n[1], deflection ? offset_ : lateral_offset_)) return {};
+      return "the calibration of the " + std::string(deflection ? "deflection" : "lateral signal") +
+             text(" was changed: %g a volt instead of %g", n[0], was);
+    }
+    case kSafeTipOnOffGet:
+      return n[0] == 1 ? "" : "SafeTip was switched off";
+    case kSafeTipPropsGet:
+      return n[0] == 0 && !differs(n[2], threshold_) ? "" : "SafeTip's settings were changed";
+    case kLimitsEnabledGet:
+      return n[0] == 1 ? "" : "the Z limits were switched off";
+    case kAcqPeriodGet:
+      if (!differs(n[0], config_.period_s())) return {};
+      return text("the acquisition period was changed: %g s instead of %g s", n[0], config_.period_s());
+    default:
+      return {};
+  }
 }
 
 /// A setting as it was found. What a controller does not tell is not given back.
@@ -281,6 +318,7 @@ std::string NanonisAdapter::set_up(const Step& step, const Answer& answer) {
           return file + ": [signals] " + key + ": there is no signal " + std::to_string(index) +
                  "; the controller has " + std::to_string(answer.texts.size()) + " places";
       }
+      in_metres_ = answer.texts[static_cast<std::size_t>(config_.deflection_signal)].ends_with("(m)");
       return {};
     case kSignalCalibrGet: {
       const bool deflection = step.call.numbers[0] == config_.deflection_signal;
@@ -298,6 +336,12 @@ std::string NanonisAdapter::set_up(const Step& step, const Answer& answer) {
         return file + ": [calibration] sensitivity_nm_v: " + text("%g", config_.sensitivity_nm_v) +
                " has the other sign than the controller's calibration of the signal, " +
                text("%g a volt", n[0]);
+      // Its own value for the same lever: what differs by much is a unit.
+      if (in_metres_ && std::fabs(std::log(1e9 * n[0] / config_.sensitivity_nm_v)) > kSameLever)
+        return file + text(
+                          ": [calibration] sensitivity_nm_v: %g, where the controller's own calibration of "
+                          "the signal is %g nm a volt: more than a factor of two apart",
+                          config_.sensitivity_nm_v, 1e9 * n[0]);
       return {};
     }
     case kPiezoRangeGet:
@@ -329,6 +373,7 @@ std::string NanonisAdapter::set_up(const Step& step, const Answer& answer) {
       for (const Step& s : steps_) {
         if (s.call.id == kSafeTipPropsSet) set = s.call.numbers[2];
       }
+      threshold_ = set;
       if (n[0] == 0 && std::fabs(n[2] - set) <= 1e-6 * std::fabs(set)) return {};
       return port + "the controller did not take the settings of SafeTip";
     }

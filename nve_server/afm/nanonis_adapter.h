@@ -23,6 +23,7 @@ class NanonisAdapter final : public AfmPort {
   Role setup_role(std::size_t step) const noexcept override { return steps_[step].role; }
   std::size_t give_back_steps() const noexcept override { return give_back_.size(); }
   Role give_back_role(std::size_t step) const noexcept override { return give_back_[step].role; }
+  std::size_t held_settings() const noexcept override { return kHeld; }
   std::vector<std::uint8_t> encode(Role role, const AfmCommand& command) override;
   void feed(Role role, std::span<const std::uint8_t> bytes) override { line(role).reader.feed(bytes); }
   Next next(Role role, AfmReading& reading) override;
@@ -44,6 +45,8 @@ class NanonisAdapter final : public AfmPort {
     AfmCommand command;
     nanonis::Call call;
   };
+  static constexpr std::size_t kHeld = 6;
+  std::string held(const nanonis::Call& call, const nanonis::Answer& answer) const;
   Line& line(Role role) noexcept { return lines_[static_cast<std::size_t>(role)]; }
   nanonis::Call call_of(const AfmCommand& command) const;
   nanonis::Call limits_call(double floor_nm) const;
@@ -63,6 +66,8 @@ class NanonisAdapter final : public AfmPort {
   bool had_limits_ = false;
   double outer_high_m_ = 0, outer_low_m_ = 0;  // limits within which all happens
   bool threshold_known_ = false;
+  double threshold_ = 0;    // of SafeTip
+  bool in_metres_ = false;  // the deflection, by its name
 };
 
 }  // namespace telenano::afm

@@ -11,17 +11,20 @@ constexpr int kLeastRepeats = 5;        // a float that repeats so often is no f
 constexpr double kSurelyRests = 0.999;  // more than this, and a signal may well rest for minutes
 constexpr double kPart = 0.1;           // of the contact's stiffness that must show
 constexpr double kWrongPart = 0.3;
-constexpr double kContactNoise = 6;  // of it, over the force of contact
-constexpr double kEnd = 0.999;       // of the range
+constexpr double kContactNoise = 6;   // of it, over the force of contact
+constexpr double kEnd = 0.999;        // of the range
+constexpr double kLateralPart = 0.5;  // of what the deflection should show: no crosstalk
 constexpr std::int64_t kAnchorNs = 500'000'000;
 
 }  // namespace
 
 std::string_view name(SignalFault fault) noexcept {
-  constexpr std::string_view kNames[] = {"good", "it repeats the same value, bit for bit: frozen",
+  constexpr std::string_view kNames[] = {"good",
+                                         "it repeats the same value, bit for bit: frozen",
                                          "it stands at an end of its range",
                                          "it is far noisier than when the tip was free",
-                                         "it does not follow the motion of the lever in contact"};
+                                         "it does not follow the motion of the lever in contact",
+                                         "the lateral signal shows what it should: swapped"};
   return kNames[static_cast<std::size_t>(fault)];
 }
 
@@ -51,8 +54,20 @@ void SignalWatch::learn(std::span<const double> volts) noexcept {
   limit();
 }
 
+void SignalWatch::learn_lateral(std::span<const double> volts) noexcept {
+  if (volts.size() < 3) return;
+  double squares = 0, sum = volts[0];
+  for (std::size_t i = 1; i < volts.size(); ++i) {
+    squares += (volts[i] - volts[i - 1]) * (volts[i] - volts[i - 1]);
+    sum += volts[i];
+  }
+  lateral_sigma_v_ = std::sqrt(squares / (2 * static_cast<double>(volts.size() - 1)));
+  lateral_free_v_ = sum / static_cast<double>(volts.size());
+  lateral_known_ = true;
+}
+
 void SignalWatch::begin() noexcept {
-  any_ = anchored_ = false;
+  any_ = before_last_known_ = anchored_ = lateral_anchored_ = false;
   repeats_ = strikes_ = 0;
   odd_.fill(false);
 }
@@ -94,13 +109,72 @@ SignalFault SignalWatch::add(const Reading& r) noexcept {
                        kPart * r.stiffness_n_m * way_nm > scatter_nn();
     if (repeats_ >= most_repeats_ || (repeats_ >= 3 && moved && way_nm > 0)) fault = SignalFault::kFrozen;
   }
+  if (fault == SignalFault::kNone && lateral_known_ && swapped(r)) fault = SignalFault::kSwapped;
   if (fault == SignalFault::kNone && r.stiffness_n_m > 0) {
     if (any_ && noisy(r)) fault = SignalFault::kNoisy;
     if (fault == SignalFault::kNone && strikes(r)) fault = SignalFault::kNotFollowing;
   }
+  before_last_ = last_;
+  before_last_known_ = any_;
   last_ = r;
   any_ = true;
   return fault;
+}
+
+bool SignalWatch::exchanged(const Reading& r, const Reading& before, double way_nm,
+                            double across_nm) const noexcept {
+  const double way_v = rig_.lever_n_m * way_nm / rig_.nn_v;
+  const double noise_v = 8 * std::sqrt(2.0) * sigma_v_ + 3 * quantum_v_;
+  const double lateral_noise_v = 8 * std::sqrt(2.0) * lateral_sigma_v_ + 3 * quantum_v_;
+  // What moves along Z alone changes the one and not the other.
+  const double may_v = noise_v + way_v;
+  const double lateral_may_v = lateral_noise_v + (across_nm > 0 ? way_v : 0);
+  // And what does not change has gone nowhere.
+  const double apart_v = std::fabs(before.volts - before.lateral_volts);
+  if (std::fabs(r.lateral_volts - before.lateral_volts) < 0.5 * apart_v ||
+      std::fabs(r.volts - before.volts) < 0.5 * apart_v)
+    return false;
+  return apart_v > 2 * (noise_v + lateral_noise_v + (across_nm > 0 ? way_v : 0)) &&
+         std::fabs(r.volts - before.lateral_volts) < lateral_may_v &&
+         std::fabs(r.lateral_volts - before.volts) < may_v;
+}
+
+bool SignalWatch::swapped(const Reading& r) noexcept {
+  // The reading in which it happened may be half of the one and half of the other.
+  if (any_ && exchanged(r, last_, r.way_nm, r.across_nm)) return true;
+  if (before_last_known_ &&
+      exchanged(r, before_last_, r.way_nm + last_.way_nm, r.across_nm + last_.across_nm))
+    return true;
+  const double shows_nn = rig_.sign * rig_.nn_v * (r.lateral_volts - lateral_free_v_);
+  if (r.still_across && std::fabs(r.force_nn) < r.contact_nn && std::fabs(shows_nn) > 0.5 * rig_.limit_nn)
+    return true;
+  return r.stiffness_n_m > 0 && lateral_follows(r);
+}
+
+bool SignalWatch::lateral_follows(const Reading& r) noexcept {
+  const auto anchor = [&] {
+    lateral_anchored_ = true;
+    lateral_low_nm_ = r.lowest_nm;
+    lateral_high_nm_ = r.highest_nm;
+    lateral_anchor_v_ = r.lateral_volts;
+    lateral_anchor_nn_ = r.force_nn;
+    lateral_anchor_ns_ = r.time_ns;
+    return false;
+  };
+  if (!lateral_anchored_ || r.across_nm > 0 ||
+      r.time_ns - lateral_anchor_ns_ > std::max(kAnchorNs, 4 * rig_.period_ns))
+    return anchor();
+  const double down_nm =
+      std::max(lateral_low_nm_ - r.highest_nm, 0.0) - std::max(r.lowest_nm - lateral_high_nm_, 0.0);
+  const double noise_nn = rig_.nn_v * (8 * lateral_sigma_v_ + 4 * quantum_v_);
+  const double least_nm =
+      std::max(2 * rig_.step_nm, noise_nn / (kLateralPart * r.stiffness_n_m) + rig_.step_nm);
+  if (std::fabs(down_nm) < least_nm) return false;
+  const double full_nn = r.stiffness_n_m * down_nm;
+  const double lateral_part = rig_.sign * rig_.nn_v * (r.lateral_volts - lateral_anchor_v_) / full_nn;
+  const double part = (r.force_nn - lateral_anchor_nn_) / full_nn;
+  if (lateral_part > kLateralPart && std::fabs(part) < kPart) return true;
+  return anchor();
 }
 
 bool SignalWatch::noisy(const Reading& r) noexcept {

@@ -33,6 +33,8 @@ class TouchModel {
   void set_noise(double noise_nn) noexcept { noise_nn_ = noise_nn; }
   /// The next reading may be anywhere on another ground: stiffness and adhesion stay.
   void forget_place() noexcept;
+  /// Also the stiffness, which a session may have taught wrongly: a touch's height is reckoned with it.
+  void forget_stiffness() noexcept { stiffness_n_m_ = known_n_m_ = kFirstPart * lever_n_m_; }
 
   bool touching() const noexcept { return touching_; }
   /// Height above which a tip over (x, y) is free; of no meaning before the first touch.

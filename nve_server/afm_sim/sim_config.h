@@ -59,6 +59,7 @@ enum class SensorFault : std::uint8_t {
   kLowEnd,    ///< at the other one
   kNoisy,     ///< a hundred times the noise
   kInverted,  ///< about the value of the free lever: force away from the sample looks like force towards it
+  kSwapped,   ///< with the lateral signal: volts of the one come as the other's
 };
 
 }  // namespace telenano::afm_sim

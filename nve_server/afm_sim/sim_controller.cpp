@@ -60,13 +60,23 @@ bool suits(CommandId id, int port) noexcept {
 }  // namespace
 
 SimController::SimController(const SimConfig& config, std::shared_ptr<const scene::Scene> scene)
-    : config_(config), tip_(config, std::move(scene)), random_(config.seed) {
+    : config_(config), tip_(config, std::move(scene)), random_(config.seed), at_start_(config) {
   limit_high_m_ = 0.5e-9 * config_.range_z_nm;
   limit_low_m_ = -limit_high_m_;
   piezo_nm_.z() = retracted_nm();
   acquisition_ns_ = ns(config_.acquisition_s);
   next_acquisition_ns_ = acquisition_ns_;
   tip_.step(piezo_nm_, 0);
+}
+
+void SimController::restart() noexcept {
+  config_ = at_start_;
+  status_ = ZStatus::kOff;
+  limits_on_ = safe_tip_on_ = false;
+  limit_high_m_ = 0.5e-9 * config_.range_z_nm;
+  limit_low_m_ = -limit_high_m_;
+  target_nm_ = piezo_nm_;
+  acquisition_ns_ = ns(config_.acquisition_s);
 }
 
 double SimController::retracted_nm() const noexcept {
@@ -103,6 +113,9 @@ double SimController::sensed_nm(double bend_nm) const noexcept {
       return -end_nm - config_.deflection_offset_nm;
     case SensorFault::kInverted:
       return -bend_nm;
+    case SensorFault::kSwapped:
+      return config_.deflection_nm_v * tip_.force_w_nn().x() / config_.lateral_nn_v -
+             config_.deflection_offset_nm;
     default:
       return bend_nm;
   }
@@ -112,7 +125,8 @@ double SimController::safe_tip_signal() const noexcept {
   const double sign = config_.safe_tip_signal < 0 ? -1 : 1;
   switch (std::abs(config_.safe_tip_signal)) {
     case kDeflectionSignal:
-      return sign * 1e-9 * (sensed_nm(tip_.deflection_nm()) + config_.deflection_offset_nm);
+      return sign * calibration_factor_ * 1e-9 *
+             (sensed_nm(tip_.deflection_nm()) + config_.deflection_offset_nm);
     case kLateralSignal:
       return sign * tip_.force_w_nn().x() / config_.lateral_nn_v;
     case kZSignal:
@@ -161,7 +175,10 @@ void SimController::step(double dt_s) noexcept {
   const double bend_nm = sensed_nm(tip_.deflection_nm());
   sum_s_ += dt_s;
   sum_deflection_ += dt_s * bend_nm;
-  sum_lateral_ += dt_s * tip_.force_w_nn().x();
+  sum_lateral_ += dt_s * (sensor_fault_ == SensorFault::kSwapped
+                              ? config_.lateral_nn_v * (tip_.deflection_nm() + config_.deflection_offset_nm) /
+                                    config_.deflection_nm_v
+                              : tip_.force_w_nn().x());
   if (safe_tip_on_ && std::fabs(safe_tip_signal()) > safe_tip_[2] && status_ != ZStatus::kSafeTip &&
       status_ != ZStatus::kWithdrawing) {
     status_ = ZStatus::kSafeTip;
@@ -226,7 +243,7 @@ void SimController::set_z(double z_m, Pending& pending) {
 double SimController::true_value(int index) const noexcept {
   switch (index) {
     case kDeflectionSignal:
-      return value_deflection_m_;
+      return calibration_factor_ * value_deflection_m_;
     case kLateralSignal:
       return value_lateral_v_;
     case kZSignal:
@@ -358,7 +375,7 @@ void SimController::execute(const Call& call, std::int64_t now_ns, Pending& pend
     }
     case kSignalCalibrGet:
       if (!signal_ok(in[0])) return fail(9, "there is no signal of that index");
-      out = {in[0] == kDeflectionSignal ? 1e-9 * config_.deflection_nm_v : 1.0, 0.0};
+      out = {in[0] == kDeflectionSignal ? calibration_factor_ * 1e-9 * config_.deflection_nm_v : 1.0, 0.0};
       return;
     case kPiezoRangeGet:
       out = {1e-9 * config_.range_xy_nm, 1e-9 * config_.range_xy_nm, 1e-9 * config_.range_z_nm};

@@ -48,6 +48,11 @@ class SimController {
 
   /// From now on.
   void set_sensor_fault(SensorFault fault) noexcept;
+  /// Somebody changes the calibration of the deflection: what it says in metres is so many times as much.
+  void scale_calibration(double factor) noexcept { calibration_factor_ = factor; }
+  void watch_by_safe_tip(int signal) noexcept { config_.safe_tip_signal = signal; }
+  /// Its program ends and begins again: its settings are those of its start, the tip stays where it is.
+  void restart() noexcept;
   bool limits_enabled() const noexcept { return limits_on_; }
   double limit_high_m() const noexcept { return limit_high_m_; }
   double limit_low_m() const noexcept { return limit_low_m_; }
@@ -88,6 +93,8 @@ class SimController {
   std::int64_t next_acquisition_ns_ = 0;
   double sum_s_ = 0, sum_deflection_ = 0, sum_lateral_ = 0;
   double value_deflection_m_ = 0, value_lateral_v_ = 0;
+  double calibration_factor_ = 1;
+  SimConfig at_start_;
 };
 
 }  // namespace telenano::afm_sim

@@ -16,7 +16,7 @@ namespace {
 [[noreturn]] void refuse(const std::string& what, const std::string& text) {
   throw UserError(what + " '" + text +
                   "': expected [@TIME] silent TIME | reset | garbage | slow TIME DELAY | sensor "
-                  "frozen|high|low|noisy|inverted|good, e.g. '@5s silent 500ms'");
+                  "frozen|high|low|noisy|inverted|swapped|good, e.g. '@5s silent 500ms'");
 }
 
 std::int64_t parse_time(const std::string& word, const std::string& what, const std::string& text) {
@@ -62,7 +62,7 @@ Fault parse_fault(const std::string& text, const std::string& what) {
     fault.delay_ns = time();
   } else if (word == "sensor") {
     fault.kind = FaultKind::kSensor;
-    constexpr std::string_view kNames[] = {"good", "frozen", "high", "low", "noisy", "inverted"};
+    constexpr std::string_view kNames[] = {"good", "frozen", "high", "low", "noisy", "inverted", "swapped"};
     if (!(words >> word)) refuse(what, text);
     const auto* const found = std::find(std::begin(kNames), std::end(kNames), word);
     if (found == std::end(kNames)) refuse(what, text);

@@ -25,7 +25,7 @@ struct Fault {
 };
 
 /// "silent 500ms", "reset", "garbage", "slow 2s 50ms" (for two seconds, each reply 50 ms late), "sensor
-/// frozen" (or high, low, noisy, inverted, good); before it may stand when it begins: "@5s silent 500ms".
+/// frozen" (or high, low, noisy, inverted, swapped, good); before it may stand when it begins: "@5s silent 500ms".
 /// Throws UserError, naming `what`.
 Fault parse_fault(const std::string& text, const std::string& what);
 

@@ -129,7 +129,7 @@ int main(int argc, char** argv) {
   app.add_flag("--error-alone", o.error_alone, "Error replies without the values, not zero-filled");
   app.add_option("--fault", o.faults,
                  "'[@TIME] silent TIME', 'reset', 'garbage', 'slow TIME DELAY', 'sensor "
-                 "frozen|high|low|noisy|inverted|good'; may be given more than once")
+                 "frozen|high|low|noisy|inverted|swapped|good'; may be given more than once")
       ->type_name("TEXT");
   app.add_option("--faults-per-minute", o.faults_per_minute, "Random faults, from --seed")
       ->capture_default_str()

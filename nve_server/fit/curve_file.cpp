@@ -142,9 +142,11 @@ Table read_table(std::string_view text) {
     }
   }
   if (header.empty()) {
-    table.error = all.find('\0') != std::string_view::npos
-                      ? "is in no format that is read: expected .csv, .ibw (Igor 5), .jpk-force or .h5"
-                      : "has no table with a line of column names, like z_nm,deflection_nm";
+    table.error =
+        all.find('\0') != std::string_view::npos
+            ? "is in no format that is read: expected .csv, .ibw (Igor 5) or .jpk-force; others as a "
+              "table with columns like z_nm,deflection_nm"
+            : "has no table with a line of column names, like z_nm,deflection_nm";
     return table;
   }
   for (const std::string_view name : split(header, by)) table.names.push_back(lower(name));

@@ -57,6 +57,26 @@ class PortControl {
   /// Fills the reply's part.
   const link::PortAnswer& answer() const noexcept { return answer_; }
 
+  /// Shows to `v` what stays of it when the session goes to another server, for writing it down or reading it.
+  /// False: no such state.
+  template <class V, class Self>
+  static bool fields(V& v, Self& self) noexcept {
+    std::uint64_t method = self.method_;
+    v(method);
+    v(self.energy_scale_aj_j_);
+    v(self.wave_impedance_n_s_m_);
+    v(self.level_aj_);
+    v(self.answer_.energy_sent_aj);
+    for (int i = 0; i < 3; ++i) v(self.answer_.wave_sum[i]);
+    v(self.answer_.wave_energy_aj);
+    const bool good = link::PricedEnergy::fields(v, self.sample_) && method <= link::kMethodTwin &&
+                      self.energy_scale_aj_j_ >= 0 && self.energy_scale_aj_j_ <= kScaleMost &&
+                      self.wave_impedance_n_s_m_ >= 0 && self.answer_.energy_sent_aj >= 0 &&
+                      self.answer_.wave_energy_aj >= 0;
+    if constexpr (V::kReads) self.method_ = good ? static_cast<std::uint32_t>(method) : 0;
+    return good;
+  }
+
   double level_aj() const noexcept { return level_aj_; }  ///< W, the tank, or what the waves owe
 
   static constexpr double kUnforeseenJ = 1e-4;  ///< hand joules

@@ -129,9 +129,10 @@ link::ServerHandshakeConfig handshake_config(const ServerConfig& config, const s
   if (!limits.has_particle) handshake.feature_bits &= ~std::uint64_t{link::kFeatureParticle};
   if (!scene.to_fetch) handshake.feature_bits &= ~std::uint64_t{link::kFeatureScene};
   if (!has_well(limits)) handshake.feature_bits &= ~std::uint64_t{link::kFeatureWell};
-  // A log of steps asks for a slave whose state they make, and for one tip a session.
-  if (!knows_state || config.share == Share::kOneTip)
-    handshake.feature_bits &= ~std::uint64_t{link::kFeatureStepLog};
+  // A log of steps asks for a slave whose state they make.
+  constexpr std::uint64_t kLogs = link::kFeatureStepLog | link::kFeatureSharedLog;
+  if (!knows_state) handshake.feature_bits &= ~kLogs;
+  if (config.share != Share::kOneTip) handshake.feature_bits &= ~std::uint64_t{link::kFeatureSharedLog};
   handshake.rate_max_hz = limits.rate_max_hz;
   handshake.challenges_per_s = config.challenges_per_s;
   handshake.openings_per_s = config.openings_per_s;
@@ -269,6 +270,7 @@ void Server::begin_log(std::size_t slot) noexcept {
   const double ring = config_.step_ring_s * table_[slot].rate_hz;
   try {
     record.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
+    record.steps.go_on_after(record.steps_before);  // of another server; else from the first step on
     record.frozen.bytes.resize(tip_of(slot).slave->snapshot_bytes_max());
   } catch (...) {  // out of memory: nothing moves the slave, the session stands still
     record.steps = {};
@@ -297,11 +299,14 @@ void Server::run_log(std::size_t slot, std::size_t most, std::int64_t now_ns) no
     record.steps.skip_to_newest(link::kBreakShare);
     left = std::max(left, 1.0);
   }
+  const bool moves = !shared() || holder_.holds(slot);
   link::LoggedStep step;
   for (std::size_t i = 0; i < most && taken < left && record.steps.pop(now_ns, step); ++i) {
+    if (!moves) continue;  // who observes has a log too, of steps that are none of the slave's
     link::Command command;
     command.control = record.last_control;
     command.flags = step.flags;
+    command.tip_hold = step.hold;
     command.tip_pos_w_nm = link::target_w_nm(step);
     command.tip_vel_w_nm_s = (command.tip_pos_w_nm - tip.last_target_w_nm) / link::dt_s(step);
     taken += move_tip_once(slot, command, link::dt_s(step), record.operates, kNoWorkBound);
@@ -387,8 +392,9 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   const bool operates = standing_.rights >= net::Rights::kOperate;
   if (record.operates && !operates) record.steps.declare_break(link::kBreakRight);
   record.operates = operates;
-  record.steps.take(incoming_.steps, now_ns);
-  const bool stops = operates && (command.flags & link::kFlagStop) != 0;
+  record.steps.take(incoming_.steps, now_ns, command.tip_hold);
+  const bool stops =
+      operates && (command.flags & link::kFlagStop) != 0 && is_anchored(slot, command.tip_hold);
   last_flags_ = 0;
   run_log(slot, config_.steps_at_once, now_ns);
   if (!stops) return;
@@ -409,8 +415,12 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   tip.at_rest = false;
 }
 
+std::uint64_t Server::party_of(const net::Address& from, std::uint64_t owner) const noexcept {
+  return handshake_.party_of(peer_key(from), owner);
+}
+
 OpeningBudget& Server::party_opening(const net::Address& from, const net::Standing& standing) noexcept {
-  return party_openings_[handshake_.party_of(peer_key(from), standing.identity) % kPartyOpenings];
+  return party_openings_[party_of(from, standing.identity) % kPartyOpenings];
 }
 
 std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
@@ -475,6 +485,11 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
       records_[verdict.slot].control.begin_session();
       holder_.resume_session(verdict.slot);
       begin_log(verdict.slot);
+      // What its log still holds was anchored before it takes up its position anew.
+      if (shared() && holder_.holds(verdict.slot) && logs_steps(table_[verdict.slot])) {
+        holder_.renew();
+        begin_holding(verdict.slot);
+      }
       ++counters_.resumed;
       break;
     case Kind::kAgain:
@@ -484,6 +499,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   records_[verdict.slot].identity = standing.identity;
   records_[verdict.slot].rights = standing.rights;
   records_[verdict.slot].open = true;
+  records_[verdict.slot].restored = false;
   if (verdict.kind != Kind::kAgain)
     audit(verdict.kind == Kind::kOpen ? AuditEvent::Kind::kOpened : AuditEvent::Kind::kResumed, verdict.slot,
           now_ns);
@@ -516,9 +532,21 @@ void Server::share_tip(std::size_t slot, const link::Command& command, std::int6
   audit_holder(before, now_ns);
   if (!taken) return;
   ++counters_.holdings;
+  begin_holding(slot);
   Tip& tip = tips_[0];
   if (tip.moved_by != slot && tip.moved_by != TipHolder::kNobody) records_[slot].book.take_over(tip.output);
   tip.moved_by = slot;
+}
+
+/// Does what belongs to this holding move the tip? Who has just got a shared one must first have taken up its
+/// position.
+bool Server::is_anchored(std::size_t slot, std::uint32_t hold) const noexcept {
+  return !shared() || (holder_.holds(slot) && hold == holder_.number());
+}
+
+/// The shared tip is this session's from here on, and in a state that its log does not say.
+void Server::begin_holding(std::size_t slot) noexcept {
+  if (records_[slot].steps.enabled()) records_[slot].steps.declare_break(link::kBreakHolder);
 }
 
 /// Steps the tip by a command of a session that may do so.
@@ -527,8 +555,7 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
   const link::Session& session = table_[slot];
   Tip& tip = tip_of(slot);
   SessionRecord& record = records_[slot];
-  // Who has just got the tip must first have taken up its position.
-  const bool anchored = !shared() || command.tip_hold == holder_.number();
+  const bool anchored = is_anchored(slot, command.tip_hold);
   const bool operates = may_operate && anchored;
   const bool was_up = (tip.output.fault_bits & link::kFaultRetracted) != 0;
   slave::SlaveInput input =
@@ -539,12 +566,16 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
   const bool controls = (session.feature_bits & link::kFeaturePortControl) != 0;
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
+  record.changed = true;
   // Of a shared slave's book the port's control sees this session's part.
   const PortBook before = record.book;
   if (controls && anchored) input = record.control.before(command, input, last, tip.slave->limits(), dt_s);
   if (controls && !anchored) record.control.observe(command.control);
   step_guarded(*tip.slave, input, dt_s, last, tip.output);
-  if (shared() && anchored && was_up && (tip.output.fault_bits & link::kFaultRetracted) == 0) holder_.renew();
+  if (shared() && anchored && was_up && (tip.output.fault_bits & link::kFaultRetracted) == 0) {
+    holder_.renew();
+    begin_holding(slot);
+  }
   if (shared()) record.book.add(last, tip.output);
   if (controls && anchored) {
     if (shared()) {
@@ -741,6 +772,7 @@ void Server::end(std::size_t slot, link::ByeReason reason, std::int64_t now_ns) 
   leave_tip(slot, now_ns);
   audit(AuditEvent::Kind::kEnded, slot, now_ns, static_cast<std::uint32_t>(reason));
   records_[slot].open = false;
+  end_checkpoints(records_[slot]);
   table_.end(slot, now_ns);
   settle_cap();
 }
@@ -755,6 +787,7 @@ void Server::leave_tip(std::size_t slot, std::int64_t now_ns) noexcept {
 void Server::forget(std::size_t slot, std::int64_t now_ns) noexcept {
   leave_tip(slot, now_ns);
   if (records_[slot].open) audit(AuditEvent::Kind::kForgotten, slot, now_ns);
+  end_checkpoints(records_[slot]);
   records_[slot] = {};
   if (!shared()) {
     tips_[slot] = {};
@@ -801,12 +834,14 @@ void Server::poll(std::int64_t now_ns) noexcept {
   for (std::size_t n = behind_.size(); n > 0 && catch_up(now_ns); --n) {
   }
   if (shared()) return withdraw_shared_tip(now_ns);
+  write_checkpoints(now_ns);
   for (std::size_t slot = 0; slot < tips_.size(); ++slot) {
     const link::Session& session = table_[slot];
     const bool leaving =
         session.state == link::SlotState::kSilent || session.state == link::SlotState::kEnding;
     if (leaving && tips_[slot].slave && now_ns - session.state_since_ns <= table_.config().ending_ns) {
       retract(tips_[slot], &records_[slot].control, now_ns);
+      records_[slot].changed = true;
     }
   }
 }

@@ -16,6 +16,7 @@
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/nve_server/server/audit.h"
+#include "telenano/nve_server/server/checkpoint_queue.h"
 #include "telenano/nve_server/server/opening_budget.h"
 #include "telenano/nve_server/server/port_book.h"
 #include "telenano/nve_server/server/port_control.h"
@@ -52,6 +53,9 @@ struct ServedScene {
   bool one_tip_only = false;        ///< there is only one, as with a real instrument: never Share::kPrivate
   std::shared_ptr<const SceneToFetch> to_fetch;  ///< null: it cannot be fetched,
   std::string why_no_fetch;                      ///< because of this; empty: there is nothing to say
+  /// What the server's own physics make of the scene (slave::canonical_motion_hash): a session's checkpoint is
+  /// taken up by the same only. 0: there are no checkpoints.
+  std::uint64_t physics = 0;
 };
 
 /// "flakes" → {'f','l',…,0}; cut to what fits.
@@ -82,8 +86,10 @@ struct ServerConfig {
   /// same secret, so that cookies hold everywhere. Both outlive the servers; null: this one is alone.
   WorkerMail* mail = nullptr;
   std::size_t worker = 0;
-  AuditQueue* audit = nullptr;  ///< this worker's own, outlives the server; null: nobody asks
-  SessionCap* cap = nullptr;    ///< of all workers' active sessions; table.capacity holds for each besides
+  AuditQueue* audit = nullptr;             ///< this worker's own, outlives the server; null: nobody asks
+  CheckpointQueue* checkpoints = nullptr;  ///< this worker's own, outlives the server; null: none are made
+  std::int64_t checkpoint_period_ns = 1'000'000'000;  ///< of one session
+  SessionCap* cap = nullptr;  ///< of all workers' active sessions; table.capacity holds for each besides
 };
 
 struct ServerCounters {
@@ -98,6 +104,8 @@ struct ServerCounters {
   std::uint64_t scene_chunks = 0;  ///< pieces of the scene sent
   std::uint64_t moved_in = 0;      ///< handed over by another worker
   std::uint64_t moved_out = 0;     ///< to another worker
+  std::uint64_t taken_up = 0;      ///< of another server, or one before this, by their checkpoints
+  std::uint64_t handed_out = 0;    ///< left to other servers at the end
   std::uint64_t work = 0;          ///< slave::SlaveOutput::work, in all
   std::uint64_t deferred = 0;      ///< commands answered whose motion was left to later ones
   std::uint64_t cut = 0;           ///< steps that ended before their way did, for the same reason
@@ -114,6 +122,8 @@ struct ServerCounters {
     holdings += more.holdings;
     recovered += more.recovered;
     scene_chunks += more.scene_chunks;
+    taken_up += more.taken_up;
+    handed_out += more.handed_out;
     work += more.work;
     deferred += more.deferred;
     cut += more.cut;
@@ -165,6 +175,10 @@ class Server {
   /// From now on no session is opened; those that there are go on, and are resumed.
   void drain() noexcept { draining_ = true; }
 
+  /// At the end, before next_bye(): leaves the sessions, as they are now, to other servers, or to the next start
+  /// of this one. No datagram may come from now on but after next_bye(). Call it until it returns true: then
+  /// they may be had. At once where there are no checkpoints.
+  bool hand_out(std::int64_t now_ns) noexcept;
   /// Shutting down: from now on Hellos are refused, and commands answered by a Bye; call until it returns 0,
   /// sending each Bye to `to`. poll() goes on retracting.
   std::size_t next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
@@ -192,7 +206,13 @@ class Server {
   void audit_faults(std::size_t slot, std::uint32_t faults, std::int64_t now_ns) noexcept;
   void audit_holder(std::size_t before, std::int64_t now_ns) noexcept;
   void hand_over(std::size_t slot, const HandoffMessage& question) noexcept;
-  void adopt(SessionState& state) noexcept;
+  bool adopt(SessionState& state) noexcept;
+  void restore(SessionState& state, std::uint32_t ticket) noexcept;
+  void let_go(const HandoffMessage& message) noexcept;
+  std::uint64_t party_of(const net::Address& from, std::uint64_t owner) const noexcept;
+  void write_checkpoints(std::int64_t now_ns) noexcept;
+  std::size_t post_checkpoint(std::size_t slot, CheckpointNote::Kind kind, std::int64_t now_ns) noexcept;
+  void end_checkpoints(SessionRecord& record) noexcept;
   std::size_t on_command(const link::Command& command, const net::Address& from, std::int64_t now_ns,
                          std::span<std::uint8_t> out, const rt::Clock* clock) noexcept;
   std::size_t on_scene_request(const link::SceneRequest& request, const net::Address& from,
@@ -206,6 +226,8 @@ class Server {
   std::size_t on_unusable_command(const link::Command& command, link::DropCause cause, std::size_t slot,
                                   std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   void share_tip(std::size_t slot, const link::Command& command, std::int64_t now_ns) noexcept;
+  bool is_anchored(std::size_t slot, std::uint32_t hold) const noexcept;
+  void begin_holding(std::size_t slot) noexcept;
   /// Steps the tip of `slot` by one command, and by those before it that it repeats.
   void move_tip(std::size_t slot, const link::Command& command, const link::RecentCommands& recent,
                 std::int64_t now_ns) noexcept;
@@ -251,6 +273,8 @@ class Server {
   TipHolder holder_;
   bool withdrawing_ = false;  ///< the shared tip
   TokenSearch search_;
+  std::size_t next_checkpoint_ = 0;  ///< slot that is looked at next
+  std::size_t next_hand_out_ = 0;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   OpeningBudget openings_;
   std::vector<OpeningBudget> party_openings_;  ///< of the party whose number falls there

@@ -41,7 +41,7 @@ void Server::hand_over(std::size_t slot, const HandoffMessage& question) noexcep
   ++counters_.moved_out;
 }
 
-void Server::adopt(SessionState& state) noexcept {
+bool Server::adopt(SessionState& state) noexcept {
   if (state.session.state == SlotState::kActive) ++cap_held_;
   const std::size_t slot = table_.adopt(state.session);
   // With a cap there is a place, as at most as many sessions are active as each worker has slots; but silent
@@ -51,7 +51,7 @@ void Server::adopt(SessionState& state) noexcept {
     records_[slot] = std::move(state.record);
   }
   settle_cap();
-  ++counters_.moved_in;
+  return slot != link::SessionTable::kNone;
 }
 
 void Server::exchange_mail() noexcept {
@@ -77,9 +77,17 @@ void Server::exchange_mail() noexcept {
         break;
       case HandoffMessage::Kind::kState:
         // Also one that nobody waits for any more: the station's next Hello finds it here.
-        adopt(*message.state);
+        if (message.state->record.restored) {
+          restore(*message.state, message.ticket);
+        } else {
+          adopt(*message.state);
+          ++counters_.moved_in;
+        }
         delete message.state;
         search_.on_answer(message.ticket, true);
+        break;
+      case HandoffMessage::Kind::kTaken:
+        let_go(message);
         break;
     }
   }

@@ -51,6 +51,15 @@ struct SessionRecord {
   double behind_s = 0;                   ///< time of commands whose motion is left to later ones
   std::uint32_t command_flags = 0;       ///< of the newest command that was not superseded
   link::TokenBucket scene_chunks{0, 0};  ///< how fast this session may fetch the scene
+
+  // For checkpoints.
+  std::uint64_t token = 0;        ///< under which there are some; 0: none yet
+  std::uint64_t owner = 0;        ///< of that
+  bool restored = false;          ///< of a server that is gone, and not yet resumed here
+  link::StepReport steps_before;  ///< where its log of steps stood then
+  bool changed = false;           ///< since the last one
+  std::int64_t checked_ns = 0;    ///< when that was
+  std::uint64_t checkpoints = 0;  ///< how many, of all servers that had it
 };
 
 /// A whole session, with a tip of its own, on its way from one worker to another.

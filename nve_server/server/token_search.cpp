@@ -36,7 +36,7 @@ link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& f
   message.ticket = static_cast<std::uint32_t>(free) | (q.generation << kIndexBits);
   message.token = hello.resume_token;
   message.owner = standing.identity;
-  for (std::size_t to = 0; to < mail_->workers(); ++to) {
+  for (std::size_t to = 0; to < mail_->parties(); ++to) {
     if (to == worker_) continue;
     ++q.unheard;
     // Where there is no room the question goes unheard and grows old; nothing is opened twice for it.
@@ -45,11 +45,17 @@ link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& f
   return link::DropCause::kNone;
 }
 
-void TokenSearch::on_answer(std::uint32_t ticket, bool final) noexcept {
+const TokenSearch::Question* TokenSearch::find(std::uint32_t ticket) const noexcept {
   const std::size_t index = ticket & ((1u << kIndexBits) - 1);
-  if (index >= questions_.size()) return;
-  Question& q = questions_[index];
-  if (q.state != Question::State::kAsking || (ticket ^ (q.generation << kIndexBits)) != index) return;
+  if (index >= questions_.size()) return nullptr;
+  const Question& q = questions_[index];
+  const bool asks = q.state == Question::State::kAsking && (ticket ^ (q.generation << kIndexBits)) == index;
+  return asks ? &q : nullptr;
+}
+
+void TokenSearch::on_answer(std::uint32_t ticket, bool final) noexcept {
+  if (find(ticket) == nullptr) return;
+  Question& q = questions_[ticket & ((1u << kIndexBits) - 1)];
   if (q.unheard > 0) --q.unheard;
   if (final || q.unheard == 0) q.state = Question::State::kAnswered;
 }

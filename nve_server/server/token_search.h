@@ -31,7 +31,7 @@ class TokenSearch {
   /// Without `mail` there is nobody to ask.
   TokenSearch(WorkerMail* mail, std::size_t worker) noexcept : mail_(mail), worker_(worker) {}
 
-  bool has_others() const noexcept { return mail_ != nullptr && mail_->workers() > 1; }
+  bool has_others() const noexcept { return mail_ != nullptr && mail_->parties() > 1; }
   /// Is anything open?
   bool waits() const noexcept { return open_ > 0; }
 
@@ -42,6 +42,8 @@ class TokenSearch {
   void on_answer(std::uint32_t ticket, bool final) noexcept;
   /// One that is answered, and free from now on; its Hello can be judged. False: none.
   bool take_answered(Question& question) noexcept;
+  /// Who waits for the answer to `ticket`; null: nobody any more.
+  const Question* find(std::uint32_t ticket) const noexcept;
   void forget_old(std::int64_t now_ns) noexcept;
 
  private:

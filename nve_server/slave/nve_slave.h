@@ -106,8 +106,19 @@ class NveSlave final : public Slave {
   void reset() noexcept override;
   std::size_t snapshot_bytes_max() const noexcept override;
 
-  /// What the last step said, or the one before a load(); without its local model.
-  void say_again(SlaveOutput& output) noexcept { publish(last_faults_, output); }
+  /// Energy in coupling, probe and sample: a function of the state, 0 far away and at rest.
+  double stored_aj() const noexcept { return port().stored_aj; }
+  bool say_again(SlaveOutput& output) noexcept override {
+    publish(last_faults_, output);
+    return true;
+  }
+
+  /// Of the last step; 0: no contact, and beside a particle.
+  double contact_radius_nm() const noexcept {
+    return scene_->particle ? 0 : port().solution.contact_radius_nm;
+  }
+  /// Pull at which a contact lets go where the tip is, as its local model says; 0: not known.
+  double adhesion_nn() const noexcept { return model_.adhesion_nn(port().solution); }
 
   const TouchedSample& sample() const noexcept { return sample_; }
   /// This session's own surface; null where no marks stay.

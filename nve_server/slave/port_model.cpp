@@ -120,6 +120,11 @@ double PortModel::port_stiffness_n_m(double contact_n_m, const Vec3& normal_w) c
   return contact_n_m / (1 + contact_n_m * normal_w.dot(springs_nm_nn_ * normal_w));
 }
 
+double PortModel::adhesion_nn(const physics::TipSolution& tip) const noexcept {
+  if (scene_->particle || !(tip.radius_nm > 0)) return 0;
+  return ground_.rest(tip.radius_nm).pull_off_nn;
+}
+
 link::LocalModel PortModel::of(const physics::TipSolution& tip, const Vec3& commanded_w_nm) noexcept {
   link::LocalModel model;
   const double length = tip.normal_w.norm();

@@ -64,6 +64,8 @@ class PortModel {
   PortModel(std::shared_ptr<const scene::Scene> scene, const PortGround& ground);
 
   link::LocalModel of(const physics::TipSolution& tip, const Vec3& commanded_w_nm) noexcept;
+  /// LocalModel::adhesion_nn of it alone; 0: there is no model.
+  double adhesion_nn(const physics::TipSolution& tip) const noexcept;
 
  private:
   double port_stiffness_n_m(double contact_n_m, const Vec3& normal_w) const noexcept;

@@ -94,6 +94,8 @@ class Slave {
   virtual std::size_t save(std::span<std::uint8_t> /*out*/) const noexcept { return 0; }
   virtual bool load(std::span<const std::uint8_t> /*bytes*/) noexcept { return false; }
   virtual void reset() noexcept {}
+  /// What the last step said, or the one before a load(); without a local model. False: it does not know.
+  virtual bool say_again(SlaveOutput& /*output*/) noexcept { return false; }
   virtual std::size_t snapshot_bytes_max() const noexcept { return 0; }
   /// The sample's heights as steps leave them, for threads that only look; null: no marks stay in it.
   virtual std::shared_ptr<const surface::HeightView> heights() const { return nullptr; }

@@ -103,7 +103,9 @@ void visit_sleeper(Visit& visit, Trial& p) noexcept {
   visit(p.begun);
   if (!p.alone) return;
   fields(visit, p.springs);
+  // The two take turns: what the trial's law begins from is of two steps ago, and so are its last bits.
   law_fields(visit, p.pull.memory, false);
+  law_fields(visit, p.trial_pull.memory, false);
   fields(visit, p.pull.law);
   fields(visit, p.solution.tip);
   auto& report = p.solution.contacts[physics::kTipSample];
@@ -238,7 +240,7 @@ void TouchedSample::reset() noexcept {
   if (!particle_) return;
   particle_->state = particle_->at_first;
   particle_->alone = particle_->begun = false;
-  particle_->pull = {};
+  particle_->pull = particle_->trial_pull = {};
   particle_->solution = {};
   particle_->solution.particle_centre_w_nm = particle_->state.particle_centre_w_nm;
   particle_->solution.on_surface = true;
@@ -281,6 +283,7 @@ bool TouchedSample::read(StateReader& visit) noexcept {
     const auto& laws = particle_->equilibrium.model().laws;
     for (std::size_t i = 0; i < laws.size(); ++i) laws[i].derive(state.contacts[i].law.cache);
     laws[physics::kTipParticle].derive(particle_->pull.memory.cache);
+    laws[physics::kTipParticle].derive(particle_->trial_pull.memory.cache);
   }
   if (!visit.ok()) reset();
   return visit.ok();

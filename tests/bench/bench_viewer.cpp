@@ -1,4 +1,4 @@
-// Frames of the viewer without a display: a scan of 256 × 256, what a session of 10 s leaves in the charts,
+// Frames of the viewer without a display: a scan of 256 × 256 or 1024 × 1024, what a session of 10 s leaves in the charts,
 // and a tip that moves in every frame. Rendered on whatever EGL gives, llvmpipe where there is no graphics
 // card.
 #include <benchmark/benchmark.h>
@@ -20,7 +20,8 @@ using namespace telenano;
 void BM_Frame(benchmark::State& state) {
   const viewer::OffscreenContext context;
   view_model::ViewPort port;
-  viewer::Viewer shown(support::view_facts(), view_model::Ground(support::view_scan(256)), port, 1);
+  viewer::Viewer shown(support::view_facts(),
+                       view_model::Ground(support::view_scan(static_cast<int>(state.range(2)))), port, 1);
   const int width_px = static_cast<int>(state.range(0));
   const int height_px = static_cast<int>(state.range(1));
   const viewer::Canvas canvas(width_px, height_px, 0);
@@ -57,8 +58,10 @@ void BM_Frame(benchmark::State& state) {
   state.counters["frames_per_s"] = 1e3 / at(0.5);
 }
 BENCHMARK(BM_Frame)
-    ->Args({800, 600})
-    ->Args({1280, 800})
+    ->ArgNames({"wide", "high", "scan"})
+    ->Args({800, 600, 256})
+    ->Args({1280, 800, 256})
+    ->Args({1280, 800, 1024})
     ->Unit(benchmark::kMillisecond)
     ->MinTime(3)
     ->UseRealTime();

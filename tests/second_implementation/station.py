@@ -6,8 +6,8 @@ import secrets
 import telenano_pb2 as pb
 from rules import LinkTimes, Received, SequenceWindow
 from wire import (BYE_DONE, BYE_IDLE, BYE_SHUTTING_DOWN, BYE_STOPPED, BYE_UNKNOWN_SESSION, FEATURE_REDUNDANCY,
-                  FEATURE_SCENE, KNOWN_FEATURES, RECENT, REFUSE_FULL, REFUSE_SHUTTING_DOWN, SCENE_CHUNK_BYTES, VERSION, Drop, decode, encode, features_used, need, scene_offer,
-                  set_vector)
+                  FEATURE_SCENE, FEATURE_SHARING, FEATURE_STEP_LOG, KNOWN_FEATURES, RECENT, REFUSE_FULL, REFUSE_SHUTTING_DOWN, SCENE_CHUNK_BYTES, VERSION, Drop, decode, encode, features_used, need, pack_steps,
+                  scene_offer, set_vector)
 
 MS = 1_000_000
 #: Sums of a command that count from the session's Welcome.
@@ -48,6 +48,8 @@ class Station:
         self.drops = collections.Counter()
         self.pieces = {}  # of the scene, by number
         self.asked_for = {}  # piece: when
+        self.log = {}  # number: (holding, (target, length_ns, flags)), of steps that the server has not executed
+        self.executed = self.made = self.told = self.again_ns = 0
 
     # Handshake
 
@@ -113,6 +115,7 @@ class Station:
         self.resumed_book = not self.welcomes and self.token != 0 and m.resume_token == self.token
         if self.welcome is None or scene_offer(m) != scene_offer(self.welcome):
             self.pieces, self.asked_for = {}, {}
+        self.goes_on = self.welcome is not None and m.epoch == self.welcome.epoch
         self.welcome = m
         self.welcomes.append(m)
         self.token = m.resume_token
@@ -120,6 +123,9 @@ class Station:
         self.handshake_ns = now_ns - self.attempt_ns
         self.replies, self.reply, self.sent, self.first_sums = SequenceWindow(self.rate_hz, now_ns), None, 0, None
         self.tip_hold = 0
+        if not self.log_goes_on(m):
+            self.log, self.made = {}, m.steps_executed
+        self.executed, self.told, self.again_ns = m.steps_executed, m.steps_executed, now_ns
         self.last_sent.clear()
         self.news_ns, self.waits = now_ns, False
 
@@ -152,7 +158,9 @@ class Station:
         m.sequence = self.sent
         set_vector(m, "tip_pos_w_{}_nm", position_w_nm)
         set_vector(m, "tip_vel_w_{}_nm_s", velocity_w_nm_s)
-        if self.redundancy and self.welcome.feature_bits & FEATURE_REDUNDANCY:
+        if self.logs():
+            self.add_steps(m, now_ns)
+        elif self.redundancy and self.welcome.feature_bits & FEATURE_REDUNDANCY:
             self.repeat(m)
         assert features_used(m) & ~self.welcome.feature_bits == 0, "a field of a feature that was not agreed"
         return encode(m)
@@ -179,12 +187,61 @@ class Station:
         need(m.sequence <= m.command_sequence, "out_of_range")
         self.replies.accept(m.sequence, now_ns)
         self.tip_hold = m.tip_hold
+        self.hear_log(m, now_ns)
         self.reply, self.news_ns, self.waits = m, now_ns, m.command_sequence < self.sent
         self.energy_in_aj.update(m.energy_in_aj)
         self.energy_out_aj.update(m.energy_out_aj)
         self.times.on_reply(m, now_ns)
         if self.state == "lost":
             self.state = "established"
+
+    # The log of steps (section 15): state_hash is only kept, for who has something to compare it with
+
+    def logs(self):
+        return bool(self.welcome.feature_bits & FEATURE_STEP_LOG)
+
+    def log_goes_on(self, m):
+        return self.goes_on and self.made >= m.steps_executed
+
+    def step(self, position_w_nm, flags=3, length_ns=1_000_000):
+        """The step of this tick; its target is the nearest on the grid."""
+        self.made += 1
+        target = tuple(round(x * 16384) for x in position_w_nm)
+        self.log[self.made] = (self.tip_hold, (target, length_ns, flags))
+
+    def add_steps(self, m, now_ns):
+        """Those that are new, and what was new in the last one; after a round trip and more all that is open."""
+        if self.told > self.executed and now_ns - self.again_ns > self.silence_limit_ns():
+            self.told, self.again_ns = self.executed, now_ns
+        if self.executed == self.made:
+            return
+        # One holding a datagram: that of the next new step, or of the newest, lest a stop wait.
+        hold = self.log[self.made if m.flags & 4 else min(self.told + 1, self.made)][0]
+        first = max(self.executed + 1, self.told - 8)
+        while self.log[first][0] != hold:
+            first += 1
+        made = []
+        for number in range(first, self.made + 1):
+            if self.log[number][0] != hold:
+                break
+            made.append(self.log[number][1])
+        m.steps, count = pack_steps(first, made)
+        self.told = max(self.told, first + count - 1)
+        if self.welcome.feature_bits & FEATURE_SHARING:
+            m.tip_hold = hold
+        set_vector(m, "tip_pos_w_{}_nm", (0, 0, 0))
+        set_vector(m, "tip_vel_w_{}_nm_s", (0, 0, 0))
+
+    def hear_log(self, m, now_ns):
+        if not self.logs():
+            return
+        need(m.steps_executed <= self.made and m.steps_executed <= m.steps_newest, "out_of_range")
+        if m.steps_executed > self.executed:
+            for number in range(self.executed + 1, m.steps_executed + 1):
+                self.log.pop(number, None)
+            self.executed, self.again_ns = m.steps_executed, now_ns
+        if m.steps_newest > m.steps_executed and now_ns - self.again_ns > 20 * MS:  # a gap
+            self.told, self.again_ns = self.executed, now_ns
 
     # The scene (section 14)
 

@@ -9,6 +9,7 @@ import telenano_pb2 as pb
 from programs import SCENES, counted, now_ns, serve, udp
 from station import Station
 from wire import (CLUTCH, DEADMAN, FAULT_RETRACTED, FEATURE_LOCAL_MODEL, FEATURE_PORT_CONTROL, FEATURE_REDUNDANCY,
+                  FEATURE_SHARED_LOG, FEATURE_STEP_LOG,
                   FEATURE_PARTICLE, FEATURE_SCENE, FEATURE_SHARING, KNOWN_FEATURES, RECENT, TAKE_OVER, Drop, decode, encode, features_used, vector)
 
 RATE_HZ = 200
@@ -441,6 +442,76 @@ class StationAtTheServer(unittest.TestCase):
         last = b.replies[-1]
         self.assertLessEqual(last.energy_out_aj, last.energy_in_aj + 1e-9, "not credited with what a has put in")
         self.assertGreater(vector(last, "hold_pos_w_{}_nm")[2], here[2] + 40)
+        for client in (a, b):
+            client.send(client.station.end())
+        self.end()
+
+    def log_path(self, client, path, ticks, lose=lambda k: False, flags=3):
+        """A step a tick along path(tick), a command each five; what lose() says never leaves. Then until all is executed."""
+        for k in range(ticks + 400):
+            if k < ticks:
+                client.station.step(path(k), flags)
+            elif client.station.executed == client.station.made:
+                break
+            if k % 5 == 4:
+                at = now_ns()
+                client.send(client.station.poll(at))
+                datagram = client.station.command(at, (0, 0, 0), flags=flags)
+                client.commanded[client.station.sent] = ((0, 0, 0), at)
+                if not lose(k):
+                    client.send(datagram)
+            client.receive(0.001)
+        return client.station.reply
+
+    def test_steps_are_executed_once_and_in_order_whatever_is_lost(self):
+        start, replies = None, []
+        for lose in (lambda k: False, lambda k: k // 5 % 3 == 1, lambda k: 400 <= k < 560):
+            client = Client(self, self.server, features=ALL | FEATURE_STEP_LOG)
+            w = client.connect()
+            self.assertTrue(w.feature_bits & FEATURE_STEP_LOG)
+            start = start or vector(w, "start_pos_w_{}_nm")
+            replies.append(self.log_path(client, lambda k: (0.003 * k, 0, max(start[2] - 0.06 * k, -3)), 1000, lose))
+            client.send(client.station.end())
+        # All alike to the last bit: state_hash is the server's own business, but the same log is the same state.
+        self.assertEqual([(r.steps_executed, r.steps_breaks) for r in replies], [(1000, 0)] * 3)
+        self.assertEqual(len({(r.state_hash, r.force_w_z_nn) for r in replies}), 1)
+        self.assertGreater(abs(replies[0].force_w_z_nn), 1, "it touches")
+        # A step more, or another one, is another state.
+        client = Client(self, self.server, features=ALL | FEATURE_STEP_LOG)
+        client.connect()
+        other = self.log_path(client, lambda k: (0.003 * k, 0, max(start[2] - 0.06 * k, -3) - 0.1 * (k == 700)), 1000)
+        self.assertNotEqual(other.state_hash, replies[0].state_hash)
+        client.send(client.station.end())
+        self.end()
+
+    def test_at_a_shared_tip_steps_belong_to_a_holding(self):
+        self.start_server("--share", "one-tip", "--timeout-ms", "5000", "--local-rights", "administer")
+        old = Client(self, self.server, features=KNOWN_FEATURES | FEATURE_STEP_LOG)
+        self.assertFalse(old.connect().feature_bits & FEATURE_STEP_LOG, "knows only of private logs")
+        old.send(old.station.end())
+        a, b = (Client(self, self.server, features=KNOWN_FEATURES | FEATURE_STEP_LOG | FEATURE_SHARED_LOG) for _ in range(2))
+        start = vector(a.connect(), "start_pos_w_{}_nm")
+        self.assertTrue(b.connect().feature_bits & FEATURE_SHARED_LOG)
+        for client in (a, b):
+            client.check = client.replies.append
+        self.log_path(a, lambda k: start, 30)
+        self.assertNotEqual(a.station.tip_hold, 0)
+        pressed = self.log_path(a, lambda k: (0, 0, max(start[2] - 0.06 * k, -3)), 800)
+        self.assertEqual((pressed.steps_breaks, pressed.break_reason), (1, 6), "one holding")
+        here = vector(pressed, "hold_pos_w_{}_nm")
+        self.assertAlmostEqual(here[2], -3, 3)
+        seen = self.log_path(b, lambda k: (0, 0, -50), 50)
+        self.assertEqual((seen.steps_executed, seen.tip_hold), (50, 0), "executed, and none of the slave's")
+        self.assertEqual(vector(seen, "hold_pos_w_{}_nm"), here)
+        # b takes it where it stands.
+        taken = self.log_path(b, lambda k: here, 50, flags=CLUTCH | DEADMAN | TAKE_OVER)
+        self.assertEqual((taken.steps_breaks, taken.break_reason), (1, 6))
+        self.assertNotEqual(taken.tip_hold, 0)
+        last = self.log_path(b, lambda k: (here[0], here[1], here[2] + 5), 400)
+        self.assertAlmostEqual(last.hold_pos_w_z_nm, here[2] + 5, 3)
+        lost = self.log_path(a, lambda k: (0, 0, -50), 50)
+        self.assertEqual(lost.tip_hold, 0)
+        self.assertAlmostEqual(lost.hold_pos_w_z_nm, here[2] + 5, 3)
         for client in (a, b):
             client.send(client.station.end())
         self.end()

@@ -4,8 +4,10 @@ Header, check of every tag and the ranges are here; only the payload's values go
 from telenano.proto. A received datagram is a message or a Drop with its cause.
 """
 import math
+import re
 import struct
 
+import telenano_options_pb2 as schema
 import telenano_pb2 as pb
 
 MAGIC = b"TLNO"
@@ -31,16 +33,26 @@ FEATURE_WELL = 1 << 6
 FEATURE_SCENE = 1 << 7
 #: Known on the wire; station.py and server.py do not ask for it, nor grant it.
 FEATURE_STEP_LOG = 1 << 8
+FEATURE_SHARED_LOG = 1 << 9
 KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
                   FEATURE_PARTICLE | FEATURE_WELL | FEATURE_SCENE)
-#: Field numbers behind each feature (section 9).
-FEATURE_FIELDS = {
-    pb.Welcome: {FEATURE_WELL: (25,), FEATURE_SCENE: range(26, 32), FEATURE_STEP_LOG: range(40, 43)},
-    pb.Command: {FEATURE_PORT_CONTROL: range(15, 23), FEATURE_SHARING: (31,), FEATURE_REDUNDANCY: (40,),
-                 FEATURE_STEP_LOG: (41,)},
-    pb.Reply: {FEATURE_PORT_CONTROL: range(20, 25), FEATURE_LOCAL_MODEL: range(25, 36), FEATURE_SHARING: range(36, 40),
-               FEATURE_STEP_HISTORY: (40,), FEATURE_PARTICLE: range(41, 46), FEATURE_STEP_LOG: range(46, 52)},
-}
+
+
+def feature_fields():
+    """{message: {feature bit: field numbers}}, as the options of telenano.proto say. A vector's stand with its x."""
+    table = {}
+    for cls in TYPES.values():
+        feature = None
+        for field in sorted(cls.DESCRIPTOR.fields, key=lambda f: f.number):
+            options = field.GetOptions()
+            if not re.search("_[yz](_|$)", field.name):
+                feature = options.Extensions[schema.feature] if options.HasExtension(schema.feature) else None
+            if feature is not None:
+                table.setdefault(cls, {}).setdefault(1 << feature, []).append(field.number)
+    return table
+
+
+FEATURE_FIELDS = feature_fields()
 
 CLUTCH, DEADMAN, STOP, TAKE_OVER, HAND_OVER = 1, 2, 4, 8, 16
 REFUSE_VERSION, REFUSE_FULL, REFUSE_RATE, REFUSE_SHUTTING_DOWN = 1, 2, 3, 4
@@ -194,6 +206,34 @@ def steps(data):
         return None
     good = 1 <= first <= (1 << 63) - 1 and 1 <= count <= 64 and len(found) == count
     return found if good else None
+
+
+def pack_steps(first, made):
+    """Command.steps of as many of `made`, [(target, length_ns, flags)] from number `first` on, as fit; and how many."""
+    def varint_of(value):
+        value = value << 1 if value >= 0 else (-value << 1) - 1
+        out = bytearray()
+        while value >= 0x80:
+            out.append(value & 0x7F | 0x80)
+            value >>= 7
+        return bytes(out) + bytes([value])
+
+    records, target, length, count = b"", (0, 0, 0), 0, 0
+    for new_target, new_length, flags in made[:64]:
+        head, body = flags & 7, b""
+        if new_target == target:
+            head |= 8
+        else:
+            body += b"".join(varint_of(b - a) for a, b in zip(target, new_target))
+        if new_length == length:
+            head |= 16
+        else:
+            body += varint_of(new_length - length)
+        if 9 + len(records) + 1 + len(body) > STEPS_BYTES[-1]:
+            break
+        records += bytes([head]) + body
+        target, length, count = new_target, new_length, count + 1
+    return struct.pack("<QB", first, count) + records, count
 
 
 def scan(payload, cls):

@@ -128,6 +128,17 @@ double ElasticPatch::press(const std::vector<double>& gap) const {
   return force;
 }
 
+std::vector<double> ElasticPatch::pull_gpa(const std::vector<double>& gap, const Adhesion& adhesion,
+                                           const std::vector<double>& u) {
+  const double scale = 8 * adhesion.work_n_per_m / (3 * adhesion.range_nm);
+  std::vector<double> pull;
+  for (std::size_t k = 0; k < gap.size(); ++k) {
+    const double x = adhesion.range_nm / (gap[k] - u[k]), x3 = x * x * x;
+    pull.push_back(scale * (x3 - x3 * x3 * x3));
+  }
+  return pull;
+}
+
 double ElasticPatch::adhere(const std::vector<double>& gap, const Adhesion& adhesion,
                             std::vector<double>& u) const {
   const std::size_t count = gap.size();

@@ -44,6 +44,9 @@ class ElasticPatch {
   /// The same with adhesion, from the displacement u on (in: the last state, so that a path is followed; out:
   /// the balance). NaN if Newton's method finds none.
   double adhere(const std::vector<double>& gap, const Adhesion& adhesion, std::vector<double>& u) const;
+  /// Traction that pulls element by element at a state of adhere(), GPa.
+  static std::vector<double> pull_gpa(const std::vector<double>& gap, const Adhesion& adhesion,
+                                      const std::vector<double>& u);
 
  private:
   void transform(std::vector<std::complex<double>>& a, bool back) const;

@@ -43,7 +43,10 @@ long double MassSpringHand::next_pos_m(double force_n) noexcept {
   const double goal_m =
       unfelt_s_ > kPatienceS && state_[5] <= config_.goal_m ? config_.lowest_goal_m : config_.goal_m;
   // Back up only from above: what has followed something down stays there.
-  if (state_[5] > goal_m) state_[5] = std::max<long double>(goal_m, state_[5] - step_m);
+  if (place_m_)
+    state_[5] = state_[5] + std::clamp<long double>(*place_m_ - state_[5], -step_m, step_m);
+  else if (state_[5] > goal_m)
+    state_[5] = std::max<long double>(goal_m, state_[5] - step_m);
   state_[4] = force_n;
   std::array<long double, kStates> next{};
   for (std::size_t i = 0; i < kStates; ++i) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 
 #include "tests/support/booked_hand.h"
 
@@ -33,6 +34,8 @@ class MassSpringHand final : public BookedHand {
  public:
   explicit MassSpringHand(const MassSpringConfig& config);
 
+  /// From now on u goes there, up or down, and nowhere else.
+  void go_to(double place_m) noexcept { place_m_ = place_m; }
   /// Kinetic and elastic energy.
   long double stored_j() const noexcept;
 
@@ -47,6 +50,7 @@ class MassSpringHand final : public BookedHand {
   Matrix propagator_{};
   std::array<long double, kStates> state_{};
   double unfelt_s_ = 0;
+  std::optional<double> place_m_;
 };
 
 }  // namespace telenano::support

@@ -17,6 +17,7 @@
 #include "telenano/master/station/station.h"
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/server/server.h"
+#include "tests/support/checkpoint_box.h"
 #include "tests/support/virtual_hand.h"
 
 namespace telenano::support {
@@ -55,7 +56,8 @@ struct VirtualSessionConfig {
   /// What becomes of each datagram that the server sends, of so many bytes: a server that lies. Returns the
   /// bytes that go; 0: none.
   std::function<std::size_t(std::span<std::uint8_t>, std::size_t)> lie{};
-  std::size_t redundancy = 0;  ///< commands that each datagram repeats
+  std::size_t redundancy = 0;                    ///< commands that each datagram repeats
+  std::shared_ptr<CheckpointBox> checkpoints{};  ///< kept of its servers, one after the other; null: none
 };
 
 /// A whole session in virtual time: the same device, station, session and server objects as the programs,
@@ -80,8 +82,13 @@ class VirtualSession {
   /// The server says Bye to all and withdraws the tips for `ms`, as at SIGTERM; then there is none until
   /// restart_server().
   void stop_server(int ms);
+  /// The server leaves its session to the next one and says Bye, as at SIGTERM; then there is none until
+  /// restart_server().
+  void hand_out_server();
   /// What a server made from now on says of its scene.
   void set_scene_hash(std::uint64_t hash) noexcept { scene_hash_ = hash; }
+  /// What the station's channel vouches for from now on: its key was given another right.
+  void set_standing(const net::Standing& standing) noexcept { config_.standing = standing; }
   const std::shared_ptr<server::Server>& shared_server() const noexcept { return server_; }
 
   /// The task is over; a hand of the test's own is never done.
@@ -101,6 +108,7 @@ class VirtualSession {
   void make_server();
   void make_device(const link::Welcome& welcome);
   void serve_until(std::int64_t until_ns);
+  void serve_mail(std::int64_t now_ns);
   std::int64_t server_ns(std::int64_t now_ns) const noexcept;  ///< what the server's clock says then
 
   VirtualSessionConfig config_;

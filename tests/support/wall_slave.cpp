@@ -1,7 +1,11 @@
 #include "tests/support/wall_slave.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+
+#include "telenano/common/base/fnv1a.h"
+#include "telenano/nve_server/slave/state_bytes.h"
 
 namespace telenano::support {
 
@@ -42,14 +46,7 @@ void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOu
   (stored_aj > stored_aj_ ? energy_in_aj_ : energy_out_aj_) += std::abs(stored_aj - stored_aj_);
   if (watch_) watch_->taken_in_aj += stored_aj - stored_aj_;
   stored_aj_ = stored_aj;
-  output.force_w_nn = Vec3(0, 0, finite ? force_nn : 0.0);
-  output.tip_pos_w_nm = output.commanded_pos_w_nm = commanded_w_nm_;
-  output.deflection_nm = 0;
-  output.contact_state = depth_nm > 0 ? link::ContactState::kContact : link::ContactState::kFree;
-  output.fault_bits = faults;
-  output.energy_in_aj = energy_in_aj_;
-  output.energy_out_aj = energy_out_aj_;
-  output.measurement_age_ns = 0;
+  say(faults, finite, output);
   touched_ = touched_ || depth_nm > 0;
   output.model = {};
   if (input.wants_model && touched_) {
@@ -65,6 +62,50 @@ void WallSlave::step(const slave::SlaveInput& input, double dt_s, slave::SlaveOu
     watch_->force_nn = force_nn;
     watch_->most_force_nn = std::max(watch_->most_force_nn, force_nn);
   }
+}
+
+void WallSlave::say(std::uint32_t faults, bool finite, slave::SlaveOutput& output) const noexcept {
+  const double depth_nm = std::max(0.0, -commanded_w_nm_.z());
+  const double force_nn = config_.stiffness_n_m * depth_nm;
+  output.force_w_nn = Vec3(0, 0, finite ? force_nn : 0.0);
+  output.tip_pos_w_nm = output.commanded_pos_w_nm = commanded_w_nm_;
+  output.deflection_nm = 0;
+  output.contact_state = depth_nm > 0 ? link::ContactState::kContact : link::ContactState::kFree;
+  output.fault_bits = faults;
+  output.energy_in_aj = energy_in_aj_;
+  output.energy_out_aj = energy_out_aj_;
+  output.measurement_age_ns = 0;
+}
+
+bool WallSlave::say_again(slave::SlaveOutput& output) noexcept {
+  say(0, true, output);
+  return true;
+}
+
+std::size_t WallSlave::save(std::span<std::uint8_t> out) const noexcept {
+  slave::StateWriter writer(out);
+  for (int i = 0; i < 3; ++i) writer(commanded_w_nm_[i]);
+  writer(touched_);
+  writer(stored_aj_);
+  writer(energy_in_aj_);
+  writer(energy_out_aj_);
+  return writer.ok() ? writer.size() : 0;
+}
+
+std::uint64_t WallSlave::state_hash() const noexcept {
+  std::array<std::uint8_t, 128> bytes{};
+  const std::size_t size = save(bytes);
+  return fnv1a({reinterpret_cast<const char*>(bytes.data()), size}) | 1;
+}
+
+bool WallSlave::load(std::span<const std::uint8_t> bytes) noexcept {
+  slave::StateReader reader(bytes);
+  for (int i = 0; i < 3; ++i) reader(commanded_w_nm_[i]);
+  reader(touched_);
+  reader(stored_aj_);
+  reader(energy_in_aj_);
+  reader(energy_out_aj_);
+  return reader.ok() && reader.at_end();
 }
 
 }  // namespace telenano::support

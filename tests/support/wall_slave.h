@@ -41,8 +41,14 @@ class WallSlave final : public slave::Slave {
 
   void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override;
   const slave::SlaveLimits& limits() const noexcept override { return limits_; }
+  std::uint64_t state_hash() const noexcept override;
+  std::size_t save(std::span<std::uint8_t> out) const noexcept override;
+  bool load(std::span<const std::uint8_t> bytes) noexcept override;
+  bool say_again(slave::SlaveOutput& output) noexcept override;
+  std::size_t snapshot_bytes_max() const noexcept override { return 128; }
 
  private:
+  void say(std::uint32_t faults, bool finite, slave::SlaveOutput& output) const noexcept;
   WallSlaveConfig config_;
   slave::SlaveLimits limits_;
   std::shared_ptr<WallWatch> watch_;

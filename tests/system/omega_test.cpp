@@ -412,6 +412,8 @@ TEST_F(OmegaTest, CalibrationMeasuresDampingAndMass) {
   sdk_->friction_n = 0.02;
   const std::string out = path("dynamics.toml");
   const Finished run = measure(out);
+  // Time is what is measured: a machine whose processors are taken away for too long cannot, and says so.
+  if (run.err.find("the machine paused too often") != std::string::npos) GTEST_SKIP() << run.err;
   ASSERT_EQ(run.exit_code, 0) << run.err;
   EXPECT_THAT(run.err, HasSubstr("The handle will move by itself"));
   const std::string toml = file_text(out);

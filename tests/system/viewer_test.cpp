@@ -16,6 +16,28 @@ namespace {
 
 const std::string kScan = std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf";
 
+// What a person at the window does, who waits until something is seen, and presses a key again where nothing
+// is. Standard error goes to err.txt, whose newest line tells how far the session is.
+const std::string kPerson = R"sh(
+await() { for i in $(seq 900); do eval "$1" && return; sleep 0.1; done; echo "no: $1"; }
+press_until() {
+  for n in $(seq 24); do
+    xdotool key $1
+    for i in $(seq 50); do eval "$2" && return; sleep 0.1; done
+  done
+  echo "no: $2"
+}
+# The window's title says what has been drawn.
+see() { xdotool search --sync --name "$1" >/dev/null; }
+# The number after a word of the newest line that tells how far the session is.
+told() { awk -v word="$1" '/ nN .* mJ /{for (i = 1; i < NF; ++i) if ($i == word) value = $(i + 1)} END {print value}' err.txt; }
+time_told() { awk '/ nN .* mJ /{value = $1} END {print value + 0}' err.txt; }
+above() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a != "" && a + 0 > b + 0) }'; }
+below() { awk -v a="$1" -v b="$2" 'BEGIN { exit !(a != "" && a + 0 < b + 0) }'; }
+# N moves of the pointer by so many pixels down, as fast as a hand goes.
+drag() { xdotool $(for i in $(seq $1); do echo mousemove_relative -- 0 $2 sleep 0.03; done); }
+)sh";
+
 class ViewerPrograms : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -75,21 +97,31 @@ TEST_F(ViewerPrograms, AScreenshotNeedsNoDisplayAndDisturbsNoSession) {
 TEST_F(ViewerPrograms, AParticleIsShownWhereTheSceneHasOne) {
   const auto sandy_px = [&](const std::string& scene) {
     Server server(scene_path(scene));
-    const Finished run =
-        run_program(without_display({kMaster, "run", "--server", server.address(), "--task", "position",
-                                     "--duration-s", "1", "--rt-priority", "0", "--screenshot",
-                                     path(scene + ".png"), "--screenshot-size", "900x600", "--at", "0.8"}));
+    const Finished run = run_program(
+        without_display({kMaster, "run", "--server", server.address(), "--task", "position", "--duration-s",
+                         "1", "--rt-priority", "0", "--screenshot", path(scene + ".png"), "--screenshot-size",
+                         "900x600", "--at", "0.8", "--record", path(scene + ".h5")}));
     if (run.err.find("no picture without a display") != std::string::npos) return -1;
     EXPECT_EQ(run.exit_code, 0) << run.err;
-    const viewer::Picture picture = viewer::read_png(path(scene + ".png"));
-    int count = 0;
-    for (int y = 180; y < 400; ++y) {
-      for (int x = 10; x < 380; ++x) {
-        const std::uint8_t* const c = &picture.rgb[static_cast<std::size_t>(3 * (y * 900 + x))];
-        count += c[0] > 60 && 4 * c[0] > 5 * c[2] && 10 * c[1] > 11 * c[2] && 100 * c[0] < 135 * c[1] ? 1 : 0;
+    // And in its recording.
+    const Finished view =
+        run_program(without_display({kMaster, "view", path(scene + ".h5"), "--screenshot", path("view.png"),
+                                     "--screenshot-size", "900x600", "--at", "0.8"}));
+    EXPECT_EQ(view.exit_code, 0) << view.err;
+    const auto count = [](const viewer::Picture& picture) {
+      int sandy = 0;
+      for (int y = 180; y < 400; ++y) {
+        for (int x = 10; x < 380; ++x) {
+          const std::uint8_t* const c = &picture.rgb[static_cast<std::size_t>(3 * (y * 900 + x))];
+          sandy +=
+              c[0] > 60 && 4 * c[0] > 5 * c[2] && 10 * c[1] > 11 * c[2] && 100 * c[0] < 135 * c[1] ? 1 : 0;
+        }
       }
-    }
-    return count;
+      return sandy;
+    };
+    const int live = count(viewer::read_png(path(scene + ".png")));
+    EXPECT_EQ(count(viewer::read_png(path("view.png"))) > 200, live > 200);
+    return live;
   };
   const int with_one = sandy_px("particle");
   if (with_one < 0) GTEST_SKIP() << "no picture without a display";
@@ -148,8 +180,8 @@ TEST_F(ViewerPrograms, ARecordingIsShownWithoutServerOrDisplay) {
 }
 
 // With the loop's own priority where this user may have it: else drawing gives way, on a busy machine for
-// seconds. A new user's first minute: a window, a drag down until the tip touches, a picture, another task;
-// by keys and mouse as a person would press them.
+// seconds. A new user's first minute: a window, a drag down until the tip touches, a picture, marks; by keys
+// and mouse as a person would press them.
 TEST_F(ViewerPrograms, ANewUserTouchesTheSampleWithTheMouse) {
   for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
     if (!std::filesystem::exists(program))
@@ -158,28 +190,28 @@ TEST_F(ViewerPrograms, ANewUserTouchesTheSampleWithTheMouse) {
   Server server(scene_path("flakes"));
   // A drag down: the section is 0.8 gap + 8 nm to either side of its middle and 600 pixels high, so the tip
   // comes down from 40 nm as gap + 10 nm = 50 nm exp(-0.8 pixels / 300), and touches after 604 of these 740
-  // pixels.
-  std::ofstream(path("user.sh"))
-      << "cd " << folder_.string() << "\n"
-      << kMaster << " run --server " << server.address() << " --device mouse --quiet --record m.h5 --surface "
-      << kScan
-      << " &\n"
-         "xdotool search --sync --name Telenano >/dev/null\n"
-         "sleep 1.5\n"
-         "xdotool mousemove 760 30 mousedown 1\n"
-         "for i in $(seq 185); do xdotool mousemove_relative 0 4; sleep 0.03; done\n"
-         "sleep 1; xdotool key p; sleep 1; xdotool mouseup 1\n"
-         "for i in 1 2 3 4 5; do xdotool key m; sleep 0.3; done\n"
-         "xdotool key ctrl+q\n"
-         "wait $!\n";
-  const Finished user = run_program(
-      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
-  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  // pixels. The marks and the end of the session may come faster than pictures are drawn
+  // (X takes a press 20 ms after a release for the keyboard's own repeat).
+  std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << kMaster << " run --server "
+                                 << server.address() << " --device mouse --record m.h5 --surface " << kScan
+                                 << " 2>err.txt &\n"
+                                    "master=$!\n"
+                                    "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'\n"
+                                    "xdotool mousemove 760 30 mousedown 1; drag 185 4\n"
+                                    "await 'above \"$(told force)\" 1'\n"
+                                    "press_until p '[ -s telenano-1.png ]'\n"
+                                    "xdotool mouseup 1 key --delay 60 m m m m m ctrl+q\n"
+                                    "await '! kill -0 $master 2>/dev/null'; wait $master\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
+  EXPECT_EQ(user.out, "") << file_text(path("err.txt"));
   EXPECT_TRUE(std::filesystem::exists(path("telenano-1.png")));
   const recording::RecordingReader recording(path("m.h5"));
   double deepest = 0;
   for (const double state : recording.read("contact_state")) deepest = std::max(deepest, state);
-  EXPECT_EQ(deepest, 3) << "contact";
+  EXPECT_EQ(deepest, 3) << "contact; " << file_text(path("err.txt"));
   // No tap is lost, however slowly the window is drawn.
   int marks = 0;
   for (const recording::Event& event : recording.events())
@@ -193,21 +225,26 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
       GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
   }
   Server server(scene_path("flakes"));
-  std::ofstream(path("user.sh")) << "cd " << folder_.string() << "\n"
-                                 << kMaster << " run --server " << server.address()
-                                 << " --view --quiet --record t.h5 --surface " << kScan
-                                 << " &\n"
-                                    "xdotool search --sync --name Telenano >/dev/null\n"
-                                    "sleep 5.5; xdotool key t; sleep 6; xdotool key ctrl+q\n"
-                                    "wait $!\n";
-  const Finished user = run_program(
-      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
-  ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
+  // While the tip presses on the sample; then until the hand has let go, gone back and begun.
+  std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << kMaster << " run --server "
+                                 << server.address() << " --view --record t.h5 --surface " << kScan
+                                 << " 2>err.txt &\n"
+                                    "master=$!\n"
+                                    "see 'Telenano: flakes at'\n"
+                                    "await 'above \"$(told force)\" 1'; before=$(time_told)\n"
+                                    "xdotool key t\n"
+                                    "await 'below $(time_told) $before'; await 'above $(time_told) 2'\n"
+                                    "xdotool key ctrl+q; wait $master\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
+  EXPECT_EQ(user.out, "") << file_text(path("err.txt"));
   const recording::RecordingReader recording(path("t.h5"));
   double chosen_s = 0;
   for (const recording::Event& event : recording.events())
     if (std::string(event.text.data()) == "task chosen") chosen_s = event.time_s;
-  ASSERT_GT(chosen_s, 0) << "the key was not heard: " << user.err << user.out;
+  ASSERT_GT(chosen_s, 0) << "the key was not heard: " << file_text(path("err.txt"));
   // Over the change the force on the hand never steps: no more than the slew limit's 4 N in a tick of 1 ms at
   // any moment, and no stop.
   const auto mode = recording.read("station_mode");
@@ -222,6 +259,42 @@ TEST_F(ViewerPrograms, ATaskIsChosenInTheWindow) {
   // The clutch was pressed, so the tip stood; then it was lifted to the start.
   const auto buttons = recording.read("buttons");
   EXPECT_NE(std::find(buttons.begin(), buttons.end(), 3.0), buttons.end()) << "deadman and clutch";
+}
+
+// A session that began without a recording gets one from the key on, whose marks are in it.
+TEST_F(ViewerPrograms, ARecordingBeginsInTheWindow) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  std::ofstream(path("session.h5")) << "another's";
+  std::ofstream(path("user.sh")) << "cd " << folder_.string() << kPerson << kMaster << " run --server "
+                                 << server.address()
+                                 << " --view 2>err.txt &\n"
+                                    "master=$!\n"
+                                    "see 'Telenano: flakes at'; await 'above \"$(time_told)\" 1'\n"
+                                    "xdotool key ctrl+r; await '[ -s session-2.h5 ]'\n"
+                                    "from=$(time_told); xdotool key m; await 'above \"$(time_told)\" $from'\n"
+                                    "xdotool key ctrl+q; wait $master\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  ASSERT_EQ(user.exit_code, 0) << user.err << user.out << file_text(path("err.txt"));
+  EXPECT_EQ(user.out, "") << file_text(path("err.txt"));
+  EXPECT_EQ(file_text(path("session.h5")), "another's") << "no recording is replaced";
+  const recording::RecordingReader recording(path("session-2.h5"));
+  EXPECT_TRUE(recording.closed());
+  EXPECT_EQ(recording.rows_dropped(), 0u);
+  const auto time_s = recording.read("time_s");
+  ASSERT_GT(time_s.size(), 500u);
+  EXPECT_GT(time_s.front(), 1) << "from the key on";
+  const auto tick = recording.read("tick");
+  EXPECT_EQ(tick.back() - tick.front() + 1, static_cast<double>(tick.size())) << "and no tick is missing";
+  int marks = 0;
+  for (const recording::Event& event : recording.events())
+    marks += std::string(event.text.data()) == "mark" ? 1 : 0;
+  EXPECT_EQ(marks, 1);
 }
 
 // With nobody at the tip, so that the slave has never stepped; --observe so that nobody gets it.
@@ -312,27 +385,26 @@ TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {
   }
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
-      << "cd " << folder_.string() << "\n"
-      << kMaster << " run --server " << server.address()
-      << " --view --quiet --give-up-s 3 --record l.h5 --surface " << kScan
+      << "cd " << folder_.string() << kPerson << kMaster << " run --server " << server.address()
+      << " --view --give-up-s 6 --record l.h5 --surface " << kScan
       << " 2>err.txt &\n"
          "master=$!\n"
-         "xdotool search --sync --name Telenano >/dev/null\n"
-         "for i in $(seq 600); do [ -s l.h5 ] && break; sleep 0.1; done; sleep 1\n"
+         "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'\n"
          "kill -9 "
       << server.child().pid()
       << "\n"
-         "sleep 1.5; xdotool key p\n"
-         "for i in $(seq 600); do grep -q 'the window stays' err.txt && break; sleep 0.1; done\n"
-         "sleep 1; kill -0 $master && echo stays; xdotool key p\n"
-         "for i in $(seq 600); do [ -s telenano-2.png ] && break; sleep 0.1; done\n"
+         "await 'grep -q \"server silent for\" err.txt'; xdotool key p\n"
+         "await 'grep -q \"the window stays\" err.txt'; see 'Telenano: the session has ended'\n"
+         "kill -0 $master && echo stays\n"
+         "await '[ -s telenano-1.png ]'; press_until p '[ -s telenano-2.png ]'\n"
          "xdotool key ctrl+q\n"
          "wait $master; echo ended with $?\n";
-  const Finished user = run_program(
-      {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
   EXPECT_NE(user.out.find("stays\nended with 1"), std::string::npos)
       << user.out << file_text(path("err.txt"));
-  EXPECT_NE(file_text(path("err.txt")).find("has been silent for 3 s"), std::string::npos);
+  EXPECT_NE(file_text(path("err.txt")).find("has been silent for 6 s"), std::string::npos);
   EXPECT_TRUE(std::filesystem::exists(path("telenano-2.png")));
   if (const char* folder = std::getenv("TELENANO_LOOK"))
     for (const char* name : {"telenano-1.png", "telenano-2.png"})
@@ -341,12 +413,13 @@ TEST_F(ViewerPrograms, AWindowDoesNotVanishWithTheServer) {
                                    std::filesystem::copy_options::overwrite_existing);
   // Nobody need close what was told how long it takes.
   Server again(scene_path("flakes"));
-  std::ofstream(path("timed.sh")) << kMaster << " run --server " << again.address()
-                                  << " --view --quiet --give-up-s 1 --duration-s 60 &\n"
+  std::ofstream(path("timed.sh")) << "cd " << folder_.string() << kPerson << kMaster << " run --server "
+                                  << again.address()
+                                  << " --view --give-up-s 1 --duration-s 60 2>timed.txt &\n"
                                      "master=$!\n"
-                                     "xdotool search --sync --name Telenano >/dev/null\n"
-                                     "sleep 1; kill -9 "
-                                  << again.child().pid() << "\nwait $master; echo ended with $?\n";
+                                     "see 'Telenano: flakes at'; await 'grep -q ^loop: timed.txt'\n"
+                                     "kill -9 "
+                                  << again.child().pid() << "; wait $master; echo ended with $?\n";
   const Finished timed = run_program(
       {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("timed.sh")}, {}, kLong);
   EXPECT_NE(timed.out.find("ended with 1"), std::string::npos) << timed.out << timed.err;
@@ -361,20 +434,14 @@ TEST_F(ViewerPrograms, ADoneTaskLeavesItsSummaryAndBeginsAgain) {
       GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool bsdutils";
   }
   Server server(scene_path("flakes"));
-  const std::string until = "for i in $(seq 900); do ";
-  // A person who sees nothing happen presses the key again.
   std::ofstream(path("user.sh"))
-      << "cd " << folder_.string() << "\n"
-      << "press_until() { for i in $(seq 24); do xdotool key $1; for j in $(seq 50); do eval $2 && return; "
-         "sleep 0.1; done; done; }\n"
-      << "script -qefc '" << kMaster << " run --server " << server.address()
-      << " --task contact --view --record c.h5' typed.txt >/dev/null </dev/null &\n"
-      << "xdotool search --sync --name Telenano >/dev/null\n"
-      << until << "grep -q 'summary of' typed.txt && break; sleep 0.1; done; sleep 1\n"
+      << "cd " << folder_.string() << kPerson << "script -qefc '" << kMaster << " run --server "
+      << server.address() << " --task contact --view --record c.h5' typed.txt >/dev/null </dev/null &\n"
+      << "await 'grep -q \"summary of\" typed.txt'; see 'Telenano: the session has ended'\n"
       << "press_until p '[ -s telenano-1.png ]'\n"
       << "pgrep -f 'record c.h5' >/dev/null && echo stays\n"
       << "press_until Return '[ -e c-2.h5 ]'\n"
-      << until << "[ $(grep -c 'summary of' typed.txt) = 2 ] && break; sleep 0.1; done; sleep 1\n"
+      << "await '[ $(grep -c \"summary of\" typed.txt) = 2 ]'; see 'Telenano: the session has ended'\n"
       << "[ -s c-2.h5 ] && echo again\n"
       << "xdotool key ctrl+q; wait $!; echo ended with $?\n";
   const Finished user =
@@ -398,17 +465,20 @@ TEST_F(ViewerPrograms, MarksAreSeenAndSavedWhileTheSessionGoesOn) {
   Server server(scene_path("lithography"), 0, {"--save-surface", folder_.string()});
   std::ofstream(path("groove.csv"))
       << "t_s,x_nm,y_nm,z_nm\n0,0,0,10\n1,0,0,-4\n3,40,0,-4\n3.5,40,0,10\n120,40,0,10\n";
-  // At the end the window's own picture; a person who sees nothing happen presses the key again.
+  // Once the tip is up again and what is drawn changes no more: two files of it are alike, and the sample is not
+  // as it was. At the end the window's own picture.
   std::ofstream(path("user.sh"))
-      << "cd " << folder_.string() << "\n"
-      << "press_until() { for i in $(seq 24); do xdotool key $1; for j in $(seq 50); do eval $2 && return; "
-         "sleep 0.1; done; done; }\n"
-      << kMaster << " run --server " << server.address()
-      << " --method twin --task script --script groove.csv --view --record groove.h5 --quiet &\n"
-      << "xdotool search --sync --name Telenano >/dev/null\n"
-      << "for i in $(seq 300); do [ -s lithography-1.gsf ] && break; sleep 0.1; done; sleep 5\n"
-      << "press_until s '[ -s telenano-1.gsf ]'; press_until p '[ -s telenano-1.png ]'\n"
-      << "xdotool key ctrl+q; wait $!\n";
+      << "cd " << folder_.string() << kPerson << kMaster << " run --server " << server.address()
+      << " --method twin --task script --script groove.csv --view --record groove.h5 2>err.txt &\n"
+      << "master=$!\n"
+      << "see 'Telenano: lithography at'; await 'above $(time_told) 4'; await '[ -s lithography-1.gsf ]'\n"
+      << "for n in $(seq 30); do\n"
+         "  rm -f telenano-1.gsf; press_until s '[ -s telenano-1.gsf ]'; cp telenano-1.gsf first.gsf; sleep "
+         "0.5\n"
+         "  rm -f telenano-1.gsf; press_until s '[ -s telenano-1.gsf ]'; cmp -s telenano-1.gsf first.gsf && "
+         "break\n"
+         "done\n"
+      << "press_until p '[ -s telenano-1.png ]'; xdotool key ctrl+q; wait $master\n";
   const Finished user =
       run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
                   {}, 4 * kLong);
@@ -463,12 +533,9 @@ TEST_F(ViewerPrograms, AWindowOnADenseScreenHasTwiceThePixels) {
     const std::string folder = path(std::to_string(dpi) + screen.substr(0, 4));
     std::filesystem::create_directory(folder);
     std::ofstream(folder + "/user.sh")
-        << "cd " << folder << "\n"
-        << "echo 'Xft.dpi: " << dpi << "' | xrdb -merge -nocpp\n"
+        << "cd " << folder << kPerson << "echo 'Xft.dpi: " << dpi << "' | xrdb -merge -nocpp\n"
         << kMaster << " run --server " << server.address() << " --task contact --view --quiet &\n"
-        << "xdotool search --sync --name Telenano >/dev/null\n"
-        << "for i in $(seq 24); do xdotool key p; for j in $(seq 50); do "
-           "[ -s telenano-1.png ] && break 2; sleep 0.1; done; done; sleep 1\n"
+        << "see 'Telenano: flakes at'; press_until p '[ -s telenano-1.png ]'\n"
         << "xdotool key ctrl+q; wait $!\n";
     const Finished user =
         run_program({"/usr/bin/xvfb-run", "-a", "-s", "-noreset -screen 0 " + screen + "x24", "/bin/bash",
@@ -542,20 +609,18 @@ TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
   }
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
-      << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state\n"
-      << "await() { for i in $(seq 300); do eval \"$1\" && return; sleep 0.1; done; echo no: \"$1\"; }\n"
+      << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state" << kPerson
       << kMaster << " start --server " << server.address()
       << " 2>err.txt &\n"
          "start=$!\n"
-         "xdotool search --sync --name Telenano >/dev/null\n"
-         // The server has answered, so that the window is drawn and takes keys.
-         "await '[ -s state/telenano/servers ]'\n"
+         "see 'Telenano: start, sim at .*, answered'\n"
          // From Start up to the recording's box.
-         "sleep 1; xdotool key Up; sleep 0.5; xdotool key space; sleep 0.5; xdotool key Return\n"
-         "await 'grep -q ^loop: err.txt'; sleep 2; xdotool key ctrl+q\n"
-         "await 'grep -q stopped.by.the.operator err.txt'\n"
-         "xdotool search --sync --name Telenano >/dev/null; sleep 2; xdotool key Return\n"
-         "await '[ -s session-2.h5 ]'; await '[ $(grep -c ^loop: err.txt) = 2 ]'; sleep 2\n"
+         "xdotool key Up key space; see 'Telenano: start, sim, recording'; xdotool key Return\n"
+         "see 'Telenano: flakes at'; await 'grep -q \" mJ \" err.txt'; press_until ctrl+q 'grep -q "
+         "stopped.by.the.operator err.txt'\n"
+         "see 'Telenano: start'; xdotool key Return\n"
+         "see 'Telenano: flakes at'; await '[ -s session-2.h5 ]'; await '[ $(grep -c ^loop: err.txt) = 2 ]'\n"
+         "told=$(grep -c ' mJ ' err.txt); await '[ $(grep -c \" mJ \" err.txt) -gt $told ]'\n"
          "kill $start; wait $start; echo ended with $?\n";
   const Finished user = run_program(
       {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
@@ -578,30 +643,24 @@ TEST_F(ViewerPrograms, FromTheOpenedWindowToAPullOffInFewClicks) {
   }
   Server server(scene_path("flakes"));
   std::ofstream(path("user.sh"))
-      << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state\n"
-      << "await() { for i in $(seq 300); do eval \"$1\" && return; sleep 0.1; done; echo no: \"$1\"; }\n"
-         "click() { xdotool mousemove $1 $2; sleep 0.3; xdotool click 1; sleep 0.3; echo click; }\n"
+      << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state" << kPerson
+      << "click() { xdotool mousemove $1 $2 click 1; echo click; }\n"
       << kMaster << " start --server " << server.address()
       << " 2>err.txt &\n"
          "start=$!\n"
-         "xdotool search --sync --name Telenano >/dev/null\n"
-         "await '[ -s state/telenano/servers ]'; sleep 1\n"
+         "see 'Telenano: start, sim at .*, answered'\n"
          // A recording to look into, by key, since where its box stands depends on the devices that are here.
-         "xdotool key Up; sleep 0.5; xdotool key space; sleep 0.5\n"
+         "xdotool key Up key space; see 'Telenano: start, sim, recording'\n"
          // The mouse as hand; Start.
-         "click 323 137; click 300 764\n"
-         "await 'grep -q ^loop: err.txt'; sleep 2\n"
-         "xdotool mousemove 760 150 mousedown 1; echo click\n"
-         "for i in $(seq 165); do xdotool mousemove_relative 0 4; sleep 0.03; done; sleep 1\n"
-         "xdotool key p; await '[ -s telenano-1.png ]'\n"
-         "for i in $(seq 165); do xdotool mousemove_relative 0 -4; sleep 0.03; done; sleep 1\n"
-         "xdotool key p; await '[ -s telenano-2.png ]'\n"
-         "xdotool mouseup 1; sleep 0.5; xdotool key n; sleep 0.5\n"
-         "xdotool type --delay 60 'it held on; lets go'; sleep 0.5; xdotool key Return; sleep 0.5\n"
-         // A person who sees nothing happen presses the keys again.
-         "for i in $(seq 6); do xdotool key ctrl+q; for j in $(seq 50); do "
-         "grep -q stopped.by.the.operator err.txt && break 2; sleep 0.1; done; done\n"
-         "await 'grep -q stopped.by.the.operator err.txt'\n"
+         "click 323 137; see 'Telenano: start, mouse'; click 300 764\n"
+         "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'\n"
+         "xdotool mousemove 760 150 mousedown 1; echo click; drag 165 4; await 'above \"$(told force)\" 1'\n"
+         "press_until p '[ -s telenano-1.png ]'\n"
+         "drag 165 -4; await 'above \"$(told tip)\" 5 || ! drag 5 -4'\n"
+         "press_until p '[ -s telenano-2.png ]'\n"
+         "xdotool mouseup 1 key n; see 'Telenano: .*, writing a note'\n"
+         "xdotool type --delay 60 'it held on; lets go'; xdotool key Return\n"
+         "press_until ctrl+q 'grep -q stopped.by.the.operator err.txt'\n"
          "kill $start; wait $start; echo ended with $?\n";
   const Finished user =
       run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},

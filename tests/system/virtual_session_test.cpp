@@ -36,6 +36,8 @@ std::uint64_t hash_rows(VirtualSession& session, std::int64_t ticks) {
   std::uint64_t hash = 0xcbf29ce484222325u;
   session.run(ticks, [&](const recording::Sample& row) {
     for (const recording::Column& column : recording::sample_columns()) {
+      if (std::string_view(column.name).starts_with("particle_"))
+        continue;  // newer than the hash; there is none
       const auto* bytes = reinterpret_cast<const unsigned char*>(&row) + column.offset;
       for (std::size_t i = 0; i < column.bytes(); ++i) hash = (hash ^ bytes[i]) * 0x100000001b3u;
     }

@@ -49,6 +49,7 @@ struct PlanOptions : connection::ServerAccess {
   std::optional<double> rtt_ms;
   Workspaces workspaces;
   bool felt = false;
+  std::optional<double> compand;
   std::string plot;
 };
 
@@ -71,6 +72,7 @@ void require_positive(const char* flag, const std::optional<double>& value) {
 StationFile station_file(const PlanOptions& options) {
   StationFile file = options.config_file.empty() ? StationFile{} : load_station_file(options.config_file);
   if (options.rate_hz) file.station.rate_hz = *options.rate_hz;
+  if (options.compand) file.station.companding.gain = *options.compand;
   if (options.method && *options.method == "auto") {
     file.chooses_method = true;
   } else if (options.method) {
@@ -91,6 +93,8 @@ void validate(const PlanOptions& options) {
   }
   if (options.felt && options.server.empty())
     throw UserError("--felt needs --server: the sample is the server's; --limits holds none");
+  if (options.compand && !options.felt)
+    throw UserError("--compand needs --felt: it acts on the sample's forces");
   if (options.rtt_ms && !(*options.rtt_ms >= 0 && *options.rtt_ms <= 60'000))
     throw UserError(fmt::format("--rtt-ms: {:g}, expected 0 to 60000", *options.rtt_ms));
   if (!std::isfinite(options.connect_timeout_s))
@@ -131,7 +135,7 @@ void forecast(link::ClientSession& session, connection::ServerLink& way, const n
   const auto twins = twin::decode_twins(scene->bundle, 1);
   far.has_twin = scene->same_physics && session.logs_steps();
   far.touch = forecast_touch(*twins[0], file.task, welcome.start_pos_w_nm, welcome.surface_z_w_nm,
-                             file.station.rate_hz);
+                             file.station.rate_hz, file.station.companding);
 }
 
 Far ask_server(const PlanOptions& options, const StationFile& file) {
@@ -262,6 +266,34 @@ void print_felt(const StationFile& file, const Far& far, const control::ScalingP
              far.touch->push_nn, felt_n(far.touch->pull_off_nn, plan), far.touch->pull_off_nn);
 }
 
+/// What a hand can tell of the attraction before contact, with and without companding.
+void print_far(const StationFile& file, const Far& far, const control::ScalingPlan& plan) {
+  if (!far.touch) return;
+  const double n_per_nn = 1e-9 * plan.scaling.force;
+  const control::CompandingConfig& companding = file.station.companding;
+  const Noticed plain = noticed(far.touch->way_in, n_per_nn, false);
+  const Noticed shown = noticed(far.touch->way_in, n_per_nn, true);
+  const auto row = [](const char* key, double value, const char* unit) {
+    fmt::print("{},{:.15g},{}\n", key, value, unit);
+  };
+  row("felt_far", plain.most_n, "N");
+  row("felt_far_from", plain.from_nm, "nm");
+  row("felt_far_differences", plain.differences, "1");
+  row("companding_gain", companding.gain, "1");
+  if (!companding.on()) return;
+  row("companded_far", shown.most_n, "N");
+  row("companded_far_from", shown.from_nm, "nm");
+  row("companded_far_differences", shown.differences, "1");
+  row("companding_energy", 1e3 * plan.scaling.hand_energy_j(companding.most_aj()), "mJ");
+  fmt::print(
+      stderr,
+      "before contact: attraction up to {:.2g} N, noticed from {:.3g} nm, {:.0f} just noticeable "
+      "differences; companded {:g} times: {:.2g} N, {:.3g} nm, {:.0f}; the stiffness that pushes back is "
+      "as planned, and a hand may get {:.3g} mJ more\n",
+      plain.most_n, plain.from_nm, plain.differences, companding.gain, shown.most_n, shown.from_nm,
+      shown.differences, 1e3 * plan.scaling.hand_energy_j(companding.most_aj()));
+}
+
 std::string samples(int count) {
   return fmt::format("{} sample{} of delay", count, count == 1 ? "" : "s");
 }
@@ -343,7 +375,10 @@ void plan(const PlanOptions& options) {
   const control::ScalingPlan result = control::plan_scaling(input);
   const control::ScalingPlan at_p99 = control::plan_scaling(input_p99);
   print_table(file, far, input, result, at_p99, input_p99);
-  if (options.felt) print_felt(file, far, result);
+  if (options.felt) {
+    print_felt(file, far, result);
+    print_far(file, far, result);
+  }
   print_words(file, device, far, input, result, at_p99, input_p99);
   if (options.plot.empty()) return;
   draw_plan(input, result,
@@ -377,6 +412,8 @@ void add_plan_command(CLI::App& app) {
   command->add_flag(
       "--felt", options->felt,
       "Also what the hand will feel, by pressing a copy of the server's scene here: rows felt_*");
+  command->add_option("--compand", options->compand,
+                      "With --felt: also with weak attraction up to so many times as strong, 1 to 10");
   command->add_option("--haptic-m", options->workspaces.haptic_m,
                       "Edge of the hand's workspace (default: the device's)");
   command->add_option("--visual-m", options->workspaces.visual_m, "Edge of the picture (default 0.3)");

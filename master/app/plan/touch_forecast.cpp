@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "telenano/common/control/scaling_plan.h"
 #include "telenano/common/link/messages.h"
 
 namespace telenano::app {
 
 TouchForecast forecast_touch(control::LocalSlave& slave, device::TaskOptions task, const Vec3& start_w_nm,
-                             double surface_z_w_nm, double rate_hz) {
+                             double surface_z_w_nm, double rate_hz,
+                             const control::CompandingConfig& companding) {
   task.start_height_nm = start_w_nm.z() - surface_z_w_nm;
   task.retract_nm = std::max(task.retract_nm, task.start_height_nm);
   const device::IntendedMotion motion = device::IntendedMotion::for_task(device::Task::kIndent, task);
@@ -16,6 +18,9 @@ TouchForecast forecast_touch(control::LocalSlave& slave, device::TaskOptions tas
   const auto steps = static_cast<std::int64_t>(std::ceil(motion.duration_s() * rate_hz));
   TouchForecast found;
   control::LocalAnswer answer;
+  control::Companding far;
+  far.configure(companding);
+  double brought_aj = 0;
   slave.reset();
   Vec3 last_w_nm = start_w_nm;
   double deepest_nm = task.start_height_nm;
@@ -30,8 +35,12 @@ TouchForecast forecast_touch(control::LocalSlave& slave, device::TaskOptions tas
     last_w_nm = step.target_w_nm;
     slave.step(step, answer);
     const double force_nn = answer.force_w_nn.z();
-    found.touched =
-        found.touched || answer.contact_state == static_cast<std::uint32_t>(link::ContactState::kContact);
+    const bool touches = answer.contact_state == static_cast<std::uint32_t>(link::ContactState::kContact);
+    found.touched = found.touched || touches;
+    const double net_aj = answer.energy_in_aj - answer.energy_out_aj;
+    far.step(answer.stored_aj, net_aj - brought_aj, touches);
+    brought_aj = net_aj;
+    if (!found.touched) found.way_in.push_back({way_nm.z(), -force_nn, -far.gain() * force_nn});
     found.push_nn = std::max(found.push_nn, force_nn);
     // On the way in the same force is the snap-in's.
     if (way_nm.z() < deepest_nm) {
@@ -41,6 +50,18 @@ TouchForecast forecast_touch(control::LocalSlave& slave, device::TaskOptions tas
       found.pull_off_nn = std::max(found.pull_off_nn, -force_nn);
     }
   }
+  return found;
+}
+
+Noticed noticed(const std::vector<FarForce>& way_in, double n_per_nn, bool companded) {
+  Noticed found;
+  for (const FarForce& far : way_in) {
+    const double felt_n = n_per_nn * (companded ? far.shown_nn : far.pull_nn);
+    found.most_n = std::max(found.most_n, felt_n);
+    if (felt_n >= control::kNoticedForceN) found.from_nm = std::max(found.from_nm, far.height_nm);
+  }
+  if (found.most_n > control::kNoticedForceN)
+    found.differences = std::log(found.most_n / control::kNoticedForceN) / std::log1p(kForceJnd);
   return found;
 }
 

@@ -55,9 +55,11 @@ void RealTimeSession::run() noexcept {
   do {
     const rt::Tick tick = timer.wait();
     const std::int64_t elapsed_ns = timer_config.period_ns * (1 + tick.missed);
+    if (recorder_ == nullptr) recorder_ = later_recorder_.load(std::memory_order_acquire);
     see_tip(sample);
     hand_.device.advance(elapsed_ns);
     if (requests_ != nullptr) ask_screen(sample);
+    if (scaling_.follows()) keep_plan(sample, static_cast<double>(elapsed_ns) * 1e-9);
     if (chooses_method_) follow_link(sample, static_cast<double>(elapsed_ns) * 1e-9);
     if (quit_ || stop_.load(std::memory_order_relaxed)) {
       loop_.set_buttons(device::kButtonStop);
@@ -81,8 +83,11 @@ void RealTimeSession::run() noexcept {
     publish(sample, timer.stats());
     if (requests_ != nullptr) {
       requests_->show(sample, loop_.force_off());
-      requests_->show(loop_.trace().particle);
-      requests_->show(loop_.trace().twin);
+      const station::StationTrace& trace = loop_.trace();
+      requests_->show(trace.twin);
+      const bool twin = trace.twin != station::TwinState::kNone && trace.twin != station::TwinState::kGivenUp;
+      requests_->show(view_model::ShownContact{trace.contact_radius_nm, trace.adhesion_nn, twin});
+      requests_->show_chooser(chooses_method_);
       if (motion != nullptr) requests_->show(motion->task());
     }
   } while (!over(sample));
@@ -124,6 +129,29 @@ void RealTimeSession::follow_link(const recording::Sample& before, double dt_s) 
                                           static_cast<std::uint32_t>(wanted)));
 }
 
+/// What was planned for one round trip is too stiff at a longer one, for a method that does not pay for it.
+void RealTimeSession::keep_plan(const recording::Sample& before, double dt_s) noexcept {
+  control::Scaling wanted = station_.config().scaling;
+  keeps_plan_ = keeps_plan_ && wanted.force == scaling_.force();  // a person has said which
+  if (!keeps_plan_ || control::binding_delay_samples(station_.config().method, 2) < 2) return;
+  control::ScalingFollower::Circumstances now;
+  if (before.rtt_us > 0) now.rtt_s = std::max(1e-6 * before.rtt_smoothed_us, 1e-3 * before.playout_delay_ms);
+  now.jitter_s = 1e-6 * before.jitter_us;
+  now.at_rest = before.contact_state != static_cast<std::uint32_t>(link::ContactState::kContact) &&
+                loop_.trace().commanded_force_h_n.norm() < kUnfeltN;
+  const double planned_s = scaling_.planned_s();
+  const bool changed = scaling_.update(now, dt_s);
+  const bool lower = scaling_.planned_s() > planned_s;
+  if (scaling_.planned_s() != planned_s && recorder_ != nullptr)
+    recorder_->push(recording::make_event(before.tick, before.time_s, kEventScale,
+                                          lower ? "force scale lowered: the round trip is longer"
+                                                : "force scale raised: the round trip is shorter",
+                                          static_cast<std::uint32_t>(std::min(scaling_.target(), 4e9))));
+  if (!changed) return;
+  wanted.force = scaling_.force();
+  keeps_plan_ = station_.change_scaling(wanted);
+}
+
 /// The next server finds a session as after a restart: a Hello, a new epoch, the tip taken up where it is.
 void RealTimeSession::follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept {
   const connection::LeaveCause cause = connection::leaves(session_, servers_->nobody_listens(), now_ns);
@@ -147,6 +175,8 @@ void RealTimeSession::ask_screen(const recording::Sample& before) noexcept {
   if (asked.task >= 0 && free && hand_.motion != nullptr && hand_.motion->begin_task(asked.task)) {
     stays_ = true;
     done_ticks_ = 0;
+    const auto task = static_cast<std::size_t>(asked.task);
+    if (task < companding_.size()) station_.change_companding(companding_[task]);
     if (recorder_ != nullptr)
       recorder_->push(recording::make_event(before.tick, before.time_s, kEventTask, "task chosen",
                                             static_cast<std::uint32_t>(asked.task)));
@@ -233,6 +263,7 @@ void RealTimeSession::record_events(const recording::Sample& sample) noexcept {
     const char* const text = twin == station::TwinState::kConfirmed ? "twin: the server's state"
                              : twin == station::TwinState::kApart   ? "twin: apart from the server"
                              : twin == station::TwinState::kGivenUp ? "twin: given up"
+                             : twin == station::TwinState::kWaits   ? "twin: waits for the shared tip"
                                                                     : "twin: none in this session";
     recorder_->push(recording::make_event(sample.tick, sample.time_s, kEventTwin, text,
                                           static_cast<std::uint32_t>(station_.twin()->partings())));
@@ -254,6 +285,8 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.playout_delay_ms = sample.playout_delay_ms;
   p.playout_late = loop_.playout().counts().late;
   p.commands_held = loop_.gate().held();
+  p.force_scale = scaling_.target();
+  if (scaling_.follows() && keeps_plan_) p.planned_delay_s = scaling_.planned_s();
   p.send_hz = loop_.rate().rate_hz();
   p.send_full_hz = loop_.rate().full_hz();
   p.send_least_hz = loop_.rate().lowest_hz();

@@ -2,8 +2,11 @@
 
 #include <atomic>
 #include <cstdint>
+#include <utility>
+#include <vector>
 
 #include "telenano/common/control/method_choice.h"
+#include "telenano/common/control/scaling_follower.h"
 #include "telenano/common/link/client_session.h"
 #include "telenano/common/recording/recorder.h"
 #include "telenano/common/recording/summary_builder.h"
@@ -49,6 +52,9 @@ inline constexpr std::uint32_t kEventNote =
 inline constexpr std::uint32_t kEventPractice =
     110;  ///< another practice link; value: ms added to the round trip
 
+inline constexpr std::uint32_t kEventScale =
+    111;  ///< changed with the link; value: the force scale from here on
+
 /// What the loop tells the progress line.
 struct Progress {
   double time_s = 0;
@@ -67,6 +73,8 @@ struct Progress {
   double energy_j = 0;
   std::uint32_t mode = 0;
   control::Method method = control::Method::kNone;
+  double planned_delay_s = 0;  ///< of the loop, that the force scale follows; 0: it does not
+  double force_scale = 0;
   bool chooses_method = false;  ///< by the rule; nobody has said which
   double silent_s = 0;
   device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
@@ -113,6 +121,12 @@ class RealTimeSession {
     chooses_method_ = true;
     choice_ = control::MethodChoice(station_.config().method);
   }
+  /// What of weak forces is shown in each task that the window offers (Station::change_companding).
+  void set_companding(std::vector<control::CompandingConfig> of_tasks) noexcept {
+    companding_ = std::move(of_tasks);
+  }
+  /// The force scale follows the link as long as nobody else changes it, before run().
+  void follow_scaling(control::ScalingFollower follower) noexcept { scaling_ = std::move(follower); }
   /// Goes on to the next server when the current one is lost, before run(). `servers` is the socket that was
   /// given to the constructor, with several in it.
   void set_servers(connection::ServerList& servers) noexcept { servers_ = &servers; }
@@ -120,6 +134,12 @@ class RealTimeSession {
   void set_practice(connection::ServerList& servers) noexcept { practised_ = &servers; }
   /// Who fetches the server's scene, before run().
   void set_scene_pipe(loop::ScenePipe& pipe) noexcept { loop_.set_scene_pipe(&pipe); }
+
+  /// A recording from the next tick on, where there is none yet; while run() runs, from another thread. It must
+  /// outlive run().
+  void record_from_now(recording::Recorder& recorder) noexcept {
+    later_recorder_.store(&recorder, std::memory_order_release);
+  }
 
   /// A screen that shows the session and asks things of it, before run(). A station that has stopped itself
   /// then waits for the person there instead of ending the session. `stays`: so does a hand at the end of its
@@ -146,6 +166,7 @@ class RealTimeSession {
 
  private:
   void see_tip(const recording::Sample& before) noexcept;
+  void keep_plan(const recording::Sample& before, double dt_s) noexcept;
   void follow_link(const recording::Sample& before, double dt_s) noexcept;
   void follow_servers(const recording::Sample& sample, std::int64_t now_ns) noexcept;
   void ask_screen(const recording::Sample& before) noexcept;
@@ -161,6 +182,7 @@ class RealTimeSession {
   link::ClientSession& session_;
   station::Station& station_;
   recording::Recorder* recorder_;
+  std::atomic<recording::Recorder*> later_recorder_{nullptr};
   view_model::ViewRequestHandler* requests_ = nullptr;
   double give_up_s_;
   double observe_s_;
@@ -181,7 +203,10 @@ class RealTimeSession {
 
   std::int64_t stop_ticks_ = 0;
   bool chooses_method_ = false;
+  control::ScalingFollower scaling_;
+  bool keeps_plan_ = true;  // until a person changes the scale
   control::MethodChoice choice_;
+  std::vector<control::CompandingConfig> companding_;  // by the task's place in the list
   bool quit_ = false;
   bool stays_ = false;
   std::uint32_t marks_ = 0;

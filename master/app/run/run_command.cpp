@@ -43,6 +43,10 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
                      "alpha_v, tip metres per hand metre (default: planned, see plan)");
   command.add_option("--force-scale", options.force_scale,
                      "alpha_F, hand newtons per tip newton (default: planned, see plan)");
+  command.add_option(
+      "--compand", options.compand,
+      "Show weak attraction before contact up to so many times as strong, 1 to 10 (default 1: as "
+      "it is); felt with method twin, see [companding] of deploy/station.toml");
   command.add_flag("--allow-unsafe-scaling", options.allow_unsafe_scaling,
                    "Run beyond the scaling that the device can show passively; force limits stay");
   command

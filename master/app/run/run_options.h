@@ -24,6 +24,7 @@ struct RunOptions : connection::ServerAccess {
   std::string scene;  ///< of the twin; empty: none
   std::optional<double> velocity_scale;
   std::optional<double> force_scale;
+  std::optional<double> compand;
   bool allow_unsafe_scaling = false;
   std::optional<int> redundancy;
   std::string send_hz;  ///< "auto" or a number; empty: the station file's

@@ -1,4 +1,5 @@
 #include "telenano/master/app/run/run_session.h"
+#include "telenano/master/app/recordings/free_recording.h"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -68,6 +69,7 @@ constexpr double kTwinSceneWaitS = 20;
 constexpr double kFirstSceneWaitS = 8;
 // A scene that comes for the first time: 265 kB take 0.7 s over 20 ms. What takes longer comes later.
 constexpr double kSceneWaitS = 2;
+constexpr const char* kRecordingInWindow = "session.h5";  // of one that begins there
 constexpr std::chrono::milliseconds kLineAgain(200);
 constexpr std::chrono::milliseconds kLineAgainInLog(2000);
 
@@ -80,6 +82,7 @@ void require_numbers(const RunOptions& options) {
   require("--rate", options.rate_hz.value_or(0));
   require("--duration-s", options.duration_s.value_or(0));
   require("--depth-nm", options.depth_nm.value_or(0));
+  require("--compand", options.compand.value_or(1));
   require("--connect-timeout-s", options.connect_timeout_s);
   require("--give-up-s", options.give_up_s);
 }
@@ -106,6 +109,7 @@ StationFile station_file(const RunOptions& options) {
   }
   if (options.velocity_scale) file.scaling.velocity = *options.velocity_scale;
   if (options.force_scale) file.scaling.force = *options.force_scale;
+  if (options.compand) config.companding.gain = *options.compand;
   if (options.allow_unsafe_scaling) config.allow_unsafe_scaling = true;
   if (options.duration_s) file.task.duration_s = *options.duration_s;
   if (options.redundancy) file.redundancy = *options.redundancy;
@@ -166,6 +170,14 @@ std::vector<SimTask> add_tasks(device::SimDevice& hand, const RunOptions& option
   return tasks;
 }
 
+/// As many as there are tasks.
+std::vector<control::CompandingConfig> companding_of_tasks(const StationFile& file,
+                                                           const std::vector<SimTask>& tasks) {
+  std::vector<control::CompandingConfig> all;
+  for (const SimTask& task : tasks) all.push_back(companding_of(file, task.free ? "hand" : task.name));
+  return all;
+}
+
 /// A window that was opened to look around stays when the first task is done; one that was told which task,
 /// or for how long, goes with it.
 bool stays_open(const RunOptions& options, const SessionView& view, bool simulated) {
@@ -215,6 +227,17 @@ void tell_terms(const StationFile& file, const link::Welcome& welcome, const Lin
                playout_s * 1e3, link.p99_s * 1e3);
   }
   if (!check.note.empty()) fmt::print(stderr, "note: {}\n", check.note);
+  const control::CompandingConfig& companding = file.station.companding;
+  if (companding.on() && method == control::Method::kTwin) {
+    fmt::print(
+        stderr,
+        "companding: attraction before contact up to {:g} times as strong, tasks {}; a hand may get {:.3g} "
+        "mJ more of it\n",
+        companding.gain, file.companding_tasks,
+        1e3 * file.station.scaling.hand_energy_j(companding.most_aj()));
+  } else if (companding.on()) {
+    fmt::print(stderr, "note: companding is felt with method twin only: forces are shown as they are\n");
+  }
 }
 
 // What is told of a shared tip before the session begins, and what is asked for.
@@ -275,7 +298,7 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
                  scene_store::SceneKeeper& keeper, const std::atomic<bool>& stop, std::string& why) {
   Twins twins;
   if (!session.logs_steps()) {
-    why = "this server keeps no log of steps (a shared tip, a real AFM or an older program)";
+    why = "this server keeps no log of steps (a real AFM or an older program)";
     return twins;
   }
   if (!wanted && link.median_s > control::MethodChoice::kTwinMost_s) {
@@ -496,17 +519,23 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     opened.device = std::move(device);
     add_pedals(opened, file.pedal);
   }
+  const std::vector<control::CompandingConfig> companding = companding_of_tasks(file, tasks);
+  file.station.companding = companding_of(file, simulated ? std::string_view(options.task) : "hand");
   const SessionHand hand{*opened.device, opened.motion, options.duration_s.value_or(0)};
   // Who only looks on has no task that could be over: until stopped, or for as long as was said.
   const bool has_task = hand.motion != nullptr && !(options.observe && !options.duration_s);
   const double session_s = has_task ? hand.motion->motion_duration_s() : hand.duration_s;
   const station::TwinRunConfig twin_settings = twin_config(config.rate_hz);
   MarkRows mark_rows;
-  const std::unique_ptr<recording::Recorder> recorder =
-      make_recorder(options, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
-                    scene.bundle().get(), twins.empty() ? nullptr : &twin_settings,
-                    twins.empty() ? 0 : twins[0]->scene_hash(),
-                    [&mark_rows](std::vector<recording::MarkRow>& rows) { mark_rows.newest(rows); });
+  const bool has_twin = !twins.empty();
+  const std::uint64_t twin_scene_hash = has_twin ? twins[0]->scene_hash() : 0;
+  const auto new_recorder = [&](const RunOptions& run) {
+    return make_recorder(run, file, welcome, link, opened, device_info, planned, client_config.nonce_seed,
+                         scene.bundle().get(), has_twin ? &twin_settings : nullptr, twin_scene_hash,
+                         [&mark_rows](std::vector<recording::MarkRow>& rows) { mark_rows.newest(rows); });
+  };
+  std::unique_ptr<recording::Recorder> recorder = new_recorder(options);
+  std::string recorded = options.record;
   if (!options.quiet) tell_terms(file, welcome, link, slave.scene_name, check, planned, device_info);
   station::Station station(config, device_info, port);
   if (!twins.empty()) use_twin(std::move(twins), welcome, config, station, options.quiet);
@@ -516,6 +545,13 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   if (servers.size() > 1) live.set_servers(servers);
   if (options.practice) live.set_practice(servers);
   if (file.chooses_method) live.choose_method();
+  live.set_companding(companding);
+  // A scale that a person gave is kept.
+  if (!planned.empty() && !file.scaling.force && !config.allow_unsafe_scaling) {
+    control::ScalingPlanInput input = plan_input(file, device_info, slave, delay_samples);
+    input.velocity_scale = config.scaling.velocity;
+    live.follow_scaling({input, config.scaling.force});
+  }
   if (view_model::ViewRequestHandler* const requests =
           view.begin({config, device_info, slave, welcome.feature_bits, delay_samples, options.server,
                       options.record, tasks, file.plant.workspace_half_m, options.give_up_s,
@@ -529,6 +565,16 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
                      [&live](metrics::Page& page) { write_metrics(live.progress(), page); });
     if (!options.quiet) fmt::print(stderr, "metrics at {}\n", exporter->url());
   }
+  // A person at the window wants one from now on.
+  const auto begin_recording = [&]() -> std::string {
+    if (recorder != nullptr) return recorded;
+    RunOptions from_now = options;
+    from_now.record = free_recording(kRecordingInWindow);
+    recorder = new_recorder(from_now);
+    recorded = from_now.record;
+    live.record_from_now(*recorder);
+    return recorded;
+  };
   farewell->leave_to_loop();
   const bool terminal = isatty(STDERR_FILENO) != 0;
   // What follows the loop's end, once: a window may stay open after it.
@@ -538,7 +584,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     if (terminal && !options.quiet) fmt::print(stderr, "\n");
     if (recorder) recorder->close();
     session_file.remove();  // ended by a Bye, one way or the other
-    print_summary(live.summary(), live.timer_stats(), recorder.get(), options.record);
+    print_summary(live.summary(), live.timer_stats(), recorder.get(), recorded);
     print_sending(live.progress());
   };
   // A window does not vanish under a person's eyes because the server did, or because the task is done. A run
@@ -551,8 +597,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     if (!failure.empty())
       fmt::print(stderr, "telenano-master: {}; the window stays until you close it\n", failure);
     std::vector<std::string> lines = end_lines(failure, live.summary());
-    if (recorder)
-      lines.push_back(fmt::format("recording {}: {} rows", options.record, recorder->rows_written()));
+    if (recorder) lines.push_back(fmt::format("recording {}: {} rows", recorded, recorder->rows_written()));
     return {!failure.empty(), lines};
   };
   std::string frames;
@@ -594,8 +639,10 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
       print_progress(progress, session_s, terminal);
     };
     if (view.wanted()) {
-      frames = view.run(live, recorder.get(), !thread.report().fifo,
-                        {look, session_end, [&stop] { return stop.load(); }});
+      frames =
+          view.run(live, !thread.report().fifo,
+                   {look, session_end, [&stop] { return stop.load(); },
+                    [&recorder]() -> const recording::Recorder* { return recorder.get(); }, begin_recording});
       if (view.again_wanted()) next->ask();
     }
     while (!live.finished()) {

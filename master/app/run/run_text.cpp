@@ -29,6 +29,8 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
     line += "  twin: apart from the server, taking up its state";
   else if (p.twin == station::TwinState::kGivenUp)
     line += "  twin: given up";
+  else if (p.twin == station::TwinState::kWaits)
+    line += p.observes ? "" : "  twin: takes up the tip's state";
   else if (p.twin != station::TwinState::kNone)
     line += fmt::format("  twin: {} steps ahead", p.twin_behind);
   if (p.force_off != device::ForceOffCause::kNone)
@@ -79,6 +81,13 @@ void print_changes(const Progress& before, const Progress& now, bool terminal) {
   if (before.ticks > 0 && before.method != now.method && now.chooses_method) {
     fmt::print(stderr, "{}method {} from now on: the round trip is {:.1f} ms\n", end_of_line,
                control::method_name(now.method), 1e-3 * now.link.rtt_us);
+  }
+  if (before.planned_delay_s > 0 && now.planned_delay_s > 0 &&
+      before.planned_delay_s != now.planned_delay_s) {
+    fmt::print(stderr,
+               "{}force scale {:.4g} from now on, planned for {:.4g} ms from hand to force: the round trip "
+               "is {:.1f} ms\n",
+               end_of_line, now.force_scale, 1e3 * now.planned_delay_s, 1e-3 * now.link.rtt_us);
   }
   if (!before.shutting_down && now.shutting_down) {
     fmt::print(stderr, "{}the server is shutting down: the force is zero, trying to reach it again\n",

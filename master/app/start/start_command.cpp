@@ -102,6 +102,7 @@ int start(const StartFlags& flags) {
   }
   if (!flags.server.empty()) choice.server = flags.server, choice.key = flags.key;
   if (!flags.device.empty()) choice.device = flags.device;
+  choice.text_size = flags.text_size;
   viewer::StartFacts facts;
   facts.hands = offered_hands();
   Question question;

@@ -14,6 +14,11 @@ CLI::App* add_start_flags(CLI::App& app, StartFlags& flags) {
       ->needs(server);
   command->add_option("--device", flags.device, "Hand to begin with (default sim)")
       ->type_name("{sim,omega,hid,mouse}");
+  command
+      ->add_option("--text-size", flags.text_size,
+                   "Of the words in this window and its sessions, times the screen's own")
+      ->capture_default_str()
+      ->check(CLI::Range(0.75, 2.5));
   command->footer(
       "Each session runs as the command line that the window shows, and can be begun again when it is over. "
       "Servers\n"

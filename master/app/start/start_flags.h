@@ -13,6 +13,7 @@ struct StartFlags {
   std::string server;
   std::string key;
   std::string device;
+  double text_size = 1;
 };
 
 CLI::App* add_start_flags(CLI::App& app, StartFlags& flags);

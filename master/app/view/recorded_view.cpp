@@ -88,6 +88,7 @@ viewer::ViewFacts facts_of(const recording::RecordingReader& reader, const ViewO
       number_of(reader, "limits.force_safety", 0) * number_of(reader, "haptic.force_max_n", 0);
   facts.energy_bound_j = number_of(reader, "control.allowance_j", 0);
   facts.tip_radius_nm = options.tip_radius_nm;
+  facts.text_size = options.text_size;
   return facts;
 }
 

@@ -116,11 +116,15 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   for (const SimTask& task : session.tasks)
     facts.tasks.push_back({task.name, task.about, task.reach_nm, task.free});
   facts.surface_z_w_nm = session.slave.surface_z_w_nm;
+  facts.workspace_min_w_nm = session.slave.workspace_min_w_nm;
+  facts.workspace_max_w_nm = session.slave.workspace_max_w_nm;
   facts.hand_force_limit_n = session.station.force_safety * session.device.force_max_n;
   facts.energy_bound_j = session.station.allowance_j;
   facts.give_up_s = session.give_up_s;
   facts.practice = session.practice;
   facts.tip_radius_nm = options_.tip_radius_nm;
+  facts.text_size = options_.text_size;
+  facts.can_record = window_;
   const control::Scaling& planned = session.station.scaling;
   view_model::ScalingRegion& region = facts.region;
   for (const control::Method method : control::kAllMethods) {
@@ -159,15 +163,16 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   return requests_.get();
 }
 
-std::string SessionView::run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
-                             const Callbacks& callbacks) {
+std::string SessionView::run(const RealTimeSession& live, bool give_way, const Callbacks& callbacks) {
   if (give_way) rt::enter_background();
   viewer::ViewHooks hooks;
   hooks.session_over = [&] {
     callbacks.each();
     return live.finished();
   };
-  hooks.recording = [recorder] {
+  hooks.record = callbacks.record;
+  hooks.recording = [&callbacks] {
+    const recording::Recorder* const recorder = callbacks.recorder();
     return recorder == nullptr ? viewer::RecordingStatus{}
                                : viewer::RecordingStatus{recorder->rows_written(), recorder->failed()};
   };

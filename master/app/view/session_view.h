@@ -37,6 +37,7 @@ struct ViewOptions {
   bool guide = false;
   std::string surface;
   double tip_radius_nm = 20;
+  double text_size = 1;
   std::string screenshot;
   double at_s = 5;
   std::string screenshot_size = "1280x800";
@@ -92,15 +93,16 @@ class SessionView {
   /// After run(): a person wants the same session once more.
   bool again_wanted() const noexcept { return again_; }
   struct Callbacks {
-    std::function<void()> each;                           ///< every now and then, while the session runs
-    std::function<view_model::SessionEnd()> session_end;  ///< once it is over; not asked of a photograph
-    std::function<bool()> stop_wanted;                    ///< a window that has stayed goes
+    std::function<void()> each;                            ///< every now and then, while the session runs
+    std::function<view_model::SessionEnd()> session_end;   ///< once it is over; not asked of a photograph
+    std::function<bool()> stop_wanted;                     ///< a window that has stayed goes
+    std::function<const recording::Recorder*()> recorder;  ///< null: there is none
+    std::function<std::string()> record;                   ///< begins a recording; its file. Throws UserError
   };
   /// The picture, until the session is over, or the window closed that stayed after it. In the main thread.
   /// `give_way`: the loop has no real-time priority, so drawing has to leave it the processors.
   /// Returns one line about the frames for a person; empty when there is none.
-  std::string run(const RealTimeSession& live, const recording::Recorder* recorder, bool give_way,
-                  const Callbacks& callbacks);
+  std::string run(const RealTimeSession& live, bool give_way, const Callbacks& callbacks);
 
  private:
   struct Parts;

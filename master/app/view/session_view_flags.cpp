@@ -17,6 +17,12 @@ void add_picture_flags(CLI::App& command, ViewOptions& options, const std::strin
                   "Of the tip as drawn; the server does not tell its own")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 10000.0));
+  command
+      .add_option(
+          "--text-size", options.text_size,
+          "Of the words in the window, times the screen's own; Ctrl and plus or minus change it there")
+      ->capture_default_str()
+      ->check(CLI::Range(0.75, 2.5));
   command.add_option(
       "--screenshot", options.screenshot,
       "Draw one picture of the session into this PNG; needs neither display nor graphics card");

@@ -31,7 +31,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession&) {
   return nullptr;
 }
 
-std::string SessionView::run(const RealTimeSession&, const recording::Recorder*, bool, const Callbacks&) {
+std::string SessionView::run(const RealTimeSession&, bool, const Callbacks&) {
   return "";
 }
 

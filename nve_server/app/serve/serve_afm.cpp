@@ -11,6 +11,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/hash/sha256.h"
+#include "telenano/common/metrics/page.h"
 #include "telenano/common/net/udp.h"
 #include "telenano/common/security/private_file.h"
 #include "telenano/nve_server/afm/afm_adapters.h"
@@ -37,7 +38,6 @@ afm::DeadmanKey read_deadman_key(const std::string& file) {
 }  // namespace
 
 struct ServeAfm::Running {
-  std::shared_ptr<afm::AfmExchange> exchange = std::make_shared<afm::AfmExchange>();
   std::unique_ptr<TipLatch> latch;
   std::unique_ptr<afm::AfmDriver> driver;
   /// Nothing moves any more. Where the tip is known to be up, nobody needs to approve the next approach.
@@ -49,7 +49,7 @@ struct ServeAfm::Running {
   }
 };
 
-ServeAfm::ServeAfm() = default;
+ServeAfm::ServeAfm() : exchange_(std::make_shared<afm::AfmExchange>()) {}
 ServeAfm::~ServeAfm() = default;
 
 void ServeAfm::add_flags(CLI::App& command) {
@@ -144,8 +144,7 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
       guard != nullptr && *guard != 0
           ? afm::call_guard(guard, {emergency, config.guard_silence_ms(), config.deadman_key})
           : afm::start_guard(emergency, config.guard_silence_ms(), config.deadman_key);
-  running->driver =
-      std::make_unique<afm::AfmDriver>(config, options, running->exchange, clock, std::move(news));
+  running->driver = std::make_unique<afm::AfmDriver>(config, options, exchange_, clock, std::move(news));
   running_ = std::move(running);
   try {
     running_->driver->start(stop);
@@ -158,10 +157,26 @@ server::ServedScene ServeAfm::start(const rt::Clock& clock, const std::atomic<bo
   server::ServedScene served;
   served.name = server::scene_name("afm");
   served.one_tip_only = true;
-  served.make_slave = [config, exchange = running_->exchange, &clock] {
+  served.make_slave = [config, exchange = exchange_, &clock] {
     return std::make_unique<afm::AfmSlave>(config, exchange, clock);
   };
   return served;
+}
+
+void ServeAfm::write_metrics(metrics::Page& page) const {
+  afm::PortState s;
+  if (!wanted() || !exchange_->load_state(s)) return;
+  page.gauge("telenano_afm_following", "1 while the tip is at the surface and follows",
+             s.phase == afm::Phase::kFollowing ? 1 : 0);
+  page.gauge("telenano_afm_withdrawn", "1 while the tip is up", s.phase == afm::Phase::kWithdrawn ? 1 : 0);
+  page.counter("telenano_afm_withdrawals_total", "Withdrawals that an operator must clear",
+               static_cast<double>(s.latches));
+  page.gauge("telenano_afm_force_newtons", "Newest reading along Z", 1e-9 * s.measured_force_w_nn.z());
+  page.gauge("telenano_afm_drift_metres_per_second",
+             "Of the piezo's height at which the tip touches, as the touches say", 1e-9 * s.drift_nm_s);
+  page.gauge("telenano_afm_surface_bound_metres",
+             "The surface is within this of where W's zero says, 95 % of the time",
+             1e-9 * s.surface_bound_nm);
 }
 
 void ServeAfm::stop() {

@@ -12,6 +12,12 @@
 namespace CLI {
 class App;
 }
+namespace telenano::afm {
+class AfmExchange;
+}
+namespace telenano::metrics {
+class Page;
+}
 
 namespace telenano::app {
 
@@ -29,11 +35,14 @@ class ServeAfm {
   /// Starts the guard and the controller's thread, checks and approaches. Throws UserError, one line.
   server::ServedScene start(const rt::Clock& clock, const std::atomic<bool>& stop,
                             std::function<void(const std::string&)> news);
+  /// What the controller's thread has published. From any thread; nothing before there was anything.
+  void write_metrics(metrics::Page& page) const;
   /// Withdraws the tip. Also when the object goes.
   void stop();
 
  private:
   struct Running;
+  std::shared_ptr<afm::AfmExchange> exchange_;
   std::string slave_ = "nve";
   std::string controller_;
   std::string ports_ = "6501-6504";

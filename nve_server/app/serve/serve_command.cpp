@@ -119,6 +119,7 @@ struct ServeOptions {
   bool busy_poll = false;
   bool low_latency = false;
   int realtime_priority = 0;
+  std::string checkpoints;
   std::string audit;
   std::string metrics;
   bool metrics_public = false;
@@ -139,6 +140,14 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
         "--local-rights: with --keys every station has the right of its key (telenano-nve keys new "
         "--rights); "
         "leave it out");
+  if (!options.checkpoints.empty()) {
+    if (options.afm.wanted())
+      throw UserError(
+          "--checkpoint: an AFM's tip and sample cannot be moved to another server; leave it out");
+    if (options.share == "one-tip")
+      throw UserError("--checkpoint: a tip that is shared is not kept; leave out --share one-tip or this");
+    CheckpointKeeper::require_folder(options.checkpoints);
+  }
   const int dscp = net::parse_dscp(options.dscp, "--dscp");
   const rt::SteadyClock clock;
   // Before the scene: a taken port is the quicker answer.
@@ -148,6 +157,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
       options.sessions_per_peer.value_or(default_sessions_per_peer(options.max_sessions));
   if (!options.local_rights.empty()) workers_config.local_rights = *net::parse_rights(options.local_rights);
   workers_config.audit = !options.audit.empty();
+  workers_config.checkpoints = !options.checkpoints.empty();
   Workers workers(workers_config, clock);
   const bool marked = dscp == 0 || workers.set_dscp(dscp);
 
@@ -165,6 +175,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
           const bool known = prepared.load(std::memory_order_acquire);
           write_metrics(workers.loops(), known ? workers.channels() : std::vector<security::DtlsServer*>(),
                         page);
+          options.afm.write_metrics(page);
         },
         health_pages(workers.loops(), options.max_sessions, signals, clock));
     log->info("metrics at {}", exporter->url());
@@ -195,7 +206,18 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     tip_slots = std::make_shared<web::TipSlots>();
     scene.make_slave = watched(scene.make_slave, tip_slots);
   }
-  workers.prepare(options.security, config, scene);
+  std::optional<CheckpointKeeper> keeper;
+  if (!options.checkpoints.empty()) {
+    keeper.emplace(CheckpointKeeper::Config{options.checkpoints,
+                                            {scene.hash, scene.physics},
+                                            scene.make_slave,
+                                            options.resume_s * std::int64_t{1000},
+                                            [log](const std::string& text) { log->warn("{}", text); },
+                                            [log](const std::string& text) { log->info("{}", text); }},
+                   workers.mail());
+  }
+  workers.prepare(options.security, config, scene, keeper ? &*keeper : nullptr);
+  if (keeper) keeper->start();
   prepared.store(true, std::memory_order_release);
   const bool secure = options.security.is_secure();
 
@@ -272,6 +294,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
     });
   }
 
+  keeper.reset();
   audit.reset();
   options.afm.stop();
   const server::ServerCounters counters = workers.counters();
@@ -287,6 +310,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
             counters.opened, counters.resumed,
             counters.moved_in > 0 ? ", " + std::to_string(counters.moved_in) + " by another worker" : "",
             drops.empty() ? "none" : drops);
+  if (counters.taken_up > 0 || counters.handed_out > 0)
+    log->info("checkpoints: {} sessions taken up, {} handed out", counters.taken_up, counters.handed_out);
   if (counters.scene_chunks > 0) log->info("{} pieces of the scene were fetched", counters.scene_chunks);
   if (counters.deferred > 0 || counters.cut > 0)
     log->info("beyond their share of the server: {} commands waited for later ones, {} steps were cut",
@@ -365,6 +390,13 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
           "--save-surface", options->surfaces,
           "Folder for each session's marked surface (SCENE-NUMBER.gsf, the next free number), written "
           "every 2 s and when it ends")
+      ->type_name("DIR");
+  command
+      ->add_option(
+          "--checkpoint", options->checkpoints,
+          "Folder, this user's alone, to keep each session's tip, marks and book in, every second and "
+          "at the end: this server started again, or another one with the same folder and scene, goes "
+          "on with them")
       ->type_name("DIR");
   command
       ->add_option(

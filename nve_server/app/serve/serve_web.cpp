@@ -42,6 +42,7 @@ class WatchedSlave final : public slave::Slave {
   std::size_t save(std::span<std::uint8_t> out) const noexcept override { return inner_->save(out); }
   bool load(std::span<const std::uint8_t> bytes) noexcept override { return inner_->load(bytes); }
   void reset() noexcept override { inner_->reset(); }
+  bool say_again(slave::SlaveOutput& output) noexcept override { return inner_->say_again(output); }
   std::size_t snapshot_bytes_max() const noexcept override { return inner_->snapshot_bytes_max(); }
   std::shared_ptr<const surface::HeightView> heights() const override { return inner_->heights(); }
 

@@ -26,7 +26,7 @@ std::size_t default_sessions_per_peer(std::size_t max_sessions) noexcept {
 }
 
 Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
-    : config_(config), clock_(clock), cap_(config.max_sessions), mail_(config.workers) {
+    : config_(config), clock_(clock), cap_(config.max_sessions), mail_(config.workers, config.checkpoints) {
   net::UdpOptions options;
   options.share_port = config.workers > 1;
   options.arrival_times = false;  // a reply's hold time is the loop's own
@@ -43,7 +43,7 @@ Workers::Workers(const WorkersConfig& config, const rt::Clock& clock)
 }
 
 void Workers::prepare(const ServeSecurity& security, const server::ServerConfig& base,
-                      const server::ServedScene& scene) {
+                      const server::ServedScene& scene, CheckpointKeeper* keeper) {
   ServeSecurity::Place place;
   place.connection_ids = steered_;
   place.grant_names = grant_names_;
@@ -66,11 +66,12 @@ void Workers::prepare(const ServeSecurity& security, const server::ServerConfig&
     own.work.enforced = true;
     if (config_.audit) worker.audit = std::make_unique<server::AuditQueue>(kAuditQueue);
     own.audit = worker.audit.get();
-    if (workers_.size() > 1) {
+    if (workers_.size() > 1 || keeper != nullptr) {
       own.mail = &mail_;
       own.worker = i;
-      own.cap = &cap_;
     }
+    if (workers_.size() > 1) own.cap = &cap_;
+    if (keeper != nullptr) own.checkpoints = &keeper->add_queue();
     worker.server.emplace(own, scene);
   }
 }

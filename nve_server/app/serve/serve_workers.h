@@ -12,6 +12,7 @@
 #include "telenano/common/rt/clock.h"
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/security/dtls_server.h"
+#include "telenano/nve_server/app/serve/checkpoint_keeper.h"
 #include "telenano/nve_server/app/serve/serve_security.h"
 #include "telenano/nve_server/app/serve/server_signals.h"
 #include "telenano/nve_server/server/server_loop.h"
@@ -28,6 +29,7 @@ struct WorkersConfig {
   int realtime_priority = 0;                         ///< SCHED_FIFO, 1..99; 0 = ordinary scheduling
   std::size_t sessions_per_peer = 64;                ///< of one key, or in the clear of one IP address
   net::Rights local_rights = net::Rights::kOperate;  ///< of who shows no key
+  bool checkpoints = false;                          ///< there is a CheckpointKeeper
   bool audit = false;                                ///< each worker leaves events in a queue
 };
 
@@ -55,7 +57,9 @@ class Workers {
 
   /// Then the channels and the servers. `base`: what they have in common. Throws UserError or RunError.
   void prepare(const ServeSecurity& security, const server::ServerConfig& base,
-               const server::ServedScene& scene);
+               const server::ServedScene& scene, CheckpointKeeper* keeper = nullptr);
+  /// Between the loops, and with the keeper of checkpoints.
+  server::WorkerMail& mail() noexcept { return mail_; }
 
   /// Serves until `signals.stop`, the first worker in the calling thread; then says goodbye. `told`: what the
   /// system grants of a realtime_priority, before the first worker begins; threads that the caller starts

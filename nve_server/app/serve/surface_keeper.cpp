@@ -80,9 +80,23 @@ class SurfaceKeeper::KeptSlave final : public slave::Slave {
     slave_->step(input, dt_s, output);
   }
   const slave::SlaveLimits& limits() const noexcept override { return slave_->limits(); }
-  // So that a station may have its twin. load() and reset() stay refused: the journal hears only of marks.
+  // So that a station may have its twin, and another server the session.
   std::uint64_t state_hash() const noexcept override { return slave_->state_hash(); }
   std::size_t save(std::span<std::uint8_t> out) const noexcept override { return slave_->save(out); }
+  /// A slave that has been loaded is another session for the keeper, with a file of its own: its journal hears
+  /// only of the marks that come after these.
+  bool load(std::span<const std::uint8_t> bytes) noexcept override {
+    try {
+      const bool good = slave_->load(bytes);
+      slave_->set_mark_journal(nullptr);
+      kept_ = keeper_->begin(*slave_, kept_);
+      slave_->set_mark_journal(kept_.get());
+      return good;
+    } catch (...) {  // out of memory
+      return false;
+    }
+  }
+  bool say_again(slave::SlaveOutput& output) noexcept override { return slave_->say_again(output); }
   std::size_t snapshot_bytes_max() const noexcept override { return slave_->snapshot_bytes_max(); }
   std::shared_ptr<const surface::HeightView> heights() const override { return slave_->heights(); }
 
@@ -121,19 +135,25 @@ SurfaceKeeper::~SurfaceKeeper() {
 }
 
 std::unique_ptr<slave::Slave> SurfaceKeeper::make_slave(const std::shared_ptr<SurfaceKeeper>& keeper) {
-  auto kept = std::make_shared<Kept>();
   auto slave = keeper->slaves_();
-  kept->number = ++keeper->numbers_;
+  auto kept = keeper->begin(*slave, nullptr);
+  return std::make_unique<KeptSlave>(keeper, std::move(kept), std::move(slave));
+}
+
+/// `instead` has left no marks yet.
+std::shared_ptr<SurfaceKeeper::Kept> SurfaceKeeper::begin(const slave::NveSlave& slave,
+                                                          const std::shared_ptr<Kept>& instead) {
+  auto kept = std::make_shared<Kept>();
+  kept->number = instead ? instead->number : ++numbers_;
   // Marks that it begins with are in no queue.
-  if (slave->sample().marks() > 0) {
-    kept->surface = std::make_unique<physics::SplineSurface>(*slave->marked_surface());
+  if (slave.sample().marks() > 0) {
+    kept->surface = std::make_unique<physics::SplineSurface>(*slave.marked_surface());
     kept->changed = true;
   }
-  {
-    const std::lock_guard lock(keeper->mutex_);
-    keeper->sessions_.push_back(kept);
-  }
-  return std::make_unique<KeptSlave>(keeper, std::move(kept), std::move(slave));
+  const std::lock_guard lock(mutex_);
+  if (instead) std::erase(sessions_, instead);
+  sessions_.push_back(kept);
+  return kept;
 }
 
 void SurfaceKeeper::take(std::shared_ptr<Kept> kept, std::unique_ptr<slave::NveSlave> slave) noexcept {

@@ -44,6 +44,7 @@ class SurfaceKeeper {
   struct Kept;
   class KeptSlave;
 
+  std::shared_ptr<Kept> begin(const slave::NveSlave& slave, const std::shared_ptr<Kept>& instead);
   void take(std::shared_ptr<Kept> kept, std::unique_ptr<slave::NveSlave> slave) noexcept;
   void run();
   void follow(Kept& kept) const;

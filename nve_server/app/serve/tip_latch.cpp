@@ -1,6 +1,7 @@
 #include "telenano/nve_server/app/serve/tip_latch.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -55,6 +56,15 @@ std::string fresh_id() {
   return id;
 }
 
+/// A server that runs has it.
+bool in_use(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool locked = ::flock(fd, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  ::close(fd);
+  return locked;
+}
+
 /// A name that was removed is gone also after a power failure.
 void sync_folder(const std::string& path) {
   const int fd = ::open(fs::path(path).parent_path().c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
@@ -74,24 +84,46 @@ TipLatch::TipLatch(const std::string& folder, const std::string& controller) {
                       "; it keeps whether the tip may be out");
   }
   path_ = (fs::absolute(folder) / file_name(controller)).string();
-  if (fs::exists(path_)) {
-    held_ = true;
-    id_ = read_id(path_);
-    take_approval();  // given while no server ran
+  const std::string same_host = file_name(controller.substr(0, controller.rfind(':') + 1));
+  const std::string before = same_host.substr(0, same_host.size() - kAfter.size());
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string path = (fs::absolute(folder) / entry.path().filename()).string();
+    const std::string name = entry.path().filename().string();
+    if (name.rfind(before, 0) != 0 || !name.ends_with(kAfter) || (path != path_ && in_use(path))) continue;
+    left_.push_back({path, read_id(path)});
+    if (path != path_) others_.push_back(path);
   }
+  if (error)
+    throw UserError("--afm-state: cannot read the folder " + folder + ": " + error.message() +
+                    "; it keeps whether the tip may be out");
+  take_approval();  // given while no server ran
+}
+
+TipLatch::~TipLatch() {
+  if (lock_ >= 0) ::close(lock_);
 }
 
 void TipLatch::set() {
-  id_ = fresh_id();
-  security::replace_private_file(path_, id_ + "\n", kWhat);
+  security::replace_private_file(path_, fresh_id() + "\n", kWhat);
   set_ = true;
+  if (lock_ >= 0) ::close(lock_);
+  lock_ = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
+  if (lock_ >= 0) ::flock(lock_, LOCK_EX | LOCK_NB);
+  for (const std::string& other : others_) ::unlink(other.c_str());
+  others_.clear();
+  left_.clear();
+  sync_folder(path_);
 }
 
 bool TipLatch::take_approval() {
-  if (!held_ || ::unlink(approval_of(path_, id_).c_str()) != 0) return false;
-  sync_folder(path_);
-  held_ = false;
-  return true;
+  if (left_.empty()) return false;
+  // Who was approved is not asked for again, also where another one is not yet.
+  std::erase_if(left_, [](const Left& left) {
+    if (::unlink(approval_of(left.path, left.id).c_str()) != 0) return false;
+    sync_folder(left.path);
+    return true;
+  });
+  return left_.empty();
 }
 
 void TipLatch::clear() {

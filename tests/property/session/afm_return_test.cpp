@@ -5,8 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <deque>
+#include <iterator>
 #include <memory>
+#include <string>
 
 #include "telenano/nve_server/afm_sim/default_scene.h"
 #include "tests/support/virtual_afm_slave.h"
@@ -34,11 +38,12 @@ struct Felt {
 };
 
 struct Rig {
-  explicit Rig(Method wanted, double rtt_ms, std::uint64_t seed = 1)
+  explicit Rig(Method wanted, double rtt_ms, std::uint64_t seed = 1,
+               const afm_sim::SimConfig& rig_config = {})
       : method(wanted), delay_ns(static_cast<std::int64_t>(0.5e6 * rtt_ms)) {
     afm::AfmConfig afm_config;
     afm_config.link_loss_ms = 300;
-    auto ready = approached(afm_config, afm_sim::SimConfig{}, afm_sim::default_scene(), seed);
+    auto ready = approached(afm_config, rig_config, afm_sim::default_scene(), seed);
     auto made = std::make_shared<std::unique_ptr<VirtualAfmSlave>>(std::make_unique<VirtualAfmSlave>(ready));
     afm = made->get();
     config.make_slave = [made] { return std::move(*made); };
@@ -46,7 +51,7 @@ struct Rig {
   }
   void open() {
     config.station.method = method;
-    config.task = device::Task::kIndent;
+    config.task = task;
     config.task_options.duration_s = task_s;
     config.to_server.delay_ns = config.to_station.delay_ns = delay_ns;
     config.port = static_cast<std::uint16_t>(2000 + sessions);
@@ -102,6 +107,7 @@ struct Rig {
   Method method;
   std::int64_t delay_ns;
   double task_s = kTaskS;
+  device::Task task = device::Task::kIndent;
   VirtualSessionConfig config;
   VirtualAfmSlave* afm = nullptr;
   std::unique_ptr<VirtualSession> session;
@@ -119,6 +125,10 @@ struct Rig {
 constexpr double scatter(Method method) {
   return method == Method::kWave ? 1 + 3 * 0.04 * 1.41 : 1.05;
 }
+
+// The first approach knows nothing of the rig's creep yet, so its zero lies some 0.2 nm deeper than the later
+// ones': at 28 N/m it presses with 6 nN more, and what is shown before the touch begins that much later.
+constexpr double kZeroNn = 6, kZeroN = 0.05;
 
 class AfmReturnOfSeed : public ::testing::TestWithParam<std::uint64_t> {};
 INSTANTIATE_TEST_SUITE_P(Seeds, AfmReturnOfSeed, ::testing::Values(1, 2, 3, 4));
@@ -140,9 +150,9 @@ TEST_P(AfmReturnOfSeed, ALaterSessionFindsTheTipWhereTheFirstDid) {
         EXPECT_TRUE(again.done);
         EXPECT_GT(again.waited, 1000) << "the approach takes some seconds";
         EXPECT_EQ(again.waiting_n, 0);
-        EXPECT_LE(again.in_air_n, scatter(method) * first.in_air_n + kFeltN);
+        EXPECT_LE(again.in_air_n, scatter(method) * first.in_air_n + kFeltN + kZeroN);
         EXPECT_LE(again.peak_nn, scatter(method) * first.peak_nn);
-        EXPECT_GE(again.peak_nn, first.peak_nn / scatter(method)) << "and it presses";
+        EXPECT_GE(again.peak_nn, first.peak_nn / scatter(method) - kZeroNn) << "and it presses";
         // The touches find the surface to a fraction of the step of 1 nm; the hand's way is the same.
         EXPECT_LE(again.tip_fall_nm, first.tip_fall_nm + 1);
       }
@@ -185,6 +195,62 @@ TEST(AfmReturn, ATipThatAFaultHasWithdrawnComesBackWithoutAStep) {
     EXPECT_LE(rig.felt.hand_rise_n, kFeltN);
     EXPECT_LE(rig.felt.tip_fall_nm, whole.tip_fall_nm + 1);
   }
+}
+
+/// Seconds of sessions; the hours' run sets TELENANO_AFM_LINK_S (28800: 8 h in all).
+double link_s() {
+  const char* const text = std::getenv("TELENANO_AFM_LINK_S");
+  return text != nullptr ? std::atof(text) : 180;
+}
+
+// Sessions as operators have them, one after another on one server: stations with tasks, over 100 ms of round
+// trip, jitter and 2 % of loss each way, a rig with noise, a converter of 16 bits and drift. The tip is
+// there from its approach until the task is over: what withdraws for nothing fails, and so does what never
+// touches.
+TEST(AfmReturn, NoSessionOverABadLinkIsBrokenOffForNothing) {
+  constexpr device::Task kTasks[] = {device::Task::kIndent, device::Task::kContact, device::Task::kScan,
+                                     device::Task::kPosition};
+  double done_s = 0;
+  int sessions = 0, presses = 0;
+  for (std::uint64_t seed = 1; done_s < link_s(); ++seed) {
+    afm_sim::SimConfig rig_config;
+    rig_config.seed = seed;
+    rig_config.quantum_v = 20.0 / 65536;
+    rig_config.noise_nm_sqrt_hz = seed % 2 == 0 ? 5e-4 : 2e-3;
+    rig_config.drift_z_nm_s = (seed % 4 < 2 ? 1 : -1) * 0.2;
+    Rig rig(Method::kModel, 100, seed, rig_config);
+    // An hour on one rig at most: its piezo has half a micrometre for the drift.
+    for (int i = 0; i < 20 && done_s < link_s(); ++i) {
+      SCOPED_TRACE("rig " + std::to_string(seed) + ", session " + std::to_string(i + 1));
+      rig.task = kTasks[(seed + static_cast<std::uint64_t>(i)) % std::size(kTasks)];
+      rig.task_s = 30;
+      for (net::SimPath* path : {&rig.config.to_server, &rig.config.to_station}) {
+        path->loss = 0.02;
+        path->jitter_ns = 5'000'000;
+      }
+      rig.open();
+      const auto& logic = rig.afm->afm().logic();
+      std::uint64_t latches = 0;
+      bool there = false;
+      for (std::int64_t tick = 0; tick < 60'000 && !rig.session->done(); ++tick) {
+        rig.step();
+        const bool follows = logic.state().phase == afm::Phase::kFollowing;
+        if (follows && !there) latches = logic.state().latches;
+        there = there || follows;
+        ASSERT_TRUE(!there || follows) << name(logic.state().cause) << ": " << logic.news();
+      }
+      EXPECT_TRUE(there && rig.session->done());
+      EXPECT_EQ(logic.state().latches, latches);
+      if (rig.felt.peak_nn > 3) ++presses;
+      done_s += 30;
+      ++sessions;
+      rig.session->loop().say_bye(link::ByeReason::kDone);
+      for (int k = 0; k < 400; ++k) rig.session->step();
+    }
+  }
+  EXPECT_GE(2 * presses, sessions) << "most of them press";
+  std::printf("%d sessions, %d of them in contact, %.1f h: none broken off\n", sessions, presses,
+              done_s / 3600);
 }
 
 }  // namespace

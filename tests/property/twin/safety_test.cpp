@@ -117,6 +117,8 @@ struct Attack {
   bool restarts = false;  ///< the server, each time that it has touched for a moment
   int cycles = 6;
   std::uint64_t seed = 1;
+  double compand = 1;            ///< control::CompandingConfig::gain
+  bool compand_changes = false;  ///< it goes on and off, several times in each press
   std::function<std::unique_ptr<control::StationMethod>()> make_method{};
   std::function<std::unique_ptr<control::LocalSlave>()> make_twin{};
 };
@@ -172,6 +174,7 @@ Taken attack(const Attack& a) {
   config.station.allowance_j = kAllowanceJ;
   config.station.scaling = scaled(a.by);
   config.station.allow_unsafe_scaling = true;
+  config.station.companding.gain = a.compand;
   config.twin = true;
   config.make_method = a.make_method;
   config.make_twin = a.make_twin;
@@ -189,7 +192,8 @@ Taken attack(const Attack& a) {
   Random random(a.seed + 5);
   Taken taken;
   const auto price = [&] {
-    taken.well_j = std::max(taken.well_j, std::min(scaled(by).hand_energy_j(well_aj), well_most_j));
+    const double all_aj = well_aj + config.station.companding.most_aj();
+    taken.well_j = std::max(taken.well_j, std::min(scaled(by).hand_energy_j(all_aj), well_most_j));
   };
   price();
   double last_pos_m = 0;
@@ -203,6 +207,11 @@ Taken attack(const Attack& a) {
       by = wanted;
       ++taken.changes;
       price();
+    }
+    if (a.compand_changes && k % 37 == 0) {
+      control::CompandingConfig companding = config.station.companding;
+      if (k % 74 == 0) companding.gain = 1;
+      EXPECT_TRUE(session.station().change_companding(companding));
     }
     const recording::Sample& row = session.step();
     target_nm = row.tip_target_w_nm[2] - surface_nm;
@@ -245,6 +254,30 @@ TEST(TwinSafety, ChangesOfScaleGrantNothing) {
         const Taken taken = attack(a);
         EXPECT_LE(taken.most_j, kAllowanceJ + taken.well_j + kRoundingJ) << text_of(a);
         EXPECT_GE(taken.changes, 5) << text_of(a);
+        EXPECT_GT(taken.by_twin, 1000) << text_of(a) << ": by another method";
+        EXPECT_GT(taken.touching, 100) << text_of(a) << ": nothing was pressed";
+        most_of_it = std::max(most_of_it, taken.most_j / (kAllowanceJ + taken.well_j));
+      }
+    }
+  }
+  std::printf("at most %.3g of what is promised\n", most_of_it);
+}
+
+// Companding makes the sample's well deeper by (g - 1) U0, and that is all that a hand can have of it.
+TEST(TwinSafety, CompandingGrantsItsWellOnce) {
+  double most_of_it = 0;
+  for (const char* const scene : kScenes) {
+    for (const bool changes : {false, true}) {
+      for (const Sliders sliders : {Sliders::kNever, Sliders::kWalk}) {
+        Attack a;
+        a.scene = scene;
+        a.sliders = sliders;
+        a.compand = station::kCompandingGainMax;
+        a.compand_changes = changes;
+        a.restarts = changes;
+        a.rtt_ms = changes ? 60 : 0;
+        const Taken taken = attack(a);
+        EXPECT_LE(taken.most_j, kAllowanceJ + taken.well_j + kRoundingJ) << text_of(a);
         EXPECT_GT(taken.by_twin, 1000) << text_of(a) << ": by another method";
         EXPECT_GT(taken.touching, 100) << text_of(a) << ": nothing was pressed";
         most_of_it = std::max(most_of_it, taken.most_j / (kAllowanceJ + taken.well_j));

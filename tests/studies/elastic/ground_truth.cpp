@@ -18,6 +18,15 @@ double retraction_force_nn(const physics::BranchPotential& law, const physics::C
            potential.by_radius_aj * jet.log_radius_grad_per_nm.z());
 }
 
+double lateral_force_nn(const physics::BranchPotential& law, const physics::ContactJet& jet) noexcept {
+  physics::PotentialJet potential;
+  physics::CurveHint hint;
+  physics::ContactSize size;
+  if (!law.inside(jet.overlap_nm, jet.log_radius, hint, potential, size)) return NAN;
+  return -(potential.force_nn * jet.overlap_grad.x() +
+           potential.by_radius_aj * jet.log_radius_grad_per_nm.x());
+}
+
 ForceOf flat_force(const physics::BranchPotential& law, double radius_nm) {
   return [&law, radius_nm](double z) {
     physics::ContactJet jet;

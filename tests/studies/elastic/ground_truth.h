@@ -17,6 +17,8 @@ using ForceOf = std::function<double(double above_touch_nm)>;
 /// −∂U/∂z at an overlap and radius on the way out: of the inner branch up to where it is left, then of the
 /// outer one.
 double retraction_force_nn(const physics::BranchPotential& law, const physics::ContactJet& jet) noexcept;
+/// −∂U/∂x of the inner branch, where the tip is pressed.
+double lateral_force_nn(const physics::BranchPotential& law, const physics::ContactJet& jet) noexcept;
 /// That over the flat sample, for a tip of the radius.
 ForceOf flat_force(const physics::BranchPotential& law, double radius_nm);
 

@@ -50,6 +50,7 @@ struct Options {
   Probe probe;
   double heights_times = 1;
   double from_nm = -0.8, to_nm = 1.0, step_nm = 0.04;
+  double line_nm = 0, depth_nm = 0.4;
 };
 
 // CLI11's ranges let "nan" through: no comparison fails with it.
@@ -80,6 +81,17 @@ void print_curve(const Options& options, const std::string& place, int column, i
   std::fflush(stdout);
 }
 
+void print_line(const Options& options, const std::string& place, int column, int row,
+                const telenano::surface::HeightGrid& scan) {
+  for (const auto& state :
+       along_line(options.probe, scan, scan.x_first_nm + column * scan.dx_nm,
+                  scan.y_first_nm + row * scan.dy_nm, options.line_nm, options.step_nm, options.depth_nm)) {
+    std::printf("%s,%d,%d,%.5f,%.5f,%.5f,%.5g,%.5g\n", place.c_str(), column, row, state.along_nm,
+                state.touch_nm, state.z_nm, state.force_nn, state.lateral_nn);
+  }
+  std::fflush(stdout);
+}
+
 void run_scan(const Options& options) {
   if (options.what.size() < 2) {
     throw telenano::UserError(options.what.front() + ": name at least one place of it, as COLUMN,ROW");
@@ -92,6 +104,10 @@ void run_scan(const Options& options) {
         options.what[k].size() != static_cast<std::size_t>(read) || column < 0 || row < 0 ||
         column >= scan.columns || row >= scan.rows) {
       throw telenano::UserError(options.what[k] + ": expected COLUMN,ROW within the scan");
+    }
+    if (options.line_nm > 0) {
+      print_line(options, std::to_string(k - 1), column, row, scan);
+      continue;
     }
     print_curve(options, std::to_string(k - 1), column, row,
                 ground_of(options.probe, scan, scan.x_first_nm + column * scan.dx_nm,
@@ -139,7 +155,14 @@ int main(int argc, char** argv) {
       ->check(between(-100, 100))
       ->capture_default_str();
   app.add_option("--to-nm", options.to_nm, "last height")->check(between(-100, 100))->capture_default_str();
-  app.add_option("--step-nm", options.step_nm, "between heights")
+  app.add_option("--line-nm", options.line_nm,
+                 "instead of heights: normal and lateral force along a line of this length along x at a "
+                 "constant height")
+      ->check(between(0, 1e3));
+  app.add_option("--depth-nm", options.depth_nm, "of that line, below first touch at its middle")
+      ->check(between(-10, 10))
+      ->capture_default_str();
+  app.add_option("--step-nm", options.step_nm, "between heights, or along a line")
       ->check(between(1e-4, 1.0))
       ->capture_default_str();
   CLI11_PARSE(app, argc, argv);

@@ -17,6 +17,27 @@ double mirrored(double x, double first, double last) {
   return x;
 }
 
+/// Lines with # and the heading are left out.
+std::vector<std::vector<double>> read_table(const std::string& path, std::size_t columns) {
+  std::ifstream file(path);
+  if (!file) throw RunError(path + ": cannot be read");
+  std::vector<std::vector<double>> rows;
+  std::string line;
+  while (std::getline(file, line)) {
+    if (line.empty() || line[0] == '#' || line[0] == 'p') continue;
+    std::vector<double> fields;
+    std::stringstream stream(line);
+    std::string field;
+    while (std::getline(stream, field, ','))
+      fields.push_back(field.empty() ? 0.0 : std::strtod(field.c_str(), nullptr));
+    if (fields.size() != columns) {
+      throw RunError(path + ": expected " + std::to_string(columns) + " columns in \"" + line + "\"");
+    }
+    rows.push_back(fields);
+  }
+  return rows;
+}
+
 }  // namespace
 
 Ground ground_of(const Probe& probe, const surface::HeightGrid& scan, double x_nm, double y_nm) {
@@ -41,6 +62,38 @@ std::vector<State> follow(const Probe& probe, const Ground& ground, const std::v
   return states;
 }
 
+std::vector<LineState> along_line(const Probe& probe, const surface::HeightGrid& scan, double x_nm,
+                                  double y_nm, double length_nm, double step_nm, double depth_nm) {
+  const auto height = physics::BicubicSpline::interpolating(scan);
+  const testing::ElasticPatch patch(probe.elements, probe.elements * probe.spacing_nm, probe.modulus_gpa);
+  const double area = patch.spacing_nm() * patch.spacing_nm();
+  std::vector<double> slope;
+  const auto ground_at = [&](double x) {
+    slope.clear();
+    return ground_of(probe, patch, [&](double dx, double dy) {
+      const auto jet = height.jet(mirrored(x + dx, height.x_first_nm(), height.x_last_nm()),
+                                  mirrored(y_nm + dy, height.y_first_nm(), height.y_last_nm()));
+      slope.push_back(jet.zx);
+      return jet.z;
+    });
+  };
+  const double z = ground_at(x_nm).touch_nm - depth_nm;
+  std::vector<LineState> states;
+  std::vector<double> u(slope.size(), 0.0);
+  const int half = static_cast<int>(std::lround(0.5 * length_nm / step_nm));
+  for (int k = -half; k <= half; ++k) {
+    LineState state{k * step_nm, 0, z, 0, 0};
+    Ground ground = ground_at(x_nm + state.along_nm);
+    state.touch_nm = ground.touch_nm;
+    for (double& gap : ground.gap) gap += z - ground.touch_nm;
+    state.force_nn = patch.adhere(ground.gap, probe.adhesion, u);
+    const std::vector<double> pull = testing::ElasticPatch::pull_gpa(ground.gap, probe.adhesion, u);
+    for (std::size_t i = 0; i < pull.size(); ++i) state.lateral_nn += area * pull[i] * slope[i];
+    states.push_back(state);
+  }
+  return states;
+}
+
 double Place::pull_off_nn() const {
   std::size_t k = 0;
   for (std::size_t i = 0; i < states.size(); ++i) {
@@ -55,19 +108,21 @@ double Place::pull_off_nn() const {
   return -(states[k].force_nn - slope * slope / (4 * bend));
 }
 
+std::vector<Line> read_lines(const std::string& path) {
+  std::vector<Line> lines;
+  for (const std::vector<double>& row : read_table(path, 8)) {
+    const int number = static_cast<int>(row[0]);
+    if (lines.empty() || lines.back().number != number) {
+      lines.push_back({number, static_cast<int>(row[1]), static_cast<int>(row[2]), {}});
+    }
+    lines.back().states.push_back({row[3], row[4], row[5], row[6], row[7]});
+  }
+  return lines;
+}
+
 std::vector<Place> read_places(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw RunError(path + ": cannot be read");
   std::vector<Place> places;
-  std::string line;
-  while (std::getline(file, line)) {
-    if (line.empty() || line[0] == '#' || line[0] == 'p') continue;
-    std::vector<double> fields;
-    std::stringstream stream(line);
-    std::string field;
-    while (std::getline(stream, field, ','))
-      fields.push_back(field.empty() ? 0.0 : std::strtod(field.c_str(), nullptr));
-    if (fields.size() != 6) throw RunError(path + ": expected six columns in \"" + line + "\"");
+  for (const std::vector<double>& fields : read_table(path, 6)) {
     const int number = static_cast<int>(fields[0]);
     if (places.empty() || places.back().number != number) {
       places.push_back({number, static_cast<int>(fields[1]), static_cast<int>(fields[2]), fields[3], {}});

@@ -52,6 +52,27 @@ struct State {
 /// of the first). NaN where none is found.
 std::vector<State> follow(const Probe& probe, const Ground& ground, const std::vector<double>& z_nm);
 
+/// The tip pressed and led along x at a constant apex height.
+struct LineState {
+  double along_nm;  ///< from the place
+  double touch_nm;  ///< apex height of first touch there
+  double z_nm;      ///< apex height
+  double force_nn;  ///< on the tip, up
+  double lateral_nn;
+};
+/// Over a scan from −length/2 to length/2 of (x, y), `depth_nm` below first touch at (x, y). The lateral force is
+/// that of the tractions on the slope of the undeformed ground below each element: −∂/∂x of the energy that the
+/// displacements have made least.
+std::vector<LineState> along_line(const Probe& probe, const surface::HeightGrid& scan, double x_nm,
+                                  double y_nm, double length_nm, double step_nm, double depth_nm);
+
+/// Of a table of such lines (place, column, row, along_nm, touch_nm, z_nm, force_nn, lateral_nn).
+struct Line {
+  int number = 0, column = 0, row = 0;
+  std::vector<LineState> states;
+};
+std::vector<Line> read_lines(const std::string& path);
+
 /// One place of a reference table (place, column, row, touch_nm, z_nm, force_nn; lines with # and the heading
 /// left out); the flat sample has place -1 and no column.
 struct Place {

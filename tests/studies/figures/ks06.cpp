@@ -7,10 +7,14 @@
 
 #include "telenano/common/base/error.h"
 #include "tests/studies/report/gnuplot.h"
+#include "tests/studies/report/paper_table.h"
 
 namespace telenano::studies {
 namespace {
 
+/// As table I of the paper prints it.
+constexpr const char* kPaperTable[] = {"70 GPa, 0.2 J/m2, 0.27", "2 GPa, 0.066 J/m2, 0.4",
+                                       "0.001 GPa, 0.022 J/m2, 0.5"};
 constexpr double kTipRadius_nm = 20;
 constexpr double kTipModulus_gpa = 160;
 constexpr double kTipPoisson = 0.27;
@@ -119,6 +123,7 @@ Figure draw_ks06(const FigureFolder& folder) {
       "retract, humid approach, humid retract\n";
   std::string script = "set multiplot\n";
   std::string found;
+  std::vector<BesidePaper> beside;
   int block = 0;
   for (int row = 0; row < 2; ++row) {
     const double stiffness = row == 0 ? 0 : kLever_n_m;
@@ -152,6 +157,14 @@ Figure draw_ks06(const FigureFolder& folder) {
       block += 4;
       ++column;
       if (row == 0) {
+        beside.push_back({sample.name + std::string(": Young's modulus, surface energy, Poisson's ratio"),
+                          kPaperTable[column - 1], "half of the last digit", "KS table I",
+                          fmt::format("{:g} GPa, {:g} J/m2, {:g}", sample.e_gpa, sample.gamma, sample.nu),
+                          "0 (taken from there)"});
+        beside.push_back({sample.name + std::string(": way out against way in"),
+                          "a curve with hysteresis, from approach and retraction", "no axis in the text",
+                          "KS fig. 6", fmt::format("a dry loop costs {:.3g} aJ", dry.loop_aj),
+                          dry.loop_aj > 0 ? "agrees in kind" : "does not agree"});
         found += fmt::format(
             " {}: greatest attraction {:.4g} nN dry, {:.4g} nN humid; lets go at {:.3g} nm dry, {:.3g} nm "
             "humid; a loop costs {:.3g} aJ dry, {:.3g} aJ humid.",
@@ -167,6 +180,12 @@ Figure draw_ks06(const FigureFolder& folder) {
     }
   }
   folder.write("ks06.csv", csv);
+  beside.push_back({"model", "Maugis–Dugdale in contact, van der Waals and capillary outside", "as printed",
+                    "KS section II.C", "the same", "agrees"});
+  beside.push_back({"greatest attraction of each sample", "not stated; tip radius not stated",
+                    "no axis in the text", "KS fig. 6", "in the caption, for a tip of 20 nm",
+                    "not comparable"});
+  write_beside_paper(folder, "ks06", beside);
   Figure figure{
       "ks06", "Force against distance",
       "Silicon tip of 20 nm: van der Waals outside joined to Maugis–Dugdale inside, and a liquid bridge at "

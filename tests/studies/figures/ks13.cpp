@@ -8,6 +8,7 @@
 #include "telenano/master/device/sim_device.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/studies/report/gnuplot.h"
+#include "tests/studies/report/paper_table.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::studies {
@@ -141,6 +142,24 @@ std::string found(const HardContact& run) {
       run.stopped ? ", ended by the station's velocity trip" : "");
 }
 
+/// Where KS's controller as published does what their figure shows: the largest of these scales at which it brings
+/// the hand to rest though the hand does not come to rest without it. 0: none.
+struct OwnController {
+  double force_scale = 0;
+  HardContact without, with;
+};
+OwnController find_own_controller() {
+  OwnController found;
+  for (double scale = kHardContactForceScale; scale > 0.05 * kHardContactForceScale; scale *= 0.9) {
+    const HardContact without = run_hard_contact(control::Method::kNone, scale);
+    const HardContact with = run_hard_contact(control::Method::kKs, scale);
+    if (with.settled_after_s < 0 || with.stopped || without.settled_after_s >= 0) continue;
+    found = {scale, without, with};
+    break;
+  }
+  return found;
+}
+
 constexpr const char* kSetting =
     "A session in virtual time (device, hand, station, link, server) indents silicon oxide at α_v = 1e-6, "
     "α_F = 8e8: 11 times the stiffness that this device shows passively with one sample of delay; the force "
@@ -164,6 +183,15 @@ Figure draw_ks13(const FigureFolder& folder) {
                     ". As in KS the hand bounces on the hard sample for as long as it presses. Size and "
                     "frequency depend on hand, device and scaling, which the paper does not give.",
                 ""};
+  write_beside_paper(
+      folder, "ks13",
+      {{"silicon oxide without a passivity controller", "position and force oscillate", "no axis in the text",
+        "KS section IV, fig. 13",
+        fmt::format("{:.2g} % peak to peak at the end of the hold, RMS force step {:.3g} N",
+                    100 * none.swing_n / std::max(std::fabs(none.static_n), 1e-9), none.force_step_rms_n),
+        none.settled_after_s < 0 ? "agrees: never settles" : "does not agree: settles"},
+       {"amplitude and frequency", "not stated; hand, scaling and coupling not stated", "no axis in the text",
+        "KS fig. 13", "in the caption", "not comparable"}});
   draw(figure, folder, {fmt::format("'ks13.csv' using 1:2 lc rgb '{}' lw 1 notitle", kBlue)},
        {fmt::format("'ks13.csv' using 1:3 lc rgb '{}' lw 1 notitle", kRed)});
   return figure;
@@ -174,10 +202,39 @@ Figure draw_ks14(const FigureFolder& folder) {
   const HardContact clamp = run_hard_contact(control::Method::kKsClamp, kHardContactForceScale);
   const HardContact model = run_hard_contact(control::Method::kModel, kHardContactForceScale);
   const HardContact ideal = run_ideal_contact(kHardContactForceScale);
-  folder.write(
-      "ks14.csv",
-      "# time_s,hand_z_mm,hand_force_n; blocks: ks as published, ks-clamp, model, continuous ideal\n" +
-          rows_of(published) + rows_of(clamp) + rows_of(model) + rows_of(ideal));
+  const OwnController own = find_own_controller();
+  folder.write("ks14.csv",
+               "# time_s,hand_z_mm,hand_force_n; blocks: ks as published, ks-clamp, model, continuous ideal; "
+               "at the smaller "
+               "scale: without control, ks as published\n" +
+                   rows_of(published) + rows_of(clamp) + rows_of(model) + rows_of(ideal) +
+                   rows_of(own.without) + rows_of(own.with));
+  const auto rest = [](const HardContact& run) {
+    return run.stopped ? std::string("the station stops itself")
+           : run.settled_after_s >= 0
+               ? fmt::format("at rest {:.2g} s after the first touch, {:.3g} N", run.settled_after_s,
+                             run.static_n)
+               : fmt::format("not at rest: {:.2g} % peak to peak",
+                             100 * run.swing_n / std::max(std::fabs(run.static_n), 1e-9));
+  };
+  const auto agrees = [](const HardContact& run) {
+    return std::string(run.settled_after_s >= 0 && !run.stopped ? "agrees" : "does not agree");
+  };
+  std::vector<BesidePaper> beside{{"their controller, 11 times what is passive",
+                                   "the interface is stabilised", "no axis in the text",
+                                   "KS section IV, fig. 14", rest(published), agrees(published)}};
+  if (own.force_scale > 0)
+    beside.push_back({fmt::format("their controller, {:.2g} times what is passive",
+                                  11 * own.force_scale / kHardContactForceScale),
+                      "the interface is stabilised", "no axis in the text", "KS section IV, fig. 14",
+                      "without it " + rest(own.without) + "; with it " + rest(own.with), agrees(own.with)});
+  else
+    beside.push_back({"their controller, 0.55 to 11 times what is passive", "the interface is stabilised",
+                      "no axis in the text", "KS section IV, fig. 14",
+                      "nowhere both restless without it and at rest with it", "does not agree"});
+  beside.push_back({"ks-clamp", "not in the paper", "", "", rest(clamp), ""});
+  beside.push_back({"model", "not in the paper", "", "", rest(model), ""});
+  write_beside_paper(folder, "ks14", beside);
   Figure figure{
       "ks14", "Silicon oxide with a passivity controller",
       std::string(kSetting) + "KS's controller as published: " + found(published) +
@@ -186,18 +243,28 @@ Figure draw_ks14(const FigureFolder& folder) {
               ". Its greatest push is {:.3g} N; the same hand on the same sample without sampling, link and "
               "control (50 kHz) feels {:.3g} N. ",
               model.greatest_push_n, ideal.greatest_push_n) +
+          (own.force_scale > 0
+               ? fmt::format("At {:.2g} times what is passive KS's own controller does what KS show: without "
+                             "it {}, with "
+                             "it {}. ",
+                             11 * own.force_scale / kHardContactForceScale, rest(own.without), rest(own.with))
+               : std::string()) +
           "What KS report, a hand brought to rest, is what the default does; their controller as printed "
           "books its "
           "damper twice and has no cap on it. The pull before and after the hold is the sample's adhesion, "
           "cut by "
           "the force limit.",
       ""};
-  const auto lines = [](int column) {
-    return std::vector<std::string>{
-        fmt::format("'ks14.csv' index 0 using 1:{} lc rgb '{}' lw 1 title 'ks, as published'", column, kGrey),
+  const auto lines = [&](int column) {
+    std::vector<std::string> all{
+        fmt::format("'ks14.csv' index 0 using 1:{} lc rgb '{}' lw 1 title 'ks'", column, kGrey),
         fmt::format("'ks14.csv' index 1 using 1:{} lc rgb '{}' lw 1 title 'ks-clamp'", column, kGreen),
         fmt::format("'ks14.csv' index 2 using 1:{} lc rgb '{}' lw 1.4 title 'model'", column,
                     column == 2 ? kBlue : kRed)};
+    if (own.force_scale > 0)
+      all.push_back(fmt::format("'ks14.csv' index 5 using 1:{} lc rgb '{}' lw 1.4 title 'ks, {:.2g} times'",
+                                column, kPurple, 11 * own.force_scale / kHardContactForceScale));
+    return all;
   };
   draw(figure, folder, lines(2), lines(3));
   return figure;

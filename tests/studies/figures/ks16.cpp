@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "tests/studies/report/gnuplot.h"
+#include "tests/studies/report/paper_table.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::studies {
@@ -15,6 +16,7 @@ namespace {
 constexpr double kContactBegins_s = 2.5;
 constexpr double kContactEnds_s = 4.5;
 constexpr double kIndent_s = 4;
+constexpr double kHeld_n = 0.05;                 // by the sample, where the tip has not let go
 constexpr double kIndents_nm[] = {-4, -8, -12};  // as intended: hand and springs yield
 
 std::vector<device::IntendedMotion::Waypoint> script(double start_nm) {
@@ -67,23 +69,42 @@ Indents run_ks16(const std::string& scene_path) {
 Figure draw_ks16(const FigureFolder& folder) {
   const Indents soft = run_ks16("flat_polystyrene");
   const Indents hard = run_ks16("flat_silicon_oxide");
-  std::string csv = "# time_s,tip_height_nm,hand_force_n; blocks: " + soft.sample + ", " + hard.sample + "\n";
+  const Indents rubber = run_ks16("flat_pdms");
+  std::string csv = "# time_s,tip_height_nm,hand_force_n; blocks: " + soft.sample + ", " + hard.sample +
+                    ", " + rubber.sample + "\n";
   std::string found;
-  for (const Indents* run : {&soft, &hard}) {
+  for (const Indents* run : {&soft, &hard, &rubber}) {
     for (std::size_t i = 0; i < run->rows.size(); i += 4)
       csv += fmt::format("{:.6g},{:.7g},{:.6g}\n", run->rows[i].time_s, run->rows[i].height_nm,
                          run->rows[i].hand_force_n);
     csv += "\n\n";
     found += fmt::format(
-        " {}: {:.2g} N in contact, to {:.3g} nm below the surface at {:.3g} N, lets go at {:.2g} N; the hand "
+        " {}: {:.2g} N in contact, to {:.3g} nm below the surface at {:.3g} N, {} {:.2g} N; the hand "
         "spends {:.3g} mJ.",
-        run->sample, run->contact_n, run->deepest_nm, run->greatest_n, run->pull_off_n, run->hand_work_mj);
+        run->sample, run->contact_n, run->deepest_nm, run->greatest_n,
+        run->rows.back().hand_force_n < -kHeld_n ? "held to the end by up to" : "lets go at", run->pull_off_n,
+        run->hand_work_mj);
   }
   folder.write("ks16.csv", csv);
+  write_beside_paper(
+      folder, "ks16",
+      {{"tasks (b) and (c)", "performed with different samples, stable", "as printed",
+        "KS section IV, fig. 16", "three samples, no stop", "agrees"},
+       {"silicone rubber, same force scale", "its softness gives less force feedback", "as printed",
+        "KS section IV",
+        fmt::format(
+            "greatest push {:.2g} N on {} (it holds on with {:.2g} N), {:.2g} N on {}, {:.2g} N on {}, same "
+            "motion of the intention",
+            rubber.greatest_n, rubber.sample, rubber.pull_off_n, soft.greatest_n, soft.sample,
+            hard.greatest_n, hard.sample),
+        rubber.greatest_n < soft.greatest_n && soft.greatest_n < hard.greatest_n ? "agrees"
+                                                                                 : "does not agree"},
+       {"position and force over time", "sample, depth and scaling not stated", "no axis in the text",
+        "KS fig. 16", "in the caption", "not comparable"}});
   Figure figure{
       "ks16", "In contact, and indenting",
       "Sessions in virtual time: (b) just in contact, then (c) pressed in three times at one place, with the "
-      "same motion of the hand's intention, on two elastic samples." +
+      "same motion of the hand's intention, on three elastic samples." +
           found +
           " As in KS contact and indenting are stable, and the hard sample gives more force for less depth. "
           "Which sample, depth and scaling KS's figure has is not known, so the numbers are not comparable.",
@@ -92,7 +113,9 @@ Figure draw_ks16(const FigureFolder& folder) {
     return std::vector<std::string>{fmt::format("'ks16.csv' index 0 using 1:{} lc rgb '{}' lw 1.4 title {}",
                                                 column, colour, quoted(soft.sample)),
                                     fmt::format("'ks16.csv' index 1 using 1:{} lc rgb '{}' lw 1.4 title {}",
-                                                column, kPurple, quoted(hard.sample))};
+                                                column, kPurple, quoted(hard.sample)),
+                                    fmt::format("'ks16.csv' index 2 using 1:{} lc rgb '{}' lw 1.4 title {}",
+                                                column, kGreen, quoted(rubber.sample))};
   };
   folder.draw(figure, 1000, 520,
               "set multiplot\n" + column_of_panels({{"tip above surface (nm)", lines(2, kBlue)},

@@ -3,9 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
+#include <vector>
 
+#include "telenano/common/control/scaling_plan.h"
 #include "tests/studies/report/gnuplot.h"
+#include "tests/studies/report/paper_table.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::studies {
@@ -42,10 +47,15 @@ std::vector<device::IntendedMotion::Waypoint> script(double start_nm) {
 
 }  // namespace
 
-TaskTransitions run_ks18(const std::string& scene_path) {
+TaskTransitions run_ks18(const std::string& scene_path, double compand) {
   support::VirtualSessionConfig config;
   config.scene = scene::load_scene(scene_path);
   config.task = device::Task::kScript;
+  if (compand >= 1) {
+    config.twin = true;
+    config.station.method = control::Method::kTwin;
+    config.station.companding.gain = compand;
+  }
   config.script = script(config.scene->start_apex_w_nm.z() - config.scene->start_touch_w_nm);
   support::VirtualSession session(config);
   TaskTransitions result;
@@ -53,6 +63,8 @@ TaskTransitions run_ks18(const std::string& scene_path) {
   double sum_contact = 0, sum_pressed = 0;
   int in_contact = 0, pressed = 0;
   const double surface = config.scene->start_touch_w_nm;
+  std::array<double, 10> on_the_way_n{};  // of the last ticks
+  std::size_t tick = 0;
   session.run(1'000'000, [&](const recording::Sample& s) {
     if (!session.device().motion_started()) return;
     const double t = session.device().motion_time_s();
@@ -73,10 +85,15 @@ TaskTransitions run_ks18(const std::string& scene_path) {
       sum_contact += force;
       ++in_contact;
     } else if (phase > kAboveEnds_s) {
-      if (touching)
+      // A twin shows the jump before the server's reply says that it touches: what was shown just before a
+      // contact is the jump's.
+      if (touching) {
         result.jump_n = std::max(result.jump_n, -force);
-      else
-        result.going_n = std::max(result.going_n, std::fabs(force));
+        on_the_way_n.fill(0);
+      } else {
+        double& oldest_n = on_the_way_n[tick++ % on_the_way_n.size()];
+        result.going_n = std::max(result.going_n, std::exchange(oldest_n, std::fabs(force)));
+      }
     }
   });
   result.in_contact_n = in_contact > 0 ? sum_contact / in_contact : std::nan("");
@@ -95,6 +112,33 @@ Figure draw_transitions(const FigureFolder& folder, const std::string& id, const
     csv += fmt::format("{:.6g},{:.7g},{:.7g}\n", row.time_s, row.height_nm, row.hand_force_n);
   }
   folder.write(id + ".csv", csv);
+  constexpr double kGain = 5;
+  const TaskTransitions plain = run_ks18(scene, 1), companded = run_ks18(scene, kGain);
+  const auto newtons = [](double n) { return fmt::format("{:.2g} N", n); };
+  std::vector<BesidePaper> beside{
+      {"task (a)", "10–20 nm above the surface", "as printed", "KS section IV", "10–20 nm above the surface",
+       "0 (taken from there)"},
+      {"forces between (a) and (b)", "very small to perceive", "no axis in the text",
+       "KS section IV, fig. 18",
+       newtons(run.going_n) + " at most, a hand notices about " + newtons(control::kNoticedForceN),
+       run.going_n < control::kNoticedForceN ? "agrees" : "does not agree"},
+      {"a better perception of non-contact forces", "future work", "as printed", "KS section V",
+       fmt::format("method twin, companding {:g} times: {} at most on the way instead of {}, pressed {} "
+                   "instead of {}",
+                   kGain, newtons(companded.going_n), newtons(plain.going_n), newtons(companded.pressed_n),
+                   newtons(plain.pressed_n)),
+       fmt::format("{:.2g} times as strong on the way", companded.going_n / std::max(plain.going_n, 1e-12))},
+      {"position and force over time", "hand and scaling not stated", "no axis in the text",
+       id == "ks17" ? "KS fig. 17" : "KS fig. 18", "in the caption", "not comparable"}};
+  if (id == "ks18") {
+    const TaskTransitions rubber = run_ks18("flat_pdms");
+    beside.push_back({"silicone rubber, same force scale", "less force feedback", "as printed",
+                      "KS section IV",
+                      fmt::format("pressed {} on {}, {} on {}", newtons(rubber.pressed_n), rubber.scene,
+                                  newtons(run.pressed_n), run.scene),
+                      rubber.pressed_n < run.pressed_n ? "agrees" : "does not agree"});
+  }
+  write_beside_paper(folder, id, beside);
   Figure figure{
       id, "Forces at the hand between tasks",
       fmt::format(

@@ -25,9 +25,10 @@ struct TaskTransitions {
   double pressed_n = 0;     ///< mean while held below the surface
 };
 
-TaskTransitions run_ks18(const std::string& scene_path);
+/// `compand` ≥ 1: felt through the twin, attraction before contact up to so many times as strong.
+TaskTransitions run_ks18(const std::string& scene_path, double compand = 0);
 
 Figure draw_ks17(const FigureFolder& folder);  ///< silicon oxide
-Figure draw_ks18(const FigureFolder& folder);  ///< polystyrene
+Figure draw_ks18(const FigureFolder& folder);  ///< polystyrene, and silicone rubber
 
 }  // namespace telenano::studies

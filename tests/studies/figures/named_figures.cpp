@@ -11,6 +11,7 @@
 #include "tests/studies/figures/ks18.h"
 #include "tests/studies/figures/scaling_figures.h"
 #include "tests/studies/report/page.h"
+#include "tests/studies/report/paper_table.h"
 #include "tests/studies/zwidth/zwidth_figures.h"
 
 namespace telenano::studies {
@@ -58,11 +59,18 @@ void draw_figures(const std::vector<std::string>& only, const std::filesystem::p
         "<p class=\"note\">gnuplot is not installed, so there are no figures; the numbers are in the CSV "
         "files.</p>\n";
   }
+  html +=
+      "<p>Under each figure: what the paper says of it, beside what comes out here. Numbers of the papers "
+      "are as "
+      "printed in their text and tables; the axes of their plots are not in the text that we have, so a "
+      "curve's own "
+      "values are read off nowhere, and the row says so.</p>\n";
   for (const NamedFigure& named : kFigures) {
     if (!only.empty() && std::find(only.begin(), only.end(), named.name) == only.end()) continue;
     std::fprintf(stderr, "figures: %s ...\n", named.name);
     Figure figure = named.draw(folder);
-    html += "<h2>" + html_escaped(named.title) + "</h2>\n" + figure_html(figure);
+    html += "<h2>" + html_escaped(named.title) + "</h2>\n" + figure_html(figure) +
+            beside_paper_html(folder, figure.id);
   }
   folder.write("index.html", html + page_end());
   std::printf("figures: %s\n", (out / "index.html").c_str());

@@ -49,6 +49,10 @@ station::StationConfig station_of(const RecordingReader& reader) {
   c.allowance_j = number_of(reader, "control.allowance_j");
   if (const std::string well = reader.configuration("control.well_max_j"); !well.empty())
     c.well_max_j = std::strtod(well.c_str(), nullptr);
+  if (const std::string gain = reader.configuration("companding.gain"); !gain.empty()) {
+    c.companding.gain = std::strtod(gain.c_str(), nullptr);
+    c.companding.energy_aj = number_of(reader, "companding.energy_aj");
+  }
   c.guaranteed_velocity_m_s = number_of(reader, "control.guaranteed_velocity_m_s");
   c.trip_velocity_m_s = number_of(reader, "limits.trip_velocity_m_s");
   c.force_safety = number_of(reader, "limits.force_safety");

@@ -4,12 +4,14 @@
 #include <cmath>
 #include <functional>
 #include <utility>
+#include <vector>
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/random.h"
 #include "telenano/master/device/intended_motion.h"
 #include "tests/studies/stress/arm.h"
+#include "tests/studies/stress/operator_acts.h"
 
 namespace telenano::studies::stress {
 namespace {
@@ -100,12 +102,45 @@ device::IntendedMotion intended(const RunSpec& spec, const Ground& ground) {
   return device::IntendedMotion::for_task(task, options);
 }
 
+/// One task after the other, each for as long as the operator lets it be (OperatorActs), from where the last
+/// one has led.
+std::unique_ptr<HandMotion> make_tasks(const ArmConfig& arm, const HandConfig& hand, const Ground& ground) {
+  constexpr device::Task kTurn[] = {device::Task::kIndent, device::Task::kScan, device::Task::kPosition,
+                                    device::Task::kContact};
+  constexpr double kApproachS = 0.25;
+  const double start_nm = -ground.wall_m / ground.metres_per_nm;
+  device::TaskOptions options;
+  options.duration_s = 2;
+  options.start_height_nm = options.retract_nm = start_nm;
+  options.depth_nm = std::min(5.0, 0.012 / ground.metres_per_nm);
+  options.hover_low_nm = std::min(10.0, 0.5 * start_nm);
+  options.hover_high_nm = std::min(20.0, start_nm);
+  options.scan_size_nm = std::min(20.0, 0.02 / ground.metres_per_nm);
+  options.scan_lines = 3;
+  std::vector<device::IntendedMotion> tasks;
+  for (const device::Task task : kTurn) tasks.push_back(device::IntendedMotion::for_task(task, options));
+  return std::make_unique<Arms>(
+      arm, true,
+      [=, now = tasks[0], aim_nm = Vec3(0, 0, start_nm), number = std::int64_t{0}, T = hand.period_s](
+          std::int64_t tick, const Vec3&) mutable {
+        const double t = T * static_cast<double>(tick);
+        const auto wanted = static_cast<std::int64_t>(t / OperatorActs::kActEveryS);
+        if (wanted != number) {
+          number = wanted;
+          now = tasks[static_cast<std::size_t>(number) % tasks.size()].beginning_at(aim_nm, kApproachS);
+        }
+        aim_nm = now.pos_nm(t - OperatorActs::kActEveryS * static_cast<double>(number));
+        return Vec3(ground.metres_per_nm * (aim_nm - Vec3(0, 0, start_nm)));
+      });
+}
+
 std::unique_ptr<HandMotion> make_task(const RunSpec& spec, const HandConfig& hand, const Ground& ground) {
   ArmConfig arm;
   arm.period_s = hand.period_s;
   arm.device_damping_n_s_m = hand.damping_n_s_m;
   arm.device_mass_kg = hand.mass_kg;
   const bool human = spec.hand == HandKind::kHuman;
+  if (spec.act == Act::kTask) return make_tasks(arm, hand, ground);
   Random random(spec.seed ^ 0x68616e64u);
   struct Tremor {
     double hz = 0, phase = 0, m = 0;

@@ -44,8 +44,9 @@ enum Invariant : std::uint32_t {
   kInvariantLateral = 1u << 14,
   kInvariantInTime = 1u << 15,
   kInvariantPull = 1u << 16,
+  kInvariantRefusal = 1u << 17,  ///< a change of scale that was refused changed something
 };
-constexpr int kInvariants = 17;
+constexpr int kInvariants = 18;
 const char* invariant_name(std::uint32_t bit) noexcept;
 std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 

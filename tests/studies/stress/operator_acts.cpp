@@ -4,16 +4,68 @@
 #include <cmath>
 
 namespace telenano::studies::stress {
+namespace {
 
-OperatorActs::OperatorActs(const RunSpec& spec, station::Station& station, StressHand& hand)
-    : act_(spec.act),
+/// Holds still, whatever pushes.
+class StillHand final : public support::VirtualHand {
+ public:
+  StillHand() {
+    info_.name = "still hand";
+    info_.force_max_n = 12;
+    info_.damping_n_s_m = 2;
+    info_.mass_kg = 0.25;
+    info_.workspace_radius_m = 1;
+  }
+  const device::DeviceInfo& info() const noexcept override { return info_; }
+  void read(device::DeviceReading& reading) noexcept override {
+    reading.status = device::DeviceStatus::kOk;
+    reading.hand_pos_h_m.setZero();
+    reading.buttons = device::kButtonDeadman;
+  }
+  Vec3 write_force(const Vec3& force_h_n) noexcept override { return force_h_n; }
+  void advance(std::int64_t) noexcept override {}
+  void start_motion() noexcept override {}
+
+ private:
+  device::DeviceInfo info_;
+};
+
+constexpr std::uint16_t kRivalPort = 4243;
+
+}  // namespace
+
+OperatorActs::OperatorActs(const RunSpec& spec, support::VirtualSession& session, StressHand& hand)
+    : spec_(spec),
+      act_(spec.act),
       method_(spec.method),
-      scaling_(station.config().scaling),
-      station_(station),
-      hand_(hand) {}
+      scaling_(session.station().config().scaling),
+      session_(session),
+      station_(session.station()),
+      hand_(hand) {
+  if (act_ != Act::kTakeOver) return;
+  support::VirtualSessionConfig rival;
+  rival.server = session.shared_server();
+  rival.start_ns = session.now_ns();
+  rival.port = kRivalPort;
+  rival.seed = spec.seed + 1;
+  rival.hand = std::make_shared<StillHand>();
+  rival.station = session.station().config();
+  rival.tip_wish = link::kFlagHandOver;
+  rival_ = std::make_unique<support::VirtualSession>(rival);
+}
 
 void OperatorActs::change_scale(double velocity, double force) noexcept {
-  station_.change_scaling({scaling_.velocity * velocity, scaling_.force * force});
+  const control::Scaling before = station_.config().scaling;
+  if (station_.change_scaling({scaling_.velocity * velocity, scaling_.force * force})) return;
+  ++refused_;
+  const control::Scaling& after = station_.config().scaling;
+  refusal_changed_ = refusal_changed_ || after.velocity != before.velocity || after.force != before.force;
+}
+
+/// The wishes as the two operators' buttons set them: one asks for the tip, the other leaves it.
+void OperatorActs::take_over(bool rival) noexcept {
+  session_.loop().set_tip_wish(rival ? link::kFlagHandOver : link::kFlagTakeOver);
+  rival_->loop().set_tip_wish(rival ? link::kFlagTakeOver : link::kFlagHandOver);
 }
 
 void OperatorActs::step(double t_s) noexcept {
@@ -25,6 +77,11 @@ void OperatorActs::step(double t_s) noexcept {
     hand_.hold_buttons(0);
     if (!holds) station_.clear_stop();
   }
+  if (act_ == Act::kTakeOver) {
+    handed_over_ += station_.holds_tip() != held_;
+    held_ = station_.holds_tip();
+    if (!holds) take_over(false);
+  }
   if (since_s < kActEveryS) return;
   ++done_;
   const bool odd = done_ % 2 == 1;
@@ -32,6 +89,8 @@ void OperatorActs::step(double t_s) noexcept {
     case Act::kScale:
       return change_scale(odd ? 1 / kRescale : 1, odd ? kRescale : 1);
     case Act::kImpedance:
+      if (!station_.config().allow_unsafe_scaling)
+        change_scale(1, kTooStrong);  // refused, where it is too stiff
       return change_scale(1, odd ? kWeaker : 1);
     case Act::kMethod: {
       using control::Method;
@@ -42,6 +101,14 @@ void OperatorActs::step(double t_s) noexcept {
       return hand_.hold_buttons(device::kButtonClutch);
     case Act::kStop:
       return hand_.hold_buttons(device::kButtonStop);
+    case Act::kTask: {
+      control::CompandingConfig companding = station_.config().companding;
+      companding.gain = odd ? most_gain(spec_) : 1;
+      station_.change_companding(companding);
+      return;
+    }
+    case Act::kTakeOver:
+      return take_over(true);
     case Act::kNone:
       return;
   }

@@ -1,8 +1,13 @@
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
+#include <memory>
+
 #include "telenano/master/station/station.h"
 #include "tests/studies/stress/run_spec.h"
 #include "tests/studies/stress/stress_hand.h"
+#include "tests/support/virtual_session.h"
 
 namespace telenano::studies::stress {
 
@@ -11,18 +16,24 @@ namespace telenano::studies::stress {
 ///
 ///   scale      nanometres five times as large in the hand and forces five times as strong, and back: the
 ///              same impedance, which the window's sliders allow at any time
-///   impedance  forces at three tenths, and back
+///   impedance  forces at three tenths, and back; where the scale is a planned one, each time after five times as
+///              strong ones were asked for, which the station refuses as it would not be passive
 ///   method     through the methods that promise energy, the run's own first
 ///   clutch     let go for kClutchS and taken up again
 ///   stop       stopped, and cleared after kClutchS
+///   task       another task: the hand goes on to it from where it is (hands.cpp), and the station's companding is
+///              that of another task
+///   take-over  of a shared tip: another operator, who holds still, takes it, and gives it back after kClutchS
 class OperatorActs {
  public:
   static constexpr double kActEveryS = 0.7;
   static constexpr double kClutchS = 0.2;
   static constexpr double kRescale = 5;
   static constexpr double kWeaker = 0.3;
+  static constexpr double kTooStrong = 5;
+  static constexpr double kTaskGain = 5;
 
-  OperatorActs(const RunSpec& spec, station::Station& station, StressHand& hand);
+  OperatorActs(const RunSpec& spec, support::VirtualSession& session, StressHand& hand);
 
   /// Before a tick at `t_s` of the hand's motion.
   void step(double t_s) noexcept;
@@ -31,16 +42,40 @@ class OperatorActs {
   static double most_energy_scale(Act act) noexcept { return act == Act::kScale ? kRescale * kRescale : 1; }
   /// Likewise the least impedance.
   static double least_impedance(Act act) noexcept { return act == Act::kImpedance ? kWeaker : 1; }
+  /// The greatest companding that the run has.
+  static double most_gain(const RunSpec& spec) noexcept {
+    return spec.act == Act::kTask ? std::max(spec.compand, kTaskGain) : spec.compand;
+  }
+  /// Another operator's part of the tick, after the session's own.
+  void step_rival(int periods) {
+    if (rival_) rival_->step(periods);
+  }
+
+  /// Changes of scale that the station refused, as it does beyond what is passive.
+  std::int64_t refused() const noexcept { return refused_; }
+  /// A refusal must leave everything as it was.
+  bool refusal_changed_something() const noexcept { return refusal_changed_; }
+  /// Of a shared tip: how often it became another's, and this station's again.
+  std::int64_t handed_over() const noexcept { return handed_over_; }
 
  private:
   void change_scale(double velocity, double force) noexcept;
 
+  void take_over(bool rival) noexcept;
+
+  RunSpec spec_;
   Act act_;
   control::Method method_;
   control::Scaling scaling_;
+  support::VirtualSession& session_;
   station::Station& station_;
   StressHand& hand_;
+  std::unique_ptr<support::VirtualSession> rival_;  // another operator of the same tip
   int done_ = 0;
+  bool held_ = true;
+  std::int64_t refused_ = 0;
+  bool refusal_changed_ = false;
+  std::int64_t handed_over_ = 0;
 };
 
 }  // namespace telenano::studies::stress

@@ -284,10 +284,30 @@ void options_in_trouble(Grid& grid, RunSpec spec) {
 
 // What the operator does while the tip touches; only methods that promise energy change into each other.
 void acts(Grid& grid, RunSpec spec) {
-  for (const Act act : {Act::kScale, Act::kImpedance, Act::kMethod, Act::kClutch, Act::kStop}) {
+  for (const Act act :
+       {Act::kScale, Act::kImpedance, Act::kMethod, Act::kClutch, Act::kStop, Act::kTask, Act::kTakeOver}) {
     if (act == Act::kMethod && !control::claims_energy_bound(spec.method)) continue;
     spec.act = act;
     for (const SceneKind scene : {SceneKind::kWall, SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}) {
+      spec.scene = scene;
+      for (const double rtt : {0.0, 20.0, 200.0}) {
+        spec.rtt_ms = rtt;
+        for (const double loss : {0.0, 0.1}) {
+          spec.loss = loss;
+          for (const Hand& hand : {kHands[0], kHands[3], kHands[8], kHands[12], kHands[16]})
+            grid.add(spec, hand);
+        }
+      }
+    }
+  }
+}
+
+// Attraction before contact shown stronger: there is none without a twin.
+void companded(Grid& grid, RunSpec spec) {
+  if (spec.method != Method::kTwin) return;
+  for (const double compand : {3.0, 10.0}) {
+    spec.compand = compand;
+    for (const SceneKind scene : {SceneKind::kOxide, SceneKind::kPdms, SceneKind::kScan}) {
       spec.scene = scene;
       for (const double rtt : {0.0, 20.0, 200.0}) {
         spec.rtt_ms = rtt;
@@ -386,8 +406,9 @@ RunSpec random_run(const ProfileOptions& options, Random& random) {
     s.late_periods = std::floor(log_uniform(random, 1, 50));
   }
   if (random.chance(0.25)) {
-    s.act = static_cast<Act>(1 + random.below(5));
+    s.act = static_cast<Act>(1 + random.below(kActs));
     if (s.act == Act::kMethod && !control::claims_energy_bound(s.method)) s.act = Act::kClutch;
+    if (s.act == Act::kTakeOver && s.restart != Restart::kNever) s.act = Act::kTask;
   }
   if (random.chance(0.15)) s.drops = static_cast<Drops>(1 + random.below(3));
   if (random.chance(0.25)) {
@@ -400,6 +421,7 @@ RunSpec random_run(const ProfileOptions& options, Random& random) {
     s.deadband_nm = log_uniform(random, 0.01, 3);
     if (random.chance(0.5)) s.deadband_n = log_uniform(random, 0.005, 0.5);
   }
+  if (s.method == Method::kTwin && random.chance(0.3)) s.compand = log_uniform(random, 1, 10);
   return s;
 }
 
@@ -454,7 +476,7 @@ std::vector<RunSpec> make_profile(const ProfileOptions& options) {
     const std::size_t first = grid.specs.size();
     for (const auto section :
          {survival, bursts, rates, deaths, outages, late_ticks, clocks, disorder, spiteful_links, play_outs,
-          repeated_commands, deadbands, options_in_trouble, acts, named_links, everything})
+          repeated_commands, deadbands, options_in_trouble, acts, companded, named_links, everything})
       section(grid, base);
     if (options.full) continue;
     // What the figures are made of, and of the rest every so manieth, so that each section keeps some; the

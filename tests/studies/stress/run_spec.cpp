@@ -22,7 +22,8 @@ constexpr std::array<std::string_view, 15> kHands = {
 constexpr std::array<std::string_view, 4> kDrops = {"none", "spite", "flatter", "starve"};
 constexpr std::array<std::string_view, 3> kPlayouts = {"newest", "constant", "adaptive"};
 constexpr std::array<std::string_view, 5> kRestarts = {"never", "free", "contact", "snap-in", "random"};
-constexpr std::array<std::string_view, 6> kActs = {"none", "scale", "impedance", "method", "clutch", "stop"};
+constexpr std::array<std::string_view, kActs + 1> kActNames = {"none",   "scale", "impedance", "method",
+                                                               "clutch", "stop",  "task",      "take-over"};
 constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "wrong-index",
                                                                      "credited-damping",
@@ -83,6 +84,7 @@ constexpr NumberField kNumbers[] = {
     {"redundancy", &RunSpec::redundancy, 0, static_cast<double>(link::kMaxRecent), true},
     {"deadband-nm", &RunSpec::deadband_nm, 0, 100},
     {"deadband-n", &RunSpec::deadband_n, 0, 10},
+    {"compand", &RunSpec::compand, 1, 10},
 };
 
 template <std::size_t N>
@@ -132,7 +134,7 @@ std::string_view restart_name(Restart restart) noexcept {
   return name_of(restart, kRestarts);
 }
 std::string_view act_name(Act act) noexcept {
-  return name_of(act, kActs);
+  return name_of(act, kActNames);
 }
 std::string_view playout_name(link::PlayoutConfig::Mode playout) noexcept {
   return name_of(playout, kPlayouts);
@@ -208,7 +210,7 @@ RunSpec parse_run_spec(const std::string& text) {
       }
       put_link(*named, spec);
     } else if (key == "act") {
-      spec.act = parse_enum<Act>(value, kActs, "act");
+      spec.act = parse_enum<Act>(value, kActNames, "act");
     } else if (key == "playout") {
       spec.playout = parse_enum<link::PlayoutConfig::Mode>(value, kPlayouts, "playout");
     } else if (key == "seed") {
@@ -236,6 +238,9 @@ RunSpec parse_run_spec(const std::string& text) {
   if (spec.hand == HandKind::kPath && (spec.knots_m.size() < 2 || !(spec.hand_b > 0)))
     throw UserError(
         "run: hand=path needs knots-m with two points at least, and hand-b, the seconds between them");
+  if (spec.act == Act::kTakeOver && spec.restart != Restart::kNever)
+    throw UserError(
+        "run: act=take-over: both operators are at one server, which goes on; expected restart=never");
   return spec;
 }
 

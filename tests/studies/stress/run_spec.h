@@ -50,7 +50,8 @@ enum class Drops : std::uint8_t {
 };
 enum class Restart : std::uint8_t { kNever, kFree, kContact, kSnapIn, kRandom };
 /// What the operator does meanwhile (operator_acts.h).
-enum class Act : std::uint8_t { kNone, kScale, kImpedance, kMethod, kClutch, kStop };
+enum class Act : std::uint8_t { kNone, kScale, kImpedance, kMethod, kClutch, kStop, kTask, kTakeOver };
+inline constexpr std::size_t kActs = 7;  ///< besides kNone
 
 /// Controllers, slaves and devices that are wrong on purpose (mutants.h).
 enum class Mutant : std::uint8_t {
@@ -125,6 +126,7 @@ struct RunSpec {
   double redundancy = 0;    ///< commands that each datagram repeats: 0, 1, … link::kMaxRecent
   double deadband_nm = 0;   ///< of the commanded position: less is not sent
   double deadband_n = 0;    ///< of the force shown: less asks for no command
+  double compand = 1;       ///< attraction before contact, up to so many times as strong
   std::uint64_t seed = 1;
 
   std::vector<double> knots_m{};  ///< of kPath: height over the ground

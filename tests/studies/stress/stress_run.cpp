@@ -8,6 +8,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/random.h"
 #include "telenano/master/station/station.h"
+#include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/studies/stress/fault_injection.h"
 #include "tests/studies/stress/felt_limits.h"
 #include "tests/studies/stress/hands.h"
@@ -50,6 +51,7 @@ class LocalTouch {
         level_(is_task(spec.hand) && spec.scene != SceneKind::kScan),
         slave_(judged_ || level_ ? scenes.make(spec.scene, kWallHeightNm) : nullptr),
         n_per_nn_(1e-9 * force_scale) {
+    if (spec.method == control::Method::kTwin) companding_.gain = spec.compand;
     trace_.period_s = 1 / spec.rate_hz;
   }
   void add(const recording::Sample& row, double dt_s) {
@@ -61,8 +63,9 @@ class LocalTouch {
     slave_->step(input, dt_s, output_);
     const bool touches = output_.contact_state == link::ContactState::kContact;
     if (judged_)
-      trace_.rows.push_back({vec3(row.hand_force_applied_h_n), n_per_nn_ * output_.force_w_nn,
-                             vec3(row.hand_pos_h_m), touches});
+      trace_.rows.push_back({vec3(row.hand_force_applied_h_n),
+                             n_per_nn_ * companded(touches) * output_.force_w_nn, vec3(row.hand_pos_h_m),
+                             touches});
     if (!level_) return;
     most_nn_ = std::max(most_nn_, output_.force_w_nn.norm());
     if (!input.follow || !touches) return;
@@ -71,6 +74,13 @@ class LocalTouch {
     both_ += shown_n * ideal_n;
     ideal2_ += ideal_n * ideal_n;
     ++count_;
+  }
+  /// ψ′ as it is written down, of a slave that has not been told of it.
+  double companded(bool touches) const noexcept {
+    const auto* const nve = dynamic_cast<const slave::NveSlave*>(slave_.get());
+    if (touches || nve == nullptr || !(nve->stored_aj() < 0)) return 1;
+    const double u = -nve->stored_aj() / companding_.energy_aj;
+    return 1 + (companding_.gain - 1) / ((1 + u) * (1 + u));
   }
   fidelity::FeltMetrics felt(double lag_max_s) const { return fidelity::measure(trace_, lag_max_s); }
   double rms_n() const noexcept {
@@ -83,6 +93,7 @@ class LocalTouch {
   bool judged_;  ///< felt_limits() asks for the whole trace
   bool level_;   ///< sums of the normal force mean something
   std::unique_ptr<slave::Slave> slave_;
+  control::CompandingConfig companding_;
   slave::SlaveOutput output_;
   fidelity::TouchTrace trace_;
   double n_per_nn_;
@@ -111,10 +122,14 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
   };
   if (make_mutant_method(spec)) session.make_method = [spec] { return make_mutant_method(spec); };
   session.station.method = spec.method;
-  session.twin = spec.method == control::Method::kTwin && session.scene != nullptr;
+  // Of a shared tip there is no twin.
+  const bool shared = spec.act == Act::kTakeOver;
+  if (shared) session.share = server::Share::kOneTip;
+  session.twin = spec.method == control::Method::kTwin && session.scene != nullptr && !shared;
   session.station.rate_hz = spec.rate_hz;
   session.station.scaling = {spec.velocity_scale, force_scale};
-  session.station.allow_unsafe_scaling = true;
+  session.station.allow_unsafe_scaling = spec.scale > 1;
+  session.station.companding.gain = spec.compand;
   session.server_drift_ppm = spec.drift_ppm;
   session.seed = spec.seed;
   session.redundancy = static_cast<std::size_t>(spec.redundancy);
@@ -170,7 +185,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   if (extras.make_method) config.make_method = extras.make_method;
   support::VirtualSession session(config);
   FaultInjection faults(spec, session);
-  OperatorActs acts(spec, session.station(), *hand);
+  OperatorActs acts(spec, session, *hand);
   const station::StationConfig& station = session.station().config();
 
   InvariantWatch::Limits what;
@@ -188,8 +203,10 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     const double hold_s =
         std::min(station::TwinRunConfig{}.silence_s, 0.5e-3 * config.scene->session_timeout_ms);
     what.stale_zero_s += std::max(0.0, hold_s - station.stale_hold_s);
-    const double well_j =
-        station.scaling.hand_energy_j(limits.well_aj) * OperatorActs::most_energy_scale(spec.act);
+    control::CompandingConfig companding = station.companding;
+    companding.gain = OperatorActs::most_gain(spec);
+    const double well_j = station.scaling.hand_energy_j(limits.well_aj + companding.most_aj()) *
+                          OperatorActs::most_energy_scale(spec.act);
     what.well_most_j = std::min(well_j, station.well_max_j);
   }
   what.ramp_s = station.engage_ramp_s;
@@ -226,6 +243,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     around.q_before_j = hand->book().quantum_bound_j();
     around.periods = periods;
     const recording::Sample& row = session.step(periods);
+    acts.step_rival(periods);
     around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
     around.time_s = row.time_s;
     invariants.look(row, *hand, *watch, around);
@@ -234,6 +252,7 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     const double t_s = session.period_s() * static_cast<double>(moved);
     faults.step(row, *hand, *watch, t_s, invariants);
     local.add(row, session.period_s() * periods);
+    if (acts.refusal_changed_something()) invariants.violate(kInvariantRefusal, now_s);
 
     const double force_n = row.hand_force_applied_h_n[2];
     hash.add(force_n);
@@ -303,6 +322,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   outcome.swing_mm = high_m >= low_m ? 1e3 * (high_m - low_m) : kNan;
   outcome.duty = touching > 0 ? static_cast<double>(acted) / static_cast<double>(touching) : 0;
   outcome.recover_s = invariants.slowest_recovery_s();
+  outcome.refused = acts.refused();
+  outcome.handed_over = acts.handed_over();
   outcome.sessions = static_cast<std::int64_t>(session.client().sessions());
   outcome.ticks = done;
   outcome.hash = hash.value();

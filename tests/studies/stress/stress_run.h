@@ -38,8 +38,10 @@ struct Outcome {
   std::uint32_t faults = 0;  ///< station::StationFaults of the stop
   std::int64_t clamp_ticks = 0, limit_ticks = 0, stop_ticks = 0;
   std::int64_t sessions = 0;
-  std::int64_t ticks = 0;  ///< all that were computed, of climbs those of every try
-  std::uint64_t hash = 0;  ///< of force and position at every tick
+  std::int64_t refused = 0;      ///< changes of scale that the station refused
+  std::int64_t handed_over = 0;  ///< of a shared tip: to another operator or back
+  std::int64_t ticks = 0;        ///< all that were computed, of climbs those of every try
+  std::uint64_t hash = 0;        ///< of force and position at every tick
   /// Beside the same sample felt locally, where felt_limits() asks for it; not kept in tables.
   fidelity::FeltMetrics felt{};
 

@@ -513,6 +513,32 @@ TEST(StressRun, ActsDoWhatTheySay) {
   EXPECT_NE(run(parse_run_spec(wrong), Scenes::of_this_tree()).violated & kInvariantEnergy, 0u);
 }
 
+TEST(StressRun, TheNewActsAndCompandingDoWhatTheySay) {
+  const Scenes& scenes = Scenes::of_this_tree();
+  const auto outcome = [&](const std::string& text) { return run(parse_run_spec(text), scenes); };
+  const std::string calm = "method=twin scene=oxide hand=indent seconds=6 seed=5";
+  const Outcome plain = outcome(calm), companded = outcome(calm + " compand=5");
+  EXPECT_NE(plain.hash, companded.hash);
+  EXPECT_EQ(companded.violated, 0u) << "felt is judged by psi' as it is written down";
+  EXPECT_EQ(outcome("method=tank scene=oxide hand=indent rtt-ms=20 seconds=6 compand=5 seed=5").hash,
+            outcome("method=tank scene=oxide hand=indent rtt-ms=20 seconds=6 seed=5").hash)
+      << "only a twin knows the energy";
+  EXPECT_NE(plain.hash, outcome(calm + " act=task").hash);
+
+  // A scale beyond what is passive is refused each time, one within it never.
+  const Outcome refused = outcome("method=model scene=oxide hand=indent seconds=6 act=impedance seed=5");
+  EXPECT_GE(refused.refused, 5);
+  EXPECT_EQ(refused.violated, 0u);
+  EXPECT_EQ(outcome("method=model scene=oxide hand=indent seconds=6 act=scale seed=5").refused, 0);
+
+  const Outcome taken =
+      outcome("method=tank scene=oxide hand=indent rtt-ms=20 seconds=6 act=take-over seed=5");
+  EXPECT_GE(taken.handed_over, 10) << "to the other operator and back, every 0.7 s";
+  EXPECT_EQ(taken.violated, 0u);
+  EXPECT_EQ(outcome("method=tank scene=oxide hand=indent rtt-ms=20 seconds=6 seed=5").handed_over, 0);
+  EXPECT_THROW(parse_run_spec("act=take-over restart=free"), UserError);
+}
+
 TEST(StressRun, LinkOptionsDoWhatTheySay) {
   // Nothing but the reply itself is felt with `none`, one tick after its command where the link takes no
   // time.

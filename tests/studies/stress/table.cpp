@@ -49,6 +49,8 @@ constexpr CountColumn kCounts[] = {{"clamp_ticks", &Outcome::clamp_ticks},
                                    {"limit_ticks", &Outcome::limit_ticks},
                                    {"stop_ticks", &Outcome::stop_ticks},
                                    {"sessions", &Outcome::sessions},
+                                   {"refused", &Outcome::refused},
+                                   {"handed_over", &Outcome::handed_over},
                                    {"ticks", &Outcome::ticks}};
 
 std::string column_name(const char* key) {

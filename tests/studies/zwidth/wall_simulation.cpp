@@ -51,7 +51,7 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHan
   double seen_before = quantised(rest, plant.encoder_quantum_m);
   double velocity = 0;
   std::size_t at = 0;
-  double low = 1e300, high = -1e300;
+  double low = 1e300, high = -1e300, low_n = 1e300, high_n = -1e300;
   WallRun run;
   for (std::int64_t k = 0; k < steps; ++k) {
     const double seen = quantised(x, plant.encoder_quantum_m);
@@ -63,6 +63,10 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHan
     if (d > 0) {
       std::swap(force, line[at]);
       at = at + 1 == d ? 0 : at + 1;
+    }
+    if (k >= last_second) {
+      low_n = std::min(low_n, force);
+      high_n = std::max(high_n, force);
     }
     double net = hand.push_n - force;
     if (friction > 0) {
@@ -79,6 +83,7 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHan
     if (trace_m != nullptr) trace_m->push_back(x);
     if (!(std::fabs(x) < kDiverged_m)) {
       run.peak_to_peak_m = kDiverged_m;
+      run.force_peak_to_peak_n = HUGE_VAL;
       return run;
     }
     if (k >= last_second) {
@@ -87,12 +92,44 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness, const PushingHan
     }
   }
   run.peak_to_peak_m = high - low;
+  run.force_peak_to_peak_n = high_n - low_n;
   return run;
+}
+
+namespace {
+
+double swing_allowed_m(const WallPlant& plant) {
+  return std::max(0.5e-3, 4.0 * plant.encoder_quantum_m);
+}
+
+}  // namespace
+
+double reachable_damping(const WallPlant& given, double stiffness, bool feels) {
+  WallPlant plant = given;
+  std::vector<PushingHand> hands = trying_hands(plant.display);
+  std::erase_if(hands, [](const PushingHand& hand) { return hand.push_n < kFirmPush_n; });
+  const auto reaches = [&](double damping) {
+    plant.damper.damping_n_s_m = damping;
+    return std::all_of(hands.begin(), hands.end(), [&](const PushingHand& hand) {
+      const WallRun run = simulate_wall(plant, stiffness, hand);
+      return run.peak_to_peak_m <= swing_allowed_m(plant) &&
+             (!feels || run.force_peak_to_peak_n <= kFeltSwing_n);
+    });
+  };
+  double reached = 0;
+  for (double damping = 0.01 * plant.display.damping_n_s_m; damping < 1e4; damping *= 1.05) {
+    if (reaches(damping)) {
+      reached = damping;
+    } else if (reached > 0) {
+      break;
+    }
+  }
+  return reached;
 }
 
 double simulated_stiffness(const WallPlant& plant, std::int64_t* steps) {
   const std::vector<PushingHand> hands = trying_hands(plant.display);
-  const double allowed = std::max(0.5e-3, 4.0 * plant.encoder_quantum_m);
+  const double allowed = swing_allowed_m(plant);
   std::size_t first = 0;  // the hand that last set the wall off is asked first
   const auto stable = [&](double k) {
     for (std::size_t i = 0; i < hands.size(); ++i) {

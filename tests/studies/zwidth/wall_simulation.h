@@ -29,7 +29,8 @@ struct PushingHand {
 std::vector<PushingHand> trying_hands(const control::HapticDisplay& display);
 
 struct WallRun {
-  double peak_to_peak_m = 0;  ///< over the last second
+  double peak_to_peak_m = 0;        ///< over the last second
+  double force_peak_to_peak_n = 0;  ///< of the wall's force, likewise
   std::int64_t steps = 0;
 };
 /// The hand at a wall of this stiffness, starting a tenth of a millimetre from rest: whatever swings more
@@ -42,5 +43,14 @@ WallRun simulate_wall(const WallPlant& plant, double stiffness_n_m, const Pushin
 /// Least stiffness, rising, at which some of the hands sees more than max(0.5 mm, 4 quanta) peak to peak over
 /// the last second; found to 1 %. NaN if that is so at a hundredth of 2b/T already.
 double simulated_stiffness(const WallPlant& plant, std::int64_t* steps = nullptr);
+
+/// The firm push of trying_hands(), and what of its force a hand can tell (10 %): a limit cycle is felt when the
+/// wall's force swings by more.
+inline constexpr double kFirmPush_n = 10;
+inline constexpr double kFeltSwing_n = 1;
+
+/// Greatest virtual damping, rising by 5 %, of a wall of this stiffness at which no firm hand sees the swing of
+/// simulated_stiffness() or feels one of kFeltSwing_n. `feels` false: only the first is asked. 0: none is.
+double reachable_damping(const WallPlant& plant, double stiffness_n_m, bool feels);
 
 }  // namespace telenano::studies

@@ -7,6 +7,7 @@
 
 #include "telenano/common/base/error.h"
 #include "tests/studies/report/gnuplot.h"
+#include "tests/studies/report/paper_table.h"
 #include "tests/studies/zwidth/wall_simulation.h"
 
 namespace telenano::studies {
@@ -33,6 +34,75 @@ Reach reach(const std::vector<PaperRow>& rows, const PaperConfiguration& c) {
     best.damping = std::max(best.damping, row.values.virtual_damping_n_s_m);
   }
   return best;
+}
+
+/// A wall that all configurations can show, far below their limits.
+constexpr double kSoftWall_n_m = 100;
+
+/// How much virtual damping 1 kHz and 100 Hz reach on it, with the damper.
+struct DampingReach {
+  double fast = 0, slow = 0;
+};
+DampingReach damping_reach(bool fine, bool filtered, bool feels) {
+  const auto reach_of = [&](bool fast) {
+    const ZWidthOptions o = PaperConfiguration{true, fast, fine, filtered}.options();
+    WallPlant plant;
+    plant.display = o.display;
+    if (o.filter_hz > 0) plant.damper.filter_s = 1 / (2 * M_PI * o.filter_hz);
+    plant.encoder_quantum_m = 1 / o.encoder_counts_per_m;
+    return reachable_damping(plant, kSoftWall_n_m, feels);
+  };
+  return {reach_of(true), reach_of(false)};
+}
+
+std::string text_of(const DampingReach& reach) {
+  return fmt::format("1 kHz {:.3g}, 100 Hz {:.3g} N s/m", reach.fast, reach.slow);
+}
+
+void write_cb04_beside(const FigureFolder& folder, const std::string& id, bool fine, bool filtered,
+                       const std::vector<FactorGain>& gains) {
+  // An 8 000-count encoder on a lever of 0.1 m, sampled at 1 kHz: the paper's own example.
+  const double example_cm_s = 100 * (2 * M_PI / 8000) * 0.1 / 1e-3;
+  const DampingReach seen = damping_reach(fine, filtered, false), felt = damping_reach(fine, filtered, true);
+  const auto both = [](double stiffness, double damping) {
+    return fmt::format("stiffness ×{:.2g}, damping ×{:.2g}", stiffness, damping);
+  };
+  std::vector<BesidePaper> beside{
+      {"damper in", "raises the greatest stiffness and damping in all cases", "as printed", "CB section 5",
+       both(gains[0].stiffness_least, gains[0].damping_least) + " at least",
+       gains[0].stiffness_least > 1 && gains[0].damping_least > 1 ? "agrees" : "does not agree"},
+      {"1 kHz for 100 Hz", "high stiffness needs a high rate", "as printed", "CB section 5",
+       fmt::format("stiffness ×{:.2g} (median)", gains[1].stiffness_median),
+       gains[1].stiffness_median > 1 ? "agrees" : "does not agree"},
+      {"encoder resolution", "little effect on the limits", "as printed", "CB section 5",
+       both(gains[2].stiffness_median, gains[2].damping_median) + " (medians)",
+       std::fabs(gains[2].stiffness_median - 1) < 0.5 ? "agrees" : "does not agree"}};
+  if (!filtered)
+    beside.push_back(
+        {"damping at 1 kHz, seen (0.5 mm and four counts)",
+         "large damping is difficult to achieve at the high rate", "no axis in the text", "CB section 5",
+         text_of(seen),
+         seen.fast < seen.slow ? "agrees" : "does not agree: the swing is too small to be seen"});
+  beside.push_back(
+      {fmt::format("damping at 1 kHz, felt (force swings by {:g} N of {:g})", kFeltSwing_n, kFirmPush_n),
+       filtered ? "a filter allows large damping with high stiffness"
+                : "large damping is difficult to achieve at the high rate",
+       "no axis in the text", "CB section 5", text_of(felt),
+       filtered                ? fmt::format("×{:.2g} without the filter's noise",
+                                             felt.fast / std::max(damping_reach(fine, false, true).fast, 1e-9))
+       : felt.fast < felt.slow ? fmt::format("agrees: {:.2g} times as much at 100 Hz", felt.slow / felt.fast)
+                               : "does not agree"});
+  beside.push_back({"velocity of one count, 8 000 a turn, 0.1 m, 1 kHz", "7.8 cm/s", "0.05 cm/s",
+                    "CB section 4", fmt::format("{:.3g} cm/s", example_cm_s),
+                    fmt::format("{:+.2g} %", 100 * (example_cm_s / 7.8 - 1))});
+  if (filtered)
+    beside.push_back({"30 Hz filter", "helps virtual damping at high rates", "as printed", "CB figs. 4a–d",
+                      fmt::format("damping ×{:.2g} (median), ×{:.2g} at most", gains[3].damping_median,
+                                  gains[3].damping_most),
+                      gains[3].damping_median > 1 ? "agrees" : "does not agree"});
+  beside.push_back({"curves of K over B", "mass and damping lost from the text", "no axis in the text",
+                    "CB figs. 4a–d", "in the caption, for 2 kg, 2 and 20 N s/m", "not comparable"});
+  write_beside_paper(folder, id, beside);
 }
 
 double median(std::vector<double>& sorted) {
@@ -127,6 +197,19 @@ Figure draw_cb03(const FigureFolder& folder) {
     rows += fmt::format("{:.6g},{:.6g},{:.6g}\n", static_cast<double>(i) * plant.display.period_s,
                         1e3 * stable[i], 1e3 * unstable[i]);
   folder.write("cb03.csv", rows);
+  const auto swing_mm = [](const std::vector<double>& trace) {
+    const auto late = trace.end() - static_cast<std::ptrdiff_t>(trace.size() / 4);
+    const auto [low, high] = std::minmax_element(late, trace.end());
+    return 1e3 * (*high - *low);
+  };
+  write_beside_paper(
+      folder, "cb03",
+      {{"stable interaction", "no visually apparent sustained oscillation", "no axis in the text",
+        "CB section 5, fig. 3", fmt::format("{:.2g} mm peak to peak in the last quarter", swing_mm(stable)),
+        swing_mm(stable) < 0.5 ? "agrees" : "does not agree"},
+       {"unstable interaction", "visually apparent sustained oscillation", "no axis in the text",
+        "CB section 5, fig. 3", fmt::format("{:.2g} mm peak to peak in the last quarter", swing_mm(unstable)),
+        swing_mm(unstable) > 0.5 ? "agrees" : "does not agree"}});
   Figure figure{
       "cb03", "Stable and unstable interaction with a virtual wall",
       fmt::format(
@@ -180,6 +263,7 @@ Figure draw_cb04(char part, const FigureFolder& folder) {
   folder.write(id + ".csv", data);
   const std::vector<FactorGain> gains = factor_gains(rows);
   folder.write("zwidth_factors.csv", factor_table(gains));
+  write_cb04_beside(folder, id, fine, filtered, gains);
   std::string answer;
   switch (part) {
     case 'a':
@@ -192,10 +276,14 @@ Figure draw_cb04(char part, const FigureFolder& folder) {
     case 'b':
       answer = fmt::format(
           " Agrees with CB: resolution hardly moves the limits (fine over coarse: stiffness ×{:.2g}, damping "
-          "×{:.2g}, medians); it changes the size of limit cycles. Does not: CB found large damping hard to "
-          "reach at 1 kHz for the noise of differentiation; here a limit cycle of a few counts (118 µm each) "
-          "stays below the 0.5 mm that count as unstable, so 1 kHz reaches as far as 100 Hz.",
-          gains[2].stiffness_median, gains[2].damping_median);
+          "×{:.2g}, medians); it changes the size of limit cycles. CB found large damping hard to reach at "
+          "1 kHz for the noise of differentiation: here that is felt and not seen, since a limit cycle of a "
+          "few "
+          "counts (118 µm each) stays below the 0.5 mm that count as unstable. On a wall of {:g} N/m damping "
+          "reaches, seen, {}; where a firm hand must not feel the force swing by {:g} of {:g} N: {}.",
+          gains[2].stiffness_median, gains[2].damping_median, kSoftWall_n_m,
+          text_of(damping_reach(false, false, false)), kFeltSwing_n, kFirmPush_n,
+          text_of(damping_reach(false, false, true)));
       break;
     case 'c':
       answer = fmt::format(

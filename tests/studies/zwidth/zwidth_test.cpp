@@ -149,6 +149,19 @@ TEST(WallSimulation, CoarseEncoderNeedsFriction) {
   EXPECT_GT(without, 1e-9);
 }
 
+// CB fig. 4b: a coarse encoder at 1 kHz makes damping rough long before the swing is seen. One count is 118 um, so
+// that its force is 0.118 N for each N s/m at 1 kHz and a tenth of it at 100 Hz.
+TEST(WallSimulation, ACoarseEncodersDampingIsFeltBeforeItIsSeen) {
+  WallPlant plant;
+  plant.display = {20, 2, 1e-3};
+  plant.encoder_quantum_m = 2 * M_PI * 0.15 / 8000;
+  const double seen = reachable_damping(plant, 100, false), felt = reachable_damping(plant, 100, true);
+  EXPECT_LT(felt, 0.2 * seen);
+  EXPECT_LT(felt, kFeltSwing_n / (plant.encoder_quantum_m / plant.display.period_s));
+  plant.display.period_s = 1e-2;
+  EXPECT_GT(reachable_damping(plant, 100, true), 3 * felt);
+}
+
 TEST(ZWidthStudy, RefusesNonsense) {
   const auto message = [](auto change) {
     ZWidthOptions options;

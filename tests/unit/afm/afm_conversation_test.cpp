@@ -40,14 +40,14 @@ void whole_session(Bench& b) {
 TEST(AfmConversation, IsThatOfTheRecordingFromTheChecksToTheEnd) {
   Bench b;
   whole_session(b);
-  expect_conversation(b, {3069, 0x4542d2d0866ce05});
+  expect_conversation(b, {3587, 0x966c6e917774868f});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereLargerZIsTowardsTheSample) {
   Bench b;
   b.config.z_sign = b.rig.z_sign = -1;
   whole_session(b);
-  expect_conversation(b, {3069, 0x4ad8add856eea6ed});
+  expect_conversation(b, {3587, 0xe9fbb277bea19a9f});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereTheSetPointIsRefused) {

@@ -74,6 +74,32 @@ TEST(PointerDevice, SilentViewerLetsGoOfTheDeadmanNotOfTheStop) {
   EXPECT_EQ(reading_after(device, kMs).buttons, kButtonDeadman);
 }
 
+// A picture that stands still for a second: the tip stands, so the hand does, and goes on from there.
+TEST(PointerDevice, TheHandStandsWhileTheViewerIsSilent) {
+  rt::LatestValue<PointerState> source;
+  PointerDevice device(source);
+  source.store({{0.05, 0, 0}, kButtonDeadman});
+  PointerConfig slow;
+  slow.motion.speed_max_m_s = 0.05;
+  PointerDevice late(source, slow);  // has half of its way before it when the deadman is let go of
+  Vec3 at_silence = Vec3::Zero();
+  for (int k = 0; k < 1000; ++k) {
+    const DeviceReading now = reading_after(late, kMs);
+    if (now.buttons == kButtonDeadman) at_silence = now.hand_pos_h_m;
+  }
+  EXPECT_NEAR(at_silence.x(), 0.025, 0.002);
+  EXPECT_LT((reading_after(late, kMs).hand_pos_h_m - at_silence).norm(), 1e-4);
+  // Nobody who had let go before stands still on the way back.
+  for (int k = 0; k < 1000; ++k) {
+    source.store({{0.05, 0, 0}, kButtonDeadman});
+    reading_after(late, kMs);
+  }
+  EXPECT_NEAR(reading_after(late, kMs).hand_pos_h_m.x(), 0.05, 1e-4);
+  source.store({{}, 0});
+  for (int k = 0; k < 3000; ++k) reading_after(late, kMs);
+  EXPECT_NEAR(reading_after(late, kMs).hand_pos_h_m.x(), 0, 1e-9);
+}
+
 TEST(PointerDevice, ShowsNoForceAndSaysSo) {
   rt::LatestValue<PointerState> source;
   PointerDevice device(source);

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "telenano/common/base/constants.h"
 #include "telenano/nve_server/physics/equilibrium/potential_equilibrium.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "telenano/nve_server/slave/nve_slave.h"
@@ -105,6 +106,26 @@ TEST(PortModel, ItLetsGoAtTheAdhesionThatWasSaid) {
     }
     EXPECT_NEAR(most_nn, said_nn, 0.01 * said_nn) << name;
   }
+}
+
+// What a person is told of the contact: between the closed forms of Hertz (no adhesion) and JKR (the most) for
+// the force on the tip, with the numbers of the scene's file.
+TEST(PortModel, TheContactThatIsToldIsThatOfHertzToJkr) {
+  Rig rig("flat_silicon_oxide");
+  EXPECT_EQ(rig.slave.contact_radius_nm(), 0);
+  EXPECT_EQ(rig.slave.adhesion_nn(), rig.output.model.adhesion_nn) << "also before it touches";
+  rig.go(rig.output.model.point_w_nm.z() - 2);
+  ASSERT_EQ(rig.output.contact_state, link::ContactState::kContact);
+  const double r_nm = 20;
+  const double k_nn_nm2 = 4.0 / 3 / ((1 - 0.27 * 0.27) * (1 / 70.0 + 1 / 160.0));  // K = 4 E*/3
+  const double pull_nn = 3 * kPi * 2 * std::sqrt(0.2 * 0.2) * r_nm;                // 3 π w R
+  const double f_nn = rig.output.force_w_nn.z();
+  const double a_nm = rig.slave.contact_radius_nm();
+  EXPECT_GT(f_nn, 5);
+  EXPECT_GT(a_nm, std::cbrt(r_nm * f_nn / k_nn_nm2));
+  EXPECT_LT(a_nm, std::cbrt(r_nm / k_nn_nm2 *
+                            (f_nn + pull_nn + std::sqrt(2 * pull_nn * f_nn + pull_nn * pull_nn))));
+  EXPECT_EQ(rig.slave.adhesion_nn(), rig.output.model.adhesion_nn);
 }
 
 TEST(PortModel, ItSlipsAtTheFrictionThatWasSaid) {

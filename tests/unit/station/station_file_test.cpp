@@ -32,6 +32,9 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(a.allowance_j, b.allowance_j);
   EXPECT_EQ(a.well_max_j, b.well_max_j);
   EXPECT_EQ(a.store_max_j, b.store_max_j);
+  EXPECT_EQ(a.companding.gain, b.companding.gain);
+  EXPECT_EQ(a.companding.energy_aj, b.companding.energy_aj);
+  EXPECT_EQ(file.companding_tasks, defaults.companding_tasks);
   EXPECT_EQ(a.guaranteed_velocity_m_s, b.guaranteed_velocity_m_s);
   EXPECT_EQ(a.trip_velocity_m_s, b.trip_velocity_m_s);
   EXPECT_EQ(a.force_safety, b.force_safety);
@@ -63,6 +66,21 @@ TEST(StationFile, TheShippedFileStatesTheDefaults) {
   EXPECT_EQ(file.task.retract_nm, defaults.task.retract_nm);
   EXPECT_EQ(file.task.scan_size_nm, defaults.task.scan_size_nm);
   EXPECT_EQ(file.task.scan_lines, defaults.task.scan_lines);
+}
+
+TEST(StationFile, CompandsInTheTasksThatItNames) {
+  const StationFile file =
+      parse_station_file("[companding]\ngain = 4\nenergy_aj = 2.5\ntasks = \"indent, hand\"\n", "a.toml");
+  EXPECT_EQ(companding_of(file, "indent").gain, 4);
+  EXPECT_EQ(companding_of(file, "indent").energy_aj, 2.5);
+  EXPECT_EQ(companding_of(file, "hand").gain, 4);
+  EXPECT_EQ(companding_of(file, "scan").gain, 1);
+  EXPECT_EQ(companding_of(parse_station_file("[companding]\ngain = 4\n", "a.toml"), "scan").gain, 4);
+  EXPECT_NE(refusal("[companding]\ntasks = \"indent, dance\"\n").find("'dance' is unknown"),
+            std::string::npos);
+  EXPECT_NE(refusal("[companding]\ngain = 0.5\n").find("gain"), std::string::npos);
+  EXPECT_NE(refusal("[companding]\ngain = 11\n").find("gain"), std::string::npos);
+  EXPECT_NE(refusal("[companding]\nenergy_aj = 0\n").find("energy_aj"), std::string::npos);
 }
 
 TEST(StationFile, ReadsWhatItIsTold) {

@@ -1,6 +1,7 @@
 #include "telenano/master/view_model/live_session.h"
 
 #include <gtest/gtest.h>
+#include <limits>
 
 #include "telenano/common/link/messages.h"
 
@@ -59,6 +60,31 @@ TEST(LiveSession, CountsARoundTripOnceHoweverManyTicksSeeIt) {
   recording::Sample s = sample_at(0, 10, 0);
   for (int i = 0; i < 10; ++i) live.take(s, plane());
   EXPECT_EQ(live.round_trips().count(), 1);
+}
+
+TEST(LiveSession, ShowsTheParticleWhereItWasSeenLast) {
+  LiveSession live(0.25);
+  live.take(sample_at(0, 10, 0), plane());
+  EXPECT_EQ(live.particle().radius_nm, 0);
+  recording::Sample s = sample_at(1, 10, 0);
+  s.particle_pos_w_nm = {60, -1.5, 30};
+  s.particle_radius_nm = 30;
+  s.particle_state = static_cast<std::int64_t>(link::ParticleStatus::kPushed);
+  live.take(s, plane());
+  const link::Particle there{{60, -1.5, 30}, 30, link::ParticleStatus::kPushed};
+  EXPECT_EQ(live.particle(), there);
+  live.take(sample_at(2, 10, 0), plane());  // a reply without it
+  EXPECT_EQ(live.particle(), there);
+  // What a file may hold.
+  for (const std::int64_t state : {std::int64_t{4}, std::int64_t{-1}, std::int64_t{1} << 32}) {
+    s.particle_pos_w_nm = {1, 2, 3};
+    s.particle_state = state;
+    live.take(s, plane());
+  }
+  s.particle_state = 0;
+  s.particle_pos_w_nm[1] = std::numeric_limits<double>::quiet_NaN();
+  live.take(s, plane());
+  EXPECT_EQ(live.particle(), there);
 }
 
 TEST(LiveSession, ScaleOfTheConeCoversWhatWasFelt) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "telenano/master/device/haptic_device.h"
 
 namespace telenano::view_model {
@@ -25,6 +27,43 @@ TEST(PointerHand, TheTipKeepsUpWithTheCursor) {
   hand.set_velocity_scale(2e-6);
   hand.drag(40, 0, {Vec3::UnitX(), Vec3::UnitZ(), 0.25});
   EXPECT_NEAR(hand.hand_pos_h_m().x(), 15e-3, 1e-15);
+}
+
+// A push of 30 nN at a half of 10 nN: against it the pointer goes four times as far as the tip; along it and
+// across as far.
+TEST(PointerHand, TheForceIsAWayThatThePointerMustGo) {
+  const PointerHand::Axes axes{Vec3::UnitX(), Vec3::UnitZ(), 0.25};
+  PointerHand hand = made();
+  hand.resist({0, 0, 30}, 10);
+  EXPECT_NEAR(hand.resistance(), 4, 1e-12);
+  hand.drag(0, 40, axes);  // down, 10 nm of picture
+  EXPECT_NEAR(hand.hand_pos_h_m().z(), -2.5e-3, 1e-15);
+  hand.drag(40, -40, axes);
+  EXPECT_NEAR(hand.hand_pos_h_m().z(), 7.5e-3, 1e-15);
+  EXPECT_NEAR(hand.hand_pos_h_m().x(), 10e-3, 1e-15);
+  // A pull holds on, the way up.
+  hand = made();
+  hand.resist({0, 0, -10}, 10);
+  hand.drag(0, -40, axes);
+  EXPECT_NEAR(hand.hand_pos_h_m().z(), 5e-3, 1e-15);
+  // Never more than the pointer's own way, whatever the force is, and nothing moves by a force alone.
+  for (const double force_nn : {0.0, 1e-300, 1e300, std::numeric_limits<double>::quiet_NaN(),
+                                std::numeric_limits<double>::infinity()}) {
+    hand = made();
+    hand.resist({0, force_nn, force_nn}, 10);
+    EXPECT_EQ(hand.hand_pos_h_m().norm(), 0) << force_nn;
+    hand.drag(3, 4, axes);
+    EXPECT_LE(hand.hand_pos_h_m().norm(), 5 * 0.25e-3 * (1 + 1e-12)) << force_nn;
+  }
+  hand.resist({0, 0, 30}, 0);
+  EXPECT_EQ(hand.resistance(), 1);
+}
+
+TEST(PointerHand, TheWallsOfItsBoxAreToldFromTheTip) {
+  PointerHand hand = made();
+  hand.drag(40, -20, {Vec3::UnitX(), Vec3::UnitZ(), 0.25});  // 10 nm to the right, 5 up; 55 nm to each side
+  EXPECT_LT((hand.wall_below_nm() - Vec3(-65, -55, -60)).norm(), 1e-9);
+  EXPECT_LT((hand.wall_above_nm() - Vec3(45, 55, 50)).norm(), 1e-9);
 }
 
 TEST(PointerHand, GripsWhileHeldAndHalfASecondAfterTheWheel) {

@@ -106,10 +106,11 @@ std::string broken_rule(const Case& c, const SessionBanner& banner) {
   const bool felt = c.method == control::Method::kTwin && c.twin != TwinState::kNone && !given_up;
   if (count("Twin") != ((felt || given_up) && !c.played && !c.observes)) return "twin";
   if (count("Twin") != 0) {
-    const bool apart = c.twin == TwinState::kApart;
-    if (filled("Twin confirmed") != (felt && !apart && !silent)) return "confirmed by what?";
+    const bool apart = c.twin == TwinState::kApart, waits = c.twin == TwinState::kWaits;
+    if (filled("Twin confirmed") != (felt && !apart && !waits && !silent)) return "confirmed by what?";
     if (filled("Twin apart") != apart || filled("Twin given up")) return "apart";
     if (line("server's state is taken up") != apart) return "apart without a line";
+    if (filled("Twin waits") != waits || line("state is on the way") != waits) return "waits";
     if (line("another method until") != given_up) return "given up without a line";
   }
   if (c.mode == Mode::kStopped && banner.lines.empty()) return "stopped without a cause";
@@ -133,7 +134,8 @@ std::vector<std::uint32_t> latched_faults() {
           station::kFaultOld};
 }
 
-constexpr std::array<std::pair<station::TwinState, control::Method>, 7> kTwins = {{
+constexpr std::array<std::pair<station::TwinState, control::Method>, 8> kTwins = {{
+    {station::TwinState::kWaits, control::Method::kTwin},
     {station::TwinState::kNone, control::Method::kTwin},
     {station::TwinState::kBehind, control::Method::kTwin},
     {station::TwinState::kConfirmed, control::Method::kTwin},
@@ -167,7 +169,7 @@ TEST(SessionBanner, NeverMisleadsInAnyCombination) {
                             << give_up_s << ", fault " << fault << ", bits " << bits;
             }
   EXPECT_EQ(broken, 0) << "of " << cases;
-  EXPECT_EQ(cases, 6 * 3 * 4 * 2 * 11 * 64 * 7);
+  EXPECT_EQ(cases, 6 * 3 * 4 * 2 * 11 * 64 * 8);
 }
 
 TEST(SessionBanner, CountsDownToTheEndAndNotBelow) {

@@ -131,6 +131,20 @@ TEST(Words, EveryModeHasItsOwn) {
   EXPECT_EQ(mode_words(in_mode(static_cast<station::Mode>(99))).text, "Unknown");
 }
 
+TEST(Words, TellOfTheContact) {
+  ShownContact contact;
+  EXPECT_EQ(contact_area_text(contact), "needs a twin");
+  EXPECT_EQ(adhesion_text(contact), "–");
+  contact.area_known = true;
+  contact.adhesion_nn = 38.9;
+  EXPECT_EQ(contact_area_text(contact), "none");
+  EXPECT_EQ(adhesion_text(contact), "lets go at 38.9 nN");
+  contact.radius_nm = 2;
+  EXPECT_EQ(contact_area_text(contact), "radius 2.00 nm, 12.6 nm²");
+  EXPECT_EQ(method_words(control::Method::kTank, true), "tank, by the link");
+  EXPECT_EQ(method_words(control::Method::kTank, false), "tank");
+}
+
 TEST(Words, ChooseUnits) {
   EXPECT_EQ(length_text(12.34), "12.3 nm");
   EXPECT_EQ(length_text(-0.277), "-277 pm");

@@ -135,33 +135,6 @@ TEST(ViewRequestHandler, PassesOnTheNewestPracticeLink) {
   EXPECT_FALSE(rig.requests.answer(rig.station).practice);
 }
 
-TEST(ViewRequestHandler, ShowsTheParticleThatTheStationHearsOf) {
-  Fixture f;
-  const auto hear = [&](const link::Particle& particle) {
-    link::Reply reply;
-    reply.sequence = reply.command_sequence = ++f.sequence;
-    reply.particle = particle;
-    station::StationInput input;
-    input.time_ns = f.time_ns += 1'000'000;
-    input.session_up = true;
-    input.reply = &reply;
-    f.station.step(input, 1e-3, f.output);
-    f.requests.show(f.output.trace.particle);
-  };
-  const auto shown = [&] {
-    const ShownParticle p = f.port.particle.load();
-    return link::Particle{{p.pos_w_nm[0], p.pos_w_nm[1], p.pos_w_nm[2]}, p.radius_nm, p.status};
-  };
-  f.tick();
-  f.requests.show(f.output.trace.particle);
-  EXPECT_EQ(f.port.particle.load().radius_nm, 0);
-  const link::Particle there{{60, -1.5, 30}, 30, link::ParticleStatus::kPushed};
-  hear(there);
-  EXPECT_EQ(shown(), there);
-  hear({});
-  EXPECT_EQ(shown(), there);
-}
-
 TEST(ViewRequestHandler, AScreenThatFloodsOrStandsStillCostsTheLoopNothing) {
   Fixture f;
   while (f.port.requests.push({Kind::kMarker, {}, {}})) {

@@ -185,7 +185,17 @@ TEST_F(Render, AParticleLiesWhereItIs) {
   };
   draw();
   EXPECT_FALSE(sandy(at(project(overview_camera(), scene(place), layout().overview))));
-  port_.particle.store({recording::xyz(place), 30, link::ParticleStatus::kRests});
+  const auto lie = [&](const Vec3& at, link::ParticleStatus status) {
+    recording::Sample s = viewer_->live().now();
+    ++s.tick;
+    s.time_s += 1e-3;
+    s.particle_pos_w_nm = recording::xyz(at);
+    s.particle_radius_nm = 30;
+    s.particle_state = static_cast<std::int64_t>(status);
+    port_.samples.push(s);
+    viewer_->take_samples();
+  };
+  lie(place, link::ParticleStatus::kRests);
   draw();
   const view_model::Camera camera = overview_camera();
   EXPECT_TRUE(sandy(at(project(camera, scene(place), layout().overview))));
@@ -193,7 +203,7 @@ TEST_F(Render, AParticleLiesWhereItIs) {
   EXPECT_FALSE(sandy(at(project(camera, scene(place) + 34 * camera.right(), layout().overview))));
   // The section: cut open beside the tip, in true proportions.
   const Vec3 beside(tip[0] + 50, tip[1], tip[2] + 20);
-  port_.particle.store({recording::xyz(beside), 30, link::ParticleStatus::kPushed});
+  lie(beside, link::ParticleStatus::kPushed);
   draw();
   const view_model::Camera& section = viewer_->close_up_camera();
   const auto cut = [&](double dx) {
@@ -587,12 +597,43 @@ TEST_F(Render, APressThatIsOnlySeenByTheWindowAnchorsToo) {
   io.MouseDown[0] = true;
   frame();
   io.MousePos = {static_cast<float>(area.x_px + 160), static_cast<float>(area.y_px + 380)};
-  viewer_->note_press();
+  viewer_->note_press(io.MousePos);
   frame();
   EXPECT_EQ(viewer_->hand().hand_pos_h_m().norm(), 0);
   io.MousePos.y -= 8;
   frame();
   EXPECT_GT(viewer_->hand().hand_pos_h_m().z(), 0);
+}
+
+// Where a frame is late, the pointer has come by a jump, gone down and gone on since the last one: the way
+// after the press is the drag, as if it had been drawn in time.
+TEST_F(Render, WhatFollowsAPressWithinOneFrameIsADrag) {
+  facts_.mouse_is_hand = true;
+  const auto drag_of = [&](bool late) {
+    make();
+    play(0, 1500);
+    viewer_->settle(1000);
+    ImGuiIO& io = ImGui::GetIO();
+    io.MouseDown[0] = false;
+    const Area area = layout().close_up;
+    io.MousePos = {static_cast<float>(area.x_px + 40), static_cast<float>(area.y_px + 60)};
+    frame();
+    io.MousePos = {static_cast<float>(area.x_px + 160), static_cast<float>(area.y_px + 380)};
+    io.MouseDown[0] = true;
+    viewer_->note_press(io.MousePos);
+    if (!late) frame();
+    io.MousePos.x += 12;
+    io.MousePos.y += 30;
+    frame();
+    io.MouseDown[0] = false;
+    return viewer_->hand().hand_pos_h_m();
+  };
+  const Vec3 in_time = drag_of(false);
+  const Vec3 late = drag_of(true);
+  EXPECT_GT(in_time.x(), 0);
+  EXPECT_LT(in_time.z(), 0);
+  EXPECT_LT((late - in_time).norm(), 1e-6 * in_time.norm())
+      << late.transpose() << ", " << in_time.transpose();
 }
 
 // A stop withdraws the tip to the top of the workspace, 100 nm above a scan of 15: five times as high in a
@@ -647,8 +688,9 @@ TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
       }
       if (state == 3) s.tip_pos_w_nm = s.tip_target_w_nm = {30, 30, 4};
       if (state == 4) s.rtt_us = 126'000;
-      port_.particle.store({recording::xyz(Vec3(s.tip_pos_w_nm[0] + 20, s.tip_pos_w_nm[1], 15)),
-                            state > 2 ? 20.0 : 0.0, link::ParticleStatus::kPushed});
+      s.particle_pos_w_nm = recording::xyz(Vec3(s.tip_pos_w_nm[0] + 20, s.tip_pos_w_nm[1], 15));
+      s.particle_radius_nm = state > 2 ? 20.0 : 0.0;
+      s.particle_state = static_cast<std::int64_t>(link::ParticleStatus::kPushed);
       for (int i = 0; i < 300; ++i) {
         ++s.tick;
         s.time_s += 1e-3;
@@ -669,6 +711,64 @@ TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
       }
     }
   }
+}
+
+// Words grow as far as the window has room for all of them: in the least window not at all.
+TEST_F(Render, WordsAreAsLargeAsAskedForAndLieOnNoOthers) {
+  facts_.mouse_is_hand = true;
+  facts_.can_record = true;
+  facts_.recording.clear();
+  make();
+  play(0, 5000);
+  const auto tallest = [&](int wide, int high) {
+    draw_picture(*viewer_, wide, high, {});
+    const std::vector<Glyph> glyphs = drawn_glyphs(ink(palette::kBackground, 0.75f));
+    EXPECT_EQ(overlaps(glyphs), "") << wide << " x " << high << ", text " << viewer_->text_size();
+    float most = 0;
+    for (const Glyph& g : glyphs) most = std::max(most, g.y1 - g.y0);
+    return most;
+  };
+  const float least = tallest(640, 480);
+  const float first = tallest(1280, 960);
+  EXPECT_NEAR(first, least, 1);
+  viewer_->set_text_size(1.5);
+  EXPECT_NEAR(tallest(1280, 960), 1.5 * first, 2);
+  EXPECT_NEAR(tallest(640, 480), least, 1);
+  viewer_->set_text_size(9);
+  EXPECT_NEAR(tallest(1280, 960), 2 * first, 2) << "twice 640 x 480";
+}
+
+// The mouse goes farther against a push, in the picture as in the hand.
+TEST_F(Render, AForceHoldsThePointerBackWhereThereAreNoMotors) {
+  const auto drag = [&](double force_nn, bool motors) {
+    facts_.mouse_is_hand = true;
+    facts_.shows_force = motors;
+    facts_.hand_force_limit_n = 4;
+    make();
+    recording::Sample s = support::view_sample(1500);
+    s.force_scale = 1e8;  // 4 N are 40 nN: at 10 nN the pointer goes twice as far
+    s.force_w_nn = {0, 0, force_nn};
+    port_.samples.push(s);
+    viewer_->take_samples();
+    viewer_->settle(1000);
+    ImGuiIO& io = ImGui::GetIO();
+    io.MouseDown[0] = false;
+    const Area area = layout().close_up;
+    io.MousePos = {static_cast<float>(area.x_px + 40), static_cast<float>(area.y_px + 60)};
+    frame();
+    io.MouseDown[0] = true;
+    frame();
+    io.MousePos.y += 20;
+    frame();
+    io.MouseDown[0] = false;
+    return viewer_->hand().hand_pos_h_m().z();
+  };
+  const double free_m = drag(0, false);
+  EXPECT_LT(free_m, 0);
+  EXPECT_NEAR(drag(10, false), free_m / 2, 1e-3 * std::abs(free_m));
+  EXPECT_NEAR(drag(30, false), free_m / 4, 1e-3 * std::abs(free_m));
+  EXPECT_NEAR(drag(-30, false), free_m, 1e-3 * std::abs(free_m)) << "a pull helps on the way down";
+  EXPECT_NEAR(drag(30, true), free_m, 1e-3 * std::abs(free_m)) << "motors say it";
 }
 
 // What is told in the picture, read back letter by letter.

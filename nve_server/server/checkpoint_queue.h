@@ -1,0 +1,107 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "telenano/common/rt/spsc_queue.h"
+
+namespace telenano::server {
+
+/// Wakes the thread that keeps checkpoints. Ringing neither waits nor locks.
+class Bell {
+ public:
+  void ring() noexcept {
+    rings_.fetch_add(1, std::memory_order_release);
+    rings_.notify_one();
+  }
+  std::uint32_t rings() const noexcept { return rings_.load(std::memory_order_acquire); }
+  void wait_beyond(std::uint32_t seen) const noexcept { rings_.wait(seen, std::memory_order_acquire); }
+
+ private:
+  std::atomic<std::uint32_t> rings_{0};
+};
+
+/// What a worker says about one of its sessions to the keeper of checkpoints.
+struct CheckpointNote {
+  enum class Kind : std::uint8_t {
+    kState,     ///< as it is now: `size` bytes in `buffer`
+    kHandOut,   ///< the same, for the last time: whoever asks for it next may have it
+    kGiveBack,  ///< it was taken up for nothing: whoever asks for it next may have it
+    kEnded      ///< nobody may have it any more
+  };
+  Kind kind = Kind::kState;
+  std::uint32_t buffer = 0;
+  std::size_t size = 0;
+  std::uint64_t token = 0;
+  std::uint64_t owner = 0;
+  std::uint64_t number = 0;  ///< grows with each state of a session, whichever server it is with
+};
+
+/// From one worker's loop to the keeper: notes, and a few buffers that go to and fro, so that the loop neither
+/// allocates nor waits. Where no buffer is free, a state is written later.
+class CheckpointQueue {
+ public:
+  static constexpr std::uint32_t kBuffers = 4;
+  static constexpr std::size_t kNotes = 8192;
+
+  CheckpointQueue(std::size_t bytes, Bell& bell)
+      : bytes_(bytes), bell_(bell), notes_(kNotes), free_(kBuffers) {
+    for (std::uint32_t i = 0; i < kBuffers; ++i) {
+      buffers_.push_back(std::make_unique_for_overwrite<std::uint8_t[]>(bytes));  // most is never touched
+      free_.push(i);
+    }
+  }
+
+  // The loop's end.
+
+  /// The bytes to write the next state into; empty: the keeper has all buffers.
+  std::span<std::uint8_t> next_buffer() noexcept {
+    if (!has_buffer_) has_buffer_ = free_.pop(buffer_);
+    return has_buffer_ ? buffer(buffer_) : std::span<std::uint8_t>();
+  }
+  /// With the state that was written into next_buffer(): note.size bytes. False: no room, nothing was said.
+  bool post_state(CheckpointNote note) noexcept {
+    note.buffer = buffer_;
+    if (!notes_.push(note)) return false;
+    has_buffer_ = false;
+    ++posted_;
+    bell_.ring();
+    return true;
+  }
+  bool post(const CheckpointNote& note) noexcept {
+    const bool posted = notes_.push(note);
+    bell_.ring();
+    return posted;
+  }
+  /// Is the keeper done with all states?
+  bool idle() const noexcept { return done_.load(std::memory_order_acquire) == posted_; }
+
+  // Both.
+
+  std::span<std::uint8_t> buffer(std::uint32_t i) noexcept { return {buffers_[i].get(), bytes_}; }
+
+  // The keeper's end.
+  bool fetch(CheckpointNote& note) noexcept { return notes_.pop(note); }
+  void give_back(std::uint32_t buffer) noexcept {
+    free_.push(buffer);
+    done_.fetch_add(1, std::memory_order_release);
+  }
+
+ private:
+  std::size_t bytes_;
+  Bell& bell_;
+  rt::SpscQueue<CheckpointNote> notes_;
+  rt::SpscQueue<std::uint32_t> free_;
+  std::vector<std::unique_ptr<std::uint8_t[]>> buffers_;
+  std::atomic<std::uint64_t> done_{0};
+  // The loop's own.
+  std::uint64_t posted_ = 0;
+  std::uint32_t buffer_ = 0;
+  bool has_buffer_ = false;
+};
+
+}  // namespace telenano::server

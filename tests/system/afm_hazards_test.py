@@ -1,0 +1,251 @@
+#!/usr/bin/env python3
+"""Hazards of an AFM that are neither a lost connection nor a dead signal, with the real programs over TCP: the latch on disk, ports
+that are not the last run's, two stations, two deadmen, a drain while the tip presses.
+
+afm_hazards_test.py SOURCE_DIR TELENANO_NVE TELENANO_AFM_SIM TELENANO_MASTER [unittest's arguments]
+"""
+import pathlib
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+import unittest
+import urllib.request
+
+sys.path[:0] = [str(pathlib.Path(__file__).parent)]
+import deadman_test  # noqa: E402
+from deadman_test import LONG_S, MASTER, NVE  # noqa: E402
+
+LIMIT_NN = 300
+LATE_NN = 40  # one step of the base, by the lever
+
+
+class Hazards(deadman_test.Rig):
+    def serve_words(self, **options):
+        """The patience that a machine with many programs needs: no real-time promise here."""
+        words = super().serve_words(**options)
+        text = (self.path / "afm.toml").read_text()
+        (self.path / "afm.toml").write_text(text.replace("_ms = 1000.0", "_ms = 3000.0"))
+        return words
+
+    def direct(self, *flags):
+        """Words of a server without a deadman."""
+        return [*self.serve_words(with_deadman=False), "--without-deadman", *flags]
+
+    def serving(self, *flags):
+        program = self.start(*self.direct(*flags))
+        self.assertTrue(program.says("serving an AFM on"), program.text)
+        return program
+
+    def latches(self):
+        return sorted(path.name for path in self.path.glob("*.out"))
+
+    def end_of(self, simulator):
+        """Whether the tip is up, and the rig's own greatest force, in nN."""
+        text = simulator.stop()
+        return "tip withdrawn" in text, float(re.search(r"greatest ([0-9.]+)", text)[1]), text
+
+    def refused_where_nothing_moves(self, simulator, words, expected, **how):
+        done = subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=LONG_S, check=False, **how)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertRegex(done.stderr, expected)
+        up, _, text = self.end_of(simulator)
+        self.assertTrue(up)
+        self.assertIn("; 0 calls that move", text)
+        return done
+
+    def test_a_latch_that_cannot_be_written_moves_nothing(self):
+        """A full disk, as far as a process can have one of its own: not a byte may be written into files."""
+        simulator = self.simulator()
+
+        def full():
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+        done = self.refused_where_nothing_moves(simulator, self.direct(), "the latch of the AFM's tip .*cannot be written",
+                                                preexec_fn=full, restore_signals=False)
+        self.assertEqual(done.returncode, 2, done.stderr)
+        self.assertEqual(self.latches(), [])
+
+    def test_a_latch_that_is_none_moves_nothing(self):
+        for make, expected in (
+                (lambda p: p.write_text("nonsense\n"), "this is no latch"),
+                (lambda p: p.write_bytes(b"\0" * 64), "this is no latch"),
+                (lambda p: p.write_text(""), "this is no latch"),
+                (lambda p: p.mkdir(), "is not a plain file"),
+                (lambda p: p.symlink_to("/none"), "cannot be read"),
+                (lambda p: (p.write_text("0123456789abcdef\n"), p.chmod(0o644)), "chmod 600")):
+            with self.subTest(expected):
+                simulator = self.simulator()
+                latch = self.path / f"afm-127.0.0.1_{self.ports[3]}.out"
+                make(latch)
+                if not latch.is_symlink() and latch.is_file() and "chmod" not in expected:
+                    latch.chmod(0o600)
+                self.refused_where_nothing_moves(simulator, self.direct(), expected)
+                if latch.is_dir() and not latch.is_symlink():
+                    latch.rmdir()
+                else:
+                    latch.unlink()
+
+    def test_a_copy_of_the_state_of_another_machine_asks_for_an_operator(self):
+        simulator = self.simulator()
+        latch = self.path / f"afm-127.0.0.1_{self.ports[3]}.out"
+        latch.write_text("0123456789abcdef\n")
+        latch.chmod(0o600)
+        server = self.serving()
+        self.assertIn("did not end with the tip withdrawn", server.text)
+        self.assertNotIn("approaching", server.text)
+        server.stop()
+        self.assertEqual(self.latches(), [latch.name], "still nobody has looked")
+        self.assertTrue(self.end_of(simulator)[0])
+
+    def test_a_latch_of_another_port_of_the_same_controller_counts(self):
+        """Killed without a deadman, started again with one: the emergency port is another, the tip the same."""
+        simulator = self.simulator()
+        server = self.serving()
+        server.kill(signal.SIGKILL)
+        server.process.wait(LONG_S)
+        self.assertEqual(self.latches(), [f"afm-127.0.0.1_{self.ports[3]}.out"])
+        end = time.monotonic() + LONG_S
+        while any("afm-guard" in path.read_text() for path in self.guards()) and time.monotonic() < end:
+            time.sleep(0.05)
+        self.deadman()
+        again = self.server()
+        self.assertIn("did not end with the tip withdrawn", again.text)
+        time.sleep(0.5)
+        self.assertNotIn("approaching", again.text)
+        approved = subprocess.run([NVE, "afm", "approve", "--afm-state", self.path], capture_output=True, text=True, check=False)
+        self.assertEqual(approved.returncode, 0, approved.stderr)
+        self.assertTrue(again.says("surface found"), again.text)
+        self.assertEqual(self.latches(), [f"afm-127.0.0.1_{self.port}.out"], "one tip, one latch")
+        again.stop()
+        self.assertEqual(self.latches(), [])
+        self.assertTrue(self.end_of(simulator)[0])
+
+    def guards(self):
+        mine = f"127.0.0.1:{self.ports[3]}"
+        for path in pathlib.Path("/proc").glob("[0-9]*/cmdline"):
+            try:
+                if mine in path.read_text().split("\0"):
+                    yield path
+            except OSError:
+                continue
+
+    def test_a_running_servers_latch_on_the_same_host_is_its_own(self):
+        first = self.simulator()
+        one = self.serving()
+        ports = self.ports
+        second = self.simulator()
+        other = self.serving()
+        self.assertNotIn("did not end with the tip withdrawn", other.text)
+        self.assertTrue(other.says("surface found"), other.text)
+        self.assertEqual(len(self.latches()), 2)
+        for server in (one, other):
+            server.stop()
+        self.assertEqual(self.latches(), [])
+        self.assertTrue(self.end_of(first)[0] and self.end_of(second)[0])
+        self.ports += ports
+
+    def press(self, server, *words):
+        (self.path / "press.csv").write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,20\n0.5,0,0,20\n1.5,0,0,-5\n600,0,0,-5\n")
+        port = re.search(r"serving an AFM on 127\.0\.0\.1:(\d+)", server.text)[1]
+        return self.start(MASTER, "run", "--server", f"127.0.0.1:{port}", "--task", "script", "--script", self.path / "press.csv",
+                          "--duration-s", "600", "--rt-priority", "0", *words)
+
+    def contact(self, station):
+        self.assertTrue(station.says("engaged"), station.text)
+        time.sleep(3)
+        self.assertIsNone(station.process.poll(), station.text)
+
+    def test_a_second_station_does_not_move_the_tip(self):
+        simulator = self.simulator()
+        server = self.serving()
+        first = self.press(server)
+        self.contact(first)
+        second = self.press(server)
+        self.assertTrue(second.says("\n"))
+        time.sleep(3)
+        self.assertNotIn("engaged", second.text, "the tip is the first one's")
+        second.stop()
+        self.assertIsNone(first.process.poll(), first.text)
+        self.assertNotIn("withdrawing", server.text.partition("surface found")[2], server.text)
+        first.stop()
+        server.stop()
+        up, force_nn, text = self.end_of(simulator)
+        self.assertTrue(up, text)
+        self.assertGreater(force_nn, 20)
+        self.assertLess(force_nn, LIMIT_NN)
+
+    def test_a_second_deadman_gets_no_port_and_disturbs_nothing(self):
+        simulator = self.simulator()
+        watcher = self.deadman()
+        port = self.port
+        server = self.server()
+        self.assertTrue(watcher.says("watching over the server"))
+        (self.path / "second.toml").write_text(
+            f'listen = "127.0.0.1:0"\ncontroller = "127.0.0.1:{self.ports[3]}"\nkey = "deadman.key"\nlog = "second.log"\n')
+        second = self.start(sys.executable, "-B", deadman_test.SOURCE / "deploy/afm/deadman.py", "run", "--config",
+                            self.path / "second.toml")
+        time.sleep(3)
+        self.assertIn("surface found", server.text)
+        self.assertNotIn("withdrawing", server.text, second.text)
+        second.stop()
+        self.port = port
+        killed = self.kill_both(server)
+        self.assertTrue(watcher.says("the tip is withdrawn"), watcher.text)
+        print(f"with two deadmen: withdrawn {time.monotonic() - killed:.2f} s after the death of server and guard", file=sys.stderr)
+        self.assertTrue(self.end_of(simulator)[0])
+
+    def test_a_drain_while_it_presses_waits_for_the_station(self):
+        simulator = self.simulator()
+        server = self.serving()
+        station = self.press(server)
+        self.contact(station)
+        server.kill(signal.SIGUSR1)
+        self.assertTrue(server.says("draining: no new sessions"), server.text)
+        late = self.press(server)
+        self.assertTrue(late.says("is shutting down"), late.text)
+        time.sleep(2)
+        self.assertIsNone(station.process.poll(), "it goes on")
+        self.assertNotIn("withdrawing", server.text.partition("draining")[2])
+        station.stop()
+        self.assertEqual(server.process.wait(LONG_S), 0, server.text)
+        self.ended(simulator, server, "the last session is gone")
+
+    def test_a_drain_whose_time_is_over_withdraws_what_presses(self):
+        simulator = self.simulator()
+        server = self.serving("--drain-seconds", "1")
+        station = self.press(server, "--give-up-s", "1")
+        self.contact(station)
+        server.kill(signal.SIGTERM)
+        self.assertEqual(server.process.wait(LONG_S), 0, server.text)
+        self.assertTrue(station.says("the server is shutting down: the force is zero"), station.text)
+        self.ended(simulator, server, "the time is over, 1 session must end")
+
+    def ended(self, simulator, server, why):
+        self.assertTrue(server.says("drained: " + why), server.text)
+        self.assertRegex(server.text, "withdrawn: (exit|stop)")
+        self.assertEqual(self.latches(), [])
+        up, force_nn, text = self.end_of(simulator)
+        self.assertTrue(up, text)
+        self.assertGreater(force_nn, 20, "it did press")
+        self.assertLess(force_nn, LIMIT_NN + LATE_NN)
+        self.assertIn("SafeTip 0 times", text)
+
+    def test_what_is_published(self):
+        self.simulator()
+        server = self.serving("--metrics", "127.0.0.1:0")
+
+        page = re.search(r"metrics at (http://\S+)", server.text)[1]
+        time.sleep(1)
+        text = urllib.request.urlopen(page, timeout=LONG_S).read().decode()
+        self.assertIn("telenano_afm_following 1", text)
+        bound_m = float(re.search(r"^telenano_afm_surface_bound_metres (\S+)", text, re.MULTILINE)[1])
+        self.assertGreater(bound_m, 0.1e-9)
+        self.assertLess(bound_m, 20e-9)
+        server.stop()
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1] + sys.argv[5:], verbosity=2)

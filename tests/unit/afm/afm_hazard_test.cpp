@@ -1,0 +1,308 @@
+// What a fault tree of the rig finds besides lost connections and signals that die: signals exchanged, units
+// mistaken, somebody else at the controller, a controller that was started anew, answers that are no number.
+// The force is the simulated rig's own.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "telenano/common/base/det_math.h"
+#include "tests/support/virtual_afm_slave.h"
+#include "tests/unit/afm/afm_bench.h"
+
+namespace telenano::afm {
+namespace {
+
+using enum nanonis::CommandId;
+using afm_sim::SensorFault;
+
+void ask(Bench& b, nanonis::CommandId id, std::vector<double> numbers) {
+  b.afm->controller().begin({id, std::move(numbers)}, -1, b.afm->now_ns());
+}
+
+/// Withdrawn by the logic itself, at a force that the limit and some steps of one reading explain.
+void expect_withdrawn(Bench& b, double steps) {
+  EXPECT_TRUE(b.afm->controller().withdrawn());
+  EXPECT_EQ(b.afm->controller().safe_tips(), 0u) << "by the logic, not by the controller";
+  EXPECT_LE(b.afm->controller().tip().peak_force_nn(),
+            b.config.force_max_nn + steps * b.config.spring_constant_n_m * b.config.step_nm)
+      << b.afm->logic().news();
+}
+
+TEST(AfmHazards, SignalsThatAreExchangedWhileItPressesWithdraw) {
+  for (const int sign : {1, -1}) {
+    for (const bool moves : {false, true}) {
+      SCOPED_TRACE(::testing::Message() << sign << (moves ? ", pressing on" : ", at rest first"));
+      Bench b;
+      b.config.sensitivity_nm_v = b.rig.deflection_nm_v = sign * 50;
+      b.start();
+      ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+      b.follow(Vec3(0, 0, -4));
+      b.run(1000);
+      ASSERT_GT(b.afm->controller().tip().normal_force_nn(), 80);
+      // Without the controller's own protection.
+      b.afm->apply({0, afm_sim::FaultKind::kSensor, 0, 0, SensorFault::kSwapped});
+      // At rest the two may differ by less than the noise of the lateral one: then the next motion tells.
+      if (!moves) b.run(400);
+      b.follow(Vec3(0, 0, -20));
+      b.run(400);
+      EXPECT_EQ(name(b.afm->logic().state().cause), "signal not plausible") << b.afm->logic().news();
+      // Else a step, and the way of two readings at full speed.
+      expect_withdrawn(b, moves ? 1 : 1 + b.config.speed_nm_s * 2 * b.config.period_s() / b.config.step_nm);
+    }
+  }
+}
+
+// In the air both may stand at the same value: then only touching tells, by the other signal.
+TEST(AfmHazards, SignalsThatAreExchangedInTheAirWithdrawAtTheTouch) {
+  Bench b;
+  b.rig.deflection_offset_nm = 0;
+  b.rig.thermal_nm = 0;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+  b.follow(Vec3(0, 0, 10));
+  b.run(500);
+  b.afm->controller().tip().forget_peak();
+  b.afm->apply({0, afm_sim::FaultKind::kSensor, 0, 0, SensorFault::kSwapped});
+  for (int i = 0; i < 300; ++i) {
+    b.follow(Vec3(0, 0, std::max(10 - 0.1 * i, -30.0)));
+    b.run(10);
+  }
+  EXPECT_EQ(name(b.afm->logic().state().cause), "signal not plausible") << b.afm->logic().news();
+  expect_withdrawn(b, 0);
+}
+
+TEST(AfmHazards, SignalsThatAreExchangedInAnApproachWithdraw) {
+  for (const Phase phase : {Phase::kEngaging, Phase::kTaring, Phase::kTouching}) {
+    SCOPED_TRACE(name(phase));
+    Bench b;
+    b.rig.deflection_offset_nm = 0;
+    b.rig.thermal_nm = 0;
+    b.start();
+    ASSERT_TRUE(b.until(phase));
+    b.run(100);
+    b.afm->apply({0, afm_sim::FaultKind::kSensor, 0, 0, SensorFault::kSwapped});
+    b.run(8000);
+    EXPECT_TRUE(b.afm->controller().withdrawn()) << name(b.phase());
+    EXPECT_EQ(b.phase(), Phase::kWithdrawn);
+    // The Z controller goes on at its speed until two readings have shown it.
+    const double late_nn =
+        b.config.spring_constant_n_m * b.rig.approach_nm_s * (2 * b.config.period_s() + 0.01);
+    EXPECT_LE(b.afm->controller().tip().peak_force_nn(),
+              b.config.force_max_nn + (phase == Phase::kEngaging ? late_nn : 40))
+        << b.afm->logic().news();
+  }
+}
+
+// Any other signal that is alive and shows no force, by another client's or an operator's hand: SafeTip, which
+// still watches the right one, sees what is not read.
+TEST(AfmHazards, AnotherSignalThanSafeTipsIsFound) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.follow(Vec3(0, 0, 10));
+  b.run(500);
+  // SafeTip's was changed instead, which looks the same from here: it now sees the height, some 10 nm.
+  b.afm->controller().watch_by_safe_tip(afm_sim::kZSignal);
+  b.run(8000);
+  EXPECT_TRUE(b.afm->controller().withdrawn()) << b.afm->logic().news();
+  EXPECT_NE(b.phase(), Phase::kFollowing);
+}
+
+TEST(AfmHazards, WhoChangesWhatTheStartHasSetEndsTheSession) {
+  struct Case {
+    const char* what;
+    void (*change)(Bench&);
+  };
+  const Case cases[] = {
+      {"calibration of the deflection", [](Bench& b) { b.afm->controller().scale_calibration(0.5); }},
+      {"SafeTip was switched off", [](Bench& b) { ask(b, kSafeTipOnOffSet, {2}); }},
+      {"SafeTip's settings",
+       [](Bench& b) {
+         ask(b, kSafeTipPropsSet, {0, 0, 1e-3});
+       }},
+      {"Z limits were switched off", [](Bench& b) { ask(b, kLimitsEnabledSet, {0}); }},
+      {"acquisition period", [](Bench& b) { ask(b, kAcqPeriodSet, {0.02}); }},
+  };
+  for (const Case& c : cases) {
+    SCOPED_TRACE(c.what);
+    Bench b;
+    b.config.stale_force_ms = 500;  // so that not the force's age tells
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing));
+    b.follow(Vec3(0, 0, -4));
+    b.run(1000);
+    c.change(b);
+    b.run(2000);
+    EXPECT_TRUE(b.afm->controller().withdrawn());
+    EXPECT_NE(b.afm->logic().refusal().find(c.what), std::string::npos)
+        << b.afm->logic().refusal() << b.afm->logic().news();
+    expect_withdrawn(b, 1);
+    // And nobody comes back over it.
+    ++b.wish.clears;
+    b.run(3000);
+    EXPECT_TRUE(b.afm->controller().withdrawn());
+  }
+}
+
+// Its program was ended and begun again: connections are made anew, but what the start had set is gone.
+TEST(AfmHazards, AControllerThatWasStartedAnewIsNotApproachedWith) {
+  Bench b;
+  b.start();
+  ASSERT_TRUE(b.until(Phase::kFollowing));
+  b.follow(Vec3(0, 0, -4));
+  b.run(500);
+  b.afm->cut(300 * kMs);
+  b.run(150);
+  b.afm->controller().restart();
+  ASSERT_TRUE(b.until(Phase::kWithdrawn)) << b.afm->logic().news();
+  ask(b, kLimitsEnabledSet, {1});  // as the guard leaves it
+  const auto moves = b.afm->controller().moves();
+  b.afm->controller().tip().forget_peak();
+  ++b.wish.clears;
+  b.run(5000);
+  EXPECT_EQ(b.afm->controller().moves(), moves) << "nothing moves";
+  EXPECT_TRUE(b.afm->controller().withdrawn());
+  EXPECT_NE(b.afm->logic().refusal().find("SafeTip was switched off"), std::string::npos)
+      << b.afm->logic().refusal();
+}
+
+TEST(AfmHazards, AUnitMistakenForTheDeflectionIsRefused) {
+  for (const double factor : {0.001, 0.1, 10.0, 1000.0}) {
+    SCOPED_TRACE(factor);
+    Bench b;
+    b.config.sensitivity_nm_v = 50 * factor;
+    b.start();
+    b.run(1000);
+    EXPECT_EQ(b.phase(), Phase::kRefused);
+    EXPECT_EQ(b.afm->controller().moves(), 0u);
+    EXPECT_NE(b.afm->logic().refusal().find("sensitivity_nm_v"), std::string::npos)
+        << b.afm->logic().refusal();
+  }
+}
+
+// Where the controller's calibration is as wrong as the file, what the lever does in contact tells: it cannot
+// bend by more than its base moves.
+TEST(AfmHazards, ALeverThatBendsByMoreThanItsBaseMovesIsRefused) {
+  Bench b;
+  b.config.sensitivity_nm_v = 150;
+  b.rig.deflection_nm_v = 50;
+  b.rig.safe_tip_signal = afm_sim::kDeflectionSignal;
+  b.start();
+  b.afm->controller().scale_calibration(3);
+  for (int i = 0; i < 30000 && !b.afm->logic().finished() && b.phase() != Phase::kFollowing; ++i) b.run(1);
+  b.run(200);
+  EXPECT_EQ(b.phase(), Phase::kWithdrawn) << b.afm->logic().news();
+  EXPECT_NE(b.afm->logic().refusal().find("by more than its base moved"), std::string::npos)
+      << b.afm->logic().refusal() << b.afm->logic().news();
+  EXPECT_LT(b.afm->controller().tip().peak_force_nn(), b.config.force_max_nn);
+}
+
+// Answers and targets that are no number, while it presses.
+TEST(AfmHazards, WhatIsNoNumberMovesNothing) {
+  const double no_number = std::numeric_limits<double>::quiet_NaN();
+  const double infinite = std::numeric_limits<double>::infinity();
+  for (const double value : {no_number, infinite, -infinite}) {
+    Bench b;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing));
+    b.follow(Vec3(0, 0, -4));
+    b.run(500);
+    for (const AfmOp op : {AfmOp::kRead, AfmOp::kAskStatus}) {
+      VirtualAfm copy = *b.afm;
+      const Role role = op == AfmOp::kRead ? Role::kReads : Role::kData;
+      while (copy.logic().waits_for(role) == nullptr || copy.logic().waits_for(role)->op != op)
+        copy.advance_to(copy.now_ns() + kMs, b.wish);
+      AfmReading wrong;
+      wrong.kind = op == AfmOp::kRead ? ReadingKind::kSignals : ReadingKind::kStatus;
+      wrong.numbers = {value, 0, value, 0};
+      wrong.status = AfmStatus::kOff;
+      copy.logic().answered(role, wrong, copy.now_ns());
+      b.wish.time_ns = copy.now_ns();
+      copy.advance_to(copy.now_ns() + 400 * kMs, b.wish);
+      EXPECT_TRUE(copy.controller().withdrawn()) << copy.logic().news();
+      EXPECT_LT(copy.controller().tip().peak_force_nn(), b.config.force_max_nn);
+    }
+    support::VirtualAfmSlave slave(*b.afm);
+    slave::SlaveInput input;
+    slave::SlaveOutput output;
+    input.follow = true;
+    input.by_operator = true;
+    input.tip_target_pos_w_nm = Vec3(0, 0, value);
+    for (int i = 0; i < 200; ++i) {
+      slave.step(input, 0.001, output);
+      EXPECT_TRUE(std::isfinite(output.force_w_nn.norm()) && std::isfinite(output.tip_pos_w_nm.norm()));
+      ASSERT_TRUE((output.fault_bits & link::kFaultNonFinite) != 0);
+    }
+    EXPECT_LT(slave.afm().controller().tip().peak_force_nn(), b.config.force_max_nn);
+  }
+}
+
+// Ten minutes on a rig whose drift goes up and down, with creep of any size, touched every ten seconds at
+// least: W's zero, the rig's own, and the bound that the slave states. Then a minute in the air.
+TEST(AfmHazards, WsZeroAndItsBoundOnRigsOfAnyDriftAndCreep) {
+  constexpr int kRigs = 8;
+  double worst_nm = 0;
+  int within = 0, all = 0, air_within = 0, air_all = 0;
+  for (int seed = 1; seed <= kRigs; ++seed) {
+    Random random(static_cast<std::uint64_t>(seed));
+    Bench b;
+    const int sign = random.chance(0.5) ? 1 : -1;
+    const double period_s = random.uniform(100, 900), phase = random.uniform(0, 6);
+    b.rig.seed = static_cast<std::uint64_t>(seed);
+    b.rig.creep = random.uniform(0, 0.0045);
+    b.rig.creep_s = random.uniform(6, 60);
+    b.start();
+    const auto run = [&](int ms) {
+      for (int i = 0; i < ms; i += 10) {
+        const double t_s = 1e-9 * static_cast<double>(b.afm->now_ns());
+        b.afm->controller().tip().set_drift_z_nm_s(
+            sign * (0.275 + 0.225 * det_sin_cos(2 * std::numbers::pi * t_s / period_s + phase).sin));
+        b.run(10);
+      }
+    };
+    for (int i = 0; i < 3000 && b.phase() != Phase::kFollowing; ++i) run(10);
+    ASSERT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
+    const auto off_nm = [&] {
+      return b.afm->logic().state().base_w_nm.z() - b.afm->controller().tip().base_w_nm().z();
+    };
+    b.follow(Vec3(0, 0, 10));
+    run(100);
+    const double first_nm = off_nm();
+    for (double t_s = 0; t_s < 600 && b.phase() == Phase::kFollowing;) {
+      const int wait_ms = static_cast<int>(1000 * random.uniform(2, 7.5));
+      b.follow(Vec3(0, 0, 5));
+      for (int t = 0; t < wait_ms; t += 100) {
+        run(100);
+        const double off = std::fabs(off_nm() - first_nm);
+        worst_nm = std::max(worst_nm, off);
+        ++all;
+        if (off <= b.afm->logic().state().surface_bound_nm) ++within;
+      }
+      for (int i = 0; i < 100; ++i) {  // down to -5 at 10 nm/s
+        b.follow(Vec3(0, 0, 5 - 0.1 * i));
+        run(10);
+      }
+      run(1500);
+      t_s += 2.5 + 1e-3 * wait_ms;
+    }
+    b.follow(Vec3(0, 0, 15));
+    for (int t = 0; t < 60'000 && b.phase() == Phase::kFollowing; t += 100) {
+      run(100);
+      ++air_all;
+      if (std::fabs(off_nm() - first_nm) <= b.afm->logic().state().surface_bound_nm) ++air_within;
+    }
+    EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
+  }
+  std::printf(
+      "%d rigs: W's zero off by at most %.2f nm; the bound covered %.1f %%, in a minute of air %.1f %%\n",
+      kRigs, worst_nm, 100.0 * within / all, 100.0 * air_within / air_all);
+  EXPECT_LE(worst_nm, 2);
+  EXPECT_GE(within, 0.95 * all);
+  EXPECT_GE(air_within, 0.95 * air_all);
+}
+
+}  // namespace
+}  // namespace telenano::afm

@@ -1,0 +1,356 @@
+// Checkpoints as bytes, and the folder that holds them: what is damaged, old, somebody else's or of another scene
+// is not taken up, and of several servers that want a session exactly one gets it. The oracles are slaves that
+// never were bytes, and the file system.
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
+#include "telenano/nve_server/app/serve/checkpoint_keeper.h"
+#include "telenano/nve_server/scene/scene.h"
+#include "telenano/nve_server/slave/nve_slave.h"
+#include "tests/source_dir.h"
+
+namespace telenano {
+namespace {
+
+namespace fs = std::filesystem;
+using server::CheckpointNote;
+
+std::shared_ptr<const scene::Scene> sample() {
+  static const auto scene =
+      scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/lithography.toml");
+  return scene;
+}
+
+/// A session whose tip has ploughed.
+server::SessionState ploughed(std::uint64_t token, std::uint64_t owner, int steps = 300) {
+  server::SessionState state;
+  state.session.resume_token = token;
+  state.session.owner = owner;
+  state.session.epoch = 77;
+  state.session.rate_hz = 1000;
+  state.session.rank = 1;
+  state.session.used = true;
+  state.tip.slave = std::make_unique<slave::NveSlave>(sample());
+  const Vec3 start = state.tip.slave->limits().start_pos_w_nm;
+  for (int i = 1; i <= steps; ++i) {
+    slave::SlaveInput input;
+    input.follow = input.wanted = true;
+    input.tip_target_pos_w_nm = start + Vec3(0.05 * i, 0, -0.12 * i);
+    state.tip.slave->step(input, 1e-3, state.tip.output);
+  }
+  return state;
+}
+
+constexpr server::CheckpointOf kOf{0x1234, 0x5678};
+
+std::vector<std::uint8_t> bytes_of(const server::SessionState& state) {
+  std::vector<std::uint8_t> bytes(server::kCheckpointBytes + state.tip.slave->snapshot_bytes_max());
+  bytes.resize(server::write_checkpoint(kOf, state.session, state.tip, state.record, bytes));
+  return bytes;
+}
+
+std::unique_ptr<slave::Slave> fresh() {
+  return std::make_unique<slave::NveSlave>(sample());
+}
+
+TEST(Checkpoint, GoesOnWithTheSameBits) {
+  server::SessionState a = ploughed(5, 9);
+  ASSERT_GT(a.tip.output.force_w_nn.norm(), 1);
+  const auto bytes = bytes_of(a);
+  ASSERT_GT(bytes.size(), 100u);
+  const auto b = server::read_checkpoint(kOf, bytes, fresh());
+  ASSERT_TRUE(b);
+  EXPECT_EQ(b->session.epoch, 77u);
+  EXPECT_EQ(b->session.resume_token, 5u);
+  EXPECT_EQ(b->session.owner, 9u);
+  EXPECT_EQ(b->session.state, link::SlotState::kSilent);
+  EXPECT_EQ(b->tip.output.commanded_pos_w_nm, a.tip.output.commanded_pos_w_nm);
+  EXPECT_EQ(b->tip.output.energy_in_aj, a.tip.output.energy_in_aj);
+  EXPECT_EQ(b->tip.output.force_w_nn, a.tip.output.force_w_nn);
+  for (int i = 0; i < 200; ++i) {
+    slave::SlaveInput input;
+    input.follow = input.wanted = true;
+    input.tip_target_pos_w_nm = a.tip.output.commanded_pos_w_nm + Vec3(0.1, 0.02, 0.01);
+    a.tip.slave->step(input, 1e-3, a.tip.output);
+    b->tip.slave->step(input, 1e-3, b->tip.output);
+    ASSERT_EQ(a.tip.slave->state_hash(), b->tip.slave->state_hash()) << i;
+  }
+}
+
+TEST(Checkpoint, WhatIsCutChangedOrOfSomethingElseIsNone) {
+  const auto bytes = bytes_of(ploughed(5, 9));
+  for (std::size_t n = 0; n < bytes.size(); n += n < 400 ? 13 : 1 + bytes.size() / 20)
+    EXPECT_FALSE(server::read_checkpoint(kOf, std::span(bytes).first(n), fresh())) << n;
+  EXPECT_FALSE(server::read_checkpoint({0x1235, 0x5678}, bytes, fresh()));
+  EXPECT_FALSE(server::read_checkpoint({0x1234, 0x5679}, bytes, fresh()));
+  EXPECT_FALSE(server::read_checkpoint(kOf, bytes, nullptr));
+  // Within the file every changed bit is found.
+  std::array<std::uint8_t, 40> before{};
+  std::array<std::uint8_t, 8> after{};
+  server::seal({1000, 3}, bytes, before, after);
+  std::vector<std::uint8_t> file(before.begin(), before.end());
+  file.insert(file.end(), bytes.begin(), bytes.end());
+  file.insert(file.end(), after.begin(), after.end());
+  server::CheckpointEnvelope envelope;
+  EXPECT_EQ(server::unseal(file, envelope).size(), bytes.size());
+  EXPECT_EQ(envelope.number, 3u);
+  Random random(7);
+  for (int i = 0; i < 100; ++i) {
+    auto other = file;
+    other[random.below(other.size())] ^= static_cast<std::uint8_t>(1u << (random.below(8)));
+    EXPECT_TRUE(server::unseal(other, envelope).empty());
+  }
+  for (std::size_t n = 0; n < file.size(); n += 1 + file.size() / 100)
+    EXPECT_TRUE(server::unseal(std::span(file).first(n), envelope).empty());
+}
+
+/// One server's end: a keeper, and what its only worker would do.
+struct Rig {
+  explicit Rig(const std::string& folder, server::CheckpointOf of = kOf, std::int64_t resume_ms = 30'000)
+      : keeper({folder, of, fresh, resume_ms, [this](const std::string& text) { said += text + "\n"; },
+                [](const std::string&) {}},
+               mail),
+        queue(keeper.add_queue()) {
+    keeper.start();
+  }
+  void keep(const server::SessionState& state, std::uint64_t number,
+            CheckpointNote::Kind kind = CheckpointNote::Kind::kState) {
+    const auto bytes = bytes_of(state);
+    std::span<std::uint8_t> out;
+    while ((out = queue.next_buffer()).empty()) std::this_thread::yield();
+    std::copy(bytes.begin(), bytes.end(), out.begin());
+    CheckpointNote note;
+    note.kind = kind;
+    note.size = bytes.size();
+    note.token = state.session.resume_token;
+    note.owner = state.session.owner;
+    note.number = number;
+    ASSERT_TRUE(queue.post_state(note));
+    while (!queue.idle()) std::this_thread::yield();
+  }
+  std::unique_ptr<server::SessionState> ask(std::uint64_t token, std::uint64_t owner) {
+    server::HandoffMessage question;
+    question.token = token;
+    question.owner = owner;
+    mail.post(1, question);
+    server::HandoffMessage answer;
+    for (;;) {
+      if (!mail.fetch(0, answer)) {
+        std::this_thread::yield();
+        continue;
+      }
+      if (answer.kind == server::HandoffMessage::Kind::kTaken) {
+        ++taken;
+        continue;
+      }
+      return std::unique_ptr<server::SessionState>(answer.state);
+    }
+  }
+  std::string said;
+  int taken = 0;
+  server::WorkerMail mail{1, true};
+  app::CheckpointKeeper keeper;
+  server::CheckpointQueue& queue;
+};
+
+class CheckpointFolder : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    char name[] = "/tmp/telenano_checkpoint_XXXXXX";
+    ASSERT_NE(::mkdtemp(name), nullptr);
+    folder = name;
+  }
+  void TearDown() override { fs::remove_all(folder); }
+  std::vector<fs::path> files(const std::string& ending) const {
+    std::vector<fs::path> all;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      if (entry.is_regular_file() && entry.path().string().ends_with(ending)) all.push_back(entry.path());
+    return all;
+  }
+  /// The only session's file, whoever has it.
+  fs::path session() const {
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+      if (entry.path().filename().string().size() == 33) return entry.path();
+    return {};
+  }
+  /// A server that is killed with kill -9 once it has kept `state`.
+  void keep_and_die(const server::SessionState& state, std::uint64_t number) {
+    const pid_t child = ::fork();
+    if (child == 0) {
+      Rig* const rig = new Rig(folder);
+      rig->keep(state, number);
+      ::raise(SIGKILL);
+    }
+    int status = 0;
+    ASSERT_EQ(::waitpid(child, &status, 0), child);
+    ASSERT_TRUE(WIFSIGNALED(status));
+  }
+  std::string folder;
+};
+
+TEST_F(CheckpointFolder, OfAServerThatWasKilledIsTakenUpOnce) {
+  const auto state = ploughed(5, 9);
+  keep_and_die(state, 3);
+  Rig a(folder), b(folder);
+  const auto got = a.ask(5, 9);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->tip.slave->state_hash(), state.tip.slave->state_hash());
+  EXPECT_EQ(got->record.checkpoints, 3u);
+  EXPECT_TRUE(got->record.restored);
+  EXPECT_FALSE(b.ask(5, 9)) << "its holder lives";
+  EXPECT_FALSE(a.ask(5, 9)) << "its own worker has it already";
+}
+
+TEST_F(CheckpointFolder, OfSeveralServersThatWantItExactlyOneGetsIt) {
+  for (std::uint64_t token = 100; token < 110; ++token) {
+    const auto state = ploughed(token, 9, 20);
+    token % 2 == 0 ? keep_and_die(state, 3) : [&] {
+      Rig first(folder);
+      first.keep(state, 3, CheckpointNote::Kind::kHandOut);
+    }();
+    std::vector<std::unique_ptr<Rig>> rigs;
+    for (int i = 0; i < 4; ++i) rigs.push_back(std::make_unique<Rig>(folder));
+    std::atomic<int> got{0};
+    std::atomic<bool> go{false};
+    {
+      std::vector<std::jthread> threads;
+      for (auto& rig : rigs)
+        threads.emplace_back([&, r = rig.get()] {
+          while (!go) std::this_thread::yield();
+          if (r->ask(token, 9)) ++got;
+        });
+      go = true;
+    }
+    EXPECT_EQ(got, 1) << token;
+  }
+}
+
+TEST_F(CheckpointFolder, SomebodyElsesOfAnotherSceneOrTooOldIsNot) {
+  const auto state = ploughed(5, 9, 20);
+  keep_and_die(state, 3);
+  {
+    Rig rig(folder);
+    EXPECT_FALSE(rig.ask(5, 8)) << "another key's";
+    EXPECT_FALSE(rig.ask(6, 9)) << "another token";
+    EXPECT_TRUE(rig.said.empty()) << rig.said;
+  }
+  {
+    Rig rig(folder, {0x1234, 1});
+    EXPECT_FALSE(rig.ask(5, 9));
+    EXPECT_NE(rig.said.find("of other physics"), std::string::npos) << rig.said;
+  }
+  {
+    std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    Rig rig(folder, kOf, 20);
+    EXPECT_FALSE(rig.ask(5, 9)) << "older than a silent session may become";
+  }
+  Rig rig(folder);
+  EXPECT_TRUE(rig.ask(5, 9)) << "nothing of that has cost its station the session";
+}
+
+TEST_F(CheckpointFolder, WhatIsNotWholeIsSaidAndLeft) {
+  keep_and_die(ploughed(5, 9, 20), 3);
+  const fs::path path = session();
+  const auto size = fs::file_size(path);
+  for (const auto left : {std::uintmax_t{0}, std::uintmax_t{1}, std::uintmax_t{47}, size / 2, size - 1}) {
+    fs::resize_file(path, left);
+    Rig rig(folder);
+    EXPECT_FALSE(rig.ask(5, 9)) << left;
+    EXPECT_NE(rig.said.find("is not a whole checkpoint"), std::string::npos) << rig.said;
+    EXPECT_EQ(std::count(rig.said.begin(), rig.said.end(), '\n'), 1);
+    EXPECT_TRUE(fs::exists(path));
+  }
+  fs::remove(path);
+  fs::create_symlink("/dev/zero", path);
+  Rig rig(folder);
+  EXPECT_FALSE(rig.ask(5, 9)) << "no plain file";
+}
+
+TEST_F(CheckpointFolder, AnOldCopyIsWorthNothing) {
+  keep_and_die(ploughed(5, 9, 20), 3);
+  const fs::path first = session();
+  const fs::path copy = fs::path(folder) / "copy";
+  fs::copy_file(first, copy);
+  const std::string nobody = first.string().substr(0, first.string().size() - 16) + std::string(16, '0');
+  {
+    Rig rig(folder);
+    ASSERT_TRUE(rig.ask(5, 9));
+    fs::copy_file(copy, nobody);
+    Rig other(folder);
+    EXPECT_FALSE(other.ask(5, 9)) << "put back while another server has the session";
+    rig.keep(ploughed(5, 9, 40), 4, CheckpointNote::Kind::kState);
+  }
+  // That one is gone too: of the two the newer counts, and the copy goes.
+  Rig rig(folder);
+  const auto got = rig.ask(5, 9);
+  ASSERT_TRUE(got);
+  EXPECT_EQ(got->record.checkpoints, 4u);
+  EXPECT_EQ(got->tip.slave->state_hash(), ploughed(5, 9, 40).tip.slave->state_hash());
+  EXPECT_FALSE(fs::exists(nobody));
+  // Over is over.
+  CheckpointNote over;
+  over.kind = CheckpointNote::Kind::kEnded;
+  over.token = 5;
+  over.owner = 9;
+  over.number = 9;
+  rig.queue.post(over);
+  EXPECT_FALSE(rig.ask(5, 9));
+  fs::copy_file(copy, nobody);
+  EXPECT_FALSE(rig.ask(5, 9)) << "its station said Bye";
+  Rig other(folder);
+  EXPECT_FALSE(other.ask(5, 9));
+}
+
+TEST_F(CheckpointFolder, WhoIsBelievedDeadLetsTheSessionGo) {
+  const auto state = ploughed(5, 9, 20);
+  Rig slow(folder);
+  slow.keep(state, 1);
+  // As after a file system that lost the lock.
+  for (const fs::path& lock : files(".lock")) fs::remove(lock);
+  Rig other(folder);
+  ASSERT_TRUE(other.ask(5, 9));
+  slow.keep(state, 2);
+  EXPECT_FALSE(slow.ask(6, 9));
+  EXPECT_EQ(slow.taken, 1) << "its worker is told";
+  slow.keep(state, 3);
+  slow.keep(state, 4, CheckpointNote::Kind::kHandOut);
+  Rig third(folder);
+  EXPECT_FALSE(third.ask(5, 9)) << "what the old holder still says makes no second one";
+}
+
+TEST_F(CheckpointFolder, HandedOutOrGivenBackItIsTheNextOnesAtOnce) {
+  Rig a(folder), b(folder);
+  a.keep(ploughed(5, 9, 20), 1, CheckpointNote::Kind::kHandOut);
+  ASSERT_TRUE(b.ask(5, 9));
+  CheckpointNote back;
+  back.kind = CheckpointNote::Kind::kGiveBack;
+  back.token = 5;
+  back.owner = 9;
+  back.number = 2;
+  b.queue.post(back);
+  EXPECT_FALSE(b.ask(1, 1));  // behind the note
+  EXPECT_TRUE(a.ask(5, 9));
+}
+
+TEST_F(CheckpointFolder, MustBeThisUsersAlone) {
+  ::chmod(folder.c_str(), 0755);
+  EXPECT_THROW(app::CheckpointKeeper::require_folder(folder), UserError);
+  ::chmod(folder.c_str(), 0700);
+  EXPECT_NO_THROW(app::CheckpointKeeper::require_folder(folder));
+  EXPECT_THROW(app::CheckpointKeeper::require_folder(folder + "/none"), UserError);
+}
+
+}  // namespace
+}  // namespace telenano
