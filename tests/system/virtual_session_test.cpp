@@ -16,8 +16,8 @@
 namespace telenano::support {
 namespace {
 
-constexpr std::uint64_t kGoldenHash = 0x97bc9dd7242d31au;
-constexpr std::uint64_t kGoldenHashUncredited = 9783254336666231963u;
+constexpr std::uint64_t kGoldenHash = 0x16c26f2d759ce4adu;
+constexpr std::uint64_t kGoldenHashUncredited = 12683803870564049276u;
 
 std::shared_ptr<const scene::Scene> scene_of(const std::string& name) {
   return scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");

@@ -7,7 +7,8 @@
 
 namespace telenano::physics {
 
-/// softening_level() of one rule, in a twelfth of its time: each evaluation of a scan's fields asks for it.
+/// softening_level() of one rule without its roots, divisions and logarithm: each evaluation of a scan's
+/// fields asks for it.
 ///
 /// Method    Over ξ of the rule, on either side of touch, polynomials of fifth order through value, slope and
 ///           bend of the rule at the ends of their cells. So it is C² as the rule is, and slope and bend are

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "telenano/common/base/error.h"
+#include "telenano/nve_server/physics/surface/softening_table.h"
 #include "tests/support/field_checks.h"
 
 namespace telenano::physics {
@@ -121,6 +122,37 @@ TEST(Softening, GrowsWithTheDistanceFromTouch) {
                          down = softening_level(kRule, v - h);
     EXPECT_NEAR((up.level - down.level) / (2 * h), here.slope_per_nm, 1e-7) << v;
     EXPECT_NEAR((up.slope_per_nm - down.slope_per_nm) / (2 * h), here.bend_per_nm2, 1e-5) << v;
+  }
+}
+
+// The table that scans read it from: within its stated errors of the rule, C² over the ends of its cells, and
+// its slope and bend those of its level.
+TEST(SofteningTable, IsTheRuleAndC2) {
+  const struct { double radius, error; } tips[] = {{1, 1e-6}, {5, 1e-8}, {20, 1e-8}, {100, 1e-8}};
+  for (const auto& tip : tips) {
+    const SofteningRule rule = softening_rule(tip.radius, 0.4, 52.5, 0.165);
+    const SofteningTable table(rule);
+    for (int k = 0; k < 40000; ++k) {
+      const double v = (k % 2 == 0 ? -1 : 1) * 100.0 * std::pow(k / 40000.0, 3);
+      const SofteningLevel is = table.level(v), rule_has = softening_level(rule, v);
+      ASSERT_NEAR(is.level, rule_has.level, tip.error) << v;
+      ASSERT_GE(is.level, 0.0);
+      ASSERT_NEAR(is.slope_per_nm, rule_has.slope_per_nm, 1e3 * tip.error) << v;
+    }
+    for (const double xi : {0.0, 1.0 / 128, 0.5, 1.0, 1.0625, 9.0, 9.5, 73.0}) {
+      for (const double v : {-xi - rule.pressed_onset_nm, xi + rule.dead_zone_nm}) {
+        const SofteningLevel low = table.level(v - 1e-9), high = table.level(v + 1e-9);
+        EXPECT_NEAR(low.level, high.level, 1e-8);
+        EXPECT_NEAR(low.slope_per_nm, high.slope_per_nm, 1e-6);
+        EXPECT_NEAR(low.bend_per_nm2, high.bend_per_nm2, 1e-4) << v;
+      }
+    }
+    for (const double v : {-6.3, -0.77, -0.2, 0.6, 2.2, 30.1}) {
+      const double h = 1e-5;
+      const SofteningLevel here = table.level(v), up = table.level(v + h), down = table.level(v - h);
+      EXPECT_NEAR((up.level - down.level) / (2 * h), here.slope_per_nm, 1e-7);
+      EXPECT_NEAR((up.slope_per_nm - down.slope_per_nm) / (2 * h), here.bend_per_nm2, 1e-5);
+    }
   }
 }
 
