@@ -68,7 +68,7 @@ for target in "${chosen[@]}"; do
   [ ! -e "tests/fuzz/dict/$target.dict" ] || dictionary=("-dict=tests/fuzz/dict/$target.dict")
   mapfile -t seeds < <(seeds_of "$target")
   status=0
-  # Without the entropic choice of inputs: its books take eight times as long as the session target itself.
+  # Without the entropic choice of inputs: its accounts take eight times as long as the session target itself.
   "build/fuzz/bin/fuzz_$target" ${runs:+-runs=$runs} ${seconds:+-max_total_time=$seconds} "-max_len=$(longest_of "$target")" -timeout=60 \
     -rss_limit_mb=4096 -entropic=0 -reduce_inputs=0 -print_final_stats=1 "-artifact_prefix=build/fuzz/found/$target-" "${dictionary[@]}" \
     "build/fuzz/corpus/$target" "${seeds[@]}" >"$log" 2>&1 || status=$?

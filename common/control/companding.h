@@ -33,7 +33,7 @@ struct CompandingConfig {
 ///
 /// *Branches.* In contact G = F. There the forces are strong, and U passes through zero under load, where a
 /// gain would be a bump of any stiffness. A hand that enters the contact at one place and leaves it at another
-/// might so get T(U) = (g − 1)|U|/(1 + |U|/U₀) at the first and pay less of it at the second. So a book is
+/// might so get T(U) = (g − 1)|U|/(1 + |U|/U₀) at the first and pay less of it at the second. So an account is
 /// kept: `owed` is what has been given beyond the sample's own, less what the sample has dissipated, never
 /// below T(U) before contact or 0 in contact. Before contact the gain acts where owed = T(U), and then owed
 /// follows T, both ways; where more is owed, G = F until T has come up to it. Then at any time

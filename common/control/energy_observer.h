@@ -39,12 +39,12 @@ class CompensatedSum {
 /// Quantised positions x + e with |e_i| ≤ q/2: summation by parts,
 ///   Σ F(k−1)·Δe(k) = F(n−1)·e(n) − F(0)·e(0) − Σ e(k)·[F(k) − F(k−1)],
 /// so the error of E is at most Q = (q/2)·(Σ|ΔF| + 2 max|F|), summed over the axes, each with its own
-/// maximum. The bound is kept beside the book; it is not mixed into it.
+/// maximum. The bound is kept beside the account; it is not mixed into it.
 class EnergyObserver {
  public:
   explicit EnergyObserver(double position_quantum_m = 0) noexcept : quantum_m_(position_quantum_m) {}
 
-  /// Books the interval that has just ended: `applied_force_h_n` acted during all of it, `hand_pos_h_m` is
+  /// Accounts for the interval that has just ended: `applied_force_h_n` acted during all of it, `hand_pos_h_m` is
   /// its end. The first call only sets the position. Returns the energy put in by the hand in this interval.
   /// Arguments must be finite.
   double update(const Vec3& applied_force_h_n, const Vec3& hand_pos_h_m) noexcept {

@@ -38,16 +38,16 @@ class Methods {
 
   /// Bumpless in energy: the deficit is carried over, nothing is granted. What the sample was credited with
   /// stays credited, less what of it is forfeited here with a surplus: that may be credited again, where the
-  /// ledger is the port's own book. The caller takes care of the force.
+  /// account is the port's own account. The caller takes care of the force.
   void change_to(Method method, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept {
-    const double ledger_j = now().ledger_j();
+    const double account_j = now().account_j();
     double credited_j = now().credited_j();
     if (claims_energy_bound(method_) && credited_j > 0)
-      credited_j = std::max(0.0, credited_j - std::max(0.0, ledger_j));
+      credited_j = std::max(0.0, credited_j - std::max(0.0, account_j));
     // Only a tank gets back what was sent to the slave.
     if (method != Method::kTank) credited_j = std::max(0.0, credited_j);
     method_ = method;
-    now().take_over(ledger_j, config, hand_pos_h_m);
+    now().take_over(account_j, config, hand_pos_h_m);
     now().set_credited_j(credited_j);
   }
 

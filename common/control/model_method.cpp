@@ -15,10 +15,10 @@ ModelMethod::ModelMethod(const MethodConfig& config) noexcept
       controller_(OnePort::with(Method::kModel, config.passivity)),
       renderer_(renderer_for(config)) {}
 
-void ModelMethod::take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept {
+void ModelMethod::take_over(double account_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept {
   config_ = config;
   controller_ = PassivityController(OnePort::with(Method::kModel, config.passivity));
-  controller_.take_over(ledger_j, hand_pos_h_m);
+  controller_.take_over(account_j, hand_pos_h_m);
   renderer_ = renderer_for(config);
   slave_force_h_n_.setZero();
   far_field_h_n_.setZero();
@@ -46,7 +46,7 @@ void ModelMethod::on_reply(const SlaveNews& news) noexcept {
 Vec3 ModelMethod::force_h_n(const RenderPoint& at) noexcept {
   if (!renderer_.has_model()) return slave_force_h_n_;
   const double stored_j = config_.scaling.hand_energy_j(renderer_.potential_aj(at.target_w_nm));
-  const double there_is_j = controller_.ledger_j() + config_.passivity.allowance_j - stored_j;
+  const double there_is_j = controller_.account_j() + config_.passivity.allowance_j - stored_j;
   const double force_step_n = config_.model_slew_n_s * at.dt_s;
   const Vec3 near_h_n = config_.scaling.hand_force_n(renderer_.force_w_nn(
       at.target_w_nm, at.command, config_.scaling.tip_energy_aj(std::max(0.0, there_is_j)),

@@ -11,7 +11,7 @@ namespace telenano::control {
 /// at any delay its stiffness may be what the device alone can show, K ≤ kStiffnessPart · 2b/T.
 ///
 /// *What is paid for.* A new model is taken up as far as its potential at the present position is no higher
-/// than what there is: ΔU ≤ E + E₀ − U, with E the ledger of the port (passivity_controller.h). Apart from
+/// than what there is: ΔU ≤ E + E₀ − U, with E the account of the port (passivity_controller.h). Apart from
 /// its ground nothing need be paid, so a wall that was met once is there, whole, at the next touch. The
 /// pre-commit clamp stands behind it: whatever models come, no hand extracts more than E₀ beyond what was put
 /// in.
@@ -31,15 +31,15 @@ class ModelMethod final : public StationMethod {
  public:
   explicit ModelMethod(const MethodConfig& config) noexcept;
 
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
+  void take_over(double account_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
   void begin_session(bool new_epoch) noexcept override;
-  void book(const PortInterval& interval) noexcept override { controller_.book(interval); }
+  void account_for(const PortInterval& interval) noexcept override { controller_.account_for(interval); }
   void on_reply(const SlaveNews& news) noexcept override;
   Vec3 force_h_n(const RenderPoint& at) noexcept override;
   Vec3 damper_force_h_n() const noexcept override { return controller_.damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }
   double force_bound_n() const noexcept override { return controller_.force_bound_n(); }
-  double ledger_j() const noexcept override { return controller_.ledger_j(); }
+  double account_j() const noexcept override { return controller_.account_j(); }
   const ModelRenderer& renderer() const noexcept { return renderer_; }
 
   static constexpr double kStiffnessPart = 0.9;

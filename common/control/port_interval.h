@@ -4,7 +4,7 @@
 
 namespace telenano::control {
 
-/// What happened at the station's port in the interval that has just ended, as the observer booked it.
+/// What happened at the station's port in the interval that has just ended, as the observer counted it.
 struct PortInterval {
   Vec3 applied_force_h_n = Vec3::Zero();  ///< on the hand, all of it, held over the interval
   Vec3 hand_pos_h_m = Vec3::Zero();       ///< at its end

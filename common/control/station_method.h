@@ -36,7 +36,7 @@ struct LocalNews {
   Vec3 force_h_n = Vec3::Zero();  ///< α_F F_tip
   bool other_state = false;       ///< the slave was put into another state since the last step
   double dt_s = 1e-3;             ///< of this tick
-  /// Of its own book, as in SlaveNews.
+  /// Of its own account, as in SlaveNews.
   double well_j = 0;
   double given_j = 0;
 };
@@ -63,7 +63,7 @@ struct MethodConfig {
       100;  ///< how fast a local model's own changes may change the force at a resting hand
 };
 
-/// A control method of the station's port. Order of calls in a tick: book() — on_reply(), if there is news —
+/// A control method of the station's port. Order of calls in a tick: account_for() — on_reply(), if there is news —
 /// force_h_n() — damper_force_h_n(), force_bound_n() — fill_command(). All forces act on the hand (frame H,
 /// N). Nothing here allocates, waits or throws.
 class StationMethod {
@@ -73,16 +73,16 @@ class StationMethod {
   StationMethod& operator=(const StationMethod&) = delete;
   virtual ~StationMethod() = default;
 
-  /// Becomes the method in use: `ledger_j` is what the last one had. Its deficit is taken over, its surplus
+  /// Becomes the method in use: `account_j` is what the last one had. Its deficit is taken over, its surplus
   /// is not: a change of method grants no allowance. Likewise a change of scale. What it knew of the slave is
   /// forgotten; the caller lets it on_reply() the newest reply again. credited_j() is carried over by who
   /// changes methods.
-  virtual void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept = 0;
+  virtual void take_over(double account_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept = 0;
   /// A session has begun or was resumed: what was on the way is lost; with a new epoch the slave is another
   /// one, which knows of no energy that was sent to the last.
   virtual void begin_session(bool new_epoch) noexcept = 0;
 
-  virtual void book(const PortInterval& interval) noexcept = 0;
+  virtual void account_for(const PortInterval& interval) noexcept = 0;
   virtual void on_reply(const SlaveNews& news) noexcept = 0;
   /// Each tick, where the slave runs at the station too.
   virtual void feel(const LocalNews& /*news*/) noexcept {}
@@ -92,7 +92,7 @@ class StationMethod {
   virtual double damper_n_s_m() const noexcept { return 0; }
   /// Largest norm of the force that may be committed; infinite for methods without a clamp.
   virtual double force_bound_n() const noexcept { return std::numeric_limits<double>::infinity(); }
-  virtual double ledger_j() const noexcept = 0;  ///< the method's own book
+  virtual double account_j() const noexcept = 0;  ///< the method's own account
 
   /// What the other side is believed to have given for good, once in a station's life, whatever the method,
   /// epoch or scale: of what it said that it gave, less what was sent to it and what has been forfeited

@@ -10,10 +10,10 @@ namespace telenano::control {
 /// round trip. That it is the server's, to the bit, is proved by the caller, step by step
 /// (station/twin_run.h).
 ///
-/// *Energy.* The pre-commit clamp with the port's ledger, as every method that promises a bound
-/// (passivity_controller.h), and the well: the most that the twin's own book has ever given beyond what was
+/// *Energy.* The pre-commit clamp with the port's account, as every method that promises a bound
+/// (passivity_controller.h), and the well: the most that the twin's own account has ever given beyond what was
 /// put in, credited once, at most the well that the station has computed from the scene itself. What goes
-/// into the sample is not debited. Debiting it too, E + s (Δout − Δin), looks stricter, but books what the
+/// into the sample is not debited. Debiting it too, E + s (Δout − Δin), looks stricter, but counts what the
 /// twin felt and not what the hand did: wherever less is shown than computed (ramp, slew, force limit) and
 /// the sample keeps it (friction, ploughing), the difference would be owed for good, and a deep furrow end
 /// without force. The bound does not need it: out ≤ in + E₀ + well, whatever the server says, since its sums
@@ -23,14 +23,14 @@ class Twin final : public StationMethod {
   explicit Twin(const MethodConfig& config) noexcept
       : controller_(OnePort::with(Method::kTwin, config.passivity)) {}
 
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
+  void take_over(double account_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
     controller_ = PassivityController(OnePort::with(Method::kTwin, config.passivity));
-    controller_.take_over(ledger_j, hand_pos_h_m);
+    controller_.take_over(account_j, hand_pos_h_m);
     force_h_n_.setZero();
     apart_h_n_.setZero();
   }
   void begin_session(bool) noexcept override {}
-  void book(const PortInterval& interval) noexcept override { controller_.book(interval); }
+  void account_for(const PortInterval& interval) noexcept override { controller_.account_for(interval); }
   void on_reply(const SlaveNews& news) noexcept override { credit(news.given_j, news.well_j); }
   void feel(const LocalNews& news) noexcept override {
     // Where the slave was put into another state the force goes over slowly, up as well as down.
@@ -49,7 +49,7 @@ class Twin final : public StationMethod {
   Vec3 damper_force_h_n() const noexcept override { return controller_.damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }
   double force_bound_n() const noexcept override { return controller_.force_bound_n(); }
-  double ledger_j() const noexcept override { return controller_.ledger_j(); }
+  double account_j() const noexcept override { return controller_.account_j(); }
 
   static constexpr double kGoOver_n_s = 20;
 

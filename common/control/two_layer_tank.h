@@ -32,16 +32,16 @@ class TwoLayerTank final : public StationMethod {
   explicit TwoLayerTank(const MethodConfig& config) noexcept
       : controller_(OnePort::with(Method::kTank, config.passivity)) {}
 
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
+  void take_over(double account_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override {
     controller_ = PassivityController(OnePort::with(Method::kTank, config.passivity));
-    controller_.take_over(ledger_j, hand_pos_h_m);
+    controller_.take_over(account_j, hand_pos_h_m);
     force_h_n_.setZero();
-    granted_ = granted_ || ledger_j < 0;  // who comes with a debt has had an allowance
+    granted_ = granted_ || account_j < 0;  // who comes with a debt has had an allowance
   }
   void begin_session(bool) noexcept override {}
-  void book(const PortInterval& interval) noexcept override {
-    controller_.book(interval);
-    const double send_j = std::min(std::max(0.0, interval.put_in_j), std::max(0.0, controller_.ledger_j()));
+  void account_for(const PortInterval& interval) noexcept override {
+    controller_.account_for(interval);
+    const double send_j = std::min(std::max(0.0, interval.put_in_j), std::max(0.0, controller_.account_j()));
     controller_.transfer(-send_j);
     sent_j_ += send_j;
     // What is in the slave's tank beyond the store is not believed when it comes back.
@@ -61,7 +61,7 @@ class TwoLayerTank final : public StationMethod {
   Vec3 damper_force_h_n() const noexcept override { return controller_.damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return controller_.damper_n_s_m(); }
   double force_bound_n() const noexcept override { return controller_.force_bound_n(); }
-  double ledger_j() const noexcept override { return controller_.ledger_j(); }
+  double account_j() const noexcept override { return controller_.account_j(); }
   void fill_command(SlaveOrder& order) const noexcept override {
     order = {};
     order.energy_sent_j = sent_j_;

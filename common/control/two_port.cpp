@@ -7,9 +7,9 @@ namespace telenano::control {
 TwoPort::TwoPort(const MethodConfig& config) noexcept
     : damper_cap_n_s_m_(PassivityController(config.passivity).damper_cap_n_s_m()) {}
 
-void TwoPort::take_over(double ledger_j, const MethodConfig& config, const Vec3&) noexcept {
+void TwoPort::take_over(double account_j, const MethodConfig& config, const Vec3&) noexcept {
   damper_cap_n_s_m_ = PassivityController(config.passivity).damper_cap_n_s_m();
-  surplus_j_ = std::min(0.0, ledger_j);
+  surplus_j_ = std::min(0.0, account_j);
   force_h_n_.setZero();
   damper_force_h_n_.setZero();
   damper_n_s_m_ = 0;
@@ -19,7 +19,7 @@ void TwoPort::begin_session(bool new_epoch) noexcept {
   if (new_epoch) surplus_j_ = std::min(0.0, surplus_j_);
 }
 
-void TwoPort::book(const PortInterval& interval) noexcept {
+void TwoPort::account_for(const PortInterval& interval) noexcept {
   // The damper's part of the force: what of it was applied after the limits, which only scale the sum down.
   const double damped_j =
       std::clamp(-damper_force_h_n_.dot(interval.displacement_h_m), 0.0, std::max(0.0, interval.put_in_j));

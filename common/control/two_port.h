@@ -18,14 +18,14 @@ class TwoPort final : public StationMethod {
  public:
   explicit TwoPort(const MethodConfig& config) noexcept;
 
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
+  void take_over(double account_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
   void begin_session(bool new_epoch) noexcept override;
-  void book(const PortInterval& interval) noexcept override;
+  void account_for(const PortInterval& interval) noexcept override;
   void on_reply(const SlaveNews& news) noexcept override;
   Vec3 force_h_n(const RenderPoint&) noexcept override { return force_h_n_; }
   Vec3 damper_force_h_n() const noexcept override { return damper_force_h_n_; }
   double damper_n_s_m() const noexcept override { return damper_n_s_m_; }
-  double ledger_j() const noexcept override { return surplus_j_; }
+  double account_j() const noexcept override { return surplus_j_; }
   void fill_command(SlaveOrder& order) const noexcept override {
     order = {};
     order.energy_sent_j = sent_j_;

@@ -12,7 +12,7 @@ double WavePort::impedance(const MethodConfig& config) noexcept {
   return std::max(config.passivity.damping_certain_n_s_m, kImpedanceLeast_n_s_m);
 }
 
-void WavePort::take_over(double ledger_j, const MethodConfig& config, const Vec3&) noexcept {
+void WavePort::take_over(double account_j, const MethodConfig& config, const Vec3&) noexcept {
   impedance_n_s_m_ = impedance(config);
   // What was sent was sent at its own scale.
   const double by = scaling_.tip_energy_aj(1) / config.scaling.tip_energy_aj(1);
@@ -21,7 +21,7 @@ void WavePort::take_over(double ledger_j, const MethodConfig& config, const Vec3
     sum_j_ *= by;
   }
   scaling_ = config.scaling;
-  owed_j_ = std::min(0.0, ledger_j);
+  owed_j_ = std::min(0.0, account_j);
   velocity_h_m_s_.setZero();
   came_h_.setZero();
   came_j_ = shown_j_ = 0;
@@ -32,7 +32,7 @@ void WavePort::begin_session(bool) noexcept {
   came_j_ = 0;
 }
 
-void WavePort::book(const PortInterval& interval) noexcept {
+void WavePort::account_for(const PortInterval& interval) noexcept {
   velocity_h_m_s_ = interval.displacement_h_m / interval.dt_s;
   const double may_send_j = interval.put_in_j + shown_j_ + owed_j_;
   shown_j_ = 0;

@@ -22,12 +22,12 @@ class WavePort final : public StationMethod {
  public:
   explicit WavePort(const MethodConfig& config) noexcept;
 
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
+  void take_over(double account_j, const MethodConfig& config, const Vec3& hand_pos_h_m) noexcept override;
   void begin_session(bool new_epoch) noexcept override;
-  void book(const PortInterval& interval) noexcept override;
+  void account_for(const PortInterval& interval) noexcept override;
   void on_reply(const SlaveNews& news) noexcept override;
   Vec3 force_h_n(const RenderPoint& at) noexcept override;
-  double ledger_j() const noexcept override { return owed_j_; }
+  double account_j() const noexcept override { return owed_j_; }
   void fill_command(SlaveOrder& order) const noexcept override;
 
  private:

@@ -181,7 +181,7 @@ ClientEvent ClientSession::on_welcome(const Welcome& welcome, std::int64_t now_n
     stats_.reset();  // another server, perhaps: another clock
   }
   if (sessions_ == 0 || welcome.epoch != welcome_.epoch) slave_energy_.reset();
-  unknown_book_ = sessions_ == 0 && resume_token_ != 0 && welcome.resume_token == resume_token_;
+  unknown_account_ = sessions_ == 0 && resume_token_ != 0 && welcome.resume_token == resume_token_;
   count(past_);
   sent_.clear();
   welcome_ = welcome;
@@ -271,7 +271,7 @@ ClientEvent ClientSession::on_reply(const Reply& reply, std::int64_t now_ns) noe
   overtaken_ = cause == DropCause::kStale;
   if (cause != DropCause::kNone) return drop(cause);
   if (logs_steps())
-    steps_.heard(reply.steps, now_ns, static_cast<std::int64_t>(stats_.rtt_ns()) + 10'000'000);
+    steps_.on_report(reply.steps, now_ns, static_cast<std::int64_t>(stats_.rtt_ns()) + 10'000'000);
   reply_ = reply;
   has_reply_ = true;
   reply_time_ns_ = last_news_ns_ = waits_since_ns_ = now_ns;

@@ -119,11 +119,11 @@ class ClientSession {
   const Welcome& welcome() const noexcept { return welcome_; }
   std::uint64_t features() const noexcept { return welcome_.feature_bits; }  ///< agreed; 0 before a Welcome
   std::uint64_t sessions() const noexcept { return sessions_; }  ///< Welcomes accepted since the construction
-  /// Has the newest Welcome resumed, by a token of an earlier run (ClientConfig), a session whose book this
+  /// Has the newest Welcome resumed, by a token of an earlier run (ClientConfig), a session whose account this
   /// object has not seen?
-  bool resumed_unknown_book() const noexcept { return unknown_book_; }
+  bool resumed_unknown_account() const noexcept { return unknown_account_; }
   std::uint64_t resume_token() const noexcept { return resume_token_; }  ///< of the newest Welcome
-  /// Set by a Welcome whose epoch is not the last one's: the slave and its energy book are new ones.
+  /// Set by a Welcome whose epoch is not the last one's: the slave and its energy account are new ones.
   bool epoch_changed() const noexcept { return epoch_changed_; }
   void clear_epoch_changed() noexcept { epoch_changed_ = false; }
 
@@ -188,7 +188,7 @@ class ClientSession {
   Welcome welcome_;
   std::uint64_t sessions_ = 0;
   bool epoch_changed_ = false;
-  bool unknown_book_ = false;
+  bool unknown_account_ = false;
   std::int64_t handshake_ns_ = 0;  ///< an upper bound of the round trip, before there are replies
   std::uint64_t command_sequence_ = 0;
   bool has_energy_base_ = false;

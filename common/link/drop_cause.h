@@ -23,7 +23,7 @@ enum class DropCause : std::uint8_t {
   kUnauthenticated,  ///< wrong cookie, nonce or address
   kStale,            ///< older than the newest accepted
   kDuplicate,        ///< seen before
-  kWrongEpoch,       ///< of another energy book
+  kWrongEpoch,       ///< of another energy account
   kUnexpected,       ///< well formed, but not in this state
   kFull,             ///< no room for one more session
   kRateLimited,      ///< more than the bounded rate of answers

@@ -111,7 +111,7 @@ struct Welcome {
   std::uint64_t nonce = 0;
   std::uint64_t session_id = 0;
   std::uint64_t resume_token = 0;
-  std::uint32_t epoch = 0;       ///< of the slave's energy book; a new epoch grants no new allowance
+  std::uint32_t epoch = 0;       ///< of the slave's energy account; a new epoch grants no new allowance
   std::uint32_t timeout_ms = 0;  ///< silence after which the slave retracts and forgets the session
   std::uint32_t slave_rate_max_hz = 0;
   SceneName scene_name;

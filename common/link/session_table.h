@@ -117,7 +117,7 @@ class SessionTable {
                    const Opener& opener = {}) noexcept;
   /// Could open() do so now?
   bool has_room(const Opener& opener) const noexcept;
-  /// The same slave and book under a new session id, perhaps from another address.
+  /// The same slave and account under a new session id, perhaps from another address.
   void resume(std::size_t slot, const PeerKey& peer, std::uint64_t nonce, std::uint32_t rate_hz,
               std::int64_t now_ns) noexcept;
   void end(std::size_t slot,
@@ -129,7 +129,7 @@ class SessionTable {
 
   /// Is this command of a known session, from its address and owner, of its epoch, without fields of features
   /// that were not agreed (`repeats_others`: it brings older ones along), and newer than all before, but no
-  /// further ahead than the rate explains? If so, books it: sequence, energies, time. `slot` is set as soon
+  /// further ahead than the rate explains? If so, accounts for it: sequence, energies, time. `slot` is set as soon
   /// as the session is known.
   DropCause accept(const Command& command, const PeerKey& peer, std::int64_t now_ns, std::size_t& slot,
                    bool repeats_others = false, std::uint64_t owner = 0) noexcept;

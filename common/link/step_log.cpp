@@ -129,7 +129,7 @@ std::uint64_t StepSender::oldest() const noexcept {
   return std::max(executed_ + 1, kept);
 }
 
-void StepSender::heard(const StepReport& report, std::int64_t now_ns, std::int64_t rtt_ns) noexcept {
+void StepSender::on_report(const StepReport& report, std::int64_t now_ns, std::int64_t rtt_ns) noexcept {
   if (report.executed > newest_ || report.executed < executed_) return;
   if (report.executed > executed_) {
     executed_ = report.executed;

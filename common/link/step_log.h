@@ -113,7 +113,7 @@ class StepSender {
   void add(const LoggedStep& step) noexcept;
   /// What a reply says: executed up to, and the newest that has come.
   /// A gap that it names is sent again at once, but only once a round trip.
-  void heard(const StepReport& report, std::int64_t now_ns, std::int64_t rtt_ns) noexcept;
+  void on_report(const StepReport& report, std::int64_t now_ns, std::int64_t rtt_ns) noexcept;
   /// Is there a reason to send besides the pace: something to be sent again, or more new steps than the next
   /// datagram could take?
   bool urgent(std::int64_t now_ns, std::int64_t wait_ns) noexcept;

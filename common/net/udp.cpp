@@ -355,7 +355,7 @@ std::size_t Udp::receive_buffer_bytes() const noexcept {
   int bytes = 0;
   socklen_t size = sizeof bytes;
   if (::getsockopt(impl_->handle, SOL_SOCKET, SO_RCVBUF, &bytes, &size) != 0 || bytes < 0) return 0;
-  return static_cast<std::size_t>(bytes) / 2;  // Linux doubles what is asked for, for its own bookkeeping
+  return static_cast<std::size_t>(bytes) / 2;  // Linux doubles what is asked for, for its own accounting
 }
 
 int Udp::handle() const noexcept {

@@ -18,8 +18,14 @@ hsize_t dataset_rows(hid_t dataset) {
   return size[0];
 }
 
-herr_t collect_link(hid_t, const char* name, const H5L_info_t*, void* names) {
-  static_cast<std::vector<std::string>*>(names)->emplace_back(name);
+/// Columns by today's names. A soft link is another name of a column that is there too.
+herr_t collect_column(hid_t, const char* name, const H5L_info_t* link, void* names) {
+  if (link->type == H5L_TYPE_SOFT) return 0;
+  std::string column(name);
+  for (const RenamedColumn& renamed : renamed_columns()) {
+    if (column == renamed.former) column = renamed.name;
+  }
+  static_cast<std::vector<std::string>*>(names)->push_back(std::move(column));
   return 0;
 }
 
@@ -279,15 +285,15 @@ class FileSource final : public RecordingSource {
   void list_columns() {
     const Handle group(H5Gopen2(file_.get(), kSamplesGroup, H5P_DEFAULT), H5Gclose);
     if (!group) broken("has no /samples");
-    H5Literate(group.get(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect_link, &facts_.columns);
+    H5Literate(group.get(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect_column, &facts_.columns);
     if (facts_.columns.empty()) broken("has no column in /samples");
   }
 
   Handle open_column(const std::string& column) const {
     Handle dataset;
     if (has(column)) {
-      dataset = Handle(
-          H5Dopen2(file_.get(), (std::string(kSamplesGroup) + "/" + column).c_str(), H5P_DEFAULT), H5Dclose);
+      dataset =
+          Handle(H5Dopen2(file_.get(), column_path(file_.get(), column).c_str(), H5P_DEFAULT), H5Dclose);
     }
     if (!dataset) broken("has no column '" + column + "'");
     if (!is_inside(dataset.get())) broken("keeps column '" + column + "' in other files");

@@ -46,6 +46,15 @@ std::string hdf5_reason() {
   return reason.empty() ? "unknown HDF5 error" : reason;
 }
 
+std::string column_path(hid_t file, const std::string& column) {
+  std::string path = std::string(kSamplesGroup) + "/" + column;
+  if (H5Lexists(file, path.c_str(), H5P_DEFAULT) > 0) return path;
+  for (const RenamedColumn& renamed : renamed_columns()) {
+    if (column == renamed.name) return std::string(kSamplesGroup) + "/" + renamed.former;
+  }
+  return path;
+}
+
 hid_t memory_type(ColumnType type) {
   switch (type) {
     case ColumnType::kInt64:

@@ -44,6 +44,8 @@ class Handle {
 inline constexpr const char* kFormatName = "telenano-recording";
 inline constexpr std::uint32_t kFormatVersion = 1;
 inline constexpr const char* kSamplesGroup = "/samples";
+/// Where the file keeps a column: under its name, or the one that an earlier program gave it.
+std::string column_path(hid_t file, const std::string& column);
 inline constexpr const char* kConfigurationGroup = "/configuration";
 inline constexpr const char* kEventsDataset = "/events";
 inline constexpr const char* kDatagramsDataset = "/datagrams";

@@ -142,6 +142,9 @@ void RecordingFile::create_datasets() {
     good = good && dataset && write_text_attribute(dataset.get(), "unit", column.unit) &&
            write_text_attribute(dataset.get(), "description", column.description);
   }
+  for (const RenamedColumn& column : renamed_columns()) {
+    good = good && H5Lcreate_soft(column.name, group.get(), column.former, H5P_DEFAULT, H5P_DEFAULT) >= 0;
+  }
   const Handle packed = event_type(true);
   const Handle events = create_extendable(file_.get(), kEventsDataset, packed.get(), 1, kEventChunkRows);
   good =

@@ -84,8 +84,7 @@ Recovered recover_here(const std::filesystem::path& path) {
   }
   std::uint64_t longest = 0;
   for (const std::string& column : columns) {
-    longest =
-        std::max(longest, cut(file.get(), std::string(kSamplesGroup) + "/" + column, result.rows, name));
+    longest = std::max(longest, cut(file.get(), column_path(file.get(), column), result.rows, name));
   }
   result.rows_cut = longest - std::min(longest, result.rows);
   cut(file.get(), kEventsDataset, result.events, name);

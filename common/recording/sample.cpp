@@ -45,11 +45,11 @@ constexpr std::array kColumns{
                     "adaptive damping injected by the passivity controller in this tick"),
     TELENANO_COLUMN(clamp_n, "N", "largest force that the energy clamp allowed in this tick"),
     TELENANO_COLUMN(energy_j, "J", "energy observer of the port: put in by the hand and not given back"),
-    TELENANO_COLUMN(energy_bound_j, "J", "bound of the ledger's error caused by the encoder's quantum"),
+    TELENANO_COLUMN(energy_bound_j, "J", "bound of the account's error caused by the encoder's quantum"),
     TELENANO_COLUMN(energy_in_j, "J", "energy that the hand has put into the port so far, monotone"),
     TELENANO_COLUMN(energy_out_j, "J", "energy that the port has given to the hand so far, monotone"),
-    TELENANO_COLUMN(ledger_j, "J",
-                    "energy in the control method's own book; the clamp bounds the force by it"),
+    TELENANO_COLUMN(account_j, "J",
+                    "energy in the control method's own account; the clamp bounds the force by it"),
     TELENANO_COLUMN(slave_energy_in_aj, "aJ",
                     "energy put into the slave's port so far, monotone in an epoch"),
     TELENANO_COLUMN(slave_energy_out_aj, "aJ",
@@ -119,6 +119,11 @@ static_assert(covers_the_whole_sample(), "a field of Sample is missing from the 
 
 std::span<const Column> sample_columns() noexcept {
   return kColumns;
+}
+
+std::span<const RenamedColumn> renamed_columns() noexcept {
+  static constexpr std::array kRenamed{RenamedColumn{"ledger_j", "account_j"}};
+  return kRenamed;
 }
 
 }  // namespace telenano::recording

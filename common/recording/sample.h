@@ -55,7 +55,7 @@ struct Sample {
   double energy_bound_j = 0;
   double energy_in_j = 0;
   double energy_out_j = 0;
-  double ledger_j = 0;
+  double account_j = 0;
   double slave_energy_in_aj = 0;
   double slave_energy_out_aj = 0;
   double deflection_nm = 0;
@@ -125,6 +125,14 @@ struct Column {
 
 /// Every field of Sample, in order, without a gap.
 std::span<const Column> sample_columns() noexcept;
+
+/// A column that earlier programs called `former`. Files of theirs are read by `name`; new files lead from the
+/// former name to the column by a soft link, so that scripts that ask for it go on.
+struct RenamedColumn {
+  const char* former;
+  const char* name;
+};
+std::span<const RenamedColumn> renamed_columns() noexcept;
 
 /// Something that happened at one moment: a fault, a mode change, a reconnect. Codes belong to the program
 /// that writes them; the text explains. Texts longer than the field are cut.

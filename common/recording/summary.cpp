@@ -37,7 +37,7 @@ std::string names_of(std::uint32_t bits, const std::string& names) {
   return words;
 }
 
-std::string fault_words(const Summary& s) {
+std::string fault_text(const Summary& s) {
   std::string words;
   if (s.fault_bits != 0) words = "slave: " + names_of(s.fault_bits, s.slave_fault_names);
   if (s.station_faults == 0) return words;
@@ -111,7 +111,7 @@ std::vector<std::pair<std::string, std::string>> summary_lines(const Summary& s)
   add("overruns / missed ticks",
       text("%lld / %lld", static_cast<long long>(s.overruns), static_cast<long long>(s.missed_ticks)));
   add("rows not recorded", text("%llu", static_cast<unsigned long long>(s.rows_dropped)));
-  add("faults", s.fault_bits == 0 && s.station_faults == 0 ? std::string("none") : fault_words(s));
+  add("faults", s.fault_bits == 0 && s.station_faults == 0 ? std::string("none") : fault_text(s));
   return lines;
 }
 

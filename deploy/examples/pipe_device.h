@@ -69,7 +69,7 @@ class PipeDevice final : public device::HapticDevice {
           std::snprintf(text, sizeof text, "%.4f %.4f %.4f\n", applied.x(), applied.y(), applied.z());
       if (::write(STDOUT_FILENO, text, static_cast<std::size_t>(n)) == n) told_h_n_ = applied;
     }
-    return applied;  // what the energy account books
+    return applied;  // what the energy account counts
   }
 
  private:

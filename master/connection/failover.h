@@ -11,7 +11,7 @@ enum class LeaveCause : std::uint8_t { kNone, kShutDown, kNobodyListens, kSilent
 
 const char* text(LeaveCause cause) noexcept;
 
-/// A server that says nothing may come back, and has kept the session: its tip, its sample, its book. So long
+/// A server that says nothing may come back, and has kept the session: its tip, its sample, its account. So long
 /// one waits for it; a link that fails for a moment must not cost them.
 inline constexpr std::int64_t kLeavePatienceNs = 1'500'000'000;
 /// So long at least each server has to answer, whatever the network says: that may be of an earlier attempt.

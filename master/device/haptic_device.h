@@ -62,7 +62,7 @@ class HapticDevice {
   virtual void advance(std::int64_t dt_ns) noexcept { static_cast<void>(dt_ns); }
   virtual void read(DeviceReading& reading) noexcept = 0;
   /// Commands the force on the hand, held until the next call. Returns what is really applied (after
-  /// saturation and command quantisation): that is what the energy observer must book.
+  /// saturation and command quantisation): that is what the energy observer must count.
   virtual Vec3 write_force(const Vec3& hand_force_h_n) noexcept = 0;
 };
 

@@ -22,7 +22,7 @@ struct PointerConfig {
 };
 
 /// A device without force that has no damping nor mass either. Planned for as if it were an omega.3, so that
-/// scales, pictures and recordings compare; the force that is asked for is not shown, and never booked.
+/// scales, pictures and recordings compare; the force that is asked for is not shown, and never counted.
 DeviceInfo forceless_device_info(const char* name, double half_m);
 
 /// The hand as a mouse in a window: goes smoothly, at bounded speed, where the newest PointerState says. No

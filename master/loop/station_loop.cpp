@@ -80,7 +80,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
     const std::int64_t came_ns = (clock_ != nullptr ? clock_->now_ns() : now_ns) - received.age_ns;
     const link::ClientEvent event = session_.on_datagram(std::span(buffer_).first(size), came_ns);
     replied |= event == link::ClientEvent::kReply;
-    hear(event, came_ns);
+    on_event(event, came_ns);
     if (event == link::ClientEvent::kSceneChunk) {
       if (scene_pipe_ != nullptr) scene_pipe_->take(session_.incoming().scene_chunk);
       continue;  // nothing that the station hears of, nor a recording
@@ -93,7 +93,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   }
   if (session_.sessions() != sessions_begun_) {
     sessions_begun_ = session_.sessions();
-    station_.begin_session(session_.welcome(), !session_.resumed_unknown_book());
+    station_.begin_session(session_.welcome(), !session_.resumed_unknown_account());
     gate_.clear();
   }
 
@@ -152,7 +152,7 @@ double StationLoop::hand_interval_s(double dt_s) noexcept {
 }
 
 /// What the rate learns from a datagram that has just been taken.
-void StationLoop::hear(link::ClientEvent event, std::int64_t came_ns) noexcept {
+void StationLoop::on_event(link::ClientEvent event, std::int64_t came_ns) noexcept {
   // Another slave: perhaps another server, at the end of another way.
   if (event == link::ClientEvent::kWelcome && session_.epoch_changed()) rate_.reset();
   if (event == link::ClientEvent::kReply) {
@@ -206,7 +206,7 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   sample.energy_bound_j = t.quantisation_bound_j;
   sample.energy_in_j = t.energy_in_j;
   sample.energy_out_j = t.energy_out_j;
-  sample.ledger_j = t.ledger_j;
+  sample.account_j = t.account_j;
   sample.deflection_nm = t.deflection_nm;
   sample.velocity_scale = station_.config().scaling.velocity;
   sample.force_scale = station_.config().scaling.force;

@@ -72,7 +72,7 @@ class StationLoop {
   bool wants_to_send(std::int64_t now_ns) noexcept;
   double hand_interval_s(double dt_s) noexcept;
   void send(std::size_t size) noexcept;
-  void hear(link::ClientEvent event, std::int64_t came_ns) noexcept;
+  void on_event(link::ClientEvent event, std::int64_t came_ns) noexcept;
   void note_datagram(std::int64_t came_ns) noexcept;
   const link::Reply* next_reply(std::int64_t now_ns, bool replied) noexcept;
   void fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept;

@@ -8,7 +8,7 @@
 namespace telenano::station {
 namespace {
 
-// A measurement beyond these is no measurement: booked, it would buy or cost energy for the rest of the
+// A measurement beyond these is no measurement: counted, it would buy or cost energy for the rest of the
 // session.
 constexpr double kBelievableStepM = 1.0;  // of the hand in a tick
 // Of the longest round trip: shorter than that, and forces come back.
@@ -197,7 +197,7 @@ bool Station::change_companding(const control::CompandingConfig& companding) noe
   return true;
 }
 
-void Station::begin_session(const link::Welcome& welcome, bool known_book) noexcept {
+void Station::begin_session(const link::Welcome& welcome, bool known_account) noexcept {
   mapping_.begin(welcome.start_pos_w_nm, welcome.workspace_min_w_nm, welcome.workspace_max_w_nm);
   last_target_w_nm_ = mapping_.target_w_nm();
   has_reply_ = false;  // the last force may only fade until the new session answers
@@ -207,7 +207,7 @@ void Station::begin_session(const link::Welcome& welcome, bool known_book) noexc
   epoch_ = welcome.epoch;
   features_ = welcome.feature_bits;
   if (new_epoch) slave_sums_.reset();
-  if (new_epoch && !known_book) slave_sums_.begin_with_next();
+  if (new_epoch && !known_account) slave_sums_.begin_with_next();
   scales_.begin_session(new_epoch);
   if (new_epoch) {
     sample_.reset();
@@ -251,7 +251,7 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   if (input.device_status == device::DeviceStatus::kFailed) latched_ |= kFaultDeviceFailed;
   if (input.device_status == device::DeviceStatus::kHoming) {
     // Where the hand is means nothing until the device is calibrated, and leaps when it is. No force acts
-    // meanwhile, so there is nothing to book, and the book goes on where the first good position finds it.
+    // meanwhile, so there is nothing to count, and the account goes on where the first good position finds it.
     has_hand_pos_ = false;
     applied_force_h_n_.setZero();
     return;
@@ -264,7 +264,7 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
       input.applied_force_h_n.cwiseAbs().maxCoeff() <= kBelievableForce * device_force_max_n_;
   if (!believable_pos) latched_ |= kFaultHandPosNonFinite;
   if (!believable_force) latched_ |= kFaultAppliedNonFinite;
-  // What cannot be measured cannot be booked; the stop holds the force at zero until a person has looked.
+  // What cannot be measured cannot be counted; the stop holds the force at zero until a person has looked.
   if (!believable_pos || !believable_force) return;
   if (!has_hand_pos_ && observer_.started()) observer_.resume_at(input.hand_pos_h_m);
   const bool first = !observer_.started() || !has_hand_pos_;
@@ -277,7 +277,7 @@ void Station::watch(const StationInput& input, double dt_s) noexcept {
   if (first) {
     methods_.change_to(methods_.method(), method_config(), input.hand_pos_h_m);
   } else {
-    methods_.now().book(interval);
+    methods_.now().account_for(interval);
   }
   applied_force_h_n_ = input.applied_force_h_n;
   if (has_hand_pos_) hand_step_h_m_ = input.hand_pos_h_m - hand_pos_h_m_;
@@ -338,7 +338,7 @@ void Station::accept_reply(const StationInput& input) noexcept {
         twin_->hold(tip_hold_);
         twin_->on_reply(reply_.steps, input.time_ns);
       }
-      const link::ReceivedSums::News added = book_slave();
+      const link::ReceivedSums::News added = account_for_slave();
       if (holds_tip()) {
         tip_force_h_n_ = config_.scaling.hand_force_n(reply_.force_w_nn);
         tell_method(added, price_j_aj_);
@@ -372,7 +372,7 @@ void Station::watch_age(const StationInput& input) noexcept {
 }
 
 /// What the newest reply has added to the slave's sums; of what came out, what may be credited.
-link::ReceivedSums::News Station::book_slave() noexcept {
+link::ReceivedSums::News Station::account_for_slave() noexcept {
   link::ReceivedSums::News added = slave_sums_.update(reply_);
   given_aj_ += added.energy_out_aj - added.energy_in_aj;
   most_given_aj_ = std::max(most_given_aj_, given_aj_);
@@ -640,7 +640,7 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   trace.energy_in_j = observer_.energy_in_j();
   trace.energy_out_j = observer_.energy_out_j();
   trace.quantisation_bound_j = observer_.quantisation_bound_j();
-  trace.ledger_j = methods_.now().ledger_j();
+  trace.account_j = methods_.now().account_j();
   trace.method = methods_.method();
   if (twin_) {
     trace.twin = twin_->state();

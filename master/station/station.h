@@ -94,7 +94,7 @@ struct StationTrace {
   double energy_in_j = 0;
   double energy_out_j = 0;
   double quantisation_bound_j = 0;  ///< of energy_j
-  double ledger_j = 0;              ///< of the method
+  double account_j = 0;             ///< of the method
   double slave_energy_in_j = 0;     ///< slave port, scaled to hand joules
   double slave_energy_out_j = 0;
   double stale_s = 0;  ///< since the last new reply
@@ -135,11 +135,11 @@ class Station {
   const TwinRun* twin() const noexcept { return twin_.get(); }
 
   /// A session begins or is resumed: the tip is at `start_pos_w_nm` and may move within the workspace. Never
-  /// makes a force step; the book goes on (a new session grants no new allowance). Scaling, damper and clamp
+  /// makes a force step; the account goes on (a new session grants no new allowance). Scaling, damper and clamp
   /// were planned for one slave: a stiffer or more damped one is a latched stop; so is another scene than the
-  /// last session's, which is no longer what the operator was shown. `known_book` false: the slave's sums
+  /// last session's, which is no longer what the operator was shown. `known_account` false: the slave's sums
   /// began before this station, and what they hold already is credited to nobody here.
-  void begin_session(const link::Welcome& welcome, bool known_book = true) noexcept;
+  void begin_session(const link::Welcome& welcome, bool known_account = true) noexcept;
 
   void step(const StationInput& input, double dt_s, StationOutput& output) noexcept;
 
@@ -190,7 +190,7 @@ class Station {
   void accept_reply(const StationInput& input) noexcept;
   void watch_age(const StationInput& input) noexcept;
   void hear_who_holds(const link::TipShare& tip) noexcept;
-  link::ReceivedSums::News book_slave() noexcept;
+  link::ReceivedSums::News account_for_slave() noexcept;
   void tell_method(const link::ReceivedSums::News& added, double price_j_aj) noexcept;
   void hear_whether_tip_is_up() noexcept;
   void stand_at_tip(const Vec3& tip_pos_w_nm) noexcept;

@@ -81,7 +81,7 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   answer_ = {};
   swapped_ = other_state_ = true;
   given_aj_ = std::min(given_aj_, 0.0);  // what the last slave has given is not this one's to give again
-  book_aj_ = 0;
+  account_aj_ = 0;
   newest_ = confirmed_ = welcome.executed;
   breaks_ = welcome.breaks;
   reason_ = 0;
@@ -113,12 +113,12 @@ void TwinRun::make(control::LocalSlave& slave, const link::LoggedStep& step, con
   slave.step(local, answer);
 }
 
-void TwinRun::book() noexcept {
+void TwinRun::account_for_step() noexcept {
   const double out_less_in_aj = answer_.energy_out_aj - answer_.energy_in_aj;
   const bool in_contact = answer_.contact_state == static_cast<std::uint32_t>(link::ContactState::kContact);
-  double given_aj = -companding_.step(answer_.stored_aj, book_aj_ - out_less_in_aj, in_contact,
+  double given_aj = -companding_.step(answer_.stored_aj, account_aj_ - out_less_in_aj, in_contact,
                                       std::exchange(other_state_, false));
-  book_aj_ = out_less_in_aj;
+  account_aj_ = out_less_in_aj;
   if (others_) {
     const double own_aj = own_aj_ - given_aj;
     own_aj_ = std::max(0.0, own_aj);
@@ -130,10 +130,10 @@ void TwinRun::book() noexcept {
 }
 
 /// Another state is no exchange: what it holds less than the last one is not given, and more is withheld.
-void TwinRun::book_swap() noexcept {
-  const double book_aj = answer_.energy_out_aj - answer_.energy_in_aj;
-  given_aj_ += std::min(0.0, book_aj - book_aj_);
-  book_aj_ = book_aj;
+void TwinRun::account_for_swap() noexcept {
+  const double account_aj = answer_.energy_out_aj - answer_.energy_in_aj;
+  given_aj_ += std::min(0.0, account_aj - account_aj_);
+  account_aj_ = account_aj;
 }
 
 void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int64_t now_ns) noexcept {
@@ -165,7 +165,7 @@ void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int6
     be(TwinState::kGivenUp);
     return;
   }
-  book();
+  account_for_step();
   if (catching_up_) catch_up(now_ns);
   if (state_ == TwinState::kConfirmed) be(TwinState::kBehind);
 }
@@ -262,7 +262,7 @@ void TwinRun::catch_up(std::int64_t now_ns) noexcept {
   last_target_w_nm_ = next_target_w_nm_;
   catching_up_ = false;
   swapped_ = other_state_ = true;
-  book_swap();
+  account_for_swap();
   if (waits()) {
     others_ = answer_.contact_state != static_cast<std::uint32_t>(link::ContactState::kFree);
     own_aj_ = 0;

@@ -86,7 +86,7 @@ class TwinRun {
   std::uint64_t partings() const noexcept { return partings_; }
   std::uint64_t snapshots() const noexcept { return snapshots_; }
 
-  /// Of the twin's own book, companded: the most that its sample has given beyond what was put in, aJ. A state that is
+  /// Of the twin's own account, companded: the most that its sample has given beyond what was put in, aJ. A state that is
   /// taken up is no exchange: what it holds less than the last one is not given, and what it has given more
   /// is withheld. What another holder has put into the sample is not given either: until the tip has been free
   /// once, no more than this one has put in.
@@ -124,9 +124,9 @@ class TwinRun {
             control::LocalAnswer& answer) noexcept;
   void part(std::uint32_t reason, std::int64_t now_ns) noexcept;
   void count_unexplained(std::int64_t now_ns) noexcept;
-  void book_swap() noexcept;
+  void account_for_swap() noexcept;
   void catch_up(std::int64_t now_ns) noexcept;
-  void book() noexcept;
+  void account_for_step() noexcept;
   void be(TwinState state) noexcept {
     state_ = state;
     heights_.store(on() && !waits() ? now_heights_.get() : nullptr, std::memory_order_release);
@@ -144,8 +144,8 @@ class TwinRun {
   std::uint32_t breaks_ = 0;
   Vec3 last_target_w_nm_ = Vec3::Zero();
   double silence_s_ = 0.2;
-  double given_aj_ = 0;  // of the twin's own book, less what is withheld
-  double book_aj_ = 0;   // out less in, of the state in use
+  double given_aj_ = 0;    // of the twin's own account, less what is withheld
+  double account_aj_ = 0;  // out less in, of the state in use
   double most_given_aj_ = 0;
   bool shared_ = false;
   std::uint32_t hold_ = 0;  // of a shared tip: the steps of this holding move it; 0: none do
@@ -153,7 +153,7 @@ class TwinRun {
   double own_aj_ = 0;       // so much besides is this one's
   bool heard_old_ = false;  // in this holding: a state of before it, which was on its way when it began
   bool swapped_ = false;
-  bool other_state_ = false;  // since the last step that was booked
+  bool other_state_ = false;  // since the last step that was counted
   control::Companding companding_;
   std::shared_ptr<const surface::HeightView> now_heights_;
   std::shared_ptr<const surface::HeightView> next_heights_;

@@ -19,7 +19,7 @@ link::ContactState contact_of(const recording::Sample& sample) noexcept {
 }
 
 // Of four points the one with the least and the one with the greatest force stay, so that no peak is lost.
-// The first point of all and the last stay too: a leg keeps its ends.
+// The first point of all and the last stay too: a segment keeps its ends.
 void thin(std::vector<Point>& points) {
   std::vector<Point> kept;
   kept.reserve(points.size() / 2 + 4);
@@ -62,8 +62,8 @@ void write_pull(std::string& out, const char* name, const std::optional<ForceCur
   out += '\n';
 }
 
-void write_leg(std::string& out, const char* name, const ForceCurve::Leg& leg) {
-  for (const Point& p : leg.points)
+void write_segment(std::string& out, const char* name, const ForceCurve::Segment& segment) {
+  for (const Point& p : segment.points)
     out += fmt::format("{},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g},{:.9g}\n", name, p.time_s, p.distance_nm,
                        p.height_nm, p.base_nm, p.force_nn, p.lateral_nn);
 }
@@ -84,15 +84,15 @@ const char* state_word(ForceCurve::State state) noexcept {
 
 }  // namespace
 
-double ForceCurve::Leg::lateral_most_nn() const noexcept {
+double ForceCurve::Segment::lateral_most_nn() const noexcept {
   double most = 0;
   for (const Point& p : points) most = std::max(most, p.lateral_nn);
   return most;
 }
 
 void ForceCurve::start_anew() {
-  for (Leg* leg : {&approach_, &retract_}) {
-    if (leg->state == State::kUnderWay) leg->state = State::kCutOff;
+  for (Segment* segment : {&approach_, &retract_}) {
+    if (segment->state == State::kUnderWay) segment->state = State::kCutOff;
   }
   // A touch whose end was not seen has no retract that could be trusted later on.
   if (in_touch_ && retract_.state == State::kNone) retract_.state = State::kCutOff;
@@ -151,7 +151,7 @@ void ForceCurve::take(const recording::Sample& sample, double distance_nm) {
   show();
 }
 
-// What has come since the extreme belongs to the new leg. The extreme itself is the end of one and the begin
+// What has come since the extreme belongs to the new segment. The extreme itself is the end of one and the begin
 // of the other.
 void ForceCurve::turn(int way) {
   const auto split = std::next(track_.begin(), static_cast<std::ptrdiff_t>(extreme_));
@@ -217,8 +217,8 @@ double ForceCurve::noise_nn() const noexcept {
   return differences_ == 0 ? 0 : std::sqrt(0.5 * differences_nn2_ / static_cast<double>(differences_));
 }
 
-std::optional<ForceCurve::Pull> ForceCurve::pull_of(const Leg& leg, int way) const {
-  const auto& points = leg.points;
+std::optional<ForceCurve::Pull> ForceCurve::pull_of(const Segment& segment, int way) const {
+  const auto& points = segment.points;
   if (points.empty()) return std::nullopt;
   const auto least = std::min_element(points.begin(), points.end(),
                                       [](const Point& a, const Point& b) { return a.force_nn < b.force_nn; });
@@ -278,9 +278,9 @@ std::string ForceCurve::csv() const {
   const std::optional<double> lost = hysteresis_aj();
   out += lost ? fmt::format("# hysteresis: {:.6g} aJ\n", *lost) : std::string("# hysteresis: none\n");
   out += fmt::format("# noise: {:.6g} nN\n", noise_nn());
-  out += "leg,time_s,distance_nm,height_nm,base_nm,force_nn,lateral_nn\n";
-  write_leg(out, "approach", approach_);
-  write_leg(out, "retract", retract_);
+  out += "segment,time_s,distance_nm,height_nm,base_nm,force_nn,lateral_nn\n";
+  write_segment(out, "approach", approach_);
+  write_segment(out, "retract", retract_);
   return out;
 }
 

@@ -41,13 +41,13 @@ class ForceCurve {
   };
 
   enum class State : std::uint8_t {
-    kNone,      ///< there is no such leg
+    kNone,      ///< there is no such segment
     kUnderWay,  ///< it goes on
     kDone,
     kCutOff,  ///< the replies stopped before its end
   };
 
-  struct Leg {
+  struct Segment {
     std::vector<Point> points;
     State state = State::kNone;
     double lateral_most_nn() const noexcept;
@@ -66,9 +66,9 @@ class ForceCurve {
   void take(const recording::Sample& sample, double distance_nm);
 
   /// Goes down and into contact. While it is the newest, there is no retract.
-  const Leg& approach() const noexcept { return approach_; }
+  const Segment& approach() const noexcept { return approach_; }
   /// From the last lowest point up. Done when the contact has been left.
-  const Leg& retract() const noexcept { return retract_; }
+  const Segment& retract() const noexcept { return retract_; }
   /// Of the approach; none: no attraction above the noise.
   std::optional<Pull> snap_in() const;
   /// Of the retract; none also before it is done, or if it was cut off: the most may have been to come.
@@ -83,7 +83,7 @@ class ForceCurve {
   std::string csv() const;
 
  private:
-  std::optional<Pull> pull_of(const Leg& leg, int way) const;
+  std::optional<Pull> pull_of(const Segment& segment, int way) const;
   void turn(int way);
   void show();
   void start_anew();
@@ -98,8 +98,8 @@ class ForceCurve {
   bool last_free_ = false;
   double differences_nn2_ = 0;
   std::uint64_t differences_ = 0;
-  Leg approach_;
-  Leg retract_;
+  Segment approach_;
+  Segment retract_;
 };
 
 }  // namespace telenano::view_model

@@ -75,7 +75,7 @@ SessionBanner session_banner(const SessionInputs& inputs) {
     return banner;
   }
   if (silence_s > 0) badges.push_back(silence_badge(inputs, silence_s));
-  const Message word = mode_words(now);
+  const Message word = mode_text(now);
   const bool of_the_hand =
       word.mood == Mood::kAlarm || mode == station::Mode::kIdle || mode == station::Mode::kHoming;
   if (silence_s == 0 || of_the_hand)
@@ -86,7 +86,7 @@ SessionBanner session_banner(const SessionInputs& inputs) {
   const std::optional<Badge> twin = twin_badge(inputs, current);
   if (twin) badges.push_back(*twin);
 
-  banner.lines = force_words(now, inputs.device_cause, inputs.mouse_leads);
+  banner.lines = force_text(now, inputs.device_cause, inputs.mouse_leads);
   if (twin) tell_twin(*twin, inputs, banner.lines);
   const bool alarm = std::any_of(banner.lines.begin(), banner.lines.end(),
                                  [](const Message& line) { return line.mood == Mood::kAlarm; });
@@ -100,7 +100,7 @@ SessionBanner session_banner(const SessionInputs& inputs) {
          Mood::kWarning});
   if (silence_s > 0)
     banner.lines.insert(banner.lines.begin(),
-                        {silence_words(silence_s, inputs.played ? 0 : inputs.give_up_s), Mood::kAlarm});
+                        {silence_text(silence_s, inputs.played ? 0 : inputs.give_up_s), Mood::kAlarm});
   return banner;
 }
 

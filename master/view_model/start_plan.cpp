@@ -42,7 +42,7 @@ StartPlan parse_plan(const std::string& csv) {
   return plan;
 }
 
-std::vector<std::string> plan_words(const StartPlan& plan, bool shows_force) {
+std::vector<std::string> plan_text(const StartPlan& plan, bool shows_force) {
   std::vector<std::string> lines;
   lines.push_back("Scene: " + plan.scene);
   lines.push_back(fmt::format("Round trip {:.3g} ms, method {}", plan.round_trip_ms, plan.method));

@@ -24,6 +24,6 @@ struct StartPlan {
 StartPlan parse_plan(const std::string& csv);
 
 /// For a person, a line each. `shows_force`: the chosen device has motors.
-std::vector<std::string> plan_words(const StartPlan& plan, bool shows_force);
+std::vector<std::string> plan_text(const StartPlan& plan, bool shows_force);
 
 }  // namespace telenano::view_model

@@ -72,7 +72,7 @@ double silent_s(const recording::Sample& now) noexcept {
   return silence_s > kSilentS ? silence_s : 0;
 }
 
-std::string silence_words(double silent_s, double give_up_s) {
+std::string silence_text(double silent_s, double give_up_s) {
   const std::string since =
       fmt::format("No answer from the server for {:.1f} s: what is shown is old", silent_s);
   if (!(give_up_s > 0)) return since;
@@ -80,7 +80,7 @@ std::string silence_words(double silent_s, double give_up_s) {
          fmt::format("; the session ends in {:.0f} s", std::ceil(std::max(give_up_s - silent_s, 0.0)));
 }
 
-Message mode_words(const recording::Sample& now) {
+Message mode_text(const recording::Sample& now) {
   switch (static_cast<station::Mode>(now.station_mode)) {
     case station::Mode::kIdle:
       return {"Connecting", Mood::kWarning};
@@ -100,8 +100,8 @@ Message mode_words(const recording::Sample& now) {
   return {"Unknown", Mood::kAlarm};
 }
 
-std::vector<Message> force_words(const recording::Sample& now, device::ForceOffCause device_cause,
-                                 bool mouse_leads) {
+std::vector<Message> force_text(const recording::Sample& now, device::ForceOffCause device_cause,
+                                bool mouse_leads) {
   std::vector<Message> messages;
   if (device_cause != device::ForceOffCause::kNone)
     messages.push_back({std::string("Device: ") + device::force_off_text(device_cause), Mood::kAlarm});
@@ -139,13 +139,13 @@ std::vector<Message> force_words(const recording::Sample& now, device::ForceOffC
   return messages;
 }
 
-std::string reach_words(double reach_nm) {
+std::string reach_text(double reach_nm) {
   return fmt::format(
       "The mouse leads the tip by at most {} from where it took hold: let go, then take hold again",
       length_text(reach_nm));
 }
 
-std::vector<Message> slave_words(std::uint32_t faults) {
+std::vector<Message> slave_text(std::uint32_t faults) {
   constexpr std::array<Fault, 8> kFaults = {{
       {link::kFaultNonFinite, "The slave met a value that is no number: zero force"},
       {link::kFaultRetracted, "The tip has been retracted"},
@@ -164,7 +164,7 @@ std::vector<Message> slave_words(std::uint32_t faults) {
   return messages;
 }
 
-const char* particle_words(link::ParticleStatus status) {
+const char* particle_text(link::ParticleStatus status) {
   switch (status) {
     case link::ParticleStatus::kRests:
       return "particle at rest";
@@ -178,7 +178,7 @@ const char* particle_words(link::ParticleStatus status) {
   return "particle";
 }
 
-const char* contact_words(std::uint32_t contact_state) {
+const char* contact_text(std::uint32_t contact_state) {
   switch (static_cast<link::ContactState>(contact_state)) {
     case link::ContactState::kFree:
       return "free";
@@ -225,7 +225,7 @@ std::string adhesion_text(const ShownContact& contact) {
   return contact.adhesion_nn > 0 ? "lets go at " + force_text(contact.adhesion_nn) : "–";
 }
 
-std::string method_words(control::Method method, bool by_link) {
+std::string method_text(control::Method method, bool by_link) {
   return std::string(control::method_name(method)) + (by_link ? ", by the link" : "");
 }
 

@@ -28,28 +28,28 @@ inline constexpr double kSilentS = 0.2;
 /// How long nothing has been heard; 0: not worth telling.
 double silent_s(const recording::Sample& now) noexcept;
 /// That, and when the station gives up; `give_up_s` 0: not known.
-std::string silence_words(double silent_s, double give_up_s);
+std::string silence_text(double silent_s, double give_up_s);
 
 /// The station's mode in a word or two.
-Message mode_words(const recording::Sample& now);
+Message mode_text(const recording::Sample& now);
 
 /// Why the hand feels no force, or less than it should, in words that say what to do; empty when all is as
 /// it should be. One line for each cause, the gravest first. `mouse_leads`: the hand is held by a mouse.
-std::vector<Message> force_words(const recording::Sample& now,
-                                 device::ForceOffCause device_cause = device::ForceOffCause::kNone,
-                                 bool mouse_leads = false);
+std::vector<Message> force_text(const recording::Sample& now,
+                                device::ForceOffCause device_cause = device::ForceOffCause::kNone,
+                                bool mouse_leads = false);
 
 /// That the mouse's hand can lead the tip no further than `reach_nm` from where it took hold.
-std::string reach_words(double reach_nm);
+std::string reach_text(double reach_nm);
 
 /// What the slave reports (link::FaultBits).
-std::vector<Message> slave_words(std::uint32_t slave_faults);
+std::vector<Message> slave_text(std::uint32_t slave_faults);
 
 /// What the particle is doing (link::ParticleStatus).
-const char* particle_words(link::ParticleStatus status);
+const char* particle_text(link::ParticleStatus status);
 
 /// What the tip is doing (link::ContactState).
-const char* contact_words(std::uint32_t contact_state);
+const char* contact_text(std::uint32_t contact_state);
 
 /// A force's size, and which way its part along z goes: "push 12.7 nN", "pull 450 pN".
 std::string force_size_text(const Vec3& force_w_nn);
@@ -61,7 +61,7 @@ std::string contact_area_text(const ShownContact& contact);
 /// "lets go at 39 nN"; "–" where it is not known.
 std::string adhesion_text(const ShownContact& contact);
 /// The method's name and who has chosen it.
-std::string method_words(control::Method method, bool by_link);
+std::string method_text(control::Method method, bool by_link);
 
 /// A length with a fitting unit and three digits: "12.3 nm", "450 pm", "1.20 µm".
 std::string length_text(double nm);

@@ -213,8 +213,8 @@ void axes_of(const ForceCurve& curve, Span& span, Axis& axis) {
   double least_nn = 0;
   double most_nn = 0;
   const double seen_nn = std::max(ForceCurve::kSigmas * curve.noise_nn(), ForceCurve::kLeast_nn);
-  for (const ForceCurve::Leg* leg : {&curve.approach(), &curve.retract()}) {
-    for (const ForceCurve::Point& p : leg->points) {
+  for (const ForceCurve::Segment* segment : {&curve.approach(), &curve.retract()}) {
+    for (const ForceCurve::Point& p : segment->points) {
       deepest = std::min(deepest, p.distance_nm);
       if (std::abs(p.force_nn) > seen_nn) most = std::max(most, p.distance_nm);
       least_nn = std::min(least_nn, p.force_nn);
@@ -246,13 +246,13 @@ void draw_distances(const Gui& gui, const ChartBox& plot, const ChartBox& box, c
   }
 }
 
-void draw_leg(const Gui& gui, const ChartBox& plot, const Span& span, const Axis& axis,
-              const ForceCurve::Leg& leg, const palette::Rgb& colour) {
+void draw_segment(const Gui& gui, const ChartBox& plot, const Span& span, const Axis& axis,
+                  const ForceCurve::Segment& segment, const palette::Rgb& colour) {
   ImDrawList* const list = ImGui::GetWindowDrawList();
   const float least_px = 0.7f * gui.scale();
   bool any = false;
   ImVec2 before{};
-  for (const ForceCurve::Point& p : leg.points) {
+  for (const ForceCurve::Point& p : segment.points) {
     if (p.distance_nm > span.high + kFarther * (span.high - span.low)) continue;
     const ImVec2 at{span.x(plot, p.distance_nm), axis.y(plot, p.force_nn)};
     // Points within a pixel are one.
@@ -293,8 +293,8 @@ void draw_force_curve(const Gui& gui, const ChartBox& box, const ForceCurve& cur
   draw_distances(gui, plot, box, span);
   draw_grid(gui, plot, axis, true, palette::kQuiet);
   ImGui::PushClipRect(plot.from, plot.to, true);
-  draw_leg(gui, plot, span, axis, curve.approach(), palette::kFree);
-  draw_leg(gui, plot, span, axis, curve.retract(), palette::kWarning);
+  draw_segment(gui, plot, span, axis, curve.approach(), palette::kFree);
+  draw_segment(gui, plot, span, axis, curve.retract(), palette::kWarning);
   draw_pull(gui, plot, span, axis, curve.snap_in(), palette::kFree);
   draw_pull(gui, plot, span, axis, curve.pull_off(), palette::kWarning);
   ImGui::PopClipRect();

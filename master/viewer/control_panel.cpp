@@ -154,11 +154,11 @@ void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
   inputs.device_cause = port_.force_off.load();
   inputs.mouse_leads = playback_ == nullptr && mouse_leads();
   auto messages = view_model::session_banner(inputs).lines;
-  for (auto& message : view_model::slave_words(now.fault_bits)) messages.push_back(std::move(message));
+  for (auto& message : view_model::slave_text(now.fault_bits)) messages.push_back(std::move(message));
   // After the line of a silence, which is the gravest.
   if (reach_nm_ > 0)
     messages.insert(messages.begin() + (view_model::silent_s(now) > 0 ? 1 : 0),
-                    {view_model::reach_words(reach_nm_), Mood::kWarning});
+                    {view_model::reach_text(reach_nm_), Mood::kWarning});
   if (ended_) messages = {{"The session has ended: this is its last moment", Mood::kAlarm}};
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
@@ -213,7 +213,7 @@ void ControlPanel::draw_method(const recording::Sample& now) {
   ImGui::SameLine();
   ImGui::SetNextItemWidth(-1);
   const std::string name =
-      view_model::method_words(current, playback_ == nullptr && port_.method_by_link.load());
+      view_model::method_text(current, playback_ == nullptr && port_.method_by_link.load());
   if (ImGui::BeginCombo("##method", name.c_str())) {
     int number = 1;
     for (const Method method : control::kAllMethods) {
@@ -336,7 +336,7 @@ void ControlPanel::draw_tip_rows(const view_model::LiveSession& live) const {
   row("tip x y z", fmt::format("{:.1f} {:.1f} {:.2f} nm", tip[0], tip[1], tip[2]));
   row("gap",
       fmt::format("{}, {}", view_model::length_text(live.gap_nm()),
-                  view_model::contact_words(now.contact_state)),
+                  view_model::contact_text(now.contact_state)),
       live.contact() ? palette::kRepulsion : palette::kText);
   const Vec3 force(now.force_w_nn[0], now.force_w_nn[1], now.force_w_nn[2]);
   const palette::Rgb& force_colour = force.z() >= 0 ? palette::kRepulsion : palette::kAttraction;

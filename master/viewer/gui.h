@@ -2,8 +2,8 @@
 
 #include <imgui.h>
 
+#include "telenano/master/viewer/label_board.h"
 #include "telenano/master/viewer/palette.h"
-#include "telenano/master/viewer/word_board.h"
 
 namespace telenano::viewer {
 
@@ -25,7 +25,7 @@ class Gui {
   /// Between two frames.
   void set_scale(float scale);
   /// Of the frame that is being drawn.
-  WordBoard& words() const noexcept { return words_; }
+  LabelBoard& words() const noexcept { return words_; }
 
  private:
   void load_fonts();
@@ -33,7 +33,7 @@ class Gui {
   ImFont* text_ = nullptr;
   ImFont* small_ = nullptr;
   ImFont* large_ = nullptr;
-  mutable WordBoard words_;
+  mutable LabelBoard words_;
   bool has_greek_ = false;
   float scale_;
 };

@@ -289,15 +289,15 @@ palette::Rgb force_colour(const Vec3& force_w_nn, bool old) {
   return force_w_nn.z() >= 0 ? palette::kRepulsion : palette::kAttraction;
 }
 
-std::string age_words(double silent_s) {
+std::string age_text(double silent_s) {
   return fmt::format("{:.1f} s old", silent_s);
 }
 
 }  // namespace
 
-void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneState& state,
-                         const view_model::LiveSession& live, const Camera& camera, const SceneFrame& frame,
-                         const Area& area) {
+void draw_overview_text(const Gui& gui, const ViewFacts& facts, const SceneState& state,
+                        const view_model::LiveSession& live, const Camera& camera, const SceneFrame& frame,
+                        const Area& area) {
   const Pen pen(gui, camera, frame, area);
   const float s = pen.s();
   draw_height_legend(gui, pen, state, frame.exaggeration);
@@ -306,7 +306,7 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
   const ImVec2 tip = pen.at(state.tip_pos_w_nm);
   const double silent_s = view_model::silent_s(live.now());
   std::vector<Pen::Line> lines;
-  if (silent_s > 0) lines.push_back({age_words(silent_s), palette::kWarning, gui.text()});
+  if (silent_s > 0) lines.push_back({age_text(silent_s), palette::kWarning, gui.text()});
   lines.push_back({view_model::force_size_text(state.force_w_nn),
                    force_colour(state.force_w_nn, silent_s > 0), gui.text()});
   lines.push_back({view_model::force_parts_text(state.force_w_nn),
@@ -320,7 +320,7 @@ void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneStat
                     {tip.x - 150 * s, tip.y + 24 * s}});
   if (state.particle.radius_nm > 0 && !state.part) {
     const ImVec2 foot = pen.at(state.particle.pos_w_nm - state.particle.radius_nm * Vec3::UnitZ());
-    pen.block({{view_model::particle_words(state.particle.status), palette::kParticle, gui.small()}},
+    pen.block({{view_model::particle_text(state.particle.status), palette::kParticle, gui.small()}},
               {{foot.x - 40 * s, foot.y + 6 * s}, {foot.x - 40 * s, foot.y + 24 * s}});
   }
   draw_ground_bar(pen, state, camera);
@@ -346,8 +346,8 @@ void draw_measurement(const Gui& gui, const view_model::Profile& profile, const 
   }
 }
 
-void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
-                         const Camera& camera, const SceneFrame& frame, const Area& area) {
+void draw_close_up_text(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
+                        const Camera& camera, const SceneFrame& frame, const Area& area) {
   const Pen pen(gui, camera, frame, area);
   const float s = pen.s();
   pen.list()->AddLine({pen.left(), pen.top()}, {pen.left(), pen.bottom()}, ink(palette::kEdge), 2 * s);
@@ -393,7 +393,7 @@ void draw_close_up_words(const Gui& gui, const SceneState& state, const view_mod
   const double silent_s = view_model::silent_s(live.now());
   const palette::Rgb colour = force_colour(state.force_w_nn, silent_s > 0);
   std::vector<Pen::Line> lines;
-  if (silent_s > 0) lines.push_back({age_words(silent_s), palette::kWarning, gui.text()});
+  if (silent_s > 0) lines.push_back({age_text(silent_s), palette::kWarning, gui.text()});
   lines.push_back({view_model::force_size_text(state.force_w_nn), colour, gui.text()});
   lines.push_back({view_model::force_parts_text(state.force_w_nn), colour, gui.small()});
   float widest = 0;

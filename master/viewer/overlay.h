@@ -11,11 +11,11 @@
 namespace telenano::viewer {
 
 /// Words and marks over the pictures: axes, scale bars, the legend of heights, gap and force where they are.
-void draw_overview_words(const Gui& gui, const ViewFacts& facts, const SceneState& state,
-                         const view_model::LiveSession& live, const view_model::Camera& camera,
-                         const SceneFrame& frame, const Area& area);
-void draw_close_up_words(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
-                         const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
+void draw_overview_text(const Gui& gui, const ViewFacts& facts, const SceneState& state,
+                        const view_model::LiveSession& live, const view_model::Camera& camera,
+                        const SceneFrame& frame, const Area& area);
+void draw_close_up_text(const Gui& gui, const SceneState& state, const view_model::LiveSession& live,
+                        const view_model::Camera& camera, const SceneFrame& frame, const Area& area);
 
 /// The line of a measurement, on the ground, with its ends' names.
 void draw_measurement(const Gui& gui, const view_model::Profile& profile, const view_model::Camera& camera,

@@ -133,7 +133,7 @@ void StartScreen::draw_plan(const StartFacts& facts, const view_model::StartChoi
     const auto hand = std::find_if(facts.hands.begin(), facts.hands.end(),
                                    [&](const OfferedHand& one) { return one.device == choice.device; });
     for (const std::string& line :
-         view_model::plan_words(*facts.plan, hand == facts.hands.end() || hand->shows_force))
+         view_model::plan_text(*facts.plan, hand == facts.hands.end() || hand->shows_force))
       ImGui::TextWrapped("%s", line.c_str());
   } else {
     quiet("Ask the server, and it is said here");
@@ -142,11 +142,11 @@ void StartScreen::draw_plan(const StartFacts& facts, const view_model::StartChoi
 }
 
 void StartScreen::draw_end(const StartFacts& facts) {
-  if (facts.last_words.empty()) return;
+  if (facts.last_text.empty()) return;
   coloured(facts.last_failed ? palette::kAlarm : palette::kGood,
            facts.last_failed ? "The session ended with a fault" : "The session has ended");
   ImGui::PushFont(gui_.small());
-  for (const std::string& line : facts.last_words) {
+  for (const std::string& line : facts.last_text) {
     // A summary's rows: an indented name, spaces, a value.
     const auto gap = line.starts_with("  ") ? line.find("  ", 2) : std::string::npos;
     const auto value = gap == std::string::npos ? gap : line.find_first_not_of(' ', gap);
@@ -177,7 +177,7 @@ StartScreen::Wish StartScreen::draw_foot(const StartFacts& facts, const view_mod
   ImGui::PushStyleColor(ImGuiCol_ButtonHovered, vec4(fault.empty() ? palette::kGood : palette::kRaised));
   if (first_) ImGui::SetKeyboardFocusHere();
   const bool pressed =
-      ImGui::Button(facts.last_words.empty() ? "Start  (Enter)" : "Again  (Enter)", {200 * s, 40 * s});
+      ImGui::Button(facts.last_text.empty() ? "Start  (Enter)" : "Again  (Enter)", {200 * s, 40 * s});
   // Enter begins whatever has the focus, but for a field that is written in, which asks the server.
   const bool enter = !ImGui::GetIO().WantTextInput &&
                      !ImGui::IsPopupOpen("", ImGuiPopupFlags_AnyPopupId | ImGuiPopupFlags_AnyPopupLevel) &&

@@ -29,8 +29,8 @@ struct StartFacts {
   std::vector<OfferedHand> hands;
   bool looking = false;  ///< a server is being asked
   std::optional<view_model::StartPlan> plan;
-  std::string trouble;                  ///< why there is no plan; empty: not asked, or there is one
-  std::vector<std::string> last_words;  ///< of the session before; empty: there was none
+  std::string trouble;                 ///< why there is no plan; empty: not asked, or there is one
+  std::vector<std::string> last_text;  ///< of the session before; empty: there was none
   bool last_failed = false;
   std::string command_line;  ///< that does the same
 };

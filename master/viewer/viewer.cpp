@@ -635,7 +635,7 @@ void Viewer::draw_note(double time_s) {
       time_s);
 }
 
-void Viewer::draw_words(double time_s, const Area& area) {
+void Viewer::draw_text(double time_s, const Area& area) {
   if (time_s > said_until_s_) return;
   const ImVec2 size = gui_.text()->CalcTextSizeA(gui_.text()->FontSize, 1e9f, 0, said_.c_str());
   const ImVec2 p{static_cast<float>(area.x_px) + 12 * gui_.scale(),
@@ -678,12 +678,12 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
     renderer_.draw_overview(now, camera, frame, layout.overview, height_px);
     if (const auto profile = measurement_.profile(ground_, tip_w_nm()))
       draw_measurement(gui_, *profile, camera, frame, layout.overview);
-    draw_overview_words(gui_, facts_, now, live_, camera, frame, layout.overview);
+    draw_overview_text(gui_, facts_, now, live_, camera, frame, layout.overview);
   }
   if (views_ != Views::kOverview) {
     const SceneState now = state(false);
     renderer_.draw_close_up(now, close_up_camera_, close_frame, layout.close_up, height_px);
-    draw_close_up_words(gui_, now, live_, close_up_camera_, close_frame, layout.close_up);
+    draw_close_up_text(gui_, now, live_, close_up_camera_, close_frame, layout.close_up);
   }
   draw_charts(layout, height_px);
   panel_.tell_border(panel_.mouse_leads() && hand_.at_border() ? hand_.reach_nm() : 0);
@@ -695,7 +695,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   draw_note(time_s);
   // After a note that was ended in this very frame.
   if (std::exchange(leaves_, false)) panel_.ask(ViewRequest::Kind::kQuit);
-  draw_words(time_s, layout.overview);
+  draw_text(time_s, layout.overview);
   ImGui::Render();
   glViewport(0, 0, width_px, height_px);
   ImGui_ImplOpenGL3_RenderDrawData(ImGui::GetDrawData());

@@ -109,7 +109,7 @@ class Viewer {
   void draw_note(double time_s);
   Vec3 tip_w_nm() const noexcept;
   bool measure_at_pointer(const Layout& layout);
-  void draw_words(double time_s, const Area& area);
+  void draw_text(double time_s, const Area& area);
   /// Of the section, or of the overview, whose ground is the region's.
   SceneState state(bool overview) const;
   const view_model::Ground& overview_ground() const noexcept { return part_ ? *part_ : ground_; }

@@ -37,7 +37,7 @@ void AfmLogic::engage(std::int64_t now_ns) {
   model_.forget_stiffness();
   state_.cause = Cause::kNone;
   state_.force_known = false;
-  book_.interrupt();
+  account_.interrupt();
   reading_ns_ = now_ns;
   session_ns_ = now_ns;
   tell("approaching");
@@ -338,8 +338,8 @@ void AfmLogic::touched(std::int64_t now_ns) {
   enter(Phase::kFollowing, now_ns);
   last_move_ns_ = last_xy_ns_ = now_ns;
   session_ns_ = now_ns;
-  last_book_ns_ = now_ns;
-  book_.interrupt();
+  last_account_ns_ = now_ns;
+  account_.interrupt();
   tell(text("surface found; drift %+.3f (+-%.2f) nm/s, noise %.2f nN, stiffness %.3g N/m", drift_nm_s(),
             surface_.drift_bound_nm_s(), state_.noise_nn, model_.stiffness_n_m()));
 }

@@ -181,22 +181,22 @@ void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::
   state_.model = model_.model();
   state_.touching = model_.touching();
   retouch(averaged.mean_w_nm, force.z(), history_.between(now_ns - 2 * period_ns, now_ns).path_nm, now_ns);
-  WorkBook::Reading entry;
+  WorkAccount::Reading entry;
   entry.base_w_nm = averaged.mean_w_nm;
   entry.force_w_nn = force;
-  entry.way_nm = history_.between(last_book_ns_, now_ns).path_nm;
+  entry.way_nm = history_.between(last_account_ns_, now_ns).path_nm;
   entry.window_way_nm = history_.between(reading_from_ns_, now_ns).path_nm;
   const bool touches =
       state_.touching || was_touching_ || std::fabs(force.z()) > model_.contact_threshold_nn();
-  book_.add(entry, 3 * state_.noise_nn, touches, model_.model().adhesion_nn);
+  account_.add(entry, 3 * state_.noise_nn, touches, model_.model().adhesion_nn);
   was_touching_ = state_.touching;
-  last_book_ns_ = now_ns - period_ns;
+  last_account_ns_ = now_ns - period_ns;
   state_.surface_bound_nm = surface_.bound_nm(now_ns) + std::fabs(shift_nm_);
   state_.drift_nm_s = surface_.drift_nm_s();
   state_.drift_bound_nm_s = surface_.drift_bound_nm_s();
-  state_.energy_in_aj = book_.energy_in_aj();
-  state_.energy_out_aj = book_.energy_out_aj();
-  state_.energy_bound_aj = book_.bound_aj();
+  state_.energy_in_aj = account_.energy_in_aj();
+  state_.energy_out_aj = account_.energy_out_aj();
+  state_.energy_bound_aj = account_.bound_aj();
 }
 
 }  // namespace telenano::afm

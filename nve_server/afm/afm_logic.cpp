@@ -56,7 +56,7 @@ AfmLogic::AfmLogic(const AfmConfig& config, std::unique_ptr<AfmPort> port)
               std::fabs(config.spring_constant_n_m * config.sensitivity_nm_v), config.range_v,
               ns(config.period_s()), config.sensitivity_nm_v > 0 ? 1 : -1, config.force_max_nn}),
       model_(config.spring_constant_n_m, 0, kContactPart * config.touch_force_nn, config.slope_max),
-      book_(config.spring_constant_n_m) {}
+      account_(config.spring_constant_n_m) {}
 
 double AfmLogic::force_trip_nn() const noexcept {
   return config_.force_max_nn + config_.spring_constant_n_m * 2 * config_.step_nm + 6 * state_.noise_nn;
@@ -410,7 +410,7 @@ void AfmLogic::withdraw(Cause cause, std::int64_t now_ns) {
   at(Role::kEmergency).next_ns = now_ns;
   at(Role::kMotion).next_ns = now_ns;
   emergency_ready_ = false;  // to be asked anew
-  book_.interrupt();
+  account_.interrupt();
   tell("withdrawing: " + std::string(name(cause)));
 }
 

@@ -12,7 +12,7 @@
 #include "telenano/nve_server/afm/signal_watch.h"
 #include "telenano/nve_server/afm/surface_tracker.h"
 #include "telenano/nve_server/afm/touch_model.h"
-#include "telenano/nve_server/afm/work_book.h"
+#include "telenano/nve_server/afm/work_account.h"
 
 namespace telenano::afm {
 
@@ -228,10 +228,10 @@ class AfmLogic {
   std::int64_t reading_from_ns_ = 0;  // the window of the newest one
   std::int64_t reading_ns_ = 0;       // when it came
   std::int64_t round_trip_ns_ = 0;    // of a question that is answered at once
-  std::int64_t last_book_ns_ = 0;
+  std::int64_t last_account_ns_ = 0;
   bool across_next_ = false;
   TouchModel model_;
-  WorkBook book_;
+  WorkAccount account_;
   bool was_touching_ = false;
   std::int64_t session_ns_ = 0;  // last sign of a session
 

@@ -249,22 +249,22 @@ std::string plain_line(std::string_view text, std::size_t longest) {
 
 void check_curve(RawCurve& curve) {
   if (!curve.error.empty()) return;
-  const std::array<const RawLeg*, 2> legs{&curve.approach, &curve.retract};
-  for (std::size_t i = 0; i < legs.size(); ++i) {
-    const RawLeg& leg = *legs[i];
+  const std::array<const RawSegment*, 2> segments{&curve.approach, &curve.retract};
+  for (std::size_t i = 0; i < segments.size(); ++i) {
+    const RawSegment& segment = *segments[i];
     const std::string way = i == 0 ? "approach" : "retract";
-    if (leg.z_nm.size() != leg.deflection.size()) {
-      curve.error = "has " + std::to_string(leg.z_nm.size()) + " heights and " +
-                    std::to_string(leg.deflection.size()) + " deflections in its " + way;
+    if (segment.z_nm.size() != segment.deflection.size()) {
+      curve.error = "has " + std::to_string(segment.z_nm.size()) + " heights and " +
+                    std::to_string(segment.deflection.size()) + " deflections in its " + way;
       return;
     }
-    if (leg.z_nm.size() < kPointsMin) {
-      curve.error = "has " + std::to_string(leg.z_nm.size()) + " points in its " + way +
+    if (segment.z_nm.size() < kPointsMin) {
+      curve.error = "has " + std::to_string(segment.z_nm.size()) + " points in its " + way +
                     ", expected at least " + std::to_string(kPointsMin);
       return;
     }
-    for (std::size_t j = 0; j < leg.z_nm.size(); ++j) {
-      if (!(std::abs(leg.z_nm[j]) <= kLargest) || !(std::abs(leg.deflection[j]) <= kLargest)) {
+    for (std::size_t j = 0; j < segment.z_nm.size(); ++j) {
+      if (!(std::abs(segment.z_nm[j]) <= kLargest) || !(std::abs(segment.deflection[j]) <= kLargest)) {
         curve.error = "has no usable number at point " + std::to_string(j + 1) + " of its " + way;
         return;
       }
@@ -314,21 +314,21 @@ RawCurve read_csv(std::string_view bytes, const ColumnChoice& columns) {
                                         : DeflectionUnit::kNanonewton;
   curve.what = "table, " + plain_line(table.names[static_cast<std::size_t>(approach.z)]) + " and " +
                plain_line(table.names[static_cast<std::size_t>(approach.bend)]);
-  const auto take = [&](const Choice& choice, int way, RawLeg& leg) {
+  const auto take = [&](const Choice& choice, int way, RawSegment& segment) {
     const auto& z = table.columns[static_cast<std::size_t>(choice.z)];
     const auto& bend = table.columns[static_cast<std::size_t>(choice.bend)];
     for (std::size_t i = 0; i < z.size(); ++i) {
       if (way >= 0 && table.direction >= 0 && table.way[i] != way) continue;
       if (separate && std::isnan(z[i]) && std::isnan(bend[i])) continue;  // the shorter way's end
-      leg.z_nm.push_back(z_unit->factor * z[i]);
-      leg.deflection.push_back(bend_unit->factor * bend[i]);
+      segment.z_nm.push_back(z_unit->factor * z[i]);
+      segment.deflection.push_back(bend_unit->factor * bend[i]);
     }
   };
   if (separate || table.direction >= 0) {
     take(approach, 0, curve.approach);
     take(retract, 1, curve.retract);
   } else {
-    RawLeg all;
+    RawSegment all;
     take(both, -1, all);
     split_at_turn(all.z_nm, all.deflection, curve);
   }

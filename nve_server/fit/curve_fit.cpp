@@ -69,8 +69,8 @@ class Problem {
     to_nm_ = curve.touch_z_nm - low + margin;
     tolerance_nn_ = kPathShare * std::sqrt(curve.noise.white) / setup.compliance_nm_nn;
     rows_ = static_cast<Eigen::Index>(z.size() + back.size() + 2);
-    for (const PreparedLeg* leg : {&curve.approach, &curve.retract}) {
-      for (const double slope : leg->slope) {
+    for (const PreparedSegment* segment : {&curve.approach, &curve.retract}) {
+      for (const double slope : segment->slope) {
         const double of_z = curve.z_noise_nm * slope;
         more_.push_back(of_z * of_z);
       }
@@ -124,30 +124,30 @@ class Problem {
     used.assign(static_cast<std::size_t>(rows_), 1);
     std::size_t row = 0;
     for (const bool approach : {true, false}) {
-      const PreparedLeg& leg = approach ? curve_.approach : curve_.retract;
-      const PathLeg& model = approach ? way.approach : way.retract;
-      for (std::size_t i = 0; i < leg.z_nm.size(); ++i, ++row) {
-        if (!leg.leap) continue;
-        if (i > leg.leap->before && i < leg.leap->after) used[row] = 0;
+      const PreparedSegment& segment = approach ? curve_.approach : curve_.retract;
+      const PathSegment& model = approach ? way.approach : way.retract;
+      for (std::size_t i = 0; i < segment.z_nm.size(); ++i, ++row) {
+        if (!segment.leap) continue;
+        if (i > segment.leap->before && i < segment.leap->after) used[row] = 0;
         if (!model.leap_x_nm) continue;
-        const double x = overlap_nm(p, approach, leg.z_nm[i]);
+        const double x = overlap_nm(p, approach, segment.z_nm[i]);
         const bool model_after = approach ? x >= *model.leap_x_nm : x <= *model.leap_x_nm;
-        if (model_after != (i >= leg.leap->after)) used[row] = 0;
+        if (model_after != (i >= segment.leap->after)) used[row] = 0;
       }
     }
   }
 
   void model_nm(const Vector& p, bool approach, std::vector<double>& out) {
-    const PathLeg& leg = approach ? path(p).approach : path(p).retract;
+    const PathSegment& segment = approach ? path(p).approach : path(p).retract;
     const std::vector<double>& z = (approach ? curve_.approach : curve_.retract).z_nm;
     out.resize(z.size());
     for (std::size_t i = 0; i < z.size(); ++i) {
-      out[i] = setup_.compliance_nm_nn * leg.force_nn(overlap_nm(p, approach, z[i])) +
+      out[i] = setup_.compliance_nm_nn * segment.force_nn(overlap_nm(p, approach, z[i])) +
                baseline_nm(p, approach, z[i]);
     }
   }
 
-  /// A perturbation of the residuals in nm, by leg, as it is seen after whitening.
+  /// A perturbation of the residuals in nm, by segment, as it is seen after whitening.
   void whiten(const std::vector<double>& approach, const std::vector<double>& retract,
               const std::vector<char>& used, Vector& out) {
     if (!whitener_ || used != whitened_) {
@@ -166,21 +166,21 @@ class Problem {
     const CurvePath& way = path(p);
     if (!way.approach.good || !way.retract.good) return false;
     for (const bool approach : {true, false}) {
-      const PreparedLeg& leg = approach ? curve_.approach : curve_.retract;
+      const PreparedSegment& segment = approach ? curve_.approach : curve_.retract;
       std::vector<double>& r = approach ? work_[0] : work_[1];
       model_nm(p, approach, r);
-      for (std::size_t i = 0; i < r.size(); ++i) r[i] = leg.deflection_nm[i] - r[i];
+      for (std::size_t i = 0; i < r.size(); ++i) r[i] = segment.deflection_nm[i] - r[i];
     }
     whiten(work_[0], work_[1], used, out);
     for (const bool approach : {true, false}) {
-      const PreparedLeg& leg = approach ? curve_.approach : curve_.retract;
-      const PathLeg& model = approach ? way.approach : way.retract;
+      const PreparedSegment& segment = approach ? curve_.approach : curve_.retract;
+      const PathSegment& model = approach ? way.approach : way.retract;
       double& last = out[rows_ - (approach ? 2 : 1)];
       last = 0;
-      if (!leg.leap) continue;
+      if (!segment.leap) continue;
       last = kLostLeap;
       if (model.leap_x_nm && setup_.compliance_nm_nn * model.leap_nn > 3.0 * curve_.noise_nm)
-        last = (overlap_nm(p, approach, leg.leap->z_nm) - *model.leap_x_nm) / leg.leap->sigma_nm;
+        last = (overlap_nm(p, approach, segment.leap->z_nm) - *model.leap_x_nm) / segment.leap->sigma_nm;
     }
     return out.allFinite();
   }
@@ -539,8 +539,8 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
   const Vector by_stiffness = by_setup(stiffer);
   const Vector by_radius = by_setup(wider);
   std::vector<double> bent[2] = {curve.approach.deflection_nm, curve.retract.deflection_nm};
-  for (std::size_t leg = 0; leg < 2; ++leg)
-    for (double& d : bent[leg]) d -= curve.offset_nm[leg];
+  for (std::size_t segment = 0; segment < 2; ++segment)
+    for (double& d : bent[segment]) d -= curve.offset_nm[segment];
   Vector larger;
   problem.whiten(bent[0], bent[1], used, larger);
   const Vector by_invols = moved(larger);
@@ -596,14 +596,14 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
   double points = 0;
   std::size_t row = 0;
   for (const bool approach : {true, false}) {
-    FitLeg& leg = approach ? fit.approach : fit.retract;
+    FitSegment& segment = approach ? fit.approach : fit.retract;
     const std::vector<double>& d = (approach ? curve.approach : curve.retract).deflection_nm;
-    problem.model_nm(best.p, approach, leg.model_nm);
+    problem.model_nm(best.p, approach, segment.model_nm);
     for (std::size_t i = 0; i < d.size(); ++i, ++row) {
-      leg.residual_nm.push_back(d[i] - leg.model_nm[i]);
-      leg.used.push_back(used[row]);
+      segment.residual_nm.push_back(d[i] - segment.model_nm[i]);
+      segment.used.push_back(used[row]);
       if (used[row] == 0) continue;
-      misfit += leg.residual_nm.back() * leg.residual_nm.back();
+      misfit += segment.residual_nm.back() * segment.residual_nm.back();
       points += 1;
     }
   }

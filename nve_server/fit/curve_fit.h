@@ -36,7 +36,7 @@ struct Estimate {
   double sensitivity_radius = 0;     ///< d ln(value)/d ln R; 0 where R is fitted
 };
 
-struct FitLeg {
+struct FitSegment {
   std::vector<double> model_nm;     ///< deflection with baseline
   std::vector<double> residual_nm;  ///< measured − model
   std::vector<char> used;           ///< 0: between the leap of the curve and the model's
@@ -62,8 +62,8 @@ struct CurveFit {
   int starts = 0;
   int starts_agree = 0;  ///< that end within 1 % of the best cost
   long evaluations = 0;
-  FitLeg approach;
-  FitLeg retract;
+  FitSegment approach;
+  FitSegment retract;
   std::vector<std::string> notes;  ///< what the curve cannot tell
   std::string error;
 };

@@ -50,17 +50,17 @@ bool parted(const Walker::At& a, const Walker::At& b) {
   return b.jumps > 0 || inside(a.branch) != inside(b.branch) || a.bridge != b.bridge;
 }
 
-void trace_leg(const Walker& walker, physics::TipSampleState& state, double from_nm, double to_nm,
-               double tolerance_nn, PathLeg& leg) {
+void trace_segment(const Walker& walker, physics::TipSampleState& state, double from_nm, double to_nm,
+                   double tolerance_nn, PathSegment& segment) {
   const double way = to_nm > from_nm ? 1.0 : -1.0;
   const double length = std::abs(to_nm - from_nm);
   Walker::At last = walker.go(from_nm, state);
-  leg.good = last.good;
-  leg.starts = {0};
-  leg.nodes = {last.node};
+  segment.good = last.good;
+  segment.starts = {0};
+  segment.nodes = {last.node};
   double step = 0.05;
-  while (leg.good && way * (to_nm - last.node.x_nm) > 1e-12 * length &&
-         leg.nodes.size() < static_cast<std::size_t>(kNodesMax)) {
+  while (segment.good && way * (to_nm - last.node.x_nm) > 1e-12 * length &&
+         segment.nodes.size() < static_cast<std::size_t>(kNodesMax)) {
     // Far out the law changes over the gap's own length; near contact over some hundredths of a nanometre,
     // and deep in it over the overlap's.
     const double x = last.node.x_nm;
@@ -73,7 +73,7 @@ void trace_leg(const Walker& walker, physics::TipSampleState& state, double from
       target = way * (to_nm - x) <= step ? to_nm : x + way * step;
       next = walker.go(target, state);
       if (!next.good) {
-        leg.good = false;
+        segment.good = false;
         return;
       }
       // The trapezium of the slopes misses h³F'''/12, the cubic h⁴F''''/384: a small part of it for any step
@@ -110,29 +110,29 @@ void trace_leg(const Walker& walker, physics::TipSampleState& state, double from
       for (const double part : {0.5, 0.2, 0.08, 0.03, 0.01, 0.003}) {
         const double at_x = low.node.x_nm - part * (low.node.x_nm - x);
         const Walker::At at = walker.go(at_x, crowd);
-        if (at.good && way * (at.node.x_nm - leg.nodes.back().x_nm) > 0) leg.nodes.push_back(at.node);
+        if (at.good && way * (at.node.x_nm - segment.nodes.back().x_nm) > 0) segment.nodes.push_back(at.node);
       }
-      if (way * (low.node.x_nm - leg.nodes.back().x_nm) > 0) leg.nodes.push_back(low.node);
+      if (way * (low.node.x_nm - segment.nodes.back().x_nm) > 0) segment.nodes.push_back(low.node);
       const double size = std::abs(high.node.force_nn - low.node.force_nn);
-      if (!leg.leap_x_nm || size > leg.leap_nn) {
-        leg.leap_x_nm = high.node.x_nm;
-        leg.leap_nn = size;
+      if (!segment.leap_x_nm || size > segment.leap_nn) {
+        segment.leap_x_nm = high.node.x_nm;
+        segment.leap_nn = size;
       }
-      leg.starts.push_back(leg.nodes.size());
-      leg.nodes.push_back(high.node);
+      segment.starts.push_back(segment.nodes.size());
+      segment.nodes.push_back(high.node);
       last = high;
       state = high_state;
       step = 0.02;
       continue;
     }
-    leg.nodes.push_back(next.node);
+    segment.nodes.push_back(next.node);
     last = next;
   }
 }
 
 }  // namespace
 
-double PathLeg::force_nn(double x_nm) const noexcept {
+double PathSegment::force_nn(double x_nm) const noexcept {
   const bool falling = nodes.size() > 1 && nodes.back().x_nm < nodes.front().x_nm;
   const double way = falling ? -1.0 : 1.0;
   const auto after = std::partition_point(
@@ -155,8 +155,8 @@ CurvePath trace_path(const physics::TipSampleLaw& law, double radius_nm, double 
   CurvePath path;
   const Walker walker(law, radius_nm, compliance_nm_nn);
   physics::TipSampleState state;
-  trace_leg(walker, state, from_nm, to_nm, tolerance_nn, path.approach);
-  trace_leg(walker, state, to_nm, from_nm, tolerance_nn, path.retract);
+  trace_segment(walker, state, from_nm, to_nm, tolerance_nn, path.approach);
+  trace_segment(walker, state, to_nm, from_nm, tolerance_nn, path.retract);
   return path;
 }
 

@@ -20,7 +20,7 @@ struct PathNode {
   double slope_n_m = 0;
 };
 
-struct PathLeg {
+struct PathSegment {
   std::vector<PathNode> nodes;      ///< x monotone: growing on the approach, falling on the retract
   std::vector<std::size_t> starts;  ///< of stretches, the first is 0
   std::optional<double> leap_x_nm;  ///< where the largest leap of the force is
@@ -32,8 +32,8 @@ struct PathLeg {
 };
 
 struct CurvePath {
-  PathLeg approach;
-  PathLeg retract;
+  PathSegment approach;
+  PathSegment retract;
 };
 
 /// From `from_nm` (far) to `to_nm` (deep) and back; compliance of the lever along z, nm/nN. Nodes stand so

@@ -110,7 +110,7 @@ std::string read_channel(const Archive& archive, const std::string& folder, cons
 }
 
 std::string read_segment(const Archive& archive, const std::string& folder, const Properties& all,
-                         const ColumnChoice& columns, RawLeg& leg, RawCurve& curve) {
+                         const ColumnChoice& columns, RawSegment& segment, RawCurve& curve) {
   const std::string deflection = columns.deflection.empty() ? "vDeflection" : columns.deflection;
   Line height;
   std::string z;
@@ -136,9 +136,9 @@ std::string read_segment(const Archive& archive, const std::string& folder, cons
   if (in_metres && force.unit == "N" && bend.multiplier != 0)
     curve.stiffness_n_m = force.multiplier / bend.multiplier;
   curve.what = "JPK, " + plain_line(z) + " and " + plain_line(deflection);
-  std::string error = read_channel(archive, folder, all, z, height, 1e9, leg.z_nm);
+  std::string error = read_channel(archive, folder, all, z, height, 1e9, segment.z_nm);
   if (error.empty())
-    error = read_channel(archive, folder, all, deflection, bend, in_metres ? 1e9 : 1.0, leg.deflection);
+    error = read_channel(archive, folder, all, deflection, bend, in_metres ? 1e9 : 1.0, segment.deflection);
   return error;
 }
 

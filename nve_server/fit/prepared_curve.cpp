@@ -52,8 +52,8 @@ double rough_noise(const std::vector<double>& y) {
 }
 
 /// `sign`: −1 a leap down (snap-in), +1 up (pull-off).
-std::optional<Leap> find_leap(const PreparedLeg& leg, double noise_nm, double sign) {
-  const std::vector<double>& d = leg.deflection_nm;
+std::optional<Leap> find_leap(const PreparedSegment& segment, double noise_nm, double sign) {
+  const std::vector<double>& d = segment.deflection_nm;
   const std::size_t n = d.size();
   const std::size_t width = std::min<std::size_t>(std::max<std::size_t>(2, n / 400), 8);
   double largest = 0;
@@ -82,70 +82,73 @@ std::optional<Leap> find_leap(const PreparedLeg& leg, double noise_nm, double si
   while (leap.after + 1 < n && sign * (d[leap.after + 1] - d[leap.after]) > slow) ++leap.after;
   if (leap.after == leap.before) return std::nullopt;
   leap.height_nm = sign * (d[leap.after] - d[leap.before]);
-  leap.z_nm = 0.5 * (leg.z_nm[leap.before] + leg.z_nm[leap.after]);
-  leap.sigma_nm = 0.5 * std::abs(leg.z_nm[leap.after] - leg.z_nm[leap.before]) / std::sqrt(3.0);
+  leap.z_nm = 0.5 * (segment.z_nm[leap.before] + segment.z_nm[leap.after]);
+  leap.sigma_nm = 0.5 * std::abs(segment.z_nm[leap.after] - segment.z_nm[leap.before]) / std::sqrt(3.0);
   return leap;
 }
 
-void smooth_slopes(PreparedLeg& leg) {
-  const std::size_t n = leg.z_nm.size();
+void smooth_slopes(PreparedSegment& segment) {
+  const std::size_t n = segment.z_nm.size();
   constexpr std::size_t kHalf = 6;
-  leg.slope.resize(n);
+  segment.slope.resize(n);
   for (std::size_t i = 0; i < n; ++i) {
     std::size_t begin = i > kHalf ? i - kHalf : 0;
     std::size_t end = std::min(n, i + kHalf + 1);
-    if (leg.leap) {
-      if (i <= leg.leap->before) end = std::min(end, leg.leap->before + 1);
-      if (i >= leg.leap->after) begin = std::max(begin, leg.leap->after);
+    if (segment.leap) {
+      if (i <= segment.leap->before) end = std::min(end, segment.leap->before + 1);
+      if (i >= segment.leap->after) begin = std::max(begin, segment.leap->after);
     }
-    leg.slope[i] = end - begin >= 4 ? line_through(leg.z_nm, leg.deflection_nm, begin, end).slope : 0.0;
-    leg.slope[i] = std::clamp(leg.slope[i], -3.0, 3.0);
+    segment.slope[i] =
+        end - begin >= 4 ? line_through(segment.z_nm, segment.deflection_nm, begin, end).slope : 0.0;
+    segment.slope[i] = std::clamp(segment.slope[i], -3.0, 3.0);
   }
 }
 
-/// Points of `leg` seen from its free end.
-std::size_t from_far(const PreparedLeg& leg, bool approach, std::size_t i) {
-  return approach ? i : leg.z_nm.size() - 1 - i;
+/// Points of `segment` seen from its free end.
+std::size_t from_far(const PreparedSegment& segment, bool approach, std::size_t i) {
+  return approach ? i : segment.z_nm.size() - 1 - i;
 }
 
-void find_free_part(PreparedLeg& leg, bool approach, double noise_nm) {
-  const std::size_t n = leg.z_nm.size();
+void find_free_part(PreparedSegment& segment, bool approach, double noise_nm) {
+  const std::size_t n = segment.z_nm.size();
   const std::size_t third = std::max<std::size_t>(n / 4, 4);
   const std::size_t begin = approach ? 0 : n - third;
-  const Line line = line_through(leg.z_nm, leg.deflection_nm, begin, begin + third);
+  const Line line = line_through(segment.z_nm, segment.deflection_nm, begin, begin + third);
   double spread = 0;
   for (std::size_t i = begin; i < begin + third; ++i)
-    spread += (leg.deflection_nm[i] - line(leg.z_nm[i])) * (leg.deflection_nm[i] - line(leg.z_nm[i]));
+    spread += (segment.deflection_nm[i] - line(segment.z_nm[i])) *
+              (segment.deflection_nm[i] - line(segment.z_nm[i]));
   spread = std::max(std::sqrt(spread / static_cast<double>(third)), noise_nm);
   std::size_t count = 0;
   int out = 0;
   for (; count < n && out < 3; ++count) {
-    const std::size_t i = from_far(leg, approach, count);
+    const std::size_t i = from_far(segment, approach, count);
     // A line that was made of a third is known worse further on: its noise is allowed to grow with the
     // distance.
     const double far = std::max(1.0, static_cast<double>(count) / static_cast<double>(third));
-    out = std::abs(leg.deflection_nm[i] - line(leg.z_nm[i])) > kStandsOut * spread * far ? out + 1 : 0;
+    out =
+        std::abs(segment.deflection_nm[i] - line(segment.z_nm[i])) > kStandsOut * spread * far ? out + 1 : 0;
   }
-  if (leg.leap) {
-    const std::size_t to_leap = approach ? leg.leap->before : n - 1 - leg.leap->after;
+  if (segment.leap) {
+    const std::size_t to_leap = approach ? segment.leap->before : n - 1 - segment.leap->after;
     count = std::min(count, to_leap);
   }
   count = std::max<std::size_t>(count * 9 / 10, 4);
-  leg.free_begin = approach ? 0 : n - count;
-  leg.free_end = approach ? count : n;
+  segment.free_begin = approach ? 0 : n - count;
+  segment.free_end = approach ? count : n;
 }
 
 void fit_baseline(PreparedCurve& curve) {
-  const PreparedLeg* legs[2] = {&curve.approach, &curve.retract};
+  const PreparedSegment* segments[2] = {&curve.approach, &curve.retract};
   Line lines[2];
-  for (int leg = 0; leg < 2; ++leg) {
-    const PreparedLeg& l = *legs[leg];
-    lines[leg] = line_through(l.z_nm, l.deflection_nm, l.free_begin, l.free_end);
+  for (int segment = 0; segment < 2; ++segment) {
+    const PreparedSegment& l = *segments[segment];
+    lines[segment] = line_through(l.z_nm, l.deflection_nm, l.free_begin, l.free_end);
   }
   curve.z_middle_nm = 0.5 * (lines[0].x_mean + lines[1].x_mean);
-  for (int leg = 0; leg < 2; ++leg) {
-    curve.offset_nm[leg] = lines[leg](curve.z_middle_nm);
-    curve.tilt[leg] = lines[leg].slope;
+  for (int segment = 0; segment < 2; ++segment) {
+    curve.offset_nm[segment] = lines[segment](curve.z_middle_nm);
+    curve.tilt[segment] = lines[segment].slope;
   }
 }
 
@@ -159,15 +162,15 @@ double take_noise(PreparedCurve& curve) {
   const double length = std::abs(curve.approach.z_nm.front() - curve.approach.z_nm.back());
   double sum = 0;
   double count = 0;
-  for (std::size_t leg = 0; leg < 2; ++leg) {
-    const PreparedLeg& l = leg == 0 ? curve.approach : curve.retract;
+  for (std::size_t segment = 0; segment < 2; ++segment) {
+    const PreparedSegment& l = segment == 0 ? curve.approach : curve.retract;
     for (std::size_t i = l.free_begin; i < l.free_end; ++i) {
-      const std::size_t at = leg * n + i;
+      const std::size_t at = segment * n + i;
       const double along = l.z_nm[i] - curve.z_middle_nm;
-      series[at] = l.deflection_nm[i] - curve.offset_nm[leg] - curve.tilt[leg] * along;
+      series[at] = l.deflection_nm[i] - curve.offset_nm[segment] - curve.tilt[segment] * along;
       used[at] = 1;
-      design[leg][at] = 1;
-      design[2 + leg][at] = along / length;
+      design[segment][at] = 1;
+      design[2 + segment][at] = along / length;
       sum += series[at] * series[at];
       count += 1;
     }
@@ -180,21 +183,21 @@ double take_noise(PreparedCurve& curve) {
 /// Where the base is at touch, roughly: at the snap-in, but for the reach of the attraction; else where the
 /// deflection passes its baseline, seen from the deepest point.
 double find_touch(const PreparedCurve& curve) {
-  const PreparedLeg& leg = curve.approach;
-  if (leg.leap) return leg.leap->z_nm;
-  for (std::size_t i = leg.z_nm.size(); i-- > 0;) {
+  const PreparedSegment& segment = curve.approach;
+  if (segment.leap) return segment.leap->z_nm;
+  for (std::size_t i = segment.z_nm.size(); i-- > 0;) {
     const double bend =
-        leg.deflection_nm[i] - curve.offset_nm[0] - curve.tilt[0] * (leg.z_nm[i] - curve.z_middle_nm);
-    if (bend <= 2.0 * curve.noise_nm) return leg.z_nm[i];
+        segment.deflection_nm[i] - curve.offset_nm[0] - curve.tilt[0] * (segment.z_nm[i] - curve.z_middle_nm);
+    if (bend <= 2.0 * curve.noise_nm) return segment.z_nm[i];
   }
-  return leg.z_nm.back();
+  return segment.z_nm.back();
 }
 
 void take_signs(PreparedCurve& curve) {
-  PreparedLeg& a = curve.approach;
+  PreparedSegment& a = curve.approach;
   if (a.z_nm.back() > a.z_nm.front()) {
-    for (PreparedLeg* leg : {&curve.approach, &curve.retract})
-      for (double& z : leg->z_nm) z = -z;
+    for (PreparedSegment* segment : {&curve.approach, &curve.retract})
+      for (double& z : segment->z_nm) z = -z;
     curve.notes.push_back("z grows towards the sample in this file: taken with the other sign");
   }
   const std::size_t n = a.z_nm.size();
@@ -202,8 +205,8 @@ void take_signs(PreparedCurve& curve) {
   const Line deepest = line_through(a.z_nm, a.deflection_nm, n - tenth, n);
   const Line farthest = line_through(a.z_nm, a.deflection_nm, 0, tenth);
   if (deepest.slope - farthest.slope > 0) {
-    for (PreparedLeg* leg : {&curve.approach, &curve.retract})
-      for (double& d : leg->deflection_nm) d = -d;
+    for (PreparedSegment* segment : {&curve.approach, &curve.retract})
+      for (double& d : segment->deflection_nm) d = -d;
     curve.notes.push_back(
         "deflection falls where the tip is pressed in this file: taken with the other sign");
   }
@@ -245,7 +248,7 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
       return curve;
     }
   }
-  const auto take = [&](const RawLeg& from, PreparedLeg& to) {
+  const auto take = [&](const RawSegment& from, PreparedSegment& to) {
     to.z_nm = from.z_nm;
     to.deflection_nm = from.deflection;
     for (double& d : to.deflection_nm) d *= to_nm;
@@ -253,7 +256,7 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   take(raw.approach, curve.approach);
   take(raw.retract, curve.retract);
   take_signs(curve);
-  PreparedLeg& a = curve.approach;
+  PreparedSegment& a = curve.approach;
   const auto range = [](const std::vector<double>& v) {
     const auto [low, high] = std::minmax_element(v.begin(), v.end());
     return *high - *low;
@@ -270,17 +273,17 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
       curve.error = "has no deepest part in which the deflection grows: give --invols-nm-v as a number";
       return curve;
     }
-    for (PreparedLeg* leg : {&curve.approach, &curve.retract})
-      for (double& d : leg->deflection_nm) d /= slope;
+    for (PreparedSegment* segment : {&curve.approach, &curve.retract})
+      for (double& d : segment->deflection_nm) d /= slope;
     if (raw.unit == DeflectionUnit::kVolt) curve.invols_nm_v = 1.0 / slope;
     curve.notes.push_back(
         "deflection sensitivity from the deepest part, as if the sample were rigid: E is then "
         "only a lower bound");
   }
-  for (PreparedLeg* leg : {&curve.approach, &curve.retract}) {
-    const double noise = rough_noise(leg->deflection_nm);
-    leg->leap = find_leap(*leg, noise, leg == &curve.approach ? -1.0 : 1.0);
-    find_free_part(*leg, leg == &curve.approach, noise);
+  for (PreparedSegment* segment : {&curve.approach, &curve.retract}) {
+    const double noise = rough_noise(segment->deflection_nm);
+    segment->leap = find_leap(*segment, noise, segment == &curve.approach ? -1.0 : 1.0);
+    find_free_part(*segment, segment == &curve.approach, noise);
   }
   fit_baseline(curve);
   // A curve without any noise is a computed one: its rounding is what is left.
@@ -289,12 +292,13 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   curve.noise_nm = std::max(curve.noise_nm, floor_nm);
   curve.noise.white = std::max(curve.noise.white, floor_nm * floor_nm);
   curve.z_noise_nm = rough_noise(a.z_nm);
-  for (PreparedLeg* leg : {&curve.approach, &curve.retract}) {
-    smooth_slopes(*leg);
+  for (PreparedSegment* segment : {&curve.approach, &curve.retract}) {
+    smooth_slopes(*segment);
     // The lever's thermal motion, too, tips it over early or late: by about its amplitude, √(k_B T/k).
     const double thermal_nm = std::sqrt(4.11e-3 / how.stiffness_n_m);
-    if (leg->leap)
-      leg->leap->sigma_nm = std::hypot(leg->leap->sigma_nm, thermal_nm, curve.z_noise_nm + curve.noise_nm);
+    if (segment->leap)
+      segment->leap->sigma_nm =
+          std::hypot(segment->leap->sigma_nm, thermal_nm, curve.z_noise_nm + curve.noise_nm);
   }
   curve.touch_z_nm = find_touch(curve);
   curve.deepest_slope = -line_through(a.z_nm, a.deflection_nm, n - tenth, n).slope;

@@ -21,7 +21,7 @@ struct Leap {
 
 /// One way, in order of time. The base's height is positive upwards; deflection is positive where the sample
 /// pushes.
-struct PreparedLeg {
+struct PreparedSegment {
   std::vector<double> z_nm;
   std::vector<double> deflection_nm;
   std::vector<double> slope;  ///< smoothed d(deflection)/dz: what noise of z makes of the deflection
@@ -31,8 +31,8 @@ struct PreparedLeg {
 };
 
 struct PreparedCurve {
-  PreparedLeg approach;
-  PreparedLeg retract;
+  PreparedSegment approach;
+  PreparedSegment retract;
   double z_middle_nm = 0;  ///< the baseline is offset + tilt·(z − z_middle), by way: approach, retract
   double offset_nm[2] = {0, 0};
   double tilt[2] = {0, 0};            ///< virtual deflection and drift, nm/nm

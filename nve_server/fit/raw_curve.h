@@ -13,15 +13,15 @@ inline constexpr std::size_t kPointsMax = 1'000'000;
 enum class DeflectionUnit { kNanometre, kVolt, kNanonewton };
 
 /// One way of a force curve, in the order in which it was measured.
-struct RawLeg {
+struct RawSegment {
   std::vector<double> z_nm;        ///< of the lever's base or the piezo, up or down as the file has it
   std::vector<double> deflection;  ///< in the curve's unit; as many
 };
 
-/// A force curve as a file has it: finite numbers, at least kPointsMin a leg, unless `error` says why not.
+/// A force curve as a file has it: finite numbers, at least kPointsMin a segment, unless `error` says why not.
 struct RawCurve {
-  RawLeg approach;
-  RawLeg retract;
+  RawSegment approach;
+  RawSegment retract;
   DeflectionUnit unit = DeflectionUnit::kNanometre;
   std::optional<double> stiffness_n_m;  ///< of the lever, where the file says it
   std::optional<double> invols_nm_v;    ///< where the file says it

@@ -26,7 +26,7 @@ struct CheckpointHead {
 /// Bytes of a session besides its slave's.
 inline constexpr std::size_t kCheckpointBytes = 2048;
 
-/// A session as bytes: its slave with marks and book, its epoch, where its log of steps stands, the energy that
+/// A session as bytes: its slave with marks and account, its epoch, where its log of steps stands, the energy that
 /// its side of the port has in hand. Not the ends of its link, which begin anew when it is resumed. Returns the
 /// size; 0: `out` is too small, or the slave gives no state away. Does not allocate.
 std::size_t write_checkpoint(const CheckpointOf& of, const link::Session& session, const Tip& tip,

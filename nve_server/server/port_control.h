@@ -13,7 +13,7 @@ namespace telenano::server {
 /// pays for it. Before a step its cost is foreseen as −F·Δx + ½K(Δx·F̂)², K the stiffest that the port can
 /// show; of a move that costs more than there is, the part against the force is shortened. Ground that is met
 /// on the way cannot be foreseen: so that it costs no more than kUnforeseenJ more, a step is no longer than
-/// −F·Δx + ½K|Δx|² allows. What actually was exchanged is booked afterwards, from the slave's own book. A lag
+/// −F·Δx + ½K|Δx|² allows. What actually was exchanged is counted afterwards, from the slave's own account. A lag
 /// behind the target is caught up in kCatchUp_s where there is energy for it: drift is compensated from
 /// surplus only.
 ///   tdpa:  W = Σ received − Σ put into the port                        (its output is in the reply already)
@@ -34,7 +34,7 @@ namespace telenano::server {
 /// **Another scale** changes what a joule at the tip is worth at the hand, and must make none there. What the
 /// port has in hand, level and surplus, keeps its worth in hand joules, debts likewise: they are multiplied
 /// by the new energy_scale_aj_j over the old. What lies in the sample is worth what was paid for it
-/// (priced_energy.h): booked is not the port's charge but what may be credited for it, or must be paid. The
+/// (priced_energy.h): counted is not the port's charge but what may be credited for it, or must be paid. The
 /// station says its scale with every command, whatever its method, so that nothing is pressed unseen.
 ///
 /// **Finite.** Of a scale that no pair of scales makes, and of sums that no session comes to, nothing is
@@ -52,7 +52,7 @@ class PortControl {
   /// that has not taken up its position yet: what its station sends is kept for later, where the tip will be
   /// then is nothing to catch up.
   void observe(const link::PortControl& control) noexcept;
-  /// Books the step that the slave has made of it.
+  /// Accounts for the step that the slave has made of it.
   void after(const slave::SlaveOutput& last, const slave::SlaveOutput& now, double dt_s) noexcept;
   /// Fills the reply's part.
   const link::PortAnswer& answer() const noexcept { return answer_; }

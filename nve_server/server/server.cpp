@@ -534,7 +534,8 @@ void Server::share_tip(std::size_t slot, const link::Command& command, std::int6
   ++counters_.holdings;
   begin_holding(slot);
   Tip& tip = tips_[0];
-  if (tip.moved_by != slot && tip.moved_by != TipHolder::kNobody) records_[slot].book.take_over(tip.output);
+  if (tip.moved_by != slot && tip.moved_by != TipHolder::kNobody)
+    records_[slot].account.take_over(tip.output);
   tip.moved_by = slot;
 }
 
@@ -567,8 +568,8 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
   const double dt_s = std::clamp(spacing_s, kStepMinS, config_.step_max_s);
   const slave::SlaveOutput last = tip.output;
   record.changed = true;
-  // Of a shared slave's book the port's control sees this session's part.
-  const PortBook before = record.book;
+  // Of a shared slave's account the port's control sees this session's part.
+  const PortAccount before = record.account;
   if (controls && anchored) input = record.control.before(command, input, last, tip.slave->limits(), dt_s);
   if (controls && !anchored) record.control.observe(command.control);
   step_guarded(*tip.slave, input, dt_s, last, tip.output);
@@ -576,10 +577,10 @@ double Server::move_tip_once(std::size_t slot, const link::Command& command, dou
     holder_.renew();
     begin_holding(slot);
   }
-  if (shared()) record.book.add(last, tip.output);
+  if (shared()) record.account.add(last, tip.output);
   if (controls && anchored) {
     if (shared()) {
-      record.control.after(before.seen(last), record.book.seen(tip.output), dt_s);
+      record.control.after(before.seen(last), record.account.seen(tip.output), dt_s);
     } else {
       record.control.after(last, tip.output, dt_s);
     }
@@ -675,8 +676,8 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
   reply.force_w_nn = tip.output.force_w_nn;
   reply.tip_pos_w_nm = tip.output.tip_pos_w_nm;
   reply.deflection_nm = tip.output.deflection_nm;
-  reply.energy_in_aj = shared() ? record.book.in_aj() : tip.output.energy_in_aj;
-  reply.energy_out_aj = shared() ? record.book.out_aj() : tip.output.energy_out_aj;
+  reply.energy_in_aj = shared() ? record.account.in_aj() : tip.output.energy_in_aj;
+  reply.energy_out_aj = shared() ? record.account.out_aj() : tip.output.energy_out_aj;
   if (controls) reply.port = record.control.answer();
   if (moves && wants_model(session, command)) reply.model = tip.output.model;
   if ((session.feature_bits & link::kFeatureStepHistory) != 0) reply.steps_before = session.steps_before;

@@ -18,7 +18,7 @@
 #include "telenano/nve_server/server/audit.h"
 #include "telenano/nve_server/server/checkpoint_queue.h"
 #include "telenano/nve_server/server/opening_budget.h"
-#include "telenano/nve_server/server/port_book.h"
+#include "telenano/nve_server/server/port_account.h"
 #include "telenano/nve_server/server/port_control.h"
 #include "telenano/nve_server/server/service_times.h"
 #include "telenano/nve_server/server/session_cap.h"

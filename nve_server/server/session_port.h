@@ -8,7 +8,7 @@
 #include "telenano/common/link/step_log.h"
 #include "telenano/common/link/token_bucket.h"
 #include "telenano/common/net/datagram.h"
-#include "telenano/nve_server/server/port_book.h"
+#include "telenano/nve_server/server/port_account.h"
 #include "telenano/nve_server/server/port_control.h"
 #include "telenano/nve_server/server/tip_holder.h"
 #include "telenano/nve_server/server/work_budget.h"
@@ -40,7 +40,7 @@ struct SessionRecord {
   std::int64_t audited_ns = INT64_MIN;  ///< when that was
 
   PortControl control;
-  PortBook book;  ///< of a shared tip; a private one's is the slave's own
+  PortAccount account;  ///< of a shared tip; a private one's is the slave's own
   net::Address address;
   link::FrozenState frozen;        ///< of the slave, while the station fetches it
   link::StepReceiver steps;        ///< where the session logs its steps; its ring is made with the session

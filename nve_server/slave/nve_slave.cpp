@@ -353,7 +353,7 @@ bool NveSlave::solve_within_force_limit(const Vec3& commanded, const Piece& piec
   }
 }
 
-void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcept {
+void NveSlave::account_for(const Port& before, const Piece& piece, Port& after) noexcept {
   const auto& mode = scene_->cantilever.mode();
   const bool moving = mode && piece.mode.integrator != physics::ModeIntegrator::kBackwardEuler;
   const double dissipated =
@@ -388,7 +388,7 @@ void NveSlave::book(const Port& before, const Piece& piece, Port& after) noexcep
   }
   if (charge < least) {
     trace_.dissipated_aj += least - charge;
-    trace_.unbooked_aj += least - charge;
+    trace_.uncounted_aj += least - charge;
     charge = least;
   }
   if (charge > 0.0) {
@@ -450,7 +450,7 @@ void NveSlave::step(const SlaveInput& input, double dt_s, SlaveOutput& output) n
       break;
     }
     if (held_back) faults |= link::kFaultForceLimit;
-    book(port(), piece, after);
+    account_for(port(), piece, after);
     accept_trial();
     // A slide takes its time; what is left of the way is gone when the tip has come down.
     if (left > 1 && port().solution.under_way) {

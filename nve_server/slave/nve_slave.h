@@ -42,7 +42,7 @@ namespace telenano::slave {
 /// Balance: on a level sample with nothing on it physics::LevelEquilibrium, the law itself; elsewhere
 /// physics::PotentialEquilibrium, whose charges need nothing for geometry, and beside a particle that does
 /// not sleep physics::ParticleEquilibrium on the same ground. A descent that goes on in the next step is
-/// booked as far as it came.
+/// counted as far as it came.
 ///
 /// Work: where a step has made SlaveInput::work_most, what is left of its way is left for the next
 /// (kFaultShare). A particle's step is not cut but shortened before, to what so much work goes as a rule.
@@ -52,13 +52,13 @@ namespace telenano::slave {
 /// contact radii: a groove's depth goes by the length of the piece to first order, 8 % at half a contact
 /// radius.
 ///
-/// Energy book: each step charges the port with Δ(U_tip–sample + U_probe + U_coupling) + dissipated, U_probe
+/// Energy account: each step charges the port with Δ(U_tip–sample + U_probe + U_coupling) + dissipated, U_probe
 /// = ½ FᵀC F (with a mode ½ FᵀC_rest F + ½ m q'² + ½ k q²), dissipated = jumps of the branch + b_c|Δe|²/dt +
 /// the mode's damping + friction + flow; the positive steps sum to energy_in, the negative ones to
 /// energy_out. U is a function of the state, so that no path, however sampled, draws more than was put in.
 /// The trapezia of a sampled port are not: round a closed path over relief they may come to more than is
 /// stored or dissipated. There the charges, summed since the slave began, are never less than the trapezia;
-/// what they lack is charged, and dissipated. So the book is passive both ways: it never gives back more than
+/// what they lack is charged, and dissipated. So the account is passive both ways: it never gives back more than
 /// it holds, and never asks for less than the port has brought. So does a mode that moves between samples, by
 /// its numerical loss. On a flat sample the port's work over a step lies between −F₀·Δx and −F₁·Δx: a charge
 /// below is raised to it, the difference being dissipated; a charge above (the end of the step has more than
@@ -88,7 +88,7 @@ class NveSlave final : public Slave {
     double mode_slowed_aj = 0;          ///< cumulative: taken out of the mode's kinetic energy
     double mode_unpaid_aj = 0;          ///< cumulative: charged though the port did not bring it
     std::uint64_t under_way_steps = 0;  ///< that ended without a balance, the tip on its way down
-    double unbooked_aj = 0;  ///< cumulative, of these: work that potential and losses do not account for
+    double uncounted_aj = 0;  ///< cumulative, of these: work that potential and losses do not account for
   };
   Trace trace() const noexcept;
   /// 64 bits over everything that later steps depend on, warm starts included; the same steps from the same
@@ -163,7 +163,7 @@ class NveSlave final : public Slave {
   const physics::Compliance& springs_without_mode(double k_total_n_m) noexcept;
   bool solve_within_force_limit(const Vec3& commanded_w_nm, const Piece& piece, const Port& from, Port& to,
                                 bool& held_back) noexcept;
-  void book(const Port& before, const Piece& piece, Port& after) noexcept;
+  void account_for(const Port& before, const Piece& piece, Port& after) noexcept;
   void count_work(const physics::TipSolution& solution) noexcept;
   void publish(std::uint32_t fault_bits, SlaveOutput& output) noexcept;
 

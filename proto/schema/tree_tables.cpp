@@ -7,7 +7,7 @@ namespace telenano::schema {
 namespace {
 
 /// port control: of the enum's PORT_CONTROL.
-std::string feature_words(wire::Feature feature) {
+std::string feature_text(wire::Feature feature) {
   std::string words = wire::Feature_Name(feature);
   for (char& c : words) c = static_cast<char>(c == '_' ? ' ' : std::tolower(c));
   return words;
@@ -63,7 +63,7 @@ std::string document_table(const Message& message) {
   for (std::size_t begin = 0; begin < message.fields.size();) {
     const Field& first = message.fields[begin];
     if (first.feature && first.feature != feature)
-      out += "| | *with " + feature_words(*first.feature) + " (feature bit " +
+      out += "| | *with " + feature_text(*first.feature) + " (feature bit " +
              std::to_string(*first.feature) + "):* | | |\n";
     feature = first.feature;
     const std::size_t end = row_end(message.fields, begin);

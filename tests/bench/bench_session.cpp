@@ -127,7 +127,7 @@ BENCHMARK_CAPTURE(server_exchange, flat_pressed, "flat_silicon_oxide", -2, -6)->
 BENCHMARK_CAPTURE(server_exchange, scan, "flakes", 20, -6)->Iterations(20000);
 BENCHMARK_CAPTURE(server_exchange, scan_pressed, "flakes", -2, -6)->Iterations(20000);
 
-// What a twin adds to a station's tick: the scene's own step, the hash of the state after it and its book.
+// What a twin adds to a station's tick: the scene's own step, the hash of the state after it and its account.
 // Down, along at the speed given, up. p99_us: of single ticks, of this thread's processor time, the clock's own
 // 0.2 us left out: who else uses the machine does not make a tick dearer. Asked: 10 us, ploughing 100 us at 1 kHz.
 double processor_us() {

@@ -14,11 +14,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fuzz::check_error_line(curve.error);
     return 0;
   }
-  for (const fit::RawLeg* leg : {&curve.approach, &curve.retract}) {
-    FUZZ_CHECK(leg->z_nm.size() == leg->deflection.size());
-    FUZZ_CHECK(leg->z_nm.size() >= fit::kPointsMin && leg->z_nm.size() <= fit::kPointsMax);
-    for (const double z : leg->z_nm) FUZZ_CHECK(std::isfinite(z));
-    for (const double d : leg->deflection) FUZZ_CHECK(std::isfinite(d));
+  for (const fit::RawSegment* segment : {&curve.approach, &curve.retract}) {
+    FUZZ_CHECK(segment->z_nm.size() == segment->deflection.size());
+    FUZZ_CHECK(segment->z_nm.size() >= fit::kPointsMin && segment->z_nm.size() <= fit::kPointsMax);
+    for (const double z : segment->z_nm) FUZZ_CHECK(std::isfinite(z));
+    for (const double d : segment->deflection) FUZZ_CHECK(std::isfinite(d));
   }
   if (curve.approach.z_nm.size() + curve.retract.z_nm.size() > 8192) return 0;
   const fit::PreparedCurve prepared =
@@ -27,11 +27,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     fuzz::check_error_line(prepared.error);
     return 0;
   }
-  for (const fit::PreparedLeg* leg : {&prepared.approach, &prepared.retract}) {
-    FUZZ_CHECK(leg->slope.size() == leg->z_nm.size());
-    FUZZ_CHECK(leg->free_begin < leg->free_end && leg->free_end <= leg->z_nm.size());
-    for (const double d : leg->deflection_nm) FUZZ_CHECK(std::isfinite(d));
-    if (leg->leap) FUZZ_CHECK(leg->leap->before < leg->leap->after && leg->leap->after < leg->z_nm.size());
+  for (const fit::PreparedSegment* segment : {&prepared.approach, &prepared.retract}) {
+    FUZZ_CHECK(segment->slope.size() == segment->z_nm.size());
+    FUZZ_CHECK(segment->free_begin < segment->free_end && segment->free_end <= segment->z_nm.size());
+    for (const double d : segment->deflection_nm) FUZZ_CHECK(std::isfinite(d));
+    if (segment->leap)
+      FUZZ_CHECK(segment->leap->before < segment->leap->after && segment->leap->after < segment->z_nm.size());
   }
   FUZZ_CHECK(prepared.noise_nm > 0 && prepared.noise.white > 0 && std::isfinite(prepared.noise.sigma()));
   return 0;

@@ -39,7 +39,7 @@ class Station:
         self.replies = None
         self.sent = 0
         self.tip_hold = 0  # of a shared tip: the newest reply's
-        self.resumed_book = False  # one that an earlier station has begun
+        self.resumed_account = False  # one that an earlier station has begun
         self.first_sums = None
         self.news_ns = self.handshake_ns = 0
         self.waits = False  # for a reply to a command; then news_ns is the last reply, or the first command after it
@@ -112,7 +112,7 @@ class Station:
         if self.welcome is None or m.epoch != self.welcome.epoch:
             self.energy_in_aj, self.energy_out_aj = Received(), Received()
             self.times = LinkTimes()
-        self.resumed_book = not self.welcomes and self.token != 0 and m.resume_token == self.token
+        self.resumed_account = not self.welcomes and self.token != 0 and m.resume_token == self.token
         if self.welcome is None or scene_offer(m) != scene_offer(self.welcome):
             self.pieces, self.asked_for = {}, {}
         self.goes_on = self.welcome is not None and m.epoch == self.welcome.epoch

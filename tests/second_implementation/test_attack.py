@@ -64,7 +64,7 @@ class WithKeys(unittest.TestCase):
         self.assertTrue(SHARE <= len(taken) <= SHARE * rounds, (len(taken), rounds))
         self.assertEqual({a.reason for a in refused}, {2})
         self.assertEqual(len(taken) + len(refused), len(answers))
-        # Others come in, and the operator has its tip and book again.
+        # Others come in, and the operator has its tip and account again.
         self.assertEqual(type(self.ask(self.channel("omega-2"), hello(1000))), pb.Welcome)
         again = self.ask(operator, hello(2, resume_token=mine.resume_token))
         self.assertEqual((type(again), again.epoch, again.resume_token), (pb.Welcome, mine.epoch, mine.resume_token))

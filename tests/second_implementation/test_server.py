@@ -97,7 +97,7 @@ class StationAtThePythonServer(unittest.TestCase):
         self.assertIn(CLUTCH | DEADMAN, {c.flags for c in commands})
         self.assertLess(min(c.tip_pos_w_z_nm for c in commands), -1, "pressed")
         self.assertTrue(all(math.isfinite(v) for c in commands for v in vector(c, "tip_vel_w_{}_nm_s")))
-        # The wall's book closes: it has given back what was put in, up to what it still holds.
+        # The wall's account closes: it has given back what was put in, up to what it still holds.
         slave = server.sessions[0].slave
         held = slave.force_nn() ** 2 / (2 * slave.k)
         self.assertAlmostEqual(slave.energy_in_aj - slave.energy_out_aj, held, delta=1e-9 * slave.energy_in_aj)
@@ -129,7 +129,7 @@ class StationAtThePythonServer(unittest.TestCase):
         self.assertGreaterEqual(second.server.drops["unknown_session"], 1, "commands of the old session")
         self.assertEqual({cause for cause, n in second.server.drops.items() if n} - {"unknown_session", "duplicate"}, set())
 
-    def test_a_deaf_server_is_waited_for_in_the_same_book(self):
+    def test_a_deaf_server_is_waited_for_in_the_same_account(self):
         serving = Serving(self, timeout_ms=300)
         child = self.station(serving, "--task", "indent", "--duration-s", "5")
         time.sleep(2)

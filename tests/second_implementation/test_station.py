@@ -144,8 +144,8 @@ class StationAtTheServer(unittest.TestCase):
             work -= 0.5 * (a.force_w_z_nn + b.force_w_z_nn) * dz
             bound += 0.5 * abs(b.force_w_z_nn - a.force_w_z_nn) * abs(dz)
             first, last = client.replies[0], b
-            book = (last.energy_in_aj - last.energy_out_aj) - (first.energy_in_aj - first.energy_out_aj)
-            self.assertLess(abs(book - work), bound + 1e-6)
+            account = (last.energy_in_aj - last.energy_out_aj) - (first.energy_in_aj - first.energy_out_aj)
+            self.assertLess(abs(account - work), bound + 1e-6)
         self.assertGreater(client.replies[-1].energy_in_aj, 50)
         self.assertLess(bound, 0.1 * client.replies[-1].energy_in_aj, "or the comparison above says little")
         # Back at the start, where as much is stored as before: what came out went in, and snap-in and pull-off cost.
@@ -248,7 +248,7 @@ class StationAtTheServer(unittest.TestCase):
         self.assertIsNone(command(5), "stale")
         self.assertIsNone(command(5), "duplicate of a stale one")
         self.assertIsNone(command(10 + (1 << 12)), "a leap: 200 Hz for less than ten seconds")
-        self.assertIsNone(command(11, epoch=w.epoch ^ 1), "another book")
+        self.assertIsNone(command(11, epoch=w.epoch ^ 1), "another account")
         self.assertIsNone(command(11, newest_reply=2), "a reply that was never sent")
         self.assertIsNone(command(11, sock=other), "another address")
         bye = command(11, session_id=w.session_id ^ (1 << 40))
@@ -282,7 +282,7 @@ class StationAtTheServer(unittest.TestCase):
         resumed = client.replies[-1]
         self.assertEqual(resumed.fault_bits & FAULT_RETRACTED, 0, "it follows again")
         self.assertNotEqual(resumed.contact_state, 3)
-        self.assertGreaterEqual(resumed.energy_in_aj, pressed.energy_in_aj, "one book")
+        self.assertGreaterEqual(resumed.energy_in_aj, pressed.energy_in_aj, "one account")
         # From another address while it is active: it roams, and the old address and id are unknown.
         roaming = Client(self, self.server, token=second.resume_token)
         third = roaming.connect()
@@ -415,7 +415,7 @@ class StationAtTheServer(unittest.TestCase):
         a, b = Client(self, self.server), Client(self, self.server)
         start = vector(a.connect(), "start_pos_w_{}_nm")
         self.assertEqual(b.connect().feature_bits, KNOWN_FEATURES & ~FEATURE_PARTICLE)
-        self.assertNotEqual(a.station.welcome.epoch, b.station.welcome.epoch, "a book for each")
+        self.assertNotEqual(a.station.welcome.epoch, b.station.welcome.epoch, "an account for each")
         down = indent(start, 8, 2.0)
         a.run(down, 1.0)  # pressed
         self.assertEqual(a.station.tip_hold, 1)

@@ -174,7 +174,7 @@ class Together(unittest.TestCase):
                          ("established", first.epoch, first.resume_token))
         self.assertNotEqual(second.session_id, first.session_id)
         self.assertEqual(server.sessions[0].energy_in_j.value, 0.0, "counts from the Welcome")
-        self.assertGreaterEqual(station.energy_in_aj.value, 9.0, "the slave's book goes on: pressed twice")
+        self.assertGreaterEqual(station.energy_in_aj.value, 9.0, "the slave's account goes on: pressed twice")
 
     def test_a_restarted_server_is_a_new_epoch(self):
         station, link = Station(), None

@@ -5,14 +5,14 @@
 #include <utility>
 #include <vector>
 
-#include "tests/support/booked_hand.h"
+#include "tests/support/accounted_hand.h"
 
 namespace telenano::support {
 
 /// A hand whose true position goes where a policy sends it, whatever the force: as strong as it wants to be,
 /// never faster than the velocity up to which something is promised. It knows the force that will act until
 /// the next sample before it moves: no hand can know more.
-class DrivenHand final : public BookedHand {
+class DrivenHand final : public AccountedHand {
  public:
   struct View {
     std::int64_t tick = 0;  ///< since the motion started
@@ -22,8 +22,8 @@ class DrivenHand final : public BookedHand {
   using Policy = std::function<double(const View&)>;  ///< where to be at the next sample, m; followed as fast
                                                       ///< as allowed
 
-  DrivenHand(const BookedHandConfig& config, Policy policy, std::size_t ticks_expected = 0)
-      : BookedHand(config), policy_(std::move(policy)) {
+  DrivenHand(const AccountedHandConfig& config, Policy policy, std::size_t ticks_expected = 0)
+      : AccountedHand(config), policy_(std::move(policy)) {
     path_m_.reserve(ticks_expected);
   }
 

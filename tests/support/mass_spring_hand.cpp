@@ -18,7 +18,7 @@ double MassSpringConfig::grip_for_hz(double hz, double device_mass_kg, double ar
   return omega * omega / (1 / device_mass_kg + 1 / arm_mass_kg);
 }
 
-MassSpringHand::MassSpringHand(const MassSpringConfig& config) : BookedHand(config.port), config_(config) {
+MassSpringHand::MassSpringHand(const MassSpringConfig& config) : AccountedHand(config.port), config_(config) {
   const long double m = config.port.device_mass_kg, arm_m = config.arm_mass_kg;
   const long double grip = config.grip_stiffness_n_m, arm = config.arm_stiffness_n_m;
   Matrix a{};

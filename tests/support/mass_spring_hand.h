@@ -3,7 +3,7 @@
 #include <array>
 #include <optional>
 
-#include "tests/support/booked_hand.h"
+#include "tests/support/accounted_hand.h"
 
 namespace telenano::support {
 
@@ -14,7 +14,7 @@ namespace telenano::support {
 /// F and the place u on which the arm's spring stands are constant between samples; u may be moved. Apart
 /// from u it is passive, and what grows in it has come out of the port.
 struct MassSpringConfig {
-  BookedHandConfig port{};
+  AccountedHandConfig port{};
   double arm_mass_kg = 1;
   double grip_stiffness_n_m = 1000;
   double arm_stiffness_n_m = 400;
@@ -30,7 +30,7 @@ struct MassSpringConfig {
 };
 
 /// Exact between samples by the matrix exponential, in long double.
-class MassSpringHand final : public BookedHand {
+class MassSpringHand final : public AccountedHand {
  public:
   explicit MassSpringHand(const MassSpringConfig& config);
 

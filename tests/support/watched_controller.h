@@ -5,7 +5,7 @@
 
 namespace telenano::support {
 
-/// A passivity controller with the observer that books for it, as the station has them.
+/// A passivity controller with the observer that counts for it, as the station has them.
 class WatchedController {
  public:
   explicit WatchedController(const control::PassivityConfig& config) noexcept
@@ -22,7 +22,7 @@ class WatchedController {
     if (first) {
       controller_.take_over(0, hand_pos_h_m);
     } else {
-      controller_.book(interval);
+      controller_.account_for(interval);
     }
   }
   const control::EnergyObserver& observer() const noexcept { return observer_; }
@@ -32,7 +32,7 @@ class WatchedController {
   double damper_n_s_m() const noexcept { return controller_.damper_n_s_m(); }
   double damper_cap_n_s_m() const noexcept { return controller_.damper_cap_n_s_m(); }
   double force_bound_n() const noexcept { return controller_.force_bound_n(); }
-  double ledger_j() const noexcept { return controller_.ledger_j(); }
+  double account_j() const noexcept { return controller_.account_j(); }
   double credit_j() const noexcept { return controller_.credit_j(); }
 
  private:

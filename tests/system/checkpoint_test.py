@@ -113,12 +113,12 @@ class Checkpoints(unittest.TestCase):
                               text=True).stdout
 
     def went_on(self, station, held_most_ms, lost_most_nm):
-        """One book, one tip, and the force comes back by a ramp."""
+        """One account, one tip, and the force comes back by a ramp."""
         self.assertEqual(station.end(), 0, station.text())
         events = self.events()
         resumed = [line for line in events.splitlines() if "session resumed" in line]
         self.assertEqual(len(resumed), 1, events)
-        self.assertNotIn("new epoch", resumed[0], "the same slave, and the same book")
+        self.assertNotIn("new epoch", resumed[0], "the same slave, and the same account")
         head = next(line for line in events.splitlines() if "time_s" in line).split(",")
         at_s = float(resumed[0].split(",")[head.index("time_s")])
         time_s, force, tip, number = self.recorded("time_s", "hand_force_applied_h_n", "tip_pos_w_nm", "reply_sequence")

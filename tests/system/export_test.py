@@ -78,9 +78,9 @@ class Export(unittest.TestCase):
             force, height = samples[nearest]
             self.assertAlmostEqual(float(row["force_nn"]), force, delta=1e-12 * max(1, abs(force)))
             self.assertAlmostEqual(float(row["tip_height_nm"]), height, delta=1e-12 * max(1, abs(height)))
-        for leg in {r["leg"] for r in rows}:
-            heights = [float(r["target_height_nm"]) for r in rows if r["leg"] == leg]
-            down = next(r["way"] for r in rows if r["leg"] == leg) == "approach"
+        for segment in {r["segment"] for r in rows}:
+            heights = [float(r["target_height_nm"]) for r in rows if r["segment"] == segment]
+            down = next(r["way"] for r in rows if r["segment"] == segment) == "approach"
             self.assertEqual(heights[0] > heights[-1], down)
         deepest = max(float(r["force_nn"]) for r in rows)
         self.assertGreater(deepest, 10)  # it has been pressed

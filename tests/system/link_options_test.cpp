@@ -87,7 +87,7 @@ TEST(LinkOptions, PlayOutMakesTheDelayConstantUnderJitter) {
   EXPECT_EQ(constant.size(), 1u) << constant.begin()->first << " … " << constant.rbegin()->first;
 }
 
-TEST(LinkOptions, PlayOutKeepsBooksFaultsAndPromises) {
+TEST(LinkOptions, PlayOutKeepsAccountsFaultsAndPromises) {
   for (const auto mode : {kConstant, kAdaptive}) {
     auto config = jittery(mode);
     config.to_server.loss = config.to_station.loss = 0.1;
@@ -141,7 +141,7 @@ TEST(LinkOptions, PlayOutAndGateDoNotAllocate) {
   EXPECT_EQ(guard.allocations(), 0u);
 }
 
-TEST(LinkOptions, RepeatedCommandsKeepTheSlavesBookUnderLoss) {
+TEST(LinkOptions, RepeatedCommandsKeepTheSlavesAccountUnderLoss) {
   const auto counts_of = [](double loss, std::size_t redundancy) {
     auto config = config_for("flat_silicon_oxide", device::Task::kIndent, 3);
     config.station.method = control::Method::kKsClamp;
@@ -159,7 +159,7 @@ TEST(LinkOptions, RepeatedCommandsKeepTheSlavesBookUnderLoss) {
   EXPECT_EQ(counts_of(0, 4).first, 0u);
 }
 
-TEST(LinkOptions, DeadbandSavesPacketsWithinItsErrorAndKeepsTheBooks) {
+TEST(LinkOptions, DeadbandSavesPacketsWithinItsErrorAndKeepsTheAccounts) {
   struct Result {
     double packets_s = 0, worst_error_nm = 0, net_aj = 0, pull_off_nn = 0;
     std::uint64_t stale = 0;
@@ -187,7 +187,7 @@ TEST(LinkOptions, DeadbandSavesPacketsWithinItsErrorAndKeepsTheBooks) {
     });
     r.packets_s = 1000.0 * static_cast<double>(last.commands_sent) / static_cast<double>(ticks);
     r.net_aj = last.slave_energy_in_aj - last.slave_energy_out_aj;
-    // The server's copy of the station's book is what the newest command said.
+    // The server's copy of the station's account is what the newest command said.
     for (std::size_t slot = 0; slot < 8; ++slot) {
       const link::Session& s = session.server().sessions()[slot];
       if (s.state != link::SlotState::kActive) continue;
@@ -213,7 +213,7 @@ TEST(LinkOptions, DeadbandSavesPacketsWithinItsErrorAndKeepsTheBooks) {
     EXPECT_LE(r.worst_error_nm, nm) << name;
     EXPECT_EQ(r.stale, 0u) << "replies come often enough for the force never to be stale";
     EXPECT_NEAR(r.pull_off_nn, all.pull_off_nn, 0.05 * all.pull_off_nn) << name;
-    // Books: the server has what the station had put in when it last spoke, at most a heartbeat ago.
+    // Accounts: the server has what the station had put in when it last spoke, at most a heartbeat ago.
     EXPECT_LE(r.sum_j, r.observer_j);
     EXPECT_GE(r.sum_j, r.observer_j - 1e-3);
   }

@@ -155,7 +155,7 @@ TEST_F(OmegaTest, ASessionIsFeltRecordedAndEndsInZeroForce) {
   EXPECT_EQ(sdk_->open, 0);
   const RecordingReader reader(path("omega.h5"));
   EXPECT_THAT(reader.configuration("device"), HasSubstr("omega.3"));
-  // The observer booked what the device applied: by hand, from the recording, −ΣF(k−1)·Δx(k).
+  // The observer counted what the device applied: by hand, from the recording, −ΣF(k−1)·Δx(k).
   std::array<std::vector<double>, 3> force;
   std::array<std::vector<double>, 3> pos;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -170,7 +170,7 @@ TEST_F(OmegaTest, ASessionIsFeltRecordedAndEndsInZeroForce) {
   EXPECT_NEAR(energy_j, reader.read("energy_j").back(), 1e-12);
 }
 
-TEST_F(OmegaTest, SaturationIsBookedAsApplied) {
+TEST_F(OmegaTest, SaturationIsCountedAsApplied) {
   sdk_->saturation_n = 0.5;
   start();
   ASSERT_TRUE(press(0.49));

@@ -178,7 +178,7 @@ TEST_F(SecureTest, AServerThatEndsAndStartsAgainIsFoundWithoutAStepOfTheForce) {
   }
 }
 
-// kill -9 of the station in contact: with the session's file it goes on with its slave and its book, without
+// kill -9 of the station in contact: with the session's file it goes on with its slave and its account, without
 // it begins a new session beside what is left; both over a new channel, and the force comes in by the ramp.
 TEST_F(SecureTest, AStationThatIsKilledComesBackWithItsKeyWithoutAStepOfTheForce) {
   Server server(scene_path("flat_pdms"), 0, {"--keys", keys()});

@@ -167,7 +167,7 @@ TEST(VirtualSession, NoAllocationAfterWarmUp) {
   EXPECT_EQ(guard.allocations(), 0u);
 }
 
-TEST(VirtualSession, EnergyBookEqualsTheRowsOwnSum) {
+TEST(VirtualSession, EnergyAccountEqualsTheRowsOwnSum) {
   // Independent of the station's observer: the sum over the recorded forces and positions, in long double.
   VirtualSession session(config_for("flakes", device::Task::kIndent));
   long double energy = 0, scale = 0;
@@ -231,7 +231,7 @@ TEST(VirtualSession, LossOutageAndRestartMakeNoForceStepAndNoDrift) {
   });
   EXPECT_LT(force_in_outage_n, 1e-9) << "zero within 100 ms of the last new reply";
   EXPECT_LE(slew.worst_rise_n, config.station.slew_n_s * session.period_s() * (1 + 1e-9));
-  EXPECT_NE(session.client().welcome().epoch, first_epoch) << "the new server has a new energy book";
+  EXPECT_NE(session.client().welcome().epoch, first_epoch) << "the new server has a new energy account";
   EXPECT_GE(session.client().sessions(), 2u);
   EXPECT_TRUE(session.client().has_session());
   EXPECT_EQ(last.station_faults, 0u) << station::fault_name(last.station_faults);

@@ -51,7 +51,7 @@ class WorkersTest : public ProgramsTest {
       config.resume_token = before.resume_token;
       auto again = std::make_unique<WireStation>(at, config, secure);
       ASSERT_TRUE(again->exchange(20, hold(), kPatienceNs)) << k;
-      EXPECT_EQ(again->client.welcome().epoch, before.epoch) << "the same slave and book";
+      EXPECT_EQ(again->client.welcome().epoch, before.epoch) << "the same slave and account";
       EXPECT_EQ(again->client.welcome().resume_token, before.resume_token);
       EXPECT_NE(again->client.welcome().session_id, before.session_id);
       stations.push_back(std::move(again));
@@ -113,7 +113,7 @@ TEST_F(WorkersTest, WhoGoesOnFromAnotherPortResumesItsChannelWithAnyWorker) {
   }
   for (std::size_t k = 0; k < kStations; ++k) {
     ASSERT_TRUE(is_back(k)) << k;
-    EXPECT_EQ(stations[k]->client.welcome().epoch, before[k].epoch) << "the same slave and book";
+    EXPECT_EQ(stations[k]->client.welcome().epoch, before[k].epoch) << "the same slave and account";
     const auto& counters = stations[k]->channel->counters();
     EXPECT_GE(counters.resumed, 1u) << k;
     EXPECT_EQ(counters.resumed, counters.handshakes - 1) << k;

@@ -298,9 +298,9 @@ std::string samples(int count) {
   return fmt::format("{} sample{} of delay", count, count == 1 ? "" : "s");
 }
 
-void print_words(const StationFile& file, const device::DeviceInfo& device, const Far& far,
-                 const control::ScalingPlanInput& in, const control::ScalingPlan& plan,
-                 const control::ScalingPlan& at_p99, const control::ScalingPlanInput& in_p99) {
+void print_text(const StationFile& file, const device::DeviceInfo& device, const Far& far,
+                const control::ScalingPlanInput& in, const control::ScalingPlan& plan,
+                const control::ScalingPlan& at_p99, const control::ScalingPlanInput& in_p99) {
   fmt::print(stderr, "plan for '{}': device {}, {:g} Hz, method {}; round trip {:.3g} ms ({}), {}\n",
              far.slave.scene_name, device.name, file.station.rate_hz, control::method_name(in.method),
              1e3 * far.link.median_s,
@@ -379,7 +379,7 @@ void plan(const PlanOptions& options) {
     print_felt(file, far, result);
     print_far(file, far, result);
   }
-  print_words(file, device, far, input, result, at_p99, input_p99);
+  print_text(file, device, far, input, result, at_p99, input_p99);
   if (options.plot.empty()) return;
   draw_plan(input, result,
             fmt::format("Scaling for {}: {:g} Hz, {}{}", far.slave.scene_name, file.station.rate_hz,

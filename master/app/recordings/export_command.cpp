@@ -143,17 +143,17 @@ void export_curves(const RecordingReader& reader, const ExportOptions& options) 
     lateral_nm[i] = std::hypot(x_nm[i] - x_nm.front(), y_nm[i] - y_nm.front());
   const auto segments =
       recording::find_curve_segments(target_nm, lateral_nm, recording::segment_threshold_nm(target_nm));
-  std::printf("leg,way,time_s,target_height_nm,tip_height_nm,force_nn,deflection_nm\n");
-  for (std::size_t leg = 0; leg < segments.size(); ++leg) {
+  std::printf("segment,way,time_s,target_height_nm,tip_height_nm,force_nn,deflection_nm\n");
+  for (std::size_t segment = 0; segment < segments.size(); ++segment) {
     std::size_t count = 0;
     double last = 0;
-    for (std::size_t i = segments[leg].begin; i < segments[leg].end; ++i) {
+    for (std::size_t i = segments[segment].begin; i < segments[segment].end; ++i) {
       // One row a reply: between two nothing new is known of the tip.
       if (!(sequence[i] > last)) continue;
       last = sequence[i];
       if (!within(options, time_s[i]) || count++ % options.every != 0) continue;
-      std::printf("%zu,%s,%.9g,%.17g,%.17g,%.17g,%.17g\n", leg + 1,
-                  segments[leg].approach ? "approach" : "retract", time_s[i], target_nm[i], tip_nm[i],
+      std::printf("%zu,%s,%.9g,%.17g,%.17g,%.17g,%.17g\n", segment + 1,
+                  segments[segment].approach ? "approach" : "retract", time_s[i], target_nm[i], tip_nm[i],
                   force_nn[i], deflection_nm[i]);
     }
   }

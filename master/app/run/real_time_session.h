@@ -36,7 +36,7 @@ enum class Ending : std::uint8_t {
 
 /// Codes of events in a recording besides the station's modes, 0 to 5. Stored in files: never renumber.
 inline constexpr std::uint32_t kEventSilent = 100;
-inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy book
+inline constexpr std::uint32_t kEventSession = 101;  ///< value: the epoch of the slave's energy account
 inline constexpr std::uint32_t kEventTip = 102;      ///< of a shared tip; value: 1 = holds it, 0 = observes
 inline constexpr std::uint32_t kEventMark = 103;     ///< a person's; value: its number, from 1
 inline constexpr std::uint32_t kEventTask = 104;     ///< another was chosen; value: its place in the list

@@ -111,7 +111,7 @@ void add_session_flags(CLI::App& command, RunOptions& options) {
       .add_option(
           "--session-file", options.session_file,
           "Keep the session's token here: a run that was killed and started again within the server's "
-          "--resume-s goes on with the same tip and book")
+          "--resume-s goes on with the same tip and account")
       ->type_name("FILE");
   command.add_flag(
       "--close-at-end", options.close_at_end,

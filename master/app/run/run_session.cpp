@@ -448,7 +448,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   connection::ServerLink& way = servers.link();
   const net::Address server = servers.address();
   farewell.emplace(*opened_session, way.datagram(), server);
-  const bool resumed = opened_session->resumed_unknown_book();
+  const bool resumed = opened_session->resumed_unknown_account();
   const LinkDelay link =
       measure_link(*opened_session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),

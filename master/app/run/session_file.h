@@ -6,7 +6,7 @@
 namespace telenano::app {
 
 /// Where a station keeps the token of its session, so that one that was killed and started again goes on with
-/// the same slave and the same book. Readable by its user only. Removed when the session has ended in order.
+/// the same slave and the same account. Readable by its user only. Removed when the session has ended in order.
 class SessionFile {
  public:
   /// Empty path: nothing is kept. Throws UserError for a file that is there and is none of ours.

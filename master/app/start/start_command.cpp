@@ -80,10 +80,10 @@ void run_session_program(const view_model::StartChoice& choice, const std::atomi
     if (stop && !std::exchange(told, true)) session.ask_to_end();
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
   }
-  facts.last_words = last_lines(session.err(), kLastLines);
+  facts.last_text = last_lines(session.err(), kLastLines);
   facts.last_failed = session.exit_code() != 0;
-  if (facts.last_words.empty())
-    facts.last_words.push_back(fmt::format("it ended with code {}", session.exit_code()));
+  if (facts.last_text.empty())
+    facts.last_text.push_back(fmt::format("it ended with code {}", session.exit_code()));
 }
 
 int start(const StartFlags& flags) {

@@ -42,8 +42,8 @@ DeviceInfo omega_device_info(const OmegaConfig& config);
 /// stuck call of the SDK included, ends in zero force after its time.
 ///
 /// What read() and write_force() cost is a call of the SDK each, two more every kStatusEveryTicks. Neither
-/// allocates. The energy that is booked over a tick that was stuck longer than the watchdog's time is that of
-/// the force commanded, which the device no longer showed: booked too much, by at most that force times the
+/// allocates. The energy that is counted over a tick that was stuck longer than the watchdog's time is that of
+/// the force commanded, which the device no longer showed: counted too much, by at most that force times the
 /// way of the hand meanwhile.
 class OmegaDevice final : public HapticDevice {
  public:

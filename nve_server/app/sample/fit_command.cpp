@@ -272,12 +272,12 @@ std::string csv_residuals(const std::vector<Curve>& curves) {
   char line[256];
   for (std::size_t c = 0; c < curves.size(); ++c) {
     for (const bool approach : {true, false}) {
-      const fit::FitLeg& leg = approach ? curves[c].fit.approach : curves[c].fit.retract;
-      const fit::PreparedLeg& data = approach ? curves[c].prepared.approach : curves[c].prepared.retract;
-      for (std::size_t i = 0; i < leg.model_nm.size(); ++i) {
+      const fit::FitSegment& segment = approach ? curves[c].fit.approach : curves[c].fit.retract;
+      const fit::PreparedSegment& data = approach ? curves[c].prepared.approach : curves[c].prepared.retract;
+      for (std::size_t i = 0; i < segment.model_nm.size(); ++i) {
         std::snprintf(line, sizeof line, "%zu,%s,%.9g,%.9g,%.9g,%.9g,%d\n", c,
-                      approach ? "approach" : "retract", data.z_nm[i], data.deflection_nm[i], leg.model_nm[i],
-                      leg.residual_nm[i], static_cast<int>(leg.used[i]));
+                      approach ? "approach" : "retract", data.z_nm[i], data.deflection_nm[i],
+                      segment.model_nm[i], segment.residual_nm[i], static_cast<int>(segment.used[i]));
         text += line;
       }
     }
@@ -289,11 +289,12 @@ void draw(const Curve& curve, const std::string& file) {
   std::string script = "$curve << EOD\n";
   char line[160];
   for (const bool approach : {true, false}) {
-    const fit::FitLeg& leg = approach ? curve.fit.approach : curve.fit.retract;
-    const fit::PreparedLeg& data = approach ? curve.prepared.approach : curve.prepared.retract;
-    for (std::size_t i = 0; i < leg.model_nm.size(); ++i) {
+    const fit::FitSegment& segment = approach ? curve.fit.approach : curve.fit.retract;
+    const fit::PreparedSegment& data = approach ? curve.prepared.approach : curve.prepared.retract;
+    for (std::size_t i = 0; i < segment.model_nm.size(); ++i) {
       std::snprintf(line, sizeof line, "%.7g,%.7g,%.7g,%.7g\n", data.z_nm[i] - curve.fit.touch_z_nm,
-                    data.deflection_nm[i], leg.model_nm[i], leg.used[i] != 0 ? leg.residual_nm[i] : 0.0);
+                    data.deflection_nm[i], segment.model_nm[i],
+                    segment.used[i] != 0 ? segment.residual_nm[i] : 0.0);
       script += line;
     }
     script += "\n\n";

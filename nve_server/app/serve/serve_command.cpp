@@ -394,7 +394,7 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
   command
       ->add_option(
           "--checkpoint", options->checkpoints,
-          "Folder, this user's alone, to keep each session's tip, marks and book in, every second and "
+          "Folder, this user's alone, to keep each session's tip, marks and account in, every second and "
           "at the end: this server started again, or another one with the same folder and scene, goes "
           "on with them")
       ->type_name("DIR");

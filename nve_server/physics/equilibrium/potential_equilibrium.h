@@ -41,7 +41,7 @@ struct PotentialState {
 /// Step. 1. Follow: from p + (∂p/∂x) Δx and the last step's parabola Newton's method with the exact Hessian,
 ///          accepted if ∇∇E is positive definite at each iterate, if steps contract and the first is no
 ///          longer than the predictor's own error (a Newton step that reaches the next basin would leave a
-///          hole in the book), and if no border of the branch is passed but one that is used both ways.
+///          hole in the account), and if no border of the branch is passed but one that is used both ways.
 ///       2. Else in halves, twice at most.
 ///       3. Else the held move and the descent: the free end moves with the tip held, then E falls at held x,
 ///          by a trust-region Newton method that takes a step only if E falls, through the borders of the
@@ -52,7 +52,7 @@ struct PotentialState {
 /// way it is backward Euler's bristle, with its tangent in Newton's matrix. In a descent stiffness k and
 /// limit T are held as they are where it begins: friction then is the convex potential k e²/2 up to e = T/k
 /// and T e − T²/2k beyond, and E with it still falls. At the end the bristle is put on the contact as that
-/// is there, what this sets free is booked as friction, and the descent is repeated until k rests (three
+/// is there, what this sets free is counted as friction, and the descent is repeated until k rests (three
 /// times at most). At a kinetic ratio r < 1 a contact that slips breaks away: a descent at the static limit
 /// that slips goes on at r T, the bristle's loss down to that is friction, and where it comes to rest the
 /// contact holds up to T again.
@@ -61,13 +61,13 @@ struct PotentialState {
 /// free end's work over a step is Δ(U + ½ Fᵀ C F + bristle) + both that are dissipated (with friction to
 /// first order in the step: backward Euler). On a smooth way nothing is lost. A held move
 /// calls some smooth work lost, of second order in its length. A descent may be interrupted after any
-/// iteration: the book is closed there too, `under_way` says so, the springs tell the force, and the next
+/// iteration: the account is closed there too, `under_way` says so, the springs tell the force, and the next
 /// step goes on. A step takes at most kMostEvaluations evaluations of the potential, so that none lasts
 /// long.
 ///
 /// Errors. Newton's last step is below 1e-9 nm, or foreseen to leave no more; energy and force are those at
 /// its end to second and first order. Springs that are rigid in some direction push the tip through a border
-/// with what that changes in U booked as work, not as loss.
+/// with what that changes in U counted as work, not as loss.
 class PotentialEquilibrium {
  public:
   static constexpr int kMostEvaluations = 60;
@@ -77,7 +77,7 @@ class PotentialEquilibrium {
                        const std::optional<FrictionParameters>& friction = {});
 
   /// Moves the free end to `free_end_w_nm`. The first call places the tip there, wherever that is, and lets
-  /// it come to rest with nothing booked. No allocation, no throw. Unless the status is kOk (arguments or
+  /// it come to rest with nothing counted. No allocation, no throw. Unless the status is kOk (arguments or
   /// energies that are no numbers), `state` is left as it was. `jolt_w_nm`: by which the apex is expected to
   /// move because the ground has changed since the last step; costs time where it is wrong, and nothing else.
   TipSolution advance(const Vec3& free_end_w_nm, const Compliance& compliance_nm_nn, PotentialState& state,

@@ -333,7 +333,7 @@ void PotentialWalk::hold_friction() noexcept {
   rubbed_ += held_.broken_aj();
 }
 
-/// Ends what hold_friction() began: what slipped is booked, and the bristle put on the contact as it is.
+/// Ends what hold_friction() began: what slipped is counted, and the bristle put on the contact as it is.
 /// True: it slipped.
 bool PotentialWalk::let_go() noexcept {
   double slipped_aj = 0;

@@ -44,7 +44,7 @@ INSTANTIATE_TEST_SUITE_P(ContactLaws, EveryLaw,
                          });
 
 // A closed loop never yields energy, whatever lambda and spring; the work of the force alone is the judge,
-// not the law's own books, and these must agree with it.
+// not the law's own accounts, and these must agree with it.
 TEST_P(EveryLaw, LoopNeverYieldsEnergy) {
   for (double lambda = 1e-3; lambda < 1.21e4; lambda *= 1.98) {  // 0.236 too: JKR meets van der Waals twice
     for (const bool vdw : {true, false}) {

@@ -141,10 +141,10 @@ TEST(ExtremeLaws, WorkIsStoredWhereNothingJumps) {
       greatest = std::max(greatest, std::fabs(f));
     }
     // As in extremes_test.cpp; the table's cubics join at cells with a step in the third derivative only.
-    const double books =
+    const double accounts =
         std::fabs(stored_aj(first, c)) + std::fabs(stored_aj(last, c)) + sample.force_nn * reach;
     ASSERT_NEAR(stored_aj(last, c) - stored_aj(first, c), work,
-                1e-8 * greatest * std::fabs(to - from) + 3e-13 * books)
+                1e-8 * greatest * std::fabs(to - from) + 3e-13 * accounts)
         << "material " << material << " kind " << kind << " lambda " << sample.lambda << " inside " << inside;
     ++compared;
   }
@@ -153,7 +153,7 @@ TEST(ExtremeLaws, WorkIsStoredWhereNothingJumps) {
 
 // The whole slave with friction, with a tilted beam that couples the directions, and with a mode of its own:
 // any of them together on any material, leaps up to a micrometre. Where there is no balance the tip holds
-// still; what is published is a number within the limit, and the book is stored energy plus losses.
+// still; what is published is a number within the limit, and the account is stored energy plus losses.
 TEST(ExtremeLaws, SlaveWithFrictionBeamAndModeStaysSound) {
   Random random(1020);
   const auto deployed =

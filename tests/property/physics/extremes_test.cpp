@@ -170,18 +170,18 @@ TEST(Extremes, WorkIsStoredWhereNothingJumps) {
       greatest = std::max(greatest, std::fabs(e.force_nn));
     }
     // Six points over a twentieth of the scale on which the force bends leave some 1e-9 of the work; the
-    // books hold 1e-13 of what they add up (far above the work where the contact is deep).
-    const double books =
+    // accounts hold 1e-13 of what they add up (far above the work where the contact is deep).
+    const double accounts =
         std::fabs(stored_aj(first, c)) + std::fabs(stored_aj(last, c)) + sample.force_nn * reach;
     ASSERT_NEAR(stored_aj(last, c) - stored_aj(first, c), work,
-                1e-8 * greatest * std::fabs(to - from) + 3e-13 * books)
+                1e-8 * greatest * std::fabs(to - from) + 3e-13 * accounts)
         << "material " << material << " lambda " << sample.lambda << " inside " << inside;
     ++compared;
   }
   EXPECT_GT(compared, 15000);
 }
 
-// A jump at a base that hardly moves: what the store loses is what is booked as dissipated.
+// A jump at a base that hardly moves: what the store loses is what is counted as dissipated.
 TEST(Extremes, JumpDissipatesWhatTheStoreLoses) {
   Random random(616);
   int seen = 0;
@@ -205,8 +205,8 @@ TEST(Extremes, JumpDissipatesWhatTheStoreLoses) {
     ASSERT_NE(is_inside(before.branch), is_inside(after.branch)) << material << ' ' << sample.lambda;
     const double moved = 2 * room * (std::fabs(before.force_nn) + std::fabs(after.force_nn));
     const double lost = stored_aj(before, c) - stored_aj(after, c);
-    const double books = std::fabs(stored_aj(before, c)) + sample.force_nn * sample.overlap_nm;
-    ASSERT_NEAR(after.dissipated_aj, lost, moved + 1e-12 * books) << material << ' ' << sample.lambda;
+    const double accounts = std::fabs(stored_aj(before, c)) + sample.force_nn * sample.overlap_nm;
+    ASSERT_NEAR(after.dissipated_aj, lost, moved + 1e-12 * accounts) << material << ' ' << sample.lambda;
     seen += after.jumps;
   }
   EXPECT_GT(seen, 3000);  // the others pass from van der Waals to Dugdale without a jump
@@ -265,7 +265,7 @@ TEST(Extremes, SlaveStaysSound) {
       ASSERT_GE(out.force_w_nn.z(), -2.0000001 * sample.force_nn) << trial << ' ' << i;
       ASSERT_GE(out.energy_in_aj, last.energy_in_aj);
       ASSERT_GE(out.energy_out_aj, last.energy_out_aj);
-      // The book: what went in and not out again is stored or dissipated.
+      // The account: what went in and not out again is stored or dissipated.
       const auto& trace = slave.trace();
       stored_most =
           std::max({stored_most, std::fabs(trace.stored_aj), trace.dissipated_aj, out.energy_in_aj});

@@ -69,7 +69,7 @@ TEST(Potential, ClosedPathsWithJumpsLoseWhatTheyTake) {
 }
 
 // Any springs, any motion, any step: each ends in a local minimum, or interrupted lower than it began; the
-// book closes; nothing is won.
+// account closes; nothing is won.
 TEST(Potential, EveryStepEndsInAMinimumOrOnItsWayDown) {
   std::mt19937_64 random(11);
   std::uniform_real_distribution<double> any(0.0, 1.0);

@@ -60,16 +60,16 @@ TEST(BadLink, NoDriftNoEnergyLostNoForceStepOnceItHeals) {
     EXPECT_LE(wall.worst_rise_n, wall.slew_limit_n());
     ASSERT_EQ(s.client().state(), link::ClientState::kEstablished);
     EXPECT_EQ(s.station().mode(), station::Mode::kReady);
-    const auto& slave_book = s.client().slave_energy_aj();
-    EXPECT_EQ(slave_book.in(), wall.watch->energy_in_aj);
-    EXPECT_EQ(slave_book.out(), wall.watch->energy_out_aj);
+    const auto& slave_account = s.client().slave_energy_aj();
+    EXPECT_EQ(slave_account.in(), wall.watch->energy_in_aj);
+    EXPECT_EQ(slave_account.out(), wall.watch->energy_out_aj);
     pressed += wall.watch->energy_in_aj > 1;
     // Methods that pay for motion lag by what they could not pay for; the others stand where they were told.
     if (!control::needs_port_control(s.station().method())) {
       EXPECT_EQ(wall.watch->commanded_z_w_nm, std::clamp(wall.target_z_nm(), -50.0, 100.0))
           << "no drift at all";
     }
-    // The station's book at the server counts from the Welcome: with one session, all of it.
+    // The station's account at the server counts from the Welcome: with one session, all of it.
     const link::Session& at_server = s.server().sessions()[s.client().welcome().session_id & 0xff];
     const control::EnergyObserver& observer = s.station().observer();
     const double rounding = 1e-12 * (observer.energy_in_j() + observer.energy_out_j()) + 1e-18;
@@ -79,10 +79,10 @@ TEST(BadLink, NoDriftNoEnergyLostNoForceStepOnceItHeals) {
     } else {
       EXPECT_LE(at_server.station_energy.in(), observer.energy_in_j() + rounding);
     }
-    // The station's observer against the hand's own book, in long double.
-    EXPECT_NEAR(observer.energy_j(), -wall.hand->book().given_j(), 1e3 * rounding);
+    // The station's observer against the hand's own account, in long double.
+    EXPECT_NEAR(observer.energy_j(), -wall.hand->account().given_j(), 1e3 * rounding);
     if (promises(s.station().method())) {
-      EXPECT_LE(wall.hand->book().most_extracted_j(), wall.config.station.allowance_j + 1e-9);
+      EXPECT_LE(wall.hand->account().most_extracted_j(), wall.config.station.allowance_j + 1e-9);
     }
     resumed += s.server().counters().resumed;
     lost += s.link().counts_a_to_b().lost + s.link().counts_b_to_a().lost;

@@ -27,12 +27,12 @@ struct KeptWall : PressedWall {
   void goes_on(std::uint32_t epoch, int taken) {
     EXPECT_LE(worst_rise_n, slew_limit_n());
     ASSERT_EQ(session->client().state(), link::ClientState::kEstablished);
-    EXPECT_EQ(session->client().welcome().epoch, epoch) << "the same book";
+    EXPECT_EQ(session->client().welcome().epoch, epoch) << "the same account";
     EXPECT_EQ(box->taken(), taken);
     EXPECT_EQ(session->server().counters().taken_up, 1u);
     EXPECT_EQ(session->station().mode(), station::Mode::kEngaged);
     if (promises(session->station().method())) {
-      EXPECT_LE(hand->book().most_extracted_j(), config.station.allowance_j + 1e-9);
+      EXPECT_LE(hand->account().most_extracted_j(), config.station.allowance_j + 1e-9);
     }
   }
   std::shared_ptr<CheckpointBox> box = std::make_shared<CheckpointBox>(4096);
@@ -84,7 +84,7 @@ TEST(HandOver, HandedOutInContactTheTipStaysWhereItIs) {
     wall.steps(4000);
     wall.goes_on(epoch, 1);
     EXPECT_GT(wall.watch->force_nn, 3) << "felt again";
-    EXPECT_GE(wall.watch->energy_in_aj, in_aj) << "the book goes on";
+    EXPECT_GE(wall.watch->energy_in_aj, in_aj) << "the account goes on";
     EXPECT_GE(wall.watch->energy_out_aj, out_aj);
   }
 }
@@ -119,13 +119,13 @@ TEST(HandOver, AnOldCheckpointThatIsRestoredAgainAndAgainGivesNothing) {
     EXPECT_EQ(wall.box->taken(), kRounds);
     std::printf("%-8s %d times %.3g aJ: the hand got %.2f mJ\n",
                 std::string(control::method_name(method)).c_str(), kRounds, pressed_aj,
-                1e3 * wall.hand->book().most_extracted_j());
+                1e3 * wall.hand->account().most_extracted_j());
     EXPECT_LE(wall.worst_rise_n, wall.slew_limit_n());
     if (promises(method)) {
-      EXPECT_LE(wall.hand->book().most_extracted_j(), wall.config.station.allowance_j + 1e-9);
+      EXPECT_LE(wall.hand->account().most_extracted_j(), wall.config.station.allowance_j + 1e-9);
     }
     if (method == Method::kNone) {
-      EXPECT_GT(wall.hand->book().most_extracted_j(), 1.5 * wall.config.station.allowance_j)
+      EXPECT_GT(wall.hand->account().most_extracted_j(), 1.5 * wall.config.station.allowance_j)
           << "who promises nothing pays out each time, or this shows nothing";
     }
   }

@@ -17,7 +17,7 @@ constexpr bool promises(control::Method method) noexcept {
 }
 
 /// What the properties of sessions are shown with: a hand with mass that leans on a wall, the wall's and the
-/// hand's own books, and the force that really acted.
+/// hand's own accounts, and the force that really acted.
 struct PressedWall {
   explicit PressedWall(control::Method method, std::uint64_t seed = 1) {
     config.station.method = method;

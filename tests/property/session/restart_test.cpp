@@ -22,16 +22,16 @@ void comes_back(PressedWall& wall, std::uint32_t epoch) {
   VirtualSession& s = *wall.session;
   EXPECT_LE(wall.worst_rise_n, wall.slew_limit_n());
   ASSERT_EQ(s.client().state(), link::ClientState::kEstablished);
-  EXPECT_NE(s.client().welcome().epoch, epoch) << "a new book";
+  EXPECT_NE(s.client().welcome().epoch, epoch) << "a new account";
   EXPECT_EQ(s.station().mode(), station::Mode::kEngaged);
   EXPECT_EQ(wall.watch->made, 2);
-  // The slave's new book, and none of the old one's.
+  // The slave's new account, and none of the old one's.
   EXPECT_NEAR(s.client().slave_energy_aj().in(), wall.watch->energy_in_aj,
               0.02 * wall.watch->energy_in_aj + 0.1);
   // No new allowance: from both sessions together no more than the one.
   const Method method = s.station().method();
   if (promises(method)) {
-    EXPECT_LE(wall.hand->book().most_extracted_j(), wall.config.station.allowance_j + 1e-9);
+    EXPECT_LE(wall.hand->account().most_extracted_j(), wall.config.station.allowance_j + 1e-9);
   }
 }
 
@@ -118,14 +118,14 @@ TEST(Restart, ARestartedStationIsNotCreditedWithWhatTheLastOneHadPutIn) {
   second.start();
   VirtualSession& b = *second.session;
   EXPECT_EQ(b.client().welcome().epoch, a.client().welcome().epoch);
-  EXPECT_TRUE(b.client().resumed_unknown_book());
+  EXPECT_TRUE(b.client().resumed_unknown_account());
   EXPECT_EQ(first.watch->made, 1) << "the same slave";
-  const double ledger_before = b.station().observer().energy_j();
+  const double account_before = b.station().observer().energy_j();
   second.steps(20);
   EXPECT_EQ(b.station().mode(), station::Mode::kEngaged);
-  EXPECT_GT(b.client().slave_energy_aj().in(), 50) << "the book goes on";
-  EXPECT_LE(b.loop().trace().ledger_j, 1e-4) << "none of it is this one's";
-  EXPECT_EQ(ledger_before, 0);
+  EXPECT_GT(b.client().slave_energy_aj().in(), 50) << "the account goes on";
+  EXPECT_LE(b.loop().trace().account_j, 1e-4) << "none of it is this one's";
+  EXPECT_EQ(account_before, 0);
   second.steps(2000);
   EXPECT_LE(second.worst_rise_n, second.slew_limit_n());
 }

@@ -78,7 +78,7 @@ TEST(SharedTip, TakenOverInContactWithoutAStepOfForceOrTip) {
     EXPECT_LE(both.worst_move_nm, 0.2);
     EXPECT_LE(both.a.worst_rise_n, both.a.slew_limit_n());
     EXPECT_LE(both.b.worst_rise_n, both.b.slew_limit_n());
-    // Each has its own part of the slave's book, and both together no more than the slave.
+    // Each has its own part of the slave's account, and both together no more than the slave.
     const auto& ea = a.client().slave_energy_aj();
     const auto& eb = b.client().slave_energy_aj();
     EXPECT_NEAR(ea.in(), a_in, 0.05 * a_in + 0.1);
@@ -86,10 +86,10 @@ TEST(SharedTip, TakenOverInContactWithoutAStepOfForceOrTip) {
     EXPECT_LE(ea.in() + eb.in(), both.a.watch->energy_in_aj + 1e-9 * a_in);
     EXPECT_LE(ea.out() + eb.out(), both.a.watch->energy_out_aj + 1e-9 * a_in);
     EXPECT_LE(eb.out(), eb.in() + 1e-9) << "b is not credited with a's";
-    // And neither hand got more than the allowance, by its own book.
+    // And neither hand got more than the allowance, by its own account.
     if (promises(method)) {
       for (PressedWall* wall : {&both.a, &both.b})
-        EXPECT_LE(wall->hand->book().most_extracted_j(), wall->config.station.allowance_j + 1e-9);
+        EXPECT_LE(wall->hand->account().most_extracted_j(), wall->config.station.allowance_j + 1e-9);
     }
   }
 }

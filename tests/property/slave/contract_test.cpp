@@ -23,9 +23,10 @@ constexpr double kT = 1e-3;
 struct Kind {
   std::string name;
   std::function<std::unique_ptr<Slave>()> make;
-  double force_slack_nn;   ///< over the limit: noise and slow bending of a lever that is read now and then
-  double energy_slack_aj;  ///< that a closed path may seem to yield: the book's own bound, where it has one
-  double settle_s;         ///< for a move of a few nanometres
+  double force_slack_nn;  ///< over the limit: noise and slow bending of a lever that is read now and then
+  double
+      energy_slack_aj;  ///< that a closed path may seem to yield: the account's own bound, where it has one
+  double settle_s;      ///< for a move of a few nanometres
 };
 
 const support::VirtualAfm& ready_afm() {
@@ -111,7 +112,7 @@ TEST_P(SlaveContract, FreeAtTheStartAndThereWhenCommanded) {
   EXPECT_LT((output.commanded_pos_w_nm - input.tip_target_pos_w_nm).norm(), 0.1);
 }
 
-TEST_P(SlaveContract, PressedItPushesAndLetGoItIsFreeAndTheBookCloses) {
+TEST_P(SlaveContract, PressedItPushesAndLetGoItIsFreeAndTheAccountCloses) {
   const double surface = slave->limits().surface_z_w_nm;
   go(surface + 3, kind.settle_s);
   const double before = net_aj();
@@ -252,7 +253,7 @@ TEST(AfmContract, TheLinkIsLostWhenNoStepComes) {
   EXPECT_NE(rig.output.fault_bits & link::kFaultRetracted, 0u);
 }
 
-TEST(AfmContract, TheBookIsTheTrueWorkWithinItsBound) {
+TEST(AfmContract, TheAccountIsTheTrueWorkWithinItsBound) {
   for (const double rate_hz : {200.0, 20.0}) {
     afm::AfmConfig config;
     config.force_rate_hz = rate_hz;
@@ -267,7 +268,7 @@ TEST(AfmContract, TheBookIsTheTrueWorkWithinItsBound) {
     input.tip_target_pos_w_nm = Vec3(0, 0, 15);
     run(0.5);
     const double work_before = slave.afm().controller().tip().work_aj();
-    const double booked_before = output.energy_in_aj - output.energy_out_aj;
+    const double counted_before = output.energy_in_aj - output.energy_out_aj;
     const double bound_before = slave.afm().logic().state().energy_bound_aj;
     for (int i = 0; i < 12; ++i) {
       input.tip_target_pos_w_nm.z() = random.uniform(-5, 6);
@@ -275,10 +276,10 @@ TEST(AfmContract, TheBookIsTheTrueWorkWithinItsBound) {
       // The simulator's own integral over its true positions, in steps of half a millisecond and less. Drift
       // moves the base as well: its work, at most 0.05 nm/s of it, is not the port's.
       const double work = slave.afm().controller().tip().work_aj() - work_before;
-      const double booked = output.energy_in_aj - output.energy_out_aj - booked_before;
+      const double counted = output.energy_in_aj - output.energy_out_aj - counted_before;
       const double bound = slave.afm().logic().state().energy_bound_aj - bound_before;
       const double drift = 0.1 * 300 * 0.7 * (i + 1);
-      EXPECT_LE(std::fabs(work - booked), bound + drift) << rate_hz << " Hz, " << i;
+      EXPECT_LE(std::fabs(work - counted), bound + drift) << rate_hz << " Hz, " << i;
     }
   }
 }

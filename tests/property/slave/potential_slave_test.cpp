@@ -204,7 +204,7 @@ Loops loops(const std::shared_ptr<const scene::Scene>& scene, double x_nm, doubl
 }
 
 // A closed loop that changes no branch gives nothing to the port and takes nothing from it. Slides over an
-// edge lose, and are then in the book.
+// edge lose, and are then in the account.
 TEST(PotentialScene, ClosedLoopsGiveNoEnergyToThePort) {
   int smooth = 0;
   double worst = 0;
@@ -227,7 +227,7 @@ TEST(PotentialScene, ClosedLoopsGiveNoEnergyToThePort) {
 }
 
 // All that humid_flakes.toml has: bridges, friction, stick–slip, a tilted lever. What the port puts in on a
-// closed loop, known from forces alone, is what its book says.
+// closed loop, known from forces alone, is what its account says.
 TEST(PotentialScene, HumidLoopsAreCharged) {
   const auto jerky = scene::parse_scene(
       with(potential("humid_flakes"), "\nshear_strength_mpa = 300.0", "\nkinetic_ratio = 0.6"), "jerky.toml");

@@ -51,7 +51,7 @@ class ClosedPath {
 struct Loop {
   double work_aj = 0;      // of the port, from forces and displacements alone
   double turnover_aj = 0;  // ∫|F·dx|
-  double charged_aj = 0;   // by the slave's book
+  double charged_aj = 0;   // by the slave's account
   double stored_aj = 0;    // change of it
   double dissipated_aj = 0;
   double lost_backwards_aj = 0;  // any step that "dissipated" less than nothing
@@ -122,9 +122,9 @@ struct Case {
   const char* scene;
   double wide_nm;
   double high_nm;
-  /// How far the book may be from the port's work, of the turnover. A jump's step has no trapezium: its size
+  /// How far the account may be from the port's work, of the turnover. A jump's step has no trapezium: its size
   /// over the loop's many steps is most of it. Over relief the
-  /// book is never behind the trapezia, and this is what it may be ahead.
+  /// account is never behind the trapezia, and this is what it may be ahead.
   double tolerance;
 };
 
@@ -144,7 +144,7 @@ TEST_P(SceneEnergy, WorkIsStoredOrDissipatedOnClosedPaths) {
     middle.z() = scene->start_touch_w_nm;
     const ClosedPath path(random, middle, c.wide_nm, c.high_nm);
     const Loop loop = go_round(scene, path);
-    // The book itself, to rounding of its sums.
+    // The account itself, to rounding of its sums.
     EXPECT_NEAR(loop.charged_aj, loop.stored_aj + loop.dissipated_aj, 1e-9 * loop.turnover_aj + 1e-9);
     EXPECT_GE(loop.lost_backwards_aj, 0);
     EXPECT_GE(loop.dissipated_aj, 0);
@@ -176,7 +176,7 @@ INSTANTIATE_TEST_SUITE_P(Deployed, SceneEnergy,
 // All over a scan: every step ends with a balance or on the way to one, within its iterations; and whatever
 // the way, all that the port has worked since the slave began has been charged, so that no credit is without
 // payment. 1e-12: rounding of the sums.
-TEST(SceneBook, IsNeverBehindThePortsWork) {
+TEST(SceneAccount, IsNeverBehindThePortsWork) {
   for (const char* name : {"flakes", "humid_flakes", "lithography"}) {
     const auto scene =
         scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");

@@ -8,7 +8,7 @@
 #include "tests/support/watched_controller.h"
 
 // The hard guarantee: below v_max, no hand and no environment extract more than the allowance beyond what the
-// device certainly dissipates. The book of the test is its own: long double, true positions.
+// device certainly dissipates. The account of the test is its own: long double, true positions.
 namespace telenano::control {
 namespace {
 
@@ -161,19 +161,19 @@ TEST(ClampProperty, TheControllersWithoutAClampGiveJoulesAway) {
 }
 
 TEST(ClampProperty, AMutantThatCreditsItsDamperLeaks) {
-  // The same ledger, but what the damper dissipates is credited once more: it must fail the assertion above.
-  double put_in_j = 0, ledger_j = 0, pos_m = 0, last_m = 0, force_n = 0;
+  // The same account, but what the damper dissipates is credited once more: it must fail the assertion above.
+  double put_in_j = 0, account_j = 0, pos_m = 0, last_m = 0, force_n = 0;
   double least_j = 0;
   for (int k = 0; k < 20'000; ++k) {
     pos_m += kVmax * kT * std::cos(0.3 * k);
     const double moved_m = pos_m - last_m;
     last_m = pos_m;
     put_in_j -= force_n * moved_m;
-    ledger_j -= force_n * moved_m;
-    const double damper = ledger_j < 0 ? 0.8 : 0.0;
-    ledger_j += damper * moved_m * moved_m / kT;
+    account_j -= force_n * moved_m;
+    const double damper = account_j < 0 ? 0.8 : 0.0;
+    account_j += damper * moved_m * moved_m / kT;
     least_j = std::min(least_j, put_in_j);
-    const double bound_n = std::max(0.0, ledger_j + 0.01) / (kVmax * kT);
+    const double bound_n = std::max(0.0, account_j + 0.01) / (kVmax * kT);
     force_n = std::min(bound_n, 12.0) * (moved_m > 0 ? 1 : -1);
   }
   EXPECT_LT(least_j, -0.02);

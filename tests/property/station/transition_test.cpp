@@ -251,7 +251,7 @@ TEST(Transitions, NoFaultStepsTheForceUpAndStopsActAtOnce) {
   }
 }
 
-TEST(Transitions, HomingBooksNothingAndAnchorsAnew) {
+TEST(Transitions, HomingAccountsNothingAndAnchorsAnew) {
   Rig rig;
   rig.engage(Vec3(0, 0, kTipForceNn));
   const double energy_j = rig.output.trace.energy_j;

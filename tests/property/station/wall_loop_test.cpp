@@ -61,7 +61,7 @@ TEST(WallLoop, TheControllerAsPublishedDoesNotCalmAStiffDelayedWall) {
   const WallLoopResult ks = run(config, Method::kKs);
   EXPECT_GT(ks.late_speed_rms_m_s, 0.03);
   EXPECT_LT(ks.put_in_j, -0.1);
-  // Its own book, in which the damper's work is counted twice, hides what is extracted: that is why a book
+  // Its own account, in which the damper's work is counted twice, hides what is extracted: that is why an account
   // must be kept of the force applied alone.
 }
 

@@ -101,11 +101,11 @@ TEST_P(CompandingPaths, ClosedOnesBeforeContactGiveNothing) {
   // Trapezia of 8000 steps, and the damper of the coupling, which only takes.
   EXPECT_GT(tip.work_aj, -1e-4 * tip.turnover_aj);
   EXPECT_LT(std::fabs(tip.work_aj), 2e-3 * tip.turnover_aj);
-  // The book is what the sum says.
+  // The account is what the sum says.
   EXPECT_NEAR(tip.companded_aj, tip.work_aj, 2e-3 * tip.turnover_aj);
 }
 
-// Down, snap-in, along, up, pull-off, up again: what comes back is less than what was put in, and the book is
+// Down, snap-in, along, up, pull-off, up again: what comes back is less than what was put in, and the account is
 // never below the well by more than (g - 1) U0.
 TEST_P(CompandingPaths, LoopsThroughContactAreDissipative) {
   const auto scene = deployed(GetParam());

@@ -1,6 +1,6 @@
 // Twins that are wrong on purpose. One whose state is another one than the server's must be found out by the
 // hashes: it parts, and is given up. One whose state is right and whose force is not must be found out by
-// what is felt against the executed log; so must a ledger that does not know the sample's well. The right one
+// what is felt against the executed log; so must an account that does not know the sample's well. The right one
 // is found right by the same measures.
 #include <gtest/gtest.h>
 
@@ -182,10 +182,10 @@ TEST(TwinMutants, ASnapshotThatIsNotTakenUpOrComesAStepLateIsFound) {
   }
 }
 
-/// The method `twin` with a ledger that does not know the sample's well, or has its sign wrong.
-class WrongLedger final : public ChangedNewsMethod {
+/// The method `twin` with an account that does not know the sample's well, or has its sign wrong.
+class WrongAccount final : public ChangedNewsMethod {
  public:
-  explicit WrongLedger(double times) : ChangedNewsMethod(control::Method::kTwin), times_(times) {}
+  explicit WrongAccount(double times) : ChangedNewsMethod(control::Method::kTwin), times_(times) {}
 
  private:
   void change(double& given_j, double& /*well_j*/) const noexcept override { given_j *= times_; }
@@ -196,7 +196,7 @@ class WrongLedger final : public ChangedNewsMethod {
 double clamped_share(double times) {
   const auto scene = deployed("flat_pdms");
   VirtualSessionConfig config = session_config(scene, {40, 0, 0, 0}, std::make_shared<ExecutedLog>());
-  config.make_method = [times] { return std::make_unique<WrongLedger>(times); };
+  config.make_method = [times] { return std::make_unique<WrongAccount>(times); };
   // A scale at which the well is worth more than E₀, as one is planned for soft samples.
   config.station.scaling.force *= 8;
   config.station.allow_unsafe_scaling = true;
@@ -209,7 +209,7 @@ double clamped_share(double times) {
   return clamped / felt;
 }
 
-TEST(TwinMutants, ALedgerThatDoesNotKnowTheWellCutsTheAdhesion) {
+TEST(TwinMutants, AnAccountThatDoesNotKnowTheWellCutsTheAdhesion) {
   const double right = clamped_share(1), none = clamped_share(0), wrong_sign = clamped_share(-1);
   std::printf("clamped share: right %.3g, no credit %.3g, wrong sign %.3g\n", right, none, wrong_sign);
   EXPECT_LT(right, 0.01);

@@ -1,5 +1,5 @@
 // What a hand can take with a twin: whatever it does, whatever scales the operator chooses meanwhile,
-// whatever server, restarts and scene say. Whole sessions in virtual time. The oracle is the hand's own book,
+// whatever server, restarts and scene say. Whole sessions in virtual time. The oracle is the hand's own account,
 // of true positions and of the forces that really acted; promised is E₀ and the sample's well, once.
 #include <gtest/gtest.h>
 
@@ -129,7 +129,7 @@ std::string text_of(const Attack& a) {
 }
 
 struct Taken {
-  double most_j = 0;  ///< by the hand's own book
+  double most_j = 0;  ///< by the hand's own account
   double well_j = 0;  ///< of the scene itself, at the dearest scale that was used; at most what is believed
   double most_n = 0;  ///< force on the hand
   std::int64_t by_twin = 0;  ///< engaged ticks that the twin rendered
@@ -154,7 +154,7 @@ Taken attack(const Attack& a) {
   std::int64_t turned = 0;
   int cycles = 0;
   const auto wait = static_cast<std::int64_t>(150 + 2 * a.rtt_ms);
-  const auto hand = std::make_shared<DrivenHand>(BookedHandConfig{}, [&](const auto& view) {
+  const auto hand = std::make_shared<DrivenHand>(AccountedHandConfig{}, [&](const auto& view) {
     const double goal_nm = down ? -deep_nm : above_nm;
     const double left_nm = goal_nm - target_nm;
     if (std::fabs(left_nm) > 0.3) turned = view.tick;
@@ -231,7 +231,7 @@ Taken attack(const Attack& a) {
     EXPECT_TRUE(std::isfinite(row.hand_force_applied_h_n[2]));
   }
   EXPECT_FALSE(hand->too_fast());
-  taken.most_j = hand->book().most_extracted_j();
+  taken.most_j = hand->account().most_extracted_j();
   taken.partings = session.station().twin()->partings();
   taken.snapshots = session.station().twin()->snapshots();
   taken.end = session.station().twin()->state();
@@ -360,7 +360,7 @@ TEST(TwinSafety, AHostileScenesWellIsCapped) {
   EXPECT_GT(taken.by_twin, 1000);
 }
 
-/// The method `twin` with its ledger's credit made wrong.
+/// The method `twin` with its account's credit made wrong.
 class WrongCredit final : public ChangedNewsMethod {
  public:
   enum class How { kRight, kAgainAtEachSession };

@@ -78,20 +78,20 @@ TEST(PacedLoad, TellsSecondsApartAndWhenAnAnswerWasDue) {
   EXPECT_EQ(times.due_of_ns(8'249'999, 1), 7'250'000);
   EXPECT_EQ(times.due_of_ns(8'250'000, 1), 8'250'000);
 
-  PacedLedger ledger(options);
-  ledger.begin(times);
-  ledger.answered(0, 4'999'999, 6'000'000);  // sent before
+  PacedRecord account(options);
+  account.begin(times);
+  account.answered(0, 4'999'999, 6'000'000);  // sent before
   for (int second = 0; second < 3; ++second) {
     for (int k = 0; k < 100; ++k) {
       const std::int64_t sent_ns = times.due_ns(1000 * second + k, 0);
-      ledger.sent(1, 0);
-      ledger.answered(0, sent_ns, sent_ns + (second == 1 ? 2'000'000 : 100'000));
+      account.sent(1, 0);
+      account.answered(0, sent_ns, sent_ns + (second == 1 ? 2'000'000 : 100'000));
     }
   }
-  ledger.left_out(100);
-  ledger.sent(100, 0);
-  ledger.answered(0, times.due_ns(3000, 0), times.due_ns(3000, 0) + 1);  // ends the third second
-  const PacedResult r = ledger.result(times.due_ns(3000, 0), 1'500'000'000);
+  account.left_out(100);
+  account.sent(100, 0);
+  account.answered(0, times.due_ns(3000, 0), times.due_ns(3000, 0) + 1);  // ends the third second
+  const PacedResult r = account.result(times.due_ns(3000, 0), 1'500'000'000);
   EXPECT_EQ(r.replies, 301u);
   EXPECT_EQ(r.seconds, 3u);
   EXPECT_EQ(r.seconds_that_hold, 2u);

@@ -87,7 +87,7 @@ PacedResult run_paced(const PacedOptions& o) {
     Group& group = *groups[i % groups.size()];
     open(group, server, group.stations.emplace_back(), i + 1, o.rate_hz);
   }
-  PacedLedger ledger(o);
+  PacedRecord account(o);
   Buffer buffer;
   net::Received received;
   // What came since the last look; the kernel knows when.
@@ -100,8 +100,8 @@ PacedResult run_paced(const PacedOptions& o) {
       const Station* const station =
           taken_by(group, {buffer.data(), std::min(received.size, buffer.size())}, came_ns);
       if (station != nullptr)
-        ledger.answered(index, static_cast<std::int64_t>(station->session->reply().command_send_time_ns),
-                        came_ns);
+        account.answered(index, static_cast<std::int64_t>(station->session->reply().command_send_time_ns),
+                         came_ns);
     }
     return any;
   };
@@ -115,7 +115,7 @@ PacedResult run_paced(const PacedOptions& o) {
     group.wire.flush();
     return group.stations.size();
   };
-  return run_at_times(o, groups.size(), ledger, take, send, [&] { return served.cpu_ns(); });
+  return run_at_times(o, groups.size(), account, take, send, [&] { return served.cpu_ns(); });
 }
 
 }  // namespace telenano::studies

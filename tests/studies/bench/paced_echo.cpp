@@ -39,7 +39,7 @@ PacedResult run_paced_echo(const PacedOptions& o) {
   const net::Address server = net::parse_address("127.0.0.1:" + std::to_string(socket.port()), "bench");
   std::vector<std::unique_ptr<Group>> groups(o.groups());
   for (auto& group : groups) group = std::make_unique<Group>(server, o.together);
-  PacedLedger ledger(o);
+  PacedRecord account(o);
   std::array<std::uint8_t, 512> buffer{};
   net::Received received;
   const auto take = [&](std::size_t index) {
@@ -48,7 +48,7 @@ PacedResult run_paced_echo(const PacedOptions& o) {
       any = true;
       std::int64_t sent_ns = 0;
       std::memcpy(&sent_ns, buffer.data(), sizeof sent_ns);
-      ledger.answered(index, sent_ns, clock_ns(CLOCK_MONOTONIC) - received.age_ns);
+      account.answered(index, sent_ns, clock_ns(CLOCK_MONOTONIC) - received.age_ns);
     }
     return any;
   };
@@ -59,7 +59,7 @@ PacedResult run_paced_echo(const PacedOptions& o) {
     groups[index]->wire.flush();
     return here;
   };
-  return run_at_times(o, groups.size(), ledger, take, send, [&] { return echo.cpu_ns(); });
+  return run_at_times(o, groups.size(), account, take, send, [&] { return echo.cpu_ns(); });
 }
 
 }  // namespace telenano::studies

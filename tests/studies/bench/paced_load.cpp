@@ -15,28 +15,28 @@ double us(std::int64_t ns) noexcept {
 
 }  // namespace
 
-PacedLedger::PacedLedger(const PacedOptions& options) : times_(options, 1, 0) {
+PacedRecord::PacedRecord(const PacedOptions& options) : times_(options, 1, 0) {
   p99_of_seconds_us_.reserve(static_cast<std::size_t>(options.seconds) + 2);
 }
 
-void PacedLedger::begin(const PacedTimes& times) noexcept {
+void PacedRecord::begin(const PacedTimes& times) noexcept {
   times_ = times;
   second_ends_ns_ = times.start_ns() + kSecondNs;
 }
 
-void PacedLedger::sent(std::size_t commands, std::int64_t late_ns) noexcept {
+void PacedRecord::sent(std::size_t commands, std::int64_t late_ns) noexcept {
   commands_ += commands;
   late_.add(late_ns);
 }
 
-void PacedLedger::end_second() noexcept {
+void PacedRecord::end_second() noexcept {
   if (p99_of_seconds_us_.size() < p99_of_seconds_us_.capacity())
     p99_of_seconds_us_.push_back(us(of_this_second_.percentile_ns(0.99)));
   of_this_second_ = {};
   second_ends_ns_ += kSecondNs;
 }
 
-void PacedLedger::answered(std::size_t group, std::int64_t sent_ns, std::int64_t came_ns) noexcept {
+void PacedRecord::answered(std::size_t group, std::int64_t sent_ns, std::int64_t came_ns) noexcept {
   if (sent_ns < times_.start_ns()) return;
   service_.add(came_ns - sent_ns);
   since_due_.add(came_ns - times_.due_of_ns(sent_ns, group));
@@ -44,7 +44,7 @@ void PacedLedger::answered(std::size_t group, std::int64_t sent_ns, std::int64_t
   of_this_second_.add(came_ns - sent_ns);
 }
 
-PacedResult PacedLedger::result(std::int64_t end_ns, std::int64_t server_cpu_ns) const {
+PacedResult PacedRecord::result(std::int64_t end_ns, std::int64_t server_cpu_ns) const {
   const auto duration_ns = static_cast<double>(end_ns - times_.start_ns());
   PacedResult r;
   r.commands = commands_;

@@ -34,9 +34,9 @@ class PacedTimes {
 };
 
 /// What was sent and answered, as a whole and second by second.
-class PacedLedger {
+class PacedRecord {
  public:
-  explicit PacedLedger(const PacedOptions& options);
+  explicit PacedRecord(const PacedOptions& options);
 
   void begin(const PacedTimes& times) noexcept;
   void sent(std::size_t commands, std::int64_t late_ns) noexcept;
@@ -59,7 +59,7 @@ class PacedLedger {
 /// anything did, `send(group, now_ns)` sends its commands and returns how many. `server_cpu_ns()`: what the
 /// server's thread has spent so far.
 template <class Take, class Send, class CpuNs>
-PacedResult run_at_times(const PacedOptions& options, std::size_t groups, PacedLedger& ledger, Take take,
+PacedResult run_at_times(const PacedOptions& options, std::size_t groups, PacedRecord& account, Take take,
                          Send send, CpuNs server_cpu_ns) {
   constexpr std::int64_t kFirstNs = 1'000'000;
   constexpr std::int64_t kLastAnswersNs = 200'000'000;
@@ -67,7 +67,7 @@ PacedResult run_at_times(const PacedOptions& options, std::size_t groups, PacedL
   const auto ticks = static_cast<std::int64_t>(options.seconds * options.rate_hz);
   const std::int64_t cpu_before_ns = server_cpu_ns();
   const PacedTimes times(options, groups, now() + kFirstNs);
-  ledger.begin(times);
+  account.begin(times);
   for (std::int64_t tick = 0; tick < ticks; ++tick) {
     for (std::size_t group = 0; group < groups; ++group) {
       take(group);
@@ -75,10 +75,10 @@ PacedResult run_at_times(const PacedOptions& options, std::size_t groups, PacedL
       std::int64_t now_ns = now();
       while (now_ns < due_ns) now_ns = now();
       if (now_ns >= due_ns + times.period_ns()) {
-        ledger.left_out(options.in_group(group, groups));
+        account.left_out(options.in_group(group, groups));
         continue;
       }
-      ledger.sent(send(group, now_ns), now_ns - due_ns);
+      account.sent(send(group, now_ns), now_ns - due_ns);
     }
   }
   const std::int64_t end_ns = now();
@@ -88,7 +88,7 @@ PacedResult run_at_times(const PacedOptions& options, std::size_t groups, PacedL
     for (std::size_t group = 0; group < groups; ++group) any |= take(group);
     if (!any && now() > end_ns + kLastAnswersNs / 4) break;
   }
-  return ledger.result(end_ns, cpu_ns);
+  return account.result(end_ns, cpu_ns);
 }
 
 }  // namespace telenano::studies

@@ -108,7 +108,7 @@ TEST(FeltMetrics, AForceThatComesAfterTheContactCounts) {
 TouchOutcome on_a_wall(control::Method method, double rtt_ms) {
   constexpr double kStartM = 0.005;  // a millimetre is a nanometre
   TouchRun run;
-  support::BookedHandConfig hand;
+  support::AccountedHandConfig hand;
   const auto place_m = [](double tick) {
     return -kStartM - kAmplitudeM * (1 + std::sin(angle(tick))) - 1e-3;
   };

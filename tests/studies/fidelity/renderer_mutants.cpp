@@ -29,7 +29,7 @@ class LocalSample final : public StationMethod {
     scaling_ = config.scaling;
   }
   void begin_session(bool) noexcept override {}
-  void book(const PortInterval&) noexcept override {}
+  void account_for(const PortInterval&) noexcept override {}
   void on_reply(const SlaveNews&) noexcept override {}
   Vec3 force_h_n(const RenderPoint& at) noexcept override {
     slave::SlaveInput input;
@@ -37,7 +37,7 @@ class LocalSample final : public StationMethod {
     sample_->step(input, at.dt_s, output_);
     return scaling_.hand_force_n(output_.force_w_nn);
   }
-  double ledger_j() const noexcept override { return 0; }
+  double account_j() const noexcept override { return 0; }
 
  private:
   control::Scaling scaling_;
@@ -54,7 +54,7 @@ class FirstPlane final : public StationMethod {
     scaling_ = config.scaling;
   }
   void begin_session(bool) noexcept override {}
-  void book(const PortInterval&) noexcept override {}
+  void account_for(const PortInterval&) noexcept override {}
   void on_reply(const SlaveNews&) noexcept override {}
   Vec3 force_h_n(const RenderPoint& at) noexcept override {
     if (output_.contact_state != link::ContactState::kContact) {
@@ -75,7 +75,7 @@ class FirstPlane final : public StationMethod {
     }
     return scaling_.hand_force_n(plane_.force_w_nn(at.target_w_nm, at.command, 1e30, 1e30));
   }
-  double ledger_j() const noexcept override { return 0; }
+  double account_j() const noexcept override { return 0; }
 
  private:
   control::Scaling scaling_;
@@ -89,11 +89,11 @@ class Wrong final : public StationMethod {
  public:
   Wrong(WrongRenderer wrong, std::unique_ptr<StationMethod> right, double ground_w_nm)
       : wrong_(wrong), right_(std::move(right)), ground_w_nm_(ground_w_nm) {}
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& pos) noexcept override {
-    right_->take_over(ledger_j, config, pos);
+  void take_over(double account_j, const MethodConfig& config, const Vec3& pos) noexcept override {
+    right_->take_over(account_j, config, pos);
   }
   void begin_session(bool new_epoch) noexcept override { right_->begin_session(new_epoch); }
-  void book(const PortInterval& interval) noexcept override { right_->book(interval); }
+  void account_for(const PortInterval& interval) noexcept override { right_->account_for(interval); }
   void on_reply(const SlaveNews& news) noexcept override {
     SlaveNews told = news;
     if (wrong_ == WrongRenderer::kFirstModel) {
@@ -136,7 +136,7 @@ class Wrong final : public StationMethod {
   Vec3 damper_force_h_n() const noexcept override { return right_->damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return right_->damper_n_s_m(); }
   double force_bound_n() const noexcept override { return right_->force_bound_n(); }
-  double ledger_j() const noexcept override { return right_->ledger_j(); }
+  double account_j() const noexcept override { return right_->account_j(); }
   void fill_command(control::SlaveOrder& order) const noexcept override { right_->fill_command(order); }
 
  private:

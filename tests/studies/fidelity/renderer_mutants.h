@@ -32,12 +32,12 @@ inline constexpr std::array<WrongRenderer, 10> kWrongRenderers = {
     WrongRenderer::kFirstModel, WrongRenderer::kReversed};
 std::string_view wrong_renderer_name(WrongRenderer wrong) noexcept;
 
-/// A method that steps `sample` itself at each tick's command, wrong as it is told to be: no delay, no book,
+/// A method that steps `sample` itself at each tick's command, wrong as it is told to be: no delay, no account,
 /// no clamp.
 std::unique_ptr<control::StationMethod> local_sample(WrongRenderer wrong, const control::Scaling& scaling,
                                                      std::unique_ptr<slave::Slave> sample);
 
-/// The product's `model`, whose book and clamp hold, with what it shows made wrong likewise. `ground_w_nm`:
+/// The product's `model`, whose account and clamp hold, with what it shows made wrong likewise. `ground_w_nm`:
 /// height of the surface.
 std::unique_ptr<control::StationMethod> wrong_model(WrongRenderer wrong, double ground_w_nm);
 

@@ -174,7 +174,7 @@ TEST(Ks16, HardSampleTakesMoreForceForLessDepth) {
   // newton. The hand pulls away while it lets go, so the last sample before may miss some of it: 3 %.
   EXPECT_NEAR(hard.pull_off_n, 41.4015 / 50, 0.03 * 41.4015 / 50);
   EXPECT_NEAR(soft.pull_off_n, 21.7946 / 50, 0.03 * 21.7946 / 50);
-  // A loop dissipates; the energy book of the port says so.
+  // A loop dissipates; the energy account of the port says so.
   EXPECT_GT(hard.hand_work_mj, 0);
   EXPECT_GT(soft.hand_work_mj, 0);
 }

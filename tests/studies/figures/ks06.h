@@ -21,7 +21,7 @@ struct ForceDistance {
   double snap_in_nm = 0;         ///< where the tip jumps in; NaN if it goes in without a jump
   double snap_in_nn = 0;         ///< by how much the force then changes
   double before_snap_in_nn = 0;  ///< the force up to which the cantilever held it
-  double dissipated_aj = 0;      ///< in all jumps, by the law's own books
+  double dissipated_aj = 0;      ///< in all jumps, by the law's own accounts
   double pull_off_nn = 0;        ///< the greatest attraction on the way out
   double let_go_nm = 0;          ///< where it ends
   double loop_aj = 0;            ///< work of a closed loop: area between the two

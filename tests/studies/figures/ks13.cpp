@@ -250,7 +250,7 @@ Figure draw_ks14(const FigureFolder& folder) {
                              11 * own.force_scale / kHardContactForceScale, rest(own.without), rest(own.with))
                : std::string()) +
           "What KS report, a hand brought to rest, is what the default does; their controller as printed "
-          "books its "
+          "counts its "
           "damper twice and has no cap on it. The pull before and after the hold is the sample's adhesion, "
           "cut by "
           "the force limit.",

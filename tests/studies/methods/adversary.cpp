@@ -17,7 +17,7 @@
 namespace telenano::studies {
 namespace {
 
-using support::BookedHand;
+using support::AccountedHand;
 using support::DrivenHand;
 
 constexpr double kTip_n_m = 50;
@@ -31,7 +31,7 @@ std::int64_t nanoseconds(double seconds) {
 }
 
 support::VirtualSessionConfig session_config(const AttackConfig& config,
-                                             const std::shared_ptr<BookedHand>& hand,
+                                             const std::shared_ptr<AccountedHand>& hand,
                                              const std::shared_ptr<support::WallWatch>& watch) {
   support::VirtualSessionConfig session;
   support::WallSlaveConfig wall;
@@ -61,13 +61,13 @@ support::VirtualSessionConfig session_config(const AttackConfig& config,
 }
 
 template <class Policy>
-std::shared_ptr<BookedHand> driven(const AttackConfig& config, Policy policy) {
+std::shared_ptr<AccountedHand> driven(const AttackConfig& config, Policy policy) {
   return std::make_shared<DrivenHand>(config.hand, std::move(policy),
                                       static_cast<std::size_t>(config.ticks()));
 }
 
 // Amplitude a about the wall, frequency b.
-std::shared_ptr<BookedHand> make_sine(const AttackConfig& config, double a_m, double hz) {
+std::shared_ptr<AccountedHand> make_sine(const AttackConfig& config, double a_m, double hz) {
   return driven(config, [=, T = config.hand.period_s, wall = -config.clearance_m](const auto& view) {
     const double phase = hz * T * static_cast<double>(view.tick);
     return wall - 0.3 * a_m + a_m * det_sin_cos(2 * kPi * (phase - std::floor(phase))).sin;
@@ -75,7 +75,7 @@ std::shared_ptr<BookedHand> make_sine(const AttackConfig& config, double a_m, do
 }
 
 // In and out as fast as allowed: depth a, half period b.
-std::shared_ptr<BookedHand> make_square(const AttackConfig& config, double depth_m, double half_s) {
+std::shared_ptr<AccountedHand> make_square(const AttackConfig& config, double depth_m, double half_s) {
   return driven(config, [=, T = config.hand.period_s, wall = -config.clearance_m](const auto& view) {
     const auto half = static_cast<std::int64_t>(std::max(1.0, std::round(half_s / T)));
     return view.tick / half % 2 == 0 ? wall - depth_m : wall + 0.002;
@@ -83,7 +83,7 @@ std::shared_ptr<BookedHand> make_square(const AttackConfig& config, double depth
 }
 
 // Turns at random: range a about the wall, b turns a second.
-std::shared_ptr<BookedHand> make_telegraph(const AttackConfig& config, double range_m, double rate_hz) {
+std::shared_ptr<AccountedHand> make_telegraph(const AttackConfig& config, double range_m, double rate_hz) {
   return driven(config, [=, T = config.hand.period_s, wall = -config.clearance_m,
                          random = Random(config.seed + 77), down = true](const auto& view) mutable {
     if (random.chance(rate_hz * T)) down = !down;
@@ -95,7 +95,7 @@ std::shared_ptr<BookedHand> make_telegraph(const AttackConfig& config, double ra
 
 // Goes against the force at speed a until there is one; then with it, as fast as allowed, after having gone
 // on against it for b seconds. Where there is nothing to be felt below, it comes up again.
-std::shared_ptr<BookedHand> make_greedy(const AttackConfig& config, double in_m_s, double patience_s) {
+std::shared_ptr<AccountedHand> make_greedy(const AttackConfig& config, double in_m_s, double patience_s) {
   return driven(config, [=, T = config.hand.period_s, wait_s = 0.1 + 1.5 * config.rtt_s, felt_s = 0.0,
                          low_s = 0.0, up = false](const auto& view) mutable {
     const double in_m = std::max(kLowestM, view.pos_m - in_m_s * T);
@@ -113,7 +113,7 @@ std::shared_ptr<BookedHand> make_greedy(const AttackConfig& config, double in_m_
 }
 
 // A passive device and hand: arm's mass a, resonance b of device against arm.
-std::shared_ptr<BookedHand> make_mass_spring(const AttackConfig& config, double arm_kg, double hz) {
+std::shared_ptr<AccountedHand> make_mass_spring(const AttackConfig& config, double arm_kg, double hz) {
   support::MassSpringConfig hand;
   hand.port = config.hand;
   hand.arm_mass_kg = arm_kg;
@@ -191,7 +191,7 @@ bool balances_both_ports(control::Method method) noexcept {
   return method == control::Method::kTank;
 }
 
-AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<BookedHand>& hand) {
+AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<AccountedHand>& hand) {
   const auto watch = std::make_shared<support::WallWatch>();
   support::VirtualSession session(session_config(config, hand, watch));
   const control::Scaling scaling = session.station().config().scaling;
@@ -211,7 +211,7 @@ AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<BookedHan
     outcome.limits_kept = outcome.limits_kept && limits.kept(row);
     outcome.quantum_bound_j = row.energy_bound_j;
     if (!hand->too_fast()) {
-      const double both_j = hand->book().extracted_j() + scaling.hand_energy_j(watch->taken_in_aj);
+      const double both_j = hand->account().extracted_j() + scaling.hand_energy_j(watch->taken_in_aj);
       outcome.generated_j = std::max(outcome.generated_j, both_j);
     }
     if (config.channel == Channel::kSpite) {
@@ -226,8 +226,8 @@ AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<BookedHan
       bursts.step(session.link().path_b_to_a(), random);
     }
   }
-  outcome.extracted_j = hand->book().most_extracted_j();
-  outcome.given_j = hand->book().most_given_j();
+  outcome.extracted_j = hand->account().most_extracted_j();
+  outcome.given_j = hand->account().most_given_j();
   outcome.too_fast = hand->too_fast();
   return outcome;
 }

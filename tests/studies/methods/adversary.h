@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "telenano/common/control/method.h"
-#include "tests/support/booked_hand.h"
+#include "tests/support/accounted_hand.h"
 
 namespace telenano::studies {
 
@@ -36,7 +36,7 @@ struct AttackConfig {
   double seconds = 3;           ///< of the attack, six round trips besides
   double restart_mean_s = 0.8;  ///< between restarts, and ten round trips besides: a handshake takes some
   double allowance_j = 0.010;   ///< E₀ of each side
-  support::BookedHandConfig hand{};
+  support::AccountedHandConfig hand{};
   std::uint64_t seed = 1;
 
   std::int64_t ticks() const;
@@ -46,19 +46,19 @@ struct AttackOutcome {
   double extracted_j = 0;      ///< most ever, beyond the device's certain loss
   double given_j = 0;          ///< most ever that the port had given, net
   double generated_j = 0;      ///< most ever that hand and wall together had got: made between them
-  double quantum_bound_j = 0;  ///< Q, what the encoder may hide from any book; 0 without a quantum
+  double quantum_bound_j = 0;  ///< Q, what the encoder may hide from any account; 0 without a quantum
   bool stopped = false;        ///< the station latched a stop
   bool limits_kept = true;     ///< force finite, within the force limit and its slew; energy sums never fall
   bool too_fast = false;       ///< the hand was faster than v_max: what came afterwards does not count
   std::int64_t steps = 0;
 };
 
-AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<support::BookedHand>& hand);
+AttackOutcome attack(const AttackConfig& config, const std::shared_ptr<support::AccountedHand>& hand);
 
 /// A hand by name, made anew for every attack.
 struct NamedHand {
   std::string name;
-  std::shared_ptr<support::BookedHand> (*make)(const AttackConfig&, double a, double b);
+  std::shared_ptr<support::AccountedHand> (*make)(const AttackConfig&, double a, double b);
   double a = 0;
   double b = 0;
 };

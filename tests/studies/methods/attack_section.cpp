@@ -74,7 +74,7 @@ std::string attack_csv(const std::vector<WorstAttack>& attacks) {
 std::vector<const WorstAttack*> broken_promises(const std::vector<WorstAttack>& attacks) {
   std::vector<const WorstAttack*> broken;
   for (const WorstAttack& a : attacks) {
-    // Rounding: the books' terms are of some millijoules, 1e7 of them sum to below 1e-12 J of error.
+    // Rounding: the accounts' terms are of some millijoules, 1e7 of them sum to below 1e-12 J of error.
     if (control::claims_energy_bound(a.config.method) &&
         a.outcome.extracted_j > promised_bound_j(a.config) + 1e-12)
       broken.push_back(&a);

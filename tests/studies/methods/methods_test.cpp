@@ -29,10 +29,10 @@ using control::Method;
 // A sampled spring K that is moved by x = A sin ωt gives away ½KΔx² a step: over N steps and whole periods
 // ½KA²·N(1 − cos ωT), here 39.5 mJ; with the force of the other end of the interval it would seem to take as
 // much.
-TEST(PortBook, ASampledSpringGivesAwayWhatTheClosedFormSays) {
+TEST(PortAccount, ASampledSpringGivesAwayWhatTheClosedFormSays) {
   constexpr double kK = 1000, kA = 0.010, kHz = 2, kT = 1e-3;
   constexpr int kSteps = 10'000;
-  support::PortBook right(0, kT), wrong(0, kT);
+  support::PortAccount right(0, kT), wrong(0, kT);
   const auto at = [&](int k) { return kA * std::sin(2 * M_PI * kHz * kT * k); };
   for (int k = 1; k <= kSteps; ++k) {
     right.add(-kK * at(k - 1), at(k) - at(k - 1));
@@ -45,19 +45,20 @@ TEST(PortBook, ASampledSpringGivesAwayWhatTheClosedFormSays) {
   EXPECT_NEAR(wrong.given_j(), -expected_j, 1e-11);
 }
 
-TEST(PortBook, TheDevicesCertainLossIsNotBlamedOnThePort) {
+TEST(PortAccount, TheDevicesCertainLossIsNotBlamedOnThePort) {
   constexpr double kB = 2, kT = 1e-3, kV = 0.1;
-  support::PortBook book(kB, kT);
-  for (int k = 0; k < 1000; ++k) book.add(kB * kV, kV * kT);  // pushed at constant speed against its damping
-  EXPECT_NEAR(book.given_j(), kB * kV * kV, 1e-15);           // 1 s
-  EXPECT_NEAR(book.most_extracted_j(), 0, 1e-15);
-  for (int k = 0; k < 1000; ++k) book.add(-kB * kV, -kV * kT);
-  EXPECT_NEAR(book.most_extracted_j(), 0, 1e-15);
+  support::PortAccount account_for(kB, kT);
+  for (int k = 0; k < 1000; ++k)
+    account.add(kB * kV, kV * kT);                      // pushed at constant speed against its damping
+  EXPECT_NEAR(account.given_j(), kB * kV * kV, 1e-15);  // 1 s
+  EXPECT_NEAR(account.most_extracted_j(), 0, 1e-15);
+  for (int k = 0; k < 1000; ++k) account.add(-kB * kV, -kV * kT);
+  EXPECT_NEAR(account.most_extracted_j(), 0, 1e-15);
 }
 
 // At its port the position is held and the force varies: the work of a step is the integral of the force over
 // it, here by Simpson's rule on pieces that end at the surface, where the integrand is a line.
-TEST(WallSlave, ItsBookIsTheIntegralOfItsForce) {
+TEST(WallSlave, ItsAccountIsTheIntegralOfItsForce) {
   support::WallSlaveConfig config;
   config.stiffness_n_m = 30;
   config.force_max_nn = 1e9;
@@ -140,17 +141,17 @@ TEST(MassSpringHand, FollowsTheOracleAndConservesEnergy) {
       ASSERT_NEAR(hand.pos_m(), static_cast<double>(oracle.pos_m()), 1e-14) << hz << ' ' << k;
     }
     // What the port gave is stored or was lost in the device, by the oracle's own integrals; and what the
-    // book calls certain is no more than that.
+    // account calls certain is no more than that.
     const auto loss_j = static_cast<double>(oracle.device_loss_j);
-    EXPECT_NEAR(hand.book().given_j(), static_cast<double>(hand.stored_j()) + loss_j, 1e-13) << hz;
-    EXPECT_GT(hand.book().given_j(), 1e-4) << "something happened";
-    EXPECT_LE(hand.book().certain_loss_j(), loss_j * (1 + 1e-12)) << hz;
-    EXPECT_GT(hand.book().certain_loss_j(), 0.2 * loss_j) << "and not much less";
+    EXPECT_NEAR(hand.account().given_j(), static_cast<double>(hand.stored_j()) + loss_j, 1e-13) << hz;
+    EXPECT_GT(hand.account().given_j(), 1e-4) << "something happened";
+    EXPECT_LE(hand.account().certain_loss_j(), loss_j * (1 + 1e-12)) << hz;
+    EXPECT_GT(hand.account().certain_loss_j(), 0.2 * loss_j) << "and not much less";
   }
 }
 
 TEST(DrivenHand, IsNeverTooFastAndGoesWhereItIsSent) {
-  support::BookedHandConfig config;
+  support::AccountedHandConfig config;
   support::DrivenHand hand(config, [](const auto& view) { return view.tick < 100 ? 1.0 : 0.001; });
   hand.advance(1'000'000);
   EXPECT_EQ(hand.pos_m(), 0) << "it has not been started";
@@ -196,7 +197,7 @@ TEST(ShownStiffness, WithoutDelayTheHandRestsWhereTheSpringsSay) {
   }
 }
 
-TEST(ShownStiffness, TheBookOfThePressesIsWhatTheClampPromises) {
+TEST(ShownStiffness, TheAccountOfThePressesIsWhatTheClampPromises) {
   for (const double rtt_s : {0.0, 0.05, 0.5}) {
     PressConfig config;
     config.rtt_s = rtt_s;
@@ -317,7 +318,7 @@ TEST(Adversary, NoHandBreaksAPromise) {
   RecordProperty("steps", std::to_string(steps));
 }
 
-// A restarted server is another slave with a new book: what the hand has got out stays got out, however
+// A restarted server is another slave with a new account: what the hand has got out stays got out, however
 // often. Each of these hands takes the whole allowance between two restarts if it is granted again.
 TEST(Adversary, RestartsGrantNothing) {
   for (const Method method : control::kAllMethods) {
@@ -345,7 +346,7 @@ TEST(Adversary, RestartsGrantNothing) {
   }
 }
 
-// As above with an encoder of 10 µm: the book of the station is then wrong by up to Q, which it knows.
+// As above with an encoder of 10 µm: the account of the station is then wrong by up to Q, which it knows.
 TEST(Adversary, NoHandBreaksAPromiseBehindAnEncoder) {
   for (const Method method : control::kAllMethods) {
     if (!control::claims_energy_bound(method)) continue;
@@ -372,7 +373,7 @@ TEST(Adversary, NoHandBreaksAPromiseBehindAnEncoder) {
 }
 
 // Without delay this wall is passive for the device (K < 2b/(3T): b pays for what sampling leaks), so nothing
-// needs to be taken away, ever. A method that books the leak but not what pays for it lets the wall fade:
+// needs to be taken away, ever. A method that counts the leak but not what pays for it lets the wall fade:
 // here the leak is 3·½K Σ Δx² = 3.7 mJ a second, of which the capped damper gets 2.7 mJ back; the allowance
 // lasts for ten seconds.
 TEST(Adversary, APassiveWallDoesNotFade) {
@@ -422,7 +423,7 @@ TEST(Adversary, NoHandBreaksTheDefaultsPromiseOnRealSamples) {
         scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/" + name + ".toml");
     for (const double rtt_s : {0.0, 0.1, 0.5}) {
       for (const int hand : {0, 1, 2}) {
-        support::BookedHandConfig hand_config;
+        support::AccountedHandConfig hand_config;
         auto random = std::make_shared<Random>(17 + static_cast<std::uint64_t>(hand));
         const double wall_m = -0.04;  // the scenes start 40 nm above their ground
         double goal_m = wall_m;
@@ -457,7 +458,7 @@ TEST(Adversary, NoHandBreaksTheDefaultsPromiseOnRealSamples) {
         const double well_j =
             std::min(config.station.scaling.hand_energy_j(session.client().welcome().well_aj),
                      config.station.well_max_j);
-        EXPECT_LE(driven->book().most_extracted_j(), config.station.allowance_j + well_j + 1e-12)
+        EXPECT_LE(driven->account().most_extracted_j(), config.station.allowance_j + well_j + 1e-12)
             << name << ' ' << rtt_s << ' ' << hand;
         EXPECT_LE(most_tip_nn, scene->limits.force_max_nn) << name << ' ' << rtt_s << ' ' << hand;
         EXPECT_FALSE(driven->too_fast());

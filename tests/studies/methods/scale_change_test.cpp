@@ -41,7 +41,7 @@ struct Presses {
 };
 
 struct Taken {
-  double most_j = 0;      ///< by the hand's own book, ever, beyond the device's certain loss
+  double most_j = 0;      ///< by the hand's own account, ever, beyond the device's certain loss
   double deepest_nm = 0;  ///< that the tip got
   double most_n = 0;      ///< force on the hand
   int changes = 0;
@@ -63,7 +63,7 @@ Taken press_and_rescale(const Presses& p) {
   bool down = true;
   std::int64_t turned = 0;
   int cycles = 0;
-  support::BookedHandConfig hand_config;
+  support::AccountedHandConfig hand_config;
   hand_config.velocity_max_m_s = p.velocity_max_m_s;
   hand_config.device_damping_n_s_m = p.damping_n_s_m;
   // A tip that follows late is waited for, half a second and two round trips.
@@ -124,7 +124,7 @@ Taken press_and_rescale(const Presses& p) {
   }
   EXPECT_EQ(cycles, p.cycles) << text_of(p) << ": the hand never got through";
   EXPECT_FALSE(hand->too_fast());
-  taken.most_j = hand->book().most_extracted_j();
+  taken.most_j = hand->account().most_extracted_j();
   taken.deepest_nm = -lowest_nm;
   return taken;
 }
@@ -160,7 +160,7 @@ TEST(ScaleChange, GrantsNothing) {
   }
 }
 
-// Waves give nothing at one scale, and at two no more. (`tdpa` does: its books are right, but what its capped
+// Waves give nothing at one scale, and at two no more. (`tdpa` does: its accounts are right, but what its capped
 // damper cannot take back it lets out, as at one scale under a hostile hand.)
 TEST(ScaleChange, GivesWavesNothing) {
   for (const Sliders sliders : {Sliders::kPressLow, Sliders::kPressHigh, Sliders::kWalk}) {

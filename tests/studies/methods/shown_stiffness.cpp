@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "tests/support/port_book.h"
+#include "tests/support/port_account.h"
 #include "tests/support/virtual_session.h"
 #include "tests/support/wall_slave.h"
 
@@ -105,7 +105,7 @@ PressResult run_press(const PressConfig& config) {
   support::VirtualSession session(session_config(config, watch));
   PressResult result;
   result.config = config;
-  support::PortBook book(config.plant.device_damping_n_s_m, session.period_s());
+  support::PortAccount account_for(config.plant.device_damping_n_s_m, session.period_s());
   const double wall_z_m = -config.clearance_m;  // the hand is at 0 when the session starts
   const double force_scale_n_nn = session.station().config().scaling.force * 1e-9;
   double last_z_m = session.device().plant().pos_m().z();
@@ -121,8 +121,8 @@ PressResult run_press(const PressConfig& config) {
   session.run(std::llround((kAllS + 5) / session.period_s()), [&](const recording::Sample& row) {
     const double z_m = session.device().plant().pos_m().z();
     const double force_n = row.hand_force_applied_h_n[2];  // upwards, against going into the wall
-    book.add(force_n, static_cast<long double>(z_m) - last_z_m);
-    least_in_j = std::min(least_in_j, -book.given_j());
+    account.add(force_n, static_cast<long double>(z_m) - last_z_m);
+    least_in_j = std::min(least_in_j, -account.given_j());
     last_z_m = z_m;
     const double depth_m = wall_z_m - z_m;
     result.peak_force_n = std::max(result.peak_force_n, std::fabs(force_n));
@@ -173,7 +173,7 @@ PressResult run_press(const PressConfig& config) {
   result.over_force = force_scale_n_nn * watch->most_force_nn / rest_on_wall(config).force_n;
   result.sessions = session.client().sessions();
   result.least_energy_mj = 1e3 * least_in_j;
-  result.extracted_mj = 1e3 * book.most_extracted_j();
+  result.extracted_mj = 1e3 * account.most_extracted_j();
   result.force_error_rms_n = inside > 0 ? std::sqrt(error2 / static_cast<double>(inside)) : 0;
   result.duty = inside > 0 ? static_cast<double>(acted) / static_cast<double>(inside) : 0;
   return result;

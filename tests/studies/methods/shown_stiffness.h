@@ -43,7 +43,7 @@ struct PressResult {
   double peak_force_n = 0;  ///< on the hand
   double over_force = 0;    ///< peak force at the tip over that of the same hand pressing on the wall itself
   double least_energy_mj = 0;  ///< of what the hand has put in, net, on true positions; negative: it got more
-  double extracted_mj = 0;     ///< the same less the device's certain loss (support::PortBook)
+  double extracted_mj = 0;     ///< the same less the device's certain loss (support::PortAccount)
   double force_error_rms_n = 0;   ///< applied against the wall itself at the true position, while x > 0
   double duty = 0;                ///< part of the ticks with x > 0 in which damper or clamp acted
   double stopped_at_s = -1;       ///< the station latched a stop; negative: never

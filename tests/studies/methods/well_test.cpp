@@ -142,7 +142,7 @@ TEST(Well, AServerThatLiesInEverySumGetsItOnce) {
     for (const Lie lie : {Lie::kOutGrows, Lie::kOutAtOnce, Lie::kBothGrow, Lie::kNotFinite}) {
       for (const double well_aj : {0.0, 500.0, 1e12}) {
         for (const int restart_every : {0, 700}) {
-          support::BookedHandConfig hand_config;
+          support::AccountedHandConfig hand_config;
           hand_config.device_damping_n_s_m = 0;
           hand_config.velocity_max_m_s = 0.1;
           // To and fro, at each turn with the force: it takes what it is given.
@@ -171,8 +171,8 @@ TEST(Well, AServerThatLiesInEverySumGetsItOnce) {
                                    std::to_string(static_cast<int>(lie)) + ", well " +
                                    std::to_string(well_aj) + " aJ, " + std::to_string(restart_every);
           // Rounding of some thousand terms of a millijoule: far below 1e-12 J.
-          EXPECT_LE(hand->book().most_extracted_j(), promised_j + 1e-12) << what;
-          EXPECT_GT(hand->book().most_extracted_j(), 0.5 * config.station.allowance_j)
+          EXPECT_LE(hand->account().most_extracted_j(), promised_j + 1e-12) << what;
+          EXPECT_GT(hand->account().most_extracted_j(), 0.5 * config.station.allowance_j)
               << what << ": no teeth";
           EXPECT_FALSE(stopped || hand->too_fast()) << what;
         }

@@ -1,4 +1,4 @@
-// What one balance costs as the scene is asked for more, and how well its book of energy closes.
+// What one balance costs as the scene is asked for more, and how well its account of energy closes.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -251,12 +251,12 @@ Counted evaluate(const Case& one, double step_nm, const Effort& effort) {
                 {},
                 {}};
   Row& row = result.row;
-  // The book against the work of the free end by the trapezium rule.
+  // The account against the work of the free end by the trapezium rule.
   {
     const auto walker = one.make();
     const std::vector<Vec3> points = points_of(one.path, step_nm, *walker);
     TipSolution before = settle(*walker, points[0]);
-    double work = 0, through = 0, booked = 0, most = 0;
+    double work = 0, through = 0, counted = 0, most = 0;
     int failures = 0;
     for (std::size_t i = 1; i < points.size(); ++i) {
       const TipSolution s = walker->step(points[i]);
@@ -269,8 +269,8 @@ Counted evaluate(const Case& one, double step_nm, const Effort& effort) {
       const double dw = -0.5 * (before.force_w_nn + s.force_w_nn).dot(points[i] - points[i - 1]);
       work += dw;
       through += std::fabs(dw);
-      booked += stored_aj(s) - stored_aj(before) + s.dissipated_aj + s.friction_dissipated_aj;
-      most = std::max(most, std::fabs(booked - work));
+      counted += stored_aj(s) - stored_aj(before) + s.dissipated_aj + s.friction_dissipated_aj;
+      most = std::max(most, std::fabs(counted - work));
       before = s;
     }
     result.iterations /= static_cast<double>(points.size() - 1);
@@ -306,11 +306,11 @@ Section step_section(const Effort& effort, const FigureFolder& folder) {
   section.lead =
       "A silicon tip of 20 nm on polystyrene, held by 20 N/m in series with a lever of 40 N/m, there and "
       "back "
-      "along a path: the time of one balance as more is asked for, and how well the book closes. Error: "
-      "greatest difference between energy booked (stored and lost) and work of the free end by the "
+      "along a path: the time of one balance as more is asked for, and how well the account closes. Error: "
+      "greatest difference between energy counted (stored and lost) and work of the free end by the "
       "trapezium rule, of all work that went through the port. The rule is of second order, so that an "
       "error that falls sixteenfold from line point to line point is the rule's; one that stays is the "
-      "book's. A jump within a step costs the rule one order; it is in the path \"in and out\".";
+      "account's. A jump within a step costs the rule one order; it is in the path \"in and out\".";
   section.choice =
       "Default: van der Waals and Maugis–Dugdale by the direct method; all else only where a scene asks for "
       "it. "
@@ -334,7 +334,7 @@ Section step_section(const Effort& effort, const FigureFolder& folder) {
   }
   section.tables.push_back(table + "</tbody></table></div>\n");
   section.figures.push_back(work_precision_figure(
-      {"step", "Cost of a step, and what is left open in the book",
+      {"step", "Cost of a step, and what is left open in the account",
        "A line for each scene: steps of 1, 0.25 and 0.0625 nm. Flat without friction the balance is scalar; "
        "elsewhere it iterates (table below). The ring marks what the shipped scenes do, at 0.25 nm a step "
        "(250 nm/s at 1 kHz).",

@@ -14,7 +14,7 @@ namespace telenano::studies {
 using plot::kBlue;    // where: tip or hand; approach
 using plot::kGreen;   // force and energy at the tip
 using plot::kGrey;    // before control
-using plot::kInk;     // the ledger of the hand's port
+using plot::kInk;     // the account of the hand's port
 using plot::kPale;    // commanded
 using plot::kPurple;  // what control does
 using plot::kRed;     // force at the hand; retract

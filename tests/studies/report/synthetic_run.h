@@ -11,7 +11,7 @@ namespace telenano::studies {
 
 /// A made-up session with known answers, for the report's tests: one approach from 20 nm to -3 nm and back
 /// within `duration_s`, snap-in at 1 nm, a linear contact of 5 nN/nm with 12 nN of adhesion that lets go at
-/// +2 nm. With `shaken`, the hand force chatters in contact and the ledger falls. Round trips are lognormal
+/// +2 nm. With `shaken`, the hand force chatters in contact and the account falls. Round trips are lognormal
 /// about 80 us.
 struct SyntheticRun {
   double duration_s = 8;

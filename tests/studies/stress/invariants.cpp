@@ -7,13 +7,13 @@ namespace telenano::studies::stress {
 namespace {
 
 constexpr const char* kNames[kInvariants] = {"energy", "balance", "sums",    "force",   "slew",   "stale",
-                                             "leap",   "tip",     "finite",  "book",    "damper", "recover",
+                                             "leap",   "tip",     "finite",  "account", "damper", "recover",
                                              "repeat", "felt",    "lateral", "in-time", "pull",   "refusal"};
 
 /// Rounding: 1e6 terms of some millijoules in long double here and in double there: below 1e-12 J; the
 /// product's own compensated sum against ours: a thousand times that.
 constexpr double kRoundingJ = 1e-12;
-constexpr double kBookRoundingJ = 1e-9;
+constexpr double kAccountRoundingJ = 1e-9;
 
 Vec3 vec3(const recording::Xyz& v) {
   return {v[0], v[1], v[2]};
@@ -21,7 +21,7 @@ Vec3 vec3(const recording::Xyz& v) {
 
 bool all_finite(const recording::Sample& row) noexcept {
   const double values[] = {row.energy_j,       row.energy_in_j,        row.energy_out_j,
-                           row.energy_bound_j, row.ledger_j,           row.damper_n_s_m,
+                           row.energy_bound_j, row.account_j,          row.damper_n_s_m,
                            row.deflection_nm,  row.slave_energy_in_aj, row.slave_energy_out_aj};
   for (const double value : values) {
     if (!std::isfinite(value)) return false;
@@ -76,30 +76,30 @@ void InvariantWatch::look(const recording::Sample& row, const StressHand& hand, 
   const double norm_n = force_h_n.norm();
   if (!all_finite(row) || slave.non_finite) violate(kInvariantFinite, time_s);
 
-  // Energy. A closed book (a hand faster than v_max) does not grow any more.
+  // Energy. A closed account (a hand faster than v_max) does not grow any more.
   if (periods > 1) {
     const double overdraft_j = (periods - 1) * norm_n * limits_.velocity_max_m_s * limits_.period_s;
     late_j_ = std::max(late_j_, overdraft_j);
   }
   if (!hand.too_fast()) {
-    const TrueBook& book = hand.book();
+    const TrueAccount& account = hand.account();
     // A twin's sample gives before the server's slave has made the step: its well is the scene's, at any
     // time.
     const double well_j =
         std::isfinite(limits_.well_most_j) ? limits_.well_most_j : limits_.hand_j_per_aj * slave.well_aj;
     const double more_j =
-        book.quantum_bound_j() + late_j_ + kRoundingJ + (passes_on_the_well(limits_.method) ? well_j : 0);
+        account.quantum_bound_j() + late_j_ + kRoundingJ + (passes_on_the_well(limits_.method) ? well_j : 0);
     const double margin_j =
-        promised_extraction_j(limits_.method, limits_.allowance_j) + more_j - book.extracted_j();
+        promised_extraction_j(limits_.method, limits_.allowance_j) + more_j - account.extracted_j();
     least_margin_j_ = std::min(least_margin_j_, margin_j);
     if (margin_j < 0) violate(kInvariantEnergy, time_s);
-    const double generated_j = book.extracted_j() + limits_.hand_j_per_aj * slave.net_in_aj;
+    const double generated_j = account.extracted_j() + limits_.hand_j_per_aj * slave.net_in_aj;
     most_generated_j_ = std::max(most_generated_j_, generated_j);
     if (limits_.balance &&
-        generated_j > 2 * limits_.allowance_j + book.quantum_bound_j() + late_j_ + kRoundingJ)
+        generated_j > 2 * limits_.allowance_j + account.quantum_bound_j() + late_j_ + kRoundingJ)
       violate(kInvariantBalance, time_s);
-    if (std::fabs(row.energy_j + around.given_before_j) > around.q_before_j + kBookRoundingJ)
-      violate(kInvariantBook, time_s);
+    if (std::fabs(row.energy_j + around.given_before_j) > around.q_before_j + kAccountRoundingJ)
+      violate(kInvariantAccount, time_s);
   }
   if (row.energy_in_j < in_j_ || row.energy_out_j < out_j_ || slave.sums_fell)
     violate(kInvariantSums, time_s);

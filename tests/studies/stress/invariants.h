@@ -33,8 +33,8 @@ enum Invariant : std::uint32_t {
   kInvariantLeap = 1u << 6,    ///< back after such a silence: from no force one tick of the ramp at most
   kInvariantTip = 1u << 7,     ///< the slave's force within its own limit
   kInvariantFinite = 1u << 8,  ///< no NaN, no infinity
-  /// The product's observer says what the true book says, up to Q.
-  kInvariantBook = 1u << 9,
+  /// The product's observer says what the true account says, up to Q.
+  kInvariantAccount = 1u << 9,
   kInvariantDamper = 1u << 10,   ///< injected damping within γ ≤ b − KT/2 − |B|
   kInvariantRecover = 1u << 11,  ///< on an otherwise clean link a session is back in 3 s + 10 RTT
   kInvariantRepeat = 1u << 12,   ///< the same run again gives the same bits
@@ -84,7 +84,7 @@ class InvariantWatch {
 
   /// What of a tick is not in its row.
   struct Around {
-    double given_before_j = 0;  ///< by the true book, when the tick began
+    double given_before_j = 0;  ///< by the true account, when the tick began
     double q_before_j = 0;      ///< its Q then
     /// When the link accepted its newest reply (numbers begin anew with sessions).
     std::int64_t reply_ns = 0;

@@ -21,19 +21,19 @@ using control::StationMethod;
 class Around : public StationMethod {
  public:
   explicit Around(Method method) : methods_(method, MethodConfig{}) {}
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& pos) noexcept override {
+  void take_over(double account_j, const MethodConfig& config, const Vec3& pos) noexcept override {
     config_ = config;
     pos_ = pos;
-    right().take_over(ledger_j, config, pos);
+    right().take_over(account_j, config, pos);
   }
   void begin_session(bool new_epoch) noexcept override { right().begin_session(new_epoch); }
-  void book(const PortInterval& interval) noexcept override { right().book(interval); }
+  void account_for(const PortInterval& interval) noexcept override { right().account_for(interval); }
   void on_reply(const SlaveNews& news) noexcept override { right().on_reply(news); }
   Vec3 force_h_n(const RenderPoint& at) noexcept override { return right().force_h_n(at); }
   Vec3 damper_force_h_n() const noexcept override { return right().damper_force_h_n(); }
   double damper_n_s_m() const noexcept override { return right().damper_n_s_m(); }
   double force_bound_n() const noexcept override { return right().force_bound_n(); }
-  double ledger_j() const noexcept override { return right().ledger_j(); }
+  double account_j() const noexcept override { return right().account_j(); }
   void fill_command(SlaveOrder& order) const noexcept override { right().fill_command(order); }
 
  protected:
@@ -52,12 +52,12 @@ class Around : public StationMethod {
 class WrongIndex final : public Around {
  public:
   using Around::Around;
-  void book(const PortInterval& interval) noexcept override {
+  void account_for(const PortInterval& interval) noexcept override {
     // With the force that was committed at its end, the last interval's motion.
     PortInterval wrong = interval;
     wrong.put_in_j = -interval.applied_force_h_n.dot(last_m_);
     last_m_ = interval.displacement_h_m;
-    right().book(wrong);
+    right().account_for(wrong);
   }
 
  private:
@@ -67,20 +67,20 @@ class WrongIndex final : public Around {
 class CreditedDamping final : public Around {
  public:
   using Around::Around;
-  void book(const PortInterval& interval) noexcept override {
+  void account_for(const PortInterval& interval) noexcept override {
     PortInterval wrong = interval;
     wrong.put_in_j +=
         config().passivity.damping_certain_n_s_m * interval.displacement_h_m.squaredNorm() / interval.dt_s;
-    right().book(wrong);
+    right().account_for(wrong);
   }
 };
 
 class MissingEpoch final : public Around {
  public:
   using Around::Around;
-  void book(const PortInterval& interval) noexcept override {
+  void account_for(const PortInterval& interval) noexcept override {
     at(interval);
-    right().book(interval);
+    right().account_for(interval);
   }
   void begin_session(bool new_epoch) noexcept override {
     right().begin_session(new_epoch);
@@ -110,13 +110,13 @@ class HeldWave final : public Around {
 class UncappedDamper : public Around {
  public:
   using Around::Around;
-  void book(const PortInterval& interval) noexcept override {
-    right().book(interval);
+  void account_for(const PortInterval& interval) noexcept override {
+    right().account_for(interval);
     damper_n_s_m_ = 0;
     damper_h_n_.setZero();
     const double moved_m2 = interval.displacement_h_m.squaredNorm();
-    if (!(right().ledger_j() < 0) || !(moved_m2 > 1e-18)) return;
-    damper_n_s_m_ = -right().ledger_j() * interval.dt_s / moved_m2;
+    if (!(right().account_j() < 0) || !(moved_m2 > 1e-18)) return;
+    damper_n_s_m_ = -right().account_j() * interval.dt_s / moved_m2;
     damper_h_n_ = -damper_n_s_m_ / interval.dt_s * interval.displacement_h_m;
   }
   Vec3 damper_force_h_n() const noexcept override { return damper_h_n_; }
@@ -148,18 +148,18 @@ class DamperAfterClamp final : public UncappedDamper {
 class HalfVelocity final : public Around {
  public:
   using Around::Around;
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& pos) noexcept override {
+  void take_over(double account_j, const MethodConfig& config, const Vec3& pos) noexcept override {
     MethodConfig wrong = config;
     wrong.passivity.velocity_max_m_s *= 0.5;
-    Around::take_over(ledger_j, wrong, pos);
+    Around::take_over(account_j, wrong, pos);
   }
 };
 
 class FreeTank final : public Around {
  public:
   using Around::Around;
-  void book(const PortInterval& interval) noexcept override {
-    right().book(interval);
+  void account_for(const PortInterval& interval) noexcept override {
+    right().account_for(interval);
     sent_j_ += std::max(0.0, interval.put_in_j);
   }
   void fill_command(SlaveOrder& order) const noexcept override {
@@ -176,10 +176,10 @@ class WrongChange final : public Around {
  public:
   WrongChange(Method method, double granted_j, bool forgives)
       : Around(method), granted_j_(granted_j), forgives_(forgives) {}
-  void take_over(double ledger_j, const MethodConfig& config, const Vec3& pos) noexcept override {
-    if (begun_) ledger_j = granted_j_ + (forgives_ ? std::max(0.0, ledger_j) : ledger_j);
+  void take_over(double account_j, const MethodConfig& config, const Vec3& pos) noexcept override {
+    if (begun_) account_j = granted_j_ + (forgives_ ? std::max(0.0, account_j) : account_j);
     begun_ = true;
-    Around::take_over(ledger_j, config, pos);
+    Around::take_over(account_j, config, pos);
   }
 
  private:

@@ -14,7 +14,7 @@ namespace telenano::studies::stress {
 ///
 /// | name | what is wrong |
 /// |---|---|
-/// | wrong-index | books F(k)·v(k)·T, the force of the other end of the interval |
+/// | wrong-index | accounts F(k)·v(k)·T, the force of the other end of the interval |
 /// | credited-damping | what the device's damping takes is credited as if the hand had put it in |
 /// | missing-epoch | a new epoch forgets the deficit: each restart grants an allowance |
 /// | held-wave | a wave that did not come is the last one again |

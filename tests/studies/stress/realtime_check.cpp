@@ -97,7 +97,7 @@ class Press {
       m.hold_n = force_sum_ / held_;
       m.hold_mm = 1e3 * depth_sum_ / held_;
     }
-    m.extracted_mj = 1e3 * hand.book().most_extracted_j();
+    m.extracted_mj = 1e3 * hand.account().most_extracted_j();
     m.violated = invariants_.violated();
     return m;
   }
@@ -138,8 +138,8 @@ struct Setting {
 
 InvariantWatch::Around before(const StressHand& hand) {
   InvariantWatch::Around around;
-  around.given_before_j = hand.book().given_j();
-  around.q_before_j = hand.book().quantum_bound_j();
+  around.given_before_j = hand.account().given_j();
+  around.q_before_j = hand.account().quantum_bound_j();
   return around;
 }
 

@@ -272,8 +272,9 @@ Figure budget_figure(const Scenes& scenes, const FigureFolder& folder) {
       "budget", "Energy budget through a burst of loss, and through a server's death",
       "A passive arm (masses and springs without loss, 4 Hz) leans on the wall, four times the planned "
       "scaling, 50 ms round trip. "
-      "Above: what it has extracted (true book, the device's certain loss taken off); below zero it has put "
-      "in. Middle: what the method's own ledger says is owed, and the allowance, which it must not pass. "
+      "Above: what it has extracted (true account, the device's certain loss taken off); below zero it has "
+      "put "
+      "in. Middle: what the method's own account says is owed, and the allowance, which it must not pass. "
       "Below: the force. "
       "Without control the arm is thrown off at the first touch, and the station stops. "
       "Left: everything is lost for 150 ms, shaded. Right: the server dies as the tip touches and is back "
@@ -312,7 +313,7 @@ Figure budget_figure(const Scenes& scenes, const FigureFolder& folder) {
       for (std::size_t k = 0; k < trace.size(); ++k) {
         const TraceRow& row = trace[k];
         if (k % 4 == 0)
-          csv += fmt::format("{:.6g},{:.6g},{:.6g},{:.6g}\n", row.time_s, row.extracted_mj, -row.ledger_mj,
+          csv += fmt::format("{:.6g},{:.6g},{:.6g},{:.6g}\n", row.time_s, row.extracted_mj, -row.account_mj,
                              row.force_n);
         if (row.link_down && from_s < 0) from_s = row.time_s;
         if (row.link_down || from_s < 0) continue;

@@ -16,7 +16,7 @@ struct StressBenchOptions {
 ///
 /// A step is one tick of a session and all that is looked at: hand and device by this folder's integrator,
 /// station (observer, method, limits), command to bytes, link, bytes to command, server and slave, the reply
-/// back likewise, the true books and all invariants, figures and hash; for `press` (a task) besides the same
+/// back likewise, the true accounts and all invariants, figures and hash; for `press` (a task) besides the same
 /// sample felt locally, a second slave. Set-up and handshake of the run are in it.
 ///
 /// `steps_per_s`, millions on one core: the median over the rounds, cases taking turns; by the clock on the

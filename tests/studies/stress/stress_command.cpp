@@ -148,10 +148,10 @@ int replay(const Arguments& a) {
   const Outcome outcome = run(spec, scenes, extras);
   if (!a.trace.empty()) {
     std::ofstream out(a.trace);
-    out << "time_s,depth_mm,force_n,extracted_mj,ledger_mj,slave_mj,link_down\n";
+    out << "time_s,depth_mm,force_n,extracted_mj,account_mj,slave_mj,link_down\n";
     for (const TraceRow& row : trace)
       out << fmt::format("{},{},{},{},{},{},{}\n", row.time_s, row.depth_mm, row.force_n, row.extracted_mj,
-                         row.ledger_mj, row.slave_mj, row.link_down ? 1 : 0);
+                         row.account_mj, row.slave_mj, row.link_down ? 1 : 0);
     if (!out.flush()) throw UserError(a.trace + ": cannot be written");
   }
   std::printf("%s\n%s\n", table_columns().c_str(), to_csv({0, spec, outcome}).c_str());
@@ -228,7 +228,7 @@ void add_stress_command(CLI::App& app, int& exit_code) {
   CLI::App* command = app.add_subcommand(
       "stress",
       "What links, hands and failures of every kind do to a session, in virtual time; what must hold, "
-      "held against an independent book at every sample");
+      "held against an independent account at every sample");
   command->add_flag("--quick", a->quick, "some hundred short runs: a minute");
   command->add_flag("--full", a->full, "more than 20 000 runs of 10 s and more");
   command

@@ -3,7 +3,7 @@
 #include <memory>
 #include <vector>
 
-#include "tests/studies/stress/true_book.h"
+#include "tests/studies/stress/true_account.h"
 #include "tests/support/virtual_hand.h"
 
 namespace telenano::studies::stress {
@@ -24,14 +24,14 @@ class HandMotion {
   virtual Vec3 next(const Vec3& pos_h_m, const Vec3& force_h_n) noexcept = 0;
 };
 
-/// A device in a hand, with the book of its own port on true positions. With the first interval faster than
-/// v_max the book is closed, that interval left out: nothing is promised beyond.
+/// A device in a hand, with the account of its own port on true positions. With the first interval faster than
+/// v_max the account is closed, that interval left out: nothing is promised beyond.
 class StressHand final : public support::VirtualHand {
  public:
   StressHand(const HandConfig& config, std::unique_ptr<HandMotion> motion)
       : config_(config),
         motion_(std::move(motion)),
-        book_(config.damping_n_s_m, config.period_s, config.quantum_m) {
+        account_(config.damping_n_s_m, config.period_s, config.quantum_m) {
     info_.name = "stress hand";
     info_.force_max_n = config.force_max_n;
     info_.position_quantum_m = config.quantum_m;
@@ -64,7 +64,7 @@ class StressHand final : public support::VirtualHand {
     const Vec3 moved_m = next_h_m - pos_h_m_;
     pos_h_m_ = next_h_m;
     if (moved_m.norm() > config_.velocity_max_m_s * config_.period_s) too_fast_ = true;
-    if (!too_fast_) book_.add(applied_h_n_, moved_m);
+    if (!too_fast_) account_.add(applied_h_n_, moved_m);
     if (keeps_path_) path_m_.push_back(pos_h_m_.z());
   }
   void start_motion() noexcept override { started_ = true; }
@@ -74,7 +74,7 @@ class StressHand final : public support::VirtualHand {
     path_m_.reserve(ticks);
   }
   const std::vector<double>& path_m() const noexcept { return path_m_; }
-  const TrueBook& book() const noexcept { return book_; }
+  const TrueAccount& account() const noexcept { return account_; }
   const Vec3& pos_h_m() const noexcept { return pos_h_m_; }
   bool started() const noexcept { return started_; }
   bool too_fast() const noexcept { return too_fast_; }
@@ -83,7 +83,7 @@ class StressHand final : public support::VirtualHand {
   HandConfig config_;
   std::unique_ptr<HandMotion> motion_;
   device::DeviceInfo info_;
-  TrueBook book_;
+  TrueAccount account_;
   Vec3 pos_h_m_ = Vec3::Zero();
   Vec3 applied_h_n_ = Vec3::Zero();
   std::uint32_t held_ = 0;

@@ -177,7 +177,7 @@ void write_report(const ReportOptions& options, const std::vector<Row>& rows) {
       "in), <code>tank</code>, "
       "<code>wave</code> and the baselines pass on what it gives, at the scale of the run; that much more is "
       "then allowed to them, by the "
-      "slave's book (which has tests of its own); <code>ks-clamp</code> pays for every "
+      "slave's account (which has tests of its own); <code>ks-clamp</code> pays for every "
       "force from the hand's port and "
       "is allowed none of it. The rate is the upper bound of Clopper and Pearson: what so many independent "
       "runs would show at 95 %. The runs of a profile are a grid, chosen and not drawn, so it says how many "

@@ -239,8 +239,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     const int periods = faults.periods();
     if (hand->started()) acts.step(session.period_s() * static_cast<double>(moved));
     InvariantWatch::Around around;
-    around.given_before_j = hand->book().given_j();
-    around.q_before_j = hand->book().quantum_bound_j();
+    around.given_before_j = hand->account().given_j();
+    around.q_before_j = hand->account().quantum_bound_j();
     around.periods = periods;
     const recording::Sample& row = session.step(periods);
     acts.step_rival(periods);
@@ -284,17 +284,17 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
       low_m = std::min(low_m, hand->pos_h_m().z());
       high_m = std::max(high_m, hand->pos_h_m().z());
     }
-    if (hand->book().most_extracted_j() > most_j) {
-      most_j = hand->book().most_extracted_j();
+    if (hand->account().most_extracted_j() > most_j) {
+      most_j = hand->account().most_extracted_j();
       if (extras.most_extracted_at_s != nullptr) *extras.most_extracted_at_s = t_s;
     }
     if (extras.trace != nullptr)
       extras.trace->push_back({t_s, 1e3 * (ground.wall_m - hand->pos_h_m().z()), force_n,
-                               1e3 * hand->book().extracted_j(), 1e3 * row.ledger_j,
+                               1e3 * hand->account().extracted_j(), 1e3 * row.account_j,
                                1e3 * what.hand_j_per_aj * watch->net_in_aj, faults.down()});
     if (spec.hand == HandKind::kPath && t_s >= spec.seconds) break;
   }
-  const TrueBook& book = hand->book();
+  const TrueAccount& account = hand->account();
   if (const auto asked = felt_limits(spec)) {
     outcome.felt = local.felt(0.2 + 1.5e-3 * spec.rtt_ms);
     if (const std::uint32_t wrong = felt_violations(outcome.felt, *asked)) invariants.violate(wrong, now_s);
@@ -302,10 +302,10 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   outcome.violated = invariants.violated();
   outcome.violated_s = invariants.first_s();
   outcome.margin_mj = 1e3 * invariants.least_margin_j();
-  outcome.extracted_mj = 1e3 * book.most_extracted_j();
-  outcome.given_mj = 1e3 * book.most_given_j();
+  outcome.extracted_mj = 1e3 * account.most_extracted_j();
+  outcome.given_mj = 1e3 * account.most_given_j();
   outcome.generated_mj = 1e3 * invariants.most_generated_j();
-  outcome.quantum_mj = 1e3 * book.quantum_bound_j();
+  outcome.quantum_mj = 1e3 * account.quantum_bound_j();
   outcome.late_mj = 1e3 * invariants.late_j();
   outcome.force_step_n = done > 0 ? std::sqrt(steps2 / static_cast<double>(done)) : 0;
   outcome.force_error_n = local.rms_n();

@@ -51,7 +51,7 @@ struct Outcome {
 
 /// One tick, for traces.
 struct TraceRow {
-  double time_s = 0, depth_mm = 0, force_n = 0, extracted_mj = 0, ledger_mj = 0, slave_mj = 0;
+  double time_s = 0, depth_mm = 0, force_n = 0, extracted_mj = 0, account_mj = 0, slave_mj = 0;
   bool link_down = false;
 };
 

@@ -58,40 +58,40 @@ TEST(StressArm, FollowsTheOracleWithAMovingAim) {
 }
 
 // A sampled spring K that is moved by x = A sin ωt gives away ½KΔx² a step (tests/studies/methods): 39.5 mJ.
-TEST(StressBook, ASampledSpringGivesAwayWhatTheClosedFormSays) {
+TEST(StressAccount, ASampledSpringGivesAwayWhatTheClosedFormSays) {
   constexpr double kK = 1000, kA = 0.010, kHz = 2, kT = 1e-3;
   constexpr int kSteps = 10'000;
-  TrueBook book(0, kT, 0);
+  TrueAccount account(0, kT, 0);
   const auto at = [&](int k) { return kA * std::sin(2 * M_PI * kHz * kT * k); };
   // Along a diagonal: a third of the energy on each axis.
   const Vec3 along = Vec3(1, 1, 1).normalized();
-  for (int k = 1; k <= kSteps; ++k) book.add(-kK * at(k - 1) * along, (at(k) - at(k - 1)) * along);
+  for (int k = 1; k <= kSteps; ++k) account.add(-kK * at(k - 1) * along, (at(k) - at(k - 1)) * along);
   const double expected_j = 0.5 * kK * kA * kA * kSteps * (1 - std::cos(2 * M_PI * kHz * kT));
   // 1e4 terms of up to 1e-5 J, each of three products rounded in double.
-  EXPECT_NEAR(book.given_j(), expected_j, 1e-11);
-  EXPECT_EQ(book.quantum_bound_j(), 0);
+  EXPECT_NEAR(account.given_j(), expected_j, 1e-11);
+  EXPECT_EQ(account.quantum_bound_j(), 0);
 }
 
 // Q must hold whatever is hidden below a quantum: positions off by ±q/2 in the worst way for each change of
 // force reach it.
-TEST(StressBook, TheQuantumsBoundIsReachedByTheWorstEncoderAndNeverPassed) {
+TEST(StressAccount, TheQuantumsBoundIsReachedByTheWorstEncoderAndNeverPassed) {
   constexpr double kQ = 1e-5;
   Random random(5);
-  TrueBook book(0, 1e-3, kQ);
+  TrueAccount account(0, 1e-3, kQ);
   double hidden_j = 0, x = 0, last_f = 0, last_e = 0;
   for (int k = 0; k < 2000; ++k) {
     const double f = random.uniform(-5, 5), next = x + random.uniform(-1e-4, 1e-4);
     // Error after the interval: against the change of force that follows is best done at random here.
     const double e = kQ * (random.uniform() - 0.5);
-    book.add(Vec3(0, 0, f), Vec3(0, 0, next - x));
+    account.add(Vec3(0, 0, f), Vec3(0, 0, next - x));
     hidden_j += f * (e - last_e);
     last_e = e;
     last_f = f;
     x = next;
-    ASSERT_LE(std::fabs(hidden_j), book.quantum_bound_j());
+    ASSERT_LE(std::fabs(hidden_j), account.quantum_bound_j());
   }
   // Worst: the error flips with the sign of each step of force.
-  TrueBook worst(0, 1e-3, kQ);
+  TrueAccount worst(0, 1e-3, kQ);
   hidden_j = last_e = 0;
   for (int k = 0; k < 1000; ++k) {
     const double f = k % 2 == 0 ? 1 : -1, e = kQ / 2 * f;
@@ -126,8 +126,8 @@ struct Bench {
   /// A tick: the force, and how far the hand moves until the next one.
   void tick(double force_n, double moved_m = 0, int periods = 1, bool news = true) {
     InvariantWatch::Around around;
-    around.given_before_j = hand->book().given_j();
-    around.q_before_j = hand->book().quantum_bound_j();
+    around.given_before_j = hand->account().given_j();
+    around.q_before_j = hand->account().quantum_bound_j();
     around.periods = periods;
     around.reply_ns = reply_ns += news;
     row.reply_age_ms = (shows < 0 ? news : shows == 1) ? 0 : 1;
@@ -267,7 +267,7 @@ TEST(Invariants, EachOfTheOthersIsFlagged) {
               b.lies = true;
               b.tick(1, 1e-4);
             }),
-            kInvariantBook);
+            kInvariantAccount);
   EXPECT_EQ(flagged([](Bench& b) {
               b.row.damper_n_s_m = 1.51;
               b.tick(1);
@@ -407,17 +407,17 @@ TEST(StandIn, AFaithfulOneChangesNothing) {
   class Faithful final : public control::StationMethod {
    public:
     explicit Faithful(Method method) : right_(method, {}) {}
-    void take_over(double ledger_j, const control::MethodConfig& c, const Vec3& p) noexcept override {
-      right_.now().take_over(ledger_j, c, p);
+    void take_over(double account_j, const control::MethodConfig& c, const Vec3& p) noexcept override {
+      right_.now().take_over(account_j, c, p);
     }
     void begin_session(bool epoch) noexcept override { right_.now().begin_session(epoch); }
-    void book(const control::PortInterval& i) noexcept override { right_.now().book(i); }
+    void account_for(const control::PortInterval& i) noexcept override { right_.now().account_for(i); }
     void on_reply(const control::SlaveNews& n) noexcept override { right_.now().on_reply(n); }
     Vec3 force_h_n(const control::RenderPoint& at) noexcept override { return right_.now().force_h_n(at); }
     Vec3 damper_force_h_n() const noexcept override { return right_.now().damper_force_h_n(); }
     double damper_n_s_m() const noexcept override { return right_.now().damper_n_s_m(); }
     double force_bound_n() const noexcept override { return right_.now().force_bound_n(); }
-    double ledger_j() const noexcept override { return right_.now().ledger_j(); }
+    double account_j() const noexcept override { return right_.now().account_j(); }
     void fill_command(control::SlaveOrder& order) const noexcept override {
       right_.now().fill_command(order);
     }
@@ -440,7 +440,7 @@ TEST(StandIn, AFaithfulOneChangesNothing) {
       support::VirtualSession session(config);
       session.run(4000, [&](const recording::Sample& row) {
         sums[stand_in] =
-            1.0000001 * sums[stand_in] + row.hand_force_applied_h_n[2] + row.ledger_j + row.hand_pos_h_m[2];
+            1.0000001 * sums[stand_in] + row.hand_force_applied_h_n[2] + row.account_j + row.hand_pos_h_m[2];
       });
     }
     EXPECT_EQ(sums[0], sums[1]) << control::method_name(method);

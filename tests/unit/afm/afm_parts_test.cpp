@@ -9,7 +9,7 @@
 #include "telenano/nve_server/afm/afm_slave.h"
 #include "telenano/nve_server/afm/motion_history.h"
 #include "telenano/nve_server/afm/touch_model.h"
-#include "telenano/nve_server/afm/work_book.h"
+#include "telenano/nve_server/afm/work_account.h"
 #include "tests/source_dir.h"
 #include "tests/support/alloc_guard.h"
 
@@ -38,34 +38,35 @@ TEST(MotionHistory, WhatWasHeldInAWindow) {
   EXPECT_EQ(history.between(35, 40).highest_nm, 2);
 }
 
-TEST(WorkBook, ASpringsWorkOnAnyPathWithinTheBound) {
+TEST(WorkAccount, ASpringsWorkOnAnyPathWithinTheBound) {
   // F = 30 max(0, −z), read without noise at the ends of random moves: ∫ −F dz = ½·30·z².
   Random random(1);
-  WorkBook book(40);
+  WorkAccount account(40);
   double z = 2;
   const auto force = [](double at) { return 30 * std::max(0.0, -at); };
   const auto energy = [&](double at) { return at < 0 ? 15 * at * at : 0.0; };
-  book.add({Vec3(0, 0, z), Vec3(0, 0, force(z)), 0, 0}, 0, true, 0);
+  account.add({Vec3(0, 0, z), Vec3(0, 0, force(z)), 0, 0}, 0, true, 0);
   for (int i = 0; i < 1000; ++i) {
     const double next = std::min(3.0, std::max(-8.0, z + random.uniform(-1, 1)));
-    book.add({Vec3(0, 0, next), Vec3(0, 0, force(next)), std::fabs(next - z), 0}, 0, true, 0);
+    account.add({Vec3(0, 0, next), Vec3(0, 0, force(next)), std::fabs(next - z), 0}, 0, true, 0);
     z = next;
-    ASSERT_LE(std::fabs(book.energy_in_aj() - book.energy_out_aj() - energy(z)), book.bound_aj() + 1e-9);
+    ASSERT_LE(std::fabs(account.energy_in_aj() - account.energy_out_aj() - energy(z)),
+              account.bound_aj() + 1e-9);
   }
-  EXPECT_GT(book.energy_in_aj(), 100);
-  const double in = book.energy_in_aj();
-  book.interrupt();
-  book.add({Vec3(0, 0, -100), Vec3(0, 0, 3000), 0, 0}, 0, true, 0);
-  EXPECT_EQ(book.energy_in_aj(), in) << "what the controller did is not the port's";
+  EXPECT_GT(account.energy_in_aj(), 100);
+  const double in = account.energy_in_aj();
+  account.interrupt();
+  account.add({Vec3(0, 0, -100), Vec3(0, 0, 3000), 0, 0}, 0, true, 0);
+  EXPECT_EQ(account.energy_in_aj(), in) << "what the controller did is not the port's";
 }
 
-TEST(WorkBook, PressingInIsEnergyIn) {
-  WorkBook book(40);
-  book.add({Vec3(0, 0, 0), Vec3(0, 0, 0), 0, 0}, 0, true, 0);
-  book.add({Vec3(0, 0, -2), Vec3(0, 0, 60), 2, 0}, 0, true, 0);
-  EXPECT_EQ(book.energy_in_aj(), 60);  // ½·60·2
-  book.add({Vec3(0, 0, 0), Vec3(0, 0, 0), 2, 0}, 0, true, 0);
-  EXPECT_EQ(book.energy_out_aj(), 60);
+TEST(WorkAccount, PressingInIsEnergyIn) {
+  WorkAccount account(40);
+  account.add({Vec3(0, 0, 0), Vec3(0, 0, 0), 0, 0}, 0, true, 0);
+  account.add({Vec3(0, 0, -2), Vec3(0, 0, 60), 2, 0}, 0, true, 0);
+  EXPECT_EQ(account.energy_in_aj(), 60);  // ½·60·2
+  account.add({Vec3(0, 0, 0), Vec3(0, 0, 0), 2, 0}, 0, true, 0);
+  EXPECT_EQ(account.energy_out_aj(), 60);
 }
 
 TEST(TouchModel, APlaneOfGivenSlopeAndStiffnessIsLearned) {

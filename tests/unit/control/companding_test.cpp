@@ -116,7 +116,7 @@ TEST(Companding, ShowsASpheresAttractionEverStrongerAndWithinItsGain) {
 }
 
 // Every step brings what psi of its states says, however far it goes, and in contact what it brings by itself.
-TEST(Companding, TheBookIsPsi) {
+TEST(Companding, TheAccountIsPsi) {
   const double gain = 6, energy_aj = 0.7;
   const auto psi = [&](double v) { return v < 0 ? v + (gain - 1) * v / (1 - v / energy_aj) : v; };
   Companding companding = with(gain, energy_aj);

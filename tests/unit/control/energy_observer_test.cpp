@@ -105,7 +105,7 @@ TEST(EnergyObserver, AgreesWithAnIndependentPlantInAClosedLoop) {
   EXPECT_NEAR(exact.energy_j(), truth_j, 1e-12 * exact.exchanged_j());
   EXPECT_NEAR(quantised.energy_j(), truth_j,
               1e-12 * quantised.exchanged_j() + quantised.quantisation_bound_j());
-  // The oracle's books balance by themselves: work done on the plant = stored + lost. Long double, 2e4
+  // The oracle's accounts balance by themselves: work done on the plant = stored + lost. Long double, 2e4
   // sub-steps.
   const long double balance = plant.force_work_j + plant.intent_work_j - plant.stored_j() -
                               plant.device_loss_j - plant.friction_loss_j - plant.arm_loss_j;

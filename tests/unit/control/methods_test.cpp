@@ -28,15 +28,15 @@ PortInterval interval(const Vec3& force_n, const Vec3& moved_m) {
 TEST(TwoPort, SplitsByDirectionAndComparesWithWhatCame) {
   TwoPort port(config_of());
   SlaveOrder order;
-  port.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 3 mJ
+  port.account_for(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 3 mJ
   port.fill_command(order);
   EXPECT_NEAR(order.energy_sent_j, 3e-3, 1e-18);
-  EXPECT_EQ(port.ledger_j(), 0);  // own input is no budget for own output
+  EXPECT_EQ(port.account_j(), 0);  // own input is no budget for own output
   SlaveNews news;
   news.energy_out_j = 2e-3;
   port.on_reply(news);
-  port.book(interval(Vec3(-2.5, 0, 0), Vec3(-1e-3, 0, 0)));  // 2.5 mJ go out, 2 mJ had come
-  EXPECT_NEAR(port.ledger_j(), -0.5e-3, 1e-15);
+  port.account_for(interval(Vec3(-2.5, 0, 0), Vec3(-1e-3, 0, 0)));  // 2.5 mJ go out, 2 mJ had come
+  EXPECT_NEAR(port.account_j(), -0.5e-3, 1e-15);
   EXPECT_NEAR(port.damper_n_s_m(), std::min(0.5e-3 * kT / 1e-6, 2.0), 1e-12);
   EXPECT_GT(port.damper_force_h_n().x(), 0);  // against the motion
   port.fill_command(order);
@@ -49,46 +49,46 @@ TEST(TwoPort, ANewSlaveOwesNothingOfTheOldOnesAndForgivesNothing) {
   news.energy_out_j = 2e-3;
   port.on_reply(news);
   port.begin_session(false);  // the same slave: what it gave back is still there
-  EXPECT_NEAR(port.ledger_j(), 2e-3, 1e-18);
+  EXPECT_NEAR(port.account_j(), 2e-3, 1e-18);
   port.begin_session(true);
-  EXPECT_EQ(port.ledger_j(), 0);
-  port.book(interval(Vec3(3, 0, 0), Vec3(1e-3, 0, 0)));
+  EXPECT_EQ(port.account_j(), 0);
+  port.account_for(interval(Vec3(3, 0, 0), Vec3(1e-3, 0, 0)));
   port.begin_session(true);
-  EXPECT_NEAR(port.ledger_j(), -3e-3, 1e-18);
+  EXPECT_NEAR(port.account_j(), -3e-3, 1e-18);
 }
 
 TEST(TwoPort, WhatTheDamperTakesRepaysAndIsNoInput) {
   TwoPort port(config_of());
-  port.book(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));  // 4 mJ out of nothing
+  port.account_for(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));  // 4 mJ out of nothing
   const Vec3 damper_n = port.damper_force_h_n();
   ASSERT_NEAR(damper_n.x(), -2, 1e-12);  // capped at b = 2 N·s/m, 1 m/s
-  port.book(interval(damper_n, Vec3(1e-3, 0, 0)));
+  port.account_for(interval(damper_n, Vec3(1e-3, 0, 0)));
   SlaveOrder order;
   port.fill_command(order);
   EXPECT_EQ(order.energy_sent_j, 0);
-  EXPECT_NEAR(port.ledger_j(), -4e-3 + 2e-3, 1e-15);
+  EXPECT_NEAR(port.account_j(), -4e-3 + 2e-3, 1e-15);
 }
 
 TEST(Tank, EnergyIsConserved) {
   TwoLayerTank tank(config_of(0));  // no damping: no credit
   std::mt19937_64 random(5);
   std::normal_distribution<double> normal;
-  long double book_j = 0;
+  long double account_j = 0;
   SlaveOrder order;
   for (int k = 0; k < 20'000; ++k) {
     const PortInterval i = interval(3 * Vec3(normal(random), normal(random), normal(random)),
                                     1e-4 * Vec3(normal(random), normal(random), normal(random)));
-    tank.book(i);
-    book_j += static_cast<long double>(i.put_in_j);
+    tank.account_for(i);
+    account_j += static_cast<long double>(i.put_in_j);
     SlaveNews news;
     news.energy_sent_j = 1e-4 * std::fabs(normal(random));
     news.well_j = 1e9;  // whatever comes is believed here
     tank.on_reply(news);
-    book_j += static_cast<long double>(news.energy_sent_j);
+    account_j += static_cast<long double>(news.energy_sent_j);
     tank.fill_command(order);
     // 4e4 additions of less than a millijoule: rounding below 1e-14.
-    // The slave's first allowance, 8 mJ, is in what was sent and never was in the ledger.
-    ASSERT_NEAR(tank.ledger_j() + order.energy_sent_j - 8e-3, static_cast<double>(book_j), 1e-13);
+    // The slave's first allowance, 8 mJ, is in what was sent and never was in the account.
+    ASSERT_NEAR(tank.account_j() + order.energy_sent_j - 8e-3, static_cast<double>(account_j), 1e-13);
   }
 }
 
@@ -102,15 +102,15 @@ TEST(Tank, NoMoreIsBelievedThanWasSentAndTheWellHolds) {
     tank.on_reply(news);  // the grant goes out
     news.energy_sent_j = 5e-3;
     for (int k = 0; k < 100; ++k) tank.on_reply(news);
-    EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
+    EXPECT_NEAR(tank.account_j(), 8e-3 + well_j, 1e-15);
     EXPECT_NEAR(tank.credited_j(), 8e-3 + well_j, 1e-15);
     tank.begin_session(true);  // another slave has no well of its own on top
     for (int k = 0; k < 100; ++k) tank.on_reply(news);
-    EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
-    tank.book(interval(Vec3(-2, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 2 mJ, which are sent
-    EXPECT_NEAR(tank.ledger_j(), 8e-3 + well_j, 1e-15);
+    EXPECT_NEAR(tank.account_j(), 8e-3 + well_j, 1e-15);
+    tank.account_for(interval(Vec3(-2, 0, 0), Vec3(1e-3, 0, 0)));  // the hand puts in 2 mJ, which are sent
+    EXPECT_NEAR(tank.account_j(), 8e-3 + well_j, 1e-15);
     for (int k = 0; k < 100; ++k) tank.on_reply(news);
-    EXPECT_NEAR(tank.ledger_j(), 10e-3 + well_j, 1e-15) << "and may come back";
+    EXPECT_NEAR(tank.account_j(), 10e-3 + well_j, 1e-15) << "and may come back";
   }
 }
 
@@ -121,20 +121,20 @@ TEST(ModelMethod, TheSamplesOwnEnergyIsCreditedOnce) {
   news.well_j = 5e-3;
   news.given_j = 4e-3;
   model.on_reply(news);
-  EXPECT_NEAR(model.ledger_j(), 4e-3, 1e-18);
-  model.book(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));
-  EXPECT_NEAR(model.ledger_j(), 0, 1e-18);
+  EXPECT_NEAR(model.account_j(), 4e-3, 1e-18);
+  model.account_for(interval(Vec3(4, 0, 0), Vec3(1e-3, 0, 0)));
+  EXPECT_NEAR(model.account_j(), 0, 1e-18);
   for (int k = 0; k < 10; ++k) {
     model.begin_session(true);
     model.on_reply(news);
   }
-  EXPECT_NEAR(model.ledger_j(), 0, 1e-18);
+  EXPECT_NEAR(model.account_j(), 0, 1e-18);
   news.given_j = 1;  // more than it can have
   model.on_reply(news);
-  EXPECT_NEAR(model.ledger_j(), 1e-3, 1e-15);
+  EXPECT_NEAR(model.account_j(), 1e-3, 1e-15);
   news = {};
   model.on_reply(news);  // a slave that says nothing of a well
-  EXPECT_NEAR(model.ledger_j(), 1e-3, 1e-15);
+  EXPECT_NEAR(model.account_j(), 1e-3, 1e-15);
 }
 
 // Round all methods and back, with a lie after every change: the well is granted to one of them, once. What a
@@ -153,8 +153,8 @@ TEST(Methods, NoRoundOfChangesGrantsTheWellTwice) {
         for (int k = 0; k < 3; ++k) methods.now().on_reply(lie);
         if (!taken || !claims_energy_bound(method)) continue;
         // A hand takes all that the clamp lets it have.
-        const double may_j = config.passivity.allowance_j + methods.now().ledger_j();
-        if (may_j > 0) methods.now().book(interval(Vec3(may_j / 1e-3, 0, 0), Vec3(1e-3, 0, 0)));
+        const double may_j = config.passivity.allowance_j + methods.now().account_j();
+        if (may_j > 0) methods.now().account_for(interval(Vec3(may_j / 1e-3, 0, 0), Vec3(1e-3, 0, 0)));
         out_j += std::max(0.0, may_j);
       }
     }
@@ -165,9 +165,9 @@ TEST(Methods, NoRoundOfChangesGrantsTheWellTwice) {
     }
     methods.change_to(Method::kModel, config, Vec3::Zero());
     methods.now().on_reply(lie);
-    EXPECT_LE(methods.now().ledger_j(), 5e-3 + 1e-12);
+    EXPECT_LE(methods.now().account_j(), 5e-3 + 1e-12);
     if (!taken) {
-      EXPECT_GE(methods.now().ledger_j(), 5e-3 - 1e-12) << "forfeited, it may come again";
+      EXPECT_GE(methods.now().account_j(), 5e-3 - 1e-12) << "forfeited, it may come again";
     }
   }
 }
@@ -177,12 +177,12 @@ TEST(Wave, AnotherScaleLeavesTheSumsAtTheTipWhatTheyAre) {
   MethodConfig config = config_of(2);
   config.scaling = {1e-6, 2e7};
   WavePort port(config);
-  for (int k = 0; k < 10; ++k) port.book(interval(Vec3(-3, 1, 0), Vec3(1e-3, 0, 2e-4)));
+  for (int k = 0; k < 10; ++k) port.account_for(interval(Vec3(-3, 1, 0), Vec3(1e-3, 0, 2e-4)));
   SlaveOrder before, after;
   port.fill_command(before);
   MethodConfig other = config;
   other.scaling = {2e-7, 1e8};
-  port.take_over(port.ledger_j(), other, Vec3::Zero());
+  port.take_over(port.account_j(), other, Vec3::Zero());
   port.fill_command(after);
   const double from = config.scaling.tip_energy_aj(1), to = other.scaling.tip_energy_aj(1);
   ASSERT_GT(before.wave_j, 1e-3);
@@ -193,12 +193,12 @@ TEST(Wave, AnotherScaleLeavesTheSumsAtTheTipWhatTheyAre) {
 
 TEST(Tank, NothingIsSentThatItHasNotGot) {
   TwoLayerTank tank(config_of(0));
-  tank.book(interval(Vec3(5, 0, 0), Vec3(1e-3, 0, 0)));   // −5 mJ
-  tank.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: still in debt
+  tank.account_for(interval(Vec3(5, 0, 0), Vec3(1e-3, 0, 0)));   // −5 mJ
+  tank.account_for(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: still in debt
   SlaveOrder order;
   tank.fill_command(order);
   EXPECT_EQ(order.energy_sent_j, 0);
-  tank.book(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: 1 mJ there
+  tank.account_for(interval(Vec3(-3, 0, 0), Vec3(1e-3, 0, 0)));  // +3 mJ: 1 mJ there
   tank.fill_command(order);
   EXPECT_NEAR(order.energy_sent_j, 1e-3, 1e-15);
 }
@@ -219,10 +219,10 @@ TEST(Wave, NoMoreLeavesThanWasPutInAndCame) {
         news.wave_j = 0.5 * wave.squaredNorm() * kT;
       }
       const PortInterval i = interval(force_n, 1e-4 * Vec3(normal(random), normal(random), normal(random)));
-      port.book(i);
+      port.account_for(i);
       in_j += static_cast<long double>(i.put_in_j);
       port.fill_command(order);
-      ASSERT_LE(order.wave_j + port.ledger_j(), static_cast<double>(in_j) + 1e-12);
+      ASSERT_LE(order.wave_j + port.account_j(), static_cast<double>(in_j) + 1e-12);
       port.on_reply(news);
       in_j += static_cast<long double>(news.wave_j);
       force_n = port.force_h_n({Vec3::Zero(), 0, kT});
@@ -259,14 +259,14 @@ TEST(Methods, AChangeCarriesTheDebtAndGrantsNothing) {
     for (Method to : {Method::kKsClamp, Method::kTank, Method::kModel}) {
       if (from == to) continue;
       Methods owing(from, config_of(0));
-      owing.now().book(interval(Vec3(6, 0, 0), Vec3(1e-3, 0, 0)));
+      owing.now().account_for(interval(Vec3(6, 0, 0), Vec3(1e-3, 0, 0)));
       owing.change_to(to, config_of(0), Vec3::Zero());
-      EXPECT_NEAR(owing.now().ledger_j(), -6e-3, 1e-15) << method_name(from) << " to " << method_name(to);
+      EXPECT_NEAR(owing.now().account_j(), -6e-3, 1e-15) << method_name(from) << " to " << method_name(to);
       EXPECT_NEAR(owing.now().force_bound_n(), 4e-3 / (0.5 * kT), 1e-9);
       Methods rich(from, config_of(0));
-      rich.now().book(interval(Vec3(-6, 0, 0), Vec3(1e-3, 0, 0)));
+      rich.now().account_for(interval(Vec3(-6, 0, 0), Vec3(1e-3, 0, 0)));
       rich.change_to(to, config_of(0), Vec3::Zero());
-      EXPECT_EQ(rich.now().ledger_j(), 0);
+      EXPECT_EQ(rich.now().account_j(), 0);
     }
   }
 }

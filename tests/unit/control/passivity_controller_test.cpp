@@ -40,16 +40,16 @@ TEST(Ks, FollowsThePublishedEquationsStepByStep) {
   WatchedController controller(config_of(Method::kKs));
   controller.observe(Vec3::Zero(), Vec3::Zero(), kT);
   controller.observe(Vec3(2, 0, 0), Vec3(1e-3, 0, 0), kT);  // the port pushes 2 N over 1 mm: E(1) = −2 mJ
-  EXPECT_NEAR(controller.ledger_j(), -2e-3, 1e-18);
+  EXPECT_NEAR(controller.account_j(), -2e-3, 1e-18);
   EXPECT_EQ(controller.damper_n_s_m(), 0);                    // acts on E(k−1), which was 0
   controller.observe(Vec3(1, 0, 0), Vec3(1.5e-3, 0, 0), kT);  // E(2) = −2 − 0.5 + 2 (credited at once)
   EXPECT_NEAR(controller.damper_n_s_m(), 2e-3 * kT / (0.5e-3 * 0.5e-3), 1e-9);  // −E T/Δx² = 8 N·s/m, no cap
   EXPECT_NEAR(controller.damper_force_h_n().x(), -2e-3 / 0.5e-3, 1e-9);         // against the motion
-  EXPECT_NEAR(controller.ledger_j(), -0.5e-3, 1e-15);
-  // The damper's work in the next interval is in the applied force and is booked a second time.
+  EXPECT_NEAR(controller.account_j(), -0.5e-3, 1e-15);
+  // The damper's work in the next interval is in the applied force and is counted a second time.
   controller.observe(Vec3(-4, 0, 0), Vec3(2.0e-3, 0, 0), kT);
-  EXPECT_NEAR(controller.ledger_j(), -0.5e-3 + 2e-3 + 0.5e-3, 1e-15);
-  EXPECT_GT(controller.ledger_j(), controller.observer().energy_j());
+  EXPECT_NEAR(controller.account_j(), -0.5e-3 + 2e-3 + 0.5e-3, 1e-15);
+  EXPECT_GT(controller.account_j(), controller.observer().energy_j());
 }
 
 TEST(Ks, CannotActWithoutMotion) {
@@ -58,7 +58,7 @@ TEST(Ks, CannotActWithoutMotion) {
   controller.observe(Vec3(2, 0, 0), Vec3(1e-3, 0, 0), kT);
   controller.observe(Vec3(2, 0, 0), Vec3(1e-3, 0, 0), kT);
   EXPECT_EQ(controller.damper_n_s_m(), 0);
-  EXPECT_NEAR(controller.ledger_j(), -2e-3, 1e-18);
+  EXPECT_NEAR(controller.account_j(), -2e-3, 1e-18);
 }
 
 TEST(KsClamp, DamperIsCappedAndTheRestIsCarried) {
@@ -73,7 +73,7 @@ TEST(KsClamp, DamperIsCappedAndTheRestIsCarried) {
   EXPECT_NEAR(controller.damper_n_s_m(), 1.2, 1e-15);
   EXPECT_NEAR(controller.damper_force_h_n().x(), -1.2 * 0.5, 1e-12);
   // Deficit 4 mJ less the certain loss b Δx²/T = 0.5 mJ; nothing is credited for the damper itself.
-  EXPECT_NEAR(controller.ledger_j(), -4e-3 + 0.5e-3, 1e-15);
+  EXPECT_NEAR(controller.account_j(), -4e-3 + 0.5e-3, 1e-15);
 }
 
 TEST(KsClamp, DamperDoesNothingWhereTheWallIsTooStiff) {
@@ -88,7 +88,7 @@ TEST(KsClamp, DamperDoesNothingWhereTheWallIsTooStiff) {
   EXPECT_LT(controller.force_bound_n(), 0.010 / (0.5 * kT));  // but the clamp does
 }
 
-TEST(KsClamp, BoundFollowsTheLedger) {
+TEST(KsClamp, BoundFollowsTheAccount) {
   WatchedController controller(config_of(Method::kKsClamp));
   EXPECT_NEAR(controller.force_bound_n(), 0.010 / (0.5 * kT), 1e-12);  // 20 N from the allowance alone
   controller.observe(Vec3::Zero(), Vec3::Zero(), kT);
@@ -105,12 +105,12 @@ TEST(KsClamp, CertainLossRepaysADeficitAndNoMore) {
   controller.observe(Vec3::Zero(), Vec3::Zero(), kT);
   double pos_m = 0;
   for (int k = 0; k < 100; ++k) controller.observe(Vec3::Zero(), Vec3(pos_m += 4e-4, 0, 0), kT);
-  EXPECT_EQ(controller.ledger_j(), 0);  // free motion earns nothing
+  EXPECT_EQ(controller.account_j(), 0);  // free motion earns nothing
   controller.observe(Vec3(1, 0, 0), Vec3(pos_m += 4e-4, 0, 0), kT);
   const double deficit_j = 4e-4 - 2 * 4e-4 * 4e-4 / kT;
-  EXPECT_NEAR(controller.ledger_j(), -deficit_j, 1e-15);
+  EXPECT_NEAR(controller.account_j(), -deficit_j, 1e-15);
   controller.observe(Vec3::Zero(), Vec3(pos_m += 4e-4, 0, 0), kT);
-  EXPECT_EQ(controller.ledger_j(), 0);
+  EXPECT_EQ(controller.account_j(), 0);
 }
 
 TEST(KsClamp, AFlickeringDigitEarnsNoCredit) {
@@ -120,10 +120,10 @@ TEST(KsClamp, AFlickeringDigitEarnsNoCredit) {
   WatchedController controller(config);
   controller.observe(Vec3::Zero(), Vec3::Zero(), kT);
   controller.observe(Vec3(5, 0, 0), Vec3(2e-4, 0, 0), kT);
-  const double deficit_j = controller.ledger_j();
+  const double deficit_j = controller.account_j();
   ASSERT_LT(deficit_j, 0);
   for (int k = 0; k < 10'000; ++k) controller.observe(Vec3::Zero(), Vec3(2e-4 + 1e-5 * (k % 2), 0, 0), kT);
-  EXPECT_EQ(controller.ledger_j(), deficit_j);
+  EXPECT_EQ(controller.account_j(), deficit_j);
 }
 
 TEST(KsClamp, CreditNeverExceedsTheTrueLossOfAQuantisedDevice) {
@@ -158,7 +158,7 @@ TEST(None, OnlyWatches) {
   WatchedController controller(config_of(Method::kNone));
   controller.observe(Vec3::Zero(), Vec3::Zero(), kT);
   controller.observe(Vec3(12, 0, 0), Vec3(1e-2, 0, 0), kT);
-  EXPECT_NEAR(controller.ledger_j(), -0.12, 1e-15);
+  EXPECT_NEAR(controller.account_j(), -0.12, 1e-15);
   EXPECT_EQ(controller.damper_force_h_n().norm(), 0);
   EXPECT_TRUE(std::isinf(controller.force_bound_n()));
 }

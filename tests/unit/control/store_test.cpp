@@ -40,7 +40,7 @@ class Port {
     interval.hand_pos_h_m.x() = pos_m_;
     interval.put_in_j = -shown_n_ * moved_m;
     put_in_j_ += interval.put_in_j;
-    method.book(interval);
+    method.account_for(interval);
     method.on_reply(news);
     const double bound_n = std::min(method.force_bound_n(), kForceMost_n);
     shown_n_ = std::clamp(force_n, -bound_n, bound_n);

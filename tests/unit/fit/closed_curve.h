@@ -121,11 +121,11 @@ inline fit::RawCurve curve_of(const Sample& sample, const Ramp& ramp, const Blem
     const double x = -ramp.far_nm + step * j;
     const bool contact = in ? x > 0 : x > leave;
     const double force = contact ? sample.contact_force(x) : 0.0;
-    fit::RawLeg& leg = in ? curve.approach : curve.retract;
+    fit::RawSegment& segment = in ? curve.approach : curve.retract;
     const double z = ramp.touch_nm - x;
-    leg.z_nm.push_back(z);
-    leg.deflection.push_back(force / sample.stiffness_n_m + 7.0 + 1e-3 * (z - ramp.touch_nm) +
-                             noise.at(z, i / (2.0 * ramp.points)));
+    segment.z_nm.push_back(z);
+    segment.deflection.push_back(force / sample.stiffness_n_m + 7.0 + 1e-3 * (z - ramp.touch_nm) +
+                                 noise.at(z, i / (2.0 * ramp.points)));
   }
   return curve;
 }

@@ -147,9 +147,9 @@ TEST(Fit, TheFilesSignsAndUnitsChangeNothing) {
   const Sample sample;
   RawCurve raw = fit_test::curve_of(sample, {}, {.white_nm = 0.05}, 4);
   const CurveFit plain = fit_of(raw, setup_for(sample));
-  for (RawLeg* leg : {&raw.approach, &raw.retract}) {
-    for (double& z : leg->z_nm) z = -z;
-    for (double& d : leg->deflection) d *= -sample.stiffness_n_m;
+  for (RawSegment* segment : {&raw.approach, &raw.retract}) {
+    for (double& z : segment->z_nm) z = -z;
+    for (double& d : segment->deflection) d *= -sample.stiffness_n_m;
   }
   raw.unit = DeflectionUnit::kNanonewton;
   const CurveFit other = fit_of(raw, setup_for(sample));
@@ -160,8 +160,8 @@ TEST(Fit, TheFilesSignsAndUnitsChangeNothing) {
 TEST(Fit, VoltsNeedASensitivity) {
   const Sample sample;
   RawCurve raw = fit_test::curve_of(sample, {}, {.white_nm = 0.05}, 5);
-  for (RawLeg* leg : {&raw.approach, &raw.retract})
-    for (double& d : leg->deflection) d /= 50.0;
+  for (RawSegment* segment : {&raw.approach, &raw.retract})
+    for (double& d : segment->deflection) d /= 50.0;
   raw.unit = DeflectionUnit::kVolt;
   Preparation how;
   how.stiffness_n_m = sample.stiffness_n_m;
@@ -175,8 +175,8 @@ TEST(Fit, AnErrorOfTheSensitivityMovesTheModulusAsSaid) {
   const Sample sample;
   RawCurve raw = fit_test::curve_of(sample, {}, {.white_nm = 0.02}, 6);
   const CurveFit right = fit_of(raw, setup_for(sample));
-  for (RawLeg* leg : {&raw.approach, &raw.retract})
-    for (double& d : leg->deflection) d *= 1.001;
+  for (RawSegment* segment : {&raw.approach, &raw.retract})
+    for (double& d : segment->deflection) d *= 1.001;
   const CurveFit wrong = fit_of(raw, setup_for(sample));
   // To first order, and where the noise's scale moves with it: a tenth.
   const double moved = std::log(wrong.modulus_gpa / right.modulus_gpa) / std::log(1.001);
@@ -187,9 +187,9 @@ TEST(Fit, NoContactIsSaid) {
   RawCurve raw;
   Random random(7);
   for (int i = 0; i < 400; ++i) {
-    RawLeg& leg = i < 200 ? raw.approach : raw.retract;
-    leg.z_nm.push_back(i < 200 ? 500 - i : 300 + (i - 200));
-    leg.deflection.push_back(0.1 * random.normal());
+    RawSegment& segment = i < 200 ? raw.approach : raw.retract;
+    segment.z_nm.push_back(i < 200 ? 500 - i : 300 + (i - 200));
+    segment.deflection.push_back(0.1 * random.normal());
   }
   EXPECT_NE(fit_of(raw, setup_for(Sample())).error.find("no contact"), std::string::npos);
 }

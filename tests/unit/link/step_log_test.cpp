@@ -137,7 +137,7 @@ TEST(StepLog, EveryStepOnceAndInOrderOverABadLink) {
           ++i;
           continue;
         }
-        sender.heard(down[i].report, now_ns, 2 * delay_ns + 10'000'000);
+        sender.on_report(down[i].report, now_ns, 2 * delay_ns + 10'000'000);
         down.erase(down.begin() + static_cast<std::ptrdiff_t>(i));
       }
     }
@@ -217,7 +217,7 @@ TEST(StepLog, AStopDoesNotWaitForStepsOfAnEarlierHolding) {
   step.hold = 9;
   step.flags = kFlagStop;
   sender.add(step);
-  sender.heard({10, 0, 250, 0, 0, 0}, 2'000'000, 0);  // 11 is missing: it all goes again
+  sender.on_report({10, 0, 250, 0, 0, 0}, 2'000'000, 0);  // 11 is missing: it all goes again
   const auto written = [&](bool newest) {
     StepBatch batch;
     const std::size_t n = sender.write(bytes, 3'000'000, 200'000'000, newest);

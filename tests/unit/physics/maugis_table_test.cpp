@@ -136,7 +136,7 @@ TEST(MaugisTable, SpringsAgreeWithTheDirectMethod) {
   }
 }
 
-// A loop through the law by table: no energy made, the books agree with the work of the force.
+// A loop through the law by table: no energy made, the accounts agree with the work of the force.
 TEST(MaugisTable, LoopNeverYieldsEnergy) {
   for (const double lambda : {1e-3, 0.1, 0.5, 0.74, 0.93, 0.94, 2.0, 50.0, 1.2e4}) {
     for (const bool vdw : {true, false}) {

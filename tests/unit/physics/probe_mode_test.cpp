@@ -171,7 +171,7 @@ TEST(ProbeMode, CutsAStepWhereThatResolvesIt) {
 }
 
 // Mass and damper from the definitions, and energy against the work of a force by numbers.
-TEST(ProbeMode, BooksWorkAsStoredAndDamped) {
+TEST(ProbeMode, AccountsWorkAsStoredAndDamped) {
   const ProbeMode mode(2.0, 1e4, 30);
   EXPECT_NEAR(mode.mass_kg(), 2.0 / std::pow(2 * M_PI * 1e4, 2), 1e-22);
   EXPECT_NEAR(mode.damping_n_s_m(), 2.0 / (2 * M_PI * 1e4 * 30), 1e-18);

@@ -7,7 +7,7 @@
 namespace telenano::recording {
 namespace {
 
-TEST(Legs, AreCutAtTheTurningPointsAndIgnoreTremor) {
+TEST(Segments, AreCutAtTheTurningPointsAndIgnoreTremor) {
   std::vector<double> height;
   std::vector<double> still;
   for (int i = 0; i <= 400; ++i) {
@@ -27,7 +27,7 @@ TEST(Legs, AreCutAtTheTurningPointsAndIgnoreTremor) {
   EXPECT_TRUE(find_curve_segments(height, sideways, 2.0).empty()) << "a scan has no approach";
 }
 
-TEST(Legs, ThresholdIsATenthOfTheWayButNeverNothing) {
+TEST(Segments, ThresholdIsATenthOfTheWayButNeverNothing) {
   EXPECT_EQ(segment_threshold_nm({}), 0.2);
   EXPECT_EQ(segment_threshold_nm({5, 5.5}), 0.2);
   EXPECT_EQ(segment_threshold_nm({-10, 20, 5}), 3.0);

@@ -4,6 +4,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <chrono>
@@ -13,11 +14,13 @@
 #include <iterator>
 #include <new>
 #include <thread>
+#include <vector>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/recording/child_call.h"
 #include "telenano/common/recording/recorder.h"
 #include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/recording/recording_source.h"
 #include "telenano/common/recording/recover.h"
 #include "telenano/common/recording/summary.h"
 #include "tests/unit/recording/numbered_row.h"
@@ -261,6 +264,33 @@ TEST_F(IsolatedTest, RowsThatWereNeverWrittenAreRefused) {
     H5Fclose(id);
   }
   expect_refused(file, "more than fit into it");
+}
+
+// A file of a program that called the column otherwise is read by today's name, and a script that asks a new file
+// for the former name finds the column.
+TEST_F(IsolatedTest, ARenamedColumnIsFoundByBothNames) {
+  const auto file = recorded(3);
+  const std::vector<double> written = open_recording(file)->read("account_j", 0);
+  ASSERT_EQ(written.size(), 3U);
+  hid_t id = H5Fopen(file.c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+  const hid_t by_former_name = H5Dopen2(id, "/samples/ledger_j", H5P_DEFAULT);
+  ASSERT_GE(by_former_name, 0);
+  std::array<double, 3> values{};
+  EXPECT_GE(H5Dread(by_former_name, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()), 0);
+  EXPECT_TRUE(std::equal(values.begin(), values.end(), written.begin()));
+  H5Dclose(by_former_name);
+
+  H5Ldelete(id, "/samples/ledger_j", H5P_DEFAULT);
+  H5Lmove(id, "/samples/account_j", id, "/samples/ledger_j", H5P_DEFAULT, H5P_DEFAULT);
+  H5Fclose(id);
+  const auto former = open_recording(file);
+  EXPECT_EQ(former->read("account_j", 0), written);
+  const auto& columns = former->facts().columns;
+  EXPECT_EQ(std::count(columns.begin(), columns.end(), "account_j"), 1);
+  EXPECT_EQ(std::count(columns.begin(), columns.end(), "ledger_j"), 0);
+  std::vector<Sample> rows(3);
+  former->read_samples(0, rows);
+  EXPECT_EQ(rows[2].account_j, written[2]);
 }
 
 TEST_F(IsolatedTest, AColumnInAnotherFileIsRefused) {

@@ -11,7 +11,7 @@ namespace {
 constexpr double kT = 1e-3;
 constexpr double kStiffness = 20;  // nN/nm
 
-// A wall at z = 0 that the end presses into, with an exact book.
+// A wall at z = 0 that the end presses into, with an exact account.
 struct Wall {
   slave::SlaveLimits limits;
   slave::SlaveOutput output;

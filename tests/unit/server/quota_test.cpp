@@ -135,7 +135,7 @@ TEST(Quota, ALesserRightNeverTakesAGreatersPlace) {
   const std::uint64_t greater = door.use(kAdministrator);
   door.pass(3 * kSecond);
   ASSERT_EQ(door.server->sessions().active(), 0u);
-  // Both silent: tip and book are still theirs.
+  // Both silent: tip and account are still theirs.
   EXPECT_EQ(door.hello(kObserver), MessageType::kRefuse);
   EXPECT_EQ(door.answer.refuse.reason, RefuseReason::kFull);
   EXPECT_TRUE(door.knows(token, kOperator.identity));

@@ -182,7 +182,7 @@ TEST(Redundancy, WithNoRunTooLongThePathIsThatOfALinkWithoutLoss) {
     }
   }
   EXPECT_GE(compared, 30);
-  // Without repetition the slave cuts corners: what it books is another energy.
+  // Without repetition the slave cuts corners: what it counts is another energy.
   const Drawing whole(0, 0, 1, link::kMethodNone, 500);
   double worst_aj = 0;
   for (std::uint64_t seed = 1; seed <= 8; ++seed) {

@@ -170,7 +170,7 @@ TEST(Session, TwoAtOnceHaveSlavesOfTheirOwn) {
   EXPECT_EQ(server.drops().total(), 0u);
 }
 
-TEST(Session, GoesOnAfterAShortOutageInTheSameBook) {
+TEST(Session, GoesOnAfterAShortOutageInTheSameAccount) {
   Server server(test_config(), spring_scene());
   VirtualSession s(&server, {}, path(5), path(5), 1);
   s.client.start(0);
@@ -278,7 +278,7 @@ TEST(Session, SurvivesARestartOfTheServerWithANewEpoch) {
   s.ticks(100);
   EXPECT_EQ(s.client.state(), ClientState::kEstablished);
   EXPECT_EQ(s.client.reply().force_w_nn.z(), 3);
-  EXPECT_EQ(s.client.slave_energy_aj().in(), 4.5) << "the new book alone, not the old one's maximum";
+  EXPECT_EQ(s.client.slave_energy_aj().in(), 4.5) << "the new account alone, not the old one's maximum";
 }
 
 TEST(Session, DoesNotThinkALongWayIsSilence) {

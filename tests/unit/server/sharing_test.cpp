@@ -81,7 +81,7 @@ TEST_F(Sharing, OneHoldsTheOtherObserves) {
   EXPECT_EQ(b->reply().force_w_nn.z(), 10) << "sees the force";
   EXPECT_EQ(b->reply().tip.pos_w_nm.z(), -10);
   EXPECT_EQ(a->reply().energy_in_aj, 50);
-  EXPECT_EQ(b->reply().energy_in_aj + b->reply().energy_out_aj, 0) << "an observer's book stays zero";
+  EXPECT_EQ(b->reply().energy_in_aj + b->reply().energy_out_aj, 0) << "an observer's account stays zero";
   b->s.command.flags |= link::kFlagStop;
   ticks(5);
   EXPECT_EQ(slave->retracts, 0u) << "nor does its stop";
@@ -222,7 +222,7 @@ TEST_F(Sharing, ATipThatWasLeftIsWithdrawnAndThenFree) {
   EXPECT_EQ(last_z, 100);
   EXPECT_LE(step, 1.0 + 2e-3) << "not all at once, though nothing had moved it for half a second";
   EXPECT_EQ(b->reply().energy_out_aj, 0) << "what came out on the way up is nobody's";
-  // a comes back, in the same session and book, and observes.
+  // a comes back, in the same session and account, and observes.
   a->s.link.path_a_to_b().down = a->s.link.path_b_to_a().down = false;
   ticks(1500);
   ASSERT_TRUE(a->s.client.has_session());
@@ -241,7 +241,7 @@ TEST_F(Sharing, AByeFreesTheTipLikewise) {
   EXPECT_FALSE(b->holds());
   ticks(200);
   EXPECT_TRUE(b->holds());
-  // The next session in a's slot has a book of its own.
+  // The next session in a's slot has an account of its own.
   a = std::make_unique<Operator>(&server, 1003, Rights::kAdminister);
   for (int i = 0; i < 4000; ++i) ticks(1);
   EXPECT_FALSE(a->holds());
@@ -330,7 +330,7 @@ TEST(Owner, ATokenResumesOnlyItsOwnersSession) {
   ASSERT_TRUE(b.client.has_session());
   EXPECT_NE(b.client.welcome().epoch, a.client.welcome().epoch);
   EXPECT_NE(b.client.resume_token(), a.client.resume_token());
-  EXPECT_FALSE(b.client.resumed_unknown_book());
+  EXPECT_FALSE(b.client.resumed_unknown_account());
   EXPECT_NE(slave, first);
   EXPECT_EQ(server.counters().resumed, 0u);
   a.ticks(50);
@@ -349,7 +349,7 @@ TEST(Owner, ATokenResumesOnlyItsOwnersSession) {
       a.link.address_a(), a.now_ns, a.answer, nullptr, b.standing);
   EXPECT_EQ(server.drops()[DropCause::kUnauthenticated], 2u);
 
-  // The owner itself, restarted and somewhere else: the same slave and book, within three round trips.
+  // The owner itself, restarted and somewhere else: the same slave and account, within three round trips.
   link::ClientConfig again = stolen;
   again.nonce_seed = 6;
   net::SimPath way;
@@ -366,7 +366,7 @@ TEST(Owner, ATokenResumesOnlyItsOwnersSession) {
     ++came;
   }
   EXPECT_LE(came, 60) << "3 round trips of 20 ms";
-  EXPECT_TRUE(d.client.resumed_unknown_book());
+  EXPECT_TRUE(d.client.resumed_unknown_account());
   EXPECT_EQ(d.client.welcome().epoch, a.client.welcome().epoch);
   EXPECT_EQ(d.client.welcome().start_pos_w_nm, a.client.reply().tip_pos_w_nm);
   EXPECT_EQ(server.counters().resumed, 1u);

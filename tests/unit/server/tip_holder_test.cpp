@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "telenano/common/link/messages.h"
-#include "telenano/nve_server/server/port_book.h"
+#include "telenano/nve_server/server/port_account.h"
 
 namespace telenano::server {
 namespace {
@@ -130,28 +130,28 @@ slave::SlaveOutput at(double in_aj, double out_aj, link::ContactState contact) {
   return o;
 }
 
-TEST(PortBook, CreditsWhatOneHasPutInOneself) {
+TEST(PortAccount, CreditsWhatOneHasPutInOneself) {
   using link::ContactState;
   // Another one has put 100 aJ into the spring, and has let go.
-  PortBook book;
+  PortAccount account;
   const auto taken = at(100, 3, ContactState::kContact);
-  book.take_over(taken);
-  EXPECT_EQ(book.in_aj() + book.out_aj(), 0);
+  account.take_over(taken);
+  EXPECT_EQ(account.in_aj() + account.out_aj(), 0);
   const auto deeper = at(110, 3, ContactState::kContact);
-  book.add(taken, deeper);
-  EXPECT_EQ(book.in_aj(), 10);
+  account.add(taken, deeper);
+  EXPECT_EQ(account.in_aj(), 10);
   const auto higher = at(110, 33, ContactState::kContact);
-  book.add(deeper, higher);
-  EXPECT_EQ(book.out_aj(), 10) << "of 30 that came out, 10 were its own";
+  account.add(deeper, higher);
+  EXPECT_EQ(account.out_aj(), 10) << "of 30 that came out, 10 were its own";
   const auto free = at(110, 100, ContactState::kFree);
-  book.add(higher, free);
-  EXPECT_EQ(book.out_aj(), 10);
+  account.add(higher, free);
+  EXPECT_EQ(account.out_aj(), 10);
   // From now on nothing of the other's is left: a sample that attracts gives before it takes.
   const auto attracted = at(110, 104, ContactState::kVanDerWaals);
-  book.add(free, attracted);
-  EXPECT_EQ(book.out_aj(), 14);
-  EXPECT_EQ(book.seen(attracted).energy_out_aj, 14);
-  EXPECT_EQ(book.seen(attracted).energy_in_aj, 10);
+  account.add(free, attracted);
+  EXPECT_EQ(account.out_aj(), 14);
+  EXPECT_EQ(account.seen(attracted).energy_out_aj, 14);
+  EXPECT_EQ(account.seen(attracted).energy_in_aj, 10);
 }
 
 }  // namespace

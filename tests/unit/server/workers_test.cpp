@@ -97,7 +97,7 @@ link::ClientConfig client_config(std::uint64_t seed, std::uint64_t token = 0) {
   return config;
 }
 
-TEST(Workers, ASessionThatComesBackElsewhereMovesWithItsSlaveAndItsBook) {
+TEST(Workers, ASessionThatComesBackElsewhereMovesWithItsSlaveAndItsAccount) {
   Rig rig(3);
   link::ClientSession station(client_config(1));
   station.start(rig.now_ns);
@@ -118,7 +118,7 @@ TEST(Workers, ASessionThatComesBackElsewhereMovesWithItsSlaveAndItsBook) {
   ASSERT_TRUE(rig.establish(again, address_of(2000), 2));
   EXPECT_EQ(rig.late_answers, 1);
   EXPECT_EQ(again.welcome().resume_token, token);
-  EXPECT_EQ(again.welcome().epoch, epoch) << "the same slave and book";
+  EXPECT_EQ(again.welcome().epoch, epoch) << "the same slave and account";
   EXPECT_EQ(again.welcome().start_pos_w_nm, Vec3(1, 2, -3)) << "where it is held";
   EXPECT_EQ(rig.servers[0]->counters().moved_out, 1u);
   EXPECT_EQ(rig.servers[2]->counters().moved_in, 1u);

@@ -55,7 +55,7 @@ TEST(NveSlave, CouplingCantileverAndContactBalance) {
   EXPECT_GT(out.force_w_nn.z(), 50);
 }
 
-// Book of energy against an independent integral: work of the commanded end = −∫F·dx by the trapezium rule.
+// Account of energy against an independent integral: work of the commanded end = −∫F·dx by the trapezium rule.
 // In a jump the end does not move, but the rule sees the force change over one step: error up to ΔF·step/2 a
 // jump = 60 nN × 1e-3 nm.
 TEST(NveSlave, ChargesTheWorkOfTheCommandedEndOnAFlat) {
@@ -63,7 +63,7 @@ TEST(NveSlave, ChargesTheWorkOfTheCommandedEndOnAFlat) {
     NveSlave slave(deployed(name));
     go(slave, Vec3(0, 0, 10));
     SlaveOutput before = go(slave, Vec3(0, 0, 10));
-    const double booked_at_start = before.energy_in_aj - before.energy_out_aj;
+    const double counted_at_start = before.energy_in_aj - before.energy_out_aj;
     double work = 0, z = 10;
     const int steps = 13000;
     for (int i = 1; i <= 2 * steps; ++i) {
@@ -71,7 +71,7 @@ TEST(NveSlave, ChargesTheWorkOfTheCommandedEndOnAFlat) {
       const SlaveOutput out = go(slave, Vec3(0, 0, next));
       ASSERT_EQ(out.fault_bits, 0u) << name << " " << next;
       work -= 0.5 * (out.force_w_nn + before.force_w_nn).z() * (next - z);
-      ASSERT_NEAR(out.energy_in_aj - out.energy_out_aj - booked_at_start, work, 0.1) << name << " " << next;
+      ASSERT_NEAR(out.energy_in_aj - out.energy_out_aj - counted_at_start, work, 0.1) << name << " " << next;
       ASSERT_GE(out.energy_in_aj, before.energy_in_aj);
       ASSERT_GE(out.energy_out_aj, before.energy_out_aj);
       z = next;
@@ -81,7 +81,7 @@ TEST(NveSlave, ChargesTheWorkOfTheCommandedEndOnAFlat) {
   }
 }
 
-// Whatever the path, the book is stored energy plus losses, and losses never shrink: no path draws energy
+// Whatever the path, the account is stored energy plus losses, and losses never shrink: no path draws energy
 // from the scene.
 TEST(NveSlave, NoPathDrawsEnergy) {
   for (const char* name : {"flat_silicon_oxide", "flakes"}) {
@@ -96,9 +96,9 @@ TEST(NveSlave, NoPathDrawsEnergy) {
       target += Vec3(2 * unit(random), 2 * unit(random), 3 * unit(random));
       target.z() = std::min(std::max(target.z(), slave.limits().surface_z_w_nm - 8), start.z());
       const SlaveOutput out = go(slave, target);
-      const double booked = out.energy_in_aj - out.energy_out_aj;
+      const double counted = out.energy_in_aj - out.energy_out_aj;
       // Rounding of the sums: 1e-16 × some 1e5 aJ each.
-      ASSERT_NEAR(booked, slave.trace().stored_aj - stored_at_start + slave.trace().dissipated_aj,
+      ASSERT_NEAR(counted, slave.trace().stored_aj - stored_at_start + slave.trace().dissipated_aj,
                   1e-8 * out.energy_in_aj + 1e-9);
       ASSERT_GE(slave.trace().dissipated_aj, dissipated);
       dissipated = slave.trace().dissipated_aj;

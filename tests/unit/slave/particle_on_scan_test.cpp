@@ -152,7 +152,7 @@ TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
   Walk watcher(changed([](scene::Particle& p) { p.parameters.sleeps = false; }));
   int alone = 0, steps = 0, met = 0, woke = 0;
   bool was_alone = false;
-  double most = 0, most_snapped = 0, most_later = 0, most_booked = 0;
+  double most = 0, most_snapped = 0, most_later = 0, most_counted = 0;
   bool snapped = false;
   const auto both = [&](const Vec3& to, double step) {
     std::vector<SlaveOutput> a;
@@ -170,7 +170,7 @@ TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
       met += held[i];
       double& worst = snapped ? most_snapped : met > 0 ? most_later : most;
       worst = std::max(worst, (a[i].force_w_nn - out.force_w_nn).norm());
-      most_booked = std::max(most_booked, std::fabs(charged(a[i]) - charged(out)));
+      most_counted = std::max(most_counted, std::fabs(charged(a[i]) - charged(out)));
       ASSERT_EQ(a[i].fault_bits, out.fault_bits) << steps;
       ++i;
       ++steps;
@@ -200,16 +200,16 @@ TEST(ParticleOnAScan, AsleepIsFeltAsAwake) {
   std::printf(
       "forces apart by %.2g nN (while a snap is remembered %.2g), after meeting %.2g nN, charges by %.2g aJ; "
       "%d of %d steps alone\n",
-      most, most_snapped, most_later, most_booked, alone, steps);
+      most, most_snapped, most_later, most_counted, alone, steps);
   EXPECT_LT(most, 2e-5);
   // Of the step in which the tip snaps in, down a slope, the one balance has friction from the end on, the
   // other holds it on the way: bristles differ until the contact has slipped some contact radii, by less
   // than a tenth of what friction holds (0.3 GPa × π nm²).
   EXPECT_LT(most_snapped, 0.1);
   EXPECT_LT(most_later, 1e-4);
-  // Snaps of the tip into the ground are booked exactly by the one, by the trapezium by the other: of 30 nN
+  // Snaps of the tip into the ground are counted exactly by the one, by the trapezium by the other: of 30 nN
   // over half a step.
-  EXPECT_LT(most_booked, 30 * 0.25);
+  EXPECT_LT(most_counted, 30 * 0.25);
 }
 
 // What the tip gives the ball the ground takes, but for the drag (1e-4 nN at 1 µm/s); and the apex is where
@@ -237,24 +237,24 @@ TEST(ParticleOnAScan, ForcesBalanceWhilePushed) {
   EXPECT_GT(walk.particle().particle_centre_w_nm.x(), 30);  // off its crest
 }
 
-// The book against an integral of its own over the forces that were told, by the trapezium. Its error where
+// The account against an integral of its own over the forces that were told, by the trapezium. Its error where
 // nothing ends is of second order; meeting and parting add half a step's force each, 20 nN × 0.025 nm.
 TEST(ParticleOnAScan, ChargesTheWorkOfTheCommandedEnd) {
   Walk walk(with_ball());
   SlaveOutput before = walk.to({-15, 0, 8}, 0.5);
-  const double booked_at_start = charged(before);
+  const double counted_at_start = charged(before);
   double work = 0, most = 0;
   Vec3 at = walk.at();
   const auto add = [&](const SlaveOutput& out) {
     ASSERT_EQ(out.fault_bits, 0u);
     work -= 0.5 * (out.force_w_nn + before.force_w_nn).dot(walk.at() - at);
-    most = std::max(most, std::fabs(charged(out) - booked_at_start - work));
+    most = std::max(most, std::fabs(charged(out) - counted_at_start - work));
     at = walk.at();
     before = out;
   };
   walk.to({30, 0, 8}, 0.05, add);
   walk.to({-15, 0, 8}, 0.05, add);
-  std::printf("work %.4g aJ, book apart from it by %.3g at most\n", work, most);
+  std::printf("work %.4g aJ, account apart from it by %.3g at most\n", work, most);
   EXPECT_GT(work, 10.0);
   EXPECT_LT(most, 0.02 * work);
 }
@@ -330,7 +330,7 @@ TEST_P(Terms, ItsStateIsAllThatLaterStepsDependOn) {
   EXPECT_GT(awake, 50);
 }
 
-// Whatever the path, with leaps of some nm: the book is stored plus lost, and neither loss nor book runs
+// Whatever the path, with leaps of some nm: the account is stored plus lost, and neither loss nor account runs
 // backwards; every step finds its balance.
 TEST_P(Terms, NoPathDrawsEnergy) {
   Walk walk(with_terms(GetParam()));

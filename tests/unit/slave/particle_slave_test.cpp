@@ -112,19 +112,19 @@ TEST(ParticleSlave, WhatTheTipGivesTheSampleTakes) {
   EXPECT_GT(pushed, 50);
 }
 
-// The book against an independent integral: work of the commanded end by the trapezium rule. Where nothing
+// The account against an independent integral: work of the commanded end by the trapezium rule. Where nothing
 // ends the rule's error is of second order in the step (0.05 nm): 0.2 aJ over 140 nm of pushing. A jump
 // within a step (meeting, parting) adds up to dF step/2 = 20 nN x 0.025 nm each.
 TEST(ParticleSlave, ChargesTheWorkOfTheCommandedEnd) {
   Session session(deployed());
   SlaveOutput before = session.go_to(Vec3(0, 0, 10), 1.0);
-  const double booked_at_start = charged(before);
+  const double counted_at_start = charged(before);
   double work = 0, most = 0;
   Vec3 at = session.at();
   const auto add = [&](const SlaveOutput& out) {
     ASSERT_EQ(out.fault_bits, 0u);
     work -= 0.5 * (out.force_w_nn + before.force_w_nn).dot(session.at() - at);
-    most = std::max(most, std::fabs(charged(out) - booked_at_start - work));
+    most = std::max(most, std::fabs(charged(out) - counted_at_start - work));
     at = session.at();
     before = out;
   };
@@ -135,7 +135,7 @@ TEST(ParticleSlave, ChargesTheWorkOfTheCommandedEnd) {
   EXPECT_LT(most, 0.01 * work);
 }
 
-// Whatever the path, with leaps of some nm: the book is stored plus lost, neither loss nor book runs
+// Whatever the path, with leaps of some nm: the account is stored plus lost, neither loss nor account runs
 // backwards, and a closed loop yields nothing: back at the start, charged + what was stored at first >= 0.
 TEST(ParticleSlave, NoPathDrawsEnergy) {
   Session session(deployed());
@@ -183,13 +183,13 @@ TEST(ParticleSlave, NoPathDrawsEnergy) {
 // A particle that sleeps is not balanced: while the tip is far only the tip's own step is made, pressed or
 // above. What is felt is that of one that never sleeps, to what a sleeping particle leaves out (1e-6 of the
 // pull-off of particle and sample, 60 nN), also while the tip comes near, so that the particle wakes, is
-// pushed, and falls asleep again. The tip's own snap into contact is booked by the law alone and by the
+// pushed, and falls asleep again. The tip's own snap into contact is counted by the law alone and by the
 // trapezium with the particle: apart by 30 nN × 0.25 nm.
 TEST(ParticleSlave, BesideASleeperItIsAsIfItWereAwake) {
   Session sleeper(deployed());
   Session watcher(changed([](scene::Scene& s) { s.particle->parameters.sleeps = false; }));
   int alone = 0, steps = 0, woken = 0;
-  double most = 0, most_booked = 0;
+  double most = 0, most_counted = 0;
   const auto both = [&](const Vec3& to, double step) {
     std::vector<SlaveOutput> a, b;
     std::vector<int> substeps;
@@ -202,7 +202,7 @@ TEST(ParticleSlave, BesideASleeperItIsAsIfItWereAwake) {
     for (std::size_t i = 0; i < a.size(); ++i) {
       const double charged_apart = charged(a[i]) - charged(b[i]);
       most = std::max(most, (a[i].force_w_nn - b[i].force_w_nn).norm());
-      most_booked = std::max(most_booked, std::fabs(charged_apart));
+      most_counted = std::max(most_counted, std::fabs(charged_apart));
       alone += substeps[i] == 0;
       woken += sleeper.particle().held_by_tip;
       ++steps;
@@ -219,10 +219,10 @@ TEST(ParticleSlave, BesideASleeperItIsAsIfItWereAwake) {
   both({-120, 0, 12}, 0.5);
   EXPECT_GT(woken, 5);
   EXPECT_GT(alone, before + 50);
-  std::printf("forces apart by %.2g nN, charges by %.2g aJ, %d of %d steps alone\n", most, most_booked, alone,
-              steps);
+  std::printf("forces apart by %.2g nN, charges by %.2g aJ, %d of %d steps alone\n", most, most_counted,
+              alone, steps);
   EXPECT_LT(most, 6e-5);
-  EXPECT_LT(most_booked, 7.5);
+  EXPECT_LT(most_counted, 7.5);
 }
 
 // Pressed on from above and drawn off. Which contact breaks is decided by the pull-offs: for equal pairs of

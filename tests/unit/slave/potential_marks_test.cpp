@@ -59,7 +59,7 @@ struct Led {
   explicit Led(std::shared_ptr<const scene::Scene> scene) : slave(std::move(scene)) {
     end = slave.limits().start_pos_w_nm;
     output = go(end, 1e-3);
-    booked_at_start_aj = booked_aj();
+    counted_at_start_aj = counted_aj();
     lost_at_start_aj = slave.trace().dissipated_aj;
     stored_at_start_aj = slave.trace().stored_aj;
   }
@@ -82,7 +82,7 @@ struct Led {
       output = out;
     }
   }
-  double booked_aj() const { return output.energy_in_aj - output.energy_out_aj; }
+  double counted_aj() const { return output.energy_in_aj - output.energy_out_aj; }
   double lost_aj() const { return slave.trace().dissipated_aj - lost_at_start_aj; }
   double stored_aj() const { return slave.trace().stored_aj - stored_at_start_aj; }
   double depth_nm(double x, double y) const { return -slave.marked_surface()->height_nm(x, y); }
@@ -97,7 +97,7 @@ struct Led {
   SlaveOutput output;
   Vec3 end;
   double work_aj = 0;
-  double booked_at_start_aj = 0, lost_at_start_aj = 0, stored_at_start_aj = 0;
+  double counted_at_start_aj = 0, lost_at_start_aj = 0, stored_at_start_aj = 0;
   int faults = 0;
 };
 
@@ -133,7 +133,7 @@ TEST(PotentialMarks, ADentHasTheDepthTheWorkAndTheVolumeOfTheClosedForm) {
 
 struct Groove {
   double depth = 0, ripple = 0, force = 0, side_force = 0;
-  double work_aj = 0, booked_aj = 0, lost_aj = 0, stored_aj = 0;
+  double work_aj = 0, counted_aj = 0, lost_aj = 0, stored_aj = 0;
   double crater = 0, rim = 0;
   double area_nm2 = 0, work_a_length_nn = 0;
   int faults = 0;
@@ -167,7 +167,7 @@ Groove groove(const std::shared_ptr<const scene::Scene>& scene, double step_nm, 
   out.depth = sum / count;
   out.ripple = (high - low) / out.depth;
   out.work_aj = led.work_aj;
-  out.booked_aj = led.booked_aj() - led.booked_at_start_aj;
+  out.counted_aj = led.counted_aj() - led.counted_at_start_aj;
   out.lost_aj = led.lost_aj();
   out.stored_aj = led.stored_aj();
   out.faults = led.faults;
@@ -198,14 +198,14 @@ TEST(PotentialMarks, AGrooveTakesTheHardnessTimesItsVolume) {
 
 // With adhesion, and friction off: what the port was charged, against its work by trapezia of its forces.
 // What is left, 0.3 %, is the snap into contact at 0.1 nm a step.
-TEST(PotentialMarks, TheBookOfAGrooveIsTheWorkOfTheEnd) {
+TEST(PotentialMarks, TheAccountOfAGrooveIsTheWorkOfTheEnd) {
   for (const double step : {0.1, 1.0}) {
     const Groove g = groove(scene_of(without_friction(lithography_text())), step);
     EXPECT_EQ(g.faults, 0);
     EXPECT_GT(g.work_aj, 300);
-    EXPECT_NEAR(g.booked_aj, g.stored_aj + g.lost_aj, 1e-9 * g.booked_aj);
-    EXPECT_GE(g.booked_aj, g.work_aj);
-    EXPECT_LT(g.booked_aj, 1.01 * g.work_aj) << step;
+    EXPECT_NEAR(g.counted_aj, g.stored_aj + g.lost_aj, 1e-9 * g.counted_aj);
+    EXPECT_GE(g.counted_aj, g.work_aj);
+    EXPECT_LT(g.counted_aj, 1.01 * g.work_aj) << step;
   }
 }
 
@@ -288,7 +288,7 @@ TEST(PotentialMarks, SurvivesLeapsOfAMicrometre) {
   EXPECT_LE(no_balance, 2);
   EXPECT_GT(led.slave.sample().marks(), 100u);
   // All that the port was charged is stored or lost; 1e-9 is rounding.
-  EXPECT_NEAR(led.booked_aj() - led.booked_at_start_aj, led.stored_aj() + lost, 1e-9 * lost);
+  EXPECT_NEAR(led.counted_aj() - led.counted_at_start_aj, led.stored_aj() + lost, 1e-9 * lost);
 }
 
 TEST(PotentialMarks, PloughingTakesNothingFromTheHeapAndGivesTheSameBits) {
@@ -342,13 +342,13 @@ TEST(PotentialMarks, ARoughGroundTakesNoLessThanTheWork) {
     led.lead({12, -4, -6}, 0.2);
     led.lead({12, 9, -5}, 0.2);
     led.lead({-10, -4, start}, 0.2);
-    EXPECT_GT(led.booked_aj() - led.booked_at_start_aj, 0.999 * led.work_aj);
+    EXPECT_GT(led.counted_aj() - led.counted_at_start_aj, 0.999 * led.work_aj);
   }
   EXPECT_EQ(led.faults, 0);
   EXPECT_GT(led.slave.sample().marks(), 100u);
-  EXPECT_NEAR(led.booked_aj() - led.booked_at_start_aj, led.stored_aj() + led.lost_aj(),
+  EXPECT_NEAR(led.counted_aj() - led.counted_at_start_aj, led.stored_aj() + led.lost_aj(),
               1e-9 * led.lost_aj());
-  EXPECT_LT(led.booked_aj() - led.booked_at_start_aj, 1.02 * led.work_aj);
+  EXPECT_LT(led.counted_aj() - led.counted_at_start_aj, 1.02 * led.work_aj);
 }
 
 TEST(PotentialMarks, PileUpIsAShare) {

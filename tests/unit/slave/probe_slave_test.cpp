@@ -90,9 +90,9 @@ TEST(ProbeInSlave, TellsTheStiffestDirection) {
   EXPECT_NEAR(shown("flat_silicon_oxide"), 20, 1e-12);
 }
 
-// On a scan the book holds ½ FᵀCF with all its parts: what went in over a path and back at the same balance
+// On a scan the account holds ½ FᵀCF with all its parts: what went in over a path and back at the same balance
 // is what was lost; and springs and energy agree with C on each step.
-TEST(ProbeInSlave, BooksTheLeverInAllDirections) {
+TEST(ProbeInSlave, AccountsTheLeverInAllDirections) {
   const auto scene = scene_with("flakes", lever());
   NveSlave slave(scene);
   const auto& c = scene->cantilever.compliance_nm_nn();
@@ -404,7 +404,7 @@ TEST(ProbeInSlave, AMovingProbeTakesNothingFromTheHeapAndGivesTheSameBits) {
 
 // A lever without damping that rings in contact with a scan, its base held still: nothing is put in, nothing
 // may be lost. The oracle is the energy itself, over 10⁵ steps of the mode: each is rounded to a few 1e-16 of
-// it, and the book takes rounding of either sign for a loss.
+// it, and the account takes rounding of either sign for a loss.
 TEST(ProbeInSlave, AnUndampedModeKeepsItsEnergyOnAScan) {
   const double none = HUGE_VAL;
   const auto scene = scene_with("flakes", moving(40, 2e3, none));

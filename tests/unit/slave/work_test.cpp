@@ -56,7 +56,7 @@ TEST_P(Work, AStepEndsWhereItsWorkIsUsedUp) {
 }
 
 // Nothing of the motion is lost: the same target, said again, is come to. On the way it is no work of the
-// port's more than the way costs: the book says so, which is a function of the state.
+// port's more than the way costs: the account says so, which is a function of the state.
 TEST_P(Work, WhatIsLeftOfTheWayIsCaughtUpWith) {
   const auto scene = project_scene(GetParam());
   NveSlave slave(scene);

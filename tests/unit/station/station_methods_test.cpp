@@ -116,8 +116,8 @@ TEST(StationMethods, AChangeGrantsNoAllowance) {
   ASSERT_NEAR(rig.output.trace.energy_j, -8e-3, 1e-4);
   rig.station.change_method(Method::kKsClamp);
   rig.tick();
-  EXPECT_NEAR(rig.output.trace.ledger_j, rig.output.trace.energy_j, 1e-5);
-  EXPECT_NEAR(rig.output.trace.force_bound_n, (10e-3 + rig.output.trace.ledger_j) / (0.5 * 1e-3), 1e-9);
+  EXPECT_NEAR(rig.output.trace.account_j, rig.output.trace.energy_j, 1e-5);
+  EXPECT_NEAR(rig.output.trace.force_bound_n, (10e-3 + rig.output.trace.account_j) / (0.5 * 1e-3), 1e-9);
 }
 
 TEST(StationMethods, AChangeOfScaleMovesNeitherTipNorHand) {
@@ -228,7 +228,7 @@ TEST(StationMethods, EnergyOfALostReplyComesWithTheNextOne) {
       rig.tick(!lossy || k % 3 == 0 || k == 99);
     }
     const double scale = rig.station.config().scaling.hand_energy_j(1);
-    EXPECT_NEAR(rig.output.trace.ledger_j, 100 * 100 * scale, 1e-12);
+    EXPECT_NEAR(rig.output.trace.account_j, 100 * 100 * scale, 1e-12);
   }
 }
 
@@ -258,11 +258,11 @@ TEST(StationMethods, WhatIsUnderWayCrossesAtItsOwnScale) {
     // Where a reply was lost over the change, the next one is worth the least; else each its own.
     if (k > kDelay) expected_j += price_of[rig.reply.command_sequence];
     if (!lost) {
-      EXPECT_LE(rig.output.trace.ledger_j, expected_j + 1e-12) << k;
+      EXPECT_LE(rig.output.trace.account_j, expected_j + 1e-12) << k;
     }
-    most_j = std::max(most_j, rig.output.trace.ledger_j);
+    most_j = std::max(most_j, rig.output.trace.account_j);
   }
-  EXPECT_NEAR(rig.output.trace.ledger_j, expected_j, 3 * 25 * price_of[1]) << "and nearly all of it comes";
+  EXPECT_NEAR(rig.output.trace.account_j, expected_j, 3 * 25 * price_of[1]) << "and nearly all of it comes";
   EXPECT_GT(most_j, 25 * 40 * price_of[1]);
 }
 
@@ -277,20 +277,20 @@ TEST(StationMethods, OfTheSamplesOwnEnergyNoMoreIsCreditedThanTheWellHolds) {
     rig.reply.energy_in_aj = 1000;
     rig.reply.energy_out_aj = 1200;
     rig.tick();
-    EXPECT_NEAR(rig.output.trace.ledger_j, says ? 200 * scale : 0, 1e-15);
+    EXPECT_NEAR(rig.output.trace.account_j, says ? 200 * scale : 0, 1e-15);
     rig.reply.energy_in_aj = 9000;  // what is put in is never debited
     rig.tick();
-    EXPECT_NEAR(rig.output.trace.ledger_j, says ? 200 * scale : 0, 1e-15);
+    EXPECT_NEAR(rig.output.trace.account_j, says ? 200 * scale : 0, 1e-15);
     rig.reply.energy_out_aj = 1e300;
     rig.tick();
-    EXPECT_NEAR(rig.output.trace.ledger_j, says ? 300 * scale : 0, 1e-15);
+    EXPECT_NEAR(rig.output.trace.account_j, says ? 300 * scale : 0, 1e-15);
     for (std::uint32_t epoch = 8; epoch < 12; ++epoch) {
       rig.welcome.epoch = epoch;
       rig.station.begin_session(rig.welcome);
       rig.reply = {};
       rig.reply.energy_out_aj = 1e9;
       rig.tick();
-      EXPECT_NEAR(rig.output.trace.ledger_j, says ? 300 * scale : 0, 1e-15) << "once, of all epochs";
+      EXPECT_NEAR(rig.output.trace.account_j, says ? 300 * scale : 0, 1e-15) << "once, of all epochs";
     }
   }
 }
@@ -301,7 +301,7 @@ TEST(StationMethods, NoServerIsBelievedMoreThanTheStationsOwnLimit) {
   rig.station.begin_session(rig.welcome);
   rig.reply.energy_out_aj = 1.7e308;
   rig.tick();
-  EXPECT_NEAR(rig.output.trace.ledger_j, rig.station.config().well_max_j, 1e-15);
+  EXPECT_NEAR(rig.output.trace.account_j, rig.station.config().well_max_j, 1e-15);
 }
 
 // 1000 aJ go in at one scale and come out at 25 times the price, and the other way round: credited is what
@@ -322,7 +322,7 @@ TEST(StationMethods, WhatComesOutAtAnotherScaleIsWorthTheLesserPrice) {
     rig.reply.energy_out_aj = 1000;
     ++rig.input.command_sequence;
     rig.tick();
-    EXPECT_NEAR(rig.output.trace.ledger_j, 1000 * std::min(paid_at, now), 1e-12) << by;
+    EXPECT_NEAR(rig.output.trace.account_j, 1000 * std::min(paid_at, now), 1e-12) << by;
   }
 }
 
@@ -340,18 +340,18 @@ TEST(StationMethods, ANewEpochNeitherFreezesNorDoublesTheBudget) {
   rig.reply.port.energy_sent_aj = 5000;
   rig.tick();
   const double scale = rig.station.config().scaling.hand_energy_j(1);
-  ASSERT_NEAR(rig.output.trace.ledger_j, 5000 * scale, 1e-12);
+  ASSERT_NEAR(rig.output.trace.account_j, 5000 * scale, 1e-12);
   rig.station.begin_session(rig.welcome);  // resumed, the same epoch: the sum goes on
   rig.reply.sequence = 0;
   rig.reply.port.energy_sent_aj = 6000;
   rig.tick();
-  EXPECT_NEAR(rig.output.trace.ledger_j, 6000 * scale, 1e-12);
+  EXPECT_NEAR(rig.output.trace.account_j, 6000 * scale, 1e-12);
   rig.welcome.epoch = 8;  // another slave: its sum begins at 0
   rig.station.begin_session(rig.welcome);
   rig.reply.sequence = 0;
   rig.reply.port.energy_sent_aj = 300;
   rig.tick();
-  EXPECT_NEAR(rig.output.trace.ledger_j, 6300 * scale, 1e-12);
+  EXPECT_NEAR(rig.output.trace.account_j, 6300 * scale, 1e-12);
 }
 
 }  // namespace

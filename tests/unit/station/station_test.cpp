@@ -316,15 +316,15 @@ TEST(Station, ANonFiniteAppliedForceIsALatchedStop) {
 TEST(Station, AFiniteButImpossibleMeasurementBuysNoEnergy) {
   StationRig rig;
   rig.engage(kPush);
-  const double before_j = rig.output.trace.ledger_j;
+  const double before_j = rig.output.trace.account_j;
   rig.input.hand_pos_h_m.z() = -1e300;
   rig.tick();
   EXPECT_EQ(rig.station.mode(), Mode::kStopped);
-  EXPECT_EQ(rig.output.trace.ledger_j, before_j);
+  EXPECT_EQ(rig.output.trace.account_j, before_j);
   rig.input.hand_pos_h_m.z() = -1e-4;
   rig.input.applied_force_h_n.z() = 1e300;
   rig.tick();
-  EXPECT_EQ(rig.output.trace.ledger_j, before_j);
+  EXPECT_EQ(rig.output.trace.account_j, before_j);
 }
 
 TEST(Station, ABadTickGivesZeroForce) {
@@ -516,7 +516,7 @@ TEST(Station, WorkspaceLimitsTheTarget) {
   EXPECT_EQ(rig.output.command.tip_pos_w_nm.z(), 39);
 }
 
-TEST(Station, BooksTheForceReallyApplied) {
+TEST(Station, AccountsTheForceReallyApplied) {
   StationRig rig;
   rig.engage(kPush);
   rig.input.applied_force_h_n = Vec3(0, 0, 0.25);  // the device saturated, say

@@ -150,9 +150,9 @@ TEST(ForceCurve, NoiseAloneIsNoAttraction) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
   std::int64_t reply = 0;
-  for (int leg = 0; leg < 2; ++leg) {
+  for (int segment = 0; segment < 2; ++segment) {
     for (int i = 0; i <= 400; ++i) {
-      const double gap = (leg == 0 ? 400 - i : i) * 0.05 - 5;
+      const double gap = (segment == 0 ? 400 - i : i) * 0.05 - 5;
       recording::Sample s;
       s.reply_sequence = ++reply;
       s.time_s = 1e-3 * static_cast<double>(reply);
@@ -247,7 +247,8 @@ TEST(ForceCurve, TheTableHoldsUnitsMarksAndEveryPoint) {
   touch.go(kTop, kBottom);
   touch.go(kBottom, kTop);
   const std::string csv = curve.csv();
-  EXPECT_NE(csv.find("leg,time_s,distance_nm,height_nm,base_nm,force_nn,lateral_nn\n"), std::string::npos);
+  EXPECT_NE(csv.find("segment,time_s,distance_nm,height_nm,base_nm,force_nn,lateral_nn\n"),
+            std::string::npos);
   for (const char* const word :
        {"# snap-in: -", " nN at ", "# pull-off: -", ", leap from ", "# hysteresis: ", " aJ\n"})
     EXPECT_NE(csv.find(word), std::string::npos) << word;

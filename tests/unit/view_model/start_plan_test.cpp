@@ -14,7 +14,7 @@ const std::string kTouch =
 
 std::string words(const std::string& csv, bool shows_force = true) {
   std::string all;
-  for (const std::string& line : plan_words(parse_plan(csv), shows_force)) all += line + "\n";
+  for (const std::string& line : plan_text(parse_plan(csv), shows_force)) all += line + "\n";
   return all;
 }
 
@@ -37,7 +37,7 @@ TEST(StartPlan, WhatIsNotKnownIsNotSaid) {
 
 TEST(StartPlan, AnyTextIsTaken) {
   for (const char* text : {"", "\n\n", "a", ",,,,\n", "felt,touch,\nfelt_press,abc,N\n", "binding,device"})
-    EXPECT_FALSE(plan_words(parse_plan(text), true).empty());
+    EXPECT_FALSE(plan_text(parse_plan(text), true).empty());
 }
 
 }  // namespace

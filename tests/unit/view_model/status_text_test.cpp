@@ -24,7 +24,7 @@ TEST(Words, TellEveryFaultOfTheStation) {
   for (std::uint32_t bit = 0; std::string(station::fault_name(1u << bit)) != "none"; ++bit) {
     recording::Sample sample = in_mode(station::Mode::kEngaged);
     sample.station_faults = 1u << bit;
-    const auto messages = force_words(sample);
+    const auto messages = force_text(sample);
     ASSERT_EQ(messages.size(), 1u) << station::fault_name(1u << bit);
     EXPECT_TRUE(told.insert(messages[0].text).second) << messages[0].text;
   }
@@ -34,27 +34,27 @@ TEST(Words, TellEveryFaultOfTheStation) {
 TEST(Words, TellEveryFaultOfTheSlave) {
   std::set<std::string> told;
   for (std::uint32_t bit = 0; bit < 6; ++bit) {
-    const auto messages = slave_words(1u << bit);
+    const auto messages = slave_text(1u << bit);
     ASSERT_EQ(messages.size(), 1u) << bit;
     told.insert(messages[0].text);
   }
-  EXPECT_EQ(slave_words(link::kFaultShare).size(), 1u);
-  told.insert(slave_words(link::kFaultShare)[0].text);
+  EXPECT_EQ(slave_text(link::kFaultShare).size(), 1u);
+  told.insert(slave_text(link::kFaultShare)[0].text);
   EXPECT_EQ(told.size(), 7u);
-  EXPECT_TRUE(slave_words(0).empty());
+  EXPECT_TRUE(slave_text(0).empty());
 }
 
 TEST(Words, TellWhatTheParticleDoes) {
   std::set<std::string> told;
   for (std::uint32_t status = 0; status < 5; ++status)  // one more than there are
-    told.insert(particle_words(static_cast<link::ParticleStatus>(status)));
+    told.insert(particle_text(static_cast<link::ParticleStatus>(status)));
   EXPECT_EQ(told.size(), 5u);
 }
 
 TEST(Words, TheGravestComesFirst) {
   recording::Sample sample = in_mode(station::Mode::kStopped);
   sample.station_faults = station::kFaultStopPressed | station::kFaultDeviceFailed | station::kFaultStale;
-  const auto messages = force_words(sample);
+  const auto messages = force_text(sample);
   ASSERT_GE(messages.size(), 3u);
   EXPECT_NE(messages[0].text.find("device has failed"), std::string::npos);
   EXPECT_EQ(messages[0].mood, Mood::kAlarm);
@@ -63,16 +63,16 @@ TEST(Words, TheGravestComesFirst) {
 
 TEST(Words, SayWhyThereIsNoForceInEveryModeWithoutIt) {
   for (const auto mode : {station::Mode::kIdle, station::Mode::kHeld, station::Mode::kHoming})
-    EXPECT_FALSE(force_words(in_mode(mode)).empty()) << station::mode_name(mode);
-  EXPECT_TRUE(force_words(in_mode(station::Mode::kEngaged)).empty());
+    EXPECT_FALSE(force_text(in_mode(mode)).empty()) << station::mode_name(mode);
+  EXPECT_TRUE(force_text(in_mode(station::Mode::kEngaged)).empty());
   recording::Sample ready = in_mode(station::Mode::kReady);
   ready.buttons = 0;
-  EXPECT_NE(force_words(ready).at(0).text.find("deadman"), std::string::npos);
-  EXPECT_NE(force_words(ready, device::ForceOffCause::kNone, true).at(0).text.find("left button"),
+  EXPECT_NE(force_text(ready).at(0).text.find("deadman"), std::string::npos);
+  EXPECT_NE(force_text(ready, device::ForceOffCause::kNone, true).at(0).text.find("left button"),
             std::string::npos);
   ready.buttons = device::kButtonClutch | device::kButtonDeadman;
-  EXPECT_NE(force_words(ready).at(0).text.find("Clutch"), std::string::npos);
-  EXPECT_NE(force_words(in_mode(station::Mode::kEngaged), device::ForceOffCause::kUsb).at(0).text.find("USB"),
+  EXPECT_NE(force_text(ready).at(0).text.find("Clutch"), std::string::npos);
+  EXPECT_NE(force_text(in_mode(station::Mode::kEngaged), device::ForceOffCause::kUsb).at(0).text.find("USB"),
             std::string::npos);
 }
 
@@ -83,14 +83,14 @@ TEST(Words, AnObserverIsToldSo) {
     recording::Sample sample = in_mode(mode);
     sample.limit_flags = recording::kLimitObserves;
     sample.buttons = 0;
-    EXPECT_EQ(mode_words(sample).text, "Observing");
-    const auto messages = force_words(sample);
+    EXPECT_EQ(mode_text(sample).text, "Observing");
+    const auto messages = force_text(sample);
     ASSERT_EQ(messages.size(), 1u);
     EXPECT_NE(messages[0].text.find("another session's"), std::string::npos);
   }
   recording::Sample stopped = in_mode(station::Mode::kStopped);
   stopped.limit_flags = recording::kLimitObserves;
-  EXPECT_EQ(mode_words(stopped).text, "Stopped");
+  EXPECT_EQ(mode_text(stopped).text, "Stopped");
 }
 
 // From a fifth of a second on, against the server's age and, before any answer, the session's.
@@ -103,11 +103,11 @@ TEST(Words, ALostServerIsToldAtOnceAndForHowLongItIsWaitedFor) {
   EXPECT_NEAR(silent_s(sample), 0.25, 1e-12);
   sample.reply_age_ms = std::numeric_limits<double>::infinity();
   EXPECT_EQ(silent_s(sample), 30);
-  EXPECT_EQ(silence_words(3.24, 10),
+  EXPECT_EQ(silence_text(3.24, 10),
             "No answer from the server for 3.2 s: what is shown is old; the session ends in 7 s");
-  EXPECT_EQ(silence_words(11, 10),
+  EXPECT_EQ(silence_text(11, 10),
             "No answer from the server for 11.0 s: what is shown is old; the session ends in 0 s");
-  EXPECT_EQ(silence_words(1, 0), "No answer from the server for 1.0 s: what is shown is old");
+  EXPECT_EQ(silence_text(1, 0), "No answer from the server for 1.0 s: what is shown is old");
 }
 
 // A tip on a slope: 1.7 nN along z, and 12.7 in all (√(12.6² + 0.1² + 1.7²) = 12.71).
@@ -125,10 +125,10 @@ TEST(Words, TellTheWholeForce) {
 TEST(Words, EveryModeHasItsOwn) {
   std::set<std::string> names;
   for (int mode = 0; mode <= static_cast<int>(station::Mode::kHoming); ++mode)
-    names.insert(mode_words(in_mode(static_cast<station::Mode>(mode))).text);
+    names.insert(mode_text(in_mode(static_cast<station::Mode>(mode))).text);
   EXPECT_EQ(names.size(), 6u);
   EXPECT_FALSE(names.contains("Unknown"));
-  EXPECT_EQ(mode_words(in_mode(static_cast<station::Mode>(99))).text, "Unknown");
+  EXPECT_EQ(mode_text(in_mode(static_cast<station::Mode>(99))).text, "Unknown");
 }
 
 TEST(Words, TellOfTheContact) {
@@ -141,8 +141,8 @@ TEST(Words, TellOfTheContact) {
   EXPECT_EQ(adhesion_text(contact), "lets go at 38.9 nN");
   contact.radius_nm = 2;
   EXPECT_EQ(contact_area_text(contact), "radius 2.00 nm, 12.6 nm²");
-  EXPECT_EQ(method_words(control::Method::kTank, true), "tank, by the link");
-  EXPECT_EQ(method_words(control::Method::kTank, false), "tank");
+  EXPECT_EQ(method_text(control::Method::kTank, true), "tank, by the link");
+  EXPECT_EQ(method_text(control::Method::kTank, false), "tank");
 }
 
 TEST(Words, ChooseUnits) {

@@ -346,10 +346,10 @@ class StartScreenTest : public Guidance {
 TEST_F(StartScreenTest, WordsLieOnNoOthersAtAnySizeAndScale) {
   for (const float scale : {1.0f, 2.0f}) {
     for (const bool ended : {false, true}) {
-      facts_.last_words.clear();
+      facts_.last_text.clear();
       if (ended)
-        facts_.last_words = {"summary of 5.1 s", "  pull-off force                       38.87 nN",
-                             "stopped by the operator"};
+        facts_.last_text = {"summary of 5.1 s", "  pull-off force                       38.87 nN",
+                            "stopped by the operator"};
       choice_.record = ended;
       StartScreen screen(scale);
       for (const auto& [wide, high] : {std::pair{640, 480}, {1280, 800}, {3840, 2160}}) {

@@ -149,7 +149,7 @@ TEST_F(OmegaDeviceTest, FailuresStayAndTheForceGoesToZero) {
   }
 }
 
-TEST_F(OmegaDeviceTest, ForceRefusedIsBookedAsTheOneThatStillActs) {
+TEST_F(OmegaDeviceTest, ForceRefusedIsCountedAsTheOneThatStillActs) {
   open();
   tick(Vec3(2, 0, 0));
   sdk_->result_of(DrdCall::kSetForce) = -1;

@@ -4,7 +4,7 @@
 
 namespace telenano::support {
 
-/// What a hand has got out of its port, by a book that shares nothing with the product: true positions, the
+/// What a hand has got out of its port, by an account that shares nothing with the product: true positions, the
 /// force that really acted, long double.
 ///
 ///   extracted(k) = Σ F(j−1)·[x(j) − x(j−1)] − b Σ [x(j) − x(j−1)]²/T,   F on the hand, held between samples
@@ -12,9 +12,9 @@ namespace telenano::support {
 /// The first sum is exactly what the port gave. b is the device's own damping, which lies between port and
 /// hand: its least loss over a sample is bΔx²/T (Cauchy–Schwarz on ∫b v² dt), so the hand got no more than
 /// `extracted`, and a device that is passive by its own friction is not blamed for what its friction takes.
-class PortBook {
+class PortAccount {
  public:
-  PortBook(double damping_certain_n_s_m, double period_s)
+  PortAccount(double damping_certain_n_s_m, double period_s)
       : damping_n_s_m_(damping_certain_n_s_m), period_s_(period_s) {}
 
   void add(long double force_n, long double moved_m) noexcept {

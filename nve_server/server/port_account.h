@@ -6,7 +6,7 @@
 
 namespace telenano::server {
 
-/// One session's part of the book of a tip that others move too, aJ: what was exchanged while the session
+/// One session's part of the account of a tip that others move too, aJ: what was exchanged while the session
 /// held it. Both sums only rise, and stand still while it observes, so that taking over neither credits nor
 /// charges anybody.
 ///
@@ -14,7 +14,7 @@ namespace telenano::server {
 /// one's energy: until the tip has been free (contact state free: nothing is pressed or stuck) once, out is
 /// credited only as far as this session has put in since it took over. The rest is nobody's, which errs on
 /// the passive side.
-class PortBook {
+class PortAccount {
  public:
   /// The session gets a tip that another one has moved last.
   void take_over(const slave::SlaveOutput& now) noexcept {

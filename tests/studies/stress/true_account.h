@@ -8,13 +8,13 @@
 namespace telenano::studies::stress {
 
 /// What the hand has got out of its port, three axes, true positions, the force that really acted, long
-/// double; shares nothing with the product. As support::PortBook, and besides:
+/// double; shares nothing with the product. As support::PortAccount, and besides:
 ///
 ///   Q = (q/2)·(Σ|ΔF| + 2 max|F|), summed over the axes: what an encoder of quantum q may hide (summation by
 ///   parts, positions within q/2).
-class TrueBook {
+class TrueAccount {
  public:
-  TrueBook(double damping_n_s_m, double period_s, double quantum_m)
+  TrueAccount(double damping_n_s_m, double period_s, double quantum_m)
       : damping_n_s_m_(damping_n_s_m), period_s_(period_s), quantum_m_(quantum_m) {}
 
   /// A period during which `force_n` acted and the hand moved by `moved_m`.

@@ -7,7 +7,7 @@
 namespace telenano::viewer {
 
 /// Where words stand in the frame that is being drawn, so that none is written over another. Pixels.
-class WordBoard {
+class LabelBoard {
  public:
   void clear() noexcept { taken_.clear(); }
   void take(ImVec2 from, ImVec2 to) { taken_.push_back({from, to}); }

@@ -7,7 +7,7 @@
 
 namespace telenano::afm {
 
-/// The energy book of a port whose force is read now and then: the force–position integral, by trapezia
+/// The energy account of a port whose force is read now and then: the force–position integral, by trapezia
 /// between readings, with a bound of what it may be wrong by.
 ///
 /// Between two readings the base goes from p₀ to p₁ = p₀ + Δ, over a way s ≥ |Δ|; it strays from the straight
@@ -16,7 +16,7 @@ namespace telenano::afm {
 /// within k x + j of what is between both readings, and each reading within e of the true force at p: e = n +
 /// k w, n the noise (three standard deviations) and w the way travelled while it was averaged and on its way.
 /// The trapezium's error is then at most (½|ΔF| + e₀ + e₁ + k x + j) s. Free at both ends, e = n and j = 0.
-class WorkBook {
+class WorkAccount {
  public:
   struct Reading {
     Vec3 base_w_nm = Vec3::Zero();  ///< mean of where it was sent while the force was averaged
@@ -25,7 +25,7 @@ class WorkBook {
     double window_way_nm = 0;  ///< travelled while this one may have been averaged
   };
 
-  WorkBook(double lever_n_m) noexcept : lever_n_m_(lever_n_m) {}
+  WorkAccount(double lever_n_m) noexcept : lever_n_m_(lever_n_m) {}
 
   /// `touches`: the tip may have been in contact since the last reading; `jump_nn`: j.
   void add(const Reading& now, double noise_nn, bool touches, double jump_nn) noexcept {

@@ -2,28 +2,28 @@
 
 #include <cmath>
 
-#include "tests/support/port_book.h"
+#include "tests/support/port_account.h"
 #include "tests/support/virtual_hand.h"
 
 namespace telenano::support {
 
-struct BookedHandConfig {
+struct AccountedHandConfig {
   double period_s = 1e-3;
   double device_damping_n_s_m = 2;  ///< of the device between port and hand: certain, and reported as such
   double device_mass_kg = 0.25;     ///< reported
   double force_max_n = 12;          ///< on the norm of the vector
-  double position_quantum_m = 0;    ///< of the encoder; 0 = none. The book is on the true position
+  double position_quantum_m = 0;    ///< of the encoder; 0 = none. The account is on the true position
   double velocity_max_m_s = 0.5;    ///< up to which a method promises anything
 };
 
-/// A hand along H z, without dry friction, that keeps the book of its own port. What was
-/// promised, was promised to hands that stay below a velocity: with the first faster interval the book is
+/// A hand along H z, without dry friction, that keeps the account of its own port. What was
+/// promised, was promised to hands that stay below a velocity: with the first faster interval the account is
 /// closed, that interval left out.
-class BookedHand : public VirtualHand {
+class AccountedHand : public VirtualHand {
  public:
-  explicit BookedHand(const BookedHandConfig& config)
-      : config_(config), book_(config.device_damping_n_s_m, config.period_s) {
-    info_.name = "booked hand";
+  explicit AccountedHand(const AccountedHandConfig& config)
+      : config_(config), account_(config.device_damping_n_s_m, config.period_s) {
+    info_.name = "counted hand";
     info_.force_max_n = config.force_max_n;
     info_.position_quantum_m = config.position_quantum_m;
     info_.damping_n_s_m = config.device_damping_n_s_m;
@@ -48,27 +48,27 @@ class BookedHand : public VirtualHand {
   void advance(std::int64_t) noexcept override {
     const double from_m = static_cast<double>(pos_m_);
     pos_m_ = started_ ? next_pos_m(applied_h_n_.z()) : pos_m_;
-    // What the station is told is a double; the book must see the very same positions.
+    // What the station is told is a double; the account must see the very same positions.
     const double moved_m = static_cast<double>(pos_m_) - from_m;
     const double reach_m = config_.velocity_max_m_s * config_.period_s;
     if (moved_m > reach_m || moved_m < -reach_m) too_fast_ = true;
-    if (!too_fast_) book_.add(applied_h_n_.z(), moved_m);
+    if (!too_fast_) account_.add(applied_h_n_.z(), moved_m);
   }
   void start_motion() noexcept override { started_ = true; }
 
-  const PortBook& book() const noexcept { return book_; }
+  const PortAccount& account() const noexcept { return account_; }
   bool too_fast() const noexcept { return too_fast_; }
   double pos_m() const noexcept { return static_cast<double>(pos_m_); }
 
  protected:
   /// Where the hand is a period later, with this force on it all the time.
   virtual long double next_pos_m(double force_n) noexcept = 0;
-  const BookedHandConfig& config() const noexcept { return config_; }
+  const AccountedHandConfig& config() const noexcept { return config_; }
 
  private:
-  BookedHandConfig config_;
+  AccountedHandConfig config_;
   device::DeviceInfo info_;
-  PortBook book_;
+  PortAccount account_;
   long double pos_m_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
   bool started_ = false;
