@@ -1,5 +1,9 @@
 #include "telenano/common/recording/sample.h"
 
+#include <algorithm>
+
+#include "proto/reply_columns.h"
+
 namespace telenano::recording {
 namespace {
 
@@ -27,13 +31,14 @@ constexpr std::uint8_t column_components() {
         column_components < decltype(Sample::field)>(), offsetof(Sample, field) \
   }
 
-constexpr std::array kColumns{
+#define TELENANO_REPLY_COLUMN(name, unit, description, member) TELENANO_COLUMN(name, unit, description),
+
+constexpr std::array kUnsorted{
+    TELENANO_REPLY_COLUMNS(TELENANO_REPLY_COLUMN)  // what telenano.proto says of the Reply
     TELENANO_COLUMN(tick, "1", "tick of the station loop, from 0; a gap is a missed tick or a dropped row"),
     TELENANO_COLUMN(time_s, "s", "time since the start of the session, at the start of the tick"),
     TELENANO_COLUMN(hand_pos_h_m, "m", "hand position as the encoder sees it, frame H"),
     TELENANO_COLUMN(tip_target_w_nm, "nm", "commanded end of the virtual coupling, frame W"),
-    TELENANO_COLUMN(tip_pos_w_nm, "nm", "actual tip apex from the newest reply, frame W"),
-    TELENANO_COLUMN(force_w_nn, "nN", "force on the tip from the newest reply, frame W; +z is repulsion"),
     TELENANO_COLUMN(hand_force_scaled_h_n, "N", "force on the hand as scaled from the reply, before control"),
     TELENANO_COLUMN(hand_force_rendered_h_n, "N",
                     "force that the control method shows, before damper, ramp and limits"),
@@ -54,7 +59,6 @@ constexpr std::array kColumns{
                     "energy put into the slave's port so far, monotone in an epoch"),
     TELENANO_COLUMN(slave_energy_out_aj, "aJ",
                     "energy given back by the slave's port so far, monotone in an epoch"),
-    TELENANO_COLUMN(deflection_nm, "nm", "deflection of the cantilever, up positive"),
     TELENANO_COLUMN(velocity_scale, "1", "tip motion over hand motion, both in metres"),
     TELENANO_COLUMN(force_scale, "1", "hand force over tip force, both in newtons"),
     TELENANO_COLUMN(reply_sequence, "1", "sequence number of the newest reply accepted"),
@@ -87,11 +91,6 @@ constexpr std::array kColumns{
     TELENANO_COLUMN(dt_s, "s", "time since the last tick, as the control was told"),
     TELENANO_COLUMN(sent_ns, "ns", "when the tick's command was sent, station clock; 0 = none was"),
     TELENANO_COLUMN(device_status, "1", "of the haptic device: 0 well, 1 force off, 2 failed, 3 homing"),
-    TELENANO_COLUMN(particle_pos_w_nm, "nm", "centre of the scene's nanoparticle, frame W"),
-    TELENANO_COLUMN(particle_radius_nm, "nm", "its radius; 0: there is none, or it is not known"),
-    TELENANO_COLUMN(particle_state, "1", "0 rests, 1 pushed by the tip, 2 held by the tip, 3 lost"),
-    TELENANO_COLUMN(contact_state, "1", "0 free, 1 van der Waals, 2 non-contact (adhesive neck), 3 contact"),
-    TELENANO_COLUMN(fault_bits, "1", "faults of the slave, bits of the protocol's Reply"),
     TELENANO_COLUMN(station_mode, "1", "mode of the station, see /configuration"),
     TELENANO_COLUMN(
         limit_flags, "1",
@@ -100,10 +99,17 @@ constexpr std::array kColumns{
     TELENANO_COLUMN(station_faults, "1", "latched faults of the station, see /configuration"),
     TELENANO_COLUMN(buttons, "1", "buttons of the device: 1 clutch, 2 deadman, 4 stop"),
     TELENANO_COLUMN(method, "1", "control method: 0 none, 1 ks, 2 ks-clamp, 3 tdpa, 4 wave, 5 tank, 6 model"),
-    TELENANO_COLUMN(model_version, "1", "version of the slave's newest local contact model; 0 = none"),
 };
 
+#undef TELENANO_REPLY_COLUMN
 #undef TELENANO_COLUMN
+
+constexpr auto kColumns = [] {
+  auto columns = kUnsorted;
+  std::sort(columns.begin(), columns.end(),
+            [](const Column& a, const Column& b) { return a.offset < b.offset; });
+  return columns;
+}();
 
 constexpr bool covers_the_whole_sample() {
   std::size_t at = 0;

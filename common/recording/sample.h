@@ -8,7 +8,8 @@
 
 /// One row of a recording: everything that the station knew and did in one tick. Plain data, so that the loop
 /// can copy it into a queue in a few nanoseconds; the table `sample_columns()` says what each field is, and
-/// datasets, their attributes, the reader and the report are all made from that table. Frames W (sample) and
+/// datasets, their attributes, the reader and the report are all made from that table. Fields of the newest reply are
+/// columns by telenano.proto. Frames W (sample) and
 /// H (handle), see names.
 namespace telenano::recording {
 

@@ -1,8 +1,24 @@
 #include "telenano/master/loop/station_loop.h"
 
 #include <span>
+#include <type_traits>
+
+#include "proto/reply_columns.h"
 
 namespace telenano::loop {
+namespace {
+
+/// A field of the reply, or what it names, as the row has it.
+template <class Field, class Column>
+void keep(const Field& field, Column& column) noexcept {
+  if constexpr (std::is_same_v<Field, Vec3>) {
+    column = recording::xyz(field);
+  } else {
+    column = static_cast<Column>(field);
+  }
+}
+
+}  // namespace
 
 StationLoop::StationLoop(device::HapticDevice& device, net::Datagram& socket, const net::Address& server,
                          link::ClientSession& session, station::Station& station, const rt::Clock* clock,
@@ -190,12 +206,14 @@ void StationLoop::say_bye(link::ByeReason reason) noexcept {
 void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept {
   using recording::xyz;
   const station::StationTrace& t = output_.trace;
+  const link::Reply& shown = station_.reply();
   sample.tick = ticks_;
   sample.time_s = static_cast<double>(now_ns - start_ns_) * 1e-9;
   sample.hand_pos_h_m = xyz(t.hand_pos_h_m);
   sample.tip_target_w_nm = xyz(t.tip_target_pos_w_nm);
-  sample.tip_pos_w_nm = xyz(t.tip_pos_w_nm);
-  sample.force_w_nn = xyz(t.tip_force_w_nn);
+#define TELENANO_KEEP(column, unit, description, member) keep(shown.member, sample.column);
+  TELENANO_REPLY_COLUMNS(TELENANO_KEEP)
+#undef TELENANO_KEEP
   sample.hand_force_scaled_h_n = xyz(t.scaled_force_h_n);
   sample.hand_force_rendered_h_n = xyz(t.rendered_force_h_n);
   sample.hand_force_commanded_h_n = xyz(t.commanded_force_h_n);
@@ -207,19 +225,12 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   sample.energy_in_j = t.energy_in_j;
   sample.energy_out_j = t.energy_out_j;
   sample.account_j = t.account_j;
-  sample.deflection_nm = t.deflection_nm;
   sample.velocity_scale = station_.config().scaling.velocity;
   sample.force_scale = station_.config().scaling.force;
-  sample.contact_state = t.contact_state;
-  sample.fault_bits = t.slave_faults;
   sample.station_mode = static_cast<std::uint32_t>(t.mode);
   sample.station_faults = t.faults;
   sample.buttons = input_.buttons;
   sample.method = static_cast<std::uint32_t>(t.method);
-  sample.model_version = t.model_version;
-  sample.particle_pos_w_nm = xyz(t.particle.pos_w_nm);
-  sample.particle_radius_nm = t.particle.radius_nm;
-  sample.particle_state = static_cast<std::int64_t>(t.particle.status);
   sample.reply_sequence = static_cast<std::int64_t>(t.reply_sequence);
   sample.reply_age_ms = t.stale_s * 1e3;
 
@@ -257,7 +268,7 @@ void StationLoop::fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::
   if (t.slewed) flags |= kLimitSlew;
   if ((t.faults & (station::kFaultStale | station::kFaultOld)) != 0) flags |= kLimitStale;
   if ((t.faults & station::kFaultVelocityTrip) != 0) flags |= kLimitVelocity;
-  if ((t.slave_faults & link::kFaultWorkspace) != 0) flags |= kLimitWorkspace;
+  if ((shown.fault_bits & link::kFaultWorkspace) != 0) flags |= kLimitWorkspace;
   if (t.ramp < 1) flags |= kLimitRamp;
   if (t.mode == station::Mode::kStopped) flags |= kLimitStop;
   if (t.observes) flags |= kLimitObserves;

@@ -628,11 +628,6 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   trace.hand_pos_h_m = hand_pos_h_m_;
   if (good_tick) trace.hand_vel_h_m_s = hand_step_h_m_ / dt_s;
   trace.tip_target_pos_w_nm = target_w_nm;
-  trace.tip_pos_w_nm = reply_.tip_pos_w_nm;
-  trace.tip_force_w_nn = reply_.force_w_nn;
-  trace.deflection_nm = reply_.deflection_nm;
-  trace.contact_state = static_cast<std::uint32_t>(reply_.contact_state);
-  trace.slave_faults = reply_.fault_bits;
   trace.applied_force_h_n = applied_force_h_n_;
   trace.commanded_force_h_n = commanded_force_h_n_;
   trace.ramp = ramp_;
@@ -649,12 +644,10 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   const bool twin_on = twin_ && twin_->on();
   trace.contact_radius_nm = twin_on ? twin_->answer().contact_radius_nm : 0;
   trace.adhesion_nn = twin_on ? twin_->answer().adhesion_nn : reply_.model.adhesion_nn;
-  trace.model_version = reply_.model.version;
   trace.slave_energy_in_j = config_.scaling.hand_energy_j(reply_.energy_in_aj);
   trace.slave_energy_out_j = config_.scaling.hand_energy_j(reply_.energy_out_aj);
   trace.stale_s = stale_s_;
   trace.reply_sequence = reply_.sequence;
-  trace.particle = reply_.particle;
   trace.observes = has_reply_ && !holds_tip();
 }
 

@@ -72,14 +72,8 @@ struct StationTrace {
   Vec3 hand_pos_h_m = Vec3::Zero();
   Vec3 hand_vel_h_m_s = Vec3::Zero();  ///< Δx/T of the encoder, unfiltered
   Vec3 tip_target_pos_w_nm = Vec3::Zero();
-  Vec3 tip_pos_w_nm = Vec3::Zero();    ///< from the newest reply
-  Vec3 tip_force_w_nn = Vec3::Zero();  ///< from the newest reply
-  double deflection_nm = 0;
-  std::uint32_t contact_state = 0;  ///< link::ContactState
-  std::uint32_t slave_faults = 0;
   Vec3 applied_force_h_n = Vec3::Zero();  ///< in the interval that just ended
   control::Method method = control::Method::kNone;
-  std::uint32_t model_version = 0;         ///< of the slave's newest local model; 0 = none
   Vec3 scaled_force_h_n = Vec3::Zero();    ///< α_F F_tip of the newest reply
   Vec3 rendered_force_h_n = Vec3::Zero();  ///< that the method shows, before damper, ramp and limits
   Vec3 damper_force_h_n = Vec3::Zero();
@@ -99,7 +93,6 @@ struct StationTrace {
   double slave_energy_out_j = 0;
   double stale_s = 0;  ///< since the last new reply
   std::uint64_t reply_sequence = 0;
-  link::Particle particle;  ///< from the newest reply; radius 0: none, or not known
   TwinState twin = TwinState::kNone;
   std::uint64_t twin_behind = 0;  ///< steps of the twin that are not confirmed
   double contact_radius_nm = 0;   ///< of the twin; 0: no contact, or no twin
@@ -161,6 +154,8 @@ class Station {
 
   /// The slave has withdrawn its tip: no force, and nothing follows, until it says that the tip is back.
   bool tip_up() const noexcept { return has_reply_ && tip_up_; }
+  /// The newest that was good; zeros before the first.
+  const link::Reply& reply() const noexcept { return reply_; }
 
   /// Only a person may call this, after looking. Does nothing unless stopped; the force ramps up from zero.
   void clear_stop() noexcept;

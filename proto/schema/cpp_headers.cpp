@@ -1,5 +1,5 @@
 // The codec's two headers: wire_fields.h (visitors, lists by type, features; no Protobuf) and wire_messages.h (between
-// the structs of messages.h and Protobuf's classes).
+// the structs of messages.h and Protobuf's classes); and the recording's, reply_columns.h.
 #include <algorithm>
 #include <functional>
 #include <map>
@@ -219,6 +219,24 @@ namespace telenano::link {
     out += to + "}\n\n" + from + "}\n\n";
   }
   return out + "}  // namespace telenano::link\n";
+}
+
+std::string columns_header(const Schema& schema) {
+  std::string out = kMade + R"(#pragma once
+
+// F(column, unit, description, member of Reply), a line for each field of Reply that recordings keep.
+#define TELENANO_REPLY_COLUMNS(F))";
+  for (const Message& message : schema.messages) {
+    for (const Field& field : message.fields) {
+      if (!field.column) continue;
+      // A vector's member ends in its axis, .x().
+      const std::string member =
+          field.axis == 0 ? field.member.substr(0, field.member.size() - 4) : field.member;
+      out += " \\\n  F(" + field.column->name + ", \"" + field.column->unit + "\", \"" +
+             field.column->description + "\", " + member + ")";
+    }
+  }
+  return out + "\n";
 }
 
 }  // namespace telenano::schema

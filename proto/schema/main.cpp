@@ -13,7 +13,8 @@ namespace telenano::schema {
 namespace {
 
 constexpr const char* kUsage =
-    "usage: telenano-schema DESCRIPTORS headers OUT_FOLDER   the codec's wire_fields.h and wire_messages.h\n"
+    "usage: telenano-schema DESCRIPTORS headers OUT_FOLDER   the codec's wire_fields.h and wire_messages.h, the "
+    "recording's reply_columns.h\n"
     "       telenano-schema DESCRIPTORS renew PROTO_FOLDER   the tables of PROTOCOL.md and telenano.lua, in "
     "their place\n"
     "       telenano-schema DESCRIPTORS check PROTO_FOLDER   exit status 1 where a table is not what renew "
@@ -79,6 +80,7 @@ int run(int argc, char** argv) {
   if (what == "headers") {
     write_file(folder + "/wire_fields.h", visitors_header(schema));
     write_file(folder + "/wire_messages.h", messages_header(schema));
+    write_file(folder + "/reply_columns.h", columns_header(schema));
     return 0;
   }
   if (what == "renew" || what == "check") {

@@ -52,6 +52,22 @@ std::string without_axis(const std::string& name) {
   return other.erase(axis_at(name, 'x') - 1, 2);
 }
 
+Column read_column(const std::string& where, const std::string& message, const wire::Column& from) {
+  if (message != "Reply") refuse(where, "column: recordings keep fields of Reply only");
+  const Column column{from.name(), from.unit(), from.description()};
+  const bool named = !column.name.empty() && std::all_of(column.name.begin(), column.name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+  });
+  if (!named) refuse(where, "column: its name is of a-z, 0-9 and _");
+  for (const std::string& text : {column.unit, column.description}) {
+    const bool plain = !text.empty() && std::all_of(text.begin(), text.end(), [](char c) {
+      return c >= ' ' && c <= '~' && c != '"' && c != '\\';
+    });
+    if (!plain) refuse(where, "column: unit and description are plain ASCII, without quotes");
+  }
+  return column;
+}
+
 Field read_field(const std::string& message, const FieldDescriptorProto& from) {
   const auto& options = from.options();
   Field field;
@@ -69,6 +85,7 @@ Field read_field(const std::string& message, const FieldDescriptorProto& from) {
   field.values = options.GetExtension(wire::values);
   field.hexadecimal = options.GetExtension(wire::hexadecimal);
   if (options.HasExtension(wire::feature)) field.feature = options.GetExtension(wire::feature);
+  if (options.HasExtension(wire::column)) field.column = read_column(where, message, options.GetExtension(wire::column));
   return field;
 }
 

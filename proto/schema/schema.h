@@ -18,6 +18,11 @@ namespace telenano::schema {
 
 enum class FieldType : std::uint8_t { kFixed32, kFixed64, kDouble, kBytes };
 
+/// A column of recordings.
+struct Column {
+  std::string name, unit, description;
+};
+
 struct Field {
   std::string name;
   std::uint32_t number = 0;
@@ -27,6 +32,7 @@ struct Field {
   std::string together;  ///< fields with the same word in a row are a run; empty: none
   std::string values;    ///< name of an enum; empty: none
   std::optional<wire::Feature> feature;
+  std::optional<Column> column;  ///< a vector's stands with its x
   bool hexadecimal = false;
   int axis = -1;  ///< 0, 1, 2: a component of a vector
 
@@ -64,6 +70,7 @@ const char* type_name(FieldType type);
 // What is made of it.
 std::string visitors_header(const Schema& schema);   ///< wire_fields.h
 std::string messages_header(const Schema& schema);   ///< wire_messages.h
+std::string columns_header(const Schema& schema);    ///< reply_columns.h
 std::string document_table(const Message& message);  ///< the table of PROTOCOL.md
 std::string dissector_tables(const Schema& schema);  ///< of telenano.lua
 

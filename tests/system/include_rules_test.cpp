@@ -22,7 +22,7 @@ struct Include {
 };
 
 const fs::path kRoot = TELENANO_SOURCE_DIR;
-const std::vector<std::string> kTrees = {"common", "master", "nve_server"};
+const std::vector<std::string> kTrees = {"proto", "common", "master", "nve_server"};
 
 std::string folder_of(const std::string& path) {
   return fs::path(path).parent_path().generic_string();
@@ -50,6 +50,7 @@ std::vector<Include> includes_of(const fs::path& tree) {
 
 // Folder -> project folders that it may include besides itself.
 const std::map<std::string, std::set<std::string>> kMayInclude = {
+    {"proto/schema", {}},
     {"common/base", {}},
     {"common/config", {"common/base"}},
     {"common/hash", {"common/base"}},
@@ -130,9 +131,10 @@ const std::map<std::string, std::set<std::string>> kMayInclude = {
 
 // Header prefix -> the files (path prefixes) that may see it.
 const std::vector<std::pair<std::string, std::vector<std::string>>> kDoors = {
-    {"google/protobuf", {"common/link/codec"}},
+    {"google/protobuf", {"common/link/codec", "proto/schema/"}},
     {"telenano.pb.h", {"common/link/codec"}},
     {"proto/telenano.pb.h", {"common/link/codec"}},
+    {"proto/reply_columns.h", {"common/recording/sample.cpp", "master/loop/station_loop.cpp"}},
     {"boost/asio", {"common/net/udp", "common/net/tcp", "nve_server/web/web_view"}},
     {"boost/beast", {"nve_server/web/web_view"}},
     {"openssl/", {"common/security/dtls_", "common/hash/sha256"}},

@@ -276,7 +276,7 @@ TEST(Station, NonFiniteRepliesGiveZeroForceAndANamedFault) {
     rig.tick();
     EXPECT_EQ(rig.force_n(), 0);
     EXPECT_STREQ(fault_name(rig.output.trace.faults), "reply not finite");
-    EXPECT_TRUE(is_finite(rig.output.trace.tip_force_w_nn));
+    EXPECT_TRUE(is_finite(rig.station.reply().force_w_nn));
     const auto sequence = rig.reply.sequence;
     rig.reply = good;
     rig.reply.sequence = sequence;
