@@ -19,6 +19,7 @@
 #include "telenano/nve_server/scene/fields_cache.h"
 #include "telenano/nve_server/scene/levelling.h"
 #include "telenano/nve_server/scene/readers.h"
+#include "telenano/nve_server/scene/tiles_ahead.h"
 
 namespace telenano::scene {
 namespace {
@@ -200,11 +201,17 @@ void make_potential(Scene& scene, const Make& make) {
   scene.particle_ground = std::make_shared<physics::TipPotential>(make(spheres[1], *law), law);
 }
 
-/// From the cache, or made and kept there.
+/// From the cache, or made and kept there; of a large scan by tiles, which the cache is not asked for.
 class FieldsOfGrid {
  public:
-  FieldsOfGrid(const HeightGrid& grid, const SceneLoading& loading, Scene& scene)
-      : grid_(grid), loading_(loading), ground_(scene.ground), sets_(scene.particle ? 2 : 1) {
+  FieldsOfGrid(const HeightGrid& grid, std::shared_ptr<const physics::SplineSurface> surface,
+               const SceneLoading& loading, Scene& scene)
+      : grid_(grid),
+        surface_(std::move(surface)),
+        loading_(loading),
+        scene_(scene),
+        ground_(scene.ground),
+        sets_(scene.particle ? 2 : 1) {
     ground_.fields_from_cache = !loading.fields_cache.empty();
   }
 
@@ -212,8 +219,15 @@ class FieldsOfGrid {
                                                            const physics::BranchPotential& law) {
     std::vector<double> fixed_nm;
     if (law.bridge().active()) fixed_nm.push_back(law.bridge().softening_nm());
-    auto fields =
-        std::make_shared<physics::ScanFields>(made(sphere.radius_nm, softening_of(sphere), fixed_nm));
+    const physics::SofteningRule rule = softening_of(sphere);
+    if (physics::ScanFields::is_large(grid_, sphere.radius_nm, rule)) {
+      ground_.fields_from_cache = false;
+      auto tiles = std::make_shared<physics::ScanFields>(physics::ScanFields::by_tiles(
+          grid_, {surface_, &surface_->spline()}, sphere.radius_nm, rule, fixed_nm));
+      scene_.tiles_ahead.push_back(std::make_shared<TilesAhead>(tiles));
+      return tiles;
+    }
+    auto fields = std::make_shared<physics::ScanFields>(made(sphere.radius_nm, rule, fixed_nm));
     ground_.fields_bytes += fields->bytes();
     done_ += 1.0;
     return fields;
@@ -234,7 +248,9 @@ class FieldsOfGrid {
   }
 
   const HeightGrid& grid_;
+  std::shared_ptr<const physics::SplineSurface> surface_;  // its spline is what is dilated
   const SceneLoading& loading_;
+  Scene& scene_;
   SurfaceDescription& ground_;
   double sets_;
   double done_ = 0;
@@ -327,13 +343,20 @@ std::string read_surface(const config::TomlDocument& document, const SceneLoadin
   } else {
     if (built.exact) built.grid = within(table, [&] { return sampled(*built.exact, area); });
     ground.spacing_nm = std::max(built.grid.dx_nm, built.grid.dy_nm);
+    // What marks may change is carried over whole; the largest scans would need gigabytes in each session.
+    constexpr std::size_t kMostMarked = std::size_t{2048} * 2048;
+    if (yields && built.grid.z_nm.size() > kMostMarked) {
+      table.fail("kind", words("has ", built.grid.columns, " x ", built.grid.rows,
+                               " heights, expected at most 2048 x 2048 of a sample that keeps marks "
+                               "([sample] hardness_gpa)"));
+    }
     check_fits(root.table("probe"), "tip_radius_nm", built.grid, tip_radius);
     if (scene.particle) {
       check_fits(root.table("particle"), "radius_nm", built.grid,
                  scene.particle->parameters.particle_radius_nm);
     }
     const auto surface = std::make_shared<physics::SplineSurface>(built.grid);
-    FieldsOfGrid fields(built.grid, loading, scene);
+    FieldsOfGrid fields(built.grid, surface, loading, scene);
     make_potential(scene, [&](const Sphere& sphere, const auto& law) { return fields(sphere, law); });
     keep_inside(*surface, limits, ground);
     scene.surface = surface;

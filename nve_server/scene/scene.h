@@ -23,6 +23,8 @@ class TipPotential;
 
 namespace telenano::scene {
 
+class TilesAhead;
+
 struct Probe {
   double tip_radius_nm = 20;
   Material tip;
@@ -37,7 +39,7 @@ struct SurfaceDescription {
   std::string scan_title;
   double x_min_nm = 0, x_max_nm = 0, y_min_nm = 0, y_max_nm = 0;  ///< where the tip may go
   double spacing_nm = 0;                                          ///< of the grid; 0: none
-  std::size_t fields_bytes = 0;    ///< of the potential's fields, shared by all sessions
+  std::size_t fields_bytes = 0;    ///< of the potential's fields, shared by all sessions; 0: by tiles
   bool fields_from_cache = false;  ///< they were not made anew
 };
 
@@ -93,6 +95,7 @@ struct Scene {
   /// The balance on any other ground; null on that one.
   std::shared_ptr<const physics::PotentialEquilibrium> potential;
   std::shared_ptr<const physics::TipPotential> particle_ground;  ///< the ground to the particle; or null
+  std::vector<std::shared_ptr<const TilesAhead>> tiles_ahead;    ///< of a large scan, one for each sphere
   double start_touch_w_nm = 0;  ///< height of the apex at contact under the start position
 
   /// Springs between the commanded end and the apex: coupling in series with the cantilever.

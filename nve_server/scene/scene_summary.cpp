@@ -23,6 +23,7 @@ constexpr double kOpticalRange_nm = 1000;  // what an optical lever follows line
 constexpr double kVisibleMark_nm = 0.1;    // less is within an atom
 constexpr double kHoldHeight_nm = 10;      // of positioning above the sample (Kim & Sitti, task a)
 constexpr int kPlacesAlong = 20;           // of the sample where the pull-off is looked at
+constexpr int kPlacesAlongTiles = 10;      // where each place must be made first
 constexpr double kMeniscusError = 0.1;     // of its pull-off, beyond which a meniscus that deforms nothing is
 
 template <class... Values>
@@ -97,15 +98,22 @@ void pull_offs(const Scene& scene, SceneSummary& summary) {
   if (scene.surface->is_flat()) return;
   const SurfaceDescription& ground = scene.ground;
   std::vector<double> radii;
-  for (int i = 0; i < kPlacesAlong; ++i) {
-    for (int j = 0; j < kPlacesAlong; ++j) {
-      const double x = ground.x_min_nm + (ground.x_max_nm - ground.x_min_nm) * (i + 0.5) / kPlacesAlong;
-      const double y = ground.y_min_nm + (ground.y_max_nm - ground.y_min_nm) * (j + 0.5) / kPlacesAlong;
+  const auto* const fields = dynamic_cast<const physics::ScanFields*>(&scene.potential->fields());
+  const bool tiled = fields != nullptr && fields->tiled();
+  if (tiled) fields->wish_nothing(true);
+  const int along = tiled ? kPlacesAlongTiles : kPlacesAlong;
+  for (int i = 0; i < along; ++i) {
+    for (int j = 0; j < along; ++j) {
+      const double x = ground.x_min_nm + (ground.x_max_nm - ground.x_min_nm) * (i + 0.5) / along;
+      const double y = ground.y_min_nm + (ground.y_max_nm - ground.y_min_nm) * (j + 0.5) / along;
       physics::ContactJet at;
-      scene.potential->fields().contact_at(Vec3(x, y, scene.touch_height_nm(x, y)), at);
+      // Touch is at the finest softening: no other tiles need be made.
+      const double touch = tiled ? fields->touch_height_nm(x, y) : scene.touch_height_nm(x, y);
+      scene.potential->fields().contact_at(Vec3(x, y, touch), at);
       radii.push_back(det_exp(at.log_radius));
     }
   }
+  if (tiled) fields->wish_nothing(false);
   // It grows with the radius: the radii tell the order.
   std::sort(radii.begin(), radii.end());
   const auto radius_at = [&](double part) {

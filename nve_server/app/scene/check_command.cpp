@@ -15,6 +15,7 @@
 #include "telenano/nve_server/scene/scene.h"
 #include "telenano/nve_server/scene/scene_summary.h"
 #include "telenano/nve_server/scene/scene_terms.h"
+#include "telenano/nve_server/scene/tiles_ahead.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 
 namespace telenano::app {
@@ -194,7 +195,14 @@ void run(const std::string& path, const std::string& limits_path) {
     std::printf("%-14s %s\n", head, line.c_str());
     head = "";
   }
-  if (scene->potential) {
+  if (!scene->tiles_ahead.empty()) {
+    std::size_t bytes = 0;
+    for (const auto& ahead : scene->tiles_ahead) bytes += ahead->fields().bytes();
+    std::printf(
+        "%-14s made tile by tile where the tip comes: the scene with the first in %.3g s, %.3g MB with "
+        "the places looked at above\n",
+        "fields", spent.count(), 1e-6 * static_cast<double>(bytes));
+  } else if (scene->potential) {
     std::printf("%-14s %s with the scene in %.3g s, %.3g MB for all sessions%s\n", "fields",
                 scene->ground.fields_from_cache ? "taken from the cache" : "made", spent.count(),
                 1e-6 * static_cast<double>(scene->ground.fields_bytes),

@@ -6,21 +6,37 @@
 namespace telenano::physics {
 namespace {
 
-// In place: samples -> B-spline coefficients of one line, mirrored ends. The system (c_{i−1} + 4c_i +
-// c_{i+1})/6 = f_i is diagonally dominant, so elimination without pivoting (Thomas) is stable; with mirrored
-// ends its first and last rows are 4c_0 + 2c_1 = 6f_0 and 2c_{n−2} + 4c_{n−1} = 6f_{n−1}.
-void interpolate_line(std::vector<double>& line, std::vector<double>& upper) {
-  const std::size_t n = line.size();
-  upper[0] = 0.5;
-  line[0] = 1.5 * line[0];
-  for (std::size_t i = 1; i < n; ++i) {
-    const double lower = i + 1 == n ? 2.0 : 1.0;
-    const double pivot = 4.0 - lower * upper[i - 1];
-    upper[i] = 1.0 / pivot;
-    line[i] = (6.0 * line[i] - lower * line[i - 1]) / pivot;
+// In place: samples -> B-spline coefficients of `lines` lines side by side, mirrored ends; value i of line k
+// is at line[i * stride + k]. The system (c_{i−1} + 4c_i + c_{i+1})/6 = f_i is diagonally dominant, so
+// elimination without pivoting (Thomas) is stable; with mirrored ends its first and last rows are 4c_0 + 2c_1 =
+// 6f_0 and 2c_{n−2} + 4c_{n−1} = 6f_{n−1}. `pivot`, `upper`: of that elimination, the same for all lines.
+struct Elimination {
+  std::vector<double> pivot, upper;
+
+  explicit Elimination(std::size_t n) : pivot(n), upper(n) {
+    upper[0] = 0.5;
+    for (std::size_t i = 1; i < n; ++i) {
+      pivot[i] = 4.0 - lower(i) * upper[i - 1];
+      upper[i] = 1.0 / pivot[i];
+    }
   }
-  for (std::size_t i = n - 1; i-- > 0;) line[i] -= upper[i] * line[i + 1];
-}
+  double lower(std::size_t i) const { return i + 1 == pivot.size() ? 2.0 : 1.0; }
+
+  void solve(double* line, std::size_t stride, std::size_t lines) const {
+    const std::size_t n = pivot.size();
+    for (std::size_t k = 0; k < lines; ++k) line[k] = 1.5 * line[k];
+    for (std::size_t i = 1; i < n; ++i) {
+      double* const at = line + i * stride;
+      for (std::size_t k = 0; k < lines; ++k) {
+        at[k] = (6.0 * at[k] - lower(i) * (at - stride)[k]) / pivot[i];
+      }
+    }
+    for (std::size_t i = n - 1; i-- > 0;) {
+      double* const at = line + i * stride;
+      for (std::size_t k = 0; k < lines; ++k) at[k] -= upper[i] * (at + stride)[k];
+    }
+  }
+};
 
 // splitmix64's finaliser over place and bits.
 std::uint64_t word_of(std::uint64_t place, double value) noexcept {
@@ -78,18 +94,14 @@ BicubicSpline BicubicSpline::averaging(const HeightGrid& grid) {
 
 BicubicSpline BicubicSpline::interpolating(const HeightGrid& grid) {
   BicubicSpline spline(grid);
-  std::vector<double> line(static_cast<std::size_t>(grid.columns));
-  std::vector<double> upper(static_cast<std::size_t>(std::max(grid.columns, grid.rows)));
-  for (int row = 0; row < grid.rows; ++row) {
-    for (int i = 0; i < grid.columns; ++i) line[static_cast<std::size_t>(i)] = spline.at(i, row);
-    interpolate_line(line, upper);
-    for (int i = 0; i < grid.columns; ++i) spline.at(i, row) = line[static_cast<std::size_t>(i)];
-  }
-  line.resize(static_cast<std::size_t>(grid.rows));
-  for (int column = 0; column < grid.columns; ++column) {
-    for (int i = 0; i < grid.rows; ++i) line[static_cast<std::size_t>(i)] = spline.at(column, i);
-    interpolate_line(line, upper);
-    for (int i = 0; i < grid.rows; ++i) spline.at(column, i) = line[static_cast<std::size_t>(i)];
+  const auto columns = static_cast<std::size_t>(grid.columns), rows = static_cast<std::size_t>(grid.rows);
+  const Elimination along_x(columns), along_y(rows);
+  for (int row = 0; row < grid.rows; ++row) along_x.solve(&spline.at(0, row), 1, 1);
+  // Some columns at a time: a large scan's go through memory once.
+  constexpr std::size_t kTogether = 64;
+  for (std::size_t first = 0; first < columns; first += kTogether) {
+    along_y.solve(&spline.at(static_cast<int>(first), 0), static_cast<std::size_t>(spline.stride_),
+                  std::min(kTogether, columns - first));
   }
   spline.mirror_ends();
   return spline;

@@ -153,12 +153,21 @@ Dilation::Dilation(const BicubicSpline& height, const DilationLattice& lattice, 
   }
 }
 
-void Dilation::fill_window(int first_i, int first_j, int nx, int ny, Window& window) const {
+Dilation::Nodes Dilation::Nodes::common(const Nodes& other) const noexcept {
+  const int left = std::max(i0, other.i0), low = std::max(j0, other.j0);
+  return {left, low, std::min(i0 + nx, other.i0 + other.nx) - left,
+          std::min(j0 + ny, other.j0 + other.ny) - low};
+}
+
+// Heights of the whole part, for its reference; the rest where the wanted nodes reach.
+void Dilation::fill_window(const Nodes& part, const Nodes& wanted, Window& window) const {
   const int m = lattice_.m;
-  window.first_block_x = floor_div(first_i * m, kBlock) - reach_;
-  window.first_block_y = floor_div(first_j * m, kBlock) - reach_;
-  window.blocks_x = floor_div((first_i + nx - 1) * m, kBlock) + reach_ - window.first_block_x + 1;
-  window.blocks_y = floor_div((first_j + ny - 1) * m, kBlock) + reach_ - window.first_block_y + 1;
+  const auto first_block = [&](int i) { return floor_div(i * m, kBlock) - reach_; };
+  const auto last_block = [&](int i, int count) { return floor_div((i + count - 1) * m, kBlock) + reach_; };
+  window.first_block_x = first_block(part.i0);
+  window.first_block_y = first_block(part.j0);
+  window.blocks_x = last_block(part.i0, part.nx) - window.first_block_x + 1;
+  window.blocks_y = last_block(part.j0, part.ny) - window.first_block_y + 1;
   const int sx = window.blocks_x * kBlock;
   const int sy = window.blocks_y * kBlock;
   // Heights of the mirrored spline: along x for each row of coefficients in reach, then along y.
@@ -221,14 +230,22 @@ void Dilation::fill_window(int first_i, int first_j, int nx, int ny, Window& win
   }
   window.reference = highest;
   window.relief = highest - lowest;
-  for (std::size_t block = 0; block < count / 16; ++block) {
-    double most = -INFINITY;
-    for (std::size_t k = 16 * block; k < 16 * block + 16; ++k) {
-      window.height[k] -= highest;
-      window.boosted[k] = det_exp(window.height[k] / t_);
-      most = std::max(most, window.height[k]);
+  const int left = first_block(wanted.i0) - window.first_block_x;
+  const int right = last_block(wanted.i0, wanted.nx) - window.first_block_x;
+  const int bottom = first_block(wanted.j0) - window.first_block_y;
+  const int top = last_block(wanted.j0, wanted.ny) - window.first_block_y;
+  for (int row = bottom; row <= top; ++row) {
+    for (int column = left; column <= right; ++column) {
+      const auto block = static_cast<std::size_t>(row) * static_cast<std::size_t>(window.blocks_x) +
+                         static_cast<std::size_t>(column);
+      double most = -INFINITY;
+      for (std::size_t k = 16 * block; k < 16 * block + 16; ++k) {
+        window.height[k] -= highest;
+        window.boosted[k] = det_exp(window.height[k] / t_);
+        most = std::max(most, window.height[k]);
+      }
+      window.most[block] = static_cast<float>(most);
     }
-    window.most[block] = static_cast<float>(most);
   }
 }
 
@@ -404,31 +421,54 @@ DilatedNode Dilation::fields_of(const Sums& sums, double reference) const {
 
 void Dilation::make_tile(int tile_column, int tile_row, std::vector<DilatedNode>& nodes) const {
   const int i0 = tile_column * kTile, j0 = tile_row * kTile;
-  const int nx = std::min(kTile, lattice_.columns - i0), ny = std::min(kTile, lattice_.rows - j0);
-  nodes.resize(static_cast<std::size_t>(nx) * static_cast<std::size_t>(ny));
-  make_part(i0, j0, nx, ny, nx, nodes.data());
+  const Nodes tile{i0, j0, std::min(kTile, lattice_.columns - i0), std::min(kTile, lattice_.rows - j0)};
+  nodes.resize(static_cast<std::size_t>(tile.nx) * static_cast<std::size_t>(tile.ny));
+  make_part(tile, tile, nodes.data());
 }
 
-void Dilation::make_part(int i0, int j0, int nx, int ny, int stride, DilatedNode* nodes) const {
+// Of each tile, and each part of it, what is wanted: its window's reference is the tile's.
+void Dilation::make_rectangle(int first_column, int first_row, int columns, int rows,
+                              std::vector<DilatedNode>& nodes) const {
+  nodes.resize(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows));
+  const Nodes wanted{first_column, first_row, columns, rows};
+  if (level_) {
+    DilatedNode node;
+    make_part({0, 0, 1, 1}, {0, 0, 1, 1}, &node);
+    std::fill(nodes.begin(), nodes.end(), node);
+    return;
+  }
+  for (int tj = first_row / kTile; tj <= (first_row + rows - 1) / kTile; ++tj) {
+    for (int ti = first_column / kTile; ti <= (first_column + columns - 1) / kTile; ++ti) {
+      make_part({ti * kTile, tj * kTile, std::min(kTile, lattice_.columns - ti * kTile),
+                 std::min(kTile, lattice_.rows - tj * kTile)},
+                wanted, nodes.data());
+    }
+  }
+}
+
+void Dilation::make_part(const Nodes& part, const Nodes& wanted, DilatedNode* nodes) const {
+  const Nodes here = part.common(wanted);
+  if (here.nx <= 0 || here.ny <= 0) return;
   Window window;
-  fill_window(i0, j0, nx, ny, window);
+  fill_window(part, here, window);
   // Steep ground: smaller parts have less relief, so that few nodes or none must be summed slowly.
-  if (window.relief > kRoom * t_ && std::min(nx, ny) >= 2 * kLeastPart) {
-    const int half_x = nx / 2, half_y = ny / 2;
-    make_part(i0, j0, half_x, half_y, stride, nodes);
-    make_part(i0 + half_x, j0, nx - half_x, half_y, stride, nodes + half_x);
-    make_part(i0, j0 + half_y, half_x, ny - half_y, stride, nodes + half_y * stride);
-    make_part(i0 + half_x, j0 + half_y, nx - half_x, ny - half_y, stride, nodes + half_y * stride + half_x);
+  if (window.relief > kRoom * t_ && std::min(part.nx, part.ny) >= 2 * kLeastPart) {
+    const int half_x = part.nx / 2, half_y = part.ny / 2;
+    make_part({part.i0, part.j0, half_x, half_y}, wanted, nodes);
+    make_part({part.i0 + half_x, part.j0, part.nx - half_x, half_y}, wanted, nodes);
+    make_part({part.i0, part.j0 + half_y, half_x, part.ny - half_y}, wanted, nodes);
+    make_part({part.i0 + half_x, part.j0 + half_y, part.nx - half_x, part.ny - half_y}, wanted, nodes);
     return;
   }
   std::vector<Pair> pairs;
   pairs.reserve(static_cast<std::size_t>(2 * reach_ + 1) * static_cast<std::size_t>(2 * reach_ + 1));
-  for (int j = 0; j < ny; ++j) {
-    for (int i = 0; i < nx; ++i) {
+  for (int j = here.j0; j < here.j0 + here.ny; ++j) {
+    for (int i = here.i0; i < here.i0 + here.nx; ++i) {
       double reference = window.reference;
-      Sums sums = sum_node(window, i0 + i, j0 + j, pairs);
-      if (!(sums.s > kLeastSum)) sums = sum_slowly(window, i0 + i, j0 + j, reference);
-      nodes[j * stride + i] = fields_of(sums, reference);
+      Sums sums = sum_node(window, i, j, pairs);
+      if (!(sums.s > kLeastSum)) sums = sum_slowly(window, i, j, reference);
+      nodes[static_cast<std::ptrdiff_t>(j - wanted.j0) * wanted.nx + (i - wanted.i0)] =
+          fields_of(sums, reference);
     }
   }
 }
@@ -438,7 +478,7 @@ std::vector<DilatedNode> Dilation::make_all(const std::function<void(double)>& m
                                static_cast<std::size_t>(lattice_.rows));
   if (level_) {
     DilatedNode node;
-    make_part(0, 0, 1, 1, 1, &node);
+    make_part({0, 0, 1, 1}, {0, 0, 1, 1}, &node);
     std::fill(all.begin(), all.end(), node);
     return all;
   }

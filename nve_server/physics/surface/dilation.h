@@ -74,6 +74,9 @@ class Dilation {
   /// The tile of kTile × kTile nodes with this number across and along (fewer at the far rims), row-major.
   static constexpr int kTile = 64;
   void make_tile(int tile_column, int tile_row, std::vector<DilatedNode>& nodes) const;
+  /// The nodes of any rectangle, row-major: the same bits.
+  void make_rectangle(int first_column, int first_row, int columns, int rows,
+                      std::vector<DilatedNode>& nodes) const;
   int tile_columns() const noexcept { return (lattice_.columns + kTile - 1) / kTile; }
   int tile_rows() const noexcept { return (lattice_.rows + kTile - 1) / kTile; }
 
@@ -95,8 +98,12 @@ class Dilation {
     double s = 0, phi = 0, moment = 0, moment_phi = 0;
   };
   struct Window;
-  void fill_window(int first_i, int first_j, int nx, int ny, Window& window) const;
-  void make_part(int i0, int j0, int nx, int ny, int stride, DilatedNode* nodes) const;
+  struct Nodes {
+    int i0, j0, nx, ny;
+    Nodes common(const Nodes& other) const noexcept;
+  };
+  void fill_window(const Nodes& part, const Nodes& wanted, Window& window) const;
+  void make_part(const Nodes& part, const Nodes& wanted, DilatedNode* nodes) const;
   template <class Use>
   void each_block(const Window& window, int i, int j, const Use& use) const;
   struct Pair {

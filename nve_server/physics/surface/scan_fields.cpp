@@ -101,15 +101,17 @@ struct ScanFields::Cell {
 
 std::size_t ScanFields::bytes() const noexcept {
   std::size_t bytes = 0;
-  for (const Grid& grid : grids_) bytes += grid.made->size() * sizeof(double);
-  for (const Layer& layer : layers_) bytes += layer.grid.made->size() * sizeof(double);
+  if (tiled()) return bytes_of_tiles();
+  for (const Grid& grid : grids_) bytes += grid.size() * sizeof(double);
+  for (const Layer& layer : layers_) bytes += layer.grid.size() * sizeof(double);
   return bytes;
 }
 
-std::uint64_t ScanFields::hash() const noexcept {
+std::uint64_t ScanFields::hash() const {
   std::uint64_t hash = 14695981039346656037ull;
-  for (const Grid& grid : grids_) {
-    for (const double c : *grid.made) {
+  const std::vector<std::span<const double>> all = coefficients();
+  for (std::size_t g = 0; g < grids_.size(); ++g) {
+    for (const double c : all[g]) {
       std::uint64_t bits = std::bit_cast<std::uint64_t>(c);
       for (int byte = 0; byte < 8; ++byte, bits >>= 8) hash = (hash ^ (bits & 0xff)) * 1099511628211ull;
     }
@@ -138,7 +140,7 @@ void ScanFields::ground_at(const Vec3& apex_w_nm, double& cosine,
     const Cell cell(at, grid);
     const double* const now = grid.corner(cell.column, cell.row);
     const double* const made =
-        grid.made->data() + static_cast<std::ptrdiff_t>(cell.row) * grid.stride() + cell.column * kLanes;
+        grid.made.get() + static_cast<std::ptrdiff_t>(cell.row) * grid.stride() + cell.column * kLanes;
     const int lane = 3 * (level % 2);
     double jet[6];
     cell.jet(*kernel_, grid, now + lane + 2, jet);

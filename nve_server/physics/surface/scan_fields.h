@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -11,6 +12,8 @@
 #include <span>
 #include <vector>
 
+#include "telenano/common/surface/reserved_memory.h"
+#include "telenano/nve_server/physics/surface/bicubic_spline.h"
 #include "telenano/nve_server/physics/surface/contact_fields.h"
 #include "telenano/nve_server/physics/surface/dilation.h"
 #include "telenano/nve_server/physics/surface/field_stencil.h"
@@ -55,6 +58,11 @@ struct FieldMark {
 /// Blend     Value and gradient go on without a step; second derivatives step where three levels become the
 ///           next three (quadratic B-splines over the level).
 /// Outside   the scan its mirror image goes on.
+/// Tiles     Of a large scan the coefficients are made tile by tile, where somebody looks: the same bits as if
+///           all had been made at once, in whatever order. Who looks where nothing is made yet makes it, or
+///           waits for another thread that is at it (some 10 ms): the one case in which a step allocates and
+///           waits. A thread of its own, make_wished(), is ahead of those who move on.
+/// Radius    ρ is at most ln(kMostRadii R): a pit that fits the tip better is felt as that.
 /// Marks     press() changes coefficients, which belong to the session: a copy shares what was made, and has
 ///           tiles of kTile × kTile coefficients of its own where it has been pressed. Memory for them is
 ///           reserved in whole when a copy is made for marks, and taken page by page as tiles are written (at
@@ -68,12 +76,27 @@ class ScanFields final : public ContactFields {
              const std::vector<double>& fixed_softenings_nm = {},
              const std::function<void(double)>& made = {});
 
+  /// The same of a grid whose spline is made already, by tiles.
+  static ScanFields by_tiles(const HeightGrid& grid, std::shared_ptr<const BicubicSpline> height,
+                             double tip_radius_nm, const SofteningRule& rule,
+                             const std::vector<double>& fixed_softenings_nm = {});
+  /// Would all at once take a minute and gigabytes?
+  static bool is_large(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule) noexcept;
+  bool tiled() const noexcept { return tiles_ != nullptr; }
+  /// Makes what somebody who looked nearby will look at next, of one place; false: nothing is wished for. Any
+  /// thread.
+  bool make_wished() const;
+  /// While it is so nobody wishes: for who looks here and there and does not come back.
+  void wish_nothing(bool nothing) const noexcept;
+  /// Makes all that is looked at within `reach_nm` of a place, in either direction.
+  void make_around(double x_nm, double y_nm, double reach_nm) const;
+
   /// What the constructor makes of the same arguments may be kept, and brought back: coefficients() of each
   /// grid and layer, valid for the version that made them. None where these coefficients cannot be such:
   /// their number, a value that is no number, a height, radius or cosine that no ground of this relief has.
   /// Whether they are of this ground only who kept them can know.
   static constexpr std::uint32_t kVersion = 2;
-  std::vector<std::span<const double>> coefficients() const;
+  std::vector<std::span<const double>> coefficients() const;  ///< by tiles: makes them all
   static std::optional<ScanFields> restored(const HeightGrid& grid, double tip_radius_nm,
                                             const SofteningRule& rule,
                                             const std::vector<double>& fixed_softenings_nm,
@@ -93,7 +116,8 @@ class ScanFields final : public ContactFields {
   void ground_at(const Vec3& apex_w_nm, double& cosine, double& unmarked_log_radius) const noexcept;
   /// Coefficients of this session's own, in bytes: what has been pressed.
   std::size_t own_bytes() const noexcept;
-  /// No ρ of these fields is above this: splines stay within their coefficients. Without marks.
+  /// No ρ of these fields is above this: splines stay within their coefficients. Without marks. By tiles: the
+  /// most that there can be.
   double largest_log_radius() const noexcept;
 
   /// Of what marks have changed, by place and bits, whatever the order and whatever was there between; 0: all
@@ -130,9 +154,10 @@ class ScanFields final : public ContactFields {
   double tip_radius_nm() const noexcept { return radius_; }
   std::size_t bytes() const noexcept;
   /// FNV-1a over the coefficients of all levels: the same on every machine.
-  std::uint64_t hash() const noexcept;
+  std::uint64_t hash() const;
 
   static constexpr double kLeastRate = 0.3;
+  static constexpr double kMostRadii = 16;
 
  private:
   static constexpr int kLanes = 6;  // H, ρ, c of the even level, then of the odd one
@@ -140,15 +165,21 @@ class ScanFields final : public ContactFields {
   struct Release {
     void operator()(double* p) const noexcept { std::free(p); }
   };
+  class Tiles;
   struct Grid {
     int lanes = kLanes;
     int columns = 0, rows = 0;  // of nodes
     double inv_dx = 1, inv_dy = 1;
     // (columns + 2)(rows + 2) lanes, one node more at either side; shared by all copies.
-    std::shared_ptr<std::vector<double>> made = std::make_shared<std::vector<double>>();
+    std::shared_ptr<double> made;
+    // By tiles: who knows what is made, and makes it; null: all is.
+    Tiles* tiles = nullptr;
+    int grid_number = 0;  // fields, then layers
     // The same layout, where a session has pressed. A tile is `copied` when its coefficients are in `own`,
     // and `usable` when those of the next ones are, too, which the stencils that begin in it reach.
-    std::unique_ptr<double[], Release> own;
+    std::unique_ptr<double[], Release> own_whole;
+    std::unique_ptr<surface::ReservedMemory> own_tiles;
+    double* own = nullptr;
     std::vector<std::uint8_t> copied, usable;
     int tiles_across = 0;
     std::uint64_t digest = 0;  // Σ of (words of place and new bits) less (of place and old bits)
@@ -164,8 +195,14 @@ class ScanFields final : public ContactFields {
                              static_cast<std::size_t>(column) * static_cast<std::size_t>(lanes);
       const bool pressed =
           own && usable[static_cast<std::size_t>((row / kTile) * tiles_across + column / kTile)];
-      return (pressed ? own.get() : made->data()) + at;
+      if (pressed) return own + at;
+      if (tiles != nullptr) see(column, row);
+      return made.get() + at;
     }
+    /// By tiles: the 4 × 4 coefficients of a cell are made afterwards.
+    void see(int column, int row) const noexcept;
+    /// By tiles: these padded coefficients are.
+    void need(int left, int right, int low, int high) const noexcept;
     void copy_tile(int across, int along) noexcept;
     void make_usable(int first_column, int last_column, int first_row, int last_row) noexcept;
     void press(const FieldMark& mark, double x, double y) noexcept;
@@ -190,10 +227,31 @@ class ScanFields final : public ContactFields {
   /// All but the coefficients; the lattice of the coarsest grid.
   DilationLattice lay_out(const HeightGrid& grid, const BicubicSpline& height,
                           const std::vector<double>& fixed_softenings_nm);
+  DilationLattice lattice_of(const Grid& grid, DilationLattice top, double softening_nm) const noexcept;
+  double softening_of_level(int level) const noexcept {
+    return rule_.finest_nm * (1 << std::min(level, levels_ - 1));
+  }
   /// Where x is in the mirrored scan, in [0, extent], and whether it runs backwards there.
+  std::size_t bytes_of_tiles() const noexcept;
   static double mirrored(double offset, double extent, bool& backwards) noexcept;
-  static void hold_growth(Grid& grid, double fine_t);
-  static void hold_growth(const Grid& finer, Grid& coarse, double fine_t);
+  /// Padded coefficients of a grid from left to right and low to high, somewhere in memory.
+  struct Patch {
+    int left, right, low, high;
+    double* first;
+    std::ptrdiff_t stride;
+    int lanes;
+    double* at(int i, int j) const noexcept { return first + (j - low) * stride + (i - left) * lanes; }
+  };
+  static Patch whole(const Grid& grid) noexcept {
+    return {0, grid.columns + 1, 0, grid.rows + 1, grid.made.get(), grid.stride(), grid.lanes};
+  }
+  /// H, ρ, c of nodes, from (i0, j0) on and nx a row, into three lanes of coefficients from `lane` on.
+  static void interpolate(const Grid& grid, const std::vector<DilatedNode>& nodes, int i0, int j0, int nx,
+                          double most_log_radius, const Patch& to, int lane) noexcept;
+  static int folded(int i, int count) noexcept { return i < 0 ? -i : (i < count ? i : 2 * count - 2 - i); }
+  static void hold_growth(const Patch& fields, double fine_t) noexcept;
+  static void hold_growth(const Grid& finer, const Patch& fine, const Grid& coarse, const Patch& raw,
+                          const Patch& raised, double fine_t);
   struct Place;
   Place place(double x_nm, double y_nm) const noexcept;
   struct Cell;
@@ -213,6 +271,7 @@ class ScanFields final : public ContactFields {
   double x_first_ = 0, y_first_ = 0, width_ = 0, length_ = 0;
   std::vector<Grid> grids_;
   std::vector<Layer> layers_;
+  std::shared_ptr<Tiles> tiles_;  // of a large scan
 };
 
 template <class Found>
@@ -233,7 +292,7 @@ void ScanFields::Grid::each_pressed(std::uint32_t grid, const Found& found) cons
             for (int lane = 0; lane < 2; ++lane) {
               const std::size_t k = at + static_cast<std::size_t>(3 * level + lane);
               pressed.value[2 * level + lane] = own[k];
-              changed |= std::bit_cast<std::uint64_t>(own[k]) != std::bit_cast<std::uint64_t>((*made)[k]);
+              changed |= std::bit_cast<std::uint64_t>(own[k]) != std::bit_cast<std::uint64_t>(made.get()[k]);
             }
           }
           if (changed) found(pressed);

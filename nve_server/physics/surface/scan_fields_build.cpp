@@ -5,6 +5,7 @@
 #include "telenano/common/base/det_math.h"
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/physics/surface/scan_fields.h"
+#include "telenano/nve_server/physics/surface/scan_tiles.h"
 
 namespace telenano::physics {
 namespace {
@@ -54,7 +55,31 @@ double missing_cosine(double coarse, double fine) {
   return fine * kLeastCosineRatio - coarse;
 }
 
+// The finest grid has half a pixel, but need not be finer than a foot of radius R at t0, unless the area is
+// small: over a groove, where two feet meet, the fields have creases t0 over the difference of their slopes
+// wide, which a finer grid rounds off less.
+double finest_spacing_nm(const HeightGrid& grid, double radius, const SofteningRule& rule) noexcept {
+  constexpr double kSmallNodes = 131072;
+  const double half_pixel = 0.5 * std::min(grid.dx_nm, grid.dy_nm);
+  const double foot = std::sqrt(radius * rule.finest_nm) / 1.2;
+  const double area = (grid.columns - 1) * grid.dx_nm * ((grid.rows - 1) * grid.dy_nm);
+  return std::clamp(std::sqrt(area / kSmallNodes), std::max(half_pixel, 0.25 * foot),
+                    std::max(half_pixel, foot));
+}
+
+// The spline may overshoot its samples by a seventh of a step.
+double relief_of(const HeightGrid& grid) noexcept {
+  const auto [lowest, highest] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
+  return 1.3 * (*highest - *lowest);
+}
+
 }  // namespace
+
+bool ScanFields::is_large(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule) noexcept {
+  constexpr double kMostNodes = 2e6;  // some 5 s and 200 MB
+  const double spacing = finest_spacing_nm(grid, tip_radius_nm, rule);
+  return (grid.columns - 1) * grid.dx_nm / spacing * ((grid.rows - 1) * grid.dy_nm / spacing) > kMostNodes;
+}
 
 ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const SofteningRule& rule,
                        const std::vector<double>& fixed_softenings_nm,
@@ -62,69 +87,91 @@ ScanFields::ScanFields(const HeightGrid& grid, double tip_radius_nm, const Softe
     : rule_(rule), radius_(tip_radius_nm) {
   checked(grid, tip_radius_nm, rule);
   const BicubicSpline height = BicubicSpline::interpolating(grid);
-  const auto [lowest, highest] = std::minmax_element(grid.z_nm.begin(), grid.z_nm.end());
-  // The spline may overshoot its samples by a seventh of a step.
-  const double relief = 1.3 * (*highest - *lowest);
   const DilationLattice top = lay_out(grid, height, checked(fixed_softenings_nm));
-  const auto quasi = [](double before, double here, double after) {
-    return (8.0 * here - before - after) / 6.0;
-  };
   // A node costs about the same at every level.
   double all = 0, done = 0;
+  const double most_log_radius = det_log(kMostRadii * radius_);
   for (const Grid& fields : grids_) all += 2.0 * fields.columns * fields.rows;
   for (const Layer& layer : layers_) all += static_cast<double>(layer.grid.columns) * layer.grid.rows;
-  // H, ρ, c at softening t into three lanes from `lane` on.
   const auto fill = [&](Grid& fields, int lane, double t) {
-    fields.made->resize(fields.size());
-    DilationLattice lattice = top;
-    lattice.columns = fields.columns;
-    lattice.rows = fields.rows;
-    lattice.node_dx_nm = width_ / (fields.columns - 1);
-    lattice.node_dy_nm = length_ / (fields.rows - 1);
-    lattice.m = sub_samples(lattice, 0.65 * std::sqrt(tip_radius_nm * t));
+    if (!fields.made) {
+      const auto memory = std::make_shared<std::vector<double>>(fields.size());
+      fields.made = {memory, memory->data()};
+    }
     const double here = static_cast<double>(fields.columns) * fields.rows;
     const std::vector<DilatedNode> nodes =
-        Dilation(height, lattice, tip_radius_nm, t, relief).make_all([&](double part) {
-          if (made) made((done + part * here) / all);
-        });
-    const auto fold = [](int i, int count) { return i < 0 ? -i : (i < count ? i : 2 * count - 2 - i); };
-    const auto node = [&](int i, int j) -> const DilatedNode& {
-      return nodes[static_cast<std::size_t>(fold(j, fields.rows)) * static_cast<std::size_t>(fields.columns) +
-                   static_cast<std::size_t>(fold(i, fields.columns))];
-    };
-    for (int j = -1; j <= fields.rows; ++j) {
-      for (int i = -1; i <= fields.columns; ++i) {
-        const int ci = fold(i, fields.columns), cj = fold(j, fields.rows);
-        double line[3][3];
-        double least = INFINITY, most = 0;
-        for (int r = -1; r <= 1; ++r) {
-          const DilatedNode& a = node(ci - 1, cj + r);
-          const DilatedNode& b = node(ci, cj + r);
-          const DilatedNode& c = node(ci + 1, cj + r);
-          line[r + 1][0] = quasi(a.height_nm, b.height_nm, c.height_nm);
-          line[r + 1][1] = quasi(a.log_radius, b.log_radius, c.log_radius);
-          line[r + 1][2] = quasi(a.cosine, b.cosine, c.cosine);
-          least = std::min({least, a.cosine, b.cosine, c.cosine});
-          most = std::max({most, a.cosine, b.cosine, c.cosine});
-        }
-        double* at = fields.made->data() + static_cast<std::ptrdiff_t>(j + 1) * fields.stride() +
-                     (i + 1) * fields.lanes + lane;
-        for (int k = 0; k < 3; ++k) at[k] = quasi(line[0][k], line[1][k], line[2][k]);
-        at[2] = std::clamp(at[2], least, most);
-      }
-    }
+        Dilation(height, lattice_of(fields, top, t), tip_radius_nm, t, relief_of(grid))
+            .make_all([&](double part) {
+              if (made) made((done + part * here) / all);
+            });
+    interpolate(fields, nodes, 0, 0, fields.columns, most_log_radius, whole(fields), lane);
     done += here;
   };
   for (std::size_t g = 0; g < grids_.size(); ++g) {
     Grid& fields = grids_[g];
     for (int half = 0; half < 2; ++half) {
-      const double t = rule.finest_nm * (1 << std::min(2 * static_cast<int>(g) + half, levels_ - 1));
+      const double t = softening_of_level(2 * static_cast<int>(g) + half);
       fill(fields, 3 * half, t);
-      if (half == 0 && g > 0) hold_growth(grids_[g - 1], fields, 0.5 * t);
+      if (half == 0 && g > 0)
+        hold_growth(grids_[g - 1], whole(grids_[g - 1]), fields, whole(fields), whole(fields), 0.5 * t);
     }
-    hold_growth(fields, rule.finest_nm * (1 << (2 * g)));
+    hold_growth(whole(fields), rule.finest_nm * (1 << (2 * g)));
   }
   for (Layer& layer : layers_) fill(layer.grid, 0, layer.softening_nm);
+}
+
+ScanFields ScanFields::by_tiles(const HeightGrid& grid, std::shared_ptr<const BicubicSpline> height,
+                                double tip_radius_nm, const SofteningRule& rule,
+                                const std::vector<double>& fixed_softenings_nm) {
+  checked(grid, tip_radius_nm, rule);
+  ScanFields fields;
+  fields.rule_ = rule;
+  fields.radius_ = tip_radius_nm;
+  const DilationLattice top = fields.lay_out(grid, *height, checked(fixed_softenings_nm));
+  fields.tiles_ = std::make_shared<Tiles>(fields, std::move(height), top, relief_of(grid));
+  return fields;
+}
+
+DilationLattice ScanFields::lattice_of(const Grid& grid, DilationLattice top,
+                                       double softening_nm) const noexcept {
+  top.columns = grid.columns;
+  top.rows = grid.rows;
+  top.node_dx_nm = width_ / (grid.columns - 1);
+  top.node_dy_nm = length_ / (grid.rows - 1);
+  top.m = sub_samples(top, 0.65 * std::sqrt(radius_ * softening_nm));
+  return top;
+}
+
+void ScanFields::interpolate(const Grid& grid, const std::vector<DilatedNode>& nodes, int i0, int j0, int nx,
+                             double most_log_radius, const Patch& to, int lane) noexcept {
+  const auto quasi = [](double before, double here, double after) {
+    return (8.0 * here - before - after) / 6.0;
+  };
+  const auto node = [&](int i, int j) -> const DilatedNode& {
+    return nodes[static_cast<std::size_t>(folded(j, grid.rows) - j0) * static_cast<std::size_t>(nx) +
+                 static_cast<std::size_t>(folded(i, grid.columns) - i0)];
+  };
+  for (int j = to.low; j <= to.high; ++j) {
+    for (int i = to.left; i <= to.right; ++i) {
+      const int ci = folded(i - 1, grid.columns), cj = folded(j - 1, grid.rows);
+      double line[3][3];
+      double least = INFINITY, most = 0;
+      for (int r = -1; r <= 1; ++r) {
+        const DilatedNode& a = node(ci - 1, cj + r);
+        const DilatedNode& b = node(ci, cj + r);
+        const DilatedNode& c = node(ci + 1, cj + r);
+        line[r + 1][0] = quasi(a.height_nm, b.height_nm, c.height_nm);
+        line[r + 1][1] = quasi(a.log_radius, b.log_radius, c.log_radius);
+        line[r + 1][2] = quasi(a.cosine, b.cosine, c.cosine);
+        least = std::min({least, a.cosine, b.cosine, c.cosine});
+        most = std::max({most, a.cosine, b.cosine, c.cosine});
+      }
+      double* const at = to.at(i, j) + lane;
+      for (int k = 0; k < 3; ++k) at[k] = quasi(line[0][k], line[1][k], line[2][k]);
+      at[1] = std::min(at[1], most_log_radius);
+      at[2] = std::clamp(at[2], least, most);
+    }
+  }
 }
 
 DilationLattice ScanFields::lay_out(const HeightGrid& grid, const BicubicSpline& height,
@@ -136,15 +183,8 @@ DilationLattice ScanFields::lay_out(const HeightGrid& grid, const BicubicSpline&
   levels_ = level_count(rule_);
   softening_ = SofteningTable(rule_);
   const int grids = (levels_ + 1) / 2;
-  // The finest grid has half a pixel, but need not be finer than a foot of radius R at t0, unless the area is
-  // small: over a groove, where two feet meet, the fields have creases t0 over the difference of their slopes
-  // wide, which a finer grid rounds off less. The others are twice as wide each from the third on, so that
-  // their nodes are nodes of the finer ones.
-  constexpr double kSmallNodes = 131072;
-  const double half_pixel = 0.5 * std::min(grid.dx_nm, grid.dy_nm);
-  const double foot = std::sqrt(radius_ * rule_.finest_nm) / 1.2;
-  const double finest = std::clamp(std::sqrt(width_ * length_ / kSmallNodes),
-                                   std::max(half_pixel, 0.25 * foot), std::max(half_pixel, foot));
+  // The others are twice as wide each from the third on, so that their nodes are nodes of the finer ones.
+  const double finest = finest_spacing_nm(grid, radius_, rule_);
   const int doublings = std::max(0, grids - 2);
   const DilationLattice top = dilation_lattice(height, finest * (1 << doublings), INFINITY);
   const auto grid_at = [&](int g, int lanes) {
@@ -162,13 +202,19 @@ DilationLattice ScanFields::lay_out(const HeightGrid& grid, const BicubicSpline&
     const int g = std::min(grids - 1, static_cast<int>(level_of_softening(rule_, t)) / 2);
     layers_.push_back({t, grid_at(g, kLayerLanes)});
   }
+  for (std::size_t n = 0; n < grids_.size() + layers_.size(); ++n)
+    grid_of(static_cast<std::uint32_t>(n))->grid_number = static_cast<int>(n);
   return top;
 }
 
 std::vector<std::span<const double>> ScanFields::coefficients() const {
   std::vector<std::span<const double>> all;
-  for (const Grid& grid : grids_) all.emplace_back(*grid.made);
-  for (const Layer& layer : layers_) all.emplace_back(*layer.grid.made);
+  const auto add = [&](const Grid& grid) {
+    grid.need(0, grid.columns + 1, 0, grid.rows + 1);
+    all.emplace_back(grid.made.get(), grid.size());
+  };
+  for (const Grid& grid : grids_) add(grid);
+  for (const Layer& layer : layers_) add(layer.grid);
   return all;
 }
 
@@ -200,28 +246,30 @@ std::optional<ScanFields> ScanFields::restored(const HeightGrid& grid, double ti
              std::abs(c[k + 1] - log_radius) < kMostLogRatio && c[k + 2] > 0.01 && c[k + 2] < 1.01;
     }
     if (!good) return {};
-    *one.made = std::move(coefficients[g]);
+    const auto memory = std::make_shared<std::vector<double>>(std::move(coefficients[g]));
+    one.made = {memory, memory->data()};
   }
   return fields;
 }
 
 // Of two levels on one grid: where each coefficient is high enough the fields are everywhere.
-void ScanFields::hold_growth(Grid& grid, double fine_t) {
-  for (std::size_t k = 0; k < grid.made->size(); k += kLanes) {
-    double* c = &(*grid.made)[k];
-    c[3] += std::max(0.0, missing_height(c[3], c[0], fine_t));
-    c[5] += std::max(0.0, missing_cosine(c[5], c[2]));
+void ScanFields::hold_growth(const Patch& fields, double fine_t) noexcept {
+  for (int j = fields.low; j <= fields.high; ++j) {
+    for (int i = fields.left; i <= fields.right; ++i) {
+      double* const c = fields.at(i, j);
+      c[3] += std::max(0.0, missing_height(c[3], c[0], fine_t));
+      c[5] += std::max(0.0, missing_cosine(c[5], c[2]));
+    }
   }
 }
 
 // Of the even level of a grid over the odd one of the finer grid before: looked at on the finer one's nodes,
 // and where it is too low the coefficients that weigh most there are raised. At a node common to both the 3 ×
 // 3 around it have the whole weight, half way between nodes the nearest two of a line 23/24 of it.
-void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
-  const std::ptrdiff_t fine_stride = (finer.columns + 2) * kLanes;
+// `raised`: in place; what reaches them must be in `raw` and `fine` (reach_of_growth).
+void ScanFields::hold_growth(const Grid& finer, const Patch& fine_fields, const Grid& coarse,
+                             const Patch& raw, const Patch& raised, double fine_t) {
   const int columns = coarse.columns + 2, rows = coarse.rows + 2;
-  const std::ptrdiff_t stride = columns * kLanes;
-  std::vector<double> rise(static_cast<std::size_t>(columns) * static_cast<std::size_t>(rows) * 2);
   struct Line {
     double weight[3];
     int count;
@@ -230,21 +278,33 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
   constexpr Line kNode{{1.0 / 6, 4.0 / 6, 1.0 / 6}, 3, 1.0};
   constexpr Line kHalfWay{{23.0 / 48, 23.0 / 48, 0.0}, 2, 23.0 / 24};
   if (finer.columns == coarse.columns) {
-    for (std::size_t k = 0; k < coarse.made->size(); k += kLanes) {
-      double* c = &(*coarse.made)[k];
-      c[0] += std::max(0.0, missing_height(c[0], (*finer.made)[k + 3], fine_t));
-      c[2] += std::max(0.0, missing_cosine(c[2], (*finer.made)[k + 5]));
+    for (int j = raised.low; j <= raised.high; ++j) {
+      for (int i = raised.left; i <= raised.right; ++i) {
+        const double* const fine = fine_fields.at(i, j);
+        double* const c = raw.at(i, j);
+        c[0] += std::max(0.0, missing_height(c[0], fine[3], fine_t));
+        c[2] += std::max(0.0, missing_cosine(c[2], fine[5]));
+      }
     }
     return;
   }
-  for (int j = 0; j < finer.rows; ++j) {
-    for (int i = 0; i < finer.columns; ++i) {
-      const double* fine = &(*finer.made)[static_cast<std::size_t>((j + 1) * fine_stride + (i + 1) * kLanes)];
+  const Span across_ = risen_span(raised.left, raised.right, columns);
+  const Span along_ = risen_span(raised.low, raised.high, rows);
+  std::vector<double> rise(static_cast<std::size_t>(across_.count()) *
+                           static_cast<std::size_t>(along_.count()) * 2);
+  const auto from = [&](int i, int j) {
+    return &rise[static_cast<std::size_t>((j - along_.first) * across_.count() + i - across_.first) * 2];
+  };
+  const Span nodes_x = nodes_that_raise(across_, finer.columns);
+  const Span nodes_y = nodes_that_raise(along_, finer.rows);
+  for (int j = nodes_y.first; j <= nodes_y.last; ++j) {
+    for (int i = nodes_x.first; i <= nodes_x.last; ++i) {
       const auto fine_value = [&](int lane) {
-        const auto line = [&](const double* c) {
-          return c[lane - kLanes] + 4.0 * c[lane] + c[lane + kLanes];
+        const auto line = [&](int row) {
+          return fine_fields.at(i, row)[lane] + 4.0 * fine_fields.at(i + 1, row)[lane] +
+                 fine_fields.at(i + 2, row)[lane];
         };
-        return (line(fine - fine_stride) + 4.0 * line(fine) + line(fine + fine_stride)) / 36.0;
+        return (line(j) + 4.0 * line(j + 1) + line(j + 2)) / 36.0;
       };
       // The coarse spline there, all four coefficients a line.
       const auto weights_of = [](int k, int& first, double(&w)[4]) {
@@ -263,7 +323,7 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
       for (int r = 0; r < 4; ++r) {
         for (int k = 0; k < 4; ++k) {
           if (wj[r] * wi[k] == 0.0) continue;
-          const double* c = &(*coarse.made)[static_cast<std::size_t>((cj + r) * stride + (ci + k) * kLanes)];
+          const double* c = raw.at(ci + k, cj + r);
           height += wj[r] * wi[k] * c[0];
           cosine += wj[r] * wi[k] * c[2];
         }
@@ -277,7 +337,8 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
       const int from_i = ci + (i % 2), from_j = cj + (j % 2);
       for (int r = 0; r < along.count; ++r) {
         for (int k = 0; k < across.count; ++k) {
-          double* up = &rise[static_cast<std::size_t>((from_j + r) * columns + from_i + k) * 2];
+          if (!across_.has(from_i + k) || !along_.has(from_j + r)) continue;
+          double* up = from(from_i + k, from_j + r);
           up[0] = std::max(up[0], by_height / share);
           up[1] = std::max(up[1], by_cosine / share);
         }
@@ -286,13 +347,12 @@ void ScanFields::hold_growth(const Grid& finer, Grid& coarse, double fine_t) {
   }
   // Mirrored ends stay mirrored: a coefficient rises with its image.
   const auto image = [](int i, int count) { return i == 0 ? 2 : (i == count - 1 ? count - 3 : i); };
-  const auto from = [&](int i, int j) { return &rise[static_cast<std::size_t>(j * columns + i) * 2]; };
-  for (int j = 0; j < rows; ++j) {
-    for (int i = 0; i < columns; ++i) {
+  for (int j = raised.low; j <= raised.high; ++j) {
+    for (int i = raised.left; i <= raised.right; ++i) {
       // image() of the inner one beside the rim: the two share the greater rise.
       const int mi = i == 2 ? 0 : (i == columns - 3 ? columns - 1 : image(i, columns));
       const int mj = j == 2 ? 0 : (j == rows - 3 ? rows - 1 : image(j, rows));
-      double* c = &(*coarse.made)[static_cast<std::size_t>(j * stride + i * kLanes)];
+      double* const c = raw.at(i, j);
       const double* all[4] = {from(i, j), from(mi, j), from(i, mj), from(mi, mj)};
       double height = 0, cosine = 0;
       for (const double* one : all) {

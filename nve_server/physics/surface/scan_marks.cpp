@@ -76,7 +76,7 @@ std::uint64_t ScanFields::Grid::words(const Area& area) const noexcept {
   for (int j = area.first_row; j <= area.last_row; ++j) {
     for (int i = area.first_column; i <= area.last_column; ++i) {
       const auto number = static_cast<std::size_t>(j * (columns + 2) + i);
-      const double* const at = own.get() + number * static_cast<std::size_t>(lanes);
+      const double* const at = own + number * static_cast<std::size_t>(lanes);
       sum += word_of(2 * number, at);
       if (lanes == kLanes) sum += word_of(2 * number + 1, at + 3);
     }
@@ -104,16 +104,17 @@ bool ScanFields::set_pressed(const Pressed& pressed) noexcept {
   if (grid == nullptr || !grid->own || pressed.number >= grid->size() / static_cast<std::size_t>(grid->lanes))
     return false;
   const std::size_t at = pressed.number * static_cast<std::size_t>(grid->lanes);
+  const int column = static_cast<int>(pressed.number) % (grid->columns + 2);
+  const int row = static_cast<int>(pressed.number) / (grid->columns + 2);
+  grid->need(column, column, row, row);
   const int levels = grid->lanes == kLanes ? 2 : 1;
   for (int level = 0; level < levels; ++level) {
-    const double* const made = grid->made->data() + at + 3 * level;
+    const double* const made = grid->made.get() + at + 3 * level;
     const double* const value = pressed.value + 2 * level;
     if (!(std::abs(value[0] - made[0]) <= kMostPressed_nm) ||
         !(std::abs(value[1] - made[1]) <= kMostLogRadiusRise))
       return false;
   }
-  const int column = static_cast<int>(pressed.number) % (grid->columns + 2);
-  const int row = static_cast<int>(pressed.number) / (grid->columns + 2);
   grid->make_usable(column, column, row, row);
   const Grid::Changing changing(*grid, {column, column, row, row});
   for (int level = 0; level < levels; ++level) {
@@ -141,10 +142,11 @@ void ScanFields::unmark() noexcept {
 }
 
 double ScanFields::largest_log_radius() const noexcept {
+  if (tiled()) return det_log(kMostRadii * radius_);
   double most = -HUGE_VAL;
   const auto look = [&](const Grid& grid) {
-    const std::vector<double>& all = *grid.made;
-    for (std::size_t i = 0; i < all.size(); i += static_cast<std::size_t>(grid.lanes)) {
+    const double* const all = grid.made.get();
+    for (std::size_t i = 0; i < grid.size(); i += static_cast<std::size_t>(grid.lanes)) {
       most = std::max(most, all[i + 1]);
       if (grid.lanes == kLanes) most = std::max(most, all[i + 4]);
     }
@@ -167,6 +169,7 @@ ScanFields ScanFields::for_marks(const ScanFields& unmarked) {
   for (const Grid& grid : unmarked.grids_) fields.grids_.push_back(grid.for_marks());
   for (const Layer& layer : unmarked.layers_)
     fields.layers_.push_back({layer.softening_nm, layer.grid.for_marks()});
+  fields.tiles_ = unmarked.tiles_;
   return fields;
 }
 
@@ -178,9 +181,17 @@ ScanFields::Grid ScanFields::Grid::for_marks() const {
   copy.inv_dx = inv_dx;
   copy.inv_dy = inv_dy;
   copy.made = made;
-  // Zeroed by the system when first touched, if at all.
-  copy.own.reset(static_cast<double*>(std::calloc(made->size(), sizeof(double))));
-  if (!copy.own) throw std::bad_alloc();
+  copy.tiles = tiles;
+  copy.grid_number = grid_number;
+  if (tiles != nullptr) {
+    copy.own_tiles = std::make_unique<surface::ReservedMemory>(size());
+    copy.own = copy.own_tiles->data();
+  } else {
+    // Zeroed by the system when first touched, if at all.
+    copy.own_whole.reset(static_cast<double*>(std::calloc(size(), sizeof(double))));
+    copy.own = copy.own_whole.get();
+  }
+  if (copy.own == nullptr) throw std::bad_alloc();
   copy.tiles_across = (columns + 2 + kTile - 1) / kTile;
   const int tiles_along = (rows + 2 + kTile - 1) / kTile;
   copy.copied.assign(static_cast<std::size_t>(copy.tiles_across) * static_cast<std::size_t>(tiles_along), 0);
@@ -191,10 +202,16 @@ ScanFields::Grid ScanFields::Grid::for_marks() const {
 void ScanFields::Grid::copy_tile(int across, int along) noexcept {
   const int count = std::min(kTile, columns + 2 - across * kTile);
   const int last = std::min((along + 1) * kTile, rows + 2);
+  need(across * kTile, across * kTile + count - 1, along * kTile, last - 1);
+  if (own_tiles) {
+    const auto line = static_cast<std::size_t>(stride());
+    const std::size_t from = static_cast<std::size_t>(along * kTile) * line;
+    if (!own_tiles->open(from, static_cast<std::size_t>(last - along * kTile) * line)) std::abort();
+  }
   for (int j = along * kTile; j < last; ++j) {
     const std::size_t at = static_cast<std::size_t>(j) * static_cast<std::size_t>(stride()) +
                            static_cast<std::size_t>(across * kTile) * static_cast<std::size_t>(lanes);
-    std::memcpy(own.get() + at, made->data() + at,
+    std::memcpy(own + at, made.get() + at,
                 static_cast<std::size_t>(count) * static_cast<std::size_t>(lanes) * sizeof(double));
   }
 }
@@ -284,7 +301,7 @@ void ScanFields::Grid::press(const FieldMark& mark, double x, double y) noexcept
         if (inside && !reaches) heap += heap_level(xi, eta);
         continue;
       }
-      double* const at = coefficient(own.get(), i, j);
+      double* const at = coefficient(own, i, j);
       const double fall = level * (a[0] + a[1] * xi + a[2] * eta);
       at[0] -= fall;
       if (two_levels) at[3] -= fall;
@@ -293,7 +310,7 @@ void ScanFields::Grid::press(const FieldMark& mark, double x, double y) noexcept
       if (mark.strain > 0.0) {
         rise = 0;
         if (fall > 0.0) {
-          const double origin = det_exp(made->data()[at - own.get() + 1]);
+          const double origin = det_exp(made.get()[at - own + 1]);
           const double old = mark.strain * det_exp(at[1]);
           const FlowFamily family(mark.strain, origin, last_a);
           const double after = family.elastic_nm(family.after_nm(old, fall * at[2]));
@@ -308,7 +325,7 @@ void ScanFields::Grid::press(const FieldMark& mark, double x, double y) noexcept
   const double lacking = mark.log_radius_rise - risen;
   for (int r = 0; r < 4; ++r) {
     for (int c = 0; c < 4; ++c) {
-      double* const at = coefficient(own.get(), column + c, row + r);
+      double* const at = coefficient(own, column + c, row + r);
       at[1] += lacking;
       if (two_levels) at[4] += lacking;
     }
@@ -322,7 +339,7 @@ void ScanFields::Grid::press(const FieldMark& mark, double x, double y) noexcept
       if (row_reaches && i >= column && i <= column + 3) continue;
       const double level = heap_level(xi_of(i), eta);
       if (!(level > 0.0)) continue;
-      double* const at = coefficient(own.get(), i, j);
+      double* const at = coefficient(own, i, j);
       at[0] += height * level;
       if (two_levels) at[3] += height * level;
     }
@@ -359,8 +376,7 @@ void ScanFields::press(const FieldMark& mark) noexcept {
     for (int j = low; j <= high; ++j) {
       for (int i = left; i <= right; ++i) {
         if (i >= column && i <= column + 3 && j >= row && j <= row + 3) continue;
-        double* const at = grid.own.get() +
-                           static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.stride()) +
+        double* const at = grid.own + static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.stride()) +
                            static_cast<std::size_t>(i) * kLanes;
         const int fi = 2 * node_of(i, grid.columns), fj = 2 * node_of(j, grid.rows);  // node, padded less 1
         const double* const fine = finer.corner(fi, fj) + finer.stride() + kLanes + 3;

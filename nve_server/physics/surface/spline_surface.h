@@ -43,6 +43,7 @@ class SplineSurface final : public Surface {
   /// negative depth or radius, changes nothing. Takes O(radius²/cell²).
   void press(const Mark& mark) noexcept;
   HeightGrid heights() const;  ///< at the nodes, as they are now
+  const BicubicSpline& spline() const noexcept { return height_; }
 
   /// What marks have changed, for those who compare two surfaces, or carry one's marks over to another of the
   /// same scan.
