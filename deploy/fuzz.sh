@@ -54,7 +54,7 @@ seeds_of() { # what the project has of this kind already, and what was made for 
 }
 longest_of() { # bytes of an input: longer ones only cost time
   case $1 in
-    datagram) echo 600 ;; session|hdf5) echo 120 ;; dtls) echo 200 ;; steps) echo 300 ;; snapshot|checkpoint) echo 200 ;; gsf) echo 512 ;; gwy) echo 800 ;; toml) echo 2200 ;; bundle) echo 1500 ;; *) echo 4096 ;;
+    datagram) echo 600 ;; session|hdf5) echo 120 ;; dtls) echo 200 ;; steps) echo 300 ;; snapshot|checkpoint) echo 200 ;; gsf) echo 512 ;; gwy) echo 800 ;; toml) echo 2200 ;; bundle) echo 1500 ;; curve) echo 16000 ;; *) echo 4096 ;;
   esac
 }
 

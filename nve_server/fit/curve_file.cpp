@@ -144,7 +144,8 @@ Table read_table(std::string_view text) {
   if (header.empty()) {
     table.error =
         all.find('\0') != std::string_view::npos
-            ? "is in no format that is read: expected .csv, .ibw (Igor 5) or .jpk-force; others as a "
+            ? "is in no format that is read: expected .csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats) or a "
+              "NanoScope force curve; others as a "
               "table with columns like z_nm,deflection_nm"
             : "has no table with a line of column names, like z_nm,deflection_nm";
     return table;
@@ -429,6 +430,13 @@ RawCurve read_curve(std::string_view bytes, const ColumnChoice& columns) {
   }
   if (bytes.starts_with("PK")) return read_jpk(bytes, columns);
   if (bytes.starts_with(std::string_view("\5\0", 2))) return read_ibw(bytes, columns);
+  if (bytes.starts_with(kHdf5Begin)) return read_hdf5(bytes, columns);
+  if (columns.number > 0) {
+    curve.error = "holds one curve: there is none of number " + std::to_string(columns.number);
+    return curve;
+  }
+  if (bytes.starts_with("\\*Force file list") || bytes.starts_with("\\*File list"))
+    return read_nanoscope(bytes, columns);
   if (bytes.starts_with(std::string_view("\2\0", 2)) || bytes.starts_with(std::string_view("\0\5", 2)) ||
       bytes.starts_with(std::string_view("\0\2", 2))) {
     curve.error = "is an Igor wave of an old version or byte order: save it as version 5, or as text";

@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <charconv>
@@ -46,6 +47,7 @@ struct Options {
   std::optional<double> stiffness_n_m;
   std::optional<double> radius_nm;
   fit::ColumnChoice columns;
+  std::optional<std::size_t> number;  // of the curve, in files with several
   std::vector<std::string> also;
   bool shift = false;
   std::string residuals;
@@ -61,6 +63,9 @@ struct Options {
 /// One file on its way.
 struct Curve {
   std::string path;
+  std::string name;  // the path, and the curve's number in a file with several
+  std::size_t number = 0;
+  std::shared_ptr<const std::string> bytes;  // of a file with several
   std::string what;
   std::optional<double> stiffness_n_m;  // as the file has it
   std::vector<std::string> notes;
@@ -152,8 +157,10 @@ fit::FitSetup setup_of(const Options& options, const scene::Scene& scene) {
 }
 
 void fit_one(const Options& options, const fit::FitSetup& setup, const fit::Preparation& how, Curve& curve) {
-  const std::string bytes = read_bytes(curve.path);
-  const fit::RawCurve raw = fit::read_curve(bytes, options.columns);
+  fit::ColumnChoice columns = options.columns;
+  columns.number = curve.number;
+  const fit::RawCurve raw = fit::read_curve(curve.bytes ? *curve.bytes : read_bytes(curve.path), columns);
+  curve.bytes.reset();
   curve.what = raw.what;
   curve.stiffness_n_m = raw.stiffness_n_m;
   curve.prepared = fit::prepare(raw, how);
@@ -164,6 +171,33 @@ void fit_one(const Options& options, const fit::FitSetup& setup, const fit::Prep
     curve.notes.push_back("the file has a lever of " + words(*raw.stiffness_n_m) + " N/m, fitted with " +
                           words(k) + " N/m: --stiffness-n-m takes another");
   }
+}
+
+/// A file with several curves becomes as many. What cannot be read stays one, and says so when its turn comes.
+std::vector<Curve> curves_of(const Options& options) {
+  std::vector<Curve> curves;
+  for (const std::string& path : options.curves) {
+    Curve one;
+    one.path = path;
+    one.name = path;
+    one.number = options.number.value_or(0);
+    std::array<char, fit::kHdf5Begin.size()> begin{};
+    std::ifstream(path, std::ios::binary).read(begin.data(), begin.size());
+    std::error_code error;
+    const bool several = std::filesystem::is_regular_file(path, error) &&
+                         std::string_view(begin.data(), begin.size()) == fit::kHdf5Begin;
+    if (!several || options.number) {
+      curves.push_back(one);
+      continue;
+    }
+    one.bytes = std::make_shared<const std::string>(read_bytes(path));
+    const std::size_t count = fit::curves_in(*one.bytes);
+    for (one.number = 0; one.number < count; ++one.number) {
+      if (count > 1) one.name = path + "#" + std::to_string(one.number);
+      curves.push_back(one);
+    }
+  }
+  return curves;
 }
 
 /// Each curve by itself, so that the number of threads changes nothing. Of several a file that cannot be used
@@ -209,7 +243,7 @@ std::string interval_of(const fit::Estimate& e) {
 
 void print_one(const Curve& curve) {
   const fit::CurveFit& f = curve.fit;
-  std::printf("%-14s %s (%s), %zu points in, %zu out\n", "curve", curve.path.c_str(), curve.what.c_str(),
+  std::printf("%-14s %s (%s), %zu points in, %zu out\n", "curve", curve.name.c_str(), curve.what.c_str(),
               f.approach.model_nm.size(), f.retract.model_nm.size());
   std::printf("%-14s %-22s %-28s 1 %% of k, InvOLS, R moves it by\n", "estimate", "value", "95 % interval");
   for (const fit::Estimate& e : f.estimates) {
@@ -242,7 +276,7 @@ std::string csv_table(const std::vector<Curve>& curves) {
       "z0_high_nm,lambda,hamaker_aj,rms_nm,noise_nm,error\n";
   for (const Curve& curve : curves) {
     std::string name = "\"";
-    for (const char c : curve.path) name += c == '"' ? std::string("\"\"") : std::string(1, c);
+    for (const char c : curve.name) name += c == '"' ? std::string("\"\"") : std::string(1, c);
     text += name + "\"";
     for (const char* wanted : {"E", "w", "R", "z0"}) {
       const auto found = std::find_if(curve.fit.estimates.begin(), curve.fit.estimates.end(),
@@ -412,7 +446,7 @@ bool two_numbers(const std::string& text, double& first, double& second) {
 }
 
 /// The pictures that are asked for, without values; as many curves as places.
-fit::ParameterMap map_of(const Options& options) {
+fit::ParameterMap map_of(const Options& options, std::size_t curves) {
   fit::ParameterMap map;
   if (options.map.empty()) {
     if (!options.map_grid.empty() || !options.map_size.empty())
@@ -436,9 +470,9 @@ fit::ParameterMap map_of(const Options& options) {
   map.columns = static_cast<int>(columns);
   map.rows = static_cast<int>(rows);
   const auto places = static_cast<std::size_t>(map.columns) * static_cast<std::size_t>(map.rows);
-  if (places != options.curves.size()) {
+  if (places != curves) {
     throw UserError("--map-grid " + options.map_grid + " has " + std::to_string(places) + " places, and " +
-                    std::to_string(options.curves.size()) +
+                    std::to_string(curves) +
                     " curves are given: expected one a place, line by line from the lower left");
   }
   return map;
@@ -491,7 +525,8 @@ void run(const Options& options) {
   check_target(options.table, "--table", options);
   check_target(options.plot, "--plot", options);
   if (!options.plot.empty()) plot::require_drawable(options.plot, "--plot");
-  const fit::ParameterMap map = map_of(options);
+  std::vector<Curve> curves = curves_of(options);
+  const fit::ParameterMap map = map_of(options, curves.size());
   if (map.columns > 0)
     for (const MapOf& what : kMaps) check_target(map_file(options, what), "--map", options);
   if (options.stiffness_n_m && !(*options.stiffness_n_m >= 1e-3 && *options.stiffness_n_m <= 1e5))
@@ -503,17 +538,15 @@ void run(const Options& options) {
   const auto scene = load_scene(options.scene);
   const fit::FitSetup setup = setup_of(options, *scene);
   const fit::Preparation how = preparation_of(options, 1.0 / setup.compliance_nm_nn);
-  std::vector<Curve> curves(options.curves.size());
-  for (std::size_t i = 0; i < curves.size(); ++i) curves[i].path = options.curves[i];
   fit_all(options, setup, how, curves);
   std::size_t good = 0;
   for (const Curve& curve : curves) {
     if (curve.fit.error.empty())
       ++good;
     else if (curves.size() > 1)
-      std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", curve.path.c_str(), curve.fit.error.c_str());
+      std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", curve.name.c_str(), curve.fit.error.c_str());
   }
-  if (good == 0) throw UserError(curves[0].path + ": " + curves[0].fit.error);
+  if (good == 0) throw UserError(curves[0].name + ": " + curves[0].fit.error);
   const std::string text = fitted_text(options, *scene, setup, curves);
   write_text(options.out, text);
   if (!options.residuals.empty()) write_text(options.residuals, csv_residuals(curves));
@@ -542,8 +575,10 @@ void add_fit_command(CLI::App& app) {
       app.add_subcommand("fit", "a sample's modulus and adhesion from force curves of your own");
   auto options = std::make_shared<Options>();
   command
-      ->add_option("curves", options->curves,
-                   "force curves: .csv, .ibw (Igor 5), .jpk-force; several: each by itself")
+      ->add_option(
+          "curves", options->curves,
+          "force curves: .csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats), NanoScope (.spm, .000); several: "
+          "each by itself")
       ->required()
       ->type_name("FILE");
   command
@@ -570,9 +605,13 @@ void add_fit_command(CLI::App& app) {
           "with it the Hamaker constant 12 pi z0^2 w")
       ->check(CLI::IsMember({"R", "z0"}));
   command->add_flag("--shift", options->shift, "z may be shifted between the two ways: drift of the piezo");
-  command->add_option("--z-column", options->columns.z, "name of the column with the height");
+  command->add_option("--z-column", options->columns.z, "name of the column or channel with the height");
   command->add_option("--deflection-column", options->columns.deflection,
-                      "name of the column with the deflection");
+                      "name of the column or channel with the deflection");
+  command
+      ->add_option("--curve", options->number,
+                   "of a file with several curves (HDF5) that one alone, from 0; left out: all of them")
+      ->type_name("NUMBER");
   command->add_option("--residuals", options->residuals, "CSV: curve, model and residual, point by point")
       ->type_name("FILE");
   command->add_option("--table", options->table, "CSV: a line of estimates a curve")->type_name("FILE");
