@@ -153,6 +153,14 @@ put("curve", "igor_large", ibw(2**31 - 1, 2, numbers, b"", names))
 put("curve", "igor_cut", ibw(60, 2, numbers, b"", names)[:-50])
 put("curve", "zip_end", b"PK\5\6" + bytes(4) + b"\xff\xff\xff\xff" + bytes(4) + b"\xff\xff\xff\xff" + bytes(2))
 
+# A lever's thermal motion: its spectrum about the peak, and a short series.
+peak = "".join("%g,%.4g\n" % (f, 1e-3 / ((f * f / 1e6 - 1) ** 2 + f * f / 1e6 / 900) + 1e-4) for f in range(400, 1700, 13))
+put("thermal", "spectrum", ("frequency_hz,psd_pm2_hz\n" + peak).encode())
+put("thermal", "spectrum_volts", ("made by hand\nFrequency (kHz);PSD (V^2/Hz)\n" + peak.replace(",", ";")).encode())
+put("thermal", "series", ("time_us,deflection_nm\n" + "".join("%d,%d\n" % (i, (i * i * 7919) % 13 - 6) for i in range(1030))).encode())
+put("thermal", "steps", ("time_s,deflection_v\n" + "".join("%d,%d\n" % (i * i, i % 5) for i in range(1030))).encode())
+put("thermal", "negative", b"frequency_hz,psd_nm2_hz\n1,-1\n2,nan\n")
+
 # HDF5 and NanoScope curves, as tests/data/curves/make_curves.py writes them, of few points.
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "data" / "curves"))
 import make_curves  # noqa: E402
