@@ -170,8 +170,8 @@ class Lever(unittest.TestCase):
     def test_hamaker_constant_of_its_own(self):
         text = (source / "deploy/scenes/flat_polystyrene.toml").read_text()
         scene = self.folder / "h.toml"
-        held = text + ("" if "[contact]" in text else "\n[contact]\n")
-        scene.write_text(held.replace("[contact]\n", "[contact]\nhamaker_aj = 0.2\n", 1))
+        held = text + "\n[contact]\n"
+        scene.write_text(held + "hamaker_aj = 0.2\n")
         self.assertIn("Hamaker constant 12 pi z0^2 w = 0.2 aJ", self.fit(scene=scene))
         self.assertIn("hamaker_aj = 0.2\n", (self.folder / "fitted.toml").read_text())
         said = self.fit("--also", "H")
