@@ -14,9 +14,18 @@ namespace telenano::fit {
 struct ColumnChoice {
   std::string z;
   std::string deflection;
+  std::size_t number = 0;  ///< of the curve, in a file with several (HDF5)
 };
 
-/// By what the bytes begin with: zip (.jpk-force), Igor 5 (.ibw), else text (.csv).
+/// Of a file with several: more are not looked for.
+inline constexpr std::size_t kCurvesMax = 10'000;
+inline constexpr std::string_view kHdf5Begin{"\x89HDF\r\n\x1a\n", 8};
+
+/// How many curves the bytes hold: 1 but for HDF5.
+std::size_t curves_in(std::string_view bytes);
+
+/// By what the bytes begin with: zip (.jpk-force), Igor 5 (.ibw), HDF5 (.h5), NanoScope (.spm, .000), else text
+/// (.csv).
 RawCurve read_curve(std::string_view bytes, const ColumnChoice& columns = {});
 
 /// A table with commas, semicolons or tabs. The header is the first line that is followed by a line of as
@@ -33,6 +42,16 @@ RawCurve read_ibw(std::string_view bytes, const ColumnChoice& columns = {});
 /// JPK's force file: a zip of .properties and big-endian integers, each channel with its chain of conversions
 /// (file format versions 0.x, where each segment has its own).
 RawCurve read_jpk(std::string_view bytes, const ColumnChoice& columns = {});
+
+/// HDF5 as afmformats writes it (https://afmformats.readthedocs.io): a group "0", "1", … a curve, with columns
+/// "height (measured)" or "height (piezo)" in m, "force" in N and "segment" (0 approach), and the lever's
+/// stiffness as attribute "spring constant". See hdf5_tree.h for which HDF5 is read.
+RawCurve read_hdf5(std::string_view bytes, const ColumnChoice& columns = {});
+
+/// A single force curve of a NanoScope instrument (Bruker, Veeco, Digital Instruments; versions 5 to 9): text
+/// with "\*Ciao force image list" for each channel, then numbers. Deflection is in V with the file's
+/// sensitivity; height is a Z sensor's channel, or the ramp.
+RawCurve read_nanoscope(std::string_view bytes, const ColumnChoice& columns = {});
 
 /// One printable line of ASCII of at most `longest` bytes: everything else becomes '?'.
 std::string plain_line(std::string_view text, std::size_t longest = 60);

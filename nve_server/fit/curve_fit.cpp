@@ -9,6 +9,7 @@
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/fit/curve_path.h"
+#include "telenano/nve_server/physics/long_range/van_der_waals.h"
 
 namespace telenano::fit {
 namespace {
@@ -18,7 +19,9 @@ constexpr double kQuantile = 3.841458820694124;  // χ² of one degree of freedo
 constexpr double kLostLeap = 30.0;               // standard deviations: a leap that the model does not have
 constexpr double kLogStep = 1e-4;                // of a logarithm: well above the path's own 1e-8
 constexpr double kPathShare = 0.1;               // of the noise: where the path is made closer
-constexpr int kOffsets = 4;                      // approach, retract, their tilts
+constexpr double kLeastDistance_nm = 0.05;       // z0 that a scene takes
+constexpr double kGreatestDistance_nm = 2.0;
+constexpr int kOffsets = 4;  // approach, retract, their tilts
 
 using Vector = Eigen::VectorXd;
 using Matrix = Eigen::MatrixXd;
@@ -33,6 +36,7 @@ struct Layout {
   int work = -1;
   int radius = -1;
   int distance = -1;
+  int hamaker = -1;
   int shift = -1;
   int touch = 0;
   int offsets = 0;
@@ -46,6 +50,7 @@ Layout layout_of(const FitSetup& setup) {
   if (setup.law.model != physics::ContactLaw::kHertz) layout.work = n++;
   if (setup.fit_radius) layout.radius = n++;
   if (setup.fit_distance) layout.distance = n++;
+  if (setup.fit_hamaker && layout.work >= 0) layout.hamaker = n++;
   layout.laws = n;
   layout.touch = n++;
   if (setup.fit_shift) layout.shift = n++;
@@ -94,7 +99,32 @@ class Problem {
     law.contact_modulus_gpa = contact_modulus_gpa(p);
     if (at_.work >= 0) law.work_of_adhesion_n_m = det_exp(p[at_.work]);
     if (at_.distance >= 0) law.equilibrium_distance_nm = det_exp(p[at_.distance]);
+    if (at_.hamaker >= 0 || (setup_.hamaker_aj && at_.work >= 0)) {
+      const double hamaker = at_.hamaker >= 0 ? det_exp(p[at_.hamaker]) : *setup_.hamaker_aj;
+      law.equilibrium_distance_nm = physics::VanDerWaals::cut_off_nm(hamaker, law.work_of_adhesion_n_m);
+    }
     return law;
+  }
+
+  /// Where H is free or held, it and w must leave z0 where a scene takes it. `fixed` and a held H stay, the other
+  /// one gives way.
+  void keep_distance(Vector& p, int fixed) const {
+    if (at_.work < 0 || (at_.hamaker < 0 && !setup_.hamaker_aj)) return;
+    // ln H = ln(12π z0²) + ln w
+    const double least = det_log(12.0 * kPi * kLeastDistance_nm * kLeastDistance_nm);
+    const double most = det_log(12.0 * kPi * kGreatestDistance_nm * kGreatestDistance_nm);
+    if (at_.hamaker >= 0 && fixed != at_.hamaker) {
+      p[at_.hamaker] = std::clamp(p[at_.hamaker], p[at_.work] + least, p[at_.work] + most);
+    } else {
+      const double hamaker = at_.hamaker >= 0 ? p[at_.hamaker] : det_log(*setup_.hamaker_aj);
+      p[at_.work] = std::clamp(p[at_.work], hamaker - most, hamaker - least);
+    }
+  }
+  /// z0 has come to an end of that: an interval that goes so far is open.
+  bool at_end_of_distance(const Vector& p) const {
+    if (at_.hamaker < 0) return false;
+    const double distance = law(p).equilibrium_distance_nm;
+    return distance < 1.001 * kLeastDistance_nm || distance > 0.999 * kGreatestDistance_nm;
   }
 
   /// Kept while only touch, shift and baseline change.
@@ -268,6 +298,7 @@ class Search {
   Found descend(const Vector& start, int iterations, int fixed = -1) {
     Found found;
     found.p = start.cwiseMax(bounds_.low).cwiseMin(bounds_.high);
+    problem_.keep_distance(found.p, fixed);
     if (!evaluate(found.p, found.cost)) return found;
     found.good = true;
     double damping = 1e-3;
@@ -291,7 +322,8 @@ class Search {
         Vector step = -damped.ldlt().solve(gradient);
         if (!step.allFinite()) break;
         for (int law = 0; law < problem_.at().laws; ++law) step[law] = std::clamp(step[law], -1.5, 1.5);
-        const Vector trial = (found.p + step).cwiseMax(bounds_.low).cwiseMin(bounds_.high);
+        Vector trial = (found.p + step).cwiseMax(bounds_.low).cwiseMin(bounds_.high);
+        problem_.keep_distance(trial, fixed);
         double cost = 0;
         if (evaluate(trial, cost) && cost < found.cost) {
           gained = found.cost - cost;
@@ -308,6 +340,7 @@ class Search {
     return found;
   }
 
+  bool at_end_of_distance(const Vector& p) const { return problem_.at_end_of_distance(p); }
   const std::vector<char>& used() const { return used_; }
   const Vector& residual() const { return residual_; }
   const Bounds& bounds() const { return bounds_; }
@@ -334,6 +367,7 @@ std::optional<double> profile_end(Search& search, const Found& best, int i, doub
     Vector q = p;
     q[i] = best.p[i] + way * distance;
     const Found found = search.descend(q, 12, i);
+    if (search.at_end_of_distance(found.p)) return std::nullopt;
     const double risen = found.good ? std::max(found.cost - best.cost, 0.0) : 1e9;
     if (risen >= rise) {
       // Between the two, the root of the rise is nearly a line.
@@ -433,6 +467,14 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
           ": give R instead");
     }
   }
+  if (setup.stiffness_error > 0) {
+    say("the intervals hold the lever's stiffness to within " + number(100 * setup.stiffness_error) +
+        " % (standard deviation)");
+  }
+  for (const Estimate& e : fit.estimates) {
+    if (e.name != "H" || (e.low && e.high)) continue;
+    say("H is told by the attraction before contact: where the tip snaps in, or noise hides it, it is not");
+  }
   if (curve.deepest_slope > 1.02) {
     say("the deflection grows faster than the base goes down (slope " + number(curve.deepest_slope, 4) +
         "): the deflection's sensitivity is wrong");
@@ -465,7 +507,8 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
   bound(at.modulus, setup.modulus_min_gpa, setup.modulus_max_gpa);
   bound(at.work, 1e-6, 20.0);
   bound(at.radius, 1.0, 1e4);
-  bound(at.distance, 0.05, 2.0);
+  bound(at.distance, kLeastDistance_nm, kGreatestDistance_nm);
+  bound(at.hamaker, 1e-7, 1e4);
   Search search(problem, bounds);
 
   Found best;
@@ -476,6 +519,10 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
     if (at.work >= 0) p[at.work] = det_log(start.work_n_m);
     if (at.radius >= 0) p[at.radius] = det_log(setup.radius_nm);
     if (at.distance >= 0) p[at.distance] = det_log(setup.law.equilibrium_distance_nm);
+    if (at.hamaker >= 0) {
+      const double z0 = setup.law.equilibrium_distance_nm;
+      p[at.hamaker] = det_log(setup.hamaker_aj.value_or(12.0 * kPi * z0 * z0 * start.work_n_m));
+    }
     p[at.touch] = curve.touch_z_nm;
     p[at.offsets] = curve.offset_nm[0];
     p[at.offsets + 1] = curve.offset_nm[1];
@@ -560,14 +607,24 @@ CurveFit fit_curve(const PreparedCurve& curve, const FitSetup& setup) {
     e.sensitivity_stiffness = by_stiffness[i];
     e.sensitivity_invols = by_invols[i];
     e.sensitivity_radius = at.radius < 0 ? by_radius[i] : 0.0;
+    // The lever's own error is independent of the curve's noise: their squares add.
+    const double of_lever = 1.96 * std::abs(e.sensitivity_stiffness) * setup.stiffness_error;
+    const auto widened = [&](std::optional<double>& end) {
+      if (!end || !(of_lever > 0)) return;
+      const double way = *end < e.value ? -1.0 : 1.0;
+      end = e.value * det_exp(way * std::hypot(det_log(*end / e.value), of_lever));
+    };
+    widened(e.low);
+    widened(e.high);
     fit.estimates.push_back(e);
   };
   estimate(at.modulus, "E", "GPa", 1.0);
   estimate(at.work, "w", "mJ/m2", 1e3);
   estimate(at.radius, "R", "nm", 1.0);
   estimate(at.distance, "z0", "nm", 1.0);
+  estimate(at.hamaker, "H", "aJ", 1.0);
   std::vector<int> shown{at.modulus};
-  for (const int i : {at.work, at.radius, at.distance})
+  for (const int i : {at.work, at.radius, at.distance, at.hamaker})
     if (i >= 0) shown.push_back(i);
   for (const int a : shown) {
     std::vector<double> row;

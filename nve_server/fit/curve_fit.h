@@ -14,14 +14,17 @@ struct FitSetup {
   physics::TipSampleParameters law;  ///< start of w and z0; its modulus is replaced; direct method
   double radius_nm = 0;              ///< of the tip
   double compliance_nm_nn = 0;       ///< of the lever along z, base held
-  double sample_modulus_gpa = 0;     ///< E, start
+  double stiffness_error = 0;     ///< standard deviation of the logarithm of its stiffness: in the intervals
+  double sample_modulus_gpa = 0;  ///< E, start
   double sample_poisson = 0;
   double tip_compliance_per_gpa = 0;  ///< (1 − ν²)/E of the tip's material
   double modulus_min_gpa = 1e-4;      ///< of E; an interval that reaches one of them is open
   double modulus_max_gpa = 2000;
   bool fit_radius = false;
   bool fit_distance = false;  ///< z0, with it the Hamaker constant 12π z0² w
-  bool fit_shift = false;     ///< of z between the two ways: drift or hysteresis of the piezo
+  bool fit_hamaker = false;   ///< that constant itself; z0 then follows from it and w. Not with fit_distance
+  std::optional<double> hamaker_aj;  ///< held, or with fit_hamaker the start; none: z0 is held
+  bool fit_shift = false;            ///< of z between the two ways: drift or hysteresis of the piezo
 };
 
 /// A parameter with its 95 % interval; an end that the curve does not show is empty.
@@ -43,7 +46,7 @@ struct FitSegment {
 };
 
 struct CurveFit {
-  std::vector<Estimate> estimates;  ///< E, w, then R and z0 where fitted; w is absent without adhesion
+  std::vector<Estimate> estimates;  ///< E, w, then R, z0 and H where fitted; w is absent without adhesion
   std::vector<std::vector<double>> correlation;  ///< of the logarithms of the estimates
   double modulus_gpa = 0;
   double work_n_m = 0;

@@ -62,4 +62,17 @@ std::string with_key(std::string_view text, std::string_view table, std::string_
   return out;
 }
 
+std::string without_key(std::string_view text, std::string_view table, std::string_view key) {
+  std::string out;
+  bool in_table = false;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('\n'), text.size());
+    const std::string_view line = text.substr(0, end);
+    text.remove_prefix(std::min(end + 1, text.size()));
+    if (trimmed(line).starts_with("[")) in_table = heads(line, table);
+    if (!in_table || !sets(line, key)) out += std::string(line) + "\n";
+  }
+  return out;
+}
+
 }  // namespace telenano::fit

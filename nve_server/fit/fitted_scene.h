@@ -11,4 +11,7 @@ namespace telenano::fit {
 std::string with_key(std::string_view text, std::string_view table, std::string_view key,
                      std::string_view value);
 
+/// The text without such a line, if there is one.
+std::string without_key(std::string_view text, std::string_view table, std::string_view key);
+
 }  // namespace telenano::fit

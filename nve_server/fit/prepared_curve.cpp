@@ -310,4 +310,30 @@ PreparedCurve prepare(const RawCurve& raw, const Preparation& how) {
   return curve;
 }
 
+ReferenceSlope reference_slope(const PreparedCurve& curve) {
+  double slope[2] = {0, 0};
+  double variance = 0;
+  for (int way = 0; way < 2; ++way) {
+    const PreparedSegment& segment = way == 0 ? curve.approach : curve.retract;
+    const std::size_t n = segment.z_nm.size();
+    const double deepest = way == 0 ? segment.z_nm.back() : segment.z_nm.front();
+    const double half = deepest + 0.5 * std::max(curve.touch_z_nm - deepest, 0.0);
+    std::size_t count = 0;
+    while (count < n && segment.z_nm[way == 0 ? n - 1 - count : count] < half) ++count;
+    count = std::max<std::size_t>(count, std::min<std::size_t>(n, 5));
+    const std::size_t begin = way == 0 ? n - count : 0;
+    const Line line = line_through(segment.z_nm, segment.deflection_nm, begin, begin + count);
+    slope[way] = -line.slope;
+    double xx = 0;
+    double rest = 0;
+    for (std::size_t i = begin; i < begin + count; ++i) {
+      xx += (segment.z_nm[i] - line.x_mean) * (segment.z_nm[i] - line.x_mean);
+      const double residual = segment.deflection_nm[i] - line(segment.z_nm[i]);
+      rest += residual * residual;
+    }
+    if (xx > 0) variance += 0.25 * rest / (static_cast<double>(count) - 2.0) / xx;
+  }
+  return {0.5 * (slope[0] + slope[1]), std::max(std::sqrt(variance), 0.25 * std::abs(slope[0] - slope[1]))};
+}
+
 }  // namespace telenano::fit

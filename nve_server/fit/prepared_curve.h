@@ -60,4 +60,13 @@ struct Preparation {
 /// Noise: see noise_model.h, from the free part of both ways.
 PreparedCurve prepare(const RawCurve& raw, const Preparation& how);
 
+/// On a spring: the part of the base's way by which the deflection grows in contact, d(deflection)/d(−z), by least
+/// squares over the deeper half of the contact, mean of both ways. Its standard deviation is by the residuals'
+/// scatter, and at least a quarter of what the ways differ by (friction, the piezo's hysteresis).
+struct ReferenceSlope {
+  double value = 0;
+  double error = 0;
+};
+ReferenceSlope reference_slope(const PreparedCurve& curve);
+
 }  // namespace telenano::fit

@@ -103,4 +103,24 @@ bool unpack(const ZipMember& member, std::size_t most, std::string& out) {
   return whole;
 }
 
+bool unpack_zlib(std::string_view packed, std::size_t most, std::string& out) {
+  out.clear();
+  z_stream stream{};
+  if (inflateInit(&stream) != Z_OK) return false;
+  stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(packed.data()));  // NOLINT
+  stream.avail_in = static_cast<uInt>(packed.size());
+  int result = Z_OK;
+  while (result == Z_OK && out.size() < most) {
+    const std::size_t before = out.size();
+    out.resize(std::min(most, before + std::max<std::size_t>(before, 4096)));
+    stream.next_out = reinterpret_cast<Bytef*>(out.data() + before);
+    stream.avail_out = static_cast<uInt>(out.size() - before);
+    result = inflate(&stream, Z_NO_FLUSH);
+    out.resize(out.size() - stream.avail_out);
+  }
+  inflateEnd(&stream);
+  if (result != Z_STREAM_END) out.clear();
+  return result == Z_STREAM_END;
+}
+
 }  // namespace telenano::fit

@@ -27,4 +27,7 @@ ZipDirectory read_zip(std::string_view bytes);
 /// Unpacks into `out`; false if it is damaged or has more than `most` bytes.
 bool unpack(const ZipMember& member, std::size_t most, std::string& out);
 
+/// The same of a stream with zlib's head and checksum (RFC 1950). Takes memory as it goes on, not before.
+bool unpack_zlib(std::string_view packed, std::size_t most, std::string& out);
+
 }  // namespace telenano::fit

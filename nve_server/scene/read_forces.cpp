@@ -1,3 +1,4 @@
+#include <optional>
 #include <string>
 
 #include <cmath>
@@ -14,7 +15,17 @@ using config::TomlTable;
 
 constexpr double kGpaPerMpa = 1e-3;
 
-void read_contact(const TomlTable& table, physics::TipSampleParameters& law) {
+constexpr double kLeastDistance_nm = 0.05;
+constexpr double kGreatestDistance_nm = 2.0;
+
+/// The Hamaker constant, where it is given, holds whatever w is.
+void take_distance(std::optional<double> hamaker_aj, physics::TipSampleParameters& law) {
+  if (!hamaker_aj) return;
+  law.equilibrium_distance_nm = physics::VanDerWaals::cut_off_nm(*hamaker_aj, law.work_of_adhesion_n_m);
+}
+
+void read_contact(const TomlTable& table, Scene& scene) {
+  physics::TipSampleParameters& law = scene.law_parameters;
   const std::string name =
       table.choice_or("law", {"hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"},
                       "maugis-dugdale");
@@ -24,10 +35,16 @@ void read_contact(const TomlTable& table, physics::TipSampleParameters& law) {
     table.fail("method", "only maugis-dugdale has a table; the others are closed forms");
   }
   law.method = method == "table" ? physics::MaugisMethod::kTable : physics::MaugisMethod::kDirect;
-  law.equilibrium_distance_nm =
-      table.number_or("equilibrium_distance_nm", between(0.05, 2.0), law.equilibrium_distance_nm);
+  const auto distance =
+      table.optional_number("equilibrium_distance_nm", between(kLeastDistance_nm, kGreatestDistance_nm));
+  law.equilibrium_distance_nm = distance.value_or(law.equilibrium_distance_nm);
   law.work_of_adhesion_n_m =
       table.number_or("work_of_adhesion_j_m2", between(1e-6, 20.0), law.work_of_adhesion_n_m);
+  scene.hamaker_aj = table.optional_number("hamaker_aj", between(1e-7, 1e4));
+  if (!scene.hamaker_aj) return;
+  if (distance)
+    table.fail("hamaker_aj", "says the equilibrium distance, too (H = 12 pi z0^2 w): give one of them");
+  take_distance(scene.hamaker_aj, law);
 }
 
 physics::CapillaryParameters read_capillary(const TomlTable& table) {
@@ -54,7 +71,8 @@ physics::CapillaryParameters read_capillary(const TomlTable& table) {
 
 // The work of adhesion of the dry contact that parts, with the liquid round it, at the force at which a
 // contact of `law` alone does: what was measured as a pull-off in this very air has the bridge in it.
-double dry_work_of_adhesion(const TomlTable& capillary, physics::TipSampleParameters law, double radius_nm) {
+double dry_work_of_adhesion(const TomlTable& capillary, physics::TipSampleParameters law,
+                            std::optional<double> hamaker_aj, double radius_nm) {
   constexpr double kBracket = 4.0;
   constexpr double kFound = 1e-6;
   physics::LongRangeParameters water;
@@ -68,6 +86,7 @@ double dry_work_of_adhesion(const TomlTable& capillary, physics::TipSampleParame
   double found = 0;
   for (int i = 0; i < 60 && high - low > 1e-12 * given; ++i) {
     law.work_of_adhesion_n_m = 0.5 * (low + high);
+    take_distance(hamaker_aj, law);
     found = physics::total_pull_off_nn(physics::TipSampleLaw(law), radius_nm);
     (found < measured ? low : high) = law.work_of_adhesion_n_m;
   }
@@ -79,7 +98,8 @@ double dry_work_of_adhesion(const TomlTable& capillary, physics::TipSampleParame
   return law.work_of_adhesion_n_m;
 }
 
-void read_long_range(const TomlTable& table, double tip_radius_nm, physics::TipSampleParameters& law) {
+void read_long_range(const TomlTable& table, Scene& scene) {
+  physics::TipSampleParameters& law = scene.law_parameters;
   law.van_der_waals = table.boolean_or("van_der_waals", law.van_der_waals);
   physics::LongRangeParameters& far = law.long_range;
   const auto retardation = table.optional_number("retardation_nm", between(1.0, 1e4));
@@ -102,7 +122,11 @@ void read_long_range(const TomlTable& table, double tip_radius_nm, physics::TipS
     const bool ambient = capillary->choice_or("adhesion", {"dry", "ambient"}, "dry") == "ambient";
     const bool possible = law.model == physics::ContactLaw::kMaugisDugdale &&
                           law.method == physics::MaugisMethod::kDirect;  // else refused below
-    if (ambient && possible) law.work_of_adhesion_n_m = dry_work_of_adhesion(*capillary, law, tip_radius_nm);
+    if (ambient && possible) {
+      law.work_of_adhesion_n_m =
+          dry_work_of_adhesion(*capillary, law, scene.hamaker_aj, scene.probe.tip_radius_nm);
+      take_distance(scene.hamaker_aj, law);
+    }
   }
 }
 
@@ -124,9 +148,19 @@ void read_forces(const TomlTable& root, Scene& scene) {
   physics::TipSampleParameters& law = scene.law_parameters;
   law.contact_modulus_gpa = contact_modulus_gpa(scene.sample, scene.probe.tip);
   law.work_of_adhesion_n_m = work_of_adhesion_j_m2(scene.sample, scene.probe.tip);
-  if (const auto contact = root.optional_table("contact")) read_contact(*contact, law);
-  if (const auto forces = root.optional_table("forces"))
-    read_long_range(*forces, scene.probe.tip_radius_nm, law);
+  const auto contact = root.optional_table("contact");
+  if (contact) read_contact(*contact, scene);
+  if (const auto forces = root.optional_table("forces")) read_long_range(*forces, scene);
+  if (scene.hamaker_aj) {
+    if (!law.van_der_waals)
+      contact->fail("hamaker_aj", "is that of van der Waals, which this scene leaves out");
+    if (!(law.equilibrium_distance_nm >= kLeastDistance_nm &&
+          law.equilibrium_distance_nm <= kGreatestDistance_nm)) {
+      contact->fail("hamaker_aj",
+                    "makes an equilibrium distance of " + std::to_string(law.equilibrium_distance_nm) +
+                        " nm with the work of adhesion (z0^2 = H/(12 pi w)), expected 0.05 to 2 nm");
+    }
+  }
   if (law.model == physics::ContactLaw::kHertz && law.van_der_waals) {
     root.fail("contact",
               "law = \"hertz\" has no adhesion: give [forces] van_der_waals = false, or law = \"dmt\"");

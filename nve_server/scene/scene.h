@@ -85,6 +85,7 @@ struct Scene {
   std::uint32_t session_timeout_ms = 500;
 
   physics::TipSampleParameters law_parameters;
+  std::optional<double> hamaker_aj;  ///< where it is given: the equilibrium distance follows from it and w
   std::optional<physics::FrictionParameters> friction;
   std::optional<Marks> marks;
   std::optional<Particle> particle;

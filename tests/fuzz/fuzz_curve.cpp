@@ -9,6 +9,7 @@
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace telenano;
   const std::string_view bytes(reinterpret_cast<const char*>(data), size);
+  FUZZ_CHECK(fit::curves_in(bytes) >= 1 && fit::curves_in(bytes) <= fit::kCurvesMax);
   const fit::RawCurve curve = fit::read_curve(bytes);
   if (!curve.error.empty()) {
     fuzz::check_error_line(curve.error);

@@ -153,6 +153,31 @@ put("curve", "igor_large", ibw(2**31 - 1, 2, numbers, b"", names))
 put("curve", "igor_cut", ibw(60, 2, numbers, b"", names)[:-50])
 put("curve", "zip_end", b"PK\5\6" + bytes(4) + b"\xff\xff\xff\xff" + bytes(4) + b"\xff\xff\xff\xff" + bytes(2))
 
+# A lever's thermal motion: its spectrum about the peak, and a short series.
+peak = "".join("%g,%.4g\n" % (f, 1e-3 / ((f * f / 1e6 - 1) ** 2 + f * f / 1e6 / 900) + 1e-4) for f in range(400, 1700, 13))
+put("thermal", "spectrum", ("frequency_hz,psd_pm2_hz\n" + peak).encode())
+put("thermal", "spectrum_volts", ("made by hand\nFrequency (kHz);PSD (V^2/Hz)\n" + peak.replace(",", ";")).encode())
+put("thermal", "series", ("time_us,deflection_nm\n" + "".join("%d,%d\n" % (i, (i * i * 7919) % 13 - 6) for i in range(1030))).encode())
+put("thermal", "steps", ("time_s,deflection_v\n" + "".join("%d,%d\n" % (i * i, i % 5) for i in range(1030))).encode())
+put("thermal", "negative", b"frequency_hz,psd_nm2_hz\n1,-1\n2,nan\n")
+
+# HDF5 and NanoScope curves, as tests/data/curves/make_curves.py writes them, of few points.
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "data" / "curves"))
+import make_curves  # noqa: E402
+
+z = [1e-9 * (22 - i) for i in range(22)]
+force = [1e-10 * max(0, i - 9) for i in range(22)]
+small = [(z, force, z[::-1], force[::-1], {"spring constant": 0.05})]
+make_curves.hdf5(out / "curve" / "hdf5_plain", small, dtype="<f4", fixed=True)
+make_curves.hdf5(out / "curve" / "hdf5_packed", small, dtype="<f4", fixed=True, segment=False,
+                 how={"chunks": (20,), "compression": "gzip", "shuffle": True, "fletcher32": True})
+volts = [max(0, i - 20) * 0.01 for i in range(40)]
+sensor = ([40.0 - i for i in range(40)], [1.0 + i for i in range(40)], 1e-3, 50.0)
+make_curves.nanoscope(out / "curve" / "nanoscope_ramp", "0x05120130", volts, volts[::-1], volts_lsb=0.000375, sensitivity=50, spring=0.06,
+                      ramp=(5.0, 20.0), missing=3, size=2048)
+make_curves.nanoscope(out / "curve" / "nanoscope_sensor", "0x09400202", volts, volts[::-1], volts_lsb=1e-8, sensitivity=30, spring=40, width=4,
+                      sensor=sensor, size=2048)
+
 
 # .gwy, by the format's documentation
 def part(name, kind, value):

@@ -6,6 +6,7 @@
 #include <CLI/CLI.hpp>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <charconv>
@@ -30,6 +31,7 @@
 #include "telenano/nve_server/fit/fitted_scene.h"
 #include "telenano/nve_server/fit/parameter_map.h"
 #include "telenano/nve_server/fit/prepared_curve.h"
+#include "telenano/nve_server/fit/thermal_spectrum.h"
 #include "telenano/nve_server/scene/scene.h"
 
 namespace telenano::app {
@@ -44,8 +46,17 @@ struct Options {
   std::string out;
   std::string invols;  // nm/V, "stiff", or empty
   std::optional<double> stiffness_n_m;
+  std::string thermal;  // file with the lever's thermal motion
+  std::string thermal_lever = "rectangular";
+  std::string thermal_band;  // LOW:HIGH, Hz
+  double temperature_c = 22;
+  std::string reference;  // a curve on something whose stiffness is known
+  std::optional<double> reference_n_m;
+  double stiffness_error_percent = 0;
   std::optional<double> radius_nm;
+  std::optional<double> hamaker_aj;
   fit::ColumnChoice columns;
+  std::optional<std::size_t> number;  // of the curve, in files with several
   std::vector<std::string> also;
   bool shift = false;
   std::string residuals;
@@ -61,6 +72,9 @@ struct Options {
 /// One file on its way.
 struct Curve {
   std::string path;
+  std::string name;  // the path, and the curve's number in a file with several
+  std::size_t number = 0;
+  std::shared_ptr<const std::string> bytes;  // of a file with several
   std::string what;
   std::optional<double> stiffness_n_m;  // as the file has it
   std::vector<std::string> notes;
@@ -128,12 +142,103 @@ fit::Preparation preparation_of(const Options& options, double stiffness_n_m) {
   return how;
 }
 
-fit::FitSetup setup_of(const Options& options, const scene::Scene& scene) {
+/// "32x32", "500:250.5": two numbers.
+bool two_numbers(const std::string& text, double& first, double& second, char between = 'x') {
+  const auto cross = text.find(between);
+  if (cross == std::string::npos) return false;
+  const char* const begin = text.data();
+  const char* const end = begin + text.size();
+  const auto a = std::from_chars(begin, begin + cross, first);
+  const auto b = std::from_chars(begin + cross + 1, end, second);
+  return a.ec == std::errc() && a.ptr == begin + cross && b.ec == std::errc() && b.ptr == end;
+}
+
+/// The lever's stiffness along z as it was measured, and its relative standard deviation.
+struct MeasuredLever {
+  double stiffness_n_m = 0;
+  double error = 0;
+  std::string how;  // for a person
+};
+
+/// Where the files of curves say a deflection sensitivity, the first one's.
+std::optional<double> invols_of(const Options& options) {
+  const fit::Preparation given = preparation_of(options, 1.0);
+  if (given.invols_nm_v || given.invols_from_stiff) return given.invols_nm_v;
+  fit::ColumnChoice columns = options.columns;
+  columns.number = options.number.value_or(0);
+  return fit::read_curve(read_bytes(options.curves[0]), columns).invols_nm_v;
+}
+
+MeasuredLever by_thermal_motion(const Options& options) {
+  const fit::Spectrum spectrum = fit::read_spectrum(read_bytes(options.thermal));
+  fit::ThermalSetup setup;
+  setup.temperature_k = 273.15 + options.temperature_c;
+  const fit::LeverShape shape = options.thermal_lever == "v-shaped"       ? fit::LeverShape::kVShaped
+                                : options.thermal_lever == "displacement" ? fit::LeverShape::kDisplacement
+                                                                          : fit::LeverShape::kRectangular;
+  setup.share = fit::thermal_share(shape);
+  if (spectrum.error.empty() && spectrum.in_volts) setup.invols_nm_v = invols_of(options);
+  if (!options.thermal_band.empty()) {
+    double low = 0, high = 0;
+    if (!two_numbers(options.thermal_band, low, high, ':') || !(low > 0) || !(high > low) || !(high < 1e12)) {
+      throw UserError("--thermal-band-hz is '" + fit::plain_line(options.thermal_band) +
+                      "', expected LOW:HIGH in Hz, such as 5000:30000");
+    }
+    setup.low_hz = low;
+    setup.high_hz = high;
+  }
+  const fit::ThermalStiffness found = fit::stiffness_of(spectrum, setup);
+  if (!found.error.empty()) throw UserError(options.thermal + ": " + found.error);
+  MeasuredLever lever{found.stiffness_n_m, found.relative_error, {}};
+  lever.how = "thermal motion (" + spectrum.what + "): " + words(found.frequency_hz / 1e3) + " kHz, Q " +
+              words(found.quality, 3) + ", " + words(found.mean_square_nm2) + " nm^2 at " +
+              words(options.temperature_c, 3) + " C, share " + words(setup.share, 3) +
+              ", measured over fitted at the peak " + words(found.scatter_at_peak, 3);
+  return lever;
+}
+
+/// On something of stiffness K the base's way z is shared: deflection s z with s = K/(k + K), so k = K (1 − s)/s.
+MeasuredLever by_reference(const Options& options) {
+  if (!options.reference_n_m)
+    throw UserError(
+        "--reference-curve goes with --reference-stiffness-n-m, the stiffness that it was taken on");
+  if (!(*options.reference_n_m >= 1e-4 && *options.reference_n_m <= 1e5)) {
+    throw UserError("--reference-stiffness-n-m is " + words(*options.reference_n_m) +
+                    ", expected 1e-4 to 1e5 N/m");
+  }
+  const fit::RawCurve raw = fit::read_curve(read_bytes(options.reference), options.columns);
+  fit::Preparation how = preparation_of(options, 1.0);
+  if (raw.error.empty() && raw.unit == fit::DeflectionUnit::kNanonewton)
+    throw UserError(options.reference +
+                    ": has forces: a deflection in nm or V is needed, from which they were made");
+  if (raw.unit == fit::DeflectionUnit::kVolt && !raw.invols_nm_v && !how.invols_nm_v)
+    how.invols_nm_v = invols_of(options);
+  if (how.invols_from_stiff)
+    throw UserError("--invols-nm-v stiff does not go with --reference-curve: what it pressed on gives way");
+  const fit::PreparedCurve curve = fit::prepare(raw, how);
+  if (!curve.error.empty()) throw UserError(options.reference + ": " + curve.error);
+  const fit::ReferenceSlope slope = fit::reference_slope(curve);
+  if (!(slope.value > 0.02 && slope.value < 0.98)) {
+    throw UserError(options.reference + ": its deflection grows by " + words(slope.value, 3) +
+                    " of the base's way, expected 0.02 to 0.98: a reference about as stiff as the lever");
+  }
+  MeasuredLever lever;
+  lever.stiffness_n_m = *options.reference_n_m * (1.0 - slope.value) / slope.value;
+  lever.error = slope.error / (slope.value * (1.0 - slope.value));
+  lever.how = "a reference of " + words(*options.reference_n_m) + " N/m: slope " + words(slope.value);
+  return lever;
+}
+
+fit::FitSetup setup_of(const Options& options, const scene::Scene& scene,
+                       const std::optional<MeasuredLever>& lever) {
   if (scene.probe.origin == "rigid")
     throw UserError(scene.path + ": has a rigid probe: a curve is fitted with its lever, give stiffness_n_m");
-  if (options.stiffness_n_m && scene.probe.origin != "given") {
-    throw UserError(scene.path +
-                    ": --stiffness-n-m goes with a scene that has stiffness_n_m: its lever is a " +
+  const char* const flag = options.stiffness_n_m        ? "--stiffness-n-m"
+                           : !options.thermal.empty()   ? "--thermal"
+                           : !options.reference.empty() ? "--reference-curve"
+                                                        : nullptr;
+  if (flag != nullptr && scene.probe.origin != "given") {
+    throw UserError(scene.path + ": " + flag + " goes with a scene that has stiffness_n_m: its lever is a " +
                     scene.probe.origin);
   }
   fit::FitSetup setup;
@@ -142,18 +247,36 @@ fit::FitSetup setup_of(const Options& options, const scene::Scene& scene) {
   setup.compliance_nm_nn = scene.probe_compliance_nm_nn()(2, 2);
   if (options.stiffness_n_m)
     setup.compliance_nm_nn *= scene.cantilever.stiffness_n_m() / *options.stiffness_n_m;
+  if (lever) {
+    setup.compliance_nm_nn = 1.0 / lever->stiffness_n_m;
+    setup.stiffness_error = lever->error;
+  }
+  setup.stiffness_error = std::hypot(setup.stiffness_error, 0.01 * options.stiffness_error_percent);
   setup.sample_modulus_gpa = scene.sample.youngs_modulus_gpa;
   setup.sample_poisson = scene.sample.poisson_ratio;
   const scene::Material& tip = scene.probe.tip;
   setup.tip_compliance_per_gpa = (1.0 - tip.poisson_ratio * tip.poisson_ratio) / tip.youngs_modulus_gpa;
-  for (const std::string& name : options.also) (name == "R" ? setup.fit_radius : setup.fit_distance) = true;
+  for (const std::string& name : options.also)
+    (name == "R" ? setup.fit_radius : name == "H" ? setup.fit_hamaker : setup.fit_distance) = true;
+  if (setup.fit_hamaker && setup.fit_distance)
+    throw UserError("--also H and --also z0 are one length (H = 12 pi z0^2 w): choose one of them");
+  if (options.hamaker_aj && setup.fit_distance)
+    throw UserError("--hamaker-aj holds what --also z0 fits (H = 12 pi z0^2 w): choose one of them");
+  const bool tail = setup.law.van_der_waals && setup.law.model != physics::ContactLaw::kHertz;
+  if ((setup.fit_hamaker || options.hamaker_aj) && !tail)
+    throw UserError(scene.path + ": has no van der Waals forces, and so no Hamaker constant");
+  if (options.hamaker_aj && !(*options.hamaker_aj >= 1e-7 && *options.hamaker_aj <= 1e4))
+    throw UserError("--hamaker-aj is " + words(*options.hamaker_aj) + ", expected 1e-7 to 1e4 aJ");
+  if (!setup.fit_distance) setup.hamaker_aj = options.hamaker_aj ? options.hamaker_aj : scene.hamaker_aj;
   setup.fit_shift = options.shift;
   return setup;
 }
 
 void fit_one(const Options& options, const fit::FitSetup& setup, const fit::Preparation& how, Curve& curve) {
-  const std::string bytes = read_bytes(curve.path);
-  const fit::RawCurve raw = fit::read_curve(bytes, options.columns);
+  fit::ColumnChoice columns = options.columns;
+  columns.number = curve.number;
+  const fit::RawCurve raw = fit::read_curve(curve.bytes ? *curve.bytes : read_bytes(curve.path), columns);
+  curve.bytes.reset();
   curve.what = raw.what;
   curve.stiffness_n_m = raw.stiffness_n_m;
   curve.prepared = fit::prepare(raw, how);
@@ -164,6 +287,33 @@ void fit_one(const Options& options, const fit::FitSetup& setup, const fit::Prep
     curve.notes.push_back("the file has a lever of " + words(*raw.stiffness_n_m) + " N/m, fitted with " +
                           words(k) + " N/m: --stiffness-n-m takes another");
   }
+}
+
+/// A file with several curves becomes as many. What cannot be read stays one, and says so when its turn comes.
+std::vector<Curve> curves_of(const Options& options) {
+  std::vector<Curve> curves;
+  for (const std::string& path : options.curves) {
+    Curve one;
+    one.path = path;
+    one.name = path;
+    one.number = options.number.value_or(0);
+    std::array<char, fit::kHdf5Begin.size()> begin{};
+    std::ifstream(path, std::ios::binary).read(begin.data(), begin.size());
+    std::error_code error;
+    const bool several = std::filesystem::is_regular_file(path, error) &&
+                         std::string_view(begin.data(), begin.size()) == fit::kHdf5Begin;
+    if (!several || options.number) {
+      curves.push_back(one);
+      continue;
+    }
+    one.bytes = std::make_shared<const std::string>(read_bytes(path));
+    const std::size_t count = fit::curves_in(*one.bytes);
+    for (one.number = 0; one.number < count; ++one.number) {
+      if (count > 1) one.name = path + "#" + std::to_string(one.number);
+      curves.push_back(one);
+    }
+  }
+  return curves;
 }
 
 /// Each curve by itself, so that the number of threads changes nothing. Of several a file that cannot be used
@@ -209,7 +359,7 @@ std::string interval_of(const fit::Estimate& e) {
 
 void print_one(const Curve& curve) {
   const fit::CurveFit& f = curve.fit;
-  std::printf("%-14s %s (%s), %zu points in, %zu out\n", "curve", curve.path.c_str(), curve.what.c_str(),
+  std::printf("%-14s %s (%s), %zu points in, %zu out\n", "curve", curve.name.c_str(), curve.what.c_str(),
               f.approach.model_nm.size(), f.retract.model_nm.size());
   std::printf("%-14s %-22s %-28s 1 %% of k, InvOLS, R moves it by\n", "estimate", "value", "95 % interval");
   for (const fit::Estimate& e : f.estimates) {
@@ -239,12 +389,12 @@ std::string csv_table(const std::vector<Curve>& curves) {
   std::string text =
       "curve,e_gpa,e_low_gpa,e_high_gpa,w_mj_m2,w_low_mj_m2,w_high_mj_m2,r_nm,r_low_nm,r_high_nm,z0_nm,z0_"
       "low_nm,"
-      "z0_high_nm,lambda,hamaker_aj,rms_nm,noise_nm,error\n";
+      "z0_high_nm,h_aj,h_low_aj,h_high_aj,lambda,hamaker_aj,rms_nm,noise_nm,error\n";
   for (const Curve& curve : curves) {
     std::string name = "\"";
-    for (const char c : curve.path) name += c == '"' ? std::string("\"\"") : std::string(1, c);
+    for (const char c : curve.name) name += c == '"' ? std::string("\"\"") : std::string(1, c);
     text += name + "\"";
-    for (const char* wanted : {"E", "w", "R", "z0"}) {
+    for (const char* wanted : {"E", "w", "R", "z0", "H"}) {
       const auto found = std::find_if(curve.fit.estimates.begin(), curve.fit.estimates.end(),
                                       [&](const fit::Estimate& e) { return e.name == wanted; });
       if (found == curve.fit.estimates.end()) {
@@ -345,10 +495,23 @@ std::string fitted_text(const Options& options, const scene::Scene& scene, const
   }
   if (setup.fit_distance) {
     law.equilibrium_distance_nm = median_of(curves, &fit::CurveFit::distance_nm);
+    text = fit::without_key(text, "contact", "hamaker_aj");
     set("contact", "equilibrium_distance_nm", law.equilibrium_distance_nm);
+  } else if (adhesion && (setup.fit_hamaker || setup.hamaker_aj)) {
+    const double hamaker_aj =
+        setup.fit_hamaker ? median_of(curves, &fit::CurveFit::hamaker_aj) : *setup.hamaker_aj;
+    law.equilibrium_distance_nm = physics::VanDerWaals::cut_off_nm(hamaker_aj, law.work_of_adhesion_n_m);
+    text = fit::without_key(text, "contact", "equilibrium_distance_nm");
+    if (setup.fit_hamaker || options.hamaker_aj) set("contact", "hamaker_aj", hamaker_aj);
   }
   if (setup.fit_radius || options.radius_nm) set("probe", "tip_radius_nm", radius_nm);
-  if (options.stiffness_n_m) set("probe", "stiffness_n_m", *options.stiffness_n_m);
+  if (options.stiffness_n_m) {
+    set("probe", "stiffness_n_m", *options.stiffness_n_m);
+  } else if (!options.thermal.empty() || !options.reference.empty()) {
+    // Along the lever's normal, of which z sees what its tilt leaves.
+    set("probe", "stiffness_n_m",
+        scene.cantilever.stiffness_n_m() * scene.probe_compliance_nm_nn()(2, 2) / setup.compliance_nm_nn);
+  }
   // What was fitted is the dry contact's.
   if (law.long_range.capillary.humidity_percent > 0)
     text = fit::with_key(text, "forces.capillary", "adhesion", "\"dry\"");
@@ -400,19 +563,8 @@ void check_target(const std::string& path, const char* flag, const Options& opti
   }
 }
 
-/// "32x32", "500x250.5": two numbers.
-bool two_numbers(const std::string& text, double& first, double& second) {
-  const auto cross = text.find('x');
-  if (cross == std::string::npos) return false;
-  const char* const begin = text.data();
-  const char* const end = begin + text.size();
-  const auto a = std::from_chars(begin, begin + cross, first);
-  const auto b = std::from_chars(begin + cross + 1, end, second);
-  return a.ec == std::errc() && a.ptr == begin + cross && b.ec == std::errc() && b.ptr == end;
-}
-
 /// The pictures that are asked for, without values; as many curves as places.
-fit::ParameterMap map_of(const Options& options) {
+fit::ParameterMap map_of(const Options& options, std::size_t curves) {
   fit::ParameterMap map;
   if (options.map.empty()) {
     if (!options.map_grid.empty() || !options.map_size.empty())
@@ -436,9 +588,9 @@ fit::ParameterMap map_of(const Options& options) {
   map.columns = static_cast<int>(columns);
   map.rows = static_cast<int>(rows);
   const auto places = static_cast<std::size_t>(map.columns) * static_cast<std::size_t>(map.rows);
-  if (places != options.curves.size()) {
+  if (places != curves) {
     throw UserError("--map-grid " + options.map_grid + " has " + std::to_string(places) + " places, and " +
-                    std::to_string(options.curves.size()) +
+                    std::to_string(curves) +
                     " curves are given: expected one a place, line by line from the lower left");
   }
   return map;
@@ -453,7 +605,8 @@ struct MapOf {
 constexpr MapOf kMaps[] = {{"E", "Young's modulus", "Pa", 1e9},
                            {"w", "work of adhesion", "J/m2", 1e-3},
                            {"R", "tip radius", "m", 1e-9},
-                           {"z0", "equilibrium distance", "m", 1e-9}};
+                           {"z0", "equilibrium distance", "m", 1e-9},
+                           {"H", "Hamaker constant", "J", 1e-18}};
 
 std::string map_file(const Options& options, const MapOf& what) {
   return (std::filesystem::path(options.map) / (std::string(what.name) + ".gsf")).string();
@@ -491,7 +644,8 @@ void run(const Options& options) {
   check_target(options.table, "--table", options);
   check_target(options.plot, "--plot", options);
   if (!options.plot.empty()) plot::require_drawable(options.plot, "--plot");
-  const fit::ParameterMap map = map_of(options);
+  std::vector<Curve> curves = curves_of(options);
+  const fit::ParameterMap map = map_of(options, curves.size());
   if (map.columns > 0)
     for (const MapOf& what : kMaps) check_target(map_file(options, what), "--map", options);
   if (options.stiffness_n_m && !(*options.stiffness_n_m >= 1e-3 && *options.stiffness_n_m <= 1e5))
@@ -501,23 +655,39 @@ void run(const Options& options) {
   if (options.threads < 0 || options.threads > kThreadsMax)
     throw UserError("--threads is " + std::to_string(options.threads) + ", expected 0 (all cores) to 256");
   const auto scene = load_scene(options.scene);
-  const fit::FitSetup setup = setup_of(options, *scene);
+  if (!(options.temperature_c >= -270 && options.temperature_c <= 1000))
+    throw UserError("--temperature-c is " + words(options.temperature_c) + ", expected -270 to 1000 C");
+  if (!(options.stiffness_error_percent >= 0 && options.stiffness_error_percent <= 100)) {
+    throw UserError("--stiffness-error-percent is " + words(options.stiffness_error_percent) +
+                    ", expected 0 to 100 %");
+  }
+  if (options.reference_n_m && options.reference.empty())
+    throw UserError("--reference-stiffness-n-m goes with --reference-curve");
+  if (!options.thermal_band.empty() && options.thermal.empty())
+    throw UserError("--thermal-band-hz goes with --thermal");
+  std::optional<MeasuredLever> lever;
+  if (!options.thermal.empty()) lever = by_thermal_motion(options);
+  if (!options.reference.empty()) lever = by_reference(options);
+  const fit::FitSetup setup = setup_of(options, *scene, lever);
   const fit::Preparation how = preparation_of(options, 1.0 / setup.compliance_nm_nn);
-  std::vector<Curve> curves(options.curves.size());
-  for (std::size_t i = 0; i < curves.size(); ++i) curves[i].path = options.curves[i];
   fit_all(options, setup, how, curves);
   std::size_t good = 0;
   for (const Curve& curve : curves) {
     if (curve.fit.error.empty())
       ++good;
     else if (curves.size() > 1)
-      std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", curve.path.c_str(), curve.fit.error.c_str());
+      std::fprintf(stderr, "telenano-nve: warning: %s: %s\n", curve.name.c_str(), curve.fit.error.c_str());
   }
-  if (good == 0) throw UserError(curves[0].path + ": " + curves[0].fit.error);
+  if (good == 0) throw UserError(curves[0].name + ": " + curves[0].fit.error);
   const std::string text = fitted_text(options, *scene, setup, curves);
   write_text(options.out, text);
   if (!options.residuals.empty()) write_text(options.residuals, csv_residuals(curves));
   if (!options.table.empty()) write_text(options.table, csv_table(curves));
+  if (lever) {
+    std::printf("%-14s %.4g N/m along z, standard deviation %.2g %%, by %s\n",
+                curves.size() == 1 ? "lever" : "# lever", lever->stiffness_n_m, 100 * lever->error,
+                lever->how.c_str());
+  }
   if (curves.size() == 1) {
     print_one(curves[0]);
   } else {
@@ -542,8 +712,10 @@ void add_fit_command(CLI::App& app) {
       app.add_subcommand("fit", "a sample's modulus and adhesion from force curves of your own");
   auto options = std::make_shared<Options>();
   command
-      ->add_option("curves", options->curves,
-                   "force curves: .csv, .ibw (Igor 5), .jpk-force; several: each by itself")
+      ->add_option(
+          "curves", options->curves,
+          "force curves: .csv, .ibw (Igor 5), .jpk-force, .h5 (afmformats), NanoScope (.spm, .000); several: "
+          "each by itself")
       ->required()
       ->type_name("FILE");
   command
@@ -561,18 +733,60 @@ void add_fit_command(CLI::App& app) {
       ->add_option("--invols-nm-v", options->invols,
                    "deflection sensitivity; stiff: from the deepest part, as if the sample were rigid")
       ->type_name("NUMBER|stiff");
-  command->add_option("--stiffness-n-m", options->stiffness_n_m, "of the lever; left out: the scene's");
+  auto* stiffness =
+      command->add_option("--stiffness-n-m", options->stiffness_n_m, "of the lever; left out: the scene's");
+  auto* thermal =
+      command
+          ->add_option(
+              "--thermal", options->thermal,
+              "the lever's stiffness by its thermal motion: table of frequency_hz and psd_nm2_hz (or V2), or "
+              "of time_s and deflection_nm (or V), of the free lever")
+          ->type_name("FILE");
+  auto* reference =
+      command
+          ->add_option("--reference-curve", options->reference,
+                       "the lever's stiffness by a curve on a reference, with --reference-stiffness-n-m")
+          ->type_name("FILE");
+  stiffness->excludes(thermal)->excludes(reference);
+  thermal->excludes(reference);
+  command
+      ->add_option(
+          "--thermal-lever", options->thermal_lever,
+          "what of the motion is seen: rectangular 0.817 or v-shaped 0.764 by the slope, whose sensitivity "
+          "was taken on something rigid; displacement 0.971")
+      ->check(CLI::IsMember({"rectangular", "v-shaped", "displacement"}))
+      ->capture_default_str();
+  command->add_option("--temperature-c", options->temperature_c, "of the lever")->capture_default_str();
+  command
+      ->add_option("--thermal-band-hz", options->thermal_band,
+                   "frequencies that are fitted; left out: about the peak")
+      ->type_name("LOW:HIGH");
+  command->add_option("--reference-stiffness-n-m", options->reference_n_m, "of the reference, along z");
+  command
+      ->add_option(
+          "--stiffness-error-percent", options->stiffness_error_percent,
+          "standard deviation of the lever's stiffness beside what its measurement shows (sensitivity, "
+          "temperature); the intervals hold it")
+      ->capture_default_str();
   command->add_option("--radius-nm", options->radius_nm, "of the tip; left out: the scene's");
   command
       ->add_option(
           "--also", options->also,
-          "fit these, too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, and "
-          "with it the Hamaker constant 12 pi z0^2 w")
-      ->check(CLI::IsMember({"R", "z0"}));
+          "fit these, too: R the tip's radius (for lambda 0.1 to 5), z0 the equilibrium distance, or H the "
+          "Hamaker constant; one follows from the other and w: H = 12 pi z0^2 w")
+      ->check(CLI::IsMember({"R", "z0", "H"}));
+  command->add_option(
+      "--hamaker-aj", options->hamaker_aj,
+      "Hamaker constant, held whatever w is; with --also H the start; left out: the scene's, or "
+      "that of its z0 and w");
   command->add_flag("--shift", options->shift, "z may be shifted between the two ways: drift of the piezo");
-  command->add_option("--z-column", options->columns.z, "name of the column with the height");
+  command->add_option("--z-column", options->columns.z, "name of the column or channel with the height");
   command->add_option("--deflection-column", options->columns.deflection,
-                      "name of the column with the deflection");
+                      "name of the column or channel with the deflection");
+  command
+      ->add_option("--curve", options->number,
+                   "of a file with several curves (HDF5) that one alone, from 0; left out: all of them")
+      ->type_name("NUMBER");
   command->add_option("--residuals", options->residuals, "CSV: curve, model and residual, point by point")
       ->type_name("FILE");
   command->add_option("--table", options->table, "CSV: a line of estimates a curve")->type_name("FILE");
@@ -593,7 +807,8 @@ void add_fit_command(CLI::App& app) {
   command->footer(
       "The model is that of curve: the scene's law on a flat sample with the lever in the loop, both ways. "
       "The "
-      "lever's\nstiffness is never fitted: no quasi-static curve tells it. Intervals are 95 %, by profile "
+      "lever's\nstiffness is never fitted: no quasi-static curve tells it; --thermal and --reference-curve "
+      "do. Intervals are 95 %, by profile "
       "likelihood with the noise's own\ncorrelation; what the curve cannot tell is open, and said.");
   command->callback([options] { run(*options); });
 }

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 #include "telenano/common/base/constants.h"
 
 namespace telenano::physics {
@@ -17,6 +19,10 @@ struct VanDerWaals {
 
   static constexpr VanDerWaals from_adhesion(double work_of_adhesion_n_m, double cut_off_nm) noexcept {
     return {12.0 * kPi * cut_off_nm * cut_off_nm * work_of_adhesion_n_m};
+  }
+  /// The cut-off at which `hamaker_aj` is that of `work_of_adhesion_n_m`.
+  static double cut_off_nm(double hamaker_aj, double work_of_adhesion_n_m) noexcept {
+    return std::sqrt(hamaker_aj / (12.0 * kPi * work_of_adhesion_n_m));
   }
   constexpr double force_nn(double radius_nm, double gap_nm) const noexcept {
     return -hamaker_aj * radius_nm / (6.0 * gap_nm * gap_nm);

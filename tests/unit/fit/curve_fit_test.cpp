@@ -183,6 +183,95 @@ TEST(Fit, AnErrorOfTheSensitivityMovesTheModulusAsSaid) {
   EXPECT_NEAR(moved, right.estimates[0].sensitivity_invols, 0.1 * std::abs(moved) + 0.05) << said(right);
 }
 
+/// DMT with the tail of van der Waals, written down by the tip's overlap d: F = −HR/(6(a − d)²) before touch, with
+/// HR/(6a²) = 2πwR there; K d √(Rd) − 2πwR after it; the base is at d + F/k. Both ways the same on so stiff a lever.
+RawCurve tail_curve(double hamaker_aj, double work_n_m, double white_nm, std::uint64_t seed) {
+  constexpr double kRadius = 20;
+  constexpr double kStiffness = 150;
+  constexpr double kModulus = 5;  // K, GPa
+  const double cut_off = std::sqrt(hamaker_aj / (12 * fit_test::kPi * work_n_m));
+  const auto force = [&](double d) {
+    if (d < 0) return -hamaker_aj * kRadius / (6 * (cut_off - d) * (cut_off - d));
+    return kModulus * d * std::sqrt(kRadius * d) - 2 * fit_test::kPi * work_n_m * kRadius;
+  };
+  Random random(seed);
+  RawCurve curve;
+  constexpr int kPoints = 1500;
+  for (int i = 0; i < 2 * kPoints; ++i) {
+    const double part = i < kPoints ? i : 2 * kPoints - 1 - i;
+    const double base = -25.0 + 33.0 * part / (kPoints - 1);  // gone in
+    // d + F(d)/k grows with d: by halving.
+    double low = -60;
+    double high = 60;
+    for (int h = 0; h < 100; ++h) {
+      const double middle = 0.5 * (low + high);
+      (middle + force(middle) / kStiffness < base ? low : high) = middle;
+    }
+    RawSegment& way = i < kPoints ? curve.approach : curve.retract;
+    way.z_nm.push_back(1000 - base);
+    way.deflection.push_back(force(low) / kStiffness + white_nm * random.normal());
+  }
+  return curve;
+}
+
+FitSetup tail_setup() {
+  FitSetup setup;
+  setup.law.model = physics::ContactLaw::kDmt;
+  setup.law.contact_modulus_gpa = 1;
+  setup.law.work_of_adhesion_n_m = 0.1;
+  setup.radius_nm = 20;
+  setup.compliance_nm_nn = 1.0 / 150;
+  setup.sample_modulus_gpa = 1;
+  setup.sample_poisson = kPoisson;
+  setup.fit_hamaker = true;
+  return setup;
+}
+
+TEST(Fit, TheHamakerConstantIsFoundFromTheTail) {
+  // Neither constant is that of the usual z0 = 0.165 nm with this w (0.072 aJ).
+  for (const double hamaker_aj : {0.14, 0.3}) {
+    const CurveFit fit = fit_of(tail_curve(hamaker_aj, 0.07, 1e-3, 11), tail_setup());
+    ASSERT_EQ(fit.error, "");
+    ASSERT_EQ(fit.estimates.size(), 3u) << said(fit);
+    const Estimate& found = fit.estimates[2];
+    EXPECT_EQ(found.name, "H");
+    ASSERT_TRUE(found.low && found.high) << said(fit);
+    // 10 %: twice the half width of the interval.
+    EXPECT_NEAR(found.value / hamaker_aj, 1, 0.1) << said(fit);
+    EXPECT_LT(*found.high / *found.low, 1.25) << said(fit);
+    EXPECT_NEAR(fit.estimates[1].value / 70, 1, 0.01) << said(fit);
+    EXPECT_NEAR(fit.estimates[0].value / (0.75 * (1 - kPoisson * kPoisson) * 5), 1, 0.01) << said(fit);
+    EXPECT_NEAR(fit.distance_nm, std::sqrt(fit.hamaker_aj / (12 * fit_test::kPi * fit.work_n_m)), 1e-9);
+  }
+}
+
+TEST(Fit, AHeldHamakerConstantStaysWhateverWIs) {
+  FitSetup setup = tail_setup();
+  setup.fit_hamaker = false;
+  setup.hamaker_aj = 0.2;
+  const CurveFit fit = fit_of(tail_curve(0.2, 0.07, 1e-3, 12), setup);
+  ASSERT_EQ(fit.error, "");
+  EXPECT_EQ(fit.estimates.size(), 2u);
+  EXPECT_NEAR(fit.hamaker_aj, 0.2, 1e-9);
+  EXPECT_NEAR(fit.work_n_m / 0.07, 1, 0.01) << said(fit);  // from 0.1, where z0 was another
+  EXPECT_LT(fit.rms_nm, 1.05e-3) << said(fit);
+}
+
+TEST(Fit, AHamakerConstantThatTheCurveDoesNotShowIsOpen) {
+  // A JKR sample without any tail, in its own noise.
+  FitSetup setup = setup_for(Sample());
+  setup.law.model = physics::ContactLaw::kDmt;
+  setup.law.van_der_waals = true;
+  setup.fit_hamaker = true;
+  Sample sample;
+  sample.jkr = false;
+  const CurveFit fit = fit_of(fit_test::curve_of(sample, {}, {.white_nm = 0.3}, 13), setup);
+  ASSERT_EQ(fit.error, "");
+  ASSERT_EQ(fit.estimates.size(), 3u);
+  EXPECT_FALSE(fit.estimates[2].low) << said(fit);
+  EXPECT_NE(said(fit).find("H is told by the attraction before contact"), std::string::npos) << said(fit);
+}
+
 TEST(Fit, NoContactIsSaid) {
   RawCurve raw;
   Random random(7);

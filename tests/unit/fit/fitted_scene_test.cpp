@@ -24,5 +24,12 @@ TEST(WithKey, ReplacesAddsAndLeavesTheRest) {
   EXPECT_EQ(with_key("[a]\nxy = 1", "a", "x", "5"), "[a]\nx = 5   # fitted\nxy = 1\n");
 }
 
+TEST(WithoutKey, TakesThatLineOnly) {
+  const std::string text = "[contact]\nhamaker_aj = 1 # mine\nlaw = \"dmt\"\n[other]\nhamaker_aj = 2\n";
+  EXPECT_EQ(without_key(text, "contact", "hamaker_aj"),
+            "[contact]\nlaw = \"dmt\"\n[other]\nhamaker_aj = 2\n");
+  EXPECT_EQ(without_key(text, "contact", "hamaker"), text);
+}
+
 }  // namespace
 }  // namespace telenano::fit

@@ -132,6 +132,42 @@ TEST_F(SceneFile, EveryMistakeIsOneLine) {
             "s.toml:2: unknown key 'colour' at the top level");
 }
 
+TEST_F(SceneFile, AHamakerConstantOfItsOwnHoldsWhateverWIs) {
+  const auto distance_nm = [&](const std::string& work, const std::string& more) {
+    const auto scene =
+        load_scene(write("[coupling]", "[contact]\nhamaker_aj = 0.1\nwork_of_adhesion_j_m2 = " + work + more +
+                                           "\n[coupling]"));
+    return scene->law_parameters.equilibrium_distance_nm;
+  };
+  // z0 = sqrt(H/(12 pi w)), by hand.
+  EXPECT_NEAR(distance_nm("0.1", ""), 0.162867504, 1e-8);
+  EXPECT_NEAR(distance_nm("0.4", ""), 0.081433752, 1e-8);
+  // In humid air w becomes the dry contact's: H stays.
+  const auto humid = load_scene(
+      write("[coupling]",
+            "[contact]\nhamaker_aj = 0.1\nwork_of_adhesion_j_m2 = 0.4\n[forces.capillary]\nhumidity_percent "
+            "= 40.0\nadhesion = \"ambient\"\n[coupling]"));
+  const auto& law = humid->law_parameters;
+  EXPECT_NE(law.work_of_adhesion_n_m, 0.4);
+  EXPECT_NEAR(12 * 3.14159265358979 * law.equilibrium_distance_nm * law.equilibrium_distance_nm *
+                  law.work_of_adhesion_n_m,
+              0.1, 1e-12);
+  const std::pair<const char*, const char*> wrong[] = {
+      {"equilibrium_distance_nm = 0.2\nhamaker_aj = 0.1", "give one of them"},
+      {"hamaker_aj = 100.0", "equilibrium distance of"},
+      {"hamaker_aj = 0.1\n[forces]\nvan_der_waals = false", "leaves out"},
+      {"hamaker_aj = -1.0", "hamaker_aj"}};
+  for (const auto& [text, said] : wrong) {
+    try {
+      load_scene(write("[coupling]", std::string("[contact]\n") + text + "\n[coupling]"));
+      ADD_FAILURE() << text;
+    } catch (const UserError& error) {
+      EXPECT_NE(std::string(error.what()).find(said), std::string::npos) << error.what();
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+    }
+  }
+}
+
 TEST_F(SceneFile, EveryTermIsBuiltFromItsSection) {
   const auto scene = load_scene(write("[coupling]", R"([contact]
 law = "maugis-dugdale"

@@ -1,0 +1,121 @@
+#include "telenano/nve_server/fit/text_table.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "telenano/nve_server/fit/raw_curve.h"
+
+namespace telenano::fit {
+namespace {
+
+std::vector<std::string_view> split(std::string_view line, char by) {
+  std::vector<std::string_view> fields;
+  while (fields.size() < kColumnsMax) {
+    const std::size_t end = line.find(by);
+    fields.push_back(trimmed(line.substr(0, end)));
+    if (end == std::string_view::npos) break;
+    line.remove_prefix(end + 1);
+  }
+  return fields;
+}
+
+std::string_view next_line(std::string_view& text) {
+  const std::size_t end = std::min(text.find('\n'), text.size());
+  const std::string_view line = text.substr(0, end);
+  text.remove_prefix(std::min(end + 1, text.size()));
+  return trimmed(line);
+}
+
+std::size_t numbers_in(const std::vector<std::string_view>& fields) {
+  double value = 0;
+  return static_cast<std::size_t>(
+      std::count_if(fields.begin(), fields.end(), [&](std::string_view f) { return read_number(f, value); }));
+}
+
+}  // namespace
+
+std::string lower(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
+std::string_view trimmed(std::string_view text) {
+  const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '"'; };
+  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+bool read_number(std::string_view text, double& value) {
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size();
+}
+
+Table read_table(std::string_view text, const std::string& formats, const std::string& like) {
+  Table table;
+  const std::string_view all = text;
+  std::string_view header;
+  char by = ',';
+  std::string_view body;
+  // The header: followed by a line of as many fields, two of them numbers, itself without numbers.
+  while (!text.empty() && header.empty()) {
+    const std::string_view line = next_line(text);
+    if (line.empty() || line.front() == '#') continue;
+    for (const char candidate : {',', ';', '\t'}) {
+      const auto fields = split(line, candidate);
+      if (fields.size() < 2 || numbers_in(fields) > 0) continue;
+      std::string_view rest = text;
+      std::string_view below = next_line(rest);
+      while (!rest.empty() && (below.empty() || below.front() == '#')) below = next_line(rest);
+      const auto values = split(below, candidate);
+      if (values.size() != fields.size() || numbers_in(values) < 2) continue;
+      header = line;
+      by = candidate;
+      body = text;
+      break;
+    }
+  }
+  if (header.empty()) {
+    table.error =
+        all.find('\0') != std::string_view::npos
+            ? "is in no format that is read: expected " + formats + "a table with columns like " + like
+            : "has no table with a line of column names, like " + like;
+    return table;
+  }
+  for (const std::string_view name : split(header, by)) table.names.push_back(lower(name));
+  const std::size_t n = table.names.size();
+  table.columns.resize(n);
+  for (std::size_t i = 0; i < n; ++i)
+    if (table.names[i] == "direction" || table.names[i] == "segment") table.direction = static_cast<int>(i);
+  std::size_t rows = 0;
+  while (!body.empty()) {
+    const std::string_view line = next_line(body);
+    if (line.empty() || line.front() == '#') continue;
+    const auto fields = split(line, by);
+    if (fields.size() != n) {
+      table.error = "has a row of " + std::to_string(fields.size()) + " columns after " +
+                    std::to_string(rows) + " rows of " + std::to_string(n);
+      return table;
+    }
+    if (++rows > kPointsMax) {
+      table.error = "has more than a million rows";
+      return table;
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      double value = std::nan("");
+      if (!fields[i].empty() && !read_number(fields[i], value)) value = std::nan("");
+      table.columns[i].push_back(value);
+    }
+    if (table.direction >= 0) {
+      const std::string word = lower(fields[static_cast<std::size_t>(table.direction)]);
+      table.way.push_back(word.find("retract") != std::string::npos || word == "1" ? 1 : 0);
+    }
+  }
+  return table;
+}
+
+}  // namespace telenano::fit

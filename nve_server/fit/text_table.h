@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace telenano::fit {
+
+inline constexpr std::size_t kColumnsMax = 64;
+
+/// In small letters (ASCII).
+std::string lower(std::string_view text);
+/// Without blanks and quotes at its ends.
+std::string_view trimmed(std::string_view text);
+/// A whole number or decimal, nothing else.
+bool read_number(std::string_view text, double& value);
+
+/// A table with a line of names, by commas, semicolons or tabs: see read_csv.
+struct Table {
+  std::vector<std::string> names;            ///< in small letters
+  std::vector<std::vector<double>> columns;  ///< NaN: no number
+  int direction = -1;
+  std::vector<int> way;  ///< by direction: 0 approach, 1 retract
+  std::string error;
+};
+
+/// `formats` says in an error what files there are beside tables, `like` what the names look like.
+Table read_table(std::string_view text, const std::string& formats, const std::string& like);
+
+}  // namespace telenano::fit
