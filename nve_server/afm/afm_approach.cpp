@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kLiftReadings = 4;
 constexpr std::int64_t kSettleNs = 20 * kMs;  // of lever and piezo after a lift
+constexpr std::int64_t kMovedNs = 3 * kMs;    // likewise after one step down, which is far smaller
 constexpr double kCalmNm = 0.5;               // between two looks at an engaged tip
 constexpr int kCalmLooks = 4;
 
@@ -257,6 +258,14 @@ bool AfmLogic::next_touch(std::int64_t now_ns, AfmCommand& call) {
     return send_z(sent_w_nm_.z() - step_nm, now_ns, call);
   }
   if (touch_ == Touch::kCompare) return false;  // the data connection asks
+  if (touch_ == Touch::kLevel) {
+    const double way_nm = lift_nm_ - sent_w_nm_.z();
+    if (std::fabs(way_nm) < 1e-3 * config_.step_nm) {
+      begin_following(now_ns);
+      return false;
+    }
+    return send_z(sent_w_nm_.z() + std::clamp(way_nm, -config_.step_nm, config_.step_nm), now_ns, call);
+  }
   if (sent_w_nm_.z() >= lift_nm_) {
     touched(now_ns);
     return false;
@@ -269,13 +278,21 @@ bool AfmLogic::next_touch(std::int64_t now_ns, AfmCommand& call) {
 void AfmLogic::touch_reading(std::int64_t sent_ns, std::int64_t now_ns) {
   if (touch_ == Touch::kCompare && safe_tip_touch_known_) return compare_safe_tip(now_ns);
   if (touch_ != Touch::kDown || at(Role::kMotion).busy) return;
-  if (sent_ns - ns(config_.period_s()) < touch_moved_ns_) return;
+  if (sent_ns - ns(config_.period_s()) < touch_moved_ns_ + kMovedNs) return;
   touch_fresh_ = true;
   const double force = state_.measured_force_w_nn.z();
   // A lever bends up by no more than its base goes down, whatever the sample is.
   const double rise_nn = force - touch_last_nn_;
   const double most_nn = 1.5 * config_.spring_constant_n_m * std::max(touch_last_nm_ - height_nm_, 0.0) +
                          8 * state_.noise_nn + 0.5 * model_.contact_threshold_nn();
+  // The step that passes the force of a touch goes on by up to a step: what lies beyond is taken back by the
+  // stiffness of this very contact, so that two touches mean the same place whatever they ended with.
+  const double lever_n_m = config_.spring_constant_n_m;
+  const bool steep = touch_last_nn_ > model_.contact_threshold_nn() && touch_last_nm_ > height_nm_;
+  const double beyond_n_m = steep
+                                ? std::clamp(rise_nn / (touch_last_nm_ - height_nm_), model_.stiffness_n_m(),
+                                             std::max(model_.stiffness_n_m(), lever_n_m))
+                                : model_.stiffness_n_m();
   touch_last_nn_ = force;
   touch_last_nm_ = height_nm_;
   if (rise_nn > most_nn) {
@@ -290,7 +307,8 @@ void AfmLogic::touch_reading(std::int64_t sent_ns, std::int64_t now_ns) {
   model_.add(sent_w_nm_, force, now_ns);
   if (force >= config_.touch_force_nn) {
     touch_ = touches_ == 0 && port_->capabilities().watches_force ? Touch::kCompare : Touch::kUp;
-    touch_height_nm_ = height_nm_ + force / model_.stiffness_n_m();
+    touch_height_nm_ = height_nm_ + config_.touch_force_nn / model_.stiffness_n_m() +
+                       (force - config_.touch_force_nn) / beyond_n_m;
     touch_ns_ = now_ns;
   } else if (sent_w_nm_.z() < -deepest_touch_nm()) {
     tell("no surface where the Z controller found one: the deflection shows no force");
@@ -326,10 +344,11 @@ void AfmLogic::touched(std::int64_t now_ns) {
       model_.contact_threshold_nn() * 1.01, now_ns);
   model_.forget_place();
   state_.model = model_.model();
-  if (touches_ < 2) {
-    touch_ = Touch::kPause;
-    return;
-  }
+  // Where a session begins in W is where its hand takes the tip to be: as high above the surface as was said.
+  touch_ = touches_ < 2 ? Touch::kPause : Touch::kLevel;
+}
+
+void AfmLogic::begin_following(std::int64_t now_ns) {
   contact_stiffness_n_m_ = model_.stiffness_n_m();
   shifted_ns_ = now_ns;
   last_force_nn_ = 0;

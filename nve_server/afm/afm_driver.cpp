@@ -20,6 +20,7 @@ constexpr std::int64_t kReconnectNs = 20'000'000;
 constexpr std::int64_t kConnectNs = 2'000'000'000;
 constexpr std::int64_t kAskNs = 200'000'000;
 constexpr std::int64_t kTurnNs = 500'000;
+constexpr std::int64_t kIdleTurnNs = 5'000'000;  // with the tip up, until somebody wants it
 
 void nap(std::int64_t ns) {
   const timespec time{static_cast<time_t>(ns / 1'000'000'000), static_cast<long>(ns % 1'000'000'000)};
@@ -250,7 +251,8 @@ void AfmDriver::run() {
         return;
       }
     }
-    sleep(kTurnNs);
+    const bool idle = logic_.state().phase == Phase::kWithdrawn && !stop_.load(std::memory_order_relaxed);
+    sleep(idle ? kIdleTurnNs : kTurnNs);
   }
 }
 

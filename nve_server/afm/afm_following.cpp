@@ -74,9 +74,9 @@ void AfmLogic::retouch(const Vec3& base_w_nm, double force_nn, double way_nm, st
       now_ns - touch_ns_ < kAgainNs)
     return;
   touch_ns_ = now_ns;
-  const double beyond_nm = (force_nn - touch_nn) / contact_stiffness_n_m_;
+  const double beyond_nm = (force_nn - touch_nn) / std::max(contact_stiffness_n_m_, model_.stiffness_n_m());
   const double touch_height_nm =
-      base_w_nm.z() + contact_height_nm(now_ns) + force_nn / contact_stiffness_n_m_;
+      base_w_nm.z() + contact_height_nm(now_ns) + touch_nn / contact_stiffness_n_m_ + beyond_nm;
   const double before_nm = surface_.height_nm(now_ns);
   surface_.touch(base_w_nm.x(), base_w_nm.y(), touch_height_nm, kCurvedPart * beyond_nm, now_ns);
   shift_nm_ += surface_.height_nm(now_ns) - before_nm;

@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::int64_t kEmergencyPeriodNs = 40 * kMs;  // the heart beat; the guard knows it too
 constexpr std::int64_t kDataPeriodNs = 40 * kMs;
+constexpr std::int64_t kIdleReadNs = 50 * kMs;
 constexpr int kHeldEvery = 4;           // of so many questions on the data connection one is for what is held
 constexpr double kFloorSlack_nm = 10;   // for what drifts until the floor is set anew
 constexpr double kContactPart = 0.125;  // of the force of a touch: less is no contact
@@ -168,6 +169,8 @@ bool AfmLogic::next(Role role, std::int64_t now_ns, AfmCommand& call) {
   }
   switch (role) {
     case Role::kReads:
+      // Up there nothing follows from a reading but that the connection works.
+      if (state_.phase == Phase::kWithdrawn) c.next_ns = now_ns + kIdleReadNs;
       return send(role, {AfmOp::kRead}, now_ns, call);
     case Role::kMotion:
       return next_motion(now_ns, call);
@@ -243,13 +246,14 @@ void AfmLogic::answered(Role role, const AfmReading& said, std::int64_t now_ns) 
         emergency_ready_ = true;
         emergency_objects_ = false;
       }
-      c.next_ns = now_ns + (withdrawing() ? kLookPeriodNs : kEmergencyPeriodNs);
+      c.next_ns = now_ns + (state_.phase == Phase::kWithdrawing ? kLookPeriodNs : kEmergencyPeriodNs);
       return on_status(reading, sent_ns, now_ns);
     case AfmOp::kAskSetpoint:
       return on_setpoint(reading, now_ns);
     case AfmOp::kAskHeight:
       if (role == Role::kMotion) return on_motion(reading, now_ns);
-      c.next_ns = now_ns + (role == Role::kData ? kDataPeriodNs : kLookPeriodNs);
+      c.next_ns =
+          now_ns + (role == Role::kData || state_.phase == Phase::kWithdrawn ? kDataPeriodNs : kLookPeriodNs);
       return on_height(reading.numbers[0], now_ns);
     default:
       if (role == Role::kMotion) on_motion(reading, now_ns);

@@ -138,6 +138,7 @@ class AfmLogic {
   void tare(double deflection_nm, double lateral_nn, std::int64_t sent_ns, std::int64_t now_ns);
   void touch_reading(std::int64_t sent_ns, std::int64_t now_ns);
   void touched(std::int64_t now_ns);
+  void begin_following(std::int64_t now_ns);
   void retouch(const Vec3& base_w_nm, double force_nn, double way_nm, std::int64_t now_ns);
   void slew_surface(std::int64_t now_ns) noexcept;
 
@@ -203,7 +204,7 @@ class AfmLogic {
   SignalWatch watch_;
   double contact_stiffness_n_m_ = 0;  // of the last touch; 0 until there was one in this approach
   bool ever_touched_ = false;
-  enum class Touch : std::uint8_t { kDown, kCompare, kUp, kPause } touch_ = Touch::kDown;
+  enum class Touch : std::uint8_t { kDown, kCompare, kUp, kPause, kLevel } touch_ = Touch::kDown;
   int touches_ = 0;
   bool touch_fresh_ = false;  // a reading since the last step down
   std::int64_t touch_moved_ns_ = 0;

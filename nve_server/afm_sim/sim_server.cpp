@@ -72,6 +72,18 @@ void SimServer::look_at_control_file() {
   }
 }
 
+/// Says, each time that the tip is up again, how hard it has pressed since it was up before.
+void SimServer::look_at_tip() {
+  const bool out = !controller_.withdrawn();
+  if (out == tip_out_) return;
+  tip_out_ = out;
+  if (out) return;
+  const double peak_nn = controller_.tip().peak_force_nn();
+  std::fprintf(stderr, "telenano-afm-sim: the tip is up again; its greatest force was %.2f nN\n", peak_nn);
+  greatest_nn_ = std::max(greatest_nn_, peak_nn);
+  controller_.tip().forget_peak();
+}
+
 /// The client is gone, and with it what it was owed.
 void SimServer::forget_client(Port& port) {
   port.stream.close();
@@ -179,13 +191,16 @@ void SimServer::run(const std::atomic<bool>& stop) {
       apply(options_.faults[next_fault_++]);
     look_at_control_file();
     controller_.advance_to(now);
+    look_at_tip();
     if (now < silent_until_ns_) {
       // Deaf: what is sent waits in the sockets; the tip and its protection go on.
       const timespec nap{0, static_cast<long>(std::min<std::int64_t>(silent_until_ns_ - now, 1'000'000))};
       ::nanosleep(&nap, nullptr);
       continue;
     }
-    std::int64_t next_ns = now + 5'000'000;
+    // Who asks wakes it; what the tip does meanwhile is made up for then.
+    std::int64_t next_ns = now + 20'000'000;
+    if (next_fault_ < options_.faults.size()) next_ns = std::min(next_ns, options_.faults[next_fault_].at_ns);
     for (std::size_t i = 0; i < ports_.size(); ++i) {
       accept(ports_[i]);
       if (ports_[i].stream.open()) serve(ports_[i], static_cast<int>(i));

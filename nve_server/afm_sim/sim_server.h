@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -34,6 +35,8 @@ class SimServer {
   const SimController& controller() const noexcept { return controller_; }
   std::vector<net::Address> local() const;
   std::uint64_t calls() const noexcept { return calls_; }
+  /// The tip's greatest force since the start.
+  double greatest_nn() const noexcept { return std::max(greatest_nn_, controller_.tip().peak_force_nn()); }
 
  private:
   struct Port {
@@ -50,6 +53,7 @@ class SimServer {
   std::int64_t now_ns() const noexcept { return clock_.now_ns() - begin_ns_; }
   void apply(const Fault& fault);
   void look_at_control_file();
+  void look_at_tip();
   void accept(Port& port);
   static void hear(Port& port);
   static void forget_client(Port& port);
@@ -70,6 +74,8 @@ class SimServer {
   std::int64_t control_stamp_ns_ = 0;
   Random random_{7};
   std::uint64_t calls_ = 0;
+  bool tip_out_ = false;
+  double greatest_nn_ = 0;  // up to when the tip was last withdrawn
 };
 
 }  // namespace telenano::afm_sim

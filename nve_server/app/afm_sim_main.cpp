@@ -70,7 +70,7 @@ void run(Options options) {
                "telenano-afm-sim: stopped after %llu requests; tip %s at %.1f nm, force %.2f nN, "
                "greatest %.2f nN; SafeTip %llu times; %llu calls that move\n",
                static_cast<unsigned long long>(server.calls()), end.withdrawn() ? "withdrawn" : "out",
-               end.height_nm(), end.tip().normal_force_nn(), end.tip().peak_force_nn(),
+               end.height_nm(), end.tip().normal_force_nn(), server.greatest_nn(),
                static_cast<unsigned long long>(end.safe_tips()),
                static_cast<unsigned long long>(end.moves()));
 }

@@ -22,7 +22,7 @@ LIMIT_NN = 300
 LATE_NN = 40  # one step of the base, by the lever
 
 
-class Hazards(deadman_test.Rig):
+class Base(deadman_test.Rig):
     def serve_words(self, **options):
         """The patience that a machine with many programs needs: no real-time promise here."""
         words = super().serve_words(**options)
@@ -47,6 +47,19 @@ class Hazards(deadman_test.Rig):
         text = simulator.stop()
         return "tip withdrawn" in text, float(re.search(r"greatest ([0-9.]+)", text)[1]), text
 
+    def press(self, server, *words):
+        (self.path / "press.csv").write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,20\n0.5,0,0,20\n1.5,0,0,-5\n600,0,0,-5\n")
+        port = re.search(r"serving an AFM on 127\.0\.0\.1:(\d+)", server.text)[1]
+        return self.start(MASTER, "run", "--server", f"127.0.0.1:{port}", "--task", "script", "--script", self.path / "press.csv",
+                          "--duration-s", "600", "--rt-priority", "0", *words)
+
+    def contact(self, station):
+        self.assertTrue(station.says("engaged"), station.text)
+        time.sleep(3)
+        self.assertIsNone(station.process.poll(), station.text)
+
+
+class Hazards(Base):
     def refused_where_nothing_moves(self, simulator, words, expected, **how):
         done = subprocess.run([str(w) for w in words], capture_output=True, text=True, timeout=LONG_S, check=False, **how)
         self.assertNotEqual(done.returncode, 0)
@@ -146,17 +159,6 @@ class Hazards(deadman_test.Rig):
         self.assertEqual(self.latches(), [])
         self.assertTrue(self.end_of(first)[0] and self.end_of(second)[0])
         self.ports += ports
-
-    def press(self, server, *words):
-        (self.path / "press.csv").write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,20\n0.5,0,0,20\n1.5,0,0,-5\n600,0,0,-5\n")
-        port = re.search(r"serving an AFM on 127\.0\.0\.1:(\d+)", server.text)[1]
-        return self.start(MASTER, "run", "--server", f"127.0.0.1:{port}", "--task", "script", "--script", self.path / "press.csv",
-                          "--duration-s", "600", "--rt-priority", "0", *words)
-
-    def contact(self, station):
-        self.assertTrue(station.says("engaged"), station.text)
-        time.sleep(3)
-        self.assertIsNone(station.process.poll(), station.text)
 
     def test_a_second_station_does_not_move_the_tip(self):
         simulator = self.simulator()

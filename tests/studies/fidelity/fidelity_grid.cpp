@@ -68,6 +68,7 @@ CellResult run_cell(const Cell& cell, const ScenePairs& scenes, const MakeMethod
   result.cell = cell;
   result.run = run_touch(run);
   result.metrics = measure(result.run.trace, 0.1 + 1.5e-3 * cell.rtt_ms);
+  result.haptic = measure_haptic(result.run.trace, 0.1 + 1.5e-3 * cell.rtt_ms);
   if (!cell.keep_trace) result.run.trace = {};
   return result;
 }
@@ -78,7 +79,7 @@ std::string cells_csv(const std::vector<CellResult>& results) {
       "lag_ms,nrmse_at_lag,snap_in_true_n,snap_in_error,pull_off_true_n,pull_off_error,false_releases,work_"
       "true_mj,"
       "work_felt_mj,snap_in_peak_n,pull_off_peak_n,true_rms_n,true_lateral_rms_n,clamped_share,"
-      "stopped_s,unexecuted\n";
+      "stopped_s,unexecuted,effective_delay_ms,effective_nrmse,weber_sent_share,weber_nrmse\n";
   const auto number = [](double value) {
     return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string();
   };
@@ -93,7 +94,11 @@ std::string cells_csv(const std::vector<CellResult>& results) {
     csv += fmt::format(",{},{:.3g},{:.3g}", m.false_releases, m.work_true_mj, m.work_felt_mj);
     for (const double value : {m.snap_in_peak_n, m.pull_off_peak_n, m.true_rms_n, m.true_lateral_rms_n})
       csv.append(1, ',').append(number(value));
-    csv += fmt::format(",{:.3g},{:g},{}\n", r.run.clamped_share, r.run.stopped_s, r.run.unexecuted);
+    csv += fmt::format(",{:.3g},{:g},{}", r.run.clamped_share, r.run.stopped_s, r.run.unexecuted);
+    const HapticMetrics& h = r.haptic;
+    for (const double value : {h.effective_delay_ms, h.effective_nrmse, h.weber_sent_share, h.weber_nrmse})
+      csv.append(1, ',').append(number(value));
+    csv += '\n';
   }
   return csv;
 }

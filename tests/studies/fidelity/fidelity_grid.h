@@ -10,6 +10,7 @@
 #include "telenano/common/control/method.h"
 #include "telenano/common/control/station_method.h"
 #include "tests/studies/fidelity/felt_metrics.h"
+#include "tests/studies/fidelity/haptic_metrics.h"
 #include "tests/studies/fidelity/motions.h"
 #include "tests/studies/fidelity/touch_run.h"
 
@@ -44,6 +45,7 @@ struct Cell {
 struct CellResult {
   Cell cell;
   FeltMetrics metrics;
+  HapticMetrics haptic;
   TouchOutcome run;  ///< its trace only where it was asked for
 };
 

@@ -7,8 +7,10 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/common/base/error.h"
+#include "telenano/common/base/random.h"
 #include "telenano/common/config/shared_files.h"
 #include "tests/studies/fidelity/fidelity_grid.h"
+#include "tests/studies/fidelity/haptic_metrics.h"
 #include "tests/studies/fidelity/sensitivity.h"
 #include "tests/support/driven_hand.h"
 #include "tests/support/wall_slave.h"
@@ -54,6 +56,92 @@ TEST(FeltMetrics, APureDelayIsFoundAsLagWithItsErrorAndItsWork) {
         << late;
     EXPECT_NEAR(m.work_true_mj, 0, 4e3 * kPi * kWallN_m * kAmplitudeM * kAmplitudeM * angle(1));
   }
+}
+
+TEST(HapticMetrics, AConstantDelayIsTheEffectiveDelayAndLeavesNothing) {
+  for (const int late : {0, 1, 20, 80}) {
+    TouchTrace trace = swinging(late);
+    // What was before the first tick is nowhere to be found.
+    for (int k = 0; k < late; ++k) trace.rows[static_cast<std::size_t>(k)].felt_h_n.setZero();
+    const HapticMetrics m = measure_haptic(trace, 0.2);
+    EXPECT_NEAR(m.effective_delay_ms, late, 0.03 * late) << "the first ones have none";
+    EXPECT_LT(m.effective_nrmse, late == 0 ? 1e-12 : 0.02) << late;
+  }
+}
+
+// Twenty ticks for a second, sixty for another: the mean, where a correlation finds one of the two.
+TEST(HapticMetrics, ADelayThatChangesIsFoundPieceByPiece) {
+  TouchTrace trace = swinging(0);
+  for (std::size_t i = 0; i < trace.rows.size(); ++i) {
+    const std::size_t late = i < trace.rows.size() / 2 ? 20 : 60;
+    trace.rows[i].felt_h_n = i >= late ? trace.rows[i - late].true_h_n : Vec3(Vec3::Zero());
+  }
+  const HapticMetrics m = measure_haptic(trace, 0.2);
+  EXPECT_NEAR(m.effective_delay_ms, 40, 1.5);
+  EXPECT_LT(m.effective_nrmse, 0.03);
+  EXPECT_GT(measure(trace, 0.2).nrmse_at_lag, 3 * m.effective_nrmse);
+}
+
+// Time is no excuse for a force that is too weak, and a force that comes before its time is no late one.
+TEST(HapticMetrics, WhatIsTooWeakOrTooEarlyStaysWrong) {
+  TouchTrace weak = swinging(0);
+  for (auto& row : weak.rows) row.felt_h_n *= 0.5;
+  EXPECT_GT(measure_haptic(weak, 0.2).effective_nrmse, 0.2);
+  TouchTrace early = swinging(0);
+  for (std::size_t i = 0; i + 40 < early.rows.size(); ++i)
+    early.rows[i].felt_h_n = early.rows[i + 40].true_h_n;
+  EXPECT_GT(measure_haptic(early, 0.02).effective_nrmse, 0.05);
+}
+
+// The least sum of all that are allowed, by trying each of them.
+TEST(HapticMetrics, TheAlignmentIsTheCheapestThereIs) {
+  Random random(3);
+  constexpr std::size_t kRows = 7, kMost = 3;
+  for (int turn = 0; turn < 200; ++turn) {
+    std::vector<TouchTrace::Row> rows(kRows);
+    for (auto& row : rows) {
+      row.true_h_n = Vec3(random.uniform(-1, 1), 0, random.uniform(-1, 1));
+      row.felt_h_n = Vec3(random.uniform(-1, 1), 0, random.uniform(-1, 1));
+    }
+    const double change = random.uniform(0, 0.5);
+    double found = 0;
+    const auto delays = effective_delays(rows, kMost, change, found);
+    double least = 1e300, of_found = 0;
+    const auto cost_of = [&](const std::vector<std::size_t>& d) {
+      double sum = 0;
+      for (std::size_t i = 0; i < kRows; ++i) {
+        if (d[i] > i || (i > 0 && d[i] > d[i - 1] + 1)) return 1e300;
+        sum += (rows[i].felt_h_n - rows[i - d[i]].true_h_n).squaredNorm();
+        if (i > 0) sum += change * std::fabs(static_cast<double>(d[i]) - static_cast<double>(d[i - 1]));
+      }
+      return sum;
+    };
+    std::vector<std::size_t> d(kRows);
+    for (std::size_t code = 0; code < (1u << (2 * kRows)); ++code) {
+      for (std::size_t i = 0; i < kRows; ++i) d[i] = (code >> (2 * i)) & 3;
+      least = std::min(least, cost_of(d));
+    }
+    of_found = cost_of(delays);
+    ASSERT_NEAR(found, least, 1e-12);
+    ASSERT_NEAR(of_found, least, 1e-12);
+  }
+}
+
+// From 1 N down to e⁻² N in steps of 0.01 %: one sample each time that a tenth is lost, 2/ln(1/0.9) = 18.98.
+TEST(HapticMetrics, ADeadbandOfWeberSendsTheLogarithm) {
+  TouchTrace trace;
+  for (int k = 0; k < 20000; ++k) {
+    TouchTrace::Row row;
+    row.true_h_n.z() = std::exp(-1e-4 * k);
+    trace.rows.push_back(row);
+  }
+  const HapticMetrics m = measure_haptic(trace, 0.001);
+  EXPECT_NEAR(m.weber_sent_share * 20000, 1 + std::floor(2 / std::log(1 / 0.9)), 0.5);
+  EXPECT_GT(m.weber_nrmse, 0.03);
+  EXPECT_LT(m.weber_nrmse, 0.1);
+  // Half a deadband of nothing: not a single one.
+  for (auto& row : trace.rows) row.true_h_n.z() = 0.9 * kJudgedN;
+  EXPECT_EQ(measure_haptic(trace, 0.001).weber_sent_share, 0);
 }
 
 /// Free, pulled down by 0.4 N, pressed with 1 N, pulled by 1 N until it lets go, free.

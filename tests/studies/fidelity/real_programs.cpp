@@ -238,6 +238,7 @@ CellResult run_real(const SceneMotion& motion, const std::string& method, const 
     throw RunError(fmt::format("fidelity: --real: {}: {}", stem, error.what()));
   }
   result.metrics = measure(result.run.trace, 0.1 + 1.5e-3 * link.rtt_ms);
+  result.haptic = measure_haptic(result.run.trace, 0.1 + 1.5e-3 * link.rtt_ms);
   return result;
 }
 

@@ -45,8 +45,11 @@ enum Invariant : std::uint32_t {
   kInvariantInTime = 1u << 15,
   kInvariantPull = 1u << 16,
   kInvariantRefusal = 1u << 17,  ///< a change of scale that was refused changed something
+  /// A row is what was: the hand's place when the tick began, the force that acts from then on, each tick
+  /// once, in time (record_watch.h).
+  kInvariantRecord = 1u << 18,
 };
-constexpr int kInvariants = 18;
+constexpr int kInvariants = 19;
 const char* invariant_name(std::uint32_t bit) noexcept;
 std::string invariant_names(std::uint32_t bits);  ///< "energy+slew"; "none"
 

@@ -10,7 +10,8 @@ namespace telenano::studies::stress {
 
 /// Controllers that are wrong in ways in which they have been got wrong before; a suite that does not find
 /// them out proves nothing. They exist here only: as methods that stand in for the station's, as devices, as
-/// slaves (wrong_slave.h). Ten more, what a renderer shows, are in fidelity/renderer_mutants.h.
+/// slaves (wrong_slave.h), as what is between server and station (wrong_wire.h), as recorders
+/// (record_watch.h). Ten more, what a renderer shows, are in fidelity/renderer_mutants.h.
 ///
 /// | name | what is wrong |
 /// |---|---|
@@ -47,6 +48,21 @@ namespace telenano::studies::stress {
 /// | slave-upside-down | slave: pushes where it should pull |
 /// | forgiving-change | a change of scale forgets the deficit |
 /// | generous-change | a change of scale grants an allowance of its own |
+/// | slave-stiff | slave: pushes 1.3 times as hard as it should |
+/// | slave-creeping | slave: the ground rises by 1 nm in a second |
+/// | slave-blinking | slave: every half second no force for 30 ms |
+/// | codec-swapped | codec: the force's x for its y |
+/// | codec-unsigned | codec: the force without its sign |
+/// | codec-short | codec: the force in piconewtons in 16 bits |
+/// | codec-keeps-fields | codec: what is zero is not written, and the reader keeps what it had |
+/// | session-old-news | session: every second reply has the force of one that came 60 replies earlier |
+/// | session-one-epoch | session: a server that has begun anew says the old epoch |
+/// | session-deaf | session: after an outage nothing is heard any more |
+/// | record-late | recorder: position and force of the tick before |
+/// | record-rendered | recorder: the force that the method wanted for the one that acted |
+/// | record-gaps | recorder: every 500th row is missing |
+/// | record-single | recorder: positions in single precision |
+/// | record-swapped | recorder: x for z |
 struct MutantInfo {
   Mutant mutant = Mutant::kNone;
   control::Method method = control::Method::kModel;  ///< that it is made from

@@ -57,7 +57,22 @@ constexpr std::array<std::string_view, kMutants + 1> kMutantNames = {"none",
                                                                      "slave-saturated",
                                                                      "slave-upside-down",
                                                                      "forgiving-change",
-                                                                     "generous-change"};
+                                                                     "generous-change",
+                                                                     "slave-stiff",
+                                                                     "slave-creeping",
+                                                                     "slave-blinking",
+                                                                     "codec-swapped",
+                                                                     "codec-unsigned",
+                                                                     "codec-short",
+                                                                     "codec-keeps-fields",
+                                                                     "session-old-news",
+                                                                     "session-one-epoch",
+                                                                     "session-deaf",
+                                                                     "record-late",
+                                                                     "record-rendered",
+                                                                     "record-gaps",
+                                                                     "record-single",
+                                                                     "record-swapped"};
 
 constexpr NumberField kNumbers[] = {
     {"scale", &RunSpec::scale, 1e-3, 1e4},

@@ -88,7 +88,22 @@ enum class Mutant : std::uint8_t {
   kSlaveSaturated,
   kSlaveUpsideDown,
   kForgivingChange,
-  kGenerousChange
+  kGenerousChange,
+  kSlaveStiff,
+  kSlaveCreeping,
+  kSlaveBlinking,
+  kCodecSwapped,
+  kCodecUnsigned,
+  kCodecShort,
+  kCodecKeepsFields,
+  kSessionOldNews,
+  kSessionOneEpoch,
+  kSessionDeaf,
+  kRecordLate,
+  kRecordRendered,
+  kRecordGaps,
+  kRecordSingle,
+  kRecordSwapped
 };
 
 /// One run, all of it: the same text gives the same bits on every machine.
@@ -151,7 +166,7 @@ std::string_view mutant_name(Mutant mutant) noexcept;
 SceneKind parse_scene_kind(std::string_view name);  ///< throws UserError, as the others
 Mutant parse_mutant(std::string_view name);
 std::string scene_kind_names();
-inline constexpr std::size_t kMutants = 33;  ///< besides kNone
+inline constexpr std::size_t kMutants = 48;  ///< besides kNone
 std::array<Mutant, kMutants> all_mutants() noexcept;
 
 /// "method=model scene=wall hand=press …": what differs from the defaults, and always the first three and the

@@ -76,6 +76,7 @@ class StressHand final : public support::VirtualHand {
   const std::vector<double>& path_m() const noexcept { return path_m_; }
   const TrueAccount& account() const noexcept { return account_; }
   const Vec3& pos_h_m() const noexcept { return pos_h_m_; }
+  const Vec3& applied_h_n() const noexcept { return applied_h_n_; }  ///< until the next tick
   bool started() const noexcept { return started_; }
   bool too_fast() const noexcept { return too_fast_; }
 

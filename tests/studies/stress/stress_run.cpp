@@ -15,8 +15,10 @@
 #include "tests/studies/stress/invariants.h"
 #include "tests/studies/stress/mutants.h"
 #include "tests/studies/stress/operator_acts.h"
+#include "tests/studies/stress/record_watch.h"
 #include "tests/studies/stress/search.h"
 #include "tests/studies/stress/watched_slave.h"
+#include "tests/studies/stress/wrong_wire.h"
 #include "tests/support/virtual_session.h"
 
 namespace telenano::studies::stress {
@@ -121,6 +123,9 @@ support::VirtualSessionConfig session_config(const RunSpec& spec, const Scenes& 
     return std::make_unique<WatchedSlave>(scenes.make(kind, kWallHeightNm), watch, mutant);
   };
   if (make_mutant_method(spec)) session.make_method = [spec] { return make_mutant_method(spec); };
+  if (WrongWire::concerns(spec.mutant))
+    session.lie = [wrong = std::make_shared<WrongWire>(spec.mutant)](
+                      std::span<std::uint8_t> out, std::size_t size) { return (*wrong)(out, size); };
   session.station.method = spec.method;
   // Of a shared tip there is no twin.
   const bool shared = spec.act == Act::kTakeOver;
@@ -225,6 +230,8 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
   if (faults.clean_besides() && shows && spec.act == Act::kNone)
     what.recover_s = 3 + 1e-2 * spec.rtt_ms + what.waits_s;
   InvariantWatch invariants(what);
+  RecordWatch record(session.period_s(), spec.quantum_m);
+  WrongRecorder recorder(spec.mutant);
 
   Outcome outcome;
   LocalTouch local(spec, scenes, force_scale);
@@ -242,7 +249,11 @@ Outcome run(const RunSpec& given, const Scenes& scenes, const RunExtras& extras)
     around.given_before_j = hand->account().given_j();
     around.q_before_j = hand->account().quantum_bound_j();
     around.periods = periods;
+    const Vec3 began_h_m = hand->pos_h_m();
     const recording::Sample& row = session.step(periods);
+    if (const recording::Sample* const kept = recorder(row);
+        kept != nullptr && !record.is_true(*kept, began_h_m, hand->applied_h_n(), periods))
+      invariants.violate(kInvariantRecord, row.time_s);
     acts.step_rival(periods);
     around.reply_ns = session.client().has_reply() ? session.client().reply_time_ns() : -1;
     around.time_s = row.time_s;

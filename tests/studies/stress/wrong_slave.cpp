@@ -32,6 +32,9 @@ void WrongSlave::before(const slave::SlaveLimits& limits, slave::SlaveInput& inp
     case Mutant::kSlaveLow:
       to.z() += 3;
       return;
+    case Mutant::kSlaveCreeping:
+      to.z() -= std::min(1.0 * passed_s_, 5.0);
+      return;
     case Mutant::kSlaveSoft:
       if (to.z() < limits.surface_z_w_nm) to.z() += 0.7 * (limits.surface_z_w_nm - to.z());
       return;
@@ -83,6 +86,10 @@ Vec3 WrongSlave::wrong_force_w_nn(double dt_s, const slave::SlaveOutput& output)
       return right.norm() > 20 ? Vec3(right * (20 / right.norm())) : right;
     case Mutant::kSlaveUpsideDown:
       return {right.x(), right.y(), -right.z()};
+    case Mutant::kSlaveStiff:
+      return {right.x(), right.y(), right.z() > 0 ? 1.3 * right.z() : right.z()};
+    case Mutant::kSlaveBlinking:
+      return std::fmod(passed_s_, 0.5) < 0.03 ? Vec3(Vec3::Zero()) : right;
     default:
       return right;
   }
@@ -90,6 +97,7 @@ Vec3 WrongSlave::wrong_force_w_nn(double dt_s, const slave::SlaveOutput& output)
 
 void WrongSlave::after(double dt_s, slave::SlaveOutput& output) noexcept {
   if (mutant_ == Mutant::kNone) return;
+  passed_s_ += dt_s;
   output.force_w_nn = wrong_force_w_nn(dt_s, output);
   if (mutant_ == Mutant::kFallingSums && output.energy_in_aj > 0)
     output.energy_in_aj = std::max(0.0, output.energy_in_aj - output.energy_out_aj);

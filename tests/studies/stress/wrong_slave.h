@@ -23,6 +23,7 @@ class WrongSlave {
   Mutant mutant_;
   std::array<Vec3, kLateSteps> late_{};
   std::size_t at_ = 0;
+  double passed_s_ = 0;
   double touching_s_ = 0;
   double free_s_ = 1e9;
   Vec3 held_w_nn_ = Vec3::Zero();

@@ -40,14 +40,14 @@ void whole_session(Bench& b) {
 TEST(AfmConversation, IsThatOfTheRecordingFromTheChecksToTheEnd) {
   Bench b;
   whole_session(b);
-  expect_conversation(b, {3587, 0x966c6e917774868f});
+  expect_conversation(b, {3381, 0xa32d507d7b16d224});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereLargerZIsTowardsTheSample) {
   Bench b;
   b.config.z_sign = b.rig.z_sign = -1;
   whole_session(b);
-  expect_conversation(b, {3587, 0xe9fbb277bea19a9f});
+  expect_conversation(b, {3381, 0xc2de178e17c56ba4});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereTheSetPointIsRefused) {

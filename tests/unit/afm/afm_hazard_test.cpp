@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <numbers>
+#include <string>
 
 #include "telenano/common/base/det_math.h"
 #include "tests/support/virtual_afm_slave.h"
@@ -302,6 +304,107 @@ TEST(AfmHazards, WsZeroAndItsBoundOnRigsOfAnyDriftAndCreep) {
   EXPECT_LE(worst_nm, 2);
   EXPECT_GE(within, 0.95 * all);
   EXPECT_GE(air_within, 0.95 * air_all);
+}
+
+/// Silicon oxide with a step up of `height_nm`, 60 nm from where the tip approaches.
+std::shared_ptr<const scene::Scene> with_a_step(double height_nm) {
+  return scene::parse_scene(R"(name = "step"
+[sample]
+name = "silicon oxide"
+youngs_modulus_gpa = 70.0
+poisson_ratio = 0.27
+surface_energy_j_m2 = 0.2
+[surface]
+kind = "step"
+height_nm = )" + std::to_string(height_nm) +
+                                R"(
+edge_nm = 6.0
+spacing_nm = 0.7
+direction_deg = 0.0
+x_nm = 0.0
+y_nm = 0.0
+[probe]
+tip_radius_nm = 20.0
+stiffness_n_m = 40.0
+[probe.tip]
+name = "silicon"
+youngs_modulus_gpa = 160.0
+poisson_ratio = 0.27
+surface_energy_j_m2 = 0.2
+[coupling]
+stiffness_n_m = 20.0
+[limits]
+force_max_nn = 500.0
+speed_max_nm_s = 100000.0
+retract_speed_nm_s = 1000.0
+top_nm = 100.0
+depth_nm = 60.0
+half_width_nm = 150.0
+margin_nm = 25.0
+rate_max_hz = 8000
+[start]
+x_nm = -60.0
+y_nm = 0.0
+height_nm = 20.0
+)",
+                            "the scene of a step");
+}
+
+/// How steep the way of a ball's middle is where the ball meets the corner of a step.
+double steepness(double height_nm) {
+  constexpr double r = 20;
+  const double down = r - height_nm;
+  return std::sqrt(r * r - down * down) / down;
+}
+
+// A hand that scans runs the tip against a step, steeper than the slopes that the operator has told of, at
+// full speed and at a fifth of it.
+TEST(AfmHazards, ATipThatRunsAgainstAStepIsHeldOrWithdrawn) {
+  for (const double height_nm : {5.0, 15.0}) {
+    for (const double speed_nm_s : {1000.0, 200.0}) {
+      for (const double depth_nm : {1.5, 4.0}) {
+        SCOPED_TRACE(::testing::Message()
+                     << height_nm << " nm at " << speed_nm_s << " nm/s, pressed by " << depth_nm);
+        Bench b;
+        b.config.speed_nm_s = speed_nm_s;
+        b.afm.emplace(b.config, b.rig, with_a_step(height_nm));
+        ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+        b.follow(Vec3(0, 0, -depth_nm));
+        b.run(1000);
+        const double pressed_nn = b.afm->controller().tip().normal_force_nn();
+        ASSERT_GT(pressed_nn, 20);
+        b.follow(Vec3(140, 0, -depth_nm));
+        double along_nn = 0, across_nn = 0;  // the tip's true force: down, and along the scan
+        for (int i = 0; i < 2000; ++i) {
+          b.run(1);
+          const Vec3& force = b.afm->controller().tip().force_w_nn();
+          along_nn = std::max(along_nn, force.z());
+          across_nn = std::max(across_nn, std::fabs(force.x()));
+        }
+        const double peak_nn = b.afm->controller().tip().peak_force_nn();
+        std::printf(
+            "%g nm at %g nm/s, pressed with %.0f nN: %.0f nN down, %.0f nN across (%.0f nN in all), %s\n",
+            height_nm, speed_nm_s, pressed_nn, along_nn, across_nn, peak_nn,
+            std::string(name(b.phase())).c_str());
+        // Down it is held as everywhere; across the first reading after the corner tells.
+        const double step_nn = b.config.spring_constant_n_m * b.config.step_nm;
+        EXPECT_LE(along_nn, b.config.force_max_nn + step_nn);
+        EXPECT_LE(across_nn,
+                  std::max(b.config.lateral_max_nn, steepness(height_nm) * (pressed_nn + step_nn)));
+        EXPECT_EQ(b.afm->controller().safe_tips(), 0u);
+        // What rises by less than the limit leaves room for goes on over it; the rest is lateral force, too.
+        if (height_nm < 10) {
+          EXPECT_LE(across_nn, b.config.lateral_max_nn);
+          EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
+        } else {
+          EXPECT_EQ(b.phase(), Phase::kWithdrawn);
+          EXPECT_TRUE(b.afm->controller().withdrawn());
+          EXPECT_EQ(name(b.afm->logic().state().cause), "lateral force limit") << b.afm->logic().news();
+          EXPECT_LT(b.afm->logic().state().base_w_nm.x(), 60) << "not over the edge";
+        }
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -1,0 +1,374 @@
+#include "tests/studies/stress/real_programs_check.h"
+
+#include <fmt/format.h>
+#include <signal.h>
+#include <stdlib.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "telenano/common/base/error.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/rt/steady_clock.h"
+#include "tests/studies/relay/relay.h"
+#include "tests/studies/stress/stress_run.h"
+#include "tests/support/child_process.h"
+#include "tests/support/virtual_session.h"
+
+namespace telenano::studies::stress {
+namespace {
+
+using device::IntendedMotion;
+using support::ChildProcess;
+
+constexpr std::chrono::seconds kStarts{30};
+constexpr double kDamping = 2;                       // of the simulated device, N·s/m
+constexpr double kForceMaxN = 12;                    // likewise
+constexpr double kAllowanceJ = 0.010;                // E₀
+constexpr double kStaleS = 0.1;                      // no force so long after the last reply
+constexpr std::int64_t kOutageAtNs = 4'000'000'000;  // after the relay's start
+constexpr double kHeldWindowS = 0.3;
+
+struct Case {
+  const char* hand;
+  control::Method method;
+  double rtt_ms, jitter_ms, loss;
+  double outage_ms;
+  bool busy;  ///< a loop on each core beside it
+};
+constexpr Case kBrief[] = {{"press", control::Method::kModel, 20, 2, 0.02, 0, true},
+                           {"hammer", control::Method::kKsClamp, 0, 0, 0, 300, true}};
+constexpr Case kLong[] = {{"press", control::Method::kModel, 0, 0, 0, 0, false},
+                          {"press", control::Method::kModel, 20, 2, 0.02, 0, true},
+                          {"press", control::Method::kModel, 100, 10, 0.05, 500, true},
+                          {"press", control::Method::kTank, 20, 2, 0.02, 300, true},
+                          {"hammer", control::Method::kModel, 20, 2, 0.05, 0, true},
+                          {"hammer", control::Method::kKsClamp, 0, 0, 0, 300, true},
+                          {"hammer", control::Method::kTank, 100, 10, 0.02, 500, true},
+                          {"scrub", control::Method::kModel, 20, 2, 0.02, 300, true},
+                          {"scrub", control::Method::kKsClamp, 0, 0, 0.05, 0, true},
+                          {"scrub", control::Method::kTank, 20, 5, 0.1, 0, true}};
+
+/// Heights over the surface in nm; the tip waits at 20.
+std::vector<IntendedMotion::Waypoint> motion(const std::string& hand, double seconds) {
+  std::vector<IntendedMotion::Waypoint> path{{0, {0, 0, 20}}, {0.6, {0, 0, 20}}, {1.2, {0, 0, -8}}};
+  if (hand == "hammer") {
+    for (double t = 1.3; t < seconds - 0.7; t += 0.2) {
+      path.push_back({t, {0, 0, 12}});
+      path.push_back({t + 0.1, {0, 0, -20}});
+    }
+  }
+  if (hand == "scrub") {
+    for (double t = 1.4; t < seconds - 0.7; t += 0.4) {
+      path.push_back({t, {100, 0, -8}});
+      path.push_back({t + 0.2, {-100, 0, -8}});
+    }
+  }
+  path.push_back({seconds - 0.6, {0, 0, hand == "press" ? -8.0 : 12.0}});
+  path.push_back({seconds - 0.2, {0, 0, 20}});
+  path.push_back({seconds, {0, 0, 20}});
+  return path;
+}
+
+/// What a session is like, whoever drives it; from the rows of its recording.
+struct Metrics {
+  double held_n = 0;        ///< the largest mean of the force over kHeldWindowS
+  double rms_n = 0;         ///< of the force over all rows
+  double peak_n = 0;        ///< of the force
+  double extracted_mj = 0;  ///< most that the hand got, less what the device's damping took
+  double rtt_ms = 0;        ///< median
+  double silent = 0;        ///< part of the rows whose force is old, or that wait for replies
+  double pause_ms = 0;      ///< the longest that a tick came late
+  std::string broken;       ///< invariants
+};
+
+Vec3 vec3(const recording::Xyz& v) {
+  return {v[0], v[1], v[2]};
+}
+
+Metrics measure(const std::vector<recording::Sample>& rows, double force_limit_n) {
+  Metrics m;
+  double sum2 = 0, given_j = 0, lost_j = 0, window_n = 0, last_news_s = 0;
+  std::size_t from = 0;
+  std::int64_t reply = -1;
+  std::vector<double> rtts;
+  const auto breaks = [&m](const char* what) {
+    if (m.broken.find(what) == std::string::npos)
+      m.broken += (m.broken.empty() ? "" : "+") + std::string(what);
+  };
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    const recording::Sample& row = rows[k];
+    const Vec3 force = vec3(row.hand_force_applied_h_n);
+    const double norm_n = force.norm();
+    if (!is_finite(force) || !is_finite(vec3(row.hand_pos_h_m))) breaks("finite");
+    if (norm_n > force_limit_n * (1 + 1e-9)) breaks("force");
+    m.peak_n = std::max(m.peak_n, norm_n);
+    sum2 += norm_n * norm_n;
+    window_n += norm_n;
+    while (row.time_s - rows[from].time_s > kHeldWindowS)
+      window_n -= vec3(rows[from++].hand_force_applied_h_n).norm();
+    if (row.time_s > kHeldWindowS)
+      m.held_n = std::max(m.held_n, window_n / static_cast<double>(k - from + 1));
+    if (k > 0) {
+      const Vec3 moved_m = vec3(row.hand_pos_h_m) - vec3(rows[k - 1].hand_pos_h_m);
+      const double dt_s = row.time_s - rows[k - 1].time_s;
+      given_j += vec3(rows[k - 1].hand_force_applied_h_n).dot(moved_m);
+      lost_j += kDamping * moved_m.squaredNorm() / dt_s;
+      m.extracted_mj = std::max(m.extracted_mj, 1e3 * (given_j - lost_j));
+      m.pause_ms = std::max(m.pause_ms, 1e3 * dt_s - 1);
+      if (row.tick != rows[k - 1].tick + 1) breaks("record");
+      if (row.energy_in_j < rows[k - 1].energy_in_j || row.energy_out_j < rows[k - 1].energy_out_j)
+        breaks("sums");
+    }
+    if (row.reply_sequence != reply) {
+      reply = row.reply_sequence;
+      last_news_s = row.time_s;
+    } else if (row.time_s - last_news_s > kStaleS + 2e-3 && norm_n > 0) {
+      breaks("stale");
+    }
+    if (row.rtt_us > 0) rtts.push_back(1e-3 * row.rtt_us);
+    m.silent += (row.limit_flags & recording::kLimitStale) != 0 ||
+                row.station_mode == static_cast<std::uint32_t>(station::Mode::kHeld);
+  }
+  if (rows.empty()) return m;
+  m.rms_n = std::sqrt(sum2 / static_cast<double>(rows.size()));
+  m.silent /= static_cast<double>(rows.size());
+  if (!rtts.empty()) {
+    std::nth_element(rtts.begin(), rtts.begin() + static_cast<std::ptrdiff_t>(rtts.size() / 2), rtts.end());
+    m.rtt_ms = rtts[rtts.size() / 2];
+  }
+  return m;
+}
+
+class Folder {
+ public:
+  Folder() {
+    std::string name = (std::filesystem::temp_directory_path() / "telenano_real_XXXXXX").string();
+    if (::mkdtemp(name.data()) == nullptr) throw RunError("stress: " + name + " cannot be created");
+    path_ = name;
+  }
+  ~Folder() {
+    std::error_code error;
+    std::filesystem::remove_all(path_, error);
+  }
+  Folder(const Folder&) = delete;
+  Folder& operator=(const Folder&) = delete;
+  std::string file(const std::string& name) const { return (path_ / name).string(); }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Threads that end with it: the relay's, or a loop on each core.
+class Threads {
+ public:
+  ~Threads() {
+    stop = true;
+    for (std::thread& thread : threads_) thread.join();
+  }
+  template <class Work>
+  void start(Work work) {
+    threads_.emplace_back(std::move(work));
+  }
+  std::atomic<bool> stop{false};
+
+ private:
+  std::vector<std::thread> threads_;
+};
+
+std::string program(const std::string& name) {
+  const std::filesystem::path here = std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  const std::filesystem::path path = here / name;
+  if (!std::filesystem::exists(path))
+    throw UserError("stress: --realtime: " + path.string() + " is missing; build " + name);
+  return path.string();
+}
+
+struct Setting {
+  Case what;
+  double seconds;
+  std::shared_ptr<const scene::Scene> scene;
+  std::vector<IntendedMotion::Waypoint> script;
+  double force_scale = 0;
+};
+
+/// `outage_s`: when the outage began, by the recording's time.
+std::vector<recording::Sample> in_real_time(const Setting& s, const Folder& folder, double& outage_s) {
+  std::ofstream script(folder.file("hand.csv"));
+  script << "t_s,x_nm,y_nm,z_nm\n";
+  for (const auto& w : s.script)
+    script << fmt::format("{},{},{},{}\n", w.time_s, w.pos_nm.x(), w.pos_nm.y(), w.pos_nm.z());
+  if (!script.flush()) throw RunError("stress: the script cannot be written");
+  const std::string keys = folder.file("keys.toml"), key = folder.file("hand.key"),
+                    file = folder.file("run.h5");
+  if (!std::filesystem::exists(key)) {
+    const auto made = support::run_program({program("telenano-nve"), "keys", "new", "hand", "--rights",
+                                            "operate", "--keys", keys, "--out", key});
+    if (made.exit_code != 0) throw RunError("stress: --realtime: telenano-nve keys: " + made.err);
+  }
+  ChildProcess server({program("telenano-nve"), "serve", "--scene", "flat_silicon_oxide", "--listen",
+                       "127.0.0.1:0", "--keys", keys});
+  const std::string before = " on 127.0.0.1:";
+  if (!server.wait_for_err(before, kStarts))
+    throw RunError("stress: --realtime: telenano-nve: " + server.err());
+  const std::string said = server.err();
+  RelayConfig config;
+  config.listen = net::parse_address("127.0.0.1:0", "the relay");
+  config.to = net::parse_address(
+      "127.0.0.1:" + std::to_string(std::atoi(said.c_str() + said.find(before) + before.size())),
+      "the server");
+  for (net::ImpairmentConfig* way : {&config.to_server, &config.to_client}) {
+    way->delay_ns = std::llround(0.5e6 * s.what.rtt_ms);
+    way->jitter_ns = std::llround(1e6 * s.what.jitter_ms);
+    way->loss = s.what.loss;
+    if (s.what.outage_ms > 0) way->outages.push_back({kOutageAtNs, std::llround(1e6 * s.what.outage_ms)});
+  }
+  const rt::SteadyClock clock;
+  Relay relay(config, clock);
+  const std::int64_t relay_ns = clock.now_ns();
+  Threads threads;
+  threads.start([&] {
+    while (!threads.stop) relay.step(20'000'000);
+  });
+  if (s.what.busy) {
+    for (unsigned i = 0; i < std::max(1u, std::thread::hardware_concurrency()); ++i)
+      threads.start([&] {
+        volatile std::uint64_t work = 0;
+        while (!threads.stop) work = work + 1;
+      });
+  }
+  const auto run = support::run_program({program("telenano-master"),
+                                         "run",
+                                         "--server",
+                                         net::to_string(relay.local()),
+                                         "--key",
+                                         key,
+                                         "--device",
+                                         "sim",
+                                         "--task",
+                                         "script",
+                                         "--script",
+                                         folder.file("hand.csv"),
+                                         "--method",
+                                         std::string(control::method_name(s.what.method)),
+                                         "--velocity-scale",
+                                         "1e-6",
+                                         "--force-scale",
+                                         fmt::format("{}", s.force_scale),
+                                         "--allow-unsafe-scaling",
+                                         "--record",
+                                         file,
+                                         "--overwrite",
+                                         "--no-view"},
+                                        {}, std::chrono::seconds(60));
+  threads.stop = true;
+  server.signal(SIGTERM);
+  server.wait(kStarts);
+  if (run.exit_code != 0) throw RunError("stress: --realtime: telenano-master: " + run.err);
+  const recording::RecordingReader reader(file);
+  std::vector<recording::Sample> rows(reader.rows());
+  reader.read_samples(0, rows);
+  if (rows.empty()) throw RunError("stress: --realtime: the recording is empty");
+  outage_s = 1e-9 * static_cast<double>(relay_ns + kOutageAtNs - rows[0].now_ns) + rows[0].time_s;
+  return rows;
+}
+
+std::vector<recording::Sample> in_virtual_time(const Setting& s, double outage_s) {
+  support::VirtualSessionConfig config;
+  config.scene = s.scene;
+  config.station.method = s.what.method;
+  config.station.scaling = {1e-6, s.force_scale};
+  config.station.allow_unsafe_scaling = true;
+  config.task = device::Task::kScript;
+  config.script = s.script;
+  for (net::SimPath* path : {&config.to_server, &config.to_station}) {
+    path->delay_ns = std::llround(0.5e6 * s.what.rtt_ms);
+    path->jitter_ns = std::llround(1e6 * s.what.jitter_ms);
+  }
+  support::VirtualSession session(config);
+  std::vector<recording::Sample> rows;
+  session.run(std::llround(1e3 * (s.seconds + 20)), [&](const recording::Sample& row) {
+    rows.push_back(row);
+    const bool out =
+        s.what.outage_ms > 0 && row.time_s >= outage_s && row.time_s < outage_s + 1e-3 * s.what.outage_ms;
+    for (net::SimPath* path : {&session.link().path_a_to_b(), &session.link().path_b_to_a()}) {
+      path->loss = s.what.loss;
+      path->down = out;
+    }
+  });
+  return rows;
+}
+
+struct Line {
+  const char* metric;
+  double in_virtual, in_real, bound;
+};
+
+}  // namespace
+
+int check_real_programs(const std::string& scene_folder, bool brief) {
+  const Scenes scenes(scene_folder, {SceneKind::kOxide});
+  const Folder folder;
+  bool all = true;
+  std::printf("programs,hand,method,rtt_ms,jitter_ms,loss,outage_ms,busy,metric,virtual,real,bound,agrees\n");
+  std::vector<Case> cases(std::begin(kLong), std::end(kLong));
+  if (brief) cases.assign(std::begin(kBrief), std::end(kBrief));
+  for (const Case& what : cases) {
+    Setting s{what, brief ? 4.0 : 8.0, scenes.file(SceneKind::kOxide), {}, 0};
+    s.script = motion(what.hand, s.seconds);
+    RunSpec spec;
+    spec.method = what.method;
+    spec.scene = SceneKind::kOxide;
+    s.force_scale = planned_force_scale(spec, scenes.make(SceneKind::kOxide, 20)->limits());
+    double outage_s = 0;
+    const double limit_n = station::StationConfig{}.force_safety * kForceMaxN;
+    const auto rows = in_real_time(s, folder, outage_s);
+    const Metrics r = measure(rows, limit_n), v = measure(in_virtual_time(s, outage_s), limit_n);
+    // What a machine that keeps a program waiting adds: an outage of that length, and a hand that moves in leaps.
+    const double paused = 1e-3 * r.pause_ms / s.seconds;
+    const bool steady = r.pause_ms < 20;
+    const double some = steady ? 1 : 4;
+    const Line lines[] = {
+        {"held_n", v.held_n, r.held_n, some * 0.05 * v.held_n},
+        {"rms_n", v.rms_n, r.rms_n, some * 0.10 * v.rms_n + paused * v.peak_n},
+        {"peak_n", v.peak_n, r.peak_n, some * 0.15 * v.peak_n},
+        {"extracted_mj", v.extracted_mj, r.extracted_mj, some * 2},
+        {"rtt_ms", v.rtt_ms, r.rtt_ms, (what.busy ? 6 : 3) * some},
+        {"silent_part", v.silent, r.silent, 0.05 + 4 * paused},
+    };
+    const auto tell = [&](const char* metric, const std::string& values, bool agrees) {
+      std::printf("stress,%s,%s,%g,%g,%g,%g,%d,%s,%s,%s\n", what.hand,
+                  std::string(control::method_name(what.method)).c_str(), what.rtt_ms, what.jitter_ms,
+                  what.loss, what.outage_ms, what.busy ? 1 : 0, metric, values.c_str(),
+                  agrees ? "yes" : "no");
+      all = all && agrees;
+    };
+    for (const Line& line : lines)
+      tell(line.metric, fmt::format("{:.4g},{:.4g},{:.3g}", line.in_virtual, line.in_real, line.bound),
+           std::fabs(line.in_real - line.in_virtual) <= line.bound);
+    // A late tick may overdraw once by |F|·v·(k − 1)·T, v the hand's fastest.
+    const double promised_mj = 1e3 * (what.method == control::Method::kTank ? 2 : 1) * kAllowanceJ;
+    const double late_mj = r.peak_n * 0.5 * r.pause_ms;
+    tell("promise_mj",
+         fmt::format("{:.4g},{:.4g},{:.3g}", v.extracted_mj, r.extracted_mj, promised_mj + late_mj),
+         r.extracted_mj <= promised_mj + late_mj && v.extracted_mj <= promised_mj);
+    tell(
+        "invariants",
+        fmt::format("{},{},none", v.broken.empty() ? "none" : v.broken, r.broken.empty() ? "none" : r.broken),
+        v.broken.empty() && r.broken.empty());
+    std::fprintf(stderr, "stress: %s, %s: the station waited for at most %.1f ms for its tick%s\n", what.hand,
+                 std::string(control::method_name(what.method)).c_str(), r.pause_ms,
+                 steady ? "" : ": bounds four times as wide");
+    std::fflush(stdout);
+  }
+  return all ? 0 : 1;
+}
+
+}  // namespace telenano::studies::stress

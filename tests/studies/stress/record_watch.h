@@ -1,0 +1,82 @@
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <utility>
+
+#include "telenano/common/base/vec3.h"
+#include "telenano/common/recording/sample.h"
+#include "tests/studies/stress/run_spec.h"
+
+namespace telenano::studies::stress {
+
+/// Is a row what was? Held against where the hand truly stood when the tick began, the force that truly acts
+/// from then on, and against the ticks that there were.
+class RecordWatch {
+ public:
+  RecordWatch(double period_s, double quantum_m) : period_s_(period_s), quantum_m_(quantum_m) {}
+
+  /// `periods`: from this tick to the next one.
+  bool is_true(const recording::Sample& row, const Vec3& hand_pos_h_m, const Vec3& applied_h_n,
+               int periods) noexcept {
+    bool right = true;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const auto axis = static_cast<int>(i);
+      // An encoder shows the nearest of its steps; otherwise the same number.
+      right = right && std::fabs(row.hand_pos_h_m[i] - hand_pos_h_m[axis]) <= 0.5 * quantum_m_ * (1 + 1e-9);
+      right = right && row.hand_force_applied_h_n[i] == applied_h_n[axis];
+    }
+    if (last_tick_ >= 0)
+      right = right && row.tick == last_tick_ + 1 && std::fabs(row.time_s - due_s_) < 1e-9 + 0.01 * period_s_;
+    last_tick_ = row.tick;
+    due_s_ = row.time_s + periods * period_s_;
+    return right;
+  }
+
+ private:
+  double period_s_, quantum_m_;
+  std::int64_t last_tick_ = -1;
+  double due_s_ = 0;
+};
+
+/// A recorder that is wrong on purpose (mutants.h).
+class WrongRecorder {
+ public:
+  explicit WrongRecorder(Mutant mutant) noexcept : mutant_(mutant) {}
+  /// What it writes of a tick; null: nothing.
+  const recording::Sample* operator()(const recording::Sample& row) noexcept {
+    ++count_;
+    written_ = row;
+    switch (mutant_) {
+      case Mutant::kRecordLate:  // position and force of the tick before
+        if (count_ > 1) {
+          written_.hand_pos_h_m = last_.hand_pos_h_m;
+          written_.hand_force_applied_h_n = last_.hand_force_applied_h_n;
+        }
+        last_ = row;
+        break;
+      case Mutant::kRecordRendered:  // what the method wanted, before clamp and limits
+        written_.hand_force_applied_h_n = row.hand_force_rendered_h_n;
+        break;
+      case Mutant::kRecordGaps:
+        if (count_ % 500 == 0) return nullptr;
+        break;
+      case Mutant::kRecordSingle:
+        for (double& x : written_.hand_pos_h_m) x = static_cast<double>(static_cast<float>(x));
+        break;
+      case Mutant::kRecordSwapped:
+        std::swap(written_.hand_pos_h_m[0], written_.hand_pos_h_m[2]);
+        break;
+      default:
+        break;
+    }
+    return &written_;
+  }
+
+ private:
+  Mutant mutant_;
+  std::int64_t count_ = 0;
+  recording::Sample written_, last_;
+};
+
+}  // namespace telenano::studies::stress
