@@ -110,7 +110,8 @@ HelloVerdict ServerHandshake::on_hello(const Hello& hello, const PeerKey& peer, 
   if (context.draining) return refuse(RefuseReason::kShuttingDown, DropCause::kUnexpected);
   // What cannot be had costs the others none of the shared rate.
   const Opener opener{context.owner, party_of(peer, context.owner), context.rank};
-  if (!table.has_room(opener) || !has_place()) return refuse(RefuseReason::kFull, DropCause::kFull);
+  if (!context.has_time || !table.has_room(opener) || !has_place())
+    return refuse(RefuseReason::kFull, DropCause::kFull);
   if (!context.may_open || !party_openings_[opener.party % kPartyBuckets].take(now_ns) ||
       !openings_.take(now_ns))
     return drop(DropCause::kRateLimited);

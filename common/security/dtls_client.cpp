@@ -46,7 +46,9 @@ std::string alert_text(int alert, const std::string& who) {
     case SSL_AD_HANDSHAKE_FAILURE:
       return "the server and this station agree on no way of proving who they are: a server with --keys "
              "takes "
-             "--key, one with --cert takes --cert too, and both speak DTLS 1.2";
+             "--key, one that knows public keys (keys add) takes --identity, one with --cert takes --cert, "
+             "and both "
+             "speak DTLS 1.2";
     default:
       return "the server refuses " + who + " (" + SSL_alert_desc_string_long(alert) + ")";
   }
@@ -61,12 +63,15 @@ struct FreeSession {
 struct DtlsClient::Impl {
   Impl(const DtlsClientConfig& c, net::Datagram& w, const net::Address& to, const rt::Clock& time)
       : config(c),
-        context(make_context(false, c.key.has_value(), c.certificates)),
+        context(make_context(false, c.key.has_value(), c.certificates, c.identity)),
         wire(w),
         server(to),
         clock(time) {
-    if (config.key.has_value() == config.certificates.has_value())
-      throw UserError("a secure session needs either --key or --cert");
+    const int shown =
+        (config.key ? 1 : 0) + (config.certificates ? 1 : 0) + (config.identity.empty() ? 0 : 1);
+    if (shown != 1) throw UserError("a secure session needs one of --key, --identity and --cert");
+    if (!config.identity.empty())
+      SSL_CTX_set_verify(context.get(), SSL_CTX_get_verify_mode(context.get()), &Impl::on_server_key);
     SSL_CTX_set_app_data(context.get(), this);
     SSL_CTX_set_psk_client_callback(context.get(), &Impl::on_psk);
     if (config.connection_id) offer_connection_ids(context.get(), false);
@@ -86,6 +91,21 @@ struct DtlsClient::Impl {
     *std::copy(own.identity.begin(), own.identity.end(), identity) = '\0';
     std::copy(own.psk.bytes.begin(), own.psk.bytes.end(), key);
     return static_cast<unsigned>(Psk::kBytes);
+  }
+
+  // The server's certificate is signed by itself; its key must be the one that this station was told.
+  static int on_server_key(int, X509_STORE_CTX* store) {
+    const SSL* const ssl =
+        static_cast<SSL*>(X509_STORE_CTX_get_ex_data(store, SSL_get_ex_data_X509_STORE_CTX_idx()));
+    Impl& self = *static_cast<Impl*>(SSL_CTX_get_app_data(SSL_get_SSL_CTX(ssl)));
+    const bool leaf = X509_STORE_CTX_get_error_depth(store) == 0;
+    CertificateIdentity shown;
+    const bool good = leaf && identify(X509_STORE_CTX_get_current_cert(store), shown) &&
+                      std::any_of(self.config.server_keys.begin(), self.config.server_keys.end(),
+                                  [&](const std::string& key) { return key == shown.public_key.data(); });
+    if (leaf) self.server_key = shown.public_key;
+    X509_STORE_CTX_set_error(store, good || !leaf ? X509_V_OK : X509_V_ERR_CERT_REJECTED);
+    return good || !leaf ? 1 : 0;
   }
 
   // The certificate must name whom this station was told to talk to.
@@ -240,11 +260,13 @@ struct DtlsClient::Impl {
   }
 
   std::string who() const {
+    if (!config.identity.empty()) return "the public key of " + config.identity;
     return config.key ? "the key '" + config.key->identity + "'"
                       : "the certificate " + config.certificates->certificate;
   }
 
   DtlsClientConfig config;
+  std::array<char, 65> server_key{};  // that the server has shown last
   DtlsContext context;
   net::Datagram& wire;
   net::Address server;
@@ -288,6 +310,16 @@ bool DtlsClient::refused() const noexcept {
 }
 
 std::string DtlsClient::failure() const {
+  if (impl_->verify != X509_V_OK && !impl_->config.identity.empty()) {
+    return std::string("the server is not the one of --server-key, it shows sha256:") +
+           impl_->server_key.data() + "; ask whoever runs it: telenano-nve keys identity prints its key";
+  }
+  if (impl_->alert == SSL_AD_BAD_CERTIFICATE && !impl_->config.identity.empty()) {
+    return "the server does not know " + impl_->who() +
+           ": on the server's machine, telenano-nve keys list shows whom it knows and what has expired; "
+           "telenano-master "
+           "enroll prints the line that adds it";
+  }
   if (impl_->verify == X509_V_ERR_HOSTNAME_MISMATCH || impl_->verify == X509_V_ERR_IP_ADDRESS_MISMATCH) {
     return "the server's certificate is not for '" + impl_->config.server_name +
            "'; call the server by the name or address that its certificate has";

@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/rt/clock.h"
@@ -15,8 +16,11 @@ namespace telenano::security {
 
 struct DtlsClientConfig {
   std::optional<StationKey> key;                 ///< either this
-  std::optional<CertificateFiles> certificates;  ///< or these
-  std::string server_name;                       ///< host or address that the server's certificate must name
+  std::optional<CertificateFiles> certificates;  ///< or these,
+  std::string identity;  ///< or this file of the station's own key pair (identity_file.h), with
+  std::vector<std::string>
+      server_keys;          ///< the servers' public keys, 64 digits each, of which one must be shown
+  std::string server_name;  ///< host or address that the server's certificate must name
   /// Nothing from the server for so long while something is sent: the association may be gone, or this
   /// machine's address another one. A new one is made beside it. A little more than the session's own
   /// patience (200 ms), and once more after every failed attempt.

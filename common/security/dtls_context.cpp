@@ -68,7 +68,8 @@ std::string openssl_reason() {
   return text != nullptr ? text : "reason unknown";
 }
 
-DtlsContext make_context(bool server, bool use_psk, const std::optional<CertificateFiles>& files) {
+DtlsContext make_context(bool server, bool use_psk, const std::optional<CertificateFiles>& files,
+                         const std::string& identity) {
   DtlsContext context(SSL_CTX_new(server ? DTLS_server_method() : DTLS_client_method()));
   if (!context) throw RunError("DTLS cannot be set up: " + openssl_reason());
   SSL_CTX* const c = context.get();
@@ -79,7 +80,7 @@ DtlsContext make_context(bool server, bool use_psk, const std::optional<Certific
                              SSL_OP_NO_QUERY_MTU | SSL_OP_CIPHER_SERVER_PREFERENCE);
   std::string suites;
   if (use_psk) suites = kPskSuites;
-  if (files) suites += (suites.empty() ? "" : ":") + std::string(kCertificateSuites);
+  if (files || !identity.empty()) suites += (suites.empty() ? "" : ":") + std::string(kCertificateSuites);
   if (SSL_CTX_set_cipher_list(c, suites.c_str()) != 1)
     throw RunError("DTLS cannot be set up: this OpenSSL has none of " + suites);
   if (files) {
@@ -88,6 +89,7 @@ DtlsContext make_context(bool server, bool use_psk, const std::optional<Certific
       SSL_CTX_set_client_CA_list(c, SSL_load_client_CA_file(files->authority.c_str()));
     }
   }
+  if (!files && !identity.empty()) use_identity(c, identity, server ? "--keys" : "--identity");
   // A suite of pre-shared keys sends no certificates; every other one must have the peer's.
   SSL_CTX_set_verify(c, SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, nullptr);
   return context;
@@ -106,12 +108,22 @@ bool identify(X509* certificate, CertificateIdentity& identity) noexcept {
     std::copy_n(name.begin(), size_of_name, identity.name.begin());
   std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
   unsigned size = 0;
+  const auto write = [&](std::array<char, 65>& to) {
+    constexpr std::string_view kDigits = "0123456789abcdef";
+    for (std::size_t i = 0; i < 32; ++i) {
+      to[2 * i] = kDigits[digest[i] / 16];
+      to[2 * i + 1] = kDigits[digest[i] % 16];
+    }
+  };
   if (X509_digest(certificate, EVP_sha256(), digest.data(), &size) != 1 || size != 32) return false;
-  constexpr std::string_view kDigits = "0123456789abcdef";
-  for (std::size_t i = 0; i < size; ++i) {
-    identity.fingerprint[2 * i] = kDigits[digest[i] / 16];
-    identity.fingerprint[2 * i + 1] = kDigits[digest[i] % 16];
-  }
+  write(identity.fingerprint);
+  unsigned char* key = nullptr;
+  const int key_size = i2d_X509_PUBKEY(X509_get_X509_PUBKEY(certificate), &key);
+  const bool good = key_size > 0 && EVP_Digest(key, static_cast<std::size_t>(key_size), digest.data(), &size,
+                                               EVP_sha256(), nullptr) == 1;
+  OPENSSL_free(key);
+  if (!good || size != 32) return false;
+  write(identity.public_key);
   return true;
 }
 

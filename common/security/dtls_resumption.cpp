@@ -111,6 +111,12 @@ ListName name_of(const KeyList& list) noexcept {
     add(entry.name);
     add(entry.fingerprint);
   }
+  for (const PublicKeyEntry& entry : list.public_keys) {
+    add("public");
+    add(net::name(entry.rights));
+    add(entry.identity);
+    add(entry.public_key);
+  }
   for (const Issuer& issuer : list.issuers) {
     add("issuer");
     add(net::name(issuer.rights));

@@ -74,7 +74,7 @@ struct DtlsServer::Impl {
       : config(c),
         keys(std::make_unique<const KeyList>(std::move(k))),
         list_name(name_of(*keys)),
-        context(make_context(true, true, c.certificates)),
+        context(make_context(true, true, c.certificates, c.identity)),
         wire(w),
         clock(time),
         work(work_time != nullptr ? *work_time : thread_time),
@@ -192,10 +192,17 @@ struct DtlsServer::Impl {
     SSL* const ssl =
         static_cast<SSL*>(X509_STORE_CTX_get_ex_data(store, SSL_get_ex_data_X509_STORE_CTX_idx()));
     Impl& self = of(ssl);
-    if (good == 1 && X509_STORE_CTX_get_error_depth(store) == 0) {
+    if (X509_STORE_CTX_get_error_depth(store) == 0) {
       CertificateIdentity identity;
-      if (!identify(X509_STORE_CTX_get_current_cert(store), identity) ||
-          self.keys->find_certificate(identity.name.data(), identity.fingerprint.data()) == nullptr) {
+      const bool known = identify(X509_STORE_CTX_get_current_cert(store), identity);
+      // Known by its key, whoever has signed it and whenever; that the peer has the key, the handshake proves.
+      if (known && self.keys->find_public_key(identity.public_key.data()) != nullptr) {
+        X509_STORE_CTX_set_error(store, X509_V_OK);
+        return 1;
+      }
+      if (!known || !self.config.certificates ||
+          (good == 1 &&
+           self.keys->find_certificate(identity.name.data(), identity.fingerprint.data()) == nullptr)) {
         X509_STORE_CTX_set_error(store, X509_V_ERR_CERT_REJECTED);
         good = 0;
       }
@@ -212,6 +219,14 @@ struct DtlsServer::Impl {
     if (X509* const certificate = SSL_get0_peer_certificate(ssl)) {
       CertificateIdentity identity;
       if (!identify(certificate, identity)) return false;
+      if (const PublicKeyEntry* const known = keys->find_public_key(identity.public_key.data())) {
+        std::copy_n(known->identity.begin(), std::min(known->identity.size(), peer.identity.size() - 1),
+                    peer.identity.begin());
+        peer.rights = known->rights;
+        peer.number = identity_number('p', known->identity);
+        return true;
+      }
+      if (!config.certificates) return false;
       const CertificateEntry* const entry =
           keys->find_certificate(identity.name.data(), identity.fingerprint.data());
       if (entry == nullptr) return false;
@@ -263,7 +278,8 @@ struct DtlsServer::Impl {
         continue;
       }
       const net::Rights rights = peer.rights;
-      const std::optional<Grant> before = grant_of(*old, peer.identity.data());
+      const bool by_name = SSL_get0_peer_certificate(peer.channel->ssl()) == nullptr;
+      const std::optional<Grant> before = by_name ? grant_of(*old, peer.identity.data()) : std::nullopt;
       const std::optional<Grant> after = grant_of(*keys, peer.identity.data());
       const bool same_key = !before || (after && equal(before->psk, after->psk));
       if (find_identity(peer) && same_key && peer.rights == rights) continue;

@@ -19,6 +19,8 @@ namespace telenano::security {
 
 struct DtlsServerConfig {
   std::optional<CertificateFiles> certificates;  ///< left out: pre-shared keys only
+  std::string
+      identity;  ///< file of the server's own key pair (identity_file.h); used without certificates; "": none
   std::size_t capacity = 128;  ///< associations at once, those under way included; 1 … 16384
   /// Of several that serve one port: which, by the order in which their sockets were bound. Where the kernel
   /// cannot be told by it whom a datagram is for (net::Udp::steer), `connection_ids` must be false.
@@ -80,8 +82,8 @@ class DtlsServer final : public net::Datagram {
   const SecurityCounters& counters() const noexcept;
   std::size_t established() const noexcept;  ///< associations
   std::size_t under_way() const noexcept;    ///< handshakes
-  /// Identity of the peer at an address ("" if none): a key's identity, a certificate's common name or its
-  /// fingerprint.
+  /// Identity of the peer at an address ("" if none): a key's or public key's identity, a certificate's common
+  /// name or its fingerprint.
   const char* identity(const net::Address& address) const noexcept;
 
  private:

@@ -12,6 +12,7 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/utc_time.h"
 #include "telenano/common/config/edit_distance.h"
+#include "telenano/common/security/identity_file.h"
 #include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
@@ -50,6 +51,7 @@ void add_key(KeyList list, const KeyEntry& entry, const std::string& list_path,
   for (const auto& entry : list.keys) known.push_back(entry.identity);
   for (const auto& entry : list.certificates) known.push_back(entry.name);
   for (const auto& issuer : list.issuers) known.push_back(issuer.name);
+  for (const auto& entry : list.public_keys) known.push_back(entry.identity);
   const std::string near = config::nearest_name(identity, known);
   throw UserError("--keys " + list_path + ": has no " + what + " '" + identity + "'" +
                   (near.empty() ? "; see telenano-nve keys list" : "; did you mean '" + near + "'?"));
@@ -111,6 +113,55 @@ std::string adopt_issuer(const std::string& list_path, const std::string& issuer
   return issuer.name;
 }
 
+std::string server_identity_path(const std::string& list_path) {
+  const auto slash = list_path.rfind('/');
+  return (slash == std::string::npos ? "" : list_path.substr(0, slash + 1)) + "server.id";
+}
+
+std::string server_identity(const std::string& list_path, bool& made) {
+  const std::string path = server_identity_path(list_path);
+  made = !exists(path);
+  return made ? create_identity(path, "--keys") : read_identity_name(path, "--keys");
+}
+
+net::Rights add_public_key(const std::string& list_path, const std::string& identity,
+                           const std::string& public_key, std::optional<net::Rights> rights,
+                           std::optional<std::int64_t> expires_s, std::optional<std::int64_t> old_expires_s) {
+  if (!is_identity(identity)) {
+    throw UserError("key '" + identity +
+                    "': expected a name of 1 to 64 letters, digits, dots, dashes and underscores");
+  }
+  PublicKeyEntry entry{identity, public_key_digits(public_key), net::Rights::kOperate, expires_s};
+  if (entry.public_key.empty()) {
+    throw UserError("--public '" + public_key +
+                    "': expected \"sha256:\" and 64 lower-case hexadecimal digits, as telenano-master enroll "
+                    "prints them");
+  }
+  const PrivateFileLock lock(list_path, "--keys");
+  KeyList list;
+  if (exists(list_path)) list = load_key_list(list_path);
+  if (const PublicKeyEntry* const same = list.find_public_key(entry.public_key)) {
+    throw UserError("--keys " + list_path + ": has this public key already, as '" + same->identity + "'");
+  }
+  for (PublicKeyEntry& old : list.public_keys) {
+    if (old.identity != identity) continue;
+    if (!old_expires_s) {
+      throw UserError("--keys " + list_path + ": has a public key of '" + identity +
+                      "' already; let both in for a while with --overlap-days, or revoke it first");
+    }
+    entry.rights = old.rights;
+    old.expires_s = std::min(old.expires_s.value_or(*old_expires_s), *old_expires_s);
+  }
+  entry.rights = rights.value_or(entry.rights);
+  for (PublicKeyEntry& old : list.public_keys) {
+    if (old.identity == identity) old.rights = entry.rights;  // one station, one right
+  }
+  const net::Rights given = entry.rights;
+  list.public_keys.push_back(std::move(entry));
+  replace_private_file(list_path, key_list_text(list), "--keys");
+  return given;
+}
+
 std::string next_identity(const KeyList& list, const std::string& identity) {
   std::string base = identity;
   unsigned number = 2;
@@ -160,6 +211,10 @@ void revoke_key(const std::string& list_path, const std::string& identity) {
                     [&](const CertificateEntry& entry) {
                       return entry.name == identity || entry.fingerprint == identity;
                     }) +
+      std::erase_if(list.public_keys,
+                    [&](const PublicKeyEntry& entry) {
+                      return entry.identity == identity || entry.public_key == public_key_digits(identity);
+                    }) +
       std::erase_if(list.issuers, [&](const Issuer& issuer) { return issuer.name == identity; });
   if (removed == 0) refuse_unknown(list, list_path, identity, "key, certificate or issuer");
   replace_private_file(list_path, key_list_text(list), "--keys");
@@ -175,6 +230,8 @@ std::string list_keys(const std::string& list_path) {
   for (const auto& entry : list.keys) line("psk", entry.identity, entry);
   for (const auto& entry : list.certificates)
     line("certificate", entry.name.empty() ? "sha256:" + entry.fingerprint : entry.name, entry);
+  for (const auto& entry : list.public_keys)
+    line("public", entry.identity + " sha256:" + entry.public_key, entry);
   for (const auto& issuer : list.issuers)
     csv += "issuer," + issuer.name + "," + std::string(net::name(issuer.rights)) + ",\n";
   return csv;

@@ -36,7 +36,20 @@ void new_issuer(const std::string& list_path, const std::string& name, net::Righ
 /// The same issuer for another server: from a file that new_issuer has written. Returns its name.
 std::string adopt_issuer(const std::string& list_path, const std::string& issuer_path);
 
-/// Takes a key (by its identity), a certificate (by name or fingerprint) or an issuer (by name) off the list.
+/// What a server is known by to stations with a public key: `server.id` beside its list.
+std::string server_identity_path(const std::string& list_path);
+/// Its name ("sha256:…"); made, where there is none yet. `made`: it was.
+std::string server_identity(const std::string& list_path, bool& made);
+
+/// Lets a station in by its public key (identity_file.h), of which the server holds no secret. Where the list has
+/// that name already, the station gets a second pair beside the first, with the same rights: all earlier ones end
+/// at `old_expires_s`, or sooner if they did; left out: UserError. `rights` left out: those that it had, or to
+/// operate. Returns the rights.
+net::Rights add_public_key(const std::string& list_path, const std::string& identity,
+                           const std::string& public_key, std::optional<net::Rights> rights,
+                           std::optional<std::int64_t> expires_s, std::optional<std::int64_t> old_expires_s);
+
+/// Takes a key (by its identity), a public key (by name, or "sha256:…" for one of several), a certificate (by name or fingerprint) or an issuer (by name) off the list.
 /// Throws UserError, with the nearest name, if there is no such one.
 void revoke_key(const std::string& list_path, const std::string& identity);
 

@@ -10,6 +10,7 @@
 #include "telenano/common/config/toml_document.h"
 #include "telenano/common/link/siphash.h"
 #include "telenano/common/security/connect_token.h"
+#include "telenano/common/security/identity_file.h"
 #include "telenano/common/security/private_file.h"
 
 namespace telenano::security {
@@ -96,6 +97,19 @@ CertificateEntry read_certificate(const TomlTable& table) {
   return entry;
 }
 
+PublicKeyEntry read_public_key(const TomlTable& table) {
+  PublicKeyEntry entry;
+  entry.identity = read_identity(table);
+  entry.public_key = public_key_digits(table.text("key"));
+  if (entry.public_key.empty())
+    table.fail(
+        "key",
+        "expected \"sha256:\" and 64 lower-case hexadecimal digits, as telenano-master enroll prints them");
+  entry.rights = read_rights(table);
+  entry.expires_s = read_expiry(table);
+  return entry;
+}
+
 Issuer read_issuer(const TomlTable& table) {
   Issuer issuer;
   issuer.name = table.text("name");
@@ -112,6 +126,12 @@ std::string issuer_lines(const Issuer& issuer) {
 }
 
 }  // namespace
+
+std::string public_key_digits(std::string_view name) {
+  constexpr std::string_view kHash = "sha256:";
+  if (name.starts_with(kHash)) name.remove_prefix(kHash.size());
+  return is_fingerprint(name) ? std::string(name) : std::string();
+}
 
 Psk::~Psk() {
   ::explicit_bzero(bytes.data(), bytes.size());
@@ -208,11 +228,19 @@ const CertificateEntry* KeyList::find_certificate(std::string_view name,
   return by_name;
 }
 
+const PublicKeyEntry* KeyList::find_public_key(std::string_view public_key) const noexcept {
+  const auto found = std::find_if(public_keys.begin(), public_keys.end(), [&](const PublicKeyEntry& entry) {
+    return entry.public_key == public_key;
+  });
+  return found == public_keys.end() ? nullptr : &*found;
+}
+
 KeyList KeyList::in_force(std::int64_t now_s) const {
   KeyList list = *this;
   const auto expired = [now_s](const auto& entry) { return entry.expires_s && *entry.expires_s <= now_s; };
   std::erase_if(list.keys, expired);
   std::erase_if(list.certificates, expired);
+  std::erase_if(list.public_keys, expired);
   return list;
 }
 
@@ -226,6 +254,7 @@ std::optional<std::int64_t> KeyList::next_expiry_s(std::int64_t now_s) const noe
   };
   look(keys);
   look(certificates);
+  look(public_keys);
   return next_s;
 }
 
@@ -256,6 +285,11 @@ KeyList parse_key_list(std::string content, const std::string& name) {
     if (list.find_issuer(issuer.name) != nullptr) table.fail("name", "'" + issuer.name + "' comes twice");
     list.issuers.push_back(std::move(issuer));
   }
+  for (const TomlTable& table : document.root().tables("public")) {
+    PublicKeyEntry entry = read_public_key(table);
+    if (list.find_public_key(entry.public_key) != nullptr) table.fail("key", "comes twice");
+    list.public_keys.push_back(std::move(entry));
+  }
   document.finish();
   return list;
 }
@@ -273,6 +307,10 @@ std::string key_list_text(const KeyList& list) {
   for (const CertificateEntry& entry : list.certificates) {
     text += "\n[[certificate]]\n" +
             (entry.name.empty() ? "fingerprint = \"" + entry.fingerprint : "name = \"" + entry.name) +
+            "\"\nrights = \"" + std::string(net::name(entry.rights)) + "\"\n" + expiry_line(entry.expires_s);
+  }
+  for (const PublicKeyEntry& entry : list.public_keys) {
+    text += "\n[[public]]\nidentity = \"" + entry.identity + "\"\nkey = \"sha256:" + entry.public_key +
             "\"\nrights = \"" + std::string(net::name(entry.rights)) + "\"\n" + expiry_line(entry.expires_s);
   }
   for (const Issuer& issuer : list.issuers) text += "\n[[issuer]]\n" + issuer_lines(issuer);

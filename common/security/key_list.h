@@ -59,6 +59,15 @@ struct CertificateEntry {
   std::optional<std::int64_t> expires_s{};  ///< as for a key; the certificate's own end counts besides
 };
 
+/// A station that holds a key pair of its own (identity_file.h), known by its public key. Two entries of one name
+/// are one station that changes over from one pair to the next.
+struct PublicKeyEntry {
+  std::string identity;
+  std::string public_key;  ///< 64 lower-case hexadecimal digits
+  net::Rights rights = net::Rights::kOperate;
+  std::optional<std::int64_t> expires_s{};  ///< as for a key
+};
+
 /// Who may make connect tokens for this server without asking it (connect_token.h).
 struct Issuer {
   std::string name;  ///< is_issuer_name()
@@ -80,17 +89,22 @@ struct KeyList {
   std::vector<KeyEntry> keys;
   std::vector<CertificateEntry> certificates;
   std::vector<Issuer> issuers;
+  std::vector<PublicKeyEntry> public_keys;
 
   /// By a key of the list, or by a token that one of its issuers has made, expired or not. Throws what the
   /// hash throws where there is no memory.
   std::optional<Grant> find_grant(std::string_view identity) const;
   const Issuer* find_issuer(std::string_view name) const noexcept;
-  bool empty() const noexcept { return keys.empty() && certificates.empty() && issuers.empty(); }
+  bool empty() const noexcept {
+    return keys.empty() && certificates.empty() && issuers.empty() && public_keys.empty();
+  }
 
   const KeyEntry* find_key(std::string_view identity) const noexcept;
   /// A fingerprint wins over a name.
   const CertificateEntry* find_certificate(std::string_view name,
                                            std::string_view fingerprint) const noexcept;
+
+  const PublicKeyEntry* find_public_key(std::string_view public_key) const noexcept;
 
   /// What is in force at `now_s` (Unix time): without what has expired.
   KeyList in_force(std::int64_t now_s) const;
@@ -100,12 +114,13 @@ struct KeyList {
 
 /// Reads the list: TOML with tables [[key]] (identity, psk, rights) and [[certificate]] (name or fingerprint,
 /// rights), and in each `expires` where it ends ("2027-01-31T12:00:00Z"), and [[issuer]] (name, secret,
-/// rights). Also gives what has expired. Throws UserError as load_station_key.
+/// rights), and [[public]] (identity, key, rights). Also gives what has expired. Throws UserError as load_station_key.
 KeyList load_key_list(const std::string& path);
 KeyList parse_key_list(std::string content, const std::string& name);
 std::string key_list_text(const KeyList& list);
 
-/// net::Standing::identity of a key ('k') or a certificate ('c', its listed name or fingerprint); never 0.
+/// net::Standing::identity of a key ('k'), a certificate ('c', its listed name or fingerprint) or a public key
+/// ('p', the station's name, whichever of its pairs it shows); never 0.
 /// The names are those of the list, so that nobody can choose one that collides.
 std::uint64_t identity_number(char kind, std::string_view identity) noexcept;
 

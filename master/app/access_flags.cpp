@@ -24,6 +24,15 @@ void add_access_flags(CLI::App& command, connection::ServerAccess& access) {
   command.add_option("--key", access.key, "Key file of this station, for an encrypted session")
       ->type_name("FILE");
   command
+      .add_option("--identity", access.identity,
+                  "This station's own key pair (telenano-master enroll), instead of --key; with --server-key")
+      ->type_name("FILE");
+  command
+      .add_option(
+          "--server-key", access.server_key,
+          "The server's public key, as telenano-nve keys identity prints it; of several servers with commas")
+      ->type_name("sha256:HEX");
+  command
       .add_option("--cert", access.certificate,
                   "Certificate of this station (PEM), instead of --key; with --cert-key and --ca")
       ->type_name("FILE");

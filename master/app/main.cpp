@@ -5,6 +5,7 @@
 #include "telenano/common/config/program.h"
 #include "telenano/master/app/devices/calibrate_command.h"
 #include "telenano/master/app/devices/devices_command.h"
+#include "telenano/master/app/enroll_command.h"
 #include "telenano/master/app/plan/plan_command.h"
 #include "telenano/master/app/recordings/export_command.h"
 #include "telenano/master/app/recordings/recover_command.h"
@@ -27,6 +28,7 @@ int main(int argc, char** argv) {
   telenano::app::add_plan_command(app);
   telenano::app::add_devices_command(app);
   telenano::app::add_calibrate_command(app);
+  telenano::app::add_enroll_command(app);
   telenano::app::add_recover_command(app);
   telenano::app::add_export_command(app);
   return telenano::config::run_program(app, argc, argv, exit_code);

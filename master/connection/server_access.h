@@ -8,7 +8,9 @@ namespace telenano::connection {
 struct ServerAccess {
   std::string server = "127.0.0.1:5100";  ///< "HOST:PORT"; an IPv6 address in brackets. ServerList: several
   std::string token;                      ///< a connect token's file, whose servers `server` then names; or
-  std::string key;                        ///< the station's key file; or the next three
+  std::string key;                        ///< the station's key file; or
+  std::string identity;                   ///< the station's own key pair, with
+  std::string server_key;                 ///< what the servers show: "sha256:…", several with commas; or
   std::string certificate;
   std::string certificate_key;
   std::string authority;

@@ -7,12 +7,15 @@
 #include "telenano/common/base/error.h"
 #include "telenano/common/link/messages.h"
 #include "telenano/common/security/connect_token.h"
+#include "telenano/common/security/identity_file.h"
+#include "telenano/master/connection/server_list.h"
 
 namespace telenano::connection {
 namespace {
 
 bool wants_security(const ServerAccess& options) {
-  return !options.token.empty() || !options.key.empty() || !options.certificate.empty();
+  return !options.token.empty() || !options.key.empty() || !options.identity.empty() ||
+         !options.certificate.empty();
 }
 
 bool wants_key(const ServerAccess& options) {
@@ -33,10 +36,18 @@ void check_flags(const ServerAccess& options, const net::Address& server) {
   if (any && !options.key.empty()) throw UserError("--key and --cert: give one of them");
   if (!options.token.empty() && (any || !options.key.empty()))
     throw UserError("--token holds a key: leave out --key and --cert");
+  if (options.identity.empty() != options.server_key.empty()) {
+    throw UserError(
+        "--identity and --server-key go together: telenano-nve keys add prints both when it lets this "
+        "station in");
+  }
+  if (!options.identity.empty() && (any || !options.key.empty() || !options.token.empty()))
+    throw UserError("--identity: leave out --key, --token and --cert");
   if (!net::is_loopback(server) && !wants_security(options)) {
     throw UserError(fmt::format(
         "--server {}: off loopback sessions are encrypted; give --key FILE (telenano-nve keys new makes "
-        "one on the server's machine), --token FILE, or --cert, --cert-key and --ca",
+        "one on the server's machine), --identity FILE and --server-key, --token FILE, or --cert, --cert-key "
+        "and --ca",
         options.server));
   }
 }
@@ -45,6 +56,21 @@ void check_flags(const ServerAccess& options, const net::Address& server) {
 std::string host_of(const std::string& server) {
   const std::string host = server.substr(0, server.rfind(':'));
   return host.size() >= 2 && host.front() == '[' ? host.substr(1, host.size() - 2) : host;
+}
+
+/// "sha256:…,sha256:…": the digits of each.
+std::vector<std::string> server_keys(const std::string& list) {
+  std::vector<std::string> keys;
+  for (const std::string& name : server_names(list, "--server-key", "sha256:HEX,sha256:HEX")) {
+    keys.push_back(security::public_key_digits(name));
+    if (keys.back().empty()) {
+      throw UserError(
+          fmt::format("--server-key '{}': expected \"sha256:\" and 64 lower-case hexadecimal digits, as "
+                      "telenano-nve keys identity prints them",
+                      name));
+    }
+  }
+  return keys;
 }
 
 net::Udp open_socket(const ServerAccess& options, const net::Address& server) {
@@ -61,10 +87,14 @@ ServerLink::ServerLink(const ServerAccess& options, const net::Address& server)
   if (!wants_security(options)) return;
   security::DtlsClientConfig config;
   config.server_name = host_of(options.server);
-  if (wants_key(options))
+  if (wants_key(options)) {
     config.key = key_of(options);
-  else
+  } else if (!options.identity.empty()) {
+    config.identity = options.identity;
+    config.server_keys = server_keys(options.server_key);
+  } else {
     config.certificates = {options.certificate, options.certificate_key, options.authority};
+  }
   dtls_ = std::make_unique<security::DtlsClient>(config, socket_, server, clock_);
 }
 
@@ -101,7 +131,8 @@ std::string ServerLink::advice(const std::string& server) const {
   }
   return fmt::format(
       "silence: is {} running there{}, and does every firewall on the way let UDP port {} through?", start,
-      dtls_ ? "" : " (one with --keys asks for --key here)", port);
+      dtls_ ? "" : " (one with --keys asks for --key here, one with --local-users for a user whom it names)",
+      port);
 }
 
 void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& stop) {
@@ -127,6 +158,7 @@ void ServerLink::secure(const ServerAccess& options, const std::atomic<bool>& st
 
 std::string describe_security(const ServerAccess& options) {
   if (wants_key(options)) return "DTLS 1.2, key " + key_of(options).identity;
+  if (!options.identity.empty()) return "DTLS 1.2, public key of " + options.identity;
   if (!options.certificate.empty()) return "DTLS 1.2, certificate " + options.certificate;
   return "none";
 }

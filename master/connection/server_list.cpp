@@ -8,13 +8,13 @@
 
 namespace telenano::connection {
 
-std::vector<std::string> server_names(const std::string& list) {
+std::vector<std::string> server_names(const std::string& list, const char* flag, const char* expected) {
   std::vector<std::string> names;
   for (std::size_t from = 0; from <= list.size();) {
     const std::size_t comma = std::min(list.find(',', from), list.size());
     names.push_back(list.substr(from, comma - from));
     if (names.back().empty())
-      throw UserError(fmt::format("--server '{}': a place is empty; give HOST:PORT,HOST:PORT", list));
+      throw UserError(fmt::format("{} '{}': a place is empty; give {}", flag, list, expected));
     from = comma + 1;
   }
   return names;

@@ -12,7 +12,8 @@
 namespace telenano::connection {
 
 /// "A,B" → "A", "B". Throws UserError for an empty place.
-std::vector<std::string> server_names(const std::string& list);
+std::vector<std::string> server_names(const std::string& list, const char* flag = "--server",
+                                      const char* expected = "HOST:PORT,HOST:PORT");
 
 /// The servers that a station may have its session with, in the order in which it asks them: after the last
 /// comes the first. One of them is the current one. As a Datagram it is the way to that one, whichever it is,

@@ -197,8 +197,19 @@ bool Station::change_companding(const control::CompandingConfig& companding) noe
   return true;
 }
 
+/// Where the hand's motion goes on. A server that has not executed all of a log which goes on stands where its
+/// newest executed step led; the others come to it again, and then it stands where they lead. An anchor at the
+/// former place would be a step back of the tip, and one of the force.
+Vec3 Station::session_start_w_nm(const link::Welcome& welcome) const noexcept {
+  const link::StepReport& steps = welcome.steps;
+  const bool goes_on = (welcome.feature_bits & link::kFeatureStepLog) != 0 &&
+                       (welcome.feature_bits & link::kFeatureSharing) == 0 && welcome.epoch == epoch_ &&
+                       steps.executed < newest_step_ && steps.breaks <= step_breaks_;
+  return goes_on ? last_step_w_nm_ : welcome.start_pos_w_nm;
+}
+
 void Station::begin_session(const link::Welcome& welcome, bool known_account) noexcept {
-  mapping_.begin(welcome.start_pos_w_nm, welcome.workspace_min_w_nm, welcome.workspace_max_w_nm);
+  mapping_.begin(session_start_w_nm(welcome), welcome.workspace_min_w_nm, welcome.workspace_max_w_nm);
   last_target_w_nm_ = mapping_.target_w_nm();
   has_reply_ = false;  // the last force may only fade until the new session answers
   newest_sequence_ = 0;
@@ -206,6 +217,8 @@ void Station::begin_session(const link::Welcome& welcome, bool known_account) no
   const bool new_epoch = welcome.epoch != epoch_;
   epoch_ = welcome.epoch;
   features_ = welcome.feature_bits;
+  if (new_epoch || welcome.steps.executed > newest_step_) newest_step_ = welcome.steps.executed;
+  step_breaks_ = welcome.steps.breaks;
   if (new_epoch) slave_sums_.reset();
   if (new_epoch && !known_account) slave_sums_.begin_with_next();
   scales_.begin_session(new_epoch);
@@ -331,6 +344,7 @@ void Station::accept_reply(const StationInput& input) noexcept {
       if (shares_tip()) hear_who_holds(reply_.tip);
       hear_whether_tip_is_up();
       has_reply_ = true;
+      if (logs_steps()) step_breaks_ = std::max(step_breaks_, reply_.steps.breaks);
       last_reply_ns_ = input.time_ns;
       stale_s_ = 0;
       bump_ahead_ = bump_ahead_ || resumes;
@@ -537,6 +551,8 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
   output.has_step = true;
   output.step = link::logged_step(mapping_.target_w_nm(), command_flags(input), step_dt_s);
   output.step.hold = tip_hold_;
+  newest_step_ = input.next_step;
+  last_step_w_nm_ = link::target_w_nm(output.step);
   if (!twin_) return;
   if (input.snapshot != nullptr) {
     const link::SnapshotFetch& state = *input.snapshot;

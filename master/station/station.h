@@ -168,6 +168,7 @@ class Station {
 
  private:
   control::Method usable(control::Method wanted) const noexcept;
+  Vec3 session_start_w_nm(const link::Welcome& welcome) const noexcept;
   bool logs_steps() const noexcept { return (features_ & link::kFeatureStepLog) != 0; }
   bool shows_twin() const noexcept {
     return twin_ && twin_->on() && methods_.method() == control::Method::kTwin;
@@ -211,6 +212,9 @@ class Station {
   control::Methods methods_;
   std::uint64_t features_ = 0;  // of the session
   std::unique_ptr<TwinRun> twin_;
+  std::uint64_t newest_step_ = 0;       // of the log, where there is one,
+  Vec3 last_step_w_nm_ = Vec3::Zero();  // and its target
+  std::uint32_t step_breaks_ = 0;       // in the log, as the server has said last
   std::uint32_t epoch_ = 0;
   std::uint64_t scene_hash_ = 0;
   bool has_scene_ = false;

@@ -161,6 +161,7 @@ Server::Server(const ServerConfig& config, ServedScene scene)
       is_behind_(table_.capacity(), 0),
       holder_(table_.capacity()),
       search_(config.mail, config.worker),
+      load_(config.load_most),
       openings_(config.openings_share, kOpeningBurstNs),
       party_openings_(kPartyOpenings, {config.openings_share *
                                            std::min(1.0, config.openings_per_party_s / config.openings_per_s),
@@ -415,6 +416,30 @@ void Server::move_by_log(std::size_t slot, const link::Command& command, std::in
   tip.at_rest = false;
 }
 
+/// What a stall of the network has kept back comes at once: a second of it.
+void Server::begin_rate(std::size_t slot) noexcept {
+  constexpr double kBurst_s = 1;
+  constexpr double kBurstLeast = 64;
+  const double rate_hz = table_[slot].rate_hz;
+  records_[slot].commands =
+      link::TokenBucket(config_.rate_slack * rate_hz, std::max(kBurstLeast, kBurst_s * rate_hz));
+}
+
+/// Only its own station's commands count. One that is beyond is as lost as by the network.
+bool Server::within_rate(std::size_t slot, const net::Address& from, std::int64_t now_ns) noexcept {
+  if (config_.rate_slack <= 0 || slot == link::SessionTable::kNone) return true;
+  const link::Session& session = table_[slot];
+  const bool own = link::is_same_peer(session.peer, peer_key(from)) && session.owner == standing_.identity;
+  return !own || records_[slot].commands.take(now_ns);
+}
+
+double Server::active_hz() const noexcept {
+  double sum = 0;
+  for (std::size_t slot = 0; slot < table_.capacity(); ++slot)
+    sum += table_[slot].state == link::SlotState::kActive ? table_[slot].rate_hz : 0;
+  return sum;
+}
+
 std::uint64_t Server::party_of(const net::Address& from, std::uint64_t owner) const noexcept {
   return handshake_.party_of(peer_key(from), owner);
 }
@@ -431,6 +456,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   context.shutting_down = shutting_down_;
   context.draining = draining_;
   OpeningBudget& party = party_opening(from, standing);
+  context.has_time = config_.load_most <= 0 || load_.admits(active_hz(), hello.rate_hz);
   context.may_open = openings_.allows(now_ns) && party.allows(now_ns);
   context.address_proven = standing.address_proven;
   context.owner = standing.identity;
@@ -503,6 +529,7 @@ std::size_t Server::on_hello(const link::Hello& hello, const net::Address& from,
   if (verdict.kind != Kind::kAgain)
     audit(verdict.kind == Kind::kOpen ? AuditEvent::Kind::kOpened : AuditEvent::Kind::kResumed, verdict.slot,
           now_ns);
+  if (verdict.kind != Kind::kAgain) begin_rate(verdict.slot);
   if (verdict.kind != Kind::kAgain)
     records_[verdict.slot].scene_chunks = link::TokenBucket(config_.scene_chunks_per_s, kSceneBurst);
   return welcome(verdict.slot, hello.nonce, out);
@@ -642,6 +669,7 @@ std::size_t Server::on_command(const link::Command& command, const net::Address&
                                std::span<std::uint8_t> out, const rt::Clock* clock) noexcept {
   std::size_t slot = link::SessionTable::kNone;
   const std::size_t of = table_.find(command.session_id);
+  if (!within_rate(of, from, now_ns)) return drop(DropCause::kRateLimited);
   const bool logs = of != link::SessionTable::kNone && logs_steps(table_[of]);
   if (!logs && (incoming_.steps.count > 0 || command.control.method == link::kMethodTwin) &&
       of != link::SessionTable::kNone)

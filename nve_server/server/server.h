@@ -17,6 +17,7 @@
 #include "telenano/common/rt/clock.h"
 #include "telenano/nve_server/server/audit.h"
 #include "telenano/nve_server/server/checkpoint_queue.h"
+#include "telenano/nve_server/server/load_estimate.h"
 #include "telenano/nve_server/server/opening_budget.h"
 #include "telenano/nve_server/server/port_account.h"
 #include "telenano/nve_server/server/port_control.h"
@@ -80,6 +81,12 @@ struct ServerConfig {
   double scene_chunks_per_s = 2000;
   double scene_chunks_all_per_s = 10000;
   WorkBounds work;
+  /// A session's commands come at the rate of its Hello: what comes faster in the long run is dropped. Times that
+  /// rate, so that no clock's drift matters; 0: not looked at.
+  double rate_slack = 0;
+  /// Of the loop's time, for the exchanges of all sessions at their rates: a session that would bring them beyond is
+  /// refused (LoadEstimate). 0: not looked at.
+  double load_most = 0;
   double step_max_s = 0.1;  ///< longest time step given to a slave, whatever the command's times say
 
   /// One of several workers that serve one address, each with a Server in a thread of its own: all with the
@@ -155,6 +162,10 @@ class Server {
   /// ServerConfig::steps_at_once from the next datagram on; 0: logged steps wait. For who replays a session,
   /// and knows what each datagram had executed.
   void set_steps_at_once(std::size_t most) noexcept { config_.steps_at_once = most; }
+
+  /// So many commands were answered in so much processor time of the loop.
+  void note_load(std::int64_t taken_ns, std::uint64_t exchanges) noexcept { load_.note(taken_ns, exchanges); }
+  const LoadEstimate& load() const noexcept { return load_; }
 
   /// Executes logged steps that waited, of one session, as far as it may now. True: look at the sockets and
   /// call it again; false: none may be made at present.
@@ -240,6 +251,9 @@ class Server {
     WorkBudget work;
   };
   PartyWork& party_work(std::size_t slot) noexcept;
+  bool within_rate(std::size_t slot, const net::Address& from, std::int64_t now_ns) noexcept;
+  void begin_rate(std::size_t slot) noexcept;
+  double active_hz() const noexcept;
   double work_left(std::size_t slot, std::int64_t now_ns) noexcept;
   void take_work(std::size_t slot, double work) noexcept;
   std::size_t on_snapshot_request(const link::SnapshotRequest& request, const net::Address& from,
@@ -276,6 +290,7 @@ class Server {
   std::size_t next_checkpoint_ = 0;  ///< slot that is looked at next
   std::size_t next_hand_out_ = 0;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
+  LoadEstimate load_;
   OpeningBudget openings_;
   std::vector<OpeningBudget> party_openings_;  ///< of the party whose number falls there
   const rt::Clock* clock_ = nullptr;           ///< of the datagram at hand; may be null

@@ -50,6 +50,7 @@ struct SessionRecord {
   std::size_t party = 0;                 ///< place of its party's budget, if that is still there
   double behind_s = 0;                   ///< time of commands whose motion is left to later ones
   std::uint32_t command_flags = 0;       ///< of the newest command that was not superseded
+  link::TokenBucket commands{0, 0};      ///< ServerConfig::rate_slack
   link::TokenBucket scene_chunks{0, 0};  ///< how fast this session may fetch the scene
 
   // For checkpoints.

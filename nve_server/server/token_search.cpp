@@ -12,15 +12,18 @@ link::DropCause TokenSearch::ask(const link::Hello& hello, const net::Address& f
                                  const net::Standing& standing, std::int64_t now_ns) noexcept {
   using State = Question::State;
   std::size_t free = questions_.size();
+  std::size_t of_party = 0;
   for (std::size_t i = 0; i < questions_.size(); ++i) {
     const Question& q = questions_[i];
     if (q.state == State::kFree) {
       if (free == questions_.size()) free = i;
     } else if (q.hello.nonce == hello.nonce && q.from == from) {
       return link::DropCause::kDuplicate;
+    } else if (q.standing.identity == standing.identity && (standing.identity != 0 || q.from.ip == from.ip)) {
+      ++of_party;
     }
   }
-  if (free == questions_.size()) return link::DropCause::kRateLimited;
+  if (of_party >= kOfOneParty || free == questions_.size()) return link::DropCause::kRateLimited;
   Question& q = questions_[free];
   q.state = State::kAsking;
   ++q.generation;

@@ -37,7 +37,7 @@ struct Station {
   }
   static link::ClientConfig config(std::uint64_t seed) {
     link::ClientConfig c;
-    c.rate_hz = 1000;
+    c.rate_hz = 1'000'000'000 / kCommandEveryNs;
     c.nonce_seed = seed;
     return c;
   }

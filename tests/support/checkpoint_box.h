@@ -60,6 +60,7 @@ class CheckpointBox {
   /// From now on what is written is thrown away: who takes up gets the old one again and again.
   void freeze(bool frozen) noexcept { frozen_ = frozen; }
   int written() const noexcept { return written_; }
+  std::uint64_t number(std::uint64_t token) const { return number_.contains(token) ? number_.at(token) : 0; }
   int taken() const noexcept { return taken_; }
   int ended() const noexcept { return ended_; }
   std::map<std::uint64_t, std::vector<std::uint8_t>>& kept() noexcept { return kept_; }

@@ -8,64 +8,19 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
-import time
 import unittest
-import urllib.request
+
+from real_programs import RealPrograms
 
 NVE, MASTER = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:3])
-LONG_S = 40
 FELT_N = 0.3  # more than this sample attracts with
 
 
-class Program:
-    """Its stderr is a file: it never waits for who reads it."""
-
-    def __init__(self, folder, name, *words):
-        self.path = pathlib.Path(folder) / name
-        with self.path.open("w") as err:
-            self.process = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=err)
-
-    def text(self):
-        return self.path.read_text()
-
-    def said(self, pattern, ends_well=True):
-        end = time.monotonic() + LONG_S
-        while not re.search(pattern, self.text()):
-            if time.monotonic() > end or self.process.poll() is not None:
-                break
-            time.sleep(0.02)
-        found = re.search(pattern, self.text())
-        if not found:
-            raise AssertionError(f"no {pattern} in: {self.text()}")
-        return found[1] if found.groups() else found[0]
-
-    def signal(self, number):
-        self.process.send_signal(number)
-
-    def end(self):
-        return self.process.wait(LONG_S)
-
-
-class Failover(unittest.TestCase):
+class Failover(RealPrograms):
     def setUp(self):
-        holder = tempfile.TemporaryDirectory(prefix="telenano_failover_")
-        self.addCleanup(holder.cleanup)
-        self.folder = pathlib.Path(holder.name)
+        super().setUp()
         # A hand that presses from 1.5 s on, and from 8 s on again: another server's tip begins above its sample.
         (self.folder / "press.csv").write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,20\n0.5,0,0,20\n1.5,0,0,-5\n7,0,0,-5\n9,0,0,-32\n10,0,0,-32\n")
-        self.programs = []
-        self.addCleanup(self.kill_all)
-
-    def kill_all(self):
-        for program in self.programs:
-            if program.process.poll() is None:
-                program.process.kill()
-                program.process.wait()
-
-    def start(self, name, *words):
-        self.programs.append(Program(self.folder, name, *words))
-        return self.programs[-1]
 
     def server(self, name, *words, scene="flat_silicon_oxide", port=0):
         server = self.start(name, NVE, "serve", "--scene", scene, "--listen", f"127.0.0.1:{port}", *words)
@@ -77,15 +32,7 @@ class Failover(unittest.TestCase):
                           "--rt-priority", "0", "--record", "session.h5", "--metrics", "127.0.0.1:0", *words)
 
     def in_contact(self, station):
-        at = station.said(r"metrics at (http://\S+/metrics)\n")
-        end = time.monotonic() + LONG_S
-        while time.monotonic() < end:
-            with urllib.request.urlopen(at, timeout=LONG_S) as answer:
-                found = re.search(r"^telenano_hand_force_newtons (\S+)", answer.read().decode(), re.MULTILINE)
-            if found and float(found[1]) > FELT_N:
-                return
-            time.sleep(0.05)
-        raise AssertionError("no contact")
+        self.wait_for(lambda: (station.metric("telenano_hand_force_newtons") or 0) > FELT_N, "contact")
 
     def recorded(self, *words):
         return subprocess.run([MASTER, "export", "session.h5", *words], cwd=self.folder, check=True, capture_output=True, text=True).stdout
@@ -113,8 +60,7 @@ class Failover(unittest.TestCase):
         holder = self.start("holder", MASTER, "run", "--server", full.address, "--duration-s", "600", "--rt-priority", "0")
         holder.said("loop: ")
         nobody = self.server("nobody")
-        nobody.process.kill()
-        nobody.process.wait()
+        nobody.kill()
         station = self.station([nobody.address, full.address, free.address], "--connect-timeout-s", "0.5")
         self.in_contact(station)
         self.assertRegex(station.text(), rf"note: no answer from {nobody.address} .*; going on to {full.address}\n")
@@ -128,8 +74,7 @@ class Failover(unittest.TestCase):
     def test_none_takes_it(self):
         gone = [self.server(name) for name in "ab"]
         for server in gone:
-            server.process.kill()
-            server.process.wait()
+            server.kill()
         station = self.station([server.address for server in gone], "--connect-timeout-s", "0.3")
         self.assertEqual(station.end(), 1)
         self.assertRegex(station.text().splitlines()[-1], f"no answer from {gone[1].address} within 0.3 s; nothing listens")

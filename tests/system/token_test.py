@@ -6,55 +6,20 @@ token_test.py TELENANO_NVE TELENANO_MASTER
 import json
 import pathlib
 import re
-import signal
-import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
+from real_programs import LONG_S, RealPrograms
+
 NVE, MASTER = (str(pathlib.Path(word).resolve()) for word in sys.argv[1:3])
-LONG_S = 40
 
 
-class Program:
-    """Its stderr is a file: it never waits for who reads it."""
-
-    def __init__(self, folder, name, *words):
-        self.path = pathlib.Path(folder) / name
-        with self.path.open("w") as err:
-            self.process = subprocess.Popen(words, cwd=folder, stdout=subprocess.DEVNULL, stderr=err)
-
-    def text(self):
-        return self.path.read_text()
-
-    def said(self, pattern):
-        end = time.monotonic() + LONG_S
-        while not (found := re.search(pattern, self.text())):
-            if time.monotonic() > end or self.process.poll() is not None:
-                raise AssertionError(f"no {pattern} in: {self.text()}")
-            time.sleep(0.02)
-        return found[1] if found.groups() else found[0]
-
-
-class Token(unittest.TestCase):
+class Token(RealPrograms):
     def setUp(self):
-        holder = tempfile.TemporaryDirectory(prefix="telenano_token_")
-        self.addCleanup(holder.cleanup)
-        self.folder = pathlib.Path(holder.name)
-        self.programs = []
-        self.addCleanup(self.kill_all)
+        super().setUp()
         self.nve("keys", "issuer", "lab", "--keys", "a.toml", "--rights", "operate")
         self.nve("keys", "issuer", "--from", "lab.issuer", "--keys", "b.toml")
-
-    def kill_all(self):
-        for program in self.programs:
-            if program.process.poll() is None:
-                program.process.kill()
-                program.process.wait()
-
-    def run_program(self, *words):
-        return subprocess.run(words, cwd=self.folder, capture_output=True, text=True, timeout=LONG_S, check=False)
 
     def nve(self, *words):
         done = self.run_program(NVE, *words)
@@ -67,10 +32,6 @@ class Token(unittest.TestCase):
         self.assertEqual(done.returncode, 2, done.stderr)
         self.assertEqual(len(done.stderr.splitlines()), 1, done.stderr)
         return done.stderr
-
-    def start(self, name, *words):
-        self.programs.append(Program(self.folder, name, *words))
-        return self.programs[-1]
 
     def server(self, name):
         server = self.start(name, NVE, "serve", "--scene", "flat_silicon_oxide", "--listen", "127.0.0.1:0", "--keys", f"{name}.toml",

@@ -24,6 +24,9 @@ struct KeysOptions {
   std::string rights = "operate";
   std::string out;
   std::string from;
+  std::string public_key;
+  std::optional<std::string> public_rights;
+  std::optional<double> public_overlap_days;
   std::optional<double> days;
   double overlap_days = 7;
 };
@@ -83,12 +86,41 @@ void make_issuer(const KeysOptions& options) {
                options.name.c_str(), options.rights.c_str(), out.c_str());
 }
 
+/// Before a station is let in, so that the line for it can say by what it knows this server.
+std::string server_identity(const std::string& list) {
+  bool made = false;
+  const std::string name = security::server_identity(list, made);
+  if (made) {
+    std::fprintf(
+        stderr,
+        "telenano-nve: made this server's identity, %s; a server that runs takes it up when it is started "
+        "again\n",
+        security::server_identity_path(list).c_str());
+  }
+  return name;
+}
+
+void add_public_key(const KeysOptions& options) {
+  const auto rights = options.public_rights ? net::parse_rights(*options.public_rights) : std::nullopt;
+  const std::optional<std::int64_t> old_expires_s =
+      options.public_overlap_days ? std::optional(in_days(*options.public_overlap_days)) : std::nullopt;
+  const std::string server = server_identity(options.list);
+  const net::Rights given = security::add_public_key(options.list, options.name, options.public_key, rights,
+                                                     end_of(options), old_expires_s);
+  std::fprintf(
+      stderr,
+      "telenano-nve: '%s' may %s%s by its public key; at the station: telenano-master run --identity %s.id "
+      "--server-key %s\n",
+      options.name.c_str(), std::string(net::name(given)).c_str(), until(end_of(options)).c_str(),
+      options.name.c_str(), server.c_str());
+}
+
 }  // namespace
 
 CLI::App* add_keys_command(CLI::App& app) {
   auto options = std::make_shared<KeysOptions>();
-  CLI::App* const command =
-      app.add_subcommand("keys", "Who may open encrypted sessions: new, rotate, issuer, list, revoke");
+  CLI::App* const command = app.add_subcommand(
+      "keys", "Who may open encrypted sessions: new, rotate, add, identity, issuer, list, revoke");
   command->require_subcommand(1);
   const auto add = [&](const char* name, const char* description) {
     CLI::App* const sub = command->add_subcommand(name, description);
@@ -123,6 +155,30 @@ CLI::App* add_keys_command(CLI::App& app) {
   rotate->add_option("--out", options->out, "The station's file; left out: NEWNAME.key")->type_name("FILE");
   rotate->callback([options] { rotate_key(*options); });
 
+  CLI::App* const add_public =
+      add("add",
+          "Let a station in by its public key (telenano-master enroll); this server keeps no secret of it");
+  add_public->add_option("name", options->name, "Name of the station")->required();
+  add_public
+      ->add_option("--public", options->public_key, "Its public key, as telenano-master enroll prints it")
+      ->required()
+      ->type_name("sha256:HEX");
+  add_public
+      ->add_option("--rights", options->public_rights,
+                   "observe | operate | administer; left out: those that the station has, else operate")
+      ->check(CLI::IsMember(rights));
+  add_public
+      ->add_option("--overlap-days", options->public_overlap_days,
+                   "The station's earlier public key ends after so long; needed where it has one")
+      ->type_name("DAYS")
+      ->check(CLI::Range(0.0, 365.0));
+  add_days(add_public);
+  add_public->callback([options] { add_public_key(*options); });
+
+  CLI::App* const identity = add(
+      "identity", "Print by what stations with public keys know this server (--server-key); made at first");
+  identity->callback([options] { std::printf("%s\n", server_identity(options->list).c_str()); });
+
   CLI::App* const issuer =
       add("issuer", "Let a scheduler or web page make connect tokens (see telenano-nve token)");
   issuer->add_option("name", options->name, "Name of the issuer");
@@ -143,7 +199,8 @@ CLI::App* add_keys_command(CLI::App& app) {
       add("revoke", "Take a key, certificate or issuer off the list; a running server ends its sessions");
   revoke
       ->add_option("name", options->name,
-                   "Name of the key or issuer, common name or fingerprint of the certificate")
+                   "Name of the key or issuer, sha256:HEX of one public key, common name or fingerprint of "
+                   "the certificate")
       ->required();
   revoke->callback([options] {
     security::revoke_key(options->list, options->name);

@@ -248,6 +248,8 @@ void AuditLog::read_names() {
     const security::KeyList list = security::load_key_list(key_list_);
     for (const security::KeyEntry& key : list.keys)
       names_[security::identity_number('k', key.identity)] = key.identity;
+    for (const security::PublicKeyEntry& entry : list.public_keys)
+      names_[security::identity_number('p', entry.identity)] = entry.identity;
     for (const security::CertificateEntry& entry : list.certificates) {
       const std::string& name = entry.name.empty() ? entry.fingerprint : entry.name;
       names_[security::identity_number('c', name)] = name;

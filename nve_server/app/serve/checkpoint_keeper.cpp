@@ -297,6 +297,8 @@ void CheckpointKeeper::answer(const server::HandoffMessage& question) {
 }
 
 std::unique_ptr<server::SessionState> CheckpointKeeper::take_up(std::uint64_t token, std::uint64_t owner) {
+  // Who drains is about to end: the session would move twice.
+  if (config_.drain != nullptr && config_.drain->load(std::memory_order_relaxed)) return nullptr;
   const std::string hash = hash_of(token);
   const fs::path room = file_of(hash, "").parent_path();
   std::error_code none;

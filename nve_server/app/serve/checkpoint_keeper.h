@@ -43,6 +43,8 @@ class CheckpointKeeper {
     std::int64_t resume_ms = 30'000;  ///< as old as one may be; files that nobody can take up are removed
     std::function<void(const std::string&)> warn;
     std::function<void(const std::string&)> info;
+    /// Set: this server takes no session up any more, only gives its own away; null: it always does.
+    const std::atomic<bool>* drain = nullptr;
   };
 
   /// Throws UserError, one line: not a folder, or not this user's alone.

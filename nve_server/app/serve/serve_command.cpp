@@ -110,6 +110,7 @@ struct ServeOptions {
   std::size_t max_sessions = 64;
   std::optional<std::size_t> sessions_per_peer;  // left out: a quarter of all
   std::string local_rights;                      // left out: operate
+  std::string local_users;                       // left out: every local user
   std::optional<int> timeout_ms;                 // left out: as the scene says
   int resume_s = 30;
   std::optional<int> drain_s;  // left out: SIGTERM does not drain, and a drain has no end of its own
@@ -140,6 +141,14 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
         "--local-rights: with --keys every station has the right of its key (telenano-nve keys new "
         "--rights); "
         "leave it out");
+  std::optional<LocalUserList> local_users;
+  if (!options.local_users.empty()) {
+    if (options.security.is_secure() || !options.local_rights.empty())
+      throw UserError(
+          "--local-users: says by itself who may come in, and without a key; leave out --keys and "
+          "--local-rights");
+    local_users = LocalUserList::parse(options.local_users);
+  }
   if (!options.checkpoints.empty()) {
     if (options.afm.wanted())
       throw UserError(
@@ -156,6 +165,7 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
   workers_config.sessions_per_peer =
       options.sessions_per_peer.value_or(default_sessions_per_peer(options.max_sessions));
   if (!options.local_rights.empty()) workers_config.local_rights = *net::parse_rights(options.local_rights);
+  workers_config.local_users = std::move(local_users);
   workers_config.audit = !options.audit.empty();
   workers_config.checkpoints = !options.checkpoints.empty();
   Workers workers(workers_config, clock);
@@ -213,7 +223,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
                                             scene.make_slave,
                                             options.resume_s * std::int64_t{1000},
                                             [log](const std::string& text) { log->warn("{}", text); },
-                                            [log](const std::string& text) { log->info("{}", text); }},
+                                            [log](const std::string& text) { log->info("{}", text); },
+                                            &signals.drain},
                    workers.mail());
   }
   workers.prepare(options.security, config, scene, keeper ? &*keeper : nullptr);
@@ -318,6 +329,8 @@ void serve(ServeOptions& options, const SceneLoader& load_scene, const SceneHeig
               counters.deferred, counters.cut);
   if (counters.recovered > 0) log->info("{} lost commands were repeated in time", counters.recovered);
   if (secure) log->info("channels: {}", workers.channels_text());
+  if (workers.refused_local_users() > 0)
+    log->info("--local-users: {} datagrams of others", workers.refused_local_users());
 }
 
 }  // namespace
@@ -346,6 +359,12 @@ CLI::App* add_serve_command(CLI::App& app, SceneLoader load_scene, int& exit_cod
                    "What a local user may who shows no key (in the clear): observe | operate (default) | "
                    "administer, which takes a shared tip from anybody")
       ->check(CLI::IsMember(std::vector<std::string>(net::kRightsNames.begin(), net::kRightsNames.end())));
+  command
+      ->add_option("--local-users", options->local_users,
+                   "Only these users of this machine, on loopback, each with a right, e.g. "
+                   "lab:operate,root:administer; "
+                   "the kernel says whose a socket is")
+      ->type_name("USER:RIGHT,...");
   command
       ->add_option("--workers", options->workers,
                    "Threads that serve; each station is one thread's, by its address and port")

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/security/key_admin.h"
 #include "telenano/common/security/key_list.h"
 
 namespace telenano::app {
@@ -61,6 +62,9 @@ std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessio
   config.grant_names = place.grant_names;
   config.worker = static_cast<std::uint8_t>(place.worker);
   config.connection_ids = place.connection_ids;
+  const std::string identity = security::server_identity_path(key_list_path());
+  std::error_code none;
+  if (certificate.empty() && std::filesystem::exists(identity, none)) config.identity = identity;
   using std::chrono::floor;
   const auto now = floor<std::chrono::seconds>(std::chrono::system_clock::now());
   const security::KeyList all = security::load_key_list(key_list_path());
@@ -71,6 +75,11 @@ std::unique_ptr<security::DtlsServer> ServeSecurity::make(std::size_t max_sessio
                     (expired ? ": all that is in it has expired, so nobody could come in; telenano-nve keys "
                                "list shows when, keys new NAME adds a key"
                              : ": is empty, so nobody could come in; telenano-nve keys new NAME adds a key"));
+  }
+  if (!all.public_keys.empty() && certificate.empty() && config.identity.empty()) {
+    throw UserError("--keys " + key_list_path() +
+                    ": has public keys, but this server has no identity to show them: " +
+                    "telenano-nve keys identity makes " + identity);
   }
   return std::make_unique<security::DtlsServer>(config, std::move(list), wire, clock);
 }

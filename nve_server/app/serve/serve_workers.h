@@ -13,6 +13,7 @@
 #include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/security/dtls_server.h"
 #include "telenano/nve_server/app/serve/checkpoint_keeper.h"
+#include "telenano/nve_server/app/serve/local_users.h"
 #include "telenano/nve_server/app/serve/serve_security.h"
 #include "telenano/nve_server/app/serve/server_signals.h"
 #include "telenano/nve_server/server/server_loop.h"
@@ -29,8 +30,9 @@ struct WorkersConfig {
   int realtime_priority = 0;                         ///< SCHED_FIFO, 1..99; 0 = ordinary scheduling
   std::size_t sessions_per_peer = 64;                ///< of one key, or in the clear of one IP address
   net::Rights local_rights = net::Rights::kOperate;  ///< of who shows no key
-  bool checkpoints = false;                          ///< there is a CheckpointKeeper
-  bool audit = false;                                ///< each worker leaves events in a queue
+  std::optional<LocalUserList> local_users{};  ///< who may come in without a key; left out: all local users
+  bool checkpoints = false;                    ///< there is a CheckpointKeeper
+  bool audit = false;                          ///< each worker leaves events in a queue
 };
 
 /// A quarter of all, so that no key keeps the others out; at least 4: a station that is restarted leaves one
@@ -76,6 +78,7 @@ class Workers {
   std::vector<const server::LoopStatus*> loops() const;
   const std::shared_ptr<security::GrantNames>& grant_names() const noexcept { return grant_names_; }
   std::vector<server::AuditQueue*> audit_queues() const;  ///< none unless WorkersConfig::audit
+  std::uint64_t refused_local_users() const noexcept;     ///< datagrams of others than those named
   WorkersStatus status() const noexcept;                  ///< any thread, while they run
   std::string channels_text() const;                      ///< likewise
 
@@ -89,6 +92,7 @@ class Workers {
     net::Udp socket;
     net::UdpBatch batch;
     std::unique_ptr<security::DtlsServer> secure;
+    std::unique_ptr<LocalUsers> local_users;
     std::unique_ptr<server::AuditQueue> audit;
     std::optional<server::Server> server;
     server::LoopStatus status;

@@ -145,8 +145,8 @@ std::shared_ptr<SurfaceKeeper::Kept> SurfaceKeeper::begin(const slave::NveSlave&
                                                           const std::shared_ptr<Kept>& instead) {
   auto kept = std::make_shared<Kept>();
   kept->number = instead ? instead->number : ++numbers_;
-  // Marks that it begins with are in no queue.
-  if (slave.sample().marks() > 0) {
+  // Marks that it begins with are in no queue, nor has it counted them: they came with a checkpoint.
+  if (slave.marked_surface()->marked()) {
     kept->surface = std::make_unique<physics::SplineSurface>(*slave.marked_surface());
     kept->changed = true;
   }
@@ -186,7 +186,7 @@ void SurfaceKeeper::run() {
     for (std::size_t i = 0; i < sessions.size(); ++i) {
       Kept& kept = *sessions[i];
       if (ended[i]) {
-        if (kept.left->sample().marks() > 0) save(kept, *kept.left->marked_surface());
+        if (kept.left->marked_surface()->marked()) save(kept, *kept.left->marked_surface());
         continue;
       }
       follow(kept);

@@ -120,7 +120,7 @@ TEST(Checkpoint, WhatIsCutChangedOrOfSomethingElseIsNone) {
 struct Rig {
   explicit Rig(const std::string& folder, server::CheckpointOf of = kOf, std::int64_t resume_ms = 30'000)
       : keeper({folder, of, fresh, resume_ms, [this](const std::string& text) { said += text + "\n"; },
-                [](const std::string&) {}},
+                [](const std::string&) {}, &drain},
                mail),
         queue(keeper.add_queue()) {
     keeper.start();
@@ -160,6 +160,7 @@ struct Rig {
   }
   std::string said;
   int taken = 0;
+  std::atomic<bool> drain{false};
   server::WorkerMail mail{1, true};
   app::CheckpointKeeper keeper;
   server::CheckpointQueue& queue;
@@ -342,6 +343,49 @@ TEST_F(CheckpointFolder, HandedOutOrGivenBackItIsTheNextOnesAtOnce) {
   b.queue.post(back);
   EXPECT_FALSE(b.ask(1, 1));  // behind the note
   EXPECT_TRUE(a.ask(5, 9));
+}
+
+TEST_F(CheckpointFolder, WhoDrainsTakesNoneUpAndStillGivesItsOwnAway) {
+  keep_and_die(ploughed(5, 9, 20), 3);
+  Rig ends(folder), stays(folder);
+  ends.keep(ploughed(6, 9, 20), 1);
+  ends.drain = true;
+  EXPECT_FALSE(ends.ask(5, 9));
+  ends.keep(ploughed(6, 9, 20), 2, CheckpointNote::Kind::kHandOut);
+  EXPECT_TRUE(stays.ask(5, 9)) << "asking has cost its station nothing";
+  EXPECT_TRUE(stays.ask(6, 9));
+}
+
+/// The surfaces' own nodes, not the hash that is taken of them: marks, heaps and the height that lies beside the
+/// coefficients at each node. Both then go on alike.
+TEST(Checkpoint, CarriesEveryNodeOfTheSurface) {
+  server::SessionState a = ploughed(5, 9, 900);
+  const auto b = server::read_checkpoint(kOf, bytes_of(a), fresh());
+  ASSERT_TRUE(b);
+  const auto surface = [](const slave::Slave& slave) -> const physics::SplineSurface& {
+    return *dynamic_cast<const slave::NveSlave&>(slave).marked_surface();
+  };
+  const auto unequal = [&] {
+    const auto& one = surface(*a.tip.slave);
+    const auto& other = surface(*b->tip.slave);
+    int count = 0;
+    for (int row = 0; row < one.rows(); ++row)
+      for (int column = 0; column < one.columns(); ++column)
+        count += one.node(column, row) == other.node(column, row) ? 0 : 1;
+    return count;
+  };
+  const physics::SplineSurface& scan = dynamic_cast<const physics::SplineSurface&>(*sample()->surface);
+  EXPECT_NE(scan.heights().z_nm, surface(*a.tip.slave).heights().z_nm) << "there are marks";
+  EXPECT_EQ(unequal(), 0);
+  const Vec3 from = a.tip.output.commanded_pos_w_nm;
+  for (int i = 1; i <= 400; ++i) {
+    slave::SlaveInput input;
+    input.follow = input.wanted = true;
+    input.tip_target_pos_w_nm = from + Vec3(0.05 * i, 0.03 * i, -0.01 * i);
+    a.tip.slave->step(input, 1e-3, a.tip.output);
+    b->tip.slave->step(input, 1e-3, b->tip.output);
+  }
+  EXPECT_EQ(unequal(), 0) << "where they have pressed since, too";
 }
 
 TEST_F(CheckpointFolder, MustBeThisUsersAlone) {

@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "spring_slave.h"
+#include "telenano/nve_server/server/token_search.h"
 #include "virtual_session.h"
 
 namespace telenano::server {
@@ -23,6 +24,7 @@ struct Door {
     config.openings_per_party_s = openings_per_party_s;
     server.emplace(config, spring_scene());
   }
+  explicit Door(const ServerConfig& config) { server.emplace(config, spring_scene()); }
 
   /// A Hello of somebody with this standing; each comes from a port of its own.
   link::MessageType hello(const net::Standing& standing, std::uint8_t host = 1) {
@@ -31,7 +33,7 @@ struct Door {
     link::Hello h;
     h.version_min = h.version_max = link::kProtocolVersion;
     h.nonce = ++nonce;
-    h.rate_hz = 1000;
+    h.rate_hz = rate_hz;
     ask(h, standing);
     if (answer.type == MessageType::kChallenge) {
       h.cookie = answer.challenge.cookie;
@@ -69,6 +71,7 @@ struct Door {
   std::optional<Server> server;
   net::Address from;
   std::uint64_t nonce = 0;
+  std::uint32_t rate_hz = 1000;
   std::int64_t now_ns = kSecond;
   link::Codec codec;
   link::Incoming answer;
@@ -252,6 +255,119 @@ TEST(Quota, IsThatOfAllWorkersTogether) {
   std::size_t held = 0;
   for (std::uint64_t p = 0; p < link::PartyCounts::kCounters; ++p) held += parties.count(p);
   EXPECT_EQ(held, 0u);
+}
+
+/// Exchanges of 100 µs: eight sessions of 1 kHz are 80 % of the loop's time.
+TEST(Admission, IsByRateTimesWhatAnExchangeTakes) {
+  ServerConfig config = test_config();
+  config.table.capacity = 64;
+  config.load_most = 0.85;
+  Door door(config);
+  EXPECT_EQ(door.hello(kOperator), MessageType::kWelcome) << "nothing is known yet";
+  door.server->note_load(100 * 100'000, 100);
+  EXPECT_EQ(door.server->load().cost_s(), 0) << "a hundred say little";
+  door.server->note_load(1000 * 100'000, 1000);
+  EXPECT_NEAR(door.server->load().cost_s(), 1e-4, 1e-12);
+  for (int i = 1; i < 8; ++i) EXPECT_EQ(door.hello(kOperator), MessageType::kWelcome) << i;
+  EXPECT_EQ(door.hello(kOperator), MessageType::kRefuse);
+  EXPECT_EQ(door.answer.refuse.reason, RefuseReason::kFull);
+  door.rate_hz = 400;
+  EXPECT_EQ(door.hello(kOperator), MessageType::kWelcome) << "0.84 with it";
+  door.rate_hz = 200;
+  EXPECT_EQ(door.hello(kOperator), MessageType::kRefuse);
+  // Who is there comes back, and a cheaper exchange makes room.
+  door.server->note_load(100'000 * 20'000, 100'000);
+  EXPECT_NEAR(door.server->load().cost_s(), 2e-5, 1e-12);
+  door.rate_hz = 8000;
+  EXPECT_EQ(door.hello(kOperator), MessageType::kWelcome) << "0.33 with it";
+}
+
+TEST(Admission, OneAloneIsAlwaysLetIn) {
+  ServerConfig config = test_config();
+  config.load_most = 0.85;
+  Door door(config);
+  door.server->note_load(1000 * std::int64_t{10'000'000}, 1000);
+  EXPECT_EQ(door.hello(kOperator), MessageType::kWelcome);
+  EXPECT_EQ(door.hello(kOperator), MessageType::kRefuse);
+}
+
+struct Sender {
+  explicit Sender(Server& server) : session(&server, client(), {}, {}, 3) {
+    session.on_event = [this](link::ClientEvent event) {
+      replies += event == link::ClientEvent::kReply ? 1 : 0;
+    };
+    session.client.start(0);
+    session.ticks(50);
+    replies = 0;
+  }
+  static link::ClientConfig client() {
+    link::ClientConfig config;
+    config.rate_hz = 1000;
+    config.nonce_seed = 5;
+    return config;
+  }
+  VirtualSession session;
+  int replies = 0;
+};
+
+ServerConfig with_rate() {
+  ServerConfig config = test_config();
+  config.rate_slack = 1.25;
+  return config;
+}
+
+TEST(Rate, WhoSendsFasterThanHeSaidIsAnsweredAtHisRate) {
+  Server server(with_rate(), spring_scene());
+  Sender sender(server);
+  sender.session.before_end_of_tick = [&] {
+    for (int i = 0; i < 3; ++i) {
+      link::Command c = sender.session.command;
+      if (const std::size_t n =
+              sender.session.client.make_command(c, sender.session.now_ns + i, sender.session.buffer))
+        sender.session.link.a().send({sender.session.buffer.data(), n}, {});
+    }
+  };
+  constexpr int kSeconds = 4;
+  sender.session.ticks(1000 * kSeconds);
+  // The second that is saved up, then 1.25 times the rate; 16 000 were sent.
+  EXPECT_LE(sender.replies, 1000 + 1250 * kSeconds + 1);
+  EXPECT_GE(sender.replies, 1250 * kSeconds);
+  EXPECT_GT(server.drops()[link::DropCause::kRateLimited], 9000u);
+}
+
+TEST(Rate, WhatAStallHasKeptBackIsAnswered) {
+  Server server(with_rate(), spring_scene());
+  Sender sender(server);
+  sender.session.ticks(2000);
+  sender.session.link.path_a_to_b().delay_ns = 900'000'000;  // and then all at once
+  sender.session.ticks(900);
+  sender.session.link.path_a_to_b().delay_ns = 0;
+  sender.session.ticks(1500);
+  EXPECT_EQ(server.drops()[link::DropCause::kRateLimited], 0u);
+}
+
+/// Who shows one token of nobody's after the other: no one answers in time, and another one still can ask.
+TEST(TokenSearch, OnePartyHasHalfOfTheQuestions) {
+  WorkerMail mail(1, true);
+  TokenSearch search(&mail, 0);
+  net::Address from;
+  link::Hello hello;
+  const auto ask = [&](const net::Standing& standing, std::uint8_t host) {
+    from.ip[15] = host;
+    ++from.port;
+    hello.nonce = hello.resume_token = from.port;
+    return search.ask(hello, from, standing, kSecond);
+  };
+  for (const net::Standing& insider : {kOperator, net::Standing{}}) {
+    std::size_t asked = 0;
+    while (asked < 100 && ask(insider, 1) == link::DropCause::kNone) ++asked;
+    EXPECT_EQ(asked, TokenSearch::kOfOneParty);
+    EXPECT_EQ(ask(insider, 1), link::DropCause::kRateLimited);
+    EXPECT_EQ(ask(kObserver, 1), link::DropCause::kNone) << "another key";
+    EXPECT_EQ(ask({}, 2), link::DropCause::kNone) << "another address";
+    search.forget_old(kSecond + TokenSearch::kPatienceNs + 1);
+    EXPECT_FALSE(search.waits());
+  }
 }
 
 }  // namespace

@@ -247,6 +247,55 @@ TEST(Station, ALostAndNewSessionIsHeldAndResumed) {
   EXPECT_NEAR(rig.force_n(), 1, 1e-12);
 }
 
+/// A session that is taken up from a checkpoint: its tip is where the hand was some steps ago, and comes back by the
+/// log. Where no log goes on, the tip's own place counts.
+TEST(Station, ALogThatGoesOnIsTheAnchorAndNotWhereTheServerHasGotTo) {
+  struct Case {
+    const char* what;
+    std::uint64_t executed;
+    std::uint32_t epoch, breaks;
+    bool at_log;
+  };
+  for (const Case& one :
+       {Case{"the log goes on", 50, 1, 3, true}, Case{"all is executed", 100, 1, 3, false},
+        Case{"of before a break", 50, 1, 2, true}, Case{"a break more: it has moved itself", 50, 1, 4, false},
+        Case{"another slave", 50, 2, 0, false}, Case{"steps that nobody made", 200, 1, 3, false}}) {
+    Station station{StationConfig{}, StationRig::device(), {10, 0, 500}};
+    link::Welcome welcome;
+    welcome.epoch = 1;
+    welcome.feature_bits = link::kFeatureStepLog;
+    welcome.workspace_min_w_nm = Vec3::Constant(-100);
+    welcome.workspace_max_w_nm = Vec3::Constant(100);
+    station.begin_session(welcome);
+    StationInput input;
+    StationOutput output;
+    link::Reply reply;
+    input.session_up = true;
+    input.buttons = device::kButtonDeadman;
+    input.reply = &reply;
+    for (std::uint64_t k = 1; k <= 100; ++k) {
+      input.time_ns = static_cast<std::int64_t>(k) * 1'000'000;
+      input.next_step = reply.sequence = k;
+      reply.steps.executed = k > 5 ? k - 5 : 0;
+      reply.steps.breaks = 3;
+      input.hand_pos_h_m = Vec3(0, 0, -1e-5 * static_cast<double>(k));
+      station.step(input, 1e-3, output);
+    }
+    const Vec3 led_to = link::target_w_nm(output.step);
+    ASSERT_LT(led_to.z(), -0.5);
+    welcome.start_pos_w_nm = Vec3(0, 0, 7);
+    welcome.epoch = one.epoch;
+    welcome.steps.executed = one.executed;
+    welcome.steps.breaks = one.breaks;
+    station.begin_session(welcome);
+    input.reply = nullptr;
+    input.time_ns += 1'000'000;
+    ++input.next_step;
+    station.step(input, 1e-3, output);
+    EXPECT_EQ(output.command.tip_pos_w_nm, one.at_log ? led_to : welcome.start_pos_w_nm) << one.what;
+  }
+}
+
 TEST(Station, ANewSessionInContactMakesNoStep) {
   StationRig rig;
   rig.engage(kPush);
