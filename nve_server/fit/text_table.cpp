@@ -89,8 +89,11 @@ Table read_table(std::string_view text, const std::string& formats, const std::s
   for (const std::string_view name : split(header, by)) table.names.push_back(lower(name));
   const std::size_t n = table.names.size();
   table.columns.resize(n);
-  for (std::size_t i = 0; i < n; ++i)
-    if (table.names[i] == "direction" || table.names[i] == "segment") table.direction = static_cast<int>(i);
+  for (const char* name :
+       {"segment", "direction", "way"}) {  // exports number their segments and say the way too
+    const auto found = std::find(table.names.begin(), table.names.end(), name);
+    if (found != table.names.end()) table.direction = static_cast<int>(found - table.names.begin());
+  }
   std::size_t rows = 0;
   while (!body.empty()) {
     const std::string_view line = next_line(body);

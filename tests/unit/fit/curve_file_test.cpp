@@ -55,6 +55,21 @@ TEST(CurveFile, TableWithAPairOfColumnsForEachWay) {
   EXPECT_EQ(curve.retract.deflection[1], 0.0707);
 }
 
+// `telenano-master export --what curves` numbers its segments and says the way of each.
+TEST(CurveFile, TheWayCountsWhereSegmentsAreNumbered) {
+  std::string text = "segment,way,time_s,target_height_nm,deflection_nm\n";
+  for (int i = 0; i < 80; ++i) {
+    const int height = i < 40 ? 40 - i : i - 40;
+    text += std::string(i < 40 ? "2,approach," : "3,retract,") + std::to_string(i) + "," +
+            std::to_string(height) + ",0\n";
+  }
+  const RawCurve curve = read_curve(text, {.z = "target_height_nm", .deflection = ""});
+  ASSERT_TRUE(curve.error.empty()) << curve.error;
+  ASSERT_EQ(curve.approach.z_nm.size(), 40u);
+  EXPECT_EQ(curve.approach.z_nm.front(), 40);
+  EXPECT_EQ(curve.retract.z_nm.size(), 40u);
+}
+
 // What make_curves.py writes with h5py: chunks, deflate, shuffle, checksums; force with and without a lever.
 TEST(CurveFile, Hdf5OfAfmformats) {
   const std::string bytes = bytes_of("made_packed.h5");
