@@ -1,7 +1,7 @@
+#include <cmath>
 #include <optional>
 #include <string>
-
-#include <cmath>
+#include <vector>
 
 #include "telenano/common/base/error.h"
 #include "telenano/nve_server/physics/law/pull_off.h"
@@ -26,9 +26,10 @@ void take_distance(std::optional<double> hamaker_aj, physics::TipSampleParameter
 
 void read_contact(const TomlTable& table, Scene& scene) {
   physics::TipSampleParameters& law = scene.law_parameters;
-  const std::string name =
-      table.choice_or("law", {"hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"},
-                      "maugis-dugdale");
+  std::vector<std::string> laws;
+  for (const physics::ContactLaw one : physics::kContactLaws)
+    laws.emplace_back(physics::contact_law_name(one));
+  const std::string name = table.choice_or("law", laws, "maugis-dugdale");
   law.model = *physics::contact_law_from_name(name);
   const std::string method = table.choice_or("method", {"direct", "table"}, "direct");
   if (method == "table" && law.model != physics::ContactLaw::kMaugisDugdale) {

@@ -9,6 +9,7 @@ namespace {
 // In the order of the enumerations.
 constexpr std::array<std::string_view, 7> kModels = {
     "hertz", "dmt", "jkr", "maugis-dugdale", "cos", "pietrement-troyon", "schwarz"};
+static_assert(kModels.size() == kContactLaws.size());
 constexpr std::array<std::string_view, 2> kMethods = {"direct", "table"};
 
 template <class Value, std::size_t N>

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string_view>
@@ -17,6 +18,16 @@ enum class ContactLaw : std::uint8_t {
   kPietrementTroyon,
   kSchwarz
 };
+
+/// All of them, in the order of the enumeration. Scenes take their names from here, and the tests that go over
+/// every law.
+inline constexpr std::array kContactLaws{ContactLaw::kHertz,
+                                         ContactLaw::kDmt,
+                                         ContactLaw::kJkr,
+                                         ContactLaw::kMaugisDugdale,
+                                         ContactLaw::kCarpickOgletreeSalmeron,
+                                         ContactLaw::kPietrementTroyon,
+                                         ContactLaw::kSchwarz};
 
 /// How Maugis–Dugdale is evaluated: by Newton's method at any radius, or from a table made for one radius.
 enum class MaugisMethod : std::uint8_t { kDirect, kTable };

@@ -107,12 +107,9 @@ double TipSampleLaw::attraction_bound_nn(double radius_nm) const noexcept {
 
 double TipSampleLaw::pull_off_nn(double radius_nm) const noexcept {
   const ContactScales s = scales(radius_nm);
-  switch (parameters_.model) {
-    case ContactLaw::kMaugisDugdale:
-      return -MaugisDugdale(s.lambda).fold({0.0, 1.0}).load * s.force_nn;
-    default:
-      return closed_form_coefficients(parameters_.model, s.lambda).pull_off * s.force_nn;
-  }
+  if (parameters_.model == ContactLaw::kMaugisDugdale)
+    return -MaugisDugdale(s.lambda).fold({0.0, 1.0}).load * s.force_nn;
+  return closed_form_coefficients(parameters_.model, s.lambda).pull_off * s.force_nn;
 }
 
 void TipSampleLaw::prepare(double radius_nm, bool wet, TipSampleCache& cache) const noexcept {
@@ -138,7 +135,10 @@ void TipSampleLaw::prepare(double radius_nm, bool wet, TipSampleCache& cache) co
       }
       break;
     }
-    default:
+    case ContactLaw::kJkr:
+    case ContactLaw::kCarpickOgletreeSalmeron:
+    case ContactLaw::kPietrementTroyon:
+    case ContactLaw::kSchwarz:
       cache.adhesive =
           AdhesiveCurve(cache.scales.lambda, closed_form_coefficients(parameters_.model, cache.scales.lambda),
                         parameters_.van_der_waals);
@@ -221,7 +221,10 @@ Equilibrium TipSampleLaw::advance(double base_overlap_nm, double compliance_nm_n
     case ContactLaw::kDmt:
       losses = step_on(HertzianCurve(s.lambda, 2.0), z, compliance, vdw, state.branch, cache, out);
       break;
-    default:
+    case ContactLaw::kJkr:
+    case ContactLaw::kCarpickOgletreeSalmeron:
+    case ContactLaw::kPietrementTroyon:
+    case ContactLaw::kSchwarz:
       losses = step_on(cache.adhesive, z, compliance, vdw, state.branch, cache, out);
       break;
   }

@@ -96,9 +96,10 @@ auto with_curve(const TipSampleParameters& p, double lambda, const Use& use) {
     case ContactLaw::kCarpickOgletreeSalmeron:
     case ContactLaw::kPietrementTroyon:
       return use(AdhesiveCurve(lambda, closed_form_coefficients(p.model, lambda), p.van_der_waals));
-    default:
-      return use(MaugisDugdale(lambda));
+    case ContactLaw::kMaugisDugdale:
+      break;
   }
+  return use(MaugisDugdale(lambda));
 }
 
 }  // namespace

@@ -33,15 +33,11 @@ class EveryLaw : public ::testing::TestWithParam<ContactLaw> {
   }
 };
 
-INSTANTIATE_TEST_SUITE_P(ContactLaws, EveryLaw,
-                         ::testing::Values(ContactLaw::kHertz, ContactLaw::kDmt, ContactLaw::kJkr,
-                                           ContactLaw::kMaugisDugdale, ContactLaw::kCarpickOgletreeSalmeron,
-                                           ContactLaw::kPietrementTroyon, ContactLaw::kSchwarz),
-                         [](const auto& law) {
-                           std::string name(contact_law_name(law.param));
-                           std::replace(name.begin(), name.end(), '-', '_');
-                           return name;
-                         });
+INSTANTIATE_TEST_SUITE_P(ContactLaws, EveryLaw, ::testing::ValuesIn(kContactLaws), [](const auto& law) {
+  std::string name(contact_law_name(law.param));
+  std::replace(name.begin(), name.end(), '-', '_');
+  return name;
+});
 
 // A closed loop never yields energy, whatever lambda and spring; the work of the force alone is the judge,
 // not the law's own accounts, and these must agree with it.

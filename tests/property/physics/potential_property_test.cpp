@@ -245,8 +245,7 @@ TEST(Potential, FlatGroundIsTheLaw) {
 // Every law: level ground is its own balance, and a smooth closed path gives and takes nothing. Those whose
 // form goes with λ have their radius force by differences, 1e-8 of the energy.
 TEST(Potential, EveryLawHasOne) {
-  for (const ContactLaw model : {ContactLaw::kHertz, ContactLaw::kDmt, ContactLaw::kJkr, ContactLaw::kSchwarz,
-                                 ContactLaw::kCarpickOgletreeSalmeron, ContactLaw::kPietrementTroyon}) {
+  for (const ContactLaw model : kContactLaws) {
     for (const bool van_der_waals : {false, true}) {
       if (van_der_waals && model == ContactLaw::kHertz) continue;
       SCOPED_TRACE(std::string(contact_law_name(model)) + (van_der_waals ? "" : " alone"));
