@@ -20,6 +20,7 @@
 #include <string>
 #include <vector>
 
+#include "telenano/common/surface/gsf.h"
 #include "telenano/nve_server/slave/nve_slave.h"
 #include "tests/source_dir.h"
 
@@ -131,6 +132,15 @@ Description scan_particle_far() {
   return scan_without_particle().line("[coupling]", kParticleOnScan + "[coupling]\n");
 }
 
+// Heights three times those of the scan: slopes of 30 to 45 degrees.
+Description steep_flakes() {
+  surface::Scan scan = surface::read_gsf(std::string(TELENANO_SOURCE_DIR) + "/deploy/data/wsxm_600nm.gsf");
+  for (double& z : scan.grid.z_nm) z *= 3.0;
+  const auto path = std::filesystem::temp_directory_path() / "telenano-bench-steep.gsf";
+  surface::write_gsf(path.string(), scan);
+  return Description("flakes").line("file = ", "file = \"" + path.string() + "\"\n");
+}
+
 Description dry_smooth() {
   return humid_flakes().table("friction").table("forces.capillary");
 }
@@ -203,7 +213,8 @@ const bool kRegistered = [] {
               {"particle_far_without", without_particle},
               {"scan_particle_far", scan_particle_far},
               {"scan_particle_far_awake", scan_particle_far, false},
-              {"scan_particle_far_without", scan_without_particle}};
+              {"scan_particle_far_without", scan_without_particle},
+              {"scan_steep", steep_flakes}};
   const struct {
     const char* name;
     double height_nm, move_nm;

@@ -95,7 +95,7 @@ class ScanFields final : public ContactFields {
   /// grid and layer, valid for the version that made them. None where these coefficients cannot be such:
   /// their number, a value that is no number, a height, radius or cosine that no ground of this relief has.
   /// Whether they are of this ground only who kept them can know.
-  static constexpr std::uint32_t kVersion = 2;
+  static constexpr std::uint32_t kVersion = 3;
   std::vector<std::span<const double>> coefficients() const;  ///< by tiles: makes them all
   static std::optional<ScanFields> restored(const HeightGrid& grid, double tip_radius_nm,
                                             const SofteningRule& rule,
@@ -205,12 +205,8 @@ class ScanFields final : public ContactFields {
     void need(int left, int right, int low, int high) const noexcept;
     void copy_tile(int across, int along) noexcept;
     void make_usable(int first_column, int last_column, int first_row, int last_row) noexcept;
-    void press(const FieldMark& mark, double x, double y) noexcept;
-    /// Padded coefficients from first to last.
-    struct Area {
-      int first_column, last_column, first_row, last_row;
-    };
-    std::uint64_t words(const Area& area) const noexcept;
+    /// Of a coefficient, by place and bits, of what marks may change.
+    std::uint64_t word(std::size_t number) const noexcept;
     class Changing;
     template <class Found>
     void each_pressed(std::uint32_t grid, const Found& found) const;
@@ -222,6 +218,9 @@ class ScanFields final : public ContactFields {
     Grid grid;  // kLayerLanes lanes
   };
   static constexpr int kLayerLanes = 4;  // H, ρ, c, 0
+  static constexpr std::size_t kMostTogether = 8;
+  void press_alike(const Grid& one, const FieldMark& mark, double x, double y) noexcept;
+  static void press(std::span<Grid* const> grids, const FieldMark& mark, double x, double y) noexcept;
   const Layer* layer_of(double softening_nm) const noexcept;
   ScanFields() = default;
   /// All but the coefficients; the lattice of the coarsest grid.

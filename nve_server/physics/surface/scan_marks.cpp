@@ -10,6 +10,7 @@
 #include <cmath>
 #include <cstring>
 #include <new>
+#include <span>
 
 #include "telenano/common/base/det_math.h"
 #include "telenano/nve_server/physics/contact/flow_family.h"
@@ -36,17 +37,21 @@ double place_of(int padded, int nodes, double spacing) noexcept {
   return spacing * (i < 0 ? -i : (i < nodes ? i : 2 * nodes - 2 - i));
 }
 
-// SplitMix64's finaliser (Steele, Lea, Flood 2014).
-std::uint64_t mixed(std::uint64_t x) noexcept {
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9u;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111ebu;
-  return x ^ (x >> 31);
+// The product of two words, both halves folded into one.
+std::uint64_t folded_product(std::uint64_t a, std::uint64_t b) noexcept {
+  __extension__ using Wide = unsigned __int128;
+  const Wide product = static_cast<Wide>(a) * b;
+  return static_cast<std::uint64_t>(product) ^ static_cast<std::uint64_t>(product >> 64);
 }
 
-// Of H and ρ of one level of a coefficient. The place is in it, so that what changes places counts.
-std::uint64_t word_of(std::uint64_t place, const double* value) noexcept {
-  return mixed(mixed((place + 1) * 0x9e3779b97f4a7c15u ^ std::bit_cast<std::uint64_t>(value[0])) +
-               std::bit_cast<std::uint64_t>(value[1]));
+// Of H and ρ of both levels of a coefficient, or of one level. The place is in it, so that what changes places
+// counts. Odd constants of SplitMix64 and its finaliser (Steele, Lea, Flood 2014).
+std::uint64_t word_of(std::uint64_t place, const double* value, bool two_levels) noexcept {
+  const auto bits = [value](int lane) { return std::bit_cast<std::uint64_t>(value[lane]); };
+  const std::uint64_t word =
+      folded_product(bits(0) ^ (place + 1) * 0x9e3779b97f4a7c15u, bits(1) ^ 0xbf58476d1ce4e5b9u);
+  if (!two_levels) return word;
+  return folded_product(word ^ bits(3), bits(4) ^ 0x94d049bb133111ebu);
 }
 
 // What a snapshot may say that marks have done, wherever it comes from: no tip has pressed deeper, no heap
@@ -56,32 +61,23 @@ constexpr double kMostLogRadiusRise = 12;
 
 }  // namespace
 
-/// While coefficients of an area change: the digest goes with them.
+/// While one coefficient changes: the digest goes with it.
 class ScanFields::Grid::Changing {
  public:
-  Changing(Grid& grid, const Area& area) noexcept : grid_(grid), area_(area) {
-    grid_.digest -= grid_.words(area_);
+  Changing(Grid& grid, std::size_t number) noexcept : grid_(grid), number_(number) {
+    grid_.digest -= grid_.word(number_);
   }
-  ~Changing() { grid_.digest += grid_.words(area_); }
+  ~Changing() { grid_.digest += grid_.word(number_); }
   Changing(const Changing&) = delete;
   Changing& operator=(const Changing&) = delete;
 
  private:
   Grid& grid_;
-  Area area_;
+  std::size_t number_;
 };
 
-std::uint64_t ScanFields::Grid::words(const Area& area) const noexcept {
-  std::uint64_t sum = 0;
-  for (int j = area.first_row; j <= area.last_row; ++j) {
-    for (int i = area.first_column; i <= area.last_column; ++i) {
-      const auto number = static_cast<std::size_t>(j * (columns + 2) + i);
-      const double* const at = own + number * static_cast<std::size_t>(lanes);
-      sum += word_of(2 * number, at);
-      if (lanes == kLanes) sum += word_of(2 * number + 1, at + 3);
-    }
-  }
-  return sum;
+std::uint64_t ScanFields::Grid::word(std::size_t number) const noexcept {
+  return word_of(number, own + number * static_cast<std::size_t>(lanes), lanes == kLanes);
 }
 
 std::uint64_t ScanFields::marks_digest() const noexcept {
@@ -116,7 +112,7 @@ bool ScanFields::set_pressed(const Pressed& pressed) noexcept {
       return false;
   }
   grid->make_usable(column, column, row, row);
-  const Grid::Changing changing(*grid, {column, column, row, row});
+  const Grid::Changing changing(*grid, pressed.number);
   for (int level = 0; level < levels; ++level) {
     for (int lane = 0; lane < 2; ++lane)
       grid->own[at + static_cast<std::size_t>(3 * level + lane)] = pressed.value[2 * level + lane];
@@ -240,19 +236,21 @@ void ScanFields::Grid::make_usable(int first_column, int last_column, int first_
   }
 }
 
-void ScanFields::Grid::press(const FieldMark& mark, double x, double y) noexcept {
-  const double dx = 1.0 / inv_dx, dy = 1.0 / inv_dy;
+// Of grids that share their nodes: what goes by place alone is found once for all of them.
+void ScanFields::press(std::span<Grid* const> grids, const FieldMark& mark, double x, double y) noexcept {
+  const Grid& any = *grids[0];
+  const int columns = any.columns, rows = any.rows;
+  const double dx = 1.0 / any.inv_dx, dy = 1.0 / any.inv_dy;
   const double radius = std::max(mark.radius_nm, kLeastNodes * std::max(dx, dy));
   const double per_radius = 1.0 / radius;
   const double reach = mark.pile_up > 0.0 ? kHeapReach * radius : radius;
-  const int column = std::min(static_cast<int>(x * inv_dx), columns - 2);
-  const int row = std::min(static_cast<int>(y * inv_dy), rows - 2);
-  const CubicWeights wx = cubic_weights(x * inv_dx - column, inv_dx);
-  const CubicWeights wy = cubic_weights(y * inv_dy - row, inv_dy);
+  const int column = std::min(static_cast<int>(x * any.inv_dx), columns - 2);
+  const int row = std::min(static_cast<int>(y * any.inv_dy), rows - 2);
+  const CubicWeights wx = cubic_weights(x * any.inv_dx - column, any.inv_dx);
+  const CubicWeights wy = cubic_weights(y * any.inv_dy - row, any.inv_dy);
   const auto xi_of = [&](int i) { return (place_of(i, columns, dx) - x) * per_radius; };
   const auto eta_of = [&](int j) { return (place_of(j, rows, dy) - y) * per_radius; };
 
-  const bool two_levels = lanes == kLanes;
   double moments[3][4] = {{0, 0, 0, mark.depth_nm}, {0, 0, 0, 0}, {0, 0, 0, 0}};
   for (int r = 0; r < 4; ++r) {
     const double eta = eta_of(row + r);
@@ -270,80 +268,121 @@ void ScanFields::Grid::press(const FieldMark& mark, double x, double y) noexcept
   double a[3];
   solve_crater(moments, a);
 
-  const auto first_of = [&](double from, double inv, int cell) {
+  const auto first_of = [](double from, double inv, int cell) {
     return std::max(0, std::min(static_cast<int>(std::floor(std::max(0.0, from) * inv)), cell));
   };
-  const auto last_of = [&](double to, double inv, int nodes, int cell) {
+  const auto last_of = [](double to, double inv, int nodes, int cell) {
     const double at = std::min(to * inv, nodes + 1.0);
     return std::min(nodes + 1, std::max(static_cast<int>(std::ceil(at)) + 2, cell + 3));
   };
-  const int first_column = first_of(x - reach, inv_dx, column), first_row = first_of(y - reach, inv_dy, row);
-  const int last_column = last_of(x + reach, inv_dx, columns, column);
-  const int last_row = last_of(y + reach, inv_dy, rows, row);
-  make_usable(first_column, last_column, first_row, last_row);
-  const Changing changing(*this, {first_column, last_column, first_row, last_row});
-  const auto coefficient = [&](double* base, int i, int j) {
-    return base + static_cast<std::size_t>(j) * static_cast<std::size_t>(stride()) +
-           static_cast<std::size_t>(i) * static_cast<std::size_t>(lanes);
+  const int first_column = first_of(x - reach, any.inv_dx, column);
+  const int last_column = last_of(x + reach, any.inv_dx, columns, column);
+  const int first_row = first_of(y - reach, any.inv_dy, row);
+  const int last_row = last_of(y + reach, any.inv_dy, rows, row);
+  for (Grid* const grid : grids) grid->make_usable(first_column, last_column, first_row, last_row);
+
+  // The rows and columns that may be within a circle of `extent` radii, in order.
+  const auto each_within = [&](double extent, const auto& use) {
+    const double far = extent * radius;
+    const int low = first_of(y - far, any.inv_dy, row), high = last_of(y + far, any.inv_dy, rows, row);
+    for (int j = low; j <= high; ++j) {
+      const double eta = eta_of(j);
+      const double rest = extent * extent - eta * eta;
+      if (!(rest > 0.0)) continue;
+      const double half = std::sqrt(rest) * radius;
+      const int left = first_of(x - half, any.inv_dx, columns + 1);
+      const int right = last_of(x + half, any.inv_dx, columns, 0);
+      use(j, eta, left, right);
+    }
   };
+  const auto number_of = [&](int i, int j) { return static_cast<std::size_t>(j * (columns + 2) + i); };
+  const auto reaches = [&](int i, int j) {
+    return j >= row && j <= row + 3 && i >= column && i <= column + 3;
+  };
+  // Its image is not counted twice.
+  const auto inside = [&](int i, int j) { return j > 0 && j <= rows && i > 0 && i <= columns; };
+
+  for (Grid* const grid : grids) {
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c) grid->digest -= grid->word(number_of(column + c, row + r));
+    }
+  }
   const double last_a = mark.strain * mark.last_radius_nm;
-  double lost = 0, heap = 0, risen = 0;
-  for (int j = first_row; j <= last_row; ++j) {
-    const double eta = eta_of(j);
-    const bool row_reaches = j >= row && j <= row + 3;
-    const bool row_inside = j > 0 && j <= rows;
-    for (int i = first_column; i <= last_column; ++i) {
+  double risen[kMostTogether] = {};
+  double lost = 0;
+  each_within(1.0, [&](int j, double eta, int left, int right) {
+    for (int i = left; i <= right; ++i) {
       const double xi = xi_of(i);
-      const bool reaches = row_reaches && i >= column && i <= column + 3;
-      const bool inside = row_inside && i > 0 && i <= columns;  // its image is not counted twice
       const double level = crater_level(xi, eta);
-      if (!(level > 0.0)) {
-        if (inside && !reaches) heap += heap_level(xi, eta);
-        continue;
-      }
-      double* const at = coefficient(own, i, j);
+      if (!(level > 0.0)) continue;
       const double fall = level * (a[0] + a[1] * xi + a[2] * eta);
-      at[0] -= fall;
-      if (two_levels) at[3] -= fall;
-      if (inside) lost += fall;
-      double rise = level * mark.log_radius_rise;
-      if (mark.strain > 0.0) {
-        rise = 0;
-        if (fall > 0.0) {
-          const double origin = det_exp(made.get()[at - own + 1]);
-          const double old = mark.strain * det_exp(at[1]);
-          const FlowFamily family(mark.strain, origin, last_a);
-          const double after = family.elastic_nm(family.after_nm(old, fall * at[2]));
-          if (after > old) rise = LogOnePlus(after / old - 1.0).log();
+      if (inside(i, j)) lost += fall;
+      const bool reached = reaches(i, j);
+      const std::size_t number = number_of(i, j);
+      for (std::size_t g = 0; g < grids.size(); ++g) {
+        Grid& grid = *grids[g];
+        const bool two_levels = grid.lanes == kLanes;
+        double* const at = grid.own + number * static_cast<std::size_t>(grid.lanes);
+        if (!reached) grid.digest -= grid.word(number);
+        at[0] -= fall;
+        if (two_levels) at[3] -= fall;
+        double rise = level * mark.log_radius_rise;
+        if (mark.strain > 0.0) {
+          rise = 0;
+          if (fall > 0.0) {
+            const double unmarked = grid.made.get()[at - grid.own + 1];
+            const double origin = det_exp(unmarked);
+            const double old = mark.strain * (at[1] == unmarked ? origin : det_exp(at[1]));
+            const FlowFamily family(mark.strain, origin, last_a);
+            const double after = family.elastic_nm(family.after_nm(old, fall * at[2]));
+            if (after > old) rise = LogOnePlus(after / old - 1.0).log();
+          }
+        }
+        at[1] += rise;
+        if (two_levels) at[4] += rise;
+        if (reached) {
+          risen[g] += wx.value[i - column] * wy.value[j - row] * rise;
+        } else {
+          grid.digest += grid.word(number);
         }
       }
-      at[1] += rise;
-      if (two_levels) at[4] += rise;
-      if (reaches) risen += wx.value[i - column] * wy.value[j - row] * rise;
+    }
+  });
+  for (std::size_t g = 0; g < grids.size(); ++g) {
+    Grid& grid = *grids[g];
+    const double lacking = mark.log_radius_rise - risen[g];
+    for (int r = 0; r < 4; ++r) {
+      for (int c = 0; c < 4; ++c) {
+        const std::size_t number = number_of(column + c, row + r);
+        double* const at = grid.own + number * static_cast<std::size_t>(grid.lanes);
+        at[1] += lacking;
+        if (grid.lanes == kLanes) at[4] += lacking;
+        grid.digest += grid.word(number);
+      }
     }
   }
-  const double lacking = mark.log_radius_rise - risen;
-  for (int r = 0; r < 4; ++r) {
-    for (int c = 0; c < 4; ++c) {
-      double* const at = coefficient(own, column + c, row + r);
-      at[1] += lacking;
-      if (two_levels) at[4] += lacking;
+  if (!(mark.pile_up > 0.0 && lost > 0.0)) return;
+  double heap = 0;
+  each_within(kHeapReach, [&](int j, double eta, int left, int right) {
+    for (int i = left; i <= right; ++i) {
+      if (inside(i, j) && !reaches(i, j)) heap += heap_level(xi_of(i), eta);
     }
-  }
-  if (!(mark.pile_up > 0.0 && heap > 0.0 && lost > 0.0)) return;
+  });
+  if (!(heap > 0.0)) return;
   const double height = mark.pile_up * lost / heap;
-  for (int j = first_row; j <= last_row; ++j) {
-    const double eta = eta_of(j);
-    const bool row_reaches = j >= row && j <= row + 3;
-    for (int i = first_column; i <= last_column; ++i) {
-      if (row_reaches && i >= column && i <= column + 3) continue;
+  each_within(kHeapReach, [&](int j, double eta, int left, int right) {
+    for (int i = left; i <= right; ++i) {
       const double level = heap_level(xi_of(i), eta);
-      if (!(level > 0.0)) continue;
-      double* const at = coefficient(own, i, j);
-      at[0] += height * level;
-      if (two_levels) at[3] += height * level;
+      if (!(level > 0.0) || reaches(i, j)) continue;
+      const std::size_t number = number_of(i, j);
+      for (Grid* const grid : grids) {
+        double* const at = grid->own + number * static_cast<std::size_t>(grid->lanes);
+        const Grid::Changing changing(*grid, number);
+        at[0] += height * level;
+        if (grid->lanes == kLanes) at[3] += height * level;
+      }
     }
-  }
+  });
 }
 
 void ScanFields::press(const FieldMark& mark) noexcept {
@@ -353,7 +392,7 @@ void ScanFields::press(const FieldMark& mark) noexcept {
   const double y = mirrored(mark.y_nm - y_first_, length_, back_y);
   for (std::size_t g = 0; g < grids_.size(); ++g) {
     Grid& grid = grids_[g];
-    grid.press(mark, x, y);
+    if (g == 0 || grid.columns != grids_[g - 1].columns) press_alike(grid, mark, x, y);
     // Where the crater is spread on a coarse grid that falls more than the finer one does round it, and a
     // larger softening must not lower the ground so much that pressing deeper would lift it away
     // (scan_fields_build.cpp): held up there, but for the 16 that the mark itself needs.
@@ -372,21 +411,37 @@ void ScanFields::press(const FieldMark& mark) noexcept {
               right = std::min(grid.columns + 1, column + 2 + kReach);
     const int low = std::max(0, row + 1 - kReach), high = std::min(grid.rows + 1, row + 2 + kReach);
     grid.make_usable(left, right, low, high);
-    const Grid::Changing changing(grid, {left, right, low, high});
     for (int j = low; j <= high; ++j) {
       for (int i = left; i <= right; ++i) {
         if (i >= column && i <= column + 3 && j >= row && j <= row + 3) continue;
-        double* const at = grid.own + static_cast<std::size_t>(j) * static_cast<std::size_t>(grid.stride()) +
-                           static_cast<std::size_t>(i) * kLanes;
+        const auto number = static_cast<std::size_t>(j * (grid.columns + 2) + i);
+        double* const at = grid.own + number * kLanes;
         const int fi = 2 * node_of(i, grid.columns), fj = 2 * node_of(j, grid.rows);  // node, padded less 1
         const double* const fine = finer.corner(fi, fj) + finer.stride() + kLanes + 3;
         const double lacking = std::max(0.0, *fine - most_fall - at[0]);
+        if (!(lacking > 0.0)) continue;
+        const Grid::Changing changing(grid, number);
         at[0] += lacking;
         at[3] += lacking;
       }
     }
   }
-  for (Layer& layer : layers_) layer.grid.press(mark, x, y);
+}
+
+// All grids that share this one's nodes.
+void ScanFields::press_alike(const Grid& one, const FieldMark& mark, double x, double y) noexcept {
+  Grid* alike[kMostTogether];
+  std::size_t count = 0;
+  const auto number = static_cast<std::uint32_t>(grids_.size() + layers_.size());
+  for (std::uint32_t n = 0; n < number; ++n) {
+    Grid* const grid = grid_of(n);
+    if (grid->columns != one.columns || grid->rows != one.rows) continue;
+    alike[count++] = grid;
+    if (count < kMostTogether) continue;
+    press({alike, count}, mark, x, y);
+    count = 0;
+  }
+  if (count > 0) press({alike, count}, mark, x, y);
 }
 
 std::size_t ScanFields::own_bytes() const noexcept {

@@ -1,9 +1,12 @@
 // Fields that are made tile by tile. Oracle: the same made at once, to the last bit.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 #include <bit>
+#include <cmath>
 #include <cstring>
+#include <initializer_list>
 #include <memory>
 #include <random>
 #include <span>
@@ -230,6 +233,49 @@ TEST(ScanTiles, MarksAreTheSame) {
   EXPECT_EQ(fresh.marks_digest(), tiles.marks_digest());
   tiles.unmark();
   EXPECT_EQ(tiles.marks_digest(), 0u);
+}
+
+// The digest of marks goes with each change and must be one of what there is alone. Two coefficients that change
+// places, one bit of one value, a value in the other level: each is told apart; as it was: 0.
+TEST(ScanTiles, DigestOfMarksIsOfPlacesAndValues) {
+  const HeightGrid grid = rough(30, 30, 13);
+  const ScanFields ground(grid, kRadius, rule(), {kLayer_nm});
+  ScanFields fields = ScanFields::for_marks(ground);
+  const std::span<const double> made = ground.coefficients()[0];
+  const auto pressed = [&](std::uint32_t number, int value, double change) {
+    const double* const at = &made[6 * number];
+    ScanFields::Pressed one{0, number, {at[0], at[1], at[3], at[4]}};
+    if (value >= 0) one.value[value] += change;
+    return one;
+  };
+  std::vector<std::uint64_t> digests = {0};
+  const auto look = [&](std::initializer_list<ScanFields::Pressed> all) {
+    for (const ScanFields::Pressed& one : all) ASSERT_TRUE(fields.set_pressed(one));
+    digests.push_back(fields.marks_digest());
+    fields.unmark();
+    EXPECT_EQ(fields.marks_digest(), 0u);
+  };
+  for (int value = 0; value < 4; ++value) {
+    look({pressed(100, value, -0.5)});
+    look({pressed(100, value, -0.5 + 1e-12)});
+    look({pressed(101, value, -0.5)});
+    look({pressed(100, value, -0.5), pressed(101, value, -0.5)});
+  }
+  const ScanFields::Pressed a{0, 100, {1, 2, 3, 4}}, b{0, 101, {1.5, 2, 3, 4}};
+  look({a, b});
+  look({{0, 101, {1, 2, 3, 4}}, {0, 100, {1.5, 2, 3, 4}}});
+  look({{0, 100, {2, 1, 3, 4}}, b});
+  look({{0, 100, {1, 2, 4, 3}}, b});
+  look({{0, 100, {3, 4, 1, 2}}, b});
+  std::sort(digests.begin(), digests.end());
+  EXPECT_EQ(std::adjacent_find(digests.begin(), digests.end()), digests.end());
+  // There and back in whatever order.
+  EXPECT_TRUE(fields.set_pressed(pressed(100, 0, -1)) && fields.set_pressed(pressed(7, 2, 3)) &&
+              fields.set_pressed(pressed(100, -1, 0)));
+  const std::uint64_t seven = fields.marks_digest();
+  fields.unmark();
+  EXPECT_TRUE(fields.set_pressed(pressed(7, 2, 3)));
+  EXPECT_EQ(fields.marks_digest(), seven);
 }
 
 // The bound that a large scan gives for its ρ holds where all of it is made: a pit of the tip's own radius.
