@@ -16,6 +16,7 @@ import urllib.request
 
 sys.path[:0] = [str(pathlib.Path(__file__).parent)]
 import deadman_test  # noqa: E402
+import nanonis  # noqa: E402
 from deadman_test import LONG_S, MASTER, NVE  # noqa: E402
 
 LIMIT_NN = 300
@@ -46,6 +47,17 @@ class Base(deadman_test.Rig):
         """Whether the tip is up, and the rig's own greatest force, in nN."""
         text = simulator.stop()
         return "tip withdrawn" in text, float(re.search(r"greatest ([0-9.]+)", text)[1]), text
+
+    SETTINGS = ("SafeTip.OnOffGet", "SafeTip.PropsGet", "ZCtrl.LimitsEnabledGet", "ZCtrl.LimitsGet", "FolMe.SpeedGet",
+                "Util.AcqPeriodGet", "ZCtrl.TipLiftGet", "ZCtrl.SwitchOffDelayGet", "ZCtrl.WithdrawRateGet")
+
+    def settings(self):
+        """What the controller is set to; while no server is connected."""
+        client = nanonis.Client("127.0.0.1", self.ports[0])
+        try:
+            return {name: client.call(name) for name in self.SETTINGS}
+        finally:
+            client.close()
 
     def press(self, server, *words):
         (self.path / "press.csv").write_text("t_s,x_nm,y_nm,z_nm\n0,0,0,20\n0.5,0,0,20\n1.5,0,0,-5\n600,0,0,-5\n")
@@ -201,6 +213,7 @@ class Hazards(Base):
 
     def test_a_drain_while_it_presses_waits_for_the_station(self):
         simulator = self.simulator()
+        self.before = self.settings()
         server = self.serving()
         station = self.press(server)
         self.contact(station)
@@ -217,6 +230,7 @@ class Hazards(Base):
 
     def test_a_drain_whose_time_is_over_withdraws_what_presses(self):
         simulator = self.simulator()
+        self.before = self.settings()
         server = self.serving("--drain-seconds", "1")
         station = self.press(server, "--give-up-s", "1")
         self.contact(station)
@@ -229,6 +243,7 @@ class Hazards(Base):
         self.assertTrue(server.says("drained: " + why), server.text)
         self.assertRegex(server.text, "withdrawn: (exit|stop)")
         self.assertEqual(self.latches(), [])
+        self.assertEqual(self.settings(), self.before, "given back")
         up, force_nn, text = self.end_of(simulator)
         self.assertTrue(up, text)
         self.assertGreater(force_nn, 20, "it did press")

@@ -25,6 +25,7 @@ namespace {
 
 using namespace fidelity;
 
+constexpr double kGain = 5;  // of companding
 constexpr double kRttMaxMs = 2000, kLossMax = 0.5;
 constexpr double kDrawnRttMs = 200;  // or the nearest to it that is asked for
 constexpr const char* kDrawnScene = "flakes";
@@ -76,6 +77,17 @@ std::vector<Cell> cells_of(const FidelityOptions& o, const std::vector<const Sce
                            motion == drawn && rtt == drawn_ms && loss == o.loss.front()});
       }
     }
+  }
+  return cells;
+}
+
+/// Each motion again by `twin` with companding, at each round trip, with the first loss.
+std::vector<Cell> companded_cells(const FidelityOptions& o, const std::vector<const SceneMotion*>& motions) {
+  std::vector<Cell> cells;
+  if (std::find(o.methods.begin(), o.methods.end(), control::Method::kTwin) == o.methods.end()) return cells;
+  for (const SceneMotion* motion : motions) {
+    for (const double rtt : o.rtt_ms)
+      cells.push_back({motion, control::Method::kTwin, rtt, o.loss.front(), o.seed, false, kGain});
   }
   return cells;
 }
@@ -160,6 +172,8 @@ bool run_fidelity(const FidelityOptions& given) {
     }
   }
   const std::vector<CellResult> results = run_cells(cells_of(options, motions), scenes, begin);
+  const std::vector<CellResult> companded = run_cells(companded_cells(options, motions), scenes, begin);
+  if (!companded.empty()) folder.write("companding.csv", companding_csv(results, companded));
   const std::string csv = cells_csv(results);
   folder.write("fidelity.csv", csv);
   std::fputs(csv.c_str(), stdout);
@@ -170,6 +184,7 @@ bool run_fidelity(const FidelityOptions& given) {
                                               "simulated hand; commit {}; seed {}{}",
                                               kGitCommit, options.seed, options.quick ? "; quick run" : ""));
   html += fidelity_sections(results, sensitivity, folder);
+  html += companding_section(results, companded);
   folder.write("index.html", html + page_end());
   std::fprintf(stderr, "fidelity: %s, after %.1f s\n", (options.out / "index.html").c_str(),
                seconds_since(begin));

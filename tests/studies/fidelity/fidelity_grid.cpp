@@ -54,6 +54,8 @@ CellResult run_cell(const Cell& cell, const ScenePairs& scenes, const MakeMethod
                                             session.station.rate_hz, cell.motion->velocity_scale);
   session.station.allow_unsafe_scaling = true;  // `none` over a delay is beyond what is safe
   if (stand_in) session.make_method = [&] { return stand_in(session.station.scaling); };
+  session.station.companding.gain = cell.compand;
+  run.companding = session.station.companding;
   session.twin = run.by_executed_log = cell.method == control::Method::kTwin && !stand_in;
   session.task = device::Task::kScript;
   session.script = cell.motion->script;

@@ -40,6 +40,7 @@ struct Cell {
   double loss = 0;  ///< of datagrams, each way, independent
   std::uint64_t seed = 1;
   bool keep_trace = false;
+  double compand = 1;  ///< `twin`: attraction before contact, up to so many times as strong
 };
 
 struct CellResult {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "telenano/common/control/scaling_plan.h"
 #include "tests/studies/report/gnuplot.h"
 #include "tests/studies/report/page.h"
 #include "tests/studies/stress/invariants.h"
@@ -281,6 +282,66 @@ std::string sensitivity_section(const std::vector<SensitivityRow>& rows) {
 }
 
 }  // namespace
+
+namespace {
+
+/// The same cell without companding; null: it was not asked for.
+const CellResult* without(const std::vector<CellResult>& results, const CellResult& with) {
+  const auto found = std::find_if(results.begin(), results.end(), [&](const CellResult& r) {
+    return r.cell.motion == with.cell.motion && r.cell.method == with.cell.method &&
+           r.cell.rtt_ms == with.cell.rtt_ms && r.cell.loss == with.cell.loss;
+  });
+  return found != results.end() ? &*found : nullptr;
+}
+
+}  // namespace
+
+std::string companding_csv(const std::vector<CellResult>& results, const std::vector<CellResult>& companded) {
+  std::string csv = "scene,motion,rtt_ms,loss,gain,approach_true_n,approach_felt_n,nrmse,stopped_s\n";
+  const auto number = [](double value) {
+    return std::isfinite(value) ? fmt::format("{:.3g}", value) : std::string();
+  };
+  for (const CellResult& with : companded) {
+    for (const CellResult* const r : {without(results, with), &with}) {
+      if (r == nullptr) continue;
+      csv +=
+          fmt::format("{},{},{:g},{:g},{:g},{},{},{},{:g}\n", r->cell.motion->scene, r->cell.motion->motion,
+                      r->cell.rtt_ms, r->cell.loss, r->cell.compand, number(r->haptic.approach_true_n),
+                      number(r->haptic.approach_felt_n), number(r->metrics.nrmse), r->run.stopped_s);
+    }
+  }
+  return csv;
+}
+
+std::string companding_section(const std::vector<CellResult>& results,
+                               const std::vector<CellResult>& companded) {
+  if (companded.empty()) return "";
+  std::string body;
+  const auto times = [](double force_n) {
+    if (!std::isfinite(force_n)) return std::string("<td>–</td>");
+    return fmt::format("<td>{:.3f} ({:.1f}){}</td>", force_n, force_n / control::kNoticedForceN,
+                       force_n >= control::kNoticedForceN ? " ●" : "");
+  };
+  for (const CellResult& with : companded) {
+    const CellResult* const r = without(results, with);
+    if (r == nullptr) continue;
+    body += fmt::format("<tr><th>{}</th><td>{:g}</td>{}{}{}<td>{:.2g}</td><td>{:.2g}</td></tr>\n",
+                        full_name(*with.cell.motion), with.cell.rtt_ms, times(r->haptic.approach_true_n),
+                        times(r->haptic.approach_felt_n), times(with.haptic.approach_felt_n),
+                        r->metrics.nrmse, with.metrics.nrmse);
+  }
+  return fmt::format(
+      "<h2>With companding</h2>\n<p>Method twin, no loss: the greatest attraction before the first contact, "
+      "N at "
+      "the hand, in brackets how many times the {:g} N that a hand notices (●: noticed): that of the sample, "
+      "what is "
+      "felt of it without companding, and with a gain of {:g}. Then the NRMSE without and with; with "
+      "companding "
+      "true is ψ′(U) F before contact, F after it.</p>\n<div class=\"scroll\"><table>\n<thead><tr><th>scene, "
+      "motion</th><th>round trip, ms</th><th>sample</th><th>felt</th><th>felt, companded</th><th>NRMSE</th>"
+      "<th>NRMSE, companded</th></tr></thead>\n<tbody>\n{}</tbody></table></div>\n",
+      control::kNoticedForceN, companded.front().cell.compand, body);
+}
 
 std::string fidelity_sections(const std::vector<CellResult>& results,
                               const std::vector<SensitivityRow>& sensitivity, const FigureFolder& folder) {

@@ -22,6 +22,11 @@ some=(fidelity --quick --scenes flat_silicon_oxide,lithography/plough)
 cmp one.csv two.csv || fail "same seed, other bits"
 cmp one.csv one/fidelity.csv || fail "the file is not what was printed"
 [ "$(wc -l <one.csv)" -eq 25 ] || fail "expected 3 motions x 4 methods x 2 round trips: $(wc -l <one.csv) lines"
+[ "$(grep -c ",5," one/companding.csv)" -eq 6 ] || fail "expected 3 motions x 2 round trips with companding"
+# Silicon oxide on the way in: not noticed as it is, noticed with companding, and as true as without.
+awk -F, '$2 == "indent_fast" && $5 == 1 { plain = $7 < 0.05 } $2 == "indent_fast" && $5 == 5 { felt = $7 > 0.05 && $8 < 0.05 } END { exit !(plain && felt) }' one/companding.csv ||
+  fail "companding: $(cat one/companding.csv)"
+grep -q "With companding" one/index.html || fail "no table of companding"
 grep -q "cells" progress.txt || fail "no progress"
 grep -q "<table" one/index.html || fail "no heat map"
 ! grep -qE 'src="http|href="http' one/index.html || fail "the page needs other files"

@@ -87,12 +87,26 @@ void judge_deadband(const TouchTrace& trace, HapticMetrics& m) {
   if (true2 > 0) m.weber_nrmse = std::sqrt(error2 / true2);
 }
 
+void judge_approach(const TouchTrace& trace, HapticMetrics& m) {
+  double true_n = 0, felt_n = 0;
+  for (const TouchTrace::Row& row : trace.rows) {
+    if (row.touches) {
+      m.approach_true_n = true_n;
+      m.approach_felt_n = felt_n;
+      return;
+    }
+    true_n = std::max(true_n, -row.true_h_n.z());
+    felt_n = std::max(felt_n, -row.felt_h_n.z());
+  }
+}
+
 }  // namespace
 
 HapticMetrics measure_haptic(const TouchTrace& trace, double delay_max_s) {
   HapticMetrics m;
   judge_delay(trace, delay_max_s, m);
   judge_deadband(trace, m);
+  judge_approach(trace, m);
   return m;
 }
 

@@ -34,6 +34,9 @@ struct HapticMetrics {
   double effective_nrmse = FeltMetrics::kNone;
   double weber_sent_share = FeltMetrics::kNone;
   double weber_nrmse = FeltMetrics::kNone;
+  /// The greatest attraction before the first contact, true and felt: a hand notices it from
+  /// control::kNoticedForceN on. None where nothing is touched.
+  double approach_true_n = FeltMetrics::kNone, approach_felt_n = FeltMetrics::kNone;
 };
 
 /// `delay_max_s`: the longest delay that is looked at.

@@ -4,6 +4,8 @@
 #include <utility>
 #include <vector>
 
+#include "telenano/nve_server/slave/nve_slave.h"
+
 namespace telenano::studies::fidelity {
 namespace {
 
@@ -45,6 +47,17 @@ struct Tick {
   std::uint32_t limit_flags = 0;
 };
 
+/// ψ′ before contact, as it is written down, by a slave that has not been told of it.
+double companded(const control::CompandingConfig& companding, const slave::Slave& truth,
+                 const slave::SlaveOutput& output) noexcept {
+  const auto* const nve = dynamic_cast<const slave::NveSlave*>(&truth);
+  if (!companding.on() || nve == nullptr || output.contact_state == link::ContactState::kContact ||
+      !(nve->stored_aj() < 0))
+    return 1;
+  const double u = -nve->stored_aj() / companding.energy_aj;
+  return 1 + (companding.gain - 1) / ((1 + u) * (1 + u));
+}
+
 /// The target travels on a grid; what is further from it than this is another step.
 constexpr double kSameStepNm = 0.01;
 
@@ -77,7 +90,8 @@ TouchOutcome run_touch(const TouchRun& run) {
     }
     if (!run.session.hand && !session.device().motion_started()) continue;
     ticks.push_back({session.client().next_step() - 1, vec3(row.tip_target_w_nm), row.limit_flags});
-    outcome.trace.rows.push_back({vec3(row.hand_force_applied_h_n), n_per_nn * output.force_w_nn,
+    outcome.trace.rows.push_back({vec3(row.hand_force_applied_h_n),
+                                  n_per_nn * companded(run.companding, *truth, output) * output.force_w_nn,
                                   vec3(row.hand_pos_h_m),
                                   output.contact_state == link::ContactState::kContact});
     if (outcome.stopped_s < 0 && (row.limit_flags & recording::kLimitStop) != 0) {
@@ -95,7 +109,8 @@ TouchOutcome run_touch(const TouchRun& run) {
           ticks[i].step > 0 && ticks[i].step <= log->size() &&
           ((*log)[ticks[i].step - 1].input.tip_target_pos_w_nm - ticks[i].target_w_nm).norm() < kSameStepNm;
       if (!executed) ++outcome.unexecuted;
-      outcome.trace.rows[i].true_h_n = n_per_nn * output.force_w_nn;
+      outcome.trace.rows[i].true_h_n =
+          n_per_nn * companded(run.companding, *truth, output) * output.force_w_nn;
       outcome.trace.rows[i].touches = output.contact_state == link::ContactState::kContact;
     }
     outcome.executed = static_cast<std::int64_t>(log->size());

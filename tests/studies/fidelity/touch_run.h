@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 
+#include "telenano/common/control/companding.h"
 #include "telenano/nve_server/slave/slave.h"
 #include "tests/studies/fidelity/felt_metrics.h"
 #include "tests/support/virtual_session.h"
@@ -18,6 +19,7 @@ struct TouchRun {
   /// their steps. Else the path that the station commanded.
   bool by_executed_log = false;
   std::int64_t ticks_max = 60'000;
+  control::CompandingConfig companding{};  ///< that the station shows: what is true is companded likewise
   double after_s = 0;  ///< goes on for so long once the task is over: what is on its way arrives
 };
 

@@ -67,8 +67,8 @@ std::vector<IntendedMotion::Waypoint> motion(const std::string& hand, double sec
   }
   if (hand == "scrub") {
     for (double t = 1.4; t < seconds - 0.7; t += 0.4) {
-      path.push_back({t, {100, 0, -8}});
-      path.push_back({t + 0.2, {-100, 0, -8}});
+      path.push_back({t, {50, 0, -8}});
+      path.push_back({t + 0.2, {-50, 0, -8}});
     }
   }
   path.push_back({seconds - 0.6, {0, 0, hand == "press" ? -8.0 : 12.0}});

@@ -130,9 +130,10 @@ Figure draw_scaling_region(const ScalingRegion& r, const std::string& id, const 
       "lc rgb '{4}' title 'worst hand swings from here'\n",
       id, kRed, kBlue, kInk, kPurple);
   script +=
-      "unset logscale x\nset format x '%g'\nset lmargin at screen 0.58\nset rmargin at screen 0.98\nset "
+      "unset logscale x\nset format x '%g'\nset lmargin at screen 0.6\nset rmargin at screen 0.98\nset "
       "xrange [0:1.5]\nset yrange [10:1e6]\nset xlabel 'damping of the coupling b_c/(k_c T)' noenhanced\nset "
-      "ylabel 'shown stiffness α_v α_F k_c (N/m)' noenhanced\nset key bottom left Left reverse\n";
+      "ylabel 'shown stiffness α_v α_F k_c (N/m)' noenhanced offset -1.5,0\nset key bottom left Left "
+      "reverse\n";
   script += fmt::format(
       "plot '{0}.csv' index 1 using 1:2 lc rgb '{1}' lw 1.6 dt (6,4) title 'as published (Llewellyn)', '' "
       "index 1 using 1:5 with linespoints pt 8 ps 0.8 lc rgb '{1}' title 'simulated, free device', '' index "
@@ -182,9 +183,11 @@ Figure draw_transmitted_impedance(const ScalingRegion& r, double velocity_scale,
           case_two / r.exact),
       ""};
   const std::string script = fmt::format(
-      "set logscale xy\nset format '10^{{%T}}'\nset format x '%g'\nset lmargin at screen 0.1\nset rmargin at "
+      "set logscale xy\nset format '10^{{%T}}'\nset format x '%g'\nset lmargin at screen 0.11\nset rmargin "
+      "at "
       "screen 0.68\nset tmargin at screen 0.95\nset bmargin at screen 0.14\nset xlabel 'frequency (Hz)'\nset "
-      "ylabel '|Z| (N s/m)' offset 1,0\nset key at graph 1.03, graph 1 top left Left reverse samplen 2\nset "
+      "ylabel '|Z| (N s/m)' offset -1.5,0\nset key at graph 1.03, graph 1 top left Left reverse samplen "
+      "2\nset "
       "xrange [{:.3g}:{:.3g}]\nplot '{}.csv' using 1:7 lc rgb '{}' lw 1.6 dt (6,4) title 'case II, α_F = "
       "1/α_v²', '' using 1:6 lc rgb '{}' lw 1.6 title 'published bound', '' using 1:5 lc rgb '{}' lw 2.2 "
       "title 'exact bound', '' using 1:4 lc rgb '{}' lw 1.6 title 'a tenth of it', '' using 1:3 lc rgb "

@@ -223,9 +223,12 @@ Figure draw_cb03(const FigureFolder& folder) {
           std::sqrt(worst.arm.stiffness_n_m / (o.display.mass_kg + worst.arm.mass_kg)) / (2 * M_PI),
           worst.push_n, plant.damper.damping_n_s_m, o.display.damping_n_s_m, o.display.mass_kg, limit),
       ""};
-  const std::vector<Panel> panels{
-      {"into the wall (mm), stable", {fmt::format("'cb03.csv' using 1:2 lc rgb '{}' lw 1 notitle", kBlue)}},
-      {"into the wall (mm), unstable", {fmt::format("'cb03.csv' using 1:3 lc rgb '{}' lw 1 notitle", kRed)}}};
+  const std::vector<Panel> panels{{"in the wall (mm), stable",
+                                   {fmt::format("'cb03.csv' using 1:2 lc rgb '{}' lw 1 notitle", kBlue)},
+                                   "set ytics 0.05\nset ylabel offset -0.5,0\n"},
+                                  {"in the wall, unstable",
+                                   {fmt::format("'cb03.csv' using 1:3 lc rgb '{}' lw 1 notitle", kRed)},
+                                   "set ytics 0.2\nset ylabel offset -0.5,0\n"}};
   folder.draw(figure, 1000, 480,
               "set multiplot\n" + column_of_panels(panels, {0.09, 0.98, 0.95, 0.13, 0.06, true, "0:1"}, ""));
   return figure;
@@ -254,7 +257,7 @@ Figure draw_cb04(char part, const FigureFolder& folder) {
       curves += fmt::format(
           "{0}'{1}.csv' index {2} using 1:6 with linespoints pt 7 ps 0.5 lc rgb '{3}' lw 1.8 title '{4}: "
           "simulated', '' index {2} using 1:2 lc rgb '{3}' lw 1.2 dt (6,4) title 'passive', '' index {2} "
-          "using 1:4 lc rgb '{3}' lw 1 dt (1,3) title 'worst hand'",
+          "using 1:4 lc rgb '{3}' lw 1.5 dt (2,3) title 'worst hand'",
           block == 0 ? "plot " : ", ", id, block, kColours[block], name);
       found += fmt::format(" {}: to {:.3g} N/m and {:.3g} N s/m.", name, r.stiffness, r.damping);
       ++block;
@@ -309,12 +312,13 @@ Figure draw_cb04(char part, const FigureFolder& folder) {
           "shapes and ratios compare, absolute numbers do not.",
           found, answer),
       ""};
-  folder.draw(figure, 1000, 480,
-              "set lmargin at screen 0.1\nset rmargin at screen 0.7\nset tmargin at screen 0.96\nset bmargin "
-              "at screen 0.13\nset logscale xy\nset xrange [0.2:*]\nset xlabel 'virtual damping B (N "
-              "s/m)'\nset ylabel 'virtual stiffness K (N/m)' offset 1,0\nset key at graph 1.02, graph 1 top "
-              "left Left reverse samplen 2.5\n" +
-                  curves + "\n");
+  folder.draw(
+      figure, 1000, 480,
+      "set lmargin at screen 0.1\nset rmargin at screen 0.64\nset tmargin at screen 0.96\nset bmargin "
+      "at screen 0.13\nset logscale xy\nset xrange [0.2:*]\nset xlabel 'virtual damping B (N "
+      "s/m)'\nset ylabel 'virtual stiffness K (N/m)' offset 1,0\nset key at graph 1.02, graph 1 top "
+      "left Left reverse samplen 2.5\n" +
+          curves + "\n");
   return figure;
 }
 
