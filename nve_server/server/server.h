@@ -190,6 +190,9 @@ class Server {
   /// of this one. No datagram may come from now on but after next_bye(). Call it until it returns true: then
   /// they may be had. At once where there are no checkpoints.
   bool hand_out(std::int64_t now_ns) noexcept;
+  /// Between two calls of that: a Bye to a session which may be had already, so that its station does not wait for
+  /// the others'. 0: none now.
+  std::size_t next_handed_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
   /// Shutting down: from now on Hellos are refused, and commands answered by a Bye; call until it returns 0,
   /// sending each Bye to `to`. poll() goes on retracting.
   std::size_t next_bye(std::int64_t now_ns, std::span<std::uint8_t> out, net::Address& to) noexcept;
@@ -289,6 +292,7 @@ class Server {
   TokenSearch search_;
   std::size_t next_checkpoint_ = 0;  ///< slot that is looked at next
   std::size_t next_hand_out_ = 0;
+  std::size_t next_handed_bye_ = 0;
   std::int64_t cap_held_ = 0;  ///< places that this worker has of config_.cap
   LoadEstimate load_;
   OpeningBudget openings_;

@@ -83,6 +83,19 @@ bool Server::hand_out(std::int64_t now_ns) noexcept {
   return config_.checkpoints->idle();
 }
 
+std::size_t Server::next_handed_bye(std::int64_t now_ns, std::span<std::uint8_t> out,
+                                    net::Address& to) noexcept {
+  if (config_.checkpoints == nullptr || !config_.checkpoints->idle()) return 0;
+  for (; next_handed_bye_ < next_hand_out_; ++next_handed_bye_) {
+    const std::size_t slot = next_handed_bye_;
+    if (table_[slot].state != SlotState::kActive || tips_[slot].slave) continue;
+    end(slot, link::ByeReason::kShuttingDown, now_ns);
+    to = records_[slot].address;
+    return codec_.encode(link::Bye{table_[slot].session_id, link::ByeReason::kShuttingDown}, out);
+  }
+  return 0;
+}
+
 /// A session of another server, silent until its Hello, which waits for it, resumes it.
 void Server::restore(SessionState& state, std::uint32_t ticket) noexcept {
   const TokenSearch::Question* const question = search_.find(ticket);

@@ -26,10 +26,17 @@ void shut_down(Server& server, net::Datagram& socket, const rt::Clock& clock,
                const std::function<void(std::int64_t timeout_ns)>& wait, const ShutdownOptions& options) {
   // Before anybody is told: who is told asks another server for the session at once.
   const std::int64_t first_ns = clock.now_ns();
-  while (!server.hand_out(clock.now_ns()) && clock.now_ns() - first_ns < options.hand_out_most_ns)
-    wait(kHandOutLookNs);
-  const std::int64_t start_ns = clock.now_ns();
   std::vector<Farewell> farewells(1);
+  while (!server.hand_out(clock.now_ns()) && clock.now_ns() - first_ns < options.hand_out_most_ns) {
+    wait(kHandOutLookNs);
+    while ((farewells.back().size =
+                server.next_handed_bye(clock.now_ns(), farewells.back().bytes, farewells.back().to)) != 0) {
+      socket.send({farewells.back().bytes.data(), farewells.back().size}, farewells.back().to);
+      farewells.emplace_back();
+    }
+    socket.flush();
+  }
+  const std::int64_t start_ns = clock.now_ns();
   while ((farewells.back().size = server.next_bye(start_ns, farewells.back().bytes, farewells.back().to)) !=
          0) {
     farewells.emplace_back();

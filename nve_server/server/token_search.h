@@ -35,9 +35,9 @@ class TokenSearch {
   /// Is anything open?
   bool waits() const noexcept { return open_ > 0; }
 
-  /// Of these one key, or in the clear one address, may have a half: who shows tokens of nobody's one after the other
+  /// Of these one key, or in the clear one address, may have three quarters: who shows tokens of nobody's one after the other
   /// does not keep others from their sessions.
-  static constexpr std::size_t kOfOneParty = WorkerMail::kOpenQuestions / 2;
+  static constexpr std::size_t kOfOneParty = 3 * WorkerMail::kOpenQuestions / 4;
 
   /// Asks all others. kDuplicate: the same Hello waits already; kRateLimited: too many wait.
   link::DropCause ask(const link::Hello& hello, const net::Address& from, const net::Standing& standing,

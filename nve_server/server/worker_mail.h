@@ -33,7 +33,7 @@ class WorkerMail {
  public:
   /// Questions that one worker may have open at once. Each takes one place in every queue from it and one in
   /// every queue to it, so no queue ever overflows.
-  static constexpr std::size_t kOpenQuestions = 64;
+  static constexpr std::size_t kOpenQuestions = 128;
 
   /// `keeper`: there is one of checkpoints, who is asked like a worker and has the number workers().
   explicit WorkerMail(std::size_t workers, bool keeper = false);

@@ -8,6 +8,7 @@
 #include "tests/studies/contact_command.h"
 #include "tests/studies/fidelity/fidelity_command.h"
 #include "tests/studies/figures/figures_command.h"
+#include "tests/studies/fleet_command.h"
 #include "tests/studies/flood/flood_command.h"
 #include "tests/studies/loop_bench/loop_bench_command.h"
 #include "tests/studies/methods/methods_command.h"
@@ -30,6 +31,7 @@ int main(int argc, char** argv) {
   telenano::studies::add_contact_command(app);
   telenano::studies::add_fidelity_command(app, exit_code);
   telenano::studies::add_figures_command(app);
+  telenano::studies::add_fleet_command(app, exit_code);
   telenano::studies::add_flood_command(app);
   CLI::App* bench = app.add_subcommand("bench", "The product beside its floor, in one run");
   bench->require_subcommand(1);

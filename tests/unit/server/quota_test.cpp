@@ -347,7 +347,7 @@ TEST(Rate, WhatAStallHasKeptBackIsAnswered) {
 }
 
 /// Who shows one token of nobody's after the other: no one answers in time, and another one still can ask.
-TEST(TokenSearch, OnePartyHasHalfOfTheQuestions) {
+TEST(TokenSearch, OnePartyHasThreeQuartersOfTheQuestions) {
   WorkerMail mail(1, true);
   TokenSearch search(&mail, 0);
   net::Address from;
