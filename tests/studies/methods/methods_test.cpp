@@ -47,7 +47,7 @@ TEST(PortAccount, ASampledSpringGivesAwayWhatTheClosedFormSays) {
 
 TEST(PortAccount, TheDevicesCertainLossIsNotBlamedOnThePort) {
   constexpr double kB = 2, kT = 1e-3, kV = 0.1;
-  support::PortAccount account_for(kB, kT);
+  support::PortAccount account(kB, kT);
   for (int k = 0; k < 1000; ++k)
     account.add(kB * kV, kV * kT);                      // pushed at constant speed against its damping
   EXPECT_NEAR(account.given_j(), kB * kV * kV, 1e-15);  // 1 s
