@@ -61,6 +61,11 @@ void ClientSession::start(std::int64_t now_ns) noexcept {
   set_state(ClientState::kHelloSent, now_ns);
 }
 
+void ClientSession::resume(std::int64_t now_ns) noexcept {
+  new_attempt(now_ns);
+  set_state(ClientState::kLost, now_ns);
+}
+
 std::int64_t ClientSession::silence_limit_ns() const noexcept {
   // A long way must not look like silence: before the first reply the handshake bounds the round trip from
   // above.

@@ -79,6 +79,8 @@ class ClientSession {
   explicit ClientSession(const ClientConfig& config);
 
   void start(std::int64_t now_ns) noexcept;
+  /// Says Hello from now on, as after the server's silence; the session that there is goes on meanwhile.
+  void resume(std::int64_t now_ns) noexcept;
   /// What the handshake has to send now: bytes written to `out` (512 needed), 0 = nothing.
   std::size_t poll(std::int64_t now_ns, std::span<std::uint8_t> out) noexcept;
   ClientEvent on_datagram(std::span<const std::uint8_t> bytes, std::int64_t now_ns) noexcept;

@@ -34,6 +34,7 @@ class SnapshotFetch {
   bool active() const noexcept { return active_; }
   /// The server's state is larger than this station has room for, or is none.
   bool refused() const noexcept { return refused_; }
+  std::size_t pieces_here() const noexcept { return have_; }
   bool complete() const noexcept { return known_ && have_ == pieces(total_); }
 
   /// The next piece to ask for; false: none now.

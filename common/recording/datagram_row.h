@@ -18,8 +18,15 @@ struct DatagramRow {
   std::uint64_t executed = 0;  ///< of a reply: the last step of the log that the slave had made; else 0
   std::uint32_t type = 0;      ///< link::MessageType; 0 = could not be decoded
   std::uint32_t drop = 0;      ///< link::DropCause; 0 = accepted
+  // What else a reply or a Welcome says of the log (link::StepReport, of which `executed` is the first).
+  std::uint64_t state_hash = 0;
+  std::uint64_t newest = 0;
+  std::uint64_t break_step = 0;
+  std::uint32_t breaks = 0;
+  std::uint32_t break_reason = 0;  ///< of a Bye: its own reason (link::ByeReason)
+  std::uint64_t epoch = 0;         ///< of a reply or a Welcome; 0 in recordings made before this was written
 };
 
-static_assert(std::is_trivially_copyable_v<DatagramRow> && sizeof(DatagramRow) == 56);
+static_assert(std::is_trivially_copyable_v<DatagramRow> && sizeof(DatagramRow) == 96);
 
 }  // namespace telenano::recording

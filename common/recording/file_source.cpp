@@ -203,6 +203,21 @@ class FileSource final : public RecordingSource {
     return rows_read;
   }
 
+  std::vector<StatePieceRow> state_pieces() const override {
+    std::vector<StatePieceRow> rows_read =
+        read_unconfirmed<StatePieceRow>(kStatePiecesDataset, state_piece_type());
+    if (rows_read.empty()) return rows_read;
+    Sample last;
+    read_samples(rows() - 1, std::span(&last, 1));
+    std::size_t good = 0;
+    while (good < rows_read.size() && rows_read[good].tick <= last.tick && rows_read[good].total != 0 &&
+           rows_read[good].size <= StatePieceRow::kBytes &&
+           (good == 0 || rows_read[good].tick >= rows_read[good - 1].tick))
+      ++good;
+    rows_read.resize(good);
+    return rows_read;
+  }
+
   std::vector<std::pair<std::string, std::string>> configuration() const override {
     const Handle group(H5Gopen2(file_.get(), kConfigurationGroup, H5P_DEFAULT), H5Gclose);
     if (!group) broken("has no /configuration");

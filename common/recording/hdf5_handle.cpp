@@ -89,6 +89,29 @@ Handle datagram_type() {
   H5Tinsert(type.get(), "executed", offsetof(DatagramRow, executed), H5T_STD_U64LE);
   H5Tinsert(type.get(), "type", offsetof(DatagramRow, type), H5T_STD_U32LE);
   H5Tinsert(type.get(), "drop", offsetof(DatagramRow, drop), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "state_hash", offsetof(DatagramRow, state_hash), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "newest", offsetof(DatagramRow, newest), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "break_step", offsetof(DatagramRow, break_step), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "breaks", offsetof(DatagramRow, breaks), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "break_reason", offsetof(DatagramRow, break_reason), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "epoch", offsetof(DatagramRow, epoch), H5T_STD_U64LE);
+  return type;
+}
+
+Handle state_piece_type() {
+  const hsize_t bytes = StatePieceRow::kBytes;
+  const Handle data(H5Tarray_create2(H5T_STD_U8LE, 1, &bytes), H5Tclose);
+  Handle type(H5Tcreate(H5T_COMPOUND, sizeof(StatePieceRow)), H5Tclose);
+  H5Tinsert(type.get(), "tick", offsetof(StatePieceRow, tick), H5T_STD_I64LE);
+  H5Tinsert(type.get(), "step", offsetof(StatePieceRow, step), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "state_hash", offsetof(StatePieceRow, state_hash), H5T_STD_U64LE);
+  H5Tinsert(type.get(), "breaks", offsetof(StatePieceRow, breaks), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "snapshot", offsetof(StatePieceRow, snapshot), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "piece", offsetof(StatePieceRow, piece), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "total", offsetof(StatePieceRow, total), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "size", offsetof(StatePieceRow, size), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "reserved", offsetof(StatePieceRow, reserved), H5T_STD_U32LE);
+  H5Tinsert(type.get(), "data", offsetof(StatePieceRow, data), data.get());
   return type;
 }
 

@@ -9,6 +9,7 @@
 #include "telenano/common/recording/datagram_row.h"
 #include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/state_piece_row.h"
 
 /// The little of HDF5 that writer, reader and recovery share. Included by this folder's .cpp files only.
 namespace telenano::recording {
@@ -50,6 +51,7 @@ inline constexpr const char* kConfigurationGroup = "/configuration";
 inline constexpr const char* kEventsDataset = "/events";
 inline constexpr const char* kDatagramsDataset = "/datagrams";
 inline constexpr const char* kMarksDataset = "/marks";
+inline constexpr const char* kStatePiecesDataset = "/state_pieces";
 inline constexpr const char* kProgressDataset = "/progress";
 
 /// /progress: what the writer has confirmed after everything before it had been written.
@@ -73,8 +75,9 @@ hid_t memory_type(ColumnType type);
 hid_t file_type(ColumnType type);
 /// A compound of Event; `packed` as it lies in the file, otherwise as it lies in memory.
 Handle event_type(bool packed);
-/// Compounds of DatagramRow and MarkRow, which have no padding.
+/// Compounds of DatagramRow, MarkRow and StatePieceRow, which have no padding.
 Handle datagram_type();
+Handle state_piece_type();
 Handle mark_type();
 
 /// Has the attribute one value? H5Aread writes as many as the file says, whatever the room.

@@ -16,6 +16,7 @@ enum class Ask : std::uint8_t {
   kEvents,
   kDatagrams,
   kMarks,
+  kStatePieces,
   kConfiguration
 };
 
@@ -68,6 +69,8 @@ class Answerer {
         return rows_of(source_->datagrams());
       case Ask::kMarks:
         return rows_of(source_->marks());
+      case Ask::kStatePieces:
+        return rows_of(source_->state_pieces());
       case Ask::kConfiguration: {
         Packer answer;
         for (const auto& [name, text] : source_->configuration()) answer.text(name).text(text);
@@ -118,6 +121,9 @@ class IsolatedSource final : public RecordingSource {
   }
   std::vector<MarkRow> marks() const override {
     return rows_from<MarkRow>(child_.ask(Packer().put(Ask::kMarks).take()));
+  }
+  std::vector<StatePieceRow> state_pieces() const override {
+    return rows_from<StatePieceRow>(child_.ask(Packer().put(Ask::kStatePieces).take()));
   }
   std::vector<std::pair<std::string, std::string>> configuration() const override {
     const std::string answer = child_.ask(Packer().put(Ask::kConfiguration).take());

@@ -10,6 +10,7 @@
 #include <mutex>
 #include <span>
 #include <thread>
+#include <utility>
 
 #include "telenano/common/recording/recording_file.h"
 #include "telenano/common/rt/signals_blocked.h"
@@ -38,10 +39,12 @@ class Recorder::Impl {
         file_(options.path, options.overwrite, configuration),
         samples_(options.queue_rows),
         events_(options.queue_events),
-        datagrams_(options.queue_datagrams) {
+        datagrams_(options.queue_datagrams),
+        state_pieces_(options.queue_state_pieces) {
     rows_.reserve(RecordingFile::kChunkRows);
     event_rows_.reserve(RecordingFile::kChunkRows);
     datagram_rows_.reserve(RecordingFile::kChunkRows);
+    state_piece_rows_.reserve(RecordingFile::kChunkRows);
     const rt::SignalsBlocked blocked;
     thread_ = std::thread([this] { run(); });
   }
@@ -57,6 +60,17 @@ class Recorder::Impl {
   bool push(const Sample& sample) noexcept { return push(samples_, sample, rows_dropped_); }
   bool push(const Event& event) noexcept { return push(events_, event, events_dropped_); }
   bool push(const DatagramRow& row) noexcept { return push(datagrams_, row, datagrams_dropped_); }
+  bool push(const StatePieceRow& row) noexcept {
+    // What follows a missing one is of no use either.
+    if (state_pieces_taken_ < options_.state_pieces_most && push(state_pieces_, row, state_pieces_dropped_)) {
+      ++state_pieces_taken_;
+      return true;
+    }
+    if (std::exchange(state_pieces_taken_, options_.state_pieces_most) == options_.state_pieces_most)
+      state_pieces_dropped_.store(state_pieces_dropped_.load(std::memory_order_relaxed) + 1,
+                                  std::memory_order_relaxed);
+    return false;
+  }
 
   void close() {
     if (!thread_.joinable()) return;
@@ -76,6 +90,9 @@ class Recorder::Impl {
   std::uint64_t events_dropped() const noexcept { return events_dropped_.load(std::memory_order_relaxed); }
   std::uint64_t datagrams_dropped() const noexcept {
     return datagrams_dropped_.load(std::memory_order_relaxed);
+  }
+  std::uint64_t state_pieces_dropped() const noexcept {
+    return state_pieces_dropped_.load(std::memory_order_relaxed);
   }
 
  private:
@@ -125,6 +142,11 @@ class Recorder::Impl {
       datagram_rows_.push_back(datagram);
       if (datagram_rows_.size() == RecordingFile::kChunkRows && !write_datagrams()) return false;
     }
+    StatePieceRow piece;
+    while (state_pieces_.pop(piece)) {
+      state_piece_rows_.push_back(piece);
+      if (state_piece_rows_.size() == RecordingFile::kChunkRows && !write_state_pieces()) return false;
+    }
     return true;
   }
 
@@ -146,6 +168,12 @@ class Recorder::Impl {
     return true;
   }
 
+  bool write_state_pieces() {
+    if (!file_.append(state_piece_rows_)) return false;
+    state_piece_rows_.clear();
+    return true;
+  }
+
   void take_marks() {
     if (!options_.newest_marks) return;
     const std::size_t had = mark_rows_.size();
@@ -163,7 +191,9 @@ class Recorder::Impl {
     return true;
   }
 
-  bool write_all() { return write_rows() && write_events() && write_datagrams() && write_marks(); }
+  bool write_all() {
+    return write_rows() && write_events() && write_datagrams() && write_marks() && write_state_pieces();
+  }
 
   void stop_recording() {
     {
@@ -183,10 +213,13 @@ class Recorder::Impl {
   rt::SpscQueue<Sample> samples_;
   rt::SpscQueue<Event> events_;
   rt::SpscQueue<DatagramRow> datagrams_;
-  std::vector<Sample> rows_;  // of the writer's thread, like event_rows_ and file_
+  rt::SpscQueue<StatePieceRow> state_pieces_;
+  std::uint64_t state_pieces_taken_ = 0;  // of the loop's thread
+  std::vector<Sample> rows_;              // of the writer's thread, like event_rows_ and file_
   std::vector<Event> event_rows_;
   std::vector<DatagramRow> datagram_rows_;
   std::vector<MarkRow> mark_rows_;
+  std::vector<StatePieceRow> state_piece_rows_;
   double newest_s_ = 0;  // time of the newest sample taken
 
   std::atomic<bool> stop_{false};
@@ -196,6 +229,7 @@ class Recorder::Impl {
   std::atomic<std::uint64_t> rows_lost_{0};     // by the writer's thread, after a failure
   std::atomic<std::uint64_t> events_dropped_{0};
   std::atomic<std::uint64_t> datagrams_dropped_{0};
+  std::atomic<std::uint64_t> state_pieces_dropped_{0};
   mutable std::mutex failure_mutex_;
   std::string failure_;
   std::thread thread_;
@@ -212,6 +246,9 @@ bool Recorder::push(const Event& event) noexcept {
   return impl_->push(event);
 }
 bool Recorder::push(const DatagramRow& row) noexcept {
+  return impl_->push(row);
+}
+bool Recorder::push(const StatePieceRow& row) noexcept {
   return impl_->push(row);
 }
 void Recorder::close() {
@@ -235,6 +272,9 @@ std::uint64_t Recorder::events_dropped() const noexcept {
 
 std::uint64_t Recorder::datagrams_dropped() const noexcept {
   return impl_->datagrams_dropped();
+}
+std::uint64_t Recorder::state_pieces_dropped() const noexcept {
+  return impl_->state_pieces_dropped();
 }
 
 Event make_event(std::int64_t tick, double time_s, std::uint32_t code, const char* text,

@@ -11,6 +11,7 @@
 #include "telenano/common/recording/datagram_row.h"
 #include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/state_piece_row.h"
 
 namespace telenano::recording {
 
@@ -38,6 +39,9 @@ struct RecorderOptions {
   std::size_t queue_rows = 16384;  ///< rows that may wait while the disk is busy: 4 s at 4 kHz, 6 MB
   std::size_t queue_events = 1024;
   std::size_t queue_datagrams = 16384;
+  std::size_t queue_state_pieces = 2048;  ///< a second of them as fast as a station asks: 1 MB
+  /// More are not written in one recording (63 MB): a replay ends where the first one is missing.
+  std::uint64_t state_pieces_most = 131'072;
   double flush_period_s = 0.25;  ///< at most this much, twice, is lost when the process is killed
   /// Asked by the recorder's thread before each flush: how the sample has changed since. Left out: it does not.
   /// Their times are the recorder's.
@@ -66,6 +70,7 @@ class Recorder {
   bool push(const Sample& sample) noexcept;
   bool push(const Event& event) noexcept;
   bool push(const DatagramRow& row) noexcept;
+  bool push(const StatePieceRow& row) noexcept;
 
   /// Writes what is still queued and closes the file. Not from the loop. Does nothing the second time.
   void close();
@@ -77,6 +82,7 @@ class Recorder {
   std::uint64_t rows_dropped() const noexcept;  ///< queue full, or recording has stopped
   std::uint64_t events_dropped() const noexcept;
   std::uint64_t datagrams_dropped() const noexcept;
+  std::uint64_t state_pieces_dropped() const noexcept;  ///< also those beyond state_pieces_most
 
  private:
   class Impl;

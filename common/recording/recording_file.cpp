@@ -12,6 +12,7 @@ namespace telenano::recording {
 namespace {
 
 constexpr hsize_t kEventChunkRows = 256;
+constexpr hsize_t kStatePieceChunkRows = 64;
 
 std::string utc_now() {
   const std::time_t now = std::time(nullptr);
@@ -151,18 +152,25 @@ void RecordingFile::create_datasets() {
       good && events && write_text_attribute(events.get(), "description", "what happened, and at which tick");
   const Handle datagrams =
       create_extendable(file_.get(), kDatagramsDataset, datagram_type().get(), 1, kChunkRows);
-  good =
-      good && datagrams &&
-      write_text_attribute(
-          datagrams.get(), "description",
-          "every datagram that came: tick and time (ns, station clock), a reply's number "
-          "and the command it answers, the last logged step by then, type, cause if dropped (PROTOCOL.md)");
+  good = good && datagrams &&
+         write_text_attribute(
+             datagrams.get(), "description",
+             "every datagram that came: tick and time (ns, station clock), a reply's number "
+             "and the command it answers, the last logged step by then, type, cause if dropped, the state's "
+             "hash after that step, the newest step that had come, and the log's breaks (PROTOCOL.md)");
   const Handle marks = create_extendable(file_.get(), kMarksDataset, mark_type().get(), 1, kChunkRows);
   good = good && marks &&
          write_text_attribute(marks.get(), "description",
                               "how the sample changed: where its nodes are (column 4294967295; row 0 to 6: "
                               "columns, rows, dx, dy, x and y of the first, height of a plane; nm, frame W), "
                               "then nodes with their new height (nm, frame W)");
+  const Handle pieces =
+      create_extendable(file_.get(), kStatePiecesDataset, state_piece_type().get(), 1, kStatePieceChunkRows);
+  good =
+      good && pieces &&
+      write_text_attribute(pieces.get(), "description",
+                           "the server's states that a twin took up, in pieces as they came: tick, the last "
+                           "logged step then, the state's hash after it, and its bytes (PROTOCOL.md)");
 
   const hsize_t fields = kProgressFields;
   const Handle space(H5Screate_simple(1, &fields, nullptr), H5Sclose);
@@ -194,8 +202,10 @@ void RecordingFile::open_datasets() {
   datagram_type_ = datagram_type();
   marks_ = Handle(H5Dopen2(file_.get(), kMarksDataset, H5P_DEFAULT), H5Dclose);
   mark_type_ = mark_type();
+  state_pieces_ = Handle(H5Dopen2(file_.get(), kStatePiecesDataset, H5P_DEFAULT), H5Dclose);
+  state_piece_type_ = state_piece_type();
   progress_ = Handle(H5Dopen2(file_.get(), kProgressDataset, H5P_DEFAULT), H5Dclose);
-  if (!good || !events_ || !datagrams_ || !marks_ || !progress_)
+  if (!good || !events_ || !datagrams_ || !marks_ || !state_pieces_ || !progress_)
     throw UserError(name_ + ": cannot be written: " + hdf5_reason());
 }
 
@@ -235,6 +245,14 @@ bool RecordingFile::append(std::span<const DatagramRow> datagrams) {
 bool RecordingFile::append(std::span<const MarkRow> marks) {
   if (!append_to(marks_.get(), mark_type_.get(), mark_rows_, marks.size(), 1, marks.data())) return false;
   mark_rows_ += marks.size();
+  return true;
+}
+
+bool RecordingFile::append(std::span<const StatePieceRow> pieces) {
+  if (!append_to(state_pieces_.get(), state_piece_type_.get(), state_piece_rows_, pieces.size(), 1,
+                 pieces.data()))
+    return false;
+  state_piece_rows_ += pieces.size();
   return true;
 }
 
@@ -280,6 +298,7 @@ bool RecordingFile::close(std::uint64_t rows_dropped) {
   good = events_.reset() && good;
   good = datagrams_.reset() && good;
   good = marks_.reset() && good;
+  good = state_pieces_.reset() && good;
   good = file_.reset() && good;
   if (!good) return fail("close");
   abandon();
@@ -292,6 +311,7 @@ void RecordingFile::abandon() noexcept {
   events_.abandon();
   datagrams_.abandon();
   marks_.abandon();
+  state_pieces_.abandon();
   progress_.abandon();
   file_.abandon();
   if (lock_fd_ >= 0) ::close(lock_fd_);

@@ -8,6 +8,7 @@
 #include "telenano/common/recording/hdf5_handle.h"
 #include "telenano/common/recording/recorder.h"
 #include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/state_piece_row.h"
 
 namespace telenano::recording {
 
@@ -28,6 +29,7 @@ class RecordingFile {
   bool append(std::span<const Event> events);
   bool append(std::span<const DatagramRow> datagrams);
   bool append(std::span<const MarkRow> marks);
+  bool append(std::span<const StatePieceRow> pieces);
   /// Hands everything appended to the operating system, then confirms it in /progress. In this order, so a
   /// process that is killed in between has confirmed only what is really in the file.
   bool confirm(std::uint64_t rows_dropped);
@@ -59,12 +61,15 @@ class RecordingFile {
   Handle datagram_type_;
   Handle marks_;
   Handle mark_type_;
+  Handle state_pieces_;
+  Handle state_piece_type_;
   Handle progress_;
   std::vector<std::byte> gathered_;
   std::uint64_t rows_ = 0;
   std::uint64_t event_rows_ = 0;
   std::uint64_t datagram_rows_ = 0;
   std::uint64_t mark_rows_ = 0;
+  std::uint64_t state_piece_rows_ = 0;
 };
 
 }  // namespace telenano::recording

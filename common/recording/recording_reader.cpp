@@ -65,6 +65,9 @@ std::vector<DatagramRow> RecordingReader::datagrams() const {
 std::vector<MarkRow> RecordingReader::marks() const {
   return impl_->source->marks();
 }
+std::vector<StatePieceRow> RecordingReader::state_pieces() const {
+  return impl_->source->state_pieces();
+}
 std::vector<std::pair<std::string, std::string>> RecordingReader::configuration() const {
   return impl_->source->configuration();
 }

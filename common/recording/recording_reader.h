@@ -11,6 +11,7 @@
 #include "telenano/common/recording/datagram_row.h"
 #include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/state_piece_row.h"
 
 namespace telenano::recording {
 
@@ -51,6 +52,9 @@ class RecordingReader {
   /// How the sample changed within the rows that are shown; empty where it did not, and for recordings made
   /// before this was written. By rising time; what they say of nodes is not checked.
   std::vector<MarkRow> marks() const;
+  /// Of the ticks that are shown; empty where no state was taken up, and for recordings made before this was
+  /// written. Their bytes are not checked.
+  std::vector<StatePieceRow> state_pieces() const;
 
   /// Text of a key of /configuration; empty when there is none.
   std::string configuration(const std::string& key) const;

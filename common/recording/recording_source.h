@@ -13,6 +13,7 @@
 #include "telenano/common/recording/datagram_row.h"
 #include "telenano/common/recording/mark_row.h"
 #include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/state_piece_row.h"
 
 namespace telenano::recording {
 
@@ -36,6 +37,7 @@ class RecordingSource {
   virtual std::vector<Event> events() const = 0;
   virtual std::vector<DatagramRow> datagrams() const = 0;
   virtual std::vector<MarkRow> marks() const = 0;
+  virtual std::vector<StatePieceRow> state_pieces() const = 0;
   virtual std::vector<std::pair<std::string, std::string>> configuration() const = 0;
 };
 

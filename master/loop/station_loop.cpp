@@ -51,7 +51,9 @@ const link::Reply* StationLoop::next_reply(std::int64_t now_ns, bool replied) no
 /// The slave's state, where the twin is apart: asked for piece by piece, kRequestsPerTick in a tick.
 void StationLoop::fetch_snapshot(std::int64_t now_ns) noexcept {
   constexpr int kRequestsPerTick = 4;
-  if (input_.snapshot != nullptr) session_.drop_snapshot();  // the station has it
+  const bool other = output_.has_step && output_.snapshot_of != snapshot_of_;
+  if (other) snapshot_of_ = output_.snapshot_of;
+  if (input_.snapshot != nullptr || other) session_.drop_snapshot();  // the station has it
   if (!output_.wants_snapshot) return;
   if (!session_.snapshot().active()) {
     if (session_.snapshot().refused()) return;
@@ -89,7 +91,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
 
   bool replied = false;
   net::Received received;
-  datagram_count_ = 0;
+  datagram_count_ = state_piece_count_ = 0;
   for (std::size_t i = 0; i < kDatagramsPerTick && socket_.receive(buffer_, received); ++i) {
     if (!(received.from == server_)) continue;  // somebody else's
     const std::size_t size = received.size < buffer_.size() ? received.size : buffer_.size();
@@ -102,6 +104,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
       continue;  // nothing that the station hears of, nor a recording
     }
     note_datagram(came_ns);
+    if (event == link::ClientEvent::kPiece) note_state_piece(session_.incoming().snapshot_piece);
     if (!playout_.active()) continue;
     if (event == link::ClientEvent::kWelcome) playout_.clear();
     if (event == link::ClientEvent::kReply) playout_.push(session_.reply());
@@ -125,6 +128,7 @@ void StationLoop::tick(std::int64_t now_ns, double dt_s, recording::Sample& samp
   input_.next_step = session_.next_step();
   const link::SnapshotFetch& snapshot = session_.snapshot();
   input_.snapshot = snapshot.active() && snapshot.complete() ? &snapshot : nullptr;
+  input_.snapshot_pieces = snapshot.active() ? snapshot.pieces_here() : 0;
   input_.snapshot_refused = snapshot.refused();
   input_.rtt_s = 1e-9 * session_.stats().rtt_ns();
   input_.reply = next_reply(now_ns, replied);
@@ -183,19 +187,45 @@ void StationLoop::on_event(link::ClientEvent event, std::int64_t came_ns) noexce
 void StationLoop::note_datagram(std::int64_t came_ns) noexcept {
   const link::Incoming& in = session_.incoming();
   recording::DatagramRow& row = datagrams_[datagram_count_++];
-  row = {ticks_,
-         came_ns,
-         0,
-         0,
-         0,
-         0,
-         static_cast<std::uint32_t>(in.type),
-         static_cast<std::uint32_t>(session_.last_drop())};
-  if (in.type != link::MessageType::kReply) return;
-  row.sequence = in.reply.sequence;
-  row.answers = in.reply.command_sequence;
-  row.steps_before = in.reply.steps_before;
-  row.executed = in.reply.steps.executed;
+  row = {};
+  row.tick = ticks_;
+  row.came_ns = came_ns;
+  row.type = static_cast<std::uint32_t>(in.type);
+  row.drop = static_cast<std::uint32_t>(session_.last_drop());
+  const link::StepReport* steps = nullptr;
+  if (in.type == link::MessageType::kWelcome) {
+    steps = &in.welcome.steps;
+    row.epoch = in.welcome.epoch;
+  }
+  if (in.type == link::MessageType::kReply) {
+    steps = &in.reply.steps;
+    row.epoch = in.reply.epoch;
+    row.sequence = in.reply.sequence;
+    row.answers = in.reply.command_sequence;
+    row.steps_before = in.reply.steps_before;
+  }
+  if (in.type == link::MessageType::kBye) row.break_reason = static_cast<std::uint32_t>(in.bye.reason);
+  if (steps == nullptr) return;
+  row.executed = steps->executed;
+  row.state_hash = steps->state_hash;
+  row.newest = steps->newest;
+  row.break_step = steps->break_step;
+  row.breaks = steps->breaks;
+  row.break_reason = steps->break_reason;
+}
+
+void StationLoop::note_state_piece(const link::SnapshotPiece& piece) noexcept {
+  static_assert(recording::StatePieceRow::kBytes == link::kSnapshotPieceBytes);
+  recording::StatePieceRow& row = state_pieces_[state_piece_count_++];
+  row.tick = ticks_;
+  row.step = piece.step;
+  row.state_hash = piece.state_hash;
+  row.breaks = piece.breaks;
+  row.snapshot = piece.snapshot;
+  row.piece = piece.piece;
+  row.total = piece.total;
+  row.size = piece.size;
+  row.data = piece.data;
 }
 
 void StationLoop::say_bye(link::ByeReason reason) noexcept {

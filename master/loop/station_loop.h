@@ -9,6 +9,7 @@
 #include "telenano/common/net/datagram.h"
 #include "telenano/common/recording/datagram_row.h"
 #include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/state_piece_row.h"
 #include "telenano/common/rt/clock.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/loop/link_options.h"
@@ -63,6 +64,10 @@ class StationLoop {
   std::span<const recording::DatagramRow> datagrams() const noexcept {
     return std::span(datagrams_).first(datagram_count_);
   }
+  /// Of the server's state, likewise.
+  std::span<const recording::StatePieceRow> state_pieces() const noexcept {
+    return std::span(state_pieces_).first(state_piece_count_);
+  }
 
  private:
   // Enough for what gathers in a quarter of a second at 1 kHz; the rest of a flood waits for the next tick.
@@ -74,6 +79,7 @@ class StationLoop {
   void send(std::size_t size) noexcept;
   void on_event(link::ClientEvent event, std::int64_t came_ns) noexcept;
   void note_datagram(std::int64_t came_ns) noexcept;
+  void note_state_piece(const link::SnapshotPiece& piece) noexcept;
   const link::Reply* next_reply(std::int64_t now_ns, bool replied) noexcept;
   void fill(std::int64_t now_ns, const Vec3& applied_h_n, recording::Sample& sample) noexcept;
 
@@ -100,12 +106,15 @@ class StationLoop {
   station::StationInput input_;
   station::StationOutput output_;
   std::uint64_t sessions_begun_ = 0;
+  std::uint32_t snapshot_of_ = 0;
   std::uint32_t extra_buttons_ = 0;
   std::int64_t ticks_ = 0;
   std::int64_t start_ns_ = 0;
   std::uint64_t send_failures_ = 0;
   std::array<recording::DatagramRow, kDatagramsPerTick> datagrams_{};
   std::size_t datagram_count_ = 0;
+  std::array<recording::StatePieceRow, kDatagramsPerTick> state_pieces_{};
+  std::size_t state_piece_count_ = 0;
   std::int64_t last_read_ns_ = 0;
   Vec3 applied_h_n_ = Vec3::Zero();
   /// One byte more than the largest datagram, so that an oversize one is seen as such.

@@ -558,9 +558,12 @@ void Station::step_slave(const StationInput& input, double dt_s, StationOutput& 
     const link::SnapshotFetch& state = *input.snapshot;
     twin_->take_up(state.data(), state.step(), state.state_hash(), state.breaks(), input.time_ns);
   }
-  if (input.snapshot_refused && twin_->wants_snapshot()) twin_->give_up();
+  if (input.snapshot_refused && twin_->wants_snapshot()) twin_->give_up(TwinEnd::kRefused);
+  const bool replies_flow = has_reply_ && stale_s_ <= config_.stale_hold_s;
+  twin_->watch(dt_s, replies_flow, input.rtt_s, input.snapshot_pieces, input.time_ns);
   twin_->step(input.next_step, output.step, input.time_ns);
   output.wants_snapshot = twin_->wants_snapshot();
+  output.snapshot_of = twin_->snapshot_of();
   if (methods_.method() == control::Method::kTwin && !twin_->on()) {
     change_method(config_.method);
     leaves_twin_ = true;
@@ -655,6 +658,7 @@ void Station::fill(const StationInput& input, double dt_s, StationOutput& output
   trace.method = methods_.method();
   if (twin_) {
     trace.twin = twin_->state();
+    trace.twin_end = twin_->given_up() ? twin_->end() : TwinEnd::kNone;
     trace.twin_behind = twin_->on() ? twin_->behind() : 0;
   }
   const bool twin_on = twin_ && twin_->on();

@@ -59,6 +59,7 @@ struct StationInput {
   std::uint64_t command_sequence = 0;  ///< that the command of this tick will carry
   std::uint64_t next_step = 0;         ///< number that this tick's step gets, where steps are logged
   const link::SnapshotFetch* snapshot = nullptr;  ///< of the slave's state, complete; null: none
+  std::size_t snapshot_pieces = 0;                ///< of the one under way that are here
   bool snapshot_refused = false;                  ///< it is larger than there is room for, or cannot be had
   double rtt_s = 0;                               ///< as known; 0: not yet
   std::uint32_t tip_wish = 0;  ///< link::kFlagTakeOver, link::kFlagHandOver: what the operator wants
@@ -94,6 +95,7 @@ struct StationTrace {
   double stale_s = 0;  ///< since the last new reply
   std::uint64_t reply_sequence = 0;
   TwinState twin = TwinState::kNone;
+  TwinEnd twin_end = TwinEnd::kNone;
   std::uint64_t twin_behind = 0;  ///< steps of the twin that are not confirmed
   double contact_radius_nm = 0;   ///< of the twin; 0: no contact, or no twin
   double adhesion_nn = 0;  ///< pull at which a contact here lets go, of twin or local model; 0: not known
@@ -105,7 +107,8 @@ struct StationOutput {
   link::Command command{};  ///< velocity, position, energies, flags, newest_reply; the link fills the rest
   bool has_step = false;    ///< the slave's next step, where steps are logged
   link::LoggedStep step{};
-  bool wants_snapshot = false;  ///< of the slave's state
+  bool wants_snapshot = false;    ///< of the slave's state
+  std::uint32_t snapshot_of = 0;  ///< another number: what is on its way is not it any more
   StationTrace trace{};
 };
 

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "telenano/common/link/messages.h"
+#include "telenano/common/link/snapshot.h"
 
 namespace telenano::station {
 
@@ -44,6 +45,7 @@ const TwinRun::Made* TwinRun::find(std::uint64_t number) const noexcept {
 }
 
 void TwinRun::leave() noexcept {
+  looks_ = seen_ = false;
   be(TwinState::kNone);
 }
 
@@ -58,12 +60,14 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
     reason_ = 0;
     if (new_slave) unexplained_ns_.clear();
     if (state_ == TwinState::kGivenUp && !new_slave) return;
+    if (new_slave) seen_ = false;
     be(TwinState::kWaits);
     hold_ = 1;  // another than the one that follows
     hold(0);
     return;
   }
   hold_ = 0;
+  looks_ = seen_ = false;
   if (!new_slave && state_ != TwinState::kNone) {
     // The same slave, and a log that goes on, unless the server has executed what this twin never made.
     if (welcome.executed <= newest_) {
@@ -85,6 +89,7 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
   newest_ = confirmed_ = welcome.executed;
   breaks_ = welcome.breaks;
   reason_ = 0;
+  unconfirmed_s_ = 0;
   be(TwinState::kConfirmed);
   last_target_w_nm_.setZero();
   if (new_slave) unexplained_ns_.clear();
@@ -93,8 +98,12 @@ void TwinRun::begin(const link::StepReport& welcome, bool new_slave, double time
 
 void TwinRun::hold(std::uint32_t number) noexcept {
   if (!shared_ || number == hold_ || !on()) return;
+  if (!waits()) {  // it has the sample as this station has left it
+    seen_ = config_.look_s > 0;
+    seen_hash_ = now_->state_hash();
+  }
   hold_ = number;
-  catching_up_ = heard_old_ = false;
+  looks_ = catching_up_ = heard_old_ = false;
   confirmed_ = newest_;
   answer_ = {};
   swapped_ = true;  // the force that was felt goes over to none
@@ -162,7 +171,7 @@ void TwinRun::step(std::uint64_t number, const link::LoggedStep& step, std::int6
   if (!is_finite(answer_.force_w_nn) || !std::isfinite(answer_.energy_in_aj) ||
       !std::isfinite(answer_.energy_out_aj)) {
     answer_.force_w_nn.setZero();
-    be(TwinState::kGivenUp);
+    give_up(TwinEnd::kNotFinite);
     return;
   }
   account_for_step();
@@ -183,11 +192,12 @@ void TwinRun::count_unexplained(std::int64_t now_ns) noexcept {
   const auto since_ns = now_ns - static_cast<std::int64_t>(config_.partings_s * 1e9);
   std::erase_if(unexplained_ns_, [since_ns](std::int64_t at_ns) { return at_ns < since_ns; });
   unexplained_ns_.push_back(now_ns);
-  if (static_cast<int>(unexplained_ns_.size()) >= config_.partings) be(TwinState::kGivenUp);
+  if (static_cast<int>(unexplained_ns_.size()) >= config_.partings) give_up(TwinEnd::kParted);
 }
 
 void TwinRun::on_reply(const link::StepReport& report, std::int64_t now_ns) noexcept {
   if (waits()) {
+    told_hash_ = report.state_hash;
     if (hold_ != 0) breaks_ = std::max(breaks_, report.breaks);
     return;
   }
@@ -214,6 +224,7 @@ void TwinRun::on_reply(const link::StepReport& report, std::int64_t now_ns) noex
 void TwinRun::take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
                       std::uint32_t breaks, std::int64_t now_ns) noexcept {
   if (!wants_snapshot()) return;
+  if (looks_) return look_at(state, hash, now_ns);
   const bool waited = waits();
   // Of before this holding: another is asked for.
   if (waited && breaks < breaks_) {
@@ -235,6 +246,26 @@ void TwinRun::take_up(std::span<const std::uint8_t> state, std::uint64_t number,
   next_target_w_nm_ = last != nullptr ? link::target_w_nm(last->step) : next_answer_.commanded_pos_w_nm;
   catching_up_ = true;
   ++snapshots_;
+}
+
+bool TwinRun::may_look(std::int64_t now_ns) const noexcept {
+  constexpr int kBadLooks = 3;
+  return config_.look_s > 0 && waits() && hold_ == 0 && now_heights_ != nullptr && told_hash_ != 0 &&
+         told_hash_ != seen_hash_ && bad_looks_ < kBadLooks && now_ns >= next_look_ns_;
+}
+
+/// Only to be seen: the first twin makes no step before it has been swapped for the second one.
+void TwinRun::look_at(std::span<const std::uint8_t> state, std::uint64_t hash, std::int64_t now_ns) noexcept {
+  constexpr double kPause = 8;
+  control::LocalAnswer unfelt;
+  const bool good = now_->load(state, unfelt) && now_->state_hash() == hash;
+  bad_looks_ = good ? 0 : bad_looks_ + 1;
+  seen_ = good;
+  seen_hash_ = good ? hash : 0;
+  looks_ = false;
+  const double took_s = 1e-9 * static_cast<double>(now_ns - look_began_ns_);
+  next_look_ns_ = now_ns + static_cast<std::int64_t>(1e9 * std::max(config_.look_s, kPause * took_s));
+  be(TwinState::kWaits);
 }
 
 /// The second twin makes the steps that the server had not made then; when it is there, it is the twin.
@@ -274,6 +305,27 @@ double TwinRun::lag_s(std::int64_t now_ns) const noexcept {
   if (waits() || confirmed_ >= newest_) return 0;
   const Made* const oldest = find(confirmed_ + 1);
   return oldest != nullptr ? 1e-9 * static_cast<double>(now_ns - oldest->at_ns) : config_.ring_s;
+}
+
+void TwinRun::watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pieces,
+                    std::int64_t now_ns) noexcept {
+  // As many as come at a quarter of the pace at which they are asked for take no time.
+  constexpr double kOfAPiece_s = 4 / link::SnapshotFetch::kPerSecond;
+  if (!on()) return;
+  const std::size_t more = pieces > pieces_ ? pieces - pieces_ : 0;
+  pieces_ = pieces;
+  if (!looks_ && may_look(now_ns)) {
+    looks_ = true;
+    look_began_ns_ = now_ns;
+  }
+  const bool asks = state_ == TwinState::kApart || (waits() && hold_ != 0);
+  if (!asks && lag_s(now_ns) <= lag_most_s(rtt_s)) {
+    unconfirmed_s_ = 0;
+    return;
+  }
+  if (replies_flow) unconfirmed_s_ += dt_s;
+  unconfirmed_s_ = std::max(0.0, unconfirmed_s_ - kOfAPiece_s * static_cast<double>(more));
+  if (unconfirmed_s_ > unconfirmed_most_s(rtt_s)) give_up(TwinEnd::kUnconfirmed);
 }
 
 double TwinRun::lag_most_s(double rtt_s) const noexcept {

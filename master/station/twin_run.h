@@ -22,6 +22,15 @@ namespace telenano::station {
 enum class TwinState : std::uint8_t { kNone, kBehind, kConfirmed, kApart, kGivenUp, kWaits };
 const char* twin_state_name(TwinState state) noexcept;
 
+/// Why there is no twin any more.
+enum class TwinEnd : std::uint8_t {
+  kNone,
+  kParted,       ///< too often apart without a reason
+  kUnconfirmed,  ///< replies came, but no state that it could go on from, or nothing that confirms it
+  kNotFinite,    ///< its own slave came to numbers that are none
+  kRefused       ///< the server's state cannot be had, or is larger than there is room for
+};
+
 struct TwinRunConfig {
   double rate_hz = 1000;
   double ring_s = 4;  ///< of steps that may be unconfirmed: twice what may be shown
@@ -31,6 +40,11 @@ struct TwinRunConfig {
   double lag_s = 1.0;
   int partings = 3;  ///< unexplained ones within `partings_s`: no twin any more
   double partings_s = 10;
+  /// Without a confirmation or a state while replies flow, besides what the way and the transfer take.
+  double unconfirmed_s = 3;
+  /// While others hold a shared tip, or nobody does: its state is asked for again after so long, or after eight
+  /// times what the last one took, so that the marks on its sample are seen while they are made; 0: never.
+  double look_s = 0;
 };
 
 /// The server's slave at the station, and whether it is what the server has: makes each step at once, keeps
@@ -101,12 +115,25 @@ class TwinRun {
 
   /// Is the server's state asked for?
   bool wants_snapshot() const noexcept {
-    return (state_ == TwinState::kApart || (waits() && hold_ != 0)) && !catching_up_;
+    return (state_ == TwinState::kApart || (waits() && hold_ != 0) || looks_) && !catching_up_;
   }
+  /// Another number: what is still on its way is of no use any more.
+  std::uint32_t snapshot_of() const noexcept { return hold_; }
   /// The server's state after step `number`: taken up by the second twin, which then catches up.
   void take_up(std::span<const std::uint8_t> state, std::uint64_t number, std::uint64_t hash,
                std::uint32_t breaks, std::int64_t now_ns) noexcept;
-  void give_up() noexcept { be(TwinState::kGivenUp); }
+  void give_up(TwinEnd why) noexcept {
+    end_ = why;
+    be(TwinState::kGivenUp);
+  }
+  TwinEnd end() const noexcept { return end_; }
+
+  /// Each tick, before its step. A server whose replies flow and who never says anything by which the twin is
+  /// known to be right, or could be made so, leaves the hand without force for good: then there is no twin.
+  /// `pieces`: of the state under way that are here.
+  void watch(double dt_s, bool replies_flow, double rtt_s, std::size_t pieces, std::int64_t now_ns) noexcept;
+  /// So long may that be, without the time that pieces of the state take which do come.
+  double unconfirmed_most_s(double rtt_s) const noexcept { return config_.unconfirmed_s + 4 * rtt_s; }
 
   /// The steps that the second twin makes in a tick to catch up.
   static constexpr std::uint64_t kReplayedPerTick = 16;
@@ -126,10 +153,12 @@ class TwinRun {
   void count_unexplained(std::int64_t now_ns) noexcept;
   void account_for_swap() noexcept;
   void catch_up(std::int64_t now_ns) noexcept;
+  bool may_look(std::int64_t now_ns) const noexcept;
+  void look_at(std::span<const std::uint8_t> state, std::uint64_t hash, std::int64_t now_ns) noexcept;
   void account_for_step() noexcept;
   void be(TwinState state) noexcept {
     state_ = state;
-    heights_.store(on() && !waits() ? now_heights_.get() : nullptr, std::memory_order_release);
+    heights_.store(on() && (!waits() || seen_) ? now_heights_.get() : nullptr, std::memory_order_release);
   }
 
   TwinRunConfig config_;
@@ -158,6 +187,18 @@ class TwinRun {
   std::shared_ptr<const surface::HeightView> now_heights_;
   std::shared_ptr<const surface::HeightView> next_heights_;
   std::atomic<const surface::HeightView*> heights_{nullptr};
+  // The first twin, while it makes no step: what can be looked at.
+  bool seen_ = false;   // it has a state of the shared tip
+  bool looks_ = false;  // another is asked for
+  int bad_looks_ = 0;   // one after the other
+  std::int64_t look_began_ns_ = 0;
+  std::int64_t next_look_ns_ = 0;
+  std::uint64_t seen_hash_ = 0;
+  std::uint64_t told_hash_ = 0;  // of the newest reply
+
+  TwinEnd end_ = TwinEnd::kNone;
+  double unconfirmed_s_ = 0;
+  std::size_t pieces_ = 0;
   bool catching_up_ = false;
   std::uint64_t next_newest_ = 0;  // of the second twin
   Vec3 next_target_w_nm_ = Vec3::Zero();

@@ -272,7 +272,8 @@ void Server::begin_log(std::size_t slot) noexcept {
   try {
     record.steps = link::StepReceiver(static_cast<std::size_t>(std::clamp(ring, 64.0, kStepRingMost)));
     record.steps.go_on_after(record.steps_before);  // of another server; else from the first step on
-    record.frozen.bytes.resize(tip_of(slot).slave->snapshot_bytes_max());
+    record.frozen.bytes.resize(
+        std::min(tip_of(slot).slave->snapshot_bytes_max(), config_.snapshot_bytes_most));
   } catch (...) {  // out of memory: nothing moves the slave, the session stands still
     record.steps = {};
   }

@@ -74,6 +74,9 @@ struct ServerConfig {
   double openings_share = 0.25;
   double openings_per_party_s = 1e9;  ///< of one key, or in the clear of one IP address
   double step_gap_s = 2;  ///< a step may be missing in a log; then it is left out, and the log says so
+  /// Of a slave's state, for its station: what is larger cannot be had. With marks a state has 20 bytes for each
+  /// node that they have changed; each session that logs its steps has room for one.
+  std::size_t snapshot_bytes_most = std::size_t{16} << 20;
   std::size_t steps_at_once = 64;  ///< of a log, by one datagram; what more has come is for catch_up()
   double step_ring_s = 4;  ///< of logged steps that may wait for their turn, in each session that logs
   /// Pieces of the scene that are sent, to one session and to all: beside commands, which they must not
@@ -162,6 +165,14 @@ class Server {
   /// ServerConfig::steps_at_once from the next datagram on; 0: logged steps wait. For who replays a session,
   /// and knows what each datagram had executed.
   void set_steps_at_once(std::size_t most) noexcept { config_.steps_at_once = most; }
+  /// Likewise (server_replay.cpp): steps of this session that have come, however many, without a datagram;
+  void bring_steps(std::uint64_t session_id, const link::StepBatch& steps, std::int64_t now_ns) noexcept;
+  /// up to `most` of them are made now;
+  void make_steps(std::uint64_t session_id, std::size_t most, std::int64_t now_ns) noexcept;
+  /// the slave is in this state (slave::Slave::save), after the steps of `log`, of which `last` is the last
+  /// one (null: not known). False: it is no such state; then the slave is as a new one.
+  bool take_up(std::uint64_t session_id, std::span<const std::uint8_t> state, const link::StepReport& log,
+               const link::LoggedStep* last) noexcept;
 
   /// So many commands were answered in so much processor time of the loop.
   void note_load(std::int64_t taken_ns, std::uint64_t exchanges) noexcept { load_.note(taken_ns, exchanges); }
@@ -208,6 +219,7 @@ class Server {
 
  private:
   std::size_t drop(link::DropCause cause) noexcept;
+  std::size_t logging_slot(std::uint64_t session_id) noexcept;
   OpeningBudget& party_opening(const net::Address& from, const net::Standing& standing) noexcept;
   std::size_t on_hello(const link::Hello& hello, const net::Address& from, std::int64_t now_ns,
                        std::span<std::uint8_t> out, const net::Standing& standing,

@@ -140,6 +140,7 @@ void read_everything(const RecordingReader& reader) {
   for (const Event& event : reader.events()) FUZZ_CHECK(event.text.back() == '\0');
   reader.datagrams();
   reader.marks();
+  reader.state_pieces();
   std::vector<Sample> samples(reader.rows());
   reader.read_samples(0, samples);
   reader.configuration();

@@ -68,6 +68,7 @@ VirtualSession::VirtualSession(const VirtualSessionConfig& config)
   if (config_.twin) {
     station::TwinRunConfig twin;
     twin.rate_hz = config_.station.rate_hz;
+    twin.look_s = config_.twin_look_s;
     const auto make = [&]() -> std::unique_ptr<control::LocalSlave> {
       if (config_.make_twin) return config_.make_twin();
       return std::make_unique<twin::SceneTwin>(config_.scene);
@@ -105,6 +106,7 @@ void VirtualSession::make_server() {
   }
   served.hash = scene_hash_;
   config.share = config_.share;
+  config.snapshot_bytes_most = config_.snapshot_bytes_most;
   if (config_.make_slave) {
     served.make_slave = config_.make_slave;
   } else {

@@ -51,6 +51,8 @@ struct VirtualSessionConfig {
   std::uint32_t tip_wish = 0;      ///< link::kFlagTakeOver, link::kFlagHandOver
   loop::LinkOptions link_options{};
   bool twin = false;  ///< the station logs its steps and has a twin of the scene
+  std::size_t snapshot_bytes_most = std::size_t{16} << 20;  ///< server::ServerConfig
+  double twin_look_s = 0;                                   ///< station::TwinRunConfig::look_s
   /// Instead of the scene's own twin: any, called twice.
   std::function<std::unique_ptr<control::LocalSlave>()> make_twin{};
   /// What becomes of each datagram that the server sends, of so many bytes: a server that lies. Returns the

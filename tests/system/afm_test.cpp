@@ -11,8 +11,14 @@
 #include <thread>
 #include <vector>
 
+#include "telenano/common/control/method.h"
+#include "telenano/common/link/client_session.h"
+#include "telenano/common/link/codec.h"
+#include "telenano/common/link/step_log.h"
 #include "telenano/common/net/tcp.h"
 #include "telenano/common/net/udp.h"
+#include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/rt/steady_clock.h"
 #include "tests/source_dir.h"
 #include "tests/system/programs.h"
 
@@ -174,6 +180,98 @@ TEST_F(AfmProgramsTest, ATaskThroughStationServerAndController) {
   EXPECT_NE(server.err().find("withdrawn"), std::string::npos) << server.err();
   const std::string end = simulator.stop();
   EXPECT_NE(end.find("tip withdrawn"), std::string::npos) << end;
+  EXPECT_NE(end.find("SafeTip 0 times"), std::string::npos) << end;
+}
+
+// A log of steps is for slaves whose state it makes: catching up on a real tip would be a plunge. A station that
+// asks for the twin gets none from an AFM, and says why; its recording knows of no logged step. Somebody who
+// sends steps all the same is not answered, and nothing follows them.
+TEST_F(AfmProgramsTest, AnAfmNeverGetsALogOfSteps) {
+  Simulator simulator;
+  ChildProcess server(serve(simulator.ports(), afm()));
+  const int port = port_of(server);
+  ASSERT_GT(port, 0);
+  const std::string at = "127.0.0.1:" + std::to_string(port);
+  const std::string file = path("afm.h5");
+  const Finished run = run_program({kMaster, "run", "--server", at, "--task", "position", "--duration-s", "2",
+                                    "--method", "twin", "--record", file},
+                                   {}, kLong);
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_NE(run.err.find("no twin, method model instead: this server keeps no log of steps (a real AFM"),
+            std::string::npos)
+      << run.err;
+  const recording::RecordingReader reader(file);
+  const std::uint64_t agreed = std::strtoull(reader.configuration("features").c_str(), nullptr, 16);
+  EXPECT_NE(agreed, 0u);
+  EXPECT_EQ(agreed & (link::kFeatureStepLog | link::kFeatureSharedLog), 0u);
+  EXPECT_FALSE(reader.datagrams().empty());
+  for (const recording::DatagramRow& row : reader.datagrams()) {
+    ASSERT_EQ(row.executed, 0u);
+    ASSERT_EQ(row.newest, 0u);
+    ASSERT_EQ(row.state_hash, 0u);
+  }
+  for (const double method : reader.read("method"))
+    ASSERT_NE(method, static_cast<double>(control::Method::kTwin));
+  EXPECT_TRUE(reader.state_pieces().empty());
+
+  // Steps in the commands of a session without a log, straight down.
+  const rt::SteadyClock clock;
+  const net::Address address = net::parse_address(at, "test");
+  net::Udp socket = net::Udp::listen(net::parse_address("127.0.0.1:0", "test"));
+  link::ClientConfig config;
+  config.step_ring = 1000;
+  link::ClientSession client(config);
+  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer{};
+  std::uint64_t replies = 0;
+  const auto receive = [&] {
+    net::Received received;
+    while (socket.receive(buffer, received)) {
+      replies +=
+          client.on_datagram({buffer.data(), received.size}, clock.now_ns()) == link::ClientEvent::kReply;
+    }
+  };
+  client.start(clock.now_ns());
+  for (int i = 0; i < 30'000 && client.state() != link::ClientState::kEstablished; ++i) {
+    if (const std::size_t n = client.poll(clock.now_ns(), buffer)) socket.send({buffer.data(), n}, address);
+    socket.wait_readable(1'000'000);
+    receive();
+  }
+  ASSERT_EQ(client.state(), link::ClientState::kEstablished);
+  EXPECT_FALSE(client.logs_steps()) << "asked for, and not granted";
+  link::Codec codec;
+  const auto send = [&](bool with_steps, std::uint64_t sequence) {
+    link::Command command;
+    command.session_id = client.welcome().session_id;
+    command.epoch = client.welcome().epoch;
+    command.sequence = sequence;
+    command.send_time_ns = static_cast<std::uint64_t>(clock.now_ns());
+    command.flags = link::kFlagClutch | link::kFlagDeadman;
+    command.tip_pos_w_nm = client.welcome().start_pos_w_nm;
+    std::array<std::uint8_t, link::kStepsBytesMost> bytes{};
+    link::StepWriter writer(bytes, 50 * sequence);
+    const Vec3 down = command.tip_pos_w_nm - Vec3(0, 0, 500);
+    while (with_steps && writer.count() < 50 && writer.add(link::logged_step(down, command.flags, 1e-3))) {
+    }
+    const std::size_t n =
+        codec.encode(command, std::span(bytes).first(with_steps ? writer.size() : 0), buffer);
+    ASSERT_GT(n, 0u);
+    socket.send({buffer.data(), n}, address);
+  };
+  constexpr std::uint64_t kSent = 200;
+  for (std::uint64_t i = 1; i <= kSent; ++i) {
+    send(true, i);
+    socket.wait_readable(2'000'000);
+    receive();
+  }
+  EXPECT_EQ(replies, 0u) << "none of them was taken for a command";
+  server.signal(SIGTERM);
+  ASSERT_TRUE(server.wait(kLong));
+  const std::string dropped = std::string(link::name(link::DropCause::kUnexpected)) + " ";
+  const auto told = server.err().find(dropped, server.err().find("dropped: "));
+  ASSERT_NE(told, std::string::npos) << server.err();
+  EXPECT_GE(std::atoi(server.err().c_str() + told + dropped.size()), static_cast<int>(kSent) / 2)
+      << server.err();
+  const std::string end = simulator.stop();
   EXPECT_NE(end.find("SafeTip 0 times"), std::string::npos) << end;
 }
 

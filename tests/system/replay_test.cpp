@@ -36,7 +36,7 @@ class ReplayTest : public ProgramsTest {
 };
 
 constexpr const char* kHeader =
-    "file,recorded_ticks,replayed_ticks,equal_ticks,slave_steps,largest_force_error_n,exact";
+    "file,recorded_ticks,replayed_ticks,equal_ticks,slave_steps,largest_force_error_n,told_ticks,exact";
 
 TEST_F(ReplayTest, EveryForceComesOutAsRecorded) {
   for (const char* method : {"model", "ks-clamp"}) {
@@ -47,7 +47,7 @@ TEST_F(ReplayTest, EveryForceComesOutAsRecorded) {
     const auto lines = lines_of(replay.out);
     ASSERT_EQ(lines.size(), 2u);
     EXPECT_EQ(lines[0], kHeader);
-    EXPECT_NE(lines[1].find(",0,yes"), std::string::npos) << lines[1];
+    EXPECT_NE(lines[1].find(",0,0,yes"), std::string::npos) << lines[1];
     EXPECT_EQ(replay.err, "");
   }
 }
@@ -68,7 +68,7 @@ TEST_F(ReplayTest, ATwinComesOutAsRecorded) {
       EXPECT_EQ(replay.exit_code, 0) << replay.err << replay.out;
       const auto lines = lines_of(replay.out);
       ASSERT_EQ(lines.size(), 2u);
-      EXPECT_NE(lines[1].find(",0,yes"), std::string::npos) << lines[1];
+      EXPECT_NE(lines[1].find(",0,0,yes"), std::string::npos) << lines[1];
       // To its end, whatever was lost.
       std::vector<double> ticks;
       for (std::size_t at = lines[1].find(".h5,") + 4; ticks.size() < 3; at = lines[1].find(',', at) + 1)
@@ -84,6 +84,106 @@ TEST_F(ReplayTest, ATwinComesOutAsRecorded) {
   }
 }
 
+/// Numbers of a row of the replay's table.
+struct Row {
+  double recorded = 0, replayed = 0, equal = 0, told = 0;
+};
+Row row_of(const std::string& line) {
+  std::vector<double> numbers;
+  for (std::size_t at = line.find(".h5,") + 4; numbers.size() < 6; at = line.find(',', at) + 1)
+    numbers.push_back(std::atof(line.c_str() + at));
+  return {numbers[0], numbers[1], numbers[2], numbers[5]};
+}
+
+/// Ticks of the recording's events with this text.
+std::size_t events_with(const recording::RecordingReader& reader, const std::string& text) {
+  std::size_t count = 0;
+  for (const recording::Event& event : reader.events())
+    count += std::string(event.text.data()).find(text) != std::string::npos ? 1 : 0;
+  return count;
+}
+
+// What ends a log of steps: an outage beyond the slave's time-out, so that the tip is withdrawn by the server's
+// own clock and the session resumed; a server that stands still; one that is killed and started again. The
+// recording holds the state that the twin took up, and the replay goes on from there to the recording's end.
+class OutageReplayTest : public ReplayTest {
+ protected:
+  enum class Act { kRelayStandsStill, kServerStandsStill, kServerIsKilled };
+  void records_and_replays(Act act, const std::string& scene) {
+    auto server = std::make_unique<Server>(scene_path(scene));
+    ChildProcess relay({kLab, "relay", "--listen", "127.0.0.1:0", "--to", server->address(), "--delay-ms",
+                        "10", "--loss", "0.02", "--seed", "5"});
+    const std::string before = "relay on 127.0.0.1:";
+    ASSERT_TRUE(relay.wait_for_err(before, kLong) && relay.wait_for_err("\n", kLong)) << relay.err();
+    const std::string said = relay.err();
+    const int relay_port = std::atoi(said.c_str() + said.find(before) + before.size());
+    const std::string file = path("outage.h5");
+    ChildProcess run({kMaster, "run", "--server", "127.0.0.1:" + std::to_string(relay_port), "--record", file,
+                      "--task", "indent", "--duration-s", "4", "--rate", "1000", "--scene",
+                      scene_path(scene)});
+    ASSERT_TRUE(run.wait_for_err("loop: ", kLong)) << run.err();
+    ::usleep(1'500'000);
+    switch (act) {
+      case Act::kRelayStandsStill:
+        relay.signal(SIGSTOP);
+        ::usleep(900'000);
+        relay.signal(SIGCONT);
+        break;
+      case Act::kServerStandsStill:
+        server->child().signal(SIGSTOP);
+        ::usleep(900'000);
+        server->child().signal(SIGCONT);
+        break;
+      case Act::kServerIsKilled: {
+        const std::string address = server->address();
+        server->child().signal(SIGKILL);
+        ASSERT_TRUE(server->child().wait(kLong));
+        server =
+            std::make_unique<Server>(scene_path(scene), std::atoi(address.c_str() + address.rfind(':') + 1));
+        break;
+      }
+    }
+    ASSERT_TRUE(run.wait(kLong)) << run.err();
+    EXPECT_EQ(run.exit_code(), 0) << run.err();
+    const recording::RecordingReader reader(file);
+    if (act != Act::kServerStandsStill) {  // which answers what waits before it looks at its clock
+      EXPECT_GE(events_with(reader, "session resumed"), 1u);
+    }
+    if (act == Act::kRelayStandsStill) {
+      EXPECT_FALSE(reader.state_pieces().empty());
+    }
+    const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
+    EXPECT_EQ(replay.exit_code, 0) << replay.err << replay.out;
+    EXPECT_EQ(replay.err, "");
+    const auto lines = lines_of(replay.out);
+    ASSERT_EQ(lines.size(), 2u);
+    const Row row = row_of(lines[1]);
+    EXPECT_NE(lines[1].find(",0," + std::to_string(static_cast<int>(row.told)) + ",yes"), std::string::npos)
+        << lines[1];
+    EXPECT_GT(row.recorded, 1000) << lines[1];
+    EXPECT_EQ(row.replayed, row.recorded) << lines[1];
+    EXPECT_EQ(row.equal, row.recorded) << lines[1];
+    if (act == Act::kRelayStandsStill) {
+      EXPECT_GT(row.told, 0) << lines[1];
+    }
+    EXPECT_LT(row.told, 0.5 * row.recorded) << lines[1];
+    std::printf("%s: %s; %zu pieces of states\n", scene.c_str(), lines[1].c_str(),
+                reader.state_pieces().size());
+  }
+};
+
+TEST_F(OutageReplayTest, AnOutageInWhichTheTipWasWithdrawn) {
+  records_and_replays(Act::kRelayStandsStill, "lithography");
+}
+
+TEST_F(OutageReplayTest, AServerThatStoodStill) {
+  records_and_replays(Act::kServerStandsStill, "flakes");
+}
+
+TEST_F(OutageReplayTest, AServerThatWasKilledAndStartedAgain) {
+  records_and_replays(Act::kServerIsKilled, "flakes");
+}
+
 TEST_F(ReplayTest, WhateverTheNetworkDid) {
   const std::string file =
       record("flat_silicon_oxide",
@@ -91,7 +191,7 @@ TEST_F(ReplayTest, WhateverTheNetworkDid) {
              {"--task", "indent", "--duration-s", "3", "--rate", "1000", "--method", "model"});
   const Finished replay = run_program({kLab, "replay", file}, {}, kLong);
   EXPECT_EQ(replay.exit_code, 0) << replay.err << replay.out;
-  EXPECT_NE(replay.out.find(",0,yes"), std::string::npos) << replay.out;
+  EXPECT_NE(replay.out.find(",0,0,yes"), std::string::npos) << replay.out;
 }
 
 TEST_F(ReplayTest, AnotherSceneOrAnotherFileIsRefusedInOneLine) {

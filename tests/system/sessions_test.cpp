@@ -3,6 +3,8 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <map>
+#include <memory>
 #include <thread>
 
 #include "telenano/common/recording/recording_reader.h"
@@ -64,6 +66,94 @@ TEST_F(SessionsTest, OneHoldsTheTipOthersLookOnAndTakeItByRight) {
   const std::string said = server.stop();
   EXPECT_TRUE(says(said, ", one tip for all")) << said;
   EXPECT_TRUE(says(said, "in 4 sessions")) << said;
+}
+
+/// Heights of the nodes that a recording says are marked, by column and row, at its end.
+std::map<std::pair<std::uint32_t, std::uint32_t>, double> marked_nodes(const std::string& file) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, double> nodes;
+  for (const recording::MarkRow& row : RecordingReader(file).marks())
+    if (row.column != recording::MarkRow::kPlace) nodes[{row.column, row.row}] = row.value;
+  return nodes;
+}
+
+// One ploughs, another only looks on: its recording has the groove, in the places and as deep as the one who
+// makes it has it, from while it is made.
+TEST_F(SessionsTest, WhoLooksOnRecordsTheMarksOfAnother) {
+  Server server(scene_path("lithography"), 0, {"--share", "one-tip"});
+  const std::string script = write("down.csv", "t_s,x_nm,y_nm,z_nm\n0,0,0,30\n1.5,0,0,-8\n11,30,0,-8\n");
+  const std::string made = path("made.h5"), seen = path("seen.h5");
+  ChildProcess first(
+      talking(server, {"--task", "script", "--script", script, "--method", "twin", "--record", made}));
+  ASSERT_TRUE(first.wait_for_err("engaged", kLong)) << first.err();
+  ChildProcess second(talking(server, {"--observe", "--duration-s", "9", "--record", seen}));
+  ASSERT_TRUE(second.wait(kLong)) << second.err();
+  EXPECT_EQ(second.exit_code(), 0) << second.err();
+  ASSERT_TRUE(first.wait(kLong)) << first.err();
+  EXPECT_EQ(first.exit_code(), 0) << first.err();
+  const auto own = marked_nodes(made), looked = marked_nodes(seen);
+  EXPECT_GT(own.size(), 20u);
+  EXPECT_GT(looked.size(), 20u);
+  double deepest = 0;
+  for (const auto& [node, height] : looked) {
+    ASSERT_TRUE(own.contains(node)) << node.first << ' ' << node.second;
+    deepest = std::min(deepest, height);
+  }
+  EXPECT_LT(deepest, -1) << "nm";
+  const std::vector<recording::MarkRow> rows = RecordingReader(seen).marks();
+  ASSERT_FALSE(rows.empty());
+  EXPECT_GT(rows.back().time_s - rows.front().time_s, 1) << "as it grows, not once";
+  const RecordingReader reader(seen);
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double force_n : reader.read("hand_force_applied_h_n", axis)) ASSERT_EQ(force_n, 0);
+}
+
+// The user's cache can hold nothing (no such place, no room), or two stations that start at once fill it: each
+// has its twin all the same.
+TEST_F(SessionsTest, ACacheThatHoldsNothingOrIsSharedKeepsNobodyFromATwin) {
+  Server server(scene_path("flakes"));
+  const auto with_cache = [&](const std::string& folder) {
+    std::vector<std::string> command{"/usr/bin/env", "XDG_CACHE_HOME=" + folder};
+    for (const std::string& word :
+         talking(server, {"--task", "contact", "--duration-s", "1", "--method", "twin"}))
+      command.push_back(word);
+    return command;
+  };
+  const Finished nowhere = run_program(with_cache("/proc/self"), {}, kLong);
+  EXPECT_EQ(nowhere.exit_code, 0) << nowhere.err;
+  EXPECT_TRUE(says(nowhere.err, "the scene is not kept")) << nowhere.err;
+  EXPECT_FALSE(says(nowhere.err, "no twin")) << nowhere.err;
+  ChildOptions full;
+  full.file_bytes_max = 0;
+  const std::string no_room = path("no_room");
+  const Finished none = run_program(with_cache(no_room), full, kLong);
+  EXPECT_EQ(none.exit_code, 0) << none.err;
+  EXPECT_TRUE(says(none.err, "the scene is not kept")) << none.err;
+  EXPECT_FALSE(says(none.err, "no twin")) << none.err;
+  // Nothing half written is left, which a later station would have to judge.
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(no_room))
+    EXPECT_FALSE(entry.is_regular_file() && entry.path().extension() == ".scene") << entry.path();
+
+  const std::string together = path("together");
+  std::vector<std::unique_ptr<ChildProcess>> stations;
+  for (int i = 0; i < 2; ++i) stations.push_back(std::make_unique<ChildProcess>(with_cache(together)));
+  for (const auto& one : stations) {
+    ASSERT_TRUE(one->wait(kLong)) << one->err();
+    EXPECT_EQ(one->exit_code(), 0) << one->err();
+    EXPECT_FALSE(says(one->err(), "no twin")) << one->err();
+    EXPECT_FALSE(says(one->err(), "the scene is not kept")) << one->err();
+  }
+  std::size_t kept = 0;
+  // Beside them the fields that a server's program keeps (fields-*.bin).
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(together + "/telenano/scenes")) {
+    if (!entry.is_regular_file()) continue;
+    EXPECT_EQ(entry.path().extension(), ".scene") << "left over: " << entry.path();
+    ++kept;
+  }
+  EXPECT_GE(kept, 1u);
+  // And the next one believes what they have kept.
+  const Finished next = run_program(with_cache(together), {}, kLong);
+  EXPECT_EQ(next.exit_code, 0) << next.err;
+  EXPECT_FALSE(says(next.err, "no twin")) << next.err;
 }
 
 // Its task would be too wide for the device at this scale; it has none.

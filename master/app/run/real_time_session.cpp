@@ -77,6 +77,7 @@ void RealTimeSession::run() noexcept {
     summary_.add(sample);
     if (recorder_ != nullptr) {
       for (const recording::DatagramRow& row : loop_.datagrams()) recorder_->push(row);
+      for (const recording::StatePieceRow& row : loop_.state_pieces()) recorder_->push(row);
       recorder_->push(sample);
       record_events(sample);
     }
@@ -305,6 +306,7 @@ void RealTimeSession::publish(const recording::Sample& sample, const rt::Periodi
   p.method = station_.config().method;
   p.chooses_method = chooses_method_;
   p.twin = loop_.trace().twin;
+  p.twin_end = loop_.trace().twin_end;
   p.twin_behind = loop_.trace().twin_behind;
   p.silent_s = silent_s(sample);
   p.force_off = loop_.force_off();

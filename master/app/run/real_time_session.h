@@ -80,6 +80,7 @@ struct Progress {
   device::ForceOffCause force_off = device::ForceOffCause::kNone;  ///< why the device is not ready
   bool observes = false;                                           ///< of a shared tip
   station::TwinState twin = station::TwinState::kNone;
+  station::TwinEnd twin_end = station::TwinEnd::kNone;
   std::uint64_t twin_behind = 0;  ///< steps of it that the server has not confirmed
   bool tip_up = false;            ///< the slave has withdrawn the session's tip
   bool shutting_down = false;     ///< the server has said so, and is not back yet

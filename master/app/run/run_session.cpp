@@ -61,6 +61,10 @@ constexpr int kProbeMax = 40;
 // A loop that has not come back so long after a stop is left behind.
 // Steps that are kept until the server has made them; twice what is felt without its word.
 constexpr double kTwinRingS = 4;
+// Of the state of a shared tip that another holds: how soon its marks are seen.
+constexpr double kLookAgainS = 0.5;
+// Of a slave's state, as much as a server gives (server::ServerConfig::snapshot_bytes_most).
+constexpr std::size_t kSnapshotBytesMost = std::size_t{16} << 20;
 // For a twin nothing can begin without the scene: 4 MB at the server's 464 kB/s, and reading it.
 constexpr double kTwinSceneWaitS = 20;
 // So long for a twin that nobody asked for: what a scan of 256² takes to look at the first time on a slow
@@ -265,7 +269,12 @@ station::TwinRunConfig twin_config(double rate_hz) {
   station::TwinRunConfig twin;
   twin.rate_hz = rate_hz;
   twin.ring_s = kTwinRingS;
+  twin.look_s = kLookAgainS;
   return twin;
+}
+
+std::size_t snapshot_room(const control::LocalSlave& twin) {
+  return std::min(twin.snapshot_bytes_max(), kSnapshotBytesMost);
 }
 
 /// Says what of the wish for a twin this server does not give.
@@ -432,12 +441,14 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     no_twin = too_slow(*twins[0], config.rate_hz);
     if (!no_twin.empty()) twins.clear();
   }
-  // Where nobody has said which, the sample itself is the first choice; who only looks on feels nothing.
+  // Where nobody has said which, the sample itself is the first choice. Who only looks on feels nothing, but
+  // sees by it the marks that others make.
+  const bool looks_on = options.observe && (view.wanted() || !options.record.empty());
   const bool looks_for_twin =
-      options.scene.empty() && (wants_twin || (file.chooses_method && !options.observe));
+      options.scene.empty() && (wants_twin || (file.chooses_method && (!options.observe || looks_on)));
   if (looks_for_twin || !twins.empty())
     client_config.step_ring = static_cast<std::size_t>(kTwinRingS * config.rate_hz);
-  if (!twins.empty()) client_config.snapshot_bytes = twins[0]->snapshot_bytes_max();
+  if (!twins.empty()) client_config.snapshot_bytes = snapshot_room(*twins[0]);
   std::optional<link::ClientSession> opened_session;
   std::optional<connection::Farewell> farewell;
   connection::connect_to_any(opened_session, client_config, servers, config.rate_hz, stop,
@@ -457,7 +468,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
     twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, options.quiet, scene,
                        stop, no_twin);
     if (!twins.empty()) {
-      opened_session->make_room_for_snapshot(twins[0]->snapshot_bytes_max());
+      opened_session->make_room_for_snapshot(snapshot_room(*twins[0]));
     } else if (opened_session->logs_steps()) {
       // Whether steps are logged is agreed on with the session: on with the same slave, without the log.
       client_config.step_ring = 0;
@@ -473,7 +484,7 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   // Until the loop begins: a terminal that takes no more text, planning, a recording's file or a window may
   // keep this thread for longer than the server waits.
   std::optional<KeepAwake> awake(std::in_place, session, way, server, scene.pipe());
-  if (!no_twin.empty() && !options.quiet) tell_no_twin(no_twin, !file.chooses_method);
+  if (!no_twin.empty() && !options.quiet && !options.observe) tell_no_twin(no_twin, !file.chooses_method);
   if (wants_twin && twins.empty()) file.station.method = control::Method::kModel;
 
   const link::Welcome welcome = session.welcome();

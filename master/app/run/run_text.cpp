@@ -53,13 +53,26 @@ void print_progress(const Progress& p, double duration_s, bool terminal) {
   }
 }
 
+static const char* why_no_twin(station::TwinEnd end) noexcept {
+  switch (end) {
+    case station::TwinEnd::kUnconfirmed:
+      return "the server answers, but neither confirms its slave's state nor gives it";
+    case station::TwinEnd::kNotFinite:
+      return "the scene's slave came to numbers that are none";
+    case station::TwinEnd::kRefused:
+      return "the state of the server's slave cannot be had";
+    case station::TwinEnd::kParted:
+    case station::TwinEnd::kNone:
+      break;
+  }
+  return "what the server's slave does is not what its scene does here";
+}
+
 void print_changes(const Progress& before, const Progress& now, bool terminal) {
   const char* const end_of_line = terminal ? "\n" : "";
   if (before.twin != now.twin && now.twin == station::TwinState::kGivenUp) {
-    fmt::print(stderr,
-               "{}note: what the server's slave does is not what its scene does here: no twin from now on, "
-               "method model\n",
-               end_of_line);
+    fmt::print(stderr, "{}note: {}: no twin from now on, method model\n", end_of_line,
+               why_no_twin(now.twin_end));
   }
   if (before.observes != now.observes) {
     fmt::print(stderr, "{}{}\n", end_of_line,

@@ -12,7 +12,9 @@
 
 #include "telenano/common/control/methods.h"
 #include "telenano/common/link/codec.h"
+#include "telenano/common/link/step_log.h"
 #include "telenano/master/twin/scene_twin.h"
+#include "telenano/nve_server/slave/logged_step.h"
 #include "tests/property/twin/felt_run.h"
 #include "tests/support/changed_news_method.h"
 
@@ -28,6 +30,7 @@ enum class Wrong {
   kStepLost,    ///< every 300th is not made, and nobody is told
   kGroundLow,   ///< the ground 3 nm too low
   kNotTakenUp,  ///< a snapshot's state (marks, particle, all) is not taken up
+  kAnyHold,     ///< of a shared tip: each step moves it, whatever holding it belongs to
   // Of the force:
   kZero,
   kHalf,
@@ -49,6 +52,7 @@ class WrongTwin final : public control::LocalSlave {
     ++count_;
     if (wrong_ == Wrong::kTimeStep) step.dt_s = 1e-6;
     if (wrong_ == Wrong::kGroundLow) step.target_w_nm.z() += 3;
+    if (wrong_ == Wrong::kAnyHold) step.operates = true;
     if (wrong_ == Wrong::kStepLost && count_ % 300 == 0) {
       answer = right_;
     } else {
@@ -180,6 +184,71 @@ TEST(TwinMutants, ASnapshotThatIsNotTakenUpOrComesAStepLateIsFound) {
     EXPECT_GT(parted(scene, Wrong::kNotTakenUp, 0).partings, 1u) << scene;
     EXPECT_GT(parted(scene, Wrong::kNothing, 1).partings, 1u) << scene;
   }
+}
+
+/// A shared tip is given back to its holder as another holding while steps of the last one are on their way: at
+/// the server they move nothing. The station has them in its ring, and makes them after the server's state.
+/// Returns the partings.
+std::uint64_t partings_after_a_renewed_holding(Wrong wrong) {
+  const auto scene = deployed("flakes");
+  slave::NveSlave server(scene);
+  slave::SlaveOutput output;
+  output.commanded_pos_w_nm = output.tip_pos_w_nm = scene->start_apex_w_nm;
+  Vec3 last = scene->start_apex_w_nm;
+  const auto execute = [&](const link::LoggedStep& step, std::uint32_t holding) {
+    const Vec3 to = link::target_w_nm(step);
+    const bool was_up = (output.fault_bits & link::kFaultRetracted) != 0;
+    server.step(slave::input_of(to, (to - last) / link::dt_s(step), step.flags, step.hold == holding, was_up),
+                link::dt_s(step), output);
+    last = to;
+  };
+  station::TwinRun twin({}, std::make_unique<WrongTwin>(scene, wrong),
+                        std::make_unique<WrongTwin>(scene, wrong));
+  link::StepReport report;
+  report.state_hash = server.state_hash();
+  std::int64_t now_ns = 0;
+  std::vector<std::uint8_t> state(server.snapshot_bytes_max());
+  const auto give_state = [&](std::uint64_t number) {
+    const std::size_t size = server.save(state);
+    twin.take_up(std::span(state).first(size), number, server.state_hash(), report.breaks, now_ns);
+  };
+  const double deep_nm = scene->start_apex_w_nm.z() - scene->start_touch_w_nm + 4;
+  std::vector<link::LoggedStep> log(1);
+  const auto make = [&](std::uint32_t holding) {
+    const auto n = static_cast<double>(log.size());
+    const Vec3 target = scene->start_apex_w_nm + Vec3(0.02 * n, 0, -deep_nm * std::min(1.0, n / 600));
+    log.push_back(link::logged_step(target, link::kFlagClutch | link::kFlagDeadman, 1e-3));
+    log.back().hold = holding;
+    twin.step(log.size() - 1, log.back(), now_ns += 1'000'000);
+  };
+  const auto reply = [&](std::uint64_t executed) {
+    report.executed = report.newest = executed;
+    report.state_hash = server.state_hash();
+    twin.on_reply(report, now_ns);
+  };
+  twin.begin(report, true, 0.5, now_ns, true);
+  twin.hold(1);
+  give_state(0);
+  for (int i = 0; i < 700; ++i) make(1);
+  for (std::uint64_t n = 1; n <= 600; ++n) execute(log[n], 1);
+  reply(600);
+  EXPECT_EQ(twin.state(), station::TwinState::kBehind);
+  EXPECT_EQ(output.contact_state, link::ContactState::kContact);
+  // Renewed; 100 steps of the first holding have not come yet.
+  report.breaks = 1;
+  report.break_reason = link::kBreakHolder;
+  twin.hold(2);
+  for (int i = 0; i < 20; ++i) make(2);
+  give_state(600);
+  for (int i = 0; i < 20; ++i) make(2);
+  for (std::uint64_t n = 601; n < log.size(); ++n) execute(log[n], 2);
+  reply(log.size() - 1);
+  return twin.partings();
+}
+
+TEST(TwinMutants, OneThatMovesByStepsOfAnotherHoldingIsFound) {
+  EXPECT_EQ(partings_after_a_renewed_holding(Wrong::kNothing), 0u);
+  EXPECT_GT(partings_after_a_renewed_holding(Wrong::kAnyHold), 0u);
 }
 
 /// The method `twin` with an account that does not know the sample's well, or has its sign wrong.

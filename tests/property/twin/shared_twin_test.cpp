@@ -27,12 +27,15 @@ struct Watched {
   double energy_in_aj = 0;
   Vec3 commanded_w_nm = Vec3::Zero();
   bool retracts = false;
+  std::shared_ptr<const surface::HeightView> heights;  ///< of the server's own sample
 };
 
 class WatchedSlave final : public slave::Slave {
  public:
   WatchedSlave(std::shared_ptr<const scene::Scene> scene, std::shared_ptr<Watched> watched)
-      : slave_(std::move(scene)), watched_(std::move(watched)) {}
+      : slave_(std::move(scene)), watched_(std::move(watched)) {
+    watched_->heights = slave_.heights();
+  }
   void step(const slave::SlaveInput& input, double dt_s, slave::SlaveOutput& output) noexcept override {
     const Vec3 before = output.commanded_pos_w_nm;
     slave_.step(input, dt_s, output);
@@ -417,6 +420,93 @@ TEST(SharedTwinSession, AStopAndItsEndAreWithoutAStepOfForce) {
   EXPECT_LE(both.watched->furthest_nm, 0.2) << "it goes on from where it stands";
   EXPECT_NEAR(both.watched->commanded_w_nm.z(), up_nm, 20);
   EXPECT_LE(a.steepest_n, 1.0) << "a stop takes the force away at once";
+}
+
+/// Where two views of one sample differ most, nm, and how deep `own` is below the scene's ground.
+double furthest_nm(const surface::HeightView& own, const surface::HeightView& seen) {
+  const surface::HeightGrid a = own.heights(), b = seen.heights();
+  EXPECT_EQ(a.z_nm.size(), b.z_nm.size());
+  double most = 0;
+  for (std::size_t i = 0; i < std::min(a.z_nm.size(), b.z_nm.size()); ++i)
+    most = std::max(most, std::abs(a.z_nm[i] - b.z_nm[i]));
+  return most;
+}
+
+double lowest_nm(const surface::HeightView& view) {
+  const surface::HeightGrid grid = view.heights();
+  return *std::min_element(grid.z_nm.begin(), grid.z_nm.end());
+}
+
+// Somebody looks on while another ploughs: what a window draws and a recording keeps has the groove while it
+// grows, half a second and a transfer late; a second one who comes later sees at once what was there before.
+// Looking moves nothing, is no snapshot of a holding, and ends where nothing changes any more. The oracle is
+// the server's own sample.
+TEST(SharedTwinLooks, TheMarksOfAnotherAreSeenWhileTheyAreMade) {
+  Both both("lithography", Link{40, 0.02, 3, 0.02});
+  Operator &a = both.a, &b = both.b, &c = both.c;
+  const auto looks = [](VirtualSessionConfig& config) { config.twin_look_s = 0.5; };
+  both.steps(300);
+  both.join(b, 1002, Rights::kObserve, looks);
+  const surface::HeightView& own = *both.watched->heights;
+  const double flat_nm = lowest_nm(own);
+  int looked_at = 0;
+  for (int second = 0; second < 5; ++second) {
+    both.steps(1000);
+    const double groove_nm = flat_nm - lowest_nm(own);
+    if (second < 2) continue;
+    ASSERT_GT(groove_nm, 1) << second;
+    const surface::HeightView* const seen = b.twin().heights();
+    ASSERT_NE(seen, nullptr) << second;
+    ++looked_at;
+    // Half a second and the transfer late, at 30 nm in 19 s: the deepest place has been seen by then.
+    EXPECT_GT(flat_nm - lowest_nm(*seen), 0.7 * groove_nm) << second;
+  }
+  EXPECT_GE(looked_at, 3);
+  both.join(c, 1003, Rights::kObserve, looks);
+  int until_seen = 0;
+  for (; c.twin().heights() == nullptr && until_seen < 3000; ++until_seen) both.steps(1);
+  std::printf("who comes later has the marks after %d ms, %zu bytes\n", until_seen,
+              c.session->client().snapshot().data().size());
+  EXPECT_LT(until_seen, 1000);
+  ASSERT_NE(c.twin().heights(), nullptr);
+  EXPECT_GT(flat_nm - lowest_nm(*c.twin().heights()), 1);
+  // Nothing moves any more: both have the whole of it, and ask for nothing.
+  a.session->loop().set_buttons(device::kButtonStop);
+  both.steps(4000);
+  for (Operator* who : {&b, &c}) {
+    EXPECT_LT(furthest_nm(own, *who->twin().heights()), 1e-4);
+    EXPECT_FALSE(who->twin().wants_snapshot());
+    EXPECT_EQ(who->twin().snapshots(), 0u);
+    EXPECT_EQ(who->twin().partings(), 0u);
+    EXPECT_EQ(who->twin().state(), TwinState::kWaits);
+    EXPECT_EQ(who->most_n, 0);
+  }
+  EXPECT_EQ(a.twin().partings(), 0u);
+}
+
+// Who looks on and then takes the tip has it as soon as one who did not look on, whatever was on its way.
+TEST(SharedTwinLooks, TakingTheTipDoesNotWaitForALook) {
+  for (int wait = 0; wait < 600; wait += 97) {
+    Both both("lithography", Link{100, 0, 0, 0});
+    Operator &a = both.a, &b = both.b;
+    both.steps(2500);
+    both.join(b, 1002, Rights::kAdminister, [](VirtualSessionConfig& config) { config.twin_look_s = 0.1; });
+    both.steps(600 + wait);
+    b.session->loop().set_tip_wish(link::kFlagTakeOver);
+    int engaged_after = 0;
+    while (b.session->station().mode() != Mode::kEngaged && engaged_after < 3000) {
+      both.steps(1);
+      ++engaged_after;
+    }
+    const double pieces =
+        static_cast<double>(b.session->client().snapshot().data().size()) / link::kSnapshotPieceBytes;
+    // As without (SharedTwin), and the tenth of a second after which a server freezes its state again.
+    EXPECT_LE(engaged_after, 3 * 100 + 15 + 0.55 * pieces + 150) << wait;
+    both.steps(1500);
+    EXPECT_TRUE(b.agrees()) << station::twin_state_name(b.twin().state());
+    EXPECT_LT(b.nrmse(), 1e-12);
+    EXPECT_FALSE(a.holds());
+  }
 }
 
 // A station of before there was a log at a shared tip asks for no bit 9: it gets the shared tip as ever.

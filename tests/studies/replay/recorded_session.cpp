@@ -5,6 +5,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <map>
+#include <utility>
 
 #include "telenano/common/base/base64.h"
 #include "telenano/common/base/error.h"
@@ -131,11 +132,38 @@ RecordedSession load_session(const std::filesystem::path& path) {
   reader.read_samples(0, session.samples);
   session.datagrams = reader.datagrams();
   for (const recording::Event& event : reader.events()) {
-    if (std::strstr(event.text.data(), "twin: apart") != nullptr)
-      session.apart_at = std::min(session.apart_at, event.tick);
+    if (std::strstr(event.text.data(), "twin: apart") != nullptr) session.apart_at.insert(event.tick);
   }
+  for (const recording::DatagramRow& row : session.datagrams) session.tells_of_log |= row.epoch != 0;
+  session.state_pieces = reader.state_pieces();
+  session.states = states_of(session.state_pieces);
   if (session.samples.empty()) throw UserError(path.string() + ": holds no row");
   return session;
+}
+
+std::vector<RecordedState> states_of(const std::vector<recording::StatePieceRow>& pieces) {
+  constexpr std::size_t kBytes = recording::StatePieceRow::kBytes;
+  constexpr std::size_t kMostBytes = std::size_t{1} << 26;
+  std::vector<RecordedState> states;
+  RecordedState state;
+  std::uint32_t number = 0;
+  std::set<std::uint32_t> here;
+  for (const auto& piece : pieces) {
+    if (piece.snapshot != number) {
+      number = piece.snapshot;
+      here.clear();
+      state = {piece.tick, piece.step, piece.state_hash, piece.breaks, {}};
+      state.bytes.resize(std::min<std::size_t>(piece.total, kMostBytes));
+    }
+    const std::size_t at = std::size_t{piece.piece} * kBytes;
+    if (at >= state.bytes.size() || piece.size != std::min(kBytes, state.bytes.size() - at)) continue;
+    std::copy_n(piece.data.begin(), piece.size, state.bytes.begin() + static_cast<std::ptrdiff_t>(at));
+    here.insert(piece.piece);
+    if (here.size() != (state.bytes.size() + kBytes - 1) / kBytes) continue;
+    state.tick = piece.tick;
+    states.push_back(std::exchange(state, {}));
+  }
+  return states;
 }
 
 StepOrder step_order(const std::vector<recording::DatagramRow>& datagrams) {

@@ -9,11 +9,24 @@
 
 #include "telenano/common/recording/datagram_row.h"
 #include "telenano/common/recording/sample.h"
+#include "telenano/common/recording/state_piece_row.h"
 #include "telenano/master/device/haptic_device.h"
 #include "telenano/master/loop/link_options.h"
 #include "telenano/master/station/station_config.h"
 
 namespace telenano::studies {
+
+/// A state of the server's slave that the station took in.
+struct RecordedState {
+  std::int64_t tick = 0;  ///< in which it was whole
+  std::uint64_t step = 0;
+  std::uint64_t state_hash = 0;
+  std::uint32_t breaks = 0;
+  std::vector<std::uint8_t> bytes;
+};
+
+/// Of pieces in the order in which they came; a state of which one is missing is left out.
+std::vector<RecordedState> states_of(const std::vector<recording::StatePieceRow>& pieces);
 
 /// What a recording holds of a session, as a replay needs it.
 struct RecordedSession {
@@ -32,10 +45,13 @@ struct RecordedSession {
   std::uint64_t features = 0;         ///< agreed
   std::string twin_scene_hash;        ///< of the twin's scene, likewise; empty: there was none
   double twin_ring_s = 4;             ///< of steps that the station kept
-  std::int64_t apart_at = INT64_MAX;  ///< tick from which on twin and server were not the same
+  std::set<std::int64_t> apart_at;    ///< ticks in which twin and server were found apart
+  bool tells_of_log = false;          ///< what the replies said of the log of steps is there
   std::int64_t slave_timeout_ns = 0;  ///< silence after which the slave withdraws, by the server's clock
   std::vector<recording::Sample> samples;
   std::vector<recording::DatagramRow> datagrams;
+  std::vector<recording::StatePieceRow> state_pieces;
+  std::vector<RecordedState> states;
 };
 
 /// Throws UserError, one line: not a recording, or one that was made before recordings held what came when.

@@ -116,8 +116,8 @@ bool compare(const Sample& recorded, const Sample& replayed, const std::vector<c
 
 /// The session up to the recording's first tick: the handshake, and the idle commands by which the station
 /// had measured its link.
-void prime(const RecordedSession& recorded, link::ClientSession& client, ScriptedWire& wire,
-           RecordedClock& clock) {
+void prime(const RecordedSession& recorded, std::span<const recording::DatagramRow> rows,
+           link::ClientSession& client, ScriptedWire& wire, RecordedClock& clock) {
   const Sample& first = recorded.samples.front();
   const auto period_ns = std::llround(1e9 / recorded.station.rate_hz);
   const std::int64_t probes = first.commands_sent - (first.sent_ns != 0 ? 1 : 0);
@@ -136,7 +136,7 @@ void prime(const RecordedSession& recorded, link::ClientSession& client, Scripte
     throw RunError("the replay's session was not established");
   wire.open_to_all(false);
   std::set<std::uint64_t> come_later;
-  for (const auto& row : recorded.datagrams) come_later.insert(row.answers);
+  for (const auto& row : rows) come_later.insert(row.answers);
   // A machine with too much to do may have answered none of them by then.
   const bool any = first.rtt_smoothed_us > 0;
   const std::uint64_t answered = newest_answered_before(recorded.datagrams, any);
@@ -163,20 +163,97 @@ void prime(const RecordedSession& recorded, link::ClientSession& client, Scripte
   for (const auto& [at_ns, reply] : measured) client.on_datagram(*reply, at_ns);
 }
 
-/// What the recording does not hold, at this row; empty: it goes on.
-std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uint64_t unknown_from,
-                        std::span<const recording::DatagramRow> rows) {
+bool is_accepted(const recording::DatagramRow& row, link::MessageType type) {
+  return row.type == static_cast<std::uint32_t>(type) && row.drop == 0;
+}
+
+link::StepReport report_of(const recording::DatagramRow& row) {
+  return {row.executed, row.state_hash, row.newest, row.breaks, row.break_reason, row.break_step};
+}
+
+/// From one Welcome to the next: commands, replies and what they say of the log are numbered anew.
+struct Session {
+  Script script;
+  std::uint64_t unknown_from = UINT64_MAX;
+  std::set<std::uint64_t> stepped;
+};
+
+/// The rows of the session that begins with the first of these.
+std::span<const recording::DatagramRow> rows_of_session(std::span<const recording::DatagramRow> rows) {
+  std::size_t count = rows.empty() ? 0 : 1;
+  while (count < rows.size() && !is_accepted(rows[count], link::MessageType::kWelcome)) ++count;
+  return rows.first(count);
+}
+
+Session session_of(const RecordedSession& recorded, std::span<const recording::DatagramRow> rows) {
+  std::vector<recording::DatagramRow> own;
+  for (const auto& row : rows) {
+    if (row.drop != static_cast<std::uint32_t>(link::DropCause::kUnknownSession)) own.push_back(row);
+  }
+  Session session;
+  StepOrder order = step_order(own);
+  session.unknown_from = order.unknown_from;
+  session.stepped = order.commands;
+  session.script.order = std::move(order);
+  if ((recorded.features & link::kFeatureStepLog) == 0) return session;
+  for (const auto& row : own) {
+    if (!is_accepted(row, link::MessageType::kReply)) continue;
+    session.script.told[row.answers] = {report_of(row), false};
+  }
+  // Found apart, and not for a break: what the server says is not what its own steps make of the sample.
+  std::uint32_t breaks = own.empty() ? 0 : own.front().breaks;
+  for (const auto& row : own) {
+    if (!is_accepted(row, link::MessageType::kReply)) continue;
+    session.script.told[row.answers].parts = row.breaks == breaks && recorded.apart_at.contains(row.tick);
+    breaks = row.breaks;
+  }
+  return session;
+}
+
+/// Asks for the session again, and is answered at once: the Welcome, which the client has not heard yet.
+std::vector<std::uint8_t> resume(link::ClientSession& client, ScriptedWire& wire, RecordedClock& clock) {
+  std::array<std::uint8_t, link::kMaxDatagramBytes + 1> buffer;
+  link::Codec codec;
+  link::Incoming incoming;
+  wire.open_to_all(true);
+  client.resume(clock.now_ns());
+  std::vector<std::uint8_t> welcome;
+  for (int i = 0; i < 10 && welcome.empty(); ++i) {
+    if (const std::size_t n = client.poll(clock.now_ns(), buffer))
+      wire.send(std::span(buffer).first(n), wire.address());
+    net::Received received;
+    while (wire.receive(buffer, received)) {
+      const auto bytes = std::span(buffer).first(received.size);
+      const bool good = codec.decode(bytes, incoming) == link::DropCause::kNone;
+      if (good && incoming.type == link::MessageType::kWelcome) {
+        welcome.assign(bytes.begin(), bytes.end());
+      } else {
+        client.on_datagram(bytes, clock.now_ns());
+      }
+    }
+  }
+  wire.open_to_all(false);
+  if (welcome.empty()) throw RunError("the replay's session was not resumed");
+  return welcome;
+}
+
+/// What the recording does not hold, at this row; empty: it goes on. `command`: number within its session.
+std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uint64_t command,
+                        std::uint64_t unknown_from, std::span<const recording::DatagramRow> rows) {
   const Sample& row = recorded.samples[k];
+  const bool tells_of_log = recorded.tells_of_log && (recorded.features & link::kFeatureStepLog) != 0;
   if (k > 0 && row.tick != recorded.samples[k - 1].tick + 1) return "rows are missing in the recording";
-  if (row.sent_ns != 0 && static_cast<std::uint64_t>(row.commands_sent) >= unknown_from)
+  if (row.sent_ns != 0 && command >= unknown_from && !tells_of_log)
     return "more than 64 commands were lost in part: the order of the slave's steps is not known";
-  if (row.tick >= recorded.apart_at)
+  if (!tells_of_log && !recorded.apart_at.empty() && row.tick >= *recorded.apart_at.begin())
     return "the twin was apart from the server's slave, whose state it then took up: that is not recorded";
   for (const auto& datagram : rows) {
     if (datagram.drop != 0) continue;
-    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome))
+    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kWelcome) && !tells_of_log)
       return "the session was resumed: what the slave did while the station was away is not recorded";
-    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kBye))
+    const auto reason = static_cast<link::ByeReason>(datagram.break_reason);
+    const bool for_good = reason == link::ByeReason::kDone || reason == link::ByeReason::kStopped;
+    if (datagram.type == static_cast<std::uint32_t>(link::MessageType::kBye) && (!tells_of_log || for_good))
       return "the server ended the session";
   }
   return "";
@@ -206,25 +283,31 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   served.name = server::scene_name(scene->name);
   served.hash = scene->hash;
   served.make_slave = [scene] { return std::make_unique<slave::NveSlave>(scene); };
-  server::Server server(server_config, std::move(served));
+  // More than one where the recorded one was restarted.
+  std::vector<std::unique_ptr<server::Server>> servers;
+  servers.push_back(std::make_unique<server::Server>(server_config, served));
 
   RecordedClock clock;
-  StepOrder order = step_order(recorded.datagrams);
-  const std::uint64_t unknown_from = order.unknown_from;
-  const std::set<std::uint64_t> stepped = order.commands;
-  ScriptedWire wire(server, clock, std::move(order));
+  std::span<const recording::DatagramRow> datagrams(recorded.datagrams);
+  const auto first_rows = rows_of_session(datagrams);
+  Session session = session_of(recorded, first_rows);
+  std::int64_t commands_before = 0;  // of earlier sessions
+  std::uint64_t epoch = 0;
+  for (const auto& row : recorded.datagrams)
+    if (epoch == 0 && row.type == static_cast<std::uint32_t>(link::MessageType::kReply)) epoch = row.epoch;
+  ScriptedWire wire(*servers.back(), clock, session.script);
+  wire.set_states(&recorded.states);
+  wire.set_pieces(recorded.state_pieces);
+  std::size_t pieces_come = 0;
   link::ClientConfig client_config;
   client_config.rate_hz = static_cast<std::uint32_t>(recorded.station.rate_hz);
   client_config.redundancy = recorded.redundancy;
   if (logs_steps) {
     client_config.step_ring = static_cast<std::size_t>(recorded.twin_ring_s * recorded.station.rate_hz);
-    for (const auto& row : recorded.datagrams) {
-      if (row.type == static_cast<std::uint32_t>(link::MessageType::kReply) && row.drop == 0)
-        wire.expect_executed(row.answers, row.executed);
-    }
+    client_config.snapshot_bytes = twin::SceneTwin(scene).snapshot_bytes_max();
   }
   link::ClientSession client(client_config);
-  prime(recorded, client, wire, clock);
+  prime(recorded, first_rows, client, wire, clock);
 
   RecordedDevice device(recorded.device, clock);
   const link::Welcome& welcome = client.welcome();
@@ -244,7 +327,6 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
   const auto columns = compared_columns();
   ReplayResult result;
   result.recorded_ticks = static_cast<std::int64_t>(recorded.samples.size());
-  std::span<const recording::DatagramRow> datagrams(recorded.datagrams);
   std::int64_t last_step_ns = recorded.samples.front().now_ns;
   Sample sample;
   for (std::size_t k = 0; k < recorded.samples.size(); ++k) {
@@ -252,10 +334,14 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
     std::size_t count = 0;
     while (count < datagrams.size() && datagrams[count].tick <= row.tick) ++count;
     const auto rows = datagrams.first(count);
-    datagrams = datagrams.subspan(count);
-    result.ended = why_it_ends(recorded, k, unknown_from, rows);
-    if (result.ended.empty() && row.sent_ns != 0 &&
-        stepped.contains(static_cast<std::uint64_t>(row.commands_sent))) {
+    const auto command =
+        static_cast<std::uint64_t>(std::max<std::int64_t>(row.commands_sent - commands_before, 0));
+    result.ended = why_it_ends(recorded, k, command, session.unknown_from, rows);
+    for (const auto& datagram : rows)
+      pieces_come += is_accepted(datagram, link::MessageType::kSnapshotPiece) ? 1 : 0;
+    if (result.ended.empty() && logs_steps && pieces_come > recorded.state_pieces.size())
+      result.ended = "the server's state that the twin took up is not all recorded";
+    if (result.ended.empty() && !logs_steps && row.sent_ns != 0 && session.stepped.contains(command)) {
       if (row.sent_ns - last_step_ns > recorded.slave_timeout_ns)
         result.ended = "no command had come for the slave's time-out: it withdrew by its own clock";
       last_step_ns = row.sent_ns;
@@ -274,9 +360,36 @@ ReplayResult replay(const RecordedSession& recorded, const std::shared_ptr<const
 
     loop.send_as_recorded(row.sent_ns != 0);
     device.set(row);
-    wire.begin_tick(row.now_ns, rows);
+    wire.begin_tick(row.now_ns, {}, &row);
+    for (std::size_t i = 0; i < rows.size() && logs_steps; ++i) {
+      if (!is_accepted(rows[i], link::MessageType::kWelcome)) continue;
+      if (rows[i].epoch != epoch) {
+        server_config.secret.k1 += 1;
+        servers.push_back(std::make_unique<server::Server>(server_config, served));
+        wire.use(*servers.back());
+        epoch = rows[i].epoch;
+      } else {
+        wire.end_session(report_of(rows[i]), row.now_ns);
+      }
+      session = session_of(recorded, rows_of_session(datagrams.subspan(i)));
+      commands_before = k > 0 ? recorded.samples[k - 1].commands_sent : 0;
+      const std::vector<std::uint8_t> answer = resume(client, wire, clock);
+      wire.begin_session(session.script, answer, report_of(rows[i]));
+      break;
+    }
+    datagrams = datagrams.subspan(count);
+    wire.begin_tick(row.now_ns, rows, &row);
+    const std::uint64_t step_before = client.next_step();
     loop.tick(row.now_ns, row.dt_s, sample);
-    if (logs_steps) {
+    if (wire.told_in_tick()) {
+      ++result.told_ticks;
+      if (row.method != static_cast<std::uint32_t>(control::Method::kTwin)) {
+        result.ended = "the server's slave left its log while no twin was felt: its state is not recorded";
+        break;
+      }
+    }
+    if (logs_steps && client.next_step() == step_before) wire.end_tick(0, {});
+    if (logs_steps && client.next_step() != step_before) {
       link::LoggedStep step =
           link::logged_step(loop.trace().tip_target_pos_w_nm, step_flags(recorded, row, sample), row.dt_s);
       step.dt_ns = loop.step().dt_ns;

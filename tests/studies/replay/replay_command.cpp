@@ -89,9 +89,10 @@ ScenePtr with_recorded_force(const RecordedSession& recorded, ScenePtr scene) {
 bool run_one(const std::string& file, const std::string& scene) {
   const RecordedSession recorded = load_session(file);
   const ReplayResult result = replay(recorded, with_recorded_force(recorded, scene_of(recorded, scene)));
-  std::printf("%s,%lld,%lld,%lld,%lld,%.3g,%s\n", file.c_str(), static_cast<long long>(result.recorded_ticks),
-              static_cast<long long>(result.replayed_ticks), static_cast<long long>(result.equal_ticks),
-              static_cast<long long>(result.steps), result.largest_force_error_n,
+  std::printf("%s,%lld,%lld,%lld,%lld,%.3g,%lld,%s\n", file.c_str(),
+              static_cast<long long>(result.recorded_ticks), static_cast<long long>(result.replayed_ticks),
+              static_cast<long long>(result.equal_ticks), static_cast<long long>(result.steps),
+              result.largest_force_error_n, static_cast<long long>(result.told_ticks),
               result.exact() ? "yes" : "no");
   std::fflush(stdout);
   if (!result.exact()) {
@@ -121,7 +122,9 @@ void add_replay_command(CLI::App& app, int& exit_code) {
           "Scene: a file (TOML), or the name of one that came with the program; left out: as recorded")
       ->type_name(config::kSceneOrFile);
   command->callback([options, &exit_code] {
-    std::printf("file,recorded_ticks,replayed_ticks,equal_ticks,slave_steps,largest_force_error_n,exact\n");
+    std::printf(
+        "file,recorded_ticks,replayed_ticks,equal_ticks,slave_steps,largest_force_error_n,told_ticks,"
+        "exact\n");
     for (const std::string& file : options->files)
       if (!run_one(file, options->scene)) exit_code = 1;
   });

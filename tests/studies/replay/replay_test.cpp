@@ -108,7 +108,7 @@ class LoggedWire {
       : scene_(
             scene::load_scene(std::string(TELENANO_SOURCE_DIR) + "/deploy/scenes/flat_silicon_oxide.toml")),
         server_(server_config(), served(scene_)),
-        wire_(server_, clock_, StepOrder{std::move(came), UINT64_MAX}),
+        wire_(server_, clock_, Script{StepOrder{std::move(came), UINT64_MAX}, {}}),
         client_(client_config()) {
     std::array<std::uint8_t, link::kMaxDatagramBytes> bytes{};
     client_.start(now_ns_);
@@ -230,6 +230,21 @@ TEST(ScriptedWire, TheServerHasMadeByEachReplyWhatItHadMadeThen) {
     ASSERT_EQ(reply.steps.breaks, 0u) << "by command " << command;
   }
   EXPECT_EQ(session.reply(LoggedWire::kSteps).contact_state, link::ContactState::kContact);
+}
+
+// An outage was made good by commands of which nothing is known but the last one's reply: by it the server had
+// made 290 steps, more than one datagram holds.
+TEST(ScriptedWire, LossesMadeGoodByMoreStepsThanADatagramHolds) {
+  LoggedWire session(commands([](std::uint64_t c) { return c <= 10 || c >= 300; }));
+  for (std::uint64_t c = 1; c <= LoggedWire::kSteps; ++c)
+    if (c <= 10 || c >= 300) session.wire().expect_executed(c, c);
+  session.run();
+  EXPECT_EQ(session.wire().other_steps_at(), 0u);
+  const auto hashes = session.hashes();
+  for (const std::uint64_t c : {std::uint64_t{10}, std::uint64_t{300}, LoggedWire::kSteps}) {
+    EXPECT_EQ(session.reply(c).steps.executed, c);
+    EXPECT_EQ(session.reply(c).steps.state_hash, hashes[c]);
+  }
 }
 
 // A stop leaves out the steps that are missing before it. Where none were, none are left out: the wire must

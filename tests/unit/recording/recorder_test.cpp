@@ -77,6 +77,139 @@ TEST_F(RecorderTest, MarksComeBackInOrderWithTheTimeOfTheNewestSample) {
   }
 }
 
+DatagramRow numbered_datagram(std::int64_t tick) {
+  const auto n = static_cast<std::uint64_t>(tick);
+  DatagramRow row;
+  row.tick = tick;
+  row.came_ns = 1000 + tick;
+  row.sequence = 2 * n;
+  row.answers = 3 * n;
+  row.executed = 5 * n;
+  row.type = 6;
+  row.state_hash = ~n;
+  row.newest = 7 * n;
+  row.break_step = 8 * n;
+  row.breaks = static_cast<std::uint32_t>(n / 10);
+  row.break_reason = 2;
+  row.epoch = 77;
+  return row;
+}
+
+StatePieceRow numbered_piece(std::int64_t tick, std::uint32_t piece) {
+  StatePieceRow row;
+  row.tick = tick;
+  row.step = 11 + piece;
+  row.state_hash = 0xfedcba9876543210u;
+  row.breaks = 3;
+  row.snapshot = 4;
+  row.piece = piece;
+  row.total = 1000;
+  row.size = 432;
+  for (std::size_t i = 0; i < row.data.size(); ++i) row.data[i] = static_cast<std::uint8_t>(i + piece);
+  return row;
+}
+
+TEST_F(RecorderTest, WhatServersSayOfTheirLogAndTheirStatesComesBack) {
+  constexpr std::int64_t kRows = 60;
+  {
+    Recorder recorder({.path = file(), .flush_period_s = 0.02}, {});
+    for (std::int64_t i = 0; i < kRows; ++i) {
+      ASSERT_TRUE(recorder.push(numbered_row(i, 1e-3 * static_cast<double>(i))));
+      ASSERT_TRUE(recorder.push(numbered_datagram(i)));
+      for (std::uint32_t piece = 0; piece < 2; ++piece) ASSERT_TRUE(recorder.push(numbered_piece(i, piece)));
+      if (i % 20 == 0) std::this_thread::sleep_for(std::chrono::milliseconds(30));
+    }
+    recorder.close();
+    EXPECT_EQ(recorder.state_pieces_dropped(), 0u);
+  }
+  for (const bool isolated : {false, true}) {
+    const RecordingReader reader = isolated ? RecordingReader::isolated(file()) : RecordingReader(file());
+    const std::vector<StatePieceRow> pieces = reader.state_pieces();
+    ASSERT_EQ(pieces.size(), 2u * kRows);
+    for (std::size_t i = 0; i < pieces.size(); ++i) {
+      const StatePieceRow expected =
+          numbered_piece(static_cast<std::int64_t>(i / 2), static_cast<std::uint32_t>(i % 2));
+      ASSERT_EQ(std::memcmp(&pieces[i], &expected, sizeof expected), 0) << i;
+    }
+    const std::vector<DatagramRow> rows = reader.datagrams();
+    ASSERT_EQ(rows.size(), static_cast<std::size_t>(kRows));
+    for (std::size_t i = 1; i < rows.size(); ++i) {
+      const DatagramRow expected = numbered_datagram(static_cast<std::int64_t>(i));
+      ASSERT_EQ(std::memcmp(&rows[i], &expected, sizeof expected), 0) << i;
+    }
+  }
+}
+
+// However often a state is asked for, a recording stays bounded; what is missing is counted, and what is there
+// has no hole.
+TEST_F(RecorderTest, StatesAreWrittenUpToABoundAndWithoutAHole) {
+  {
+    Recorder recorder({.path = file(), .state_pieces_most = 50}, {});
+    ASSERT_TRUE(recorder.push(numbered_row(0, 0)));
+    for (std::uint32_t piece = 0; piece < 80; ++piece)
+      ASSERT_EQ(recorder.push(numbered_piece(0, piece)), piece < 50);
+    recorder.close();
+    EXPECT_EQ(recorder.state_pieces_dropped(), 30u);
+    EXPECT_FALSE(recorder.failed());
+  }
+  const std::vector<StatePieceRow> pieces = RecordingReader(file()).state_pieces();
+  ASSERT_EQ(pieces.size(), 50u);
+  for (std::uint32_t i = 0; i < 50; ++i) ASSERT_EQ(pieces[i].piece, i);
+}
+
+// A recording of before there were states, whose datagrams say less: what they say is read, the rest is zero.
+TEST_F(RecorderTest, OlderRecordingsAreReadWithoutStates) {
+  {
+    Recorder recorder({.path = file()}, {});
+    for (std::int64_t i = 1; i < 20; ++i) {
+      ASSERT_TRUE(recorder.push(numbered_row(i, 1e-3 * static_cast<double>(i))));
+      ASSERT_TRUE(recorder.push(numbered_datagram(i)));
+    }
+  }
+  struct Older {
+    std::int64_t tick, came_ns;
+    std::uint64_t sequence, answers, steps_before, executed;
+    std::uint32_t type, drop;
+  };
+  std::vector<Older> older;
+  for (const DatagramRow& row : RecordingReader(file()).datagrams())
+    older.push_back({row.tick, row.came_ns, row.sequence, row.answers, row.steps_before, row.executed,
+                     row.type, row.drop});
+  ASSERT_EQ(older.size(), 19u);
+  {
+    const hid_t h5 = H5Fopen(file().c_str(), H5F_ACC_RDWR, H5P_DEFAULT);
+    ASSERT_GE(h5, 0);
+    ASSERT_GE(H5Ldelete(h5, "/state_pieces", H5P_DEFAULT), 0);
+    ASSERT_GE(H5Ldelete(h5, "/datagrams", H5P_DEFAULT), 0);
+    const hid_t type = H5Tcreate(H5T_COMPOUND, sizeof(Older));
+    H5Tinsert(type, "tick", offsetof(Older, tick), H5T_STD_I64LE);
+    H5Tinsert(type, "came_ns", offsetof(Older, came_ns), H5T_STD_I64LE);
+    H5Tinsert(type, "sequence", offsetof(Older, sequence), H5T_STD_U64LE);
+    H5Tinsert(type, "answers", offsetof(Older, answers), H5T_STD_U64LE);
+    H5Tinsert(type, "steps_before", offsetof(Older, steps_before), H5T_STD_U64LE);
+    H5Tinsert(type, "executed", offsetof(Older, executed), H5T_STD_U64LE);
+    H5Tinsert(type, "type", offsetof(Older, type), H5T_STD_U32LE);
+    H5Tinsert(type, "drop", offsetof(Older, drop), H5T_STD_U32LE);
+    const hsize_t rows = older.size();
+    const hid_t space = H5Screate_simple(1, &rows, nullptr);
+    const hid_t dataset = H5Dcreate2(h5, "/datagrams", type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
+    ASSERT_GE(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, older.data()), 0);
+    H5Dclose(dataset), H5Sclose(space), H5Tclose(type), H5Fclose(h5);
+  }
+  for (const bool isolated : {false, true}) {
+    const RecordingReader reader = isolated ? RecordingReader::isolated(file()) : RecordingReader(file());
+    EXPECT_TRUE(reader.state_pieces().empty());
+    const std::vector<DatagramRow> rows = reader.datagrams();
+    ASSERT_EQ(rows.size(), 19u);
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      DatagramRow expected = numbered_datagram(static_cast<std::int64_t>(i + 1));
+      expected.state_hash = expected.newest = expected.break_step = expected.epoch = 0;
+      expected.breaks = expected.break_reason = 0;
+      ASSERT_EQ(std::memcmp(&rows[i], &expected, sizeof expected), 0) << i;
+    }
+  }
+}
+
 TEST_F(RecorderTest, EveryFieldComesBackUnderItsNameWithItsUnit) {
   constexpr std::int64_t kRows = 3000;  // more than two chunks
   {
