@@ -105,7 +105,7 @@ PressResult run_press(const PressConfig& config) {
   support::VirtualSession session(session_config(config, watch));
   PressResult result;
   result.config = config;
-  support::PortAccount account_for(config.plant.device_damping_n_s_m, session.period_s());
+  support::PortAccount account(config.plant.device_damping_n_s_m, session.period_s());
   const double wall_z_m = -config.clearance_m;  // the hand is at 0 when the session starts
   const double force_scale_n_nn = session.station().config().scaling.force * 1e-9;
   double last_z_m = session.device().plant().pos_m().z();
