@@ -37,6 +37,20 @@ ForceOf flat_force(const physics::BranchPotential& law, double radius_nm) {
   };
 }
 
+double same_flat_force_nm(const Place& flat, const ForceOf& on_flat, double above_touch_nm) {
+  std::size_t k = 1;
+  while (k + 1 < flat.states.size() && flat.states[k].z_nm < above_touch_nm) ++k;
+  const State &low = flat.states[k - 1], &high = flat.states[k];
+  const double force =
+      low.force_nn + (high.force_nn - low.force_nn) * (above_touch_nm - low.z_nm) / (high.z_nm - low.z_nm);
+  double deep = above_touch_nm - 1.0, shallow = above_touch_nm + 1.0;
+  for (int i = 0; i < 60; ++i) {
+    const double middle = 0.5 * (deep + shallow);
+    (on_flat(middle) > force ? deep : shallow) = middle;
+  }
+  return 0.5 * (deep + shallow);
+}
+
 double pull_off_nn(const ForceOf& force) {
   double most = 0;
   for (int k = -100; k < 1500; ++k) most = std::max(most, -force(0.002 * k));

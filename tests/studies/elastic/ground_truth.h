@@ -22,6 +22,10 @@ double lateral_force_nn(const physics::BranchPotential& law, const physics::Cont
 /// That over the flat sample, for a tip of the radius.
 ForceOf flat_force(const physics::BranchPotential& law, double radius_nm);
 
+/// The height at which the model's flat sample pushes as the reference's does at `above_touch_nm`, where both
+/// are pressed: Lennard and Jones' bodies touch a z0 earlier than Dugdale's, which says nothing of the ground.
+double same_flat_force_nm(const Place& flat, const ForceOf& on_flat, double above_touch_nm);
+
 /// The greatest attraction between 0.2 nm below and 3 nm above first touch, to 2 pm of height.
 double pull_off_nn(const ForceOf& force);
 

@@ -12,6 +12,7 @@
 #include "telenano/nve_server/physics/surface/scan_fields.h"
 #include "tests/source_dir.h"
 #include "tests/studies/elastic/ground_truth.h"
+#include "tests/studies/precision/ground_pictures.h"
 #include "tests/studies/precision/studies.h"
 #include "tests/studies/report/page.h"
 
@@ -249,6 +250,7 @@ Section ground_section(const Effort& effort, const FigureFolder& folder) {
                                                    "rms force, pressed by 0.2 nm and more.",
                                                    ""},
                                                   medians(pressed_rows), "median error", folder));
+  add_ground_pictures(section, table_file, effort.quick, folder);
   section.rows = std::move(pull_off_rows);
   section.rows.insert(section.rows.end(), pressed_rows.begin(), pressed_rows.end());
   return section;
