@@ -6,7 +6,7 @@
 namespace telenano::link {
 namespace {
 
-constexpr double kRateFirst_per_s = 250;
+constexpr double kRateFirst_per_s = 500;
 constexpr double kRateLeast_per_s = 20;
 constexpr double kBurst = 4;
 constexpr int kOutcomes = 16;

@@ -12,7 +12,7 @@ namespace telenano::link {
 
 struct SceneFetchLimits {
   std::uint32_t bytes_max = (1u << 24) + (1u << 20);  ///< a larger bundle is not fetched
-  double requests_max_per_s = 1000;          ///< 3.7 Mbit/s of pieces; a link that loses more gets fewer
+  double requests_max_per_s = 1500;          ///< 5.6 Mbit/s of pieces; a link that loses more gets fewer
   std::int64_t give_up_ns = 20'000'000'000;  ///< without a new piece while the session is up
 };
 

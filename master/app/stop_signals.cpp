@@ -21,4 +21,8 @@ const std::atomic<bool>& catch_stop_signals() {
   return g_stop;
 }
 
+void stop_as_by_signal() noexcept {
+  g_stop.store(true, std::memory_order_relaxed);
+}
+
 }  // namespace telenano::app

@@ -17,19 +17,24 @@ namespace {
 constexpr const char* kSubject = "scene bundle";
 constexpr int kSampledSide = 257;
 
-/// Heights for the picture: those of the scan, or of the shape at even places over where the tip may go.
-surface::HeightGrid ground_of(const scene::Scene& scene, const scene::BundleParts& parts) {
+/// The heights of its scan; none: it has none.
+surface::HeightGrid scan_of(const scene::BundleParts& parts) {
   surface::HeightGrid grid;
-  if (!parts.scan.empty()) {
-    grid = surface::parse_gsf(parts.scan, kSubject).grid;
-    for (const config::TomlValue& value : parts.values) {
-      if (value.path != "surface.level") continue;
-      const auto* const name = std::get_if<std::string>(&value.value);
-      if (name != nullptr)
-        scene::level(grid, scene::levelling_from_name(*name).value_or(scene::Levelling::kNone));
-    }
-    return grid;
+  if (parts.scan.empty()) return grid;
+  grid = surface::parse_gsf(parts.scan, kSubject).grid;
+  for (const config::TomlValue& value : parts.values) {
+    if (value.path != "surface.level") continue;
+    const auto* const name = std::get_if<std::string>(&value.value);
+    if (name != nullptr)
+      scene::level(grid, scene::levelling_from_name(*name).value_or(scene::Levelling::kNone));
   }
+  return grid;
+}
+
+/// Heights for the picture: those of the scan, or of the shape at even places over where the tip may go.
+surface::HeightGrid ground_of_scene(const scene::Scene& scene, const scene::BundleParts& parts) {
+  surface::HeightGrid grid = scan_of(parts);
+  if (!parts.scan.empty()) return grid;
   if (scene.surface->is_flat()) return grid;
   grid.columns = grid.rows = kSampledSide;
   grid.x_first_nm = scene.ground.x_min_nm;
@@ -43,42 +48,32 @@ surface::HeightGrid ground_of(const scene::Scene& scene, const scene::BundlePart
   return grid;
 }
 
-std::string answer(std::string_view bundle) {
-  const scene::BundleParts parts = scene::open_bundle(bundle);
-  const auto scene = scene::decode_bundle(bundle);
-  scene::check_bundle_text(parts);
-  const surface::HeightGrid ground = ground_of(*scene, parts);
-  recording::Packer packed;
-  packed.text(scene->name).text(parts.text).put(scene->hash).put(slave::canonical_motion_hash(scene));
+void pack(recording::Packer& packed, const surface::HeightGrid& ground) {
   packed.put(ground.columns).put(ground.rows).put(ground.dx_nm).put(ground.dy_nm);
   packed.put(ground.x_first_nm).put(ground.y_first_nm);
   packed.raw(ground.z_nm.data(), ground.z_nm.size() * sizeof(double));
+}
+
+/// 'G' and a bundle: its scan. 'S' and a bundle: all that there is to find.
+std::string answer(std::string_view request) {
+  const std::string_view bundle = request.substr(1);
+  const scene::BundleParts parts = scene::open_bundle(bundle);
+  if (request.front() == 'G') {
+    recording::Packer packed;
+    pack(packed, scan_of(parts));
+    return packed.take();
+  }
+  const auto scene = scene::decode_bundle(bundle);
+  scene::check_bundle_text(parts);
+  const surface::HeightGrid ground = ground_of_scene(*scene, parts);
+  recording::Packer packed;
+  packed.text(scene->name).text(parts.text).put(scene->hash).put(slave::canonical_motion_hash(scene));
+  pack(packed, ground);
   return packed.take();
 }
 
-recording::ChildLimits limits_of(std::size_t memory_bytes, int seconds) {
-  recording::ChildLimits limits;
-  limits.time = std::chrono::seconds(seconds);
-  limits.memory_bytes = memory_bytes;
-  limits.answer_bytes = std::size_t{64} << 20;
-  limits.reader = "this program";
-  limits.advice = "it is not used";
-  return limits;
-}
-
-}  // namespace
-
-SceneChecker::SceneChecker(std::size_t memory_bytes, int seconds)
-    : child_(kSubject, answer, limits_of(memory_bytes, seconds)) {}
-
-CheckedScene read_finding(const std::string& finding) {
-  recording::Unpacker from(finding);
-  CheckedScene scene;
-  scene.name = from.text();
-  scene.text = from.text();
-  scene.scene_hash = from.get<std::uint64_t>();
-  scene.canonical_motion = from.get<std::uint64_t>();
-  surface::HeightGrid& grid = scene.ground;
+/// Throws RunError, one line, for what nobody can draw.
+void unpack(recording::Unpacker& from, surface::HeightGrid& grid) {
   grid.columns = from.get<int>();
   grid.rows = from.get<int>();
   grid.dx_nm = from.get<double>();
@@ -100,6 +95,39 @@ CheckedScene read_finding(const std::string& finding) {
   if (!good)
     throw RunError(std::string(kSubject) + ": its surface cannot be drawn: more than " +
                    std::to_string(SceneChecker::kGroundMax) + " heights a side, or numbers that are none");
+}
+
+recording::ChildLimits limits_of(std::size_t memory_bytes, int seconds) {
+  recording::ChildLimits limits;
+  limits.time = std::chrono::seconds(seconds);
+  limits.memory_bytes = memory_bytes;
+  limits.answer_bytes = std::size_t{64} << 20;
+  limits.reader = "this program";
+  limits.advice = "it is not used";
+  return limits;
+}
+
+}  // namespace
+
+SceneChecker::SceneChecker(std::size_t memory_bytes, int seconds)
+    : child_(kSubject, answer, limits_of(memory_bytes, seconds)) {}
+
+surface::HeightGrid SceneChecker::ground_of(const std::string& bundle) {
+  const std::string answered = child_.ask("G" + bundle);
+  recording::Unpacker from(answered);
+  surface::HeightGrid grid;
+  unpack(from, grid);
+  return grid;
+}
+
+CheckedScene read_finding(const std::string& finding) {
+  recording::Unpacker from(finding);
+  CheckedScene scene;
+  scene.name = from.text();
+  scene.text = from.text();
+  scene.scene_hash = from.get<std::uint64_t>();
+  scene.canonical_motion = from.get<std::uint64_t>();
+  unpack(from, scene.ground);
   return scene;
 }
 

@@ -31,7 +31,10 @@ class SceneChecker {
   explicit SceneChecker(std::size_t memory_bytes = kMemoryBytes, int seconds = 60);
   /// What it finds, as bytes for read_finding(). Throws UserError or RunError, one line; after a RunError
   /// this checker may have lost its process, and says so for each further bundle.
-  std::string look_at(const std::string& bundle) { return child_.ask(bundle); }
+  std::string look_at(const std::string& bundle) { return child_.ask("S" + bundle); }
+  /// The heights of a scan alone, in milliseconds, before anything is made of it: something to draw. Of any
+  /// other surface, or one that cannot be drawn, none. Throws as look_at() does.
+  surface::HeightGrid ground_of(const std::string& bundle);
   /// From another thread: a look that is under way ends at once, by a RunError, as every later one.
   void stop() noexcept { child_.stop(); }
 

@@ -68,7 +68,23 @@ std::shared_ptr<const std::string> SceneKeeper::bundle() const {
   return bundle_;
 }
 
+std::shared_ptr<const surface::HeightGrid> SceneKeeper::ground() const {
+  const std::lock_guard lock(mutex_);
+  return ground_;
+}
+
+void SceneKeeper::show_ground(const std::string& bundle) {
+  auto ground = std::make_shared<surface::HeightGrid>(checker_.ground_of(bundle));
+  if (ground->z_nm.empty()) return;
+  const std::lock_guard lock(mutex_);
+  ground_ = std::move(ground);
+}
+
 void SceneKeeper::give_up(const std::string& why) {
+  {
+    const std::lock_guard lock(mutex_);
+    ground_.reset();  // drawn before it was looked at
+  }
   if (stop_.load(std::memory_order_acquire)) return;
   if (options_.say)
     options_.say("the server's scene cannot be used: " + why + "; the session goes on without");
@@ -85,6 +101,7 @@ void SceneKeeper::take_offer(const loop::OfferedScene& offer, std::int64_t now_n
     const std::lock_guard lock(mutex_);
     scene_.reset();
     bundle_.reset();
+    ground_.reset();
   }
   settled_.store(false, std::memory_order_release);
   if (offered_.empty()) {
@@ -121,6 +138,7 @@ void SceneKeeper::use(std::string bundle, bool cached) {
   // Looking takes as long as making the scene. What this very program has found it need not look for again.
   const auto found = cached ? cache_.read_finding(hash, this_program()) : std::nullopt;
   try {
+    if (!found) show_ground(*bytes);
     const std::string finding = found ? *found : checker_.look_at(*bytes);
     scene->checked = read_finding(finding);
     if (!cached) why = cache_.keep(hash, *bytes);
@@ -132,6 +150,9 @@ void SceneKeeper::use(std::string bundle, bool cached) {
   scene->same_physics = scene->checked.canonical_motion == offered_.canonical_motion;
   {
     const std::lock_guard lock(mutex_);
+    // The same again is no other picture.
+    if (ground_ == nullptr || ground_->z_nm != scene->checked.ground.z_nm)
+      ground_ = std::shared_ptr<const surface::HeightGrid>(scene, &scene->checked.ground);
     scene_ = std::move(scene);
   }
   settled_.store(true, std::memory_order_release);

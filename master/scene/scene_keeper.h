@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "telenano/common/link/scene_fetch.h"
+#include "telenano/common/surface/height_grid.h"
 #include "telenano/master/loop/scene_pipe.h"
 #include "telenano/master/scene/scene_cache.h"
 #include "telenano/master/scene/scene_check.h"
@@ -52,6 +53,9 @@ class SceneKeeper {
   std::shared_ptr<const StationScene> scene() const;
   /// The bytes of it, which have the right hash but may not have been looked at yet; null: not here.
   std::shared_ptr<const std::string> bundle() const;
+  /// The surface as it is drawn: that of a scan as soon as its bytes are here, else once the scene was looked
+  /// at. Null: not here, or not to be used; no heights: a plane.
+  std::shared_ptr<const surface::HeightGrid> ground() const;
   /// Nothing is on its way any more: it is here, cannot be had, or was never offered.
   bool settled() const noexcept { return settled_.load(std::memory_order_acquire); }
 
@@ -59,6 +63,7 @@ class SceneKeeper {
   void run();
   void take_offer(const loop::OfferedScene& offer, std::int64_t now_ns);
   void use(std::string bundle, bool cached);
+  void show_ground(const std::string& bundle);
   void give_up(const std::string& why);
 
   SceneKeeperOptions options_;
@@ -70,6 +75,7 @@ class SceneKeeper {
   mutable std::mutex mutex_;
   std::shared_ptr<const StationScene> scene_;
   std::shared_ptr<const std::string> bundle_;
+  std::shared_ptr<const surface::HeightGrid> ground_;
   std::atomic<bool> settled_{false};
   std::atomic<bool> stop_{false};
   std::thread thread_;

@@ -139,10 +139,10 @@ std::vector<Message> force_text(const recording::Sample& now, device::ForceOffCa
   return messages;
 }
 
-std::string reach_text(double reach_nm) {
+std::string reach_text(double reach_nm, bool mouse) {
   return fmt::format(
-      "The mouse leads the tip by at most {} from where it took hold: let go, then take hold again",
-      length_text(reach_nm));
+      "The {} leads the tip by at most {} from where it took hold: let go, then take hold again",
+      mouse ? "mouse" : "hand", length_text(reach_nm));
 }
 
 std::vector<Message> slave_text(std::uint32_t faults) {

@@ -40,7 +40,7 @@ std::vector<Message> force_text(const recording::Sample& now,
                                 bool mouse_leads = false);
 
 /// That the mouse's hand can lead the tip no further than `reach_nm` from where it took hold.
-std::string reach_text(double reach_nm);
+std::string reach_text(double reach_nm, bool mouse);
 
 /// What the slave reports (link::FaultBits).
 std::vector<Message> slave_text(std::uint32_t slave_faults);

@@ -18,6 +18,7 @@ using control::Method;
 using view_model::Mood;
 using view_model::ViewRequest;
 
+constexpr float kNumbersWide = 260;  // at which the numbers have words of full size
 constexpr float kPracticeSliderMost_ms = 500;
 constexpr float kPracticeSliderMostPercent = 20;
 
@@ -50,12 +51,23 @@ const char* about(Method method) {
   return "";
 }
 
-void row(const char* name, const std::string& value, const palette::Rgb& colour = palette::kText) {
+float wide_of(const std::string& text) {
+  return ImGui::CalcTextSize(text.c_str()).x;
+}
+
+// What has no room beside its name goes on at its comma, and a piece that is still too wide at a blank: no
+// number is cut at the panel's edge.
+void row(const char* name, std::string value, const palette::Rgb& colour = palette::kText) {
   ImGui::TableNextRow();
   ImGui::TableNextColumn();
   ImGui::TextColored(vec4(palette::kQuiet), "%s", name);
   ImGui::TableNextColumn();
-  ImGui::TextColored(vec4(colour), "%s", value.c_str());
+  const float room = ImGui::GetContentRegionAvail().x;
+  if (const auto comma = value.find(", "); wide_of(value) > room && comma != std::string::npos)
+    value.replace(comma, 2, ",\n");
+  ImGui::PushStyleColor(ImGuiCol_Text, vec4(colour));
+  ImGui::TextWrapped("%s", value.c_str());
+  ImGui::PopStyleColor();
 }
 
 bool stopped(const recording::Sample& now) {
@@ -158,7 +170,7 @@ void ControlPanel::draw_messages(const recording::Sample& now, float lines) {
   // After the line of a silence, which is the gravest.
   if (reach_nm_ > 0)
     messages.insert(messages.begin() + (view_model::silent_s(now) > 0 ? 1 : 0),
-                    {view_model::reach_text(reach_nm_), Mood::kWarning});
+                    {view_model::reach_text(reach_nm_, mouse_leads()), Mood::kWarning});
   if (ended_) messages = {{"The session has ended: this is its last moment", Mood::kAlarm}};
   // Always the same height, so that nothing under it jumps: what does not fit can be scrolled to.
   ImGui::BeginChild("messages", {0, lines * ImGui::GetTextLineHeightWithSpacing()});
@@ -349,10 +361,18 @@ void ControlPanel::draw_tip_rows(const view_model::LiveSession& live) const {
   row("adhesion", view_model::adhesion_text(contact));
 }
 
-void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& live) {
+void ControlPanel::draw_numbers(const Gui& gui, const view_model::LiveSession& live) const {
+  // Small words in a narrow panel.
+  const bool narrow = ImGui::GetContentRegionAvail().x < kNumbersWide * gui.scale();
+  ImGui::PushFont(narrow ? gui.small() : gui.text());
+  draw_number_rows(live);
+  ImGui::PopFont();
+}
+
+void ControlPanel::draw_number_rows(const view_model::LiveSession& live) const {
   const recording::Sample& now = live.now();
   if (!ImGui::BeginTable("numbers", 2, ImGuiTableFlags_SizingFixedFit)) return;
-  ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 84 * gui.scale());
+  ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, wide_of("hand force "));
   ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthStretch);
   if (now.reply_sequence == 0) {  // nothing is known of the tip yet, which is not zero
     for (const char* const name : {"tip x y z", "gap", "tip force", "x y z, nN", "lever"}) row(name, "–");
@@ -437,21 +457,24 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
   ImGui::SetNextWindowPos({static_cast<float>(area.x_px), static_cast<float>(area.y_px)});
   ImGui::SetNextWindowSize({static_cast<float>(area.width_px), static_cast<float>(area.height_px)});
   ImGui::Begin("panel", nullptr,
-               ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoResize |
-                   ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoSavedSettings |
+               ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoScrollWithMouse | ImGuiWindowFlags_NoSavedSettings |
                    ImGuiWindowFlags_NoBringToFrontOnFocus);
+  // STOP and the messages stay in sight; what is under them scrolls where the window is low.
   const recording::Sample& now = live.now();
   const float s = gui.scale();
-  const auto high = static_cast<float>(area.height_px);
+  const float high = static_cast<float>(area.height_px) - (practice_ ? 60 * s : 0);
   const bool low = high < 720 * s;
   if (playback_ != nullptr) {
     draw_playback(gui, *playback_);
     draw_messages(now, low ? 2.3f : 3.3f);
+    ImGui::BeginChild("rest");
     ImGui::Separator();
     draw_played(gui, now);
   } else {
     draw_stop(gui, now, (low ? 40 : 54) * s);
     draw_messages(now, low ? 2.3f : 3.3f);
+    ImGui::BeginChild("rest");
     ImGui::Checkbox("Clutch: the tip stands (C)", &clutch_);
     ImGui::Separator();
     draw_task(now);
@@ -463,6 +486,7 @@ void ControlPanel::draw(const Gui& gui, const view_model::LiveSession& live, con
   draw_practice();
   ImGui::Separator();
   draw_foot(gui, live, recording);
+  ImGui::EndChild();
   ImGui::End();
 }
 

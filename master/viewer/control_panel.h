@@ -23,6 +23,9 @@ class ControlPanel {
   void draw(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording,
             const Area& area);
 
+  /// Its facts have become those of a session.
+  void begin() noexcept { practice_ = facts_.practice; }
+
   /// A recording is shown: there is nobody to ask.
   void play(view_model::Playback& playback) noexcept { playback_ = &playback; }
 
@@ -68,7 +71,8 @@ class ControlPanel {
   void draw_scaling(const Gui& gui, const recording::Sample& now, float region_high);
   void draw_region(const Gui& gui, control::Method method, const control::Scaling& shown, ImVec2 size);
   void draw_tip_rows(const view_model::LiveSession& live) const;
-  void draw_numbers(const Gui& gui, const view_model::LiveSession& live);
+  void draw_numbers(const Gui& gui, const view_model::LiveSession& live) const;
+  void draw_number_rows(const view_model::LiveSession& live) const;
   void draw_practice();
   void draw_foot(const Gui& gui, const view_model::LiveSession& live, const RecordingStatus& recording);
 

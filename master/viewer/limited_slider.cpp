@@ -8,7 +8,10 @@ namespace telenano::viewer {
 
 void limited_slider(const Gui& gui, const char* id, const char* text, float wide, SliderState& state) {
   const float s = gui.scale();
+  const bool fits = ImGui::CalcTextSize(text).x <= wide;
+  if (!fits) ImGui::PushFont(gui.small());
   ImGui::TextUnformatted(text);
+  if (!fits) ImGui::PopFont();
   const ImVec2 from = ImGui::GetCursorScreenPos();
   const float high = 16 * s;
   ImGui::InvisibleButton(id, {wide, high});

@@ -81,7 +81,9 @@ StartScreen::Wish StartScreen::draw_choices(const StartFacts& facts, view_model:
     ImGui::BeginGroup();
     for (const SeenServer& seen : facts.seen) {
       ImGui::PushID(&seen);
-      const std::string text = seen.key.empty() ? seen.server : seen.server + "   key " + seen.key;
+      // A server has one sample: to choose another is to choose another server.
+      const std::string text = (seen.scene.empty() ? "" : seen.scene + "   at ") + seen.server +
+                               (seen.key.empty() ? "" : "   key " + seen.key);
       if (ImGui::Selectable(text.c_str(), seen.server == choice.server && seen.key == choice.key)) {
         choice.server = seen.server;
         choice.key = seen.key;

@@ -21,6 +21,7 @@ struct OfferedHand {
 struct SeenServer {
   std::string server;
   std::string key;
+  std::string scene{};  ///< that it had when it answered last; empty: not known
 };
 
 /// What the start screen tells a person.

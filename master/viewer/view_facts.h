@@ -27,6 +27,7 @@ struct ViewFacts {
   std::string server;
   std::string device_name;
   bool mouse_is_hand = false;
+  bool hand_in_box = false;             ///< a hand that is pointed at stays within its box: a SpaceMouse's
   bool shows_force = true;              ///< the device has motors
   bool guide = false;                   ///< a person is led to a first touch
   double hand_half_m = 0.055;           ///< half the edge of the box of the mouse's hand

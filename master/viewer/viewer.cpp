@@ -12,6 +12,7 @@
 
 #include "telenano/common/base/constants.h"
 #include "telenano/master/device/haptic_device.h"
+#include "telenano/master/station/station.h"
 #include "telenano/master/view_model/status_text.h"
 #include "telenano/master/viewer/charts.h"
 #include "telenano/master/viewer/guide_box.h"
@@ -155,8 +156,32 @@ SceneState Viewer::state(bool overview) const {
     const Vec3 target = state.target_pos_w_nm;
     state.wall_min_w_nm = state.wall_min_w_nm.cwiseMax(target + hand_.wall_below_nm());
     state.wall_max_w_nm = state.wall_max_w_nm.cwiseMin(target + hand_.wall_above_nm());
+  } else if (hand_leads_in_box()) {
+    const Vec3 target = state.target_pos_w_nm;
+    const double nm_per_m = kNmPerM * now.velocity_scale;
+    const Vec3 hand = vec(now.hand_pos_h_m);
+    const Vec3 half = Vec3::Constant(facts_.hand_half_m);
+    state.wall_min_w_nm = state.wall_min_w_nm.cwiseMax(target + nm_per_m * (-half - hand));
+    state.wall_max_w_nm = state.wall_max_w_nm.cwiseMin(target + nm_per_m * (half - hand));
   }
   return state;
+}
+
+bool Viewer::hand_leads_in_box() const noexcept {
+  const recording::Sample& now = live_.now();
+  return facts_.hand_in_box && static_cast<station::Mode>(now.station_mode) == station::Mode::kEngaged;
+}
+
+// So far from where it took hold, in nm, if it is at the border of its box; else 0.
+double Viewer::border_nm() const noexcept {
+  if (panel_.mouse_leads() && hand_.at_border()) return hand_.reach_nm();
+  if (!hand_leads_in_box()) return 0;
+  const recording::Xyz& hand = live_.now().hand_pos_h_m;
+  constexpr double kAlmost = 0.999;
+  for (const double at_m : hand)
+    if (std::abs(at_m) > kAlmost * facts_.hand_half_m)
+      return facts_.hand_half_m * kNmPerM * live_.now().velocity_scale;
+  return 0;
 }
 
 // The close-up goes with the tip and shows it and the ground under it, nearer when they are near.
@@ -221,6 +246,11 @@ void Viewer::handle_keys(double time_s) {
     note_box_.close();
   }
   if (pressed(GLFW_KEY_Q) && io.KeyCtrl) leaves_ = quit_ = true;
+  if (!waiting_.empty()) {
+    quit_ |= pressed(GLFW_KEY_ESCAPE);
+    handle_text_keys(time_s);
+    return;
+  }
   if (io.WantTextInput || note_box_.is_open()) return;
   if (pressed(GLFW_KEY_P) || pressed(GLFW_KEY_F12)) panel_.want_picture();
   // By the letter: where it lies is the keyboard's affair.
@@ -603,6 +633,37 @@ void Viewer::end(view_model::SessionEnd end) {
   panel_.end();
 }
 
+void Viewer::wait(const std::string& words, const Vec3& tip_w_nm) {
+  waiting_ = words;
+  recording::Sample start;
+  start.tip_pos_w_nm = start.tip_target_w_nm = recording::xyz(tip_w_nm);
+  live_.take(start, ground_);
+}
+
+void Viewer::begin(const ViewFacts& facts) {
+  waiting_.clear();
+  facts_ = facts;
+  panel_.begin();
+  hand_ = view_model::PointerHand(facts.hand_half_m, facts.hand_back_s);
+  live_ = view_model::LiveSession(kTrailStep_nm);
+  guide_ = facts.guide;
+  seen_tip_ = quit_ = false;
+}
+
+void Viewer::draw_waiting(const Area& panel) {
+  ImGui::SetNextWindowPos({static_cast<float>(panel.x_px), static_cast<float>(panel.y_px)});
+  ImGui::SetNextWindowSize({static_cast<float>(panel.width_px), static_cast<float>(panel.height_px)});
+  ImGui::Begin("waiting", nullptr,
+               ImGuiWindowFlags_NoBackground | ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                   ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoBringToFrontOnFocus);
+  ImGui::PushFont(gui_.large());
+  if (ImGui::Button("Cancel  (Esc)", {ImGui::GetContentRegionAvail().x, 40 * gui_.scale()})) quit_ = true;
+  ImGui::TextWrapped("Getting ready");
+  ImGui::PopFont();
+  ImGui::TextWrapped("%s", waiting_.c_str());
+  ImGui::End();
+}
+
 void Viewer::draw_end() {
   if (ending_.lines.empty()) return;
   const ImVec2 whole = ImGui::GetIO().DisplaySize;
@@ -656,7 +717,7 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
   if (playback_ != nullptr) take_played(time_s);
   follow_tip(time_s - std::exchange(followed_s_, time_s));
   if (live_.any() && region_.follow(ground_, tip_w_nm())) set_region();
-  handle_mouse(layout, time_s);
+  if (waiting_.empty()) handle_mouse(layout, time_s);
 
   glViewport(0, 0, width_px, height_px);
   glDisable(GL_SCISSOR_TEST);
@@ -685,9 +746,13 @@ void Viewer::draw(int width_px, int height_px, double time_s, const RecordingSta
     renderer_.draw_close_up(now, close_up_camera_, close_frame, layout.close_up, height_px);
     draw_close_up_text(gui_, now, live_, close_up_camera_, close_frame, layout.close_up);
   }
-  draw_charts(layout, height_px);
-  panel_.tell_border(panel_.mouse_leads() && hand_.at_border() ? hand_.reach_nm() : 0);
-  panel_.draw(gui_, live_, recording, layout.panel);
+  if (waiting_.empty()) {
+    draw_charts(layout, height_px);
+    panel_.tell_border(border_nm());
+    panel_.draw(gui_, live_, recording, layout.panel);
+  } else {
+    draw_waiting(layout.panel);
+  }
   if (panel_.take_help_wanted()) help_ = !help_;
   if (panel_.take_close_wanted()) quit_ = true;
   draw_help();

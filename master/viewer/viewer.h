@@ -84,6 +84,11 @@ class Viewer {
   void show(Views views) noexcept { views_ = views; }
   /// A person writes a note: letters are no commands.
   bool writes_note() const noexcept { return note_box_.is_open(); }
+  /// The session is not there yet: the sample and the tip at its start are shown, and `words` in the panel's
+  /// place. Keys and buttons that ask for something ask nobody.
+  void wait(const std::string& words, const Vec3& tip_w_nm);
+  /// Now it is, and these are its facts.
+  void begin(const ViewFacts& facts);
   /// The session is over: its last moment stays, with these lines over it.
   void end(view_model::SessionEnd end);
   /// By key or button once the session has ended: the same once more.
@@ -105,9 +110,12 @@ class Viewer {
   void draw_charts(const Layout& layout, int height_px);
   void draw_help();
   void draw_end();
+  void draw_waiting(const Area& panel);
   void draw_guide(const Layout& layout);
   void draw_note(double time_s);
   Vec3 tip_w_nm() const noexcept;
+  bool hand_leads_in_box() const noexcept;
+  double border_nm() const noexcept;
   bool measure_at_pointer(const Layout& layout);
   void draw_text(double time_s, const Area& area);
   /// Of the section, or of the overview, whose ground is the region's.
@@ -157,6 +165,7 @@ class Viewer {
   double followed_s_ = 0;
   std::string said_;
   double said_until_s_ = -1;
+  std::string waiting_;            // for this; empty: the session is there
   view_model::SessionEnd ending_;  // no lines: the session goes on
 };
 

@@ -27,6 +27,9 @@ namespace {
 
 constexpr auto kFrame = std::chrono::microseconds(16'600);
 constexpr double kReloadS = 0.25;
+constexpr double kFirstLookS = 0.03;  // while there are no heights yet
+constexpr auto kWaitingFrame = std::chrono::milliseconds(100);
+constexpr auto kWaitingLook = std::chrono::milliseconds(10);
 
 using Clock = std::chrono::steady_clock;
 
@@ -103,17 +106,65 @@ device::PointerState pointer_of(const Viewer& viewer, double time_s) {
 
 }  // namespace
 
-WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_model::ViewPort& port,
-                     const ViewHooks& hooks) {
-  GlfwWindow window(true);
-  Viewer viewer(facts, std::move(ground), port, window.scale());
+void wait_in_window(SessionWindow& in, const ViewFacts& facts, view_model::Ground ground,
+                    view_model::ViewPort& port, const Vec3& tip_w_nm, const std::string& words,
+                    const WaitingHooks& hooks) {
+  GlfwWindow& window = in.window;
+  window.show();
+  Viewer& viewer = in.viewer.emplace(facts, std::move(ground), port, window.scale());
+  viewer.wait(words, tip_w_nm);
+  KeyTaps taps(window.get());
+  const GlfwInput input(window.get());
+  const Clock::time_point start = Clock::now();
+  Clock::time_point next = start;
+  bool cancelled = false;
+  // What has come last is drawn too.
+  for (bool over = false; !over;) {
+    over = hooks.over();
+    const bool open = window.poll();
+    if (!cancelled && (!open || viewer.quit_wanted())) {
+      cancelled = true;
+      hooks.cancel();
+    }
+    auto changed = hooks.changed_ground ? hooks.changed_ground() : std::nullopt;
+    if (changed) viewer.set_ground(std::move(*changed));
+    // The processors are for what is waited for.
+    if (changed || (!over && Clock::now() >= next)) {
+      next = Clock::now() + kWaitingFrame;
+      int width_px = 0;
+      int height_px = 0;
+      if (window.size_px(width_px, height_px)) {
+        input.begin_frame();
+        taps.press();
+        viewer.draw(width_px, height_px, std::chrono::duration<double>(Clock::now() - start).count(), {});
+        taps.release();
+      }
+      window.show_frame();
+      if (hooks.sample_drawn && viewer.ground().is_scan()) hooks.sample_drawn();
+      window.tell(std::string("getting ready") + (viewer.ground().is_scan() ? ", the sample is drawn" : ""));
+    }
+    std::this_thread::sleep_for(kWaitingLook);
+  }
+}
+
+WindowEnd run_window(SessionWindow& in, const ViewFacts& facts, view_model::Ground ground,
+                     view_model::ViewPort& port, const ViewHooks& hooks) {
+  GlfwWindow& window = in.window;
+  window.show();
+  if (in.viewer) {
+    in.viewer->begin(facts);
+    in.viewer->set_ground(std::move(ground));
+  } else {
+    in.viewer.emplace(facts, std::move(ground), port, window.scale());
+  }
+  Viewer& viewer = *in.viewer;
   if (hooks.playback != nullptr) viewer.play(*hooks.playback);
   KeyTaps taps(window.get());
   PressWatch presses(window.get());
   const GlfwInput input(window.get());
   rt::LogHistogram frames;
   const Clock::time_point start = Clock::now();
-  double reload_s = kReloadS;
+  double reload_s = 0;
   bool asked_to_quit = false;
   bool ended = false;
   while (true) {
@@ -138,7 +189,7 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
       asked_to_quit = port.requests.push(quit);
     }
     if (hooks.changed_ground && time_s > reload_s) {
-      reload_s = time_s + kReloadS;
+      reload_s = time_s + (viewer.ground().is_scan() ? kReloadS : kFirstLookS);
       if (auto changed = hooks.changed_ground()) viewer.set_ground(std::move(*changed));
     }
     int width_px = 0;
@@ -192,6 +243,7 @@ WindowEnd run_window(const ViewFacts& facts, view_model::Ground ground, view_mod
     glFinish();
     frames.add(std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - began).count());
     glfwSwapBuffers(window.get());
+    if (hooks.sample_drawn && viewer.ground().is_scan()) hooks.sample_drawn();
     window.tell(title_of(facts, viewer, ended));
     std::this_thread::sleep_until(began + kFrame);
   }

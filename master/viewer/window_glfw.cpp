@@ -6,9 +6,11 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <iterator>
 #include <string>
 
 #include "telenano/common/base/error.h"
+#include "telenano/common/rt/background.h"
 
 namespace telenano::viewer {
 namespace {
@@ -64,6 +66,7 @@ void try_window() {
 }
 
 GlfwWindow::GlfwWindow(bool visible) {
+  std::vector<int> before = rt::threads_now();
   glfwSetErrorCallback([](int, const char* text) { last_error() = text; });
   if (glfwInit() == GLFW_FALSE) refuse();
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
@@ -73,7 +76,7 @@ GlfwWindow::GlfwWindow(bool visible) {
   glfwWindowHint(GLFW_VISIBLE, visible ? GLFW_TRUE : GLFW_FALSE);
   // As large to the eye on a screen with small pixels; the system knows which of them a size counts.
   glfwWindowHint(GLFW_SCALE_TO_MONITOR, GLFW_TRUE);
-  window_ = glfwCreateWindow(kWidth_px, kHeight_px, visible ? "Telenano" : "", nullptr, nullptr);
+  window_ = glfwCreateWindow(kWidth_px, kHeight_px, "Telenano", nullptr, nullptr);
   if (window_ == nullptr) {
     glfwTerminate();
     refuse();
@@ -81,6 +84,15 @@ GlfwWindow::GlfwWindow(bool visible) {
   fit_to_screen(window_);
   glfwMakeContextCurrent(window_);
   glfwSwapInterval(1);
+  std::vector<int> now = rt::threads_now();
+  std::sort(before.begin(), before.end());
+  std::sort(now.begin(), now.end());
+  std::set_difference(now.begin(), now.end(), before.begin(), before.end(),
+                      std::back_inserter(drawing_threads_));
+}
+
+void GlfwWindow::show() noexcept {
+  glfwShowWindow(window_);
 }
 
 GlfwWindow::~GlfwWindow() {

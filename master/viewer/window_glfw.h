@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 struct GLFWwindow;
 
@@ -23,6 +24,10 @@ class GlfwWindow {
   GlfwWindow& operator=(const GlfwWindow&) = delete;
 
   GLFWwindow* get() const noexcept { return window_; }
+  /// One that was made without being seen.
+  void show() noexcept;
+  /// Of the graphics library, begun with the window: they draw where there is no graphics card.
+  const std::vector<int>& drawing_threads() const noexcept { return drawing_threads_; }
   /// Of fonts and distances, as the screen asks: 1 to 4.
   float scale() const noexcept;
   /// Takes what has come in; false: a person has closed the window.
@@ -35,6 +40,7 @@ class GlfwWindow {
 
  private:
   std::string about_;
+  std::vector<int> drawing_threads_;
   GLFWwindow* window_ = nullptr;
 };
 

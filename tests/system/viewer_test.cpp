@@ -626,12 +626,103 @@ TEST_F(ViewerPrograms, ASessionIsChosenBegunAndBegunAgain) {
       {"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")}, {}, kLong);
   ASSERT_EQ(user.exit_code, 0) << user.err << user.out;
   EXPECT_EQ(user.out, "ended with 0\n") << file_text(path("err.txt"));
-  EXPECT_EQ(file_text(path("state/telenano/servers")), server.address() + "\t\n");
+  EXPECT_EQ(file_text(path("state/telenano/servers")), server.address() + "\t\tflakes\n");
   for (const char* name : {"session.h5", "session-2.h5"}) {
     const recording::RecordingReader recording(path(name));
     EXPECT_TRUE(recording.closed()) << name << " of a session that the end of start ends too";
     EXPECT_GT(recording.rows(), 100u) << name;
   }
+}
+
+// Another sample is another server: the list of those seen lately says which has which, and a choice of it and
+// Enter begin the next session there.
+TEST_F(ViewerPrograms, AnotherSceneIsChosenOnTheStartScreen) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server flakes(scene_path("flakes"));
+  Server flat(scene_path("flat_silicon_oxide"));
+  std::filesystem::create_directories(path("state/telenano"));
+  std::ofstream(path("state/telenano/servers")) << flat.address() << "\t\tflat_silicon_oxide\n";
+  // The list stands above the hands: the first row from the top that makes the server another one. A row in
+  // small steps, since the summary of the session before stands over it.
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\nexport XDG_STATE_HOME=" << folder_.string() << "/state" << kPerson
+      << "choose() { for y in $(seq 60 6 500); do xdotool search --name \"start, .* at $1\" >/dev/null && "
+         "return\n"
+         "xdotool mousemove 420 $y click 1; sleep 0.2; done; echo \"no: $1\"; }\n"
+      << kMaster << " start --server " << flakes.address() << " 2>err.txt &\n"
+      << "start=$!\n"
+         "see 'Telenano: start, sim at .*, answered'; xdotool key Return\n"
+         "see 'Telenano: flakes at'; await 'grep -q \" mJ \" err.txt'; press_until ctrl+q 'grep -q "
+         "stopped.by.the.operator err.txt'\n"
+         "see 'Telenano: start'; choose "
+      << flat.address()
+      << "\n"
+         "see 'Telenano: start, .*, answered'; xdotool key Return; see 'Telenano: flat_silicon_oxide at'\n"
+         "await '[ $(grep -c ^loop: err.txt) = 2 ]'; kill $start; wait $start; echo ended with $?\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  EXPECT_EQ(user.out, "ended with 0\n") << user.err << file_text(path("err.txt"));
+  // Newest first.
+  EXPECT_EQ(file_text(path("state/telenano/servers")),
+            flat.address() + "\t\tflat_silicon_oxide\n" + flakes.address() + "\t\tflakes\n");
+}
+
+// Over a round trip of 20 ms, where nothing was kept: the window is open and has the server's own surface
+// before the twin of it is ready, which takes seconds. The bound in seconds is loose, for a busy machine.
+TEST_F(ViewerPrograms, TheSampleIsSeenBeforeItsTwinIsReady) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  ChildProcess relay(
+      {kLab, "relay", "--listen", "127.0.0.1:0", "--to", server.address(), "--delay-ms", "10"});
+  const std::string before_port = "relay on 127.0.0.1:";
+  ASSERT_TRUE(relay.wait_for_err(before_port, kLong) && relay.wait_for_err("\n", kLong)) << relay.err();
+  const std::string said = relay.err();
+  const int relayed = std::atoi(said.c_str() + said.find(before_port) + before_port.size());
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\nexport XDG_CACHE_HOME=" << folder_.string() << "/cache" << kPerson
+      << kMaster << " run --server 127.0.0.1:" << relayed << " --method twin --view 2>err.txt &\n"
+      << "master=$!\n"
+         "see 'Telenano: getting ready, the sample is drawn'; grep -c ^loop: err.txt\n"
+         "see 'Telenano: flakes at'; await 'grep -q ^loop: err.txt'; press_until ctrl+q '! kill -0 $master "
+         "2>/dev/null'\n"
+         "wait $master; echo ended with $?\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  const std::string told = file_text(path("err.txt"));
+  EXPECT_EQ(user.out, "0\nended with 0\n") << user.err << told;
+  const std::string before = "the sample seen after ";
+  const auto at = told.find(before);
+  ASSERT_NE(at, std::string::npos) << told;
+  EXPECT_LT(std::strtod(told.c_str() + at + before.size(), nullptr), 10) << told;
+  relay.signal(SIGTERM);
+}
+
+// While it gets ready, as later.
+TEST_F(ViewerPrograms, AWindowThatGetsReadyCanBeLeft) {
+  for (const char* program : {"/usr/bin/xvfb-run", "/usr/bin/xdotool"}) {
+    if (!std::filesystem::exists(program))
+      GTEST_SKIP() << "no " << program << ": apt-get install xvfb xauth xdotool";
+  }
+  Server server(scene_path("flakes"));
+  std::ofstream(path("user.sh"))
+      << "cd " << folder_.string() << "\nexport XDG_CACHE_HOME=" << folder_.string() << "/cache" << kPerson
+      << kMaster << " run --server " << server.address() << " --method twin --view 2>err.txt &\n"
+      << "master=$!\n"
+         "see 'Telenano: getting ready'; press_until ctrl+q '! kill -0 $master 2>/dev/null'\n"
+         "wait $master; echo ended with $?\n";
+  const Finished user =
+      run_program({"/usr/bin/xvfb-run", "-a", "-s", "-screen 0 1280x800x24", "/bin/bash", path("user.sh")},
+                  {}, 4 * kLong);
+  EXPECT_EQ(user.out, "ended with 0\n") << user.err << file_text(path("err.txt"));
+  EXPECT_NE(file_text(path("err.txt")).find("stopped by the operator"), std::string::npos);
 }
 
 // Who has never been here: the window opens, two clicks choose and begin (the server answers by itself), and

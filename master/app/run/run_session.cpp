@@ -320,11 +320,12 @@ Twins find_twins(link::ClientSession& session, connection::ServerLink& way, cons
     return twins;
   }
   keeper.start();
-  wait_for_scene(session, way, server, keeper, true, kSceneWaitS, stop);
+  wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt, kSceneWaitS, stop);
   if (!keeper.settled() && !stop) {
     if (!quiet)
       fmt::print(stderr, "note: making the server's scene ready here, which takes longer the first time\n");
-    wait_for_scene(session, way, server, keeper, true, wanted ? kTwinSceneWaitS : kFirstSceneWaitS, stop);
+    wait_for_scene(session, way, server, keeper, SceneWait::kLookedAt,
+                   wanted ? kTwinSceneWaitS : kFirstSceneWaitS, stop);
   }
   const auto scene = keeper.scene();
   if (scene && scene->same_physics) {
@@ -358,11 +359,24 @@ scene_store::SceneKeeperOptions scene_options(const RunOptions& options) {
   return scene;
 }
 
+/// The surface of the scene that is here, each time that it is another one than `shown`; without heights: a
+/// plane again.
+std::optional<surface::HeightGrid> newest_scene_ground(const scene_store::SceneKeeper& keeper,
+                                                       std::shared_ptr<const surface::HeightGrid>& shown) {
+  const auto ground = keeper.ground();
+  if (ground == shown) return std::nullopt;
+  const bool flat = ground == nullptr || ground->z_nm.empty();
+  const bool was_flat = shown == nullptr || shown->z_nm.empty();
+  shown = ground;
+  if (flat && was_flat) return std::nullopt;
+  return flat ? surface::HeightGrid{} : *ground;
+}
+
 /// The surface with its marks as the twin has it, where it keeps some, else that of the scene that is here:
 /// each time that it is another one. A flat one without marks is a plane as it is.
 std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_store::SceneKeeper& keeper,
                                                                   const station::Station& station) {
-  return [&keeper, &station, shown = std::shared_ptr<const scene_store::StationScene>(),
+  return [&keeper, &station, shown = std::shared_ptr<const surface::HeightGrid>(),
           seen = std::pair<const surface::HeightView*, std::uint64_t>()]() mutable
          -> std::optional<surface::HeightGrid> {
     const station::TwinRun* const twin = station.twin();
@@ -373,11 +387,7 @@ std::function<std::optional<surface::HeightGrid>()> newest_ground(const scene_st
       seen = now;
       return marked->heights();
     }
-    const auto scene = keeper.scene();
-    if (!scene || scene == shown) return std::nullopt;
-    shown = scene;
-    if (scene->checked.ground.z_nm.empty()) return std::nullopt;
-    return scene->checked.ground;
+    return newest_scene_ground(keeper, shown);
   };
 }
 
@@ -464,21 +474,47 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
       measure_link(*opened_session, way, server, config.rate_hz,
                    std::clamp(static_cast<int>(kProbeS * config.rate_hz), kProbeMin, kProbeMax),
                    options.connect_timeout_s, stop);
-  if (looks_for_twin) {
-    twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, options.quiet, scene,
-                       stop, no_twin);
-    if (!twins.empty()) {
-      opened_session->make_room_for_snapshot(snapshot_room(*twins[0]));
-    } else if (opened_session->logs_steps()) {
-      // Whether steps are logged is agreed on with the session: on with the same slave, without the log.
-      client_config.step_ring = 0;
-      client_config.resume_token = opened_session->resume_token();
-      client_config.nonce_seed = connection::random_nonce_seed();
-      farewell->leave_to_loop();
-      opened_session.emplace(client_config);
-      connection::connect(*opened_session, way, server, config.rate_hz, servers.access(), stop);
-      farewell.emplace(*opened_session, way.datagram(), server);
+  const auto get_ready = [&] {
+    if (looks_for_twin) {
+      twins = find_twins(*opened_session, way, server, link, config.rate_hz, wants_twin, options.quiet, scene,
+                         stop, no_twin);
+      if (stop && view.has_window()) return;
+      if (!twins.empty()) {
+        opened_session->make_room_for_snapshot(snapshot_room(*twins[0]));
+      } else if (opened_session->logs_steps()) {
+        // Whether steps are logged is agreed on with the session: on with the same slave, without the log.
+        client_config.step_ring = 0;
+        client_config.resume_token = opened_session->resume_token();
+        client_config.nonce_seed = connection::random_nonce_seed();
+        farewell->leave_to_loop();
+        opened_session.emplace(client_config);
+        connection::connect(*opened_session, way, server, config.rate_hz, servers.access(), stop);
+        farewell.emplace(*opened_session, way.datagram(), server);
+      }
     }
+    scene.start();
+    if (view.wanted() || !options.record.empty())
+      wait_for_scene(*opened_session, way, server, scene,
+                     view.has_window() ? SceneWait::kGround
+                     : view.wanted()   ? SceneWait::kLookedAt
+                                       : SceneWait::kBytes,
+                     kSceneWaitS, stop);
+  };
+  {
+    const link::Welcome first = opened_session->welcome();
+    view.wait_for({"The server's sample is made ready here, so that it can be felt without the link's delay. "
+                   "The first time this takes some seconds.",
+                   options.server, slave_limits(first), first.start_pos_w_nm,
+                   [&scene, shown = std::shared_ptr<const surface::HeightGrid>()]() mutable {
+                     return newest_scene_ground(scene, shown);
+                   },
+                   stop_as_by_signal},
+                  get_ready);
+  }
+  // A person has closed the window: nothing was begun, and the session's Bye goes with `farewell`.
+  if (stop && view.has_window()) {
+    fmt::print(stderr, "stopped by the operator\n");
+    return 0;
   }
   link::ClientSession& session = *opened_session;
   // Until the loop begins: a terminal that takes no more text, planning, a recording's file or a window may
@@ -496,12 +532,6 @@ int run_session(const RunOptions& options, std::optional<NextRun>& next) {
   session_file.keep(welcome.resume_token);
   const std::uint32_t wish =
       tip_wish(options, servers.name(), (welcome.feature_bits & link::kFeatureSharing) != 0);
-  scene.start();
-  if (view.wanted() || !options.record.empty()) {
-    awake.reset();
-    wait_for_scene(session, way, server, scene, view.wanted(), kSceneWaitS, stop);
-    awake.emplace(session, way, server, scene.pipe());
-  }
   // With play-out the controller sees the buffer's delay, not the link's.
   const int delay_samples =
       control::loop_delay_samples(std::max(link.median_s, playout_delay_s(file)), 1 / config.rate_hz);

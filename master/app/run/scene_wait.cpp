@@ -8,14 +8,17 @@
 namespace telenano::app {
 
 void wait_for_scene(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
-                    scene_store::SceneKeeper& keeper, bool looked_at, double wait_s,
+                    scene_store::SceneKeeper& keeper, SceneWait wanted, double wait_s,
                     const std::atomic<bool>& stop) {
   const rt::SteadyClock clock;
   SessionTender tender(session, way.datagram(), server, keeper.pipe());
   const std::int64_t end_ns = clock.now_ns() + std::llround(1e9 * wait_s);
   while (!stop && session.has_session() && clock.now_ns() < end_ns) {
     tender.turn();
-    if (keeper.settled() || (!looked_at && keeper.bundle())) return;
+    const bool here = wanted == SceneWait::kBytes    ? keeper.bundle() != nullptr
+                      : wanted == SceneWait::kGround ? keeper.ground() != nullptr
+                                                     : false;
+    if (keeper.settled() || here) return;
     way.wait_readable(1'000'000);
   }
 }

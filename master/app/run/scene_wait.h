@@ -9,11 +9,14 @@
 
 namespace telenano::app {
 
-/// Gives the scene a little time before the loop begins: what records needs its bytes, what draws needs it
-/// looked at. The session is kept awake meanwhile; what is not here in time comes while it runs. Returns
+/// What of the scene is waited for, each with those before it: a recording needs its bytes, a window its
+/// heights, a twin or a photograph the whole.
+enum class SceneWait { kBytes, kGround, kLookedAt };
+
+/// Gives the scene a little time before the loop begins. The session is kept awake meanwhile; what is not here in time comes while it runs. Returns
 /// after at most `wait_s`, or on `stop`.
 void wait_for_scene(link::ClientSession& session, connection::ServerLink& way, const net::Address& server,
-                    scene_store::SceneKeeper& keeper, bool looked_at, double wait_s,
+                    scene_store::SceneKeeper& keeper, SceneWait wanted, double wait_s,
                     const std::atomic<bool>& stop);
 
 }  // namespace telenano::app

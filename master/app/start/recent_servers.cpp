@@ -4,13 +4,14 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <utility>
 
 namespace telenano::app {
 namespace {
 
 namespace fs = std::filesystem;
 
-// A line each: server, tab, key file.
+// A line each: server, tab, key file, and where it is known a tab and the scene's name.
 constexpr const char* kFile = "servers";
 constexpr std::size_t kLongest = 1024;
 
@@ -35,15 +36,19 @@ RecentServers::RecentServers(const std::string& folder) : folder_(folder) {
   std::ifstream file(fs::path(folder_) / kFile);
   for (std::string line; list_.size() < kMost && std::getline(file, line);) {
     const auto tab = line.find('\t');
-    if (tab == 0 || tab == std::string::npos || line.size() > 2 * kLongest) continue;
-    list_.push_back({line.substr(0, tab), line.substr(tab + 1)});
+    if (tab == 0 || tab == std::string::npos || line.size() > 3 * kLongest) continue;
+    const auto second = line.find('\t', tab + 1);
+    RecentServer one{line.substr(0, tab), line.substr(tab + 1, second - tab - 1)};
+    if (second != std::string::npos) one.scene = line.substr(second + 1);
+    list_.push_back(std::move(one));
   }
 }
 
-void RecentServers::note(const RecentServer& server) {
+void RecentServers::note(RecentServer server) {
   if (server.server.empty() || !fits_a_line(server.server) || !fits_a_line(server.key)) return;
+  if (!fits_a_line(server.scene)) server.scene.clear();
   std::erase_if(list_, [&](const RecentServer& one) { return one.server == server.server; });
-  list_.insert(list_.begin(), server);
+  list_.insert(list_.begin(), std::move(server));
   if (list_.size() > kMost) list_.resize(kMost);
   write();
 }
@@ -58,7 +63,8 @@ void RecentServers::write() const {
   const fs::path fresh = file.string() + ".new";
   {
     std::ofstream text(fresh, std::ios::trunc);
-    for (const RecentServer& one : list_) text << one.server << '\t' << one.key << '\n';
+    for (const RecentServer& one : list_)
+      text << one.server << '\t' << one.key << (one.scene.empty() ? "" : "\t") << one.scene << '\n';
     text.close();
     if (!text) return;
   }

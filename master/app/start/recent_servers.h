@@ -5,10 +5,11 @@
 
 namespace telenano::app {
 
-/// A server that has answered, and the key file it was asked with.
+/// A server that has answered, the key file it was asked with, and the scene it had then.
 struct RecentServer {
   std::string server;
   std::string key;
+  std::string scene{};  ///< empty: not known
 };
 
 /// Servers that have answered lately, newest first, kept for the start screen in one small file.
@@ -24,7 +25,7 @@ class RecentServers {
 
   const std::vector<RecentServer>& list() const noexcept { return list_; }
   /// To the front. What cannot be written is forgotten with the program: it is worth no error.
-  void note(const RecentServer& server);
+  void note(RecentServer server);
 
  private:
   void write() const;

@@ -108,14 +108,14 @@ int start(const StartFlags& flags) {
   Question question;
   const auto list_seen = [&] {
     facts.seen.clear();
-    for (const RecentServer& one : recent.list()) facts.seen.push_back({one.server, one.key});
+    for (const RecentServer& one : recent.list()) facts.seen.push_back({one.server, one.key, one.scene});
   };
   list_seen();
   viewer::StartHooks hooks;
   hooks.look = [&](const view_model::StartChoice& now) { question.ask(now, facts); };
   hooks.each = [&](const view_model::StartChoice& now) {
     if (question.poll(facts)) {
-      recent.note({question.asked().server, question.asked().key});
+      recent.note({question.asked().server, question.asked().key, facts.plan ? facts.plan->scene : ""});
       list_seen();
     }
     // What was said of another session is not said of this one.

@@ -158,9 +158,10 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
   const recording::RecordingReader reader = recording::RecordingReader::isolated(file);
   if (!photo && !viewer::has_display())
     throw UserError("there is no display; log in graphically or with ssh -X, or use --screenshot FILE.png");
+  std::optional<viewer::SessionWindow> window;
   if (!photo) {
     try {
-      viewer::try_window();
+      window.emplace();
     } catch (const RunError& error) {
       throw UserError(error.what());
     }
@@ -196,7 +197,7 @@ std::string view_recording(const std::string& file, const ViewOptions& options) 
       return marked.heights() != nullptr ? view_model::Ground(*marked.heights()) : unmarked;
     };
   }
-  const rt::LogHistogram frames = viewer::run_window(facts, std::move(ground), port, hooks).frames;
+  const rt::LogHistogram frames = viewer::run_window(*window, facts, std::move(ground), port, hooks).frames;
   return fmt::format("viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99)", frames.count(),
                      1e-6 * static_cast<double>(frames.percentile_ns(0.5)),
                      1e-6 * static_cast<double>(frames.percentile_ns(0.99)));

@@ -2,14 +2,17 @@
 
 #include <fmt/format.h>
 
+#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
 #include <optional>
+#include <thread>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/rt/background.h"
+#include "telenano/common/rt/signals_blocked.h"
 #include "telenano/common/surface/gsf.h"
 #include "telenano/master/app/plan/station_plan.h"
 #include "telenano/master/app/scene_files.h"
@@ -57,6 +60,7 @@ struct SessionView::Parts {
   std::optional<view_model::Ground> ground;
   std::function<std::optional<surface::HeightGrid>()> fetched_ground;
   viewer::ViewFacts facts;
+  std::optional<viewer::SessionWindow> window;
 };
 
 SessionView::SessionView(const ViewOptions& options, bool mouse)
@@ -85,7 +89,7 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
   if (window_) {
     // DISPLAY may name a screen that does not answer, or a machine without OpenGL.
     try {
-      viewer::try_window();
+      parts_->window.emplace();
     } catch (const RunError& error) {
       throw UserError(error.what());
     }
@@ -98,6 +102,56 @@ SessionView::SessionView(const ViewOptions& options, bool mouse)
 
 SessionView::~SessionView() = default;
 
+void SessionView::wait_for(const Waiting& waiting, const std::function<void()>& work) {
+  if (!window_) return work();
+  viewer::ViewFacts facts;
+  facts.scene_name = waiting.slave.scene_name;
+  facts.server = waiting.server;
+  facts.surface_z_w_nm = waiting.slave.surface_z_w_nm;
+  facts.tip_radius_nm = options_.tip_radius_nm;
+  facts.text_size = options_.text_size;
+  const auto plane = [&] {
+    return view_model::Ground(waiting.slave.surface_z_w_nm, waiting.slave.workspace_min_w_nm,
+                              waiting.slave.workspace_max_w_nm);
+  };
+  viewer::WaitingHooks hooks;
+  hooks.cancel = waiting.cancel;
+  if (!parts_->scan) {
+    hooks.changed_ground = [&]() -> std::optional<view_model::Ground> {
+      auto grid = waiting.fetched_ground();
+      if (!grid) return std::nullopt;
+      return grid->z_nm.empty() ? plane() : view_model::Ground(std::move(*grid));
+    };
+  }
+  std::atomic<bool> done{false};
+  std::exception_ptr failed;
+  std::thread thread;
+  {
+    const rt::SignalsBlocked blocked;  // signals are for the main thread
+    thread = std::thread([&] {
+      try {
+        work();
+      } catch (...) {
+        failed = std::current_exception();
+      }
+      done.store(true, std::memory_order_release);
+    });
+  }
+  hooks.sample_drawn = [this] { note_sample_drawn(); };
+  hooks.over = [&] { return done.load(std::memory_order_acquire); };
+  try {
+    viewer::wait_in_window(
+        *parts_->window, facts,
+        parts_->scan ? view_model::Ground(surface::heights_in_frame_w(*parts_->scan)) : plane(), port_,
+        waiting.tip_w_nm, waiting.words, hooks);
+  } catch (...) {
+    thread.join();
+    throw;
+  }
+  thread.join();
+  if (failed) std::rethrow_exception(failed);
+}
+
 view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session) {
   if (!wanted()) return nullptr;
   viewer::ViewFacts& facts = parts_->facts;
@@ -107,6 +161,7 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
   facts.mouse_is_hand = mouse_;
   facts.guide = options_.guide;
   facts.shows_force = session.device.has_force;
+  facts.hand_in_box = !mouse_ && !session.device.has_force;
   const device::HandMotionLimits hand{};
   facts.hand_half_m = session.device.workspace_radius_m;
   // From the border of the box to its middle, and until what rounds the corners has died away.
@@ -156,7 +211,8 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
                            session.slave.workspace_max_w_nm);
     if (parts_->fetched_ground) {
       // Kept from an earlier session, it is there from the first picture on.
-      if (auto grid = parts_->fetched_ground()) parts_->ground.emplace(std::move(*grid));
+      if (auto grid = parts_->fetched_ground(); grid && !grid->z_nm.empty())
+        parts_->ground.emplace(std::move(*grid));
     }
   }
   requests_ = std::make_unique<view_model::ViewRequestHandler>(port_, region.impedance_bound);
@@ -164,7 +220,10 @@ view_model::ViewRequestHandler* SessionView::begin(const ViewedSession& session)
 }
 
 std::string SessionView::run(const RealTimeSession& live, bool give_way, const Callbacks& callbacks) {
-  if (give_way) rt::enter_background();
+  if (give_way) {
+    rt::enter_background();
+    if (parts_->window) rt::enter_background(parts_->window->window.drawing_threads());
+  }
   viewer::ViewHooks hooks;
   hooks.session_over = [&] {
     callbacks.each();
@@ -184,10 +243,13 @@ std::string SessionView::run(const RealTimeSession& live, bool give_way, const C
     hooks.changed_ground = [this]() -> std::optional<view_model::Ground> {
       auto grid = parts_->fetched_ground();
       if (!grid) return std::nullopt;
-      return view_model::Ground(std::move(*grid));
+      if (!grid->z_nm.empty()) return view_model::Ground(std::move(*grid));
+      const viewer::ViewFacts& facts = parts_->facts;
+      return view_model::Ground(facts.surface_z_w_nm, facts.workspace_min_w_nm, facts.workspace_max_w_nm);
     };
   }
   hooks.pointer = &pointer_;
+  hooks.sample_drawn = [this] { note_sample_drawn(); };
   hooks.session_end = callbacks.session_end;
   hooks.stop_wanted = callbacks.stop_wanted;
   try {
@@ -209,11 +271,20 @@ std::string SessionView::draw(const viewer::ViewHooks& hooks, const RealTimeSess
                        [&live] { return live.progress().time_s; });
     return "picture: " + options_.screenshot;
   }
-  const auto [frames, again] = viewer::run_window(parts_->facts, std::move(*parts_->ground), port_, hooks);
+  const auto [frames, again] =
+      viewer::run_window(*parts_->window, parts_->facts, std::move(*parts_->ground), port_, hooks);
   again_ = again;
-  return fmt::format("viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99)", frames.count(),
-                     1e-6 * static_cast<double>(frames.percentile_ns(0.5)),
-                     1e-6 * static_cast<double>(frames.percentile_ns(0.99)));
+  parts_->window.reset();  // what is left to do needs no picture
+  return fmt::format(
+      "viewer: {} frames, {:.1f} ms each (p50), {:.1f} ms (p99){}", frames.count(),
+      1e-6 * static_cast<double>(frames.percentile_ns(0.5)),
+      1e-6 * static_cast<double>(frames.percentile_ns(0.99)),
+      sample_drawn_s_ ? fmt::format("; the sample seen after {:.2f} s", *sample_drawn_s_) : "");
+}
+
+void SessionView::note_sample_drawn() noexcept {
+  if (!sample_drawn_s_)
+    sample_drawn_s_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - began_).count();
 }
 
 }  // namespace telenano::app

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -88,6 +89,18 @@ class SessionView {
     return window_ ? &pointer_ : nullptr;
   }
 
+  /// What is known of the session before it is ready.
+  struct Waiting {
+    std::string words;  ///< about what is waited for
+    std::string server;
+    config::SlaveLimits slave;
+    Vec3 tip_w_nm = Vec3::Zero();                                        ///< where it begins
+    std::function<std::optional<surface::HeightGrid>()> fetched_ground;  ///< as of ViewedSession
+    std::function<void()> cancel;                                        ///< a person closes the window
+  };
+  /// `work`, which may take seconds; what it throws is thrown. With a window it is done in a thread of its own
+  /// while the window shows the sample. In the main thread.
+  void wait_for(const Waiting& waiting, const std::function<void()>& work);
   /// The loop's side, for RealTimeSession; null when no picture is wanted.
   view_model::ViewRequestHandler* begin(const ViewedSession& session);
   /// After run(): a person wants the same session once more.
@@ -117,6 +130,9 @@ class SessionView {
   rt::LatestValue<device::PointerState> pointer_;
   std::unique_ptr<view_model::ViewRequestHandler> requests_;
   std::unique_ptr<Parts> parts_;
+  void note_sample_drawn() noexcept;
+  std::chrono::steady_clock::time_point began_ = std::chrono::steady_clock::now();
+  std::optional<double> sample_drawn_s_;  ///< after that
 };
 
 }  // namespace telenano::app

@@ -27,6 +27,10 @@ SessionView::SessionView(const ViewOptions& options, bool mouse) : options_(opti
 
 SessionView::~SessionView() = default;
 
+void SessionView::wait_for(const Waiting&, const std::function<void()>& work) {
+  work();
+}
+
 view_model::ViewRequestHandler* SessionView::begin(const ViewedSession&) {
   return nullptr;
 }

@@ -10,6 +10,8 @@
 namespace telenano::device {
 namespace {
 
+constexpr double kHalfOfForce = 0.25;  // of the greatest of a hand with motors: against it half the speed
+
 HidConfig checked(const HidConfig& config) {
   const auto require = [](bool good, const char* key, double value, const char* range) {
     if (!good)
@@ -49,6 +51,15 @@ Vec3 HidDevice::wanted_velocity_h_m_s() const noexcept {
   return config_.speed_m_s * config_.axes.to_hand(deflection_d);
 }
 
+Vec3 HidDevice::resisted(const Vec3& velocity_h_m_s) const noexcept {
+  const double force_n = force_h_n_.norm();
+  if (!(force_n > 0)) return velocity_h_m_s;
+  const Vec3 push = force_h_n_ / force_n;
+  const double against_m_s = std::min(velocity_h_m_s.dot(push), 0.0);
+  const double half_n = kHalfOfForce * info_.force_max_n;
+  return velocity_h_m_s - push * (against_m_s * (force_n / (force_n + half_n)));
+}
+
 void HidDevice::advance(std::int64_t dt_ns) noexcept {
   if (dt_ns <= 0) return;
   HidNews newest;
@@ -68,7 +79,7 @@ void HidDevice::advance(std::int64_t dt_ns) noexcept {
     const double away_m = target_h_m_.norm();
     target_h_m_ *= away_m > reach_m ? 1 - reach_m / away_m : 0;
   } else if (heard) {
-    target_h_m_ = hand_.kept_inside(target_h_m_ + dt_s * wanted_velocity_h_m_s());
+    target_h_m_ = hand_.kept_inside(target_h_m_ + dt_s * resisted(wanted_velocity_h_m_s()));
   }
   hand_.follow(target_h_m_, dt_s);
 }
@@ -85,7 +96,8 @@ void HidDevice::read(DeviceReading& reading) noexcept {
   reading.buttons &= kButtonStop;
 }
 
-Vec3 HidDevice::write_force(const Vec3&) noexcept {
+Vec3 HidDevice::write_force(const Vec3& hand_force_h_n) noexcept {
+  force_h_n_ = is_finite(hand_force_h_n) ? hand_force_h_n : Vec3(Vec3::Zero());
   return Vec3::Zero();
 }
 

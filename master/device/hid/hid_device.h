@@ -29,6 +29,9 @@ struct HidConfig {
 /// between two ticks counts. A device that has gone is failed, for good: its buttons are not believed any
 /// more, and after plugging it in again a person starts again. With the deadman released the hand goes back
 /// to the middle, slowly, so that the next grip has room on every side: the tip does not follow then.
+///
+/// A force holds the hand back: against the force that a hand with motors would get, the speed is divided by
+/// 1 + |F|/F½; along it and across it is whole. So the hand never goes faster than the puck says.
 class HidDevice final : public HapticDevice {
  public:
   /// Throws UserError when no button is the deadman or a number is out of its range. `news` must outlive the
@@ -42,6 +45,7 @@ class HidDevice final : public HapticDevice {
 
  private:
   Vec3 wanted_velocity_h_m_s() const noexcept;
+  Vec3 resisted(const Vec3& velocity_h_m_s) const noexcept;
 
   const rt::LatestValue<HidNews>& source_;
   HidConfig config_;
@@ -51,6 +55,7 @@ class HidDevice final : public HapticDevice {
   bool stop_pressed_ = false;
   std::int64_t silent_ns_ = 0;
   Vec3 target_h_m_ = Vec3::Zero();
+  Vec3 force_h_n_ = Vec3::Zero();  // that a hand with motors would get
   SmoothHand hand_;
 };
 

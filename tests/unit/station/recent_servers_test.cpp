@@ -29,11 +29,13 @@ TEST_F(RecentServersTest, TheNewestIsFirstAndEachIsThereOnce) {
   EXPECT_TRUE(first.list().empty());
   first.note({"a:1", ""});
   first.note({"b:2", "/keys/lab.key"});
-  first.note({"a:1", "new.key"});
+  first.note({"a:1", "new.key", "flakes"});
   const RecentServers again(folder());
   ASSERT_EQ(again.list().size(), 2u);
   EXPECT_EQ(again.list()[0].server, "a:1");
   EXPECT_EQ(again.list()[0].key, "new.key");
+  EXPECT_EQ(again.list()[0].scene, "flakes");
+  EXPECT_EQ(again.list()[1].scene, "");
   EXPECT_EQ(again.list()[1].key, "/keys/lab.key");
 }
 
@@ -51,6 +53,9 @@ TEST_F(RecentServersTest, NothingThatBreaksALineAndNoForeignFileDoesHarm) {
   servers.note({"a:1", "x\ny"});
   servers.note({"", ""});
   EXPECT_TRUE(servers.list().empty());
+  RecentServers strange(folder());
+  strange.note({"c:1", "", "a\nb"});
+  EXPECT_EQ(RecentServers(folder()).list().at(0).scene, "") << "a server's own word";
   std::filesystem::create_directories(folder());
   std::ofstream(folder() + "/servers") << "\tno server\nno tab\n\nhost:9\t\n"
                                        << std::string(5000, 'x') << "\n";

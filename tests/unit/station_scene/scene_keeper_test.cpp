@@ -86,6 +86,7 @@ class Keeper : public testing::Test {
     loop::ScenePiece piece;
     const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(120);
     while (!keeper_->settled() && std::chrono::steady_clock::now() < end) {
+      if (const auto ground = keeper_->ground(); ground && !keeper_->scene()) early_ = ground;
       while (keeper_->pipe().requests.pop(ask)) {
         ++asked_;
         const std::size_t at = std::size_t{ask.chunk} * link::kSceneChunkBytes;
@@ -112,6 +113,7 @@ class Keeper : public testing::Test {
   }
   void expect_refused(const std::string& why) {
     EXPECT_FALSE(keeper_->scene());
+    EXPECT_FALSE(keeper_->ground()) << "what is refused is not drawn any longer";
     const auto lines = said();
     ASSERT_EQ(lines.size(), 1u);
     EXPECT_NE(lines[0].find(why), std::string::npos) << lines[0];
@@ -122,6 +124,7 @@ class Keeper : public testing::Test {
   std::unique_ptr<SceneKeeper> keeper_;
   std::uint64_t sessions_ = 0;
   int asked_ = 0;
+  std::shared_ptr<const surface::HeightGrid> early_;  // drawn before the scene was looked at
   std::mutex mutex_;
   std::vector<std::string> said_;
 };
@@ -137,6 +140,12 @@ TEST_F(Keeper, FetchesLooksAtAndKeepsAndThenAsksForNothing) {
   EXPECT_TRUE(keeper_->scene()->same_physics);
   const CheckedScene& checked = keeper_->scene()->checked;
   EXPECT_EQ(checked.name, "flakes");
+  // Fields take seconds; the heights were there before, and are the same.
+  ASSERT_TRUE(early_);
+  EXPECT_EQ(early_->columns, checked.ground.columns);
+  EXPECT_EQ(early_->dx_nm, checked.ground.dx_nm);
+  EXPECT_EQ(early_->z_nm, checked.ground.z_nm);
+  EXPECT_EQ(keeper_->ground(), early_) << "no other picture";
   EXPECT_EQ(checked.scene_hash, both.scene->hash);
   // The spline goes through the heights: the picture's are those that are felt, to its rounding.
   ASSERT_EQ(checked.ground.columns, 256);

@@ -16,6 +16,8 @@ struct Glyph {
   float x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< of the ink, after clipping, pixels
   ImU32 colour = 0;
   ImWchar letter = 0;
+  /// At the right edge of what it is drawn in, or at the left by more than the hook of a j.
+  bool cut = false;
 };
 
 /// Every letter of the last frame in the order of drawing but those in `ignored` (a dark edge round others).
@@ -44,7 +46,9 @@ inline std::vector<Glyph> drawn_glyphs(ImU32 ignored) {
                 std::min(v[2].pos.x, cmd.ClipRect.z),
                 std::min(v[2].pos.y, cmd.ClipRect.w),
                 v[0].col,
-                letter->second};
+                letter->second,
+                v[2].pos.x > cmd.ClipRect.z + 0.5f ||
+                    cmd.ClipRect.x - v[0].pos.x > 0.4f * (v[2].pos.x - v[0].pos.x)};
         if (g.x1 > g.x0 && g.y1 > g.y0) glyphs.push_back(g);
       }
     }

@@ -297,6 +297,26 @@ TEST_F(Guidance, ANoteBelongsToTheMomentAtWhichItWasBegun) {
   EXPECT_FALSE(says("Noteat"));
 }
 
+// Before there is a session: the sample, what is waited for, and a way out; nobody is asked for anything.
+TEST_F(Guidance, WhileASessionGetsReadyTheSampleIsShownAndNobodyIsAsked) {
+  for (const float scale : {1.0f, 1.5f, 2.0f}) {
+    make(scale);
+    viewer_->wait("The server's sample is made ready here. The first time this takes some seconds.",
+                  Vec3(300, 300, 40));
+    for (const auto& [wide, high] : {std::pair{640, 480}, {900, 600}, {1280, 800}}) {
+      frames(wide, high, 2);
+      EXPECT_EQ(overlaps(glyphs()), "") << wide << " x " << high << ", scale " << scale;
+      EXPECT_TRUE(says("Gettingready") && says("madereadyhere")) << drawn_text(glyphs());
+      EXPECT_FALSE(says("STOP") || says("push") || says("Engaged")) << drawn_text(glyphs());
+      if (scale == 1) look("waiting", wide, high);
+    }
+    for (const int key : {GLFW_KEY_R, GLFW_KEY_M, GLFW_KEY_1, GLFW_KEY_T, GLFW_KEY_F}) press(key);
+    EXPECT_FALSE(viewer_->quit_wanted());
+    press(GLFW_KEY_ESCAPE);
+    EXPECT_TRUE(viewer_->quit_wanted());
+  }
+}
+
 // Nothing known is not zero.
 TEST_F(Guidance, BeforeTheFirstReplyNoForceIsTold) {
   make(1);
@@ -319,7 +339,8 @@ class StartScreenTest : public Guidance {
     facts_.hands = {{"mouse", "mouse, in the pictures of the window", "", false},
                     {"sim", "simulated omega.3 with a simulated hand", "", true},
                     {"omega", "omega", "Force Dimension SDK not found: install it and set FDSDK", true}};
-    facts_.seen = {{"lab.example.org:5100", "/home/somebody/keys/lab1.key"}, {"127.0.0.1:5100", ""}};
+    facts_.seen = {{"lab.example.org:5100", "/home/somebody/keys/lab1.key", "flakes"},
+                   {"127.0.0.1:5100", ""}};
     facts_.command_line = "telenano-master run --server lab.example.org:5100 --device sim --view";
     view_model::StartPlan plan;
     plan.scene = "flakes";
@@ -361,6 +382,33 @@ TEST_F(StartScreenTest, WordsLieOnNoOthersAtAnySizeAndScale) {
       }
     }
   }
+}
+
+// As far as the window has room for 640 x 480 points of such words.
+TEST_F(StartScreenTest, WordsAreAsLargeAsAskedForAndNoneIsCut) {
+  facts_.last_text = {"summary of 5.1 s", "  pull-off force                       38.87 nN",
+                      "stopped by the operator"};
+  StartScreen screen(1);
+  const auto tallest = [&](double text_size, int wide, int high) {
+    choice_.text_size = text_size;
+    for (int i = 0; i < 4; ++i) draw(screen, wide, high);
+    const auto drawn = glyphs();
+    EXPECT_EQ(overlaps(drawn), "") << wide << " x " << high << ", text " << text_size;
+    std::string cut;
+    float most = 0;
+    for (const Glyph& g : drawn) {
+      if (g.cut) cut.push_back(g.letter < 128 ? static_cast<char>(g.letter) : '?');
+      most = std::max(most, g.y1 - g.y0);
+    }
+    EXPECT_EQ(cut, "") << wide << " x " << high << ", text " << text_size;
+    EXPECT_TRUE(says("Again(Enter)") && says("flakesatlab.example.org:5100")) << drawn_text(drawn);
+    return most;
+  };
+  const float first = tallest(1, 1280, 960);
+  EXPECT_NEAR(tallest(1.5, 1280, 960), 1.5 * first, 2);
+  EXPECT_NEAR(tallest(2.5, 1280, 960), 2 * first, 2) << "twice 640 x 480";
+  EXPECT_NEAR(tallest(2.5, 640, 480), first, 1);
+  EXPECT_NEAR(tallest(0.75, 640, 480), 0.75 * first, 1);
 }
 
 TEST_F(StartScreenTest, EnterBeginsOnlyWhatCanBegin) {

@@ -2,6 +2,7 @@
 // colours that they should, and the mouse and keys do what the help says.
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -268,6 +269,80 @@ TEST_F(Render, SectionShowsTheProfileThroughTheTip) {
     EXPECT_GT(brightest, 0.6);
     EXPECT_LE(std::abs(brightest_y), 2) << dx;  // pixels; the patch's cells are straight
   }
+}
+
+// A yellow line where the tip can be led no farther, hatched on the far side of it: the server's workspace,
+// and the box of a hand that is pointed at, mouse or SpaceMouse.
+TEST_F(Render, WallsStandInTheSectionWhereTheTipCanGoNoFarther) {
+  // Behind it all is blue.
+  const auto yellow = [](const Rgb& c) { return c.r > c.b + 0.1f && c.g > c.b; };
+  // Yellow points of the upright line at x of the sample, and of a line so many pixels to the side.
+  const auto upright = [&](double x, double beside_px) {
+    const Area area = layout().close_up;
+    const auto& ground = viewer_->ground();
+    const Vec3 middle = 0.5 * (ground.min_w_nm() + ground.max_w_nm());
+    const auto& tip = viewer_->live().now().tip_pos_w_nm;
+    const Pixel at_wall =
+        project(viewer_->close_up_camera(),
+                {x - middle.x(), tip[1] - middle.y(), tip[2] - ground.min_w_nm().z()}, area);
+    int count = 0;
+    for (int y = area.y_px + 60; y < area.y_px + area.height_px - 60; ++y)
+      count += yellow(at({at_wall.x + beside_px, static_cast<double>(y)})) ? 1 : 0;
+    return count / (area.height_px - 120.0);
+  };
+  recording::Sample s = support::view_sample(1200);
+  const auto shown = [&] {
+    make();
+    play(0, 1200);
+    port_.samples.push(s);
+    viewer_->take_samples();
+    draw();
+  };
+  const double x = s.tip_pos_w_nm[0];
+  shown();
+  EXPECT_LT(upright(x - 6, 0), 0.02) << "no wall is known";
+  facts_.workspace_min_w_nm.x() = x - 6;
+  shown();
+  EXPECT_GT(upright(x - 6, 0), 0.95);
+  if (const char* folder = std::getenv("TELENANO_LOOK"))
+    write_png(std::string(folder) + "/walls.png", picture_);
+  EXPECT_GT(upright(x - 6, -5), 0.05) << "hatched outside";
+  EXPECT_LT(upright(x - 6, 5), 0.02) << "and not inside";
+  // A SpaceMouse's hand, 6 mm before the right wall of its box: 6 nm of the tip at a scale of 1e-6.
+  facts_.workspace_min_w_nm.x() = -std::numeric_limits<double>::infinity();
+  facts_.hand_in_box = true;
+  s.hand_pos_h_m = {facts_.hand_half_m - 6e-3, 0, 0};
+  const double wall = s.tip_target_w_nm[0] + 6;
+  shown();
+  EXPECT_GT(upright(wall, 0), 0.95);
+  EXPECT_LT(upright(wall, -5), 0.02);
+  s.station_mode = static_cast<std::uint32_t>(station::Mode::kReady);
+  shown();
+  EXPECT_LT(upright(wall, 0), 0.02) << "let go, it leads nothing";
+  // At the border a person is told.
+  s.station_mode = static_cast<std::uint32_t>(station::Mode::kEngaged);
+  s.hand_pos_h_m = {facts_.hand_half_m, 0, 0};
+  shown();
+  const auto text = [] { return drawn_text(drawn_glyphs(ink(palette::kBackground, 0.75f))); };
+  EXPECT_NE(text().find("Thehandleadsthetipbyatmost55.0nm"), std::string::npos) << text();
+  // The mouse's hand from where it has hold.
+  facts_.hand_in_box = false;
+  facts_.mouse_is_hand = true;
+  facts_.hand_half_m = 7e-3;
+  make();
+  play(0, 1200);
+  ImGuiIO& io = ImGui::GetIO();
+  io.MousePos = {static_cast<float>(layout().close_up.x_px + 60), 260};
+  frame();
+  io.MouseDown[0] = true;
+  frame();
+  frame();
+  draw();
+  const double target = viewer_->live().now().tip_target_w_nm[0];
+  EXPECT_GT(upright(target - 7, 0), 0.95);
+  EXPECT_GT(upright(target + 7, 0), 0.95);
+  io.MouseDown[0] = false;
+  frame();
 }
 
 TEST_F(Render, APlaneAndItsTouchedPointsAreDrawnWithoutAScan) {
@@ -708,6 +783,77 @@ TEST_F(Render, NoWordLiesOnAnotherAtAnySize) {
               std::string(folder) + "/" + what + std::to_string(state) + "_" + std::to_string(wide) + ".png",
               look);
         }
+      }
+    }
+  }
+}
+
+// Letters that lie beyond an edge are not drawn at all, or in part: what a wide window says must be said by
+// every other, and no letter may be cut. The numbers are the longest that a session can have.
+TEST_F(Render, NoNumberOfThePanelIsCutAtAnySizeAndScale) {
+  facts_.mouse_is_hand = false;
+  facts_.can_record = true;
+  facts_.practice = link::PracticeLink{};
+  for (const float scale : {1.0f, 1.5f, 2.0f}) {
+    viewer_.reset();
+    viewer_.emplace(facts_, view_model::Ground(support::view_scan(64)), port_, scale);
+    play(0, 1000);
+    recording::Sample s = support::view_sample(1000);
+    s.tip_pos_w_nm = {-1234.5, -1234.5, -123.45};
+    s.force_w_nn = {-1234.6, -1234.6, -1234.6};
+    s.deflection_nm = -12.34;
+    s.hand_force_applied_h_n[2] = -11.23;
+    s.energy_j = -0.12345;
+    s.rtt_us = 123456;
+    s.lost = 1234567;
+    s.jitter_us = 123456;
+    s.force_age_ms = 123.4;
+    s.lateness_us = 123.4;
+    s.overruns = 1234567;
+    port_.samples.push(s);
+    port_.contact.store({1.234, 123.4, true});
+    viewer_->take_samples();
+    // Top and bottom of a panel that scrolls, each without blanks.
+    // STOP is in sight wherever it scrolls.
+    const auto panel_text = [&](int wide, int high) {
+      std::string text;
+      std::string cut;
+      const Layout where = layout_of(wide, high, scale, Views::kBoth);
+      const Canvas canvas(wide, high, 0);
+      ImGuiIO& io = ImGui::GetIO();
+      for (const float wheel : {100.0f, -100.0f}) {
+        for (int i = 0; i < 4; ++i) {
+          canvas.bind();
+          io.DeltaTime = 1.0f / 60;
+          io.MousePos = {static_cast<float>(where.panel.x_px) + 40 * scale,
+                         static_cast<float>(high) - 40 * scale};
+          io.MouseWheel = i == 1 ? wheel : 0;
+          viewer_->draw(wide, high, time_s_ += 1.0 / 60, {});
+        }
+        std::string shown;
+        for (const Glyph& g : drawn_glyphs(ink(palette::kBackground, 0.75f))) {
+          if (g.x0 < static_cast<float>(where.panel.x_px)) continue;
+          shown.push_back(g.letter < 128 ? static_cast<char>(g.letter) : '?');
+          if (g.cut) cut.push_back(shown.back());
+        }
+        EXPECT_NE(shown.find("STOP(Esc)"), std::string::npos) << shown;
+        text += shown + " | ";
+        if (const char* folder = std::getenv("TELENANO_LOOK"); folder != nullptr && wheel < 0)
+          write_png(fmt::format("{}/panel_{}x{}_{:g}.png", folder, wide, high, scale),
+                    {wide, high, canvas.read_rgb()});
+      }
+      EXPECT_EQ(cut, "") << wide << " x " << high << ", scale " << scale << ": " << text;
+      return text;
+    };
+    for (const auto& [wide, high] : {std::pair{640, 480}, {900, 600}, {1280, 800}}) {
+      // The least window of a dense screen has as many of its points.
+      const std::string text = panel_text(static_cast<int>(static_cast<float>(wide) * scale),
+                                          static_cast<int>(static_cast<float>(high) * scale));
+      for (const std::string words :
+           {"-1234.5-1234.5-123.45nm", "-1235-1235-1235", "bent-12.3nm", "-11.23of9.6N", "-123.45mJputin",
+            "RTT123ms,", "lost1234567", "123ms,", "force123msold", "123?s,", "1234567overruns", "1.23nm"}) {
+        EXPECT_NE(text.find(words), std::string::npos)
+            << words << ", " << wide << " x " << high << ", scale " << scale << ": " << text;
       }
     }
   }

@@ -1,4 +1,4 @@
-// Every state that a person must not misread, as a picture: 34 of them on one sheet, a sixteenth of their
+// Every state that a person must not misread, as a picture: 35 of them on one sheet, a sixteenth of their
 // area each, compared with the sheet that is committed. A badge is a hundred points of it.
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
@@ -119,6 +119,13 @@ std::vector<State> states() {
       {"region of a plane", 2600, {}, {}, {}, {GLFW_KEY_Z}, false},
       {"plane", 2600, {}, {}, {}, {}, false},
       {"overview", 1650, {}, {}, {}, {GLFW_KEY_V}},
+      {"getting ready",
+       0,
+       [](S& s) { s = {}; },
+       {},
+       [](Viewer& v, view_model::ViewPort&) {
+         v.wait("The server's sample is made ready here.", Vec3(300, 300, 40));
+       }},
   };
 }
 
@@ -191,7 +198,7 @@ void put_small(const Picture& from, Picture& sheet, int number) {
 // TELENANO_NEW_PICTURES=1 writes the sheet anew; look at it before committing.
 TEST_F(States, LookAsTheyDid) {
   const std::vector<State> all = states();
-  ASSERT_EQ(all.size(), 34u);
+  ASSERT_EQ(all.size(), 35u);
   Picture now{kAcross * kTileWide, (static_cast<int>(all.size()) + kAcross - 1) / kAcross * kTileHigh, {}};
   now.rgb.resize(static_cast<std::size_t>(3 * now.width_px * now.height_px));
   for (std::size_t i = 0; i < all.size(); ++i) {

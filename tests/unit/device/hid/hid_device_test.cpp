@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/base/random.h"
@@ -55,6 +56,34 @@ TEST_F(HidDeviceTest, DeflectionIsVelocityInTheOperatorsFrame) {
   const Vec3 high = hold(support::kSplitLifted, 300).hand_pos_h_m;
   EXPECT_GT(high.z(), low.z());
   EXPECT_NEAR(high.y(), low.y(), 1e-5);  // what is left of the lag
+}
+
+// At a quarter of the greatest force half the speed, at all of it a fifth; across and along the whole of it.
+TEST_F(HidDeviceTest, AForceHoldsTheHandBackAgainstItAlone) {
+  say(support::kLeftPressed);
+  const double most_n = device_.info().force_max_n;
+  // After the lag has gone; back in the middle each time.
+  const auto speed_m_s = [&](const Vec3& force_h_n) {
+    say(support::kNonePressed);
+    for (int k = 0; k < 3000; ++k) tick();
+    say(support::kLeftPressed);
+    EXPECT_EQ(device_.write_force(force_h_n), Vec3::Zero()) << "no motors";
+    hold(support::kSplitForwards, 300);
+    const Vec3 before = tick().hand_pos_h_m;
+    const Vec3 after = hold(support::kSplitForwards, 100).hand_pos_h_m;
+    return Vec3((after - before) / 0.1);
+  };
+  const double whole = config_.speed_m_s;
+  EXPECT_NEAR(speed_m_s(Vec3(0, -0.25 * most_n, 0)).y(), whole / 2, 2e-3 * whole);
+  EXPECT_NEAR(speed_m_s(Vec3(0, -most_n, 0)).y(), whole / 5, 2e-3 * whole);
+  EXPECT_NEAR(speed_m_s(Vec3(0, most_n, 0)).y(), whole, 2e-3 * whole) << "along it";
+  EXPECT_NEAR(speed_m_s(Vec3(0, 0, most_n)).y(), whole, 2e-3 * whole) << "across it";
+  const Vec3 slanting = speed_m_s(Vec3(0, -most_n, most_n) / std::sqrt(2.0));
+  // Of (0, 1, 0), the part along (0, -1, 1)/√2 is divided by 5: (0, 1, 0) - 4/5·½·(0, 1, -1).
+  EXPECT_NEAR(slanting.y(), 0.6 * whole, 2e-3 * whole);
+  EXPECT_NEAR(slanting.z(), 0.4 * whole, 2e-3 * whole);
+  EXPECT_NEAR(speed_m_s(Vec3::Constant(std::nan(""))).y(), whole, 2e-3 * whole);
+  EXPECT_NEAR(speed_m_s(Vec3::Zero()).y(), whole, 2e-3 * whole);
 }
 
 TEST_F(HidDeviceTest, NoMotionWithoutTheDeadman) {
