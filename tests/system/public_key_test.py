@@ -115,6 +115,7 @@ class PublicKeys(RealPrograms):
         station.kill()  # without a word: its session can be had
         next_one = self.in_session(self.station(server, *second, "--session-file", "session.txt", name="next"))
         self.assertIn("resuming the session of the last run", next_one.text())
+        self.wait_for(lambda: self.events("session resumed"), "its line in the audit log")
         self.assertEqual({e["rights"] for e in self.events("session resumed")}, {"administer"})
         server.said("'omega-1' has expired")
         self.refused(server, first, "does not know the public key of omega-1.id")
