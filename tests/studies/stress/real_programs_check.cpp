@@ -17,6 +17,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "tests/studies/relay/relay.h"
 #include "tests/studies/stress/stress_run.h"
@@ -242,6 +243,10 @@ std::vector<recording::Sample> in_real_time(const Setting& s, const Folder& fold
   const std::int64_t relay_ns = clock.now_ns();
   Threads threads;
   threads.start([&] {
+    rt::RealtimeConfig before_the_loops;  // where the system permits it
+    before_the_loops.priority = 60;
+    before_the_loops.lock_memory = false;
+    rt::enter_realtime(before_the_loops);
     while (!threads.stop) relay.step(20'000'000);
   });
   if (s.what.busy) {
