@@ -221,8 +221,8 @@ std::vector<recording::Sample> in_real_time(const Setting& s, const Folder& fold
                                             "operate", "--keys", keys, "--out", key});
     if (made.exit_code != 0) throw RunError("stress: --realtime: telenano-nve keys: " + made.err);
   }
-  ChildProcess server({program("telenano-nve"), "serve", "--scene", "flat_silicon_oxide", "--listen",
-                       "127.0.0.1:0", "--keys", keys});
+  ChildProcess server({program("telenano-nve"), "serve", "--scene", "flat_silicon_oxide", "--rt-priority",
+                       "70", "--listen", "127.0.0.1:0", "--keys", keys});
   const std::string before = " on 127.0.0.1:";
   if (!server.wait_for_err(before, kStarts))
     throw RunError("stress: --realtime: telenano-nve: " + server.err());
