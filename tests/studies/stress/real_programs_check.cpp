@@ -17,6 +17,7 @@
 
 #include "telenano/common/base/error.h"
 #include "telenano/common/recording/recording_reader.h"
+#include "telenano/common/rt/realtime_thread.h"
 #include "telenano/common/rt/steady_clock.h"
 #include "tests/studies/relay/relay.h"
 #include "tests/studies/stress/stress_run.h"
@@ -220,8 +221,8 @@ std::vector<recording::Sample> in_real_time(const Setting& s, const Folder& fold
                                             "operate", "--keys", keys, "--out", key});
     if (made.exit_code != 0) throw RunError("stress: --realtime: telenano-nve keys: " + made.err);
   }
-  ChildProcess server({program("telenano-nve"), "serve", "--scene", "flat_silicon_oxide", "--listen",
-                       "127.0.0.1:0", "--keys", keys});
+  ChildProcess server({program("telenano-nve"), "serve", "--scene", "flat_silicon_oxide", "--rt-priority",
+                       "70", "--listen", "127.0.0.1:0", "--keys", keys});
   const std::string before = " on 127.0.0.1:";
   if (!server.wait_for_err(before, kStarts))
     throw RunError("stress: --realtime: telenano-nve: " + server.err());
@@ -242,6 +243,10 @@ std::vector<recording::Sample> in_real_time(const Setting& s, const Folder& fold
   const std::int64_t relay_ns = clock.now_ns();
   Threads threads;
   threads.start([&] {
+    rt::RealtimeConfig before_the_loops;  // where the system permits it
+    before_the_loops.priority = 60;
+    before_the_loops.lock_memory = false;
+    rt::enter_realtime(before_the_loops);
     while (!threads.stop) relay.step(20'000'000);
   });
   if (s.what.busy) {
