@@ -6,6 +6,9 @@
 
 namespace telenano::server {
 
+/// A party that has not commanded for so long has no share.
+inline constexpr std::int64_t kPartyActiveNs = 1'000'000'000;
+
 /// Bounds the work (slave::SlaveOutput::work, a unit is about a microsecond) that sessions may have done for
 /// them, so that one cannot take the server from the others. A count, not a time: the same commands at the
 /// same times are given the same.
