@@ -137,7 +137,7 @@ TEST(VirtualSession, TheStationsParticleIsTheSlavesOneReplyLate) {
   std::array<int, 4> seen{};
   double farthest_x_nm = 0;
   session.run(10000, [&](const recording::Sample&) {
-    const link::Particle& shown = session.loop().trace().particle;
+    const link::Particle& shown = session.station().reply().particle;
     ASSERT_EQ(shown.pos_w_nm, before);
     ASSERT_EQ(shown.radius_nm, 30);
     ++seen[static_cast<std::size_t>(shown.status)];
@@ -153,7 +153,7 @@ TEST(VirtualSession, TheStationsParticleIsTheSlavesOneReplyLate) {
 TEST(VirtualSession, ASceneWithoutAParticleTellsOfNone) {
   VirtualSession session(config_for("flakes", device::Task::kIndent, 1));
   EXPECT_EQ(session.client().features() & link::kFeatureParticle, 0u);
-  session.run(500, [&](const recording::Sample&) { ASSERT_TRUE(session.loop().trace().particle.empty()); });
+  session.run(500, [&](const recording::Sample&) { ASSERT_TRUE(session.station().reply().particle.empty()); });
 }
 
 TEST(VirtualSession, NoAllocationAfterWarmUp) {

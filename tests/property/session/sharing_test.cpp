@@ -57,7 +57,7 @@ TEST(SharedTip, TakenOverInContactWithoutAStepOfForceOrTip) {
     EXPECT_FALSE(b.station().holds_tip());
     EXPECT_EQ(b.station().mode(), station::Mode::kReady);
     EXPECT_EQ(both.b.most_force_n, 0) << "an observer feels nothing";
-    EXPECT_GT(b.loop().trace().tip_force_w_nn.z(), 5) << "but sees it";
+    EXPECT_GT(b.station().reply().force_w_nn.z(), 5) << "but sees it";
     EXPECT_EQ(b.client().slave_energy_aj().in() + b.client().slave_energy_aj().out(), 0);
     EXPECT_NEAR(b.loop().trace().tip_target_pos_w_nm.z(), both.a.watch->commanded_z_w_nm, 0.3);
 
