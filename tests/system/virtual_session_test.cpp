@@ -153,7 +153,8 @@ TEST(VirtualSession, TheStationsParticleIsTheSlavesOneReplyLate) {
 TEST(VirtualSession, ASceneWithoutAParticleTellsOfNone) {
   VirtualSession session(config_for("flakes", device::Task::kIndent, 1));
   EXPECT_EQ(session.client().features() & link::kFeatureParticle, 0u);
-  session.run(500, [&](const recording::Sample&) { ASSERT_TRUE(session.station().reply().particle.empty()); });
+  session.run(500,
+              [&](const recording::Sample&) { ASSERT_TRUE(session.station().reply().particle.empty()); });
 }
 
 TEST(VirtualSession, NoAllocationAfterWarmUp) {
