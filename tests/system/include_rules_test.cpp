@@ -22,7 +22,9 @@ struct Include {
 };
 
 const fs::path kRoot = TELENANO_SOURCE_DIR;
-const std::vector<std::string> kTrees = {"proto", "common", "master", "nve_server"};
+const std::vector<std::string> kTrees = {"common", "master", "nve_server"};
+/// And the schema's, which is no library, and writes lines that look like includes.
+const std::vector<std::string> kAllTrees = {"common", "master", "nve_server", "proto"};
 
 std::string folder_of(const std::string& path) {
   return fs::path(path).parent_path().generic_string();
@@ -35,6 +37,7 @@ std::vector<Include> includes_of(const fs::path& tree) {
     if (extension != ".h" && extension != ".cpp") continue;
     std::ifstream in(entry.path());
     for (std::string line; std::getline(in, line);) {
+      if (tree == "proto" && line.starts_with("namespace")) break;
       const auto start = line.find_first_not_of(" \t");
       if (start == std::string::npos || line.compare(start, 8, "#include") != 0) continue;
       const auto open = line.find_first_of("<\"", start);
@@ -182,7 +185,7 @@ bool may_include(const std::string& from, std::string to) {
 }
 
 TEST(IncludeRules, FoldersIncludeOnlyWhatTheyMay) {
-  for (const auto& tree : kTrees) {
+  for (const auto& tree : kAllTrees) {
     for (const auto& [file, target] : includes_of(tree)) {
       const std::string from = row_of(folder_of(file));
       ASSERT_NE(from, "") << file << ": its folder has no row in kMayInclude";
@@ -220,7 +223,7 @@ TEST(IncludeRules, MasterAndServerNeverMeet) {
 }
 
 TEST(IncludeRules, OneLibraryOneDoor) {
-  for (const auto& tree : kTrees) {
+  for (const auto& tree : kAllTrees) {
     for (const auto& [file, target] : includes_of(tree)) {
       for (const auto& [prefix, doors] : kDoors) {
         if (!target.starts_with(prefix)) continue;
