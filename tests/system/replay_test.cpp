@@ -1,12 +1,24 @@
 // Recorded sessions of the real programs, run again in virtual time by `telenano-lab replay`.
 #include <cstdlib>
+#include <filesystem>
 
 #include "telenano/common/control/method.h"
 #include "telenano/common/recording/recording_reader.h"
+#include "telenano/master/station/station.h"
 #include "tests/system/programs.h"
 
 namespace telenano::programs {
 namespace {
+
+/// A machine that stood still for longer than the slave's time-out between the Welcome and the first tick lets the
+/// session be lost: there is a recording, without a session at its beginning, of which `replay` says so.
+bool begins_without_session(const std::string& file) {
+  const recording::RecordingReader reader(file);
+  std::vector<recording::Sample> first(1);
+  reader.read_samples(0, first);
+  return first[0].station_mode == static_cast<std::uint32_t>(station::Mode::kIdle);
+}
+constexpr int kAttempts = 5;
 
 class ReplayTest : public ProgramsTest {
  protected:
@@ -29,8 +41,11 @@ class ReplayTest : public ProgramsTest {
     std::vector<std::string> command{kMaster,    "run",   "--quiet",  "--overwrite",
                                      "--server", address, "--record", file};
     command.insert(command.end(), station_flags.begin(), station_flags.end());
-    const Finished run = run_program(command, {}, kLong);
-    EXPECT_EQ(run.exit_code, 0) << run.err;
+    for (int attempt = 0; attempt < kAttempts; ++attempt) {
+      const Finished run = run_program(command, {}, kLong);
+      EXPECT_EQ(run.exit_code, 0) << run.err;
+      if (run.exit_code != 0 || !begins_without_session(file)) break;
+    }
     return file;
   }
 };
@@ -109,7 +124,7 @@ std::size_t events_with(const recording::RecordingReader& reader, const std::str
 class OutageReplayTest : public ReplayTest {
  protected:
   enum class Act { kRelayStandsStill, kServerStandsStill, kServerIsKilled };
-  void records_and_replays(Act act, const std::string& scene) {
+  void records_and_replays(Act act, const std::string& scene, int attempts = kAttempts) {
     auto server = std::make_unique<Server>(scene_path(scene));
     ChildProcess relay({kLab, "relay", "--listen", "127.0.0.1:0", "--to", server->address(), "--delay-ms",
                         "10", "--loss", "0.02", "--seed", "5"});
@@ -145,6 +160,11 @@ class OutageReplayTest : public ReplayTest {
     }
     ASSERT_TRUE(run.wait(kLong)) << run.err();
     EXPECT_EQ(run.exit_code(), 0) << run.err();
+    if (attempts > 1 && begins_without_session(file)) {
+      std::filesystem::remove(file);
+      records_and_replays(act, scene, attempts - 1);
+      return;
+    }
     const recording::RecordingReader reader(file);
     if (act != Act::kServerStandsStill) {  // which answers what waits before it looks at its clock
       EXPECT_GE(events_with(reader, "session resumed"), 1u);

@@ -167,6 +167,17 @@ bool is_accepted(const recording::DatagramRow& row, link::MessageType type) {
   return row.type == static_cast<std::uint32_t>(type) && row.drop == 0;
 }
 
+/// A machine that stood still between the Welcome and the first tick has cost the station its session: the
+/// recording begins without one, and the first that comes is another Welcome.
+bool begins_without_session(const RecordedSession& recorded) {
+  if (recorded.samples.front().sent_ns != 0) return false;
+  for (const auto& row : recorded.datagrams) {
+    if (is_accepted(row, link::MessageType::kReply)) return false;
+    if (is_accepted(row, link::MessageType::kWelcome)) return true;
+  }
+  return false;
+}
+
 link::StepReport report_of(const recording::DatagramRow& row) {
   return {row.executed, row.state_hash, row.newest, row.breaks, row.break_reason, row.break_step};
 }
@@ -241,6 +252,8 @@ std::vector<std::uint8_t> resume(link::ClientSession& client, ScriptedWire& wire
 std::string why_it_ends(const RecordedSession& recorded, std::size_t k, std::uint64_t command,
                         std::uint64_t unknown_from, std::span<const recording::DatagramRow> rows) {
   const Sample& row = recorded.samples[k];
+  if (k == 0 && begins_without_session(recorded))
+    return "the session was lost before the first tick: what the slave did until then is not recorded";
   const bool tells_of_log = recorded.tells_of_log && (recorded.features & link::kFeatureStepLog) != 0;
   if (k > 0 && row.tick != recorded.samples[k - 1].tick + 1) return "rows are missing in the recording";
   if (row.sent_ns != 0 && command >= unknown_from && !tells_of_log)
