@@ -7,6 +7,7 @@ local_users_test.py TELENANO_NVE TELENANO_MASTER      needs root, or skips (77)
 import json
 import os
 import pathlib
+import shutil
 import signal
 import socket
 import sys
@@ -26,6 +27,8 @@ class LocalUsers(RealPrograms):
         self.his = self.folder / "his"
         self.his.mkdir()
         os.chown(self.his, NOBODY, NOBODY)
+        # Of his own: the project may lie where only root gets to.
+        self.his_master = shutil.copy(MASTER, self.folder / "his-master")
 
     def server(self, *words):
         server = self.start("server", NVE, "serve", "--scene", "flat_silicon_oxide", "--listen", "127.0.0.1:0", "--audit", "audit.jsonl",
@@ -35,7 +38,7 @@ class LocalUsers(RealPrograms):
 
     def station(self, server, name, *words, user=0):
         more = {"user": NOBODY, "group": NOBODY, "extra_groups": [], "env": {**os.environ, "HOME": str(self.his), "XDG_STATE_HOME": str(self.his)}}
-        return self.start(name, MASTER, "run", "--server", server.address, "--duration-s", "600", "--rt-priority", "0",
+        return self.start(name, self.his_master if user else MASTER, "run", "--server", server.address, "--duration-s", "600", "--rt-priority", "0",
                           "--session-file", str((self.his if user else self.folder) / "session.txt"), *words, **(more if user else {}))
 
     def opened(self):
