@@ -120,7 +120,10 @@ def wrong_command(command):
 
 @functools.cache
 def ctest(*arguments):
-    listed = subprocess.run(["ctest", "-C", "full", "-N", *arguments], cwd=BUILD, capture_output=True, text=True, timeout=120).stdout
+    # From a folder of its own: even to list, CTest begins its log anew, and that of the run that this is part of would be lost.
+    with tempfile.TemporaryDirectory() as folder:
+        (pathlib.Path(folder) / "CTestTestfile.cmake").write_text(f'subdirs("{BUILD}")\n')
+        listed = subprocess.run(["ctest", "-C", "full", "-N", *arguments], cwd=folder, capture_output=True, text=True, timeout=120).stdout
     return re.findall(r"^ *Test +#\d+: (\S+)", listed, flags=re.M)
 
 
