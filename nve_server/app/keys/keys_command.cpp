@@ -86,7 +86,7 @@ void make_issuer(const KeysOptions& options) {
                options.name.c_str(), options.rights.c_str(), out.c_str());
 }
 
-/// Before a station is let in, so that the line for it can say by what it knows this server.
+/// Made at the first station that is let in: the line for it says by what it knows this server.
 std::string server_identity(const std::string& list) {
   bool made = false;
   const std::string name = security::server_identity(list, made);
@@ -104,9 +104,9 @@ void add_public_key(const KeysOptions& options) {
   const auto rights = options.public_rights ? net::parse_rights(*options.public_rights) : std::nullopt;
   const std::optional<std::int64_t> old_expires_s =
       options.public_overlap_days ? std::optional(in_days(*options.public_overlap_days)) : std::nullopt;
-  const std::string server = server_identity(options.list);
   const net::Rights given = security::add_public_key(options.list, options.name, options.public_key, rights,
                                                      end_of(options), old_expires_s);
+  const std::string server = server_identity(options.list);
   std::fprintf(
       stderr,
       "telenano-nve: '%s' may %s%s by its public key; at the station: telenano-master run --identity %s.id "
