@@ -92,6 +92,7 @@ struct Sample {
   std::int64_t sent_ns = 0;
   std::int64_t device_status = 0;
 
+  // Later columns of the Reply: 64 bits each, behind these.
   Xyz particle_pos_w_nm{};
   double particle_radius_nm = 0;
   std::int64_t particle_state = 0;

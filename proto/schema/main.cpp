@@ -13,8 +13,10 @@ namespace telenano::schema {
 namespace {
 
 constexpr const char* kUsage =
-    "usage: telenano-schema DESCRIPTORS headers OUT_FOLDER   the codec's wire_fields.h and wire_messages.h, the "
+    "usage: telenano-schema DESCRIPTORS headers OUT_FOLDER   the codec's wire_fields.h and wire_messages.h, "
+    "the "
     "recording's reply_columns.h\n"
+    "       telenano-schema DESCRIPTORS golden VALUES OUT    golden/values.txt as a header for the tests\n"
     "       telenano-schema DESCRIPTORS renew PROTO_FOLDER   the tables of PROTOCOL.md and telenano.lua, in "
     "their place\n"
     "       telenano-schema DESCRIPTORS check PROTO_FOLDER   exit status 1 where a table is not what renew "
@@ -58,7 +60,8 @@ std::string replaced(const std::string& path, const std::string& text, const std
 bool tables(const Schema& schema, const std::string& folder, bool write) {
   const std::string document = folder + "/PROTOCOL.md", dissector = folder + "/telenano.lua";
   const std::string old_text = read_file(document), old_lua = read_file(dissector);
-  std::string text = old_text;
+  std::string text =
+      replaced(document, old_text, "<!-- features -->", "<!-- end -->", features_table(schema));
   for (const Message& message : schema.messages)
     text = replaced(document, text, "<!-- fields: " + message.name + " -->", "<!-- end -->",
                     document_table(message));
@@ -71,11 +74,16 @@ bool tables(const Schema& schema, const std::string& folder, bool write) {
 }
 
 int run(int argc, char** argv) {
-  if (argc != 4) {
+  const bool golden = argc == 5 && std::string(argv[2]) == "golden";
+  if (argc != 4 && !golden) {
     std::cerr << kUsage;
     return 2;
   }
   const Schema schema = load(argv[1]);
+  if (golden) {
+    write_file(argv[4], golden_header(schema, read_file(argv[3])));
+    return 0;
+  }
   const std::string what = argv[2], folder = argv[3];
   if (what == "headers") {
     write_file(folder + "/wire_fields.h", visitors_header(schema));

@@ -85,7 +85,8 @@ Field read_field(const std::string& message, const FieldDescriptorProto& from) {
   field.values = options.GetExtension(wire::values);
   field.hexadecimal = options.GetExtension(wire::hexadecimal);
   if (options.HasExtension(wire::feature)) field.feature = options.GetExtension(wire::feature);
-  if (options.HasExtension(wire::column)) field.column = read_column(where, message, options.GetExtension(wire::column));
+  if (options.HasExtension(wire::column))
+    field.column = read_column(where, message, options.GetExtension(wire::column));
   return field;
 }
 
@@ -143,6 +144,12 @@ ValueNames read_values(const EnumDescriptorProto& from) {
 
 Schema read_schema(const google::protobuf::FileDescriptorProto& file) {
   Schema schema;
+  for (int bit = wire::Feature_MIN; bit <= wire::Feature_MAX; ++bit) {
+    const auto* value = wire::Feature_descriptor()->FindValueByNumber(bit);
+    if (value == nullptr) refuse("Feature", "its bits go from 0, without a gap");
+    schema.features.push_back(
+        {value->options().GetExtension(wire::condition), value->options().GetExtension(wire::besides)});
+  }
   for (const EnumDescriptorProto& names : file.enum_type()) schema.value_names.push_back(read_values(names));
   for (const DescriptorProto& message : file.message_type()) schema.messages.push_back(read_message(message));
   std::sort(schema.messages.begin(), schema.messages.end(),

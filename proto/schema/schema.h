@@ -55,9 +55,15 @@ struct ValueNames {
   std::vector<Value> values;
 };
 
+struct FeatureText {
+  std::string condition;  ///< when it is granted; empty: to whoever asks
+  std::string besides;    ///< what it comes with besides its fields; empty: nothing
+};
+
 struct Schema {
   std::vector<Message> messages;  ///< in the order of their types
   std::vector<ValueNames> value_names;
+  std::vector<FeatureText> features;  ///< by bit
 };
 
 /// Throws std::runtime_error with a line that names the message and the field, where telenano.proto is not as the
@@ -73,5 +79,8 @@ std::string messages_header(const Schema& schema);   ///< wire_messages.h
 std::string columns_header(const Schema& schema);    ///< reply_columns.h
 std::string document_table(const Message& message);  ///< the table of PROTOCOL.md
 std::string dissector_tables(const Schema& schema);  ///< of telenano.lua
+std::string features_table(const Schema& schema);    ///< of PROTOCOL.md, section 9
+/// golden_values.h, from the text of golden/values.txt; throws with a line that names the line.
+std::string golden_header(const Schema& schema, const std::string& table);
 
 }  // namespace telenano::schema

@@ -34,6 +34,32 @@ std::string row(const std::vector<Field>& fields, std::size_t begin, std::size_t
   return "| " + numbers + " | " + names + " | " + type_name(first.type) + " | " + first.meaning + " |\n";
 }
 
+/// Header and every field, byte strings not counted.
+std::size_t longest_datagram(const Message& message) {
+  std::size_t bytes = 8;
+  for (const Field& field : message.fields)
+    if (!field.is_bytes())
+      bytes += (field.number < 16 ? 1u : 2u) + (field.type == FieldType::kFixed32 ? 4u : 8u);
+  return bytes;
+}
+
+/// Numbers of a message's fields with a feature: 15–22, 31.
+std::string numbers_of(const Message& message, wire::Feature feature) {
+  std::string out;
+  for (std::size_t begin = 0; begin < message.fields.size();) {
+    std::size_t end = begin;
+    while (end < message.fields.size() && message.fields[end].feature == feature &&
+           message.fields[end].number == message.fields[begin].number + (end - begin))
+      ++end;
+    if (end > begin) {
+      out += (out.empty() ? "" : ", ") + std::to_string(message.fields[begin].number);
+      if (end - begin > 1) out += "–" + std::to_string(message.fields[end - 1].number);
+    }
+    begin = std::max(end, begin + 1);
+  }
+  return out;
+}
+
 char dissector_kind(const Field& field) {
   if (field.is_bytes()) return 'b';
   if (field.type == FieldType::kDouble) return 'd';
@@ -63,12 +89,37 @@ std::string document_table(const Message& message) {
   for (std::size_t begin = 0; begin < message.fields.size();) {
     const Field& first = message.fields[begin];
     if (first.feature && first.feature != feature)
-      out += "| | *with " + feature_text(*first.feature) + " (feature bit " +
-             std::to_string(*first.feature) + "):* | | |\n";
+      out += "| | *with " + feature_text(*first.feature) + " (feature bit " + std::to_string(*first.feature) +
+             "):* | | |\n";
     feature = first.feature;
     const std::size_t end = row_end(message.fields, begin);
     out += row(message.fields, begin, end);
     begin = end;
+  }
+  out += "\n";
+  if (message.name == "Command" || message.name == "Reply")
+    out += "At most " + std::to_string(longest_datagram(message)) + " bytes" +
+           (std::any_of(message.fields.begin(), message.fields.end(),
+                        [](const Field& field) { return field.is_bytes(); })
+                ? " without byte strings"
+                : "") +
+           ".\n\n";
+  return out;
+}
+
+std::string features_table(const Schema& schema) {
+  std::string out = "\n| bit | feature | fields |\n|---|---|---|\n";
+  for (std::size_t bit = 0; bit < schema.features.size(); ++bit) {
+    const auto feature = static_cast<wire::Feature>(bit);
+    const FeatureText& text = schema.features[bit];
+    std::string fields;
+    for (const Message& message : schema.messages) {
+      const std::string numbers = numbers_of(message, feature);
+      if (!numbers.empty()) fields += (fields.empty() ? "" : "; ") + message.name + " " + numbers;
+    }
+    if (!text.besides.empty()) fields += (fields.empty() ? "" : "; ") + text.besides;
+    out += "| " + std::to_string(bit) + " | " + feature_text(feature) +
+           (text.condition.empty() ? "" : ": " + text.condition) + " | " + fields + " |\n";
   }
   return out + "\n";
 }

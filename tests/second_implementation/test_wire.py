@@ -6,95 +6,25 @@ import re
 import struct
 import unittest
 
+import golden_values
+import telenano_options_pb2 as schema
 import telenano_pb2 as pb
 from wire import (ANY_VERSION, FIELDS, HEADER, MAX_RECENT, RECENT, TYPES, Drop, decode, encode, features_used, scan)
 
 PROTO = pathlib.Path(os.environ["TELENANO_SOURCE_DIR"]) / "proto"
 GOLDEN = PROTO / "golden"
 
-ID = {"nonce": 0x1112131415161718, "cookie": 0x2122232425262728, "resume_token": 0x3132333435363738,
-      "session_id": 0x4142434445464740}
-
-
-def xyz(pattern, *values):
-    return {pattern.format(axis): value for axis, value in zip("xyz", values)}
-
-
-COMMAND = dict(session_id=ID["session_id"], sequence=1001, send_time_ns=123456789012345, newest_reply=990, epoch=7, flags=3,
-               **xyz("tip_vel_w_{}_nm_s", 10, -20, 30.5), **xyz("tip_pos_w_{}_nm", 1.125, -2.25, 3.5), energy_in_j=1 / 32,
-               energy_out_j=1 / 64)
-REPLY = dict(session_id=ID["session_id"], sequence=999, command_sequence=1001, command_send_time_ns=123456789012345,
-             server_time_ns=987654321, hold_time_ns=1500, measurement_age_ns=250, epoch=7, contact_state=3, fault_bits=2,
-             **xyz("force_w_{}_nn", 0.5, -0.25, 12.75), **xyz("tip_pos_w_{}_nm", 1, -2, 3.25), deflection_nm=6.375,
-             energy_in_aj=4096.5, energy_out_aj=1024.25)
-FEATURES = dict(method=4, energy_scale_aj_j=2.5e17, energy_sent_j=1 / 128,
-                **xyz("wave_sum_w_{}_sqrt_aj_s", -5.5, 6.25, -7.125), wave_energy_aj=8192.5, wave_impedance_n_s_m=1 / 256)
-ANSWER = dict(
-    energy_sent_aj=512.5, **xyz("wave_sum_w_{}_sqrt_aj_s", 1.5, -2.75, 3.875), wave_energy_aj=256.25,
-    model_version=42, **xyz("model_point_w_{}_nm", 11, -12.5, 13.25),
-    **xyz("model_normal_w_{}", 0.75, -0.5, math.sqrt(3) / 4), model_stiffness_n_m=0.625, model_adhesion_nn=17.5,
-    model_shear_stiffness_n_m=0.3125, model_friction_nn=2.25)
+TABLE = golden_values.read(GOLDEN)
+#: {name: message} of what the golden files hold.
+VALUES = {name: getattr(pb, message)(**fields) for name, (message, _, fields) in TABLE.items()}
+#: The records of "command_with_recent" by the document's own words: 250 us older and further from the first, each.
 RECENT_COMMANDS = b"".join(
     RECENT.pack(250_000 * k, 2 if k == 4 else 3, 1.125 - 0.25 * k, -2.25 + 0.5 * k, 3.5 - 0.0625 * k, 8192.5 - 16 * k,
                 -5.5 + k, 6.25 - k, -7.125 + 2 * k) for k in range(1, 5))
-#: What the golden files hold, from tests/unit/link/golden_messages.h, by the names of the document.
-VALUES = {
-    "hello": pb.Hello(version_min=1, version_max=1, feature_bits=0x0102030405060708, nonce=ID["nonce"],
-                      cookie=ID["cookie"], resume_token=ID["resume_token"], rate_hz=4000),
-    "challenge": pb.Challenge(nonce=ID["nonce"], cookie=ID["cookie"]),
-    "welcome": pb.Welcome(version=1, nonce=ID["nonce"], session_id=ID["session_id"], resume_token=ID["resume_token"],
-                          epoch=7, timeout_ms=2000, slave_rate_max_hz=8000, scene_name=b"flakes",
-                          scene_hash=0x5152535455565758, **xyz("workspace_min_w_{}_nm", -300, -300.5, -50),
-                          **xyz("workspace_max_w_{}_nm", 300, 300.5, 500), **xyz("start_pos_w_{}_nm", 1.5, -2.5, 80),
-                          surface_z_w_nm=12.25, force_max_nn=1000, coupling_stiffness_n_m=0.75,
-                          coupling_damping_n_s_m=0.0625, stiffness_min_n_m=-0.375),
-    "welcome_with_well": pb.Welcome(version=1, nonce=ID["nonce"], session_id=ID["session_id"],
-                                    resume_token=ID["resume_token"], epoch=7, timeout_ms=2000, slave_rate_max_hz=8000,
-                                    scene_name=b"flakes", scene_hash=0x5152535455565758,
-                                    **xyz("workspace_min_w_{}_nm", -300, -300.5, -50),
-                                    **xyz("workspace_max_w_{}_nm", 300, 300.5, 500),
-                                    **xyz("start_pos_w_{}_nm", 1.5, -2.5, 80), surface_z_w_nm=12.25, force_max_nn=1000,
-                                    coupling_stiffness_n_m=0.75, coupling_damping_n_s_m=0.0625, stiffness_min_n_m=-0.375,
-                                    well_aj=384.5),
-    "scene_request": pb.SceneRequest(session_id=ID["session_id"], bundle=0x6162636465666768, chunk=565),
-    "scene_chunk": pb.SceneChunk(session_id=ID["session_id"], bundle=0x6162636465666768, chunk=565,
-                                 data=bytes((7 * i + 3) % 256 for i in range(277))),
-    "refuse": pb.Refuse(nonce=ID["nonce"], reason=1, version_min=1, version_max=1),
-    "command": pb.Command(**COMMAND),
-    "reply": pb.Reply(**REPLY),
-    "bye": pb.Bye(session_id=ID["session_id"], reason=1),
-    "command_with_features": pb.Command(**COMMAND, **FEATURES),
-    "command_with_recent": pb.Command(**COMMAND, **FEATURES, recent_commands=RECENT_COMMANDS),
-    "reply_with_features": pb.Reply(**REPLY, **ANSWER),
-    "reply_with_history": pb.Reply(**REPLY, **ANSWER, steps_before=0xFEDCBA9876543210),
-    "reply_with_particle": pb.Reply(**REPLY, **xyz("particle_pos_w_{}_nm", 61.5, -7.25, 30.125), particle_radius_nm=30.5,
-                                    particle_state=2),
-    "command_with_sharing": pb.Command(**{**COMMAND, "flags": 11}, tip_hold=5),
-    "reply_with_sharing": pb.Reply(**REPLY, tip_hold=6, **xyz("hold_pos_w_{}_nm", 1.25, -2.5, 3.75)),
-}
-
-
-VALUES["welcome_with_scene"] = pb.Welcome()
-VALUES["welcome_with_scene"].CopyFrom(VALUES["welcome_with_well"])
-VALUES["welcome_with_scene"].MergeFrom(pb.Welcome(
-    scene_sha256_0=0x6162636465666768, scene_sha256_1=0x7172737475767778, scene_sha256_2=0x8182838485868788,
-    scene_sha256_3=0x9192939495969798, scene_bytes=262437, canonical_motion=0xA1A2A3A4A5A6A7A8))
-
-
-STEP_LOG = {"steps_executed": 1000, "state_hash": 0x5152535455565758, "steps_breaks": 2}
-#: Records by hand: the first in full (zigzag varints of 18432, -36864, 57344 and 1 ms), two more alike; then 1000 lower and
-#: 0.25 ms longer; then a stop at the same place.
+#: Those of "command_with_steps" by hand: the first in full (zigzag varints of 18432, -36864, 57344 and 1 ms), two more alike; then
+#: 1000 lower and 0.25 ms longer; then a stop at the same place.
 STEPS = (struct.pack("<QB", 1001, 5) + bytes.fromhex("43 80a002 ffbf04 808007 80897a".replace(" ", "")) +
          bytes.fromhex("03 00 00 cf0f a0c21e".replace(" ", "")) + bytes.fromhex("1c"))
-VALUES["command_with_steps"] = pb.Command(**COMMAND, steps=STEPS)
-VALUES["reply_with_steps"] = pb.Reply(**REPLY, **STEP_LOG, steps_newest=1005, break_reason=2, break_step=900)
-VALUES["welcome_with_steps"] = pb.Welcome()
-VALUES["welcome_with_steps"].CopyFrom(VALUES["welcome"])
-VALUES["welcome_with_steps"].MergeFrom(pb.Welcome(**STEP_LOG))
-VALUES["snapshot_request"] = pb.SnapshotRequest(session_id=ID["session_id"], snapshot=3, piece=2)
-VALUES["snapshot_piece"] = pb.SnapshotPiece(session_id=ID["session_id"], snapshot=3, piece=2, step=1000,
-                                            state_hash=0x5152535455565758, breaks=2, total=1064,
-                                            data=bytes((7 * i + 1) % 256 for i in range(200)))
 
 
 def golden(name):
@@ -147,15 +77,17 @@ class Document(unittest.TestCase):
             self.assertEqual(tables[descriptor.name], {f.number: (f.name, names[f.type]) for f in descriptor.fields})
 
     def test_its_largest_datagrams(self):
-        # Every field there, none left out as zero: 207 and 471 bytes.
-        for cls, size in ((pb.Command, 207), (pb.Reply, 471)):
-            total = HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
-                                      for n, wire in FIELDS[cls].items() if wire != 2)
-            self.assertEqual(total, size)
-            self.assertIn(f"At most {size} bytes", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
-            self.assertLessEqual(total, 512)
-        self.assertEqual(207 + 2 + 2 + MAX_RECENT * RECENT.size, 467)
-        self.assertIn("with redundancy 467", (PROTO / "PROTOCOL.md").read_text(encoding="utf-8"))
+        # Every field there, none left out as zero.
+        text = (PROTO / "PROTOCOL.md").read_text(encoding="utf-8")
+        sizes = {cls: HEADER.size + sum((1 if n < 16 else 2) + (4 if wire == 5 else 8)
+                                        for n, wire in FIELDS[cls].items() if wire != 2) for cls in (pb.Command, pb.Reply)}
+        for cls, size in sizes.items():
+            section = re.search(rf"^### \d+ {cls.DESCRIPTOR.name}\b.*?(?=^##)", text, re.M | re.S).group(0)
+            self.assertIn(f"At most {size} bytes", section)
+            self.assertLessEqual(size, 512)
+        redundant = sizes[pb.Command] + 2 + 2 + MAX_RECENT * RECENT.size
+        self.assertIn(f"{redundant} bytes with redundancy", text)
+        self.assertLessEqual(redundant, 512)
 
 
 class Golden(unittest.TestCase):
@@ -182,12 +114,14 @@ class Golden(unittest.TestCase):
         self.assertEqual(bytes.fromhex(hexadecimal), golden("command"))
 
     def test_features_used(self):
-        used = {name: features_used(value) for name, value in VALUES.items()}
-        self.assertEqual(used, {**dict.fromkeys(VALUES, 0), "command_with_features": 1, "reply_with_features": 3,
-                                "command_with_sharing": 4, "reply_with_sharing": 4,
-                                "command_with_recent": 9, "reply_with_history": 19, "reply_with_particle": 32,
-                                "welcome_with_well": 64, "welcome_with_scene": 192,
-                                "command_with_steps": 256, "reply_with_steps": 256, "welcome_with_steps": 256})
+        for name, (_, features, _) in TABLE.items():
+            self.assertEqual(features_used(VALUES[name]), sum(1 << schema.Feature.Value(word) for word in features), name)
+
+    def test_byte_strings_are_what_their_sections_say(self):
+        self.assertEqual(VALUES["command_with_recent"].recent_commands, RECENT_COMMANDS)
+        self.assertEqual(VALUES["command_with_steps"].steps, STEPS)
+        self.assertEqual(VALUES["scene_chunk"].data, bytes((7 * i + 3) % 256 for i in range(277)))
+        self.assertEqual(VALUES["snapshot_piece"].data, bytes((7 * i + 1) % 256 for i in range(200)))
 
 
 class Causes(unittest.TestCase):
@@ -244,18 +178,11 @@ class Causes(unittest.TestCase):
         zero = {"hello": {"nonce"}, "challenge": {"nonce", "cookie"},
                 "welcome": {"version", "nonce", "session_id", "epoch", "timeout_ms"}, "refuse": {"nonce", "reason"},
                 "command": {"sequence"}, "reply": {"sequence", "command_sequence"}, "bye": {"session_id", "reason"}}
-        zero["command_with_features"] = zero["command"] | {"energy_scale_aj_j", "wave_impedance_n_s_m"}
-        zero["command_with_recent"] = zero["command_with_features"]
-        zero["reply_with_features"] = zero["reply_with_sharing"] = zero["reply_with_history"] = zero["reply"]
-        zero["reply_with_particle"] = zero["reply"]
-        zero["command_with_sharing"] = zero["command"]
-        zero["welcome_with_well"] = zero["welcome"]
-        zero["welcome_with_scene"] = zero["welcome"] | {"scene_sha256_0", "scene_bytes"}
-        zero["scene_request"] = {"session_id", "bundle"}
-        zero["scene_chunk"] = {"session_id", "bundle", "data"}
-        zero["command_with_steps"], zero["reply_with_steps"], zero["welcome_with_steps"] = (
-            zero["command"], zero["reply"], zero["welcome"])
-        zero["snapshot_request"] = zero["snapshot_piece"] = {"session_id", "snapshot"}
+        zero |= {"scene_request": {"session_id", "bundle"}, "scene_chunk": {"session_id", "bundle", "data"},
+                 "snapshot_request": {"session_id", "snapshot"}, "snapshot_piece": {"session_id", "snapshot"}}
+        more = dict.fromkeys(("command_with_features", "command_with_recent"), {"energy_scale_aj_j", "wave_impedance_n_s_m"})
+        more["welcome_with_scene"] = {"scene_sha256_0", "scene_bytes"}
+        zero = {name: zero[name.partition("_with_")[0]] | more.get(name, set()) for name in VALUES}
         not_negative = {"force_max_nn", "coupling_stiffness_n_m", "coupling_damping_n_s_m", "energy_in_j", "energy_out_j",
                         "energy_in_aj", "energy_out_aj", "energy_scale_aj_j", "energy_sent_j", "energy_sent_aj",
                         "wave_energy_aj", "wave_impedance_n_s_m", "model_stiffness_n_m", "model_adhesion_nn",

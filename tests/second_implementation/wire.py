@@ -23,19 +23,9 @@ SCENE_CHUNK_BYTES = 464
 SNAPSHOT_PIECE_BYTES = 432
 STEPS_BYTES = range(10, 301)
 
-FEATURE_PORT_CONTROL = 1 << 0
-FEATURE_LOCAL_MODEL = 1 << 1
-FEATURE_SHARING = 1 << 2
-FEATURE_REDUNDANCY = 1 << 3
-FEATURE_STEP_HISTORY = 1 << 4
-FEATURE_PARTICLE = 1 << 5
-FEATURE_WELL = 1 << 6
-FEATURE_SCENE = 1 << 7
-#: Known on the wire; station.py and server.py do not ask for it, nor grant it.
-FEATURE_STEP_LOG = 1 << 8
-FEATURE_SHARED_LOG = 1 << 9
-KNOWN_FEATURES = (FEATURE_PORT_CONTROL | FEATURE_LOCAL_MODEL | FEATURE_SHARING | FEATURE_REDUNDANCY | FEATURE_STEP_HISTORY |
-                  FEATURE_PARTICLE | FEATURE_WELL | FEATURE_SCENE)
+globals().update({f"FEATURE_{name}": 1 << bit for name, bit in schema.Feature.items()})
+#: station.py and server.py do not ask for the log of steps, nor grant it; they know it on the wire.
+KNOWN_FEATURES = sum(1 << bit for name, bit in schema.Feature.items() if name not in ("STEP_LOG", "SHARED_LOG"))
 
 
 def feature_fields():

@@ -3,6 +3,7 @@
 #include <bit>
 #include <cmath>
 
+#include "proto/wire_fields.h"
 #include "telenano/common/base/random.h"
 #include "telenano/common/link/messages.h"
 #include "telenano/common/link/recent_commands.h"
@@ -149,6 +150,25 @@ inline LocalModel any_model(Random& random) {
   return m;
 }
 
+/// For visit_feature_fields: fields of higher numbers than those that are drawn by name get any value.
+struct DrawLater {
+  Random& random;
+  std::uint32_t last;  ///< number of the last one drawn by name
+
+  template <std::uint32_t number, class Value>
+  void operator()(Value& value) {
+    if (number <= last || random.chance(0.5)) return;
+    if constexpr (std::is_floating_point_v<Value>)
+      value = any_finite(random);
+    else
+      value = static_cast<Value>(any_u64(random));
+  }
+  template <class Fields>
+  void run(const Fields& fields) {
+    fields(*this);
+  }
+};
+
 inline Command any_command(Random& random) {
   Command m;
   m.session_id = any_u64(random);
@@ -163,6 +183,8 @@ inline Command any_command(Random& random) {
   m.energy_out_j = std::fabs(any_finite(random));
   m.control = any_control(random);
   if (random.chance(0.5)) m.tip_hold = any_u32(random);
+  DrawLater later{random, 31};
+  visit_feature_fields(m, later);
   return m;
 }
 
@@ -206,6 +228,8 @@ inline Reply any_reply(Random& random) {
     const auto status = static_cast<ParticleStatus>(random.below(4));
     m.particle = {any_vec(random), std::fabs(any_finite(random)), status};
   }
+  DrawLater later{random, 45};
+  visit_feature_fields(m, later);
   return m;
 }
 
