@@ -501,5 +501,51 @@ TEST(AfmHazards, HowFastTheRuleLeads) {
   }
 }
 
+// The rule across where larger Z is towards the sample and both signals have the other sign.
+TEST(AfmHazards, TheRuleAcrossHoldsWithEverySignTheOtherWay) {
+  for (const int direction_deg : {0, 180}) {
+    SCOPED_TRACE(direction_deg);
+    Bench b;
+    b.config.z_sign = b.rig.z_sign = -1;
+    b.config.sensitivity_nm_v = b.rig.deflection_nm_v = -50;
+    b.config.lateral_nn_v = b.rig.lateral_nn_v = -100;
+    const Ran ran = run_against(b, with_a_step(15, direction_deg), direction_deg, 4, 3000);
+    EXPECT_LE(ran.down_nn, b.config.force_max_nn + 5);
+    EXPECT_LE(ran.across_nn, b.config.lateral_max_nn);
+    EXPECT_GT(ran.across_nn, 0.5 * b.config.lateral_max_nn) << "it was met";
+    EXPECT_TRUE(ran.still_there) << b.afm->logic().news();
+  }
+}
+
+// Another client of the controller moves the tip down while it presses. The first reading tells, and beyond the
+// workspace's depth the controller's Z limits refuse it.
+TEST(AfmHazards, AnotherClientThatMovesTheTipIsOverruledOrWithdraws) {
+  for (const double deeper_nm : {1.0, 8.0, 400.0}) {
+    SCOPED_TRACE(deeper_nm);
+    Bench b;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+    b.follow(Vec3(0, 0, -4));
+    b.run(1500);
+    auto& controller = b.afm->controller();
+    const double pressed_nn = controller.tip().normal_force_nn();
+    ASSERT_GT(pressed_nn, 100);
+    controller.tip().forget_peak();
+    controller.begin({nanonis::CommandId::kZPosSet, {1e-9 * (controller.height_nm() - deeper_nm)}}, -1,
+                     b.afm->now_ns());
+    b.run(300);
+    const double peak_nn = controller.tip().peak_force_nn();
+    std::printf("%g nm deeper by another client: %.0f nN, %s\n", deeper_nm, peak_nn,
+                std::string(name(b.phase())).c_str());
+    if (deeper_nm > 100) {
+      EXPECT_LE(peak_nn, pressed_nn + 2) << "the controller's Z limits refuse it";
+    } else {
+      EXPECT_LE(peak_nn, pressed_nn + b.config.spring_constant_n_m * deeper_nm + 5);
+    }
+    // Beyond the limit and two steps the next reading withdraws it; less is taken back by the next command.
+    EXPECT_EQ(b.phase(), deeper_nm == 8 ? Phase::kWithdrawn : Phase::kFollowing) << b.afm->logic().news();
+  }
+}
+
 }  // namespace
 }  // namespace telenano::afm
