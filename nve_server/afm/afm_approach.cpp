@@ -356,6 +356,8 @@ void AfmLogic::begin_following(std::int64_t now_ns) {
   was_touching_ = false;
   enter(Phase::kFollowing, now_ns);
   last_move_ns_ = last_xy_ns_ = now_ns;
+  lateral_from_ns_ = reading_from_ns_;
+  ground_nm_ = 0;
   session_ns_ = now_ns;
   last_account_ns_ = now_ns;
   account_.interrupt();

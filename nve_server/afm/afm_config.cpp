@@ -30,6 +30,7 @@ AfmConfig load_afm_config(const std::string& path) {
     calibration.fail("sensitivity_nm_v", "0 measures nothing; expected nm a volt, signed");
   c.spring_constant_n_m = calibration.number("spring_constant_n_m", between(0.001, 1000));
   c.lateral_nn_v = calibration.number("lateral_nn_v", between(-1e6, 1e6));
+  c.across_n_m = calibration.number_or("across_n_m", between(0.1, 1e5), AfmConfig{}.across_n_m);
 
   const AfmConfig standard;
   if (const auto t = root.optional_table("limits")) {
@@ -38,6 +39,7 @@ AfmConfig load_afm_config(const std::string& path) {
     c.force_max_nn = t->number_or("force_max_nn", between(0.01, 1e5), standard.force_max_nn);
     c.lateral_max_nn = t->number_or("lateral_max_nn", between(0.01, 1e5), standard.lateral_max_nn);
     c.slope_max = t->number_or("slope_max", between(0, 5), standard.slope_max);
+    c.relief_nm = t->number_or("relief_nm", between(0, 1e5), standard.relief_nm);
     c.half_width_nm = t->number_or("half_width_nm", between(1, 1e6), standard.half_width_nm);
     c.top_nm = t->number_or("top_nm", between(1, 1e5), standard.top_nm);
     c.depth_nm = t->number_or("depth_nm", between(0, 1e5), standard.depth_nm);

@@ -18,12 +18,14 @@ struct AfmConfig {
   double sensitivity_nm_v = 50;     ///< signed: deflection away from the sample, per volt
   double spring_constant_n_m = 40;  ///< of the lever
   double lateral_nn_v = 100;        ///< signed
+  double across_n_m = 400;          ///< stiffness across of lever, tip and contact together, the largest
   // [limits]
   double speed_nm_s = 1000;
   double step_nm = 1;  ///< of one command, along Z and across
   double force_max_nn = 300;
   double lateral_max_nn = 200;
-  double slope_max = 0.5;      ///< steepest ground that a move across must reckon with
+  double slope_max = 0.5;      ///< steepest ground that the learned model may have
+  double relief_nm = 20;       ///< so much higher than where it has touched the ground may be anywhere
   double half_width_nm = 500;  ///< workspace, across, about where the tip stands at the start
   double top_nm = 60;          ///< above and
   double depth_nm = 40;        ///< below the surface there

@@ -28,7 +28,22 @@ double AfmLogic::lowest_allowed_nm(std::int64_t now_ns) noexcept {
       across_nm = since.path_across_nm;
     }
   }
-  return highest_nm + config_.slope_max * across_nm - left_nn / k;
+  return highest_nm + slope() * across_nm - left_nn / k;
+}
+
+double AfmLogic::lowest_by_lateral_nm(std::int64_t now_ns) const noexcept {
+  if (config_.relief_nm <= 0) return -config_.depth_nm;
+  return std::min(across_rule_.lowest_nm(sent_w_nm_, since_lateral(now_ns)), clear_nm());
+}
+
+/// What the force down may rise by across, by what the base would have to.
+double AfmLogic::slope() const noexcept {
+  return near_ground() ? std::max(config_.slope_max, across_rule_.slope()) : config_.slope_max;
+}
+
+AcrossRule::Since AfmLogic::since_lateral(std::int64_t now_ns) const noexcept {
+  const MotionHistory::Stretch since = history_.between(lateral_from_ns_, now_ns);
+  return {since.low_w_nm, since.high_w_nm, state_.measured_force_w_nn.x()};
 }
 
 /// False when the signal shows that it is none; the tip is then on its way up.
@@ -59,6 +74,7 @@ bool AfmLogic::plausible(double volts, double lateral_volts, std::int64_t from_n
 
 namespace {
 
+constexpr int kLateralRepeats = 40;   // readings in a row
 constexpr double kShift_nm_s = 1;     // no hand feels that
 constexpr double kCurvedPart = 0.05;  // of the way to the force of a touch: contacts are no springs
 constexpr std::int64_t kAgainNs = 1'000'000'000;  // sooner a touch tells nothing new
@@ -99,13 +115,17 @@ bool AfmLogic::next_move(std::int64_t now_ns, AfmCommand& call) {
   const Vec3 low(-config_.half_width_nm, -config_.half_width_nm, -config_.depth_nm);
   const Vec3 high(config_.half_width_nm, config_.half_width_nm, config_.top_nm);
   const Vec3 target = told ? Vec3(wish_.target_w_nm.cwiseMax(low).cwiseMin(high)) : sent_w_nm_;
-  const double lowest = lowest_allowed_nm(now_ns);
-  state_.held_by_force = told && target.z() < lowest;
+  const double by_force = lowest_allowed_nm(now_ns);
+  const double lowest = std::max(by_force, lowest_by_lateral_nm(now_ns));
+  state_.held_by_force =
+      told && (target.z() < by_force || (near_ground() && across_rule_.held(since_lateral(now_ns))));
   const double reach = [&](std::int64_t last_ns) {
     return std::min(config_.step_nm, config_.speed_nm_s * 1e-9 * static_cast<double>(now_ns - last_ns));
   }(last_move_ns_);
   const double up = std::max(target.z(), lowest) - sent_w_nm_.z();
-  const Eigen::Vector2d across = (target - sent_w_nm_).head<2>();
+  Eigen::Vector2d across = (target - sent_w_nm_).head<2>();
+  const double back_nm = near_ground() ? across_rule_.back_nm(sent_w_nm_, since_lateral(now_ns)) : 0;
+  if (back_nm != 0) across = Eigen::Vector2d(back_nm, 0);
   // What lies within a thousandth of a step is there.
   const double least = 1e-3 * config_.step_nm;
   const bool wants_across = across.norm() > least;
@@ -115,13 +135,14 @@ bool AfmLogic::next_move(std::int64_t now_ns, AfmCommand& call) {
   if (wants_across && (across_next_ || !wants_z)) {
     const double may =
         std::min(config_.step_nm, config_.speed_nm_s * 1e-9 * static_cast<double>(now_ns - last_xy_ns_));
+    Vec3 move(across.x(), across.y(), 0);
+    if (move.norm() > may) move *= may / move.norm();
+    if (near_ground()) move = across_rule_.allowed(sent_w_nm_, move, since_lateral(now_ns));
     // Ground may rise under a move across: not where that could pass the limit before it is read.
-    const bool room = sent_w_nm_.z() - config_.slope_max * may >= lowest || across.norm() <= 0;
+    const bool room = sent_w_nm_.z() - slope() * move.norm() >= by_force;
     across_next_ = false;
-    if (may > least && room) {
-      const Eigen::Vector2d move =
-          across.norm() > may ? Eigen::Vector2d(across * (may / across.norm())) : across;
-      sent_w_nm_.head<2>() += move;
+    if (move.norm() > least && room) {
+      sent_w_nm_ += move;
       last_xy_ns_ = now_ns;
       history_.add(now_ns, sent_w_nm_);
       state_.base_w_nm = sent_w_nm_;
@@ -157,6 +178,17 @@ void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::
       !plausible(deflection_nm / config_.sensitivity_nm_v, lateral_volts, sent_ns - period_ns, now_ns))
     state_.force_known = false;
   reading_from_ns_ = sent_ns - period_ns;
+  if (std::exchange(lateral_volts_, lateral_volts) != lateral_volts) {
+    lateral_from_ns_ = reading_from_ns_;
+    lateral_repeats_ = 0;
+    lateral_told_ = false;
+  } else if (++lateral_repeats_ >= kLateralRepeats && state_.phase == Phase::kFollowing &&
+             config_.relief_nm > 0 && !std::exchange(lateral_told_, true)) {
+    tell(
+        text("the lateral signal stands still: nearer than %g nm above the ground the tip does not go on "
+             "(relief_nm = 0 does without this signal)",
+             config_.relief_nm));
+  }
   reading_ns_ = now_ns;
   if (withdrawing()) return;
   if (state_.phase == Phase::kTaring) return tare(deflection_nm, lateral_nn, sent_ns, now_ns);
@@ -180,6 +212,8 @@ void AfmLogic::on_reading(const AfmReading& reading, std::int64_t sent_ns, std::
   model_.add(averaged.mean_w_nm, force.z(), now_ns);
   state_.model = model_.model();
   state_.touching = model_.touching();
+  if (state_.touching)
+    ground_nm_ = std::max(ground_nm_, averaged.mean_w_nm.z() + force.z() / config_.spring_constant_n_m);
   retouch(averaged.mean_w_nm, force.z(), history_.between(now_ns - 2 * period_ns, now_ns).path_nm, now_ns);
   WorkAccount::Reading entry;
   entry.base_w_nm = averaged.mean_w_nm;

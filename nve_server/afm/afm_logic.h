@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "telenano/nve_server/afm/across_rule.h"
 #include "telenano/nve_server/afm/afm_config.h"
 #include "telenano/nve_server/afm/afm_exchange.h"
 #include "telenano/nve_server/afm/afm_port.h"
@@ -31,9 +32,14 @@ enum class Loss : std::uint8_t { kClosed, kGarbage, kSilent };
 /// them on, at most from the top of the ground that was touched last, as long as the value says that the tip
 /// is free (signal_watch.h). A reading F is the average over a window in which the base was no higher than
 /// z_hi and after whose beginning it travelled s across; the force as a function of the base is nowhere
-/// steeper than the lever, k, and ground no steeper than m. So at z, F' ≤ F + k (z_hi − z + m s) (a jump only
+/// steeper than the lever, k, and across it rises by at most m k (across_rule.h), or ground is no steeper than m = slope_max
+/// above the relief. So at z, F' ≤ F + k (z_hi − z + m s) (a jump only
 /// lowers it on the way down), and the base is kept at z ≥ z_hi + m s − (F_max − F)/k. What is left over the
 /// limit is noise, thermal bending since the tare, and drift times the age of the reading, times k.
+///
+/// Lateral limit. Nearer to the sample than `relief_nm` above the highest ground that was touched, the base
+/// goes across and down only as far as AcrossRule lets it. A lateral reading that repeats the last one, bit for
+/// bit, is none there.
 ///
 /// In the approach the Z controller moves the tip, and presses with its set point: that is read before each
 /// approach, and must lie within F_max. Beyond it (it was changed, or the controller overshoots) the readings
@@ -126,6 +132,11 @@ class AfmLogic {
   void watch_safe_tip(double value, std::int64_t sent_ns, std::int64_t now_ns);
   bool send_z(double z_w_nm, std::int64_t now_ns, AfmCommand& call);
   double lowest_allowed_nm(std::int64_t now_ns) noexcept;
+  double lowest_by_lateral_nm(std::int64_t now_ns) const noexcept;
+  double slope() const noexcept;
+  bool near_ground() const noexcept { return config_.relief_nm > 0 && sent_w_nm_.z() < clear_nm(); }
+  double clear_nm() const noexcept { return ground_nm_ + config_.relief_nm; }
+  AcrossRule::Since since_lateral(std::int64_t now_ns) const noexcept;
   double top_of_ground_nm() const noexcept;
   double deepest_touch_nm() const noexcept;
 
@@ -227,8 +238,14 @@ class AfmLogic {
   std::int64_t last_move_ns_ = 0;
   std::int64_t last_xy_ns_ = 0;
   std::int64_t reading_from_ns_ = 0;  // the window of the newest one
-  std::int64_t reading_ns_ = 0;       // when it came
-  std::int64_t round_trip_ns_ = 0;    // of a question that is answered at once
+  std::int64_t lateral_from_ns_ = 0;  // of the newest that says something new of the force across
+  double lateral_volts_ = 0;
+  int lateral_repeats_ = 0;
+  bool lateral_told_ = false;
+  double ground_nm_ = 0;  // the highest that was touched, in W
+  AcrossRule across_rule_;
+  std::int64_t reading_ns_ = 0;     // when it came
+  std::int64_t round_trip_ns_ = 0;  // of a question that is answered at once
   std::int64_t last_account_ns_ = 0;
   bool across_next_ = false;
   TouchModel model_;

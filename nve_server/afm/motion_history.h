@@ -20,8 +20,10 @@ class MotionHistory {
   void clear() noexcept { next_ = 0; }
 
   struct Stretch {
-    double highest_nm = 0;          ///< largest z held
-    double lowest_nm = 0;           ///< and least
+    double highest_nm = 0;         ///< largest z held
+    double lowest_nm = 0;          ///< and least
+    Vec3 low_w_nm = Vec3::Zero();  ///< likewise along each axis
+    Vec3 high_w_nm = Vec3::Zero();
     double path_across_nm = 0;      ///< way travelled across
     double path_nm = 0;             ///< way travelled
     Vec3 mean_w_nm = Vec3::Zero();  ///< over time
@@ -31,8 +33,8 @@ class MotionHistory {
     Stretch s;
     const std::size_t n = std::min(next_, kKept);
     if (n == 0) return s;
-    s.highest_nm = -1e300;
-    s.lowest_nm = 1e300;
+    s.high_w_nm.setConstant(-1e300);
+    s.low_w_nm.setConstant(1e300);
     double time = 0;
     std::int64_t until_ns = to_ns;
     Vec3 later = Vec3::Zero();
@@ -40,8 +42,8 @@ class MotionHistory {
     for (std::size_t i = 1; i <= n; ++i) {
       const Entry& e = entries_[(next_ - i) % kKept];
       if (e.time_ns > to_ns) continue;
-      s.highest_nm = std::max(s.highest_nm, e.pos_w_nm.z());
-      s.lowest_nm = std::min(s.lowest_nm, e.pos_w_nm.z());
+      s.high_w_nm = s.high_w_nm.cwiseMax(e.pos_w_nm);
+      s.low_w_nm = s.low_w_nm.cwiseMin(e.pos_w_nm);
       const double held = static_cast<double>(until_ns - std::max(e.time_ns, from_ns));
       s.mean_w_nm += held * e.pos_w_nm;
       time += held;
@@ -54,6 +56,8 @@ class MotionHistory {
       until_ns = std::max(e.time_ns, from_ns);
       if (e.time_ns <= from_ns) break;
     }
+    s.highest_nm = s.high_w_nm.z();
+    s.lowest_nm = s.low_w_nm.z();
     s.mean_w_nm = time > 0 ? Vec3(s.mean_w_nm / time) : later;
     return s;
   }

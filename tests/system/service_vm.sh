@@ -2,6 +2,7 @@
 # The packages under a real systemd: installed, started, hung, killed, used, reloaded, stopped, misconfigured, purged; in a
 # small virtual machine, so that this machine stays as it is.
 #   service_vm.sh BUILD_DIR [MODE] afm: instead, with a simulated AFM whose tip must not stay out however the unit ends
+#                                  drain: instead, a drain while a station presses, and a deadman
 #                                  scan: instead, the first start with a scan, whose fields take longer than systemd waits
 # Exit status 77: no virtual machine can be had here (vm.sh says why).
 set -euo pipefail
@@ -107,6 +108,109 @@ checks() {
     rm /etc/telenano/afm.toml
   }
 
+  # A drain while a station presses: the unit stops when the station has gone, or when the time is over; and what neither
+  # server nor guard can do any more, the deadman does.
+  press() { # log
+    printf 't_s,x_nm,y_nm,z_nm\n0,0,0,20\n2,0,0,20\n8,0,0,-5\n3000,0,0,-5\n' >/tmp/press.csv
+    telenano-master run --server 127.0.0.1:5100 --task script --script /tmp/press.csv --duration-s 3000 --rate 200 --rt-priority 0 \
+      2>"/out/$1" >/dev/null & station=$!
+  }
+  says() { # log, words
+    local i
+    for ((i = 0; i < 900; ++i)); do grep -q "$2" "$1" && return 0; sleep 0.1; done
+    tail -n 1 "$1"; return 1
+  }
+  presses() { says "/out/$1" engaged && sleep 20 && kill -0 "$station"; }
+  pressed() { # simulator, least force
+    local force; force=$(sed -n 's/.*greatest \([0-9]*\).*/\1/p' "/out/$1" | tail -n 1)
+    [ "${force:-0}" -ge "$2" ] && [ "$force" -le 340 ] || { echo "peak force '$force' nN"; return 1; }
+  }
+  of_server() { sed -n "$((seen + 1)),\$p" /out/server.log; }
+  server_says() { local i; for ((i = 0; i < 900; ++i)); do of_server | grep -q "$1" && return 0; sleep 0.1; done; of_server | tail -n 1; return 1; }
+  never_says() { ! of_server | grep "$1"; }
+  serve_afm() { # more words
+    echo "TELENANO_SERVE=--slave nanonis --controller 127.0.0.1 --ports 6501-6503,6514 --afm /etc/telenano/afm.toml --listen 127.0.0.1:5100 $*" \
+      >/etc/telenano/nve.env
+    systemctl reset-failed telenano-nve 2>/dev/null || true
+    seen=$(wc -l </out/server.log)
+  }
+  deadman() { /usr/bin/python3 -B "$here/../../deploy/afm/deadman.py" "$@"; }
+  drain() {
+    local i seen station simulator watcher
+    touch /out/server.log
+    mkdir -p /tmp/deadman
+    deadman new-key /tmp/deadman/deadman.key >/dev/null
+    install -m 600 -o telenano /tmp/deadman/deadman.key /etc/telenano/server.key
+    printf 'listen = "127.0.0.1:6514"\ncontroller = "127.0.0.1:6504"\nkey = "deadman.key"\nsilence_ms = 900\n' >/tmp/deadman/deadman.toml
+    { sed -e 's/^link_loss_ms = .*/link_loss_ms = 5000.0/' -e 's/^reply_timeout_ms = .*/reply_timeout_ms = 5000.0\nstale_force_ms = 5000.0/' \
+        /usr/share/telenano/afm.toml; printf '\n[deadman]\nkey = "server.key"\n'; } >/etc/telenano/afm.toml
+
+    simulate drain1
+    deadman run --config /tmp/deadman/deadman.toml 2>/out/deadman.log & watcher=$!
+    check "drain: a deadman" says /out/deadman.log 'connected to the controller'
+    serve_afm --drain-seconds 600
+    check "drain: starts" systemctl start telenano-nve
+    check "drain: the deadman watches" says /out/deadman.log 'watching over the server'
+    press station1
+    check "drain: a station presses" presses station1
+    systemctl --no-block stop telenano-nve
+    check "drain: drains" server_says 'draining: no new sessions'
+    # Longer than the unit's own TimeoutStopSec: the server has asked for more.
+    sleep 30
+    check "drain: the unit waits" is ActiveState deactivating
+    check "drain: with its guard" equals "$(guards)" 1
+    check "drain: the station goes on" kill -0 "$station"
+    check "drain: nothing was withdrawn" never_says 'afm: withdraw'
+    kill -TERM "$station"; wait "$station" || true
+    check "drain: ends with its station" until_is ActiveState inactive 60
+    check "drain: well" is ExecMainStatus 0
+    check "drain: says so" server_says 'the last session is gone'
+    check "drain: the guard ends too" until_no_guard 20
+    check "drain: nothing is latched" bash -c '! ls /tmp/deadman/*.latch'
+    check "drain: the tip is withdrawn" tip_of drain1 withdrawn
+    check "drain: and had pressed within its limit" pressed drain1 40
+
+    simulate drain2
+    check "drain: the deadman has found the controller again" says /out/deadman.log 'connected to the controller'
+    serve_afm --drain-seconds 5
+    check "drain: starts again" systemctl start telenano-nve
+    press station2
+    check "drain: a station presses again" presses station2
+    check "drain: stops when the time is over" systemctl stop telenano-nve
+    check "drain: the server says so" server_says 'the time is over, 1 session must end'
+    check "drain: that was no failure" is Result success
+    check "drain: and the guard ends" until_no_guard 20
+    kill -TERM "$station" 2>/dev/null; wait "$station" || true
+    check "drain: nothing is latched then" bash -c '! ls /tmp/deadman/*.latch'
+    check "drain: the tip is withdrawn by then" tip_of drain2 withdrawn
+
+    simulate drain3
+    serve_afm
+    check "deadman: starts" systemctl start telenano-nve
+    press station3
+    check "deadman: a station presses" presses station3
+    # Neither sees the other die.
+    systemctl kill -s STOP telenano-nve
+    systemctl kill -s KILL 'telenano-nve-afm-guard@*'
+    systemctl kill -s KILL telenano-nve
+    check "deadman: withdraws the tip" says /out/deadman.log 'the tip is withdrawn'
+    check "deadman: keeps that" ls /tmp/deadman/deadman.latch
+    check "deadman: the restarted server is told" server_says 'has withdrawn the tip: look at it'
+    check "deadman: which is not tried for ever" until_is ActiveState failed 60
+    kill -TERM "$station" 2>/dev/null; wait "$station" || true
+    check "deadman: is cleared" deadman clear --config /tmp/deadman/deadman.toml
+    systemctl reset-failed telenano-nve 2>/dev/null || true
+    seen=$(wc -l </out/server.log)
+    check "deadman: then the server starts" systemctl start telenano-nve
+    check "deadman: without an approach" never_says 'afm: approaching'
+    check "deadman: is approved" approve
+    check "deadman: and approaches" server_says 'afm: approaching'
+    check "deadman: stops" systemctl stop telenano-nve
+    check "deadman: no guard is left" until_no_guard 20
+    kill -TERM "$watcher"; wait "$watcher" || true
+    check "deadman: the tip is withdrawn at last" tip_of drain3 withdrawn
+  }
+
   serving() {
     check "starts, and says when it is ready" systemctl start telenano-nve
     check "runs as its own user" equals "$(stat -c %U "/proc/$(value MainPID)")" telenano
@@ -157,6 +261,7 @@ checks() {
 
   case ${1:-} in
     afm) with_an_afm ;;
+    drain) drain ;;
     scan) first_start_with_a_scan ;;
     *) serving ;;
   esac

@@ -13,7 +13,7 @@ constexpr std::size_t kPorts = 4;
 [[noreturn]] void refuse(const std::string& text, const std::string& what, const std::string& why) {
   throw UserError(what + " '" + text + "': " + why +
                   "; expected four TCP ports (motion, reads, data, emergency), e.g. 6501-6504 or "
-                  "6501,6502,6503,6504");
+                  "6501-6503,6514");
 }
 
 std::uint16_t port_of(const std::string& word, const std::string& text, const std::string& what) {
@@ -29,18 +29,16 @@ std::uint16_t port_of(const std::string& word, const std::string& text, const st
 
 std::vector<std::uint16_t> parse_port_list(const std::string& text, const std::string& what) {
   std::vector<std::uint16_t> ports;
-  if (const auto dash = text.find('-'); dash != std::string::npos) {
-    const unsigned first = port_of(text.substr(0, dash), text, what);
-    const unsigned last = port_of(text.substr(dash + 1), text, what);
-    if (last < first) refuse(text, what, "the range is empty");
-    if (last - first + 1 != kPorts)
-      refuse(text, what, "these are " + std::to_string(last - first + 1) + " ports");
-    for (unsigned port = first; port <= last; ++port) ports.push_back(static_cast<std::uint16_t>(port));
-    return ports;
-  }
   for (std::size_t at = 0; at <= text.size();) {
     const std::size_t comma = std::min(text.find(',', at), text.size());
-    ports.push_back(port_of(text.substr(at, comma - at), text, what));
+    const std::string part = text.substr(at, comma - at);
+    const std::size_t dash = part.find('-');
+    const unsigned first = port_of(part.substr(0, dash), text, what);
+    const unsigned last = dash == std::string::npos ? first : port_of(part.substr(dash + 1), text, what);
+    if (last < first) refuse(text, what, "the range is empty");
+    if (last - first + 1 > kPorts)
+      refuse(text, what, "these are " + std::to_string(last - first + 1) + " ports");
+    for (unsigned port = first; port <= last; ++port) ports.push_back(static_cast<std::uint16_t>(port));
     at = comma + 1;
   }
   if (ports.size() != kPorts) refuse(text, what, "these are " + std::to_string(ports.size()) + " ports");

@@ -46,7 +46,8 @@ ServiceNotify::~ServiceNotify() {
   }
   wake_.notify_all();
   thread_.join();
-  sd_notify(0, "STOPPING=1");
+  // No loop turns any more, and an AFM's tip may take its three seconds to go up: who ends in order is not killed for that.
+  sd_notify(0, watched_ ? "STOPPING=1\nWATCHDOG_USEC=15000000" : "STOPPING=1");
 }
 
 void ServiceNotify::run() {

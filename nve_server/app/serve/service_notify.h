@@ -28,7 +28,7 @@ class ServiceNotify {
   explicit ServiceNotify(std::vector<const server::LoopStatus*> loops);
   explicit ServiceNotify(const server::LoopStatus& loop)
       : ServiceNotify(std::vector<const server::LoopStatus*>{&loop}) {}
-  ~ServiceNotify();  ///< says STOPPING
+  ~ServiceNotify();  ///< says STOPPING, and that the orderly end may take longer than a turn of the loop
   ServiceNotify(const ServiceNotify&) = delete;
   ServiceNotify& operator=(const ServiceNotify&) = delete;
 

@@ -40,14 +40,14 @@ void whole_session(Bench& b) {
 TEST(AfmConversation, IsThatOfTheRecordingFromTheChecksToTheEnd) {
   Bench b;
   whole_session(b);
-  expect_conversation(b, {3381, 0xa32d507d7b16d224});
+  expect_conversation(b, {3447, 0xa330f312fdbed46f});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereLargerZIsTowardsTheSample) {
   Bench b;
   b.config.z_sign = b.rig.z_sign = -1;
   whole_session(b);
-  expect_conversation(b, {3381, 0xc2de178e17c56ba4});
+  expect_conversation(b, {3447, 0xa4b6abf5bea36e7f});
 }
 
 TEST(AfmConversation, IsThatOfTheRecordingWhereTheSetPointIsRefused) {

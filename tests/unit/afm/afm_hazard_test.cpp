@@ -306,8 +306,10 @@ TEST(AfmHazards, WsZeroAndItsBoundOnRigsOfAnyDriftAndCreep) {
   EXPECT_GE(air_within, 0.95 * air_all);
 }
 
-/// Silicon oxide with a step up of `height_nm`, 60 nm from where the tip approaches.
-std::shared_ptr<const scene::Scene> with_a_step(double height_nm) {
+/// Silicon oxide with a step up of `height_nm`, 60 nm from where the tip approaches, towards `direction_deg`.
+std::shared_ptr<const scene::Scene> with_a_step(double height_nm, int direction_deg = 0, double edge_nm = 6) {
+  const double x_nm = direction_deg == 0 ? -60 : direction_deg == 180 ? 60 : 0;
+  const double y_nm = direction_deg == 90 ? -60 : 0;
   return scene::parse_scene(R"(name = "step"
 [sample]
 name = "silicon oxide"
@@ -318,9 +320,12 @@ surface_energy_j_m2 = 0.2
 kind = "step"
 height_nm = )" + std::to_string(height_nm) +
                                 R"(
-edge_nm = 6.0
-spacing_nm = 0.7
-direction_deg = 0.0
+edge_nm = )" + std::to_string(edge_nm) +
+                                R"(
+spacing_nm = )" + std::to_string(edge_nm / 8.5) +
+                                R"(
+direction_deg = )" + std::to_string(direction_deg) +
+                                R"(.0
 x_nm = 0.0
 y_nm = 0.0
 [probe]
@@ -343,8 +348,10 @@ half_width_nm = 150.0
 margin_nm = 25.0
 rate_max_hz = 8000
 [start]
-x_nm = -60.0
-y_nm = 0.0
+x_nm = )" + std::to_string(x_nm) +
+                                R"(
+y_nm = )" + std::to_string(y_nm) +
+                                R"(
 height_nm = 20.0
 )",
                             "the scene of a step");
@@ -357,53 +364,186 @@ double steepness(double height_nm) {
   return std::sqrt(r * r - down * down) / down;
 }
 
-// A hand that scans runs the tip against a step, steeper than the slopes that the operator has told of, at
-// full speed and at a fifth of it.
-TEST(AfmHazards, ATipThatRunsAgainstAStepIsHeldOrWithdrawn) {
-  for (const double height_nm : {5.0, 15.0}) {
+/// What the tip has truly felt while a hand led it 140 nm against a step, pressing down `depth_nm` below the
+/// ground (negative: above it).
+struct Ran {
+  double down_nn = 0, across_nn = 0, along_nn = 0;  // most; across and along the lever either way
+  double pressed_nn = 0, end_nm = 0;
+  bool still_there = false;
+  double base_x_nm = 0;
+};
+
+Ran run_against(Bench& b, std::shared_ptr<const scene::Scene> scene, int direction_deg, double depth_nm,
+                int ms = 6000) {
+  b.afm.emplace(b.config, b.rig, std::move(scene));
+  EXPECT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+  b.follow(Vec3(0, 0, -depth_nm));
+  b.run(1000);
+  Ran ran;
+  const auto& tip = b.afm->controller().tip();
+  ran.pressed_nn = tip.normal_force_nn();
+  const Vec3 way = direction_deg == 0     ? Vec3(140, 0, 0)
+                   : direction_deg == 180 ? Vec3(-140, 0, 0)
+                                          : Vec3(0, 140, 0);
+  b.follow(way + Vec3(0, 0, -depth_nm));
+  for (int i = 0; i < ms; ++i) {
+    b.run(1);
+    const Vec3& force = tip.force_w_nn();
+    ran.down_nn = std::max(ran.down_nn, force.z());
+    ran.across_nn = std::max(ran.across_nn, std::fabs(force.x()));
+    ran.along_nn = std::max(ran.along_nn, std::fabs(force.y()));
+  }
+  ran.still_there = b.phase() == Phase::kFollowing;
+  ran.base_x_nm = b.afm->logic().state().base_w_nm.x();
+  EXPECT_EQ(b.afm->controller().safe_tips(), 0u);
+  return ran;
+}
+
+// A hand that scans runs the tip against a step, up to one that is as high as the tip's radius and more, where
+// the ball meets a wall: as fast as the rig goes, pressed hard, pressed lightly, and a little above the ground,
+// where no reading warns. The lever of this rig is rigid across: nothing but the contact yields.
+TEST(AfmHazards, ATipThatRunsAgainstAStepIsHeld) {
+  for (const double height_nm : {5.0, 15.0, 20.0, 40.0}) {
     for (const double speed_nm_s : {1000.0, 200.0}) {
-      for (const double depth_nm : {1.5, 4.0}) {
-        SCOPED_TRACE(::testing::Message()
-                     << height_nm << " nm at " << speed_nm_s << " nm/s, pressed by " << depth_nm);
+      if (speed_nm_s < 1000 && height_nm != 20) continue;
+      for (const double depth_nm : {-3.0, 1.5, 4.0}) {
+        const int direction_deg = depth_nm == 1.5 ? 180 : 0;
+        SCOPED_TRACE(::testing::Message() << height_nm << " nm at " << speed_nm_s << " nm/s, " << depth_nm
+                                          << " nm below the ground");
         Bench b;
         b.config.speed_nm_s = speed_nm_s;
-        b.afm.emplace(b.config, b.rig, with_a_step(height_nm));
-        ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
-        b.follow(Vec3(0, 0, -depth_nm));
-        b.run(1000);
-        const double pressed_nn = b.afm->controller().tip().normal_force_nn();
-        ASSERT_GT(pressed_nn, 20);
-        b.follow(Vec3(140, 0, -depth_nm));
-        double along_nn = 0, across_nn = 0;  // the tip's true force: down, and along the scan
-        for (int i = 0; i < 2000; ++i) {
-          b.run(1);
-          const Vec3& force = b.afm->controller().tip().force_w_nn();
-          along_nn = std::max(along_nn, force.z());
-          across_nn = std::max(across_nn, std::fabs(force.x()));
-        }
-        const double peak_nn = b.afm->controller().tip().peak_force_nn();
-        std::printf(
-            "%g nm at %g nm/s, pressed with %.0f nN: %.0f nN down, %.0f nN across (%.0f nN in all), %s\n",
-            height_nm, speed_nm_s, pressed_nn, along_nn, across_nn, peak_nn,
-            std::string(name(b.phase())).c_str());
-        // Down it is held as everywhere; across the first reading after the corner tells.
-        const double step_nn = b.config.spring_constant_n_m * b.config.step_nm;
-        EXPECT_LE(along_nn, b.config.force_max_nn + step_nn);
-        EXPECT_LE(across_nn,
-                  std::max(b.config.lateral_max_nn, steepness(height_nm) * (pressed_nn + step_nn)));
-        EXPECT_EQ(b.afm->controller().safe_tips(), 0u);
-        // What rises by less than the limit leaves room for goes on over it; the rest is lateral force, too.
-        if (height_nm < 10) {
-          EXPECT_LE(across_nn, b.config.lateral_max_nn);
-          EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
-        } else {
-          EXPECT_EQ(b.phase(), Phase::kWithdrawn);
-          EXPECT_TRUE(b.afm->controller().withdrawn());
-          EXPECT_EQ(name(b.afm->logic().state().cause), "lateral force limit") << b.afm->logic().news();
-          EXPECT_LT(b.afm->logic().state().base_w_nm.x(), 60) << "not over the edge";
+        const Ran ran = run_against(b, with_a_step(height_nm, direction_deg, 2), direction_deg, depth_nm);
+        std::printf("%g nm at %g nm/s, pressed with %.0f nN: %.0f nN down, %.0f nN across, at x = %.1f nm\n",
+                    height_nm, speed_nm_s, ran.pressed_nn, ran.down_nn, ran.across_nn, ran.base_x_nm);
+        EXPECT_LE(ran.down_nn, b.config.force_max_nn + 5) << "noise, and bending with temperature";
+        EXPECT_LE(ran.across_nn, b.config.lateral_max_nn);
+        EXPECT_TRUE(ran.still_there) << b.afm->logic().news();
+        // What stands in the way was met; what is lower than the limit lets it climb was climbed.
+        EXPECT_GT(std::fabs(ran.base_x_nm), 15);
+        if (height_nm >= 15) {
+          EXPECT_LT(std::fabs(ran.base_x_nm), 62);
         }
       }
     }
+  }
+}
+
+// What the rule is for: where the operator says that there is no relief, the first reading after the corner
+// tells, and a few nanometres too late.
+TEST(AfmHazards, WhoSaysThatThereIsNoReliefGetsTheForceOfTheFirstReading) {
+  Bench b;
+  b.config.relief_nm = 0;
+  const Ran ran = run_against(b, with_a_step(15), 0, 4, 2000);
+  EXPECT_GT(ran.across_nn, 2 * b.config.lateral_max_nn);
+  EXPECT_FALSE(ran.still_there);
+  EXPECT_EQ(name(b.afm->logic().state().cause), "lateral force limit") << b.afm->logic().news();
+}
+
+// No signal shows the force along the lever. It is what the force down makes of it on the face of the step, and
+// the way between two readings: where the step is steeper than the limits' ratio, more than `lateral_max_nn`.
+TEST(AfmHazards, AlongTheLeverTheForceDownAloneHoldsIt) {
+  for (const double height_nm : {2.5, 15.0}) {
+    Bench b;
+    const Ran ran = run_against(b, with_a_step(height_nm, 90), 90, 4);
+    std::printf("%g nm along the lever, pressed with %.0f nN: %.0f nN down, %.0f nN along\n", height_nm,
+                ran.pressed_nn, ran.down_nn, ran.along_nn);
+    EXPECT_LE(ran.down_nn, b.config.force_max_nn + 5);
+    EXPECT_LE(ran.along_nn, steepness(height_nm) * (b.config.force_max_nn + 5));
+  }
+}
+
+// A signal of the force across that stands still, as that of a broken cable, gives no leave to come near the
+// ground, nor to move across there.
+TEST(AfmHazards, AFrozenLateralSignalKeepsTheTipAboveTheRelief) {
+  for (const double noise_nn : {0.0, 0.02}) {
+    Bench b;
+    b.rig.lateral_noise_nn_sqrt_hz = noise_nn;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+    b.afm->controller().tip().forget_peak();
+    b.follow(Vec3(0, 0, -2));
+    b.run(1000);
+    b.follow(Vec3(10, 0, -2));
+    b.run(2000);
+    EXPECT_EQ(b.phase(), Phase::kFollowing) << b.afm->logic().news();
+    const auto& tip = b.afm->controller().tip();
+    EXPECT_NEAR(b.afm->logic().state().base_w_nm.x(), 10, 0.5);
+    if (noise_nn > 0) {
+      EXPECT_GT(tip.peak_force_nn(), 20);
+    } else {
+      EXPECT_EQ(tip.peak_force_nn(), 0);
+      EXPECT_NEAR(b.afm->logic().state().base_w_nm.z(), b.config.relief_nm, 0.1);
+      EXPECT_NE(b.afm->logic().news().find("the lateral signal stands still"), std::string::npos);
+    }
+  }
+}
+
+// What it costs: over flat ground, in contact, at so many readings a second.
+TEST(AfmHazards, HowFastTheRuleLeads) {
+  for (const double rate_hz : {100.0, 200.0, 1000.0}) {
+    Bench b;
+    b.config.force_rate_hz = rate_hz;
+    b.rig.acquisition_s = 1 / rate_hz;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+    b.follow(Vec3(0, 0, -2));
+    b.run(1000);
+    b.follow(Vec3(400, 0, -2));
+    b.run(1000);
+    const double led_nm = b.afm->logic().state().base_w_nm.x();
+    const double s_nm =
+        AcrossRule::kAcrossPart * AcrossRule::kPart * b.config.lateral_max_nn / b.config.across_n_m;
+    std::printf("%g readings a second: %.1f nm/s, %.2f of s a period\n", rate_hz, led_nm,
+                led_nm / (s_nm * rate_hz));
+    // At most s for each two windows, at least s for each three and the round trip.
+    EXPECT_LE(led_nm, 1.05 * s_nm * 0.5 * rate_hz);
+    EXPECT_GE(led_nm, s_nm / (3 / rate_hz + 0.003));
+  }
+}
+
+// The rule across where larger Z is towards the sample and both signals have the other sign.
+TEST(AfmHazards, TheRuleAcrossHoldsWithEverySignTheOtherWay) {
+  for (const int direction_deg : {0, 180}) {
+    SCOPED_TRACE(direction_deg);
+    Bench b;
+    b.config.z_sign = b.rig.z_sign = -1;
+    b.config.sensitivity_nm_v = b.rig.deflection_nm_v = -50;
+    b.config.lateral_nn_v = b.rig.lateral_nn_v = -100;
+    const Ran ran = run_against(b, with_a_step(15, direction_deg), direction_deg, 4, 3000);
+    EXPECT_LE(ran.down_nn, b.config.force_max_nn + 5);
+    EXPECT_LE(ran.across_nn, b.config.lateral_max_nn);
+    EXPECT_GT(ran.across_nn, 0.5 * b.config.lateral_max_nn) << "it was met";
+    EXPECT_TRUE(ran.still_there) << b.afm->logic().news();
+  }
+}
+
+// Another client of the controller moves the tip down while it presses. The first reading tells, and beyond the
+// workspace's depth the controller's Z limits refuse it.
+TEST(AfmHazards, AnotherClientThatMovesTheTipIsOverruledOrWithdraws) {
+  for (const double deeper_nm : {1.0, 8.0, 400.0}) {
+    SCOPED_TRACE(deeper_nm);
+    Bench b;
+    b.start();
+    ASSERT_TRUE(b.until(Phase::kFollowing)) << b.afm->logic().refusal() << b.afm->logic().news();
+    b.follow(Vec3(0, 0, -4));
+    b.run(1500);
+    auto& controller = b.afm->controller();
+    const double pressed_nn = controller.tip().normal_force_nn();
+    ASSERT_GT(pressed_nn, 100);
+    controller.tip().forget_peak();
+    controller.begin({nanonis::CommandId::kZPosSet, {1e-9 * (controller.height_nm() - deeper_nm)}}, -1,
+                     b.afm->now_ns());
+    b.run(300);
+    const double peak_nn = controller.tip().peak_force_nn();
+    std::printf("%g nm deeper by another client: %.0f nN, %s\n", deeper_nm, peak_nn,
+                std::string(name(b.phase())).c_str());
+    if (deeper_nm > 100) {
+      EXPECT_LE(peak_nn, pressed_nn + 2) << "the controller's Z limits refuse it";
+    } else {
+      EXPECT_LE(peak_nn, pressed_nn + b.config.spring_constant_n_m * deeper_nm + 5);
+    }
+    // Beyond the limit and two steps the next reading withdraws it; less is taken back by the next command.
+    EXPECT_EQ(b.phase(), deeper_nm == 8 ? Phase::kWithdrawn : Phase::kFollowing) << b.afm->logic().news();
   }
 }
 

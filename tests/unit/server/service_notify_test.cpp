@@ -87,6 +87,18 @@ TEST(ServiceNotify, NoSignOfLifeWhileTheLoopHangs) {
   EXPECT_FALSE(has(manager.hear(kLook), "WATCHDOG=1"));
 }
 
+// An AFM's tip goes up after the last turn of the loop; a watchdog of three seconds killed the server meanwhile.
+TEST(ServiceNotify, TheOrderlyEndMayTakeLongerThanTheWatchdog) {
+  ::setenv("WATCHDOG_USEC", "90000", 1);
+  const ServiceManager manager;
+  server::LoopStatus status;
+  {
+    const ServiceNotify service(status);
+    manager.hear(kLook);
+  }
+  EXPECT_TRUE(has(manager.hear(kLook), "STOPPING=1\nWATCHDOG_USEC=15000000"));
+}
+
 TEST(ServiceNotify, NoWatchdogNoSignOfLife) {
   const ServiceManager manager;
   server::LoopStatus status;
