@@ -462,7 +462,7 @@ void draw(const Curve& curve, const std::string& file) {
     script += "\n\n";
   }
   script += "EOD\n";
-  script += "set bmargin\nset tmargin\nset multiplot layout 2,1\n";
+  script += "set bmargin\nset tmargin\nset lmargin 11\nset multiplot layout 2,1\n";
   script += "set title " +
             plot::quoted(fit::plain_line(std::filesystem::path(curve.path).filename().string())) +
             " noenhanced\n";
