@@ -528,6 +528,48 @@ std::vector<Start> starts_of(const PreparedCurve& curve, const FitSetup& setup, 
   return starts;
 }
 
+/// What a polynomial of degree 8 through the contact of each way leaves, with no physics in it: rms, 0 where there are
+/// too few points. A smooth law that leaves less does not exist, whatever its parameters.
+double smooth_floor_nm(const PreparedCurve& curve) {
+  constexpr Eigen::Index kTerms = 9;
+  double squares = 0;
+  double freedom = 0;
+  for (const PreparedSegment* segment : {&curve.approach, &curve.retract}) {
+    const bool in = segment == &curve.approach;
+    const std::size_t n = segment->z_nm.size();
+    std::size_t begin = 0;
+    std::size_t end = n;
+    if (segment->leap) {
+      (in ? begin : end) = in ? segment->leap->after : segment->leap->before + 1;
+    } else {
+      while (in && begin < n && segment->z_nm[begin] > curve.touch_z_nm) ++begin;
+      while (!in && end > 0 && segment->z_nm[end - 1] > curve.touch_z_nm) --end;
+    }
+    if (end < begin + 40) continue;
+    const auto [low, high] =
+        std::minmax_element(segment->z_nm.begin() + static_cast<std::ptrdiff_t>(begin),
+                            segment->z_nm.begin() + static_cast<std::ptrdiff_t>(end));
+    const double middle = 0.5 * (*low + *high);
+    const double half = std::max(0.5 * (*high - *low), 1e-9);
+    const auto points = static_cast<Eigen::Index>(end - begin);
+    Matrix design(points, kTerms);
+    Vector measured(points);
+    for (Eigen::Index i = 0; i < points; ++i) {
+      const std::size_t at = begin + static_cast<std::size_t>(i);
+      const double t = (segment->z_nm[at] - middle) / half;
+      // Chebyshev's, by their recursion.
+      design(i, 0) = 1;
+      design(i, 1) = t;
+      for (Eigen::Index k = 2; k < kTerms; ++k) design(i, k) = 2 * t * design(i, k - 1) - design(i, k - 2);
+      measured[i] = segment->deflection_nm[at];
+    }
+    const Vector left = measured - design * design.colPivHouseholderQr().solve(measured);
+    squares += left.squaredNorm();
+    freedom += static_cast<double>(points - kTerms);
+  }
+  return freedom > 0 ? std::sqrt(squares / freedom) : 0;
+}
+
 void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitSetup& setup) {
   const auto say = [&](const std::string& text) { fit.notes.push_back(text); };
   say("k, K, w and the Hamaker constant scale together: no quasi-static curve tells the lever's stiffness; "
@@ -581,6 +623,11 @@ void say_what_is_not_known(CurveFit& fit, const PreparedCurve& curve, const FitS
   if (fit.rms_nm > 1.2 * fit.noise_nm) {
     say("residuals are " + number(fit.rms_nm / fit.noise_nm) +
         " times the free part's noise: model or calibration miss something that the intervals do not hold");
+    const double floor_nm = smooth_floor_nm(curve);
+    if (floor_nm > 1.5 * fit.noise_nm) {
+      say("in contact a polynomial of degree 8 through each way leaves " + number(floor_nm / fit.noise_nm) +
+          " times that noise: no smooth law does better, the measurement itself is not as quiet there");
+    }
   }
   if (std::abs(fit.left_correlation) > 0.2)
     say("residuals go on after the noise's own correlation is taken out (" + number(fit.left_correlation, 2) +
